@@ -123,7 +123,9 @@ fn voltages_windings_and_inductances_reach_both_ends_of_their_range_and_no_furth
 
 #[test]
 fn ke_of_every_motor_in_the_catalogue_is_its_ke_fw_to_the_nearest_step() {
-    for motor in catalogue::motors() {
+    let motors: Vec<_> = catalogue::motors().collect();
+    assert!(!motors.is_empty());
+    for motor in motors {
         let constant = EmfConstant::from_ke(motor.ke.0, motor.counts_per_rev_motor).expect(motor.name);
         let error = f64::from(constant.to_bits()) - motor.ke_fw() * f64::from(1 << 20);
         assert!(error.abs() <= 0.5 + 1e-6, "{}: off by {error} steps", motor.name);

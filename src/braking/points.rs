@@ -138,6 +138,15 @@ pub enum Regime {
 }
 
 impl Regime {
+    /// The name of the regime for users.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Reverse => "reverse",
+            Self::Braking => "braking",
+            Self::Forward => "forward",
+        }
+    }
+
     /// The switching mode of the regime. For CCW motion 9/8 and 6/2 are exchanged.
     pub const fn mode(self, counter_clockwise: bool) -> Mode {
         let clockwise = match self {

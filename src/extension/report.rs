@@ -221,6 +221,34 @@ pub enum ReportedSetpoint {
     Identify(u32),
 }
 
+impl ReportedSetpoint {
+    /// The name of the kind for users.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::FailSafe => "fail-safe",
+            Self::Power(_) => "power",
+            Self::Velocity(_) => "velocity",
+            Self::Position(_) => "position",
+            Self::Together(_) => "together",
+            Self::Current(_) => "current",
+            Self::Identify(_) => "identify",
+        }
+    }
+
+    /// The number of the set-point for users: a share of full power, amperes, counts per second or counts. `None` for a
+    /// disabled motor.
+    pub fn value(self) -> Option<f64> {
+        match self {
+            Self::Off | Self::FailSafe => None,
+            Self::Power(control) => Some(control.to_f64()),
+            Self::Current(current) => Some(f64::from(current.get()) / 1e3),
+            Self::Velocity(number) | Self::Position(number) | Self::Together(number) => Some(number.into()),
+            Self::Identify(travel) => Some(travel.into()),
+        }
+    }
+}
+
 impl Default for MotorReport {
     /// The state of a disabled motor after a reset.
     fn default() -> Self {

@@ -14,6 +14,7 @@
 //! assert_eq!(find("AM 60 A"), Some(entry));
 //! let motor = entry.motor.expect("characterised");
 //! assert_eq!((motor.gear_ratio, motor.counts_per_rev_motor), (60.0, 28.0));
+//! assert!(catalogue().contains(entry));
 //! ```
 
 use std::sync::LazyLock;

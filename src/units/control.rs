@@ -36,6 +36,11 @@ impl Control {
         self.0
     }
 
+    /// Returns the share of full control, -1.0 to 1.0, for plots and reports.
+    pub fn to_f64(self) -> f64 {
+        f64::from(self.0) / f64::from(Self::MAX.0)
+    }
+
     /// Returns the control value of the same size in the opposite direction.
     #[must_use]
     pub const fn reversed(self) -> Self {

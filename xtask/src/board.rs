@@ -3,13 +3,13 @@
 use crate::tool::{Failed, cargo, command, llvm, root, run};
 use std::path::{Path, PathBuf};
 
-/// A board and what its image may take.
+/// A board, and the limits of its image.
 pub(crate) struct Board {
     /// Its package.
     pub(crate) name: &'static str,
-    /// What rustc calls its core.
+    /// Rust target of its chip's core.
     pub(crate) target: &'static str,
-    /// What probe-rs calls its chip.
+    /// Name of its chip in probe-rs.
     pub(crate) chip: &'static str,
     /// Limit of text and data, in bytes.
     pub(crate) flash: u32,
@@ -17,13 +17,13 @@ pub(crate) struct Board {
     pub(crate) ram: u32,
 }
 
-/// All of them; the first is meant when none is named.
+/// All boards. The first is the default.
 pub(crate) const ALL: [Board; 4] = [
     Board {
         name: "nucleo-f429zi",
         target: "thumbv7em-none-eabihf",
         chip: "STM32F429ZITx",
-        // Of 1 MB. What stores settings takes 29 kB of it.
+        // The chip has 1 MB. The store of settings takes 29 kB of the image.
         flash: 192 * 1024,
         ram: 48 * 1024,
     },
@@ -31,7 +31,6 @@ pub(crate) const ALL: [Board; 4] = [
         name: "nucleo-h743zi2",
         target: "thumbv7em-none-eabihf",
         chip: "STM32H743ZITx",
-        // The same.
         flash: 192 * 1024,
         ram: 48 * 1024,
     },
@@ -42,7 +41,7 @@ pub(crate) const ALL: [Board; 4] = [
         flash: 192 * 1024,
         ram: 48 * 1024,
     },
-    // Not a hub: the bootloader of the second.
+    // The bootloader of the nucleo-h743zi2.
     Board {
         name: "boot-h743zi2",
         target: "thumbv7em-none-eabihf",
@@ -52,10 +51,10 @@ pub(crate) const ALL: [Board; 4] = [
     },
 ];
 
-/// Programs for a chip that are not an image: they count instructions on the emulated core.
+/// Programs that count instructions on the emulated core: package and target.
 pub(crate) const BENCHES: [(&str, &str); 1] = [("budget", "thumbv7em-none-eabihf")];
 
-/// What boards share, which builds only with one of them.
+/// The package that boards share. It builds only together with a board.
 pub(crate) const DRIVERS: &str = "motor-hub-stm32";
 
 /// The folder that cargo builds into.
@@ -63,7 +62,7 @@ pub(crate) fn target_folder() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
 }
 
-/// `cargo xtask image`: an image as the USB drive of a NUCLEO takes it.
+/// `cargo xtask image`: makes the file that is copied to the USB drive of a NUCLEO.
 pub(crate) fn image(arguments: &[String]) -> Result<(), Failed> {
     let board = named(arguments)?;
     let bin = board.raw(&board.build()?)?;
@@ -84,13 +83,13 @@ pub(crate) fn named(arguments: &[String]) -> Result<&'static Board, Failed> {
 }
 
 impl Board {
-    /// Builds the image as it is flashed; returns the ELF file.
+    /// Builds the image, and returns its ELF file.
     pub(crate) fn build(&self) -> Result<PathBuf, Failed> {
         cargo(&["build", "--package", self.name, "--target", self.target, "--profile", "firmware"])?;
         Ok(target_folder().join(self.target).join("firmware").join(self.name))
     }
 
-    /// Makes of an ELF file the raw bytes that the USB drive of a NUCLEO takes; returns their file.
+    /// Converts an ELF file to the raw bytes for the USB drive of a NUCLEO, and returns their file.
     pub(crate) fn raw(&self, elf: &Path) -> Result<PathBuf, Failed> {
         let images = root().join("target/images");
         std::fs::create_dir_all(&images).map_err(|error| Failed::at(&images, error))?;

@@ -16,7 +16,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
 
 fn measure(place: &Path) -> Result<(), Failed> {
     run(command("git").args(["clone", "--quiet", "."]).arg(place))?;
-    // Downloads are a matter of the line, not of this project.
+    // The time of downloads depends on the network, and is not measured.
     run(cargo_command(&["fetch"]).current_dir(place))?;
     let mut seconds = Vec::new();
     for arguments in [&["run", "--release"][..], &["test", "--no-run"]] {

@@ -1,4 +1,4 @@
-//! `cargo xtask check`: all that can be said of the sources without running them.
+//! `cargo xtask check`: checks of the sources that run no program of the project.
 
 use crate::board::{ALL, BENCHES, DRIVERS};
 use crate::tool::{Failed, cargo, cargo_command, command, none, run};
@@ -19,7 +19,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
 
     cargo(&["fmt", "--all", "--check"])?;
     cargo(&[&["clippy"], &host[..], &["--all-targets"], &DENY].concat())?;
-    // The program is linted without its feature above, and with it here.
+    // The lints above are without the feature `emulated`, these are with it.
     let emulated = ["clippy", "--package", "motor-hub-cli", "--features", "emulated", "--all-targets"];
     cargo(&[&emulated[..], &DENY].concat())?;
     run(command("rustup").args(["target", "add", try_page::TARGET]))?;
@@ -41,7 +41,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     run(cargo_command(&documents).env("RUSTDOCFLAGS", "-D warnings"))
 }
 
-/// A package as it is flashed.
+/// Arguments that select a package, its target and the profile of images.
 const fn for_chip<'a>(package: &'a str, target: &'a str) -> [&'a str; 6] {
     ["--package", package, "--target", target, "--profile", "firmware"]
 }

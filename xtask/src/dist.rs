@@ -77,7 +77,7 @@ fn checksums(folder: &Path) -> Result<String, Failed> {
     output(command("sha256sum").args(names).current_dir(folder))
 }
 
-/// Packages of others that the program and the images are made of, each with its licence.
+/// Packages of others in the program and the images, each with its licence.
 fn third_party() -> Result<String, Failed> {
     let mut packages = tree(&["--package", "motor-hub-cli"])?;
     for board in &board::ALL {
@@ -106,14 +106,14 @@ fn tree(of: &[&str]) -> Result<BTreeSet<(String, String, String)>, Failed> {
         let (package, licence) = line.trim_end_matches(" (*)").split_once('|')?;
         let mut words = package.split_whitespace();
         let (name, version) = (words.next()?, words.next()?.strip_prefix('v')?);
-        // A path follows in brackets where a package is of this workspace; "(proc-macro)" does elsewhere.
+        // A package of this workspace has its path in brackets. Other brackets hold "(proc-macro)".
         let own = words.any(|word| word.starts_with("(/"));
         (!own).then(|| (name.to_owned(), version.to_owned(), licence.to_owned()))
     });
     Ok(packages.collect())
 }
 
-/// The licence files in the sources that cargo has unpacked of a package.
+/// The licence files in the unpacked sources of a package.
 fn licence_files(name: &str, version: &str) -> Result<Vec<PathBuf>, Failed> {
     let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
     let home = home.or_else(|| Some(std::env::home_dir()?.join(".cargo")));

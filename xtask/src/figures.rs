@@ -1,4 +1,4 @@
-//! `cargo xtask figures`: the pictures of the documents, drawn by the program that they tell of.
+//! `cargo xtask figures`: draws the pictures of the documents by the program motor-hub.
 
 use crate::generated::Generated;
 use crate::tool::{Failed, cargo, root};
@@ -7,10 +7,10 @@ use std::fs;
 /// The folder of the pictures that documents show.
 const SHOWN: &str = "docs/pictures";
 
-/// Where they are drawn first.
+/// The folder that the program draws into.
 const DRAWN: &str = "target/figures";
 
-/// What is started, and which of the files that it writes is shown under which name.
+/// A command, and for each shown file: its name as written and its name in the documents.
 const PICTURES: [(&[&str], &str, &str); 4] = [
     (&["run", "--scenario", "boards/simulated/scenarios/winch.toml"], "comparison.svg", "winch.svg"),
     (&["figures"], "11-current-at-50-percent.svg", "current.svg"),
@@ -22,7 +22,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     let mut pictures = Generated::new("figures", arguments)?;
     for (call, file, shown) in PICTURES {
         let folder = format!("{DRAWN}/{}", shown.replace('.', "-"));
-        // One of them needs the emulated chips; one way of building the program serves all.
+        // One picture needs the emulated chips. All use the same build of the program.
         let program = ["run", "--release", "--quiet", "--features", "emulated", "--"];
         cargo(&[&program[..], call, &["--out", &folder]].concat())?;
         let drawn = root().join(folder).join(file);

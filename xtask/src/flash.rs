@@ -21,7 +21,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     run(command("probe-rs").args(["run", "--chip", board.chip]).args(UNHALTED).arg(image))
 }
 
-/// Whether a probe-rs that says this of its version can flash; it says nothing if there is none.
+/// True if the probe-rs with this version text can flash. The text is empty without probe-rs.
 fn check(says: &str) -> Result<(), Failed> {
     let why = match version(says) {
         Some(version) if version >= LEAST => return Ok(()),

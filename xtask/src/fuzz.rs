@@ -1,9 +1,9 @@
-//! `cargo xtask fuzz`: a minute of any bytes into the host link, and a minute of any bytes as what is stored.
+//! `cargo xtask fuzz`: random bytes for a minute each into the host link and into the store of settings.
 
 use crate::tool::{Failed, cargo, cargo_command, command, none, output, root, run};
 use std::fs;
 
-/// Where inputs are kept that found something new.
+/// Folder of the inputs that reached new code.
 const CORPUS: &str = "target/fuzz/corpus";
 
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
@@ -22,7 +22,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
         let name = target.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let fuzz = ["fuzz", "run", "--target-dir", "target/fuzz", &name, CORPUS, "--"];
         let minute = ["-max_total_time=60", "-max_len=4096", "-print_final_stats=1", "-verbosity=0"];
-        // The pinned toolchain with nightly's options: a nightly that is at hand may be older than the pin.
+        // The pinned toolchain accepts nightly's options by this variable. An installed nightly may be older than the pin.
         run(cargo_command(&[&fuzz[..], &minute].concat()).env("RUSTC_BOOTSTRAP", "1"))?;
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! Files of `docs` that a task makes: it writes them, or with `--check` only says which are stale.
+//! Files of `docs` that a task makes. With `--check` the task only says which files are stale.
 
 use crate::tool::{Failed, root};
 use std::fs;
@@ -22,7 +22,7 @@ impl Generated {
         Ok(Self { task, check, count: 0, stale: Vec::new() })
     }
 
-    /// Takes what a file, named from the root, should contain. A file that does not exist is stale too.
+    /// Compares a file, named from the root, with the content that it should have. A missing file is stale too.
     pub(crate) fn take(&mut self, file: &str, content: &[u8]) -> Result<(), Failed> {
         let place = root().join(file);
         self.count += 1;
@@ -37,7 +37,7 @@ impl Generated {
         }
     }
 
-    /// Says what came of it; stale files fail a check.
+    /// Prints the result. Stale files fail a check.
     pub(crate) fn end(self) -> Result<(), Failed> {
         let stale = self.stale.join(", ");
         match (self.check, self.stale.is_empty()) {

@@ -1,5 +1,5 @@
 //! The project's own tasks: `cargo xtask` lists them. A task is a few calls of cargo and of the program
-//! motor-hub; whatever can be tested without them is tested in the packages.
+//! motor-hub. The packages have the tests.
 #![forbid(unsafe_code)]
 
 mod board;
@@ -20,7 +20,7 @@ mod try_page;
 use std::process::ExitCode;
 use tool::{Failed, REPORTS, cargo, cargo_command, run};
 
-/// A task: its name, its arguments, what it does, and how.
+/// A task: its name, its arguments, its description, its function.
 struct Task {
     name: &'static str,
     arguments: &'static str,
@@ -28,7 +28,7 @@ struct Task {
     start: fn(&[String]) -> Result<(), Failed>,
 }
 
-/// Tests of images on emulated chips. Both packages in one command, so that what they share is built once.
+/// Tests of images on emulated chips. Both packages are in one command, so that shared crates are built once.
 pub(crate) const IMAGES: [&str; 11] = [
     "test",
     "--release",
@@ -192,8 +192,8 @@ fn long(arguments: &[String]) -> Result<(), Failed> {
 
 fn package(arguments: &[String]) -> Result<(), Failed> {
     tool::none(arguments)?;
-    // A folder of its own each time: of a package that is found at the same place with the same version cargo takes
-    // the sources that it unpacked there the last time.
+    // Each run has its own folder. In the same folder cargo would reuse the unpacked sources of a package with the same
+    // version.
     let place = format!("target/package-{}", std::process::id());
     // One command, because the client is built with the library that is packed beside it.
     let packed = cargo(&[

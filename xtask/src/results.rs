@@ -12,7 +12,7 @@ const SHOWN: &str = "docs/results";
 /// Where programs and tests leave their tables.
 const MADE: &str = "target/results";
 
-/// A page: its file, its heading, what measured it, and the files of which it consists.
+/// A page: its file, its heading, and the files that it consists of.
 struct Page {
     file: &'static str,
     head: &'static str,

@@ -1,4 +1,4 @@
-//! `cargo xtask size`: flash and static RAM of images against their limits, and what else of RAM is spoken for.
+//! `cargo xtask size`: flash and static RAM of images against their limits, and the reserved RAM.
 
 use crate::board::{self, Board};
 use crate::tool::{Failed, command, llvm, output, root};
@@ -18,7 +18,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
         // Writing to a string does not fail.
         let _ = writeln!(table, "| `{}` | {} |", board.name, kilobytes.join(" | "));
     }
-    // For docs/results.
+    // `cargo xtask results` reads this file.
     let file = root().join("target/results/size.md");
     let written =
         std::fs::create_dir_all(root().join("target/results")).and_then(|()| std::fs::write(&file, table));
@@ -56,13 +56,13 @@ fn check(board: &Board) -> Result<[u32; 2], Failed> {
     }
 }
 
-/// Of a symbol that the linker script defines.
+/// Value of a symbol that the linker script defines.
 fn address(symbols: &str, name: &str) -> Option<u32> {
     let line = symbols.lines().find(|line| line.split_whitespace().last() == Some(name))?;
     u32::from_str_radix(line.split_whitespace().next()?, 16).ok()
 }
 
-/// text, data and bss: the first three numbers of the last line.
+/// Sizes of text, data and bss: the first three numbers of the last line.
 fn sections(table: &str) -> Option<[u32; 3]> {
     let mut numbers = table.lines().last()?.split_whitespace().map_while(|word| word.parse().ok());
     Some([numbers.next()?, numbers.next()?, numbers.next()?])

@@ -4,10 +4,10 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What the names of those tests begin with that are ignored because they only print.
+/// Prefix of the names of tests that only print, and are ignored for that reason.
 pub(crate) const REPORTS: &str = "report_";
 
-/// Why a task did not succeed, in words.
+/// Why a task has failed.
 pub(crate) struct Failed(pub(crate) String);
 
 impl Failed {
@@ -22,18 +22,18 @@ pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// A program, to be started at the root.
+/// A command that runs at the root of the workspace.
 pub(crate) fn command(program: impl AsRef<OsStr>) -> Command {
     let mut command = Command::new(program);
     command.current_dir(root());
     command
 }
 
-/// Runs a command to its end, which must be a good one; says first what it is.
+/// Prints a command and runs it to its end. An exit code other than 0 is a failure.
 pub(crate) fn run(command: &mut Command) -> Result<(), Failed> {
     let name = command.get_program().to_string_lossy().into_owned();
     let arguments = command.get_args().map(|argument| format!(" {}", argument.to_string_lossy()));
-    // The path that cargo gives of itself is of no interest to a reader.
+    // Of a program's path only the file name is shown.
     let shown = Path::new(&name).file_name().unwrap_or_default().to_string_lossy();
     let shown = format!("{shown}{}", arguments.collect::<String>());
     println!("> {shown}");
@@ -41,7 +41,7 @@ pub(crate) fn run(command: &mut Command) -> Result<(), Failed> {
     if status.success() { Ok(()) } else { Err(Failed(format!("{shown}: {status}"))) }
 }
 
-/// What a command prints.
+/// The standard output of a command.
 pub(crate) fn output(command: &mut Command) -> Result<String, Failed> {
     let name = command.get_program().to_string_lossy().into_owned();
     let output = command.output().map_err(|error| Failed(format!("{name}: {error}")))?;
@@ -51,7 +51,7 @@ pub(crate) fn output(command: &mut Command) -> Result<String, Failed> {
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
-/// The cargo that runs this.
+/// A command of the cargo that runs this task.
 pub(crate) fn cargo_command(arguments: &[&str]) -> Command {
     let mut cargo = command(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo.args(arguments);
@@ -63,12 +63,12 @@ pub(crate) fn cargo(arguments: &[&str]) -> Result<(), Failed> {
     run(&mut cargo_command(arguments))
 }
 
-/// Runs the program motor-hub, which is built if it is not fresh.
+/// Runs the program motor-hub, and builds it first if needed.
 pub(crate) fn motor_hub(arguments: &[&str]) -> Result<(), Failed> {
     cargo(&[&["run", "--release", "--quiet", "--"], arguments].concat())
 }
 
-/// A tool of the toolchain, from its component llvm-tools.
+/// Path of a tool in the toolchain's component llvm-tools.
 pub(crate) fn llvm(tool: &str) -> Result<PathBuf, Failed> {
     let sysroot = output(command("rustc").args(["--print", "sysroot"]))?;
     let about = output(command("rustc").arg("-vV"))?;
@@ -77,10 +77,10 @@ pub(crate) fn llvm(tool: &str) -> Result<PathBuf, Failed> {
     Ok(Path::new(sysroot.trim()).join("lib/rustlib").join(host).join("bin").join(tool))
 }
 
-/// For tasks without arguments.
+/// Refuses arguments of a task that takes none.
 pub(crate) fn none(arguments: &[String]) -> Result<(), Failed> {
     match arguments.first() {
         None => Ok(()),
-        Some(argument) => Err(Failed(format!("{argument} means nothing to this task"))),
+        Some(argument) => Err(Failed(format!("this task takes no arguments; given: {argument}"))),
     }
 }

@@ -163,7 +163,7 @@ fn read(path: &str) -> Result<String, Failed> {
     fs::read_to_string(&path).map_err(|error| Failed::at(&path, error))
 }
 
-/// RFC 4648, with padding.
+/// Base64 by RFC 4648, with padding.
 fn base64(bytes: &[u8]) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);

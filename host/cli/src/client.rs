@@ -1,38 +1,37 @@
 //! `motor-hub client`: a command line for a real or simulated hub.
 
 mod coefficients;
-mod course;
 mod drive;
-mod driven;
+mod error;
 mod faults;
 mod identify;
 pub(crate) mod interrupt;
 mod jog;
-mod live;
+mod motion;
+mod motors_off;
 mod ports;
+mod readings;
 mod record;
 mod scan;
 mod settings;
 mod setup;
+mod shaft_speed;
 mod status;
 mod together;
-mod trouble;
-mod tune;
-mod turn;
 mod update;
 mod watch;
 
 use crate::output::{Failure, print, print_json};
 use crate::parse::{address, channel, host_and_port, whole};
 use clap::builder::NonEmptyStringValueParser;
-use driven::stop_abandoned;
+use error::ClientError;
 use motor_hub::protocol::{Address, Colour};
 use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
+use motors_off::stop_abandoned;
 use serde_json::json;
 use std::time::Duration;
 use studies::table;
-use trouble::Trouble;
 
 /// Text of the long help.
 pub(crate) const HELP: &str = "\
@@ -122,14 +121,9 @@ enum Command {
     /// Sends new firmware to a hub with a bootloader, starts it, and waits until it has confirmed itself
     #[command(long_about = update::HELP)]
     Update(update::Options),
-    /// Measures how a motor moves with its load, by turning it both ways, on hubs of this project
-    ///
-    /// The motion takes some 3 s. The motor must stand, and be free to turn. It is disabled at the end, on Ctrl-C, and on any
-    /// error.
-    Identify(identify::Options),
     /// Identifies a motor, compares it with the catalogue, and proposes settings, on hubs of this project
-    #[command(long_about = tune::HELP)]
-    Tune(tune::Options),
+    #[command(alias = "tune", long_about = identify::HELP)]
+    Identify(identify::Options),
     /// Makes a motor's present position 0
     ResetEncoder {
         #[arg(value_parser = channel)]
@@ -187,20 +181,20 @@ impl Options {
         };
         let line = line.map_err(|error| Failure::Work(ports::unopened(name, &error)))?;
         self.command.execute(line, self.address, timeout).map_err(|trouble| match trouble {
-            Trouble::Hub(error @ Error::Parents { .. }) => {
+            ClientError::Hub(error @ Error::Parents { .. }) => {
                 Failure::Work(format!("{name}: {error}; choose a hub by --address"))
             }
-            Trouble::Hub(error) if self.tcp.is_some() && error.is_hung_up() => Failure::Work(format!(
+            ClientError::Hub(error) if self.tcp.is_some() && error.is_hung_up() => Failure::Work(format!(
                 "{name}: {error}; a served hub accepts one host at a time: check that no other host uses it, and that it still runs"
             )),
-            Trouble::Hub(error) => Failure::Work(format!("{name}: {error}")),
-            Trouble::Other(failure) => failure,
+            ClientError::Hub(error) => Failure::Work(format!("{name}: {error}")),
+            ClientError::Other(failure) => failure,
         })
     }
 }
 
 impl Command {
-    fn execute(self, line: Line, address: Option<Address>, timeout: Duration) -> Result<(), Trouble> {
+    fn execute(self, line: Line, address: Option<Address>, timeout: Duration) -> Result<(), ClientError> {
         if let Self::Discover { json } = self {
             return discover(Session::new(line, Address::DEFAULT, timeout), json);
         }
@@ -225,7 +219,6 @@ impl Command {
             Self::Settings(options) => return options.execute(&mut session),
             Self::Update(options) => return options.execute(&mut session),
             Self::Identify(options) => return options.execute(&mut session),
-            Self::Tune(options) => return options.execute(&mut session),
             Self::Watch(options) => return options.execute(&mut session),
             Self::Stop => {
                 session.fail_safe()?;
@@ -251,7 +244,7 @@ impl Command {
 }
 
 /// Lists all hubs on the line, and disables the motors that they have enabled.
-fn discover(mut session: Session<Line>, json: bool) -> Result<(), Trouble> {
+fn discover(mut session: Session<Line>, json: bool) -> Result<(), ClientError> {
     let mut table = table::new(&["address", "hub"], 0);
     let mut hubs = Vec::new();
     for hub in session.discover()? {

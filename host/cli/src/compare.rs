@@ -1,6 +1,6 @@
 //! `motor-hub compare`.
 
-use crate::output::{Failure, Folder, drawn, print, print_json, progress};
+use crate::output::{Failure, Folder, Report, in_steps};
 use std::path::PathBuf;
 use studies::compare::Comparison;
 
@@ -35,23 +35,12 @@ pub(crate) struct Options {
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
         let folder = Folder::new(&self.out)?;
-        let bar = progress(None, "runs");
-        let mut progress = |done: usize, total: usize| {
-            bar.set_length(total as u64);
-            bar.set_position(done as u64);
+        let comparison = in_steps("runs", |step| Comparison::new(self.quick, step)).map_err(Failure::work)?;
+        let report = Report {
+            figures: &comparison.figures(),
+            markdown: comparison.markdown(),
+            text: comparison.text(),
         };
-        let comparison = Comparison::new(self.quick, &mut progress).map_err(Failure::work)?;
-        bar.finish_and_clear();
-        let draw = || {
-            let mut files = drawn(&comparison.figures());
-            files.push(("tables.md".to_owned(), comparison.markdown().into_bytes()));
-            folder.write_all(files)
-        };
-        if self.json {
-            return print_json(&comparison.json(&draw()?));
-        }
-        print(&comparison.text())?;
-        draw()?;
-        print(&format!("Charts (SVG) and tables (Markdown) are in {folder}\n"))
+        report.publish(&folder, self.json.then_some(|files: &[PathBuf]| comparison.json(files)))
     }
 }

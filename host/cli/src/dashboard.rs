@@ -4,7 +4,7 @@ use crate::output::{Failure, print, say};
 use crate::parse::host_and_port;
 use crate::serve::stop_flag;
 use dashboard::admission::PublicUrl;
-use dashboard::script::Script;
+use dashboard::scenario_player::Script;
 use dashboard::world::World;
 use dashboard::{Hub, Place, Port, Server};
 use motor_hub::protocol::Address;
@@ -129,7 +129,7 @@ fn code(url: &str) -> String {
 
 fn real(name: &str) -> Place {
     let (place, mut said) = (name.to_owned(), None);
-    Place::real(name, move || match dashboard::relay::open(&place) {
+    Place::real(name, move || match dashboard::hub::open(&place) {
         Ok(session) => {
             said = None;
             Ok(session)
@@ -189,7 +189,7 @@ impl Handover {
         let folder = std::env::var_os("XDG_RUNTIME_DIR").map_or_else(std::env::temp_dir, PathBuf::from);
         let path = folder.join(format!("motor-hub-dashboard-{}.html", std::process::id()));
         let mut options = OpenOptions::new();
-        // A file that somebody else has put there is not used.
+        // A file of another user is not used.
         options.write(true).create_new(true);
         #[cfg(unix)]
         std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);

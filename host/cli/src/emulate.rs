@@ -21,7 +21,7 @@ pub(crate) struct Options {
     /// Board of the image: nucleo-f429zi or nucleo-h743zi2
     #[arg(long, value_name = "BOARD", default_value = "nucleo-f429zi")]
     board: String,
-    /// ELF file of the image, instead of one that is built
+    /// ELF file of the image, instead of building one
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
     /// Folder for the chart

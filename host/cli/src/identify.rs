@@ -2,7 +2,7 @@
 
 use crate::output::{Failure, Folder, drawn, print, print_json};
 use crate::parse::whole;
-use crate::source::Source;
+use crate::scenario_options::ScenarioOptions;
 use motor_hub::regulator::identify::Identification;
 use simulated::scenario::Scenario;
 use simulated::sim;
@@ -24,7 +24,7 @@ Exit codes: 0 all motors are identified; 1 a motor is not; 2 wrong options.";
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
-    source: Source,
+    source: ScenarioOptions,
     /// Largest travel of each motor in counts, in both directions; less travel makes the motion shorter
     #[arg(long = "travel-counts", alias = "travel", value_name = "COUNTS", default_value_t = u32::MAX)]
     #[arg(hide_default_value = true, value_parser = whole("a travel", 0..=u32::MAX, "counts"))]

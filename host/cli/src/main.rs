@@ -6,7 +6,6 @@
 
 #![forbid(unsafe_code)]
 
-mod choice;
 mod client;
 mod compare;
 mod completions;
@@ -19,16 +18,17 @@ mod identify;
 mod man;
 mod map;
 mod motors;
-mod operating;
+mod operating_point;
 mod output;
 mod paper;
 mod parse;
 mod points;
 mod run;
+mod scenario_options;
+mod scheme_options;
 mod serve;
-mod served;
+mod served_hubs;
 mod soak;
-mod source;
 mod survey;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};

@@ -1,6 +1,6 @@
 //! `motor-hub map`.
 
-use crate::operating::OperatingOptions;
+use crate::operating_point::OperatingOptions;
 use crate::output::{Failure, print, print_json};
 use crate::parse::{fraction, whole};
 use motor_hub::units::Control;

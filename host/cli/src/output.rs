@@ -120,6 +120,17 @@ pub(crate) fn progress(length: Option<u64>, units: &'static str) -> ProgressBar 
     }
 }
 
+/// Work in steps, with a progress bar in these units. The work reports how many steps are done, and how many there are.
+pub(crate) fn in_steps<T>(units: &'static str, work: impl FnOnce(&mut dyn FnMut(usize, usize)) -> T) -> T {
+    let bar = progress(None, units);
+    let done = work(&mut |done, total| {
+        bar.set_length(total as u64);
+        bar.set_position(done as u64);
+    });
+    bar.finish_and_clear();
+    done
+}
+
 /// Files to write: their names and contents.
 pub(crate) type Files = Vec<(String, Vec<u8>)>;
 
@@ -165,6 +176,33 @@ impl Folder {
         }
         sort_by_name(&mut written);
         Ok(written)
+    }
+}
+
+/// Results of a study: one JSON document, or a text with charts and tables in a folder.
+pub(crate) struct Report<'a> {
+    pub(crate) figures: &'a [NamedFigure],
+    pub(crate) markdown: String,
+    pub(crate) text: String,
+}
+
+impl Report<'_> {
+    /// Writes charts and tables to a folder. Prints the text, or the document that `json` makes of the files' paths.
+    pub(crate) fn publish(
+        self,
+        folder: &Folder,
+        json: Option<impl FnOnce(&[PathBuf]) -> Value>,
+    ) -> Result<(), Failure> {
+        if json.is_none() {
+            print(&self.text)?;
+        }
+        let mut files = drawn(self.figures);
+        files.push(("tables.md".to_owned(), self.markdown.into_bytes()));
+        let files = folder.write_all(files)?;
+        match json {
+            Some(document) => print_json(&document(&files)),
+            None => print(&format!("Charts (SVG) and tables (Markdown) are in {folder}\n")),
+        }
     }
 }
 

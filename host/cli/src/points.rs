@@ -1,6 +1,6 @@
 //! `motor-hub points`.
 
-use crate::operating::OperatingOptions;
+use crate::operating_point::OperatingOptions;
 use crate::output::{Failure, Folder, drawn, print, print_json};
 use std::path::PathBuf;
 use studies::table;

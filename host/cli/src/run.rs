@@ -1,9 +1,9 @@
 //! `motor-hub run`.
 
-use crate::choice::Choice;
 use crate::output::{Failure, Folder, drawn, print, print_json, progress, sort_by_name};
 use crate::parse::{run_seconds, whole};
-use crate::source::Source;
+use crate::scenario_options::ScenarioOptions;
+use crate::scheme_options::SchemeOptions;
 use simulated::scenario::Scenario;
 use simulated::sim::{self, RunError};
 use std::path::PathBuf;
@@ -13,13 +13,13 @@ use studies::report::RunReport;
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
-    source: Source,
+    source: ScenarioOptions,
     /// Length of the run in seconds
     #[arg(long = "time-s", alias = "time", value_name = "S", value_parser = run_seconds)]
     time: Option<f64>,
     /// How all motors are controlled
     #[command(flatten)]
-    choice: Choice,
+    choice: SchemeOptions,
     /// Seed of the measurement noise
     #[arg(long, value_parser = whole("a seed", 0..=u32::MAX, ""))]
     seed: Option<u32>,

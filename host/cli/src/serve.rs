@@ -10,7 +10,7 @@ use crate::output::say;
 use crate::output::{Failure, print};
 use crate::parse::{address, host_and_port, seconds, wire};
 #[cfg(unix)]
-use crate::served::Note;
+use crate::served_hubs::Note;
 use indicatif::ProgressBar;
 use motor_hub::protocol::Address;
 use motor_hub::protocol::pins::Pin;
@@ -67,7 +67,7 @@ pub(crate) struct Options {
         expect(dead_code, reason = "read only where there is an emulator")
     )]
     board: String,
-    /// ELF file of the image, instead of one that is built
+    /// ELF file of the image, instead of building one
     #[arg(long, value_name = "FILE", requires = "emulated", conflicts_with = "bootloader")]
     #[cfg_attr(
         not(feature = "emulated"),

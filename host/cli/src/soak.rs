@@ -1,6 +1,6 @@
 //! `motor-hub soak`.
 
-use crate::output::{Failure, print, print_json, progress};
+use crate::output::{Failure, in_steps, print, print_json, progress};
 use crate::parse::whole;
 use studies::survey::soak::{self, Soak};
 
@@ -41,11 +41,7 @@ fn hours(text: &str) -> Result<f64, String> {
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
         let soak = if self.sweep {
-            let bar = progress(None, "scenarios");
-            Soak::sweep(1, &mut |done, of| {
-                bar.set_length(of as u64);
-                bar.set_position(done as u64);
-            })
+            in_steps("scenarios", |step| Soak::sweep(1, step))
         } else {
             let seconds = 3600.0 * self.hours;
             let bar = progress(Some(seconds as u64), "virtual seconds");

@@ -1,12 +1,12 @@
 //! `motor-hub survey`.
 
-use crate::output::{Failure, Folder, drawn, print, print_json, progress};
+use crate::output::{Failure, Folder, Report, in_steps, print};
 use crate::parse::whole;
 use serde_json::json;
 use std::path::PathBuf;
-use studies::NamedFigure;
 use studies::survey::text::{self, Parts};
 use studies::survey::{Survey, cells, chart, random, reference, toml};
+use studies::{NamedFigure, StudyError};
 
 /// The long help of the command.
 pub(crate) const HELP: &str = "\
@@ -74,19 +74,14 @@ impl Options {
             return files.iter().try_for_each(|file| print(&format!("{}\n", file.display())));
         }
         let wanted = |part| self.only.is_none_or(|only| only == part);
-        let bar = progress(None, "runs");
-        let mut progress = |done: usize, total: usize| {
-            bar.set_length(total as u64);
-            bar.set_position(done as u64);
-        };
-        let reference = wanted(Part::Reference).then(|| reference::run(&mut progress)).transpose();
-        let reference = reference.map_err(Failure::work)?;
-        let cells =
-            wanted(Part::Cells).then(|| cells::run(&mut progress)).transpose().map_err(Failure::work)?;
-        let survey =
-            wanted(Part::Random).then(|| Survey::new(self.seed, self.scenarios, &mut progress)).transpose();
-        let survey = survey.map_err(Failure::work)?;
-        bar.finish_and_clear();
+        let (reference, cells, survey) = in_steps("runs", |step| {
+            let reference = wanted(Part::Reference).then(|| reference::run(step)).transpose()?;
+            let cells = wanted(Part::Cells).then(|| cells::run(step)).transpose()?;
+            let survey =
+                wanted(Part::Random).then(|| Survey::new(self.seed, self.scenarios, step)).transpose()?;
+            Ok((reference, cells, survey))
+        })
+        .map_err(|error: StudyError| Failure::work(error))?;
         let figures = [
             reference.as_deref().map(chart::reference),
             cells.as_deref().map(chart::cells),
@@ -96,18 +91,8 @@ impl Options {
         let parts =
             Parts { reference: reference.as_deref(), cells: cells.as_deref(), survey: survey.as_ref() };
         let page = text::page(parts, self.worst);
-        let write = || {
-            let mut files = drawn(&figures);
-            files.push(("tables.md".to_owned(), page.markdown().into_bytes()));
-            folder.write_all(files)
-        };
-        if self.json {
-            let document =
-                json!({ "reference": reference, "cells": cells, "survey": survey, "files": write()? });
-            return print_json(&document);
-        }
-        print(&page.terminal())?;
-        write()?;
-        print(&format!("Charts (SVG) and tables (Markdown) are in {folder}\n"))
+        let report = Report { figures: &figures, markdown: page.markdown(), text: page.terminal() };
+        let document = |files: &[PathBuf]| json!({ "reference": reference, "cells": cells, "survey": survey, "files": files });
+        report.publish(&folder, self.json.then_some(document))
     }
 }

@@ -134,7 +134,7 @@ impl<L: Read + Write> Session<L> {
     }
 
     /// Waits until the hub's report includes all commands that follow from the requests before, such as disabling a motor.
-    /// Returns at once for a hub that does not report its commands.
+    /// Returns immediately for a hub that does not report its commands.
     ///
     /// # Errors
     /// See [`Session::ask`], as for all commands.

@@ -11,10 +11,12 @@
 //! | [`mod@line`] | serial port or TCP connection, as bytes with timeouts |
 //! | [`session`] | one request at a time: waiting, retransmission, discovery |
 //! | [`hub`], [`motor`] | the protocol's commands, as methods of [`Session`] |
+//! | [`identification`] | identifying a motor, step by step |
 //! | [`clock`] | the clock of sessions |
 //! | [`update`] | sending and starting new firmware |
 //! | [`memory`] | a hub in memory, for tests of host programs |
 //! | [`error`] | errors |
+//! | [`explanations`] | what each fault number means |
 //! | [`reasons`] | reasons why a motor does not turn, or settings were not stored |
 //!
 //! [`motor_hub::protocol`] and [`motor_hub::extension`] define the bytes, for host and hub. A hub that receives nothing for 2.5 s releases its motors:
@@ -49,7 +51,9 @@ pub struct Readme;
 
 pub mod clock;
 pub mod error;
+pub mod explanations;
 pub mod hub;
+pub mod identification;
 pub mod line;
 pub mod memory;
 pub mod motor;

@@ -29,6 +29,7 @@ use motor_hub::motor::{Settings, ZeroPower};
 use motor_hub::protocol::motor::{ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
 use motor_hub::protocol::payload::Fields;
 use motor_hub::protocol::{CHANNELS, Nack};
+use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::Identification;
 use motor_hub::units::Control;
 use std::io::{Read, Write};
@@ -158,6 +159,20 @@ impl<L: Read + Write> Session<L> {
     /// Sets a group to its values in `settings`. [`Group::SetUp`] deletes motion and coefficients.
     pub fn set(&mut self, motor: u8, group: Group, settings: &MotorSettings) -> Result<(), Error> {
         self.order(Request::Set(motor, Values::of(group, settings)))
+    }
+
+    /// Sets the set-up and then the motion, because a set-up deletes the motion and a host's coefficients.
+    pub fn set_up(&mut self, motor: u8, settings: &MotorSettings) -> Result<(), Error> {
+        self.set(motor, Group::SetUp, settings)?;
+        self.set(motor, Group::Motion, settings)
+    }
+
+    /// Has the model with these dynamics regulate a motor; `None` is an unknown motor. The hub deletes a host's
+    /// coefficients, which would override the model.
+    pub fn set_dynamics(&mut self, motor: u8, dynamics: Option<Dynamics>) -> Result<(), Error> {
+        let mut settings = self.settings(motor)?;
+        settings.motor.dynamics = dynamics;
+        self.set_up(motor, &settings)
     }
 
     /// Current, heat and faults of the motor and its bridge. Needs this project's firmware.

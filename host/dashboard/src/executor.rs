@@ -1,8 +1,8 @@
 //! Executes orders by requests to the hub. Values out of range are refused before anything is sent.
 
 use crate::frame::{SettingsOf, scheme};
-use crate::order::Order;
-use crate::relay::Hub;
+use crate::hub::{Hub, RequestError};
+use crate::requests::Order;
 use crate::settings_file::{self, shown};
 use crate::world::World;
 use motor_hub::braking::DutyRule;
@@ -20,7 +20,6 @@ use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
 use motor_hub_client::Error;
 use serde_json::{Map, Value};
 use simulated::hardware::winding;
-use std::fmt;
 
 /// Tolerance of a position, in counts.
 const TOLERANCE: u16 = 10;
@@ -40,47 +39,6 @@ const NO_SPEED_LIMIT: f64 = 32_767.0;
 /// Number of changes of a motor's settings that can be undone.
 const UNDOABLE: usize = 20;
 
-/// Why an order was not executed.
-#[derive(Debug)]
-pub(crate) enum Trouble {
-    /// The server or the hub refuses the order.
-    Refused(String),
-    /// The exchange with the hub failed; the hub may be gone.
-    Hub(Error),
-}
-
-impl fmt::Display for Trouble {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Refused(why) => f.write_str(why),
-            Self::Hub(error) => error.fmt(f),
-        }
-    }
-}
-
-impl From<String> for Trouble {
-    fn from(why: String) -> Self {
-        Self::Refused(why)
-    }
-}
-
-impl From<&str> for Trouble {
-    fn from(why: &str) -> Self {
-        Self::Refused(why.to_owned())
-    }
-}
-
-impl From<Error> for Trouble {
-    fn from(error: Error) -> Self {
-        match error {
-            Error::Refused { .. } | Error::TooOld { .. } | Error::Unexpected { .. } => {
-                Self::Refused(error.to_string())
-            }
-            error => Self::Hub(error),
-        }
-    }
-}
-
 /// Settings of a motor before a change.
 #[derive(Clone, Debug)]
 struct Before {
@@ -91,7 +49,7 @@ struct Before {
 
 /// What the server keeps of each motor.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct OfMotor {
+pub(crate) struct MotorMemory {
     undo: Vec<Before>,
     /// Result of the last identification, until another motor is configured.
     pub(crate) found: Option<Identified>,
@@ -104,7 +62,7 @@ pub(crate) struct OfMotor {
 /// Executes orders.
 #[derive(Debug, Default)]
 pub(crate) struct Executor {
-    pub(crate) motors: [OfMotor; CHANNELS],
+    pub(crate) motors: [MotorMemory; CHANNELS],
 }
 
 /// What an order has changed.
@@ -133,7 +91,7 @@ impl Executor {
         session: &mut Hub,
         world: Option<&World>,
         order: &Order,
-    ) -> Result<Changed, Trouble> {
+    ) -> Result<Changed, RequestError> {
         match *order {
             Order::Drive { motor, mode, value, speed, zero } => {
                 drive(session, channel(motor)?, mode, value, speed, zero)?;
@@ -147,7 +105,7 @@ impl Executor {
                 for request in settings_file::requests(document)? {
                     session.order(request)?;
                 }
-                self.motors = <[OfMotor; CHANNELS]>::default();
+                self.motors = <[MotorMemory; CHANNELS]>::default();
                 return Ok(Changed::AllSettings);
             }
             Order::Turn { at, acceleration } => turn(session, at, acceleration)?,
@@ -163,7 +121,7 @@ impl Executor {
     }
 
     /// Executes an order that changes settings.
-    fn change(&mut self, session: &mut Hub, order: &Order) -> Result<Changed, Trouble> {
+    fn change(&mut self, session: &mut Hub, order: &Order) -> Result<Changed, RequestError> {
         let motor = match *order {
             Order::Coefficients { motor, of, pidf } => {
                 let pidf = coefficients(pidf)?;
@@ -204,7 +162,7 @@ impl Executor {
                 let found =
                     self.of(motor)?.found.ok_or("this motor was not identified yet: run Identify first")?;
                 self.keep(session, motor)?;
-                self.regulate_by(session, motor, Some(found.dynamics))?;
+                session.set_dynamics(motor, Some(found.dynamics))?;
                 motor
             }
             Order::Undo { motor } => {
@@ -217,13 +175,13 @@ impl Executor {
         Ok(Changed::Settings(motor))
     }
 
-    fn of(&mut self, motor: u8) -> Result<&mut OfMotor, Trouble> {
+    fn of(&mut self, motor: u8) -> Result<&mut MotorMemory, RequestError> {
         let motor = channel(motor)?;
         self.motors.get_mut(usize::from(motor)).ok_or_else(|| "a motor is 0 to 3".into())
     }
 
     /// Keeps the present settings of a motor for undo.
-    fn keep(&mut self, session: &mut Hub, motor: u8) -> Result<(), Trouble> {
+    fn keep(&mut self, session: &mut Hub, motor: u8) -> Result<(), RequestError> {
         let settings = session.settings(channel(motor)?)?;
         let of = self.of(motor)?;
         let loops = match of.regulator {
@@ -247,25 +205,25 @@ impl Executor {
         motor: u8,
         settings: &MotorSettings,
         other: bool,
-    ) -> Result<(), Trouble> {
-        session.set(motor, Group::SetUp, settings)?;
+    ) -> Result<(), RequestError> {
         if other {
+            session.set(motor, Group::SetUp, settings)?;
             let of = self.of(motor)?;
             (of.found, of.known) = (None, None);
         } else {
-            session.set(motor, Group::Motion, settings)?;
+            session.set_up(motor, settings)?;
         }
         Ok(())
     }
 
-    fn regulate(&mut self, session: &mut Hub, motor: u8, kind: Kind) -> Result<(), Trouble> {
+    fn regulate(&mut self, session: &mut Hub, motor: u8, kind: Kind) -> Result<(), RequestError> {
         match kind {
             Kind::Model => {
                 let configured = session.settings(channel(motor)?)?.motor.dynamics;
                 let of = self.of(motor)?;
                 let known = configured.or(of.found.map(|found| found.dynamics)).or(of.known);
                 self.keep(session, motor)?;
-                self.regulate_by(session, motor, known)
+                Ok(session.set_dynamics(motor, known)?)
             }
             Kind::Pid => {
                 self.keep(session, motor)?;
@@ -273,20 +231,6 @@ impl Executor {
                 Ok(session.set_coefficients(motor, Loop::Velocity, pidf)?)
             }
         }
-    }
-
-    /// Has the model regulate a motor with these dynamics, or an unknown motor. Coefficients would override the model, so
-    /// the set-up is sent again, which drops them.
-    fn regulate_by(
-        &mut self,
-        session: &mut Hub,
-        motor: u8,
-        dynamics: Option<Dynamics>,
-    ) -> Result<(), Trouble> {
-        let mut settings = session.settings(motor)?;
-        settings.motor.dynamics = dynamics;
-        session.set(motor, Group::SetUp, &settings)?;
-        Ok(session.set(motor, Group::Motion, &settings)?)
     }
 
     /// Settings of a motor, as a message to pages.
@@ -300,7 +244,7 @@ impl Executor {
 }
 
 /// Checks a motor's number.
-pub(crate) fn channel(motor: u8) -> Result<u8, Trouble> {
+pub(crate) fn channel(motor: u8) -> Result<u8, RequestError> {
     if usize::from(motor) < CHANNELS {
         Ok(motor)
     } else {
@@ -315,7 +259,7 @@ fn drive(
     value: f64,
     speed: Option<f64>,
     zero: ZeroPower,
-) -> Result<(), Trouble> {
+) -> Result<(), RequestError> {
     match mode {
         RunMode::Power => {
             let share = within("a power", value, -1.0, 1.0)?;
@@ -336,7 +280,7 @@ fn drive(
 }
 
 /// Gives an enabled motor a constant current. A disabled motor gets power 0, with which it can be enabled.
-fn current(session: &mut Hub, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), Trouble> {
+fn current(session: &mut Hub, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), RequestError> {
     let ma = (1e3 * within("a current in A", amperes, -LARGEST_A, LARGEST_A)?).round();
     let limit = within("a speed limit in counts/s", speed.unwrap_or(NO_SPEED_LIMIT), 1.0, NO_SPEED_LIMIT)?;
     if session.report()?.is_none() {
@@ -352,18 +296,18 @@ fn current(session: &mut Hub, motor: u8, amperes: f64, speed: Option<f64>) -> Re
     Ok(session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?)
 }
 
-fn cps(value: f64) -> Result<i16, Trouble> {
+fn cps(value: f64) -> Result<i16, RequestError> {
     Ok(within("a velocity in counts/s", value, i16::MIN.into(), i16::MAX.into())?.round() as i16)
 }
 
-fn within(what: &str, value: f64, least: f64, most: f64) -> Result<f64, Trouble> {
+fn within(what: &str, value: f64, least: f64, most: f64) -> Result<f64, RequestError> {
     if (least..=most).contains(&value) {
         return Ok(value);
     }
     Err(format!("{what} of {value} is out of range; allowed is {least} to {most}").into())
 }
 
-fn coefficients(pidf: [f64; 4]) -> Result<Coefficients, Trouble> {
+fn coefficients(pidf: [f64; 4]) -> Result<Coefficients, RequestError> {
     let mut bits = [Coefficient::ZERO; 4];
     for (slot, value) in bits.iter_mut().zip(pidf) {
         let value = within("a coefficient", value, -32_768.0, 32_767.999)?;
@@ -378,7 +322,7 @@ fn set_up(
     name: Option<&str>,
     wanted: &str,
     duty: DutyRule,
-) -> Result<MotorSettings, Trouble> {
+) -> Result<MotorSettings, RequestError> {
     if let Some(name) = name {
         let motor = characterised(name).map_err(|error| error.to_string())?;
         settings.motor.winding = winding(&motor).map_err(|error| error.to_string())?;
@@ -394,7 +338,7 @@ fn configured(
     motor: u8,
     before: &MotorSettings,
     given: &Map<String, Value>,
-) -> Result<Vec<Request>, Trouble> {
+) -> Result<Vec<Request>, RequestError> {
     let known = |name: &String| {
         CONFIGURABLE.iter().any(|group| group.fields().iter().any(|field| field.name == name))
     };
@@ -442,7 +386,7 @@ fn raw_of(field: &Field, value: &Value) -> Result<i64, String> {
 }
 
 /// Turns motors at speeds in step. The fastest motor's speed is the group's.
-fn turn(session: &mut Hub, at: [Option<i32>; CHANNELS], acceleration: u32) -> Result<(), Trouble> {
+fn turn(session: &mut Hub, at: [Option<i32>; CHANNELS], acceleration: u32) -> Result<(), RequestError> {
     let fastest = at.iter().flatten().map(|cps| cps.unsigned_abs()).max().unwrap_or_default();
     if fastest > FASTEST_CPS {
         return Err(format!(
@@ -465,7 +409,7 @@ fn together(
     to: [Option<i32>; CHANNELS],
     speed: u32,
     acceleration: u32,
-) -> Result<(), Trouble> {
+) -> Result<(), RequestError> {
     if !(1..=FASTEST_CPS).contains(&speed) {
         return Err(format!(
             "a group's speed of {speed} counts/s is out of range; allowed is 1 to {FASTEST_CPS}"
@@ -483,7 +427,7 @@ fn begin_group(
     takes_part: [bool; CHANNELS],
     speed: CountsPerSecond,
     acceleration: u32,
-) -> Result<(), Trouble> {
+) -> Result<(), RequestError> {
     let members: Vec<u8> = (0..).zip(takes_part).filter_map(|(motor, is)| is.then_some(motor)).collect();
     let first = *members.first().ok_or("a group needs at least one motor: enter a distance or a speed")?;
     let limit =
@@ -497,7 +441,7 @@ fn begin_group(
     Ok(session.move_together(first, GroupCommand::new(course, speed, limit))?)
 }
 
-fn restore(session: &mut Hub, motor: u8, before: &Before) -> Result<(), Trouble> {
+fn restore(session: &mut Hub, motor: u8, before: &Before) -> Result<(), RequestError> {
     let present = session.settings(motor)?;
     for group in CONFIGURABLE {
         // Coefficients override the model; a set-up drops them.

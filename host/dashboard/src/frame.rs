@@ -2,7 +2,8 @@
 //! -1 to 1. All other fields have their unit in the name, or are in counts and seconds.
 
 use crate::executor::CONFIGURABLE;
-use crate::relay::Hub;
+use crate::hub::Hub;
+use crate::requests::KindName;
 use crate::world::WorldIs;
 use motor_hub::braking::{OperatingPoint, Points, Regime, Scheme, Winding};
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
@@ -20,6 +21,7 @@ use motor_hub::store::Stored;
 use motor_hub::supply::BusState;
 use motor_hub::units::{Acceleration, Control, CountsPerSecond, Milliamperes, Millivolts};
 use motor_hub_client::Error;
+use motor_hub_client::explanations::explanation;
 use motor_hub_client::reasons::why_still;
 use serde::Serialize;
 use serde_json::Value;
@@ -170,9 +172,6 @@ impl FieldOf {
     }
 }
 
-/// Explanations of all fault numbers, a section each.
-const EXPLANATIONS: &str = include_str!("../../../docs/reference/fault-numbers.md");
-
 /// An entry of the hub's record of faults.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct FaultEntry {
@@ -184,33 +183,20 @@ pub(crate) struct FaultEntry {
     /// Time since the run's start.
     after_s: f64,
     times: u16,
-    /// Paragraphs of the documentation: meaning, reaction of the hub, what to check.
-    explanation: Vec<String>,
+    /// Paragraphs: meaning, reaction of the hub, what to check.
+    explanation: [String; 3],
 }
 
 impl FaultEntry {
     pub(crate) fn of(head: &Head) -> Self {
-        let fault = head.fault.number();
-        let sections = EXPLANATIONS.split("\n## ").find(|text| text.starts_with(&format!("{fault}:")));
-        let paragraphs = sections.unwrap_or_default().split("\n\n").skip(1);
-        // Of links the text is left.
-        let plain = |text: &str| {
-            let mut parts = text.trim().replace('\n', " ").replace(['*', '`', '['], "");
-            while let Some((before, (_, after))) =
-                parts.split_once("](").and_then(|(before, rest)| Some((before, rest.split_once(')')?)))
-            {
-                parts = format!("{before}{after}");
-            }
-            parts
-        };
         Self {
-            fault,
+            fault: head.fault.number(),
             name: head.fault.name(),
             motor: head.motor,
             run: head.run,
             after_s: f64::from(head.uptime_ms) / 1e3,
             times: head.times.into(),
-            explanation: paragraphs.map(plain).filter(|text| !text.is_empty()).collect(),
+            explanation: explanation(head.fault).sentences(),
         }
     }
 }
@@ -271,14 +257,15 @@ pub(crate) struct Frame {
     /// Share of the braking energy that is dissipated instead of returned, 0 to 1.
     pub(crate) burning: f64,
     /// State by motor.
-    pub(crate) motors: Vec<OfMotor>,
+    pub(crate) motors: Vec<MotorState>,
 }
 
 /// State of a motor. Values that the hub does not report are left out.
 #[derive(Clone, Debug, Default, Serialize)]
-pub(crate) struct OfMotor {
+pub(crate) struct MotorState {
     /// Kind of the set-point.
-    pub(crate) told: &'static str,
+    #[serde(rename = "told")]
+    pub(crate) setpoint: &'static str,
     /// Set-point as a share of power, in amperes, in counts/s or in counts; `None` without one.
     pub(crate) target: Option<f64>,
     /// Position in counts.
@@ -301,7 +288,8 @@ pub(crate) struct OfMotor {
 /// Values of a motor that only hubs of this project report.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct More {
-    regulator: &'static str,
+    #[serde(with = "KindName")]
+    regulator: Kind,
     control: f64,
     regime: Option<&'static str>,
     mode: &'static str,
@@ -429,27 +417,22 @@ impl Frame {
             battery_v: report.battery.map(|mv| f64::from(mv.get()) / 1e3),
             bus: Some(bus_word(report.bus)),
             burning: f64::from(report.dissipate) / 1e3,
-            motors: motors.map(|(index, motor)| OfMotor::of(motor, why_still(report, index))).collect(),
+            motors: motors.map(|(index, motor)| MotorState::of(motor, why_still(report, index))).collect(),
             ..Self::default()
         }
     }
 }
 
-impl OfMotor {
+impl MotorState {
     fn of(motor: &MotorReport, why: Option<&'static str>) -> Self {
-        let (told, target) = match motor.setpoint {
-            ReportedSetpoint::Off => ("off", None),
-            ReportedSetpoint::FailSafe => ("fail-safe", None),
-            ReportedSetpoint::Power(control) => ("power", Some(share(control))),
-            ReportedSetpoint::Current(current) => ("current", Some(f64::from(current.get()) / 1e3)),
-            ReportedSetpoint::Velocity(cps) => ("velocity", Some(cps.into())),
-            ReportedSetpoint::Position(counts) => ("position", Some(counts.into())),
-            ReportedSetpoint::Together(counts) => ("together", Some(counts.into())),
-            ReportedSetpoint::Identify(_) => ("identify", None),
+        // A page draws a target; the travel limit of an identification is none.
+        let target = match motor.setpoint {
+            ReportedSetpoint::Identify(_) => None,
+            setpoint => setpoint.value(),
         };
         let MotorReport { position, velocity, enabled, .. } = *motor;
         Self {
-            told,
+            setpoint: motor.setpoint.name(),
             target,
             position,
             velocity,
@@ -463,19 +446,10 @@ impl OfMotor {
 
 impl More {
     fn of(motor: &MotorReport) -> Self {
-        let regime = motor.regime.map(|regime| match regime {
-            Regime::Reverse => "reverse",
-            Regime::Braking => "braking",
-            Regime::Forward => "forward",
-        });
-        let regulator = match motor.regulator {
-            Kind::Model => "model",
-            Kind::Pid => "pid",
-        };
         Self {
-            regulator,
-            control: share(motor.control),
-            regime,
+            regulator: motor.regulator,
+            control: motor.control.to_f64(),
+            regime: motor.regime.map(Regime::name),
             mode: motor.drive.mode.name(),
             duty: motor.drive.duty.to_f64(),
             best_current_a: amperes(motor.best_current()),
@@ -488,7 +462,7 @@ impl More {
             derated: motor.derated,
             current_limited: motor.current_limited,
             fault: motor.faults.any() && motor.enabled,
-            points: motor.points.map(|points| points.map(share)),
+            points: motor.points.map(|points| points.map(Control::to_f64)),
         }
     }
 }
@@ -593,11 +567,6 @@ const fn bus_word(bus: BusState) -> &'static str {
         BusState::Dissipating => "burning",
         BusState::TooHigh => "too high",
     }
-}
-
-/// Control value as a share of full control, -1 to 1.
-fn share(control: Control) -> f64 {
-    f64::from(control.get()) / f64::from(Control::MAX.get())
 }
 
 fn amperes(current: Milliamperes) -> f64 {

@@ -2,20 +2,21 @@
 //! The files of the page are part of the program. The page loads nothing from other servers.
 //!
 //! ```text
-//! page --orders--> viewer --Event--> relay --requests--> hub
-//! page <--frames-- viewer <--text--- relay <--answers--- hub
+//! page --orders--> page socket --Event--> relay --requests--> hub
+//! page <--frames-- page socket <--text--- relay <--answers--- hub
 //! ```
 //!
 //! | module | contents |
 //! |---|---|
 //! | [`relay`] | owns the hub: sends 50 frames per second and executes orders |
+//! | [`hub`] | a session with a hub, and errors of its requests |
 //! | [`pages`] | which page is in control, and whether that page is still open |
-//! | [`order`], `executor` | orders of pages, and their execution |
+//! | [`requests`], `executor` | orders of pages, and their execution |
 //! | `frame`, [`mod@outbox`] | messages to pages, and messages that wait for a page |
-//! | [`world`], [`script`] | changes to a simulated hub's motors and battery; a scenario's set-points |
+//! | [`world`], [`scenario_player`] | changes to a simulated hub's motors and battery; a scenario's set-points |
 //! | [`settings_file`] | settings of a hub as TOML |
 //! | [`assets`] | the files of the page |
-//! | [`server`], `viewer` | listener, with a thread for each connection; the socket of one page |
+//! | [`server`], `page_socket` | listener, with a thread for each connection; the socket of one page |
 //! | [`admission`], [`http`] | which requests are admitted; requests and answers as bytes |
 //!
 //! The modules of the last two rows need the feature `server`. Without it the relay runs in a browser, beside its page.
@@ -26,12 +27,12 @@
 //! nothing more and disables them itself.
 //!
 //! ```no_run
-//! use dashboard::{Place, Server, relay};
+//! use dashboard::{Place, Server, hub};
 //! use std::sync::atomic::AtomicBool;
 //!
 //! let server = Server::bind("127.0.0.1:0")?;
 //! println!("{}", server.url());
-//! let open = || relay::open("/dev/ttyACM0").map_err(|error| error.to_string());
+//! let open = || hub::open("/dev/ttyACM0").map_err(|error| error.to_string());
 //! server.run(Place::real("/dev/ttyACM0", open), &AtomicBool::new(false));
 //! # Ok::<(), dashboard::BindError>(())
 //! ```
@@ -44,18 +45,20 @@ mod executor;
 mod frame;
 #[cfg(feature = "server")]
 pub mod http;
-pub mod order;
+pub mod hub;
 pub mod outbox;
+#[cfg(feature = "server")]
+mod page_socket;
 pub mod pages;
 pub mod relay;
-pub mod script;
+pub mod requests;
+pub mod scenario_player;
 #[cfg(feature = "server")]
 pub mod server;
 pub mod settings_file;
-#[cfg(feature = "server")]
-mod viewer;
 pub mod world;
 
-pub use relay::{Hub, Place, Port};
+pub use hub::{Hub, Port};
+pub use relay::Place;
 #[cfg(feature = "server")]
 pub use server::{BindError, Server};

@@ -1,29 +1,28 @@
 //! The thread that owns the hub. It reads the motors' state 50 times per second, sends frames to all pages, and executes
 //! orders as they arrive. Motors run only while the page in control is open: see [`pages`](crate::pages).
 
-use crate::executor::{Changed, Executor, Trouble, channel};
+use crate::executor::{Changed, Executor, channel};
 use crate::frame::{
-    FaultEntry, Found, Frame, HubStatus, Learned, Message, OfMotor, PointsAt, Welcome, refused,
+    FaultEntry, Found, Frame, HubStatus, Learned, Message, MotorState, PointsAt, Welcome, refused,
 };
-use crate::order::Order;
+use crate::hub::{Hub, RequestError};
 use crate::outbox::Outbox;
 use crate::pages::{Gone, Pages, Taken};
-use crate::script::{Playing, Script};
+use crate::requests::Order;
+use crate::scenario_player::{Playing, Script};
 use crate::settings_file;
 use crate::world::World;
 use motor_hub::extension::HubFunction;
-use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::CHANNELS;
 use motor_hub::protocol::motor::{Loop, RunMode};
 use motor_hub::regulator::Kind;
 use motor_hub::regulator::identify::Identification;
-use motor_hub::units::Control;
+use motor_hub_client::Error;
 use motor_hub_client::clock::Instant;
+use motor_hub_client::identification::{Identifying, Progress};
 use motor_hub_client::reasons::why_unsaved;
-use motor_hub_client::{Error, Session};
 use std::collections::BTreeMap;
 use std::fmt;
-use std::io::{Read, Write};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -42,34 +41,8 @@ const LEARNING: Duration = Duration::from_millis(100);
 /// Interval between questions about a running save.
 const SAVING: Duration = Duration::from_millis(100);
 
-/// Longest wait for a braked motor to stand. A motor that still turns is driven by its load.
-const LONGEST_REST: Duration = Duration::from_secs(5);
-
-/// Number of frames without motion after which a motor counts as standing.
-const STANDING: u32 = 15;
-
 /// Interval between questions whether motors are enabled, to a hub without reports.
 const ENABLED: Duration = Duration::from_millis(200);
-
-/// Bytes to and from a hub. A read without bytes fails soon as `WouldBlock` or `TimedOut`.
-pub trait Port: Read + Write + Send + fmt::Debug {}
-
-impl<T: Read + Write + Send + fmt::Debug> Port for T {}
-
-/// A session with a hub on any kind of line.
-pub type Hub = Session<Box<dyn Port>>;
-
-/// Opens a session with the hub at `HOST:PORT` or on a serial port, as [`Session::open`].
-///
-/// # Errors
-/// The line cannot be opened, or not exactly one hub answers as parent.
-#[cfg(feature = "server")]
-pub fn open(place: &str) -> Result<Hub, motor_hub_client::OpenError> {
-    /// Time-out of answers.
-    const TIMEOUT: Duration = Duration::from_secs(1);
-    let line: Box<dyn Port> = Box::new(motor_hub_client::Line::open(place, TIMEOUT)?);
-    Ok(Session::with_parent(line, TIMEOUT)?)
-}
 
 type Opener = Box<dyn FnMut() -> Result<Hub, String> + Send>;
 
@@ -119,10 +92,8 @@ pub enum Event {
 #[derive(Debug)]
 struct Learning {
     motor: u8,
-    travel: u32,
-    since: Instant,
-    /// Number of frames without motion; `None` once the identification has started.
-    stands: Option<u32>,
+    identifying: Identifying,
+    /// Time of the last step.
     asked: Instant,
 }
 
@@ -244,7 +215,7 @@ impl Relay {
     }
 
     /// Answers an order that only asks.
-    fn look_up(&mut self, order: &Order) -> Result<Message, Trouble> {
+    fn look_up(&mut self, order: &Order) -> Result<Message, RequestError> {
         let session = self.session.as_mut().ok_or("the hub is not connected")?;
         Ok(match *order {
             Order::Points { motor, ref scheme, cps, volts } => {
@@ -295,7 +266,7 @@ impl Relay {
                 let world = self.place.world.as_ref().map(|world| Message::World(world.is()).text());
                 world.into_iter().for_each(|text| self.tell(&text));
             }
-            Err(Trouble::Refused(why)) => {
+            Err(RequestError::Refused(why)) => {
                 // Part of the order may have been executed.
                 match order {
                     Order::Import { .. } => self.tell_all_settings(),
@@ -303,7 +274,7 @@ impl Relay {
                 }
                 return Err(why);
             }
-            Err(Trouble::Hub(error)) => {
+            Err(RequestError::Hub(error)) => {
                 self.lose(&error.to_string());
                 return Err(error.to_string());
             }
@@ -312,7 +283,7 @@ impl Relay {
     }
 
     /// Begins to save, load or reset the stored settings.
-    fn store(&mut self, what: HubFunction) -> Result<Changed, Trouble> {
+    fn store(&mut self, what: HubFunction) -> Result<Changed, RequestError> {
         let Some(session) = &mut self.session else { return Ok(Changed::Nothing) };
         session.order(what.clone())?;
         self.saving = Some((Instant::now(), what));
@@ -340,7 +311,7 @@ impl Relay {
         if self.pages.controller().is_none() && self.frame.motors.iter().any(|motor| motor.enabled) {
             self.switch_off("motors ran, but no page was in control");
         }
-        if let Err(Trouble::Hub(error)) = self.learn().and_then(|()| self.follow_save()) {
+        if let Err(RequestError::Hub(error)) = self.learn().and_then(|()| self.follow_save()) {
             self.lose(&error.to_string());
         }
         self.play();
@@ -356,8 +327,8 @@ impl Relay {
         match script.go_on(playing, session) {
             Ok(false) => (),
             Ok(true) => self.switch_off("the scenario is over"),
-            Err(Trouble::Refused(why)) => self.switch_off(&why),
-            Err(Trouble::Hub(error)) => self.lose(&error.to_string()),
+            Err(RequestError::Refused(why)) => self.switch_off(&why),
+            Err(RequestError::Hub(error)) => self.lose(&error.to_string()),
         }
     }
 
@@ -388,7 +359,7 @@ impl Relay {
         for (index, motor) in (0..).zip(0..CHANNELS) {
             let known = before.get(motor).cloned().unwrap_or_default();
             let known = if look || before.is_empty() { ask_foreign(session, index)? } else { known };
-            motors.push(OfMotor {
+            motors.push(MotorState {
                 position: bulk.encoders.get(motor).copied().unwrap_or_default(),
                 velocity: bulk.velocities.get(motor).copied().unwrap_or_default(),
                 within_tolerance: bulk.within_tolerance.get(motor).copied(),
@@ -482,34 +453,29 @@ impl Relay {
     }
 
     /// Continues a running identification.
-    fn learn(&mut self) -> Result<(), Trouble> {
+    fn learn(&mut self) -> Result<(), RequestError> {
         let (Some(learning), Some(session)) = (&mut self.learning, &mut self.session) else { return Ok(()) };
-        let motor = learning.motor;
-        if let Some(stands) = &mut learning.stands {
-            let moves = self.frame.motors.get(usize::from(motor)).is_some_and(|motor| motor.velocity != 0);
-            *stands = if moves { 0 } else { *stands + 1 };
-            if *stands < STANDING && learning.since.elapsed() < LONGEST_REST {
-                return Ok(());
-            }
-            learning.stands = None;
-            learning.asked = Instant::now();
-            let refused = session.identify(motor, learning.travel).map(drop).map_err(Trouble::from);
-            if let Err(Trouble::Refused(why)) = refused {
-                self.finish_learning("refused", Some(why), None);
-                return Ok(());
-            }
-            return refused;
-        }
         if learning.asked.elapsed() < LEARNING {
             return Ok(());
         }
         learning.asked = Instant::now();
-        match session.identification(motor)? {
-            Identification::Running(percent) => {
+        let motor = learning.motor;
+        let outcome = match learning.identifying.step(session).map_err(RequestError::from) {
+            Ok(Progress::Braking | Progress::Started(_)) => return Ok(()),
+            Ok(Progress::Turning(percent)) => {
                 let learned =
                     Learned { motor, state: "running", percent: Some(percent), why: None, found: None };
                 self.tell(&Message::Identification(learned).text());
+                return Ok(());
             }
+            Ok(Progress::Ended(outcome)) => outcome,
+            Err(RequestError::Refused(why)) => {
+                self.finish_learning("refused", Some(why), None);
+                return Ok(());
+            }
+            Err(lost) => return Err(lost),
+        };
+        match outcome {
             Identification::Found(found) => {
                 if let Some(of) = self.executor.motors.get_mut(usize::from(motor)) {
                     of.found = Some(found);
@@ -517,15 +483,13 @@ impl Relay {
                 self.finish_learning("found", None, Some(Found::of(&found)));
             }
             Identification::Refused(why) => self.finish_learning("refused", Some(why.to_string()), None),
-            Identification::None => {
-                self.finish_learning("refused", Some("the identification was interrupted".to_owned()), None)
-            }
+            _ => self.finish_learning("refused", Some("the identification was interrupted".to_owned()), None),
         }
         Ok(())
     }
 
     /// Asks about a running save, load or reset, and sends a notice when it has ended.
-    fn follow_save(&mut self) -> Result<(), Trouble> {
+    fn follow_save(&mut self) -> Result<(), RequestError> {
         let (Some((asked, what)), Some(session)) = (&mut self.saving, &mut self.session) else {
             return Ok(());
         };
@@ -666,25 +630,22 @@ const fn motor_of(order: &Order) -> Option<u8> {
 }
 
 /// Starts an identification: enables the motor with power 0, so that it brakes until it stands.
-fn begin_to_learn(session: &mut Hub, motor: u8, travel: Option<u32>) -> Result<Learning, Trouble> {
+fn begin_to_learn(session: &mut Hub, motor: u8, travel: Option<u32>) -> Result<Learning, RequestError> {
     let motor = channel(motor)?;
-    session.set_power(motor, Control::ZERO)?;
-    session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
+    let identifying = Identifying::begin(session, motor, travel.unwrap_or(u32::MAX))?;
     session.enable(motor, true)?;
-    let now = Instant::now();
-    Ok(Learning { motor, travel: travel.unwrap_or(u32::MAX), since: now, stands: Some(0), asked: now })
+    Ok(Learning { motor, identifying, asked: Instant::now() })
 }
 
 /// State of a motor, as another maker's hub reports it.
-fn ask_foreign(session: &mut Hub, motor: u8) -> Result<OfMotor, Error> {
+fn ask_foreign(session: &mut Hub, motor: u8) -> Result<MotorState, Error> {
     let state = session.motor(motor)?;
-    let share = f64::from(state.power.get()) / f64::from(Control::MAX.get());
-    let (told, target) = match (state.enabled, state.mode) {
+    let (setpoint, target) = match (state.enabled, state.mode) {
         (false, _) => ("off", None),
-        (true, RunMode::Power) => ("power", Some(share)),
+        (true, RunMode::Power) => ("power", Some(state.power.to_f64())),
         (true, RunMode::Velocity) => ("velocity", Some(state.velocity.into())),
         (true, RunMode::Position) => ("position", Some(state.position.counts.into())),
     };
     let why = (!state.enabled).then_some("disabled");
-    Ok(OfMotor { told, target, enabled: state.enabled, why, ..OfMotor::default() })
+    Ok(MotorState { setpoint, target, enabled: state.enabled, why, ..MotorState::default() })
 }

@@ -11,8 +11,8 @@
 use crate::admission::{Admission, PublicUrl, Wanted};
 use crate::assets;
 use crate::http::{self, Head, HeadError};
+use crate::page_socket;
 use crate::relay::{Event, INTERVAL, Place, Relay};
-use crate::viewer;
 use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -180,7 +180,7 @@ fn serve(
     match admission.admit(&head, local) {
         Ok(Wanted::Socket(key)) => {
             http::upgrade(&mut stream, &key)?;
-            viewer::attend(stream, 1 + pages.fetch_add(1, Ordering::Relaxed), events);
+            page_socket::attend(stream, 1 + pages.fetch_add(1, Ordering::Relaxed), events);
             Ok(())
         }
         Ok(Wanted::Page) => send(&mut stream, "/"),

@@ -8,7 +8,6 @@ mod reading;
 use motor_hub_client::line::Line;
 use motor_hub_client::motor_hub::extension::HubFunction;
 use motor_hub_client::motor_hub::extension::group::{GroupCourse, GroupState};
-use motor_hub_client::motor_hub::extension::settings::Group;
 use motor_hub_client::motor_hub::group::{GroupCommand, TOLERANCE};
 use motor_hub_client::motor_hub::motor::ZeroPower;
 use motor_hub_client::motor_hub::protocol::CHANNELS;
@@ -254,10 +253,7 @@ impl Link {
         let motor = channel(motor)?;
         let applied = self.run(py, |session| {
             let Identification::Found(found) = session.identification(motor)? else { return Ok(false) };
-            let mut settings = session.settings(motor)?;
-            settings.motor.dynamics = Some(found.dynamics);
-            session.set(motor, Group::SetUp, &settings)?;
-            session.set(motor, Group::Motion, &settings)?;
+            session.set_dynamics(motor, Some(found.dynamics))?;
             Ok(true)
         })?;
         if applied { Ok(()) } else { Err(HubError::new_err(format!("motor {motor} is not identified"))) }

@@ -1,10 +1,10 @@
 //! What a hub reports, as dictionaries whose keys are the fields of Python's dataclasses.
 
 use motor_hub_client::motor_hub::braking::Regime;
-use motor_hub_client::motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
+use motor_hub_client::motor_hub::extension::report::{HubReport, MotorReport};
 use motor_hub_client::motor_hub::protocol::answers::Bulk;
 use motor_hub_client::motor_hub::regulator::identify::Identified;
-use motor_hub_client::motor_hub::units::{Control, Milliamperes};
+use motor_hub_client::motor_hub::units::Milliamperes;
 use motor_hub_client::reasons::why_still;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -20,28 +20,22 @@ fn of_motor<'py>(
     number: usize,
     motor: &MotorReport,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let regime = motor.regime.map(|regime| match regime {
-        Regime::Reverse => "reverse",
-        Regime::Braking => "braking",
-        Regime::Forward => "forward",
-    });
-    let (setpoint, setpoint_value) = setpoint(motor.setpoint);
     let reading = PyDict::new(py);
     reading.set_item("time_s", f64::from(report.at_ms) / 1e3)?;
     reading.set_item("motor", number)?;
     reading.set_item("position", motor.position)?;
     reading.set_item("velocity", motor.velocity)?;
-    reading.set_item("setpoint", setpoint)?;
-    reading.set_item("setpoint_value", setpoint_value)?;
+    reading.set_item("setpoint", motor.setpoint.name())?;
+    reading.set_item("setpoint_value", motor.setpoint.value())?;
     reading.set_item("enabled", motor.enabled)?;
     reading.set_item("settled", motor.settled)?;
     reading.set_item("stalled", motor.stalled)?;
     reading.set_item("fault", motor.faults.any())?;
     reading.set_item("why_still", why_still(report, number))?;
-    reading.set_item("regime", regime)?;
+    reading.set_item("regime", motor.regime.map(Regime::name))?;
     reading.set_item("mode", motor.regime.map(|_| motor.drive.mode.name()))?;
     reading.set_item("duty", motor.drive.duty.to_f64())?;
-    reading.set_item("control", share(motor.control))?;
+    reading.set_item("control", motor.control.to_f64())?;
     reading.set_item("current_a", amperes(motor.best_current()))?;
     reading.set_item("load_a", motor.load.map(amperes))?;
     reading.set_item("heat", f64::from(motor.heat) / 1e3)?;
@@ -63,20 +57,6 @@ pub(crate) fn of_bulk<'py>(py: Python<'py>, bulk: &Bulk) -> PyResult<Vec<Bound<'
         .collect()
 }
 
-/// Name and value of a set-point; the value is in the unit that `Reading` documents.
-fn setpoint(of: ReportedSetpoint) -> (&'static str, Option<f64>) {
-    match of {
-        ReportedSetpoint::Off => ("off", None),
-        ReportedSetpoint::FailSafe => ("fail-safe", None),
-        ReportedSetpoint::Power(power) => ("power", Some(share(power))),
-        ReportedSetpoint::Velocity(cps) => ("velocity", Some(cps.into())),
-        ReportedSetpoint::Position(counts) => ("position", Some(counts.into())),
-        ReportedSetpoint::Together(counts) => ("together", Some(counts.into())),
-        ReportedSetpoint::Current(current) => ("current", Some(amperes(current))),
-        ReportedSetpoint::Identify(travel) => ("identify", Some(travel.into())),
-    }
-}
-
 /// The fields of Python's `Identified`.
 pub(crate) fn identified<'py>(py: Python<'py>, found: &Identified) -> PyResult<Bound<'py, PyDict>> {
     let fields = PyDict::new(py);
@@ -91,8 +71,4 @@ pub(crate) fn identified<'py>(py: Python<'py>, found: &Identified) -> PyResult<B
 
 fn amperes(current: Milliamperes) -> f64 {
     f64::from(current.get()) / 1e3
-}
-
-fn share(control: Control) -> f64 {
-    f64::from(control.get()) / f64::from(Control::MAX.get())
 }

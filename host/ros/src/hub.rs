@@ -6,7 +6,6 @@ use crate::robot::{Robot, Setpoint};
 use motor_hub_client::line::Line;
 use motor_hub_client::motor_hub::extension::HubFunction;
 use motor_hub_client::motor_hub::extension::report::HubReport;
-use motor_hub_client::motor_hub::extension::settings::Group;
 use motor_hub_client::motor_hub::motor::ZeroPower;
 use motor_hub_client::motor_hub::protocol::CHANNELS;
 use motor_hub_client::motor_hub::protocol::motor::RunMode;
@@ -365,10 +364,7 @@ impl Connected {
         match self.session.identification(motor)? {
             Identification::Running(_) => return Ok(()),
             Identification::Found(found) => {
-                let mut settings = self.session.settings(motor)?;
-                settings.motor.dynamics = Some(found.dynamics);
-                self.session.set(motor, Group::SetUp, &settings)?;
-                self.session.set(motor, Group::Motion, &settings)?;
+                self.session.set_dynamics(motor, Some(found.dynamics))?;
             }
             Identification::Refused(why) => return self.identified(Err(format!("motor {motor}: {why}"))),
             Identification::None => {

@@ -55,7 +55,8 @@ pub fn answers(document: &Value) -> Result<Answers, NoCases> {
         let id = case.get("id").unwrap_or(&none);
         // An answer is found by its id.
         let unique = id.is_null() || ids.insert(id.to_string());
-        let answered = if unique { answer(&Case::new(case, motors)) } else { Err(CaseError::SameId) };
+        let answered =
+            if unique { answer(&Case::new(case, motors)) } else { Err("an earlier case has this id".into()) };
         match answered {
             Ok(outputs) => json!({ "id": id, "outputs": outputs }),
             Err(error) => {
@@ -91,7 +92,7 @@ fn computed(case: &Case) -> Result<Value, CaseError> {
         "steady_speed_pwm" => physics::steady_speed(case),
         "reverse0" => physics::reverse0(case),
         "paper_printed" => printed(case),
-        other => Err(CaseError::UnknownFormula(other.to_owned())),
+        other => Err(format!("unknown formula {other:?}").into()),
     }
 }
 
@@ -99,7 +100,7 @@ fn computed(case: &Case) -> Result<Value, CaseError> {
 fn printed(case: &Case) -> Result<Value, CaseError> {
     let name = case.text("name")?;
     let number = PRINTED.iter().find(|number| number.name == name);
-    let number = number.ok_or_else(|| CaseError::UnknownNumber(name.to_owned()))?;
+    let number = number.ok_or_else(|| format!("the paper prints no number with the name {name:?}"))?;
     let motor = characterised("AM 60 A")?;
     Ok(json!({ "printed": number.printed, "computed": (number.ours)(&motor) }))
 }

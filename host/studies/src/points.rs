@@ -16,7 +16,7 @@ mod chart;
 
 use crate::StudyError;
 use ::chart::{Figure, Point, colour};
-use motor_hub::braking::{self, LinearCurrent, Modulation, OperatingPoint, Points, Regime, Scheme};
+use motor_hub::braking::{self, LinearCurrent, Modulation, OperatingPoint, Points, Scheme};
 use motor_hub::model::catalogue::Motor;
 use motor_hub::regulator::Kind;
 use motor_hub::units::{Control, CountsPerSecond, Millivolts};
@@ -80,7 +80,7 @@ pub struct PlacedDrive {
 
 impl PlacedDrive {
     fn new(Modulation { regime, drive, .. }: Modulation) -> Self {
-        Self { regime: regime_name(regime), mode: drive.mode.name(), duty: drive.duty.to_f64() }
+        Self { regime: regime.name(), mode: drive.mode.name(), duty: drive.duty.to_f64() }
     }
 }
 
@@ -181,14 +181,5 @@ pub const fn regulator_name(regulator: Kind) -> &'static str {
     match regulator {
         Kind::Model => "model",
         Kind::Pid => "PID",
-    }
-}
-
-/// "forward", "braking" or "reverse".
-pub fn regime_name(regime: Regime) -> &'static str {
-    match regime {
-        Regime::Forward => "forward",
-        Regime::Braking => "braking",
-        Regime::Reverse => "reverse",
     }
 }

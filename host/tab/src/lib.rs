@@ -15,10 +15,10 @@
 //! until the first has returned.
 #![allow(unsafe_code, reason = "exported names and imported functions; no operation here is unsafe")]
 
-use dashboard::order::Order;
 use dashboard::outbox::{Texts, outbox};
 use dashboard::relay::Event;
 use dashboard::relay::Relay;
+use dashboard::requests::Order;
 use dashboard::world::World;
 use dashboard::{Place, Port};
 use motor_hub::protocol::Address;

@@ -1,6 +1,6 @@
 //! `motor-hub client coefficients`.
 
-use super::trouble::Trouble;
+use super::error::ClientError;
 use crate::output::{Failure, print, print_json, say};
 use crate::parse::channel;
 use motor_hub::protocol::motor::{Coefficients, Loop, Terms};
@@ -68,7 +68,7 @@ impl Options {
         }
     }
 
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         let of = match self.of {
             LoopName::Velocity => Loop::Velocity,
             LoopName::Position => Loop::Position,

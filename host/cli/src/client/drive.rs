@@ -1,10 +1,10 @@
 //! `motor-hub client power`, `current`, `velocity` and `position`: motors run while the command runs.
 
-use super::course::{Course, Order, Progress};
-use super::driven::Driven;
-use super::live::{Live, Reading, repeat};
-use super::trouble::Trouble;
-use super::turn::{Speed, Turn};
+use super::error::ClientError;
+use super::motion::{Motion, Progress, Setpoint};
+use super::motors_off::DrivingSession;
+use super::readings::{Live, Reading, repeat};
+use super::shaft_speed::{ShaftOptions, Speed};
 use crate::output::{Failure, print};
 use crate::parse::{channel, whole, within_a_day};
 use motor_hub::motor::ZeroPower;
@@ -36,7 +36,7 @@ struct Common {
     #[arg(long)]
     float: bool,
     #[command(flatten)]
-    turn: Turn,
+    turn: ShaftOptions,
 }
 
 #[derive(Clone)]
@@ -138,7 +138,7 @@ pub(crate) enum Drive {
 
 impl Drive {
     /// The requested motion, and the encoder counts in a turn if known.
-    pub(super) fn order(&self) -> Result<(Order, Option<f64>), Failure> {
+    pub(super) fn order(&self) -> Result<(Motion, Option<f64>), Failure> {
         let common = match self {
             Self::Power(options) => &options.common,
             Self::Current(options) => &options.common,
@@ -147,9 +147,9 @@ impl Drive {
         };
         let turn = common.turn.counts()?;
         let course = match self {
-            Self::Power(options) => Course::Power(options.value),
-            Self::Current(options) => Course::Current { ma: options.ma, speed: options.speed_limit },
-            Self::Velocity(options) => Course::Velocity(options.speed.cps(turn)?),
+            Self::Power(options) => Setpoint::Power(options.value),
+            Self::Current(options) => Setpoint::Current { ma: options.ma, speed: options.speed_limit },
+            Self::Velocity(options) => Setpoint::Velocity(options.speed.cps(turn)?),
             &Self::Position(PositionOptions { counts, tolerance, speed, .. }) => {
                 let speed = speed.cps(turn)?;
                 if speed < 1 {
@@ -158,17 +158,17 @@ impl Drive {
                         i16::MAX
                     )));
                 }
-                Course::Position { counts, tolerance, speed }
+                Setpoint::Position { counts, tolerance, speed }
             }
         };
         let zero = if common.float { ZeroPower::Float } else { ZeroPower::Brake };
-        Ok((Order { motors: common.motors.0.clone(), course, zero, length: common.length }, turn))
+        Ok((Motion { motors: common.motors.0.clone(), course, zero, length: common.length }, turn))
     }
 
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         let (order, turn) = self.order()?;
         let mut progress = Progress::new(&order, INTERVAL);
-        let settled = Driven::run(session, |driven| {
+        let settled = DrivingSession::run(session, |driven| {
             order.begin(driven)?;
             let settled = follow(driven, &order, turn, |reading| {
                 progress.observe(reading.at, &reading.bulk, reading.report.as_ref())
@@ -188,10 +188,10 @@ impl Drive {
 /// Shows the motors until `settled` returns true or the time is over; true if they have settled.
 fn follow(
     session: &mut Session<Line>,
-    order: &Order,
+    order: &Motion,
     turn: Option<f64>,
     mut settled: impl FnMut(&Reading) -> bool,
-) -> Result<bool, Trouble> {
+) -> Result<bool, ClientError> {
     let motors = &order.motors;
     let mut live = Live::new();
     let mut readings = 0u32;

@@ -1,11 +1,10 @@
 //! `motor-hub client faults`.
 
-use super::trouble::Trouble;
+use super::error::ClientError;
 use crate::output::{Failure, print, print_json};
 use crate::parse::whole;
 use motor_hub::bridge::Drive;
 use motor_hub::record::{Fault, Head, Tick};
-use motor_hub::units::Control;
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use serde_json::{Value, json};
@@ -36,7 +35,7 @@ pub(crate) struct Options {
 }
 
 impl Options {
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         let Some((run, heads)) = session.recorded()? else {
             return Err(Failure::Work("this hub keeps no record of faults".to_owned()).into());
         };
@@ -64,7 +63,7 @@ impl Options {
     }
 }
 
-fn no_ticks(number: u16, heads: &[Head]) -> Trouble {
+fn no_ticks(number: u16, heads: &[Head]) -> ClientError {
     let with: Vec<String> =
         heads.iter().filter(|head| head.ticks > 0).map(|head| head.number.to_string()).collect();
     let with = if with.is_empty() {
@@ -108,7 +107,7 @@ fn ticks(head: &Head, ticks: &[Tick]) -> String {
             if before == 0 { "last".to_owned() } else { format!("-{before}") },
             tick.position.to_string(),
             tick.velocity.to_string(),
-            format!("{:.4}", share(tick.control)),
+            format!("{:.4}", tick.control.to_f64()),
             drive(tick.drive),
         ]);
     }
@@ -127,7 +126,7 @@ fn entry_json(head: &Head, ticks: &[Tick]) -> Value {
             json!({
                 "position": tick.position,
                 "velocity": tick.velocity,
-                "control": share(tick.control),
+                "control": tick.control.to_f64(),
                 "mode": tick.drive.mode.name(),
                 "duty_percent": 100.0 * tick.drive.duty.to_f64(),
             })
@@ -165,9 +164,4 @@ fn drive(drive: Drive) -> String {
         return "open".to_owned();
     }
     format!("{} {:.1} %", drive.mode.name(), 100.0 * drive.duty.to_f64())
-}
-
-/// Control value as a share of full control, -1 to 1.
-fn share(control: Control) -> f64 {
-    f64::from(control.get()) / f64::from(Control::MAX.get())
 }

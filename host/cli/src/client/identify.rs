@@ -1,108 +1,121 @@
 //! `motor-hub client identify`.
 
 use super::drive::{INTERVAL, LINE};
-use super::driven::Driven;
+use super::error::ClientError;
 use super::interrupt;
-use super::live::Live;
-use super::trouble::Trouble;
+use super::motors_off::DrivingSession;
+use super::readings::Live;
 use crate::output::{Failure, print, print_json};
 use crate::parse::{channel, whole};
-use motor_hub::extension::settings::{Group, MotorSettings};
-use motor_hub::motor::ZeroPower;
-use motor_hub::protocol::motor::RunMode;
+use motor_hub::extension::settings::MotorSettings;
+use motor_hub::model::catalogue::{Motor, motors};
+use motor_hub::model::load::Load;
+use motor_hub::motor::Settings;
+use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified};
-use motor_hub::units::Control;
+use motor_hub::units::{Acceleration, Millivolts};
+use motor_hub_client::Session;
+use motor_hub_client::identification::{Identifying, Progress};
 use motor_hub_client::line::Line;
-use motor_hub_client::{Error, Session};
-use serde_json::json;
+use serde_json::{Value, json};
+use simulated::hardware::{BRIDGE, mechanics, winding};
 use std::time::{Duration, Instant};
-use studies::identify::{self, found_table};
+use studies::identify::{self, found_table, words};
+use studies::table;
 
-/// Longest wait for a braked motor to stand. A motor that still turns is driven by its load.
-const LONGEST_REST: Duration = Duration::from_secs(5);
+/// Text of the long help.
+pub(super) const HELP: &str = "\
+Identifies a motor with its load, compares it with the catalogue, and proposes settings, on hubs of this project
+
+Configure the motor first, for example by `setup 0 --type \"NeveRest 60\"`: the result depends on its winding. The motor must \
+stand, and be free to turn. The motion takes some 3 s. The motor is disabled at the end, on Ctrl-C, and on any error.
+
+Proposed are the identified motion, and a largest acceleration of half of what the battery gives the motor at rest. The motor \
+can reach that acceleration up to half of its free speed, so it does not lag behind its set-point. With --apply the settings \
+are in force until the hub's reset; coefficients set by a host are dropped.";
+
 /// Time-out of an identification; the slowest motor needs half of it.
 const LONGEST: Duration = Duration::from_secs(30);
+
+/// Proposed acceleration, as a share of the acceleration that the battery gives a motor at rest.
+const SHARE: f64 = 0.5;
 
 /// Motor, travel limit, and use of the result.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motor 0 to 3
     #[arg(value_parser = channel)]
-    pub(super) motor: u8,
+    motor: u8,
     /// Longest travel either way, in counts; a small limit makes the motion shorter [default: no limit]
     #[arg(long = "travel-counts", alias = "travel", value_name = "COUNTS", default_value_t = u32::MAX)]
     #[arg(hide_default_value = true, value_parser = whole("a travel", 0..=u32::MAX, "counts"))]
     travel: u32,
-    /// Applies the result until the hub's reset; coefficients set by a host are dropped
+    /// Applies the proposed settings until the hub's reset
     #[arg(long)]
-    pub(super) apply: bool,
-    /// JSON instead of a table
+    apply: bool,
+    /// JSON instead of tables
     #[arg(long)]
-    pub(super) json: bool,
+    json: bool,
 }
 
 impl Options {
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
-        let outcome = self.learned(session)?;
-        if let (Identification::Found(found), true) = (outcome, self.apply) {
-            let mut settings = session.settings(self.motor)?;
-            settings.motor.dynamics = Some(found.dynamics);
-            apply(session, self.motor, &settings)?;
-        }
-        self.show(outcome)
-    }
-
-    /// Enables the motor, identifies it, and disables it.
-    pub(super) fn learned(&self, session: &mut Session<Line>) -> Result<Identification, Trouble> {
-        Driven::run(session, |driven| {
-            driven.set_mode(self.motor, RunMode::Power, ZeroPower::Brake)?;
-            driven.set_power(self.motor, Control::ZERO)?;
-            driven.enable(self.motor)?;
-            self.learn(driven)
-        })
-    }
-
-    /// Waits until the braked motor stands. If the motor never stands, the hub refuses the identification.
-    fn rest(&self, session: &mut Session<Line>) -> Result<(), Trouble> {
-        let end = Instant::now() + LONGEST_REST;
-        let mut last = None;
-        while Instant::now() < end {
-            let place = session.bulk()?.encoders.get(usize::from(self.motor)).copied();
-            if last == place {
-                break;
-            }
-            last = place;
-            interrupt::wait(Instant::now() + INTERVAL)?;
-        }
-        Ok(())
-    }
-
-    /// Starts the identification, and follows it to its end.
-    fn learn(&self, session: &mut Session<Line>) -> Result<Identification, Trouble> {
-        self.rest(session)?;
+    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         let motor = self.motor;
-        let travel = session.identify(motor, self.travel)?;
-        // The motor rests for 0.2 s before it turns.
-        self.say(&format!("motor {motor}: turns at most {travel} counts either way, for some 3 s\n"))?;
+        let (before, battery) = (session.settings(motor)?, session.battery()?);
+        let outcome = DrivingSession::run(session, |driven| self.identify(driven))?;
+        let Identification::Found(found) = outcome else {
+            if self.json {
+                let mut document = identify::json(outcome);
+                if let Some(object) = document.as_object_mut() {
+                    object.insert("motor".into(), json!(motor));
+                    object.insert("applied".into(), json!(false));
+                }
+                print_json(&document)?;
+            }
+            return Err(Failure::Work(format!("motor {motor} was not identified: {}", words(outcome))).into());
+        };
+        let proposed = proposal(&before, &found.dynamics, battery);
+        if self.apply {
+            session.set_up(motor, &proposed)?;
+        }
+        let catalogue = catalogue_motor(&before.motor);
+        if self.json {
+            return Ok(print_json(&self.document(&found, catalogue.as_ref(), &before, &proposed))?);
+        }
+        Ok(print(&self.text(&found, catalogue.as_ref(), &before, &proposed))?)
+    }
+
+    /// Identifies the motor, and shows the progress.
+    fn identify(&self, driven: &mut DrivingSession<'_, Line>) -> Result<Identification, ClientError> {
+        let motor = self.motor;
+        let mut identifying = Identifying::begin(driven, motor, self.travel)?;
+        driven.enable(motor)?;
         let mut live = Live::new();
         let end = Instant::now() + LONGEST;
-        for look in 1u32.. {
+        let mut look = 0u32;
+        while Instant::now() < end {
+            match identifying.step(driven)? {
+                Progress::Braking => (),
+                Progress::Started(travel) => {
+                    self.say(&format!(
+                        "motor {motor}: turns at most {travel} counts either way, for some 3 s\n"
+                    ))?;
+                }
+                Progress::Turning(percent) => {
+                    let progress = format!("{percent} %\n");
+                    look += 1;
+                    if live.terminal && !self.json {
+                        live.redraw(&progress)?;
+                    } else if look.is_multiple_of(LINE) {
+                        self.say(&progress)?;
+                    }
+                }
+                Progress::Ended(outcome) => return Ok(outcome),
+            }
             interrupt::wait(Instant::now() + INTERVAL)?;
-            let Identification::Running(percent) = session.identification(motor)? else { break };
-            let progress = format!("{percent} %\n");
-            if live.terminal && !self.json {
-                live.redraw(&progress)?;
-            } else if look.is_multiple_of(LINE) {
-                self.say(&progress)?;
-            }
-            if Instant::now() > end {
-                let seconds = LONGEST.as_secs();
-                return Err(
-                    Failure::Work(format!("motor {motor} was not identified within {seconds} s")).into()
-                );
-            }
         }
-        Ok(session.identification(motor)?)
+        let seconds = LONGEST.as_secs();
+        Err(Failure::Work(format!("motor {motor} was not identified within {seconds} s")).into())
     }
 
     /// Prints a text, unless the output is JSON.
@@ -110,39 +123,105 @@ impl Options {
         if self.json { Ok(()) } else { print(text) }
     }
 
-    fn show(&self, outcome: Identification) -> Result<(), Trouble> {
-        let motor = self.motor;
-        if self.json {
-            let mut document = identify::json(outcome);
-            if let Some(object) = document.as_object_mut() {
-                let applied = self.apply && matches!(outcome, Identification::Found(_));
-                object.extend([("motor".to_owned(), json!(motor)), ("applied".to_owned(), json!(applied))]);
-            }
-            print_json(&document)?;
-        }
-        let Identification::Found(found) = outcome else {
-            let why = identify::words(outcome);
-            return Err(Failure::Work(format!("motor {motor} was not identified: {why}")).into());
+    fn text(
+        &self,
+        found: &Identified,
+        bare: Option<&(Motor, Dynamics)>,
+        before: &MotorSettings,
+        after: &MotorSettings,
+    ) -> String {
+        let beside = bare.map(|(motor, dynamics)| (motor.name, dynamics));
+        let learned = found_table(&format!("motor {}", self.motor), found, beside);
+        let load = match bare {
+            Some((motor, dynamics)) => format!(
+                "With its load it has {:.2} times the inertia of a bare {}\n",
+                inertia(dynamics, &found.dynamics),
+                motor.name
+            ),
+            None => "The catalogue has no motor with the configured constants\n".to_owned(),
         };
-        self.say(&self.found(&found))?;
-        Ok(())
+        let mut settings = table::new(&["setting", "now", "proposed"], 1);
+        for ((name, now), (_, proposed)) in rows(before).into_iter().zip(rows(after)) {
+            settings.add_row([name, &now, &proposed]);
+        }
+        let residual = f64::from(found.residual) / 10.0;
+        let end = if self.apply {
+            "Applied: until its reset the hub regulates the motor by this result"
+        } else {
+            "Not applied; --apply puts the proposed settings in force"
+        };
+        format!(
+            "{learned}\nResidual: {residual:.1} % of the changes of speed are not explained\n{load}\n{settings}\n{end}\n"
+        )
     }
 
-    fn found(&self, found: &Identified) -> String {
-        let table = found_table(&format!("motor {}", self.motor), found, None);
-        let residual = f64::from(found.residual) / 10.0;
-        let applied = if self.apply {
-            "Applied: the hub regulates the motor by this result until its reset\n"
-        } else {
-            "Not applied; --apply puts the result in force\n"
-        };
-        format!("{table}\nResidual: {residual:.1} % of the changes of speed are not explained\n{applied}")
+    fn document(
+        &self,
+        found: &Identified,
+        bare: Option<&(Motor, Dynamics)>,
+        before: &MotorSettings,
+        after: &MotorSettings,
+    ) -> Value {
+        let mut document = identify::json(Identification::Found(*found));
+        if let Some(object) = document.as_object_mut() {
+            object.insert("motor".into(), json!(self.motor));
+            object.insert("catalogue".into(), json!(bare.map(|(motor, _)| motor.name)));
+            let times = bare.map(|(_, dynamics)| inertia(dynamics, &found.dynamics));
+            object.insert("inertia_to_bare_motor".into(), json!(times));
+            object.insert("now".into(), motion_json(before));
+            object.insert("proposed".into(), motion_json(after));
+            object.insert("applied".into(), json!(self.apply));
+        }
+        document
     }
 }
 
-/// Sets the motion of these settings. Coefficients of a host would override the model, so the set-up is sent too, which deletes
-/// them.
-pub(super) fn apply(session: &mut Session<Line>, motor: u8, settings: &MotorSettings) -> Result<(), Error> {
-    session.set(motor, Group::SetUp, settings)?;
-    session.set(motor, Group::Motion, settings)
+/// The settings proposed for a motor with these dynamics.
+fn proposal(before: &MotorSettings, dynamics: &Dynamics, battery: Millivolts) -> MotorSettings {
+    let volts = f64::from(battery.get().saturating_sub(dynamics.friction.get())) / 1e3;
+    let limit = SHARE * volts * f64::from(dynamics.gain.to_f32());
+    let acceleration = Acceleration::new(limit.round().max(1.0) as u32).ok();
+    let motor = Settings { dynamics: Some(*dynamics), acceleration, ..before.motor };
+    MotorSettings { motor, ..*before }
+}
+
+/// The configured motor of the catalogue, and its dynamics without a load.
+fn catalogue_motor(settings: &Settings) -> Option<(Motor, Dynamics)> {
+    let (motor, winding) = motors().find_map(|motor| {
+        let winding = winding(&motor).ok()?;
+        (winding == settings.winding).then_some((motor, winding))
+    })?;
+    let bare = motor.with_measured_rotor_inertia();
+    Some((motor, Dynamics::from_mechanics(&winding, &BRIDGE, &mechanics(&bare, &Load::NONE)).ok()?))
+}
+
+/// Inertia with load, divided by the inertia of the bare motor: the inverse ratio of their accelerations per volt.
+fn inertia(bare: &Dynamics, found: &Dynamics) -> f64 {
+    f64::from(bare.gain.to_f32()) / f64::from(found.gain.to_f32())
+}
+
+/// A motion as rows of a table.
+pub(super) fn rows(of: &MotorSettings) -> [(&'static str, String); 4] {
+    let known = |value: Option<String>| value.unwrap_or_else(|| "not configured".to_owned());
+    let Settings { dynamics, acceleration, .. } = of.motor;
+    [
+        ("acceleration per volt, counts/s²/V", known(dynamics.map(|d| format!("{:.1}", d.gain.to_f32())))),
+        ("decay, 1/s", known(dynamics.map(|d| format!("{:.3}", d.decay.to_f32())))),
+        ("friction, V", known(dynamics.map(|d| format!("{:.3}", f64::from(d.friction.get()) / 1e3)))),
+        (
+            "largest acceleration, counts/s²",
+            acceleration.map_or_else(|| "no limit".to_owned(), |limit| limit.get().to_string()),
+        ),
+    ]
+}
+
+/// A motion as JSON.
+pub(super) fn motion_json(of: &MotorSettings) -> Value {
+    let Settings { dynamics, acceleration, .. } = of.motor;
+    json!({
+        "acceleration_per_volt": dynamics.map(|d| d.gain.to_f32()),
+        "decay_per_s": dynamics.map(|d| d.decay.to_f32()),
+        "friction_v": dynamics.map(|d| f64::from(d.friction.get()) / 1e3),
+        "acceleration_cps2": acceleration.map(Acceleration::get),
+    })
 }

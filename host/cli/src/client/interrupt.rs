@@ -1,8 +1,8 @@
 //! Signals that end a command which drives motors: Ctrl-C, SIGTERM, SIGQUIT, a closed terminal, Ctrl-Z. The command ends as
 //! after any error: it disables the motors that it has enabled. Further signals do not interrupt that.
 //!
-//! Ctrl-Z would suspend the command: its motors would turn until the hub's keep-alive has ended, and a command that
-//! continues later would drive motors that nobody expects to turn.
+//! Ctrl-Z would suspend the command: its motors would turn until the hub's keep-alive has ended, and turn again when the
+//! command continues.
 
 use crate::output::Failure;
 #[cfg(unix)]

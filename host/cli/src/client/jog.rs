@@ -4,12 +4,12 @@ mod keys;
 #[cfg(unix)]
 mod terminal;
 
-use super::course::warn_of;
 use super::drive::{ALL, power};
-use super::driven::{Driven, tell};
+use super::error::ClientError;
 use super::interrupt;
-use super::live::{Live, motors_of};
-use super::trouble::Trouble;
+use super::motion::warn_of;
+use super::motors_off::{DrivingSession, tell};
+use super::readings::{Live, motors_of};
 use crate::output::{Failure, print};
 use crate::parse::whole;
 use keys::{Jog, Key};
@@ -67,10 +67,10 @@ fn hold(text: &str) -> Result<Duration, String> {
 const LOOK: Duration = Duration::from_millis(50);
 
 impl Options {
-    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         let level = self.power.map_or(self.speed, Control::get);
         let mut jog = Jog::new(level, self.hold);
-        let stopped = Driven::run(session, |driven| {
+        let stopped = DrivingSession::run(session, |driven| {
             if self.power.is_none() {
                 let speed = u32::from(self.speed.unsigned_abs());
                 warn_of(driven, &ALL.map(|motor| (motor, speed)))?;
@@ -86,10 +86,10 @@ impl Options {
 
     fn follow(
         &self,
-        driven: &mut Driven<'_, Line>,
+        driven: &mut DrivingSession<'_, Line>,
         jog: &mut Jog,
         keys: &Receiver<Vec<u8>>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), ClientError> {
         let mut sent = [None; ALL.len()];
         let mut live = Live::new();
         loop {
@@ -127,7 +127,7 @@ impl Options {
     /// Sends a motor its new level, or disables it if `wanted` is `None`.
     fn send(
         &self,
-        driven: &mut Driven<'_, Line>,
+        driven: &mut DrivingSession<'_, Line>,
         motor: u8,
         before: Option<i16>,
         wanted: Option<i16>,

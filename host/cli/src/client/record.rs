@@ -1,11 +1,11 @@
 //! `motor-hub client record`: drives motors and records the hub's values.
 
-use super::course::{Course, Order, Progress};
 use super::drive::Drive;
-use super::driven::Driven;
+use super::error::ClientError;
 use super::interrupt;
-use super::live::motors_of;
-use super::trouble::Trouble;
+use super::motion::{Motion, Progress, Setpoint};
+use super::motors_off::DrivingSession;
+use super::readings::motors_of;
 use crate::output::{Failure, Folder, drawn, print};
 use crate::parse::{whole, with_negative_numbers};
 use clap::{CommandFactory, FromArgMatches};
@@ -55,7 +55,7 @@ struct Recorded {
 
 impl Options {
     /// The drive to record.
-    fn order(&self) -> Result<Order, Failure> {
+    fn order(&self) -> Result<Motion, Failure> {
         let mut command = with_negative_numbers(Recorded::command());
         let parsed = command.try_get_matches_from_mut(&self.drive);
         let parsed = parsed.and_then(|mut matches| Recorded::from_arg_matches_mut(&mut matches));
@@ -76,13 +76,13 @@ impl Options {
         Folder::new(&self.out).map(drop)
     }
 
-    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         let order = self.order()?;
         let mut progress = Progress::new(&order, Duration::from_secs(1) / self.rate);
         let words = format!("motor-hub client record -- {}", self.drive.join(" "));
         let mut recorder = Recorder::new(&self.out, &words, &order)?;
         let interval = Duration::from_secs(1) / self.rate;
-        let done = Driven::run(session, |driven| {
+        let done = DrivingSession::run(session, |driven| {
             order.begin(driven)?;
             if !recorder.run(driven, &order, &mut progress, interval)? {
                 progress.judge(order.length)?;
@@ -106,17 +106,17 @@ struct Recorder {
 }
 
 impl Recorder {
-    fn new(folder: &Path, words: &str, order: &Order) -> Result<Self, Failure> {
+    fn new(folder: &Path, words: &str, order: &Motion) -> Result<Self, Failure> {
         let path = folder.join("record.csv");
         let failed = |e| Failure::Work(format!("{}: {e}", path.display()));
         std::fs::create_dir_all(folder).map_err(failed)?;
         let mut file = File::create(&path).map_err(failed)?;
         file.write_all(HEADINGS.as_bytes()).map_err(failed)?;
         let requested = match order.course {
-            Course::Power(power) => Target::Power(power.get()),
-            Course::Current { ma, .. } => Target::Current(ma),
-            Course::Velocity(cps) => Target::Velocity(cps),
-            Course::Position { counts, .. } => Target::Position(counts),
+            Setpoint::Power(power) => Target::Power(power.get()),
+            Setpoint::Current { ma, .. } => Target::Current(ma),
+            Setpoint::Velocity(cps) => Target::Velocity(cps),
+            Setpoint::Position { counts, .. } => Target::Position(counts),
         };
         Ok(Self {
             path,
@@ -133,10 +133,10 @@ impl Recorder {
     fn run(
         &mut self,
         session: &mut Session<Line>,
-        order: &Order,
+        order: &Motion,
         progress: &mut Progress,
         interval: Duration,
-    ) -> Result<bool, Trouble> {
+    ) -> Result<bool, ClientError> {
         let since = Instant::now();
         let end = order.length.map(|length| since + length);
         let (mut next, mut checked) = (since, since);
@@ -162,10 +162,10 @@ impl Recorder {
     fn read(
         &mut self,
         session: &mut Session<Line>,
-        order: &Order,
+        order: &Motion,
         since: Instant,
         progress: &mut Progress,
-    ) -> Result<bool, Trouble> {
+    ) -> Result<bool, ClientError> {
         let report = session.report()?;
         let bulk = match &report {
             Some(report) => bulk_of(report),

@@ -1,9 +1,9 @@
 //! `motor-hub client scan`: finds hubs.
 
-use super::driven::stop_abandoned;
+use super::motors_off::stop_abandoned;
 use super::ports;
 use crate::output::{Failure, print, print_json, say};
-use crate::served::{self, Served};
+use crate::served_hubs::{self, ServedHub};
 use clap::builder::NonEmptyStringValueParser;
 use motor_hub::protocol::Address;
 use motor_hub_client::line::{Line, is_tcp};
@@ -76,11 +76,11 @@ impl Options {
         if !self.only {
             places.extend(ports::all()?.into_iter().map(|port| port.path.into()));
         }
-        let served = served::all().unwrap_or_else(|error| {
+        let served = served_hubs::all().unwrap_or_else(|error| {
             say(&format!("note: served hubs of this machine cannot be listed: {error}"));
             Vec::new()
         });
-        for Served { place: name, taken } in served {
+        for ServedHub { place: name, taken } in served {
             match places.iter_mut().find(|place| is_same(&place.name, &name)) {
                 Some(place) => place.served = Some(taken),
                 None => places.push(Place { name, served: Some(taken) }),

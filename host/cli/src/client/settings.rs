@@ -1,6 +1,6 @@
 //! `motor-hub client settings`.
 
-use super::trouble::Trouble;
+use super::error::ClientError;
 use crate::output::{Failure, print, print_json};
 use dashboard::settings_file;
 use motor_hub::extension::HubFunction;
@@ -19,7 +19,7 @@ use studies::table;
 pub(super) const HELP: &str = "\
 Shows, saves, loads, resets, exports or imports the stored settings of a hub of this project
 
-Other commands (setup, coefficients, identify --apply, tune --apply, settings import) change settings until the next reset; \
+Other commands (setup, coefficients, identify --apply, settings import) change settings until the next reset; \
 `save` stores them permanently.
 
 Stored for each motor: set-up, motion, protection, current limit, bridge timing, mode, current alert, and coefficients that a host has set. \
@@ -72,7 +72,7 @@ impl Options {
         }
     }
 
-    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         let done = match self.command {
             Command::Show { json } => return show(&session.stored()?, json),
             Command::Save => saved(session)?,
@@ -106,7 +106,7 @@ impl Options {
     }
 }
 
-fn saved(session: &mut Session<Line>) -> Result<String, Trouble> {
+fn saved(session: &mut Session<Line>) -> Result<String, ClientError> {
     let report = session.store(HubFunction::Save)?;
     ended(&report)?;
     Ok(format!("stored: {}", describe(&report)))
@@ -162,7 +162,7 @@ fn describe(report: &StoreReport) -> String {
     }
 }
 
-fn show(report: &StoreReport, json: bool) -> Result<(), Trouble> {
+fn show(report: &StoreReport, json: bool) -> Result<(), ClientError> {
     let StoreReport { stored, version, number, at_work, outcome, differs, unknown, refused, .. } = *report;
     if json {
         let stored = match stored {

@@ -1,11 +1,11 @@
 //! `motor-hub client setup`.
 
-use super::trouble::Trouble;
-use super::tune;
-use crate::choice::Choice;
+use super::error::ClientError;
+use super::identify;
 use crate::constants::Constants;
 use crate::output::{Failure, print, print_json};
 use crate::parse::channel;
+use crate::scheme_options::SchemeOptions;
 use motor_hub::bridge::Timing;
 use motor_hub::extension::report::Condition;
 use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values};
@@ -31,7 +31,7 @@ pub(crate) struct Options {
     #[command(flatten)]
     constants: Constants,
     #[command(flatten)]
-    choice: Choice,
+    choice: SchemeOptions,
     /// Behaviour of the motor at a fault, and when its host is silent
     #[arg(long, value_name = "WORD", ignore_case = true, value_parser = words("on_fault"))]
     on_fault: Option<String>,
@@ -95,7 +95,7 @@ impl Options {
         self.constants.emf().map(drop)
     }
 
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         let before = session.settings(self.motor)?;
         // All settings are checked before the first one is written.
         let wanted = self.changed(&before)?;
@@ -147,7 +147,7 @@ impl Options {
         Ok(settings)
     }
 
-    fn show(&self, settings: &MotorSettings, condition: Condition) -> Result<(), Trouble> {
+    fn show(&self, settings: &MotorSettings, condition: Condition) -> Result<(), ClientError> {
         let field = |name: &str| Field::named(name).map(|field| (field, field.get(settings)));
         let number = |name: &str| field(name).map_or(0.0, |(field, raw)| field.number_of(raw));
         let word = |name: &str| field(name).and_then(|(field, raw)| field.word_of(raw)).unwrap_or_default();
@@ -190,7 +190,7 @@ impl Options {
                 "current_line": line_word(condition.sense_line),
                 "continuous_current_a": amperes,
                 "current_limit_a": limit,
-                "motion": tune::motion_json(settings),
+                "motion": identify::motion_json(settings),
             });
             return Ok(print_json(&document)?);
         }
@@ -217,7 +217,7 @@ impl Options {
                 &amperes.map_or_else(|| "no limit".to_owned(), |a| format!("{a:.3} A")),
             ])
             .add_row(["current limit", &limit.map_or_else(|| "none".to_owned(), |a| format!("{a:.3} A"))]);
-        for (name, value) in tune::rows(settings) {
+        for (name, value) in identify::rows(settings) {
             table.add_row([name, &value]);
         }
         Ok(print(&format!("{table}\n"))?)

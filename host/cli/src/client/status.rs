@@ -1,7 +1,7 @@
 //! `motor-hub client status`.
 
-use super::live::alert_words;
-use super::trouble::Trouble;
+use super::error::ClientError;
+use super::readings::alert_words;
 use crate::output::{print, print_json};
 use motor_hub::extension::report::BusReport;
 use motor_hub::extension::report::Condition;
@@ -10,7 +10,7 @@ use motor_hub::protocol::answers::{Bulk, Status};
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::protocol::{CHANNELS, Colour, Nack};
 use motor_hub::supply::BusState;
-use motor_hub::units::{Control, Millivolts};
+use motor_hub::units::Millivolts;
 use motor_hub_client::line::Line;
 use motor_hub_client::motor::MotorState;
 use motor_hub_client::{Error, Session};
@@ -47,7 +47,7 @@ struct Everything {
 }
 
 impl Options {
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         let hub = Everything::read(session, self.clear)?;
         let printed = if self.json { print_json(&hub.json()) } else { print(&hub.text()) };
         Ok(printed?)
@@ -108,7 +108,7 @@ impl Everything {
                 mode(channel.mode).to_owned(),
                 zero_behaviour(channel.zero_power).to_owned(),
                 yes(channel.enabled),
-                format!("{:.4}", share(channel.power)),
+                format!("{:.4}", channel.power.to_f64()),
                 channel.velocity.to_string(),
                 format!("{} ±{}", channel.position.counts, channel.position.tolerance),
                 encoder.to_string(),
@@ -136,7 +136,7 @@ impl Everything {
                     "mode": mode(channel.mode),
                     "zero_behaviour": zero_behaviour(channel.zero_power),
                     "enabled": channel.enabled,
-                    "power": share(channel.power),
+                    "power": channel.power.to_f64(),
                     "target_velocity": channel.velocity,
                     "target_position": channel.position.counts,
                     "tolerance": channel.position.tolerance,
@@ -253,9 +253,4 @@ const fn zero_behaviour(zero_power: ZeroPower) -> &'static str {
 
 fn yes(yes: bool) -> String {
     if yes { "yes" } else { "no" }.to_owned()
-}
-
-/// Power as a share of full power, -1 to 1.
-fn share(power: Control) -> f64 {
-    f64::from(power.get()) / f64::from(Control::MAX.get())
 }

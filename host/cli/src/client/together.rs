@@ -1,10 +1,10 @@
 //! `motor-hub client together`: moves motors in step.
 
-use super::course::warn_of;
 use super::drive;
-use super::driven::Driven;
-use super::live::{Live, Reading, repeat};
-use super::trouble::Trouble;
+use super::error::ClientError;
+use super::motion::warn_of;
+use super::motors_off::DrivingSession;
+use super::readings::{Live, Reading, repeat};
 use crate::output::{Failure, print};
 use crate::parse::{channel, whole, within_a_day};
 use motor_hub::extension::group::{GroupCourse, GroupState};
@@ -72,10 +72,10 @@ impl Options {
         self.values().map(drop)
     }
 
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         let values = self.values()?;
         let motors: Vec<u8> = drive::ALL.into_iter().zip(values).filter_map(|(m, v)| v.map(|_| m)).collect();
-        let settled = Driven::run(session, |driven| {
+        let settled = DrivingSession::run(session, |driven| {
             if self.on {
                 let speeds = drive::ALL.into_iter().zip(values);
                 let speeds = speeds.filter_map(|(motor, cps)| Some((motor, cps?.unsigned_abs())));
@@ -117,7 +117,7 @@ impl Options {
         &self,
         session: &mut Session<Line>,
         values: [Option<i32>; CHANNELS],
-    ) -> Result<GroupCommand<GroupCourse>, Trouble> {
+    ) -> Result<GroupCommand<GroupCourse>, ClientError> {
         let mut speed = CountsPerSecond::new(self.speed);
         let course = if self.on {
             let fastest = values.iter().flatten().map(|cps| cps.abs()).max();
@@ -148,7 +148,7 @@ impl Options {
         session: &mut Session<Line>,
         motors: &[u8],
         wanted: GroupCommand<GroupCourse>,
-    ) -> Result<bool, Trouble> {
+    ) -> Result<bool, ClientError> {
         let Some(&first) = motors.first() else { return Ok(false) };
         session.move_together(first, wanted)?;
         let (mut live, mut readings) = (Live::new(), 0u32);
@@ -171,7 +171,7 @@ impl Options {
 }
 
 /// Enables motors with power 0, so that they brake.
-fn stand(driven: &mut Driven<'_, Line>, motors: &[u8]) -> Result<(), Trouble> {
+fn stand(driven: &mut DrivingSession<'_, Line>, motors: &[u8]) -> Result<(), ClientError> {
     for &motor in motors {
         driven.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
         driven.set_power(motor, Control::ZERO)?;

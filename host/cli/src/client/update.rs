@@ -1,10 +1,10 @@
 //! `motor-hub client update`.
 
 mod image;
-mod seal;
+mod signature;
 
+use super::error::ClientError;
 use super::interrupt;
-use super::trouble::Trouble;
 use crate::output::{Failure, print, progress};
 use image::Image;
 use indicatif::ProgressBar;
@@ -78,11 +78,11 @@ impl Options {
                 "{file} is an ELF file, but a signature needs raw bytes: make them by llvm-objcopy -O binary, then sign and send them"
             )));
         }
-        let seal = seal::open(signature, key).map_err(Failure::Input)?;
+        let seal = signature::open(signature, key).map_err(Failure::Input)?;
         Ok((image, Some(seal)))
     }
 
-    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         let (image, seal) = self.read()?;
         let report = session.update_state().map_err(no_bootloader)?;
         fits(&image, &report)?;
@@ -122,7 +122,7 @@ impl Options {
 }
 
 /// Message for a hub that does not support updates.
-fn no_bootloader(error: Error) -> Trouble {
+fn no_bootloader(error: Error) -> ClientError {
     match error {
         Error::Refused { reason: Nack::UNSUPPORTED | Nack::UNKNOWN, .. } | Error::TooOld { .. } => {
             Failure::work("the hub has no bootloader: flash new firmware through its debug probe").into()
@@ -154,13 +154,13 @@ fn fits(image: &Image, report: &UpdateReport) -> Result<(), Failure> {
     Ok(())
 }
 
-fn send(session: &mut Session<Line>, image: &Image, seal: Option<Seal>) -> Result<(), Trouble> {
+fn send(session: &mut Session<Line>, image: &Image, seal: Option<Seal>) -> Result<(), ClientError> {
     // After a signal the transfer is abandoned, so that the hub does not wait for the rest.
     interrupt::listen()?;
     let bar = progress(Some(image.bytes.len() as u64), "bytes");
     let report = session.send_image(&image.bytes, &image.version, seal, |sent| {
         bar.set_position(sent as u64);
-        interrupt::wait(Instant::now()).map_err(Trouble::from)
+        interrupt::wait(Instant::now()).map_err(ClientError::from)
     });
     bar.finish_and_clear();
     let report = report?;
@@ -175,7 +175,7 @@ fn send(session: &mut Session<Line>, image: &Image, seal: Option<Seal>) -> Resul
 }
 
 /// Waits until the hub answers again, and has confirmed the new firmware or returned to the former one.
-fn returned(session: &mut Session<Line>) -> Result<UpdateReport, Trouble> {
+fn returned(session: &mut Session<Line>) -> Result<UpdateReport, ClientError> {
     let (begun, mut answered) = (Instant::now(), None);
     let bar = ProgressBar::new_spinner().with_message("the hub swaps its firmware");
     loop {

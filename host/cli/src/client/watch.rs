@@ -1,10 +1,10 @@
 //! `motor-hub client watch`.
 
 use super::drive;
-use super::driven::stop_abandoned;
-use super::live::{Live, repeat};
-use super::trouble::Trouble;
-use super::turn::Turn;
+use super::error::ClientError;
+use super::motors_off::stop_abandoned;
+use super::readings::{Live, repeat};
+use super::shaft_speed::ShaftOptions;
 use crate::output::{print, versioned};
 use crate::parse::{whole, within_a_day};
 use motor_hub_client::Session;
@@ -28,11 +28,11 @@ pub(crate) struct Options {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    turn: Turn,
+    turn: ShaftOptions,
 }
 
 impl Options {
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         let turn = self.turn.counts()?;
         let mut live = Live::new();
         let interval = Duration::from_millis(self.interval);

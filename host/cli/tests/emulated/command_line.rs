@@ -1,4 +1,4 @@
-//! Commands about images, as somebody starts them.
+//! Commands about images, run as a program.
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use crate::common::{folder, motor_hub};

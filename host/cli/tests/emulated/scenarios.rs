@@ -1,5 +1,5 @@
-//! The scenarios in `tests/scenarios` that say `emulated = true`, run by the flashed image on the emulated
-//! chip, are as they expect: on the board that `MOTOR_HUB_BOARD` names, or the first.
+//! Runs the scenarios in `tests/scenarios` with `emulated = true` by the flashed image on the emulated chip, and checks
+//! their expectations. The board is that of `MOTOR_HUB_BOARD`, or the first.
 
 use crate::scenario_files;
 use emulated::{Board, replay};

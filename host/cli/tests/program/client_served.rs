@@ -29,7 +29,15 @@ fn a_motor_is_identified_and_what_was_found_is_put_in_force() {
     // Coefficients set by a host would override the model.
     out(&client(&hub, &["coefficients", "0", "velocity", "--p", "1"]).output().unwrap());
     let shown = out(&client(&hub, &["identify", "0", "--apply"]).output().unwrap());
-    for says in ["turns at most", " %\n", "acceleration per volt, b", "decay, q", "q / b", "friction, c"] {
+    for says in [
+        "turns at most",
+        " %\n",
+        "acceleration per",
+        "decay, q",
+        "back EMF and drag",
+        "friction, c",
+        "NeveRest 20",
+    ] {
         assert!(shown.contains(says), "{says}: {shown}");
     }
     assert!(shown.contains("regulates the motor by this result"), "{shown}");

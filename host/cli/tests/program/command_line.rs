@@ -89,7 +89,7 @@ fn proportional_braking_slows_down_more_gently_than_none() {
     };
     for motor in ["flywheel", "winch", "arm"] {
         let (with, without) = both(motor, "/deceleration_jerk/rms_a");
-        // The flywheel is as fast either way: with all that the battery has, and no hunting afterwards.
+        // The flywheel is as fast in both directions: at full battery voltage, without oscillation afterwards.
         let most = if motor == "flywheel" { 1.05 * without } else { without };
         assert!(with < most, "{motor}: {with} A is not gentler than {without} A");
         let (braking, none) = both(motor, "/regimes/braking");

@@ -202,7 +202,7 @@ fn a_file_in_a_hidden_tab_sends_nothing_and_the_hub_disables_its_motors() {
         let number = tab.ask("dashboard.state.frame.number");
         std::thread::sleep(KEEP_ALIVE + Duration::from_millis(500));
         assert_eq!(tab.ask("dashboard.state.frame.number"), number, "frames of a hidden page");
-        // The page that is seen again reads the hub: the motor is off, and the page must take control anew.
+        // The page is visible again and reads the hub: the motor is off, and the page must take control again.
         tab.call("Page.bringToFront", serde_json::json!({}));
         tab.wait(&format!("{} === false", motor(0, "enabled")));
         tab.wait("document.querySelector('#take').checkVisibility()");

@@ -1,4 +1,4 @@
-//! The program motor-hub, as somebody starts it. One program of tests, for most of them wait: for motors to turn, in real
+//! The program motor-hub, run with arguments. One program of tests, for most of them wait: for motors to turn, in real
 //! time, side by side.
 
 mod browser;

@@ -290,7 +290,7 @@ fn a_store_that_a_full_disk_has_cut_short_is_completed_later() {
     let whole = Command::new(PROGRAM).args(arguments).output().unwrap();
     assert!(whole.status.success(), "{}", String::from_utf8_lossy(&whole.stderr));
     assert_eq!(std::fs::read(&store).unwrap(), [0xFF; 32 * 1024]);
-    // Anything else of that length is somebody's.
+    // A file of this length with other bytes is not a store.
     std::fs::write(&store, [0x00; 8192]).unwrap();
     let refused = Command::new(PROGRAM).args(arguments).output().unwrap();
     assert!(String::from_utf8(refused.stderr).unwrap().contains("not a store"));

@@ -26,13 +26,13 @@ impl<'a> Case<'a> {
     }
 
     pub(super) fn formula(&self) -> Result<&'a str, CaseError> {
-        self.case.get("formula").and_then(Value::as_str).ok_or(CaseError::NoFormula)
+        Ok(self.case.get("formula").and_then(Value::as_str).ok_or("the case has no formula")?)
     }
 
     fn input(&self, key: &str) -> Result<&'a Value, CaseError> {
-        let inputs = self.case.get("inputs").ok_or(CaseError::NoInputs)?;
+        let inputs = self.case.get("inputs").ok_or("the case has no inputs")?;
         self.read.borrow_mut().insert(key.to_owned());
-        inputs.get(key).ok_or_else(|| CaseError::Missing(key.to_owned()))
+        Ok(inputs.get(key).ok_or_else(|| format!("input {key} is missing"))?)
     }
 
     /// Fails if there are inputs that the formula does not read.
@@ -40,17 +40,18 @@ impl<'a> Case<'a> {
         let inputs = self.case.get("inputs").and_then(Value::as_object);
         let read = self.read.borrow();
         let unread = |key: &&String| !read.contains(*key) && !REMARKS.contains(&key.as_str());
-        let unknown: Vec<String> =
-            inputs.into_iter().flat_map(|all| all.keys()).filter(unread).cloned().collect();
+        let unknown: Vec<&str> =
+            inputs.into_iter().flat_map(|all| all.keys()).filter(unread).map(String::as_str).collect();
         if unknown.is_empty() {
             return Ok(());
         }
-        Err(CaseError::Unknown { unknown, read: read.iter().cloned().collect() })
+        let read: Vec<&str> = read.iter().map(String::as_str).collect();
+        Err(format!("unknown input {}; this formula reads {}", unknown.join(", "), read.join(", ")).into())
     }
 
     /// A number; JSON has only finite ones.
     pub(super) fn number(&self, key: &str) -> Result<f64, CaseError> {
-        self.input(key)?.as_f64().ok_or_else(|| kind(key, "a number"))
+        Ok(self.input(key)?.as_f64().ok_or_else(|| format!("input {key} must be a number"))?)
     }
 
     /// A number above 0.
@@ -62,7 +63,7 @@ impl<'a> Case<'a> {
     pub(super) fn not_negative(&self, key: &str) -> Result<f64, CaseError> {
         match self.number(key)? {
             value if value >= 0.0 => Ok(value),
-            value => Err(CaseError::Negative { key: key.to_owned(), value }),
+            value => Err(format!("input {key} = {value} must not be negative").into()),
         }
     }
 
@@ -72,12 +73,12 @@ impl<'a> Case<'a> {
         if value.fract() == 0.0 && (low as f64..=high as f64).contains(&value) {
             Ok(value as i64)
         } else {
-            Err(CaseError::NotWhole { key: key.to_owned(), value, low, high })
+            Err(format!("input {key} = {value} must be a whole number from {low} to {high}").into())
         }
     }
 
     pub(super) fn text(&self, key: &str) -> Result<&'a str, CaseError> {
-        self.input(key)?.as_str().ok_or_else(|| kind(key, "a text"))
+        Ok(self.input(key)?.as_str().ok_or_else(|| format!("input {key} must be a text"))?)
     }
 
     /// True if there is such an input.
@@ -89,11 +90,8 @@ impl<'a> Case<'a> {
     pub(super) fn mode(&self) -> Result<Mode, CaseError> {
         let name = self.text("mode")?;
         let known = [Mode::Cw98, Mode::Ccw62, Mode::Brake50];
-        known.into_iter().find(|mode| mode.name() == name).ok_or_else(|| CaseError::Word {
-            key: "mode",
-            given: name.to_owned(),
-            allowed: "9/8, 6/2 or 5/0",
-        })
+        let mode = known.into_iter().find(|mode| mode.name() == name);
+        Ok(mode.ok_or_else(|| format!("input mode = {name:?} must be 9/8, 6/2 or 5/0"))?)
     }
 
     /// Constants of the motor that the inputs name: the document's, else the catalogue's. Without a name the inputs
@@ -112,7 +110,9 @@ impl<'a> Case<'a> {
         let constant = |key: &str| if named { constants.get(key) } else { self.input(key).ok() };
         let number = |key: &str| {
             let value = constant(key).and_then(Value::as_f64);
-            value.ok_or_else(|| CaseError::MotorConstant(key.to_owned()))
+            value.ok_or_else(|| {
+                CaseError::Input(format!("motor constant {key} is missing, or is not a number"))
+            })
         };
         let positive = |key: &str| number(key).and_then(|value| above_zero(value, key));
         // A bare motor needs no gearbox and, if nothing changes with time, no inertia.
@@ -137,7 +137,9 @@ impl<'a> Case<'a> {
 
     /// The values of a table's first column: from the inputs, else from the case's own outputs, else `None`.
     pub(super) fn column(&self, key: &str) -> Result<Option<Vec<f64>>, CaseError> {
-        let numbers = |values: Option<Vec<f64>>| values.ok_or_else(|| CaseError::NotNumbers(key.to_owned()));
+        let numbers = |values: Option<Vec<f64>>| {
+            values.ok_or_else(|| CaseError::Input(format!("{key} must be a list of numbers")))
+        };
         if let Ok(given) = self.input(key) {
             let list = given.as_array().map(|list| list.iter().map(Value::as_f64).collect());
             return numbers(list.flatten()).map(Some);
@@ -158,9 +160,5 @@ pub(super) fn table(
 }
 
 fn above_zero(value: f64, key: &str) -> Result<f64, CaseError> {
-    if value > 0.0 { Ok(value) } else { Err(CaseError::NotPositive { key: key.to_owned(), value }) }
-}
-
-fn kind(key: &str, kind: &'static str) -> CaseError {
-    CaseError::Kind { key: key.to_owned(), kind }
+    if value > 0.0 { Ok(value) } else { Err(format!("{key} = {value} must be above 0").into()) }
 }

@@ -28,6 +28,8 @@ const OVERRUN_MV: i32 = 20_000;
 
 const Q20: f64 = (1 << 20) as f64;
 const LARGEST_CONTROL: i64 = Control::MAX.get() as i64;
+/// Message for a battery that the firmware cannot represent.
+const BATTERY: &str = "input Vbat must be 0.001 to 65.535 V";
 const LARGEST_CPS: i64 = 8_388_607;
 
 /// The controls of a table of counter-clockwise motion that names none.
@@ -40,7 +42,7 @@ const CONTROLS: [f64; 12] =
 /// What one of the sixteen switch patterns does.
 pub(super) fn bridge_state(case: &Case) -> Result<Value, CaseError> {
     let number = case.whole("state", 0, 15)? as u8;
-    let pattern = SwitchPattern::new(number).ok_or_else(|| CaseError::Missing("state".to_owned()))?;
+    let pattern = SwitchPattern::new(number).ok_or("a state is 0 to 15")?;
     let effect = |emf_mv| pattern.effect(emf_mv, BATTERY_MV, DIODE_MV).name();
     let mut outputs = json!({
         "bits": pattern.switches().map(u8::from),
@@ -119,7 +121,7 @@ pub(super) fn example_duty(case: &Case) -> Result<Value, CaseError> {
     let abscissa = |key| case.whole(key, -(1 << 40), 1 << 40).map(|steps| Abscissa::from_bits(steps << 8));
     let points = Points { s: abscissa("S")?, t: abscissa("T")?, z: abscissa("Z")?, g: abscissa("G")? };
     if !(points.s < points.t && points.t <= points.z && points.z < points.g) {
-        return Err(CaseError::Points);
+        return Err("the points must ascend: S < T <= Z < G".into());
     }
     let Location { regime, fraction } = points.locate(control(case.number("control")?)?);
     Ok(json!({ "regime": name(regime), "duty": fraction.to_f64() }))
@@ -134,7 +136,7 @@ pub(super) fn regime_duty(case: &Case) -> Result<Value, CaseError> {
 
     let battery = (case.positive("Vbat")? * 1e3).round();
     if !(1.0..=f64::from(u16::MAX)).contains(&battery) {
-        return Err(CaseError::Battery);
+        return Err(BATTERY.into());
     }
     let emf_mv = 1e3 * case.positive("Ke")? * case.number("Omega")?;
     let speed = CountsPerSecond::saturating_from_bits((emf_mv * FINEST * 256.0).round() as i64);
@@ -200,14 +202,14 @@ fn constant(bits: f64) -> Result<EmfConstant, CaseError> {
 }
 
 fn operating_point(emf: motor_hub::units::Emf, battery_mv: u16) -> Result<OperatingPoint, CaseError> {
-    OperatingPoint::new(emf, Millivolts::new(battery_mv)).ok_or(CaseError::Battery)
+    Ok(OperatingPoint::new(emf, Millivolts::new(battery_mv)).ok_or(BATTERY)?)
 }
 
 fn control(value: f64) -> Result<Control, CaseError> {
     if value.fract() == 0.0 && value.abs() <= LARGEST_CONTROL as f64 {
         Ok(Control::new(value as i16))
     } else {
-        Err(CaseError::Control(value))
+        Err(format!("control {value} must be a whole number from -32767 to 32767").into())
     }
 }
 

@@ -29,8 +29,7 @@ pub(super) fn scheme_points(case: &Case) -> Result<Value, CaseError> {
         SchemeName::C => Scheme::C,
         SchemeName::D => Scheme::D { blend: case.number("blend")? },
         SchemeName::None => {
-            let (given, allowed) = (name.to_owned(), "A, B, C or D");
-            return Err(CaseError::Word { key: "scheme", given, allowed });
+            return Err(format!("input scheme = {name:?} must be A, B, C or D").into());
         }
     };
     let emf = Volts(case.positive("Ke")? * case.not_negative("Omega")?);
@@ -94,7 +93,7 @@ pub(super) fn step_response(case: &Case) -> Result<Value, CaseError> {
     };
     let times = case.column("t_s")?.unwrap_or(TIMES.to_vec());
     if times.iter().any(|&t| t < 0.0) {
-        return Err(CaseError::Time);
+        return Err("t_s must not be negative".into());
     }
     table(&["t_s", "i_A", "omega_rad_s", "omega_after_rad_s"], times.into_iter().map(row))
 }
@@ -145,7 +144,7 @@ fn bridge(case: &Case) -> Result<(Motor, Circuit, Hertz, Conditions), CaseError>
 fn duties(case: &Case, default: &[f64]) -> Result<Vec<f64>, CaseError> {
     let duties = case.column("duty")?.unwrap_or(default.to_vec());
     let sound = duties.iter().all(|duty| (0.0..=1.0).contains(duty));
-    if sound { Ok(duties) } else { Err(CaseError::Duty) }
+    if sound { Ok(duties) } else { Err("duty must be 0 to 1".into()) }
 }
 
 /// Mean currents of the switching bridge at constant speed.
@@ -165,7 +164,7 @@ pub(super) fn duty_for_current(case: &Case) -> Result<Value, CaseError> {
     let (motor, circuit, frequency, at) = bridge(case)?;
     let (v, e) = (at.battery.0, at.emf.0);
     if e.abs() >= v {
-        return Err(CaseError::Overrun);
+        return Err("the back EMF must be below the battery voltage".into());
     }
     let resistance = motor.r.0 + 2.0 * circuit.bridge.ron.0;
     let target = |share: f64| share * if share > 0.0 { v - e } else { v + e } / resistance;

@@ -1,7 +1,8 @@
 //! A trace as comma-separated values: one row for each motor and control tick.
 
 use crate::SCHEMA_VERSION;
-use crate::points::{regime_name, regulator_name};
+use crate::points::regulator_name;
+use motor_hub::braking::Regime;
 use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, Setpoint};
 use simulated::scenario::Scenario;
@@ -60,7 +61,7 @@ fn row(out: &mut String, sample: &Sample) {
         sample.speed_cps,
         report.velocity.to_f64(),
         report.control.get(),
-        report.regime.map_or("coast", regime_name),
+        report.regime.map_or("coast", Regime::name),
         report.drive.mode.name(),
         report.drive.duty.to_f64(),
         sample.flow.mean_current().0,

@@ -23,7 +23,7 @@ pub(crate) fn find() -> Option<PathBuf> {
         std::env::var_os("CHROMIUM").map(PathBuf::from).into_iter().chain(places).find(|path| path.exists());
     if found.is_none() {
         assert!(std::env::var_os("CI").is_none(), "there is no Chromium, which a build server must have");
-        // Past the test's own output, which nobody sees of a test that passes.
+        // Directly on the terminal: cargo hides the output of a test that passes.
         let _ = writeln!(
             std::io::stderr(),
             "SKIPPED: there is no Chromium on this machine (apt install chromium)"

@@ -54,8 +54,8 @@ pub(crate) fn unobstructed(tab: &mut Tab<'_>) -> Vec<String> {
     found.as_array().unwrap().iter().map(|found| found.as_str().unwrap_or_default().to_owned()).collect()
 }
 
-/// Every control and text that can be seen: within the page's width, not cut off by its box, 44 px where it is to be hit,
-/// and no two over each other. What floats over the page on a phone is looked at by itself.
+/// Finds visible controls and texts that are wider than the page, cut off by their box, smaller than 44 px where they can
+/// be tapped, or over each other. Elements that float over the page on a phone are checked separately.
 const LOOK: &str = r"(() => {
   const wrong = [];
   const seen = [...document.querySelectorAll('button, select, input, h1, h2, h3, p, b, small, label, .pill, .fact, .badge, .chart, th, td, output')].filter((e) => e.checkVisibility({ visibilityProperty: true }) && e.type !== 'file');

@@ -8,7 +8,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-/// Where a hub is until it is told otherwise.
+/// Default address of a hub.
 pub(crate) const HUB: u8 = 2;
 
 const DEKA: u16 = 0x1000;
@@ -38,7 +38,7 @@ impl Hub {
         Self::start_in(&notes(), program, arguments)
     }
 
-    /// One that leaves its note in a folder.
+    /// A hub that leaves its note in a folder.
     pub(crate) fn start_in(notes: &Path, program: &str, arguments: &[&str]) -> Self {
         let mut served = Command::new(program);
         served.arg("serve").args(arguments).env("XDG_RUNTIME_DIR", notes);
@@ -48,7 +48,7 @@ impl Hub {
         Self::of(process, &place)
     }
 
-    /// One that was started otherwise.
+    /// A hub with other options.
     pub(crate) fn of(process: Child, place: &str) -> Self {
         Self { process, place: place.trim().to_owned() }
     }
@@ -89,12 +89,12 @@ impl Drop for Hub {
     fn drop(&mut self) {
         let _ = self.process.kill();
         let _ = self.process.wait();
-        // Which it had no time for.
+        // The killed program could not remove its note.
         let _ = std::fs::remove_file(notes().join("motor-hub").join(self.id().to_string()));
     }
 }
 
-/// Silence for so long is none of the hub's doing but its answer.
+/// A silence of this length is the hub's answer, not a delay.
 const PATIENCE: Duration = Duration::from_millis(150);
 
 #[derive(Debug, PartialEq, Eq)]
@@ -139,7 +139,7 @@ impl<L: Read + Write> Host<L> {
         self.line.flush().unwrap();
     }
 
-    /// So many bytes, however late a busy machine has them.
+    /// Reads this number of bytes within 2 s, a time that a busy machine also keeps.
     fn take(&mut self, length: usize) -> Option<Vec<u8>> {
         let (mut bytes, mut read) = (vec![0; length], 0);
         let end = Instant::now() + Duration::from_secs(2);
@@ -264,7 +264,7 @@ fn packets_are_found_and_answered(host: &mut Host<impl Read + Write>) {
         let answered = host.reply().map(|(_, reply, _)| reply);
         assert_eq!(answered, Some(Ack(false)), "after {garbage:02x?}");
     }
-    // In pieces, and several at once.
+    // Packets arrive in pieces, or several together.
     for byte in &good {
         host.say(&[*byte]);
         sleep(Duration::from_millis(1));
@@ -395,7 +395,7 @@ pub(crate) fn conforms(host: &mut Host<impl Read + Write>) {
     // The hub is found without its address.
     host.say(&packet(255, 0, 0x7F0F, &[]));
     assert_eq!(host.reply().map(|(kind, reply, _)| (kind, reply)), Some((0x7F0F, Data(vec![1]))));
-    // Nothing moves before it is told to.
+    // No motor moves before a command.
     assert_eq!([0, 1, 2, 3].map(|motor| host.counts(motor)), [0; 4]);
     packets_are_found_and_answered(host);
     every_command_is_answered_and_bad_ones_change_nothing(host);

@@ -1,8 +1,8 @@
 //! Disables motors that a command has enabled, however the command ends. Also disables motors that a former host left
 //! enabled, before a command does anything else.
 
+use super::error::ClientError;
 use super::interrupt;
-use super::trouble::Trouble;
 use crate::output::{Failure, say};
 use motor_hub_client::{Error, KEEP_ALIVE, Session};
 use std::io::{Read, Write};
@@ -13,19 +13,19 @@ use std::time::{Duration, Instant};
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// A session whose motors are disabled when it is dropped.
-pub(super) struct Driven<'a, L: Read + Write> {
+pub(super) struct DrivingSession<'a, L: Read + Write> {
     session: &'a mut Session<L>,
     /// Motors that may be enabled, also if the hub's answer was lost.
     motors: Vec<u8>,
 }
 
-impl<'a, L: Read + Write> Driven<'a, L> {
+impl<'a, L: Read + Write> DrivingSession<'a, L> {
     /// Runs `work`, then disables the motors that it has enabled: after success, an error, a panic, or a signal. `work`
     /// notices a signal by `interrupt::wait`. After anything but success, standard error names the disabled motors.
     pub(super) fn run<T>(
         session: &'a mut Session<L>,
-        work: impl FnOnce(&mut Self) -> Result<T, Trouble>,
-    ) -> Result<T, Trouble> {
+        work: impl FnOnce(&mut Self) -> Result<T, ClientError>,
+    ) -> Result<T, ClientError> {
         interrupt::listen()?;
         let mut driven = Self { session, motors: Vec::new() };
         let done = work(&mut driven);
@@ -92,7 +92,7 @@ fn names(motors: &[u8]) -> String {
     format!("motor{} {}", if numbers.len() == 1 { "" } else { "s" }, numbers.join(", "))
 }
 
-impl<L: Read + Write> Drop for Driven<'_, L> {
+impl<L: Read + Write> Drop for DrivingSession<'_, L> {
     fn drop(&mut self) {
         // Motors remain only if the work panicked.
         if !self.motors.is_empty() {
@@ -101,7 +101,7 @@ impl<L: Read + Write> Drop for Driven<'_, L> {
     }
 }
 
-impl<L: Read + Write> Deref for Driven<'_, L> {
+impl<L: Read + Write> Deref for DrivingSession<'_, L> {
     type Target = Session<L>;
 
     fn deref(&self) -> &Session<L> {
@@ -109,7 +109,7 @@ impl<L: Read + Write> Deref for Driven<'_, L> {
     }
 }
 
-impl<L: Read + Write> DerefMut for Driven<'_, L> {
+impl<L: Read + Write> DerefMut for DrivingSession<'_, L> {
     fn deref_mut(&mut self) -> &mut Session<L> {
         self.session
     }
@@ -143,7 +143,7 @@ mod tests {
     fn a_panic_disables_what_was_enabled() {
         let mut session = session();
         let panicked = catch_unwind(AssertUnwindSafe(|| {
-            Driven::run(&mut session, |driven| -> Result<(), Trouble> {
+            DrivingSession::run(&mut session, |driven| -> Result<(), ClientError> {
                 driven.set_power(1, Control::MAX)?;
                 driven.enable(1)?;
                 assert!(driven.enabled(1)?);

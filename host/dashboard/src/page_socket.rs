@@ -1,9 +1,9 @@
 //! The socket of one page: passes orders to the relay, and messages of the relay to the page.
 
 use crate::frame::refused;
-use crate::order::Order;
 use crate::outbox::{Texts, outbox};
 use crate::relay::Event;
+use crate::requests::Order;
 use std::io::ErrorKind;
 use std::net::TcpStream;
 use std::sync::mpsc::{Sender, TryRecvError};

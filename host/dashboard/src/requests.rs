@@ -2,7 +2,7 @@
 //! are refused with a text.
 //!
 //! ```
-//! use dashboard::order::Order;
+//! use dashboard::requests::Order;
 //!
 //! let order = Order::parse(r#"{"drive":{"motor":0,"mode":"velocity","value":0.5}}"#).unwrap();
 //! assert!(order.is_for_the_controller());
@@ -15,7 +15,7 @@ use motor_hub::braking::DutyRule;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::motor::{Loop, RunMode};
 use motor_hub::regulator::Kind;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use simulated::scheme::DutyWord;
 
@@ -245,10 +245,10 @@ enum LoopName {
     Position,
 }
 
-/// Names of a [`Kind`] of regulator in orders.
-#[derive(Deserialize)]
+/// Names of a [`Kind`] of regulator in orders and frames.
+#[derive(Deserialize, Serialize)]
 #[serde(remote = "Kind", rename_all = "kebab-case")]
-enum KindName {
+pub(crate) enum KindName {
     Model,
     Pid,
 }

@@ -1,8 +1,8 @@
 //! Set-points of `power`, `current`, `velocity` and `position`, and whether motors reach them.
 
-use super::driven::Driven;
-use super::live::motors_of;
-use super::trouble::Trouble;
+use super::error::ClientError;
+use super::motors_off::DrivingSession;
+use super::readings::motors_of;
 use crate::output::{Failure, say};
 use motor_hub::extension::report::HubReport;
 use motor_hub::motor::{SettleDetector, ZeroPower};
@@ -16,7 +16,7 @@ use std::time::Duration;
 
 /// A set-point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Course {
+pub(super) enum Setpoint {
     /// Share of full power.
     Power(Control),
     /// Milliamperes, and a speed limit in counts per second.
@@ -27,7 +27,7 @@ pub(super) enum Course {
     Position { counts: i32, tolerance: u16, speed: i16 },
 }
 
-impl Course {
+impl Setpoint {
     /// Mode in which the motor is enabled.
     const fn mode(self) -> RunMode {
         match self {
@@ -61,17 +61,17 @@ impl Course {
 }
 
 /// Motors, their common set-point, and how long it lasts.
-pub(super) struct Order {
+pub(super) struct Motion {
     pub(super) motors: Vec<u8>,
-    pub(super) course: Course,
+    pub(super) course: Setpoint,
     pub(super) zero: ZeroPower,
     pub(super) length: Option<Duration>,
 }
 
-impl Order {
+impl Motion {
     /// Sets mode and set-point of all motors, then enables them.
-    pub(super) fn begin(&self, driven: &mut Driven<'_, Line>) -> Result<(), Trouble> {
-        if matches!(self.course, Course::Current { .. }) && driven.report()?.is_none() {
+    pub(super) fn begin(&self, driven: &mut DrivingSession<'_, Line>) -> Result<(), ClientError> {
+        if matches!(self.course, Setpoint::Current { .. }) && driven.report()?.is_none() {
             return Err(Failure::work(NO_CURRENT).into());
         }
         if let Some(speed) = self.course.speed() {
@@ -85,7 +85,7 @@ impl Order {
         for &motor in &self.motors {
             driven.enable(motor)?;
         }
-        if let Course::Current { ma, speed } = self.course {
+        if let Setpoint::Current { ma, speed } = self.course {
             for &motor in &self.motors {
                 driven.set_current(motor, ma, speed)?;
             }
@@ -94,7 +94,7 @@ impl Order {
     }
 
     /// Fails if the hub has disabled a motor: after a fail-safe, a reset or a fault.
-    pub(super) fn check(&self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    pub(super) fn check(&self, session: &mut Session<Line>) -> Result<(), ClientError> {
         for &motor in &self.motors {
             if !session.enabled(motor)? {
                 let words = session.status(false)?.words().join(", ");
@@ -153,7 +153,7 @@ const VELOCITY_CPS: f64 = 40.0;
 
 /// Progress of motors towards their set-point.
 pub(super) struct Progress {
-    course: Course,
+    course: Setpoint,
     motors: Vec<u8>,
     /// Detects whether motors have settled whose hub does not report it.
     settle_detector: SettleDetector,
@@ -164,8 +164,8 @@ pub(super) struct Progress {
 
 impl Progress {
     /// `interval` is the time between two readings.
-    pub(super) fn new(order: &Order, interval: Duration) -> Self {
-        let Order { course, ref motors, .. } = *order;
+    pub(super) fn new(order: &Motion, interval: Duration) -> Self {
+        let Motion { course, ref motors, .. } = *order;
         let millis = u32::try_from(interval.as_millis()).unwrap_or(u32::MAX);
         let interval = Period::from_millis(millis.clamp(1, LONGEST_PERIOD_MS)).unwrap_or_default();
         Self {
@@ -184,7 +184,7 @@ impl Progress {
         while self.velocities.front().is_some_and(|(then, _)| at.saturating_sub(*then) > VELOCITY_TIME) {
             self.velocities.pop_front();
         }
-        if !matches!(self.course, Course::Position { .. }) {
+        if !matches!(self.course, Setpoint::Position { .. }) {
             return false;
         }
         if let Some(report) = report {
@@ -201,9 +201,9 @@ impl Progress {
     pub(super) fn judge(&self, length: Option<Duration>) -> Result<(), Failure> {
         let seconds = length.unwrap_or_default().as_secs_f64();
         match self.course {
-            Course::Power(_) | Course::Current { .. } => Ok(()),
-            Course::Position { .. } => Err(Failure::Work(format!("target not reached after {seconds} s"))),
-            Course::Velocity(wanted) => {
+            Setpoint::Power(_) | Setpoint::Current { .. } => Ok(()),
+            Setpoint::Position { .. } => Err(Failure::Work(format!("target not reached after {seconds} s"))),
+            Setpoint::Velocity(wanted) => {
                 let missed: Vec<String> =
                     self.motors.iter().filter_map(|m| self.missed(*m, wanted)).collect();
                 if missed.is_empty() {
@@ -231,8 +231,8 @@ mod tests {
     use super::*;
     use motor_hub::extension::report::MotorReport;
 
-    fn progress(course: Course, velocities: &[i16]) -> Progress {
-        let order = Order { motors: vec![0], course, zero: ZeroPower::Brake, length: None };
+    fn progress(course: Setpoint, velocities: &[i16]) -> Progress {
+        let order = Motion { motors: vec![0], course, zero: ZeroPower::Brake, length: None };
         let mut progress = Progress::new(&order, Duration::from_millis(50));
         for (n, cps) in (0u64..).zip(velocities) {
             let bulk = Bulk { velocities: [*cps, 0, 0, 0], within_tolerance: [true; 4], ..Bulk::default() };
@@ -246,16 +246,18 @@ mod tests {
         for (wanted, is, reached) in
             [(1000, 951, true), (1000, 949, false), (1000, 1051, false), (100, 60, true), (100, 59, false)]
         {
-            let judged = progress(Course::Velocity(wanted), &[is; 9]).judge(None).is_ok();
+            let judged = progress(Setpoint::Velocity(wanted), &[is; 9]).judge(None).is_ok();
             assert_eq!(judged, reached, "{wanted} {is}");
         }
         // The acceleration before does not count.
-        assert!(progress(Course::Velocity(500), &[0, 200, 500, 500, 500, 500, 500, 500]).judge(None).is_ok());
+        assert!(
+            progress(Setpoint::Velocity(500), &[0, 200, 500, 500, 500, 500, 500, 500]).judge(None).is_ok()
+        );
     }
 
     #[test]
     fn a_motor_that_rushes_through_its_target_has_not_settled() {
-        let position = Course::Position { counts: 0, tolerance: 5, speed: 1000 };
+        let position = Setpoint::Position { counts: 0, tolerance: 5, speed: 1000 };
         let bulk = |cps| Bulk { velocities: [cps, 0, 0, 0], within_tolerance: [true; 4], ..Bulk::default() };
         let mut progress = progress(position, &[]);
         let at = |n: u64| Duration::from_millis(50 * n);
@@ -266,7 +268,7 @@ mod tests {
 
     #[test]
     fn a_hub_that_reports_says_itself_whether_a_motor_has_settled() {
-        let position = Course::Position { counts: 0, tolerance: 5, speed: 1000 };
+        let position = Setpoint::Position { counts: 0, tolerance: 5, speed: 1000 };
         let bulk = Bulk { within_tolerance: [true; 4], ..Bulk::default() };
         let report = |settled| HubReport {
             motors: [MotorReport { settled, ..MotorReport::default() }].into_iter().collect(),

@@ -1,9 +1,9 @@
 //! The operating point of `points` and `map`.
 
-use crate::choice::SchemeOption;
 use crate::constants::Constants;
 use crate::output::Failure;
 use crate::parse::{battery_mv, whole};
+use crate::scheme_options::SchemeOption;
 use motor_hub::model::catalogue::characterised;
 use simulated::scheme::BlendChoice;
 use studies::points::OperatingReport;

@@ -1,15 +1,14 @@
 //! Sends a scenario's set-points to the hub at their times.
 //!
 //! ```
-//! use dashboard::script::Script;
+//! use dashboard::scenario_player::Script;
 //! use simulated::scenario::Scenario;
 //!
 //! assert!(Script::of(&Scenario::default_one()?).is_some());
 //! # Ok::<(), simulated::scenario::ScenarioError>(())
 //! ```
 
-use crate::executor::Trouble;
-use crate::relay::Hub;
+use crate::hub::{Hub, RequestError};
 use motor_hub::hub::{Action, Command};
 use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::protocol::motor::RunMode;
@@ -60,7 +59,7 @@ impl Script {
     }
 
     /// Sends the set-points that are due; true once the scenario is over.
-    pub(crate) fn go_on(&self, playing: &mut Playing, session: &mut Hub) -> Result<bool, Trouble> {
+    pub(crate) fn go_on(&self, playing: &mut Playing, session: &mut Hub) -> Result<bool, RequestError> {
         let passed = playing.since.elapsed();
         while let Some((_, step)) = self.steps.get(playing.done).filter(|(at, _)| *at <= passed) {
             step.send(session)?;
@@ -71,7 +70,7 @@ impl Script {
 }
 
 impl Step {
-    fn send(&self, session: &mut Hub) -> Result<(), Trouble> {
+    fn send(&self, session: &mut Hub) -> Result<(), RequestError> {
         let motor = self.motor;
         let mode = match self.setpoint {
             Setpoint::ConstantPower(power) => {

@@ -6,7 +6,7 @@
 
 /// A served hub.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) struct Served {
+pub(crate) struct ServedHub {
     /// Place that hosts open: HOST:PORT or a path.
     pub(crate) place: String,
     /// True if a host uses the hub.
@@ -14,7 +14,7 @@ pub(crate) struct Served {
 }
 
 #[cfg(not(unix))]
-pub(crate) fn all() -> std::io::Result<Vec<Served>> {
+pub(crate) fn all() -> std::io::Result<Vec<ServedHub>> {
     Ok(Vec::new())
 }
 
@@ -23,7 +23,7 @@ pub(crate) use unix::{Note, all};
 
 #[cfg(unix)]
 mod unix {
-    use super::Served;
+    use super::ServedHub;
     use std::fs::{self, DirBuilder, File, TryLockError};
     use std::io::{self, ErrorKind};
     use std::os::unix::fs::{DirBuilderExt, FileExt, MetadataExt};
@@ -99,11 +99,11 @@ mod unix {
     }
 
     /// The hubs served at present. Leftover notes are removed.
-    pub(crate) fn all() -> io::Result<Vec<Served>> {
+    pub(crate) fn all() -> io::Result<Vec<ServedHub>> {
         all_in(&folder())
     }
 
-    pub(super) fn all_in(folder: &Path) -> io::Result<Vec<Served>> {
+    pub(super) fn all_in(folder: &Path) -> io::Result<Vec<ServedHub>> {
         match check(folder) {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
             checked => checked?,
@@ -120,7 +120,7 @@ mod unix {
     }
 
     /// Reads a note; `None` if it is a leftover.
-    fn read(path: &Path) -> io::Result<Option<Served>> {
+    fn read(path: &Path) -> io::Result<Option<ServedHub>> {
         let file = match File::open(path) {
             // The serving program has just ended.
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
@@ -137,7 +137,7 @@ mod unix {
         }
         let text = io::read_to_string(file)?;
         let says = |word: &str, taken| {
-            text.strip_prefix(word).map(|place| Served { place: place.trim().to_owned(), taken })
+            text.strip_prefix(word).map(|place| ServedHub { place: place.trim().to_owned(), taken })
         };
         Ok(says(FREE, false).or_else(|| says(TAKEN, true)))
     }
@@ -162,7 +162,7 @@ mod tests {
         let folder = folder("note");
         assert_eq!(all_in(&folder).unwrap(), []);
         let mut note = Note::leave_in(&folder, "/dev/pts/7").unwrap();
-        let served = |taken| [Served { place: "/dev/pts/7".to_owned(), taken }];
+        let served = |taken| [ServedHub { place: "/dev/pts/7".to_owned(), taken }];
         assert_eq!(all_in(&folder).unwrap(), served(false));
         note.tell(true);
         assert_eq!(all_in(&folder).unwrap(), served(true));

@@ -7,7 +7,7 @@ use std::str::FromStr;
 
 /// Encoder counts in a turn of the output shaft, given as a number or by the motor.
 #[derive(Clone, clap::Args)]
-pub(super) struct Turn {
+pub(super) struct ShaftOptions {
     /// Encoder counts in a turn of the output shaft: allows speeds in rpm and rad/s, and shows them
     #[arg(long, value_name = "COUNTS", value_parser = counts_per_turn)]
     counts_per_turn: Option<f64>,
@@ -21,7 +21,7 @@ fn counts_per_turn(text: &str) -> Result<f64, String> {
     counts.ok_or_else(|| "counts per turn are a number from 1 to 1000000".to_owned())
 }
 
-impl Turn {
+impl ShaftOptions {
     /// The encoder counts in a turn; `None` if neither option is given.
     pub(super) fn counts(&self) -> Result<Option<f64>, Failure> {
         let Some(name) = &self.name else { return Ok(self.counts_per_turn) };

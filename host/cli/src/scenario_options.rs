@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 /// The scenario, and what is replaced in it.
 #[derive(clap::Args)]
-pub(crate) struct Source {
+pub(crate) struct ScenarioOptions {
     /// Scenario file (TOML) instead of the default scenario
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
@@ -24,7 +24,7 @@ pub(crate) struct Source {
     period: Option<u32>,
 }
 
-impl Source {
+impl ScenarioOptions {
     /// The scenario of the file, or the program's own after `default`, with the other options applied.
     pub(crate) fn scenario(&self, default: impl FnOnce(Scenario) -> Scenario) -> Result<Scenario, Failure> {
         let scenario = match &self.scenario {

@@ -1,20 +1,21 @@
 //! Repeated readings of a hub: on a terminal a table that is redrawn, elsewhere lines.
 
+use super::error::ClientError;
 use super::interrupt;
-use super::trouble::Trouble;
-use super::turn::shaft_speed;
+use super::shaft_speed::shaft_speed;
 use crate::output::{Failure, print};
+use motor_hub::braking::Regime;
 use motor_hub::bridge::Drive;
 use motor_hub::extension::report::{HubReport, MotorReport};
 use motor_hub::protocol::answers::{Bulk, MotorAlert, Status};
-use motor_hub::units::{Control, Milliamperes, Millivolts};
+use motor_hub::units::{Milliamperes, Millivolts};
 use motor_hub_client::line::Line;
 use motor_hub_client::reasons::why_still;
 use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
-use studies::points::{regime_name, regulator_name};
+use studies::points::regulator_name;
 use studies::table;
 
 /// State of a hub at one instant. Taking a reading resets the hub's keep-alive.
@@ -72,7 +73,12 @@ impl Reading {
             let row = [motor.to_string(), position.to_string(), velocity.to_string(), there.into()];
             let more = self.reported(motor).map(|of| {
                 let why = self.why(motor).unwrap_or_default().to_owned();
-                [format!("{:.1}", percent(of)), bridge(of), format!("{:.2}", amperes(of.best_current())), why]
+                [
+                    format!("{:.1}", 100.0 * of.control.to_f64()),
+                    bridge(of),
+                    format!("{:.2}", amperes(of.best_current())),
+                    why,
+                ]
             });
             table.add_row(row.into_iter().chain(shaft).chain(more.into_iter().flatten()));
         }
@@ -136,11 +142,6 @@ impl Reading {
     }
 }
 
-/// Control value in percent of full control.
-fn percent(report: &MotorReport) -> f64 {
-    100.0 * f64::from(report.control.get()) / f64::from(Control::MAX.get())
-}
-
 fn amperes(current: Milliamperes) -> f64 {
     f64::from(current.get()) / 1e3
 }
@@ -150,7 +151,7 @@ fn bridge(report: &MotorReport) -> String {
     let Drive { mode, duty } = report.drive;
     report.regime.map_or_else(
         || "open".to_owned(),
-        |regime| format!("{} {} {:.0} %", regime_name(regime), mode.name(), 100.0 * duty.to_f64()),
+        |regime| format!("{} {} {:.0} %", regime.name(), mode.name(), 100.0 * duty.to_f64()),
     )
 }
 
@@ -160,7 +161,7 @@ fn report_json(report: &MotorReport) -> [(String, Value); 10] {
     [
         ("enabled", json!(report.enabled)),
         ("control", json!(report.control.get())),
-        ("regime", json!(report.regime.map(regime_name))),
+        ("regime", json!(report.regime.map(Regime::name))),
         ("mode", json!(report.regime.map(|_| report.drive.mode.name()))),
         ("duty", json!(report.drive.duty.to_f64())),
         ("current_a", json!(amperes(report.best_current()))),
@@ -212,8 +213,8 @@ pub(crate) fn repeat(
     session: &mut Session<Line>,
     interval: Duration,
     length: Option<Duration>,
-    mut each: impl FnMut(&mut Session<Line>, &Reading) -> Result<bool, Trouble>,
-) -> Result<bool, Trouble> {
+    mut each: impl FnMut(&mut Session<Line>, &Reading) -> Result<bool, ClientError>,
+) -> Result<bool, ClientError> {
     let since = Instant::now();
     let mut next = since;
     loop {

@@ -52,7 +52,7 @@ enum DutyOption {
 
 /// What is chosen.
 #[derive(Clone, Copy, Debug, clap::Args)]
-pub(crate) struct Choice {
+pub(crate) struct SchemeOptions {
     /// Scheme: the meaning of control values
     #[arg(long, ignore_case = true)]
     scheme: Option<SchemeOption>,
@@ -64,7 +64,7 @@ pub(crate) struct Choice {
     duty: Option<DutyOption>,
 }
 
-impl Choice {
+impl SchemeOptions {
     /// The scheme, if one is chosen.
     pub(crate) fn scheme(&self) -> Result<Option<Scheme>, Failure> {
         match self.scheme {

@@ -1,0 +1,95 @@
+//! Identification of a motor: from the moving motor to the result, one step at a time.
+//!
+//! ```
+//! use motor_hub_client::identification::{Identifying, Progress};
+//! use motor_hub_client::motor_hub::protocol::Address;
+//! use motor_hub_client::{Session, memory::MemoryHub};
+//! use std::time::Duration;
+//!
+//! let mut session = Session::new(MemoryHub::default(), Address::DEFAULT, Duration::from_secs(1));
+//! let mut identifying = Identifying::begin(&mut session, 0, 2_000)?;
+//! // With its power 0, an enabled motor brakes until it stands.
+//! assert_eq!(identifying.step(&mut session)?, Progress::Braking);
+//! # Ok::<(), motor_hub_client::Error>(())
+//! ```
+
+use crate::clock::Instant;
+use crate::{Error, Session};
+use motor_hub::motor::ZeroPower;
+use motor_hub::protocol::motor::RunMode;
+use motor_hub::regulator::identify::Identification;
+use motor_hub::units::Control;
+use std::io::{Read, Write};
+use std::time::Duration;
+
+/// Time without motion after which a braked motor stands.
+const STANDS: Duration = Duration::from_millis(300);
+
+/// Longest wait for a braked motor to stand. A motor that still turns is driven by its load, and the hub refuses to
+/// identify it.
+const LONGEST_REST: Duration = Duration::from_secs(5);
+
+/// An identification of one motor.
+#[derive(Clone, Debug)]
+pub struct Identifying {
+    motor: u8,
+    travel_limit: u32,
+    begun: Instant,
+    /// The last position in counts, and since when the motor has it.
+    position: Option<(i32, Instant)>,
+    turns: bool,
+}
+
+/// What a step has found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Progress {
+    /// The motor brakes until it stands.
+    Braking,
+    /// The motor begins to turn, at most this number of counts either way.
+    Started(u32),
+    /// The motor turns. The number is the progress in percent.
+    Turning(u8),
+    /// The identification has ended.
+    Ended(Identification),
+}
+
+impl Identifying {
+    /// Sets a motor's power to 0, with which it brakes. The caller then enables the motor, takes steps until the
+    /// identification has ended, and disables the motor.
+    ///
+    /// # Errors
+    /// See [`Session::ask`], as for all commands.
+    pub fn begin<L: Read + Write>(
+        session: &mut Session<L>,
+        motor: u8,
+        travel_limit: u32,
+    ) -> Result<Self, Error> {
+        session.set_power(motor, Control::ZERO)?;
+        session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
+        Ok(Self { motor, travel_limit, begun: Instant::now(), position: None, turns: false })
+    }
+
+    /// Asks the hub how far the identification is. To be called some ten times a second.
+    ///
+    /// # Errors
+    /// The errors of all commands. The hub refuses to identify a motor that does not stand.
+    pub fn step<L: Read + Write>(&mut self, session: &mut Session<L>) -> Result<Progress, Error> {
+        if self.turns {
+            return Ok(match session.identification(self.motor)? {
+                Identification::Running(percent) => Progress::Turning(percent),
+                outcome => Progress::Ended(outcome),
+            });
+        }
+        let position = session.bulk()?.encoders.get(usize::from(self.motor)).copied().unwrap_or_default();
+        let since = match self.position {
+            Some((before, since)) if before == position => since,
+            _ => Instant::now(),
+        };
+        self.position = Some((position, since));
+        if since.elapsed() < STANDS && self.begun.elapsed() < LONGEST_REST {
+            return Ok(Progress::Braking);
+        }
+        self.turns = true;
+        Ok(Progress::Started(session.identify(self.motor, self.travel_limit)?))
+    }
+}
