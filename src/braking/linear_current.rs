@@ -151,6 +151,11 @@ impl LinearCurrent {
         self.drive_state(regime, at).current(duty.to_f32(), self.period)
     }
 
+    /// Largest mean current in forward driving that is discontinuous, as the voltage `w`, in V.
+    pub(super) fn boundary(&self, at: OperatingPoint) -> f32 {
+        self.period.map_or(0.0, |period| self.drive_state(Regime::Forward, at).boundary(period))
+    }
+
     /// Voltage against which a winding's current falls while its bridge is open: bus and two diodes, in V.
     pub(super) const fn falling_volts(&self, battery: f32) -> f32 {
         battery + 2.0 * self.diode_volts
@@ -259,6 +264,17 @@ impl DriveState {
     /// `ln(1 + (exp(T / tau) - 1) c / (a + c))` time constants. The limit used here is larger and needs no logarithm.
     fn may_end(self, duty: f32, period: PwmPeriod) -> bool {
         self.c > 0.0 && duty * (self.a + self.c) < period.growth * self.c
+    }
+
+    /// Largest mean current that is discontinuous, as the voltage `w`, in V; 0 where no current is discontinuous.
+    fn boundary(self, period: PwmPeriod) -> f32 {
+        let Self { a, c, k, .. } = self;
+        if a <= 0.0 || c <= 0.0 {
+            return 0.0;
+        }
+        // The on time at which the current ends with the period, see `may_end`, as a duty.
+        let duty = log1pf(period.growth * period.length * c / (a + c)) / period.length;
+        at_least((duty * (a + c) - c) / (self.m() + duty * k), 0.0)
     }
 
     /// Returns q of the module's formula for an on time x, and the derivative of q with respect to x.

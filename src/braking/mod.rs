@@ -148,6 +148,11 @@ impl Modulator {
         clockwise(at, points::control(&Points::new(self.scheme, at), (regime, share)))
     }
 
+    /// Largest mean current in forward driving that is discontinuous, as the voltage beyond the back EMF, in V.
+    pub fn discontinuous_volts(&self, at: OperatingPoint) -> f32 {
+        self.current.boundary(at)
+    }
+
     /// The equivalent DC voltage that a command applies.
     pub fn applied(&self, at: OperatingPoint, Modulation { regime, drive }: Modulation) -> Voltage {
         let (emf, _) = at.volts();

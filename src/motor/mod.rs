@@ -48,6 +48,7 @@
 //! assert!((290..310).contains(&turning.velocity.round()), "{:?}", turning.velocity);
 //! ```
 
+mod back_emf;
 mod burn_pulses;
 mod encoder_check;
 mod expected;
@@ -73,6 +74,7 @@ use crate::regulator::{Context, Demand, Effort, Kind, Regulator, Transition};
 pub use crate::settings::{OnFault, Settings, ThermalLimit, ZeroPower};
 use crate::supply::Battery;
 use crate::units::{Control, CountsPerSecond, Duty, Micros, Milliamperes, Period, Share, Voltage};
+use back_emf::Configured;
 use burn_pulses::{BurnPulses, Pulse, Voltages};
 use core::mem::discriminant;
 use encoder_check::{EncoderCheck, Finding};
@@ -105,7 +107,10 @@ pub(crate) fn fresh(reading: Option<Reading>, now: Micros) -> Option<Reading> {
 /// Settings, set-point and state of one motor.
 #[derive(Clone, Debug)]
 pub struct Motor {
+    /// Settings in force: as configured, but for a corrected back EMF.
     settings: Settings,
+    /// What is configured of the corrected settings.
+    configured: Configured,
     /// Maps voltages and control values to commands, by the settings.
     modulator: Modulator,
     /// Time between two ticks.
@@ -228,6 +233,7 @@ impl Motor {
     pub fn new(settings: Settings, period: Period) -> Self {
         Self {
             settings,
+            configured: Configured::new(&settings),
             modulator: settings.modulator(),
             period,
             setpoint: Setpoint::Disabled,
@@ -250,7 +256,14 @@ impl Motor {
 
     /// Replaces all settings immediately. The bridge's command changes at the next step. The state is kept, so that a
     /// motor may be tuned while it runs.
-    pub fn configure(&mut self, settings: Settings) {
+    pub fn configure(&mut self, mut settings: Settings) {
+        if Configured::new(&settings) == self.configured {
+            // The same motor: a correction of its back EMF stays.
+            settings.winding.emf = self.settings.winding.emf;
+            settings.dynamics = self.settings.dynamics;
+        } else {
+            self.configured = Configured::new(&settings);
+        }
         self.regulator.configure(&self.settings, &settings, self.period);
         self.settings = settings;
         self.changed = true;
@@ -548,7 +561,7 @@ impl Motor {
 
     /// Computes the request of the regulator, or of the encoder check if the encoder is in doubt.
     fn regulate(&mut self, demand: Demand, at: OperatingPoint, moved: i32, finding: Finding) -> Request {
-        let mut speed = self.regulator.demanded_speed(demand);
+        let (mut speed, mut hunts) = (self.regulator.demanded_speed(demand), false);
         let (control, modulation) = match finding {
             Finding::FullReverse(control) => (Some(control), Modulation::full_reverse(at)),
             Finding::Release => (Some(Control::ZERO), Modulation::full_braking(at)),
@@ -558,13 +571,17 @@ impl Motor {
                 let context =
                     Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
                 let output = self.regulator.step(demand, moved, &context);
-                speed = output.speed;
+                (speed, hunts) = (output.speed, output.hunts);
                 match output.effort {
                     Effort::Voltage(voltage) => (None, self.modulator.for_voltage(at, voltage)),
                     Effort::Control(control) => (Some(control), self.modulator.for_control(at, control)),
                 }
             }
         };
+        if hunts && let Some(settings) = self.configured.lowered(&self.settings) {
+            self.settings = settings;
+            self.regulator.correct_emf(&self.settings, self.period);
+        }
         Request { at, modulation, control, target: Some(speed) }
     }
 

@@ -95,4 +95,6 @@ pub struct Output {
     pub effort: Effort,
     /// Speed that the request is to reach.
     pub speed: CountsPerSecond,
+    /// True if the speed hunts, because the back EMF constant in force is too high.
+    pub hunts: bool,
 }

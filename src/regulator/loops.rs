@@ -77,7 +77,7 @@ impl Loops {
                 self.approach(target, speed_limit, inputs, context.period)
             }
         };
-        Output { effort: self.velocity(target, inputs, context), speed: target }
+        Output { effort: self.velocity(target, inputs, context), speed: target, hunts: false }
     }
 
     /// Steps the velocity loop for a target speed. Returns the request.

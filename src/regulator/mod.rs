@@ -17,6 +17,7 @@
 //! ```
 
 mod gain;
+mod hunting;
 pub mod identify;
 mod interface;
 mod loops;
@@ -32,6 +33,7 @@ use crate::settings::Settings;
 use crate::units::single::{at_least, at_most};
 use crate::units::{CountsPerSecond, Micros, Period, Voltage};
 use gain::{GainEstimate, guessed_gain};
+use hunting::Hunting;
 use loops::{Loops, Start};
 use model::{Law, State};
 use observer::{FASTEST_CPS, Observer, Plant};
@@ -89,6 +91,7 @@ pub struct Regulator {
     /// Estimate of the acceleration per volt; `None` for a motor with configured dynamics.
     gain_estimate: Option<GainEstimate>,
     loops: Loops,
+    hunting: Hunting,
     /// Last sample of the encoder; `None` before the first one.
     last: Option<Reading>,
     /// Time to which the observer has predicted the motion.
@@ -137,6 +140,7 @@ impl Regulator {
             motion: Motion::new(settings, guess, period, Observer::new(0.0)),
             gain_estimate: settings.dynamics.is_none().then(GainEstimate::new),
             loops: Loops::default(),
+            hunting: Hunting::default(),
             last: None,
             predicted_until: Micros::new(0),
             rest_position: None,
@@ -303,6 +307,16 @@ impl Regulator {
         }
     }
 
+    /// Puts another back EMF constant in force, with the decay that follows from it. The acceleration per volt, the
+    /// estimated motion and the present acceleration stay.
+    pub fn correct_emf(&mut self, settings: &Settings, period: Period) {
+        let Motion { plant, observer, state, .. } = self.motion;
+        let mut motion = Motion { state, ..Motion::new(settings, plant.b, period, observer) };
+        motion.observer.add_load(plant.b * (motion.plant.kappa - plant.kappa) * observer.speed());
+        motion.observer.drive(&motion.plant, self.volts());
+        self.motion = motion;
+    }
+
     /// The estimate of the motion at this moment, corrected by a late count if there is one.
     fn present_state(&self) -> Observer {
         let Motion { plant, observer, .. } = &self.motion;
@@ -394,7 +408,7 @@ impl Regulator {
         let demand = self.hold_at_standstill(demand, context.period);
         self.speed_demanded = matches!(demand, Demand::Velocity(_));
         let output = match &context.settings.coefficients {
-            None => self.by_model(demand, context.at),
+            None => self.by_model(demand, context),
             Some(coefficients) => {
                 let (position, velocity) = (self.position(), self.velocity());
                 let (gain, start) = (self.motion.plant.b, self.start_voltage(velocity));
@@ -424,13 +438,25 @@ impl Regulator {
     }
 
     /// Computes the output by the motor's model.
-    fn by_model(&mut self, demand: Demand, at: OperatingPoint) -> Output {
-        let position = self.position();
+    fn by_model(&mut self, demand: Demand, context: &Context<'_>) -> Output {
+        let (at, position) = (context.at, self.position());
         let mut present = self.present_state();
         let load = present.load();
         let Motion { plant, law, observer, state } = &mut self.motion;
-        let request = match demand {
-            Demand::Velocity(target) => law.velocity(state, &mut present, plant, target.to_f32(), at),
+        let output = match demand {
+            Demand::Velocity(target) => {
+                let mut output = law.velocity(state, &mut present, plant, target.to_f32(), at);
+                if let Effort::Voltage(voltage) = output.effort {
+                    let tick = hunting::Tick {
+                        target,
+                        correction_volts: law.correction_volts(&present, target.to_f32()),
+                        emf_volts: plant.kappa * present.speed(),
+                        volts: voltage.to_volts(),
+                    };
+                    output.hunts = self.hunting.step(&tick, || context.modulator.discontinuous_volts(at));
+                }
+                output
+            }
             Demand::Follow(reference) => {
                 let speeds = (reference.speed.to_f32(), reference.next.to_f32());
                 law.follow(state, &mut present, plant, reference.from(position), speeds, at)
@@ -443,7 +469,7 @@ impl Regulator {
         };
         // `present` is a copy: a friction that the law has reversed is reversed in the observer too.
         observer.add_load(present.load() - load);
-        request
+        output
     }
 
     /// The voltage with which PID begins, so that the current makes no step; `None` while PID goes on.

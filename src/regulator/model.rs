@@ -189,7 +189,7 @@ impl Law {
         // In overrun a voltage above the battery's brakes less than the battery's voltage does.
         let most = at_least(at.battery_volts(), (plant.kappa * w).abs());
         let voltage = Voltage::from_volts(within(wanted, most));
-        Output { effort: Effort::Voltage(voltage), speed: super::speed(speed) }
+        Output { effort: Effort::Voltage(voltage), speed: super::speed(speed), hunts: false }
     }
 
     /// Mean voltage in V that brings the motor to the speed `next` by the tick's end.
@@ -201,6 +201,11 @@ impl Law {
     /// The voltage that brings the motor towards a speed, in V.
     pub(super) fn voltage_for_speed(&self, observer: &Observer, plant: &Plant, target: f32) -> f32 {
         self.voltage_to(observer, plant, self.next_speed(observer, target))
+    }
+
+    /// Part of the voltage that corrects the error of a demanded speed, in V.
+    pub(super) fn correction_volts(&self, observer: &Observer, target: f32) -> f32 {
+        (self.next_speed(observer, target) - observer.speed()) * self.volts_per_cps
     }
 
     /// Speed at the tick's end on the way to a target speed, in counts/s.

@@ -43,6 +43,11 @@ pub(crate) fn inertia(kg_m2: f64) -> Load {
     Load::inertia(KgM2(kg_m2))
 }
 
+/// Returns the free speed of a motor on the bench's battery, in counts/s.
+pub(crate) fn free_cps(motor: &Motor) -> f64 {
+    BATTERY / motor.ke.0 / TAU * motor.counts_per_rev_motor
+}
+
 /// Returns the winding as a user would configure it.
 pub(crate) fn winding(motor: &Motor) -> Winding {
     Winding {
