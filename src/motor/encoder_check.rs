@@ -244,9 +244,15 @@ pub(super) enum Finding {
     Fault(EncoderFault),
 }
 
-/// The encoder check of one motor; the diagram at the top of the file has the transitions.
+/// The encoder check of one motor.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum EncoderCheck {
+pub(super) struct EncoderCheck {
+    state: State,
+}
+
+/// States of the check; the diagram at the top of the file has the transitions.
+#[derive(Clone, Copy, Debug)]
+enum State {
     /// The regulator drives the motor. The expectation covers the present silence.
     Watching(Expected),
     /// The regulator drives the motor in reverse, at the end of the control range.
@@ -261,20 +267,22 @@ pub(super) enum EncoderCheck {
 
 impl EncoderCheck {
     /// The check of a motor whose regulation begins.
-    pub(super) const NEW: Self = Self::Watching(Expected::NONE);
+    pub(super) const fn new() -> Self {
+        Self { state: State::Watching(Expected::NONE) }
+    }
 
     /// True if the motor is stalled.
     pub(super) const fn is_stalled(&self) -> bool {
-        matches!(self, Self::Stalled(_) | Self::RunningAway(Runaway { stall: Some(_), .. }))
+        matches!(self.state, State::Stalled(_) | State::RunningAway(Runaway { stall: Some(_), .. }))
     }
 
     /// Notes a set-point of another kind or direction, or a tick without regulation. A release or a probe ends, so that
     /// the next motion is not disturbed. A set-point that continues the motion must not end them: a host that streams
     /// set-points would hide a fault of the encoder. Returns true if there was a release, a probe or a stall.
     pub(super) const fn interrupt(&mut self, last_motion: &mut LastMotion) -> bool {
-        let examining = matches!(self, Self::Releasing(..) | Self::Probing(..));
+        let examining = matches!(self.state, State::Releasing(..) | State::Probing(..));
         if examining {
-            *self = Self::NEW;
+            self.state = State::Watching(Expected::NONE);
             last_motion.forget();
         }
         examining || self.is_stalled()
@@ -284,42 +292,36 @@ impl EncoderCheck {
     pub(super) fn step(&mut self, last_motion: &mut LastMotion, tick: &Tick<'_>) -> Finding {
         let moved = last_motion.take_moved();
         let turns = last_motion.silent_us() < WATCH.quiet_us;
-        let (state, finding) = match *self {
-            EncoderCheck::Watching(_) if turns && tick.runs_away() => Runaway::new(tick, None).step(tick),
-            EncoderCheck::Stalled(stall) if turns && tick.runs_away() => {
-                Runaway::new(tick, Some(stall)).step(tick)
-            }
-            EncoderCheck::RunningAway(runaway) if turns && tick.runs_away() => runaway.step(tick),
-            EncoderCheck::Watching(_) if moved => watch(Expected::NONE, last_motion, tick),
-            EncoderCheck::Watching(expected) => watch(expected, last_motion, tick),
-            EncoderCheck::RunningAway(Runaway { stall: Some(stall), .. }) | EncoderCheck::Stalled(stall) => {
+        let (state, finding) = match self.state {
+            State::Watching(_) if turns && tick.runs_away() => Runaway::new(tick, None).step(tick),
+            State::Stalled(stall) if turns && tick.runs_away() => Runaway::new(tick, Some(stall)).step(tick),
+            State::RunningAway(runaway) if turns && tick.runs_away() => runaway.step(tick),
+            State::Watching(_) if moved => watch(Expected::NONE, last_motion, tick),
+            State::Watching(expected) => watch(expected, last_motion, tick),
+            State::RunningAway(Runaway { stall: Some(stall), .. }) | State::Stalled(stall) => {
                 last_motion.forget();
                 stall.step(tick)
             }
-            EncoderCheck::RunningAway(_) => watch(Expected::NONE, last_motion, tick),
-            EncoderCheck::Releasing(suspect, _) | EncoderCheck::Probing(suspect, _) if moved => {
-                suspect.stall()
-            }
-            EncoderCheck::Releasing(suspect, ms) => suspect.release(ms + tick.period_ms(), tick),
-            EncoderCheck::Probing(suspect, expected) => {
-                suspect.probe(expected, last_motion.may_creep(), tick)
-            }
+            State::RunningAway(_) => watch(Expected::NONE, last_motion, tick),
+            State::Releasing(suspect, _) | State::Probing(suspect, _) if moved => suspect.stall(),
+            State::Releasing(suspect, ms) => suspect.release(ms + tick.period_ms(), tick),
+            State::Probing(suspect, expected) => suspect.probe(expected, last_motion.may_creep(), tick),
         };
-        *self = state;
+        self.state = state;
         finding
     }
 }
 
 /// Takes a tick in Watching: extends the expectation in a silence, and releases or probes a motor with too few counts.
-fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> (EncoderCheck, Finding) {
+fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> (State, Finding) {
     let silent_us = last_motion.silent_us();
     if silent_us < WATCH.quiet_us {
-        return (EncoderCheck::Watching(expected), Finding::Sound);
+        return (State::Watching(expected), Finding::Sound);
     }
     let requested = tick.target.to_f32().abs();
     if requested < WATCH.least_speed_cps {
         last_motion.forget();
-        return (EncoderCheck::Watching(Expected::NONE), Finding::Sound);
+        return (State::Watching(Expected::NONE), Finding::Sound);
     }
     let clockwise = tick.target > CountsPerSecond::ZERO;
     let drive_volts = along(clockwise, tick.command.voltage.to_volts());
@@ -334,7 +336,7 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> (
     let (mut expected, counts) = match run {
         Some(run) => (expected.keep_turning(ms, &run, drive_volts, tick), WATCH.turning_counts),
         None if drive_volts <= LOAD.friction_volts => {
-            return (EncoderCheck::Watching(Expected::NONE), Finding::Sound);
+            return (State::Watching(Expected::NONE), Finding::Sound);
         }
         None => {
             let acceleration = least_gain.unwrap_or(0.0) * (drive_volts - LOAD.friction_volts);
@@ -347,13 +349,13 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> (
     let too_few = expected.ms >= WATCH.silence_ms && expected.distance_counts >= counts;
     let timed_out = least_gain.is_none() && expected.driven_ms >= time_out_ms(last_motion, clockwise, tick);
     if !too_few && !timed_out {
-        return (EncoderCheck::Watching(expected), Finding::Sound);
+        return (State::Watching(expected), Finding::Sound);
     }
     let suspect = Suspect::new(clockwise, run, tick);
     // The time-out of an unknown motor leaves no time for a release.
     let known = least_gain.is_some() || run.is_some();
     if known && 4 * tick.period_ms() + WATCH.silence_ms <= PROBE.decided_ms {
-        (EncoderCheck::Releasing(suspect, 0), Finding::Release)
+        (State::Releasing(suspect, 0), Finding::Release)
     } else {
         suspect.begin_probe(tick)
     }
@@ -372,7 +374,7 @@ fn time_out_ms(last_motion: &LastMotion, clockwise: bool, tick: &Tick<'_>) -> u3
 
 /// A motor that had too few counts, and is released or probed.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Suspect {
+struct Suspect {
     /// True if the requested direction is clockwise.
     clockwise: bool,
     /// Position at which the motor had too few counts, in counts.
@@ -409,35 +411,35 @@ impl Suspect {
     }
 
     /// Takes a tick in Releasing without a motion, `ms` after its beginning.
-    fn release(self, ms: u32, tick: &Tick<'_>) -> (EncoderCheck, Finding) {
+    fn release(self, ms: u32, tick: &Tick<'_>) -> (State, Finding) {
         if ms < PROBE.release_ms {
-            (EncoderCheck::Releasing(self, ms), Finding::Release)
+            (State::Releasing(self, ms), Finding::Release)
         } else {
             self.begin_probe(tick)
         }
     }
 
     /// Begins the probe. Where probing is not allowed, the encoder is at fault without a probe.
-    fn begin_probe(self, tick: &Tick<'_>) -> (EncoderCheck, Finding) {
+    fn begin_probe(self, tick: &Tick<'_>) -> (State, Finding) {
         if tick.context.settings.probing {
-            (EncoderCheck::Probing(self, Expected::NONE), Finding::Probe(self.probe_control()))
+            (State::Probing(self, Expected::NONE), Finding::Probe(self.probe_control()))
         } else {
-            (EncoderCheck::NEW, Finding::Fault(EncoderFault::Stuck))
+            (State::Watching(Expected::NONE), Finding::Fault(EncoderFault::Stuck))
         }
     }
 
     /// Takes a tick in Probing without a motion: the encoder is at fault when the expected distance is long enough. A heavy
     /// motor that `may_creep` gets the longest time.
-    fn probe(self, expected: Expected, may_creep: bool, tick: &Tick<'_>) -> (EncoderCheck, Finding) {
+    fn probe(self, expected: Expected, may_creep: bool, tick: &Tick<'_>) -> (State, Finding) {
         let volts = PROBE.drive_share * tick.context.at.battery_volts() - self.resisting_volts;
         let expected = expected.accelerate(tick.period_ms(), self.gain_cps2_per_volt * volts, 0.0);
         let shortest_ms = if self.may_be_heavy && may_creep { PROBE.longest_ms } else { PROBE.probe_ms };
         if expected.ms >= shortest_ms && expected.distance_counts >= PROBE.counts {
-            (EncoderCheck::NEW, Finding::Fault(EncoderFault::Stuck))
+            (State::Watching(Expected::NONE), Finding::Fault(EncoderFault::Stuck))
         } else if expected.ms >= PROBE.longest_ms || volts <= 0.0 && expected.ms >= PROBE.probe_ms {
             self.stall()
         } else {
-            (EncoderCheck::Probing(self, expected), Finding::Probe(self.probe_control()))
+            (State::Probing(self, expected), Finding::Probe(self.probe_control()))
         }
     }
 
@@ -448,15 +450,15 @@ impl Suspect {
     }
 
     /// Begins a stall at the position where the motor had too few counts.
-    const fn stall(self) -> (EncoderCheck, Finding) {
+    const fn stall(self) -> (State, Finding) {
         let Self { clockwise, position, .. } = self;
-        (EncoderCheck::Stalled(Stall { clockwise, position, free_ms: 0 }), Finding::Sound)
+        (State::Stalled(Stall { clockwise, position, free_ms: 0 }), Finding::Sound)
     }
 }
 
 /// A stop that blocks the motor.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Stall {
+struct Stall {
     /// True if the stop blocks clockwise motion.
     clockwise: bool,
     /// Position of the stop, in counts.
@@ -467,7 +469,7 @@ pub(super) struct Stall {
 
 impl Stall {
     /// Takes a tick in Stalled: ends the stall of a free motor, or when the requested direction has changed.
-    fn step(mut self, tick: &Tick<'_>) -> (EncoderCheck, Finding) {
+    fn step(mut self, tick: &Tick<'_>) -> (State, Finding) {
         let moved = tick.position.wrapping_sub(self.position);
         let beyond = if self.clockwise { moved } else { moved.saturating_neg() };
         let requested = along(self.clockwise, tick.target.to_f32());
@@ -475,9 +477,9 @@ impl Stall {
         let free = speed >= STALL.speed_share * requested && beyond >= STALL.counts;
         self.free_ms = if free { self.free_ms.saturating_add(tick.period_ms()) } else { 0 };
         if requested < 0.0 || (requested > 0.0 && self.free_ms >= STALL.free_ms) {
-            (EncoderCheck::Watching(Expected::NONE), Finding::Sound)
+            (State::Watching(Expected::NONE), Finding::Sound)
         } else {
-            (EncoderCheck::Stalled(self), Finding::Sound)
+            (State::Stalled(self), Finding::Sound)
         }
     }
 }
@@ -505,7 +507,7 @@ impl Span {
 
 /// A motor that turns at the wrong speed against full control in reverse.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Runaway {
+struct Runaway {
     /// Stall of the motor before; `None` if the motor was not stalled.
     stall: Option<Stall>,
     /// Extension of both spans, in ms: for a slow motor, or for an unknown motor whose encoder is trusted.
@@ -538,7 +540,7 @@ impl Runaway {
     }
 
     /// Takes a tick in RunningAway. If the late span is slower than the early span, the comparison begins again.
-    fn step(mut self, tick: &Tick<'_>) -> (EncoderCheck, Finding) {
+    fn step(mut self, tick: &Tick<'_>) -> (State, Finding) {
         // A motor that reversed has followed its drive, even if it swings back later.
         let clockwise = tick.regulator.velocity() >= CountsPerSecond::ZERO;
         if clockwise != self.clockwise {
@@ -555,22 +557,22 @@ impl Runaway {
         };
         if self.early.ms < RUNAWAY.early_ms + extension_ms {
             self.early = self.early.plus(span);
-            return (EncoderCheck::RunningAway(self), Finding::Sound);
+            return (State::RunningAway(self), Finding::Sound);
         }
         self.late = self.late.plus(span);
         let late_ms = if undecided { RUNAWAY.hint_ms } else { RUNAWAY.late_ms + self.slow_ms };
         let too_slow = 50 * self.early.counts < RUNAWAY.counts_in_50_ms * i64::from(self.early.ms);
         if self.late.ms < late_ms {
             let finding = if self.full_reverse { Finding::FullReverse(end) } else { Finding::Sound };
-            (EncoderCheck::RunningAway(self), finding)
+            (State::RunningAway(self), finding)
         } else if too_slow || self.late.is_slower_than(self.early) {
-            (EncoderCheck::RunningAway(self.again(clockwise)), Finding::Sound)
+            (State::RunningAway(self.again(clockwise)), Finding::Sound)
         } else if undecided {
             let early = self.early.plus(self.late);
             let next = Self { early, late: Span::default(), full_reverse: true, ..self };
-            (EncoderCheck::RunningAway(next), Finding::FullReverse(end))
+            (State::RunningAway(next), Finding::FullReverse(end))
         } else {
-            (EncoderCheck::NEW, Finding::Fault(EncoderFault::Reversed))
+            (State::Watching(Expected::NONE), Finding::Fault(EncoderFault::Reversed))
         }
     }
 

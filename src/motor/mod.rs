@@ -141,14 +141,17 @@ pub struct Motor {
     bridge_fault: bool,
 }
 
-/// State of a motor, with the data that only this state needs. [`Motor::transition`] has all changes of a set-point.
+/// State of a motor, with the data that only this state needs.
 ///
 /// ```text
-///            set-point            set-point                   ┌── fault of the encoder: latched, the bridge opens or
-/// OpenLoop ◀────────▶ Regulated ◀────────▶ Identifying        │   brakes until the motor is disabled
-///     ▲                   └───────────────────────────────────┘        │
-///     └───────────── the identification has ended ─────────────────────┘
+/// OpenLoop ◀── set-point ──▶ Regulated ◀── set-point ──▶ Identifying
+///    ▲ ▲                                                    │  │
+///    │ └──────────────────── set-point ─────────────────────┘  │
+///    └────────────────── the identification has ended ─────────┘
 /// ```
+///
+/// A fault is no state. The motor latches its faults until it is disabled, and they replace the set-point by
+/// [`Settings::on_fault`] wherever the set-point cannot be carried out.
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "there is no heap")]
 enum MotorState {
@@ -314,7 +317,7 @@ impl Motor {
                 self.state = MotorState::Identifying(identifier);
             }
             (_, to) => {
-                let check = MotorState::Regulated(EncoderCheck::NEW);
+                let check = MotorState::Regulated(EncoderCheck::new());
                 self.end_identification(Identification::Refused(Refusal::Stopped));
                 self.state = if to.is_regulated() { check } else { MotorState::OpenLoop };
             }

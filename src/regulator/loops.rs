@@ -59,7 +59,7 @@ pub(super) struct Inputs<'a> {
 }
 
 impl Loops {
-    /// Begins the velocity loop in this way at the next step, and the position loop anew.
+    /// Restarts the velocity loop in this way at the next step, and resets the position loop.
     pub(super) const fn begin(&mut self, start: Start) {
         self.start = start;
         self.position.reset();

@@ -7,7 +7,7 @@
 //! * **PID** runs for a motor with coefficients of a host: a velocity loop, and a position loop above it. Speeds come
 //!   from the same observer.
 //!
-//! A change of mode, of coefficients or of the regulator makes no step of current.
+//! A change of mode, of coefficients or of the regulator makes no step of current. [`Transition`] has the rules.
 //!
 //! ```text
 //! samples ─▶ observer ─▶ position, speed, load ─▶ law or PID ─▶ Output ─▶ modulator
@@ -57,17 +57,17 @@ const LEAST_GAIN_SHARE: f32 = 0.7;
 /// Largest error of the speed, as its back EMF in V, at which a motor has reached its demanded speed.
 const AT_SPEED_VOLTS: f32 = 1.0;
 
-/// A change that a regulator must know. It decides the current with which regulation begins or continues.
+/// A change of a motor's set-point or bridge. The change decides the current with which regulation begins or continues.
 ///
 /// | transition | velocity loop of PID | position loop of PID |
 /// |---|---|---|
-/// | `Target` | goes on | goes on |
-/// | `Mode` | goes on | begins anew |
-/// | `OpenBridge`, `FromOpenLoop` | begins with the present current | begins anew |
-/// | `FromBrake`, `FromStop` | begins with a current of zero | begins anew |
+/// | `Target` | continues | continues |
+/// | `Mode` | continues | restarts |
+/// | `OpenBridge`, `FromOpenLoop` | restarts with the current that balances the load | restarts |
+/// | `FromBrake`, `FromStop` | restarts with a current of zero | restarts |
 ///
-/// A motor that is [stalled](Regulator::is_stalled) leaves its stop at every transition. The estimated load of the stop is
-/// then forgotten, and regulation begins as after `FromStop`.
+/// A motor that is [stalled](Regulator::is_stalled) leaves its stop at every transition. Both regulators then forget the
+/// estimated load of the stop, and PID restarts as after `FromStop`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transition {
     /// The motor gets another target in the same mode.
@@ -90,6 +90,7 @@ pub struct Regulator {
     motion: Motion,
     /// Estimate of the acceleration per volt; `None` for a motor with configured dynamics.
     gain_estimate: Option<GainEstimate>,
+    /// PID loops of a motor with coefficients of a host.
     loops: Loops,
     hunting: Hunting,
     /// Last sample of the encoder; `None` before the first one.
@@ -177,11 +178,13 @@ impl Regulator {
             }
             self.restart_gain_estimate();
         }
-        if emf_changed || dynamics_changed || old.coefficients != new.coefficients || old.scheme != new.scheme
-        {
-            if self.voltage.is_some() && matches!(self.loops.start, Start::Running | Start::Resume) {
-                self.loops.start = Start::Continue;
-            }
+        let pid_changed = emf_changed
+            || dynamics_changed
+            || old.coefficients != new.coefficients
+            || old.scheme != new.scheme;
+        let restarts = matches!(self.loops.start, Start::Running | Start::Resume);
+        if pid_changed && restarts && self.voltage.is_some() {
+            self.loops.start = Start::Continue;
         }
     }
 

@@ -14,10 +14,10 @@ const QUICKEST_POLE: f32 = 0.6;
 const LEAST_P: f32 = 0.3;
 /// Battery voltage for which coefficients are suggested, in V.
 const NOMINAL_VOLTS: f32 = 12.0;
-/// Cycles of 50 ms by which hosts give I.
+/// Cycles of 50 ms in a second. Hosts state I per cycle.
 const CYCLES_PER_SECOND: f32 = 20.0;
-/// How many times slower than the velocity loop the suggested position loop is: the motor may be much heavier than a
-/// bare one.
+/// Ratio of the bandwidths of velocity loop and suggested position loop. The motor may be much heavier than a bare gear
+/// motor.
 const POSITION_SLOWER: f32 = 6.0;
 
 /// Coefficients of both loops.
@@ -31,8 +31,8 @@ pub struct Coefficients {
 }
 
 impl Coefficients {
-    /// Suggests coefficients for an unknown motor, taken for a bare gear motor at a battery of 12 V. Hosts read them
-    /// from a motor that has no coefficients.
+    /// Suggests coefficients for an unknown motor, which counts as a bare gear motor on a battery of 12 V. REV's protocol
+    /// lets hosts read coefficients from any motor, and change single ones. A motor without coefficients answers with these.
     ///
     /// From one tick to the next a bare gear motor keeps `a = exp(-T / 0.14 s)` of its speed. Both poles are placed at
     /// `z = exp(-18 T)`, or 0.6. With `f` control steps per count/s, which is full control at the speed

@@ -19,6 +19,12 @@
 //! A save writes two copies of the record, one after the other. A power cut or a damaged bit affects one copy only. `tasks::store`
 //! decides where the copies are.
 //!
+//! ```text
+//! Nothing ── first save ──▶ Whole ── power cut in a save, or a damaged copy ──▶ OneCopy ── both copies damaged ──▶ Damaged
+//!                             ▲                                                    │                                │
+//!                             └────────────────────── next save ───────────────────┴──── reset of the settings ─────┘
+//! ```
+//!
 //! ```
 //! use motor_hub::store::{Found, SettingsRecord, Stored};
 //!

@@ -122,12 +122,12 @@ pub enum Identifier {
         last: Option<Reading>,
     },
     /// The motor is driven.
-    Moving(Motion),
+    Moving(Excitation),
 }
 
-/// A motion that runs.
+/// The motion by which a motor is identified.
 #[derive(Clone, Copy, Debug)]
-pub struct Motion {
+pub struct Excitation {
     /// Factor of the durations of all phases.
     scale: f32,
     /// Shortest duration of a segment, in s.
@@ -157,7 +157,7 @@ impl Identifier {
     pub fn progress(&self) -> Identification {
         Identification::Running(match self {
             Self::Resting { .. } => 0,
-            Self::Moving(motion) => motion.percent(),
+            Self::Moving(excitation) => excitation.percent(),
         })
     }
 
@@ -165,14 +165,14 @@ impl Identifier {
     pub fn sample(&mut self, reading: &Reading) {
         match self {
             Self::Resting { last, .. } => *last = Some(*reading),
-            Self::Moving(motion) => motion.segments.sample(*reading),
+            Self::Moving(excitation) => excitation.segments.sample(*reading),
         }
     }
 
     /// Sets the voltage that the bridge applies until the next step.
     pub const fn drive(&mut self, voltage: Voltage) {
-        if let Self::Moving(motion) = self {
-            motion.segments.drive(voltage.to_volts());
+        if let Self::Moving(excitation) = self {
+            excitation.segments.drive(voltage.to_volts());
         }
     }
 
@@ -190,11 +190,11 @@ impl Identifier {
             Self::Resting { limit, since, last } => {
                 let limit = *limit;
                 let Some(reading) = rest(since, *last)? else { return Ok(None) };
-                *self = Self::Moving(Motion::new(emf.to_volts(), battery, limit, period, reading)?);
+                *self = Self::Moving(Excitation::new(emf.to_volts(), battery, limit, period, reading)?);
                 let [Phase { share, .. }, ..] = PHASES;
                 share
             }
-            Self::Moving(motion) => motion.step(battery)?,
+            Self::Moving(excitation) => excitation.step(battery)?,
         };
         Ok(Some(Voltage::from_volts(share * battery)))
     }
@@ -211,7 +211,7 @@ fn rest(since: &mut Option<Reading>, last: Option<Reading>) -> Result<Option<Rea
     Ok(Some(last).filter(|last| last.at.since(since.at) >= u64::from(1000 * REST_MS)))
 }
 
-impl Motion {
+impl Excitation {
     fn new(
         emf: f32,
         battery: f32,
