@@ -52,6 +52,7 @@ pub mod script;
 #[cfg(feature = "server")]
 pub mod server;
 pub mod settings_file;
+mod update;
 #[cfg(feature = "server")]
 mod viewer;
 pub mod world;
