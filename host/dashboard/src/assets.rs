@@ -40,6 +40,7 @@ pub const ALL: &[Asset] = assets! {
     "/js/bands.js" JS "js/bands.js"
     "/js/dom.js" JS "js/dom.js"
     "/js/fields.js" JS "js/fields.js"
+    "/js/firmware.js" JS "js/firmware.js"
     "/js/gamepad.js" JS "js/gamepad.js"
     "/js/group.js" JS "js/group.js"
     "/js/history.js" JS "js/history.js"

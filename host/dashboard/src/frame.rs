@@ -4,6 +4,7 @@
 use crate::executor::CONFIGURABLE;
 use crate::hub::Hub;
 use crate::requests::KindName;
+use crate::update::Progress;
 use crate::world::WorldIs;
 use motor_hub::braking::{OperatingPoint, Points, Regime, Scheme, Winding};
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
@@ -94,6 +95,8 @@ pub(crate) enum Message {
     },
     /// Answer to a page that has asked for the hub's status.
     Status(HubStatus),
+    /// Sent while new firmware is sent to the hub, and at its end.
+    Update(Progress),
     /// Sent when a simulated hub's world has changed.
     World(WorldIs),
 }

@@ -56,6 +56,7 @@ pub mod scenario_player;
 #[cfg(feature = "server")]
 pub mod server;
 pub mod settings_file;
+mod update;
 pub mod world;
 
 pub use hub::{Hub, Port};

@@ -11,6 +11,7 @@ use crate::pages::{Gone, Pages, Taken};
 use crate::requests::Order;
 use crate::scenario_player::{Playing, Script};
 use crate::settings_file;
+use crate::update::{LARGEST, Update};
 use crate::world::World;
 use motor_hub::extension::HubFunction;
 use motor_hub::protocol::CHANNELS;
@@ -109,6 +110,9 @@ pub struct Relay {
     playing: Option<Playing>,
     /// Time of the last question about a running save, load or reset of settings; `None` without one.
     saving: Option<(Instant, HubFunction)>,
+    /// Parts of new firmware that a page has sent.
+    firmware: Vec<u8>,
+    update: Option<Update>,
     /// The newest frame.
     frame: Frame,
     since: Instant,
@@ -135,6 +139,8 @@ impl Relay {
             learning: None,
             playing: None,
             saving: None,
+            firmware: Vec::new(),
+            update: None,
             frame: Frame::default(),
             since: now,
             connect_at: now,
@@ -253,6 +259,14 @@ impl Relay {
                 }
                 _ => Err("there is no scenario to play: start the dashboard with --scenario FILE".into()),
             },
+            Order::Firmware { offset, ref hex } => self.collect(offset, hex),
+            Order::Update { ref version } => {
+                let image = std::mem::take(&mut self.firmware);
+                Update::begin(session, image, version).map(|update| {
+                    self.update = Some(update);
+                    Changed::Nothing
+                })
+            }
             Order::Save => self.store(HubFunction::Save),
             Order::Load => self.store(HubFunction::Load),
             Order::Reset => self.store(HubFunction::Reset),
@@ -282,6 +296,48 @@ impl Relay {
         Ok(())
     }
 
+    /// Appends a part of new firmware.
+    fn collect(&mut self, offset: usize, hex: &str) -> Result<Changed, Trouble> {
+        if offset == 0 {
+            self.firmware.clear();
+        }
+        let pairs = hex.as_bytes().chunks(2);
+        let bytes =
+            pairs.map(|pair| str::from_utf8(pair).ok().and_then(|pair| u8::from_str_radix(pair, 16).ok()));
+        let bytes: Vec<u8> =
+            bytes.collect::<Option<_>>().ok_or("the part has other signs than hexadecimal digits")?;
+        if offset != self.firmware.len() || offset + bytes.len() > LARGEST {
+            return Err(format!(
+                "a part of the firmware begins at {offset}; expected is {}, and at most {LARGEST} bytes",
+                self.firmware.len()
+            )
+            .into());
+        }
+        self.firmware.extend(bytes);
+        Ok(Changed::Nothing)
+    }
+
+    /// Continues a running update.
+    fn go_on_updating(&mut self) {
+        let Some(update) = &mut self.update else { return };
+        let progress = match &mut self.session {
+            Some(session) => update.go_on(session),
+            None => Ok(update.late()),
+        };
+        match progress {
+            Ok(None) => (),
+            Ok(Some(progress)) => {
+                if progress.state != "running" {
+                    self.update = None;
+                    // The new firmware has settings of its own.
+                    self.tell_all_settings();
+                }
+                self.tell(&Message::Update(progress).text());
+            }
+            Err(error) => self.lose(&error.to_string()),
+        }
+    }
+
     /// Begins to save, load or reset the stored settings.
     fn store(&mut self, what: HubFunction) -> Result<Changed, RequestError> {
         let Some(session) = &mut self.session else { return Ok(Changed::Nothing) };
@@ -296,6 +352,7 @@ impl Relay {
         if self.session.is_none() && Instant::now() >= self.connect_at {
             self.connect();
         }
+        self.go_on_updating();
         match self.look() {
             Ok(true) => (),
             Ok(false) => return,
@@ -406,6 +463,10 @@ impl Relay {
         (self.learning, self.playing) = (None, None);
         self.connect_at = Instant::now() + AGAIN;
         self.saving = None;
+        // A hub that restarts is silent for a while.
+        if let Some(update) = self.update.take_if(|update| !update.restarts()) {
+            self.tell(&Message::Update(update.failed(why)).text());
+        }
         self.tell_line(gone(why.to_owned()));
     }
 

@@ -187,6 +187,18 @@ pub enum Order {
         /// Red, green and blue, 0 to 255 each.
         colour: [u8; 3],
     },
+    /// A part of new firmware. Offset 0 begins another image.
+    Firmware {
+        /// Number of bytes before the part.
+        offset: usize,
+        /// Bytes as hexadecimal digits.
+        hex: String,
+    },
+    /// Sends the firmware to the hub, and restarts the hub with it.
+    Update {
+        /// Version text in the firmware.
+        version: String,
+    },
     /// Plays the scenario of a simulated hub from its beginning.
     Play,
     /// Changes a simulated hub's world.

@@ -9,7 +9,7 @@ use motor_hub::update::{Booted, Done, Outcome, Seal, Slot, UpdateRequest, public
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-const SLOT: Slot =
+pub(crate) const SLOT: Slot =
     Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
 
 /// Public key as OpenSSL writes it.
@@ -25,19 +25,19 @@ fn started(slot: Slot, booted: Booted) -> Responder<4> {
     responder
 }
 
-fn serve(slot: Slot, flash: fn(&mut Responder<4>, UpdateRequest)) -> Server {
+pub(crate) fn serve(slot: Slot, flash: fn(&mut Responder<4>, UpdateRequest)) -> Server {
     let mut hub = Hub::new();
     (hub.responder, hub.flash) = (started(slot, Booted::Confirmed), flash);
     Server::start(hub)
 }
 
 /// A fake flash that executes all orders; a restart starts the new firmware, which confirms itself.
-fn good(responder: &mut Responder<4>, order: UpdateRequest) {
+pub(crate) fn good(responder: &mut Responder<4>, order: UpdateRequest) {
     carry_out(responder, order, Booted::Confirmed);
 }
 
 /// A fake flash whose restart ends with the former firmware.
-fn goes_back(responder: &mut Responder<4>, order: UpdateRequest) {
+pub(crate) fn goes_back(responder: &mut Responder<4>, order: UpdateRequest) {
     carry_out(responder, order, Booted::WentBack);
 }
 
@@ -66,13 +66,13 @@ fn write(folder: &Path, name: &str, bytes: &[u8]) -> String {
 }
 
 /// Raw bytes for the slot, with this version text.
-fn image(version: &str) -> Vec<u8> {
+pub(crate) fn image(version: &str) -> Vec<u8> {
     let mut bytes = [0x2002_0000_u32, SLOT.origin + 0x199].map(u32::to_le_bytes).concat();
     bytes.extend(format!("HW: 20, Maj: 1, Min: 8, Eng: 2, {version}\0").bytes());
     bytes
 }
 
-const RUNS: &str = concat!("mh", env!("CARGO_PKG_VERSION"));
+pub(crate) const RUNS: &str = concat!("mh", env!("CARGO_PKG_VERSION"));
 
 #[test]
 fn an_update_that_was_rolled_back_says_so() {

@@ -6,6 +6,7 @@
     reason = "a failed access is a failed test"
 )]
 
+use crate::client_update_told::{RUNS, SLOT, goes_back, good, image, serve};
 use crate::conformance::Hub;
 use crate::page::Dashboard;
 use serde_json::{Value, json};
@@ -381,6 +382,70 @@ fn settings_that_a_page_saves_are_in_force_when_the_hub_starts_again() {
     let line = page.until("a hub", |_, message| message["kind"] == "line" && message["connected"] == true);
     assert_eq!(line["stores"], false);
     assert!(page.refused("save", Value::Null).contains("store its settings"));
+}
+
+/// Sends an image of 3000 bytes more as a page does, and returns the last message of the update.
+fn update(page: &mut Page, image: &[u8]) -> Value {
+    let mut image = image.to_vec();
+    image.resize(image.len() + 3000, 0xA5);
+    let version = String::from_utf8_lossy(&image[8..]).split('\0').next().unwrap().to_owned();
+    for (index, part) in image.chunks(1000).enumerate() {
+        let hex: String = part.iter().map(|byte| format!("{byte:02x}")).collect();
+        page.order("firmware", json!({ "offset": 1000 * index, "hex": hex }));
+    }
+    page.order("update", json!({ "version": version }));
+    let (mut frames, mut percents) = (0, Vec::new());
+    let end = page.until("the update's end", |_, message| {
+        frames += u32::from(message["kind"] == "frame");
+        if message["kind"] == "refused" {
+            return true;
+        }
+        if message["kind"] == "update" {
+            percents.push(message["percent"].as_u64().unwrap());
+        }
+        message["kind"] == "update" && message["state"] != "running"
+    });
+    if end["kind"] == "update" {
+        assert!(percents.is_sorted() && percents.len() > 5, "{percents:?}");
+        assert!(frames > 5, "{frames} frames during the update");
+    }
+    end
+}
+
+#[test]
+fn new_firmware_is_sent_while_frames_go_on_and_the_page_says_what_came_of_it() {
+    let server = serve(SLOT, good);
+    let dashboard = Dashboard::start(&["--tcp", &server.address]);
+    let mut page = Page::ready(&dashboard);
+    let done = update(&mut page, &image(RUNS));
+    assert!(done["state"] == "done" && done["text"].as_str().unwrap().contains("confirmed"), "{done}");
+    let other = update(&mut page, &image("mh9.9.9"));
+    assert!(other["text"].as_str().unwrap().contains("but the firmware sent is HW"), "{other}");
+
+    let server = serve(SLOT, goes_back);
+    let dashboard = Dashboard::start(&["--tcp", &server.address]);
+    let back = update(&mut Page::ready(&dashboard), &image("mh9.9.9"));
+    assert_eq!(back["state"], "failed");
+    assert!(
+        back["text"].as_str().unwrap().contains("did not confirm itself, and the hub returned to"),
+        "{back}"
+    );
+}
+
+#[test]
+fn firmware_for_no_slot_is_refused_before_it_is_sent() {
+    let server = serve(SLOT, good);
+    let dashboard = Dashboard::start(&["--tcp", &server.address]);
+    let mut page = Page::ready(&dashboard);
+    let elsewhere = [&[0; 8], &image(RUNS)[8..]].concat();
+    let refused = update(&mut page, &elsewhere);
+    assert!(refused["why"].as_str().unwrap().contains("begins at 0x00000000, outside"), "{refused}");
+    let simulated = Dashboard::start(&[]);
+    let refused = update(&mut Page::ready(&simulated), &image(RUNS));
+    assert!(refused["why"].as_str().unwrap().contains("no bootloader"), "{refused}");
+    assert!(
+        page.refused("firmware", json!({ "offset": 7, "hex": "00" })).contains("begins at 7; expected is")
+    );
 }
 
 #[test]

@@ -1,6 +1,7 @@
 // Panel for the hub: what it is, its faults and what they mean, its settings, and the keys of this page.
 
 import { by, h, say } from "./dom.js";
+import { firmwareForm } from "./firmware.js";
 import { inControl, on, state } from "./state.js";
 import { number } from "./units.js";
 
@@ -62,6 +63,7 @@ export function hubPanel(link) {
     h("div", { class: "stack" },
       h("table", {}, about), h("div", { class: "pair" }, h("label", { for: "hub-lamp" }, "Colour of the lamp"), lamp),
       h("h3", {}, "Faults and resets"), h("div", { class: "row" }, look, clear), faults,
-      h("h3", {}, "Settings of all motors"), h("div", { class: "row" }, take, give, save, fetchStored, reset, file)),
-    h("div", { class: "stack" }, h("p", { class: "muted" }, "The program's command line also changes addresses, lists child hubs, and sends new firmware: see motor-hub client."), h("h3", {}, "Keys"), h("table", {}, h("tbody", {}, ...KEYS.map(([key, does]) => h("tr", {}, h("th", {}, key), h("td", {}, does)))))));
+      h("h3", {}, "Settings of all motors"), h("div", { class: "row" }, take, give, save, fetchStored, reset, file),
+      firmwareForm(link)),
+    h("div", { class: "stack" }, h("p", { class: "muted" }, "The program's command line also changes addresses, drives child hubs, and sends signed firmware: see motor-hub client."), h("h3", {}, "Keys"), h("table", {}, h("tbody", {}, ...KEYS.map(([key, does]) => h("tr", {}, h("th", {}, key), h("td", {}, does)))))));
 }

@@ -1,0 +1,230 @@
+//! New firmware for a hub with a bootloader. A page sends the image in parts. The relay passes the image on in small chunks
+//! between frames, so that pages see the hub all the time.
+//!
+//! ```text
+//! collected --begin--> sending --finish--> checking --restart--> restarting --> confirmed, or why not
+//! ```
+
+use crate::executor::Trouble;
+use crate::relay::Hub;
+use motor_hub::extension::HubFunction;
+use motor_hub::extension::state::UpdateReport;
+use motor_hub::protocol::Nack;
+use motor_hub::protocol::payload::{TEXT, Text};
+use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Phase};
+use motor_hub_client::Error;
+use motor_hub_client::clock::Instant;
+use serde::Serialize;
+use std::time::Duration;
+
+/// Largest image in bytes: more than the flash of any supported chip.
+pub(crate) const LARGEST: usize = 4 << 20;
+
+/// Chunks that are sent between two frames: some 20 kB/s, of the 46 kB/s of a serial line.
+const CHUNKS: usize = 4;
+
+/// Time-out of a write or check in the hub: erasing a page takes up to 4 s, erasing the bootloader's state another 4 s.
+const WRITING: Duration = Duration::from_secs(10);
+
+/// Time-out for the hub to answer after the restart, and to confirm its firmware: it swaps slots, and may swap back.
+const RETURNING: Duration = Duration::from_secs(105);
+
+/// Progress of an update, for pages.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Progress {
+    /// `running`, `done` or `failed`.
+    pub(crate) state: &'static str,
+    /// Bytes that the hub has, as a share, 0 to 100.
+    pub(crate) percent: usize,
+    /// What happens now, or what came of it.
+    pub(crate) text: String,
+}
+
+/// A running update.
+#[derive(Debug)]
+pub(crate) struct Update {
+    image: Vec<u8>,
+    version: String,
+    stage: Stage,
+    /// Time of the last progress.
+    since: Instant,
+}
+
+#[derive(Debug, PartialEq, Eq)]
+enum Stage {
+    /// The hub has this many bytes.
+    Sending(usize),
+    /// The hub checks the image.
+    Checking,
+    /// The hub swaps its firmware, and does not answer meanwhile.
+    Restarting,
+}
+
+impl Update {
+    /// Announces an image to the hub. All motors must be disabled.
+    pub(crate) fn begin(session: &mut Hub, image: Vec<u8>, version: &str) -> Result<Self, Trouble> {
+        let report = session.update_state().map_err(|error| match error {
+            Error::Refused { reason: Nack::UNSUPPORTED | Nack::UNKNOWN, .. } | Error::TooOld { .. } => {
+                Trouble::from("the hub has no bootloader: flash new firmware through its debug probe")
+            }
+            error => error.into(),
+        })?;
+        fits(&image, &report)?;
+        if report.phase == Phase::Armed {
+            session.order(HubFunction::AbandonUpdate)?;
+            return Err("an earlier update waited for a restart, and is abandoned: try again".into());
+        }
+        let bytes = version.as_bytes();
+        let announced = Text::from_slice(bytes.get(..TEXT).unwrap_or(bytes)).unwrap_or_default();
+        let length = u32::try_from(image.len()).unwrap_or(u32::MAX);
+        session.catch_up()?;
+        session.order(HubFunction::BeginUpdate { length, crc: CRC.checksum(&image), version: announced })?;
+        let (version, stage) = (version.to_owned(), Stage::Sending(0));
+        Ok(Self { image, version, stage, since: Instant::now() })
+    }
+
+    /// True while the hub may be silent because it restarts.
+    pub(crate) fn restarts(&self) -> bool {
+        self.stage == Stage::Restarting
+    }
+
+    /// Continues. Returns the progress where there is news; after `done` or `failed` the update has ended.
+    pub(crate) fn go_on(&mut self, session: &mut Hub) -> Result<Option<Progress>, Error> {
+        let done = match self.stage {
+            Stage::Sending(at) => self.send(session, at),
+            Stage::Checking => self.check(session),
+            Stage::Restarting => self.returned(session),
+        };
+        match done {
+            Ok(None) => Ok(self.late()),
+            Ok(progress) => {
+                self.since = Instant::now();
+                Ok(progress)
+            }
+            // A hub that starts may answer with garbage.
+            Err(Trouble::Refused(_)) if self.restarts() => Ok(self.late()),
+            Err(Trouble::Refused(why)) => {
+                // Should this fail too, the hub forgets the image at its next reset.
+                let _ = session.order(HubFunction::AbandonUpdate);
+                Ok(Some(self.progress("failed", why)))
+            }
+            Err(Trouble::Hub(error)) => Err(error),
+        }
+    }
+
+    /// A failure if nothing has happened for too long.
+    pub(crate) fn late(&self) -> Option<Progress> {
+        let longest = if self.restarts() { RETURNING } else { WRITING };
+        (self.since.elapsed() > longest).then(|| {
+            let why = match self.stage {
+                Stage::Sending(_) => "the hub has not finished a write",
+                Stage::Checking => "the hub has not finished the check",
+                Stage::Restarting => "the hub has not confirmed the new firmware: look at its version",
+            };
+            self.failed(why)
+        })
+    }
+
+    /// The end of an update that cannot go on.
+    pub(crate) fn failed(&self, why: &str) -> Progress {
+        self.progress("failed", why.to_owned())
+    }
+
+    fn progress(&self, state: &'static str, text: String) -> Progress {
+        let percent = match self.stage {
+            Stage::Sending(at) => 100 * at / self.image.len().max(1),
+            Stage::Checking | Stage::Restarting => 100,
+        };
+        Progress { state, percent, text }
+    }
+
+    fn running(&self, text: &str) -> Option<Progress> {
+        Some(self.progress("running", text.to_owned()))
+    }
+
+    fn send(&mut self, session: &mut Hub, from: usize) -> Result<Option<Progress>, Trouble> {
+        let mut at = from;
+        for _ in 0..CHUNKS {
+            let rest = self.image.get(at..).unwrap_or_default();
+            let chunk = rest.get(..CHUNK).unwrap_or(rest);
+            let request = if chunk.is_empty() {
+                HubFunction::FinishUpdate
+            } else {
+                let offset = u32::try_from(at).unwrap_or(u32::MAX);
+                HubFunction::Chunk { offset, bytes: Text::from_slice(chunk).unwrap_or_default() }
+            };
+            match session.order(request) {
+                // The hub still writes.
+                Err(Error::Refused { reason: Nack::UPDATE_BUSY, .. }) => break,
+                sent => sent?,
+            }
+            if chunk.is_empty() {
+                self.stage = Stage::Checking;
+                return Ok(self.running("The hub checks the firmware."));
+            }
+            at += chunk.len();
+        }
+        self.stage = Stage::Sending(at);
+        Ok(if at > from { self.running("The firmware is sent.") } else { None })
+    }
+
+    fn check(&mut self, session: &mut Hub) -> Result<Option<Progress>, Trouble> {
+        let report = session.update_state()?;
+        if report.at_work || matches!(report.phase, Phase::Checking | Phase::Disarming) {
+            return Ok(None);
+        }
+        match (report.phase, report.outcome) {
+            (Phase::Armed, _) => {
+                session.order(HubFunction::Restart)?;
+                self.stage = Stage::Restarting;
+                Ok(self.running("The hub restarts with the new firmware, which takes some 20 s."))
+            }
+            (_, Outcome::Mismatch) => Err("the hub's flash reads back other bytes than were sent".into()),
+            (_, Outcome::Refused) => Err("the hub's flash refused the write".into()),
+            _ => Err("the hub has not accepted the firmware".into()),
+        }
+    }
+
+    fn returned(&self, session: &mut Hub) -> Result<Option<Progress>, Trouble> {
+        let report = session.update_state()?;
+        if report.phase == Phase::Armed {
+            return Ok(None);
+        }
+        let failed = |why: String| Ok(Some(self.progress("failed", why)));
+        match report.booted {
+            Booted::OnTrial | Booted::Unknown => Ok(None),
+            Booted::Unconfirmable => failed(
+                "the new firmware runs, but the flash of the hub refuses its confirmation: the next reset restores the firmware before"
+                    .to_owned(),
+            ),
+            Booted::WentBack => failed(format!(
+                "{} did not confirm itself, and the hub returned to {}",
+                self.version,
+                session.version()?
+            )),
+            Booted::Confirmed => match session.version()? {
+                now if now == self.version => {
+                    Ok(Some(self.progress("done", format!("the hub runs {now}, confirmed"))))
+                }
+                now => failed(format!("the hub runs {now}, but the firmware sent is {}", self.version)),
+            },
+        }
+    }
+}
+
+/// Checks that the image fits the hub's slot.
+fn fits(image: &[u8], report: &UpdateReport) -> Result<(), String> {
+    let UpdateReport { origin, capacity, .. } = *report;
+    if image.len() > capacity as usize {
+        return Err(format!("the firmware has {} bytes; the hub's slot holds {capacity}", image.len()));
+    }
+    let entry = image.get(4..8).and_then(|word| word.try_into().ok()).map_or(0, u32::from_le_bytes);
+    if entry.wrapping_sub(origin) >= capacity {
+        return Err(format!(
+            "the firmware's code begins at {entry:#010x}, outside this hub's slot of {origin:#010x} to {:#010x}: \
+             it is for another chip, or not built for the bootloader",
+            origin.wrapping_add(capacity)
+        ));
+    }
+    Ok(())
+}
