@@ -1,9 +1,10 @@
-//! The encoder check takes a heavy motor that was not configured neither for unplugged nor for reversed.
+//! The encoder check takes a heavy motor that was not configured neither for unplugged nor for reversed, and still
+//! finds an encoder that becomes reversed.
 
 #[path = "common/mod.rs"]
 mod common;
 
-use common::{Bench, inertia, motor, plant, unknown, velocity};
+use common::{Bench, Cable, free_cps, inertia, motor, plant, unknown, velocity};
 
 const PERIODS_MS: [u32; 4] = [1, 10, 50, 100];
 
@@ -44,6 +45,53 @@ fn a_heavy_unknown_motor_that_hardly_starts_has_a_sound_encoder() {
                 let report = bench.report();
                 assert_eq!(report.faults.encoder, None, "{name}, {period_ms} ms, from {at_counts}");
                 assert!(report.velocity.round() > 100, "{name}, {period_ms} ms, {at_counts}: {report:?}");
+            }
+        }
+    }
+}
+
+/// Inertia at the output, in kg m², of a motor whose rotor then seems `times` as heavy.
+fn times_the_rotor(name: &str, times: f64) -> f64 {
+    let motor = motor(name);
+    (times - 1.0) * motor.j.0 * motor.eta * motor.gear_ratio.powi(2)
+}
+
+#[test]
+fn a_heavy_unknown_motor_in_a_long_reversal_has_a_sound_encoder() {
+    for (name, times) in
+        [("AM 40 C", 300.0), ("AM 60 B", 300.0), ("Matrix A", 100.0), ("Matrix B", 30.0), ("Matrix C", 30.0)]
+    {
+        for period_ms in [10, 50] {
+            let free = free_cps(&motor(name));
+            let mut bench = bench(name, times_the_rotor(name, times), period_ms, 0.5);
+            for (share, seconds) in [(0.7, 40), (0.15, 15), (-0.5, 35), (0.3, 20), (0.0, 10)] {
+                bench.set(0, velocity((share * free) as i32));
+                for _ in 0..10 * seconds {
+                    bench.run_ms(100);
+                    let fault = bench.report().faults.encoder;
+                    assert_eq!(fault, None, "{name} x{times}, {period_ms} ms, at {} ms", bench.ms);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn an_encoder_reversed_under_an_unknown_motor_at_work_is_at_fault_within_250_ms_and_two_periods() {
+    for name in ["AM 60 A", "AM 20 A", "AM 3.7 B"] {
+        for period_ms in PERIODS_MS {
+            for share in [0.2, 0.4, -0.6] {
+                let mut bench = bench(name, 0.0, period_ms, 0.5);
+                bench.set(0, velocity((share * free_cps(&motor(name))) as i32));
+                bench.run_ms(3_000);
+                bench.axes[0].cable = Cable::Reversed;
+                let start = bench.ms;
+                while bench.report().faults.encoder.is_none() && bench.ms < start + 5_000 {
+                    bench.run_ms(1);
+                }
+                let ms = bench.ms - start;
+                let most = 250 + 2 * u64::from(period_ms);
+                assert!(ms <= most, "{name}, {period_ms} ms, {share} of the free speed: after {ms} ms");
             }
         }
     }

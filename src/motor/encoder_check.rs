@@ -48,7 +48,7 @@
 //! | unknown, last turned in the other direction | 1 s, because a heavy motor may take that long to reverse |
 //! | unknown, has toggled by a few counts | 1 s, because a heavy motor may take that long to start |
 //! | unknown, with fewer than 1000 counts/s at 12 V | some 4 s |
-//! | unknown, runs away after its encoder counted in the right direction | 2.2 s, because the motor may be heavy |
+//! | unknown, runs away after its encoder counted in the right direction | 2.2 s if it does not become faster, because the motor may be heavy |
 //!
 //! The check excludes three kinds of motors. A motor in open loop needs no encoder. From a motor that holds its position,
 //! no count is due. A motor at rest on a low battery may be unable to turn against friction.
@@ -172,9 +172,12 @@ struct RunawayLimits {
     slow_ms: u32,
     /// Longest extension of a span, in ms.
     longest_ms: u32,
-    /// Extension of the spans of an unknown motor whose encoder has counted in the right direction, in ms. Encoders do
-    /// not become reversed while they work, so the motor may be heavy.
+    /// Least extension of the spans of an unknown motor whose encoder has counted in the right direction, in ms. The motor
+    /// may be heavy, and slow down by less than a count in a short span.
     trusted_ms: u32,
+    /// Counts beyond those of the early span with which such a motor has clearly become faster, so that its encoder is
+    /// reversed. Each span has an error of one count.
+    faster_counts: i64,
 }
 
 const RUNAWAY: RunawayLimits = RunawayLimits {
@@ -188,6 +191,7 @@ const RUNAWAY: RunawayLimits = RunawayLimits {
     slow_ms: 150,
     longest_ms: 2_000,
     trusted_ms: 1_000,
+    faster_counts: 4,
 };
 
 /// A fault of an encoder.
@@ -248,6 +252,9 @@ pub(super) enum Finding {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EncoderCheck {
     state: State,
+    /// True for an unknown motor whose encoder has counted in the right direction since the regulation began. A heavy motor
+    /// turns against its voltage for so long that the regulator trusts the encoder no longer; the check still does.
+    trusted: bool,
 }
 
 /// States of the check; the diagram at the top of the file has the transitions.
@@ -268,7 +275,7 @@ enum State {
 impl EncoderCheck {
     /// The check of a motor whose regulation begins.
     pub(super) const fn new() -> Self {
-        Self { state: State::Watching(Expected::NONE) }
+        Self { state: State::Watching(Expected::NONE), trusted: false }
     }
 
     /// True if the motor is stalled.
@@ -291,10 +298,15 @@ impl EncoderCheck {
     /// Takes a regulated tick: chooses the next state, and says what the motor has to do.
     pub(super) fn step(&mut self, last_motion: &mut LastMotion, tick: &Tick<'_>) -> Finding {
         let moved = last_motion.take_moved();
+        self.trusted |= tick.regulator.trusts_encoder();
         let turns = last_motion.silent_us() < WATCH.quiet_us;
         let (state, finding) = match self.state {
-            State::Watching(_) if turns && tick.runs_away() => Runaway::new(tick, None).step(tick),
-            State::Stalled(stall) if turns && tick.runs_away() => Runaway::new(tick, Some(stall)).step(tick),
+            State::Watching(_) if turns && tick.runs_away() => {
+                Runaway::new(tick, None, self.trusted).step(tick)
+            }
+            State::Stalled(stall) if turns && tick.runs_away() => {
+                Runaway::new(tick, Some(stall), self.trusted).step(tick)
+            }
             State::RunningAway(runaway) if turns && tick.runs_away() => runaway.step(tick),
             State::Watching(_) if moved => watch(Expected::NONE, last_motion, tick),
             State::Watching(expected) => watch(expected, last_motion, tick),
@@ -503,6 +515,12 @@ impl Span {
     fn is_slower_than(self, other: Self) -> bool {
         self.counts * i64::from(other.ms) < other.counts * i64::from(self.ms)
     }
+
+    /// True if this span has more counts than errors explain if its mean speed is not above that of the other.
+    fn is_clearly_faster_than(self, other: Self) -> bool {
+        let beyond = self.counts - RUNAWAY.faster_counts;
+        beyond * i64::from(other.ms) > other.counts * i64::from(self.ms)
+    }
 }
 
 /// A motor that turns at the wrong speed against full control in reverse.
@@ -510,8 +528,13 @@ impl Span {
 struct Runaway {
     /// Stall of the motor before; `None` if the motor was not stalled.
     stall: Option<Stall>,
-    /// Extension of both spans, in ms: for a slow motor, or for an unknown motor whose encoder is trusted.
+    /// Extension of both spans of a slow motor, in ms.
     slow_ms: u32,
+    /// True for an unknown motor whose encoder is trusted. If the short spans do not show that the motor has become faster,
+    /// longer spans follow.
+    trusted: bool,
+    /// True while the spans of a trusted motor are the longer ones.
+    long: bool,
     /// True if the motor turns clockwise.
     clockwise: bool,
     /// First span of the comparison.
@@ -524,19 +547,36 @@ struct Runaway {
 
 impl Runaway {
     /// Begins with the first tick of a runaway.
-    fn new(tick: &Tick<'_>, stall: Option<Stall>) -> Self {
+    fn new(tick: &Tick<'_>, stall: Option<Stall>, trusted: bool) -> Self {
         let slow_ms = match tick.regulator.least_gain() {
             Some(gain) => {
                 // Time from rest for the expected counts.
                 let ms = (1_000.0 * sqrtf(2.0 * EXPECTED_COUNTS / (RUNAWAY.drive_volts * gain))) as u32;
                 if ms > RUNAWAY.slow_ms { ms.min(RUNAWAY.longest_ms) } else { 0 }
             }
-            None if tick.regulator.trusts_encoder() => RUNAWAY.trusted_ms,
             None => 0,
         };
         let clockwise = tick.regulator.velocity() >= CountsPerSecond::ZERO;
         let empty = Span::default();
-        Self { stall, slow_ms, clockwise, early: empty, late: empty, full_reverse: false }
+        Self {
+            stall,
+            slow_ms,
+            trusted,
+            long: false,
+            clockwise,
+            early: empty,
+            late: empty,
+            full_reverse: false,
+        }
+    }
+
+    /// Extension of the present spans, in ms.
+    fn longer_ms(&self) -> u32 {
+        match (self.trusted, self.long) {
+            (true, true) => self.slow_ms.max(RUNAWAY.trusted_ms),
+            (true, false) => 0,
+            (false, _) => self.slow_ms,
+        }
     }
 
     /// Takes a tick in RunningAway. If the late span is slower than the early span, the comparison begins again.
@@ -553,18 +593,21 @@ impl Runaway {
         let extension_ms = if tick.ends_before_full_reverse() {
             0
         } else {
-            RUNAWAY.extension_ms.saturating_sub(tick.period_ms()) + self.slow_ms
+            RUNAWAY.extension_ms.saturating_sub(tick.period_ms()) + self.longer_ms()
         };
         if self.early.ms < RUNAWAY.early_ms + extension_ms {
             self.early = self.early.plus(span);
             return (State::RunningAway(self), Finding::Sound);
         }
         self.late = self.late.plus(span);
-        let late_ms = if undecided { RUNAWAY.hint_ms } else { RUNAWAY.late_ms + self.slow_ms };
+        let late_ms = if undecided { RUNAWAY.hint_ms } else { RUNAWAY.late_ms + self.longer_ms() };
         let too_slow = 50 * self.early.counts < RUNAWAY.counts_in_50_ms * i64::from(self.early.ms);
         if self.late.ms < late_ms {
             let finding = if self.full_reverse { Finding::FullReverse(end) } else { Finding::Sound };
             (State::RunningAway(self), finding)
+        } else if self.trusted && !self.long && !undecided && !self.late.is_clearly_faster_than(self.early) {
+            let early = self.early.plus(self.late);
+            (State::RunningAway(Self { early, late: Span::default(), long: true, ..self }), Finding::Sound)
         } else if too_slow || self.late.is_slower_than(self.early) {
             (State::RunningAway(self.again(clockwise)), Finding::Sound)
         } else if undecided {
@@ -578,7 +621,8 @@ impl Runaway {
 
     /// Begins the comparison again.
     fn again(self, clockwise: bool) -> Self {
-        Self { clockwise, early: Span::default(), late: Span::default(), full_reverse: false, ..self }
+        let empty = Span::default();
+        Self { long: false, clockwise, early: empty, late: empty, full_reverse: false, ..self }
     }
 }
 
