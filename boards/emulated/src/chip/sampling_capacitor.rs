@@ -1,5 +1,5 @@
-//! A converter of the STM32F427 with its sampling capacitor: a channel that nothing drives keeps the charge of the
-//! conversion before. The emulator has a voltage on every channel.
+//! A converter of the STM32F427 with its sampling capacitor: a channel without a wire keeps the charge of the last
+//! conversion. The emulator has a voltage on every channel.
 
 use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
 use rigless::soc::stm32f427::generated::adc1::Register;
@@ -36,24 +36,7 @@ impl Sampled {
 impl Device for Sampled {
     type Register = Register;
 
-    fn read(
-        &mut self,
-        register: Register,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) -> Option<u64> {
-        self.converter.read(register, registers, context)
-    }
-
-    fn write(
-        &mut self,
-        register: Register,
-        value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        self.converter.write(register, value, registers, context);
-    }
+    forward!(converter: read, write, on_clock, on_request, reset_line);
 
     fn on_event(&mut self, event: EventId, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         for channel in &self.floating {
@@ -71,24 +54,7 @@ impl Device for Sampled {
         }
     }
 
-    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-        self.converter.on_clock(hz, registers, context);
-    }
-
-    fn on_request(
-        &mut self,
-        request: RequestChange,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        self.converter.on_request(request, registers, context);
-    }
-
     fn reset(&mut self) {
         Device::reset(&mut self.converter);
-    }
-
-    fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-        self.converter.reset_line(registers, context);
     }
 }
