@@ -81,6 +81,8 @@ impl BatteryAdc {
             w.set_jsq(3, GROUND_CHANNEL);
         });
         pac::ADC1.cr1().modify(|w| {
+            // Without SCAN only one channel of the injected group is converted (RM0090 13.3.8).
+            w.set_scan(true);
             w.set_jauto(true);
             w.set_awdsgl(Awdsgl::SINGLE_CHANNEL);
             w.set_awdch(BATTERY_CHANNEL);
