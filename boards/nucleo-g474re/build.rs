@@ -1,6 +1,6 @@
-//! Tells the linker where this image's sections go: cortex-m-rt's script round the memory map below, and defmt's.
+//! The memory map of this board.
 
-use std::path::PathBuf;
+include!("../stm32/link.rs");
 
 /// RM0440 2.4. RAM is SRAM1, SRAM2 and the CCM SRAM behind them.
 const MEMORY: &str = "MEMORY {
@@ -12,14 +12,5 @@ const MEMORY: &str = "MEMORY {
 ";
 
 fn main() {
-    let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets it"));
-    let map = [MEMORY, include_str!("../stm32/sections.x")].concat();
-    std::fs::write(out.join("memory.x"), map).expect("the output directory is writable");
-    println!("cargo:rustc-link-search={}", out.display());
-    // Without page alignment, or the first segment would begin before the flash does.
-    println!("cargo:rustc-link-arg-bins=--nmagic");
-    println!("cargo:rustc-link-arg-bins=-Tlink.x");
-    println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
-    println!("cargo:rerun-if-changed=build.rs");
-    println!("cargo:rerun-if-changed=../stm32/sections.x");
+    link(MEMORY);
 }

@@ -1,13 +1,13 @@
-//! Tells the linker where this image's sections go: cortex-m-rt's script round the memory map below, and defmt's.
+//! The memory map of this board, and the key of signed firmware.
 
-use std::path::{Path, PathBuf};
+include!("../stm32/link.rs");
 
-/// RM0433 2.4. Of the flash the first bank: the second has the settings, and may be written while the first is executed.
-/// Behind a bootloader, the slot that it boots: `boot_h743zi2::layout::ACTIVE`.
-/// Of the RAMs the core's own, DTCM, without wait states and beside all caches: see
-/// docs/decisions/0014-caches-of-the-h743.md. DMA1 and DMA2 do not reach it.
+/// RM0433 2.4. The flash is the first bank: the second bank has the settings, and may be written while code of the first runs.
 const FLASH: &str = "ORIGIN = 0x08000000, LENGTH = 1024K";
+/// Behind a bootloader the flash is the slot that it boots: `boot_h743zi2::layout::ACTIVE`.
 const SLOT: &str = "ORIGIN = 0x08020000, LENGTH = 512K";
+/// RAM is the core's own, DTCM, without wait states and beside all caches: docs/decisions/0014-caches-of-the-h743.md. DMA1 and
+/// DMA2 do not reach it.
 const RAM: &str = "
     STACK  : ORIGIN = 0x20000000, LENGTH = 32K
     RAM    : ORIGIN = 0x20008000, LENGTH = 92K
@@ -15,31 +15,22 @@ const RAM: &str = "
 ";
 
 fn main() {
-    let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets it"));
     let flash = if std::env::var_os("CARGO_FEATURE_BOOTLOADER").is_some() { SLOT } else { FLASH };
-    let map = format!("MEMORY {{\n    FLASH : {flash}{RAM}}}\n{}", include_str!("../stm32/sections.x"));
-    std::fs::write(out.join("memory.x"), map).expect("the output directory is writable");
-    println!("cargo:rustc-link-search={}", out.display());
-    // Without page alignment, or the first segment would begin before the flash does.
-    println!("cargo:rustc-link-arg-bins=--nmagic");
-    println!("cargo:rustc-link-arg-bins=-Tlink.x");
-    println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
-    println!("cargo:rerun-if-changed=build.rs");
-    println!("cargo:rerun-if-changed=../stm32/sections.x");
+    link(&format!("MEMORY {{\n    FLASH : {flash}{RAM}}}\n"));
     if std::env::var_os("CARGO_FEATURE_SIGNED").is_some() {
         name_key();
     }
 }
 
-/// Where the public key is, for `include_bytes`: absolute, or as seen from the repository's root.
+/// Passes the file of the public key to `include_bytes`. A relative name starts at the repository's root.
 fn name_key() {
     println!("cargo:rerun-if-env-changed=UPDATE_KEY");
     let Some(name) = std::env::var_os("UPDATE_KEY") else {
         panic!(
-            "the feature `signed` wants UPDATE_KEY, the file of a public key: openssl pkey -pubout -outform DER"
+            "the feature `signed` needs UPDATE_KEY, the file of a public key: openssl pkey -pubout -outform DER"
         );
     };
-    let file = Path::new("../..").join(name);
+    let file = std::path::Path::new("../..").join(name);
     let file = file.canonicalize().unwrap_or_else(|error| panic!("UPDATE_KEY: {}: {error}", file.display()));
     println!("cargo:rerun-if-changed={}", file.display());
     println!("cargo:rustc-env=UPDATE_KEY={}", file.display());

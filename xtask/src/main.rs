@@ -13,6 +13,7 @@ mod generated;
 mod python;
 mod results;
 mod ros;
+mod second;
 mod size;
 mod tool;
 mod try_page;
@@ -43,7 +44,7 @@ pub(crate) const IMAGES: [&str; 11] = [
     "--test=emulated",
 ];
 
-const TASKS: [Task; 16] = [
+const TASKS: [Task; 17] = [
     Task {
         name: "check",
         arguments: "",
@@ -85,6 +86,12 @@ const TASKS: [Task; 16] = [
         arguments: "",
         does: "checks and builds the ROS 2 package and tests it against programs of others",
         start: ros::task,
+    },
+    Task {
+        name: "second",
+        arguments: "",
+        does: "boots the image of the NUCLEO-F429ZI on a second emulator, if it can be installed",
+        start: second::task,
     },
     Task {
         name: "try",

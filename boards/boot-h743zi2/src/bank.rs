@@ -2,14 +2,14 @@
 //!
 //! Three properties of this flash shape the driver.
 //!
-//! * *Errors that nobody made.* The core speculates into the system memory at 0x1FF0_0000, and then both banks show RDPERR
+//! * *Spurious error flags.* The core speculates into the system memory at 0x1FF0_0000, and then both banks show RDPERR
 //!   and RDSERR. A corrected bit in code that runs shows SNECCERR. An error flag therefore says nothing about an operation.
 //!   All error flags are cleared before each operation, and what the flash reads back decides whether it has succeeded.
 //! * *Words that arrive late.* The core may read the status register before the last store of a word has arrived. A barrier
 //!   comes first, and the bank must be idle at several reads in a row.
-//! * *Words that power has cut.* Each word of 32 bytes has a code that corrects one bit of the word. Where power went while
-//!   a word was written, or where a word was written twice, the code may not fit: each read is then a bus error (RM0433
-//!   4.3.9, 4.7.7). Such a word reads as zeros here, which no checksum takes for a setting, and the bootloader for no state.
+//! * *Unreadable words.* Each word of 32 bytes has a code that corrects one bit of the word. After a power cut in a write, or
+//!   after a second write of a word, the code may not fit. Each read is then a bus error (RM0433 4.3.9, 4.7.7). The driver
+//!   reads zeros instead. No checksum accepts zeros as a setting, and the bootloader accepts them as no state.
 
 use crate::layout::SECTOR;
 use core::arch::asm;
@@ -57,11 +57,11 @@ const CHECKED_AT_ONCE: u32 = 1024;
 pub struct Bank<T> {
     /// 0 or 1.
     number: usize,
-    /// Pauses for a moment, in which others run.
+    /// Pauses for a moment, in which other tasks run.
     pause: fn() -> T,
 }
 
-/// Why the flash did not do what it was asked for.
+/// Why an operation of the flash has failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Error {
     /// The address or the length is no multiple of what is written or erased as one.
@@ -150,7 +150,7 @@ impl<T: Future<Output = ()>> Bank<T> {
         registers
     }
 
-    /// Locks the bank again. What is left of a word that was stored in part is dropped.
+    /// Locks the bank again. The flash drops a word that was stored in part.
     fn close(&self) {
         self.registers().cr().write(|w| {
             w.set_psize(PARALLELISM);
@@ -271,17 +271,16 @@ impl<T: Future<Output = ()>> NorFlash for Bank<T> {
 fn store(address: u32, word: Word) {
     let place = with_exposed_provenance_mut::<u32>(address as usize);
     for (index, part) in word.into_iter().enumerate() {
-        // SAFETY: the address is that of a word of a bank, whose bounds have been checked. The linker puts no variable there.
+        // SAFETY: the word is in a bank, whose bounds have been checked. The linker puts no variable there.
         unsafe { place.add(index).write_volatile(part) }
     }
 }
 
-/// Loads a word of the flash. What a bus error leaves of it has no meaning; the bank's DBECCERR tells of the error.
-#[expect(unsafe_code, reason = "nothing else masks faults")]
+/// Loads a word of the flash. After a bus error the result has no meaning, and the bank shows DBECCERR.
+#[expect(unsafe_code, reason = "no safe code can mask faults")]
 fn load(address: u32) -> Word {
-    // SAFETY: the address is that of a word of a bank, whose bounds have been checked. The register is the core's own, and
-    // nobody else writes it. Interrupts are masked for the copy of 32 bytes, and what is left unmasked at the end is what was
-    // unmasked before: no fault handler ever comes here.
+    // SAFETY: the word is in a bank, whose bounds have been checked. The register is the core's own, and no other code writes
+    // it. Faults are masked only for the copy of 32 bytes, and they were unmasked before: no fault handler calls this.
     unsafe {
         let scb = &*SCB::PTR;
         scb.ccr.modify(|ccr| ccr | BFHFNMIGN);

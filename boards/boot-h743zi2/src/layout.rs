@@ -1,4 +1,4 @@
-//! Where what is in the flash: two banks of eight sectors of 128 kB (RM0433 4.3.4).
+//! The layout of the flash: two banks of eight sectors of 128 kB (RM0433 4.3.4).
 //!
 //! | bank | sectors | |
 //! |---|---|---|
@@ -9,17 +9,17 @@
 //! | 2 | 5 | the bootloader's state |
 //! | 2 | 6, 7 | the hub's settings |
 //!
-//! All that the hub writes is in the second bank: to write or erase one stops whoever runs from it, an erasure for seconds.
+//! The hub writes only into the second bank. A write stops code that runs from its bank, and an erasure stops it for seconds.
 
 use core::ops::Range;
 
-/// Bytes of a sector, the least that can be erased.
+/// Bytes of a sector, the smallest unit that can be erased.
 pub const SECTOR: u32 = 128 * 1024;
 
 /// The slot that is booted, from the first bank's start.
 pub const ACTIVE: Range<u32> = SECTOR..5 * SECTOR;
 
-/// Its first address. The hub's build.rs says the same to its linker.
+/// First address of the slot that is booted. The hub's build.rs has the same address.
 pub const ORIGIN: u32 = 0x0800_0000 + ACTIVE.start;
 
 /// The slot that new firmware is written to, from the second bank's start.

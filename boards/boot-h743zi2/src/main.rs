@@ -1,8 +1,8 @@
 //! The bootloader of a NUCLEO-H743ZI2: `embassy-boot`'s, over the slots of [`layout`].
 //!
-//! It swaps the slots if the hub has armed new firmware, and back if that was started and has not confirmed itself; then it
-//! jumps. A cut of the power costs nothing: the swap goes on where it was. Whatever goes wrong ends in a reset, and the swap
-//! goes on after that too.
+//! It swaps the slots if the hub has armed new firmware. It swaps them back if the new firmware was started and has not
+//! confirmed itself. Then it jumps. After a power cut the swap goes on at its last step. Every fault ends in a reset, after
+//! which the swap goes on too.
 //!
 //! ```text
 //! reset -> watchdog, 32 s -> discard a stale swap -> swap, if armed or on trial -> watchdog, 4 s -> jump
@@ -10,7 +10,7 @@
 //!   +----------+----------------+----------------------+--------------------------------+  fault, panic, failing flash
 //! ```
 //!
-//! It touches one pin, that of the red lamp: it blinks during a swap. Bridges are open as their pull-downs have them.
+//! It drives one pin: the red lamp blinks during a swap. The bridges' pull-downs keep the bridges open.
 #![no_std]
 #![no_main]
 #![deny(unsafe_code)]
@@ -35,13 +35,13 @@ use embassy_sync::mutex::Mutex;
 use embedded_storage_async::nor_flash::NorFlash;
 use motor_hub::tasks::update::{BlockingFlash, StateFlash, discard_stale_swap};
 
-/// Until a swap has got to its next erasure; the longest that the watchdog has. The LSI is exact to 8 %.
+/// Watchdog time until a swap reaches its next erasure: the watchdog's longest. The LSI is exact to 8 %.
 const SWAP_MICROS: u32 = 32_000_000;
 
-/// Until the firmware has fed the watchdog for the first time, with its own shorter time.
+/// Watchdog time until the firmware starts the watchdog with its own shorter time.
 const TRIAL_MICROS: u32 = 4_000_000;
 
-/// Bytes that are copied at once; a divisor of a sector.
+/// Bytes of a copy; a divisor of a sector.
 const BUFFER: usize = 4096;
 
 /// Frequency of the interrupt at which the core looks for the end of an operation of the flash, in Hz.
@@ -72,7 +72,7 @@ fn main() -> ! {
         state: blocking(state),
     };
     let Ok(loader) = BootLoader::try_prepare::<_, _, _, BUFFER>(config) else {
-        // What is booted may be half of each.
+        // The slot may hold a half of each firmware.
         SCB::sys_reset()
     };
     tick(&mut core.SYST, false);
@@ -83,12 +83,12 @@ fn main() -> ! {
 
 #[expect(unsafe_code, reason = "to jump to other firmware is for the bootloader alone")]
 fn boot(loader: BootLoader) -> ! {
-    // SAFETY: nothing that runs here is used again, and the slot has firmware: what was flashed there, or what the hub took
-    // for an image and found whole.
+    // SAFETY: the bootloader's own state is not used after the jump. The slot has firmware, which was flashed there, or which
+    // the hub checked.
     unsafe { loader.load(layout::ORIGIN) }
 }
 
-/// The chip's own oscillator, undivided, and nothing else that the hub would have to undo.
+/// The chip's own oscillator, undivided. The hub finds all other clocks as after a reset.
 fn clocks() -> embassy_stm32::Config {
     let mut config = embassy_stm32::Config::default();
     config.rcc.voltage_scale = rcc::VoltageScale::Scale1;
@@ -101,7 +101,7 @@ fn clocks() -> embassy_stm32::Config {
 fn watch(watchdog: Peri<'_, peripherals::IWDG1>, micros: u32) {
     let mut watchdog = IndependentWatchdog::new(watchdog, micros);
     watchdog.unleash();
-    // Until these have got to the watchdog, it takes no others (RM0433 45.4.4).
+    // The watchdog takes no other value until these have reached it (RM0433 45.4.4).
     while pac::IWDG1.sr().read().0 != 0 {}
     watchdog.pet();
 }
@@ -125,7 +125,7 @@ fn part<F: NorFlash>(flash: &Mutex<NoopRawMutex, F>, at: Range<u32>) -> Partitio
     Partition::new(flash, at.start, at.end - at.start)
 }
 
-/// The watchdog is fed page by page: an operation that never ends ends in a reset.
+/// The watchdog is fed once a page, so an operation that never ends is ended by a reset.
 const fn blocking<F>(flash: F) -> BlockingFlash<F> {
     BlockingFlash { flash, idle: wfi, erasing: feed }
 }

@@ -1,5 +1,5 @@
-//! The emulated hub under GDB: `cargo run --release --package emulated --example gdb`, then in another
-//! terminal `gdb-multiarch target/thumbv7em-none-eabihf/firmware/nucleo-f429zi`, and there
+//! The emulated hub under GDB. Run `cargo run --release --package emulated --example gdb`. Then, in another terminal,
+//! `gdb-multiarch target/thumbv7em-none-eabihf/firmware/nucleo-f429zi`, and there
 //!
 //! ```text
 //! (gdb) target remote :3333

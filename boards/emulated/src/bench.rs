@@ -18,18 +18,18 @@ use rigless::session::Session;
 use rigless::time::VirtualNanos;
 use simulated::current_line::CurrentLine;
 
-use crate::astray;
 use crate::board::Board;
+use crate::bridge_lines::{Lines, Transition};
 use crate::chip::{FlashFaults, Nucleo, Pwm};
 use crate::elf;
-use crate::lab::{Lab, Order, terminal};
-use crate::pins::{Lines, Transition};
+use crate::emulator_gaps;
+use crate::faulty_code;
 use crate::processor::{Code, Mpu};
 use crate::pwm::Grid;
 use crate::rtt::{self, LogLine};
 use crate::serial::Terminal;
 use crate::shafts::{Look, Mounting, Shafts};
-use crate::silence;
+use crate::surroundings::{Order, Surroundings, terminal};
 use crate::wiring;
 
 /// What stands on the bench.
@@ -43,12 +43,12 @@ pub struct Setup {
     pub battery: Battery,
     /// The current-sense lines of their bridges, by motor.
     pub current_lines: Vec<CurrentLine>,
-    /// What its memory for settings holds: that of [`Board::store`], or nothing for a blank one.
+    /// Content of the memory for settings, [`Board::store`]. An empty one is blank.
     pub stored: Vec<u8>,
     /// The board's bootloader comes first, and starts the image that is built for it.
     pub bootloader: bool,
-    /// What the whole flash holds, in place of images: that of [`Board::flash`], as [`Bench::flash`] returns it. Images if
-    /// it is empty.
+    /// Content of the whole flash, [`Board::flash`], in place of images, as [`Bench::flash`] returns it. If it is
+    /// empty, the flash holds the images.
     pub flash: Vec<u8>,
     /// What the interface of an STM32H743's flash does beyond its manual. The emulated F427 has no such faults.
     pub flash_faults: FlashFaults,
@@ -99,7 +99,7 @@ pub struct Reset {
     pub cause: String,
 }
 
-/// Why the emulator's thread ended before it was told to.
+/// Why the emulator's thread ended before its bench.
 #[derive(Debug, thiserror::Error)]
 enum Stopped {
     #[error(transparent)]
@@ -147,7 +147,7 @@ impl Bench {
         let mut images = vec![Nucleo::factory_image(setup.board).expect("factory words")];
         if setup.flash.is_empty() {
             let divides_by_zero = elf::find(&symbols, "panic_const_div_by_zero").unwrap_or_default();
-            images.push(astray::image(divides_by_zero).expect("an image"));
+            images.push(faulty_code::image(divides_by_zero).expect("an image"));
             images.push(Image::new(image, bytes, None).expect("an image"));
             if setup.bootloader {
                 let place = elf::bootloader(setup.board);
@@ -189,12 +189,12 @@ impl Bench {
     /// Does something at the present instant.
     fn at_stop<T: Send + 'static>(
         &mut self,
-        errand: impl FnOnce(&mut Lab, &mut Session<Nucleo>, &mut dyn Host) -> T + Send + 'static,
+        errand: impl FnOnce(&mut Surroundings, &mut Session<Nucleo>, &mut dyn Host) -> T + Send + 'static,
     ) -> T {
         let (answer, receiver) = sync_channel(1);
-        let order = Order::Do(Box::new(move |lab, session, host| {
-            // Nobody to answer to: the bench is being dropped.
-            let _ = answer.send(errand(lab, session, host));
+        let order = Order::Do(Box::new(move |surroundings, session, host| {
+            // The answer has no receiver when the bench is being dropped.
+            let _ = answer.send(errand(surroundings, session, host));
         }));
         if self.orders.send(order).is_err() {
             self.fail();
@@ -209,10 +209,10 @@ impl Bench {
     fn at(
         &mut self,
         at: Duration,
-        errand: impl FnOnce(&mut Lab, &mut Session<Nucleo>, &mut dyn Host) + Send + 'static,
+        errand: impl FnOnce(&mut Surroundings, &mut Session<Nucleo>, &mut dyn Host) + Send + 'static,
     ) {
         let at = nanos(at);
-        self.at_stop(move |lab, _, _| lab.plan(at, Box::new(errand)));
+        self.at_stop(move |surroundings, _, _| surroundings.plan(at, Box::new(errand)));
     }
 
     /// Runs for some virtual time.
@@ -264,32 +264,34 @@ impl Bench {
 
     /// Instructions that the core has executed; none while it sleeps.
     pub fn instructions(&mut self) -> u64 {
-        self.at_stop(|lab, _, _| lab.instructions)
+        self.at_stop(|surroundings, _, _| surroundings.instructions)
     }
 
     /// Where a shaft is and what flows.
     pub fn look(&mut self, motor: usize) -> Look {
-        self.at_stop(move |lab, _, _| lab.shafts.look(motor, lab.now))
+        self.at_stop(move |surroundings, _, _| surroundings.shafts.look(motor, surroundings.now))
     }
 
     /// The lines of a bridge.
     pub fn lines(&mut self, motor: usize) -> Lines {
-        self.at_stop(move |lab, _, _| lab.recorder.lines[motor])
+        self.at_stop(move |surroundings, _, _| surroundings.recorder.lines[motor])
     }
 
     /// The PWM periods, once the timer runs.
     pub fn pwm_grid(&mut self) -> Option<Grid> {
-        self.at_stop(|lab, _, _| lab.grid())
+        self.at_stop(|surroundings, _, _| surroundings.grid())
     }
 
     /// Voltage of the battery under load, V, and current out of it, A.
     pub fn battery(&mut self) -> (f64, f64) {
-        self.at_stop(|lab, _, _| (lab.shafts.voltage(), lab.shafts.battery_current()))
+        self.at_stop(|surroundings, _, _| {
+            (surroundings.shafts.voltage(), surroundings.shafts.battery_current())
+        })
     }
 
     /// Every change of any bridge's lines so far.
     pub fn transitions(&mut self) -> Vec<Transition> {
-        self.at_stop(|lab, _, _| lab.recorder.transitions.clone())
+        self.at_stop(|surroundings, _, _| surroundings.recorder.transitions.clone())
     }
 
     /// The log so far.
@@ -297,20 +299,20 @@ impl Bench {
     /// # Panics
     /// If the image has no log.
     pub fn log(&mut self) -> Vec<LogLine> {
-        let taken = self.at_stop(|lab, _, _| lab.rtt.taken.clone());
+        let taken = self.at_stop(|surroundings, _, _| surroundings.rtt.taken.clone());
         rtt::decode(self.table.as_ref().expect("the image logs"), &taken)
     }
 
     /// Presses or releases button B1.
     pub fn press(&mut self, pressed: bool) {
-        self.at_stop(move |lab, session, _| lab.press(session, pressed));
+        self.at_stop(move |surroundings, session, _| surroundings.press(session, pressed));
     }
 
     /// Sends bytes down the serial line, as fast as it takes them.
     pub fn send(&mut self, bytes: &[u8]) {
         let bytes = bytes.to_vec();
-        self.at_stop(move |lab, session, _| {
-            let now = lab.now;
+        self.at_stop(move |surroundings, session, _| {
+            let now = surroundings.now;
             terminal(session).outgoing.extend(bytes.into_iter().map(|byte| (now, byte)));
         });
     }
@@ -340,7 +342,7 @@ impl Bench {
 
     /// What the emulator could not do as the chip would: empty, or the run proves nothing.
     pub fn gaps(&mut self) -> Vec<String> {
-        self.at_stop(|_, session, _| silence::gaps(session))
+        self.at_stop(|_, session, _| emulator_gaps::gaps(session))
     }
 
     /// Asserts that nothing was silent: no gap of the emulator, no illegal way of a bridge, and the log
@@ -394,12 +396,13 @@ fn run(
     let mut board = Nucleo::new(setup.board, setup.pwm, setup.flash_faults, code)?;
     board.chip.attach(Terminal::default());
     let shafts = Shafts::new(setup.battery, setup.motors);
-    let lab = Lab::new(setup.board, shafts, setup.current_lines, log_ring, (orders, reached));
+    let surroundings =
+        Surroundings::new(setup.board, shafts, setup.current_lines, log_ring, (orders, reached));
     let session = Session::new(Box::new(board), 0, VirtualNanos(0))?;
     let listener = setup.gdb.map(|port| std::net::TcpListener::bind(("127.0.0.1", port))).transpose()?;
     let mut start = Start::new(images);
     start.debugger = listener.as_ref();
     start.wait_for_debugger = listener.is_some();
-    rigless::emulator::run(session, &start, lab)?;
+    rigless::emulator::run(session, &start, surroundings)?;
     Ok(())
 }

@@ -117,7 +117,7 @@ impl fmt::Display for Board {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there is no board {name}; there are {}", Board::ALL.map(Board::name).join(", "))]
 pub struct UnknownBoard {
-    /// What was asked for.
+    /// The given name.
     pub name: String,
 }
 

@@ -48,12 +48,60 @@ macro_rules! same_on_every_chip {
     };
 }
 
+/// Methods of [`Device`](rigless::device::Device) that pass a call on to the emulator's model in a field.
+macro_rules! forward {
+    ($field:ident: $($method:ident),+) => {
+        $(forward!(@$method $field);)+
+    };
+    (@read $field:ident) => {
+        fn read(
+            &mut self,
+            register: Register,
+            registers: &mut RegisterFile,
+            context: &mut DeviceContext<'_>,
+        ) -> Option<u64> {
+            self.$field.read(register, registers, context)
+        }
+    };
+    (@write $field:ident) => {
+        fn write(
+            &mut self,
+            register: Register,
+            value: u64,
+            registers: &mut RegisterFile,
+            context: &mut DeviceContext<'_>,
+        ) {
+            self.$field.write(register, value, registers, context);
+        }
+    };
+    (@on_clock $field:ident) => {
+        fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+            self.$field.on_clock(hz, registers, context);
+        }
+    };
+    (@on_request $field:ident) => {
+        fn on_request(
+            &mut self,
+            request: RequestChange,
+            registers: &mut RegisterFile,
+            context: &mut DeviceContext<'_>,
+        ) {
+            self.$field.on_request(request, registers, context);
+        }
+    };
+    (@reset_line $field:ident) => {
+        fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+            self.$field.reset_line(registers, context);
+        }
+    };
+}
+
+mod analog_watchdog;
 mod f427;
-mod guard;
+mod flash_interface;
 mod h743;
-mod interface;
-mod late;
-mod sampled;
+mod late_converter;
+mod sampling_capacitor;
 mod watchdog;
 
 use std::fmt::Debug;
@@ -74,7 +122,7 @@ use crate::board::Board;
 use crate::processor::{self, Code, Mpu};
 use crate::pwm::Registers;
 use crate::serial::Terminal;
-pub use interface::FlashFaults;
+pub use flash_interface::FlashFaults;
 
 /// The rail, mV.
 const RAIL_MV: u32 = 3_300;
@@ -129,7 +177,7 @@ impl Port {
 
 /// A microcontroller with what the bench does to it. Motors are by number, ports from A as 0.
 pub(crate) trait Part: Mcu + Debug + Send {
-    /// What runs on it, with so much of its MPU.
+    /// The core and its memory, with this much of the MPU.
     fn target(&mut self, mpu: Mpu) -> Target<'_>;
 
     /// Another rail, mV; the converters' reference stays.
@@ -151,13 +199,13 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// The next conversion of a current ends later by this time; false if it cannot on this chip.
     fn delay_currents(&mut self, nanos: u64) -> bool;
 
-    /// The battery's converter takes orders and does nothing, or works again.
+    /// The battery's converter takes commands but converts nothing, or works again.
     fn set_dead(&mut self, dead: bool);
 
     /// Puts a level on an input of a motor's counter.
     fn drive_encoder(&mut self, at: VirtualNanos, motor: usize, channel: Channel, level: Level);
 
-    /// Puts a level on a pin, or lets go of it.
+    /// Puts a level on a pin, or releases the pin.
     fn drive_pin(&mut self, at: VirtualNanos, port: usize, pin: Pin, level: Option<Level>);
 
     /// What a wire on a pin would see.

@@ -21,8 +21,7 @@ use crate::board::Board;
 
 const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// Builds a package for the chip, as it is flashed, and returns its ELF. Quick when it is fresh; once per
-/// process and package.
+/// Builds the flashed image of a package, and returns its ELF. Quick when it is fresh; once per process and package.
 ///
 /// # Panics
 /// If it does not build.
@@ -47,7 +46,7 @@ fn build_as(image: &str, package: &str, options: &[&str], variables: &[(&str, &s
     let target = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target");
     let images = target.join("images");
     std::fs::create_dir_all(&images).expect("a folder for images");
-    // One at a time, whichever thread or process asks, from the build to the copy.
+    // One thread of one process at a time builds and copies.
     let turn = File::create(images.join("lock")).expect("a file to lock");
     turn.lock().expect("a lock");
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
@@ -65,7 +64,7 @@ fn build_as(image: &str, package: &str, options: &[&str], variables: &[(&str, &s
         .env_remove("CARGO_TARGET_DIR");
     let status = command.status().expect("cargo runs");
     assert!(status.success(), "{package} does not build for {TARGET}");
-    // A whole file takes the place of the one before: somebody may be reading that.
+    // A rename replaces the old file, which another process may be reading.
     let (new, place) = (images.join("new"), images.join(image));
     std::fs::copy(target.join(TARGET).join("firmware").join(package), &new).expect("a copy of the image");
     std::fs::rename(&new, &place).expect("a new name for it");
@@ -81,7 +80,7 @@ pub fn hub_in_slot(board: Board) -> PathBuf {
     build_as(&format!("{board}-in-slot"), board.name(), &["--features", "bootloader"], &[])
 }
 
-/// The same, for one that takes only what the owner of the public key in this file has signed.
+/// Builds an image that takes only firmware signed with the key whose public half is in this file.
 ///
 /// # Panics
 /// If it does not build.
@@ -130,7 +129,7 @@ pub enum ImageError {
 /// The image that is run instead of the freshly built one.
 static CHOSEN: OnceLock<PathBuf> = OnceLock::new();
 
-/// Chooses the image to run: a file, or that which `MOTOR_HUB_ELF` names, or else one that is built from the sources of
+/// Chooses the image to run: this file, or the file in `MOTOR_HUB_ELF`. Without both it builds one from the sources of
 /// this program.
 ///
 /// # Errors

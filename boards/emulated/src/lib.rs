@@ -1,5 +1,5 @@
-//! The image that is flashed, run against the physics: the firmware of a [`Board`], unmodified, on its emulated chip,
-//! an STM32F427 or an STM32H743, its pins wired to the motors of `motor_hub::model`.
+//! The flashed image of a [`Board`], unmodified, on its emulated chip: an STM32F427 or an STM32H743. The chip's pins
+//! are wired to the motors of `motor_hub::model`.
 //!
 //! ```text
 //!          +---------------- emulated chip -----------------+
@@ -9,19 +9,20 @@
 //!          +------------------------------------------------+
 //! ```
 //!
-//! A test builds a [`Bench`], lets it run, looks, injects a fault, and at the end calls
-//! [`Bench::assert_sound`], which fails if the emulator had a gap or a bridge went an illegal way.
+//! A test builds a [`Bench`], runs it, injects faults, and checks. At the end it calls [`Bench::assert_sound`], which
+//! fails after a gap of the emulator or an illegal transition of a bridge.
 //!
 //! Times are virtual. The core retires one instruction per cycle, without the wait states of the
 //! real flash: instruction counts are exact, times of code are a lower bound.
 
-mod astray;
 mod bench;
 mod board;
+mod bridge_lines;
 mod chip;
 pub mod elf;
-mod lab;
-mod pins;
+mod emulator_gaps;
+mod faulty_code;
+pub mod host_link;
 mod processor;
 mod pwm;
 pub mod recording;
@@ -30,14 +31,13 @@ mod rtt;
 mod serial;
 pub mod serve;
 mod shafts;
-mod silence;
-pub mod talk;
+mod surroundings;
 mod wiring;
 
 pub use bench::{Bench, Reset, SerialByte, Setup};
 pub use board::{Board, UnknownBoard};
+pub use bridge_lines::{Lines, Transition};
 pub use chip::{FlashFaults, Pwm};
-pub use pins::{Lines, Transition};
 pub use processor::Mpu;
 pub use pwm::{Grid, Output};
 pub use rtt::LogLine;

@@ -106,7 +106,7 @@ pub(crate) fn keep(spec: &mut CoreSpec, code: Code) {
             let processor = &mut translator.processor;
             processor.take_reset_request();
             processor.load(&translator.power_on)?;
-            // Only flash holds code of the images; what of RAM was executed went astray.
+            // Only flash holds code of the images. Code that ran in RAM was a fault.
             let Range { start, end } = code.board.ram();
             processor.ask(Queued::Invalidate(start, end));
         }
@@ -342,7 +342,7 @@ impl Processor for Kept {
     }
 }
 
-/// The bus, with an MPU that is told and guards nothing. Who reads gets 0: the firmware does not.
+/// The bus, with an MPU whose registers work but which protects nothing. Who reads gets 0: the firmware does not.
 struct WithoutMpu<'a>(&'a mut dyn CoreBus);
 
 impl CoreBus for WithoutMpu<'_> {

@@ -1,8 +1,8 @@
 //! TIM1 seen from outside: which waveform its registers put on each of its four output pins.
 //!
-//! This is the light model of the timer. It needs no events of its own while nothing is written: a
-//! waveform is a level, or "high for so many ticks of each period". RM0090 section numbers are given
-//! where a rule comes from; the timer of RM0433 chapter 38 does the same with them.
+//! This is the light model of the timer. It needs no events while nothing is written: a waveform is a level, or a
+//! number of high ticks in each period. RM0090 section numbers are given where a rule comes from; the timer of RM0433
+//! chapter 38 does the same with them.
 
 /// Channels of the timer.
 pub(crate) const CHANNELS: usize = 4;
@@ -14,7 +14,7 @@ const NANOS: u128 = 1_000_000_000;
 pub enum Output {
     /// It stays high or low.
     Level(bool),
-    /// It is high for so many timer ticks from the beginning of each period.
+    /// High timer ticks from the beginning of each period.
     Pulse(u32),
 }
 

@@ -57,7 +57,7 @@ pub struct Tick {
     pub now: Micros,
     /// The battery.
     pub battery: Millivolts,
-    /// What is asked for.
+    /// The set-point.
     pub setpoint: Setpoint,
 }
 
@@ -166,8 +166,8 @@ pub fn dynamics(mounting: &Mounting, settings: &Settings) -> Result<Dynamics, Ra
 }
 
 impl Recording {
-    /// Runs `ticks` of a motor under `setpoint`, a function of the tick, with the external torque of
-    /// `torque` on its output shaft, on a battery that sags from 13 to 11 V meanwhile.
+    /// Runs `ticks` of a motor. `setpoint` is a function of the tick, and `torque` the external torque on the output
+    /// shaft. The battery sags from 13 to 11 V meanwhile.
     ///
     /// # Panics
     /// If the motor is none that the core can drive.
@@ -203,7 +203,7 @@ impl Recording {
                     recording.inputs.push(Input { reading, tick: None });
                 }
             }
-            // A tick comes a little after a sample.
+            // A tick comes shortly after a sample.
             let now = Micros::new(reading.at.get() + 37);
             let battery = Millivolts::new((volts * 1000.0) as u16);
             let setpoint = setpoint(tick);
@@ -377,7 +377,8 @@ impl OnChip {
         counts
     }
 
-    /// Replays inputs and counts the instructions of each call of a function from a step, with all that it calls.
+    /// Replays inputs and counts the instructions of each call of a function from a step, including the functions that
+    /// it calls.
     ///
     /// # Panics
     /// If the program has no such function, or it was built into its caller.

@@ -1,5 +1,5 @@
-//! A scenario of the simulated board, run by the flashed image on the emulated chip: the host's line says
-//! what the scenario says, and what happens is remembered as the simulated board remembers it.
+//! A scenario of the simulated board, run by the flashed image on the emulated chip. The host link sends the scenario's
+//! commands, and the trace has the simulated board's form.
 //!
 //! Over that line the host first sets the motors up: constants, scheme, duty rule, coefficients. Set-points
 //! should lie between two control ticks, so that the line has time to carry them: see [`on_a_line`].
@@ -32,10 +32,10 @@ use simulated::trace::{Sample, Tick, Trace};
 
 use crate::bench::{self, Bench};
 use crate::board::Board;
+use crate::host_link::HostLink;
 use crate::pwm::Output;
 use crate::rtt::LogLine;
 use crate::shafts::{Look, Mounting};
-use crate::talk::Talk;
 
 /// Why a scenario could not be replayed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -51,7 +51,7 @@ pub enum ReplayError {
     /// The bench's battery takes whatever comes back.
     #[error("a bus is not run on the emulated chip")]
     Bus,
-    /// What groups do cannot be told from a chip's lines.
+    /// A chip's lines do not show what groups do.
     #[error("groups are not run on the emulated chip")]
     Groups,
     /// A motor's constants do not fit the firmware.
@@ -85,7 +85,7 @@ const READY_S: f64 = 0.5;
 pub fn on_a_line(mut scenario: Scenario) -> Scenario {
     let half_s = 0.5e-3 * f64::from(scenario.period.as_millis());
     for motor in &mut scenario.motors {
-        // Of those that the hub is not ready for, the last one holds.
+        // Before the hub is ready, only the last set-point counts.
         let early = motor.setpoints.iter().filter(|timed| timed.at_s <= READY_S).count();
         motor.setpoints.drain(..early.saturating_sub(1));
         for timed in &mut motor.setpoints {
@@ -95,7 +95,7 @@ pub fn on_a_line(mut scenario: Scenario) -> Scenario {
     scenario
 }
 
-/// Runs a scenario by a board's image on the emulated chip; `progress` is told the virtual time in seconds.
+/// Runs a scenario by a board's image on the emulated chip; `progress` gets the virtual time in seconds.
 ///
 /// # Errors
 /// If the scenario cannot be run on the chip, or if the emulator had a gap.
@@ -114,7 +114,7 @@ pub fn run(scenario: &Scenario, board: Board, progress: &mut dyn FnMut(f64)) -> 
         return Err(ReplayError::Groups);
     }
     let mut bench = Bench::new(stand(scenario, board));
-    let mut talk = Talk::default();
+    let mut host = HostLink::default();
     let mut orders = orders(scenario).into_iter().peekable();
     let period_s = f64::from(scenario.period.as_millis()) * 1e-3;
     let mut trace = Trace::default();
@@ -124,12 +124,12 @@ pub fn run(scenario: &Scenario, board: Board, progress: &mut dyn FnMut(f64)) -> 
         let at_s = tick as f64 * f64::from(scenario.period.as_millis()) / 1e3;
         while let Some((order_s, order)) = orders.next_if(|&(order_s, _)| order_s < at_s) {
             run_to(&mut bench, order_s);
-            carry_out(&mut bench, &mut talk, scenario, order)?;
+            carry_out(&mut bench, &mut host, scenario, order)?;
         }
         if at_s - heard_s > KEEP_ALIVE_S {
             heard_s = at_s;
             run_to(&mut bench, at_s - 0.4 * period_s);
-            talk.keep_alive(&mut bench);
+            host.keep_alive(&mut bench);
         }
         // What the tick decides is on the pins within a millisecond.
         run_to(&mut bench, at_s + 1e-3);
@@ -164,7 +164,12 @@ fn run_to(bench: &mut Bench, at_s: f64) {
 }
 
 /// Says which motor is on a channel and how it is controlled.
-fn set_up(bench: &mut Bench, talk: &mut Talk, channel: u8, scenario: &Scenario) -> Result<(), ReplayError> {
+fn set_up(
+    bench: &mut Bench,
+    host: &mut HostLink,
+    channel: u8,
+    scenario: &Scenario,
+) -> Result<(), ReplayError> {
     let motor = &scenario.motors[usize::from(channel)];
     let settings =
         motor.settings().map_err(|error| ReplayError::Motor { label: motor.label.clone(), error })?;
@@ -172,17 +177,17 @@ fn set_up(bench: &mut Bench, talk: &mut Talk, channel: u8, scenario: &Scenario) 
     let request = |group| Request::Set(channel, Values::of(group, &settings));
     // An image that is named by hand may lack this hub's own interface.
     let set_up = request(Group::SetUp);
-    if !matches!(talk.ask(bench, set_up.id(), &set_up.payload()), Reply::Ack { .. }) {
+    if !matches!(host.ask(bench, set_up.id(), &set_up.payload()), Reply::Ack { .. }) {
         return Err(ReplayError::SetupRefused);
     }
-    talk.order(bench, request(Group::Timing));
+    host.order(bench, request(Group::Timing));
     if settings.motor.on_fault != OnFault::default() || settings.motor.thermal.is_some() {
-        talk.order(bench, request(Group::Protection));
+        host.order(bench, request(Group::Protection));
     }
-    talk.order(bench, request(Group::Motion));
+    host.order(bench, request(Group::Motion));
     for group in [Group::CurrentLimit, Group::VelocityLoop, Group::PositionLoop] {
         if group.is_configured(&settings) {
-            talk.order(bench, request(group));
+            host.order(bench, request(group));
         }
     }
     Ok(())
@@ -211,12 +216,12 @@ fn orders(scenario: &Scenario) -> Vec<(f64, Order)> {
 
 fn carry_out(
     bench: &mut Bench,
-    talk: &mut Talk,
+    host: &mut HostLink,
     scenario: &Scenario,
     order: Order,
 ) -> Result<(), ReplayError> {
     match order {
-        Order::SetUp(index) => return set_up(bench, talk, index as u8, scenario),
+        Order::SetUp(index) => return set_up(bench, host, index as u8, scenario),
         Order::Torque(motor, torque) => bench.set_torque(motor, torque),
         Order::Encoder(motor, encoder) => bench.set_encoder(motor, encoder),
         Order::Setpoint(motor, setpoint) => {
@@ -226,23 +231,23 @@ fn carry_out(
             match setpoint {
                 // A set-point of a scenario is never of a group.
                 Setpoint::Disabled | Setpoint::FailSafe | Setpoint::Together(_) => {
-                    talk.enable(bench, motor, false)
+                    host.enable(bench, motor, false)
                 }
-                Setpoint::ConstantPower(power) => talk.power(bench, motor, power.get()),
+                Setpoint::ConstantPower(power) => host.power(bench, motor, power.get()),
                 Setpoint::Current { current, speed_limit } => {
-                    talk.power(bench, motor, 0);
+                    host.power(bench, motor, 0);
                     let speed_limit_cps = u16::try_from(speed_limit.round()).unwrap_or(u16::MAX);
                     let current = MotorFunction::Current { current_ma: current.get(), speed_limit_cps };
-                    talk.order(bench, current.to(motor));
+                    host.order(bench, current.to(motor));
                 }
-                Setpoint::Velocity(target) => talk.velocity(bench, motor, whole(target)),
+                Setpoint::Velocity(target) => host.velocity(bench, motor, whole(target)),
                 Setpoint::Position { target, tolerance, speed_limit } => {
-                    talk.position(bench, motor, target, tolerance, whole(speed_limit));
+                    host.position(bench, motor, target, tolerance, whole(speed_limit));
                 }
                 Setpoint::Identify { travel_limit } => {
-                    talk.power(bench, motor, 0);
+                    host.power(bench, motor, 0);
                     let request = MotorFunction::Identify { travel_limit }.to(motor);
-                    talk.ask(bench, request.id(), &request.payload());
+                    host.ask(bench, request.id(), &request.payload());
                 }
             }
             // Identification and constant current end when a mode is set.
@@ -252,7 +257,7 @@ fn carry_out(
                     Setpoint::Position { .. } => RunMode::Position,
                     _ => RunMode::Power,
                 };
-                talk.order(bench, ToMotor::SetMode { mode: ChannelMode { mode, floats: true } }.to(motor));
+                host.order(bench, ToMotor::SetMode { mode: ChannelMode { mode, floats: true } }.to(motor));
             }
         }
     }
@@ -322,7 +327,7 @@ fn difference(after: &Flow, before: &Flow) -> Flow {
     flow
 }
 
-/// What a bridge does, told from its lines.
+/// The state of a bridge, from its lines.
 pub(crate) fn drive(bench: &mut Bench, motor: usize) -> Drive {
     let ticks = bench.pwm_grid().map_or(1, |grid| grid.ticks);
     let lines = bench.lines(motor);
@@ -344,7 +349,7 @@ pub(crate) fn drive(bench: &mut Bench, motor: usize) -> Drive {
     Drive { mode, duty }
 }
 
-/// What can be told of the hub's decisions from outside.
+/// The hub's decisions as its answers show them.
 fn report(motor: &Motor, at_s: f64, look: Look, drive: Drive) -> Report {
     let Drive { mode, duty } = drive;
     let regime = match mode {

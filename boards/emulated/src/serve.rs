@@ -19,12 +19,12 @@ use simulated::serve::{BYTES_A_STEP, Line, Moment, line_on, pace};
 
 use crate::bench::{Bench, Setup};
 use crate::board::Board;
+use crate::host_link::HostLink;
 use crate::replay::{ReplayError, drive, stand};
-use crate::talk::Talk;
 
 const STEP: Duration = Duration::from_millis(1);
 
-/// The chip needs so long until a motor can be enabled.
+/// Time from reset until a motor can be enabled.
 const BOOT: Duration = Duration::from_millis(200);
 
 /// An address that the image does not have.
@@ -49,8 +49,9 @@ pub fn scenario() -> Result<Scenario, ScenarioError> {
     Ok(scenario)
 }
 
-/// Serves a board's image, behind its bootloader or alone, with the motors, loads and battery of a scenario, as [`simulated::serve::run`] serves
-/// the simulated board. A wire of the scenario is between digital pins 0 and 1, which are all that a board has.
+/// Serves a board's image, behind its bootloader or alone, with the motors, loads and battery of a scenario, as
+/// [`simulated::serve::run`] serves the simulated board. A wire of the scenario is between digital pins 0 and 1. A
+/// board has no others.
 ///
 /// # Errors
 /// If the emulator had a gap.
@@ -70,7 +71,7 @@ pub fn run(
     bench.run(BOOT);
     // What the emulator executes for the first time takes it a while: a packet for another hub, before
     // anybody waits for an answer.
-    bench.send(&Talk::new(OTHER).packet(Standard::KeepAlive.number(), &[]));
+    bench.send(&HostLink::new(OTHER).packet(Standard::KeepAlive.number(), &[]));
     bench.run(BOOT);
     pace(|step, lost| {
         let at_s = step as f64 * STEP.as_secs_f64();

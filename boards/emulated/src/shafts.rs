@@ -15,14 +15,14 @@ use motor_hub::model::plant::{Flow, Plant, PlantInput};
 use motor_hub::model::si::{Amps, Hertz, NewtonMetres, RadPerSec, Seconds};
 use motor_hub::model::switching::Bridge;
 
-use crate::pins::Lines;
+use crate::bridge_lines::Lines;
 use crate::pwm::{Grid, Output};
 
 /// Length of a cell, ns.
 pub(crate) const CELL: u64 = 1_000_000;
 
-/// Within this an angle is followed by a cubic between its ends, ns: far below the time between two
-/// edges (400 us at the free speed of the fastest encoder), and two PWM periods.
+/// Length of a cell, in which an angle is a cubic between its ends, in ns. It is two PWM periods, and far below the
+/// time between two edges: 400 us at the free speed of the fastest encoder.
 const STEP: u64 = 100_000;
 
 /// PWM frequency until the chip's timer runs.
@@ -244,7 +244,7 @@ impl Shafts {
         self.look_ahead();
     }
 
-    /// Makes `at`, within the cell, the instant from which motor `index` is simulated anew.
+    /// Ends the cell of motor `index` at `at`, and begins a new one.
     fn rebase(&mut self, index: usize, at: u64) {
         let (battery, epoch) = (self.voltage, self.epoch());
         let shaft = &mut self.shafts[index];
@@ -296,7 +296,7 @@ impl Shafts {
         self.simulate_anew(index);
     }
 
-    /// The PWM timer's periods begin anew at `at`: so do the plants'.
+    /// The PWM timer starts a period at `at`, and the plants start one too.
     pub(crate) fn set_grid(&mut self, at: u64, grid: Grid) {
         for index in 0..self.shafts.len() {
             self.rebase(index, at);

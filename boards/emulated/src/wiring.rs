@@ -86,5 +86,5 @@ pub(crate) const DIGITAL_PINS: [u8; 2] = [14, 15];
 /// USART3, in the emulator's list.
 pub(crate) const HOST_LINK: usize = 2;
 
-/// 82 kohm to the battery, 10 kohm to ground: the board as it is soldered, not as its firmware has it.
+/// 82 kohm to the battery, 10 kohm to ground: the soldered divider, independent of the firmware.
 pub(crate) const DIVIDER: f64 = 10.0 / 92.0;

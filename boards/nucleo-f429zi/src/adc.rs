@@ -1,29 +1,29 @@
-//! Battery (PA3) and VREFINT on ADC1, which converts them in turn for ever: newest values are always there to be read,
-//! and the converter's analog watchdog wakes the core when the battery leaves the voltages at which nobody needs to look.
+//! Battery (PA3) and VREFINT on ADC1, which converts both in turn without end. The newest readings can always be read. The
+//! converter's analog watchdog wakes the core when the battery leaves its quiet range.
 //!
-//! The HAL has neither. The battery is the regular group, VREFINT an injected one behind it (RM0090 13.3.9,
-//! auto-injection): each has a data register of its own, without DMA, and a converter that has stopped shows in a flag
-//! that does not come again.
+//! The HAL has neither of these. The battery is the regular group, and VREFINT an injected group behind it (RM0090 13.3.9,
+//! auto-injection). Each group has a data register, so there is no DMA. A converter that has stopped raises no new flag, which
+//! shows.
 //!
-//! All channels share one sampling capacitor. A pin that nothing is connected to would keep the voltage of the conversion
-//! before, which is VREFINT: 11 V at the battery. So the group ends with a pin that the chip drives low (PC2): an open
+//! All channels share one sampling capacitor. Without a wire, the battery's pin would keep the voltage of the last conversion.
+//! VREFINT would then read as a battery of 11 V. So the injected group ends with a pin that the chip drives low (PC2): an open
 //! battery pin then reads 0 V, which is no battery.
 
-use core::future::poll_fn;
 use core::ops::RangeInclusive;
-use core::task::Poll;
 
 use embassy_stm32::Peri;
 use embassy_stm32::adc::{Adc, SampleTime};
 use embassy_stm32::gpio::{Flex, Level, Output, Speed};
+use embassy_stm32::pac::Interrupt;
 use embassy_stm32::pac::adc::vals::Awdsgl;
 use embassy_stm32::peripherals::{ADC1, PA3, PC2};
 use embassy_stm32::{interrupt, pac};
-use embassy_sync::waitqueue::AtomicWaker;
 use embassy_time::Timer;
 use motor_hub::board::SupplyAdc;
-use motor_hub::supply::{VrefintCalibration, VrefintSample, VrefintScale};
+use motor_hub::supply::{VrefintSample, VrefintScale};
 use motor_hub::units::{Millivolts, RangeError};
+use motor_hub_stm32::Calibrate;
+use motor_hub_stm32::supply::{DIVIDER_OHMS, FactoryWord, Watcher, unmask};
 
 /// ADC1_IN3 is PA3 (STM32F429 data sheet, pin definitions).
 const BATTERY_CHANNEL: u8 = 3;
@@ -35,31 +35,29 @@ const GROUND_CHANNEL: u8 = 12;
 /// Two conversions of 480 + 12 cycles and one of 28 + 12 at 21 MHz (PCLK2 / 4) take 49 us.
 const WAIT_MICROS: u64 = 100;
 
-/// Who waits for the watchdog.
-static WATCHER: AtomicWaker = AtomicWaker::new();
+static WATCHER: Watcher = Watcher::new();
 
 /// ADC1 with its battery pin.
 pub(crate) struct BatteryAdc {
     scale: VrefintScale,
-    /// The newest.
+    /// Newest reading of VREFINT.
     vrefint: u16,
     _adc: Adc<'static, ADC1>,
     _pins: (Flex<'static>, Output<'static>),
 }
 
 impl BatteryAdc {
-    /// Converts from now on, behind a divider of these resistances to the battery and to ground. Nothing may be
-    /// connected to the pin `ground`.
+    /// Starts the converter. Nothing may be connected to the pin `ground`.
     ///
     /// # Errors
-    /// [`RangeError::Divider`] if a resistance is 0.
+    /// [`RangeError::Divider`] if a resistance of the divider is 0.
     pub(crate) fn new(
         adc: Peri<'static, ADC1>,
         pin: Peri<'static, PA3>,
         ground: Peri<'static, PC2>,
-        (top_ohms, bottom_ohms): (u32, u32),
     ) -> Result<Self, RangeError> {
-        let calibration = vrefint_calibration();
+        let calibration = FactoryWord::F42X.read();
+        let (top_ohms, bottom_ohms) = DIVIDER_OHMS;
         let scale = VrefintScale::new(top_ohms, bottom_ohms, calibration)?;
         let mut pin = Flex::new(pin);
         pin.set_as_analog();
@@ -83,18 +81,20 @@ impl BatteryAdc {
             w.set_jsq(3, GROUND_CHANNEL);
         });
         pac::ADC1.cr1().modify(|w| {
+            // Without SCAN only one channel of the injected group is converted (RM0090 13.3.8).
+            w.set_scan(true);
             w.set_jauto(true);
             w.set_awdsgl(Awdsgl::SINGLE_CHANNEL);
             w.set_awdch(BATTERY_CHANNEL);
             w.set_awden(true);
         });
-        unmask_watchdog();
+        unmask(Interrupt::ADC);
         start();
         Ok(Self { scale, vrefint: calibration.reading, _adc: adc, _pins: (pin, ground) })
     }
 }
 
-/// Starts the converter anew, whatever it was at.
+/// Starts the converter again, whatever its state.
 fn start() {
     pac::ADC1.cr2().modify(|w| w.set_adon(false));
     pac::ADC1.cr2().modify(|w| {
@@ -104,13 +104,15 @@ fn start() {
     pac::ADC1.cr2().modify(|w| w.set_swstart(true));
 }
 
-/// True if VREFINT, and the battery before it, has been converted since this was last asked.
+/// True if VREFINT, and the battery before it, has been converted since the last call.
 fn is_new() -> bool {
     let new = pac::ADC1.sr().read().jeoc();
-    // A flag that is raised in between is cleared with it, and comes again with the next conversion.
+    // A flag that is raised between these two lines is lost. The next conversion raises the flag again.
     pac::ADC1.sr().modify(|w| w.set_jeoc(false));
     new
 }
+
+impl Calibrate for BatteryAdc {}
 
 impl SupplyAdc for BatteryAdc {
     async fn sample(&mut self) -> Option<Millivolts> {
@@ -130,41 +132,14 @@ impl SupplyAdc for BatteryAdc {
         pac::ADC1.ltr().write(|w| w.set_lt(reading(quiet.start())));
         pac::ADC1.htr().write(|w| w.set_ht(reading(quiet.end())));
         pac::ADC1.sr().modify(|w| w.set_awd(false));
-        poll_fn(|context| {
-            WATCHER.register(context.waker());
-            if pac::ADC1.sr().read().awd() {
-                return Poll::Ready(());
-            }
-            pac::ADC1.cr1().modify(|w| w.set_awdie(true));
-            Poll::Pending
-        })
-        .await;
+        let crossed = || pac::ADC1.sr().read().awd();
+        WATCHER.wait(crossed, || pac::ADC1.cr1().modify(|w| w.set_awdie(true))).await;
     }
 }
 
-/// The flag stays for whoever waits; that it was raised is told once.
+/// The flag stays raised for the task, which is woken once.
 #[interrupt]
 fn ADC() {
     pac::ADC1.cr1().modify(|w| w.set_awdie(false));
     WATCHER.wake();
-}
-
-#[expect(
-    unsafe_code,
-    reason = "unmasking could break a critical section that masks a single interrupt; none does"
-)]
-fn unmask_watchdog() {
-    // SAFETY: the handler touches nothing but a register and a waker made for interrupts.
-    unsafe { cortex_m::peripheral::NVIC::unmask(pac::Interrupt::ADC) }
-}
-
-/// This chip's VREFINT reading at 3.3 V and 30 degrees with 12 bits, taken in the factory (STM32F429 data
-/// sheet, internal reference voltage calibration values).
-#[expect(unsafe_code, reason = "the peripheral access crate has no name for this word")]
-fn vrefint_calibration() -> VrefintCalibration {
-    const VREFIN_CAL: *const u16 = 0x1FFF_7A2A as *const u16;
-    // SAFETY: an aligned half-word of the chip's read-only system memory, always readable, and any bits
-    // are a u16.
-    let reading = unsafe { VREFIN_CAL.read_volatile() };
-    VrefintCalibration { reading, rail: Millivolts::new(3_300), bits: 12 }
 }

@@ -1,15 +1,17 @@
-//! The bridges' current-sense lines (PC0, PC3, PF3, PF5) on ADC3, an injected group that is converted when it is asked
-//! for: each has a data register of its own, without DMA, and ADC1 goes on watching the battery.
+//! The bridges' current-sense lines (PC0, PC3, PF3, PF5) on ADC3. They are an injected group: each has a data register, so there
+//! is no DMA. ADC1 goes on watching the battery.
 
 use embassy_stm32::Peri;
 use embassy_stm32::adc::SampleTime;
 use embassy_stm32::gpio::Flex;
 use embassy_stm32::pac;
-use embassy_stm32::peripherals::{ADC3, PC0, PC3, PF3, PF5};
+use embassy_stm32::peripherals::ADC3;
 use embassy_time::Timer;
 use motor_hub::board::CurrentSense;
 use motor_hub::bridge::SenseScale;
 use motor_hub::units::Milliamperes;
+
+use motor_hub_stm32::Calibrate;
 
 use crate::MOTORS;
 
@@ -21,24 +23,13 @@ const WAIT_MICROS: u64 = 50;
 
 /// ADC3 with its pins.
 pub(crate) struct CurrentLines {
-    scale: SenseScale,
-    _adc: Peri<'static, ADC3>,
     _pins: [Flex<'static>; MOTORS],
 }
 
 impl CurrentLines {
-    /// Not before ADC1 is set up: the reset of one is that of all, and so is the clock's divider.
-    pub(crate) fn new(
-        adc: Peri<'static, ADC3>,
-        (first, second, third, fourth): (
-            Peri<'static, PC0>,
-            Peri<'static, PC3>,
-            Peri<'static, PF3>,
-            Peri<'static, PF5>,
-        ),
-        scale: SenseScale,
-    ) -> Self {
-        let mut pins = [Flex::new(first), Flex::new(second), Flex::new(third), Flex::new(fourth)];
+    /// Sets the converter up, after ADC1: all converters share one reset and one divider of the clock. The pins belong
+    /// to [`CHANNELS`].
+    pub(crate) fn new(_: Peri<'static, ADC3>, mut pins: [Flex<'static>; MOTORS]) -> Self {
         pins.iter_mut().for_each(Flex::set_as_analog);
         pac::RCC.apb2enr().modify(|w| w.set_adc3en(true));
         // 6.9 us behind the filter's 33 nF.
@@ -57,9 +48,11 @@ impl CurrentLines {
         });
         pac::ADC3.cr1().modify(|w| w.set_scan(true));
         pac::ADC3.cr2().modify(|w| w.set_adon(true));
-        Self { scale, _adc: adc, _pins: pins }
+        Self { _pins: pins }
     }
 }
+
+impl Calibrate for CurrentLines {}
 
 impl CurrentSense<MOTORS> for CurrentLines {
     async fn sample(&mut self) -> [Option<Milliamperes>; MOTORS] {
@@ -69,6 +62,8 @@ impl CurrentSense<MOTORS> for CurrentLines {
         if !pac::ADC3.sr().read().jeoc() {
             return [None; MOTORS];
         }
-        core::array::from_fn(|place| Some(self.scale.current(pac::ADC3.jdr(place).read().jdata(), 12)))
+        core::array::from_fn(|place| {
+            Some(SenseScale::VNH5019_CARRIER.current(pac::ADC3.jdr(place).read().jdata(), 12))
+        })
     }
 }

@@ -1,7 +1,7 @@
-//! A motor hub for four motors on a NUCLEO-F429ZI: the pins, the peripherals, and one line per task.
+//! A motor hub for four motors on a NUCLEO-F429ZI: pins and peripherals.
 //!
-//! All decisions are in `motor_hub`, all drivers that other STM32 share in `motor_hub_stm32`. Wiring, sizes and
-//! how to flash are in the README beside it.
+//! All decisions are in `motor_hub`. Drivers and the program, which other STM32 boards share, are in `motor_hub_stm32`. Wiring,
+//! sizes and flashing are in the README.
 #![no_std]
 #![no_main]
 
@@ -11,73 +11,47 @@ mod current;
 
 use adc::BatteryAdc;
 use current::CurrentLines;
-use defmt::{info, unwrap};
+use defmt::unwrap;
 use defmt_rtt as _;
 use embassy_executor::Spawner;
 use embassy_stm32::flash::{self, Async, Bank2Region1, Flash};
-use embassy_stm32::gpio::{AnyPin, Flex, Input, Level, Output, Pull, Speed};
-use embassy_stm32::peripherals::{IWDG, TIM1, TIM2, TIM3, TIM4, TIM8, USART3};
-use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUartRx};
-use embassy_stm32::{Peri, bind_interrupts, interrupt, pac, rcc};
-use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
-use motor_hub::braking::Winding;
-use motor_hub::bridge::{BridgeConstants, SenseScale};
-use motor_hub::hub::Hub;
-use motor_hub::motor::Settings;
-use motor_hub::protocol::Address;
-use motor_hub::responder::Responder;
-use motor_hub::supply::{Limits, Supply};
+use embassy_stm32::gpio::{Flex, Input, Pull};
+use embassy_stm32::peripherals::USART3;
+use embassy_stm32::usart::BufferedInterruptHandler;
+use embassy_stm32::{bind_interrupts, interrupt, pac};
 use motor_hub::tasks::store::Keeper;
-use motor_hub::tasks::{self, Health, Task};
-use motor_hub::units::Period;
-use motor_hub_stm32::diag::DiagLines;
+use motor_hub_stm32::bridge_faults::{DiagLines, line};
 use motor_hub_stm32::encoders::{Counter, QuadratureCounters};
-use motor_hub_stm32::faults::End;
 use motor_hub_stm32::lamp::Lamp;
-use motor_hub_stm32::pins::DigitalLines;
+use motor_hub_stm32::pins::{DigitalLines, low};
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
-use motor_hub_stm32::watchdog::IndependentWatchdog;
-use motor_hub_stm32::{demo, record, serial, status};
+use motor_hub_stm32::{record, serial, status};
 use static_cell::StaticCell;
 
-/// Motors on this board.
-const MOTORS: usize = 4;
-
-/// Digital pins for a host.
-const PINS: usize = 2;
-
-/// Divider from the battery to PA3: 24 V, the highest that the bridges take, makes 2.61 V, and 30.3 V the full 3.3 V.
-const DIVIDER_OHMS: (u32, u32) = (82_000, 10_000);
-
-/// Where settings are stored, from the start of the second bank: its first two sectors. The code is in the other bank, so it
-/// runs on while these are written and erased (RM0090 3.6.5).
+/// Where settings are stored, from the start of the second bank: its first two sectors. The code is in the first bank, so it
+/// runs on while these sectors are written and erased (RM0090 3.6.5).
 const STORE: core::ops::Range<u32> = 0..32 * 1024;
 
-/// The control period: 50 ms, or what `CONTROL_PERIOD_MS` says when this is built, 1 to 100.
-const PERIOD: Period = motor_hub_stm32::period(option_env!("CONTROL_PERIOD_MS"));
-
-/// Every task runs in the one executor in thread mode, so no channel needs to mask interrupts.
-type Wires = tasks::Wires<ThreadModeRawMutex, MOTORS>;
-
-static WIRES: Wires = Wires::new();
-static HEALTH: Health = Health::new().expecting(Task::Responder).expecting(Task::Bridges);
-
-type Encoders = QuadratureCounters<(Counter<TIM2>, Counter<TIM3>, Counter<TIM4>, Counter<TIM8>)>;
+motor_hub_stm32::hub! {
+    motors: 4,
+    pins: 2,
+    pwm: TIM1,
+    encoders: [TIM2, TIM3, TIM4, TIM8],
+    watchdog: IWDG,
+    battery: BatteryAdc,
+    currents: CurrentLines,
+    slot: None,
+    store: Bank2Region1<'static, Async>,
+}
 
 bind_interrupts!(struct Irqs {
     FLASH => flash::InterruptHandler;
     USART3 => BufferedInterruptHandler<USART3>;
 });
 
-const END: End = End { open: open_all_bridges, say: |fault, detail| WIRES.report_crash(fault, detail) };
-
-motor_hub_stm32::end_faults_with!(END);
-
-/// Opens all bridges for good, from any context: PWM low first, then all direction lines, PD0 to PD7.
-///
-/// PWM stays off until a reset, whatever is applied afterwards.
+/// Opens all bridges until a reset, from any context: PWM low first, then all direction lines, PD0 to PD7.
 fn open_all_bridges() {
-    // Without its clock it drives nothing, and an access would be a fault of its own.
+    // Without its clock the timer drives nothing, and an access would be a fault.
     if pac::RCC.apb2enr().read().tim1en() {
         pac::TIM1.bdtr().modify(|w| w.set_moe(false));
     }
@@ -93,122 +67,39 @@ fn PVD() {
 async fn main(spawner: Spawner) {
     let p = embassy_stm32::init(chip::clocks());
     chip::set_up();
-    info!("motor-hub {=str} on nucleo-f429zi", env!("CARGO_PKG_VERSION"));
-    // Before anything else that could hang, and before a bridge can be anything but open.
-    let watchdog = IndependentWatchdog::start(p.IWDG);
-    info!("{=u32} Hz, {} motors every {=u32} ms", rcc::frequency::<TIM1>().0, MOTORS, PERIOD.as_millis());
-    let cause = chip::reset_cause();
-    WIRES.open_record(unwrap!(record::memory()), cause);
+    status::started("nucleo-f429zi");
+    // Before anything that could hang, and before a bridge can be anything but open.
+    let watchdog = Watchdog::start(p.IWDG);
+    record::open(&WIRES, unwrap!(record::memory()), chip::reset_cause());
     chip::watch_supply();
 
-    let low = |pin: Peri<'static, AnyPin>| Output::new(pin, Level::Low, Speed::Low);
     let pwm = Pwm::new(p.TIM1);
     let bridges = [
-        pwm.bridge(p.PE9, low(p.PD0.into()), low(p.PD1.into())),
-        pwm.bridge(p.PE11, low(p.PD2.into()), low(p.PD3.into())),
-        pwm.bridge(p.PE13, low(p.PD4.into()), low(p.PD5.into())),
-        pwm.bridge(p.PE14, low(p.PD6.into()), low(p.PD7.into())),
+        pwm.bridge(p.PE9, low(p.PD0), low(p.PD1)),
+        pwm.bridge(p.PE11, low(p.PD2), low(p.PD3)),
+        pwm.bridge(p.PE13, low(p.PD4), low(p.PD5)),
+        pwm.bridge(p.PE14, low(p.PD6), low(p.PD7)),
     ];
-    let bridges = Vnh5019::new(pwm, bridges);
     let encoders = QuadratureCounters((
         Counter::new(p.TIM2, p.PA15, p.PB3),
         Counter::new(p.TIM3, p.PB4, p.PB5),
         Counter::new(p.TIM4, p.PD12, p.PD13),
         Counter::new(p.TIM8, p.PC6, p.PC7),
     ));
-    let diag = |pin: Peri<'static, AnyPin>| Input::new(pin, Pull::Up);
-    let diag = DiagLines([diag(p.PE2.into()), diag(p.PE4.into()), diag(p.PE5.into()), diag(p.PE6.into())]);
-    let adc = unwrap!(BatteryAdc::new(p.ADC1, p.PA3, p.PC2, DIVIDER_OHMS));
-    let lines = CurrentLines::new(p.ADC3, (p.PC0, p.PC3, p.PF3, p.PF5), SenseScale::VNH5019_CARRIER);
-    // These bridges are real.
-    let settings = Settings { bridge: BridgeConstants::VNH5019, ..Settings::new(Winding::NEVEREST_60) };
-
-    spawner.spawn(unwrap!(output(bridges)));
-    spawner.spawn(unwrap!(listen(diag, lines)));
-    spawner.spawn(unwrap!(capture(encoders)));
-    spawner.spawn(unwrap!(supply(adc, Supply::new(Limits::default()))));
-    spawner.spawn(unwrap!(control(settings)));
-    spawner.spawn(unwrap!(health(watchdog)));
-    spawner.spawn(unwrap!(report()));
+    let diag = DiagLines([line(p.PE2), line(p.PE4), line(p.PE5), line(p.PE6)]);
+    let battery = unwrap!(BatteryAdc::new(p.ADC1, p.PA3, p.PC2));
+    let currents =
+        CurrentLines::new(p.ADC3, [Flex::new(p.PC0), Flex::new(p.PC3), Flex::new(p.PF3), Flex::new(p.PF5)]);
     static BUFFERS: StaticCell<serial::Buffers> = StaticCell::new();
-    let buffers = BUFFERS.init(serial::Buffers::new());
-    let (tx, rx) = unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, buffers));
-    let lamp = Lamp { red: low(p.PB14.into()), green: low(p.PB0.into()), blue: low(p.PB7.into()) };
+    let link = unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, BUFFERS.init(serial::Buffers::new())));
+    let lamp = Lamp { red: low(p.PB14), green: low(p.PB0), blue: low(p.PB7) };
     let pins = DigitalLines::new([Flex::new(p.PF14), Flex::new(p.PF15)]);
+    let button = Input::new(p.PC13, Pull::None);
     let region = Flash::new(p.FLASH, Irqs).into_regions().bank2_region1;
-    let keeper = Keeper::new(region, STORE).filter(|_| chip::reads_second_bank());
-    let has_store = keeper.is_some();
-    if let Some(keeper) = keeper {
-        spawner.spawn(unwrap!(store(keeper)));
-    }
-    spawner.spawn(unwrap!(responder(rx, tx, pins, lamp, settings, has_store)));
-    spawner.spawn(unwrap!(button(Input::new(p.PC13, Pull::None))));
-}
-
-#[embassy_executor::task]
-async fn capture(encoders: Encoders) -> ! {
-    tasks::capture::run(encoders, &WIRES, &HEALTH).await
-}
-
-#[embassy_executor::task]
-async fn listen(diag: DiagLines<MOTORS>, lines: CurrentLines) -> ! {
-    tasks::bridges::run(diag, lines, &WIRES, &HEALTH).await
-}
-
-#[embassy_executor::task]
-async fn supply(adc: BatteryAdc, supply: Supply) -> ! {
-    tasks::supply::run(adc, supply, &WIRES, &HEALTH).await
-}
-
-/// Makes the hub itself: as an argument of two nested futures it would take twice the RAM.
-#[embassy_executor::task]
-async fn control(settings: Settings) -> ! {
-    tasks::control::run(&mut Hub::new([settings; MOTORS], PERIOD), &WIRES, &HEALTH).await
-}
-
-#[embassy_executor::task]
-async fn output(bridges: Vnh5019<TIM1, MOTORS>) -> ! {
-    tasks::output::run(bridges, PERIOD, &WIRES, &HEALTH).await
-}
-
-#[embassy_executor::task]
-async fn health(watchdog: IndependentWatchdog<IWDG>) -> ! {
-    tasks::health::run(watchdog, &HEALTH).await
-}
-
-#[embassy_executor::task]
-async fn report() -> ! {
-    status::run(&WIRES).await
-}
-
-/// Ends only if the serial line does, which it never does.
-#[embassy_executor::task]
-async fn responder(
-    rx: BufferedUartRx<'static>,
-    tx: serial::Sender,
-    pins: DigitalLines<PINS>,
-    mut lamp: Lamp,
-    settings: Settings,
-    has_store: bool,
-) {
-    let mut responder = Responder::new(Address::DEFAULT, [settings; MOTORS]);
-    if has_store {
-        responder = responder.expecting_store();
-    }
-    // The lamp is shown at least every 100 ms, whatever the line does.
-    let show = |colour| {
-        lamp.show(colour);
-        HEALTH.check_in(Task::Responder);
-    };
-    tasks::responder::run(rx, tx, pins, &mut responder, &WIRES, show).await;
-}
-
-#[embassy_executor::task]
-async fn store(keeper: Keeper<Bank2Region1<'static, Async>>) -> ! {
-    tasks::store::run(keeper, &WIRES).await
-}
-
-#[embassy_executor::task]
-async fn button(button: Input<'static>) -> ! {
-    demo::run(button, &WIRES).await
+    let store = Keeper::new(region, STORE).filter(|_| chip::reads_second_bank());
+    let bridges = Vnh5019::new(pwm, bridges);
+    start(
+        spawner,
+        Parts { watchdog, bridges, diag, currents, encoders, battery, link, pins, lamp, button, store },
+    );
 }

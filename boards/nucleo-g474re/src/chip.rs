@@ -1,13 +1,8 @@
-//! What the hub wants of the chip beyond what the HAL sets up: clocks that nothing outside can stop, fast flash,
-//! bridges off while a debugger holds the core, and an end before the supply is too low to compute with.
+//! The chip's own set-up, in addition to the HAL's: clocks, caches, the debugger, the cause of a reset, and the supply's limit.
 
-use defmt::warn;
 use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
-use motor_hub_stm32::{record, stack};
-
-/// EXTI line of the programmable voltage detector (RM0440 table 103).
-const PVD_LINE: usize = 16;
+use motor_hub_stm32::{record, stack, supply};
 
 /// About 2.9 V falling (DS12288, embedded reset and power control block): the chip runs on to 1.71 V, but not what hangs
 /// on its pins.
@@ -52,15 +47,12 @@ pub(crate) fn set_up() {
     pac::DBGMCU.apb2fzr().modify(|w| w.set_tim1(true));
 }
 
-/// Why the chip began anew. Says so if it was the watchdog: the last run ended in a fault or a hang.
+/// Why the chip was reset.
 ///
-/// This chip has one flag, BORRSTF, for power-on and brown-out (RM0440 7.4.29). What it is mostly is power-on.
+/// This chip has one flag, BORRSTF, for power-on and brown-out (RM0440 7.4.29). Power-on is the usual cause.
 pub(crate) fn reset_cause() -> Fault {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|w| w.set_rmvf(true));
-    if flags.iwdgrstf() {
-        warn!("started by the watchdog");
-    }
     record::cause([
         (flags.borrstf(), Fault::PowerOn),
         (flags.iwdgrstf(), Fault::Watchdog),
@@ -71,27 +63,12 @@ pub(crate) fn reset_cause() -> Fault {
     ])
 }
 
-/// From here on the interrupt PVD comes when the supply falls below 2.9 V, or at once if it is there already. It ends
-/// the run, so the watchdog must run.
-///
-/// Not the brown-out reset: its level is an option byte, and writing those from the firmware could leave a chip
-/// without any if the supply fails in between. The detector needs nothing but this.
+/// From here on the supply is watched: below 2.9 V its interrupt ends the run.
 pub(crate) fn watch_supply() {
-    // The line first, so that a supply that is low already makes an edge when the detector is switched on.
-    pac::EXTI.rtsr(0).modify(|w| w.set_line(PVD_LINE, true));
-    pac::EXTI.imr(0).modify(|w| w.set_line(PVD_LINE, true));
-    unmask_pvd();
-    pac::PWR.cr2().modify(|w| {
-        w.set_pls(PVD_LEVEL);
-        w.set_pvde(true);
+    supply::watch(pac::Interrupt::PVD_PVM, || {
+        pac::PWR.cr2().modify(|w| {
+            w.set_pls(PVD_LEVEL);
+            w.set_pvde(true);
+        });
     });
-}
-
-#[expect(
-    unsafe_code,
-    reason = "unmasking could break a critical section that masks a single interrupt; none does"
-)]
-fn unmask_pvd() {
-    // SAFETY: the handler touches nothing but registers and atomics.
-    unsafe { cortex_m::peripheral::NVIC::unmask(pac::Interrupt::PVD_PVM) }
 }

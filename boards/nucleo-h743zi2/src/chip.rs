@@ -1,25 +1,19 @@
-//! What the hub wants of the chip beyond what the HAL sets up: clocks that nothing outside can stop, code from the
-//! instruction cache, bridges off while a debugger holds the core, and an end before the supply is too low for the
-//! bridges' inputs.
+//! The chip's own set-up, in addition to the HAL's: clocks, caches, the debugger, the cause of a reset, and the supply's limit.
 
 use boot_h743zi2::execute_first_bank_only;
-use defmt::warn;
 use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
-use motor_hub_stm32::{record, stack};
-
-/// EXTI line of the programmable voltage detector (RM0433 table 150).
-const PVD_LINE: usize = 16;
+use motor_hub_stm32::{record, stack, supply};
 
 /// 2.86 V rising, 2.76 V falling (DS12110 table 116): the chip itself runs on to 1.62 V, but not what
 /// hangs on its pins.
 const PVD_LEVEL: u8 = 0b110;
 
-/// HSI over this is what all PLLs multiply: 8 MHz.
+/// Divisor of HSI before all PLLs, which multiply 8 MHz.
 const PREDIV: rcc::PllPreDiv = rcc::PllPreDiv::DIV8;
 
-/// 400 MHz from the chip's own 64 MHz oscillator, so that nothing outside the chip can stop it: the ST-LINK's 8 MHz on
-/// OSC_IN stop with its USB. How exact that is stands in the README. Buses run at 200 and 100 MHz, all timers at 200.
+/// 400 MHz from the chip's own 64 MHz oscillator, which nothing outside the chip can stop. The ST-LINK's 8 MHz on OSC_IN stop
+/// with its USB. The README has the oscillator's accuracy. Buses run at 200 and 100 MHz, all timers at 200 MHz.
 pub(crate) fn clocks() -> embassy_stm32::Config {
     let pll = |mul, divp| rcc::Pll {
         source: rcc::PllSource::HSI,
@@ -36,7 +30,7 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
     // 32 MHz for the converters, which halve it (of revision Y they do not, and take 36 MHz).
     config.rcc.pll2 = Some(pll(rcc::PllMul::MUL48, Some(rcc::PllDiv::DIV12)));
     config.rcc.mux.adcsel = rcc::mux::Adcsel::PLL2_P;
-    // Nobody's: the HAL switches an unused one off by writing what PLL1, which runs, does not let be written.
+    // PLL3 has no user. The HAL switches an unused PLL off by a register that the running PLL1 locks.
     config.rcc.pll3 = Some(pll(rcc::PllMul::MUL20, None));
     config.rcc.sys = rcc::Sysclk::PLL1_P;
     config.rcc.ahb_pre = rcc::AHBPrescaler::DIV2;
@@ -54,8 +48,8 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
 /// core. To be called right after the HAL's initialisation, before the core sleeps for the first time.
 ///
 /// # Caches
-/// Instructions only: see docs/decisions/0014-caches-of-the-h743.md. What is in the flash does not change while this
-/// runs, and data are in the DTCM, beside all caches: nothing can be stale.
+/// Only the instruction cache is on: docs/decisions/0014-caches-of-the-h743.md. The image's flash does not change while the
+/// image runs, and data are in the DTCM, beside all caches. So no cache line can be stale.
 ///
 /// # Debugger
 /// While the core is halted TIM1 stands still, and its outputs are off as after a break (RM0433 38.3.29): low, with
@@ -70,13 +64,10 @@ pub(crate) fn set_up() {
     pac::DBGMCU.apb2fzr1().modify(|w| w.set_tim1(true));
 }
 
-/// Why the chip began anew. Says so if it was the watchdog: the last run ended in a fault or a hang.
+/// Why the chip was reset.
 pub(crate) fn reset_cause() -> Fault {
     let flags = pac::RCC.rsr().read();
     pac::RCC.rsr().modify(|w| w.set_rmvf(true));
-    if flags.iwdg1rstf() {
-        warn!("started by the watchdog");
-    }
     record::cause([
         (flags.porrstf(), Fault::PowerOn),
         (flags.borrstf(), Fault::BrownOut),
@@ -88,27 +79,12 @@ pub(crate) fn reset_cause() -> Fault {
     ])
 }
 
-/// From here on the interrupt PVD comes when the supply falls below 2.76 V, or at once if it is there already. It ends
-/// the run, so the watchdog must run.
-///
-/// Not the brown-out reset: its level is an option byte, and writing those from the firmware could leave a chip
-/// without any if the supply fails in between. The detector needs nothing but this.
+/// From here on the supply is watched: below 2.76 V its interrupt ends the run.
 pub(crate) fn watch_supply() {
-    // The line first, so that a supply that is low already makes an edge when the detector is switched on.
-    pac::EXTI.rtsr(0).modify(|w| w.set_line(PVD_LINE, true));
-    pac::EXTI.imr(0).modify(|w| w.set_line(PVD_LINE, true));
-    unmask_pvd();
-    pac::PWR.cr1().modify(|w| {
-        w.set_pls(PVD_LEVEL);
-        w.set_pvde(true);
+    supply::watch(pac::Interrupt::PVD_AVD, || {
+        pac::PWR.cr1().modify(|w| {
+            w.set_pls(PVD_LEVEL);
+            w.set_pvde(true);
+        });
     });
-}
-
-#[expect(
-    unsafe_code,
-    reason = "unmasking could break a critical section that masks a single interrupt; none does"
-)]
-fn unmask_pvd() {
-    // SAFETY: the handler touches nothing but registers and atomics.
-    unsafe { cortex_m::peripheral::NVIC::unmask(pac::Interrupt::PVD_AVD) }
 }

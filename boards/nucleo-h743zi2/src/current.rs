@@ -1,18 +1,20 @@
-//! The bridges' current-sense lines (PC0, PB1, PA6, PA5) on ADC2, converted when they are asked for. Four words have room
-//! in the FIFO of its data register (RM0433 25.4.27), so there is no DMA; ADC1 goes on watching the battery.
+//! The bridges' current-sense lines (PC0, PB1, PA6, PA5) on ADC2. The FIFO of its data register has room for four words
+//! (RM0433 25.4.27), so there is no DMA. ADC1 goes on watching the battery.
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::Flex;
 use embassy_stm32::pac;
 use embassy_stm32::pac::adc::vals::{Pcsel, SampleTime};
-use embassy_stm32::peripherals::{ADC2, PA5, PA6, PB1, PC0};
+use embassy_stm32::peripherals::ADC2;
 use embassy_time::Timer;
 use motor_hub::board::CurrentSense;
 use motor_hub::bridge::SenseScale;
 use motor_hub::units::Milliamperes;
+use motor_hub_stm32::Calibrate;
+use motor_hub_stm32::two_converters::{calibrate, power_up, stop};
 
 use crate::MOTORS;
-use crate::adc::{calibrate, power_up, stop};
+use crate::adc::H7;
 
 /// ADC12_INP10, INP5, INP3, INP19 (STM32H743 data sheet, pin definitions), by motor.
 const CHANNELS: [u8; MOTORS] = [10, 5, 3, 19];
@@ -25,33 +27,23 @@ const FIFO_WORDS: usize = 8;
 
 /// ADC2 with its pins.
 pub(crate) struct CurrentLines {
-    scale: SenseScale,
-    _adc: Peri<'static, ADC2>,
     _pins: [Flex<'static>; MOTORS],
 }
 
 impl CurrentLines {
-    /// Not before ADC1 is set up: clock and reset of one are those of both. Converts nothing before it is
-    /// [calibrated](Self::calibrate).
-    pub(crate) fn new(
-        adc: Peri<'static, ADC2>,
-        (first, second, third, fourth): (
-            Peri<'static, PC0>,
-            Peri<'static, PB1>,
-            Peri<'static, PA6>,
-            Peri<'static, PA5>,
-        ),
-        scale: SenseScale,
-    ) -> Self {
-        let mut pins = [Flex::new(first), Flex::new(second), Flex::new(third), Flex::new(fourth)];
+    /// Sets the converter up, after ADC1, which shares clock and reset. It converts nothing before its calibration. The pins
+    /// belong to [`CHANNELS`].
+    pub(crate) fn new(_: Peri<'static, ADC2>, mut pins: [Flex<'static>; MOTORS]) -> Self {
         pins.iter_mut().for_each(Flex::set_as_analog);
         power_up(pac::ADC2);
-        Self { scale, _adc: adc, _pins: pins }
+        Self { _pins: pins }
     }
+}
 
-    /// Takes some 11 ms. Of a converter that does not come to an end nothing is heard.
-    pub(crate) async fn calibrate(&self) {
-        calibrate(&[pac::ADC2]).await;
+impl Calibrate for CurrentLines {
+    /// Takes some 11 ms. A converter whose calibration does not end gives no readings.
+    async fn calibrate(&self) {
+        calibrate::<H7>(&[pac::ADC2]).await;
         for channel in CHANNELS {
             // 4 us behind the filter's 33 nF.
             let (register, place) = (usize::from(channel) / 10, usize::from(channel) % 10);
@@ -69,7 +61,7 @@ impl CurrentLines {
 
 impl CurrentSense<MOTORS> for CurrentLines {
     async fn sample(&mut self) -> [Option<Milliamperes>; MOTORS] {
-        // Words that came too late for the last sample would be taken for other motors' currents.
+        // Words that came too late for the last sample would pass for currents of other motors.
         stop(pac::ADC2);
         for _ in 0..FIFO_WORDS {
             let _ = pac::ADC2.dr().read();
@@ -83,6 +75,6 @@ impl CurrentSense<MOTORS> for CurrentLines {
         if !pac::ADC2.isr().read().eos() {
             return [None; MOTORS];
         }
-        core::array::from_fn(|_| Some(self.scale.current(pac::ADC2.dr().read().rdata(), 16)))
+        core::array::from_fn(|_| Some(SenseScale::VNH5019_CARRIER.current(pac::ADC2.dr().read().rdata(), 16)))
     }
 }

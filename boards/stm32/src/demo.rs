@@ -1,5 +1,4 @@
-//! A button to try motors with while there is no host: what it may do is decided in
-//! [`motor_hub::responder::button`].
+//! The button that drives all motors while there is no host. [`motor_hub::responder::button`] decides what it may do.
 
 use embassy_stm32::gpio::Input;
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -12,7 +11,7 @@ use motor_hub::units::Micros;
 
 const POLL: Duration = Duration::from_millis(10);
 
-/// Runs for ever. A button that is held pulls its pin high.
+/// Polls the button and sends its commands. A pressed button pulls its pin high.
 pub async fn run<M: RawMutex, const N: usize>(input: Input<'static>, wires: &Wires<M, N>) -> ! {
     let mut ticker = Ticker::every(POLL);
     let mut button = Button::new();

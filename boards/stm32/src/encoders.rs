@@ -1,14 +1,14 @@
 //! Quadrature encoders, each on a timer that counts all four edges of A and B.
 //!
-//! Resistors outside the chip pull the inputs up to 3.3 V: open-collector encoders need it, and an unplugged one then
-//! stands still instead of counting noise. The chip's own pull-ups stay off: a pin takes the 5 V of an encoder only
+//! Resistors outside the chip pull the inputs up to 3.3 V. Open-collector encoders need them. With them, an unplugged encoder
+//! counts no noise. The chip's own pull-ups stay off: a pin takes the 5 V of an encoder only
 //! without them (DS9405 table 15, DS12110 and DS12288, I/O static characteristics).
 //!
-//! They are filtered too (RM0090 18.4.7, IC1F and IC2F): a level counts once eight samples in a row, one every
-//! 128 clocks of the timer, agree. On a timer at 84 MHz that takes 12.2 us, at 168 MHz 6.1 us, at 200 MHz 5.1 us, which the ringing of a
-//! bridge's edges on a neighbouring wire does not last. At 10 000 counts/s a level lasts 200 us, 16 times as long, and
-//! an edge of A and the next of B are 100 us apart, of which the two filters can eat one sample, 1.5 us. From about
-//! 140 000 counts/s on nothing would be counted.
+//! The inputs are filtered (RM0090 18.4.7, IC1F and IC2F): a level counts when eight samples in a row agree. A sample is taken
+//! every 128 clocks of the timer. Eight samples take 12.2 us on a timer at 84 MHz, 6.1 us at 168 MHz, and 5.1 us at 200 MHz. The
+//! ringing of a bridge's edges on a neighbouring wire is shorter. At 10 000 counts/s a level lasts 200 us, 16 times as long. An
+//! edge of A and the next edge of B are then 100 us apart; the filters shorten this by one sample, 1.5 us, at most. From about
+//! 140 000 counts/s on nothing is counted.
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::Pull;
@@ -18,7 +18,7 @@ use embassy_stm32::timer::low_level::{FilterValue, InputTISelection, SlaveMode, 
 use embassy_stm32::timer::{Ch1, Ch2, Channel, GeneralInstance4Channel, TimerPin};
 use motor_hub::board::Encoders;
 
-/// A timer that counts, wrapping at 16 bits whatever its width.
+/// A timer that counts edges, and wraps at 16 bits. Timers of 32 bits wrap at 16 bits too.
 pub struct Counter<T: GeneralInstance4Channel> {
     timer: Timer<'static, T>,
     _a: CapturePin<'static, T, Ch1>,
@@ -26,7 +26,7 @@ pub struct Counter<T: GeneralInstance4Channel> {
 }
 
 impl<T: GeneralInstance4Channel> Counter<T> {
-    /// Counts from here on, from 0.
+    /// Starts the counter at 0.
     pub fn new(
         timer: Peri<'static, T>,
         a: Peri<'static, impl TimerPin<T, Ch1>>,
@@ -34,7 +34,7 @@ impl<T: GeneralInstance4Channel> Counter<T> {
     ) -> Self {
         let (a, b) = (CapturePin::new(a, Pull::None), CapturePin::new(b, Pull::None));
         let timer = Timer::new(timer);
-        // A sample every 4 * 32 clocks, eight alike.
+        // A sample every 4 * 32 clocks, eight in a row.
         timer.set_clock_division(Ckd::DIV4);
         for channel in [Channel::Ch1, Channel::Ch2] {
             timer.set_input_ti_selection(channel, InputTISelection::Normal);

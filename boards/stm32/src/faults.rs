@@ -1,6 +1,7 @@
-//! Where the firmware ends: panic, HardFault, a failing supply and interrupts that nobody handles open all bridges,
-//! leave last words for the record, say what happened, and wait for the watchdog to start the chip afresh. (What comes
-//! while another line of the log is being written is not said: the log has no room for two at once.)
+//! The end of a run: a panic, a HardFault, a falling supply, or an interrupt without a handler.
+//!
+//! Each opens all bridges, stores its fault for the record, logs it, and waits until the watchdog resets the chip. A fault in
+//! the middle of a line of the log is not logged: the log holds one line at a time.
 
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -10,7 +11,7 @@ use motor_hub::record::Fault;
 
 use crate::stack;
 
-/// Makes these ends those of a board's program: `$end` is its [`End`].
+/// Makes the handlers of a board's program. `$end` is its [`End`].
 ///
 /// The board's crate needs `cortex-m-rt`.
 #[macro_export]
@@ -35,11 +36,11 @@ macro_rules! end_faults_with {
     };
 }
 
-/// How a board's program ends.
+/// How the run of a board's program ends.
 pub struct End {
     /// Opens all bridges for good from any context, touching nothing but registers.
     pub open: fn(),
-    /// Leaves word for the next run.
+    /// Stores the fault for the next run.
     pub say: fn(Fault, [u32; 2]),
 }
 
@@ -48,8 +49,8 @@ impl End {
     fn stop(&self, fault: Fault, detail: [u32; 2], report: impl FnOnce()) -> ! {
         (self.open)();
         cortex_m::interrupt::disable();
-        // A fault inside what follows must not lead back into it. Nothing can come between these two: interrupts are
-        // masked. (Plain load and store do on every core.)
+        // A second fault in the lines below must not run them again. Interrupts are masked, so nothing comes between the load
+        // and the store. Every core has plain loads and stores.
         static REPORTED: AtomicBool = AtomicBool::new(false);
         if !REPORTED.load(Ordering::Relaxed) {
             REPORTED.store(true, Ordering::Relaxed);
@@ -61,17 +62,17 @@ impl End {
         }
     }
 
-    /// The end of a panic.
+    /// Ends the run after a panic.
     pub fn panicked(&self, info: &PanicInfo<'_>) -> ! {
         let place = info.location().map_or([0; 2], |place| [place.line(), place.column()]);
         self.stop(Fault::Panic, place, || error!("{}; bridges off", Display2Format(info)))
     }
 
-    /// The end of a HardFault.
+    /// Ends the run after a HardFault.
     pub fn hard_fault(&self, frame: &ExceptionFrame) -> ! {
         let stack = core::ptr::from_ref(frame).addr() as u32;
         if stack::overflowed(stack) {
-            // What the frame should say has not been written: the guard forbade it.
+            // The core could not write the frame: the guard forbade it.
             self.stop(Fault::StackOverflow, [stack, 0], || {
                 error!("stack overflow, down to {=u32:#010x}; bridges off", stack);
             });
@@ -82,12 +83,12 @@ impl End {
         })
     }
 
-    /// The end of a supply that falls, for the interrupt of a board's voltage detector.
+    /// Ends the run when the supply falls: for the interrupt of a board's voltage detector.
     pub fn supply_fell(&self) -> ! {
         self.stop(Fault::SupplyFell, [0; 2], || error!("the chip's supply fell; bridges off"))
     }
 
-    /// The end of an interrupt that nobody handles.
+    /// Ends the run after an interrupt without a handler.
     pub fn unhandled(&self, irqn: i16) -> ! {
         let number = irqn as u16;
         self.stop(Fault::UnhandledInterrupt, [number.into(), 0], || {

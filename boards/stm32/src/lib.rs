@@ -1,42 +1,59 @@
-//! What any board with an STM32 shares: drivers behind the traits of [`motor_hub::board`], generic over the
-//! number of motors and over peripheral instances, and what ends and explains a run. No pin, no clock and
-//! no chip is named here: a board does that, and gives each of these to a task.
+//! What boards with an STM32 share: drivers behind the traits of [`motor_hub::board`], the end of a run, and the program of a
+//! hub. The drivers are generic over the number of motors and over peripherals. A board has the pins and the clocks.
 //!
-//! | room | what it drives |
+//! | module | what is in it |
 //! |---|---|
+//! | [`hub!`] | the program: statics, tasks, their start |
 //! | [`vnh5019`] | N bridges on one advanced timer |
-//! | [`diag`] | what bridges say of themselves |
+//! | [`bridge_faults`] | the fault lines of bridges |
 //! | [`encoders`] | quadrature counters, a timer each |
+//! | [`supply`] | the voltage detector, the factory's word of VREFINT, the task that waits for an analog watchdog |
+//! | `two_converters` | battery and VREFINT on a converter each; feature `two-converters` |
 //! | [`serial`] | the host link: a buffered USART |
 //! | [`pins`] | digital pins for a host |
 //! | [`lamp`] | the host's status LEDs: red, green, blue |
 //! | [`watchdog`] | the independent watchdog |
-//! | [`faults`] | panic and faults: bridges open first |
-//! | [`record`] | memory that a reset leaves alone; what began a run |
-//! | [`stack`] | a guard at its end |
+//! | [`faults`] | the end of a run by a panic or a fault: bridges open first |
+//! | [`record`] | memory that a reset does not clear, and the cause of the reset |
+//! | [`stack`] | a guard at the stack's end |
 //! | [`demo`] | motors that turn while a button is held |
 //! | [`status`] | the log |
 #![no_std]
 
+pub mod bridge_faults;
 pub mod demo;
-pub mod diag;
+
 pub mod encoders;
 pub mod faults;
+mod hub;
 pub mod lamp;
+mod mpu;
 pub mod pins;
 pub mod record;
 pub mod serial;
 pub mod stack;
 pub mod status;
+pub mod supply;
+#[cfg(feature = "two-converters")]
+pub mod two_converters;
 pub mod vnh5019;
 pub mod watchdog;
 
 use motor_hub::units::Period;
 
-/// The control period that an image is built for: 50 ms, or what a variable says, 1 to 100 ms.
+/// A converter, whose calibration comes before its first conversion.
+#[expect(async_fn_in_trait, reason = "one executor, one core: no future has to be Send")]
+pub trait Calibrate {
+    /// Calibrates the converter. This default is for a converter without a calibration.
+    async fn calibrate(&self) {}
+}
+
+impl Calibrate for () {}
+
+/// The control period of an image: 50 ms, or the given text, 1 to 100 ms.
 ///
 /// # Panics
-/// When the image is built, if it says something else.
+/// When the image is built, if the text is something else.
 #[must_use]
 pub const fn period(milliseconds: Option<&str>) -> Period {
     let ms = match milliseconds {

@@ -1,9 +1,16 @@
 //! Digital pins that a host may use: inputs with their pull-ups, or push-pull outputs.
 
-use embassy_stm32::gpio::{Flex, Level, Pull, Speed};
+use embassy_stm32::Peri;
+use embassy_stm32::gpio::{AnyPin, Flex, Level, Output, Pin, Pull, Speed};
 use motor_hub::board::DigitalPins;
 
-/// The first P of a host's pins; there are no others.
+/// An output, low from the first instant.
+pub fn low(pin: Peri<'static, impl Pin>) -> Output<'static> {
+    let pin: Peri<'static, AnyPin> = pin.into();
+    Output::new(pin, Level::Low, Speed::Low)
+}
+
+/// The first P digital pins of the protocol. This board has no others.
 pub struct DigitalLines<const P: usize> {
     lines: [Flex<'static>; P],
     /// Bit i: line i is an output.
@@ -11,7 +18,7 @@ pub struct DigitalLines<const P: usize> {
 }
 
 impl<const P: usize> DigitalLines<P> {
-    /// Inputs.
+    /// All lines are inputs.
     pub fn new(mut lines: [Flex<'static>; P]) -> Self {
         lines.iter_mut().for_each(|line| line.set_as_input(Pull::Up));
         Self { lines, outputs: 0 }
@@ -23,7 +30,7 @@ impl<const P: usize> DigitalPins for DigitalLines<P> {
         let mut sensed = u8::MAX;
         for (line, pin) in self.lines.iter_mut().zip(0..8) {
             let bit = 1 << pin;
-            // The level first: it is there from the instant at which the pin is driven.
+            // The level comes before the direction: an output has its level from the first instant.
             line.set_level(if levels & bit != 0 { Level::High } else { Level::Low });
             match (self.outputs & bit != 0, driven & bit != 0) {
                 (false, true) => line.set_as_output(Speed::Low),

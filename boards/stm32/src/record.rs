@@ -1,14 +1,26 @@
-//! Where the record of what happened lies: the end of RAM, which no start-up clears (`sections.x`), and what began a run.
+//! Memory for the record of faults, at the end of RAM, which no start-up clears (`sections.x`), and the cause of a reset.
 
+use defmt::warn;
+use embassy_sync::blocking_mutex::raw::RawMutex;
 use motor_hub::record::{Fault, SIZE};
+use motor_hub::tasks::Wires;
 use persistent_buff::PersistentBuff;
 
-/// The memory, once; `None` after that.
+/// The memory at the first call; `None` afterwards.
 pub fn memory() -> Option<&'static mut [u8; SIZE]> {
     PersistentBuff::take_raw()?.try_into().ok()
 }
 
-/// The first of these reset flags that is set: a reset of one kind sets the flags of others too.
+/// The first of these reset flags that is set. A reset of one kind also sets the flags of other kinds.
 pub fn cause<const N: usize>(flags: [(bool, Fault); N]) -> Fault {
     flags.into_iter().find(|(set, _)| *set).map_or(Fault::OtherReset, |(_, fault)| fault)
+}
+
+/// Opens the record, and logs a reset by the watchdog.
+pub fn open<M: RawMutex, const N: usize>(wires: &Wires<M, N>, memory: &'static mut [u8; SIZE], cause: Fault) {
+    if cause == Fault::Watchdog {
+        // The last run ended in a fault, or a task hung.
+        warn!("started by the watchdog");
+    }
+    wires.open_record(memory, cause);
 }

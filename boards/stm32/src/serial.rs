@@ -1,8 +1,8 @@
 //! The host link's line: a USART with a buffer each way.
 //!
-//! Bytes are received by interrupt, not by a circular DMA stream: after a line error embassy restarts
-//! the stream at the start of its buffer while reading goes on where it was, and old packets are
-//! executed again. At 460 800 baud that is at most one short interrupt every 22 us.
+//! Bytes are received by interrupt, not by a circular DMA stream. After a line error embassy restarts the stream at the start
+//! of its buffer, but goes on reading at the old place. Old packets would then be executed again. At 460 800 baud there is at
+//! most one short interrupt every 22 us.
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::Pull;
@@ -17,10 +17,10 @@ use motor_hub::protocol::BAUD;
 /// Several of the longest requests that hosts send (112 bytes).
 const RECEIVED: usize = 512;
 
-/// All that hosts of the protocol are answered fits, so that it leaves in one burst; this hub's own reports go in two.
+/// Every answer of REV's protocol fits, and leaves in one burst. This hub's own reports leave in two.
 const SENT: usize = 128;
 
-/// Room for what has not been read or sent yet: a static in a board.
+/// Bytes that have not been read or sent yet.
 pub struct Buffers {
     received: [u8; RECEIVED],
     sent: [u8; SENT],
@@ -52,15 +52,16 @@ pub fn open<T: Instance>(
 ) -> Result<(Sender, BufferedUartRx<'static>), ConfigError> {
     let mut config = Config::default();
     config.baudrate = BAUD;
-    // A line that nobody drives, as when the ST-LINK has no power, is idle and not noise.
+    // Without power the ST-LINK does not drive the line, which must then be idle, not noise.
     config.rx_pull = Pull::Up;
     let line = BufferedUart::new(usart, rx, tx, &mut buffers.sent, &mut buffers.received, irqs, config)?;
     let (sender, receiver) = line.split();
     Ok((Sender(sender), receiver))
 }
 
-/// The line's sending half. embassy refuses what is longer than its buffer, and is flushed for ever after; for what does not
-/// fit yet it waits without being woken. So it is given what it can take at once.
+/// The line's sending half. A write to embassy's half that is longer than its buffer is refused, and each later flush waits
+/// without end. A write that does not fit yet waits without being woken. So a write here is at most the buffer, and waits until
+/// the buffer is empty.
 pub struct Sender(BufferedUartTx<'static>);
 
 impl ErrorType for Sender {

@@ -1,4 +1,4 @@
-//! What a person at the bench reads: log lines every second over RTT.
+//! The log for a person at the bench: lines every second over RTT.
 
 use defmt::{info, warn};
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -8,7 +8,12 @@ use motor_hub::tasks::Wires;
 
 const INTERVAL: Duration = Duration::from_secs(1);
 
-/// Runs for ever.
+/// Logs the first line of a run, which names the board.
+pub fn started(board: &str) {
+    info!("motor-hub {=str} on {=str}", env!("CARGO_PKG_VERSION"), board);
+}
+
+/// Logs the newest snapshot, and a new fault, every second.
 pub async fn run<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> ! {
     let mut ticker = Ticker::every(INTERVAL);
     let mut last = None;

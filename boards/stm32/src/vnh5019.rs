@@ -2,8 +2,8 @@
 //!
 //! # What the bridge does
 //!
-//! VNH5019A-E data sheet (Doc ID 15701), truth table in normal operating conditions, with both
-//! DIAG/EN pins pulled high, PWM high:
+//! The truth table of the data sheet (VNH5019A-E, Doc ID 15701) for normal operating conditions. Both DIAG/EN pins are pulled
+//! high, and PWM is high.
 //!
 //! | INA | INB | OUTA | OUTB | operating mode |
 //! |---|---|---|---|---|
@@ -13,7 +13,7 @@
 //! | 0 | 0 | L | L | brake to GND |
 //!
 //! "In all cases" a low PWM pin turns off both low-side switches. Half-bridge A is the paper's left
-//! leg, so INA/INB with PWM high/low are these states, and the modes of `motor_hub::bridge`:
+//! leg. So INA/INB with PWM high or low give these states, and the modes of `motor_hub::bridge`.
 //!
 //! | INA/INB | PWM high | PWM low | mode |
 //! |---|---|---|---|
@@ -22,8 +22,8 @@
 //! | 0/0 | 5 | 0 | 5/0 |
 //! | 1/1 | 10 | 10 | never |
 //!
-//! The DIAG/EN pins must be pulled up (most carriers do); a bridge that has shut itself down pulls them low, and
-//! stays off until its lines change. [`diag`](crate::diag) listens.
+//! The DIAG/EN pins must be pulled up; most carriers do. A bridge that has shut itself down pulls them low, and stays off until
+//! its lines change. [`bridge_faults`](crate::bridge_faults) reads them.
 //!
 //! # From one drive to another
 //!
@@ -31,21 +31,20 @@
 //! end of the PWM period, without a glitch. A change of mode cannot wait for that, or the old
 //! duty would run on in the new direction. It goes so:
 //!
-//! 1. The PWM output is forced low (OCxM = "force inactive level", RM0090 17.3.8: at once, whatever
-//!    counter and compare say). Old mode, low: state 8, 2 or 0. The read that switches the preload off
-//!    cannot finish before that write has reached the timer, so the next step, on another bus, cannot
-//!    overtake it.
+//! 1. The PWM output is forced low, independently of counter and compare (OCxM = "force inactive level",
+//!    RM0090 17.3.8). The old mode at low is state 8, 2 or 0. The preload is switched off by a read and a
+//!    write. The read cannot finish before the write of OCxM has reached the timer. So the next step, on
+//!    another bus, cannot overtake it.
 //! 2. INA/INB to 0/0: state 0, coasting. No mode has both high, so one line falls at most.
-//! 3. INA/INB to the new mode: state 8, 2 or 0. At most one line rises, so no skew between two lines can
-//!    show 1/1.
+//! 3. INA/INB to the new mode: state 8, 2 or 0. At most one line rises, so a skew between two lines cannot
+//!    give 1/1.
 //! 4. The new duty straight into the compare register.
 //! 5. "Frozen" (still low), then PWM mode 1 with preload: from here on the new mode at the new duty.
-//!    The detour is for a duty of 1, where the comparison never changes: RM0090 17.4.7 promises that
-//!    the output follows it then only on coming from "frozen".
+//!    "Frozen" is needed for a duty of 1, where the comparison never changes. RM0090 17.4.7 promises that
+//!    the output then follows the comparison only after "frozen".
 //!
-//! So the bridge sees nothing but commanded states on the way; were a step's effect late at the bridge
-//! by a whole step, it would see 5 for 0 or the old mode a moment longer, which may be commanded too.
-//! Four bridges take a few microseconds.
+//! So the bridge sees only states that may be commanded. If a step took effect late by a whole step, the bridge would see
+//! state 5 for 0, or the old mode a moment longer. These states may be commanded too. Four bridges take a few microseconds.
 
 use core::marker::PhantomData;
 use embassy_stm32::Peri;
@@ -57,7 +56,7 @@ use embassy_stm32::timer::{AdvancedInstance4Channel, Channel, TimerChannel, Time
 use motor_hub::board::Bridges;
 use motor_hub::bridge::{BridgeConstants, Drive, Mode};
 
-/// The highest that the VNH5019A-E is specified for.
+/// Highest PWM frequency that the VNH5019A-E is specified for.
 pub const PWM_HZ: u32 = BridgeConstants::IDEAL.pwm_hz();
 
 /// The timer that makes the PWM of all bridges, running.
@@ -67,7 +66,7 @@ pub struct Pwm<T: AdvancedInstance4Channel> {
 }
 
 impl<T: AdvancedInstance4Channel> Pwm<T> {
-    /// Runs, and drives no pin yet.
+    /// Starts the timer, which drives no pin yet.
     pub fn new(timer: Peri<'static, T>) -> Self {
         let timer = Timer::new(timer);
         timer.set_counting_mode(CountingMode::EdgeAlignedUp);
@@ -75,7 +74,7 @@ impl<T: AdvancedInstance4Channel> Pwm<T> {
         let period_ticks = u16::try_from(timer.get_clock_frequency().0 / PWM_HZ).unwrap_or(u16::MAX);
         timer.set_max_compare_value((period_ticks - 1).into());
         timer.set_autoreload_preload(true);
-        // With MOE off, as after a fault, the timer goes on driving its pins: to their idle level, low.
+        // With MOE off, as after a fault, the timer still drives its pins, to their idle level, low.
         timer.set_ossi(Ossi::IDLE_LEVEL);
         timer.set_moe(true);
         timer.start();
@@ -90,12 +89,12 @@ impl<T: AdvancedInstance4Channel> Pwm<T> {
         inb: Output<'static>,
     ) -> Bridge<T> {
         let channel = C::CHANNEL;
-        // Low until told otherwise: the compare register is 0 out of reset.
+        // The output is low: the compare register is 0 after a reset.
         self.timer.set_output_compare_preload(channel, true);
         self.timer.set_output_compare_mode(channel, OutputCompareMode::PwmMode1);
         self.timer.enable_channel(channel, true);
         let config = PwmPinConfig { output_type: OutputType::PushPull, speed: Speed::Low, pull: Pull::Down };
-        // Kept for good: a pin falls back to an analogue input when it is dropped.
+        // Never dropped: a dropped pin becomes an analogue input.
         core::mem::forget(PwmPin::<T, C>::new_with_config(pwm, config));
         Bridge { channel, ina, inb, mode: Drive::COAST.mode, _timer: PhantomData }
     }

@@ -14,7 +14,7 @@ const TIMEOUT_MICROS: u32 = 500_000;
 pub struct IndependentWatchdog<T: Instance + 'static>(wdg::IndependentWatchdog<'static, T>);
 
 impl<T: Instance + 'static> IndependentWatchdog<T> {
-    /// Starts it; only a reset stops it.
+    /// Starts the watchdog. Only a reset stops it.
     pub fn start(iwdg: Peri<'static, T>) -> Self {
         let mut watchdog = wdg::IndependentWatchdog::new(iwdg, TIMEOUT_MICROS);
         watchdog.unleash();

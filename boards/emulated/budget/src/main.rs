@@ -29,8 +29,9 @@ const OUTPUT: usize = 4;
 
 type Words<const N: usize> = [AtomicU32; N];
 
-/// Back-EMF constant (6q20), period in ms, duty rule (0 linear duty, 1 linear current), acceleration per volt
-/// (0 for an unknown motor) and decay rate in the steps of their types, coefficients (0 none, 1 the suggested ones).
+/// Back-EMF constant (6q20), period in ms, and duty rule (0 linear duty, 1 linear current). Then acceleration per volt
+/// (0 for an unknown motor) and decay rate, in the steps of their types. Last, coefficients (0 none, 1 the suggested
+/// ones).
 static SETTINGS: Words<6> = [const { AtomicU32::new(0) }; 6];
 static INPUTS: Words<{ BATCH * INPUT }> = [const { AtomicU32::new(0) }; BATCH * INPUT];
 static OUTPUTS: Words<{ BATCH * OUTPUT }> = [const { AtomicU32::new(0) }; BATCH * OUTPUT];

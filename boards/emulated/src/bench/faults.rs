@@ -13,8 +13,8 @@ use simulated::current_line::CurrentLine;
 use simulated::encoder::Encoder;
 
 use super::Bench;
-use crate::astray::Astray;
 use crate::elf;
+use crate::faulty_code::FaultyCode;
 use crate::wiring;
 
 impl Bench {
@@ -51,7 +51,7 @@ impl Bench {
         assert!(late, "only a converter of the H743 can be late");
     }
 
-    /// A bridge pulls its DIAG line low, as one does that has switched itself off, or lets go of it.
+    /// A bridge pulls its DIAG line low, as after it has switched itself off, or releases it.
     pub fn pull_diag(&mut self, motor: usize, low: bool) {
         self.at_stop(move |lab, session, _| {
             let pin = Pin::new(wiring::DIAG_PINS[motor]).expect("a pin of a port");
@@ -115,13 +115,12 @@ impl Bench {
         });
     }
 
-    /// Who reads the log switches it to "wait while the buffer is full", as probe-rs does, and goes away; or comes
-    /// back.
+    /// The reader of the log switches it to "wait while the buffer is full", as probe-rs does, and leaves, or returns.
     pub fn abandon_log(&mut self, gone: bool) {
         self.at_stop(move |lab, _, _| lab.rtt.gone = gone);
     }
 
-    /// The converter takes orders and does nothing, or works again.
+    /// The converter takes commands but converts nothing, or works again.
     pub fn kill_adc(&mut self, dead: bool) {
         self.at_stop(move |_, session, _| session.board_mut().chip.set_dead(dead));
     }
@@ -138,12 +137,12 @@ impl Bench {
         });
     }
 
-    /// Lets a task loop for ever when it is next polled, as if it never returned.
+    /// Makes a task loop without end when it is next polled.
     ///
     /// # Panics
     /// If there is no such task.
     pub fn hang(&mut self, task: &str) {
-        self.lead(task, Astray::Loops);
+        self.lead(task, FaultyCode::Loops);
     }
 
     /// Lets a task call itself when it is next polled, with the least frame there is, until no stack is left.
@@ -151,7 +150,7 @@ impl Bench {
     /// # Panics
     /// If there is no such task.
     pub fn overflow_stack(&mut self, task: &str) {
-        self.lead(task, Astray::Overflows);
+        self.lead(task, FaultyCode::Overflows);
     }
 
     /// Lets a task panic when it is next polled: it divides by zero, in line 77, column 7.
@@ -159,15 +158,15 @@ impl Bench {
     /// # Panics
     /// If there is no such task.
     pub fn panic(&mut self, task: &str) {
-        self.lead(task, Astray::Panics);
+        self.lead(task, FaultyCode::Panics);
     }
 
     /// When it is next polled, a task runs this: its entry in the executor's memory then points there.
-    fn lead(&mut self, task: &str, astray: Astray) {
+    fn lead(&mut self, task: &str, code: FaultyCode) {
         let pool = self.symbol(&format!("::{task}::POOL"));
         // Functions' addresses with the Thumb bit.
         let poll = self.address(&format!("TaskStorage..{task}_task..::poll")) as u32 | 1;
-        let to = astray.address() | 1;
+        let to = code.address() | 1;
         self.at_stop(move |_, _, host| {
             let mut found = false;
             for at in (pool.address..pool.address + pool.size).step_by(4) {

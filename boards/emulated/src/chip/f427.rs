@@ -1,6 +1,6 @@
 //! The STM32F427, for the F429 of its board: one reference manual, RM0090, and the same registers but for a display
 //! controller that the firmware does not use. Of the EXTI, which the emulator lacks, the line of the voltage detector
-//! is put in, and ADC1 has a [sampling capacitor](super::sampled).
+//! is put in, and ADC1 has a [sampling capacitor](super::sampling_capacitor).
 
 use std::num::{NonZeroU32, NonZeroU64};
 use std::path::Path;
@@ -24,7 +24,7 @@ use rigless::soc::stm32f427::peripherals::{adc, rcc::Apb};
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
-use super::sampled::Sampled;
+use super::sampling_capacitor::Sampled;
 use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, Remembers, words};
 use crate::board::Board;
 use crate::processor::Mpu;

@@ -1,6 +1,7 @@
-//! The STM32H743, RM0433. What the emulator lacks and the firmware uses is put in: the [watchdog](super::watchdog), the
-//! converters' [analog watchdog](super::guard), faults of the [flash interface](super::interface), and the wire from the
-//! voltage detector to the EXTI. A conversion of the currents can be [late](super::late).
+//! The STM32H743, RM0433. Models of the emulator are replaced where the firmware needs more: the
+//! [watchdog](super::watchdog), the [analog watchdog](super::analog_watchdog) of a converter, and the [flash
+//! interface](super::flash_interface). The voltage detector is wired to the EXTI. A conversion of the currents can be
+//! [late](super::late_converter).
 
 use std::num::{NonZeroU32, NonZeroU64};
 use std::path::Path;
@@ -25,9 +26,9 @@ use rigless::soc::stm32h743::peripherals::tim::{ADVANCED_TIMERS, Stm32h743Family
 use rigless::soc::{Bus, Error, Width};
 use rigless::time::VirtualNanos;
 
-use super::guard::Guarded;
-use super::interface::{FlashFaults, Interface};
-use super::late::Late;
+use super::analog_watchdog::Guarded;
+use super::flash_interface::{FlashFaults, Interface};
+use super::late_converter::Late;
 use super::watchdog::Watchdog;
 use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, Remembers, words};
 use crate::board::Board;

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::common::{am60, board, booted, four_loads, log, ms, publish, setup, turning};
+use emulated::host_link::HostLink;
 use emulated::recording::{self, Knowledge};
-use emulated::talk::Talk;
 use emulated::{Bench, Board, elf};
 use motor_hub::braking::Winding;
 use motor_hub::extension::Request;
@@ -37,7 +37,7 @@ fn the_first_log_line_is_stamped_a_microsecond_at_most() {
     let log = bench.log();
     let [first, second, ..] = log.as_slice() else { panic!("two lines of log") };
     assert!(["0.000000", "0.000001"].contains(&first.stamp.as_str()), "{first}");
-    // That of TIM1: on the H743 half of the core's.
+    // The clock of TIM1: on the H743 half of the core's.
     let hertz = match board() {
         Board::NucleoF429zi => "168000000 Hz",
         Board::NucleoH743zi2 => "200000000 Hz",
@@ -92,7 +92,7 @@ fn ticks_come_every_fifty_milliseconds() {
 /// Four motors with different loads that turn at 1000 counts/s.
 pub(crate) fn at_speed(image: &Path, knowledge: Knowledge) -> Bench {
     let mut bench = Bench::with_image(setup(four_loads()), image);
-    let mut talk = Talk::default();
+    let mut host = HostLink::default();
     bench.run(ms(300));
     for (motor, mounting) in four_loads().iter().enumerate() {
         let mut settings = Settings::new(Winding::NEVEREST_60);
@@ -101,7 +101,7 @@ pub(crate) fn at_speed(image: &Path, knowledge: Knowledge) -> Bench {
                 let known = recording::dynamics(mounting, &settings).expect("a motor's constants");
                 settings.dynamics = Some(known);
                 let motion = Values::of(Group::Motion, &MotorSettings::new(settings));
-                talk.order(&mut bench, Request::Set(motor as u8, motion));
+                host.order(&mut bench, Request::Set(motor as u8, motion));
             }
             Knowledge::Unknown => {}
             Knowledge::Coefficients => {
@@ -110,17 +110,17 @@ pub(crate) fn at_speed(image: &Path, knowledge: Knowledge) -> Bench {
                 let motor_hub::motion::Pidf { p, i, d, f } = suggested.velocity;
                 let coefficients = Coefficients { p, i, d, f, terms: Terms::Pidf };
                 let order = ToMotor::SetPidf { of: Loop::Velocity, coefficients };
-                talk.order(&mut bench, order.to(motor as u8));
+                host.order(&mut bench, order.to(motor as u8));
             }
         }
-        talk.velocity(&mut bench, motor as u8, 1000);
+        host.velocity(&mut bench, motor as u8, 1000);
     }
     bench.run(ms(1500));
     for motor in 0..4 {
         let speed = bench.look(motor).counts_per_second;
         assert!((speed - 1000.0).abs() < 100.0, "{knowledge:?}: motor {motor} turns at {speed} counts/s");
     }
-    talk.keep_alive(&mut bench);
+    host.keep_alive(&mut bench);
     bench
 }
 
@@ -146,7 +146,7 @@ fn the_whole_hub_needs_little_of_the_core_every_1_ms() {
     the_whole_hub_needs_at_most(1, 20.0);
 }
 
-/// So many percent of the core's instructions at this control period.
+/// Load in percent of the core's instructions, at this control period.
 pub(crate) fn the_whole_hub_needs_at_most(period_ms: u32, most: f64) {
     let board = board();
     let mut table = format!(

@@ -161,7 +161,7 @@ fn report_of_a_step() {
     }
 }
 
-/// The same for all that the hub does, by motor and millisecond.
+/// The instructions of the whole hub, by motor and millisecond.
 #[test]
 #[ignore = "a report, not a test"]
 fn report_of_the_hub() {

@@ -15,7 +15,7 @@ thread_local! {
     static BOARD: Cell<Option<Board>> = const { Cell::new(None) };
 }
 
-/// The board that a test is run on: that of the environment, unless it is run [`on`] another.
+/// The board of a test: the environment's board, unless the test is run [`on`] another.
 pub(crate) fn board() -> Board {
     let named = || Board::of_environment().unwrap_or_else(|error| panic!("MOTOR_HUB_BOARD: {error}"));
     BOARD.get().unwrap_or_else(named)

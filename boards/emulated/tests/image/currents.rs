@@ -1,9 +1,9 @@
-//! Currents: what flows, what the lines show of it, and what a host is told.
+//! Currents: flowing, on the sense lines, and in the answers to a host.
 
 use std::time::Duration;
 
 use crate::common::{am60, booted, ms, on};
-use emulated::talk::Talk;
+use emulated::host_link::HostLink;
 use emulated::{Bench, Board, Mounting};
 use motor_hub::extension::MotorFunction;
 use motor_hub::extension::report::Condition;
@@ -18,13 +18,13 @@ fn held() -> Mounting {
     Mounting { stops: Some((0, 0)), ..am60() }
 }
 
-fn condition(bench: &mut Bench, talk: &mut Talk, motor: u8) -> Condition {
-    talk.question(bench, MotorFunction::Condition.to(motor))
+fn condition(bench: &mut Bench, host: &mut HostLink, motor: u8) -> Condition {
+    host.question(bench, MotorFunction::Condition.to(motor))
 }
 
-/// What a host is told of an analog channel, mA.
-fn analog(bench: &mut Bench, talk: &mut Talk, channel: AdcChannel) -> f64 {
-    let ma: i16 = talk.question(bench, ToHub::Adc { channel, raw: false });
+/// The answer to a host for an analog channel, in mA.
+fn analog(bench: &mut Bench, host: &mut HostLink, channel: AdcChannel) -> f64 {
+    let ma: i16 = host.question(bench, ToHub::Adc { channel, raw: false });
     f64::from(ma)
 }
 
@@ -46,27 +46,27 @@ fn flowing(bench: &mut Bench) -> ([f64; 4], f64) {
 
 #[test]
 pub(crate) fn a_host_is_told_the_currents_that_flow_also_of_a_motor_that_is_another_than_it_said() {
-    // Half of the resistance that the hub was told; one held, one free, one against its load, one reversed.
+    // Half of the configured resistance; one held, one free, one against its load, one reversed.
     let mut other = held();
     other.motor.r = Ohms(0.5 * other.motor.r.0);
     let mut bench = booted(vec![held(), am60(), other, am60()]);
-    let mut talk = Talk::default();
+    let mut host = HostLink::default();
     bench.set_torque(3, 0.4);
     for (motor, power) in [(0, 16_384), (1, 29_000), (2, 10_000), (3, -20_000)] {
-        talk.power(&mut bench, motor, power);
+        host.power(&mut bench, motor, power);
     }
     bench.run(ms(600));
     let (flows, drawn) = flowing(&mut bench);
     for (motor, flows) in (0..).zip(flows) {
-        let told = analog(&mut bench, &mut talk, motor_channel(motor));
+        let told = analog(&mut bench, &mut host, motor_channel(motor));
         println!("motor {motor}: {flows:.0} mA flow, {told:.0} mA told");
         assert!((told - flows.abs()).abs() < 10.0 + 0.02 * flows.abs(), "motor {motor}: {flows}, {told} mA");
-        let Condition { measured_ma, sense_line, .. } = condition(&mut bench, &mut talk, motor);
+        let Condition { measured_ma, sense_line, .. } = condition(&mut bench, &mut host, motor);
         assert_eq!((measured_ma.is_some(), sense_line), (true, SenseLine::Sound));
     }
-    let modelled = f64::from(condition(&mut bench, &mut talk, 2).current.get());
+    let modelled = f64::from(condition(&mut bench, &mut host, 2).current.get());
     assert!(modelled < 0.6 * flows[2], "{modelled} mA by the constants that it was told");
-    let told = analog(&mut bench, &mut talk, BATTERY_CURRENT);
+    let told = analog(&mut bench, &mut host, BATTERY_CURRENT);
     println!("battery: {drawn:.0} mA, {told:.0} mA told");
     bench.assert_sound();
 }
@@ -75,20 +75,20 @@ pub(crate) fn a_host_is_told_the_currents_that_flow_also_of_a_motor_that_is_anot
 fn after_conversions_that_came_too_late_each_motor_has_its_own_current_again() {
     on(Board::NucleoH743zi2, || {
         let mut bench = booted(vec![held(), held(), held(), held()]);
-        let mut talk = Talk::default();
+        let mut host = HostLink::default();
         // The words of three times are more than the converter keeps.
         for _ in 0..3 {
             bench.delay_currents(Duration::from_micros(300));
             bench.run(ms(60));
         }
         for (motor, power) in [(0, 16_384), (1, 12_000), (2, 8_000), (3, 4_000)] {
-            talk.power(&mut bench, motor, power);
+            host.power(&mut bench, motor, power);
         }
         bench.run(ms(600));
         let (flows, _) = flowing(&mut bench);
         for (motor, flows) in (0..).zip(flows) {
-            let told = analog(&mut bench, &mut talk, motor_channel(motor));
-            let measured = condition(&mut bench, &mut talk, motor).measured_ma;
+            let told = analog(&mut bench, &mut host, motor_channel(motor));
+            let measured = condition(&mut bench, &mut host, motor).measured_ma;
             assert!(measured.is_some(), "motor {motor}");
             assert!((told - flows).abs() < 10.0 + 0.02 * flows, "motor {motor}: {flows}, {told} mA");
         }
@@ -101,64 +101,64 @@ fn the_over_current_bit_is_that_of_the_measured_current() {
     let mut other = held();
     other.motor.r = Ohms(0.5 * other.motor.r.0);
     let mut bench = booted(vec![held(), am60(), other, am60()]);
-    let mut talk = Talk::default();
-    // By what the hub was told neither 0 nor 2 takes as much.
+    let mut host = HostLink::default();
+    // As configured, neither motor 0 nor motor 2 takes as much.
     for motor in 0..4 {
-        talk.order(&mut bench, ToMotor::SetCurrentAlert { milliamperes: 1_500 }.to(motor));
-        talk.power(&mut bench, motor, 12_000);
+        host.order(&mut bench, ToMotor::SetCurrentAlert { milliamperes: 1_500 }.to(motor));
+        host.power(&mut bench, motor, 12_000);
     }
     bench.run(ms(600));
-    assert_eq!(talk.bulk(&mut bench).over_current, [false, false, true, false]);
-    talk.power(&mut bench, 2, 3_000);
+    assert_eq!(host.bulk(&mut bench).over_current, [false, false, true, false]);
+    host.power(&mut bench, 2, 3_000);
     bench.run(ms(200));
-    assert_eq!(talk.bulk(&mut bench).over_current, [false; 4]);
+    assert_eq!(host.bulk(&mut bench).over_current, [false; 4]);
 }
 
 #[test]
 fn a_motor_that_brakes_by_5_0_is_told_by_its_model_for_no_line_shows_it() {
     let mut bench = booted(vec![am60()]);
-    let mut talk = Talk::default();
+    let mut host = HostLink::default();
     bench.set_torque(0, 0.8);
     // Faster than 0.8 N m turn it behind a full short.
-    talk.velocity(&mut bench, 0, 1_000);
+    host.velocity(&mut bench, 0, 1_000);
     bench.run(ms(1_500));
-    let Condition { current, measured_ma, sense_line, .. } = condition(&mut bench, &mut talk, 0);
+    let Condition { current, measured_ma, sense_line, .. } = condition(&mut bench, &mut host, 0);
     assert_eq!((measured_ma, sense_line), (None, SenseLine::Sound));
     // 0.8 N m behind 60 turns of 17.8 mN m/A.
     assert!((-900..=-500).contains(&current.get()), "{current:?}");
-    let told = analog(&mut bench, &mut talk, motor_channel(0));
+    let told = analog(&mut bench, &mut host, motor_channel(0));
     assert!((told - f64::from(-current.get())).abs() < 100.0, "{told} mA");
 }
 
 #[test]
 pub(crate) fn a_line_that_is_broken_is_named_and_not_believed_and_another_one_is() {
     let mut bench = booted(vec![held(), held(), held()]);
-    let mut talk = Talk::default();
+    let mut host = HostLink::default();
     bench.set_current_line(0, CurrentLine::StuckLow);
     bench.set_current_line(1, CurrentLine::StuckHigh);
     bench.run(ms(300));
     for motor in 0..3 {
-        talk.power(&mut bench, motor, 16_384);
+        host.power(&mut bench, motor, 16_384);
     }
     bench.run(ms(600));
-    let said = [0, 1, 2].map(|motor| condition(&mut bench, &mut talk, motor));
+    let said = [0, 1, 2].map(|motor| condition(&mut bench, &mut host, motor));
     assert_eq!(
         said.map(|is| (is.sense_line, is.measured_ma.is_some())),
         [(SenseLine::Silent, false), (SenseLine::Stuck, false), (SenseLine::Sound, true)]
     );
     let modelled = f64::from(said[0].current.get());
     for motor in 0..2 {
-        let told = analog(&mut bench, &mut talk, motor_channel(motor));
+        let told = analog(&mut bench, &mut host, motor_channel(motor));
         assert!((told - modelled).abs() < 20.0, "motor {motor}: {told} mA for {modelled}");
     }
-    // Whoever mends it needs no reset.
+    // A repaired line needs no reset.
     bench.set_current_line(0, CurrentLine::Sound);
     bench.set_current_line(1, CurrentLine::Sound);
     bench.run(ms(300));
-    talk.enable(&mut bench, 1, false);
+    host.enable(&mut bench, 1, false);
     bench.run(ms(300));
     for motor in 0..2 {
-        assert_eq!(condition(&mut bench, &mut talk, motor).sense_line, SenseLine::Sound, "motor {motor}");
+        assert_eq!(condition(&mut bench, &mut host, motor).sense_line, SenseLine::Sound, "motor {motor}");
     }
     bench.assert_sound();
 }

@@ -9,7 +9,7 @@ fn report(what: &str, time: Duration) {
     println!("time to safe: {:8.3} ms  {what}", time.as_secs_f64() * 1e3);
 }
 
-/// Motor 1 is safe in `limit`, and the others still do what they are told.
+/// Motor 1 is safe in `limit`, and the others still follow their commands.
 fn only_motor_1_stops(bench: &mut Bench, what: &str, since: Duration, limit: Duration) {
     bench.run_until(since + ms(1000));
     let time = time_to_safe(bench, 1, since);
@@ -87,7 +87,7 @@ pub(crate) fn a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_na
     let at = bench.now();
     bench.pull_diag(1, true);
     only_motor_1_stops(&mut bench, "bridge pulls its DIAG low", at, ms(65));
-    // Latched: that of a bridge that has come to again changes nothing.
+    // Latched: a bridge that works again changes nothing.
     bench.pull_diag(1, false);
     bench.run(ms(500));
     assert!(bench.lines(1).open());

@@ -1,12 +1,12 @@
-//! The flash of the H743 as a real one is: it shows errors that nobody made, words arrive late, power goes, and a probe
-//! writes behind the bootloader's back. Settings and firmware survive all of it.
+//! The flash of the H743 with the faults of a real one. It shows spurious errors, words arrive late, power is cut, and
+//! a probe writes without the bootloader. Settings and firmware survive all of it.
 
 use std::time::Duration;
 
 use crate::common::{am60, ms, on, setup};
 use crate::store::{self, Pages};
 use embassy_futures::block_on;
-use emulated::talk::Talk;
+use emulated::host_link::HostLink;
 use emulated::{Bench, Board, FlashFaults, Setup};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::UpdateReport;
@@ -36,10 +36,10 @@ const CONFIRMED: u8 = 0xD0;
 fn saves(flash_faults: FlashFaults) {
     let mut bench = on(BOARD, || Bench::new(Setup { flash_faults, ..setup(vec![am60(); 2]) }));
     bench.run(ms(300));
-    let mut talk = Talk::default();
+    let mut host = HostLink::default();
     for number in 1..=3 {
-        store::protect(&mut bench, &mut talk, 1_000 + number as u16);
-        let (report, _) = store::save(&mut bench, &mut talk);
+        store::protect(&mut bench, &mut host, 1_000 + number as u16);
+        let (report, _) = store::save(&mut bench, &mut host);
         assert_eq!((report.outcome, report.stored, report.number), (Saved::Done, Stored::Whole, number));
     }
     bench.assert_sound();
@@ -69,7 +69,7 @@ fn armed() -> Armed {
     let slot = &flash[ACTIVE..ACTIVE + 4 * PAGE];
     let end = slot.iter().rposition(|byte| *byte != 0xFF).expect("a hub");
     let before = slot[..(end + 1).next_multiple_of(CHUNK)].to_vec();
-    // The same hub, with something behind its code that nobody reads.
+    // The same hub, with unused bytes behind its code.
     let new = [&before[..], &[0x5A; CHUNK]].concat();
     let mut booted = Pages(flash[ACTIVE..ACTIVE + 4 * PAGE].to_vec());
     let mut download = Pages(vec![0xFF; 5 * PAGE]);
@@ -108,7 +108,7 @@ fn booted(bench: &mut Bench) -> Booted {
     assert!(swapped, "still ordered to swap; resets: {}", bench.resets().len());
     // The mark is written after an erasure, by the hub or, if it discards a stale swap, by the bootloader.
     bench.run(ms(3_000));
-    let report: UpdateReport = Talk::default().question(bench, HubFunction::Update);
+    let report: UpdateReport = HostLink::default().question(bench, HubFunction::Update);
     println!("{:?} after {:?}", report.booted, bench.now() - begun);
     report.booted
 }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::common::{am60, board, booted, four_loads, ms, open_since, setup};
 use emulated::Bench;
-use emulated::talk::Talk;
+use emulated::host_link::HostLink;
 use motor_hub::extension::{HubFunction, Request};
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::answers::{Bulk, Reply};
@@ -13,29 +13,29 @@ use motor_hub::protocol::motor::RunMode;
 use motor_hub::protocol::requests::{BATTERY, ToHub};
 
 /// Runs with a sign of life every second.
-fn run(bench: &mut Bench, talk: &mut Talk, time: Duration) {
+fn run(bench: &mut Bench, host: &mut HostLink, time: Duration) {
     let end = bench.now() + time;
     while bench.now() < end {
-        talk.keep_alive(bench);
+        host.keep_alive(bench);
         bench.run_until(end.min(bench.now() + ms(1000)));
     }
 }
 
 #[test]
 fn all_three_run_modes_at_once_with_different_loads() {
-    let (mut bench, mut talk) = (booted(four_loads()), Talk::default());
-    talk.power(&mut bench, 0, 16_384);
-    talk.velocity(&mut bench, 1, 1500);
-    talk.velocity(&mut bench, 2, -700);
-    talk.position(&mut bench, 3, 2500, 10, 1500);
-    run(&mut bench, &mut talk, ms(4000));
+    let (mut bench, mut host) = (booted(four_loads()), HostLink::default());
+    host.power(&mut bench, 0, 16_384);
+    host.velocity(&mut bench, 1, 1500);
+    host.velocity(&mut bench, 2, -700);
+    host.position(&mut bench, 3, 2500, 10, 1500);
+    run(&mut bench, &mut host, ms(4000));
     let speeds: Vec<f64> = (0..4).map(|motor| bench.look(motor).counts_per_second).collect();
     // Half of the battery, less the bridge's losses.
     assert!((1200.0..1500.0).contains(&speeds[0]), "{speeds:?}");
     assert!((speeds[1] - 1500.0).abs() < 40.0, "{speeds:?}");
     assert!((speeds[2] + 700.0).abs() < 30.0, "{speeds:?}");
     assert!((bench.look(3).counts - 2500).abs() <= 10, "{:?}", bench.look(3));
-    let bulk = talk.bulk(&mut bench);
+    let bulk = host.bulk(&mut bench);
     assert_eq!(bulk.within_tolerance, [false, false, false, true]);
     bench.assert_sound();
 }
@@ -43,15 +43,15 @@ fn all_three_run_modes_at_once_with_different_loads() {
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn regulated_velocity_holds_at_several_speeds() {
-    let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
+    let (mut bench, mut host) = (booted(vec![am60(); 4]), HostLink::default());
     for speeds in [[100, 300, 600, 1000], [1400, 1800, 2200, -2200], [-100, -400, -900, 0]] {
         for (motor, speed) in (0..).zip(speeds) {
-            talk.velocity(&mut bench, motor, speed);
+            host.velocity(&mut bench, motor, speed);
         }
-        run(&mut bench, &mut talk, ms(2000));
+        run(&mut bench, &mut host, ms(2000));
         // The mean over half a second: the estimate chatters by one sampling interval in its window.
         let before: Vec<i64> = (0..4).map(|motor| bench.look(motor).counts).collect();
-        run(&mut bench, &mut talk, ms(500));
+        run(&mut bench, &mut host, ms(500));
         for (motor, speed) in speeds.into_iter().enumerate() {
             let mean = (bench.look(motor).counts - before[motor]) as f64 / 0.5;
             let wanted = f64::from(speed);
@@ -63,14 +63,14 @@ fn regulated_velocity_holds_at_several_speeds() {
 
 #[test]
 fn a_reversal_goes_over_braking_and_never_an_illegal_way() {
-    let (mut bench, mut talk) = (booted(four_loads()), Talk::default());
+    let (mut bench, mut host) = (booted(four_loads()), HostLink::default());
     for round in 0..8usize {
         for motor in 0..4 {
             // Slower, then the other way, then slower again.
             let speed = [1800, 600, -1800, -600][(round + usize::from(motor)) % 4];
-            talk.velocity(&mut bench, motor, speed);
+            host.velocity(&mut bench, motor, speed);
         }
-        run(&mut bench, &mut talk, ms(900));
+        run(&mut bench, &mut host, ms(900));
     }
     let transitions = bench.transitions();
     for motor in 0..4 {
@@ -90,9 +90,9 @@ const REPLY_S: f64 = 0.002;
 
 #[test]
 pub(crate) fn power_and_letting_go_reach_the_bridge_within_two_milliseconds() {
-    let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
+    let (mut bench, mut host) = (booted(vec![am60(); 4]), HostLink::default());
     let mut slowest = Duration::ZERO;
-    talk.power(&mut bench, 0, 8_000);
+    host.power(&mut bench, 0, 8_000);
     // At every phase of the control tick: more power, the brake, the other way, off, on.
     let words: [(u16, &[u8]); 5] = [
         (0x100F, &[0, 0, 0x40]),
@@ -104,7 +104,7 @@ pub(crate) fn power_and_letting_go_reach_the_bridge_within_two_milliseconds() {
     for round in 0..60_u64 {
         let (id, payload) = words[round as usize % words.len()];
         bench.run(Duration::from_micros(20_000 + round * 7_919 % 50_000));
-        let packet = talk.packet(id, payload);
+        let packet = host.packet(id, payload);
         let before = bench.transitions().len();
         // Ten bits a byte at 460 800 baud.
         let last = bench.now() + Duration::from_nanos(21_701) * packet.len() as u32;
@@ -112,7 +112,7 @@ pub(crate) fn power_and_letting_go_reach_the_bridge_within_two_milliseconds() {
         bench.run(ms(10));
         let changed = bench.transitions()[before..].iter().find(|t| t.motor == 0).map(|t| t.at - last);
         slowest = slowest.max(changed.expect("within 10 ms"));
-        talk.arrivals(&mut bench);
+        host.arrivals(&mut bench);
     }
     println!("slowest of 60: the bridge is switched {slowest:?} after the last byte");
     assert!(slowest <= ms(2), "{slowest:?}");
@@ -121,12 +121,12 @@ pub(crate) fn power_and_letting_go_reach_the_bridge_within_two_milliseconds() {
 
 #[test]
 fn the_host_reads_what_the_physics_does() {
-    let (mut bench, mut talk) = (booted(four_loads()), Talk::default());
+    let (mut bench, mut host) = (booted(four_loads()), HostLink::default());
     for (motor, speed) in (0..).zip([500, 1000, -1500, 2000]) {
-        talk.velocity(&mut bench, motor, speed);
+        host.velocity(&mut bench, motor, speed);
     }
-    run(&mut bench, &mut talk, ms(2000));
-    let Bulk { encoders, velocities, .. } = talk.bulk(&mut bench);
+    run(&mut bench, &mut host, ms(2000));
+    let Bulk { encoders, velocities, .. } = host.bulk(&mut bench);
     for motor in 0..4 {
         let look = bench.look(motor);
         // A count is at most two milliseconds old when it is read, and then the reply takes its time.
@@ -135,7 +135,7 @@ fn the_host_reads_what_the_physics_does() {
         let error = (look.counts_per_second - f64::from(velocities[motor])).abs();
         assert!(error <= 0.03 * look.counts_per_second.abs() + 5.0, "{look:?}, {velocities:?}");
     }
-    let millivolts: i16 = talk.question(&mut bench, ToHub::Adc { channel: BATTERY, raw: false });
+    let millivolts: i16 = host.question(&mut bench, ToHub::Adc { channel: BATTERY, raw: false });
     let millivolts = f64::from(millivolts);
     assert!((millivolts - 1000.0 * bench.battery().0).abs() < 30.0, "{millivolts} mV");
     bench.assert_sound();
@@ -153,18 +153,18 @@ fn tick_offsets(bench: &mut Bench, from: Duration) -> Vec<u128> {
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_saturated_line_does_not_move_the_control_ticks() {
-    let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
+    let (mut bench, mut host) = (booted(vec![am60(); 4]), HostLink::default());
     for motor in 0..4 {
-        talk.velocity(&mut bench, motor, 1000);
+        host.velocity(&mut bench, motor, 1000);
     }
     let from = bench.now() + ms(300);
     let mut answers = 0;
     for _ in 0..300 {
         // Bulk reads back to back: 11 bytes in, 46 out.
-        let requests: Vec<u8> = (0..10).flat_map(|_| talk.packet(0x1000, &[])).collect();
+        let requests: Vec<u8> = (0..10).flat_map(|_| host.packet(0x1000, &[])).collect();
         bench.send(&requests);
         bench.run(ms(10));
-        answers += talk.arrivals(&mut bench).len();
+        answers += host.arrivals(&mut bench).len();
     }
     let offsets = tick_offsets(&mut bench, from);
     let (least, most) = (offsets.iter().min().expect("ticks"), offsets.iter().max().expect("ticks"));
@@ -198,21 +198,21 @@ const COMMANDS: [(u16, &[u8]); 13] = [
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn every_command_is_answered_within_5_ms_while_four_motors_are_regulated() {
-    let (mut bench, mut talk) = (booted(four_loads()), Talk::default());
+    let (mut bench, mut host) = (booted(four_loads()), HostLink::default());
     for motor in 0..4 {
-        talk.velocity(&mut bench, motor, 1000);
+        host.velocity(&mut bench, motor, 1000);
     }
     let (mut slowest, mut unanswered) = (Duration::ZERO, Vec::new());
     for round in 0..6000_u64 {
         let (kind, payload) = COMMANDS[round as usize % COMMANDS.len()];
-        let packet = talk.packet(kind, payload);
+        let packet = host.packet(kind, payload);
         // At every phase of the control tick and of the log.
         bench.run(Duration::from_micros(round * 7919 % 1500));
         let at = bench.now();
         bench.send(&packet);
         let mut reply = None;
         bench.run_while(Duration::from_micros(500), ms(20), |bench| {
-            reply = talk.arrivals(bench).pop();
+            reply = host.arrivals(bench).pop();
             reply.is_some()
         });
         // Ten bits at 460 800 baud.
@@ -228,8 +228,8 @@ fn every_command_is_answered_within_5_ms_while_four_motors_are_regulated() {
     bench.assert_sound();
 }
 
-/// The image's instructions that mask interrupts, and those that put the mask back (ARMv7-M ARM B5.2.1 and B5.2.3):
-/// `CPSID i` and `MSR PRIMASK, Rn`. Constants may look like them, but nobody arrives there.
+/// The image's instructions that mask interrupts, `CPSID i`, or restore the mask, `MSR PRIMASK, Rn` (ARMv7-M ARM B5.2.1
+/// and B5.2.3). Constants may look like them, but the core never runs them.
 fn masking(bench: &mut Bench) -> [Vec<u64>; 2] {
     const FLASH: u64 = 0x0800_0000;
     let code = bench.symbols().iter().filter(|s| (FLASH..FLASH + 0x10_0000).contains(&s.address));
@@ -285,24 +285,24 @@ fn interrupts_are_masked_for_less_than_a_byte_of_the_line_whatever_is_logged() {
 
 #[test]
 fn garbled_words_do_no_harm_and_the_line_recovers() {
-    let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
+    let (mut bench, mut host) = (booted(vec![am60(); 4]), HostLink::default());
     for motor in 0..4 {
-        talk.velocity(&mut bench, motor, 1000);
+        host.velocity(&mut bench, motor, 1000);
     }
     bench.garble_serial(20_000, 7);
     let mut answers = 0;
     for _ in 0..150 {
-        let packet = talk.packet(0x1000, &[]);
+        let packet = host.packet(0x1000, &[]);
         bench.send(&packet);
         bench.run(ms(10));
-        answers += talk.arrivals(&mut bench).len();
+        answers += host.arrivals(&mut bench).len();
     }
     println!("{answers} of 150 requests answered with 2 % of the words garbled");
     // More answers than requests would be old bytes read again, such as an old "enable".
     assert!((75..150).contains(&answers), "{answers}");
     bench.garble_serial(0, 7);
     bench.run(ms(60));
-    talk.keep_alive(&mut bench);
+    host.keep_alive(&mut bench);
     for motor in 0..4 {
         let speed = bench.look(motor).counts_per_second;
         assert!((speed - 1000.0).abs() < 30.0, "motor {motor} turns at {speed} counts/s");
@@ -312,16 +312,16 @@ fn garbled_words_do_no_harm_and_the_line_recovers() {
 
 #[test]
 fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
-    let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
+    let (mut bench, mut host) = (booted(vec![am60(); 4]), HostLink::default());
     let (mut soonest, mut latest) = (Duration::MAX, Duration::ZERO);
     // The last packet at every phase of the control tick.
     for phase in (0..50).step_by(7) {
         for motor in 0..4 {
-            talk.velocity(&mut bench, motor, 1000);
+            host.velocity(&mut bench, motor, 1000);
         }
         let tick = bench.now().as_millis() as u64 / 50 * 50;
         bench.run_until(ms(tick + 100 + phase));
-        let packet = talk.packet(0x7F04, &[]);
+        let packet = host.packet(0x7F04, &[]);
         bench.send(&packet);
         // Ten bits a byte at 460 800 baud.
         let last = bench.now() + Duration::from_nanos(21_701) * packet.len() as u32;
@@ -333,7 +333,7 @@ fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
             let at = open_since(&transitions, motor, last).expect("open") - last;
             (soonest, latest) = (soonest.min(at), latest.max(at));
         }
-        talk.arrivals(&mut bench);
+        host.arrivals(&mut bench);
     }
     println!(
         "time to safe: {:8.3} to {:.3} ms  host silent",
@@ -347,24 +347,24 @@ fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
 
 #[test]
 pub(crate) fn digital_pins_are_read_and_driven() {
-    let (mut bench, mut talk) = (booted(vec![am60()]), Talk::default());
+    let (mut bench, mut host) = (booted(vec![am60()]), HostLink::default());
     // Nothing is connected.
-    assert_eq!(talk.bulk(&mut bench).digital, 0xFF);
+    assert_eq!(host.bulk(&mut bench).digital, 0xFF);
     for (pin, bit) in [(0, 1), (1, 2)] {
         bench.connect_pin(pin, Some(false));
-        assert_eq!(talk.bulk(&mut bench).digital, !bit);
+        assert_eq!(host.bulk(&mut bench).digital, !bit);
         bench.connect_pin(pin, None);
     }
     let ack = |reply| assert!(matches!(reply, Reply::Ack { .. }), "{reply:?}");
-    ack(talk.ask(&mut bench, 0x1003, &[1, 1]));
+    ack(host.ask(&mut bench, 0x1003, &[1, 1]));
     assert_eq!((bench.pin_level(0), bench.pin_level(1)), (true, false), "an output is low");
-    ack(talk.ask(&mut bench, 0x1001, &[1, 1]));
+    ack(host.ask(&mut bench, 0x1001, &[1, 1]));
     assert!(bench.pin_level(1));
-    assert_eq!(talk.ask(&mut bench, 0x1001, &[0, 1]), Reply::Nack(Nack(10)));
-    assert_eq!(talk.ask(&mut bench, 0x1005, &[1]), Reply::Nack(Nack(21)));
-    ack(talk.ask(&mut bench, 0x1001, &[1, 0]));
+    assert_eq!(host.ask(&mut bench, 0x1001, &[0, 1]), Reply::Nack(Nack(10)));
+    assert_eq!(host.ask(&mut bench, 0x1005, &[1]), Reply::Nack(Nack(21)));
+    ack(host.ask(&mut bench, 0x1001, &[1, 0]));
     assert!(!bench.pin_level(1));
-    // Silence lets go of it.
+    // A silent host disables it.
     bench.run(ms(2_700));
     assert!(bench.pin_level(1));
     bench.assert_sound();
@@ -372,17 +372,17 @@ pub(crate) fn digital_pins_are_read_and_driven() {
 
 #[test]
 fn replies_of_every_length_go_out_whole_and_leave_the_hub_listening() {
-    let (mut bench, mut talk) = (booted(vec![am60()]), Talk::default());
+    let (mut bench, mut host) = (booted(vec![am60()]), HostLink::default());
     let mut lengths = Vec::new();
     for _ in 0..3 {
-        // The second is longer than what the line takes at once, 128 bytes.
+        // The second is longer than the line's buffer, 128 bytes.
         for request in [Request::from(ToHub::Bulk), HubFunction::Report.into(), ToHub::VersionText.into()] {
-            let Reply::Data(payload) = talk.ask(&mut bench, request.id(), &request.payload()) else {
+            let Reply::Data(payload) = host.ask(&mut bench, request.id(), &request.payload()) else {
                 panic!("{request:?}")
             };
             lengths.push(OVERHEAD + payload.len());
         }
-        talk.keep_alive(&mut bench);
+        host.keep_alive(&mut bench);
     }
     println!("{lengths:?} bytes");
     assert!(lengths.iter().any(|length| *length > 128), "{lengths:?}");
@@ -391,26 +391,26 @@ fn replies_of_every_length_go_out_whole_and_leave_the_hub_listening() {
 
 #[test]
 fn a_refused_command_changes_nothing() {
-    let (mut bench, mut talk) = (booted(vec![am60()]), Talk::default());
-    assert_eq!(talk.ask(&mut bench, 0x1008, &[4, 0, 0]), Reply::Nack(Nack(0)));
-    assert_eq!(talk.ask(&mut bench, 0x1008, &[0, 10, 0]), Reply::Nack(Nack(1)));
+    let (mut bench, mut host) = (booted(vec![am60()]), HostLink::default());
+    assert_eq!(host.ask(&mut bench, 0x1008, &[4, 0, 0]), Reply::Nack(Nack(0)));
+    assert_eq!(host.ask(&mut bench, 0x1008, &[0, 10, 0]), Reply::Nack(Nack(1)));
     // Enabled before a target was set.
-    talk.set_mode(&mut bench, 0, RunMode::Velocity);
-    assert_eq!(talk.ask(&mut bench, 0x100A, &[0, 1]), Reply::Nack(Nack(50)));
+    host.set_mode(&mut bench, 0, RunMode::Velocity);
+    assert_eq!(host.ask(&mut bench, 0x100A, &[0, 1]), Reply::Nack(Nack(50)));
     bench.run(ms(200));
     assert_eq!(bench.transitions(), []);
 }
 
 #[test]
 pub(crate) fn a_wire_carries_the_level_of_one_digital_pin_to_the_other() {
-    let (mut bench, mut talk) = (booted(vec![am60()]), Talk::default());
+    let (mut bench, mut host) = (booted(vec![am60()]), HostLink::default());
     bench.wire_pins();
-    assert_eq!(talk.bulk(&mut bench).digital, 0xFF, "both are pulled up");
+    assert_eq!(host.bulk(&mut bench).digital, 0xFF, "both are pulled up");
     for (from, to) in [(0, 1), (1, 0)] {
         let mut order = |function: u16, payload: [u8; 2]| {
-            let reply = talk.ask(&mut bench, 0x1000 + function, &payload);
+            let reply = host.ask(&mut bench, 0x1000 + function, &payload);
             assert!(matches!(reply, Reply::Ack { .. }), "{reply:?}");
-            talk.bulk(&mut bench).digital >> to & 1
+            host.bulk(&mut bench).digital >> to & 1
         };
         assert_eq!(order(3, [from, 1]), 0, "an output is low");
         assert_eq!(order(1, [from, 1]), 1);

@@ -2,7 +2,7 @@
 
 use crate::common::{am60, booted, ms, turning};
 use emulated::Bench;
-use emulated::talk::Talk;
+use emulated::host_link::HostLink;
 
 fn all_open(bench: &mut Bench) -> bool {
     (0..bench.motors()).all(|motor| bench.lines(motor).open())
@@ -18,8 +18,8 @@ fn press_anew(bench: &mut Bench) {
 #[test]
 fn a_host_that_speaks_ends_what_the_button_began_and_disarms_it() {
     let mut bench = turning(vec![am60(); 4]);
-    let mut talk = Talk::default();
-    talk.keep_alive(&mut bench);
+    let mut host = HostLink::default();
+    host.keep_alive(&mut bench);
     bench.run(ms(100));
     assert!(all_open(&mut bench));
     bench.press(false);
@@ -38,11 +38,11 @@ fn a_host_that_speaks_ends_what_the_button_began_and_disarms_it() {
 
 #[test]
 fn a_button_that_nobody_presses_leaves_a_host_s_motors_alone() {
-    let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
-    talk.velocity(&mut bench, 0, 1000);
+    let (mut bench, mut host) = (booted(vec![am60(); 4]), HostLink::default());
+    host.velocity(&mut bench, 0, 1000);
     bench.run(ms(1500));
     bench.press(true);
-    talk.keep_alive(&mut bench);
+    host.keep_alive(&mut bench);
     bench.run(ms(500));
     bench.press(false);
     bench.run(ms(500));

@@ -1,7 +1,7 @@
-//! What a hub that began anew says of what happened before.
+//! The record of a hub after a reset.
 
 use crate::common::{COUNTER, board, four_loads, log, ms, setup, turning, turning_as};
-use emulated::talk::Talk;
+use emulated::host_link::HostLink;
 use emulated::{Bench, Encoder, Mpu, Setup};
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::extension::HubFunction;
@@ -9,18 +9,18 @@ use motor_hub::extension::record::{Entries, Ticks};
 use motor_hub::record::{Fault, Head, Tick};
 
 fn entries(bench: &mut Bench) -> Vec<Head> {
-    let mut talk = Talk::default();
-    let all: Entries = talk.question(bench, HubFunction::Entries { from: 0, clear: false });
+    let mut host = HostLink::default();
+    let all: Entries = host.question(bench, HubFunction::Entries { from: 0, clear: false });
     assert_eq!(usize::from(all.count), all.heads.len(), "no more than an answer holds");
     all.heads.to_vec()
 }
 
 fn ticks(bench: &mut Bench, of: &Head) -> Vec<Tick> {
-    let mut talk = Talk::default();
+    let mut host = HostLink::default();
     let mut all = Vec::new();
     while all.len() < usize::from(of.ticks) {
         let request = HubFunction::Ticks { number: of.number, from: all.len() as u8 };
-        all.extend(talk.question::<Ticks>(bench, request).ticks);
+        all.extend(host.question::<Ticks>(bench, request).ticks);
     }
     all
 }
@@ -106,7 +106,7 @@ pub(crate) fn an_unplugged_encoder_is_on_record_with_the_ticks_before_also_after
     let [newest, same] = after[..] else { panic!("two entries: {after:?}") };
     assert_eq!((newest.fault, newest.run), (Fault::ResetPin, 1));
     assert_eq!(same, head);
-    // It turned, its counts stopped; it was released, driven the other way, and let go.
+    // It turned, its counts stopped; it was released, driven the other way, and released.
     let ticks = ticks(&mut bench, &head);
     let stopped =
         ticks.windows(2).rposition(|pair| pair[0].position != pair[1].position).expect("it turned") + 1;

@@ -5,28 +5,28 @@
 use std::time::{Duration, Instant};
 
 use crate::common::{am60, ms, setup};
-use emulated::talk::Talk;
+use emulated::host_link::HostLink;
 use emulated::{Bench, Pwm, Setup};
 
 /// Prints virtual seconds a second.
 fn rate(pwm: Pwm) {
     let mut bench = Bench::new(Setup { pwm, ..setup(vec![am60(); 4]) });
-    let mut talk = Talk::default();
+    let mut host = HostLink::default();
     bench.run(ms(300));
     for motor in 0..4 {
         // Nearly all of it, so that TIM1 has something to do.
-        talk.power(&mut bench, motor, 32_000);
+        host.power(&mut bench, motor, 32_000);
     }
     // Until the emulator has translated the firmware.
     for _ in 0..2 {
         bench.run(ms(1000));
-        talk.keep_alive(&mut bench);
+        host.keep_alive(&mut bench);
     }
     let edges: i64 = (0..4).map(|motor| bench.look(motor).counts).sum();
     let start = Instant::now();
     for _ in 0..5 {
         bench.run(Duration::from_secs(1));
-        talk.keep_alive(&mut bench);
+        host.keep_alive(&mut bench);
     }
     let rate = 5.0 / start.elapsed().as_secs_f64();
     let edges = (0..4).map(|motor| bench.look(motor).counts).sum::<i64>() - edges;

@@ -2,7 +2,7 @@
 //! busiest things that the firmware does; and it is used up.
 
 use crate::common::{COUNTER, board, four_loads, log, ms, setup, time_to_safe, turning_as};
-use emulated::talk::Talk;
+use emulated::host_link::HostLink;
 use emulated::{Bench, Encoder, Mpu, Setup};
 use motor_hub::protocol::Reply;
 
@@ -17,16 +17,16 @@ fn the_stack_stays_below_nine_of_its_24_kilobytes() {
     bench.write_words(stack.start, vec![PAINT; words]);
 
     // Motors set up and regulated on a busy line, a fault, a bus error with its log line, and a watchdog reset.
-    let mut talk = Talk::default();
+    let mut host = HostLink::default();
     bench.run(ms(300));
     for motor in 0..4 {
         // An AM 60 A, Scheme B, linear current.
         let setup = [motor, 0x5F, 0xCA, 0x3F, 0, 0xE4, 0x0C, 0xB6, 2, 2, 0, 0, 1];
-        assert_eq!(talk.ask(&mut bench, 0x4D00, &setup), Reply::Ack { attention: true });
-        talk.velocity(&mut bench, motor, 1500);
+        assert_eq!(host.ask(&mut bench, 0x4D00, &setup), Reply::Ack { attention: true });
+        host.velocity(&mut bench, motor, 1500);
     }
     for _ in 0..100 {
-        talk.keep_alive(&mut bench);
+        host.keep_alive(&mut bench);
         bench.run(ms(10));
     }
     bench.set_encoder(0, Encoder::Unplugged);

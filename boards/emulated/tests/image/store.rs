@@ -1,5 +1,5 @@
-//! Settings that outlast power, in the emulated flash. That of the H743 can be written and erased; that of the F427 drops
-//! stores silently, of which the hub must say so.
+//! Settings that outlast power, in the emulated flash. That of the H743 can be written and erased; the emulated F427's
+//! flash drops stores silently, which the hub must report.
 
 use std::convert::Infallible;
 use std::time::Duration;
@@ -7,7 +7,7 @@ use std::time::Duration;
 use crate::common::{am60, booted, log, ms, on, setup};
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
-use emulated::talk::Talk;
+use emulated::host_link::HostLink;
 use emulated::{Bench, Board, Setup, elf};
 use motor_hub::braking::Winding;
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
@@ -41,27 +41,27 @@ fn protection(ma: u16) -> Values {
     Values::of(Group::Protection, &MotorSettings::new(settings))
 }
 
-pub(crate) fn protect(bench: &mut Bench, talk: &mut Talk, ma: u16) {
-    talk.order(bench, Request::Set(1, protection(ma)));
+pub(crate) fn protect(bench: &mut Bench, host: &mut HostLink, ma: u16) {
+    host.order(bench, Request::Set(1, protection(ma)));
 }
 
-fn protected(bench: &mut Bench, talk: &mut Talk) -> Values {
+fn protected(bench: &mut Bench, host: &mut HostLink) -> Values {
     let request = Request::Get(1, Group::Protection);
-    let reply = talk.ask(bench, request.id(), &request.payload());
+    let reply = host.ask(bench, request.id(), &request.payload());
     let Reply::Data(payload) = reply else { panic!("{reply:?}") };
     Values::read(Group::Protection, &mut Fields::new(&payload)).expect("a protection")
 }
 
-fn state(bench: &mut Bench, talk: &mut Talk) -> StoreReport {
-    talk.question(bench, HubFunction::Stored)
+fn state(bench: &mut Bench, host: &mut HostLink) -> StoreReport {
+    host.question(bench, HubFunction::Stored)
 }
 
 /// Saves, and waits until that is over; how long it took, at least.
-pub(crate) fn save(bench: &mut Bench, talk: &mut Talk) -> (StoreReport, Duration) {
+pub(crate) fn save(bench: &mut Bench, host: &mut HostLink) -> (StoreReport, Duration) {
     let begun = bench.now();
-    talk.order(bench, HubFunction::Save);
+    host.order(bench, HubFunction::Save);
     loop {
-        let report = state(bench, talk);
+        let report = state(bench, host);
         if !report.at_work {
             return (report, bench.now() - begun);
         }
@@ -71,27 +71,27 @@ pub(crate) fn save(bench: &mut Bench, talk: &mut Talk) -> (StoreReport, Duration
 
 #[test]
 fn settings_are_there_again_after_the_power_was_gone() {
-    let (mut bench, mut talk) = (powered_on(Vec::new()), Talk::default());
-    assert_eq!(state(&mut bench, &mut talk), StoreReport::default());
-    protect(&mut bench, &mut talk, 1_234);
-    talk.order(&mut bench, ToMotor::SetCurrentAlert { milliamperes: 777 }.to(0));
-    let (report, took) = save(&mut bench, &mut talk);
+    let (mut bench, mut host) = (powered_on(Vec::new()), HostLink::default());
+    assert_eq!(state(&mut bench, &mut host), StoreReport::default());
+    protect(&mut bench, &mut host, 1_234);
+    host.order(&mut bench, ToMotor::SetCurrentAlert { milliamperes: 777 }.to(0));
+    let (report, took) = save(&mut bench, &mut host);
     println!("a save into blank flash took {took:?}");
     assert_eq!((report.stored, report.number, report.outcome), (Stored::Whole, 1, Outcome::Done));
     // The protocol's own command stores the address, and that alone.
-    protect(&mut bench, &mut talk, 4_321);
+    protect(&mut bench, &mut host, 4_321);
     let address = Address::new(7).expect("an address");
-    talk.order(&mut bench, Standard::SetAddress { address });
+    host.order(&mut bench, Standard::SetAddress { address });
     bench.run(ms(200));
     let stored = bench.stored();
     bench.assert_sound();
     drop(bench);
 
-    let (mut bench, mut talk) = (powered_on(stored), Talk::new(address));
-    let report = state(&mut bench, &mut talk);
+    let (mut bench, mut host) = (powered_on(stored), HostLink::new(address));
+    let report = state(&mut bench, &mut host);
     assert_eq!((report.stored, report.number, report.differs), (Stored::Whole, 2, false));
-    assert_eq!(protected(&mut bench, &mut talk), protection(1_234));
-    let alert: u16 = talk.question(&mut bench, ToMotor::CurrentAlert.to(0));
+    assert_eq!(protected(&mut bench, &mut host), protection(1_234));
+    let alert: u16 = host.question(&mut bench, ToMotor::CurrentAlert.to(0));
     assert_eq!(alert, 777);
     bench.assert_sound();
 }
@@ -99,17 +99,17 @@ fn settings_are_there_again_after_the_power_was_gone() {
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn power_that_goes_during_a_save_leaves_the_old_settings_or_the_new() {
-    let (mut bench, mut talk) = (powered_on(Vec::new()), Talk::default());
-    protect(&mut bench, &mut talk, 1_000);
-    save(&mut bench, &mut talk);
+    let (mut bench, mut host) = (powered_on(Vec::new()), HostLink::default());
+    protect(&mut bench, &mut host, 1_000);
+    save(&mut bench, &mut host);
     let mut seen = [0; 2];
     // Cut by cut a save goes on; the flash of each is found by a hub that is powered on.
-    protect(&mut bench, &mut talk, 2_000);
-    talk.order(&mut bench, HubFunction::Save);
+    protect(&mut bench, &mut host, 2_000);
+    host.order(&mut bench, HubFunction::Save);
     for cut in 0..5_u32 {
         let mut again = on(BOARD, || Bench::new(Setup { stored: bench.stored(), ..setup(vec![am60()]) }));
         again.run(ms(60));
-        let found = protected(&mut again, &mut Talk::default());
+        let found = protected(&mut again, &mut HostLink::default());
         let new = found == protection(2_000);
         assert!(new || found == protection(1_000), "cut {cut}: {found:?}");
         seen[usize::from(new)] += 1;
@@ -181,10 +181,10 @@ fn a_save_that_erases_waits_for_motors_to_be_off_and_holds_nobody_up() {
     let image = elf::hub_with_period(BOARD, 1);
     let mut bench = on(BOARD, || Bench::with_image(Setup { stored, ..setup(vec![am60()]) }, &image));
     bench.run(ms(500));
-    let mut talk = Talk::default();
-    assert_eq!(state(&mut bench, &mut talk).number, number);
+    let mut host = HostLink::default();
+    assert_eq!(state(&mut bench, &mut host).number, number);
     // While a motor runs there is no room.
-    talk.velocity(&mut bench, 0, 1000);
+    host.velocity(&mut bench, 0, 1000);
     let capture = bench
         .symbols()
         .iter()
@@ -192,11 +192,11 @@ fn a_save_that_erases_waits_for_motors_to_be_off_and_holds_nobody_up() {
     let capture = capture.expect("the task that samples every millisecond").address;
     bench.watch(vec![capture]);
     bench.take_instants();
-    let (report, _) = save(&mut bench, &mut talk);
+    let (report, _) = save(&mut bench, &mut host);
     assert_eq!((report.outcome, report.number), (Outcome::NeedsErase, number));
-    talk.enable(&mut bench, 0, false);
+    host.enable(&mut bench, 0, false);
     bench.run(ms(100));
-    let (report, took) = save(&mut bench, &mut talk);
+    let (report, took) = save(&mut bench, &mut host);
     assert_eq!((report.outcome, report.number, report.stored), (Outcome::Done, number + 1, Stored::Whole));
     let samples = bench.take_instants();
     let worst = samples.windows(2).map(|pair| pair[1] - pair[0]).max().expect("samples");
@@ -226,7 +226,7 @@ fn an_erasure_that_power_has_cut_is_done_again_at_power_on_and_starves_nobody() 
     bench.run(ms(2_200));
     assert_eq!(bench.resets(), []);
     assert!(bench.stored()[128 * 1024..].iter().all(|byte| *byte == 0xFF));
-    let report = state(&mut bench, &mut Talk::default());
+    let report = state(&mut bench, &mut HostLink::default());
     assert_eq!((report.stored, report.number), (Stored::Whole, number));
     let log = log(&mut bench);
     assert!(log.contains("missed 0"), "{log}");
@@ -235,9 +235,9 @@ fn an_erasure_that_power_has_cut_is_done_again_at_power_on_and_starves_nobody() 
 
 #[test]
 fn flash_that_drops_what_is_written_is_told_of() {
-    let (mut bench, mut talk) = (on(Board::NucleoF429zi, || booted(vec![am60()])), Talk::default());
-    assert_eq!(state(&mut bench, &mut talk), StoreReport::default());
-    let (report, _) = save(&mut bench, &mut talk);
+    let (mut bench, mut host) = (on(Board::NucleoF429zi, || booted(vec![am60()])), HostLink::default());
+    assert_eq!(state(&mut bench, &mut host), StoreReport::default());
+    let (report, _) = save(&mut bench, &mut host);
     assert_eq!((report.stored, report.number), (Stored::Nothing, 0));
     assert!(matches!(report.outcome, Outcome::Refused | Outcome::Lost), "{report:?}");
     bench.assert_sound();

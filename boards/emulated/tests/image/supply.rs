@@ -1,9 +1,9 @@
-//! What the image makes of the chip: clocks, flash, pins, supply, and a log that nobody reads.
+//! The image's use of the chip: clocks, flash, pins, supply, and a log without a reader.
 
 use std::time::Duration;
 
 use crate::common::{am60, board, booted, four_loads, log, ms, on, setup, time_to_safe, turning};
-use emulated::talk::Talk;
+use emulated::host_link::HostLink;
 use emulated::{Bench, Board, Lines};
 
 // RM0090 and RM0433, memory maps and register descriptions.
@@ -140,10 +140,10 @@ fn a_supply_that_is_low_from_the_beginning_starts_no_hub() {
 /// would look every 10 ms.
 #[test]
 pub(crate) fn a_battery_that_breaks_down_is_seen_at_once() {
-    let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
+    let (mut bench, mut host) = (booted(vec![am60(); 4]), HostLink::default());
     for phase in 0..4 {
         for motor in 0..4 {
-            talk.velocity(&mut bench, motor, 1000);
+            host.velocity(&mut bench, motor, 1000);
         }
         // Until all may be drawn again, and the bus is quiet.
         bench.run(ms(1500 + 3 * phase));
@@ -202,12 +202,12 @@ fn runs_on_unread(bench: &mut Bench) {
 #[test]
 pub(crate) fn a_bus_that_rises_ends_what_a_braking_motor_returns_before_the_next_millisecond() {
     let mut bench = booted(vec![am60()]);
-    let mut talk = Talk::default();
+    let mut host = HostLink::default();
     bench.set_torque(0, 0.8);
-    talk.velocity(&mut bench, 0, 1_000);
+    host.velocity(&mut bench, 0, 1_000);
     bench.run(ms(1_000));
     for round in 0..6 {
-        talk.keep_alive(&mut bench);
+        host.keep_alive(&mut bench);
         // Each time at another place between two looks of the hub.
         bench.run(ms(80) + Duration::from_micros(170) * round);
         let from = bench.now();

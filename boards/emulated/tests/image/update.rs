@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use crate::boot::first_safe_output;
 use crate::common::{am60, ms, on, setup};
-use emulated::talk::Talk;
+use emulated::host_link::HostLink;
 use emulated::{Bench, Board, Setup, elf};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::Request;
@@ -18,27 +18,27 @@ use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Phase, public_key};
 
 const BOARD: Board = Board::NucleoH743zi2;
 
-fn powered_on() -> (Bench, Talk) {
+fn powered_on() -> (Bench, HostLink) {
     let mut bench = on(BOARD, || Bench::new(Setup { bootloader: true, ..setup(vec![am60()]) }));
     bench.run(ms(300));
-    (bench, Talk::default())
+    (bench, HostLink::default())
 }
 
-fn state(bench: &mut Bench, talk: &mut Talk) -> UpdateReport {
-    talk.question(bench, HubFunction::Update)
+fn state(bench: &mut Bench, host: &mut HostLink) -> UpdateReport {
+    host.question(bench, HubFunction::Update)
 }
 
-fn version(bench: &mut Bench, talk: &mut Talk) -> String {
-    let text: Text = talk.question(bench, ToHub::VersionText);
+fn version(bench: &mut Bench, host: &mut HostLink) -> String {
+    let text: Text = host.question(bench, ToHub::VersionText);
     String::from_utf8_lossy(&text).into_owned()
 }
 
 /// An order that may have to wait until the hub has written what was before.
-fn persist(bench: &mut Bench, talk: &mut Talk, request: &HubFunction) {
+fn persist(bench: &mut Bench, host: &mut HostLink, request: &HubFunction) {
     let request = Request::from(request.clone());
     let end = bench.now() + ms(10_000);
     loop {
-        match talk.ask(bench, request.id(), &request.payload()) {
+        match host.ask(bench, request.id(), &request.payload()) {
             Reply::Ack { .. } => return,
             Reply::Nack(Nack::UPDATE_BUSY) if bench.now() < end => bench.run(ms(20)),
             reply => panic!("{request:?}: {reply:?}"),
@@ -47,40 +47,40 @@ fn persist(bench: &mut Bench, talk: &mut Talk, request: &HubFunction) {
 }
 
 /// Announces an image.
-fn begin(bench: &mut Bench, talk: &mut Talk, image: &[u8]) {
+fn begin(bench: &mut Bench, host: &mut HostLink, image: &[u8]) {
     let version = Text::from_slice(b"a test").expect("short");
-    talk.order(
+    host.order(
         bench,
         HubFunction::BeginUpdate { length: image.len() as u32, crc: CRC.checksum(image), version },
     );
 }
 
 /// Sends it, and has it checked and armed.
-fn send(bench: &mut Bench, talk: &mut Talk, image: &[u8]) {
-    let report = checked(bench, talk, image);
+fn send(bench: &mut Bench, host: &mut HostLink, image: &[u8]) {
+    let report = checked(bench, host, image);
     assert_eq!((report.phase, report.outcome), (Phase::Armed, Outcome::Done));
 }
 
 /// Sends it, and has it checked.
-fn checked(bench: &mut Bench, talk: &mut Talk, image: &[u8]) -> UpdateReport {
-    write(bench, talk, image);
-    settled(bench, talk)
+fn checked(bench: &mut Bench, host: &mut HostLink, image: &[u8]) -> UpdateReport {
+    write(bench, host, image);
+    settled(bench, host)
 }
 
 /// Sends it, and says that this was all.
-fn write(bench: &mut Bench, talk: &mut Talk, image: &[u8]) {
+fn write(bench: &mut Bench, host: &mut HostLink, image: &[u8]) {
     for (offset, bytes) in (0..).step_by(CHUNK).zip(image.chunks(CHUNK)) {
         let bytes = Text::from_slice(bytes).expect("short");
-        persist(bench, talk, &HubFunction::Chunk { offset, bytes });
+        persist(bench, host, &HubFunction::Chunk { offset, bytes });
     }
-    persist(bench, talk, &HubFunction::FinishUpdate);
+    persist(bench, host, &HubFunction::FinishUpdate);
 }
 
 /// What comes of a check.
-fn settled(bench: &mut Bench, talk: &mut Talk) -> UpdateReport {
+fn settled(bench: &mut Bench, host: &mut HostLink) -> UpdateReport {
     let end = bench.now() + ms(10_000);
     loop {
-        let report = state(bench, talk);
+        let report = state(bench, host);
         if report.phase != Phase::Checking || bench.now() > end {
             return report;
         }
@@ -113,24 +113,24 @@ fn hangs(origin: u32) -> Vec<u8> {
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn the_bootloader_starts_the_hub_and_firmware_that_hangs_is_rolled_back() {
     let began = Instant::now();
-    let (mut bench, mut talk) = powered_on();
-    let before = version(&mut bench, &mut talk);
-    let report = state(&mut bench, &mut talk);
+    let (mut bench, mut host) = powered_on();
+    let before = version(&mut bench, &mut host);
+    let report = state(&mut bench, &mut host);
     assert_eq!(
         (report.booted, report.phase, report.origin),
         (Booted::Confirmed, Phase::Nothing, 0x0802_0000)
     );
     let image = hangs(report.origin);
-    begin(&mut bench, &mut talk, &image);
-    send(&mut bench, &mut talk, &image);
-    talk.order(&mut bench, HubFunction::Restart);
+    begin(&mut bench, &mut host, &image);
+    send(&mut bench, &mut host, &image);
+    host.order(&mut bench, HubFunction::Restart);
     let started = bench.now();
     // Swapped in, reset by the bootloader's watchdog, swapped back: 16 sectors of the flash are erased.
     let back = bench.run_while(ms(500), ms(90_000), |bench| {
-        let packet = talk.packet(HubFunction::Update.number() + 0x4D00, &[]);
+        let packet = host.packet(HubFunction::Update.number() + 0x4D00, &[]);
         bench.send(&packet);
         bench.run(ms(20));
-        !talk.arrivals(bench).is_empty()
+        !host.arrivals(bench).is_empty()
     });
     assert!(back, "nobody answers");
     println!(
@@ -139,9 +139,9 @@ fn the_bootloader_starts_the_hub_and_firmware_that_hangs_is_rolled_back() {
         began.elapsed()
     );
     bench.run(Duration::from_secs(1));
-    talk.arrivals(&mut bench);
-    assert_eq!(state(&mut bench, &mut talk).booted, Booted::WentBack);
-    assert_eq!(version(&mut bench, &mut talk), before);
+    host.arrivals(&mut bench);
+    assert_eq!(state(&mut bench, &mut host).booted, Booted::WentBack);
+    assert_eq!(version(&mut bench, &mut host), before);
     let causes: Vec<_> = bench.resets().into_iter().map(|reset| reset.cause).collect();
     println!("{causes:?}");
     bench.assert_sound();
@@ -164,24 +164,24 @@ fn behind_the_bootloader_pins_drive_their_idle_levels_within_a_millisecond_of_re
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_restart() {
-    let (mut bench, mut talk) = powered_on();
+    let (mut bench, mut host) = powered_on();
     let image = hangs(0x0802_0000);
-    let refused = |bench: &mut Bench, talk: &mut Talk, request: HubFunction| {
+    let refused = |bench: &mut Bench, host: &mut HostLink, request: HubFunction| {
         let request = Request::from(request);
-        assert_eq!(talk.ask(bench, request.id(), &request.payload()), Reply::Nack(Nack::MOTOR_ENABLED));
+        assert_eq!(host.ask(bench, request.id(), &request.payload()), Reply::Nack(Nack::MOTOR_ENABLED));
     };
-    talk.velocity(&mut bench, 0, 1000);
+    host.velocity(&mut bench, 0, 1000);
     bench.run(ms(1000));
-    refused(&mut bench, &mut talk, HubFunction::BeginUpdate { length: 12, crc: 0, version: Text::default() });
-    talk.enable(&mut bench, 0, false);
+    refused(&mut bench, &mut host, HubFunction::BeginUpdate { length: 12, crc: 0, version: Text::default() });
+    host.enable(&mut bench, 0, false);
     bench.run(ms(300));
-    begin(&mut bench, &mut talk, &image);
+    begin(&mut bench, &mut host, &image);
     // A host may have it run again meanwhile; a page is erased for the first chunk, and the bootloader's state to arm the image.
-    talk.velocity(&mut bench, 0, 1000);
+    host.velocity(&mut bench, 0, 1000);
     bench.run(ms(1000));
     watch_samples(&mut bench);
     let begun = bench.now();
-    send(&mut bench, &mut talk, &image);
+    send(&mut bench, &mut host, &image);
     let took = bench.now() - begun;
     let worst = worst_sample(&mut bench);
     println!("written, checked and armed in {took:?}; the latest sample came {worst:?} after the one before");
@@ -189,17 +189,17 @@ fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_
     assert!(worst < Duration::from_micros(1_200), "{worst:?}");
     let speed = bench.look(0).counts_per_second;
     assert!((speed - 1000.0).abs() < 30.0, "{speed} counts/s");
-    refused(&mut bench, &mut talk, HubFunction::Restart);
+    refused(&mut bench, &mut host, HubFunction::Restart);
     // Abandoned, it is not started by the next reset either.
-    talk.order(&mut bench, HubFunction::AbandonUpdate);
+    host.order(&mut bench, HubFunction::AbandonUpdate);
     bench.run(ms(2_450));
-    talk.keep_alive(&mut bench);
+    host.keep_alive(&mut bench);
     bench.run(ms(2_000));
-    assert_eq!(state(&mut bench, &mut talk).phase, Phase::Nothing);
+    assert_eq!(state(&mut bench, &mut host).phase, Phase::Nothing);
     let at = bench.now() + ms(10);
     bench.pull_reset(at);
     bench.run(ms(400));
-    let report = state(&mut bench, &mut talk);
+    let report = state(&mut bench, &mut host);
     assert_eq!((report.booted, report.phase), (Booted::Confirmed, Phase::Nothing));
     bench.assert_sound();
 }
@@ -215,45 +215,45 @@ fn a_hub_with_a_signers_key_arms_what_that_one_has_signed_and_nothing_else() {
     let mut bench =
         on(BOARD, || Bench::with_image(Setup { bootloader: true, ..setup(vec![am60()]) }, &image));
     bench.run(ms(300));
-    let mut talk = Talk::default();
+    let mut host = HostLink::default();
     let key = public_key(&std::fs::read(KEY).expect("a file")).expect("a key");
     let image = hangs(0x0802_0000);
-    let refused = |bench: &mut Bench, talk: &mut Talk, request: HubFunction, why: Nack| {
+    let refused = |bench: &mut Bench, host: &mut HostLink, request: HubFunction, why: Nack| {
         let request = Request::from(request);
-        assert_eq!(talk.ask(bench, request.id(), &request.payload()), Reply::Nack(why));
+        assert_eq!(host.ask(bench, request.id(), &request.payload()), Reply::Nack(why));
     };
-    begin(&mut bench, &mut talk, &image);
+    begin(&mut bench, &mut host, &image);
     let bytes = Text::from_slice(&image).expect("short");
-    refused(&mut bench, &mut talk, HubFunction::Chunk { offset: 0, bytes }, Nack::UPDATE_UNSIGNED);
+    refused(&mut bench, &mut host, HubFunction::Chunk { offset: 0, bytes }, Nack::UPDATE_UNSIGNED);
     let other = HubFunction::Sign { key: [7; 32], signature: *SIGNATURE };
-    refused(&mut bench, &mut talk, other, Nack::UPDATE_OTHER_KEY);
-    let sign = |bench: &mut Bench, talk: &mut Talk, turned| {
-        begin(bench, talk, &image);
+    refused(&mut bench, &mut host, other, Nack::UPDATE_OTHER_KEY);
+    let sign = |bench: &mut Bench, host: &mut HostLink, turned| {
+        begin(bench, host, &image);
         let mut signature = *SIGNATURE;
         signature[40] ^= turned;
-        talk.order(bench, HubFunction::Sign { key, signature });
+        host.order(bench, HubFunction::Sign { key, signature });
     };
     let told = |report: &UpdateReport| (report.phase, report.outcome, report.booted);
     watch_samples(&mut bench);
-    sign(&mut bench, &mut talk, 1);
-    let report = checked(&mut bench, &mut talk, &image);
+    sign(&mut bench, &mut host, 1);
+    let report = checked(&mut bench, &mut host, &image);
     assert_eq!(told(&report), (Phase::Nothing, Outcome::WrongSignature, Booted::Confirmed));
     let worst = worst_sample(&mut bench);
     println!("a signature was looked at, and a sample came {worst:?} after the one before");
     assert!(worst < ms(40), "the watchdog waits 480 ms at the least: {worst:?}");
     // While a motor runs nothing is held up.
-    sign(&mut bench, &mut talk, 0);
-    talk.velocity(&mut bench, 0, 1000);
+    sign(&mut bench, &mut host, 0);
+    host.velocity(&mut bench, 0, 1000);
     bench.run(ms(500));
     worst_sample(&mut bench);
-    write(&mut bench, &mut talk, &image);
+    write(&mut bench, &mut host, &image);
     bench.run(ms(2_000));
-    talk.keep_alive(&mut bench);
-    assert_eq!(state(&mut bench, &mut talk).phase, Phase::Checking);
+    host.keep_alive(&mut bench);
+    assert_eq!(state(&mut bench, &mut host).phase, Phase::Checking);
     let worst = worst_sample(&mut bench);
     assert!(worst < Duration::from_micros(1_200), "{worst:?}");
-    talk.enable(&mut bench, 0, false);
-    let report = settled(&mut bench, &mut talk);
+    host.enable(&mut bench, 0, false);
+    let report = settled(&mut bench, &mut host);
     assert_eq!(told(&report), (Phase::Armed, Outcome::Done, Booted::Confirmed));
     assert_eq!(bench.resets(), []);
     bench.assert_sound();

@@ -3,14 +3,14 @@
 use std::num::NonZeroU32;
 use std::time::Duration;
 
-use emulated::talk::Talk;
+use emulated::host_link::HostLink;
 use emulated::{Bench, Encoder, Wire};
 
 use crate::common::{COUNTER, ms};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Fault {
-    /// Of all four at once.
+    /// All four motors.
     Encoder(Encoder),
     ConverterDead,
     /// The battery without load, V.
@@ -18,7 +18,7 @@ pub(crate) enum Fault {
     /// Each bridge says so.
     BridgesOff,
     HostSilent,
-    /// So many words in a million are garbled on the way to the hub.
+    /// Garbled words in a million on the way to the hub.
     HostGarbled(u32),
     LogAbandoned,
     /// This task never returns.
@@ -73,23 +73,23 @@ impl Fault {
         }
     }
 
-    pub(crate) fn lets_time_pass(self, bench: &mut Bench, talk: &mut Talk) {
+    pub(crate) fn lets_time_pass(self, bench: &mut Bench, host: &mut HostLink) {
         let end = bench.now() + self.lasts();
         match self {
             Self::HostSilent => bench.run_until(end),
             Self::HostGarbled(_) => {
                 // The host goes on, whatever comes back.
                 while bench.now() < end {
-                    let packet = talk.packet(KEEP_ALIVE, &[]);
+                    let packet = host.packet(KEEP_ALIVE, &[]);
                     bench.send(&packet);
                     bench.run(REQUEST_INTERVAL);
-                    talk.arrivals(bench);
+                    host.arrivals(bench);
                 }
             }
             // These last longer than the hub waits for its host.
             Self::LogAbandoned | Self::Encoder(Encoder::Reversed) => {
                 while bench.now() < end {
-                    talk.keep_alive(bench);
+                    host.keep_alive(bench);
                     bench.run(ms(500));
                 }
             }

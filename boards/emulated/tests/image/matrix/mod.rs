@@ -59,7 +59,7 @@ fn faults_of_motors_that_are_configured_and_brake_end_as_they_should() {
     publish("matrix-by-model-braking", &format!("{head}\n\n{table}"));
 }
 
-/// Those of these names.
+/// The rows with these names.
 pub(crate) fn rows_end_as_they_should(names: &[&str]) {
     let row =
         |name: &&str| ROWS.iter().find(|row| row.name == *name).unwrap_or_else(|| panic!("no row {name}"));

@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use emulated::talk::Talk;
+use emulated::host_link::HostLink;
 use emulated::{Bench, Mounting, recording};
 use motor_hub::braking::Winding;
 use motor_hub::extension::Request;
@@ -43,7 +43,7 @@ pub(crate) enum Setup {
 
 impl Setup {
     /// Sets a motor up, which a reset forgets.
-    fn apply(self, bench: &mut Bench, talk: &mut Talk, motor: u8) {
+    fn apply(self, bench: &mut Bench, host: &mut HostLink, motor: u8) {
         if self == Self::AsTheyCome {
             return;
         }
@@ -52,7 +52,7 @@ impl Setup {
         settings.on_fault = OnFault::Brake;
         for group in [Group::Motion, Group::Protection] {
             let values = Values::of(group, &MotorSettings::new(settings));
-            talk.order(bench, Request::Set(motor, values));
+            host.order(bench, Request::Set(motor, values));
         }
     }
 }
@@ -72,18 +72,18 @@ impl Mode {
     }
 
     /// Sets a motor going.
-    pub(crate) fn start(self, setup: Setup, bench: &mut Bench, talk: &mut Talk) {
+    pub(crate) fn start(self, setup: Setup, bench: &mut Bench, host: &mut HostLink) {
         let motor = self as u8;
-        setup.apply(bench, talk, motor);
+        setup.apply(bench, host, motor);
         match self {
-            Self::OpenLoop => talk.power(bench, motor, POWER),
-            Self::Velocity => talk.velocity(bench, motor, SPEED),
-            Self::Position => talk.position(bench, motor, 1_000_000, 10, SPEED),
-            Self::Braking => talk.velocity(bench, motor, LOWERING),
+            Self::OpenLoop => host.power(bench, motor, POWER),
+            Self::Velocity => host.velocity(bench, motor, SPEED),
+            Self::Position => host.position(bench, motor, 1_000_000, 10, SPEED),
+            Self::Braking => host.velocity(bench, motor, LOWERING),
         }
     }
 
-    /// Counts/s of a motor that does what it is told.
+    /// Counts/s of a motor that follows its command.
     pub(crate) const fn speeds(self) -> RangeInclusive<f64> {
         match self {
             Self::OpenLoop => 900.0..=1250.0,

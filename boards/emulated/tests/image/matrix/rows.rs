@@ -4,7 +4,7 @@ use emulated::{Encoder, Wire};
 
 use super::faults::{Fault, SLOT_MISSING, glitches, stuck};
 
-/// A fault, what host and log are told of the hub, and what becomes of the motors, by mode.
+/// A fault, what host and log say of the hub, and the result for the motors by mode.
 pub(crate) struct Row {
     pub(crate) name: &'static str,
     pub(crate) fault: Fault,
@@ -16,7 +16,7 @@ pub(crate) struct Row {
 #[derive(Clone, Copy)]
 pub(crate) struct Cell {
     pub(crate) during: During,
-    /// What host and log are told of the motor.
+    /// What host and log say of the motor.
     pub(crate) says: &'static [&'static str],
     pub(crate) back: Back,
 }
@@ -24,17 +24,17 @@ pub(crate) struct Cell {
 /// What the bridge does while the fault lasts.
 #[derive(Clone, Copy)]
 pub(crate) enum During {
-    /// What it is told.
+    /// It follows its command.
     Works,
-    /// It drives or brakes, but the motor turns at so many counts/s, at least and at most.
+    /// It drives or brakes, and the motor's speed is in this range, in counts/s.
     Turns(f64, f64),
-    /// It opens within so many milliseconds, and stays open.
+    /// It opens within this time, in ms, and stays open.
     Opens { within_ms: u64 },
-    /// It shorts the motor within so many milliseconds, and goes on.
+    /// It shorts the motor within this time, in ms, and goes on.
     Brakes { within_ms: u64 },
 }
 
-/// How the motor comes back to what it is told, once the fault is gone.
+/// How the motor follows its command again after the fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Back {
     WasNotAway,
@@ -80,10 +80,10 @@ const REVERSED: &[&str] = &["lost counts", "log: reversed"];
 const SILENT_ENCODER: [Cell; 4] = [WORKS, off(250, STUCK), off(250, STUCK), off(250, STUCK)];
 /// An unknown motor may be heavy, and has 2.2 s to slow down after its encoder counted in the right direction.
 const BACKWARDS: [Cell; 4] = [WORKS, off(2_300, REVERSED), off(2_300, REVERSED), off(400, REVERSED)];
-/// Nobody notices: counts that do not come look like a slower motor, which is driven the faster.
+/// Not noticed: lost counts look like a slower motor, which is then driven faster.
 const SOME_COUNTS_LOST: [Cell; 4] =
     [WORKS, turns(1_000.0, 2_000.0), turns(1_000.0, 2_000.0), turns(240.0, 600.0)];
-/// 7/6 of what is asked for.
+/// 7/6 of the requested speed.
 const ONE_OF_SEVEN_LOST: [Cell; 4] =
     [WORKS, turns(1_120.0, 1_210.0), turns(1_110.0, 1_220.0), turns(300.0, 400.0)];
 /// 100 ms, a tick, and what the tick takes.

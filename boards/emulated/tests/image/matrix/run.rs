@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use emulated::talk::Talk;
+use emulated::host_link::HostLink;
 use emulated::{Bench, Lines, Transition};
 use motor_hub::extension::report::BusReport;
 use motor_hub::extension::report::Condition;
@@ -18,7 +18,7 @@ use crate::common::ms;
 
 /// What came of a fault.
 pub(crate) struct Seen {
-    /// What host and log were told of the hub.
+    /// What host and log said of the hub.
     pub(crate) says: Vec<&'static str>,
     /// By mode.
     pub(crate) cells: Vec<SeenOne>,
@@ -29,13 +29,13 @@ pub(crate) struct Seen {
 pub(crate) struct SeenOne {
     /// From the fault until the bridge was open for good, if it was when the fault was over.
     pub(crate) open_after: Option<Duration>,
-    /// The same of one that shorted its motor.
+    /// Time and speed of a bridge that shorted its motor.
     pub(crate) shorted_after: Option<Duration>,
     /// The longest that the bridge was open while the fault lasted.
     pub(crate) longest_open: Duration,
     /// Counts/s when the fault was over.
     pub(crate) speed: f64,
-    /// What host and log were told of this motor.
+    /// What host and log said of this motor.
     pub(crate) says: Vec<&'static str>,
     /// Or the speed that it came back to instead.
     pub(crate) back: Result<Back, f64>,
@@ -44,7 +44,7 @@ pub(crate) struct SeenOne {
 /// A chip on which one fault follows the other.
 pub(crate) struct Run {
     pub(crate) bench: Bench,
-    talk: Talk,
+    host: HostLink,
     setup: Setup,
 }
 
@@ -67,35 +67,35 @@ const OF_HUB: [(&str, &str); 3] = [
     ("HardFault", "log: HardFault"),
     ("malformed", "log: malformed"),
 ];
-/// The longest that motors take until they do again what they are told: a load that ran away is to be slowed down.
+/// Longest time until motors follow their commands again. A load that ran away must be slowed down.
 const BACK_WITHIN: Duration = ms(4_000);
 
 impl Run {
-    /// All motors do what they are told.
+    /// All motors follow their commands.
     pub(crate) fn new(setup: Setup) -> Self {
-        let mut run = Self { bench: powered(), talk: Talk::default(), setup };
-        MODES.iter().for_each(|mode| mode.start(setup, &mut run.bench, &mut run.talk));
+        let mut run = Self { bench: powered(), host: HostLink::default(), setup };
+        MODES.iter().for_each(|mode| mode.start(setup, &mut run.bench, &mut run.host));
         run.settle();
         run
     }
 
     /// Puts a fault in, takes it out, and has all motors come back.
     pub(crate) fn row(&mut self, row: &Row) -> Seen {
-        let Self { bench, talk, .. } = self;
-        let _: Status = talk.question(bench, Standard::Status { clear: true });
+        let Self { bench, host, .. } = self;
+        let _: Status = host.question(bench, Standard::Status { clear: true });
         let (from, logged) = (bench.now(), bench.log().len());
         row.fault.put_in(bench);
-        row.fault.lets_time_pass(bench, talk);
+        row.fault.lets_time_pass(bench, host);
         let (to, transitions) = (bench.now(), bench.transitions());
         let speeds = MODES.map(|mode| bench.look(mode.motor()).counts_per_second);
         let blind = row.fault.host_is_there()
-            && talk.question::<i16>(bench, ToHub::Adc { channel: BATTERY, raw: false }) == 0;
+            && host.question::<i16>(bench, ToHub::Adc { channel: BATTERY, raw: false }) == 0;
         let bus: Option<BusReport> =
-            row.fault.host_is_there().then(|| talk.question(bench, HubFunction::Bus));
+            row.fault.host_is_there().then(|| host.question(bench, HubFunction::Bus));
         let log: Vec<String> = bench.log().into_iter().skip(logged).map(|line| line.text).collect();
         let away = off(bench);
         row.fault.take_out(bench);
-        let status: Status = talk.question(bench, Standard::Status { clear: true });
+        let status: Status = host.question(bench, Standard::Status { clear: true });
         let mut says: Vec<_> =
             status.words().iter().copied().chain(blind.then_some("battery reads 0 V")).collect();
         says.extend(
@@ -116,25 +116,25 @@ impl Run {
         Seen { says, cells: cells.collect() }
     }
 
-    /// What host and log are told of one motor.
+    /// What host and log say of one motor.
     fn said(&mut self, mode: Mode, status: Status, log: &[String]) -> Vec<&'static str> {
         let alerts = status.alerts().into_iter().filter(|alert| alert.motor == mode.motor());
         let mut says: Vec<_> = alerts.map(|alert| alert.text).collect();
         let condition: Condition =
-            self.talk.question(&mut self.bench, MotorFunction::Condition.to(mode as u8));
+            self.host.question(&mut self.bench, MotorFunction::Condition.to(mode as u8));
         says.extend(condition.bridge_fault.then_some("bridge off"));
         says.extend(told(log, &format!("motor {}: Faults", mode.motor()), &OF_MOTOR));
         says
     }
 
-    /// The fault is over: how every motor comes back, of which these were away.
+    /// Ends the fault, and returns how each motor follows its command again. `away` are the motors that had stopped.
     fn come_back(&mut self, away: [bool; 4]) -> [Result<Back, f64>; 4] {
-        self.talk.keep_alive(&mut self.bench);
+        self.host.keep_alive(&mut self.bench);
         self.bench.run(ms(300));
         let later = off(&mut self.bench);
         for mode in MODES.into_iter().filter(|mode| later[mode.motor()]) {
-            self.talk.enable(&mut self.bench, mode as u8, false);
-            mode.start(self.setup, &mut self.bench, &mut self.talk);
+            self.host.enable(&mut self.bench, mode as u8, false);
+            mode.start(self.setup, &mut self.bench, &mut self.host);
         }
         self.settle();
         MODES.map(|mode| {
@@ -148,11 +148,11 @@ impl Run {
         })
     }
 
-    /// Until all motors have done for 300 ms what they are told.
+    /// Runs until all motors have followed their commands for 300 ms.
     fn settle(&mut self) {
-        let (talk, mut good) = (&mut self.talk, 0);
+        let (host, mut good) = (&mut self.host, 0);
         self.bench.run_while(ms(100), BACK_WITHIN, |bench| {
-            talk.keep_alive(bench);
+            host.keep_alive(bench);
             let settled = |mode: Mode| mode.speeds().contains(&bench.look(mode.motor()).counts_per_second);
             good = if MODES.into_iter().all(settled) { good + 1 } else { 0 };
             good == 3

@@ -34,7 +34,7 @@ fn cell(seen: &SeenOne) -> String {
     }
 }
 
-/// Words without repetition, those of nothing left out.
+/// Words without repetition and without empty ones.
 fn once(words: Vec<&str>) -> String {
     let mut once: Vec<&str> = Vec::new();
     for word in words.into_iter().filter(|word| !word.is_empty()) {

@@ -1,4 +1,4 @@
-//! A converter of the STM32H743 of which a conversion can take longer than it should.
+//! A converter of the STM32H743. One of its conversions can take too long.
 
 use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
 use rigless::soc::stm32h743::generated::adc3::Register;
@@ -24,27 +24,10 @@ impl Late {
 impl Device for Late {
     type Register = Register;
 
-    fn read(
-        &mut self,
-        register: Register,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) -> Option<u64> {
-        self.converter.read(register, registers, context)
-    }
+    forward!(converter: read, write, on_clock, on_request, reset_line);
 
     fn peek(&self, register: Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64> {
         self.converter.peek(register, registers, now)
-    }
-
-    fn write(
-        &mut self,
-        register: Register,
-        value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        self.converter.write(register, value, registers, context);
     }
 
     fn on_event(&mut self, event: EventId, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
@@ -57,25 +40,8 @@ impl Device for Late {
         self.converter.on_event(event, registers, context);
     }
 
-    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-        self.converter.on_clock(hz, registers, context);
-    }
-
-    fn on_request(
-        &mut self,
-        request: RequestChange,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        self.converter.on_request(request, registers, context);
-    }
-
     fn reset(&mut self) {
         Device::reset(&mut self.converter);
         (self.next_is_late_by, self.late) = (None, None);
-    }
-
-    fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-        self.converter.reset_line(registers, context);
     }
 }

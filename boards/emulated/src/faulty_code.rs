@@ -1,4 +1,4 @@
-//! Code of the bench's own, in flash that no image reaches, for tasks to be led astray to.
+//! Code of the bench, in flash that no image uses: tasks are made to run it as a fault.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ const AT: u64 = 0x080E_0000;
 
 /// What a task does that never returns.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Astray {
+pub(crate) enum FaultyCode {
     /// It loops.
     Loops = 0,
     /// It calls itself until no stack is left, with the least frame there is.
@@ -18,7 +18,7 @@ pub(crate) enum Astray {
     Panics = 12,
 }
 
-impl Astray {
+impl FaultyCode {
     /// Its first instruction.
     pub(crate) const fn address(self) -> u64 {
         AT + self as u64

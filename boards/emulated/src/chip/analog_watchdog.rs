@@ -1,6 +1,5 @@
-//! A converter of the STM32H743 with its first analog watchdog (RM0433 25.4.30), which the emulator lacks: each word
-//! beyond a threshold raises a flag, and the flag an interrupt. It can also be dead: then nothing comes of what it
-//! converts.
+//! A converter of the STM32H743 with its first analog watchdog (RM0433 25.4.30), which the emulator lacks. A word
+//! beyond a threshold raises a flag, and the flag an interrupt. A dead converter converts nothing.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
 use rigless::soc::stm32h743::generated::adc3::{Register, cfgr, ier, isr};
@@ -33,7 +32,7 @@ impl Guarded {
         registers.set(Register::Cfgr, configuration);
     }
 
-    /// ISR as it is, of what the emulator makes of it.
+    /// ISR with AWD1, from the emulator's ISR.
     fn status(&self, emulated: u64) -> u64 {
         let ready = isr::ADRDY.mask();
         isr::AWD1.set(if self.dead { emulated & ready } else { emulated }, self.left.into())
@@ -61,6 +60,8 @@ impl Guarded {
 
 impl Device for Guarded {
     type Register = Register;
+
+    forward!(converter: on_clock, on_request);
 
     fn read(
         &mut self,
@@ -102,19 +103,6 @@ impl Device for Guarded {
         self.unguarded(registers, |adc, registers| adc.on_event(event, registers, context));
         self.compare(registers, context.now());
         self.interrupt(registers, context);
-    }
-
-    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-        self.converter.on_clock(hz, registers, context);
-    }
-
-    fn on_request(
-        &mut self,
-        request: RequestChange,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        self.converter.on_request(request, registers, context);
     }
 
     fn reset(&mut self) {

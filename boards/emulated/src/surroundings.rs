@@ -16,8 +16,8 @@ use simulated::current_line::CurrentLine;
 use simulated::encoder::{Disturbances, Encoder, Wire};
 
 use crate::board::Board;
+use crate::bridge_lines::{Lines, Recorder};
 use crate::chip::Nucleo;
-use crate::pins::{Lines, Recorder};
 use crate::pwm::Timer;
 use crate::rtt::Rtt;
 use crate::serial::Terminal;
@@ -33,7 +33,7 @@ struct Connection {
 }
 
 /// Something to do at a stop.
-pub(crate) type Errand = Box<dyn FnOnce(&mut Lab, &mut Session<Nucleo>, &mut dyn Host) + Send>;
+pub(crate) type Errand = Box<dyn FnOnce(&mut Surroundings, &mut Session<Nucleo>, &mut dyn Host) + Send>;
 
 /// What the bench tells the emulator's thread.
 pub(crate) enum Order {
@@ -46,7 +46,7 @@ pub(crate) enum Order {
 }
 
 /// Everything round the chip.
-pub(crate) struct Lab {
+pub(crate) struct Surroundings {
     board: Board,
     pub(crate) shafts: Shafts,
     pub(crate) recorder: Recorder,
@@ -77,7 +77,7 @@ pub(crate) struct Lab {
 /// From reset until the log's ring is in order, ns.
 const START_UP: u64 = 500_000;
 
-impl Lab {
+impl Surroundings {
     pub(crate) fn new(
         board: Board,
         shafts: Shafts,
@@ -194,12 +194,12 @@ impl Lab {
     /// The next disturbance of an encoder that is connected like this since then.
     fn plan_disturbance(&mut self, motor: usize, since: u64, mut rest: Disturbances) {
         let Some((after, wire)) = rest.next() else { return };
-        let disturb = move |lab: &mut Self, session: &mut Session<Nucleo>, _: &mut dyn Host| {
+        let disturb = move |surroundings: &mut Self, session: &mut Session<Nucleo>, _: &mut dyn Host| {
             // It may have been connected differently meanwhile.
-            if lab.encoders[motor].since == since {
-                lab.encoders[motor].disturbed = wire;
-                lab.show(session, motor, lab.now);
-                lab.plan_disturbance(motor, since, rest);
+            if surroundings.encoders[motor].since == since {
+                surroundings.encoders[motor].disturbed = wire;
+                surroundings.show(session, motor, surroundings.now);
+                surroundings.plan_disturbance(motor, since, rest);
             }
         };
         self.plan(since + after, Box::new(disturb));
@@ -248,7 +248,7 @@ impl Lab {
         }
     }
 
-    /// Puts back on the pins what a reset of the emulated part let go of.
+    /// Puts the levels back on the pins, which a reset of the emulated part has released.
     fn after_reset(&mut self, session: &mut Session<Nucleo>, at: u64) {
         self.timer = Timer::default();
         self.follow_pins(session, at, true);
@@ -299,7 +299,7 @@ impl Lab {
     }
 }
 
-impl Driver<Nucleo> for Lab {
+impl Driver<Nucleo> for Surroundings {
     fn on_settled(&mut self, session: &mut Session<Nucleo>, _host: &mut dyn Host, settled: Settled) {
         match settled {
             Settled::Access { access, .. } if access.kind == AccessKind::Write => {
@@ -354,7 +354,7 @@ impl Driver<Nucleo> for Lab {
         self.look_for_reset(session);
         self.catch_up(session, host);
         while self.now >= self.target {
-            // Whoever waits learns that the last order is carried out.
+            // The waiting bench learns that the last order is carried out.
             self.reached.send(()).ok()?;
             loop {
                 match self.orders.recv().ok()? {

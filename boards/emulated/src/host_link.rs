@@ -1,15 +1,15 @@
-//! Talk over the serial line: requests to the firmware, packet by packet, with the instants of what comes
+//! HostLink over the serial line: requests to the firmware, packet by packet, with the instants of what comes
 //! back.
 //!
 //! ```no_run
-//! use emulated::{Bench, Setup, talk::Talk};
+//! use emulated::{Bench, Setup, host_link::HostLink};
 //! use std::time::Duration;
 //!
 //! let mut bench = Bench::new(Setup::new(vec![]));
 //! bench.run(Duration::from_millis(300));
-//! let mut talk = Talk::default();
-//! talk.velocity(&mut bench, 0, 500);
-//! println!("{:?}", talk.bulk(&mut bench).velocities);
+//! let mut host = HostLink::default();
+//! host.velocity(&mut bench, 0, 500);
+//! println!("{:?}", host.bulk(&mut bench).velocities);
 //! ```
 
 use std::time::Duration;
@@ -36,7 +36,7 @@ pub struct Arrival {
 
 /// The host's end of the line.
 #[derive(Debug)]
-pub struct Talk {
+pub struct HostLink {
     address: Address,
     message: u8,
     decoder: Decoder,
@@ -44,13 +44,13 @@ pub struct Talk {
     bytes: usize,
 }
 
-impl Default for Talk {
+impl Default for HostLink {
     fn default() -> Self {
         Self::new(Address::DEFAULT)
     }
 }
 
-impl Talk {
+impl HostLink {
     /// With the hub at this address.
     #[must_use]
     pub const fn new(address: Address) -> Self {
@@ -126,7 +126,7 @@ impl Talk {
         A::read(&mut Fields::new(&payload)).unwrap_or_else(|_| panic!("{request:?}: {payload:02x?}"))
     }
 
-    /// Tells the hub that somebody is there.
+    /// Sends the hub a keep-alive.
     pub fn keep_alive(&mut self, bench: &mut Bench) {
         self.order(bench, Standard::KeepAlive);
     }
@@ -163,7 +163,7 @@ impl Talk {
         self.enable(bench, motor, true);
     }
 
-    /// Everything that the hub measures at once.
+    /// All measurements of the hub in one answer.
     pub fn bulk(&mut self, bench: &mut Bench) -> Bulk {
         self.question(bench, ToHub::Bulk)
     }

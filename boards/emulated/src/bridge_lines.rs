@@ -72,9 +72,9 @@ pub struct Transition {
     pub lines: Lines,
     /// The state just before.
     pub before: State,
-    /// The state from here on, until the PWM line changes by itself.
+    /// The state from here on, until the next edge of the PWM line.
     pub after: State,
-    /// True if a reset let go of the lines.
+    /// True if a reset released the lines.
     pub by_reset: bool,
     /// The lines before.
     pub old: Lines,
@@ -85,10 +85,9 @@ impl Transition {
     ///
     /// * Never a state that is not one of the three modes' (both direction lines high).
     /// * The PWM line may toggle within a mode: 9/8, 6/2, 5/0.
-    /// * A direction line may change only while the PWM line is low and stays so: then at most one high
-    ///   side closes or opens, and no leg goes from one switch to the other at once. From one
+    /// * A direction line may change only while the PWM line is low and stays low. Then at most one high side closes or opens, and no leg goes from one switch to the other without a pause. From one
     ///   direction to the other it must pass state 0.
-    /// * A reset opens everything at once.
+    /// * A reset opens all switches together.
     #[must_use]
     pub fn legal(&self) -> bool {
         let [before, after] = [self.before, self.after];

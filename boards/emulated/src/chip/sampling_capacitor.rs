@@ -1,8 +1,10 @@
-//! A converter of the STM32F427 with its sampling capacitor: a channel that nothing drives keeps the charge of the
-//! conversion before. The emulator has a voltage on every channel.
+//! A converter of the STM32F427 with its sampling capacitor: a channel without a wire keeps the charge of the last
+//! conversion. The emulator has a voltage on every channel.
+//!
+//! Without SCAN a group has one channel (RM0090 13.3.8). The emulator uses SCAN for the regular group only.
 
 use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
-use rigless::soc::stm32f427::generated::adc1::Register;
+use rigless::soc::stm32f427::generated::adc1::{Register, cr1, jsqr};
 use rigless::soc::stm32f427::peripherals::adc::{Adc, Channel};
 use rigless::time::EventId;
 
@@ -33,17 +35,22 @@ impl Sampled {
     }
 }
 
+impl Sampled {
+    /// Does something with JL hidden from the emulator while SCAN is off.
+    fn with_one_channel(registers: &mut RegisterFile, act: impl FnOnce(&mut RegisterFile)) {
+        let sequence = registers.get(Register::Jsqr);
+        if !cr1::SCAN.is_set(registers.get(Register::Cr1)) {
+            registers.set(Register::Jsqr, jsqr::JL.set(sequence, 0));
+        }
+        act(registers);
+        registers.set(Register::Jsqr, sequence);
+    }
+}
+
 impl Device for Sampled {
     type Register = Register;
 
-    fn read(
-        &mut self,
-        register: Register,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) -> Option<u64> {
-        self.converter.read(register, registers, context)
-    }
+    forward!(converter: read, on_clock, on_request, reset_line);
 
     fn write(
         &mut self,
@@ -52,7 +59,13 @@ impl Device for Sampled {
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) {
-        self.converter.write(register, value, registers, context);
+        if register == Register::Jsqr {
+            self.converter.write(register, value, registers, context);
+        } else {
+            Self::with_one_channel(registers, |registers| {
+                self.converter.write(register, value, registers, context);
+            });
+        }
     }
 
     fn on_event(&mut self, event: EventId, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
@@ -62,7 +75,7 @@ impl Device for Sampled {
         // The register that has a new word afterwards says what was converted.
         let before = DATA.map(|register| registers.get(register));
         DATA.into_iter().for_each(|register| registers.set(register, NO_WORD));
-        self.converter.on_event(event, registers, context);
+        Self::with_one_channel(registers, |registers| self.converter.on_event(event, registers, context));
         for (register, before) in DATA.into_iter().zip(before) {
             match registers.get(register) {
                 NO_WORD => registers.set(register, before),
@@ -71,24 +84,7 @@ impl Device for Sampled {
         }
     }
 
-    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-        self.converter.on_clock(hz, registers, context);
-    }
-
-    fn on_request(
-        &mut self,
-        request: RequestChange,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        self.converter.on_request(request, registers, context);
-    }
-
     fn reset(&mut self) {
         Device::reset(&mut self.converter);
-    }
-
-    fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-        self.converter.reset_line(registers, context);
     }
 }

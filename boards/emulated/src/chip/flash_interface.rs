@@ -1,5 +1,5 @@
-//! The flash interface of the STM32H743 (RM0433 4) with what a real one does and the emulator's does not: it shows errors
-//! that nobody made, and the last store of a word arrives after the core has read the status register.
+//! The flash interface of the STM32H743 (RM0433 4), with two faults of a real one that the emulator lacks. It shows
+//! errors that no access has caused. The last store of a word arrives after the core has read the status register.
 
 use rigless::device::{Device, DeviceContext, RegisterFile};
 use rigless::soc::Width;
@@ -10,13 +10,13 @@ use rigless::time::EventId;
 /// Bytes of a word, which is programmed as one.
 const WORD: u64 = 32;
 
-/// What a flash interface does beyond its manual. None of it by default.
+/// Faults of a flash interface that are not in its manual. The default has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FlashFaults {
-    /// Each time that so many registers of the interface were accessed, both banks show RDPERR, RDSERR and SNECCERR.
-    /// The core's speculation into the system memory sets the first two. Never if 0.
+    /// Accesses to registers of the interface after which both banks show RDPERR, RDSERR and SNECCERR. 0 is never. The
+    /// core's speculation into the system memory sets the first two.
     pub errors_every: u32,
-    /// The status register is read so often before the last store of a word has arrived.
+    /// Reads of the status register before the last store of a word arrives.
     pub late_reads: u32,
 }
 

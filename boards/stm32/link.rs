@@ -1,0 +1,16 @@
+// The body of a board's build.rs, which includes this file.
+
+/// Tells the linker where the sections of an image go: the script of `cortex-m-rt` around this memory map, and defmt's.
+fn link(memory: &str) {
+    let out = std::path::PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets it"));
+    let map = [memory, include_str!("../stm32/sections.x")].concat();
+    std::fs::write(out.join("memory.x"), map).expect("the output directory is writable");
+    println!("cargo:rustc-link-search={}", out.display());
+    // Without page alignment, or the first segment would begin before the flash does.
+    println!("cargo:rustc-link-arg-bins=--nmagic");
+    println!("cargo:rustc-link-arg-bins=-Tlink.x");
+    println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
+    for file in ["build.rs", "../stm32/link.rs", "../stm32/sections.x"] {
+        println!("cargo:rerun-if-changed={file}");
+    }
+}

@@ -1,0 +1,183 @@
+//! The program of a hub, which is the same on each board: its statics, its tasks, and how they start.
+
+/// Makes the program of a hub: statics, tasks, `Parts` and `start`.
+///
+/// A board adds its pins, its clocks, `open_all_bridges`, the interrupt of its voltage detector, and `main`. `main` makes
+/// the `Parts` and calls `start`. The board's crate needs `cortex-m-rt`, `defmt`,
+/// `embassy-executor`, `embassy-stm32`, `embassy-sync`, `motor-hub` and `static_cell`.
+///
+/// | name | what it is |
+/// |---|---|
+/// | `motors`, `pins` | number of motors, and of digital pins for a host |
+/// | `pwm`, `encoders`, `watchdog` | peripherals: timer of the bridges, timers of the encoders by motor, watchdog |
+/// | `battery` | type of the converter of the battery |
+/// | `currents` | type of the converter of the bridges' currents; `()` without |
+/// | `slot` | where a bootloader starts this image from: an `Option<Slot>` |
+/// | `store` | flash that stores settings; left out on a board that stores none |
+#[macro_export]
+macro_rules! hub {
+    (
+        motors: $motors:literal,
+        pins: $pins:literal,
+        pwm: $pwm:ident,
+        encoders: [$($encoder:ident),+],
+        watchdog: $watchdog:ident,
+        battery: $battery:ty,
+        currents: $currents:ty,
+        slot: $slot:expr,
+        $(store: $store:ty,)?
+    ) => {
+        /// Number of motors on this board.
+        const MOTORS: usize = $motors;
+
+        /// Control period: 50 ms, or 1 to 100 ms as `CONTROL_PERIOD_MS` says when the image is built.
+        const PERIOD: ::motor_hub::units::Period = $crate::period(option_env!("CONTROL_PERIOD_MS"));
+
+        /// All tasks run in one executor in thread mode, so no channel masks interrupts.
+        static WIRES: ::motor_hub::tasks::Wires<
+            ::embassy_sync::blocking_mutex::raw::ThreadModeRawMutex,
+            MOTORS,
+        > = ::motor_hub::tasks::Wires::new();
+
+        static HEALTH: ::motor_hub::tasks::Health = ::motor_hub::tasks::Health::new()
+            .expecting(::motor_hub::tasks::Task::Responder)
+            .expecting(::motor_hub::tasks::Task::Bridges);
+
+        const END: $crate::faults::End = $crate::faults::End {
+            open: open_all_bridges,
+            say: |fault, detail| WIRES.report_crash(fault, detail),
+        };
+
+        $crate::end_faults_with!(END);
+
+        type Encoders =
+            $crate::encoders::QuadratureCounters<($($crate::encoders::Counter<::embassy_stm32::peripherals::$encoder>,)+)>;
+        type Watchdog = $crate::watchdog::IndependentWatchdog<::embassy_stm32::peripherals::$watchdog>;
+        type Bridges = $crate::vnh5019::Vnh5019<::embassy_stm32::peripherals::$pwm, MOTORS>;
+
+        /// The drivers of this board.
+        struct Parts {
+            watchdog: Watchdog,
+            bridges: Bridges,
+            diag: $crate::bridge_faults::DiagLines<MOTORS>,
+            currents: $currents,
+            encoders: Encoders,
+            battery: $battery,
+            link: ($crate::serial::Sender, ::embassy_stm32::usart::BufferedUartRx<'static>),
+            pins: $crate::pins::DigitalLines<$pins>,
+            lamp: $crate::lamp::Lamp,
+            button: ::embassy_stm32::gpio::Input<'static>,
+            $(store: Option<::motor_hub::tasks::store::Keeper<$store>>,)?
+        }
+
+        /// Starts all tasks.
+        fn start(spawner: ::embassy_executor::Spawner, parts: Parts) {
+            use ::defmt::unwrap;
+            let hz = ::embassy_stm32::rcc::frequency::<::embassy_stm32::peripherals::$pwm>().0;
+            ::defmt::info!("{=u32} Hz, {} motors every {=u32} ms", hz, MOTORS, PERIOD.as_millis());
+            // These bridges are real.
+            let settings = ::motor_hub::motor::Settings {
+                bridge: ::motor_hub::bridge::BridgeConstants::VNH5019,
+                ..::motor_hub::motor::Settings::new(::motor_hub::braking::Winding::NEVEREST_60)
+            };
+            spawner.spawn(unwrap!(output(parts.bridges)));
+            spawner.spawn(unwrap!(listen(parts.diag, parts.currents)));
+            spawner.spawn(unwrap!(capture(parts.encoders)));
+            spawner.spawn(unwrap!(supply(parts.battery)));
+            spawner.spawn(unwrap!(control(settings)));
+            spawner.spawn(unwrap!(health(parts.watchdog)));
+            spawner.spawn(unwrap!(report()));
+            #[allow(unused_mut, reason = "a board without a store has none to start")]
+            let mut has_store = false;
+            $(
+                let keeper: Option<::motor_hub::tasks::store::Keeper<$store>> = parts.store;
+                if let Some(keeper) = keeper {
+                    has_store = true;
+                    spawner.spawn(unwrap!(store(keeper)));
+                }
+            )?
+            let (tx, rx) = parts.link;
+            spawner.spawn(unwrap!(responder(rx, tx, parts.pins, parts.lamp, settings, has_store)));
+            spawner.spawn(unwrap!(button(parts.button)));
+        }
+
+        #[::embassy_executor::task]
+        async fn capture(encoders: Encoders) -> ! {
+            ::motor_hub::tasks::capture::run(encoders, &WIRES, &HEALTH).await
+        }
+
+        #[::embassy_executor::task]
+        async fn listen(diag: $crate::bridge_faults::DiagLines<MOTORS>, currents: $currents) -> ! {
+            $crate::Calibrate::calibrate(&currents).await;
+            ::motor_hub::tasks::bridges::run(diag, currents, &WIRES, &HEALTH).await
+        }
+
+        #[::embassy_executor::task]
+        async fn supply(battery: $battery) -> ! {
+            let supply = ::motor_hub::supply::Supply::new(::motor_hub::supply::Limits::default());
+            $crate::Calibrate::calibrate(&battery).await;
+            ::motor_hub::tasks::supply::run(battery, supply, &WIRES, &HEALTH).await
+        }
+
+        /// Makes the hub in its own future. As an argument of two nested futures the hub would take twice the RAM.
+        #[::embassy_executor::task]
+        async fn control(settings: ::motor_hub::motor::Settings) -> ! {
+            let mut hub = ::motor_hub::hub::Hub::new([settings; MOTORS], PERIOD);
+            ::motor_hub::tasks::control::run(&mut hub, &WIRES, &HEALTH).await
+        }
+
+        #[::embassy_executor::task]
+        async fn output(bridges: Bridges) -> ! {
+            ::motor_hub::tasks::output::run(bridges, PERIOD, &WIRES, &HEALTH).await
+        }
+
+        #[::embassy_executor::task]
+        async fn health(watchdog: Watchdog) -> ! {
+            ::motor_hub::tasks::health::run(watchdog, &HEALTH).await
+        }
+
+        #[::embassy_executor::task]
+        async fn report() -> ! {
+            $crate::status::run(&WIRES).await
+        }
+
+        /// Ends only if the serial line ends, which it never does.
+        #[::embassy_executor::task]
+        async fn responder(
+            rx: ::embassy_stm32::usart::BufferedUartRx<'static>,
+            tx: $crate::serial::Sender,
+            pins: $crate::pins::DigitalLines<$pins>,
+            mut lamp: $crate::lamp::Lamp,
+            settings: ::motor_hub::motor::Settings,
+            has_store: bool,
+        ) {
+            let address = ::motor_hub::protocol::Address::DEFAULT;
+            let mut responder = ::motor_hub::responder::Responder::new(address, [settings; MOTORS]);
+            if has_store {
+                responder = responder.expecting_store();
+            }
+            let slot: Option<::motor_hub::update::Slot> = $slot;
+            if let Some(slot) = slot {
+                responder = responder.with_slot(slot);
+            }
+            // The lamp is shown at least every 100 ms, whatever the line does.
+            let show = |colour| {
+                lamp.show(colour);
+                HEALTH.check_in(::motor_hub::tasks::Task::Responder);
+            };
+            ::motor_hub::tasks::responder::run(rx, tx, pins, &mut responder, &WIRES, show).await;
+        }
+
+        $(
+            #[::embassy_executor::task]
+            async fn store(keeper: ::motor_hub::tasks::store::Keeper<$store>) -> ! {
+                ::motor_hub::tasks::store::run(keeper, &WIRES).await
+            }
+        )?
+
+        #[::embassy_executor::task]
+        async fn button(button: ::embassy_stm32::gpio::Input<'static>) -> ! {
+            $crate::demo::run(button, &WIRES).await
+        }
+    };
+}

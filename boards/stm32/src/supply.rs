@@ -1,0 +1,100 @@
+//! What measurements of the battery and of the chip's own supply share on all STM32 chips.
+
+use core::future::poll_fn;
+use core::ptr::with_exposed_provenance;
+use core::task::Poll;
+use embassy_stm32::pac;
+use embassy_sync::waitqueue::AtomicWaker;
+use motor_hub::supply::VrefintCalibration;
+use motor_hub::units::Millivolts;
+
+/// Resistances of the divider, to the battery and to ground. 24 V, the highest battery of the bridges, gives 2.61 V at the
+/// pin. 30.3 V gives the full 3.3 V.
+pub const DIVIDER_OHMS: (u32, u32) = (82_000, 10_000);
+
+/// EXTI line of the programmable voltage detector (RM0090 12.2.5, RM0433 table 150, RM0440 table 103).
+const PVD_LINE: usize = 16;
+
+/// Switches the voltage detector on by `enable`. Its interrupt comes when the supply falls below the detector's level, or
+/// immediately if the supply is too low already. The interrupt ends the run, so the watchdog must run.
+///
+/// The brown-out reset is not used: its level is an option byte. Firmware that writes option bytes could leave a chip
+/// without any if the supply failed meanwhile.
+pub fn watch(interrupt: pac::Interrupt, enable: impl FnOnce()) {
+    // The line comes first: a supply that is low already then makes an edge when the detector is switched on.
+    pac::EXTI.rtsr(0).modify(|w| w.set_line(PVD_LINE, true));
+    pac::EXTI.imr(0).modify(|w| w.set_line(PVD_LINE, true));
+    unmask(interrupt);
+    enable();
+}
+
+/// Unmasks an interrupt.
+#[expect(
+    unsafe_code,
+    reason = "unmasking could break a critical section that masks a single interrupt; none does"
+)]
+pub fn unmask(interrupt: pac::Interrupt) {
+    // SAFETY: a safe handler shares only registers, atomics, and wakers that are made for interrupts.
+    unsafe { cortex_m::peripheral::NVIC::unmask(interrupt) }
+}
+
+/// The task that waits for the analog watchdog of a converter.
+pub struct Watcher(AtomicWaker);
+
+impl Watcher {
+    /// No task waits yet.
+    pub const fn new() -> Self {
+        Self(AtomicWaker::new())
+    }
+
+    /// Waits until `crossed` is true. `enable` enables the interrupt whose handler calls [`wake`](Self::wake).
+    pub async fn wait(&self, crossed: impl Fn() -> bool, enable: impl Fn()) {
+        poll_fn(|context| {
+            self.0.register(context.waker());
+            if crossed() {
+                return Poll::Ready(());
+            }
+            enable();
+            Poll::Pending
+        })
+        .await;
+    }
+
+    /// Wakes the waiting task.
+    pub fn wake(&self) {
+        self.0.wake();
+    }
+}
+
+impl Default for Watcher {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Where a chip has its reading of VREFINT, which the factory took at 30 degrees and a known supply voltage.
+#[derive(Clone, Copy)]
+pub struct FactoryWord {
+    address: usize,
+    rail: Millivolts,
+    bits: u8,
+}
+
+impl FactoryWord {
+    /// STM32F42x (DS9405, internal reference voltage calibration values).
+    pub const F42X: Self = Self { address: 0x1FFF_7A2A, rail: Millivolts::new(3_300), bits: 12 };
+    /// STM32H74x (DS12110, internal reference voltage calibration values).
+    pub const H74X: Self = Self { address: 0x1FF1_E860, rail: Millivolts::new(3_300), bits: 16 };
+    /// STM32G47x (DS12288, internal reference voltage calibration values).
+    pub const G47X: Self = Self { address: 0x1FFF_75AA, rail: Millivolts::new(3_000), bits: 12 };
+
+    /// Reads the word. Only the word of this chip can be read.
+    #[expect(unsafe_code, reason = "the peripheral access crate has no name for this word")]
+    #[must_use]
+    pub fn read(self) -> VrefintCalibration {
+        let word = with_exposed_provenance::<u16>(self.address);
+        // SAFETY: an aligned half-word of read-only system memory, and any bits are a u16.
+        let reading = unsafe { word.read_volatile() };
+        VrefintCalibration { reading, rail: self.rail, bits: self.bits }
+    }
+}
