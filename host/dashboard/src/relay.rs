@@ -297,7 +297,7 @@ impl Relay {
     }
 
     /// Appends a part of new firmware.
-    fn collect(&mut self, offset: usize, hex: &str) -> Result<Changed, Trouble> {
+    fn collect(&mut self, offset: usize, hex: &str) -> Result<Changed, RequestError> {
         if offset == 0 {
             self.firmware.clear();
         }

@@ -5,8 +5,7 @@
 //! collected --begin--> sending --finish--> checking --restart--> restarting --> confirmed, or why not
 //! ```
 
-use crate::executor::Trouble;
-use crate::relay::Hub;
+use crate::hub::{Hub, RequestError};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::protocol::Nack;
@@ -62,10 +61,10 @@ enum Stage {
 
 impl Update {
     /// Announces an image to the hub. All motors must be disabled.
-    pub(crate) fn begin(session: &mut Hub, image: Vec<u8>, version: &str) -> Result<Self, Trouble> {
+    pub(crate) fn begin(session: &mut Hub, image: Vec<u8>, version: &str) -> Result<Self, RequestError> {
         let report = session.update_state().map_err(|error| match error {
             Error::Refused { reason: Nack::UNSUPPORTED | Nack::UNKNOWN, .. } | Error::TooOld { .. } => {
-                Trouble::from("the hub has no bootloader: flash new firmware through its debug probe")
+                RequestError::from("the hub has no bootloader: flash new firmware through its debug probe")
             }
             error => error.into(),
         })?;
@@ -102,13 +101,13 @@ impl Update {
                 Ok(progress)
             }
             // A hub that starts may answer with garbage.
-            Err(Trouble::Refused(_)) if self.restarts() => Ok(self.late()),
-            Err(Trouble::Refused(why)) => {
+            Err(RequestError::Refused(_)) if self.restarts() => Ok(self.late()),
+            Err(RequestError::Refused(why)) => {
                 // Should this fail too, the hub forgets the image at its next reset.
                 let _ = session.order(HubFunction::AbandonUpdate);
                 Ok(Some(self.progress("failed", why)))
             }
-            Err(Trouble::Hub(error)) => Err(error),
+            Err(RequestError::Hub(error)) => Err(error),
         }
     }
 
@@ -142,7 +141,7 @@ impl Update {
         Some(self.progress("running", text.to_owned()))
     }
 
-    fn send(&mut self, session: &mut Hub, from: usize) -> Result<Option<Progress>, Trouble> {
+    fn send(&mut self, session: &mut Hub, from: usize) -> Result<Option<Progress>, RequestError> {
         let mut at = from;
         for _ in 0..CHUNKS {
             let rest = self.image.get(at..).unwrap_or_default();
@@ -168,7 +167,7 @@ impl Update {
         Ok(if at > from { self.running("The firmware is sent.") } else { None })
     }
 
-    fn check(&mut self, session: &mut Hub) -> Result<Option<Progress>, Trouble> {
+    fn check(&mut self, session: &mut Hub) -> Result<Option<Progress>, RequestError> {
         let report = session.update_state()?;
         if report.at_work || matches!(report.phase, Phase::Checking | Phase::Disarming) {
             return Ok(None);
@@ -185,7 +184,7 @@ impl Update {
         }
     }
 
-    fn returned(&self, session: &mut Hub) -> Result<Option<Progress>, Trouble> {
+    fn returned(&self, session: &mut Hub) -> Result<Option<Progress>, RequestError> {
         let report = session.update_state()?;
         if report.phase == Phase::Armed {
             return Ok(None);
