@@ -12,6 +12,7 @@
 //!                └──────────────────────────── applied voltage ◀───────────────────────────┘
 //! ```
 //!
+//! * *State* (`MotorState`): what drives the motor. The state owns the encoder check or the identification.
 //! * *Activity*: what the motor does at a tick. It follows from the set-point, unless a fault ends the set-point.
 //! * *Request*: the modulation that an activity asks for, before limits.
 //! * *Command*: the request, what the limits leave of the request, and what the bridge does.
@@ -377,8 +378,10 @@ impl Motor {
     /// `battery` is the state of the bus; `None` if the state is unknown or [stale](Battery::is_fresh). Without a reading or
     /// a battery the report has a fault.
     pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Battery>) -> Report {
+        // Estimate position, speed and load.
         let moved = fresh(reading, now).map(|reading| self.take_reading(reading));
         self.regulator.predict_until(now);
+        // Decide, limit, modulate.
         self.apply(now, battery, moved);
         self.report(battery, moved)
     }
@@ -405,7 +408,7 @@ impl Motor {
         *may_end_short &= was_forward || !self.pulses.is_forward();
         let changed = command.modulation.drive != before;
         if changed || self.pulses.are_active() {
-            self.command_bridge(command, before);
+            self.command_bridge(command);
         } else {
             self.command = Some(command);
         }
@@ -589,12 +592,11 @@ impl Motor {
     /// `None` without a reading.
     fn apply(&mut self, now: Micros, battery: Option<Battery>, moved: Option<i32>) {
         self.changed = false;
-        let before = self.drive();
         let request = self.request(battery.as_ref(), moved);
         match (request, battery) {
             (Some(request), Some(battery)) => {
                 let command = self.modulate(request, now, &battery, false);
-                self.command_bridge(command, before);
+                self.command_bridge(command);
             }
             _ => {
                 self.command = None;
@@ -607,11 +609,11 @@ impl Motor {
         }
     }
 
-    /// Commands the bridge, and passes the applied voltage to the estimators. `before` is the bridge's last command.
-    fn command_bridge(&mut self, mut command: Command, before: Drive) {
+    /// Commands the bridge, and passes the applied voltage to the estimators.
+    fn command_bridge(&mut self, mut command: Command) {
         let open = command.is_open();
         if !open {
-            command.applied = self.after_change(&command, before);
+            command.applied = self.after_change(&command);
         }
         self.regulator.drive((!open).then_some(command.applied));
         // A limit that opens the bridge for a moment does not end an identification.
@@ -621,8 +623,8 @@ impl Motor {
         self.command = Some(command);
     }
 
-    /// Computes the command for a request within all limits. In a period that begins with a change of mode, less voltage is
-    /// applied than [`Command::applied`] says.
+    /// Computes the command for a request within all limits. [`Command::applied`] does not yet include a change of the
+    /// bridge's mode.
     fn modulate(&mut self, request: Request, now: Micros, battery: &Battery, may_end_short: bool) -> Command {
         let Request { at, modulation: mut limited, .. } = request;
         let mut voltage = self.modulator.applied(at, limited);
@@ -693,11 +695,11 @@ impl Motor {
         self.pulses.apply(pulse, Voltages { requested, applied, emf }, change_us);
     }
 
-    /// The mean voltage of a period that may begin with a change of the bridge's mode. The bridge is open during the
-    /// change.
-    fn after_change(&self, command: &Command, before: Drive) -> Voltage {
+    /// The mean voltage that a new command applies. The bridge is open while its mode changes from that of the present
+    /// command.
+    fn after_change(&self, command: &Command) -> Voltage {
         let change_us = self.settings.bridge.timing().change_us;
-        if command.modulation.drive.mode == before.mode || change_us == 0 {
+        if command.modulation.drive.mode == self.drive().mode || change_us == 0 {
             return command.applied;
         }
         let emf = self.settings.winding.emf.emf(self.regulator.velocity()).to_volts();
