@@ -202,6 +202,12 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// The battery's converter takes commands but converts nothing, or works again.
     fn set_dead(&mut self, dead: bool);
 
+    /// Another revision of the chip, REV_ID. Nothing happens on a chip whose revision the bench does not model.
+    fn set_revision(&mut self, at: VirtualNanos, revision: u16);
+
+    /// The power controller only remembers what is written to it, so the clocks never start; or it works again.
+    fn set_power_dead(&mut self, dead: bool);
+
     /// Puts a level on an input of a motor's counter.
     fn drive_encoder(&mut self, at: VirtualNanos, motor: usize, channel: Channel, level: Level);
 

@@ -1,8 +1,8 @@
 //! The chip's core, kept from one run to the next.
 //!
-//! The emulator translates the firmware to code of the host, block by block. Most of a short run was spent on that:
-//! a core that has run the same code before is therefore put on a shelf, and the next run begins with what it has
-//! translated. Nothing else is left of the run before: registers are those of power-on, and memory is the new run's.
+//! The emulator translates the firmware to code of the host, block by block, which took most of a short run. So a core that
+//! has run an image goes on a shelf, and the next run of that image begins with its translations. Only the translations
+//! stay: registers are as at power-on, and memory belongs to the new run.
 //!
 //! The emulator drops all of its translations when the memory protection unit changes, and translates accesses to
 //! memory into calls while it is on. So the MPU's registers [only remember](Mpu::Registers) what is written to them,
@@ -83,8 +83,8 @@ fn shelf() -> std::sync::MutexGuard<'static, Vec<(Code, Translator)>> {
     SHELF.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Has a run take its core from the shelf, if there is one that has run `code`; and the core goes there when the run
-/// is over, if that has been all it ran.
+/// Makes a run take its core from the shelf, if a core there has run `code`. After the run the core goes back, if it has run
+/// nothing else.
 pub(crate) fn keep(spec: &mut CoreSpec, code: Code) {
     let make = Arc::clone(&spec.processor);
     spec.processor = Arc::new(move |endian| {
@@ -127,8 +127,7 @@ struct Kept {
     /// Until it is dropped.
     translator: Option<Translator>,
     code: Code,
-    /// Whether the images that are being put into memory are those of the run before, as long as they are: then what
-    /// was translated from them stands.
+    /// True while the images that are put into memory equal the images of the last run. Their translations then stay.
     placing: Option<bool>,
     /// Nothing was asked of it that the next run would have to undo.
     as_new: bool,
@@ -191,8 +190,8 @@ impl Processor for Kept {
 
     #[expect(unsafe_code, reason = "the emulator hands its memory over by address")]
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
-        // SAFETY: what the caller promises is handed on. On the shelf a core runs nothing; before the first
-        // instruction of its next run all of the board's memory is mapped anew.
+        // SAFETY: the caller's promise is handed on. On the shelf a core runs nothing. Before the first instruction of its
+        // next run all of the board's memory is mapped again.
         unsafe { self.processor_mut().map(start, length, host, writable) }
     }
 

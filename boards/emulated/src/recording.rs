@@ -268,9 +268,9 @@ pub struct OnChip {
     inputs: u64,
     outputs: u64,
     pending: u64,
-    /// First instructions of a step and of what comes after it,
+    /// First instructions of a step, and of the code after the step.
     step: (u64, u64),
-    /// and of a sample.
+    /// First instructions of a sample, and of the code after the sample.
     sample: (u64, u64),
 }
 

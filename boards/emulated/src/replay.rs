@@ -79,8 +79,8 @@ const LOG_S: f64 = 1.0;
 /// The chip is up then, and its host has set up the motors.
 const READY_S: f64 = 0.5;
 
-/// The same with set-points that a line can carry: none before the hub is ready, and each half a control
-/// period late, so that it is there before the next tick.
+/// Changes a scenario for a host link: no set-point comes before the hub is ready, and each set-point comes half a control
+/// period late. A set-point then arrives before the next tick.
 #[must_use]
 pub fn on_a_line(mut scenario: Scenario) -> Scenario {
     let half_s = 0.5e-3 * f64::from(scenario.period.as_millis());

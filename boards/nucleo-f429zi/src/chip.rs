@@ -2,11 +2,17 @@
 
 use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
-use motor_hub_stm32::{record, stack, supply};
+use motor_hub_stm32::{record, stack, start, supply};
 
 /// 2.93 V falling, 2.85 V at the least (DS9405 table 22): at 168 MHz with 5 wait states the flash needs 2.7 V
 /// (RM0090 table 12).
 const PVD_LEVEL: u8 = 0b110;
+
+/// Lights the red lamp, PB14, and starts the watchdog.
+pub(crate) fn before_clocks() {
+    pac::RCC.ahb1enr().modify(|w| w.set_gpioben(true));
+    start::before_clocks(pac::IWDG, pac::GPIOB, 14);
+}
 
 /// 168 MHz from the chip's own 16 MHz oscillator, which nothing outside the chip can stop. The ST-LINK's 8 MHz on OSC_IN stop
 /// with its USB. The README has the oscillator's accuracy. Timers on APB2 run at 168 MHz too.
@@ -78,7 +84,7 @@ pub(crate) fn watch_supply() {
 }
 
 /// False on chips whose second bank may be read wrongly, depending on the level of PA12, which is USB's here: those before
-/// revision 3 (ES0206, erratum 2.2.11). The HAL panics there.
+/// revision 3 (ES0206 rev 24, erratum 2.2.14). The HAL panics there.
 pub(crate) fn reads_second_bank() -> bool {
     const REVISION_3: u16 = 0x2001;
     pac::DBGMCU.idcode().read().rev_id() >= REVISION_3

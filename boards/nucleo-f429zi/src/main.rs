@@ -65,6 +65,7 @@ fn PVD() {
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
+    chip::before_clocks();
     let p = embassy_stm32::init(chip::clocks());
     chip::set_up();
     status::started("nucleo-f429zi");

@@ -2,11 +2,17 @@
 
 use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
-use motor_hub_stm32::{record, stack, supply};
+use motor_hub_stm32::{record, stack, start, supply};
 
 /// About 2.9 V falling (DS12288, embedded reset and power control block): the chip runs on to 1.71 V, but not what hangs
 /// on its pins.
 const PVD_LEVEL: u8 = 0b110;
+
+/// Lights the red lamp, PC10, and starts the watchdog.
+pub(crate) fn before_clocks() {
+    pac::RCC.ahb2enr().modify(|w| w.set_gpiocen(true));
+    start::before_clocks(pac::IWDG, pac::GPIOC, 10);
+}
 
 /// 170 MHz from the chip's own 16 MHz oscillator, so that nothing outside the chip can stop it. All timers run at that.
 pub(crate) fn clocks() -> embassy_stm32::Config {

@@ -27,9 +27,13 @@ impl Kind for H7 {
     /// 165 010 cycles of a calibration with linearity (DS12110, ADC characteristics) take 10.3 ms. This is twice as long.
     const CALIBRATION_MS: u32 = 25;
 
+    /// Sets the current that the converter needs for its clock: half of 32 MHz, or 32 MHz up to revision Y. That revision
+    /// has one bit of BOOST, for more than 20 MHz.
     fn prepare_calibration(converter: Adc) {
+        const REVISION_Y: u16 = 0x1003;
+        let halves = pac::DBGMCU.idc().read().rev_id() > REVISION_Y;
         converter.cr().modify(|w| {
-            w.set_boost(Boost::LT25);
+            w.set_boost(if halves { Boost::LT25 } else { Boost::LT12_5 });
             w.set_adcallin(true);
         });
     }

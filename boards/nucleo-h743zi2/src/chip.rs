@@ -3,7 +3,7 @@
 use boot_h743zi2::execute_first_bank_only;
 use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
-use motor_hub_stm32::{record, stack, supply};
+use motor_hub_stm32::{record, stack, start, supply};
 
 /// 2.86 V rising, 2.76 V falling (DS12110 table 116): the chip itself runs on to 1.62 V, but not what
 /// hangs on its pins.
@@ -11,6 +11,12 @@ const PVD_LEVEL: u8 = 0b110;
 
 /// Divisor of HSI before all PLLs, which multiply 8 MHz.
 const PREDIV: rcc::PllPreDiv = rcc::PllPreDiv::DIV8;
+
+/// Lights the red lamp, PB14, and starts the watchdog.
+pub(crate) fn before_clocks() {
+    pac::RCC.ahb4enr().modify(|w| w.set_gpioben(true));
+    start::before_clocks(pac::IWDG1, pac::GPIOB, 14);
+}
 
 /// 400 MHz from the chip's own 64 MHz oscillator, which nothing outside the chip can stop. The ST-LINK's 8 MHz on OSC_IN stop
 /// with its USB. The README has the oscillator's accuracy. Buses run at 200 and 100 MHz, all timers at 200 MHz.

@@ -95,6 +95,7 @@ fn PVD_AVD() {
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
+    chip::before_clocks();
     let p = embassy_stm32::init(chip::clocks());
     chip::set_up();
     status::started("nucleo-h743zi2");

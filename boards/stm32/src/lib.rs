@@ -17,6 +17,7 @@
 //! | [`record`] | memory that a reset does not clear, and the cause of the reset |
 //! | [`stack`] | a guard at the stack's end |
 //! | [`demo`] | motors that turn while a button is held |
+//! | [`start`] | what comes before the clocks: a lamp and the watchdog |
 //! | [`status`] | the log |
 #![no_std]
 
@@ -32,6 +33,7 @@ pub mod pins;
 pub mod record;
 pub mod serial;
 pub mod stack;
+pub mod start;
 pub mod status;
 pub mod supply;
 #[cfg(feature = "two-converters")]

@@ -22,7 +22,7 @@ pub async fn run<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> ! {
         let newest = wires.record.lock(|record| record.try_borrow().ok()?.as_ref()?.heads().next());
         if let Some(head) = newest.filter(|head| last != Some((head.number, head.times))) {
             last = Some((head.number, head.times));
-            // docs/reference/fault-numbers.md has a section for each number.
+            // Each number has a section in docs/reference/fault-numbers.md.
             let (number, run) = (head.fault.number(), head.run);
             warn!(
                 "on record: fault {=u8} in run {=u16} after {=u32} ms, motor {}",

@@ -67,13 +67,13 @@ fn setpoint(words: &[AtomicU32], at: usize) -> Setpoint {
 /// The kind of an input that is a sample between two ticks.
 const SAMPLE: u32 = 4;
 
-/// A sample is counted from here, its first instruction,
+/// The count of a sample begins at the first instruction of this function.
 #[inline(never)]
 fn sample_motor(motor: &mut Motor, reading: Reading) {
     motor.sample(reading);
 }
 
-/// to here.
+/// The count of a sample ends at the first instruction of this function.
 #[inline(never)]
 fn sampled() {
     core::hint::black_box(());

@@ -125,6 +125,18 @@ impl Bench {
         self.at_stop(move |_, session, _| session.board_mut().chip.set_dead(dead));
     }
 
+    /// Another revision of an STM32H743, by its REV_ID. It is V otherwise.
+    pub fn set_revision(&mut self, revision: u16) {
+        self.at_stop(move |surroundings, session, _| {
+            session.board_mut().chip.set_revision(VirtualNanos(surroundings.now), revision);
+        });
+    }
+
+    /// The chip's power controller says nothing, as a broken regulator would, so the clocks never start; or it works again.
+    pub fn kill_power(&mut self, dead: bool) {
+        self.at_stop(move |_, session, _| session.board_mut().chip.set_power_dead(dead));
+    }
+
     /// The core's next access to this range fails with a bus error.
     pub fn fail_next_access(&mut self, addresses: std::ops::Range<u64>) {
         self.at_stop(move |_, session, _| session.fail_next(addresses.start, addresses.end));

@@ -59,7 +59,7 @@ impl Bench {
 
     /// The same for every instruction of the program.
     pub fn watch_all(&mut self) {
-        // Every even address might be one; one that is not is never arrived at.
+        // Every even address might be an instruction. The core arrives at instructions only.
         let code = self.symbols().iter().filter(|s| (0x0800_0000..0x0810_0000).contains(&s.address));
         let all = code.flat_map(|s| (s.address..s.address + s.size).step_by(2)).collect();
         self.watch(all);

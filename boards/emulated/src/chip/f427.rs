@@ -70,6 +70,9 @@ pub(super) struct Chip {
     plain_timer: Remembers<Tim1>,
     plain_converter: Remembers<adc1::Register>,
     plain_exti: Remembers<exti::Register>,
+    power_dead: bool,
+    plain_power: Remembers<pwr::Register>,
+    power_slot: usize,
     timer_slot: usize,
     converter_slot: usize,
     exti_slot: usize,
@@ -89,6 +92,7 @@ impl Chip {
         }
         let [timer_slot, converter_slot, exti_slot] =
             [part.bus().slot("TIM1")?, part.bus().slot("ADC1")?, part.bus().slot("EXTI")?];
+        let power_slot = part.bus().slot("PWR")?;
         let mut port_slots = [0; wiring::PORTS.len()];
         for (slot, name) in port_slots.iter_mut().zip(wiring::PORTS) {
             *slot = part.bus().slot(name)?;
@@ -102,6 +106,9 @@ impl Chip {
             plain_timer: Remembers::default(),
             plain_converter: Remembers::default(),
             plain_exti: Remembers::default(),
+            power_dead: false,
+            plain_power: Remembers::default(),
+            power_slot,
             timer_slot,
             converter_slot,
             exti_slot,
@@ -144,6 +151,8 @@ impl Mcu for Chip {
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
         if slot == self.timer_slot && self.pwm == Pwm::Registers {
             (self.part.bus_mut(), Some(&mut self.plain_timer))
+        } else if slot == self.power_slot && self.power_dead {
+            (self.part.bus_mut(), Some(&mut self.plain_power))
         } else if slot == self.converter_slot && self.adc_dead {
             (self.part.bus_mut(), Some(&mut self.plain_converter))
         } else if slot == self.converter_slot {
@@ -220,6 +229,12 @@ impl Part for Chip {
 
     fn set_dead(&mut self, dead: bool) {
         self.adc_dead = dead;
+    }
+
+    fn set_revision(&mut self, _: VirtualNanos, _: u16) {}
+
+    fn set_power_dead(&mut self, dead: bool) {
+        self.power_dead = dead;
     }
 
     fn drive_encoder(&mut self, at: VirtualNanos, motor: usize, channel: Channel, level: Level) {

@@ -17,6 +17,7 @@ use rigless::soc::st::gpio::Pin;
 use rigless::soc::st::tim::{Channel, Tim};
 use rigless::soc::stm32h743::Stm32h743;
 // All ports have the registers of port A.
+use rigless::soc::stm32h743::generated::dbgmcu;
 use rigless::soc::stm32h743::generated::gpioa::Register as Gpio;
 use rigless::soc::stm32h743::generated::pwr::{self, csr1};
 use rigless::soc::stm32h743::generated::tim1::Register as Tim1;
@@ -53,6 +54,9 @@ const VECTOR_TABLE: u32 = 0x0800_0000;
 /// A Cortex-M7 r1p1 (ES0392 2.1; PM0253 table 52).
 const CPUID: u32 = 0x411F_C271;
 
+/// DEV_ID of an STM32H743 (RM0433 60.5.8).
+const DEVICE: u64 = 0x450;
+
 /// 16 kB each for instructions and data (PM0253 tables 77 and 81). The emulator knows their registers and caches
 /// nothing.
 const CACHES: Caches = Caches { clidr: 0x0900_0003, ctr: 0x8303_C003, ccsidr: &[0xF00F_E019, 0xF01F_E009] };
@@ -75,6 +79,10 @@ pub(super) struct Chip {
     flash: Interface,
     /// ADC2.
     currents: Late,
+    identity_slot: usize,
+    power_dead: bool,
+    plain_power: Remembers<pwr::Register>,
+    power_slot: usize,
     timer_slot: usize,
     watchdog_slot: usize,
     converter_slot: usize,
@@ -108,6 +116,7 @@ impl Chip {
                 wiring::Counter::Advanced(nth) => ADVANCED_TIMERS[nth].instance,
             })?;
         }
+        let [power_slot, identity_slot] = [part.bus().slot("PWR")?, part.bus().slot("DBGMCU")?];
         let mut port_slots = [0; wiring::PORTS.len()];
         for (slot, name) in port_slots.iter_mut().zip(wiring::PORTS) {
             *slot = part.bus().slot(name)?;
@@ -120,6 +129,10 @@ impl Chip {
             converter,
             flash: Interface::new(faults),
             currents,
+            identity_slot,
+            power_dead: false,
+            plain_power: Remembers::default(),
+            power_slot,
             timer_slot,
             watchdog_slot,
             converter_slot,
@@ -157,6 +170,8 @@ impl Mcu for Chip {
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
         if slot == self.timer_slot && self.pwm == Pwm::Registers {
             (self.part.bus_mut(), Some(&mut self.plain_timer))
+        } else if slot == self.power_slot && self.power_dead {
+            (self.part.bus_mut(), Some(&mut self.plain_power))
         } else if slot == self.converter_slot {
             (self.part.bus_mut(), Some(&mut self.converter))
         } else if slot == self.flash_slot {
@@ -251,6 +266,15 @@ impl Part for Chip {
 
     fn set_dead(&mut self, dead: bool) {
         self.converter.dead = dead;
+    }
+
+    fn set_revision(&mut self, at: VirtualNanos, revision: u16) {
+        let (registers, _) = self.part.bus_mut().drive(at, self.identity_slot);
+        registers.set(dbgmcu::Register::Idc, u64::from(revision) << 16 | DEVICE);
+    }
+
+    fn set_power_dead(&mut self, dead: bool) {
+        self.power_dead = dead;
     }
 
     fn drive_encoder(&mut self, at: VirtualNanos, motor: usize, channel: Channel, level: Level) {

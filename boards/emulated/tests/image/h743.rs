@@ -1,9 +1,9 @@
 //! The other board: what of all these tests is worth most on it, each time `cargo test` runs. `cargo xtask test
 //! nucleo-h743zi2` runs all of them there.
 
-use crate::common::{am60, booted, log, on};
+use crate::common::{am60, booted, log, ms, on, setup};
 use crate::{boot, currents, faults, link, matrix, record, running, stack, supply};
-use emulated::Board;
+use emulated::{Bench, Board};
 
 /// Bits `high..=low` of a word.
 fn bits(word: u32, high: u32, low: u32) -> u32 {
@@ -37,6 +37,7 @@ on_h743!(
     #[ignore = "long: cargo xtask test nucleo-f429zi"]
     supply::a_battery_that_breaks_down_is_seen_at_once,
     supply::a_halted_core_leaves_no_pwm_on,
+    supply::clocks_that_never_start_leave_the_red_lamp_on_and_the_watchdog_tries_again,
     supply::encoder_inputs_are_filtered,
     #[ignore = "long: cargo xtask test nucleo-f429zi"]
     record::a_bus_error_is_a_hard_fault_on_record_with_the_place_in_the_code,
@@ -112,4 +113,21 @@ fn flash_has_its_wait_states_and_data_are_where_no_cache_is() {
     let ram = Board::NucleoH743zi2.ram();
     let statics: Vec<_> = bench.symbols().iter().filter(|s| s.address >= ram.start).cloned().collect();
     assert!(statics.len() > 5 && statics.iter().all(|s| ram.contains(&s.address)), "{statics:?}");
+}
+
+/// Revision Y has one bit for the current of a converter, and does not halve the converter's clock of 32 MHz (ES0392).
+#[test]
+fn converters_have_the_current_that_their_clock_needs_on_each_revision() {
+    for (revision, boost) in [(0x2003, 0b10), (0x1003, 0b01)] {
+        let mut bench = on(Board::NucleoH743zi2, || Bench::new(setup(vec![am60()])));
+        bench.set_revision(revision);
+        bench.run(ms(20));
+        for control in [0x4002_2008, 0x4002_2108, 0x5802_6008] {
+            assert_eq!(
+                bits(bench.register(control), 9, 8),
+                boost,
+                "revision {revision:#x}, CR at {control:#x}"
+            );
+        }
+    }
 }

@@ -1,5 +1,5 @@
-//! Settings that outlast power, in the emulated flash. That of the H743 can be written and erased; the emulated F427's
-//! flash drops stores silently, which the hub must report.
+//! Settings that outlast power, in the emulated flash. The flash of the H743 can be written and erased. The flash of the F427
+//! drops stores silently, which the hub must report.
 
 use std::convert::Infallible;
 use std::time::Duration;

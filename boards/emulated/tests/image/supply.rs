@@ -251,3 +251,25 @@ fn a_log_that_nobody_ever_reads_stops_nothing() {
     bench.run(ms(1500));
     runs_on_unread(&mut bench);
 }
+
+/// The HAL waits for the over-drive (F429), or for the voltage scaling (H743), without a limit.
+#[test]
+pub(crate) fn clocks_that_never_start_leave_the_red_lamp_on_and_the_watchdog_tries_again() {
+    let mut bench = Bench::new(setup(vec![am60()]));
+    bench.kill_power(true);
+    bench.run(ms(1_700));
+    let causes: Vec<String> = bench.resets().into_iter().map(|reset| reset.cause).collect();
+    assert!(causes.len() >= 2, "the watchdog has reset the chip {} times", causes.len());
+    assert!(log(&mut bench).is_empty(), "no clock, and yet the hub runs");
+    // MODER and ODR of GPIOB: PB14 is the red lamp.
+    let port_b = match board() {
+        Board::NucleoF429zi => 0x4002_0400,
+        Board::NucleoH743zi2 => 0x5802_0400,
+    };
+    let [modes, outputs] = [port_b, port_b + 0x14].map(|at| bench.register(at));
+    assert_eq!((modes >> 28 & 3, outputs >> 14 & 1), (1, 1), "the red lamp is driven high");
+    assert!(bench.lines(0).open());
+    bench.kill_power(false);
+    bench.run(ms(800));
+    assert!(log(&mut bench).contains("motor-hub"), "the clocks start again, and the hub does too");
+}

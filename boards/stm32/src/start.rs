@@ -1,0 +1,16 @@
+//! What comes before the clocks.
+
+use embassy_stm32::pac::gpio::{Gpio, vals::Moder};
+use embassy_stm32::pac::iwdg::{Iwdg, vals::Key};
+
+/// Lights the lamp on this pin, whose port has its clock, and starts the watchdog. To be called before the HAL's
+/// initialisation.
+///
+/// The HAL waits without a limit for regulators and oscillators. If one never becomes ready, the watchdog resets the chip
+/// every 0.5 s (its period after a reset, 4096 ticks of LSI / 4), and the lamp stays on. Otherwise the lamp goes off within
+/// milliseconds, when the hub takes its pin.
+pub fn before_clocks(watchdog: Iwdg, port: Gpio, lamp: usize) {
+    port.bsrr().write(|w| w.set_bs(lamp, true));
+    port.moder().modify(|w| w.set_moder(lamp, Moder::OUTPUT));
+    watchdog.kr().write(|w| w.set_key(Key::START));
+}
