@@ -49,16 +49,19 @@ pub const fn explanation(fault: Fault) -> Explanation {
                       due.",
             hub: "opens that motor's bridge, or brakes the motor if it is set to brake, until it is disabled. Constant \
                       power goes on.",
-            look_at: "the encoder's plug and its supply. Check A and B at the board's pins while you turn the shaft by \
-                      hand: `client watch` shows the position. In the recorded ticks the position stops while the control \
-                      value goes on. A motor without power does not count either: check its leads and the bridge's fuse.",
+            look_at: "the shaft first: something may hold it. Then turn the shaft by hand, with the motor disabled: \
+                      `client watch` shows the position. If the position stays, check the encoder's plug, its supply, \
+                      and A and B at the board's pins. If the position follows the hand, the shaft was held, or the \
+                      motor had no power: check its leads and the bridge's fuse. In the recorded ticks the position \
+                      stops while the control value goes on.",
         },
         Fault::EncoderReversed => Explanation {
             means: "The counts went against the direction in which the motor was driven.",
             hub: "opens that motor's bridge, or brakes the motor if it is set to brake, until it is disabled. Constant \
                       power goes on.",
-            look_at: "A and B, and the motor's two leads: exchange one of the pairs. At positive power the position must \
-                      rise. A load that pulls harder than the motor also turns it backwards.",
+            look_at: "the load first: a load beyond the motor's stall torque turns the motor backwards. Then check the \
+                      wiring without a load: at positive power the position must rise. If the position falls, either A \
+                      and B or the motor's two leads are swapped: exchange one of the pairs.",
         },
         Fault::Overheated => Explanation {
             means: "By its current and its configured limit the winding got too hot, though the current was limited.",
