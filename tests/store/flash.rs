@@ -51,10 +51,27 @@ impl NorFlashError for NoPower {
     }
 }
 
+/// The error-correcting code of each word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Code {
+    /// The chip has no codes, as an F429.
+    None,
+    /// The code of a word that power has cut, or that was written twice, fits no word. The board reads zeros (H743).
+    Detects,
+    /// As `Detects`, but half of the words that power has cut still read as blank. Their codes have been programmed: after
+    /// another write the code turns a bit of the word.
+    Corrects,
+}
+
 /// Two pages.
 #[derive(Clone)]
 pub(crate) struct Flash<const WORD: usize, const PAGE: usize> {
     pub(crate) bytes: Vec<u8>,
+    pub(crate) code: Code,
+    /// Words whose code does not fit.
+    torn: Vec<bool>,
+    /// Words that read as blank, but whose code has been programmed.
+    programmed: Vec<bool>,
     /// Words written and pages erased so far.
     pub(crate) steps: usize,
     pub(crate) erased: usize,
@@ -68,7 +85,13 @@ impl<const WORD: usize, const PAGE: usize> Flash<WORD, PAGE> {
     }
 
     pub(crate) fn with(bytes: Vec<u8>) -> Self {
-        Self { bytes, steps: 0, erased: 0, cut: None }
+        let torn = vec![false; bytes.len() / WORD];
+        Self { bytes, code: Code::None, programmed: torn.clone(), torn, steps: 0, erased: 0, cut: None }
+    }
+
+    /// The same content after the next power-on.
+    pub(crate) fn powered_on(&self) -> Self {
+        Self { steps: 0, erased: 0, cut: None, ..self.clone() }
     }
 
     /// True if power goes now.
@@ -94,7 +117,9 @@ impl<const WORD: usize, const PAGE: usize> ReadNorFlash for &mut Flash<WORD, PAG
         if self.cut.is_some_and(|(at, ..)| self.steps > at) {
             return Err(NoPower);
         }
-        bytes.copy_from_slice(&self.bytes[offset as usize..][..bytes.len()]);
+        for (byte, at) in bytes.iter_mut().zip(offset as usize..) {
+            *byte = if self.torn[at / WORD] { 0 } else { self.bytes[at] };
+        }
         Ok(())
     }
 
@@ -112,11 +137,21 @@ impl<const WORD: usize, const PAGE: usize> NorFlash for &mut Flash<WORD, PAGE> {
         self.erased += 1;
         let cut = self.step()?;
         let page = &mut self.bytes[from as usize..to as usize];
+        let torn = &mut self.torn[from as usize / WORD..to as usize / WORD];
         let Some((tear, mut lots)) = cut else {
             page.fill(0xFF);
+            torn.fill(false);
+            self.programmed[from as usize / WORD..to as usize / WORD].fill(false);
             return Ok(());
         };
         let half = page.len() / 2;
+        let codes = self.code != Code::None;
+        match tear {
+            Tear::Before => (),
+            Tear::Bits => torn.fill(codes),
+            Tear::Half => torn[..half / WORD].fill(false),
+            Tear::Ends => torn[1..PAGE / WORD - 1].fill(codes),
+        }
         match tear {
             Tear::Before => (),
             Tear::Bits => page.iter_mut().for_each(|byte| *byte |= lots.byte()),
@@ -134,14 +169,26 @@ impl<const WORD: usize, const PAGE: usize> NorFlash for &mut Flash<WORD, PAGE> {
         // A word of a flash with error correction is written once. A page's mark is always the same word: where power has
         // cut it, writing it again is what completes it.
         let mark = bytes.iter().all(|byte| *byte == 0);
-        assert!(mark || word.iter().all(|byte| *byte == 0xFF), "written again at {offset}");
+        let torn = &mut self.torn[offset as usize / WORD..][..bytes.len() / WORD];
+        let blank = word.iter().all(|byte| *byte == 0xFF) && !torn.contains(&true);
+        assert!(mark || blank, "written again at {offset}");
         match cut {
             None => word.copy_from_slice(bytes),
             Some((Tear::Before, _)) => return Err(NoPower),
             Some((_, mut lots)) => {
+                if self.code == Code::Corrects && blank && lots.byte() < 128 {
+                    self.programmed[offset as usize / WORD] = true;
+                    return Err(NoPower);
+                }
                 word.iter_mut().zip(bytes).for_each(|(old, new)| *old &= new | lots.byte());
+                torn.fill(self.code != Code::None);
                 return Err(NoPower);
             }
+        }
+        if let Some(at) = (0..torn.len()).find(|word| self.programmed[offset as usize / WORD + word]) {
+            word[at * WORD + WORD / 2] ^= 1;
+            // The driver reads the word back.
+            return Err(NoPower);
         }
         Ok(())
     }

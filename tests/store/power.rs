@@ -1,6 +1,6 @@
 //! Power goes before, in and after every single write.
 
-use crate::flash::{Flash, Lots, Tear, read, write};
+use crate::flash::{Code, Flash, Lots, Tear, read, write};
 use motor_hub::store::{Outcome, SettingsRecord, Stored};
 
 /// Random entries with this number of bytes in total at most.
@@ -23,6 +23,8 @@ struct Tally {
     erasures: usize,
     cuts: usize,
     second_cuts: usize,
+    /// Saves that failed because a word was written twice.
+    failed: usize,
 }
 
 /// What must hold when power comes back: old value or new, and the next save is as good as any.
@@ -31,7 +33,7 @@ fn survives<const WORD: usize, const PAGE: usize>(
     (old, new): (&SettingsRecord, &SettingsRecord),
     what: &dyn Fn() -> String,
 ) -> (Flash<WORD, PAGE>, SettingsRecord) {
-    let mut flash = Flash::with(flash.bytes.clone());
+    let mut flash = flash.powered_on();
     let found = read(&mut flash);
     assert!(found.record == *old || found.record == *new, "{}: {found:?}", what());
     (flash, found.record)
@@ -41,15 +43,17 @@ fn survives<const WORD: usize, const PAGE: usize>(
 fn history<const WORD: usize, const PAGE: usize>(
     saves: u32,
     longest: usize,
+    code: Code,
     which: impl Fn(&mut Lots, usize, bool) -> Vec<usize>,
 ) -> Tally {
     let mut lots = Lots(20_261_122);
     let mut tally = Tally::default();
     let mut flash = Flash::<WORD, PAGE>::new();
+    flash.code = code;
     let mut old = SettingsRecord::new(0);
     for number in 1..=saves {
         let new = record(number, &mut lots, longest);
-        let before = flash.bytes.clone();
+        let before = flash.clone();
         (flash.steps, flash.erased) = (0, 0);
         let done = write(&mut flash, &new, true);
         assert_eq!(done.outcome, Outcome::Done, "save {number}");
@@ -66,7 +70,7 @@ fn history<const WORD: usize, const PAGE: usize>(
                 }
                 let seed = lots.next();
                 let what = || format!("save {number}, step {at} {tear:?} {seed:#x}");
-                let mut cut = Flash::<WORD, PAGE>::with(before.clone());
+                let mut cut = before.powered_on();
                 cut.cut = Some((at, tear, seed));
                 write(&mut cut, &new, true);
                 let (mut again, held) = survives(&cut, (&old, &new), &what);
@@ -75,10 +79,16 @@ fn history<const WORD: usize, const PAGE: usize>(
                     continue;
                 }
                 // On it goes, and may be cut once more.
-                let after = Flash::<WORD, PAGE>::with(again.bytes.clone());
+                let after = again.powered_on();
                 let next = record(number + 1, &mut lots, longest);
                 again.steps = 0;
-                let done = write(&mut again, &next, true);
+                let mut done = write(&mut again, &next, true);
+                if code == Code::Corrects && done.outcome != Outcome::Done {
+                    // A word does not read back, as the driver reports. Settings are there, and the next save is whole.
+                    survives(&again, (&held, &next), &what);
+                    tally.failed += 1;
+                    done = write(&mut again, &next, true);
+                }
                 assert_eq!(
                     (done.outcome, done.found.map(|found| found.record)),
                     (Outcome::Done, Some(next.clone())),
@@ -118,31 +128,34 @@ const H743: (usize, usize) = (32, 128 * 1024);
 
 #[test]
 fn a_hundred_saves_on_either_board_leave_the_old_value_or_the_new() {
-    let tally = history::<{ F429.0 }, { F429.1 }>(100, 300, some);
+    let tally = history::<{ F429.0 }, { F429.1 }>(100, 300, Code::None, some);
     assert!(tally.erasures >= 2 && tally.cuts > 300 && tally.second_cuts > 100, "{tally:?}");
-    let tally = history::<{ H743.0 }, { H743.1 }>(100, 500, some);
+    let tally = history::<{ H743.0 }, { H743.1 }>(100, 500, Code::Detects, some);
     assert!(tally.cuts > 150, "{tally:?}");
 }
 
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn a_thousand_saves_on_the_f429_leave_the_old_value_or_the_new() {
-    let tally = history::<{ F429.0 }, { F429.1 }>(1_000, 300, some);
+    let tally = history::<{ F429.0 }, { F429.1 }>(1_000, 300, Code::None, some);
     assert!(tally.erasures >= 20 && tally.cuts > 5_000 && tally.second_cuts > 2_000, "{tally:?}");
 }
 
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn a_thousand_saves_on_the_h743_leave_the_old_value_or_the_new() {
-    let tally = history::<{ H743.0 }, { H743.1 }>(1_000, 500, some);
+    let tally = history::<{ H743.0 }, { H743.1 }>(1_000, 500, Code::Detects, some);
     assert!(tally.erasures >= 3 && tally.cuts > 2_000 && tally.second_cuts > 100, "{tally:?}");
 }
 
 #[test]
 fn every_word_of_many_small_saves_may_be_the_last() {
     // Pages as small as that are erased every few saves.
-    let tally = history::<4, 1024>(500, 70, every);
+    let tally = history::<4, 1024>(500, 70, Code::None, every);
     assert!(tally.erasures >= 50 && tally.cuts > 20_000 && tally.second_cuts > 5_000, "{tally:?}");
-    let tally = history::<32, 4096>(500, 200, every);
-    assert!(tally.erasures >= 30 && tally.cuts > 8_000 && tally.second_cuts > 2_000, "{tally:?}");
+    for code in [Code::Detects, Code::Corrects] {
+        let tally = history::<32, 4096>(500, 200, code, every);
+        assert!(tally.erasures >= 30 && tally.cuts > 8_000 && tally.second_cuts > 2_000, "{tally:?}");
+        assert_eq!(tally.failed > 0, code == Code::Corrects, "{tally:?}");
+    }
 }
