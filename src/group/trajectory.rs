@@ -10,9 +10,9 @@
 //!   the share 0. `length` is the magnitude of the largest share.
 //! * *Progress* is the distance that the member with the largest share has moved along the trajectory. The code stores
 //!   progress, base, start offset and drift in steps of 2^-16 counts.
-//! * *Drift* is old motion that the new trajectory cannot continue, because its direction is another or because it is
-//!   too fast to stop at the end. It is braked to 0 while the progress along the new trajectory begins. `drift[i]` is
-//!   the distance that is left of it. The new trajectory starts at the positions where the drift ends.
+//! * *Drift* is motion from before a trajectory that the trajectory cannot continue: in another direction, or too fast
+//!   to stop at the end. The drift is braked to 0 while the progress begins. `drift[i]` is the distance that member i
+//!   will still drift. The line of the trajectory starts at the positions where the drift ends.
 //!
 //! Progress and positions are integers, so the references of all members fit together to within one count. A trajectory
 //! without end consists of *rounds*. At the end of a round the base moves by the shares, and the progress starts again

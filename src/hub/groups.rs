@@ -1,13 +1,14 @@
 //! Manages the groups of a hub. A *group* is a set of motors that move synchronously, see [`crate::group`].
 //!
 //! ```text
-//!        lead              all readings fresh           member lost with Halt::Coast, or no member left
-//! none ------> Waiting ------------------------> Moving -----------------------------------------------> none
+//!        lead              all readings fresh             no member left, or halt by coasting
+//! none ------> Waiting ------------------------> Moving ------------------------------------> none
 //!                 |  a member leaves
 //!                 '-------------------> none
 //! ```
 //!
-//! A group stays `Moving` after the end of its course, and holds the positions of its members.
+//! The members halt by coasting when a member is disabled, or when a member is lost and the group's setting is
+//! [`Halt::Coast`]. A group stays `Moving` after the end of its course, and holds the positions of its members.
 
 use super::Inputs;
 use crate::group::{Group, GroupCommand, Halt, MOTORS};
