@@ -39,13 +39,15 @@ pub trait Encoders<const N: usize> {
 /// The ADC that measures the battery.
 #[allow(async_fn_in_trait, reason = "tasks of one thread: no bound on the future is needed")]
 pub trait SupplyAdc {
-    /// Measures the battery's voltage. `None` if the converter does not answer, or if its reference is invalid.
+    /// Measures the battery's voltage. `None` if the converter does not answer, if its reference is invalid, or if the
+    /// voltage is above 65.535 V.
     ///
     /// The voltage is not checked for plausibility. [`crate::supply::VrefintScale`] can convert readings to millivolts. Must
     /// return within a few milliseconds.
     async fn sample(&mut self) -> Option<Millivolts>;
 
-    /// Waits until the battery's voltage has left the range `quiet`, and returns at most a millisecond later.
+    /// Waits until the battery's voltage leaves the range `quiet`. Returns at most a millisecond after the voltage has
+    /// left the range.
     ///
     /// May also return while the voltage is in the range, if it differs from a limit by less than the converter's resolution.
     /// The analog watchdog of an ADC can watch the range without the processor. The future may be dropped at any time.

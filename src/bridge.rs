@@ -135,7 +135,8 @@ impl Drive {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BridgeFeedback {
-    /// Mean current by the current-sense line, positive; `None` without a current-sense line.
+    /// Mean current by the current-sense line, positive. `None` without a current-sense line, or if the converter did
+    /// not answer.
     pub current: Option<Milliamperes>,
     /// True if the bridge has switched itself off.
     pub fault: bool,
@@ -161,7 +162,7 @@ impl SenseScale {
     /// Scale of the usual VNH5019A-E carrier boards with a 3.3 V converter: about 140 mV/A.
     ///
     /// The chip divides the motor's current by about 7000 into 1 kohm. This ratio is 4670 to 10 110 at 3 A, and 6060 to
-    /// 8330 at 8 A (Doc ID 15701, table 9). The ratio's spread is larger than the tolerance of the 3.3 V supply.
+    /// 8330 at 8 A (Doc ID 15701, table 9). So the accuracy depends on the ratio, and hardly on the 3.3 V supply.
     pub const VNH5019_CARRIER: Self = Self { full_scale_ma: 3_300 * 1_000 / 140 };
 
     /// Creates a scale from the converter's reference voltage and the line's sensitivity in mV/A.
@@ -208,14 +209,16 @@ impl Timing {
 
     /// Timing of a VNH5019A-E, which is assumed to switch like a VNH2SP30-E.
     ///
-    /// The data sheet of the VNH2SP30-E (DocID10832) gives these typical values at 13 V:
+    /// The data sheet of the VNH2SP30-E (DocID10832) gives these values at 13 V, which are typical where no other limit
+    /// is named:
     ///
     /// * An output falls within 1.2 us (at most 2.4) of a rising PWM line, and rises within 1 us (at most 1.6) of a
     ///   falling PWM line.
     /// * A change of mode takes 600 us (300 to 1800).
-    /// * The bridge may take a low time of less than 6 us for a short circuit, and then reports a fault.
+    /// * The bridge may mistake a low time of less than 6 us for a short circuit, and then reports a fault.
     ///
-    /// The data sheet gives no shortest high time. The value of 2.4 us lets the slowest output finish switching.
+    /// The data sheet gives no shortest high time. The value of 2.4 us is the longest time that an output takes to
+    /// switch.
     pub const VNH5019: Self = Self {
         least_off_ns: 6_000,
         least_on_ns: 2_400,

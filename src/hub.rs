@@ -54,10 +54,10 @@ pub enum Action {
     Set(Setpoint),
     /// Replaces all settings.
     Configure(Settings),
-    /// Moves a group. The command's motor is any member of the group.
+    /// Moves a group. [`Command::motor`] is any member of the group.
     ///
-    /// A member of another group leaves that group. If a group with exactly these members exists, the group changes its course
-    /// without a step in its references.
+    /// If a group with exactly these members is moving already, its references continue without a step on the new
+    /// course. Otherwise the members leave their other groups and form a new group.
     Lead(GroupCommand),
 }
 
@@ -80,7 +80,7 @@ pub struct Snapshot<const N: usize> {
     pub tick: u32,
     /// Time of the tick.
     pub at: Micros,
-    /// Number of ticks that were left out because a tick ended too late.
+    /// Number of ticks since boot that were left out because a tick ended too late.
     pub missed: u32,
     /// Number of the newest command that the snapshot includes. 0 before the first command, which has number 1. Numbers wrap
     /// from 2^32 - 1 to 0.
@@ -94,8 +94,8 @@ pub struct Snapshot<const N: usize> {
 }
 
 impl Action {
-    /// True if a motor can execute the action between two ticks. Such a *direct* action disables the motor, starts its
-    /// fail-safe, or sets constant power, and needs no regulator.
+    /// True if the action is *direct*: a motor can execute the action between two ticks, because no regulator is
+    /// needed. Direct actions disable a motor, start its fail-safe, or set constant power.
     pub const fn is_direct(&self) -> bool {
         matches!(self, Self::Set(setpoint) if setpoint.is_direct())
     }
@@ -118,12 +118,14 @@ impl<const N: usize> Snapshot<N> {
         is_included(number, self.commands)
     }
 
-    /// Returns the battery voltage if motors may be enabled. `None` if the voltage is unknown or low.
+    /// Returns the battery voltage if motors may be enabled. `None` if the voltage is unknown, low, or above
+    /// [`Levels::max`](crate::supply::Levels::max).
     pub fn good_battery(&self) -> Option<Millivolts> {
         self.battery.filter(|_| self.bus.stage == DrawStage::Full)
     }
 
-    /// True if the battery voltage is known and low. A low battery stays low until its voltage has recovered.
+    /// True if the battery voltage is known and the [stage](DrawStage) is not `Full`: the battery is low and has not
+    /// recovered, or the bus voltage is above [`Levels::max`](crate::supply::Levels::max).
     pub fn battery_low(&self) -> bool {
         self.battery.is_some() && self.bus.stage != DrawStage::Full
     }
@@ -141,8 +143,9 @@ impl<const N: usize> Snapshot<N> {
 
 /// N motors, each alone or in a group.
 ///
-/// A member leaves its group when it gets its own set-point, or when it has a fault. The other members then halt according to
-/// [`GroupCommand::halt`]. Disabling one member disables all members.
+/// A member leaves its group when it gets its own set-point, joins another group, or has a fault. The other members
+/// then halt according to [`GroupCommand::halt`]. If one member of a moving group is disabled or enters its fail-safe,
+/// all other members are disabled.
 #[derive(Clone, Debug)]
 pub struct Hub<const N: usize> {
     motors: [Motor; N],
@@ -153,9 +156,9 @@ pub struct Hub<const N: usize> {
     /// Number of the newest command that was applied.
     commands: u32,
     energy: EnergyMeter,
-    /// The [`Battery::draw`] that motors are limited to.
+    /// The newest [`Battery::draw`] that the motors were limited to.
     draw: Share,
-    /// The [`Battery::dissipate`] that motors are limited to.
+    /// The newest [`Battery::dissipate`] that the motors were limited to.
     dissipate: Share,
 }
 
@@ -204,8 +207,8 @@ impl<const N: usize> Hub<N> {
         Ok(())
     }
 
-    /// Executes the applied [direct](Action::is_direct) actions, between two ticks. Returns the commands of all bridges if one
-    /// of them has changed.
+    /// Executes the applied [direct](Action::is_direct) actions, between two ticks. Returns the commands of all bridges
+    /// if one of them has changed, otherwise `None`.
     pub fn execute_direct(&mut self, now: Micros, battery: Option<Battery>) -> Option<[Drive; N]> {
         let battery = battery.filter(|battery| battery.is_fresh(now));
         self.update_energy(now);
@@ -241,10 +244,11 @@ impl<const N: usize> Hub<N> {
         }
     }
 
-    /// Limits all motors according to a new state of the bus, between two ticks. Returns the commands of all bridges if one of
-    /// them has changed.
+    /// Limits all motors according to a new state of the bus, between two ticks. Returns the commands of all bridges if
+    /// one of them has changed, otherwise `None`.
     ///
-    /// A bus that cannot take the energy of braking motors rises within milliseconds, so this must not wait for a tick.
+    /// The voltage of a bus that cannot take the energy of braking motors rises within milliseconds. New limits
+    /// therefore must not wait for a tick.
     pub fn apply_limits(&mut self, battery: Battery) -> Option<[Drive; N]> {
         if !self.needs_limits(&battery) {
             return None;
@@ -252,7 +256,8 @@ impl<const N: usize> Hub<N> {
         self.limit_supply(&battery, battery.at).then(|| self.motors.each_ref().map(Motor::drive))
     }
 
-    /// True if the limits have changed, or if motors must dissipate energy. Bridges that dissipate get a new pulse at each call.
+    /// True if the limits have changed, or if braking motors must dissipate energy. Their bridges then need a new pulse
+    /// at each new state of the bus.
     fn needs_limits(&self, battery: &Battery) -> bool {
         (self.draw, self.dissipate) != (battery.draw, battery.dissipate) || battery.dissipate != Share::NONE
     }
@@ -261,7 +266,8 @@ impl<const N: usize> Hub<N> {
     fn limit_supply(&mut self, battery: &Battery, now: Micros) -> bool {
         (self.draw, self.dissipate) = (battery.draw, battery.dissipate);
         self.update_energy(now);
-        // Only one motor at a time may return the energy of its winding.
+        // At each state of the bus only one motor may end a short circuit, which returns the energy of the winding to
+        // the bus.
         let mut may_end_short = true;
         let limit =
             |changed, motor: &mut Motor| motor.limit_supply(now, battery, &mut may_end_short) | changed;
@@ -275,7 +281,8 @@ impl<const N: usize> Hub<N> {
 
     /// Runs one tick of all motors, and returns the state after the tick.
     ///
-    /// A motor depends on no other motor, except for the other members of its group.
+    /// A motor depends on other motors in two ways: as a member of a group, and when only one motor may end a short
+    /// circuit to dissipate energy.
     pub fn step(&mut self, inputs: &Inputs<N>) -> Snapshot<N> {
         let battery = inputs.battery.filter(|battery| battery.is_fresh(inputs.now));
         if let Some(battery) = battery.filter(|battery| self.needs_limits(battery)) {

@@ -3,18 +3,20 @@
 //! At a given speed the mean current of a bridge is not linear in the duty. While the winding's current is continuous,
 //! the relation is nearly linear, with an offset from the catch diodes. At light load the current is discontinuous: it
 //! falls to zero within each PWM period, and its mean grows with the square of the duty. This module inverts both
-//! relations in all three regimes, so that the current is continuous and linear from S to G. The offset of the diodes
-//! at the point T is included (the paper's to-do `controlReverse0`).
+//! relations in all three regimes. The mean current is then linear in the control value between neighbours of the
+//! points S, T, Z and G. In Schemes A to D the mean current has no jump at a point. The offset of the diodes at T is
+//! included (the paper's to-do `controlReverse0`).
 //!
 //! All formulas are for CW motion. Voltages are in V. `R` is the winding's resistance, `Ron` that of a closed switch,
-//! `Vd` the drop of a diode, `V` the battery voltage, `e` the back EMF. `R2 = R + 2 Ron` is the whole resistance between
-//! the battery's terminals. The target current `I` is given as the voltage `w = R2 I`, so that the equivalent DC
-//! voltage of a control value is `e + w` (paper, sections 2.1 and 3.2). `T` is the PWM period here, and `tau` the
-//! winding's time constant. The duty D for the target current is:
+//! `Vd` the drop of a diode, `V` the battery voltage, `e` the back EMF. `R2 = R + 2 Ron` is the whole resistance
+//! between the battery's terminals. The formulas contain the target current `I` as the voltage `w = R2 I`, which is
+//! positive in the direction of the regime. The equivalent DC voltage is `e + w` in forward driving, and `e - w` in
+//! braking and reverse driving (paper, sections 2.1 and 3.2). `P` is the PWM period, and `tau` the winding's time
+//! constant. The duty D for the target current is:
 //!
 //! ```text
 //! continuous:     D = (c + m w) / (a + c - k w)
-//! discontinuous:  D T / tau = x  with  m (x - h) + h (1 - ln(1 + z) / z) = m q,  q = w T / (a tau),
+//! discontinuous:  D P / tau = x  with  m (x - h) + h (1 - ln(1 + z) / z) = m q,  q = w P / (a tau),
 //!                 h = 1 - exp(-x), z = m h a / c, tau = L / R2
 //! ```
 //!
@@ -27,14 +29,14 @@
 //! | driving (9/8, 6/2) | `V - e` | `e + Vd` | `Ron / R2` |
 //! | braking (5/0) | `e` | `V + 2 Vd - e` | `2 Ron / R2` |
 //!
-//! The smaller of these two duties is right. Reverse driving (6/2) uses the row of forward driving with `-e` in place of
-//! `e`. The same equations, solved for `w`, give the current of a duty; there the larger `w` is right.
+//! The smaller of these two duties is right. Reverse driving (6/2) uses the row of forward driving with `-e` in place
+//! of `e`. Solved for `w`, these equations give the current of a duty. Then the larger `w` is right.
 //!
-//! If the [timing](crate::bridge::Timing) of a bridge is known, the duty compensates the edges of the output. For a
-//! continuous current an edge of length t acts like a step in the middle of the edge. A discontinuous current starts at
-//! zero within the edge, and therefore later: as if the step came `t (1 - a / (2 (a + c)))` after the edge's start. A
-//! duty that the timing does not permit is replaced by the nearest permitted duty. The current then has an error that
-//! no duty avoids.
+//! The duty compensates the edges of the output. Their lengths are in the [timing](crate::bridge::Timing) of the
+//! bridge, and 0 for an ideal bridge. For a continuous current an edge of length t acts like a step in the middle of
+//! the edge. A discontinuous current starts at zero within the edge, and therefore later: as if the step came `t (1 - a
+//! / (2 (a + c)))` after the edge's start. A duty that the timing does not permit is replaced by the nearest permitted
+//! duty. The current then has an error that no duty avoids.
 //!
 //! Single precision is enough: a duty has 15 bits, and no formula subtracts large numbers that are nearly equal.
 //!
@@ -68,7 +70,8 @@ pub struct LinearCurrent {
     diode_volts: f32,
     /// `Ron / R2`, limited to 1/4, which is more than any usable bridge has.
     switch_share: f32,
-    /// PWM period; `None` if the current hardly changes within a period, so that it is always continuous.
+    /// PWM period. `None` if the inductance is unknown, or if the current hardly changes within a period. The current
+    /// is then taken as continuous.
     period: Option<PwmPeriod>,
     timing: TimingShares,
 }
@@ -134,7 +137,7 @@ impl LinearCurrent {
         }
     }
 
-    /// The duty for the [current](Location::current) that a location means.
+    /// The duty for the [current](Location::current) that a location requests.
     pub(super) fn duty(&self, location: Location, at: OperatingPoint) -> Duty {
         let w = location.current(at);
         let duty = if w > 0.0 { self.drive_state(location.regime, at).duty(w, self.period) } else { 0.0 };
@@ -161,7 +164,7 @@ impl LinearCurrent {
         battery + 2.0 * self.diode_volts
     }
 
-    /// The constants of the module's formulas in a regime.
+    /// The constants of the module's formulas in a regime, and the lengths of the edges.
     const fn drive_state(&self, regime: Regime, at: OperatingPoint) -> DriveState {
         let (e, v) = at.volts();
         let TimingShares { turn_on, turn_off, .. } = self.timing;
@@ -216,7 +219,7 @@ impl DriveState {
         let continuous = part / whole;
         let compensated = (continuous + self.late_continuous()).clamp(0.0, 1.0);
         match period {
-            Some(period) if w < a && self.may_end(continuous, period) => {
+            Some(period) if w < a && self.may_be_discontinuous(continuous, period) => {
                 let most = continuous * period.length;
                 let pulse = self.on_time(w * period.length / a, most) / period.length;
                 at_most(compensated, pulse + self.late_pulse())
@@ -251,7 +254,7 @@ impl DriveState {
         let on = less(self.late_continuous());
         let continuous = at_least((on * (a + c) - c) / (self.m() + on * k), 0.0);
         match period {
-            Some(period) if self.may_end(on, period) => {
+            Some(period) if self.may_be_discontinuous(on, period) => {
                 let (q, _) = self.pulse(less(self.late_pulse()) * period.length);
                 at_least(continuous, q * a / period.length)
             }
@@ -259,10 +262,10 @@ impl DriveState {
         }
     }
 
-    /// False if the current is continuous for certain. This is so where no voltage makes it fall (c <= 0), and above a
-    /// limit of the duty. The current is at the edge of being continuous when the on time is
-    /// `ln(1 + (exp(T / tau) - 1) c / (a + c))` time constants. The limit used here is larger and needs no logarithm.
-    fn may_end(self, duty: f32, period: PwmPeriod) -> bool {
+    /// False if the current is certainly continuous: where no voltage makes the current fall (c <= 0), and above a
+    /// limit of the duty. The exact limit is an on time of `ln(1 + (exp(P / tau) - 1) c / (a + c))` time constants. The
+    /// limit used here is larger and needs no logarithm, so the result can be true for a continuous current.
+    fn may_be_discontinuous(self, duty: f32, period: PwmPeriod) -> bool {
         self.c > 0.0 && duty * (self.a + self.c) < period.growth * self.c
     }
 
@@ -272,7 +275,7 @@ impl DriveState {
         if a <= 0.0 || c <= 0.0 {
             return 0.0;
         }
-        // The on time at which the current ends with the period, see `may_end`, as a duty.
+        // The duty above which the current is continuous: the exact limit that `may_be_discontinuous` describes.
         let duty = log1pf(period.growth * period.length * c / (a + c)) / period.length;
         at_least((duty * (a + c) - c) / (self.m() + duty * k), 0.0)
     }
@@ -289,9 +292,10 @@ impl DriveState {
 
     /// Solves the module's formula for the on time x of a given q. The result is at most `most`.
     ///
-    /// With `r = a / c`, the power series of q in x begins with `x^2/2 (1 + r) (1 - (1 + 2r) x/3)`. Inverted, the series
-    /// of x begins with `s + (1 + 2r) s^2/6`, where `s^2 = 2 q / (1 + r)`. A second bound is x <= q + 1. The smaller of
-    /// these two values is the guess. One step of Newton's method from this guess leaves an error below 3e-4 of a duty.
+    /// With `r = a / c`, the power series of q in x begins with `x^2/2 (1 + r) (1 - (1 + 2r) x/3)`. Inverted, the
+    /// series of x begins with `s + (1 + 2r) s^2/6`, where `s^2 = 2 q / (1 + r)`. Besides, x is at most q + 1. The
+    /// smaller of these two values is the guess. One step of Newton's method from this guess leaves an error below 3e-4
+    /// of a duty.
     fn on_time(self, q: f32, most: f32) -> f32 {
         let part = q * self.c / (self.a + self.c);
         let series = sqrtf(2.0 * part) + (2.0 * q - part) / 3.0;

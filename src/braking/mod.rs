@@ -1,28 +1,32 @@
 //! Proportional braking: maps a voltage or a control value to the mode and duty of the bridge.
 //!
-//! For a motor that turns CW at the back EMF e on a battery of V volts the paper's points are, in volts and in every
-//! scheme, S = -V, T = 0, Z = e and G = V:
+//! The voltages of a motor are divided into three *regimes*. The paper's points S, T, Z and G are the ends of the
+//! regimes. For a motor that turns CW with the back EMF e on a battery of V volts, these ends are the same voltages in
+//! every scheme:
 //!
 //! ```text
 //!   S = -V                T = 0                Z = e               G = V
 //!     |--- reverse, 6/2 ---|--- braking, 5/0 ---|--- forward, 9/8 ---|
 //! ```
 //!
-//! * A control value is a number from -32767 to 32767, with which hosts of the hub request torque.
-//! * A [`Scheme`] maps control values to voltages. Its [`Points`] are the control values of the voltages S, T, Z and G.
-//!   Between two points the map is linear.
-//! * A [`DutyRule`] maps the [`Location`] of a control value within its regime to a duty.
+//! * A *control value* is a number from -32767 to 32767. The output of a PID loop and the reports of a motor are
+//!   control values.
+//! * A [`Scheme`] maps control values to voltages. The scheme's [`Points`] are the control values of the voltages S, T,
+//!   Z and G.
+//! * The [`Location`] of a control value is its regime, and how far it lies within the regime. A [`DutyRule`] maps the
+//!   location to a duty.
 //! * A [`Modulator`] has both maps for one motor, and their inverses.
 //!
-//! In this module a voltage is the equivalent DC voltage of the motor's mean current: e plus current times resistance.
+//! In this module a voltage is the equivalent DC voltage of the motor's mean current: e plus the current times the
+//! resistance of the winding and two switches.
 //!
 //! ```
 //! use motor_hub::braking::{DutyRule, Modulator, OperatingPoint, Regime, Scheme, Winding};
 //! use motor_hub::bridge::{BridgeConstants, Mode};
 //! use motor_hub::units::{CountsPerSecond, Millivolts, Voltage};
 //!
-//! // A NeveRest 60 at half of its free speed on 12 V gets 4 V. This is less than its back EMF of 6 V, so the bridge
-//! // brakes in proportion. In Scheme A a third of the control range means 4 V.
+//! // A NeveRest 60 at half of its free speed on 12 V gets 4 V. This is less than the back EMF of 6 V, so the bridge
+//! // brakes in proportion. In Scheme A the control value for 4 V is a third of 32767.
 //! let winding = Winding::NEVEREST_60;
 //! let modulator = Modulator::new(&winding, &BridgeConstants::IDEAL, Scheme::A, DutyRule::LinearCurrent);
 //! let emf = winding.emf.emf(CountsPerSecond::new(1505));
@@ -47,7 +51,7 @@ pub use winding::Winding;
 use crate::bridge::{BridgeConstants, Drive};
 use crate::units::{Control, Duty, Voltage};
 
-/// A command to the bridge, with the regime that it belongs to.
+/// A command to the bridge, with the regime of the command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Modulation {
     /// The regime, relative to the direction in which the motor turns.
@@ -103,11 +107,11 @@ impl Modulator {
         Self { scheme, rule, current: LinearCurrent::new(winding, bridge) }
     }
 
-    /// The command that applies a voltage, with linear current. A voltage that exceeds the battery voltage is replaced by
-    /// the nearest voltage that the bridge can apply.
+    /// The command that applies a voltage, by the formulas of [`DutyRule::LinearCurrent`] whatever the rule. If the
+    /// bridge cannot apply the voltage, the command applies the nearest voltage that the bridge can apply.
     ///
-    /// [`Scheme::ForwardReverse`] has no braking regime. With this scheme the bridge opens wherever others brake in
-    /// part; only full braking is applied.
+    /// [`Scheme::ForwardReverse`] has no braking regime. With this scheme the bridge opens for a voltage between 0 and
+    /// the back EMF. For the voltage 0 the bridge brakes fully, as with any other scheme.
     pub fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
         let (regime, share) = points::share(clockwise_volts(at, voltage), at);
         let opens = self.scheme == Scheme::ForwardReverse && regime == Regime::Braking && share < 1.0;
@@ -116,7 +120,7 @@ impl Modulator {
         Modulation::new(regime, self.current.duty(location, at), at)
     }
 
-    /// The command for a control value.
+    /// The command for a control value, by the scheme and the duty rule.
     pub fn for_control(&self, at: OperatingPoint, control: Control) -> Modulation {
         match self.rule {
             DutyRule::LinearDuty => self.with_feasible_duty(linear_duty(self.scheme, at, control)),
@@ -125,7 +129,7 @@ impl Modulator {
     }
 
     /// The command for open-loop power: mode 9/8 for positive and 6/2 for negative power, in every scheme. The duty is
-    /// |power| / 32767.
+    /// `|power| / 32767`, or the nearest duty that the bridge's timing permits. Power 0 opens the bridge.
     pub fn open_loop(&self, at: OperatingPoint, power: Control) -> Modulation {
         self.with_feasible_duty(linear_duty(Scheme::ForwardReverse, at, power))
     }
@@ -148,12 +152,13 @@ impl Modulator {
         clockwise(at, points::control(&Points::new(self.scheme, at), (regime, share)))
     }
 
-    /// Largest mean current in forward driving that is discontinuous, as the voltage beyond the back EMF, in V.
+    /// Largest mean current in forward driving that is [discontinuous](mod@linear_current), as a voltage beyond the
+    /// back EMF, in V. 0 if no current is discontinuous.
     pub fn discontinuous_volts(&self, at: OperatingPoint) -> f32 {
         self.current.boundary(at)
     }
 
-    /// The equivalent DC voltage that a command applies.
+    /// The equivalent DC voltage that a command applies: the inverse of [`for_voltage`](Self::for_voltage).
     pub fn applied(&self, at: OperatingPoint, Modulation { regime, drive }: Modulation) -> Voltage {
         let (emf, _) = at.volts();
         let current = self.current.current(regime, drive.duty, at);

@@ -1,19 +1,20 @@
-//! The four points S, T, Z, G of the control range, at which reverse driving, proportional braking and forward
-//! driving begin and end at one speed and battery voltage.
+//! The four points S, T, Z and G: the control values at which reverse driving, proportional braking and forward driving
+//! begin and end. They depend on the scheme, the speed and the battery voltage. A point may lie outside the control
+//! range.
 //!
 //! ```text
 //!   S ---- reverse, 6/2 ---- T ---- braking, 5/0 ---- Z ---- forward, 9/8 ---- G
 //! ```
 //!
-//! All formulas assume clockwise motion; [`super::linear_duty`] mirrors counter-clockwise motion. Points are computed in
-//! integers. A point that is computed from the back EMF e and the battery voltage V has an error below 1/512 step. A
-//! point that is computed from other points, such as a blend, has an error below 1/100 step.
+//! All formulas assume clockwise motion. The [modulator](super::Modulator) mirrors counter-clockwise motion. Points are
+//! computed in integers. A point that is computed from the back EMF e and the battery voltage V has an error below
+//! 1/512 step. A point that is computed from other points, such as a blend, has an error below 1/100 step.
 //!
 //! ```
 //! use motor_hub::braking::{OperatingPoint, Points, Regime, Scheme, Winding};
 //! use motor_hub::units::{Control, CountsPerSecond, Millivolts};
 //!
-//! // A NeveRest 60 at half of its speed on 12 V, Scheme A: Z is half of the range above T.
+//! // A NeveRest 60 at half of its free speed on 12 V, Scheme A: Z is midway between T and G.
 //! let emf = Winding::NEVEREST_60.emf.emf(CountsPerSecond::new(1505));
 //! let at = OperatingPoint::new(emf, Millivolts::new(12_000)).expect("there is a battery");
 //! let points = Points::new(Scheme::A, at);
@@ -82,7 +83,7 @@ const fn volts_of(bits: i64) -> f32 {
     (bits >> 16) as i32 as f32 / 16_000.0
 }
 
-/// A control value that may lie outside the control range, in steps with 8 fractional bits.
+/// A control value that may lie outside the control range, with a resolution of 1/256.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Abscissa(I56F8);
 
@@ -110,8 +111,8 @@ impl Abscissa {
 
     /// Steps in single precision, limited to 2^22 steps, far beyond the control range.
     fn to_f32(self) -> f32 {
-        const FAR: i64 = 1 << 30;
-        self.to_bits().clamp(-FAR, FAR) as i32 as f32 / 256.0
+        const LIMIT_BITS: i64 = 1 << 30;
+        self.to_bits().clamp(-LIMIT_BITS, LIMIT_BITS) as i32 as f32 / 256.0
     }
 
     /// The nearest step.
@@ -163,8 +164,8 @@ impl Regime {
 pub struct Location {
     /// Regime of the control value.
     pub regime: Regime,
-    /// Fraction of the regime: 0 at the end of least torque (Z for forward and braking, T for reverse), 1 at the
-    /// other end.
+    /// Fraction of the regime: 0 at the regime's end with the least torque (Z for forward and braking, T for reverse),
+    /// 1 at the other end.
     pub fraction: Fraction,
 }
 
@@ -193,7 +194,7 @@ impl Fraction {
     /// The fraction at the end of most torque.
     pub const ONE: Self = Self(U2F30::ONE);
 
-    /// The ratio `part / whole`; 0 if `part <= 0` or `whole <= 0`, 1 if `part >= whole`.
+    /// The ratio `part / whole`; 0 if `part <= 0` or `whole <= 0`, otherwise 1 if `part >= whole`.
     const fn ratio(part: i64, whole: i64) -> Self {
         if part <= 0 || whole <= 0 {
             Self::ZERO
@@ -246,15 +247,15 @@ impl Points {
     /// control range near and in overrun.
     ///
     /// In the paper's formula for Schemes C and D, T goes to minus infinity as |emf| approaches the battery voltage.
-    /// Then no control value within the control range brakes noticeably. In overrun, where |emf| exceeds the battery
-    /// voltage, only braking slows a motor down. So the firmware limits T, with u = |emf| / battery voltage:
+    /// Then no control value within the control range brakes noticeably. In *overrun*, where |emf| is at least the
+    /// battery voltage, only braking slows a motor down. So the firmware limits T. Let u be |emf| / battery voltage.
+    /// The share a is 0 up to u = 0.9, and grows linearly from there to 1 at u = 1.
     ///
     /// * Scheme C: T is at least `-controlMax / a`, and the ratio of S to T follows the formula. The negative end of
-    ///   the control range then requests at least the share a of full dynamic braking. a is 0 up to u = 0.9, and grows
-    ///   linearly from there to 1 at u = 1.
-    /// * Scheme D with a fixed blend: the blend is between Scheme B and this limited Scheme C.
-    /// * Scheme D with the automatic blend: a = 1 at all speeds. Below overrun this limit equals the paper's blend of
-    ///   `min(1, (1 - u) / (2 u^2))`.
+    ///   the control range then requests at least the share a of full dynamic braking.
+    /// * Scheme D with a fixed blend: the points are blended from Scheme B and this limited Scheme C.
+    /// * Scheme D with the automatic blend: T is limited as for Scheme C, but with a = 1 at all speeds. Below overrun
+    ///   this limit equals the paper's blend of `min(1, (1 - u) / (2 u^2))`.
     ///
     /// The limited points are continuous in the speed. They equal the paper's points up to u = 0.9, and with the
     /// automatic blend up to u = 1.
@@ -274,9 +275,10 @@ impl Points {
         }
     }
 
-    /// The points that the paper's formula gives, without the limits of [`new`](Self::new). In overrun the formulas of
-    /// Schemes C and D give points that describe no braking. `None` for Schemes C and D with |emf| equal to the battery
-    /// voltage, where the formula is infinite.
+    /// The points that the paper's formula gives, without the limits of [`new`](Self::new). In overrun the points of
+    /// Scheme C describe no braking. A fixed blend of Scheme D mixes these points with those of Scheme B. The automatic
+    /// blend is 0 in overrun. `None` for Schemes C and D if |emf| equals the battery voltage, where the formula of
+    /// Scheme C is infinite.
     pub const fn from_formula(scheme: Scheme, at: OperatingPoint) -> Option<Self> {
         match scheme {
             Scheme::C => Self::scheme_c(at),
@@ -284,7 +286,7 @@ impl Points {
                 Some(c) => Some(blended(Self::scheme_b(at), c, weight)),
                 None => None,
             },
-            // The blend is 0 in overrun.
+            // In overrun the blend is 0, so the points are those of Scheme B.
             Scheme::D(Blend::Automatic) if at.is_overrun() => match Self::scheme_c(at) {
                 Some(_) => Some(Self::scheme_b(at)),
                 None => None,
@@ -319,7 +321,7 @@ impl Points {
         })
     }
 
-    /// The points of Scheme C, with T at `lowest` in overrun and wherever the formula gives a lower T.
+    /// The points of Scheme C, with T limited to `lowest`: in overrun, and where the formula gives a lower T.
     const fn scheme_c_down_to(lowest: Abscissa, at: OperatingPoint) -> Self {
         match Self::scheme_c(at) {
             Some(points) if !at.is_overrun() && points.t.to_bits() >= lowest.to_bits() => points,
@@ -383,19 +385,19 @@ pub(super) fn control(points: &Points, (regime, share): (Regime, f32)) -> Contro
     Control::saturating((roundf(from + share * (to - from)) as i32).into())
 }
 
-/// Largest magnitude of a point, in 1/256 step: 4 million times the control range. The limit keeps the products of a
-/// blend within 64 bits.
-const FAR: i64 = 1 << 45;
+/// Limit of the magnitude of a computed point, in steps of 1/256: 4 million times the control range. With this limit
+/// the products of a blend fit into 64 bits.
+const POINT_LIMIT_BITS: i64 = 1 << 45;
 
 /// `controlMax * numerator / denominator`, rounded to 1/256 step.
 ///
 /// |numerator| must be below 2^38, so that the product stays below 2^61.
 const fn scaled(numerator: i64, denominator: i64) -> Abscissa {
     let steps = div_round(Abscissa::CONTROL_MAX.to_bits() * numerator, denominator);
-    Abscissa::from_bits(if steps > FAR {
-        FAR
-    } else if steps < -FAR {
-        -FAR
+    Abscissa::from_bits(if steps > POINT_LIMIT_BITS {
+        POINT_LIMIT_BITS
+    } else if steps < -POINT_LIMIT_BITS {
+        -POINT_LIMIT_BITS
     } else {
         steps
     })
@@ -406,7 +408,7 @@ const fn near_overrun(at: OperatingPoint) -> Abscissa {
     let OperatingPoint { e, v, .. } = at;
     let part = 10 * e - 9 * v;
     if part <= 0 {
-        Abscissa::from_bits(-FAR)
+        Abscissa::from_bits(-POINT_LIMIT_BITS)
     } else if part >= v {
         Abscissa::CONTROL_MIN
     } else {

@@ -36,9 +36,10 @@ impl Modulator {
             Regime::Forward => Returned::NONE,
             Regime::Reverse => Returned { returned: 0.0, dissipated: braked },
             Regime::Braking => {
-                // `share` is the part of the mean current that flows into the bus, which is while the bridge is open and
-                // the current falls. A continuous current falls for all of this time. A discontinuous current reaches
-                // zero before; e raised it in the on time, and the falling voltage less e ends it.
+                // Current flows into the bus only in the off time, in which the current falls. `share` is this part of
+                // the mean current. A continuous current falls during the whole off time. A discontinuous current
+                // reaches zero earlier. The voltage e raises the current in the on time, and the falling voltage less e
+                // lowers it in the off time. The fall then carries the part e / falling voltage of the charge.
                 let open = 1.0 - modulation.drive.duty.to_f32();
                 let share = open.min(e / self.current.falling_volts(v));
                 let returned = (v * current * share).min(braked);

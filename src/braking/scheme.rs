@@ -1,4 +1,4 @@
-//! Schemes, which map control values to voltages. Each motor has its own.
+//! Schemes, which map control values to voltages. The scheme is a setting of each motor.
 //!
 //! ```
 //! use motor_hub::braking::{Blend, BlendFraction, Scheme};
@@ -16,8 +16,8 @@ use crate::units::RangeError;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Scheme {
-    /// Positive control values use mode 9/8 and negative ones mode 6/2, in both directions of motion. There is no
-    /// braking regime. Hub firmware of 2018 worked in this way; the scheme is here for comparison.
+    /// Positive control values use mode 9/8 and negative control values mode 6/2, in both directions of motion. There
+    /// is no braking regime. Hub firmware of 2018 worked in this way; the scheme is here for comparison.
     ForwardReverse,
     /// A control value is proportional to an equivalent DC voltage (paper, section 2). T is at 0, and Z moves with the
     /// speed.
@@ -26,15 +26,15 @@ pub enum Scheme {
     /// reverse (paper, section 3). Z is at 0, and T moves with the speed.
     B,
     /// Scheme B with the same factor for braking as for forward driving, so that the current has no knee at Z. T and S
-    /// lie lower than in Scheme B: the control range ends at less reverse current. Above half of the free speed the
-    /// control range ends before full braking.
+    /// lie lower than in Scheme B, so the control range ends at less reverse current. While the back EMF is between
+    /// half of the battery voltage and the battery voltage, the control range ends before full braking.
     C,
     /// A blend of the points of Schemes B (blend 0) and C (blend 1).
     D(Blend),
 }
 
 impl Scheme {
-    /// Every scheme once. Scheme D is present twice: with the automatic blend, and with the fixed blend 1/2.
+    /// Every scheme. Scheme D is listed twice: with the automatic blend, and with the fixed blend 1/2.
     pub const EACH: [Self; 6] = [
         Self::ForwardReverse,
         Self::A,
@@ -61,11 +61,11 @@ pub enum Blend {
 pub struct BlendFraction(u32);
 
 impl BlendFraction {
-    /// The blend is Scheme B.
+    /// Blend 0: Scheme B alone.
     pub const ZERO: Self = Self(0);
-    /// The blend is half-way between Schemes B and C.
+    /// Blend 1/2: midway between Schemes B and C.
     pub const HALF: Self = Self(1 << 15);
-    /// The blend is Scheme C.
+    /// Blend 1: Scheme C alone.
     pub const ONE: Self = Self(1 << 16);
 
     /// Converts from steps of 2^-16: 0 to 65 536.

@@ -5,8 +5,8 @@ use crate::units::{EmfConstant, Inductance, Resistance, constant};
 /// Electrical constants of a motor's winding. The back EMF is per encoder speed.
 ///
 /// The duties of [linear current](mod@super::linear_current) depend little on resistance and inductance: an error of a
-/// factor of two is tolerable. With an unknown inductance the current is taken as continuous, as it is at a high PWM
-/// frequency.
+/// factor of two is tolerable. If the inductance is unknown, the formulas treat the current as continuous, as at a high
+/// PWM frequency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Winding {

@@ -5,8 +5,9 @@ use core::f64::consts::PI;
 
 /// A drive base with a driven wheel on the left and one on the right.
 ///
-/// Positive counts of a wheel drive forward. Positive headings are to the left: counter-clockwise, seen from above. If a
-/// motor is mounted mirrored, so that it counts backwards, its number of counts per turn is negative.
+/// Positive distances are forward. Positive headings are to the left: counter-clockwise, seen from above. A motor that
+/// is mounted mirrored counts down while its wheel drives forward. The number of counts per turn of such a wheel is
+/// negative.
 ///
 /// ```
 /// use motor_hub::group::DriveBase;
@@ -28,7 +29,8 @@ pub struct DriveBase {
     pub wheel_diameter_mm: f64,
     /// Distance between the centres of the wheels in mm, above 0.
     pub track_mm: f64,
-    /// Encoder counts per turn of the left and of the right wheel, not 0.
+    /// Encoder counts per turn of the left and of the right wheel, not 0. Negative for a motor that counts down while
+    /// its wheel drives forward.
     pub counts_per_turn: [f64; 2],
 }
 
@@ -103,7 +105,7 @@ impl DriveBase {
     }
 }
 
-/// Rounds to a whole number of counts; `None` beyond +-(2^31 - 1).
+/// Rounds to a whole number of counts; `None` beyond +-(2^31 - 1) and for NaN.
 const fn to_i32(counts: f64) -> Option<i32> {
     match nearest(counts) {
         Some(counts) if counts.unsigned_abs() <= i32::MAX as u64 => Some(counts as i32),

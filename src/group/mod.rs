@@ -1,11 +1,12 @@
 //! Motors that move synchronously: the two wheels of a drive base, or the two or four screws of a gantry.
 //!
 //! * A *group* is a set of motors, its *members*, that follow a [`Course`] together.
-//! * The *progress* of a group says how far along its course the group is. Speed and acceleration of the progress are limited.
+//! * The *progress* of a group says how far along its course the group is. Its speed and acceleration are limited.
 //! * A [`Reference`] is the position and the speed that a member should have now. Each tick the progress gives a reference for
 //!   each member, and the member's own regulator follows the reference.
-//! * The *lag* is how far a member is behind its reference. If a lag exceeds half of the permitted lag, the progress slows down,
-//!   and with it all members. The more the lag, the slower the progress. At the full permitted lag the group waits.
+//! * The *lag* is how far a member is behind its reference. If the largest lag exceeds half of the permitted lag, the
+//!   progress slows down, and all members with it. The larger the lag, the slower the progress. At the full permitted
+//!   lag the group waits. This slowing has no limit of acceleration.
 //!
 //! ```
 //! use motor_hub::group::{Course, Group, GroupCommand};
@@ -46,7 +47,8 @@ pub type ByMotor<T> = [Option<T>; MOTORS];
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Course {
-    /// Each member moves by a distance in counts. The distance is counted from its present reference.
+    /// Each member moves by a distance in counts from its present reference. In a new group the member's position is
+    /// the reference.
     By(ByMotor<i32>),
     /// Each member moves to a position in counts. Positions wrap, and members take the shorter direction.
     To(ByMotor<i32>),
@@ -97,9 +99,11 @@ fn by_motor<T: Copy>(members: &[(usize, T)]) -> Result<ByMotor<T>, RangeError> {
     Ok(all)
 }
 
-/// How the other members of a group halt when a member is *lost*: when it has a fault, or gets its own set-point.
+/// How the other members of a group halt when a member is *lost*. A member is lost when it has a fault, gets its own
+/// set-point, or joins another group.
 ///
-/// Disabling one member disables all members with either setting.
+/// With either setting, disabling one member of a moving group disables all members. The fail-safe of one member
+/// disables the other members too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Halt {
@@ -110,7 +114,8 @@ pub enum Halt {
     Coast,
 }
 
-/// A command to a group. Hosts state the course `C` in their own counts.
+/// A command to a group. `C` is the type of the course: a hub uses [`Course`], and hosts use a type with positions in
+/// their own counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct GroupCommand<C = Course> {
@@ -118,11 +123,12 @@ pub struct GroupCommand<C = Course> {
     pub course: C,
     /// Speed of the member that moves farthest. Its sign has no effect. Not used for [`Course::On`].
     pub speed: CountsPerSecond,
-    /// Largest acceleration of any member.
+    /// Largest acceleration of any member's reference while no lag slows the group down.
     pub acceleration: Acceleration,
-    /// Permitted lag in counts. The group slows down if a member lags by more than half of it, and waits at the full lag.
+    /// Permitted lag in counts. The group slows down if a member lags by more than half of the permitted lag. The group
+    /// waits if a member lags by the permitted lag.
     pub lag: u16,
-    /// Largest distance of each member from its end position, in counts, at which the group can settle.
+    /// Tolerance in counts. The group can settle only while each member is within this distance of its end position.
     pub tolerance: u16,
     /// How the other members halt when a member is lost.
     pub halt: Halt,
@@ -140,18 +146,20 @@ impl<C> GroupCommand<C> {
 pub const TOLERANCE: u16 = 5;
 /// Time in ms in which a member at full speed covers the usual lag.
 const LAG_MS: u32 = 100;
-/// Smallest usual lag in counts, for slow groups.
+/// Smallest usual lag in counts, for slow groups: twice the largest lag that [`usual_lag`] names for the model-based
+/// regulator.
 const MIN_LAG_COUNTS: u32 = 24;
 
 /// Returns the default lag for members with this maximum speed: the distance of 0.1 s, and at least 24 counts.
 ///
-/// A group slows down if a member lags by more than half of the permitted lag. Half of the lag must therefore exceed the lag of
-/// a healthy member. For a wheel of a 6 kg robot the largest lags are:
+/// A group slows down if a member lags by more than half of the permitted lag. Half of the permitted lag should
+/// therefore be at least the lag of a healthy member. For a wheel of a 6 kg robot the largest lags are:
 ///
 /// * 12 counts with the model-based regulator, at control periods of 1 to 100 ms.
-/// * The distance of 52 ms with PID and guessed coefficients, at control periods up to 50 ms.
+/// * The distance of 52 ms with PID and guessed coefficients, at control periods up to 50 ms. This is more than half of
+///   the usual lag, so the group slows down by some percent.
 ///
-/// A larger permitted lag would only let members move farther apart.
+/// A larger permitted lag would let members move farther apart.
 pub const fn usual_lag(speed: CountsPerSecond) -> u16 {
     // The bits of a speed count steps of 1/256 counts/s.
     let counts = (speed.to_bits().unsigned_abs() as u64 * LAG_MS as u64) / 256_000;
@@ -200,8 +208,8 @@ impl<const N: usize> Group<N> {
         group
     }
 
-    /// Changes the course. The references continue from their present positions and speeds without a step. The course must have
-    /// the members of the group.
+    /// Changes the course. The references continue from their present positions and speeds without a step. The members
+    /// of the course must be the members of the group.
     pub fn redirect(&mut self, command: GroupCommand) {
         let GroupCommand { course, speed, acceleration, lag, tolerance, halt } = command;
         (self.acceleration, self.lag, self.tolerance, self.halt) = (acceleration, lag, tolerance, halt);
@@ -264,8 +272,8 @@ impl<const N: usize> Group<N> {
         errors
     }
 
-    /// Returns the reference of each member for this tick, and advances to the next tick. `positions` are the present
-    /// positions in counts.
+    /// Returns the reference of each member for this tick, and advances the trajectory to the next tick. `positions`
+    /// are the present positions in counts. `None` for a motor that is not a member.
     pub fn step(&mut self, positions: &[i32; N]) -> [Option<Reference>; N] {
         let references = self.trajectory.references();
         let now = self.trajectory.speeds_cps();
@@ -282,7 +290,7 @@ impl<const N: usize> Group<N> {
         all
     }
 
-    /// Returns the factor by which the progress slows down: 1 up to half of the permitted lag, then falling linearly to 0 at the
+    /// Returns the factor of the progress's speed: 1 up to half of the permitted lag, then falling linearly to 0 at the
     /// permitted lag.
     fn time_scale(&self, positions: &[i32; N], speeds_cps: &[f32; N]) -> f32 {
         let lags = self.errors(positions).into_iter().zip(speeds_cps).map(|(error, speed)| {

@@ -6,15 +6,17 @@
 //!     reference[i] = base[i] + (share[i] - start_offset[i]) * progress / length - drift[i]
 //! ```
 //!
-//! * A *share* is the distance that a member moves along the whole trajectory, with its sign. A motor that is not a member has
+//! * A *share* is the signed distance that a member moves along the whole trajectory. A motor that is not a member has
 //!   the share 0. `length` is the magnitude of the largest share.
-//! * *Progress* is the distance that the member with the largest share has moved, in steps of 2^-16 counts.
-//! * *Drift* is motion of the previous trajectory in a direction that the new trajectory does not have. It is braked to 0 while
-//!   the progress along the new trajectory begins. The new trajectory starts at the positions where the drift ends.
+//! * *Progress* is the distance that the member with the largest share has moved along the trajectory. The code stores
+//!   progress, base, start offset and drift in steps of 2^-16 counts.
+//! * *Drift* is motion from before a trajectory that the trajectory cannot continue: in another direction, or too fast
+//!   to stop at the end. The drift is braked to 0 while the progress begins. `drift[i]` is the distance that member i
+//!   will still drift. The line of the trajectory starts at the positions where the drift ends.
 //!
 //! Progress and positions are integers, so the references of all members fit together to within one count. A trajectory
-//! without end consists of *rounds*: when it has covered its length, its base moves by the shares, and its progress starts
-//! again. Rounding errors therefore do not accumulate.
+//! without end consists of *rounds*. At the end of a round the base moves by the shares, and the progress starts again
+//! at 0. Rounding errors therefore do not accumulate.
 
 use super::Reference;
 use crate::units::{Acceleration, CountsPerSecond};
@@ -22,7 +24,7 @@ use libm::{roundf, sqrtf};
 
 /// Steps of position and progress in one count.
 const STEPS_PER_COUNT: f32 = 65_536.0;
-/// Distance from the end, in steps, within which a trajectory counts as finished.
+/// Distance from the end, in steps, below which a trajectory is finished: 1/1024 count.
 const END_TOLERANCE_STEPS: i64 = 64;
 
 /// Where a trajectory goes.
@@ -44,9 +46,10 @@ pub(super) enum Target<const N: usize> {
 pub(super) struct Trajectory<const N: usize> {
     /// Start of the trajectory, or of the present round of a trajectory without end, in steps.
     base: [i64; N],
-    /// Distance that a motor moves while progress covers `length`, in counts.
+    /// Distance that a motor moves while the progress covers `length`, in counts.
     share: [i32; N],
-    /// Difference of the start from the nearest whole count, in steps. It is reduced to 0 in proportion to the progress.
+    /// Difference of the start from the nearest whole count, in steps. The trajectory removes this difference in
+    /// proportion to the progress.
     start_offset: [i32; N],
     /// Magnitude of the largest share, at least 1.
     length: i64,
@@ -113,7 +116,7 @@ impl<const N: usize> Trajectory<N> {
                 self.head_for(&counts);
                 let (along, across) = split(&speeds_cps, &self.direction());
                 let stoppable = along * along <= 2.0 * self.acceleration_cps2 * self.length as f32;
-                // A drift whose speed is at most a quarter of the largest speed change in a tick is neglected.
+                // A small drift is neglected: if no speed is above a quarter of the largest speed change in a tick.
                 if along == 0.0 || !stoppable || largest(&across) > self.acceleration_cps2 * tick_s / 4.0 {
                     self.start_drift(speeds_cps);
                     self.head_for(&counts);
@@ -174,7 +177,8 @@ impl<const N: usize> Trajectory<N> {
         self.drift_deceleration_cps2.map(|deceleration| roundf(deceleration * steps_per_deceleration) as i64)
     }
 
-    /// True if the references have come to rest at the end. A trajectory that only stops the group has an end too.
+    /// True if the references have come to rest at the end. A trajectory that only stops the group is at its end when
+    /// the drift has ended.
     pub(super) fn is_at_end(&self) -> bool {
         let at_end = if self.endless { self.is_still() } else { self.progress == self.length << 16 };
         at_end && self.drift_s <= 0.0
@@ -216,16 +220,16 @@ impl<const N: usize> Trajectory<N> {
         let before = self.speed_cps;
         let speed_change = acceleration * seconds;
         let end = self.length << 16;
-        let mut wanted = self.speed_limit_cps;
+        let mut target_cps = self.speed_limit_cps;
         if !self.endless {
             // Distance to the end, minus half of the distance that the old speed covers in this step.
             let rest = (end - self.progress) as f32 / STEPS_PER_COUNT - before * seconds / 2.0;
             let half_change = speed_change / 2.0;
             let stoppable =
                 sqrtf(half_change * half_change + 2.0 * acceleration * rest.max(0.0)) - half_change;
-            wanted = wanted.min(stoppable);
+            target_cps = target_cps.min(stoppable);
         }
-        self.speed_cps = wanted.min(before + speed_change).max(before - speed_change);
+        self.speed_cps = target_cps.min(before + speed_change).max(before - speed_change);
         self.progress += roundf(STEPS_PER_COUNT * seconds * (before + self.speed_cps) / 2.0) as i64;
         if self.endless {
             self.start_next_round();
@@ -234,7 +238,7 @@ impl<const N: usize> Trajectory<N> {
         }
     }
 
-    /// Moves the base of a trajectory without end by the shares of all rounds that progress has covered.
+    /// Moves the base of a trajectory without end by the shares of all rounds that the progress has covered.
     fn start_next_round(&mut self) {
         let rounds = self.progress.checked_div_euclid(self.length << 16).unwrap_or_default();
         if rounds != 0 {

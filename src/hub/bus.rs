@@ -29,14 +29,15 @@ impl Bus {
     };
 }
 
-/// Longest time between two additions of energy at control periods up to 50 ms, in ms. The power of a braking motor hardly
-/// changes in this time.
+/// Longest time between two additions of energy, in ms. The power of a braking motor hardly changes in this time. At a
+/// longer control period energy is added at each tick.
 const INTERVAL_MS: u32 = 50;
 
 /// Integrates the power of all braking motors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EnergyMeter {
-    /// Ticks between two regular additions. Each change of the limits or of a direct command adds energy too.
+    /// Ticks between two regular additions. Energy is also added before direct actions and new limits of the bus change
+    /// bridge commands.
     ticks: u32,
     /// Time of the last addition. `None` before the first addition.
     until: Option<Micros>,
@@ -56,7 +57,7 @@ impl EnergyMeter {
         tick.is_multiple_of(self.ticks)
     }
 
-    /// Adds the energy since the last addition. The motors' present powers are assumed for the whole time.
+    /// Adds the energy since the last addition. The computation assumes the motors' present powers for the whole time.
     pub(super) fn add(&mut self, now: Micros, motors: impl Iterator<Item = Returned>) {
         let passed = self.until.map_or(0, |until| now.since(until)) as u32;
         self.until = self.until.max(Some(now));

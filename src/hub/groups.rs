@@ -1,11 +1,14 @@
 //! Manages the groups of a hub. A *group* is a set of motors that move synchronously, see [`crate::group`].
 //!
 //! ```text
-//!        lead              all readings fresh             Halt::Coast, or no member left
-//! none ------> Waiting ------------------------> Moving --------------------------------> none
+//!        lead              all readings fresh             no member left, or halt by coasting
+//! none ------> Waiting ------------------------> Moving ------------------------------------> none
 //!                 |  a member leaves
 //!                 '-------------------> none
 //! ```
+//!
+//! The members halt by coasting when a member is disabled, or when a member is lost and the group's setting is
+//! [`Halt::Coast`]. A group stays `Moving` after the end of its course, and holds the positions of its members.
 
 use super::Inputs;
 use crate::group::{Group, GroupCommand, Halt, MOTORS};
@@ -17,48 +20,51 @@ use crate::units::{CountsPerSecond, Period, RangeError};
 enum State<const N: usize> {
     /// The group waits for the first tick at which all members have a fresh encoder reading.
     Waiting(GroupCommand),
-    /// The group follows its course. The detector finds out when all members have settled at the end of the course.
+    /// The group follows its course, and then holds its end positions. The detector finds out when all members have
+    /// settled there.
     Moving(Group<N>, SettleDetector),
 }
 
-/// All groups of a hub. A motor is in one group at most, so N groups are enough.
+/// All groups of a hub. A motor is in one group at most, so there are at most N groups.
 #[derive(Clone, Debug)]
 pub(super) struct Groups<const N: usize> {
     states: [Option<State<N>>; N],
 }
 
 impl<const N: usize> Groups<N> {
-    /// Creates a hub's state without groups.
+    /// Creates the state without any group.
     pub(super) const fn new() -> Self {
         Self { states: [const { None }; N] }
     }
 
-    /// Moves the group that has exactly the members of `command`. Creates the group if there is none.
+    /// Changes the course of the moving group that has exactly the members of `command`. If there is no such group, the
+    /// members leave their groups, and a new group waits to start. Fails if `leader` is not a member, or if the hub
+    /// does not have all members.
     pub(super) fn lead(
         &mut self,
         leader: usize,
         command: GroupCommand,
         motors: &mut [Motor; N],
     ) -> Result<(), RangeError> {
-        let wanted = command.course.members();
-        let is_wanted = |motor: usize| wanted.get(motor) == Some(&true);
-        if !is_wanted(leader) || (N..MOTORS).any(is_wanted) {
+        let new_members = command.course.members();
+        let is_new_member = |motor: usize| new_members.get(motor) == Some(&true);
+        if !is_new_member(leader) || (N..MOTORS).any(is_new_member) {
             return Err(RangeError::Motor);
         }
         for state in self.states.iter_mut().flatten() {
             if let State::Moving(group, settle_detector) = state
-                && group.members().iter().enumerate().all(|(motor, member)| *member == is_wanted(motor))
+                && group.members().iter().enumerate().all(|(motor, member)| *member == is_new_member(motor))
             {
                 group.redirect(command);
                 settle_detector.reset();
                 return Ok(());
             }
         }
-        for motor in (0..N).filter(|motor| is_wanted(*motor)) {
+        for motor in (0..N).filter(|motor| is_new_member(*motor)) {
             if self.leave(motor, None, motors)
                 && let Some(motor) = motors.get_mut(motor)
             {
-                // The motor stands until the new group starts.
+                // The motor is regulated to standstill until the new group starts.
                 motor.set(Setpoint::Velocity(CountsPerSecond::ZERO));
             }
         }
@@ -68,8 +74,8 @@ impl<const N: usize> Groups<N> {
         Ok(())
     }
 
-    /// Removes a motor from its group. The other members halt according to `halt`; `None` stands for the group's own setting.
-    /// Returns true if the group was moving.
+    /// Removes a motor from its group. The other members of a moving group halt according to `halt`; `None` stands for
+    /// the group's own setting. A waiting group is discarded. Returns true if the motor was in a moving group.
     pub(super) fn leave(&mut self, motor: usize, halt: Option<Halt>, motors: &mut [Motor; N]) -> bool {
         let mut was_moving = false;
         for slot in &mut self.states {
@@ -90,7 +96,8 @@ impl<const N: usize> Groups<N> {
         was_moving
     }
 
-    /// Starts waiting groups, and sets the set-points of all members for this tick.
+    /// Starts the waiting groups whose members all have a fresh reading. Sets the set-points of all members of moving
+    /// groups for this tick.
     pub(super) fn step(&mut self, inputs: &Inputs<N>, period: Period, motors: &mut [Motor; N]) {
         if self.states.iter().all(Option::is_none) {
             return;
@@ -118,8 +125,8 @@ impl<const N: usize> Groups<N> {
         }
     }
 
-    /// Finishes a tick of all groups. Sets `settled` in the members' reports, which is the same for all members. A member with
-    /// a fault leaves its group, and the other members halt.
+    /// Finishes a tick of all moving groups. Sets `settled` in the members' reports: true for all members if the whole
+    /// group has settled. Removes members with a fault from their group, and halts the other members.
     pub(super) fn review(&mut self, reports: &mut [Report; N], motors: &mut [Motor; N], period: Period) {
         for slot in &mut self.states {
             let Some(State::Moving(group, settle_detector)) = slot else { continue };

@@ -4,24 +4,28 @@ use super::limits::{Levels, Limits};
 use super::{BATTERY_STALE_MICROS, Battery, DrawStage};
 use crate::units::{Micros, Millivolts, Share};
 
-/// The range that the bus voltage is in. [`Levels`] has the limits of the ranges.
+/// What the last reading of the bus means for the motors. [`Levels`] has the voltages between the states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum BusState {
-    /// The converter does not answer, or its last reading is stale. Motors coast.
+    /// The converter does not answer, or its last reading is stale. Motors coast once the last plausible reading is
+    /// stale.
     #[default]
     Silent,
-    /// The voltage is below [`Levels::min`]. Motors coast once the last plausible reading is stale.
+    /// The voltage is below [`Levels::min`]. After two such voltages in a row motors draw no current. Motors coast once
+    /// the last plausible reading is stale.
     TooLow,
-    /// Motors may draw no current.
+    /// The voltage fell to [`Levels::cut`] and is not back at [`Levels::derate`]. Motors may draw no current.
     Cut,
-    /// Motors may draw a limited current, because the battery is low.
+    /// The battery is low. Motors may draw a limited current.
     Derated,
-    /// The battery is not low, and braking motors may return energy to the bus.
+    /// The battery is not low, and braking motors may return energy to the bus. The permitted current may still rise
+    /// after a low voltage.
     Quiet,
     /// Braking motors dissipate the energy that they would return to the bus.
     Dissipating,
-    /// The voltage is above [`Levels::ceiling`], which dissipating motors keep. Another source lifts the bus.
+    /// The voltage is above [`Levels::ceiling`]. Dissipating motors keep the voltage below, so another source raises
+    /// it.
     TooHigh,
 }
 
@@ -29,11 +33,12 @@ pub enum BusState {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BusReading {
-    /// Voltage as measured, plausible or not; `None` if the converter did not answer.
+    /// Voltage as measured, plausible or not. `None` before the first reading, if the converter did not answer, or if
+    /// [`as_of`](Self::as_of) found the reading stale.
     pub measured: Option<Millivolts>,
-    /// Range of the voltage.
+    /// State of the bus.
     pub state: BusState,
-    /// Time of the measurement.
+    /// Time of the measurement. 0 before the first reading.
     pub at: Micros,
 }
 

@@ -1,26 +1,28 @@
-//! The bus voltages at which the supply limits what motors may do.
+//! The bus voltages at which the supply begins and ends to limit motors.
 
 use crate::units::{Millivolts, RangeError};
 
-/// Voltages of the bus, in ascending order.
+/// Voltages of the bus, in ascending order. Voltages that [`Limits::new`] compares with `<=` may be equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Levels {
-    /// Lowest plausible voltage. At a lower voltage motors draw no current. They coast once the last plausible reading is
-    /// stale.
+    /// Lowest plausible voltage. After two lower voltages in a row motors draw no current. Motors coast once the last
+    /// plausible reading is stale.
     pub min: Millivolts,
-    /// Highest voltage at which motors may draw no current. They may draw again once the voltage is back at `derate`.
+    /// From this voltage downwards motors may draw no current. They may draw current again once the voltage is back at
+    /// `derate`.
     pub cut: Millivolts,
-    /// Voltage below which the battery counts as low. Below it the permitted current falls linearly, to 0 at `cut`.
+    /// Voltage below which the battery counts as low. The permitted current falls linearly from `derate` to 0 at `cut`.
     pub derate: Millivolts,
     /// Voltage at which a low battery counts as recovered.
     pub recover: Millivolts,
     /// Voltage above which braking motors dissipate the energy that they would return to the bus.
     pub dissipate: Millivolts,
-    /// Voltage that the bus does not exceed while motors dissipate. Motors dissipate with full strength from halfway between
-    /// `dissipate` and this voltage.
+    /// Voltage that the bus does not exceed while motors dissipate, unless another source raises the voltage. Motors
+    /// dissipate with full strength from halfway between `dissipate` and this voltage.
     pub ceiling: Millivolts,
-    /// Highest plausible voltage. Above it motors may draw no current, and they dissipate all returned energy.
+    /// Highest voltage of the operating range. A higher voltage enters the filter as this voltage. Motors then draw no
+    /// current, and braking motors dissipate all energy.
     pub max: Millivolts,
 }
 
@@ -52,8 +54,8 @@ impl Limits {
 
     /// Limits of a 12 V battery on VNH5019 bridges.
     ///
-    /// Voltages of 5 to 24 V are plausible. This range is the operating range of the bridges (data sheet: 5.5 to 24 V) with
-    /// a margin of 0.5 V for noise at its lower end. The bridges' absolute maximum is 41 V.
+    /// `min` and `max` are the ends of the bridges' operating range (data sheet: 5.5 to 24 V), with a margin of 0.5 V
+    /// for noise at the lower end. The bridges' absolute maximum is 41 V.
     pub const TWELVE_VOLTS: Self = Self(Levels {
         min: Millivolts::new(5_000),
         cut: Millivolts::new(6_000),

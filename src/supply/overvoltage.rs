@@ -8,13 +8,13 @@
 //!               predicted <= dissipate for HOLD_MICROS
 //!
 //!     predicted = voltage + rise since the last sample
-//!     share     = (predicted - dissipate) / (BAND_FRACTION_AT_ALL * (ceiling - dissipate)), at most 1
+//!     share     = (predicted - dissipate) / (BAND_FRACTION_AT_FULL_SHARE * (ceiling - dissipate)), at most 1
 //!     share     = Share::LEAST while predicted <= dissipate, until HOLD_MICROS have passed
 //! ```
 //!
 //! A braking motor returns energy to the bus through its bridge, which works as a boost converter. One ampere lifts the
-//! voltage of 1000 uF by one volt in a millisecond. The filtered voltage follows too slowly. Each sample is therefore
-//! extrapolated by one sampling interval.
+//! voltage of 1000 uF by one volt in a millisecond. The filtered voltage follows too slowly. The *predicted* voltage is
+//! therefore the last sample, extrapolated by one sampling interval.
 
 use super::limits::{Levels, Limits};
 use crate::units::{Micros, Millivolts, Share};
@@ -25,14 +25,15 @@ const MAX_RISE_INTERVAL_MICROS: u64 = 2_500;
 
 /// Fraction of the band from `dissipate` to `ceiling` at which the share reaches 1.
 ///
-/// The rest of the band is a reserve for energy that still returns to the bus. Energy returns until the bridges change their
-/// commands. The energy of a winding also returns when its bridge changes from a full short to driving.
-const BAND_FRACTION_AT_ALL: f32 = 0.5;
+/// The rest of the band is a reserve for energy that still returns to the bus: until the bridges have changed their
+/// commands, and each time a bridge changes from a full short to driving.
+const BAND_FRACTION_AT_FULL_SHARE: f32 = 0.5;
 
 /// Time in microseconds for which motors go on dissipating after the predicted voltage last exceeded `dissipate`.
 ///
-/// Without this time the bus would rise again as soon as motors return energy. After this time the bus is quiet, so the
-/// converter's watchdog reports the next rise immediately. Samples a millisecond apart could miss a rise by the whole band.
+/// Without this time the motors would return energy again immediately, and the voltage would rise again. After this
+/// time the bus can be quiet, and then the converter's analog watchdog reports the next rise immediately. Between two
+/// samples a millisecond apart the voltage could rise by the whole band.
 const HOLD_MICROS: u64 = 50_000;
 
 /// State of the overvoltage protection.
@@ -71,6 +72,6 @@ impl Overvoltage {
         }
         self.exceeded_at = Some(now);
         let band_mv = ceiling.get().saturating_sub(dissipate.get());
-        Share::from_f32(excess_mv as f32 / (BAND_FRACTION_AT_ALL * f32::from(band_mv)))
+        Share::from_f32(excess_mv as f32 / (BAND_FRACTION_AT_FULL_SHARE * f32::from(band_mv)))
     }
 }

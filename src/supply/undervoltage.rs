@@ -10,9 +10,10 @@
 //!
 //! `Full` changes to `Cut` directly when the voltage falls to `cut` between two samples.
 //!
-//! The *draw* is the share of current that motors may draw. It is 0 in `Cut`. In the other stages the draw rises linearly
-//! with the voltage, from 0 at `cut` to 1 at `derate`, and is 1 above. The draw falls immediately. It rises by at most 1 in
-//! [`FULL_RISE_MICROS`]. A collapse of the bus sets the draw to 0, and changes `Full` to `Derated`.
+//! The *draw* is the current that each motor may draw, as a share of its current at standstill and full duty. It is 0
+//! in `Cut`. In the other stages the draw rises linearly with the voltage, from 0 at `cut` to 1 at `derate`, and is 1
+//! above. The draw falls immediately. It rises by at most 1 in [`FULL_RISE_MICROS`]. A [collapse](super::Supply::step)
+//! of the bus sets the draw to 0, and changes `Full` to `Derated`.
 
 use super::limits::{Levels, Limits};
 use crate::units::{Millivolts, Share};
@@ -24,23 +25,25 @@ pub enum DrawStage {
     /// The battery is not low. The draw is 1, or still rises to 1 after a low voltage.
     #[default]
     Full,
-    /// The battery is low, and the draw is limited.
+    /// The battery is low. The draw is below 1 while the voltage is below [`Levels::derate`], and until the draw has
+    /// risen to 1 again.
     Derated,
-    /// Motors may draw no current. They brake or coast.
+    /// The voltage fell to [`Levels::cut`] and is not back at [`Levels::derate`], or it is above [`Levels::max`].
+    /// Motors may draw no current, and only brake or coast.
     Cut,
 }
 
 /// Time in microseconds in which the draw rises from 0 to 1.
 ///
-/// A battery's voltage recovers as soon as less current is drawn. If the draw rose immediately, the stage would alternate
-/// between `Cut` and `Derated`.
+/// A battery's voltage recovers as soon as motors draw less current. If the draw rose immediately, the stage would
+/// alternate between `Cut` and `Derated`.
 const FULL_RISE_MICROS: f32 = 1e6;
 
 /// State of the undervoltage protection.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Derating {
     stage: DrawStage,
-    /// Share of current that motors may draw, 0 to 1.
+    /// The draw, 0 to 1.
     draw: f32,
 }
 

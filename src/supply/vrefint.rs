@@ -1,12 +1,13 @@
 //! Converts ADC readings to the battery's voltage. Each conversion uses a reading of the chip's internal reference, VREFINT.
 //!
-//! An ADC measures relative to its own supply, the *rail*. The reference has a known voltage, so its reading gives the rail.
-//! Without this correction a falling rail would look like a rising battery.
+//! An ADC measures relative to its own supply, the *rail*. The reference has a known voltage, so the voltage of the
+//! rail follows from the reading of the reference. Without this correction a falling rail would look like a rising
+//! battery voltage.
 
 use crate::units::{Millivolts, RangeError};
 
-/// Rail voltages in mV that an STM32 can run from (data sheets: 1.7 to 3.6 V, here with a margin). A VREFINT reading that means
-/// another rail voltage is invalid.
+/// Rail voltages in mV that an STM32 can run from. The data sheets say 1.7 to 3.6 V; the upper end has a margin of 0.1
+/// V. A VREFINT reading that means another rail voltage is invalid.
 const RAIL_MV: core::ops::RangeInclusive<i64> = 1700..=3700;
 
 /// One pair of ADC readings, right-aligned.
@@ -36,7 +37,7 @@ pub struct VrefintScale {
     calibration: VrefintCalibration,
     /// Battery voltage divided by pin voltage, in steps of 2^-10.
     ratio: i64,
-    /// Battery reading per millivolt and per count of the reference's reading, in steps of 2^-36.
+    /// Battery reading per millivolt of the battery and per step of the reference's reading, in steps of 2^-36.
     counts_per_mv: i64,
 }
 
@@ -65,8 +66,8 @@ impl VrefintScale {
         Ok(Self { calibration, ratio, counts_per_mv })
     }
 
-    /// Returns the battery's voltage. `None` if the chip cannot run from the rail that the reference reads, or if the voltage
-    /// exceeds 65.535 V.
+    /// Returns the battery's voltage. `None` if the reading of the reference is 0 or means a rail that the chip cannot
+    /// run from, or if the battery's voltage exceeds 65.535 V.
     pub fn battery(self, sample: VrefintSample) -> Option<Millivolts> {
         let full_scale = (1_i64 << self.calibration.bits) - 1;
         let reference = i64::from(sample.vrefint).min(full_scale);
@@ -85,7 +86,8 @@ impl VrefintScale {
         u16::try_from(mv).ok().map(Millivolts::new)
     }
 
-    /// Returns the battery reading for a battery voltage, while the reference reads `vrefint`. At most full scale.
+    /// Returns the battery reading for a battery voltage and a reading `vrefint` of the reference. The result is at
+    /// most full scale.
     pub fn reading(self, battery: Millivolts, vrefint: u16) -> u16 {
         let full_scale = (1_i64 << self.calibration.bits) - 1;
         let product = i64::from(battery.get()) * i64::from(vrefint);

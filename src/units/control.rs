@@ -2,7 +2,7 @@
 
 use fixed::types::{I16F16, U1F15};
 
-/// The control value that a control loop commands: -32767 to 32767, positive for CW.
+/// A control value: -32767 to 32767, positive for CW. The scheme of a motor says what a control value means.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Control(i16);
@@ -71,7 +71,8 @@ impl Duty {
         if bits > Self::ONE.0.to_bits() { Self::ONE } else { Self(U1F15::from_bits(bits)) }
     }
 
-    /// Returns `part / whole`, rounded to the nearest step; 0 if `part <= 0` or `whole <= 0`, 1 if `part >= whole`.
+    /// Returns `part / whole`, rounded to the nearest step; 0 if `part <= 0` or `whole <= 0`, otherwise 1 if `part >=
+    /// whole`.
     ///
     /// `part` and `whole` must be below 2^47.
     pub const fn ratio(part: i64, whole: i64) -> Self {

@@ -206,9 +206,10 @@ impl EmfConstant {
 
     /// Returns the back EMF at `speed`.
     ///
-    /// The product has 64 bits: with 32 bits it would overflow at 513 counts/s for a NeveRest 60.
+    /// The product has 64 bits. For a NeveRest 60 a product of 32 bits would overflow above 2 counts/s, and with speeds
+    /// in whole counts/s above 513 counts/s.
     pub const fn emf(self, speed: CountsPerSecond) -> Emf {
-        // The product has steps of 2^-28 mV and is below 2^56.
+        // The product has steps of 2^-28 mV. Its magnitude is below 2^56.
         let product = speed.to_bits() as i64 * self.to_bits() as i64;
         let bits = (product + (1 << 7)) >> 8;
         let bits = if bits > Emf::MAX {

@@ -1,5 +1,5 @@
-//! Quantities of the control path: fixed-point types with a stated range, a stated resolution and checked conversions.
-//! The documentation of a function says whether it rounds or clamps.
+//! Quantities of the control path: fixed-point types with a stated range and resolution. The documentation of a
+//! conversion says whether the conversion rounds, limits a value to the range, or fails out of range.
 //!
 //! | quantity | range | resolution |
 //! |---|---|---|
@@ -21,8 +21,9 @@
 //! | [`Micros`] since boot | 64 bits | 1 us |
 //! | [`Period`] of control | 1 to 100 ms | 1 ms |
 //!
-//! The number inside each type is private. `new` accepts any argument; `from_...` names the unit of its argument and
-//! checks the range. `get` and `as_...` return whole units; `to_...` returns fixed-point bits or a float.
+//! The number inside each type is private. `new` takes whole units, and `from_...` names the unit of its argument. A
+//! constructor that can fail returns a [`RangeError`]. `get` and `as_...` return whole units; `to_...` returns
+//! fixed-point bits or a float.
 //!
 //! Data sheets use ohms, rpm and V s/rad. Constructors from these units take `f64` and are called at compile time or at
 //! set-up. The control path does not use `f64`. [`constant!`] checks a range while the program is compiled:

@@ -1,7 +1,7 @@
 //! Limits for `f32` values.
 //!
-//! These functions are comparisons. `f32::max` and `f32::min` are calls of some 20 instructions on an FPU without
-//! instructions for them. Here NaN becomes the limit.
+//! Each function is one comparison. An FPU without instructions for `f32::max` and `f32::min` takes some 20
+//! instructions for each of these. The functions of this module return the limit for NaN.
 
 /// Returns `value`, but not less than `least`. NaN becomes `least`.
 pub(crate) const fn at_least(value: f32, least: f32) -> f32 {
