@@ -25,6 +25,9 @@ pub(crate) struct Options {
     /// not; 12 hours of virtual time
     #[arg(long, conflicts_with_all = ["seed", "hours"])]
     sweep: bool,
+    /// With --sweep: every motor with 1 to 1000 times its rotor's inertia, two minutes each; 127 hours of virtual time
+    #[arg(long, requires = "sweep")]
+    long: bool,
     /// Hours of virtual time, 0 to 1000
     #[arg(long, default_value_t = 1.0, value_parser = hours)]
     hours: f64,
@@ -42,10 +45,11 @@ impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
         let soak = if self.sweep {
             let bar = progress(None, "scenarios");
-            Soak::sweep(1, &mut |done, of| {
+            let mut progress = |done, of| {
                 bar.set_length(of as u64);
                 bar.set_position(done as u64);
-            })
+            };
+            if self.long { Soak::long_sweep(1, &mut progress) } else { Soak::sweep(1, &mut progress) }
         } else {
             let seconds = 3600.0 * self.hours;
             let bar = progress(Some(seconds as u64), "virtual seconds");

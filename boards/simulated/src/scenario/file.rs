@@ -248,6 +248,7 @@ impl ToldTable {
             value.as_ref().map_or(Ok(1.0), |value| within(value, key, 0.1..=10.0))
         };
         Ok(Configuration {
+            of: None,
             resistance: factor(&self.resistance, "resistance")?,
             emf: factor(&self.emf, "emf")?,
             motion: Some(ConfiguredMotion {
