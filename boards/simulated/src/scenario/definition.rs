@@ -9,6 +9,7 @@ use motor_hub::bridge::BridgeConstants;
 use motor_hub::group::{DriveBase, GroupCommand};
 use motor_hub::hub::{Action, Command};
 use motor_hub::model::load::Load;
+use motor_hub::model::train::Train;
 use motor_hub::model::{battery::Battery, catalogue, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, Setpoint, Settings, ThermalLimit, ZeroPower};
@@ -84,6 +85,8 @@ pub struct Motor {
     pub constants: catalogue::Motor,
     /// Load of the output shaft; its torque is in `torques`.
     pub load: Load,
+    /// Backlash and a compliant shaft between motor and load; `None` if the load is fixed to the motor.
+    pub train: Option<Train>,
     /// The hub's configuration, relative to the constants.
     pub configuration: Configuration,
     /// The meaning of control values.
@@ -251,6 +254,7 @@ impl Motor {
             label: constants.name.to_owned(),
             constants,
             load,
+            train: None,
             configuration: Configuration::EXACT,
             scheme: Scheme::A,
             duty: DutyRule::LinearCurrent,

@@ -8,6 +8,7 @@ mod friction;
 mod groups;
 mod ranges;
 mod tables;
+mod train;
 
 use super::definition::{
     Configuration, ConfiguredMotion, Group, LONGEST_S, Motor, Scenario, Timed, UNLIMITED,
@@ -113,8 +114,12 @@ fn check_commanded(file: &File, groups: &[Group]) -> Checked<()> {
     Ok(())
 }
 
-/// The emulated chip does not report groups.
+/// The emulated chip does not report groups, and its bench has neither a bus nor a train.
 fn check_emulated(file: &File) -> Checked<()> {
+    let mut trains = file.motors.get_ref().iter().filter_map(|motor| motor.get_ref().train.as_ref());
+    if let (true, Some(train)) = (file.emulated, trains.next()) {
+        return Err(fault(train, Mistake::TrainEmulated));
+    }
     match (file.groups.first(), &file.bus) {
         (Some(group), _) if file.emulated => Err(fault(group, Mistake::GroupsEmulated)),
         (_, Some(bus)) if file.emulated => Err(fault(bus, Mistake::BusEmulated)),
@@ -158,6 +163,7 @@ impl MotorTable {
                 Inertia::Rotor => constants.with_measured_rotor_inertia(),
                 Inertia::Paper => constants,
             },
+            train: self.train.as_ref().map(|train| train.get_ref().check(train, &load)).transpose()?,
             load,
             configuration: self.told.check()?,
             scheme,

@@ -41,6 +41,9 @@ pub enum Mistake {
     /// A motor has a name and constants, or neither.
     #[error("a motor needs either motor = \"NAME\" or constants = {{ .. }}")]
     MotorOrConstants,
+    /// A train without an inertia behind it.
+    #[error("a train needs a load with inertia_kg_m2 above 0, which it turns")]
+    TrainWithoutLoad,
     /// No such motor.
     #[error(transparent)]
     Motor(UnknownMotor),
@@ -116,6 +119,9 @@ pub enum Mistake {
     /// A bus with a capacitor does not run on the chip.
     #[error("a bus does not run on the emulated chip; remove emulated")]
     BusEmulated,
+    /// A train in a scenario for the emulated chip.
+    #[error("a train does not run on the emulated chip; remove emulated")]
+    TrainEmulated,
     /// A bus needs the hub's voltage limits.
     #[error("a bus needs a battery with limits; remove unlimited")]
     BusUnlimited,

@@ -5,6 +5,7 @@ use super::expect::ExpectTable;
 use super::friction::{CoggingTable, FrictionTable};
 use super::groups::GroupTable;
 use super::ranges::Whole;
+use super::train::TrainTable;
 use crate::scheme::{BlendChoice, DutyWord, SchemeName};
 use motor_hub::braking::DutyRule;
 use serde::Deserialize;
@@ -68,6 +69,7 @@ pub(super) struct MotorTable {
     pub(super) cogging: Option<CoggingTable>,
     #[serde(default)]
     pub(super) load: LoadTable,
+    pub(super) train: Option<Spanned<TrainTable>>,
     #[serde(default)]
     pub(super) told: ToldChoice,
     pub(super) scheme: Option<SchemeName>,
