@@ -40,3 +40,4 @@ pub mod response;
 pub mod rig;
 pub mod si;
 pub mod switching;
+pub mod train;

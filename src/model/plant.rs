@@ -37,6 +37,7 @@ use super::load::{Load, Shaft};
 use super::mechanics::{Mechanics, ShaftMotion};
 use super::si::{Amps, Coulombs, Hertz, Joules, NewtonMetres, RadPerSec, Seconds, Volts};
 use super::switching::{Bridge, Circuit, Conditions, Integrals, Part};
+use super::train::{Driver, Motion, Output, Train, WindowEnd};
 use crate::bridge::{Mode, State};
 
 /// Largest product of undamped frequency (rad/s) and window length (s), without unit. It limits the error of a window.
@@ -92,6 +93,10 @@ pub struct Flow {
     pub shaft_work: Joules,
     /// Heat of dry friction, at least 0. The heat of viscous drag is not included.
     pub friction_heat: Joules,
+    /// Heat of the damping of a [train](super::train), at least 0.
+    pub train_heat: Joules,
+    /// Energy that changes of the inertia put into the motion: a load that becomes heavier takes the speed of the shaft.
+    pub load_work: Joules,
 }
 
 impl Flow {
@@ -119,6 +124,8 @@ impl Flow {
         self.heat.0 += next.heat.0;
         self.shaft_work.0 += next.shaft_work.0;
         self.friction_heat.0 += next.friction_heat.0;
+        self.train_heat.0 += next.train_heat.0;
+        self.load_work.0 += next.load_work.0;
     }
 }
 
@@ -150,6 +157,12 @@ pub struct Plant {
     mode: State,
     /// Time for which the bridge stays open for the change to `mode`, s.
     open_s: f64,
+    /// The load behind a train; `None` if the load is fixed to the motor.
+    output: Option<Output>,
+    /// Train of `output`.
+    train: Option<Train>,
+    /// Energy of changes of the inertia since the last run, J.
+    load_work: f64,
 }
 
 /// Inputs that are constant during a run.
@@ -196,13 +209,39 @@ impl Plant {
             last_mean: 0.0,
             mode: State::Coast,
             open_s: 0.0,
+            output: None,
+            train: None,
+            load_work: 0.0,
         }
     }
 
-    /// Connects another load, which takes the speed of the shaft immediately.
+    /// Puts a train between motor and load. A load without inertia has none.
+    #[must_use]
+    pub fn with_train(mut self, train: Train) -> Self {
+        self.train = Some(train);
+        self.set_load(self.load);
+        self.load_work = 0.0;
+        self
+    }
+
+    /// Connects another load, which has the speed of the old one immediately. The next run has the change of the kinetic
+    /// energy in [`Flow::load_work`].
     pub fn set_load(&mut self, load: Load) {
+        let before = self.motion_energy().0;
         self.load = load;
         self.shaft = Shaft::new(&self.motor, &load);
+        let state = self
+            .output
+            .as_ref()
+            .map_or(Motion { speed: self.speed, angle: self.angle }, |output| output.state);
+        self.output = self.train.and_then(|train| Output::new(&self.motor, &load, &train));
+        if let Some(output) = &mut self.output {
+            output.state = state;
+            // The motor is a body of its own.
+            self.shaft =
+                Shaft { torque_ratio: self.shaft.torque_ratio, ..Shaft::new(&self.motor, &Load::NONE) };
+        }
+        self.load_work += self.motion_energy().0 - before;
         self.longest_window = longest_window(&self.motor, &self.shaft, self.period);
         self.coefficients = Mechanics::new(&self.shaft, &self.circuit, self.longest_window);
     }
@@ -240,7 +279,21 @@ impl Plant {
     /// Returns the present speed of the output shaft.
     #[must_use]
     pub fn speed_after(&self) -> RadPerSec {
-        RadPerSec(self.speed / self.motor.gear_ratio)
+        let speed = self.output.as_ref().map_or(self.speed, |output| output.state.speed);
+        RadPerSec(speed / self.motor.gear_ratio)
+    }
+
+    /// Returns the angle of the output shaft in rad.
+    #[must_use]
+    pub fn angle_after(&self) -> f64 {
+        self.output.as_ref().map_or(self.angle, |output| output.state.angle) / self.motor.gear_ratio
+    }
+
+    /// Returns the kinetic energy of motor and load, and the energy of a twisted train.
+    #[must_use]
+    pub fn motion_energy(&self) -> Joules {
+        let own = 0.5 * self.shaft.inertia.0 * self.speed * self.speed;
+        Joules(own + self.output.as_ref().map_or(0.0, |output| output.energy(self.angle).0))
     }
 
     /// Returns the angle of the motor shaft in rad. It is not limited to one turn.
@@ -261,6 +314,9 @@ impl Plant {
         self.last_mean = current.0;
         self.speed = speed.0;
         self.angle = angle;
+        if let Some(output) = &mut self.output {
+            output.state = Motion { speed: speed.0, angle };
+        }
     }
 
     /// Advances by `dt` at a constant battery voltage.
@@ -288,7 +344,8 @@ impl Plant {
         let torque = (self.load.torque_after.0 + influence.torque_after.0) * self.shaft.torque_ratio;
         let on_time = influence.duty.clamp(0.0, 1.0) * self.period;
         let run = Run { influence, on_time, battery, torque };
-        let mut flow = Flow { time: Seconds(dt.0.max(0.0)), ..Flow::default() };
+        let load_work = Joules(core::mem::take(&mut self.load_work));
+        let mut flow = Flow { time: Seconds(dt.0.max(0.0)), load_work, ..Flow::default() };
         let mut left = dt.0;
         // A shorter remainder, in s, is a rounding error.
         let rounding = 1e-9 * self.period;
@@ -314,31 +371,44 @@ impl Plant {
         }
         let m = self.coefficients;
         let (ke, kt) = (self.motor.ke.0, self.motor.kt.0);
-        let torque = |mean_current: f64| kt * mean_current + run.torque;
+        // Behind a train the external torque is the load's, and `moves` accounts for it.
+        let external = if self.output.is_some() { 0.0 } else { run.torque };
+        let torque = |mean_current: f64| kt * mean_current + external;
+        let moves = |mean_current: f64, sticks: bool| match &self.output {
+            Some(output) => self.train_motion(output, window, kt * mean_current, run.torque),
+            None => {
+                let motor = self.shaft_motion(torque(mean_current), sticks);
+                WindowEnd { motor, load: Motion::default(), heat: 0.0 }
+            }
+        };
         let tolerance = 1e-6 * (run.battery.0 + 1.0);
         let slope = 1.0 + ke * kt * m.mean_gain * m.admittance;
         // A shaft at rest is assumed to stay at rest first, because the current at standstill decides whether it breaks
         // away.
-        let mut emf = ke * self.shaft_motion(torque(self.last_mean), true).mean;
+        let mut emf = ke * moves(self.last_mean, true).motor.mean;
         let (mut end, mut sums, mut mean) = self.electrical(window, emf, run);
         // This is decided once in a window: the back EMF of a shaft that broke away must not make it stick again.
         let sticks = self.has_friction && self.sticks(torque(mean));
-        let mut motion = self.shaft_motion(torque(mean), sticks);
+        let mut end_of_window = moves(mean, sticks);
         // Smooth running takes one iteration, a change two. More are needed only near a stop or a change of direction.
         for _ in 0..6 {
-            let error = ke * motion.mean - emf;
+            let error = ke * end_of_window.motor.mean - emf;
             if error.abs() <= tolerance {
                 break;
             }
             emf += error / slope;
             (end, sums, mean) = self.electrical(window, emf, run);
-            motion = self.shaft_motion(torque(mean), sticks);
+            end_of_window = moves(mean, sticks);
         }
+        let WindowEnd { motor: motion, load, heat: train_heat } = end_of_window;
         // The current of a shaft at rest decays towards 0. It is set to 0 early, because subnormal numbers are slow.
         self.current = if self.has_friction && end.abs() < 1e-30 { 0.0 } else { end };
         self.last_mean = mean;
         self.angle += window * motion.mean;
         self.speed = motion.end;
+        if let Some(output) = &mut self.output {
+            output.state = load;
+        }
 
         flow.charge.0 += sums.current;
         flow.charge_shown.0 += sensed_charge(run.influence.off, sums.current);
@@ -349,6 +419,20 @@ impl Plant {
         flow.heat.0 += sums.heat;
         flow.shaft_work.0 += emf * sums.current;
         flow.friction_heat.0 += self.motor.friction.coulomb.0 * motion.sliding_angle;
+        flow.train_heat.0 += train_heat;
+    }
+
+    /// Returns the motion of motor and load through a window, under `torque` on the motor and `load_torque` on the load,
+    /// both in N m on the motor shaft.
+    fn train_motion(&self, output: &Output, window: f64, torque: f64, load_torque: f64) -> WindowEnd {
+        let cogging = self.motor.cogging.mean_torque(self.angle, window * self.speed);
+        let driver = Driver {
+            shaft: &self.shaft,
+            circuit: &self.circuit,
+            friction: &self.motor.friction,
+            state: Motion { speed: self.speed, angle: self.angle },
+        };
+        output.motion(&driver, window, torque + cogging, load_torque)
     }
 
     /// Returns true if friction keeps the shaft at rest at its present angle, under `torque` (N m) and cogging.

@@ -4,3 +4,4 @@ mod bus;
 mod friction;
 mod golden;
 mod physics;
+mod train;

@@ -324,6 +324,8 @@ fn difference(after: &Flow, before: &Flow) -> Flow {
     flow.heat.0 -= before.heat.0;
     flow.shaft_work.0 -= before.shaft_work.0;
     flow.friction_heat.0 -= before.friction_heat.0;
+    flow.train_heat.0 -= before.train_heat.0;
+    flow.load_work.0 -= before.load_work.0;
     flow
 }
 

@@ -217,6 +217,9 @@ pub(crate) fn board(scenario: &Scenario) -> Board {
     }
     for (index, motor) in scenario.motors.iter().enumerate() {
         board.set_current_line(index, motor.current_line);
+        if let Some(train) = motor.train {
+            board.set_train(index, train);
+        }
     }
     board
 }

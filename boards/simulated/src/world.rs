@@ -30,6 +30,7 @@ use motor_hub::model::load::Load;
 use motor_hub::model::plant::{Flow, Plant, PlantInput};
 use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
+use motor_hub::model::train::Train;
 use motor_hub::supply::{VrefintCalibration, VrefintSample, VrefintScale};
 use motor_hub::tasks::supply::WATCH_INTERVAL;
 use motor_hub::units::{Duty, Milliamperes, Millivolts, constant};
@@ -156,6 +157,13 @@ impl Board {
     pub fn set_load(&self, motor: usize, load: Load) {
         if let Some(plant) = self.0.borrow_mut().rig.plants.get_mut(motor) {
             plant.set_load(load);
+        }
+    }
+
+    /// Puts a train between a motor and its load.
+    pub fn set_train(&self, motor: usize, train: Train) {
+        if let Some(plant) = self.0.borrow_mut().rig.plants.get_mut(motor) {
+            *plant = plant.clone().with_train(train);
         }
     }
 

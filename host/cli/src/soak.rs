@@ -25,6 +25,9 @@ pub(crate) struct Options {
     /// not; 12 hours of virtual time
     #[arg(long, conflicts_with_all = ["seed", "hours"])]
     sweep: bool,
+    /// With --sweep: every motor with 1 to 1000 times its rotor's inertia, two minutes each; 127 hours of virtual time
+    #[arg(long, requires = "sweep")]
+    long: bool,
     /// Hours of virtual time, 0 to 1000
     #[arg(long, default_value_t = 1.0, value_parser = hours)]
     hours: f64,
@@ -40,13 +43,16 @@ fn hours(text: &str) -> Result<f64, String> {
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
-        let soak = if self.sweep {
-            in_steps("scenarios", |step| Soak::sweep(1, step))
-        } else {
-            let seconds = 3600.0 * self.hours;
-            let bar = progress(Some(seconds as u64), "virtual seconds");
-            Soak::new(self.seed, seconds, &mut |done| bar.set_position(done as u64))
-        };
+        let soak =
+            if self.sweep {
+                in_steps("scenarios", |step| {
+                    if self.long { Soak::long_sweep(1, step) } else { Soak::sweep(1, step) }
+                })
+            } else {
+                let seconds = 3600.0 * self.hours;
+                let bar = progress(Some(seconds as u64), "virtual seconds");
+                Soak::new(self.seed, seconds, &mut |done| bar.set_position(done as u64))
+            };
         let soak = soak.map_err(Failure::work)?;
         if self.json {
             print_json(&soak)?;

@@ -3,8 +3,10 @@
 use motor_hub::group::DriveBase;
 use motor_hub::motor::Setpoint;
 use simulated::scenario::{Group, Motor};
-use simulated::trace::{Sample, Tick, Trace};
+use simulated::trace::{Tick, Trace};
+use std::iter::Peekable;
 use std::ops::Range;
+use std::vec::IntoIter;
 
 /// Seconds from a course that begins in the window until all members have settled, up to the next course or the
 /// window's end: the longest. Infinite if a member does not settle; `None` if there is no course.
@@ -29,44 +31,68 @@ fn arrival_s(group: &Group, trace: &Trace, course_s: &Range<f64>) -> f64 {
 
 /// Largest difference in degrees between the heading of a base and the heading of its wheels' references, at any tick of
 /// the window. `None` if there is no base, or no tick at which both wheels are led.
-///
-/// After a wheel is lost, its last reference and that of the other wheel stay in force. So a base that turns while it
-/// halts has an error. They end with the next course, or with a set-point of a wheel's own.
 pub(crate) fn largest_heading_error(
     group: &Group,
     motors: &[Motor],
     trace: &Trace,
     window_s: &Range<f64>,
 ) -> Option<f64> {
-    let base = group.base?;
-    let &[left, right] = group.motors.as_slice() else { return None };
-    let members = [left, right].map(|motor| motors.get(motor).map_or(&[][..], |motor| &motor.setpoints));
-    let own = members.into_iter().flatten().map(|setpoint| setpoint.at_s);
-    let mut ends: Vec<f64> = group.courses.iter().map(|course| course.at_s).chain(own).collect();
-    ends.sort_by(f64::total_cmp);
-    let mut ends = ends.into_iter().peekable();
-    let mut led: Option<[f64; 2]> = None;
-    let mut largest = None;
-    for tick in trace.ticks.iter().take_while(|tick| tick.at_s < window_s.end) {
-        while ends.next_if(|end_s| *end_s < tick.at_s).is_some() {
-            led = None;
-        }
-        let [left, right] = [left, right].map(|motor| tick.motors.get(motor));
-        let (Some(left), Some(right)) = (left, right) else { continue };
-        if let (Some(left), Some(right)) = (reference(left), reference(right)) {
-            led = Some([left, right]);
-        }
-        if let Some(led) = led.filter(|_| tick.at_s >= window_s.start) {
-            let error = heading(&base, [left.counts as f64 - led[0], right.counts as f64 - led[1]]).abs();
-            largest = Some(largest.map_or(error, |largest: f64| largest.max(error)));
-        }
+    let mut heading = HeadingError::new(group, motors)?;
+    let ticks = trace.ticks.iter().take_while(|tick| tick.at_s < window_s.end);
+    let errors = ticks.filter_map(|tick| {
+        let wheel =
+            |motor: usize| tick.motors.get(motor).map(|sample| (sample.report.setpoint, sample.counts));
+        heading.step(tick.at_s, wheel).filter(|_| tick.at_s >= window_s.start)
+    });
+    errors.reduce(f64::max)
+}
+
+/// The heading error of a base, from tick to tick.
+///
+/// After a wheel is lost, its last reference and that of the other wheel stay in force. So a base that turns while it
+/// halts has an error. They end with the next course, or with a set-point of a wheel's own.
+pub(crate) struct HeadingError {
+    base: DriveBase,
+    wheels: [usize; 2],
+    /// Times in seconds at which references end, ascending.
+    ends: Peekable<IntoIter<f64>>,
+    /// The last references of both wheels, in counts.
+    led: Option<[f64; 2]>,
+}
+
+impl HeadingError {
+    /// `None` if the group is no drive base.
+    pub(crate) fn new(group: &Group, motors: &[Motor]) -> Option<Self> {
+        let &[left, right] = group.motors.as_slice() else { return None };
+        let members = [left, right].map(|motor| motors.get(motor).map_or(&[][..], |motor| &motor.setpoints));
+        let own = members.into_iter().flatten().map(|setpoint| setpoint.at_s);
+        let mut ends: Vec<f64> = group.courses.iter().map(|course| course.at_s).chain(own).collect();
+        ends.sort_by(f64::total_cmp);
+        Some(Self { base: group.base?, wheels: [left, right], ends: ends.into_iter().peekable(), led: None })
     }
-    largest
+
+    /// The error in degrees at a tick; `wheel` gives the set-point and the true counts of a motor.
+    pub(crate) fn step(
+        &mut self,
+        at_s: f64,
+        wheel: impl Fn(usize) -> Option<(Setpoint, i64)>,
+    ) -> Option<f64> {
+        while self.ends.next_if(|end_s| *end_s < at_s).is_some() {
+            self.led = None;
+        }
+        let [left, right] = self.wheels.map(wheel);
+        let ((left, left_counts), (right, right_counts)) = (left?, right?);
+        if let (Some(left), Some(right)) = (reference(left), reference(right)) {
+            self.led = Some([left, right]);
+        }
+        let [left, right] = self.led?;
+        Some(heading(&self.base, [left_counts as f64 - left, right_counts as f64 - right]).abs())
+    }
 }
 
 /// The position in counts that leads a member of a group.
-fn reference(sample: &Sample) -> Option<f64> {
-    let Setpoint::Together(reference) = sample.report.setpoint else { return None };
+fn reference(setpoint: Setpoint) -> Option<f64> {
+    let Setpoint::Together(reference) = setpoint else { return None };
     Some(f64::from(reference.position) + f64::from(reference.fraction) / 65_536.0)
 }
 

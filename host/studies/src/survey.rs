@@ -1,6 +1,6 @@
 //! How well motors are regulated: the tasks of the [`mod@reference`], every motor of the catalogue without a load
-//! ([`cells`]), and any number of [`random`] scenarios. The hub is configured exactly, configured with a wrong inertia, or
-//! not configured. [`soak`] runs hours of random scenarios and counts false alarms.
+//! ([`cells`]), and any number of [`random`] scenarios. The hub is configured exactly, with wrong constants, or not at all
+//! (see [`Knowledge`]). [`soak`] runs hours of random scenarios and counts false alarms.
 //!
 //! Responses are judged by the true motion at every millisecond, see [`settling`](crate::settling). Of the random
 //! responses those are counted that can be settled by some regulator.
@@ -52,11 +52,38 @@ pub enum Knowledge {
     Heavier,
     /// Only the winding is configured; the hub learns the acceleration per volt.
     Unknown,
+    /// The constants of the cold motor, while the motor is hot: its magnets are 10 % weaker, and its copper has 24 % more
+    /// resistance. That is a winding 62 K warmer and ferrite magnets 50 K warmer.
+    Hot,
+    /// 0.8 times the winding resistance.
+    ResistanceLow,
+    /// 1.2 times the winding resistance.
+    ResistanceHigh,
+    /// 0.9 times the back-EMF constant.
+    EmfLow,
+    /// 1.1 times the back-EMF constant.
+    EmfHigh,
+    /// The constants of another specimen of the same product.
+    Sibling,
 }
 
 impl Knowledge {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Exact, Self::Lighter, Self::Heavier, Self::Unknown];
+    pub const ALL: [Self; 10] = [
+        Self::Exact,
+        Self::Lighter,
+        Self::Heavier,
+        Self::Unknown,
+        Self::Hot,
+        Self::ResistanceLow,
+        Self::ResistanceHigh,
+        Self::EmfLow,
+        Self::EmfHigh,
+        Self::Sibling,
+    ];
+
+    /// The four that differ in the motion alone. [`soak`] and the tables by property have these, the first of all.
+    pub const OF_MOTION: [Self; 4] = [Self::Exact, Self::Lighter, Self::Heavier, Self::Unknown];
 
     /// In words.
     pub const fn name(self) -> &'static str {
@@ -65,19 +92,51 @@ impl Knowledge {
             Self::Lighter => "inertia x0.7",
             Self::Heavier => "inertia x1.4",
             Self::Unknown => "not configured",
+            Self::Hot => "configured cold, motor hot",
+            Self::ResistanceLow => "R x0.8",
+            Self::ResistanceHigh => "R x1.2",
+            Self::EmfLow => "Ke x0.9",
+            Self::EmfHigh => "Ke x1.1",
+            Self::Sibling => "sibling configured",
         }
     }
 
-    fn configured(self) -> Configuration {
-        let motion = |inertia| Some(ConfiguredMotion { inertia, drag: 1.0, friction: 1.0 });
-        let motion = match self {
-            Self::Exact => motion(1.0),
-            Self::Lighter => motion(0.7),
-            Self::Heavier => motion(1.4),
-            Self::Unknown => None,
+    /// The configuration of a motor.
+    fn configured(self, motor: &catalogue::Motor) -> Configuration {
+        let inertia = |inertia| {
+            let motion = Some(ConfiguredMotion { inertia, drag: 1.0, friction: 1.0 });
+            Configuration { motion, ..Configuration::EXACT }
         };
-        Configuration { motion, ..Configuration::EXACT }
+        let winding = |resistance, emf| Configuration { resistance, emf, ..Configuration::EXACT };
+        match self {
+            Self::Exact => Configuration::EXACT,
+            Self::Lighter => inertia(0.7),
+            Self::Heavier => inertia(1.4),
+            Self::Unknown => Configuration { motion: None, ..Configuration::EXACT },
+            Self::Hot => winding(1.0 / 1.24, 1.0 / 0.9),
+            Self::ResistanceLow => winding(0.8, 1.0),
+            Self::ResistanceHigh => winding(1.2, 1.0),
+            Self::EmfLow => winding(1.0, 0.9),
+            Self::EmfHigh => winding(1.0, 1.1),
+            Self::Sibling => Configuration { of: sibling(motor), ..Configuration::EXACT },
+        }
     }
+}
+
+/// The next specimen of the same product, with the friction and the kind of inertia of `motor`. After the last specimen
+/// comes the first. `None` for a motor that the catalogue lacks.
+fn sibling(motor: &catalogue::Motor) -> Option<catalogue::Motor> {
+    // A specimen has the name of its product, with its letter after a hyphen.
+    let product = |name: &'static str| match name.rsplit_once('-') {
+        Some((product, letter)) if letter.len() == 1 => product,
+        _ => name,
+    };
+    let specimens: Vec<_> =
+        catalogue::motors().filter(|other| product(other.name) == product(motor.name)).collect();
+    let own = specimens.iter().position(|other| other.name == motor.name)?;
+    let next = specimens.iter().cycle().nth(own + 1)?;
+    let next = if motor.j == motor.j_rotor_measured { next.with_measured_rotor_inertia() } else { *next };
+    Some(catalogue::Motor { friction: motor.friction, ..next })
 }
 
 /// A response that can be settled, and its verdicts.
@@ -153,7 +212,10 @@ fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyErro
     let mut verdicts: Vec<Vec<Verdict>> = vec![Vec::new(); challenges.len()];
     for knowledge in Knowledge::ALL {
         let mut scenario = scenario.clone();
-        scenario.motors.iter_mut().for_each(|motor| motor.configuration = knowledge.configured());
+        scenario
+            .motors
+            .iter_mut()
+            .for_each(|motor| motor.configuration = knowledge.configured(&motor.constants));
         let tracks = judge::watch(&scenario)?;
         for (challenge, all) in challenges.iter().zip(&mut verdicts) {
             all.push(judge::judge(challenge, tracks.get(challenge.motor).map_or(&[], |track| track)));
@@ -225,4 +287,38 @@ fn friction_percent(motor: &Motor) -> f64 {
     let share = motor.constants.friction.coulomb.0 / motor.constants.stall_torque(Volts(12.0)).0;
     // Whole steps again, whatever the multiplication by the torque and back has made of them.
     (1e6 * 100.0 * share).round() / 1e6
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use motor_hub::model::catalogue::characterised;
+
+    #[test]
+    fn a_sibling_is_the_next_specimen_of_the_product_with_the_friction_of_the_motor() {
+        for (name, next) in [
+            ("AM 20 A", "NeveRest 20-B"),
+            ("AM 20 C", "NeveRest 20"),
+            ("AM 3.7 A", "NeveRest 3.7"),
+            ("Matrix C", "Matrix 12 V"),
+        ] {
+            let motor = characterised(name).expect("in the catalogue").with_measured_rotor_inertia();
+            let sibling = sibling(&motor).expect("the product has three specimens");
+            assert_eq!((sibling.name, sibling.j), (next, sibling.j_rotor_measured));
+        }
+    }
+
+    #[test]
+    fn a_hub_that_knows_the_cold_motor_takes_the_hot_one_for_stronger() {
+        let constants = characterised("AM 60 A").expect("in the catalogue").with_measured_rotor_inertia();
+        let gain = |knowledge: Knowledge| {
+            let mut motor = Motor::new(constants, Load::NONE);
+            motor.configuration = knowledge.configured(&constants);
+            let dynamics = motor.settings().expect("it fits").dynamics.expect("configured");
+            f64::from(dynamics.gain.to_bits())
+        };
+        // The acceleration per volt is Kt / (R J).
+        let ratio = gain(Knowledge::Hot) / gain(Knowledge::Exact);
+        assert!((ratio - 1.24 / 0.9).abs() < 0.03, "{ratio}");
+    }
 }

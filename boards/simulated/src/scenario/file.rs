@@ -144,8 +144,12 @@ impl File {
         Ok(())
     }
 
-    /// The emulated chip does not report groups, and has no bus.
+    /// The emulated chip does not report groups. Its bench has neither a bus nor a train.
     fn check_emulated(&self) -> Checked<()> {
+        let mut trains = self.motors.get_ref().iter().filter_map(|motor| motor.get_ref().train.as_ref());
+        if let (true, Some(train)) = (self.emulated, trains.next()) {
+            return Err("a train does not run on the emulated chip; remove emulated".to_owned()).at(train);
+        }
         match (self.groups.first(), &self.bus) {
             (Some(group), _) if self.emulated => {
                 Err("groups do not run on the emulated chip; remove emulated".to_owned()).at(group)

@@ -9,6 +9,7 @@ use motor_hub::bridge::BridgeConstants;
 use motor_hub::group::{DriveBase, GroupCommand};
 use motor_hub::hub::{Action, Command};
 use motor_hub::model::load::Load;
+use motor_hub::model::train::Train;
 use motor_hub::model::{battery::Battery, catalogue, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, Setpoint, Settings, ThermalLimit, ZeroPower};
@@ -84,6 +85,8 @@ pub struct Motor {
     pub constants: catalogue::Motor,
     /// Load of the output shaft; its torque is in `torques`.
     pub load: Load,
+    /// Backlash and a compliant shaft between motor and load; `None` if the load is fixed to the motor.
+    pub train: Option<Train>,
     /// The hub's configuration, relative to the constants.
     pub configuration: Configuration,
     /// The meaning of control values.
@@ -132,9 +135,11 @@ pub struct Group {
 /// A motor's configuration in the hub, in factors of the true constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Configuration {
+    /// The motor whose constants are configured; `None` for the constants of the motor itself.
+    pub of: Option<catalogue::Motor>,
     /// Of the winding resistance.
     pub resistance: f64,
-    /// Of the back-EMF constant.
+    /// Of the back-EMF constant, and of the torque constant: both are made by the magnets.
     pub emf: f64,
     /// Inertia, drag and friction; `None` for an unknown motor: only its winding is configured.
     pub motion: Option<ConfiguredMotion>,
@@ -154,6 +159,7 @@ pub struct ConfiguredMotion {
 impl Configuration {
     /// Configured exactly.
     pub const EXACT: Self = Self {
+        of: None,
         resistance: 1.0,
         emf: 1.0,
         motion: Some(ConfiguredMotion { inertia: 1.0, drag: 1.0, friction: 1.0 }),
@@ -248,6 +254,7 @@ impl Motor {
             label: constants.name.to_owned(),
             constants,
             load,
+            train: None,
             configuration: Configuration::EXACT,
             scheme: Scheme::A,
             duty: DutyRule::LinearCurrent,
@@ -271,11 +278,13 @@ impl Motor {
     /// # Errors
     /// If one of the motor's constants does not fit the firmware's range.
     pub fn settings(&self) -> Result<Settings, RangeError> {
-        let Configuration { resistance, emf, motion } = self.configuration;
+        let Configuration { of, resistance, emf, motion } = self.configuration;
+        let motor = of.unwrap_or(self.constants);
         let configured = catalogue::Motor {
-            r: si::Ohms(self.constants.r.0 * resistance),
-            ke: si::EmfConstant(self.constants.ke.0 * emf),
-            ..self.constants
+            r: si::Ohms(motor.r.0 * resistance),
+            ke: si::EmfConstant(motor.ke.0 * emf),
+            kt: si::TorqueConstant(motor.kt.0 * emf),
+            ..motor
         };
         let winding = winding(&configured)?;
         let guessed = Coefficients::guessed(winding.emf, self.scheme, Period::DEFAULT);
@@ -288,7 +297,7 @@ impl Motor {
             thermal: self.thermal,
             current_limit: self.current_limit,
             acceleration: self.acceleration,
-            dynamics: motion.map(|factors| self.dynamics(&winding, factors)).transpose()?,
+            dynamics: motion.map(|factors| self.dynamics(&configured, &winding, factors)).transpose()?,
             coefficients: own.then(|| Coefficients {
                 velocity: self.velocity.unwrap_or(guessed.velocity),
                 position: self.position.unwrap_or(guessed.position),
@@ -298,8 +307,13 @@ impl Motor {
     }
 
     /// The configured dynamics of the motor with its load.
-    fn dynamics(&self, winding: &Winding, factors: ConfiguredMotion) -> Result<Dynamics, RangeError> {
-        let truth = mechanics(&self.constants, &self.load);
+    fn dynamics(
+        &self,
+        configured: &catalogue::Motor,
+        winding: &Winding,
+        factors: ConfiguredMotion,
+    ) -> Result<Dynamics, RangeError> {
+        let truth = mechanics(configured, &self.load);
         let mechanics = Mechanics {
             inertia: truth.inertia * factors.inertia,
             drag: truth.drag * factors.drag,

@@ -398,3 +398,29 @@ fn a_scheme_may_be_written_in_either_case() {
     let [upper, lower] = [SOUND, &text].map(|text| Scenario::parse("s.toml", text).expect("it is sound"));
     assert_eq!(upper.motors[0].scheme, lower.motors[0].scheme);
 }
+
+#[test]
+fn a_train_without_a_load_or_on_the_emulated_chip_is_refused() {
+    let text = |head: &str, load: &str| {
+        format!(
+            "name = \"gear\"\nduration_s = 2.0\n{head}battery = {{ emf_v = 12.0, resistance_ohm = 0.05 }}\n\
+             [[motors]]\nlabel = \"one\"\nmotor = \"AM 60 A\"\n{load}\
+             train = {{ backlash_degrees = 2.0, stiffness_nm_per_rad = 300.0 }}\n\
+             setpoints = [{{ at_s = 0.5, velocity_cps = 1000 }}]\n"
+        )
+    };
+    let load = "load = { inertia_kg_m2 = 0.01 }\n";
+    let scenario = Scenario::parse("g.toml", &text("", load)).expect("it is valid");
+    let train = scenario.motors[0].train.expect("a train");
+    assert!(
+        (train.backlash_after.to_degrees() - 2.0).abs() < 1e-9 && train.damping_after == 0.0,
+        "{train:?}"
+    );
+    for (head, load, says) in [
+        ("", "", "a train needs a load with inertia_kg_m2 above 0"),
+        ("emulated = true\n", load, "a train does not run on the emulated chip"),
+    ] {
+        let error = Scenario::parse("g.toml", &text(head, load)).expect_err(says).to_string();
+        assert!(error.starts_with("g.toml:") && error.contains(says), "{error}");
+    }
+}

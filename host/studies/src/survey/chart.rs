@@ -56,7 +56,7 @@ pub fn survey(survey: &Survey) -> NamedFigure {
     let panels = panels.map(|(which, responses)| {
         let colours = [colour::BLUE, colour::GREEN, colour::PURPLE, colour::RED];
         let curves =
-            Knowledge::ALL.into_iter().zip(colours).enumerate().map(|(index, (knowledge, colour))| {
+            Knowledge::OF_MOTION.into_iter().zip(colours).enumerate().map(|(index, (knowledge, colour))| {
                 let verdicts = responses.iter().filter_map(|response| response.verdicts.get(index));
                 ((knowledge.name(), colour), times(verdicts))
             });

@@ -1,8 +1,10 @@
 //! Reference tasks at several control periods. Their figures were reached by a simulation before the regulator was
-//! written.
+//! written. A drive base and its figures are in `base`.
+
+mod base;
 
 use super::judge::{Verdict, challenges, judge, watch};
-use super::parallel::{self, ByKnowledge};
+use super::parallel;
 use crate::StudyError;
 use motor_hub::braking::Scheme;
 use motor_hub::model::battery::Battery;
@@ -18,6 +20,9 @@ use simulated::scenario::{Motor, Scenario, Timed};
 /// Control periods in milliseconds.
 pub const PERIODS: [u32; 6] = [1, 5, 10, 20, 50, 100];
 
+/// Delay of a change after the tick that it would have been in time for, in seconds. It is the encoder's sampling interval.
+const LATE_S: f64 = 1e-3;
+
 /// The figure of a response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -28,6 +33,8 @@ pub enum Figure {
     Offset,
     /// Root mean square of the error in the last second, in percent of the speed.
     Rms,
+    /// Largest heading error of a drive base, in degrees.
+    Heading,
 }
 
 /// A task, and the figure that the reference reached with a period of 50 ms.
@@ -58,6 +65,15 @@ pub struct Row {
     pub configured: Vec<Verdict>,
     /// Not configured; in the order of [`PERIODS`].
     pub unknown: Vec<Verdict>,
+    /// As `configured`, but the change comes 1 ms after a tick, so that the hub acts almost a period later. Empty unless
+    /// the figure is a settling time.
+    pub configured_late: Vec<Verdict>,
+    /// As `unknown`, but 1 ms after a tick.
+    pub unknown_late: Vec<Verdict>,
+    /// Heading errors of a drive base, configured exactly; in the order of [`PERIODS`]. Empty for a motor alone.
+    pub configured_degrees: Vec<f64>,
+    /// Heading errors of a drive base, not configured.
+    pub unknown_degrees: Vec<f64>,
     /// Speed set-point in counts/s; 0 of a position.
     pub speed: f64,
 }
@@ -181,16 +197,47 @@ fn arm() -> Result<Scenario, StudyError> {
 /// If a run fails.
 pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyError> {
     let tasks = tasks()?;
-    let verdicts = parallel::at_all_periods(&tasks, &PERIODS, worst, progress)?;
-    let row = |(task, [configured, unknown]): (Task, ByKnowledge<_>)| Row {
-        speed: speed(&task),
-        name: task.name,
-        reference: task.reference,
-        figure: task.figure,
-        configured,
-        unknown,
-    };
-    Ok(tasks.into_iter().zip(verdicts).map(row).collect())
+    let cases: Vec<(&Task, bool, bool, u32)> = tasks
+        .iter()
+        .flat_map(|task| {
+            let phases = if task.figure == Figure::Settling { &[false, true][..] } else { &[false] };
+            phases.iter().flat_map(move |&late| [true, false].map(|configured| (task, late, configured)))
+        })
+        .flat_map(|(task, late, configured)| PERIODS.map(|ms| (task, late, configured, ms)))
+        .collect();
+    let bases = base::cases()?;
+    let (responses, total) = (cases.len(), cases.len() + bases.len());
+    let verdicts = parallel::map(
+        &cases,
+        |&(task, late, configured, ms)| worst(task, late, configured, ms),
+        |done| progress(done, total),
+    )
+    .into_iter()
+    .collect::<Result<Vec<_>, _>>()?;
+    let mut verdicts = verdicts.into_iter();
+    let mut rows: Vec<Row> = tasks
+        .into_iter()
+        .map(|task| {
+            let settles = task.figure == Figure::Settling;
+            let mut next = |wanted: bool| -> Vec<Verdict> {
+                verdicts.by_ref().take(if wanted { PERIODS.len() } else { 0 }).collect()
+            };
+            Row {
+                speed: speed(&task),
+                name: task.name,
+                reference: task.reference,
+                figure: task.figure,
+                configured: next(true),
+                unknown: next(true),
+                configured_late: next(settles),
+                unknown_late: next(settles),
+                configured_degrees: Vec::new(),
+                unknown_degrees: Vec::new(),
+            }
+        })
+        .collect();
+    rows.extend(base::rows(&bases, &mut |done| progress(responses + done, total))?);
+    Ok(rows)
 }
 
 fn speed(task: &Task) -> f64 {
@@ -202,10 +249,18 @@ fn speed(task: &Task) -> f64 {
 }
 
 /// Of the task's motors the one with the largest error at the end.
-fn worst(task: &Task, configured: bool, period_ms: u32) -> Result<Verdict, StudyError> {
+fn worst(task: &Task, late: bool, configured: bool, period_ms: u32) -> Result<Verdict, StudyError> {
     let mut worst: Option<Verdict> = None;
     for scenario in &task.scenarios {
-        let scenario = parallel::variant(scenario, configured, period_ms)?;
+        let mut scenario = parallel::variant(scenario, configured, period_ms)?;
+        if late {
+            // Values that are in force from the start stay so.
+            for motor in &mut scenario.motors {
+                let setpoints = motor.setpoints.iter_mut().map(|timed| &mut timed.at_s);
+                let torques = motor.torques.iter_mut().map(|timed| &mut timed.at_s);
+                setpoints.chain(torques).filter(|at_s| **at_s > 0.0).for_each(|at_s| *at_s += LATE_S);
+            }
+        }
         let tracks = watch(&scenario)?;
         let challenges = challenges(&scenario);
         let challenge = challenges.get(task.response).ok_or(StudyError::NoEvent)?;

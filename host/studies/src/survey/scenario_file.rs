@@ -56,7 +56,7 @@ fn table(out: &mut String, motor: &Motor) -> std::fmt::Result {
     if motor.zero_power == ZeroPower::Float {
         writeln!(out, "zero_power = \"float\"")?;
     }
-    let Configuration { resistance, emf, motion } = motor.configuration;
+    let Configuration { resistance, emf, motion, .. } = motor.configuration;
     match motion {
         None => writeln!(out, "configured = \"nothing\"")?,
         Some(motion) => writeln!(

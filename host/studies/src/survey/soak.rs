@@ -3,7 +3,7 @@
 //!
 //! Scenario by scenario the motion is configured exactly, with wrong inertias, or not at all (see [`Knowledge`]), and every other
 //! four have bridges with the timing of real ones. Dry friction is up to 40 % of the stall torque, four times the survey's.
-//! A sweep runs every motor with every setting instead.
+//! A sweep runs every motor with every setting instead; a long sweep runs heavy motors for minutes.
 //!
 //! ```
 //! use studies::survey::soak::Soak;
@@ -116,7 +116,22 @@ impl Soak {
     /// # Errors
     /// If a motor does not fit the firmware.
     pub fn sweep(every: usize, progress: &mut dyn FnMut(usize, usize)) -> Result<Self, StudyError> {
-        let cases = sweep::scenarios(every);
+        Self::swept(&sweep::scenarios(every), progress)
+    }
+
+    /// Every motor with 1 to 1000 times its rotor's inertia at every period for two minutes, configured exactly, with 0.5 and
+    /// 2 times the inertia, and not at all; or each `every`th scenario of these. `progress` is as for [`Soak::sweep`].
+    ///
+    /// # Errors
+    /// If a motor does not fit the firmware.
+    pub fn long_sweep(every: usize, progress: &mut dyn FnMut(usize, usize)) -> Result<Self, StudyError> {
+        Self::swept(&sweep::long_scenarios(every), progress)
+    }
+
+    fn swept(
+        cases: &[(Scenario, Knowledge)],
+        progress: &mut dyn FnMut(usize, usize),
+    ) -> Result<Self, StudyError> {
         let numbers: Vec<u64> = (0..).take(cases.len()).collect();
         let runs = parallel::map(
             &numbers,
@@ -128,7 +143,7 @@ impl Soak {
             |done| progress(done, cases.len()),
         );
         let mut soak = Self { scenarios: cases.len() as u64, ..Self::default() };
-        for (run, (scenario, _)) in runs.into_iter().flatten().zip(&cases) {
+        for (run, (scenario, _)) in runs.into_iter().flatten().zip(cases) {
             let (alarms, stalled) = run?;
             soak.alarms.extend(alarms);
             soak.stalled += stalled;
@@ -182,9 +197,9 @@ fn looked_at(
 /// The scenario of this number, and what the hub knows there.
 fn scenario(seed: u64, number: u64) -> (Scenario, Knowledge) {
     let mut scenario = random::scenario(seed, number);
-    let knowledge = Knowledge::ALL.into_iter().cycle().nth((number % 4) as usize).unwrap_or(Knowledge::Exact);
+    let knowledge = Knowledge::OF_MOTION.get((number % 4) as usize).copied().unwrap_or(Knowledge::Exact);
     for motor in &mut scenario.motors {
-        motor.configuration = knowledge.configured();
+        motor.configuration = knowledge.configured(&motor.constants);
         // From at most 10 % of the stall torque to at most 40.
         motor.constants.friction =
             Friction::with_coulomb(NewtonMetres(4.0 * motor.constants.friction.coulomb.0));

@@ -9,7 +9,7 @@ use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue;
 use motor_hub::model::friction::Friction;
 use motor_hub::model::load::Load;
-use motor_hub::model::si::{NewtonMetres, Ohms, Volts};
+use motor_hub::model::si::{KgM2, NewtonMetres, Ohms, Volts};
 use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
 use simulated::hardware::{MOTORS, REAL_BRIDGE};
@@ -31,7 +31,7 @@ pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
             for motors in motors(volts).chunks(MOTORS) {
                 let mut motors = motors.to_vec();
                 for motor in &mut motors {
-                    motor.configuration = knowledge.configured();
+                    motor.configuration = knowledge.configured(&motor.constants);
                     if all.len() % 2 == 1 {
                         motor.bridge = REAL_BRIDGE;
                     }
@@ -44,6 +44,77 @@ pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
         }
     }
     all.into_iter().step_by(every.max(1)).collect()
+}
+
+/// Multiples of a rotor's inertia that a motor turns in the long sweep.
+const INERTIAS: [f64; 7] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1_000.0];
+/// How the motion is configured there; 0.5 and 2 times the inertia are worse than what [`Knowledge`] has.
+const FACTORS: [(Knowledge, f64); 4] = [
+    (Knowledge::Exact, 1.0),
+    (Knowledge::Lighter, 0.5),
+    (Knowledge::Heavier, 2.0),
+    (Knowledge::Unknown, 1.0),
+];
+const LONG_S: f64 = 120.0;
+
+/// Every `every`th of the long scenarios, with a motor each, and how the motor is configured: every motor with its rotor's
+/// inertia up to 1000 times that, without friction, at every period. A heavy one needs minutes for what a bare one does in
+/// a tenth of a second.
+pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
+    let mut all = Vec::new();
+    for constants in catalogue::motors().map(|motor| motor.with_measured_rotor_inertia()) {
+        for (multiple, (knowledge, inertia)) in
+            INERTIAS.into_iter().flat_map(|multiple| FACTORS.map(|factor| (multiple, factor)))
+        {
+            for (positions, period_ms) in [false, true].into_iter().flat_map(|p| PERIODS_MS.map(|ms| (p, ms)))
+            {
+                let reflected = constants.eta * constants.gear_ratio * constants.gear_ratio;
+                let load = Load::inertia(KgM2((multiple - 1.0) * constants.j.0 * reflected));
+                let free = constants.counts_per_rev_motor / std::f64::consts::TAU
+                    * constants.free_speed(VOLTS_LONG).0;
+                let mut motor =
+                    Motor { setpoints: long_course(free, positions), ..Motor::new(constants, load) };
+                motor.configuration = knowledge.configured(&constants);
+                if let Some(motion) = &mut motor.configuration.motion {
+                    motion.inertia = inertia;
+                }
+                // Some motions are slower than a hub can be configured for.
+                if motor.settings().is_err() {
+                    continue;
+                }
+                let battery = Battery { emf: VOLTS_LONG, resistance: Ohms(0.05) };
+                let period = Period::from_millis(period_ms).unwrap_or_default();
+                let scenario = Scenario::new("long sweep", LONG_S, battery, vec![motor]);
+                all.push((Scenario { period, ..scenario }, knowledge));
+            }
+        }
+    }
+    all.into_iter().step_by(every.max(1)).collect()
+}
+
+/// The battery of the long sweep.
+const VOLTS_LONG: Volts = Volts(12.0);
+
+/// Up to 0.7 of the free speed in counts/s, slower for a long time, back, slowly on, and to rest; or to a position and back.
+fn long_course(free: f64, positions: bool) -> Vec<Timed<Setpoint>> {
+    let velocity = |share: f64| Setpoint::Velocity(CountsPerSecond::new((share * free) as i32));
+    let position = |turns: f64| Setpoint::Position {
+        target: (turns * free) as i32,
+        tolerance: 10,
+        speed_limit: CountsPerSecond::new((0.5 * free) as i32),
+    };
+    let course = if positions {
+        vec![(0.1, position(5.0)), (60.0, position(-2.0))]
+    } else {
+        vec![
+            (0.1, velocity(0.7)),
+            (40.0, velocity(0.15)),
+            (55.0, velocity(-0.5)),
+            (90.0, velocity(0.3)),
+            (110.0, velocity(0.0)),
+        ]
+    };
+    course.into_iter().map(|(at_s, value)| Timed { at_s, value }).collect()
 }
 
 /// All of them on such a battery.

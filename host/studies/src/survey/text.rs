@@ -69,16 +69,15 @@ fn reference(page: &mut Page, rows: &[Row]) {
     let compared = reference::PERIODS.iter().position(|ms| *ms == COMPARED_MS);
     let mut table = table::new(&["task", "reference", "configured exactly", "not configured"], 1);
     for row in rows {
-        let of = |verdicts: &[Verdict]| {
-            let verdict = compared.and_then(|index| verdicts.get(index));
-            verdict.map_or_else(String::new, |verdict| figure(row, verdict))
-        };
-        table.add_row([row.name.clone(), row.reference.to_owned(), of(&row.configured), of(&row.unknown)]);
+        let of = |configured| compared.and_then(|index| cell(row, configured, index)).unwrap_or_default();
+        table.add_row([row.name.clone(), row.reference.to_owned(), of(true), of(false)]);
     }
     page.table(&format!("Reference tasks, control period {COMPARED_MS} ms"), table);
     page.text(
         "Settling in s / largest error beyond the set-point in % of the step, or after a torque in % of the speed. \
-         A last error is in counts; an rms error is in % of the speed.",
+         Two settling times are of a change at a tick, and of a change 1 ms after a tick, which the hub acts on a period \
+         later. A last error is in counts; an rms error is in % of the speed; the heading error of a drive base is in \
+         degrees, the largest on the way.",
     );
     let slower: Vec<String> = rows.iter().filter_map(where_configured_is_slower).collect();
     page.text(&if slower.is_empty() {
@@ -89,8 +88,8 @@ fn reference(page: &mut Page, rows: &[Row]) {
             slower.join("; ")
         )
     });
-    page.table("Reference tasks, configured exactly", by_period(rows, |row| &row.configured));
-    page.table("Reference tasks, not configured", by_period(rows, |row| &row.unknown));
+    page.table("Reference tasks, configured exactly", by_period(rows, true));
+    page.table("Reference tasks, not configured", by_period(rows, false));
 }
 
 /// The reference's own control period in milliseconds.
@@ -116,30 +115,45 @@ fn where_configured_is_slower(row: &Row) -> Option<String> {
     (!periods.is_empty()).then(|| format!("{} ({})", row.name, periods.join(", ")))
 }
 
-fn by_period(rows: &[Row], verdicts: fn(&Row) -> &[Verdict]) -> Table {
+fn by_period(rows: &[Row], configured: bool) -> Table {
     let periods = reference::PERIODS.map(|ms| format!("{ms} ms"));
     let headings: Vec<&str> = ["task"].into_iter().chain(periods.iter().map(String::as_str)).collect();
     let mut table = table::new(&headings, 1);
     for row in rows {
-        let figures = verdicts(row).iter().map(|verdict| figure(row, verdict));
+        let figures = (0..periods.len()).map(|index| cell(row, configured, index).unwrap_or_default());
         table.add_row([row.name.clone()].into_iter().chain(figures));
     }
     table
 }
 
-fn figure(row: &Row, verdict: &Verdict) -> String {
-    if verdict.fault {
-        return "fault".to_owned();
+/// The figure of a task at the period of this index.
+fn cell(row: &Row, configured: bool, index: usize) -> Option<String> {
+    let (verdicts, late, degrees) = if configured {
+        (&row.configured, &row.configured_late, &row.configured_degrees)
+    } else {
+        (&row.unknown, &row.unknown_late, &row.unknown_degrees)
+    };
+    if row.figure == Figure::Heading {
+        return degrees.get(index).map(|degrees| format!("{degrees:.2}"));
     }
-    match row.figure {
+    let verdict = verdicts.get(index)?;
+    let all = || [Some(verdict), late.get(index)].into_iter().flatten();
+    if all().any(|verdict| verdict.fault) {
+        return Some("fault".to_owned());
+    }
+    Some(match row.figure {
         Figure::Settling => {
-            let settling = verdict.settling_s.map_or("never".to_owned(), |s| format!("{s:.3}"));
-            let beyond = verdict.beyond_percent.map_or("-".to_owned(), |percent| format!("{percent:.1}"));
-            format!("{settling}/{beyond}")
+            let settling =
+                |verdict: &Verdict| verdict.settling_s.map_or("never".to_owned(), |s| format!("{s:.3}"));
+            let mut times: Vec<String> = all().map(settling).collect();
+            times.dedup();
+            let beyond = all().filter_map(|verdict| verdict.beyond_percent).reduce(f64::max);
+            format!("{}/{}", times.join(" to "), number(beyond, 1))
         }
         Figure::Offset => format!("{:.1}", verdict.last_error.abs()),
         Figure::Rms => format!("{:.1} %", 100.0 * verdict.last_rms / row.speed),
-    }
+        Figure::Heading => return None,
+    })
 }
 
 /// The motors without a load that do not settle.
@@ -230,7 +244,7 @@ fn random(page: &mut Page, survey: &Survey, worst: usize) {
         DutyRule::LinearDuty => (0, "linear duty".to_owned()),
         DutyRule::LinearCurrent => (1, "linear current".to_owned()),
     });
-    for (index, knowledge) in Knowledge::ALL.into_iter().enumerate() {
+    for (index, knowledge) in Knowledge::OF_MOTION.into_iter().enumerate() {
         let caption = format!("The worst random responses, {}", knowledge.name());
         page.table(&caption, the_worst(index, responses, worst));
     }
@@ -290,12 +304,12 @@ fn breakdown(title: &str, responses: &[Response], of: impl Fn(&Response) -> (usi
     let mut values: Vec<(usize, String)> = responses.iter().map(&of).collect();
     values.sort_by(|a, b| a.0.cmp(&b.0).then_with(|| natural_order(&a.1, &b.1)));
     values.dedup();
-    let names = Knowledge::ALL.map(Knowledge::name);
+    let names = Knowledge::OF_MOTION.map(Knowledge::name);
     let headings: Vec<&str> = [title, "responses"].into_iter().chain(names).collect();
     let mut table = table::new(&headings, 1);
     for value in values {
         let mut row = vec![value.1.clone()];
-        for index in 0..Knowledge::ALL.len() {
+        for index in 0..Knowledge::OF_MOTION.len() {
             let answers: Vec<_> =
                 all(responses, index).into_iter().filter(|(response, _)| of(response) == value).collect();
             if index == 0 {

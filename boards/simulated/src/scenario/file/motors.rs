@@ -1,10 +1,10 @@
 //! The tables `[[motors]]`.
 
 use super::numbers::{
-    AccelerationLimit, CoefficientValue, Counts, CountsPerRev, Current, CurrentLimit, Distance, DragFactor,
-    Efficiency, FASTEST_CPS, Factor, GearRatio, Glitches, MotorConstant, MotorDrag, Name, OfLoad, Percent,
-    Power, RestPositions, RotorInertia, Seconds, Slots, Speed, SpeedLimit, Torque, WindingConstant, or,
-    out_of_range,
+    AccelerationLimit, Backlash, CoefficientValue, Counts, CountsPerRev, Current, CurrentLimit, Distance,
+    DragFactor, Efficiency, FASTEST_CPS, Factor, GearRatio, Glitches, MotorConstant, MotorDrag, Name, OfLoad,
+    Percent, Power, RestPositions, RotorInertia, Seconds, Slots, Speed, SpeedLimit, Stiffness, Torque,
+    WindingConstant, or, out_of_range,
 };
 use super::timeline;
 use crate::current_line::CurrentLine;
@@ -17,6 +17,7 @@ use motor_hub::braking::DutyRule;
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::model::catalogue::{self, characterised};
 use motor_hub::model::friction::{Cogging, Friction};
+use motor_hub::model::train::Train;
 use motor_hub::model::{load::Load, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, Setpoint, ThermalLimit, ZeroPower};
@@ -40,6 +41,7 @@ pub(super) struct MotorTable {
     cogging: Option<CoggingTable>,
     #[serde(default)]
     load: LoadTable,
+    pub(super) train: Option<Spanned<TrainTable>>,
     #[serde(default, alias = "told")]
     configured: Configured,
     scheme: Option<SchemeName>,
@@ -113,6 +115,15 @@ struct LoadTable {
     inertia_kg_m2: Option<OfLoad>,
     drag_nms_per_rad: Option<OfLoad>,
     torque_nm: Option<Torque>,
+}
+
+/// Backlash and a compliant shaft between a motor and its load.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TrainTable {
+    backlash_degrees: Option<Backlash>,
+    stiffness_nm_per_rad: Stiffness,
+    damping_nms_per_rad: Option<OfLoad>,
 }
 
 /// Configuration of a motor in the hub: factors of the true constants, or the word "nothing".
@@ -225,14 +236,16 @@ enum EncoderWord {
 impl MotorTable {
     pub(super) fn check(&self, whole: &Spanned<Self>, duration_s: f64) -> Checked<Motor> {
         let constants = self.constants().at(whole)?;
+        let load = Load {
+            inertia_after: si::KgM2(or(self.load.inertia_kg_m2, 0.0)),
+            drag_after: si::Drag(or(self.load.drag_nms_per_rad, 0.0)),
+            ..Load::NONE
+        };
         Ok(Motor {
             label: self.label.0.clone(),
             constants,
-            load: Load {
-                inertia_after: si::KgM2(or(self.load.inertia_kg_m2, 0.0)),
-                drag_after: si::Drag(or(self.load.drag_nms_per_rad, 0.0)),
-                ..Load::NONE
-            },
+            train: self.train.as_ref().map(|table| table.get_ref().check(&load).at(table)).transpose()?,
+            load,
             configuration: self.configured.check(),
             scheme: match (self.scheme, self.blend) {
                 (None, Some(_)) => Err("blend is allowed with scheme = \"D\" only".to_owned()).at(whole)?,
@@ -295,6 +308,19 @@ impl MotorTable {
     }
 }
 
+impl TrainTable {
+    fn check(&self, load: &Load) -> Result<Train, String> {
+        if load.inertia_after.0 == 0.0 {
+            return Err("a train needs a load with inertia_kg_m2 above 0, which it turns".to_owned());
+        }
+        Ok(Train {
+            backlash_after: or(self.backlash_degrees, 0.0_f64).to_radians(),
+            stiffness_after: self.stiffness_nm_per_rad.0,
+            damping_after: or(self.damping_nms_per_rad, 0.0),
+        })
+    }
+}
+
 impl From<&ConstantsTable> for catalogue::Motor {
     fn from(table: &ConstantsTable) -> Self {
         let inertia = si::KgM2(table.rotor_inertia_kg_m2.0);
@@ -328,6 +354,7 @@ impl Configured {
             return Configuration { motion: None, ..Configuration::EXACT };
         };
         Configuration {
+            of: None,
             resistance: or(factors.resistance, 1.0),
             emf: or(factors.emf, 1.0),
             motion: Some(ConfiguredMotion {

@@ -93,6 +93,10 @@ numbers! {
     CountsPerRev(f64): 1.0, 1e6;
     /// Inertia in kg m² or drag in N m s/rad of a load.
     OfLoad(f64): 0.0, 1000.0;
+    /// Stiffness of a shaft between motor and load, in N m/rad.
+    Stiffness(f64): 0.001, 100_000.0;
+    /// Angle of a backlash at the output shaft, in degrees.
+    Backlash(f64): 0.0, 90.0;
     /// Torque on an output shaft in N m.
     Torque(f64): -1000.0, 1000.0;
     /// Percentage of a stall torque.

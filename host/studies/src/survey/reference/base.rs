@@ -1,0 +1,109 @@
+//! A drive base that turns on the spot and drives a metre: by how much its heading differs from that of its references.
+//!
+//! The wheels are those of `tests/scenarios/drive-bases.toml`: two unequal NeveRest 60 under a robot of 6 kg, on wheels of
+//! 90 mm that are 300 mm apart.
+
+use super::{Figure, PERIODS, Row};
+use crate::StudyError;
+use crate::groups::HeadingError;
+use crate::survey::parallel;
+use motor_hub::motor::Setpoint;
+use motor_hub::units::Period;
+use simulated::direct;
+use simulated::scenario::Scenario;
+
+/// What the base does, and its courses as a scenario file has them.
+const TASKS: [(&str, &str); 2] = [
+    (
+        "drive base, turns of 90 degrees",
+        "{ at_s = 0.5, turn_degrees = 90, speed_cps = 2258, acceleration_cps2 = 5051 },
+         { at_s = 2.5, turn_degrees = -90, speed_cps = 2258, acceleration_cps2 = 5051 },
+         { at_s = 4.5, turn_degrees = 90, speed_cps = 2258, acceleration_cps2 = 5051 },",
+    ),
+    (
+        "drive base, a metre straight ahead",
+        "{ at_s = 0.5, straight_mm = 1000, speed_cps = 2080, acceleration_cps2 = 4160 },",
+    ),
+];
+
+/// A run of a base: whether its motors are configured, its control period, and its scenario.
+pub(super) struct Case {
+    configured: bool,
+    period_ms: u32,
+    scenario: Scenario,
+}
+
+/// Every task configured and not, at every period.
+pub(super) fn cases() -> Result<Vec<Case>, StudyError> {
+    let mut all = Vec::new();
+    for (_, courses) in TASKS {
+        for configured in [true, false] {
+            for period_ms in PERIODS {
+                all.push(Case { configured, period_ms, scenario: scenario(courses)? });
+            }
+        }
+    }
+    Ok(all)
+}
+
+fn scenario(courses: &str) -> Result<Scenario, StudyError> {
+    let wheel = |label, motor| {
+        format!(
+            "[[motors]]\nlabel = \"{label}\"\nmotor = \"{motor}\"\nload = {{ inertia_kg_m2 = 0.006075 }}\n"
+        )
+    };
+    let text = format!(
+        "name = \"drive base\"\nduration_s = 6.5\nbattery = {{ emf_v = 12.0, resistance_ohm = 0.05 }}\n{}{}\
+         [[groups]]\nlabel = \"base\"\nmotors = [\"left\", \"right\"]\n\
+         base = {{ wheel_diameter_mm = 90, track_mm = 300 }}\ncourses = [{courses}]\n",
+        wheel("left", "AM 60 A"),
+        wheel("right", "AM 60 B"),
+    );
+    // The text has no mistake, as the tests show: the survey would have no base.
+    Scenario::parse("drive base", &text).map_err(|_| StudyError::NoEvent)
+}
+
+/// The rows of [`TASKS`]; `done` gets the number of runs that are done.
+pub(super) fn rows(cases: &[Case], done: &mut dyn FnMut(usize)) -> Result<Vec<Row>, StudyError> {
+    let degrees = parallel::map(cases, degrees, done).into_iter().collect::<Result<Vec<_>, _>>()?;
+    let mut degrees = degrees.into_iter();
+    let row = |(name, _): (&str, _)| Row {
+        name: name.to_owned(),
+        reference: "",
+        figure: Figure::Heading,
+        configured: Vec::new(),
+        unknown: Vec::new(),
+        configured_late: Vec::new(),
+        unknown_late: Vec::new(),
+        configured_degrees: degrees.by_ref().take(PERIODS.len()).collect(),
+        unknown_degrees: degrees.by_ref().take(PERIODS.len()).collect(),
+        speed: 0.0,
+    };
+    Ok(TASKS.into_iter().map(row).collect())
+}
+
+/// The largest heading error of a run in degrees; infinite after a fault, which no wheel has.
+fn degrees(case: &Case) -> Result<f64, StudyError> {
+    let mut scenario = case.scenario.clone();
+    scenario.period = Period::from_millis(case.period_ms)?;
+    if !case.configured {
+        scenario.motors.iter_mut().for_each(|motor| motor.configuration.motion = None);
+    }
+    let group = scenario.groups.first().ok_or(StudyError::NoEvent)?;
+    let mut heading = HeadingError::new(group, &scenario.motors).ok_or(StudyError::NoEvent)?;
+    let mut largest = 0.0;
+    direct::run(&scenario, |moment| {
+        // Between two ticks the references are those of the last tick.
+        if !moment.ms.is_multiple_of(case.period_ms.into()) {
+            return;
+        }
+        let wheel = |motor: usize| -> Option<(Setpoint, i64)> {
+            Some((moment.snapshot.motors.get(motor)?.setpoint, moment.motors.get(motor)?.1))
+        };
+        let error = heading.step(moment.ms as f64 / 1e3, wheel).unwrap_or(0.0);
+        let at_fault =
+            moment.snapshot.tick > 0 && moment.snapshot.motors.iter().any(|m| m.faults.encoder.is_some());
+        largest = f64::max(largest, if at_fault { f64::INFINITY } else { error });
+    })?;
+    Ok(largest)
+}
