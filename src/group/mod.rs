@@ -1,7 +1,8 @@
 //! Motors that move synchronously: the two wheels of a drive base, or the two or four screws of a gantry.
 //!
 //! * A *group* is a set of motors, its *members*, that follow a [`Course`] together.
-//! * The *progress* of a group says how far along its course the group is. Its speed and acceleration are limited.
+//! * The *progress* of a group says how far along its course the group is. The speed and the acceleration of the
+//!   progress are limited.
 //! * A [`Reference`] is the position and the speed that a member should have now. Each tick the progress gives a reference for
 //!   each member, and the member's own regulator follows the reference.
 //! * The *lag* is how far a member is behind its reference. If the largest lag exceeds half of the permitted lag, the
@@ -107,7 +108,8 @@ fn by_motor<T: Copy>(members: &[(usize, T)]) -> Result<ByMotor<T>, RangeError> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Halt {
-    /// The other members brake together, limited by the group's acceleration. They hold the positions where they stop.
+    /// The other members brake together, limited by the group's acceleration. The members then hold the positions where
+    /// they stopped.
     #[default]
     Stop,
     /// The other members are disabled.
