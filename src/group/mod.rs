@@ -123,7 +123,7 @@ pub enum Halt {
 pub struct GroupCommand<C = Course> {
     /// Members, and where they move.
     pub course: C,
-    /// Speed of the member that moves farthest. Its sign has no effect. Not used for [`Course::On`].
+    /// Speed of the member that moves farthest. The sign of the speed has no effect. Not used for [`Course::On`].
     pub speed: CountsPerSecond,
     /// Largest acceleration of any member's reference while no lag slows the group down.
     pub acceleration: Acceleration,
@@ -163,7 +163,7 @@ const MIN_LAG_COUNTS: u32 = 24;
 ///
 /// A larger permitted lag would let members move farther apart.
 pub const fn usual_lag(speed: CountsPerSecond) -> u16 {
-    // The bits of a speed count steps of 1/256 counts/s.
+    // The bits of a speed are steps of 1/256 counts/s.
     let counts = (speed.to_bits().unsigned_abs() as u64 * LAG_MS as u64) / 256_000;
     if counts < MIN_LAG_COUNTS as u64 {
         MIN_LAG_COUNTS as u16

@@ -26,8 +26,9 @@ const MAX_RISE_INTERVAL_MICROS: u64 = 2_500;
 
 /// Fraction of the band from `dissipate` to `ceiling` at which the share reaches 1.
 ///
-/// The rest of the band is a reserve for energy that still returns to the bus: until the bridges have changed their
-/// commands, and each time a bridge changes from a full short to driving.
+/// The rest of the band is a reserve for energy that still returns to the bus. Energy returns until the bridges have
+/// changed their commands. The energy of a winding also returns each time the bridge changes from a full short to
+/// driving.
 const BAND_FRACTION_AT_FULL_SHARE: f32 = 0.5;
 
 /// Time in microseconds for which motors go on dissipating after the predicted voltage last exceeded `dissipate`.
