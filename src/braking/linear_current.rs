@@ -1,11 +1,11 @@
 //! The linear-current rule: the duty with which the motor's mean current is linear in the control value.
 //!
 //! At a given speed the mean current of a bridge is not linear in the duty. While the winding's current is continuous,
-//! the relation is nearly linear, with an offset from the catch diodes. At light load the current is discontinuous: it
-//! falls to zero within each PWM period, and its mean grows with the square of the duty. This module inverts both
-//! relations in all three regimes. The mean current is then linear in the control value between neighbours of the
-//! points S, T, Z and G. In Schemes A to D the mean current has no jump at a point. The offset of the diodes at T is
-//! included (the paper's to-do `controlReverse0`).
+//! the relation is nearly linear, with an offset from the catch diodes. At light load the current is discontinuous: the
+//! current falls to zero within each PWM period, and the mean current grows with the square of the duty. This module
+//! inverts both relations in all three regimes. The mean current is then linear in the control value between neighbours
+//! of the points S, T, Z and G. In Schemes A to D the mean current has no jump at a point. At T a diode replaces a
+//! switch in the current's path, which the formulas include (the paper's to-do `controlReverse0`).
 //!
 //! All formulas are for CW motion. Voltages are in V. `R` is the winding's resistance, `Ron` that of a closed switch,
 //! `Vd` the drop of a diode, `V` the battery voltage, `e` the back EMF. `R2 = R + 2 Ron` is the whole resistance
@@ -32,11 +32,11 @@
 //! The smaller of these two duties is right. Reverse driving (6/2) uses the row of forward driving with `-e` in place
 //! of `e`. Solved for `w`, these equations give the current of a duty. Then the larger `w` is right.
 //!
-//! The duty compensates the edges of the output. Their lengths are in the [timing](crate::bridge::Timing) of the
-//! bridge, and 0 for an ideal bridge. For a continuous current an edge of length t acts like a step in the middle of
-//! the edge. A discontinuous current starts at zero within the edge, and therefore later: as if the step came `t (1 - a
-//! / (2 (a + c)))` after the edge's start. A duty that the timing does not permit is replaced by the nearest permitted
-//! duty. The current then has an error that no duty avoids.
+//! The duty compensates the edges of the output. The [timing](crate::bridge::Timing) of the bridge has the lengths of
+//! the edges, which are 0 for an ideal bridge. For a continuous current an edge of length t acts like a step in the
+//! middle of the edge. A discontinuous current starts at zero within the edge, and therefore later: as if the step came
+//! `t (1 - a / (2 (a + c)))` after the edge's start. A duty that the timing does not permit is replaced by the nearest
+//! permitted duty. The current then has an error that no duty avoids.
 //!
 //! Single precision is enough: a duty has 15 bits, and no formula subtracts large numbers that are nearly equal.
 //!

@@ -7,8 +7,9 @@
 //! ```
 //!
 //! All formulas assume clockwise motion. The [modulator](super::Modulator) mirrors counter-clockwise motion. Points are
-//! computed in integers. A point that is computed from the back EMF e and the battery voltage V has an error below
-//! 1/512 step. A point that is computed from other points, such as a blend, has an error below 1/100 step.
+//! computed in integers. A *step* is a difference of 1 between control values. A point that is computed from the back
+//! EMF e and the battery voltage V has an error below 1/512 step. A point that is computed from other points, such as a
+//! blend, has an error below 1/100 step.
 //!
 //! ```
 //! use motor_hub::braking::{OperatingPoint, Points, Regime, Scheme, Winding};
@@ -370,8 +371,8 @@ pub(super) fn share(voltage: f32, at: OperatingPoint) -> (Regime, f32) {
     }
 }
 
-/// The control value that requests this share of a regime's largest current. The error is about one step, because an
-/// `f32` resolves no more.
+/// The control value that requests this share of a regime's largest current. The error is at most about one step, from
+/// rounding and from the resolution of `f32`.
 ///
 /// A control value beyond the control range is limited to the range. In a scheme without a braking regime, T equals Z:
 /// every share of braking becomes the control value at Z, which requests no current.

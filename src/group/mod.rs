@@ -1,7 +1,8 @@
 //! Motors that move synchronously: the two wheels of a drive base, or the two or four screws of a gantry.
 //!
 //! * A *group* is a set of motors, its *members*, that follow a [`Course`] together.
-//! * The *progress* of a group says how far along its course the group is. Its speed and acceleration are limited.
+//! * The *progress* of a group says how far along its course the group is. The speed and the acceleration of the
+//!   progress are limited.
 //! * A [`Reference`] is the position and the speed that a member should have now. Each tick the progress gives a reference for
 //!   each member, and the member's own regulator follows the reference.
 //! * The *lag* is how far a member is behind its reference. If the largest lag exceeds half of the permitted lag, the
@@ -107,7 +108,8 @@ fn by_motor<T: Copy>(members: &[(usize, T)]) -> Result<ByMotor<T>, RangeError> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Halt {
-    /// The other members brake together, limited by the group's acceleration. They hold the positions where they stop.
+    /// The other members brake together, limited by the group's acceleration. The members then hold the positions where
+    /// they stopped.
     #[default]
     Stop,
     /// The other members are disabled.
@@ -121,7 +123,7 @@ pub enum Halt {
 pub struct GroupCommand<C = Course> {
     /// Members, and where they move.
     pub course: C,
-    /// Speed of the member that moves farthest. Its sign has no effect. Not used for [`Course::On`].
+    /// Speed of the member that moves farthest. The sign of the speed has no effect. Not used for [`Course::On`].
     pub speed: CountsPerSecond,
     /// Largest acceleration of any member's reference while no lag slows the group down.
     pub acceleration: Acceleration,
@@ -161,7 +163,7 @@ const MIN_LAG_COUNTS: u32 = 24;
 ///
 /// A larger permitted lag would let members move farther apart.
 pub const fn usual_lag(speed: CountsPerSecond) -> u16 {
-    // The bits of a speed count steps of 1/256 counts/s.
+    // The bits of a speed are steps of 1/256 counts/s.
     let counts = (speed.to_bits().unsigned_abs() as u64 * LAG_MS as u64) / 256_000;
     if counts < MIN_LAG_COUNTS as u64 {
         MIN_LAG_COUNTS as u16

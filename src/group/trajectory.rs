@@ -1,18 +1,21 @@
 //! The trajectory of a group. Computes the progress of the group, and from the progress the reference of each member.
 //!
-//! In the space of the members' positions the trajectory is a straight line. With all quantities in counts:
+//! Apart from drift, all members start and stop together, and the ratios of their speeds are constant. With all
+//! quantities in counts, the reference of member i is:
 //!
 //! ```text
 //!     reference[i] = base[i] + (share[i] - start_offset[i]) * progress / length - drift[i]
 //! ```
 //!
+//! * The *base* is the position at progress 0, after the drift. The *start offset* is the signed distance from the
+//!   nearest whole count to the base.
 //! * A *share* is the signed distance that a member moves along the whole trajectory. A motor that is not a member has
 //!   the share 0. `length` is the magnitude of the largest share.
 //! * *Progress* is the distance that the member with the largest share has moved along the trajectory. The code stores
 //!   progress, base, start offset and drift in steps of 2^-16 counts.
 //! * *Drift* is motion from before a trajectory that the trajectory cannot continue: in another direction, or too fast
 //!   to stop at the end. The drift is braked to 0 while the progress begins. `drift[i]` is the distance that member i
-//!   will still drift. The line of the trajectory starts at the positions where the drift ends.
+//!   will still drift.
 //!
 //! Progress and positions are integers, so the references of all members fit together to within one count. A trajectory
 //! without end consists of *rounds*. At the end of a round the base moves by the shares, and the progress starts again
@@ -44,12 +47,13 @@ pub(super) enum Target<const N: usize> {
 /// A trajectory of N motors. Arrays are by motor.
 #[derive(Clone, Debug)]
 pub(super) struct Trajectory<const N: usize> {
-    /// Start of the trajectory, or of the present round of a trajectory without end, in steps.
+    /// Position of each motor at progress 0, in steps: after the drift, and at the start of the present round of a
+    /// trajectory without end.
     base: [i64; N],
     /// Distance that a motor moves while the progress covers `length`, in counts.
     share: [i32; N],
-    /// Difference of the start from the nearest whole count, in steps. The trajectory removes this difference in
-    /// proportion to the progress.
+    /// Distance from the nearest whole count to the base, in steps. The trajectory removes this distance in proportion
+    /// to the progress.
     start_offset: [i32; N],
     /// Magnitude of the largest share, at least 1.
     length: i64,

@@ -61,13 +61,13 @@ pub enum Effect {
     DriveCw,
     /// The battery drives the motor counter-clockwise.
     DriveCcw,
-    /// No current flows, because the circuit is open.
+    /// No current flows: the circuit is open, or the back EMF does not exceed the voltages against it.
     Coast,
     /// The back EMF drives a braking current through the low side of the bridge.
     BrakeToGnd,
     /// The back EMF drives a braking current through the high side of the bridge.
     BrakeToVcc,
-    /// The back EMF is above the battery voltage and charges the battery through the diodes.
+    /// The back EMF exceeds the battery voltage and the diode drops, and charges the battery.
     Regenerate,
     /// One leg of the bridge connects the battery to ground.
     ShortCircuit,
@@ -196,7 +196,7 @@ impl State {
     pub const fn terminal(self, sign: CurrentSign) -> TerminalVoltage {
         match self.pattern().terminal(sign) {
             Some(terminal) => terminal,
-            // No state is a short circuit, which a test checks. This branch would act as a terminal voltage of 0.
+            // No state is a short circuit, which a test checks. If a state were one, this terminal voltage would be 0.
             None => TerminalVoltage { battery: 0, diode: 0, switches: 0 },
         }
     }

@@ -1,5 +1,6 @@
 //! The supply bus of the bridges: a capacitor, fed by a source. The source may be unable to take current back, and may
-//! be disconnected. The module also has the bridges' own shutdown at a too low or too high bus voltage.
+//! be disconnected. The module also models the shutdown of a bridge by its own protection, at a too low or too high bus
+//! voltage.
 //!
 //! ```
 //! use motor_hub::model::battery::Battery;
@@ -71,7 +72,8 @@ impl Bus {
         Joules(self.lost)
     }
 
-    /// Removes the charge that the bridges drew at the present voltage. A negative charge is returned to the bus.
+    /// Removes the charge that the bridges drew at the present voltage. A negative charge is charge that the bridges
+    /// returned.
     ///
     /// The energy of the charge is subtracted from the energy of the capacitor. Energy is therefore conserved.
     pub fn draw(&mut self, charge: Coulombs) {
@@ -79,7 +81,8 @@ impl Bus {
         self.voltage = square.max(0.0).sqrt();
     }
 
-    /// Lets the source charge or discharge the capacitor for `time`.
+    /// Advances by `time`, in which the source charges or discharges the capacitor. Without effect while the contactor
+    /// is open, or if the source would have to take current but takes none.
     pub fn wait(&mut self, time: Seconds, source: &Battery) {
         let difference = self.voltage - source.emf.0;
         if !self.closed || (self.one_way && difference >= 0.0) {
@@ -99,7 +102,7 @@ impl Bus {
 /// Supply voltages at which a bridge shuts itself down: it opens all switches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Protection {
-    /// The bridge opens above this voltage, and stays open until its input lines change.
+    /// The bridge opens above this voltage. It stays open until its input lines change while the voltage is lower.
     pub over: Volts,
     /// The bridge opens below this voltage.
     pub under: Volts,
@@ -123,7 +126,8 @@ pub enum Shutdown {
     None,
     /// The bridge is open because the voltage was too low.
     Under,
-    /// The bridge is open because the voltage was too high while its input lines alternated between these two states.
+    /// The bridge is open because the voltage was too high. The two states are the commands of the input lines then, in
+    /// the two parts of a PWM period.
     Over(State, State),
 }
 

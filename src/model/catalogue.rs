@@ -1,7 +1,7 @@
 //! The motors that the paper's author characterised.
 //!
 //! The constants come from the author's repository `rgatkinson/RobotPhysics`. The header of `motors.csv` explains its
-//! columns. The constants are measurements with known weaknesses, which [`CatalogueEntry::caveats`] lists.
+//! columns. The constants are measurements. [`CatalogueEntry::caveats`] lists their known weaknesses.
 //!
 //! The name of a motor is its product name ("NeveRest 60"). [`find`] also accepts the author's name ("AM 60 A") and the
 //! part number.
@@ -118,13 +118,15 @@ const TABLE: &str = include_str!("motors.csv");
 struct Columns<'a>(Vec<&'a str>);
 
 impl Columns<'_> {
-    /// Returns the text of a row in the column with this heading. `None` if there is no such column.
+    /// Returns the text of a row in the column with this heading. `None` if there is no such column, or if the row is
+    /// too short.
     fn text<'r>(&self, row: &[&'r str], heading: &str) -> Option<&'r str> {
         let index = self.0.iter().position(|&h| h == heading)?;
         row.get(index).copied()
     }
 
-    /// Returns the number of a row in the column with this heading. `None` if there is no such column or no number.
+    /// Returns the number of a row in the column with this heading. `None` if there is no text in this column, or if
+    /// the text is not a number.
     fn number(&self, row: &[&str], heading: &str) -> Option<f64> {
         self.text(row, heading)?.parse().ok()
     }
@@ -170,7 +172,7 @@ fn motor(columns: &Columns<'_>, row: &[&'static str]) -> Option<Motor> {
     })
 }
 
-/// Reads an entry from a row. `None` if a column other than the constants is missing.
+/// Reads an entry from a row. `None` if a value is missing, except for the constants of the motor.
 fn entry(columns: &Columns<'_>, row: &[&'static str]) -> Option<CatalogueEntry> {
     Some(CatalogueEntry {
         name: columns.text(row, "sold_as")?,
@@ -228,7 +230,7 @@ pub fn find(name: &str) -> Option<&'static CatalogueEntry> {
         .or_else(|| rows.find(|entry| entry.aliases().any(|alias| key(alias) == wanted)))
 }
 
-/// Error of [`characterised`]: no motor with constants has the name.
+/// Error of [`characterised`]: no motor with this name has constants.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum UnknownMotor {
     /// The catalogue has no motor with this name.

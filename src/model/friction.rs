@@ -1,10 +1,11 @@
 //! Torques on a motor shaft besides viscous drag: dry friction, and the cogging of the rotor.
 //!
-//! Dry friction is Coulomb friction. While the shaft turns, the friction torque is constant and against the motion. At
-//! rest, it balances the other torques up to the *breakaway torque*. *Cogging* is the attraction between magnets and
-//! rotor teeth. Its torque is periodic in the angle and conservative, so that a whole turn takes no work.
+//! Dry friction is Coulomb friction with breakaway. While the shaft turns, the friction torque is constant and against
+//! the motion. While the shaft is at rest, the friction torque balances the other torques up to the *breakaway torque*.
+//! *Cogging* is the attraction between magnets and rotor teeth. The torque of cogging is periodic in the angle, and a
+//! whole turn takes no work.
 //!
-//! Motors of the catalogue have neither, because they were measured with viscous drag alone.
+//! Motors of the catalogue have neither dry friction nor cogging, because they were measured with viscous drag alone.
 //!
 //! ```
 //! use motor_hub::bridge::Mode;
@@ -45,8 +46,8 @@ impl Friction {
     /// Assumed ratio of breakaway torque to Coulomb torque if only the Coulomb torque is known, without unit.
     pub const STATIC_RATIO: f64 = 1.3;
 
-    /// Creates a friction from its Coulomb torque, at least 0. Breakaway takes [`STATIC_RATIO`](Self::STATIC_RATIO)
-    /// times that torque.
+    /// Creates a friction from its Coulomb torque, at least 0. The breakaway torque is
+    /// [`STATIC_RATIO`](Self::STATIC_RATIO) times the Coulomb torque.
     #[must_use]
     pub const fn with_coulomb(coulomb: NewtonMetres) -> Self {
         Self { coulomb, breakaway: NewtonMetres(Self::STATIC_RATIO * coulomb.0) }
@@ -90,7 +91,7 @@ impl Cogging {
 
     /// Returns the mean torque in N m over the angles from `from` to `from + by`, in rad.
     ///
-    /// Multiplied by `by`, the mean torque is the stored energy released between the two angles.
+    /// The mean torque times `by` is the decrease of the stored energy between the two angles.
     pub(super) fn mean_torque(&self, from: f64, by: f64) -> f64 {
         if self.amplitude.0 == 0.0 {
             return 0.0;

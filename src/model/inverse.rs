@@ -35,27 +35,27 @@ impl Circuit {
     /// For clockwise rotation a positive current takes mode 9/8. A negative current takes mode 5/0 up to full dynamic
     /// braking, and mode 6/2 beyond. For counter-clockwise rotation the modes are mirrored.
     #[must_use]
-    pub fn mode_for_current(&self, wanted: Amps, at: Conditions) -> Mode {
+    pub fn mode_for_current(&self, requested: Amps, at: Conditions) -> Mode {
         if at.emf.0 < 0.0 {
-            return self.mode_for_current(Amps(-wanted.0), mirrored(at)).mirrored();
+            return self.mode_for_current(Amps(-requested.0), mirrored(at)).mirrored();
         }
         let full_braking = -at.emf.0 / (self.r.0 + 2.0 * self.bridge.ron.0);
-        if wanted.0 > 0.0 {
+        if requested.0 > 0.0 {
             Mode::Cw98
-        } else if wanted.0 >= full_braking {
+        } else if requested.0 >= full_braking {
             Mode::Brake50
         } else {
             Mode::Ccw62
         }
     }
 
-    /// Returns mode and duty whose periodic mean current is `wanted`, to the precision of `f64`.
+    /// Returns mode and duty whose periodic mean current is `requested`, to the precision of `f64`.
     ///
     /// If the mode cannot make this current, the duty is the nearest end of 0 to 1.
     #[must_use]
-    pub fn duty_for_current(&self, wanted: Amps, frequency: Hertz, at: Conditions) -> Choice {
-        let mode = self.mode_for_current(wanted, at);
-        let error = |duty: f64| self.steady(Pwm::new(mode, duty, frequency), at).mean.0 - wanted.0;
+    pub fn duty_for_current(&self, requested: Amps, frequency: Hertz, at: Conditions) -> Choice {
+        let mode = self.mode_for_current(requested, at);
+        let error = |duty: f64| self.steady(Pwm::new(mode, duty, frequency), at).mean.0 - requested.0;
         Choice { mode, duty: bracketed_zero(0.0, 1.0, error) }
     }
 
@@ -69,14 +69,14 @@ impl Circuit {
     /// The charge of this pulse is `a x - c ln(1 + (a/c)(1 - exp(-x)))`. Here `a` is the voltage that raises the
     /// current and `c` the voltage that lowers it.
     #[must_use]
-    pub fn duty_for_current_formula(&self, wanted: Amps, frequency: Hertz, at: Conditions) -> Choice {
+    pub fn duty_for_current_formula(&self, requested: Amps, frequency: Hertz, at: Conditions) -> Choice {
         if at.emf.0 < 0.0 {
-            let choice = self.duty_for_current_formula(Amps(-wanted.0), frequency, mirrored(at));
+            let choice = self.duty_for_current_formula(Amps(-requested.0), frequency, mirrored(at));
             return Choice { mode: choice.mode.mirrored(), ..choice };
         }
-        let (i, v, e) = (wanted.0, at.battery.0, at.emf.0);
+        let (i, v, e) = (requested.0, at.battery.0, at.emf.0);
         let (r, ron, vd) = (self.r.0, self.bridge.ron.0, self.bridge.vd.0);
-        let mode = self.mode_for_current(wanted, at);
+        let mode = self.mode_for_current(requested, at);
         let duty = match mode {
             Mode::Cw98 => {
                 let continuous = (e + vd + i * (r + ron)) / (v + vd - i * ron);
@@ -111,8 +111,8 @@ impl Circuit {
         let ratio = rise / fall;
         let charge = r * i.abs() * periods;
         let fall_time = |x: f64| (ratio * -(-x).exp_m1()).ln_1p();
-        // Newton's method. The charge is convex in x, and the first estimate comes from its leading term. That estimate
-        // is below the root or slightly above, so later estimates approach the root from above.
+        // Newton's method. The charge is convex in x, and the first estimate comes from the leading term of the charge.
+        // From any estimate the next one is above the root, so all later estimates approach the root from above.
         let mut x = (2.0 * charge / (rise * (1.0 + ratio))).sqrt();
         for _ in 0..60 {
             let decay = (-x).exp();

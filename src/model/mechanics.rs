@@ -1,8 +1,8 @@
 //! Mechanical part of a plant: the exact motion of a shaft during one window of constant torque.
 //!
-//! A *window* is one time step of the simulation. The shaft follows `J w' + B w = torque - friction`. While it turns in
-//! one direction the solution is an exponential. If it stops within the window, the time of the stop is a logarithm.
-//! The shaft then stays at rest, or turns in the other direction for the rest of the window.
+//! A *window* is one time step of the simulation. The shaft follows `J w' + B w = torque - friction`. While the shaft
+//! turns in one direction the solution is an exponential. If the shaft stops within the window, the time of the stop is
+//! a logarithm. Until the end of the window the shaft then stays at rest, or turns in the other direction.
 
 use super::friction::Friction;
 use super::load::Shaft;
@@ -33,7 +33,8 @@ pub(super) struct ShaftMotion {
     pub mean: f64,
     /// Speed at the end of the window, rad/s.
     pub end: f64,
-    /// Angle turned against dry friction, the sum of both directions, rad, at least 0.
+    /// Angle turned against dry friction, the sum of both directions, rad, at least 0. It is 0 for a motion without dry
+    /// friction.
     pub sliding_angle: f64,
 }
 
@@ -67,7 +68,8 @@ impl Mechanics {
 
     /// Returns the motion from the initial `speed` (rad/s) under `torque` (N m), with dry friction.
     ///
-    /// If `sticks` is true, a shaft that comes to rest stays at rest for the rest of the window.
+    /// If `sticks` is true, a shaft that stops remains at rest until the end of the window. If `sticks` is false and
+    /// `torque` exceeds the Coulomb torque, the shaft starts in the direction of `torque`.
     pub(super) fn with_friction(
         &self,
         shaft: &Shaft,

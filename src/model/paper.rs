@@ -1,5 +1,5 @@
-//! The paper's four schemes in `f64`, without clamping. Two results of schemes and bridge are here too: the change from
-//! braking to reverse, and the steady speed of a motor at a duty.
+//! The paper's four schemes in `f64`, without clamping. The module also computes the change from braking to reverse at
+//! T, and the steady speed of a motor at a duty.
 //!
 //! A scheme maps control values from `-c_max` to `c_max` to volts (Scheme A) or amperes (Schemes B, C and D). The map
 //! is piecewise linear through four points: S (full reverse), T (full dynamic braking), Z (no current), G (full
@@ -25,7 +25,7 @@ use super::periodic::Conduction;
 use super::si::{Amps, Ohms, RadPerSec, Volts};
 use super::switching::{Bridge, Circuit, Conditions, Pwm};
 
-/// Relative difference below which back EMF and battery voltage count as equal, without unit.
+/// Largest relative difference at which back EMF and battery voltage are treated as equal, without unit.
 ///
 /// The value is some 4500 times the resolution of `f64`.
 const EQUALITY_TOLERANCE: f64 = 1e-12;
@@ -121,11 +121,11 @@ pub fn blend_keeping_t_in_range(u: f64) -> f64 {
     if u >= 1.0 { 0.0 } else { ((1.0 - u) / (2.0 * u * u)).min(1.0) }
 }
 
-/// The change from braking to reverse at point T, where a diode replaces a switch in the current's path (the paper's
-/// first to-do item).
+/// The change from braking to reverse at point T: a diode replaces a switch in the current's path (the paper's first
+/// to-do item).
 ///
-/// Mode 6/2 at duty 0 brakes through one diode, mode 5/0 at duty 1 through no diode. The braking current of mode 6/2 is
-/// therefore smaller by `Vd/R`.
+/// Mode 6/2 at duty 0 brakes through one diode, mode 5/0 at duty 1 through no diode. With ideal switches the braking
+/// current of mode 6/2 is therefore smaller by `Vd/R`, and at least 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reverse0 {
     /// Duty at which mode 6/2 brakes with the current of full dynamic braking.

@@ -67,8 +67,8 @@ impl Circuit {
     /// Computes the periodic steady state of `pwm`.
     ///
     /// The final current of a period rises with its initial current, with a slope below 1. Therefore there is exactly
-    /// one steady state. If the current never changes its sign, a formula gives the steady state. Otherwise a root
-    /// finder does, to machine precision.
+    /// one steady state. If the current never reaches zero and the bridge has ideal edges, a formula gives the steady
+    /// state. Otherwise a root finder gives the steady state, to machine precision.
     #[must_use]
     pub fn steady(&self, pwm: Pwm, at: Conditions) -> Steady {
         let run = |start: f64| {
@@ -94,7 +94,7 @@ impl Circuit {
 
     /// Returns the periodic initial current under the assumption that the current keeps `sign`.
     ///
-    /// `None` if the current does not keep the sign, or if the bridge has slow edges.
+    /// `None` if the current does not keep the sign, or if the edges of the bridge take time.
     fn fixed_point(&self, pwm: Pwm, at: Conditions, sign: CurrentSign) -> Option<f64> {
         if self.bridge.edges.are_slow() {
             return None;

@@ -6,14 +6,15 @@
 //! 3. Both parts are iterated until they agree. The method is second-order accurate and stable for every motor.
 //!
 //! The relative error of a change is about `(w h)² / 24`. Here `h` is the length of the window and `w` is the undamped
-//! frequency `sqrt(Ke Kt / (L Jt))`. Windows are so short that `w h` is below 0.15. The mean current over a few periods
-//! is then within 0.1 % of `Vbat/R`. The ripple of the speed within a window does not act on the current.
+//! frequency `sqrt(Ke Kt / (L Jt))`, to which cogging adds its stiffness. Windows are so short that `w h` is at most
+//! 0.15. The mean current over a few periods is then within 0.1 % of `Vbat/R`. The ripple of the speed within a window
+//! does not act on the current.
 //!
-//! [Friction and cogging](super::friction) are exact for the mean torque of a window. A stop is an event within the
-//! window: from there the shaft turns back, or rests with a speed of exactly 0. Cogging releases exactly the energy
-//! that it stored. A shaft at rest breaks away if the mean torque at standstill is larger than the breakaway torque.
-//! The ripple of the torque does not start a motion. At 20 kHz the ripple would turn a shaft by some 1e-7 rad, and the
-//! model assumes that the gear contacts yield by this angle without sliding.
+//! [Friction and cogging](super::friction) are exact for the mean torque of a window. A shaft can stop within a window.
+//! From this moment it turns back, or rests with a speed of exactly 0. Cogging releases exactly the energy that it
+//! stored. A shaft at rest breaks away if the mean torque at standstill is larger than the breakaway torque. The ripple
+//! of the torque does not start a motion. At 20 kHz the ripple would turn a shaft by some 1e-7 rad, and the model
+//! assumes that the gear contacts yield by this angle without sliding.
 //!
 //! ```
 //! use motor_hub::bridge::Mode;
@@ -40,7 +41,8 @@ use super::switching::{Bridge, Circuit, Conditions, Integrals, Part};
 use super::train::{Driver, Motion, Output, Train, WindowEnd};
 use crate::bridge::{Mode, State};
 
-/// Largest product of undamped frequency (rad/s) and window length (s), without unit. It limits the error of a window.
+/// Largest product of undamped frequency (rad/s) and window length (s), without unit. At this product the relative
+/// error of a change is about 0.1 %.
 const WINDOW_LIMIT: f64 = 0.15;
 
 /// Inputs of a plant: the command to its bridge, and an external torque.
@@ -151,11 +153,11 @@ pub struct Plant {
     speed: f64,
     /// Angle of the motor shaft, rad.
     angle: f64,
-    /// Mean current of the last window, A: the first estimate for the next window.
+    /// Mean current of the last window, A. It is the first estimate of the next window's mean current.
     last_mean: f64,
-    /// Off state of the present mode. Each mode has another off state.
+    /// Off state of the present mode, by which a change of the mode is found: no two modes have the same off state.
     mode: State,
-    /// Time for which the bridge stays open for the change to `mode`, s.
+    /// Time for which the bridge still stays open for the change to `mode`, s.
     open_s: f64,
     /// The load behind a train; `None` if the load is fixed to the motor.
     output: Option<Output>,
@@ -168,7 +170,7 @@ pub struct Plant {
 /// Inputs that are constant during a run.
 #[derive(Clone, Copy)]
 struct Run {
-    influence: PlantInput,
+    input: PlantInput,
     /// Time spent in the on state in each PWM period, s.
     on_time: f64,
     battery: Volts,
@@ -323,31 +325,31 @@ impl Plant {
     ///
     /// The PWM period continues from the last run. A new duty is applied immediately. Before a new mode is applied, the
     /// bridge is open for [`Edges::change`](super::switching::Edges::change).
-    pub fn run(&mut self, dt: Seconds, influence: PlantInput, battery: Volts) -> Flow {
-        if influence.off != self.mode {
-            self.mode = influence.off;
+    pub fn run(&mut self, dt: Seconds, input: PlantInput, battery: Volts) -> Flow {
+        if input.off != self.mode {
+            self.mode = input.off;
             self.open_s = self.circuit.bridge.edges.change.0;
         }
         let open_s = self.open_s.min(dt.0);
         if open_s <= 0.0 {
-            return self.advance(dt, influence, battery);
+            return self.advance(dt, input, battery);
         }
         self.open_s -= open_s;
-        let open = PlantInput { torque_after: influence.torque_after, ..PlantInput::COAST };
+        let open = PlantInput { torque_after: input.torque_after, ..PlantInput::COAST };
         let mut flow = self.advance(Seconds(open_s), open, battery);
-        flow.append(&self.advance(Seconds(dt.0 - open_s), influence, battery));
+        flow.append(&self.advance(Seconds(dt.0 - open_s), input, battery));
         flow
     }
 
     /// Advances by `dt` without a change of the mode.
-    fn advance(&mut self, dt: Seconds, influence: PlantInput, battery: Volts) -> Flow {
-        let torque = (self.load.torque_after.0 + influence.torque_after.0) * self.shaft.torque_ratio;
-        let on_time = influence.duty.clamp(0.0, 1.0) * self.period;
-        let run = Run { influence, on_time, battery, torque };
+    fn advance(&mut self, dt: Seconds, input: PlantInput, battery: Volts) -> Flow {
+        let torque = (self.load.torque_after.0 + input.torque_after.0) * self.shaft.torque_ratio;
+        let on_time = input.duty.clamp(0.0, 1.0) * self.period;
+        let run = Run { input, on_time, battery, torque };
         let load_work = Joules(core::mem::take(&mut self.load_work));
         let mut flow = Flow { time: Seconds(dt.0.max(0.0)), load_work, ..Flow::default() };
         let mut left = dt.0;
-        // A shorter remainder, in s, is a rounding error.
+        // A remainder of the run below this time, in s, is a rounding error.
         let rounding = 1e-9 * self.period;
         while left > rounding {
             let to_end = self.period - self.phase;
@@ -387,10 +389,12 @@ impl Plant {
         // away.
         let mut emf = ke * moves(self.last_mean, true).motor.mean;
         let (mut end, mut sums, mut mean) = self.electrical(window, emf, run);
-        // This is decided once in a window: the back EMF of a shaft that broke away must not make it stick again.
+        // `sticks` is decided once in a window. Otherwise the back EMF of a shaft that broke away could make the shaft
+        // stick again.
         let sticks = self.has_friction && self.sticks(torque(mean));
         let mut end_of_window = moves(mean, sticks);
-        // Smooth running takes one iteration, a change two. More are needed only near a stop or a change of direction.
+        // Smooth running takes one iteration, and a change of the command two. More iterations are needed only near a
+        // stop or a change of direction.
         for _ in 0..6 {
             let error = ke * end_of_window.motor.mean - emf;
             if error.abs() <= tolerance {
@@ -411,7 +415,7 @@ impl Plant {
         }
 
         flow.charge.0 += sums.current;
-        flow.charge_shown.0 += sensed_charge(run.influence.off, sums.current);
+        flow.charge_shown.0 += sensed_charge(run.input.off, sums.current);
         flow.charge_from_battery.0 += sums.from_battery;
         flow.charge_to_battery.0 += sums.to_battery;
         flow.energy_from_battery.0 += run.battery.0 * sums.from_battery;
@@ -467,7 +471,7 @@ impl Plant {
     /// Returns final current (A), integrals and mean current (A) of a window from the present current and phase.
     fn electrical(&self, window: f64, emf: f64, run: &Run) -> (f64, Integrals, f64) {
         let at = Conditions { battery: run.battery, emf: Volts(emf) };
-        let PlantInput { on, off, .. } = run.influence;
+        let PlantInput { on, off, .. } = run.input;
         let part =
             Part { on, off, on_s: run.on_time, period_s: self.period, from_s: self.phase, window_s: window };
         let mut sums = Integrals::default();
@@ -476,7 +480,8 @@ impl Plant {
     }
 }
 
-/// Returns the part of a charge that flows forward through the high-side switch that a mode keeps closed.
+/// Returns the part of a charge that flows forward through the high-side switch that a mode keeps closed. `state` is
+/// the off state of the mode.
 const fn sensed_charge(state: State, charge: f64) -> f64 {
     match state {
         State::HighLeft | State::DriveCw => charge.max(0.0),

@@ -13,8 +13,8 @@
 //! `-sigma ± sqrt(gamma2)`. Within `t` a deviation from the steady state is multiplied by
 //! `exp(-sigma t) (C + S (A + sigma))`. There `g = sqrt(gamma2)`, `C = cosh(g t)` and `S = sinh(g t)/g`.
 //!
-//! The exponentials are combined so that no intermediate result overflows. All forms are valid at the limit `g = 0` too,
-//! so that equal poles are not a special case.
+//! The code combines the exponentials so that no intermediate result overflows. All formulas of the code are valid at
+//! `g = 0` too, so equal poles are not a special case.
 //!
 //! ```
 //! use motor_hub::model::catalogue::characterised;
@@ -217,9 +217,9 @@ impl GearedMotor {
 
     /// Returns the changes of current (A) and speed (rad/s) within `t` seconds.
     fn change(&self, start: Motion, applied: Applied, t: f64) -> (f64, f64) {
-        let settled = self.steady(applied);
-        let current = start.current.0 - settled.current.0;
-        let speed = start.speed.0 - settled.speed.0;
+        let steady = self.steady(applied);
+        let current = start.current.0 - steady.current.0;
+        let speed = start.speed.0 - steady.speed.0;
         let (cosine, sine) = self.propagator(t);
         let half = self.half_difference();
         (
@@ -241,14 +241,14 @@ impl GearedMotor {
     /// the steady state and `P` the time.
     #[must_use]
     pub fn mean(&self, start: Motion, applied: Applied, time: Seconds) -> Motion {
-        let settled = self.steady(applied);
+        let steady = self.steady(applied);
         let (current, speed) = self.change(start, applied, time.0);
         let Motor { r, l, ke, kt, .. } = self.motor;
         let (inertia, drag) = (self.shaft.inertia.0, self.shaft.drag.0);
         let scale = 1.0 / (self.d0() * time.0);
         Motion {
-            current: Amps(settled.current.0 + scale * (ke.0 * inertia * speed - drag * l.0 * current)),
-            speed: RadPerSec(settled.speed.0 - scale * (kt.0 * l.0 * current + r.0 * inertia * speed)),
+            current: Amps(steady.current.0 + scale * (ke.0 * inertia * speed - drag * l.0 * current)),
+            speed: RadPerSec(steady.speed.0 - scale * (kt.0 * l.0 * current + r.0 * inertia * speed)),
         }
     }
 
@@ -287,13 +287,13 @@ impl GearedMotor {
     ///
     /// Without inductance the mean is `i_inf + (i_q - i_inf) phi`: `i_inf` is the steady current, `i_q` the quasistatic
     /// current and `phi` the mean of `exp(-t/tau_m)`. The term `(i0 - i_q) tau_e / P` adds the electrical transient
-    /// from the initial current `i0`. The estimate is good if `tau_e` is far below `tau_m` and below the period `P`.
+    /// from the initial current `i0`. The estimate is good if `tau_e` is far below both `tau_m` and the period `P`.
     #[must_use]
     pub fn mean_current_estimate(&self, start: Motion, voltage: Volts, period: Seconds) -> Amps {
         let phi = phi1(period.0 / self.tau_m().0);
-        let settled = self.steady(Applied::voltage(voltage)).current.0;
+        let steady = self.steady(Applied::voltage(voltage)).current.0;
         let quasistatic = self.quasistatic_current(start.speed, voltage).0;
         let electrical = (start.current.0 - quasistatic) * self.tau_e().0 / period.0;
-        Amps(settled + (quasistatic - settled) * phi + electrical)
+        Amps(steady + (quasistatic - steady) * phi + electrical)
     }
 }

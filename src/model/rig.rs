@@ -42,11 +42,11 @@ const LONGEST_BUS_STEP_S: f64 = 50e-6;
 pub struct Rig {
     /// Battery that supplies the plants.
     pub battery: Battery,
-    /// Plants, in the order of the influences.
+    /// Plants, in the order of the inputs of [`run`](Self::run).
     pub plants: Vec<Plant>,
     /// Bus with its capacitor between battery and plants; `None` if the plants are directly at the battery.
     pub bus: Option<Bus>,
-    /// Battery current, smoothed if there is no bus.
+    /// Current from the battery into the plants, smoothed if there is no bus.
     current: Amps,
     /// Shutdown state of each plant's bridge.
     shutdowns: Vec<Shutdown>,
@@ -87,20 +87,20 @@ impl Rig {
         self.bus.map_or_else(|| self.battery.voltage(self.current), |bus| bus.voltage())
     }
 
-    /// Returns the lowest and the highest voltage at the end of a step so far.
+    /// Returns the lowest and the highest voltage so far, of the start and the ends of all steps.
     #[must_use]
     pub const fn range(&self) -> (Volts, Volts) {
         (Volts(self.range.0), Volts(self.range.1))
     }
 
-    /// Returns the shutdown state of each bridge, in the order of the plants.
+    /// Returns the shutdown state of each bridge, in the order of the plants. Without a bus no bridge shuts down.
     #[must_use]
     pub fn shutdowns(&self) -> &[Shutdown] {
         &self.shutdowns
     }
 
-    /// Advances each plant by `dt`. A plant without an influence coasts.
-    pub fn run(&mut self, dt: Seconds, influences: &[PlantInput]) -> RigFlow {
+    /// Advances each plant by `dt`. A plant without an input coasts. So does a plant whose bridge has shut down.
+    pub fn run(&mut self, dt: Seconds, inputs: &[PlantInput]) -> RigFlow {
         let mut total = RigFlow { flows: vec![Flow::default(); self.plants.len()], ..RigFlow::default() };
         if dt.0 <= 0.0 {
             total.voltage = self.voltage();
@@ -117,7 +117,7 @@ impl Rig {
             if let Some(bus) = &mut self.bus {
                 bus.wait(half, &self.battery);
             }
-            let drawn = self.step(step, influences, &mut total.flows);
+            let drawn = self.step(step, inputs, &mut total.flows);
             match &mut self.bus {
                 Some(bus) => {
                     bus.draw(Coulombs(drawn));
@@ -137,19 +137,19 @@ impl Rig {
     }
 
     /// Advances all plants at the present voltage. Returns the net charge that they drew, C.
-    fn step(&mut self, step: Seconds, influences: &[PlantInput], sums: &mut [Flow]) -> f64 {
+    fn step(&mut self, step: Seconds, inputs: &[PlantInput], sums: &mut [Flow]) -> f64 {
         let voltage = self.voltage();
         let mut drawn = 0.0;
         let plants = self.plants.iter_mut().zip(&mut self.shutdowns).zip(sums);
         for (index, ((plant, shutdown), sum)) in plants.enumerate() {
-            let mut influence = influences.get(index).copied().unwrap_or(PlantInput::COAST);
+            let mut input = inputs.get(index).copied().unwrap_or(PlantInput::COAST);
             if let Some(bus) = &self.bus {
-                *shutdown = shutdown.step(&bus.protection, voltage, (influence.on, influence.off));
+                *shutdown = shutdown.step(&bus.protection, voltage, (input.on, input.off));
                 if *shutdown != Shutdown::None {
-                    influence = PlantInput { torque_after: influence.torque_after, ..PlantInput::COAST };
+                    input = PlantInput { torque_after: input.torque_after, ..PlantInput::COAST };
                 }
             }
-            let flow = plant.run(step, influence, voltage);
+            let flow = plant.run(step, input, voltage);
             drawn += flow.battery_charge();
             sum.append(&flow);
         }

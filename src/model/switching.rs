@@ -47,8 +47,8 @@ pub struct Bridge {
 
 /// Switching times of a bridge.
 ///
-/// During an edge the voltage across the motor changes linearly from one state to the other, where the current allows
-/// it. The switch that makes the edge dissipates the difference.
+/// While current flows during an edge, the voltage across the motor changes linearly from one state to the other. The
+/// switch that makes the edge dissipates the difference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edges {
     /// Time from the rise of the PWM line until the bridge is in the on state, s.
@@ -208,7 +208,7 @@ pub(super) struct Path {
     pub tau: f64,
     /// Resistance of winding and switches, ohm.
     resistance: f64,
-    /// Battery voltages in the path: 1, 0 or -1.
+    /// Coefficient of the battery voltage in the path: 1, 0 or -1.
     battery: f64,
     /// Voltage lost in diodes, and in a switch during its edge, with the sign of the current, V.
     drop: f64,
@@ -303,7 +303,8 @@ impl Circuit {
     ) -> Amps {
         let mut current = start.0;
         let mut left = time.0;
-        // There is at most one zero crossing, because a current that starts from zero does not return to zero.
+        // The current crosses zero at most once, because a current that starts from zero does not return to zero in one
+        // state.
         while left > 0.0 {
             let sign = if current > 0.0 {
                 CurrentSign::Positive

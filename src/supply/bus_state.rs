@@ -19,13 +19,13 @@ pub enum BusState {
     Cut,
     /// The battery is low. Motors may draw a limited current.
     Derated,
-    /// The battery is not low, and braking motors may return energy to the bus. The permitted current may still rise
-    /// after a low voltage.
+    /// The battery is not low, and braking motors may return energy to the bus. After a low voltage the permitted
+    /// current may still be rising, so this state does not imply a [quiet range](super::Supply::quiet).
     Quiet,
     /// Braking motors dissipate the energy that they would return to the bus.
     Dissipating,
-    /// The voltage is above [`Levels::ceiling`]. Dissipating motors keep the voltage below, so another source raises
-    /// it.
+    /// The voltage is above [`Levels::ceiling`]. Dissipating motors keep the voltage below `ceiling`, so another source
+    /// raises the voltage.
     TooHigh,
 }
 

@@ -14,26 +14,28 @@
 //!
 //! A braking motor returns energy to the bus through its bridge, which works as a boost converter. One ampere lifts the
 //! voltage of 1000 uF by one volt in a millisecond. The filtered voltage follows too slowly. The *predicted* voltage is
-//! therefore the last sample, extrapolated by one sampling interval.
+//! therefore the last sample, extrapolated by one sampling interval. The *share* says how strongly braking motors
+//! dissipate.
 
 use super::limits::{Levels, Limits};
 use crate::units::{Micros, Millivolts, Share};
 
-/// Longest interval in microseconds between two samples for which the rise is computed. After a longer interval the rise
-/// counts as 0.
+/// Longest interval in microseconds between two samples for which the rise is computed: two and a half sampling
+/// intervals. After a longer interval the rise is taken as 0.
 const MAX_RISE_INTERVAL_MICROS: u64 = 2_500;
 
 /// Fraction of the band from `dissipate` to `ceiling` at which the share reaches 1.
 ///
-/// The rest of the band is a reserve for energy that still returns to the bus: until the bridges have changed their
-/// commands, and each time a bridge changes from a full short to driving.
+/// The rest of the band is a reserve for energy that still returns to the bus. Energy returns until the bridges have
+/// changed their commands. The energy of a winding also returns each time the bridge changes from a full short to
+/// driving.
 const BAND_FRACTION_AT_FULL_SHARE: f32 = 0.5;
 
 /// Time in microseconds for which motors go on dissipating after the predicted voltage last exceeded `dissipate`.
 ///
 /// Without this time the motors would return energy again immediately, and the voltage would rise again. After this
-/// time the bus can be quiet, and then the converter's analog watchdog reports the next rise immediately. Between two
-/// samples a millisecond apart the voltage could rise by the whole band.
+/// time the bus can be quiet, and then the converter's analog watchdog reports the next rise immediately. Sampling
+/// every millisecond is not enough for this: between two samples the voltage could rise by the whole band.
 const HOLD_MICROS: u64 = 50_000;
 
 /// State of the overvoltage protection.
