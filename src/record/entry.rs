@@ -21,12 +21,15 @@ pub struct Head {
     pub number: u16,
     /// The fault or the reset cause.
     pub fault: Fault,
-    /// Number of consecutive occurrences; 255 means 255 or more. All other fields describe the first occurrence. Occurrences count
-    /// as one entry in one run, and in consecutive runs that each ended before their first tick.
+    /// Number of consecutive occurrences of the fault, with the same motor and detail; 255 means 255 or more. All other fields
+    /// describe the first occurrence.
+    ///
+    /// Occurrences in one run count as one entry. So do occurrences in the next runs, if the entry has no ticks and these runs
+    /// ended before their first tick. An unknown battery counts once for all motors.
     pub times: u8,
     /// Number of the run in which the fault occurred, or which the reset ended. Runs are numbered from 1; the number wraps.
     pub run: u16,
-    /// Time of the control tick at which the fault began, or of the last tick of the run, in ms since the run began.
+    /// Time of the control tick at which the fault began, in ms since the run began. For a reset, the time of the run's last tick.
     pub uptime_ms: u32,
     /// Battery voltage at `uptime_ms`; `None` if the voltage was unknown.
     pub battery: Option<Millivolts>,
@@ -43,7 +46,8 @@ pub struct Head {
     /// * Panic: line and column.
     /// * Interrupt without a handler: number of the interrupt.
     pub detail: [u32; 2],
-    /// Number of ticks of `motor` before the fault that the record still holds, 0 to 64.
+    /// Number of ticks of `motor` that the record still holds, 0 to 64. The last of these ticks is the tick at which the fault
+    /// began, or the last tick of the run.
     pub ticks: u8,
 }
 
@@ -95,7 +99,7 @@ impl Tick {
     }
 }
 
-/// Encodes a drive. Bits 14 and 15 are the mode, and bits 0 to 13 are the duty in steps of 2^-13.
+/// Encodes the command to a bridge. Bits 14 and 15 are the mode, and bits 0 to 13 are the duty in steps of 2^-13.
 pub(crate) const fn drive_bits(drive: Drive) -> u16 {
     let mode = match drive.mode {
         Mode::Brake50 => 0,
@@ -105,7 +109,7 @@ pub(crate) const fn drive_bits(drive: Drive) -> u16 {
     mode << 14 | drive.duty.to_bits() >> 2
 }
 
-/// Decodes a drive. The mode number 3, which is not used, is decoded as [`Drive::COAST`].
+/// Decodes the command to a bridge. The mode number 3, which is not used, is decoded as [`Drive::COAST`].
 pub(crate) const fn drive_of(bits: u16) -> Drive {
     let mode = match bits >> 14 {
         0 => Mode::Brake50,

@@ -9,8 +9,8 @@
 //! Terms:
 //! * A *run* is the time from one reset to the next.
 //! * A [`Tick`] is the state of one motor at one control tick. A ring holds the last [`TICKS`] ticks of each motor.
-//! * A [`Head`] describes one fault or reset. A head with its ticks is an *entry*.
-//! * A *page* holds the ticks of one entry. It is a copy of the ring of the motor that had the fault.
+//! * A [`Head`] describes one fault or reset. A head, with its ticks if the record still has them, is an *entry*.
+//! * A *page* holds the ticks of one entry: a copy of the ticks that the ring held of the entry's motor.
 //!
 //! An entry is written when a fault of a motor begins, and at the start after a run has ended. A repetition of the newest entry
 //! is counted in that entry. The record keeps the newest [`HEADS`] heads, and pages for the newest [`PAGES`] entries.

@@ -29,7 +29,7 @@ pub enum Unreadable {
 pub struct Entry<'a> {
     /// Packet type of the request.
     pub id: u16,
-    /// Payload of the request. The fields are those of the firmware that wrote the record.
+    /// Payload of the request, with the fields that were known to the firmware that wrote the record.
     pub payload: &'a [u8],
 }
 

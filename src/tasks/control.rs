@@ -1,8 +1,9 @@
 //! Runs the hub: a tick each control period, and faster reactions between two ticks.
 //!
-//! * Between two ticks the task wakes at each encoder sample, and when the bus has left its quiet range. The task then updates
-//!   the estimates of the hub, and passes the feedback of the bridges to the hub. If a direct command waits, the task applies all
-//!   waiting commands, and executes the direct ones at once. A new state of the bus may change the bridge commands too.
+//! * Between two ticks the task wakes at each encoder sample, and when the bus has left its quiet range. The task then updates the
+//!   estimates of the hub, and passes the feedback of the bridges to the hub. If a direct command waits, the task applies all
+//!   waiting commands, and executes the direct ones without waiting for a tick. A new state of the bus may change the bridge
+//!   commands too.
 //! * At each tick the task applies the commands that still wait, and steps the hub. Then the task publishes the bridge commands
 //!   and the snapshot.
 

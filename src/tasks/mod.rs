@@ -23,7 +23,7 @@
 //! | crash report | the fault that ended the run, in a cell | written once per run, by fault handlers |
 //! | store | two [`Signal`]s: request and result | one request at a time |
 //! | update | two [`Signal`]s: request and result | one request at a time |
-//! | host spoke | a flag | set when the first packet for this hub has arrived; stays set until the chip restarts |
+//! | host spoke | a flag | set when the first packet for this hub has arrived; stays set until the next start of the hub |
 //!
 //! A [*direct* command](crate::hub::Action::is_direct) needs no regulator, so a motor can execute the command between two ticks.
 //!
@@ -126,7 +126,7 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub store: RequestChannel<M, crate::store::StoreRequest, store::Done>,
     /// Requests of the responder to the task that writes new firmware, and their results.
     pub update: RequestChannel<M, crate::update::UpdateRequest, crate::update::Done>,
-    /// True once a packet for this hub has arrived since the chip started, from the responder to all tasks.
+    /// True once a packet for this hub has arrived since the start of the hub, from the responder to all tasks.
     pub host_spoke: Mutex<M, Cell<bool>>,
 }
 

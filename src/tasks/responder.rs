@@ -184,7 +184,7 @@ fn exchange_pins<const N: usize>(responder: &mut Responder<N>, pins: &mut impl D
 }
 
 /// Returns the newest snapshot, or the initial snapshot before the first tick. If a motor has an encoder sample that is newer than
-/// the snapshot, the position and the velocity of the sample replace those of the snapshot.
+/// the snapshot, the snapshot gets position and velocity of the sample.
 fn snapshot<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> Snapshot<N> {
     let mut snapshot = wires.snapshot.try_get().unwrap_or(Snapshot::INITIAL);
     wires.newest.lock(|newest| {

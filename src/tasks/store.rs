@@ -157,7 +157,7 @@ impl<F: NorFlash> Keeper<F> {
             }
         }
         // If both pages are in use, a move or an erasure was interrupted. The page with the older save is erased. If both have
-        // the same save, the page with fewer copies is erased. If the copies are as many, the full page is erased.
+        // the same save, the page with fewer copies is erased. If these numbers are equal too, the full page is erased.
         let ([first, second], [Some(first_marks), Some(second_marks)]) = (&pages, in_use) else {
             return Ok(());
         };
@@ -253,7 +253,7 @@ impl<F: NorFlash> Keeper<F> {
     }
 }
 
-/// Content of one page. The order of contents is that of their saves, and for the same save that of their numbers of copies.
+/// Content of one page. Contents are ordered by their saves. Contents with the same save are ordered by their copies.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 struct PageContent {
     /// Number of the newest save in the page.

@@ -47,7 +47,7 @@ use embedded_storage_async::nor_flash::{
 /// Number of [rounds](Health::rounds) before new firmware is confirmed. In each round all tasks check in.
 pub const CONFIRM_AFTER_ROUNDS: u32 = 40;
 
-/// Interval at which the task looks whether a condition is met that the task waits for.
+/// Interval at which the task looks at the rounds, or at the motors, while the task waits for them.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Number of attempts to write the confirmation of new firmware.
@@ -132,8 +132,8 @@ pub struct Slots<A, D, S> {
 impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
     /// Creates the slots in three flashes, or in partitions of flashes.
     ///
-    /// `None` if a flash has words of more than 32 bytes, if a chunk is not a multiple of the download slot's word, or if the
-    /// state has words of less than 8 bytes.
+    /// `None` if a flash has words of more than 32 bytes, or if the state has words of less than 8 bytes. Also `None` if a chunk
+    /// is not a multiple of the download slot's word.
     pub fn new(active: A, download: D, state: S) -> Option<Self> {
         let words = [D::WRITE_SIZE, S::WRITE_SIZE, S::READ_SIZE];
         let fits = words.iter().all(|word| *word <= WORD) && CHUNK.is_multiple_of(D::WRITE_SIZE);
@@ -259,7 +259,7 @@ async fn checksum<F: ReadNorFlash>(flash: &mut F, from: u32, length: u32) -> Res
 ///
 /// * Before an erasure the swap mark is overwritten with 0. If a power failure interrupted the erasure, the swap mark could
 ///   otherwise remain while the progress of the swap is erased already. The bootloader would then swap a second time.
-/// * No other word is written twice. A repeated write of a word of zeros has no effect.
+/// * Zeros are not written to a word that has been written already, because no other word may be written twice.
 pub struct StateFlash<S>(pub S);
 
 impl<S: ErrorType> ErrorType for StateFlash<S> {

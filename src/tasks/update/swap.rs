@@ -95,8 +95,8 @@ pub(super) async fn mark<A: ReadNorFlash, D: NorFlash, S: NorFlash>(
     state.write(0, word).await.map_err(kind)
 }
 
-/// Discards a stale swap: one that is marked or begun, if a page of the active slot has another checksum than its step of the swap
-/// requires. A bootloader calls this function before it begins or continues a swap.
+/// Discards a swap that is marked or begun, if the swap is stale. It is stale if a page of the active slot does not have the
+/// checksum that the progress requires. A bootloader calls this function before it begins or continues a swap.
 ///
 /// # Errors
 /// Returns the kind of the flash's error.
