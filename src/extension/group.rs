@@ -36,9 +36,9 @@ pub enum GroupCourse {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum GroupState {
-    /// The motor is in no group.
+    /// The motor is in no group, or its group waits for the first encoder readings of all members.
     Alone,
-    /// The group is moving.
+    /// The group moves, or its members have not settled yet.
     Moving,
     /// All members have settled at their targets.
     Settled,

@@ -2,7 +2,8 @@
 //! constant current, identification, the record of faults, stored settings, and new firmware.
 //!
 //! A host finds the interface by its name, [`INTERFACE`]. Hosts that do not query this name are not affected. Settings last until
-//! the chip restarts, unless they are stored. `docs/reference/extension.md` describes each function with its fields and refusals.
+//! the next start of the hub, unless they are stored. `docs/reference/extension.md` describes each function with its fields and
+//! refusals.
 //!
 //! ```
 //! use motor_hub::extension::{HubFunction, Request};
@@ -53,7 +54,8 @@ requests! {
         7 Group,
         /// The answer is a [`Condition`](report::Condition).
         10 Condition,
-        /// Regulates the enabled motor to a constant current, up to a speed limit, until the motor gets another target.
+        /// Regulates the enabled motor to a constant current, up to a speed limit. This ends when a host sets a target or a mode,
+        /// enables or disables the motor, or resets its encoder.
         30 Current { current_ma: i32, speed_limit_cps: u16 },
     }
 }
@@ -68,7 +70,7 @@ requests! {
         /// Puts the stored settings in force. The address does not change.
         15 Load,
         /// Deletes the stored settings and the stored address, and puts the firmware's settings in force. The address in force
-        /// stays until the chip restarts.
+        /// stays until the next start of the hub.
         16 Reset,
         /// The answer is a [`StoreReport`](state::StoreReport).
         17 Stored,

@@ -1,8 +1,8 @@
 //! Reports of motors, bridges and bus.
 //!
 //! A [`HubReport`] has the state of all motors and of the bus in one answer, for hosts that plot, tune or record while motors
-//! run. Its values are those of the last control tick. Positions and velocities are those of the newest encoder sample, which may
-//! be newer than the tick. [`Commands`] tell whether the values include the effects of all earlier requests.
+//! run. Its values are those of the last control tick. Positions and velocities are from the newest encoder sample, which may be
+//! newer than the tick. [`Commands`] tell whether the values include the effects of all earlier requests.
 //!
 //! A newer hub may add fields at the end of each motor's fields, and after all motors. A host ignores fields that it does not
 //! know.
@@ -63,9 +63,10 @@ payload! {
         pub heat: u16,
         /// True if the current is limited because the winding is hot.
         pub derated: bool,
-        /// True if the motor is switched off because the winding is too hot.
+        /// True if the winding was too hot. The motor then coasts or brakes until the winding has cooled down and the motor has
+        /// been disabled.
         pub overheated: bool,
-        /// True if the bridge has switched itself off.
+        /// True if the bridge has switched itself off since the motor was last disabled.
         pub bridge_fault: bool,
         /// State of the current-sense line.
         pub sense_line: SenseLine,

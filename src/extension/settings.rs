@@ -391,7 +391,7 @@ impl Values {
     pub fn apply_to(&self, settings: &MotorSettings) -> Result<MotorSettings, Nack> {
         let mut new = *settings;
         if self.group == Group::SetUp {
-            // The other settings of the motor are deleted.
+            // Dynamics, acceleration limit and coefficients are deleted.
             let Settings { winding, bridge, scheme, zero_power, on_fault, thermal, current_limit, .. } =
                 settings.motor;
             let unknown = Settings::for_scheme(winding, scheme);

@@ -24,8 +24,8 @@ payload! {
         pub at_work: bool,
         /// Result of the last access to the memory. The address is also stored without a request to save.
         pub outcome: store::Outcome,
-        /// True if the settings in force differ from the stored settings. While an access is running, also true if a host may
-        /// have changed settings since power-on.
+        /// True if the settings or the address in force differ from the stored ones. While an access is running, also true if a
+        /// host may have changed settings since the start of the hub.
         pub differs: bool,
         /// Number of stored entries that this firmware does not know. A save keeps these entries.
         pub unknown: u8,

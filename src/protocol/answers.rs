@@ -40,7 +40,7 @@ pub enum Reply {
         /// True if the module status has events that no host has cleared.
         attention: bool,
     },
-    /// The hub has refused the request, which has changed nothing.
+    /// The hub has refused the request, which has changed neither settings nor motion.
     Nack(Nack),
     /// The hub answers with values.
     Data(Payload),
@@ -146,7 +146,7 @@ impl Status {
     /// The battery is low.
     pub const BATTERY_LOW: u8 = 1 << 4;
 
-    /// Text of each status bit; the first text is that of bit 0.
+    /// Texts of the status bits, beginning with bit 0.
     const WORDS: [&str; 8] = [
         "keep-alive timeout",
         "device reset",

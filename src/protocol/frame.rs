@@ -64,17 +64,17 @@ pub struct Packet {
 pub struct Decoder {
     /// Received bytes from a possible start of a frame on. The first byte is `44`.
     bytes: Vec<u8, LONGEST>,
-    /// Time at which the first of `bytes` arrived. After dropped bytes, a later time: that of the last byte.
+    /// Time at which the first of `bytes` arrived. After bytes were dropped, the time at which the last byte arrived.
     first_at: Micros,
     /// Time at which the last byte arrived.
     last_at: Micros,
 }
 
-/// What the received bytes are, as far as they tell.
+/// What is known of the received bytes.
 enum Candidate {
     /// Possibly the beginning of a frame that is not complete yet.
     Unfinished,
-    /// No frame that begins at the first byte.
+    /// No frame begins at the first byte.
     Bad,
     /// A complete frame of this length, with a correct checksum.
     Good(usize),

@@ -9,7 +9,7 @@
 
 use core::fmt;
 
-/// The reason of a refusal, as the number in the protocol. A refused request has changed nothing.
+/// The reason of a refusal, as the number in the protocol. A refused request has changed neither settings nor motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Nack(pub u8);

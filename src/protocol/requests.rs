@@ -2,8 +2,8 @@
 //! of the payload.
 //!
 //! * A *standard command* has the same packet type on every hub.
-//! * A *function* belongs to an *interface*. The packet type of a function is that of the interface's function 0, plus the number
-//!   of the function. A host queries the packet type of function 0 from the hub.
+//! * A *function* belongs to an *interface*. The packet type of a function is the packet type of the interface's function 0 plus
+//!   the number of the function. A host queries the packet type of function 0 from the hub.
 //!
 //! ```
 //! use motor_hub::extension::Request;

@@ -65,7 +65,7 @@ enum Contact {
     Down,
 }
 
-/// State of the motors, as far as the button commands them.
+/// What the button commands the motors to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Motion {
     /// The motors are disabled.

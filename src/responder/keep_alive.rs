@@ -22,7 +22,7 @@
 use crate::protocol::answers::Status;
 use crate::units::Micros;
 
-/// Time in microseconds without a packet after which the host counts as lost. REV's hubs use 2.5 s.
+/// Time in microseconds without a packet for this hub, after which the host counts as lost. REV's hubs use 2.5 s too.
 pub const TIMEOUT_MICROS: u64 = 2_500_000;
 
 /// Contact with the host.

@@ -122,11 +122,11 @@ pub struct Responder<const N: usize> {
     factory_address: Address,
     /// Settings that the firmware was built with. Stored settings replace them.
     factory: [Settings; N],
-    /// True if a host may have changed settings or the address since the chip started.
+    /// True if a host may have changed settings or the address since the start of the hub.
     changed: bool,
-    /// True if the board has a memory for settings, which will report its contents.
+    /// True if the board has a memory for settings, whose task will report the contents.
     expects_store: bool,
-    /// The memory for settings. `None` until it has reported its contents, and on a board without a memory.
+    /// The memory for settings. `None` until its task has reported the contents, and on a board without a memory.
     memory: Option<Memory>,
     /// The firmware update. `None` on a board without a bootloader.
     update: Option<Update>,

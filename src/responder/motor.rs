@@ -72,7 +72,7 @@ pub struct MotorChannel {
 /// Commands that must still be sent to the motor, in this order.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pending {
-    /// The set-point of a release. It is sent also to a disabled motor, because it clears faults.
+    /// The set-point of a release. A release is sent also to a disabled motor, because a release clears latched faults.
     release: Option<Setpoint>,
     /// True if the settings must be sent.
     configure: bool,
@@ -170,7 +170,7 @@ impl MotorChannel {
         Ok(())
     }
 
-    /// Starts an identification, in which the motor stays within `travel_limit` counts from its position. Returns the largest
+    /// Starts an identification, in which the motor stays within `travel_limit` counts of where it starts. Returns the largest
     /// number of counts that the motor will turn. `battery` is `None` while the battery is low or unknown.
     ///
     /// # Errors
@@ -345,8 +345,8 @@ impl MotorChannel {
     /// The regulator takes the shorter way round the ring of 2^32 counts, but a host expects the direction of target minus
     /// position. The distance is therefore limited to [`LONGEST_DISTANCE`] in the direction that the host expects.
     ///
-    /// There is one exception. If target minus position does not fit in 32 bits, and the way across the ends of the range is
-    /// shorter than 2^30 counts, the host has let its counts wrap. The motor then takes the way across the ends.
+    /// There is one exception: target minus position does not fit in 32 bits, and the way across the ends of the 32-bit range is
+    /// shorter than 2^30 counts. The host has then let its counts wrap, and the motor takes the way across the ends.
     pub(super) fn goal(&self, counts: i32, position: i32) -> i32 {
         let from = self.host_counts(position);
         let short_way = counts.wrapping_sub(from);
