@@ -208,7 +208,7 @@ impl<const N: usize> Responder<N> {
         self.keep_alive.deadline()
     }
 
-    /// Updates battery state and keep-alive timer, and finds out which commands the snapshot includes. When the timer runs
+    /// Updates battery state and keep-alive timer, and no longer awaits commands that the snapshot includes. When the timer runs
     /// out, the hub goes to fail-safe.
     pub fn tick(&mut self, now: Micros, snapshot: &Snapshot<N>) {
         self.keep_alive.battery(snapshot.battery_low());

@@ -43,7 +43,7 @@ pub const SPEED_LIMIT: i16 = i16::MAX;
 /// a load may push the motor back by 2^24 counts before the other way is shorter.
 const LONGEST_DISTANCE: i32 = i32::MAX - (1 << 24);
 
-/// State of one motor's channel.
+/// The settings, targets and pending commands of one motor.
 #[derive(Clone, Debug)]
 pub struct MotorChannel {
     settings: MotorSettings,
@@ -64,7 +64,7 @@ pub struct MotorChannel {
     awaited: Option<u32>,
     /// The motor's counts where the host's counts are 0.
     offset: i32,
-    /// The motor's counts at the last request of REV's protocol to this motor.
+    /// The motor's counts at the last request of REV's protocol to this motor. A target is converted to a distance from here.
     last_position: i32,
     pending: Pending,
 }
@@ -151,7 +151,7 @@ impl MotorChannel {
             ToMotor::Pid { of } => {
                 let Coefficients { p, i, d, f, .. } = self.settings.coefficients(of);
                 if f != Coefficient::ZERO {
-                    // P, I and D alone would not describe the loop. After a refusal hosts ask for all four coefficients.
+                    // With feed-forward, P, I and D alone would not describe the loop. After a refusal hosts ask for PIDF.
                     return Err(Nack::parameter(2));
                 }
                 return Ok(Reply::data(&[p, i, d]));
@@ -308,7 +308,7 @@ impl MotorChannel {
         self.awaited = Some(number);
     }
 
-    /// Finds out whether a snapshot that includes all commands up to `commands` includes the awaited one.
+    /// Ends the wait for the awaited command if it is included in a snapshot whose newest command has the number `commands`.
     pub(super) fn note_snapshot(&mut self, commands: u32) {
         self.awaited.take_if(|number| is_included(*number, commands));
     }

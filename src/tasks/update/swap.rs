@@ -18,7 +18,7 @@
 //! | words | content |
 //! |---|---|
 //! | 1 | swap mark |
-//! | 1 | blank while the progress is valid |
+//! | 1 | blank; 0 while the bootloader erases the progress, after it has restored the previous firmware |
 //! | 4 N | progress: the number of words without a blank byte, from the first word on |
 //! | rest | unused |
 //! | N | [`PageSums`] of the pages, in descending order: page 0 is last |
@@ -61,7 +61,7 @@ impl PageSums {
         };
         match steps.checked_sub(2 * pages_before) {
             None | Some(0) => sum == from,
-            // The bootloader is erasing or writing the page, so any content is possible.
+            // The page is being erased or written in this step, so any content is possible.
             Some(1) => true,
             Some(_) => sum == to,
         }
