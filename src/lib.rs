@@ -28,15 +28,15 @@
 //! assert_eq!(motor.step(Micros::new(100_000), None, None).drive, Drive::COAST);
 //! ```
 //!
-//! Tasks wait for inputs, call the core, and pass its results on. `docs/reference/glossary.md` explains the terms of this
-//! library.
+//! The *core* is all modules except `tasks` and `model`. Tasks wait for inputs, call the core, and pass its results on.
+//! `docs/reference/glossary.md` explains the terms of this library.
 //!
 //! | module | purpose |
 //! |---|---|
 //! | [`units`] | quantities with their ranges and resolutions |
 //! | [`bridge`] | the states, modes and commands of a bridge; its constants |
 //! | [`braking`] | conversion of a control value to a bridge command: points S T Z G, schemes, regimes, duty |
-//! | [`motion`] | encoder readings: positions, speeds and plausibility; PID |
+//! | [`motion`] | positions from encoder counters, with the times of edges; PID |
 //! | [`settings`] | the settings of a motor |
 //! | [`regulator`] | regulation of velocity and position, with a model of the motor or with PID |
 //! | [`group`] | motors that move synchronously: a reference for each motor |
@@ -45,16 +45,16 @@
 //! | [`record`] | a record of faults and resets with the ticks before them, in memory that survives a reset |
 //! | [`protocol`] | REV's protocol as bytes, for hosts and hubs: frames, requests, answers |
 //! | [`extension`] | the hub's own protocol: requests that REV's protocol lacks; the table of all settings |
-//! | [`responder`] | the hub's side of both protocols: its state, keep-alive timer and LED |
+//! | [`responder`] | the hub's side of both protocols: what hosts have set, the keep-alive timer, the LED |
 //! | [`store`] | settings in non-volatile memory: the stored format, and the choice between two copies |
 //! | [`update`] | new firmware: which chunks of an image are accepted, and when the image may start |
 //! | [`board`] | the traits that a board implements |
 //! | `tasks` (feature `tasks`, on by default) | async tasks that run the modules above |
 //! | `model` (feature `model`) | physics in `f64`, for simulators and tests; independent of the control |
 //!
-//! The *core* is all modules except `tasks` and `model`. It is `no_std`, without allocation, panics or `unsafe`. It has no clock
-//! and accesses no hardware. Currents and motion are computed in single precision, everything else in integers. Constants may be
-//! computed in `f64`.
+//! The core is `no_std`, without allocation, panics or `unsafe`. It has no clock and accesses no hardware. Its control path
+//! computes in integers and in single precision, which the FPUs of the chips support. Constants and conversions for users may be
+//! in `f64`.
 //!
 //! Positive control values, counts and speeds have the same direction, which is called CW.
 //!
@@ -62,7 +62,7 @@
 //! * `tasks` (on by default): the async tasks, on embassy. Without this feature the core has four small dependencies.
 //! * `signed`: checks signatures of new firmware, see [`update::Slot::signer`].
 //! * `model`: physics in `f64`, for simulators and tests; needs std.
-//! * `defmt`: `defmt::Format` for the types of the control path, for firmware.
+//! * `defmt`: `defmt::Format` for most types of the core, for the log of firmware.
 #![cfg_attr(not(feature = "model"), no_std)]
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)]

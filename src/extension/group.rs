@@ -1,5 +1,5 @@
-//! Requests to groups: motors that move synchronously. Hosts repeat a request whose answer was lost, so all these requests may
-//! be repeated without a further effect.
+//! Requests to groups of motors that move synchronously. Hosts repeat a request if its answer is lost. So a repeated request to a
+//! group has no further effect.
 //!
 //! ```
 //! use motor_hub::extension::MotorFunction;
@@ -28,7 +28,7 @@ use crate::units::CountsPerSecond;
 pub enum GroupCourse {
     /// Each member moves to a position in the host's counts.
     To([Option<i32>; CHANNELS]),
-    /// Each member turns at a speed, until the next request. If all speeds are 0, the group stops.
+    /// Each member turns at a speed, until the next request to the group or to a member. If all speeds are 0, the group stops.
     On([Option<CountsPerSecond>; CHANNELS]),
 }
 
@@ -36,9 +36,9 @@ pub enum GroupCourse {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum GroupState {
-    /// The motor is in no group.
+    /// The motor is in no group, or its group waits for the first encoder readings of all members.
     Alone,
-    /// The group is moving.
+    /// The group moves, or its members have not settled yet.
     Moving,
     /// All members have settled at their targets.
     Settled,

@@ -1,4 +1,4 @@
-//! The state of an identification in a payload: a code, and the fields that the code has.
+//! The state of an identification in a payload: a code, and then fields that depend on the code.
 
 use crate::protocol::Nack;
 use crate::protocol::payload::{ByteIn, Field, Fields, Payload, codes, fields_in_order};

@@ -1,8 +1,9 @@
-//! The *extension*: the hub's own interface, for what REV's protocol has no requests for. Its functions are about settings,
-//! reports, groups, identification, the record of faults, stored settings, and new firmware.
+//! The *extension*: the hub's own interface, with functions that REV's protocol lacks. They are about settings, reports, groups,
+//! constant current, identification, the record of faults, stored settings, and new firmware.
 //!
-//! A host finds the interface by its name, [`INTERFACE`]. Other hosts are not affected. Settings last until a reset, unless they
-//! are stored. `docs/reference/extension.md` describes each function with its fields and refusals.
+//! A host finds the interface by its name, [`INTERFACE`]. Hosts that do not query this name are not affected. Settings last until
+//! the next start of the hub, unless they are stored. `docs/reference/extension.md` describes each function with its fields and
+//! refusals.
 //!
 //! ```
 //! use motor_hub::extension::{HubFunction, Request};
@@ -43,17 +44,18 @@ requests! {
     /// A function for one motor, except for settings. The first field of the request is the motor's number.
     pub enum MotorFunction from FIRST_FUNCTION => {
         /// Starts an identification. The motor stays within the travel limit, in counts in either direction. The answer is a u32:
-        /// the largest number of counts that the motor will turn.
+        /// the largest number of counts that the motor will turn in either direction.
         4 Identify { travel_limit: u32 },
         /// The answer is an [`Identification`](crate::regulator::identify::Identification).
         5 Identification,
-        /// Moves a group that the motor belongs to.
+        /// Moves a group. The motor must be one of its members.
         6 Move { wanted: GroupCommand<GroupCourse> },
         /// The answer is a [`GroupState`](group::GroupState).
         7 Group,
         /// The answer is a [`Condition`](report::Condition).
         10 Condition,
-        /// Regulates the enabled motor to a constant current, up to a speed limit, until the motor gets another target.
+        /// Regulates the enabled motor to a constant current, up to a speed limit. This ends when a host sets a target or a mode,
+        /// enables or disables the motor, or resets its encoder.
         30 Current { current_ma: i32, speed_limit_cps: u16 },
     }
 }
@@ -63,15 +65,17 @@ requests! {
     pub enum HubFunction from FIRST_FUNCTION => {
         /// The answer is a [`BusReport`](report::BusReport).
         13 Bus,
-        /// Stores the settings in force.
+        /// Stores the settings and the address in force.
         14 Save,
-        /// Puts the stored settings in force.
+        /// Puts the stored settings in force. The address does not change.
         15 Load,
-        /// Deletes the stored settings, and puts the firmware's settings in force.
+        /// Deletes the stored settings and the stored address, and puts the firmware's settings in force. The address in force
+        /// stays until the next start of the hub.
         16 Reset,
         /// The answer is a [`StoreReport`](state::StoreReport).
         17 Stored,
-        /// The answer is [`Entries`](record::Entries) without the newest `from` entries. `clear` then empties the record.
+        /// The answer is [`Entries`](record::Entries) without the newest `from` entries. If `clear` is true, all entries are then
+        /// deleted.
         18 Entries { from: u8, clear: bool },
         /// The answer is [`Ticks`](record::Ticks) of the entry with this number, without the oldest `from` ticks.
         19 Ticks { number: u16, from: u8 },
@@ -85,7 +89,7 @@ requests! {
         23 FinishUpdate,
         /// Restarts the hub with the armed firmware.
         24 Restart,
-        /// Cancels the update. Armed firmware is not started then.
+        /// Cancels the update. The next restart does not start armed firmware then.
         25 AbandonUpdate,
         /// The answer is an [`UpdateReport`](state::UpdateReport).
         26 Update,
@@ -98,28 +102,29 @@ requests! {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Request {
-    /// REV's standard command.
+    /// A standard command of REV's protocol.
     Standard(Standard),
-    /// REV's function for the whole hub.
+    /// A function of REV's protocol for the whole hub.
     ToHub(ToHub),
-    /// REV's function for the motor with this number.
+    /// A function of REV's protocol for the motor with this number.
     ToMotor(u8, ToMotor),
-    /// REV's function for a pin or an output.
+    /// A function of REV's protocol for a pin or an output.
     ToPin(ToPin),
     /// Sets one group of settings of the motor with this number.
     Set(u8, Values),
     /// Asks for one group of settings of the motor with this number. The answer has the fields of the group.
     Get(u8, Group),
-    /// The extension's function for the motor with this number.
+    /// A function of the extension for the motor with this number.
     Motor(u8, MotorFunction),
-    /// The extension's function for the whole hub.
+    /// A function of the extension for the whole hub.
     Hub(HubFunction),
 }
 
 impl Request {
     /// Reads the request of a packet, for a hub with `motors` motors.
     ///
-    /// Some groups of settings are requests of REV's protocol. They are read as [`ToMotor`](Self::ToMotor).
+    /// Some groups of settings have requests of REV's protocol. Such a request is read as [`ToMotor`](Self::ToMotor), not as
+    /// [`Set`](Self::Set) or [`Get`](Self::Get).
     ///
     /// # Errors
     /// Returns the refusal with which the hub must answer.
@@ -199,8 +204,8 @@ impl Request {
         payload
     }
 
-    /// Builds a host's packet for this request. `id` is the packet type on the hub: [`id`](Self::id), unless the hub has
-    /// reported other packet types for the interface.
+    /// Builds a host's packet for this request. `id` is the packet type that the hub has reported for the function. Hubs of this
+    /// project report [`id`](Self::id).
     pub fn packet(&self, destination: u8, number: u8, id: u16) -> Packet {
         Packet { destination, source: HOST, number, reference: 0, id, payload: self.payload() }
     }

@@ -58,7 +58,7 @@ impl Ticks {
     }
 }
 
-/// A list of values that ends with the payload, or when the vector is full.
+/// Codec of a list of values that ends with the payload, or when the vector is full.
 mod rest {
     use super::{Field, Fields, Nack, Payload, Vec};
 
@@ -85,7 +85,7 @@ impl Field for Fault {
     }
 }
 
-/// An optional motor. [`NOBODY`] stands for `None`.
+/// Codec of an optional motor. [`NOBODY`] stands for `None`.
 mod motor {
     use super::{Field, Fields, NOBODY, Nack, Payload};
 
@@ -98,7 +98,7 @@ mod motor {
     }
 }
 
-/// The command to a bridge in 16 bits, see [`drive_bits`].
+/// Codec of a command to a bridge in 16 bits, see [`drive_bits`].
 mod drive {
     use super::{Drive, Field, Fields, Nack, Payload, drive_bits, drive_of};
 

@@ -1,8 +1,8 @@
 //! Reports of motors, bridges and bus.
 //!
 //! A [`HubReport`] has the state of all motors and of the bus in one answer, for hosts that plot, tune or record while motors
-//! run. Its values are those of the last control tick, except positions and velocities, which are newer. [`Commands`] say
-//! whether the values include the newest requests.
+//! run. Its values are those of the last control tick. Positions and velocities are from the newest encoder sample, which may be
+//! newer than the tick. [`Commands`] tell whether the values include the effects of all earlier requests.
 //!
 //! A newer hub may add fields at the end of each motor's fields, and after all motors. A host ignores fields that it does not
 //! know.
@@ -29,13 +29,13 @@ use crate::supply::BusState;
 use crate::units::{Control, Duty, Milliamperes, Millivolts, is_included};
 use heapless::Vec;
 
-/// Version of a [`HubReport`] that this firmware sends. A higher version has more fields.
+/// Version of the [`HubReport`] that this firmware sends. A higher version has more fields after all motors.
 pub const VERSION: u8 = 2;
 
-/// Lowest version that includes [`Commands`].
+/// Lowest version of a [`HubReport`] with [`Commands`].
 const WITH_COMMANDS: u8 = 2;
 
-/// Size of one motor's fields in bytes.
+/// Size of one motor's fields in bytes. The report of newer firmware may have a larger size.
 const STRIDE: u8 = 36;
 
 /// Stands for the measured current of a motor whose current is not measured.
@@ -56,15 +56,17 @@ payload! {
     pub struct Condition {
         /// Mean current, modelled from the motor's constants.
         pub current: Milliamperes,
-        /// Magnitude of the mean current in milliamperes; `None` if the hub does not measure the current.
+        /// Magnitude of the measured mean current in milliamperes. `None` without a sound current-sense line, and while the bridge
+        /// is in mode 5/0.
         pub measured_ma: Option<u16> as measured,
         /// Heat of the winding in 1/1000 of its thermal limit. 0 without a thermal limit.
         pub heat: u16,
         /// True if the current is limited because the winding is hot.
         pub derated: bool,
-        /// True if the motor is switched off because the winding is too hot.
+        /// True if the winding was too hot. The motor then coasts or brakes until the winding has cooled down and the motor has
+        /// been disabled.
         pub overheated: bool,
-        /// True if the bridge has switched itself off.
+        /// True if the bridge has switched itself off since the motor was last disabled.
         pub bridge_fault: bool,
         /// State of the current-sense line.
         pub sense_line: SenseLine,
@@ -77,9 +79,10 @@ payload! {
     pub struct BusReport {
         /// Range of the bus voltage.
         pub state: BusState,
-        /// Voltage of the newest sample, plausible or not. `None` if the converter does not answer.
+        /// Voltage of the newest sample, plausible or not. `None` if the converter does not answer, or if the sample is older than
+        /// 100 ms.
         pub measured: Option<Millivolts> as measured,
-        /// How strongly braking motors must dissipate energy, in 1/1000. 0 while they may return it to the bus.
+        /// How strongly braking motors must dissipate energy, in 1/1000. 0 while braking motors may return all energy to the bus.
         pub dissipate: u16,
         /// Energy that braking motors have returned to the bus since boot, in millijoules.
         pub returned_mj: u32,
@@ -88,7 +91,7 @@ payload! {
     }
 }
 
-/// An optional value as a bool, which is true if the value is measured, and the value or 0.
+/// Codec of an optional value: a bool, which is true if the value was measured, and then the value or 0.
 mod measured {
     use super::{Field, Fields, Nack, Payload};
 
@@ -103,7 +106,7 @@ mod measured {
     }
 }
 
-/// A battery voltage. 0 stands for an unknown voltage.
+/// Codec of a battery voltage. 0 stands for an unknown voltage.
 pub(super) mod battery {
     use super::{Field, Fields, Millivolts, Nack, Payload};
 
@@ -125,11 +128,11 @@ pub struct HubReport {
     pub battery: Option<Millivolts>,
     /// Range of the bus voltage.
     pub bus: BusState,
-    /// How strongly braking motors must dissipate energy, in 1/1000. 0 while they may return it to the bus.
+    /// How strongly braking motors must dissipate energy, in 1/1000. 0 while braking motors may return all energy to the bus.
     pub dissipate: u16,
-    /// State of each motor.
+    /// State of each motor, at most of the first four.
     pub motors: Vec<MotorReport, CHANNELS>,
-    /// Commands that the report includes. `None` from a hub of version 1, which does not report them.
+    /// Numbers of the newest commands. `None` in a report of version 1.
     pub commands: Option<Commands>,
 }
 
@@ -138,13 +141,14 @@ pub struct HubReport {
 pub struct Commands {
     /// Number of the newest command that the report includes.
     pub included: u32,
-    /// Number of the newest command that the hub's answers have caused. Higher than `included` while such a command is pending.
+    /// Number of the newest command that the hub has made of a host's request and has sent to its control task. Plus 1 while more
+    /// commands wait to be sent.
     pub newest: u32,
 }
 
 impl HubReport {
-    /// True if the report includes all commands that earlier requests have caused. True for a hub that does not report its
-    /// commands.
+    /// True if the report includes all commands that earlier requests have caused. Also true for a report without
+    /// [`Commands`].
     pub fn is_up_to_date(&self) -> bool {
         self.commands.is_none_or(|Commands { included, newest }| is_included(newest, included))
     }
@@ -169,23 +173,25 @@ pub struct MotorReport {
     pub drive: Drive,
     /// Mean current, modelled from the motor's constants and the command to the bridge. Limited to 32.767 A.
     pub current: Milliamperes,
-    /// Magnitude of the mean current in milliamperes, limited to 65 534. `None` if the hub does not measure the current.
+    /// Magnitude of the measured mean current in milliamperes, limited to 65 534. `None` without a sound current-sense line, and
+    /// while the bridge is in mode 5/0.
     pub measured_ma: Option<u16>,
-    /// Current that balances the load. `None` for an unknown motor.
+    /// Current that would balance load, friction and drag. `None` for an unknown motor, whose dynamics are not configured.
     pub load: Option<Milliamperes>,
     /// Heat of the winding in 1/1000 of its thermal limit. 0 without a thermal limit.
     pub heat: u16,
-    /// True if a host has enabled the motor.
+    /// True from a host's *set enable* until a host or fail-safe disables the motor.
     pub enabled: bool,
-    /// True if the motor has settled at its target. A member of a group settles with the whole group.
+    /// True if the motor has [settled](crate::motor::Report::settled) at its target position, and the report includes the newest
+    /// target. A member of a group has settled when all members have.
     pub settled: bool,
-    /// True if the motor is driven and does not turn.
+    /// True if the motor is regulated, and a stop or a load holds the motor.
     pub stalled: bool,
     /// True if the current is limited because the winding is hot.
     pub derated: bool,
     /// True if the motor's current limit reduces the current.
     pub current_limited: bool,
-    /// Faults that keep the motor from running.
+    /// Faults of the motor. With an encoder fault, constant power still works.
     pub faults: Faults,
     /// Points S, T, Z and G of the scheme as control values, at the present speed and battery voltage. `None` if the battery
     /// voltage is unknown.
@@ -202,10 +208,10 @@ impl MotorReport {
 /// The kind of a set-point, with its most important number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ReportedSetpoint {
-    /// The motor is disabled.
+    /// The motor is disabled, or no host has set a target for its mode.
     #[default]
     Off,
-    /// The motor is disabled because its host is silent.
+    /// The host is silent, and the motor is to brake by its setting `on_fault`. A motor that is to coast then is `Off`.
     FailSafe,
     /// Constant power, as a control value.
     Power(Control),
@@ -222,7 +228,7 @@ pub enum ReportedSetpoint {
 }
 
 impl ReportedSetpoint {
-    /// The name of the kind for users.
+    /// Returns the name of the kind for users.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Off => "off",
@@ -236,8 +242,8 @@ impl ReportedSetpoint {
         }
     }
 
-    /// The number of the set-point for users: a share of full power, amperes, counts per second or counts. `None` for a
-    /// disabled motor.
+    /// Returns the number of the set-point for users: a share of full power, amperes, counts per second or counts. `None` for
+    /// `Off` and `FailSafe`.
     pub fn value(self) -> Option<f64> {
         match self {
             Self::Off | Self::FailSafe => None,
@@ -397,7 +403,7 @@ impl Field for ReportedSetpoint {
     }
 }
 
-/// Converts a current to 16 bits. The result is never -32768, which is [`UNKNOWN`].
+/// Converts a current to 16 bits, limited to 32 767 mA in both directions. So the result is never [`UNKNOWN`], which is -32 768.
 fn milliamperes(current: Milliamperes) -> i16 {
     current.get().clamp(-i32::from(i16::MAX), i16::MAX.into()) as i16
 }

@@ -2,7 +2,8 @@
 //! programs follow from this table.
 //!
 //! * A *field* is one setting. Its *raw value* is the integer that stands for the setting in a packet.
-//! * A *group* is a list of fields that one request sets together. Groups of motors ([`crate::group`]) are something else.
+//! * A *group* is a list of fields that one request sets together. Groups of motors ([`crate::group`]) have nothing to do with
+//!   groups of fields.
 //! * [`Values`] are the raw values of all fields of one group.
 //!
 //! ```text
@@ -54,35 +55,35 @@ use core::num::NonZeroU16;
 pub struct MotorSettings {
     /// Settings of the motor itself.
     pub motor: Settings,
-    /// What regulates the motor.
+    /// REV's mode of the motor: the kind of its set-point.
     pub mode: RunMode,
     /// Current above which the hub reports an alert, in milliamperes; 0 for no alert.
     pub current_alert_ma: u16,
-    /// Terms that a host has stated for the velocity loop. Only a host reads them back.
+    /// Terms that a host has stated for the velocity loop. Hosts read the terms back; regulation does not use them.
     pub velocity_terms: Terms,
-    /// Terms that a host has stated for the position loop. Only a host reads them back.
+    /// Terms that a host has stated for the position loop. Hosts read the terms back; regulation does not use them.
     pub position_terms: Terms,
 }
 
 impl MotorSettings {
-    /// Creates the settings before a host has changed any: open loop, and no current alert.
+    /// Creates the settings before a host has changed any: mode power, and no current alert.
     pub const fn new(motor: Settings) -> Self {
         let (velocity_terms, position_terms) = (Terms::Pidf, Terms::Pidf);
         Self { motor, mode: RunMode::Power, current_alert_ma: 0, velocity_terms, position_terms }
     }
 
-    /// Returns the mode of the motor as REV's protocol has it.
+    /// Returns REV's mode of the motor, with what the motor does at zero power.
     pub fn channel_mode(&self) -> ChannelMode {
         ChannelMode { mode: self.mode, floats: self.motor.zero_power == ZeroPower::Float }
     }
 
-    /// Sets the mode of the motor as REV's protocol has it.
+    /// Sets REV's mode of the motor, and what the motor does at zero power.
     pub const fn set_channel_mode(&mut self, ChannelMode { mode, floats }: ChannelMode) {
         self.mode = mode;
         self.motor.zero_power = if floats { ZeroPower::Float } else { ZeroPower::Brake };
     }
 
-    /// Returns the coefficients of a loop. Without coefficients from a host these are guessed from the back EMF.
+    /// Returns the coefficients of a loop. If no coefficients are configured, they are guessed from back EMF and scheme.
     pub fn coefficients(&self, of: Loop) -> Coefficients {
         let both = self.both_loops();
         let (Pidf { p, i, d, f }, terms) = match of {
@@ -103,6 +104,7 @@ impl MotorSettings {
         self.motor.coefficients = Some(both);
     }
 
+    /// Returns the configured coefficients of both loops, or else the guessed ones.
     fn both_loops(&self) -> regulator::Coefficients {
         let Settings { winding, scheme, coefficients, .. } = self.motor;
         coefficients.unwrap_or_else(|| regulator::Coefficients::guessed(winding.emf, scheme, Period::DEFAULT))
@@ -181,7 +183,7 @@ impl Group {
         }
     }
 
-    /// Appends the number of the motor and, for a group of coefficients, the code of the loop. The values follow them.
+    /// Appends what comes before the values of the group: the number of the motor and, for coefficients, the code of the loop.
     pub fn write_name(self, motor: u8, payload: &mut Payload) {
         motor.write(payload);
         if let Some(of) = self.loop_of() {
@@ -189,8 +191,7 @@ impl Group {
         }
     }
 
-    /// Returns false for a group of coefficients, and for a current limit, that is not configured. The hub stores only groups
-    /// for which this is true.
+    /// True if the hub must store the group. False for coefficients and for a current limit if they are not configured.
     pub const fn is_configured(self, settings: &MotorSettings) -> bool {
         match self {
             Self::VelocityLoop | Self::PositionLoop => settings.motor.coefficients.is_some(),
@@ -218,7 +219,8 @@ impl Group {
 /// One field of the table.
 #[derive(Clone, Copy, Debug)]
 pub struct Field {
-    /// Key in a settings file. A number's key ends with its unit. A key with a dot belongs to a table of the file.
+    /// Key in a settings file. If the field has a unit, the key ends with the unit. A key with a dot belongs to a table of the
+    /// file.
     pub name: &'static str,
     /// Meaning of the raw values.
     pub form: Form,
@@ -241,7 +243,7 @@ pub struct Field {
 /// Meaning of a field's raw value 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Zero {
-    /// The number 0, or the first word.
+    /// The number 0 or, for a choice, the first word.
     Value,
     /// The setting is not configured. A settings file then lacks the key; if the key is the first of a table, it lacks the
     /// table.
@@ -284,7 +286,7 @@ impl Field {
         words.iter().position(|known| *known == word).map(|index| index as i64)
     }
 
-    /// Converts a raw value to a number of units. The raw value of a word is not converted.
+    /// Converts a raw value to a number of units. For a choice the number is the raw value.
     pub fn number_of(&self, raw: i64) -> f64 {
         match self.form {
             Form::Steps(steps) => raw as f64 / f64::from(steps),
@@ -305,13 +307,15 @@ impl Field {
         (self.number_of(self.least_in_file()), self.number_of(self.most))
     }
 
-    /// Returns the smallest raw value in a settings file. A file never contains a 0 that has another meaning than
-    /// [`Zero::Value`].
+    /// Returns the smallest raw value in a settings file. In a file a 0 always has the meaning [`Zero::Value`].
     fn least_in_file(&self) -> i64 {
         if self.zero == Zero::Value { self.least } else { self.least.max(1) }
     }
 
     /// Reads a raw value from a packet.
+    ///
+    /// # Errors
+    /// Returns [`Nack::parameter`] if the field is missing or out of range.
     fn read(&self, fields: &mut Fields<'_>) -> Result<i64, Nack> {
         let index = fields.index();
         let bytes = fields.slice(self.size)?;
@@ -387,7 +391,7 @@ impl Values {
     pub fn apply_to(&self, settings: &MotorSettings) -> Result<MotorSettings, Nack> {
         let mut new = *settings;
         if self.group == Group::SetUp {
-            // The other settings of the motor are deleted.
+            // Dynamics, acceleration limit and coefficients are deleted.
             let Settings { winding, bridge, scheme, zero_power, on_fault, thermal, current_limit, .. } =
                 settings.motor;
             let unknown = Settings::for_scheme(winding, scheme);
@@ -497,7 +501,7 @@ const SET_UP: &[Field] = fields! {
         motor.scheme
     }
     {
-        // A blend of 1, which is Scheme C, does not fit in 16 bits.
+        // A blend of 1, which is the same as Scheme C, does not fit in 16 bits. It becomes the largest blend below 1.
         "blend", u16 / 1 << 16,
         |settings| match settings.motor.scheme {
             Scheme::D(Blend::Fixed(blend)) => u16::try_from(blend.to_bits()).unwrap_or(u16::MAX),
@@ -605,7 +609,7 @@ const MOTION: &[Field] = fields! {
 
 const MODE: &[Field] = fields! {
     { "mode", "power" RunMode::Power, "velocity" RunMode::Velocity, "position" RunMode::Position; mode }
-    // Hosts may send any byte except 0 for a motor that floats.
+    // Hosts may send any byte except 0 for `float`.
     { "at_zero_power", "brake" ZeroPower::Brake, "float" ZeroPower::Float; motor.zero_power, up to 255 }
 };
 

@@ -16,22 +16,22 @@ payload! {
     pub struct StoreReport {
         /// State of the stored record.
         pub stored: Stored,
-        /// Version of the record's layout; 0 without a record.
+        /// Version of the record's format; 0 if no copy of the record has a known version.
         pub version: u8,
-        /// Number of the save that wrote the record, from 1. 0 without a record.
+        /// Number of the save that wrote the record, from 1. 0 without a record that can be read.
         pub number: u32,
-        /// True while a save, a load or a reset is running.
+        /// True while an access to the memory is requested or running.
         pub at_work: bool,
-        /// Result of the last save, load or reset.
+        /// Result of the last access to the memory. The address is also stored without a request to save.
         pub outcome: store::Outcome,
-        /// True if the settings in force differ from the stored settings. While an access is running, also true if a host may
-        /// have changed settings since power-on.
+        /// True if the settings or the address in force differ from the stored ones. While an access is running, also true if a
+        /// host may have changed settings since the start of the hub.
         pub differs: bool,
         /// Number of stored entries that this firmware does not know. A save keeps these entries.
         pub unknown: u8,
         /// Number of stored entries that this firmware refuses. The firmware's own settings apply instead.
         pub refused: u8,
-        /// Motors whose coefficients a host has set. Bit i stands for motor i.
+        /// Motors whose coefficients are configured. Bit i stands for motor i.
         pub coefficients: u8,
     }
 }
@@ -42,13 +42,13 @@ payload! {
     pub struct UpdateReport {
         /// Phase of the update.
         pub phase: Phase,
-        /// Result of the last access to the flash.
+        /// Result of the last request to the slot task.
         pub outcome: update::Outcome,
-        /// True while the hub writes to the flash or checks the image.
+        /// True while the slot task has a request that is not finished.
         pub at_work: bool,
         /// How the present firmware was started.
         pub booted: Booted,
-        /// Number of bytes received so far.
+        /// Number of bytes of the image that were accepted so far.
         pub received: u32,
         /// Announced length of the image in bytes.
         pub length: u32,

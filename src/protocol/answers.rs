@@ -40,7 +40,7 @@ pub enum Reply {
         /// True if the module status has events that no host has cleared.
         attention: bool,
     },
-    /// The hub has refused the request, which has changed nothing.
+    /// The hub has refused the request, which has changed neither settings nor motion.
     Nack(Nack),
     /// The hub answers with values.
     Data(Payload),
@@ -115,7 +115,8 @@ payload! {
     pub struct Status {
         /// States and events of the hub, one bit each.
         pub status: u8,
-        /// Alerts of motors. Bit i is set if motor i lost counts. Bit 4 + i is set if the bridge of motor i is too hot.
+        /// Alerts of motors. Bit i is set if motor i has lost counts. Bit 4 + i is set if the bridge of motor i is too hot. A hub
+        /// of this project reports an encoder fault as lost counts, and a bridge that has switched itself off as too hot.
         pub motor_alerts: u8,
     }
 }
@@ -145,7 +146,7 @@ impl Status {
     /// The battery is low.
     pub const BATTERY_LOW: u8 = 1 << 4;
 
-    /// Text of each status bit; the first text is that of bit 0.
+    /// Texts of the status bits, beginning with bit 0.
     const WORDS: [&str; 8] = [
         "keep-alive timeout",
         "device reset",
@@ -180,7 +181,7 @@ pub struct Bulk {
     pub encoders: [i32; CHANNELS],
     /// For each motor, true if its current exceeds its current alert.
     pub over_current: [bool; CHANNELS],
-    /// For each motor, true if it is in position mode and within the tolerance of its target, at any speed.
+    /// For each motor, true if the motor is enabled in position mode and within the tolerance of its target, at any speed.
     pub within_tolerance: [bool; CHANNELS],
     /// Velocity of each motor in counts per second.
     pub velocities: [i16; CHANNELS],
@@ -192,7 +193,7 @@ pub struct Bulk {
 }
 
 /// The payload has 35 bytes, or 34 without `attention`. One byte has two bits of each motor: bit i is `over_current` of motor i,
-/// and bit 4 + i is its `within_tolerance`.
+/// and bit 4 + i is `within_tolerance` of motor i.
 impl Field for Bulk {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let (digital, encoders) = (u8::read(fields)?, Field::read(fields)?);

@@ -1,4 +1,4 @@
-//! Frames: the bytes of a packet on a link. The decoder finds the next frame after any stray or damaged bytes.
+//! Frames: the bytes of a packet on a link. The decoder skips stray bytes and damaged frames.
 //!
 //! | bytes | field |
 //! |---|---|
@@ -36,7 +36,7 @@ pub const OVERHEAD: usize = 11;
 /// Length of the longest frame that the decoder accepts, in bytes. Hosts send payloads of at most 512 bytes.
 pub const LONGEST: usize = 600;
 
-/// Time in microseconds, from its first byte, in which a frame must be complete.
+/// Time in microseconds from the first byte of a frame, after which the decoder drops an unfinished frame.
 pub const TIMEOUT_MICROS: u64 = 50_000;
 
 /// A packet to any destination.
@@ -64,17 +64,17 @@ pub struct Packet {
 pub struct Decoder {
     /// Received bytes from a possible start of a frame on. The first byte is `44`.
     bytes: Vec<u8, LONGEST>,
-    /// Time at which the first byte arrived, or a later time.
+    /// Time at which the first of `bytes` arrived. After bytes were dropped, the time at which the last byte arrived.
     first_at: Micros,
     /// Time at which the last byte arrived.
     last_at: Micros,
 }
 
-/// What the received bytes can be.
+/// What is known of the received bytes.
 enum Candidate {
-    /// The beginning of a frame.
+    /// Possibly the beginning of a frame that is not complete yet.
     Unfinished,
-    /// No frame that begins at the first byte.
+    /// No frame begins at the first byte.
     Bad,
     /// A complete frame of this length, with a correct checksum.
     Good(usize),
@@ -108,12 +108,12 @@ impl Decoder {
         }
     }
 
-    /// Returns the time at which an unfinished frame is dropped. `None` if there is none.
+    /// Returns the time at which an unfinished frame is dropped. `None` without an unfinished frame.
     pub fn deadline(&self) -> Option<Micros> {
         (!self.bytes.is_empty()).then_some(Micros::new(self.first_at.get().saturating_add(TIMEOUT_MICROS)))
     }
 
-    /// Appends a received byte. A byte that cannot start a frame is ignored.
+    /// Appends a received byte. Ignores a byte that should start a frame but cannot.
     fn push(&mut self, byte: u8, now: Micros) {
         if self.bytes.is_empty() {
             if byte != START[0] {
@@ -122,7 +122,7 @@ impl Decoder {
             self.first_at = now;
         }
         self.last_at = now;
-        // There is room: a buffer of this length holds a complete frame, which has been removed.
+        // There is room, because a full buffer holds a complete or a bad frame, which has been removed.
         let _ = self.bytes.push(byte);
     }
 
@@ -162,7 +162,7 @@ impl Decoder {
         let start = self.bytes.iter().skip(count).position(|byte| *byte == START[0]);
         let dropped = start.map_or(self.bytes.len(), |start| count + start);
         self.bytes.drain(..dropped);
-        // The arrival of the new first byte was not recorded. It was not later than that of the last byte.
+        // The new first byte arrived at an unknown time, at the latest with the last byte.
         self.first_at = self.last_at;
     }
 }

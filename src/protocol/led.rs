@@ -58,7 +58,7 @@ pub struct Step {
 pub struct LedPattern([Step; STEPS]);
 
 impl LedPattern {
-    /// Creates a pattern of the first 16 steps. It ends before the first step with duration 0.
+    /// Creates a pattern of the first 16 steps. A step with duration 0 ends the pattern and is left out.
     pub fn new(steps: &[Step]) -> Self {
         let mut pattern = Self::default();
         let shown = steps.iter().take_while(|step| step.duration > 0);

@@ -1,6 +1,6 @@
 //! The REV Hub Serial Protocol as bytes. One definition serves both ends: hosts write what hubs read, and hubs write what hosts
-//! read. REV has not published the protocol, so it is known from published host software. Where that software leaves a layout
-//! open, the documentation of the type states the layout of this project.
+//! read. REV has not published the protocol, so the protocol is known from published host software. Where this software leaves a
+//! layout open, the documentation of the type states the layout of this project.
 //!
 //! ```text
 //! host                                             hub

@@ -3,7 +3,7 @@
 //! ```
 //! use motor_hub::protocol::motor::{Target, ToMotor};
 //!
-//! // To -1000 counts, within 25.
+//! // A host sets a target of -1000 counts, with a tolerance of 25 counts.
 //! let request = ToMotor::SetPosition { target: Target { counts: -1000, tolerance: 25 } }.to(0);
 //! assert_eq!(request.id(), 0x1013);
 //! assert_eq!(*request.payload(), [0, 0x18, 0xFC, 0xFF, 0xFF, 25, 0]);
@@ -15,7 +15,7 @@ use super::requests::FIRST_FUNCTION;
 use crate::units::{Coefficient, Control};
 
 requests! {
-    /// A request to one motor. The motor's number is not part of it.
+    /// A request to one motor. The motor's number comes before these fields.
     pub enum ToMotor from FIRST_FUNCTION => {
         8 SetMode { mode: ChannelMode },
         /// The answer is a [`ChannelMode`].
@@ -37,7 +37,7 @@ requests! {
         19 SetPosition { target: Target },
         /// The answer is a [`Target`].
         20 Position,
-        /// The answer is a bool.
+        /// The answer is a bool: true if the motor is within the tolerance of its target.
         21 AtTarget,
         /// The answer is an i32 in counts.
         22 Encoder,
@@ -78,8 +78,8 @@ pub enum Loop {
 
 codes!(Loop { 1 = Velocity, 2 = Position });
 
-/// Terms of a control loop, as a host states them with its coefficients. Hosts read them back. The hub runs the same loop with
-/// either value.
+/// Terms of a control loop, as a host states them with its coefficients. Hosts read the terms back. The hub runs the same loop
+/// with either value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Terms {
@@ -108,13 +108,13 @@ payload! {
     pub struct Target {
         /// Position in encoder counts.
         pub counts: i32,
-        /// Largest distance from the target, in counts, at which the motor counts as at its target.
+        /// Largest distance from the target, in counts, at which the motor is within tolerance.
         pub tolerance: u16,
     }
 }
 
 payload! {
-    /// Coefficients of a loop. A host reads back the bits that it has set. I and D are for cycles of 50 ms.
+    /// Coefficients of a loop. A host reads back the same bits that a host has set. I and D are for cycles of 50 ms.
     #[derive(Copy)]
     pub struct Coefficients {
         /// Proportional coefficient.

@@ -24,7 +24,7 @@ use crate::units::{
 };
 use heapless::Vec;
 
-/// Number of payload bytes that a packet stores. A received packet may have more; they are ignored. The longest payload of this
+/// Number of payload bytes that a packet stores. Further bytes of a received packet are ignored. The longest payload of this
 /// project has 164 bytes.
 pub const PAYLOAD_KEPT: usize = 168;
 
@@ -39,8 +39,7 @@ pub trait Field: Sized {
     /// Returns [`Nack::parameter`] with the number of the first field that is missing or out of range.
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack>;
 
-    /// Appends the value to a payload. Bytes that do not fit in [`PAYLOAD_KEPT`] are dropped; no payload of this project is so
-    /// long.
+    /// Appends the value to a payload. Bytes beyond [`PAYLOAD_KEPT`] are dropped, but no payload of this project is so long.
     fn write(&self, payload: &mut Payload);
 }
 
@@ -54,7 +53,7 @@ pub struct Fields<'a> {
 }
 
 impl<'a> Fields<'a> {
-    /// Creates a reader that is before the first field.
+    /// Creates a reader of a payload. The first field is read next.
     pub const fn new(payload: &'a [u8]) -> Self {
         Self { rest: payload, index: 0 }
     }
@@ -64,7 +63,7 @@ impl<'a> Fields<'a> {
         self.index
     }
 
-    /// Reads a field and converts it. If `convert` returns `None`, the field is out of range.
+    /// Reads a field and converts its value. If `convert` returns `None`, the field counts as out of range.
     pub(crate) fn checked<F: Field, T>(&mut self, convert: impl FnOnce(F) -> Option<T>) -> Result<T, Nack> {
         let index = self.index;
         convert(F::read(self)?).ok_or(Nack::parameter(index))
@@ -290,7 +289,7 @@ macro_rules! fields_in_order {
 }
 pub(crate) use fields_in_order;
 
-/// Defines a struct, and implements [`Field`] for it like [`fields_in_order`]. `as` states the codec of a field.
+/// Defines a struct, and implements [`Field`] for the struct like [`fields_in_order`]. `as` states the codec of a field.
 macro_rules! payload {
     (
         $(#[$about:meta])*
@@ -308,7 +307,7 @@ macro_rules! payload {
 }
 pub(crate) use payload;
 
-/// A bool as one byte. It is written as 0 or 1. Every byte except 0 is read as true.
+/// Codec of a bool as one byte. True is written as 1 and false as 0. Every byte except 0 is read as true.
 pub(crate) mod flag {
     use super::{Field, Fields, Nack, Payload};
 
@@ -326,7 +325,7 @@ pub(crate) fn bits(byte: u8) -> [bool; 8] {
     core::array::from_fn(|bit| byte & 1 << bit != 0)
 }
 
-/// Returns the byte that has these bits, beginning with bit 0. Bits after the eighth are ignored.
+/// Returns the byte that has these bits, beginning with bit 0. Missing bits are 0. Bits after the eighth are ignored.
 pub(crate) fn byte(bits: impl IntoIterator<Item = bool>) -> u8 {
     bits.into_iter().take(8).enumerate().fold(0, |byte, (index, bit)| byte | u8::from(bit) << index)
 }

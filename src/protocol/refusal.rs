@@ -9,7 +9,7 @@
 
 use core::fmt;
 
-/// The reason of a refusal, as the number in the protocol. A refused request has changed nothing.
+/// The reason of a refusal, as the number in the protocol. A refused request has changed neither settings nor motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Nack(pub u8);
@@ -72,7 +72,7 @@ reasons! {{
 impl Nack {
     /// Creates the refusal of a parameter that is out of range or missing. `index` is the number of the parameter, from 0.
     ///
-    /// The numbers 10 and above have other meanings. All parameters after number 9 are therefore reported as 9.
+    /// The numbers 10 and above are other reasons. A parameter with a number above 9 is therefore reported as number 9.
     pub const fn parameter(index: u8) -> Self {
         Self(if index > 9 { 9 } else { index })
     }

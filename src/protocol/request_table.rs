@@ -1,7 +1,7 @@
 //! A macro that defines requests by a table.
 
 /// Defines an enum of requests by a table. Each line has the number, the name and the fields of a request. The packet type of a
-/// request is its number plus the value after `from`. The macro also generates functions that read and write the requests.
+/// request is its number plus the value after `from`. The macro also defines functions that read and write the requests.
 macro_rules! requests {
     (
         $(#[$about:meta])*
@@ -43,7 +43,7 @@ macro_rules! requests {
                 id: u16,
                 fields: &mut $crate::protocol::payload::Fields<'_>,
             ) -> Result<Self, $crate::protocol::Nack> {
-                // A table whose requests have no fields does not use the argument.
+                // If no request of a table has fields, the argument is not used otherwise.
                 let _ = &fields;
                 Ok(match id.wrapping_sub($first) {
                     $($number => Self::$request $({

@@ -2,8 +2,8 @@
 //! of the payload.
 //!
 //! * A *standard command* has the same packet type on every hub.
-//! * A *function* belongs to an *interface*. Its packet type is the packet type of the interface's function 0 plus its number. A
-//!   host queries the packet type of function 0 from the hub.
+//! * A *function* belongs to an *interface*. The packet type of a function is the packet type of the interface's function 0 plus
+//!   the number of the function. A host queries the packet type of function 0 from the hub.
 //!
 //! ```
 //! use motor_hub::extension::Request;
@@ -34,11 +34,11 @@ pub const FIRST_FUNCTION: u16 = 0x1000;
 
 /// The packet types of the motor interface, on hubs of this project.
 ///
-/// The count includes functions that the hub refuses: I2C transfers and bulk output. With a smaller count hosts would not use
-/// the functions with the highest numbers, which are coefficients and version.
+/// The count includes functions that the hub refuses: I2C transfers and bulk output. With a smaller count hosts would not use the
+/// functions with the highest numbers, among them the coefficients and the version.
 pub const MOTOR_FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 58 };
 
-/// The packet type of a discovery. It is the only request to all hubs that hubs answer.
+/// The packet type of a discovery. Of requests to all hubs, hubs answer only a discovery.
 pub const DISCOVERY: u16 = 0x7F0F;
 
 /// Length of the longest interface name in bytes.
@@ -74,7 +74,7 @@ requests! {
         0x7F0C SetLedPattern { pattern: LedPattern },
         /// The answer is a [`LedPattern`].
         0x7F0D LedPattern,
-        /// Sets the verbosity of a group of messages.
+        /// Sets how many debug messages of one group the hub sends. A hub of this project sends none.
         0x7F0E DebugLevel { group: ByteIn<1, 12>, verbosity: ByteIn<0, 3> },
         /// The answer is a bool: true if the hub is connected to the host directly, and not through another hub.
         0x7F0F Discovery,
@@ -112,7 +112,8 @@ requests! {
         46 LogHint { text: Text },
         /// The answer is a [`Text`] with the numbers of a [`Version`](super::answers::Version).
         48 VersionText,
-        /// Sets whether a hub of REV resets its USB bridge when the keep-alive timer runs out.
+        /// Sets whether a hub of REV resets its USB bridge when the keep-alive timer runs out. A hub of this project only stores
+        /// the value.
         49 SetFtdiReset { on: bool },
         /// The answer is a bool.
         50 FtdiReset,

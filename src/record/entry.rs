@@ -21,19 +21,23 @@ pub struct Head {
     pub number: u16,
     /// The fault or the reset cause.
     pub fault: Fault,
-    /// Number of consecutive occurrences; 255 means 255 or more. Occurrences in one run are counted, and occurrences in runs that
-    /// ended before their first tick.
+    /// Number of consecutive occurrences of the fault, with the same motor and detail; 255 means 255 or more. All other fields
+    /// describe the first occurrence.
+    ///
+    /// Occurrences in one run count as one entry. So do occurrences in the next runs, if the entry has no ticks and these runs
+    /// ended before their first tick. An unknown battery counts once for all motors.
     pub times: u8,
-    /// Number of the run that the fault occurred in, or that the reset ended. Numbers begin with 1 and wrap.
+    /// Number of the run in which the fault occurred, or which the reset ended. Runs are numbered from 1; the number wraps.
     pub run: u16,
-    /// Time of the control tick at which the fault began, or of the last tick of the run, in ms since the run began.
+    /// Time of the control tick at which the fault began, in ms since the run began. For a reset, the time of the run's last tick.
     pub uptime_ms: u32,
     /// Battery voltage at `uptime_ms`; `None` if the voltage was unknown.
     pub battery: Option<Millivolts>,
-    /// Index of the motor that had the fault. For a fault of the hub, the motor with the largest duty; `None` if all motors
-    /// coasted.
+    /// Index of the motor that had the fault. For a fault of the hub or a reset, the motor that was driven with the largest duty,
+    /// or else braked with the largest duty. `None` if all motors coasted.
     pub motor: Option<u8>,
-    /// Last command to the bridge of `motor` before the fault; coasting if `motor` is `None`.
+    /// Last command to the bridge of `motor` before the fault. [`Drive::COAST`] if `motor` is `None`, or if the run had no earlier
+    /// tick.
     pub drive: Drive,
     /// Two numbers that describe the fault; 0 if the fault has none.
     ///
@@ -42,7 +46,8 @@ pub struct Head {
     /// * Panic: line and column.
     /// * Interrupt without a handler: number of the interrupt.
     pub detail: [u32; 2],
-    /// Number of ticks of `motor` before the fault that the record still holds, 0 to 64.
+    /// Number of ticks of `motor` that the record still holds, 0 to 64. The last of these ticks is the tick at which the fault
+    /// began, or the last tick of the run.
     pub ticks: u8,
 }
 
@@ -60,7 +65,7 @@ pub struct Tick {
     pub drive: Drive,
 }
 
-/// Returns the FNV-1a checksum of `bytes`. It detects every error in a single byte, and all but one in 2^32 of other errors.
+/// Returns the FNV-1a checksum of `bytes`. It detects every error in a single byte. Of other errors it misses about one in 2^32.
 pub(super) fn checksum(bytes: &[u8]) -> u32 {
     bytes.iter().fold(0x811C_9DC5, |sum, byte| (sum ^ u32::from(*byte)).wrapping_mul(0x0100_0193))
 }
@@ -83,7 +88,7 @@ impl Tick {
         [p, q, v, w, c, d, m, n]
     }
 
-    /// Decodes a tick. Any 8 bytes are a valid tick; a checksum protects the whole page.
+    /// Decodes a tick. Any 8 bytes are a valid tick, so the page has a checksum.
     pub(super) fn from_bytes([p, q, v, w, c, d, m, n]: [u8; TICK]) -> Self {
         Self {
             position: u16::from_le_bytes([p, q]),
@@ -94,7 +99,7 @@ impl Tick {
     }
 }
 
-/// Encodes a drive: bits 14 and 15 are the mode, bits 0 to 13 the duty in steps of 2^-13.
+/// Encodes the command to a bridge. Bits 14 and 15 are the mode, and bits 0 to 13 are the duty in steps of 2^-13.
 pub(crate) const fn drive_bits(drive: Drive) -> u16 {
     let mode = match drive.mode {
         Mode::Brake50 => 0,
@@ -104,7 +109,7 @@ pub(crate) const fn drive_bits(drive: Drive) -> u16 {
     mode << 14 | drive.duty.to_bits() >> 2
 }
 
-/// Decodes a drive. Coasting is returned for the mode number 3, which is not used.
+/// Decodes the command to a bridge. The mode number 3, which is not used, is decoded as [`Drive::COAST`].
 pub(crate) const fn drive_of(bits: u16) -> Drive {
     let mode = match bits >> 14 {
         0 => Mode::Brake50,

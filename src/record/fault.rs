@@ -64,12 +64,12 @@ impl Fault {
         self as u8
     }
 
-    /// Iterates over the faults that keep a motor from running, in the order of their numbers.
+    /// Iterates over the faults of a motor, in the order of their numbers.
     pub fn of_motor(faults: Faults) -> impl Iterator<Item = Self> {
         Self::in_bits(Self::bits_of(faults))
     }
 
-    /// Returns the faults that keep a motor from running, as bits by number.
+    /// Returns the faults of a motor as bits. Bit n stands for the fault with the number n.
     pub(super) const fn bits_of(faults: Faults) -> u8 {
         let encoder = match faults.encoder {
             None => 0,
@@ -89,7 +89,7 @@ impl Fault {
     }
 }
 
-/// Returns the bit of a motor's fault. The fault number must be 1 to 7.
+/// Returns the bit of a motor's fault, in which bit n is set for the fault number n. The number must be 1 to 7.
 const fn bit(fault: Fault) -> u8 {
     1 << (fault.number() & 7)
 }

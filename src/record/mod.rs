@@ -9,11 +9,11 @@
 //! Terms:
 //! * A *run* is the time from one reset to the next.
 //! * A [`Tick`] is the state of one motor at one control tick. A ring holds the last [`TICKS`] ticks of each motor.
-//! * A [`Head`] describes one fault or reset. A head with its ticks is an *entry*.
-//! * A *page* holds the ticks of one entry. It is a copy of the ring of the motor that had the fault.
+//! * A [`Head`] describes one fault or reset. A head, with its ticks if the record still has them, is an *entry*.
+//! * A *page* holds the ticks of one entry: a copy of the ticks that the ring held of the entry's motor.
 //!
-//! An entry is written when a fault of a motor begins, and at the start after a run has ended. The record keeps the
-//! newest [`HEADS`] heads, and pages for the newest [`PAGES`] entries.
+//! An entry is written when a fault of a motor begins, and at the start after a run has ended. A repetition of the newest entry
+//! is counted in that entry. The record keeps the newest [`HEADS`] heads, and pages for the newest [`PAGES`] entries.
 //!
 //! A reset may interrupt a write at any byte, and the memory has random content after power-on. Therefore heads, pages
 //! and the state of the run have checksums, and the record ignores content with a wrong checksum.
@@ -56,16 +56,16 @@ pub const SIZE: usize = 4096;
 /// Number of heads that the record keeps.
 pub const HEADS: usize = 8;
 
-/// Number of entries, the newest ones, that the record keeps ticks of.
+/// Number of entries with ticks. Older entries have only a head.
 pub const PAGES: usize = 3;
 
 /// Number of ticks that the record keeps of each motor.
 pub const TICKS: usize = 64;
 
-/// Number of motors, the first ones, that the record keeps ticks of.
+/// Number of motors, from motor 0, whose ticks and faults are recorded. Faults of further motors are not recorded.
 pub const MOTORS: usize = 4;
 
-/// Number of slots in the ring. The additional slot is the one being written: a reset may leave it incomplete.
+/// Number of slots in the ring: one more than [`TICKS`], because a reset may leave the slot that is being written incomplete.
 const SLOTS: usize = TICKS + 1;
 /// Size of a slot of the ring in bytes: one tick of each motor.
 const SLOT: usize = MOTORS * TICK;
@@ -81,11 +81,13 @@ pub struct Record<'a> {
     /// Copy of the state in `live`.
     state: RunState,
     ring: &'a mut [[u8; SLOT]],
+    /// The head of entry n is at index n modulo [`HEADS`].
     heads: &'a mut [[u8; HEAD]],
+    /// The page of entry n is at index n modulo [`PAGES`].
     pages: &'a mut [[u8; PAGE]],
-    /// Number of the newest entry; 0 before the first entry.
+    /// Number of the newest entry; 0 without an entry.
     number: u16,
-    /// Faults of each motor at the last tick, as bits.
+    /// Faults of each motor at the last tick, as [bits](fault_bits).
     last_faults: [u8; MOTORS],
 }
 
@@ -100,8 +102,8 @@ struct AffectedMotor {
 impl<'a> Record<'a> {
     /// Opens the record after a reset with this cause.
     ///
-    /// If the memory holds an earlier run, the end of the earlier run becomes an entry. Its fault comes from
-    /// [`CrashReport`], where a fault handler stored it. Otherwise its fault is the reset cause.
+    /// If the memory holds an earlier run, the end of that run becomes an entry. The fault of this entry is the fault that a
+    /// handler has stored in the [`CrashReport`], or else the reset cause. If the memory holds no run, all entries are deleted.
     #[inline(never)]
     pub fn open(memory: &'a mut [u8; SIZE], cause: Fault) -> (Self, CrashReport<'a>) {
         let (live, rest) = memory.split_at_mut(LIVE_BYTES);
@@ -138,7 +140,7 @@ impl<'a> Record<'a> {
         self.number = 0;
     }
 
-    /// Records one control tick of all motors. The control task calls this at each tick, for any control period.
+    /// Records one control tick of all motors, and writes an entry for each fault that begins. Must be called at each tick.
     pub fn tick<const N: usize>(&mut self, snapshot: &Snapshot<N>) {
         let slot = self.ring.get_mut(usize::from(self.state.next)).map(|slot| slot.as_chunks_mut().0);
         for (bytes, report) in slot.into_iter().flatten().zip(&snapshot.motors) {
@@ -168,18 +170,18 @@ impl<'a> Record<'a> {
         self.state.run
     }
 
-    /// Iterates over the heads of the entries, newest first.
+    /// Iterates over the heads of the entries, newest first. A damaged head ends the list.
     pub fn heads(&self) -> impl Iterator<Item = Head> {
         (0..HEADS as u16).map_while(|age| {
-            // A damaged head ends the list, because the age of the heads behind it is not certain.
+            // The age of the heads behind a damaged one is not certain.
             let (head, sum) = self.head(self.number.wrapping_sub(age))?;
             let ticks = if self.page(&head, sum).is_some() { head.ticks } else { 0 };
             Some(Head { ticks, ..head })
         })
     }
 
-    /// Iterates over the ticks of an entry, oldest first. `None` if the entry does not exist or its ticks are
-    /// overwritten.
+    /// Iterates over the ticks of the entry with this number, oldest first. `None` if the entry does not exist, or if its ticks
+    /// are missing, damaged or overwritten.
     pub fn ticks(&self, number: u16) -> Option<impl ExactSizeIterator<Item = Tick>> {
         let (head, sum) = self.head(number)?;
         Some(self.page(&head, sum)?.iter().map(|bytes| Tick::from_bytes(*bytes)))
@@ -188,14 +190,14 @@ impl<'a> Record<'a> {
     /// Writes an entry for each new fault of a motor.
     #[cold]
     fn record_faults(&mut self, index: usize, new: u8) {
-        // At the tick of the fault the bridge is open already, so the tick before tells how it was driven.
+        // At this tick the fault may have changed the command already. The tick before has the command without the fault.
         let drive = self.tick_ago(index, 2).map_or(Drive::COAST, |tick| tick.drive);
         for fault in Fault::in_bits(new) {
             self.write(fault, [0; 2], Some(AffectedMotor { index, drive }));
         }
     }
 
-    /// Writes an entry. A repetition of the newest entry is counted in that entry instead.
+    /// Writes an entry for a fault or a reset. A repetition of the newest entry is counted in that entry instead.
     fn write(&mut self, fault: Fault, detail: [u32; 2], affected: Option<AffectedMotor>) {
         let motor = affected.map(|affected| affected.index as u8);
         if let Some((head, sum)) = self.newest().filter(|(head, _)| {
@@ -234,7 +236,7 @@ impl<'a> Record<'a> {
         }
     }
 
-    /// Copies a motor's ring to the page of the newest entry. Returns the number of ticks and their checksum.
+    /// Copies the ticks of a motor from the ring to the page of the newest entry. Returns the number of ticks and their checksum.
     fn copy(&mut self, motor: usize) -> (u8, u32) {
         let RunState { next, filled, .. } = self.state;
         let Some(page) = self.pages.get_mut(usize::from(self.number) % PAGES) else { return (0, 0) };
@@ -256,9 +258,9 @@ impl<'a> Record<'a> {
         (head.number == number).then_some((head, sum))
     }
 
-    /// Returns the newest head and the checksum of its ticks.
+    /// Returns the newest head and the checksum of its ticks. `None` without an entry.
     ///
-    /// While a record is opened, the number of the newest head is not known yet, so the head is searched for.
+    /// While a record is opened, `number` is 0 although there may be entries. The newest head is then found by its number.
     fn newest(&self) -> Option<(Head, u32)> {
         if self.number != 0 {
             return self.head(self.number);
@@ -267,14 +269,15 @@ impl<'a> Record<'a> {
         heads.reduce(|one, other| if is_after(other.0.number, one.0.number) { other } else { one })
     }
 
-    /// Returns the ticks of an entry, as bytes. `None` if it has none, or if a newer entry has overwritten its page.
+    /// Returns the ticks of an entry, as bytes. `None` if the entry has no ticks, if its page is damaged, or if a newer entry has
+    /// overwritten the page.
     fn page(&self, head: &Head, sum: u32) -> Option<&[[u8; TICK]]> {
         let page = self.pages.get(usize::from(head.number) % PAGES)?;
         let ticks = page.get(..usize::from(head.ticks) * TICK).filter(|ticks| !ticks.is_empty())?;
         (checksum(ticks) == sum).then_some(ticks.as_chunks().0)
     }
 
-    /// Returns the tick `ago` ticks ago; 1 is the last tick. `None` before the first tick of the run.
+    /// Returns a motor's tick `ago` ticks ago; 1 is the last tick. `None` if the run has fewer ticks than `ago`.
     fn tick_ago(&self, motor: usize, ago: usize) -> Option<Tick> {
         let slot = (usize::from(self.state.next) + SLOTS - ago) % SLOTS;
         let bytes = self.ring.get(slot).filter(|_| ago <= usize::from(self.state.filled))?;
@@ -283,7 +286,7 @@ impl<'a> Record<'a> {
 
     /// Returns the motor with the largest duty at the last tick; `None` if all motors coasted.
     ///
-    /// A driven motor ranks above a braked one.
+    /// A driven motor ranks above a braked motor, whatever their duties are.
     fn most_driven(&self) -> Option<AffectedMotor> {
         let drives = (0..MOTORS).filter_map(|index| Some((index, self.tick_ago(index, 1)?.drive)));
         let driven = drives.filter(|(_, drive)| *drive != Drive::COAST);
@@ -297,8 +300,8 @@ const fn is_after(one: u16, other: u16) -> bool {
     one.wrapping_sub(other) as i16 > 0
 }
 
-/// Returns the faults of a motor as bits. The result is 0 for a motor that is disabled or in its fail-safe state,
-/// because a fault does not change the command to its bridge.
+/// Returns the faults of a motor as bits. The result is 0 for a motor that is disabled or in its fail-safe state, because then a
+/// fault ends no set-point of a host.
 fn fault_bits(report: &Report) -> u8 {
     match report.setpoint {
         Setpoint::Disabled | Setpoint::FailSafe => 0,

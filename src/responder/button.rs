@@ -1,11 +1,11 @@
-//! A button on the board, to try motors on the bench without a host. All motors turn while the button is held.
+//! A button on the board, to try motors on the bench without a host. All motors turn while the button is pressed.
 //!
 //! | button | motors |
 //! |---|---|
-//! | held | turn at 1000 counts/s |
-//! | released | stop and hold their position for a second, then all bridges open |
+//! | pressed | turn at 1000 counts/s |
+//! | released | are regulated to standstill for a second, then all bridges open |
 //! | pressed while the battery is low or unknown | no effect |
-//! | held since power-on, or pressed while the battery was low | no effect until the button is released and pressed again |
+//! | pressed since before the reset, or since the battery was low | no effect until the button is released and pressed again |
 //! | pressed after a host has sent a packet | no effect until a reset |
 //!
 //! The first packet of a host disables motors that the button has started.
@@ -33,11 +33,11 @@ use crate::units::{CountsPerSecond, Micros};
 /// Contacts bounce for less than half of this time. A contact that opens releases the button immediately.
 pub const DEBOUNCE_MICROS: u64 = 20_000;
 
-/// Time in microseconds for which motors are held at standstill after the button is released.
+/// Time in microseconds for which motors are regulated to standstill after the button is released.
 pub const HOLD_MICROS: u64 = 1_000_000;
 
-/// Set-point while the button is held. A NeveRest 60 without load turns about 2700 counts/s at 12 V.
-const HELD: Setpoint = Setpoint::Velocity(CountsPerSecond::new(1000));
+/// Set-point while the button is pressed. A NeveRest 60 without load turns about 2700 counts/s at 12 V.
+const TURN: Setpoint = Setpoint::Velocity(CountsPerSecond::new(1000));
 
 /// Inputs of a step.
 #[derive(Clone, Copy, Debug)]
@@ -55,7 +55,7 @@ pub struct ButtonInputs {
 /// State of the contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Contact {
-    /// Closed since reset. The button is stuck, or was held during the reset.
+    /// Closed since reset. The button is stuck, or was pressed during the reset. Also the state before the first step.
     Stuck,
     /// Open.
     Up,
@@ -65,15 +65,15 @@ enum Contact {
     Down,
 }
 
-/// State of the motors, as far as the button commands them.
+/// What the button commands the motors to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Motion {
     /// The motors are disabled.
     Off,
-    /// The motors turn.
+    /// The motors turn, because the button is pressed.
     Turning,
-    /// The motors are held at standstill since this time.
-    Holding(Micros),
+    /// The button was released at this time, and the motors are regulated to standstill.
+    Stopping(Micros),
 }
 
 /// State of the button and its motors.
@@ -95,18 +95,18 @@ impl Button {
         self.motion = match self.motion {
             _ if inputs.host_spoke => Motion::Off,
             _ if pressed && inputs.battery_good => Motion::Turning,
-            Motion::Turning if self.contact == Contact::Up => Motion::Holding(inputs.now),
-            Motion::Holding(since) if inputs.now.since(since) >= HOLD_MICROS => Motion::Off,
+            Motion::Turning if self.contact == Contact::Up => Motion::Stopping(inputs.now),
+            Motion::Stopping(since) if inputs.now.since(since) >= HOLD_MICROS => Motion::Off,
             motion => motion,
         };
         match self.motion {
             Motion::Off => Setpoint::Disabled,
-            Motion::Turning => HELD,
-            Motion::Holding(_) => Setpoint::Velocity(CountsPerSecond::ZERO),
+            Motion::Turning => TURN,
+            Motion::Stopping(_) => Setpoint::Velocity(CountsPerSecond::ZERO),
         }
     }
 
-    /// Updates the contact. Returns true once for each press.
+    /// Updates the contact. Returns true once for each press, when the contact has been closed for [`DEBOUNCE_MICROS`].
     fn pressed(&mut self, down: bool, now: Micros) -> bool {
         let before = self.contact;
         self.contact = match before {

@@ -1,12 +1,12 @@
-//! Values of the ADC channels of REV's protocol. The hub measures the battery, and on some boards the currents of motors. The
-//! other channels have nominal or modelled values.
+//! Values of the ADC channels of REV's protocol. The hub measures the battery, and on some boards the currents of motors. All
+//! other values are 0, *nominal* (a constant), or *modelled* (computed from the motors' constants).
 //!
 //! | channel | value |
 //! |---|---|
 //! | 0 to 3, analog inputs | 0 mV: the hub has none |
 //! | 4, 5, 6: currents of digital pins, I2C, servos | 0 mA: the hub has no such supplies |
-//! | 7, battery current | *modelled*: the sum over all bridges; negative while motors return more than they draw |
-//! | 8 to 11, current of motor 0 to 3 | magnitude: measured, or else *modelled* from motor constants, speed and bridge command |
+//! | 7, battery current | *modelled* from the motors' currents and speeds; negative while motors return more than they draw |
+//! | 8 to 11, current of motor 0 to 3 | magnitude: measured, or else *modelled* from speed and bridge command |
 //! | 12, 5 V rail | 5000 mV: *nominal* |
 //! | 13, battery | measured; 0 if unknown |
 //! | 14, temperature | 25.0 degrees Celsius: *nominal* |
@@ -33,7 +33,7 @@ use crate::protocol::CHANNELS;
 use crate::protocol::requests::{AdcChannel, BATTERY, BATTERY_CURRENT, FIRST_CURRENT, RAIL, TEMPERATURE};
 use crate::units::Milliamperes;
 
-/// Units in one raw count: millivolts, milliamperes or 0.1 degrees. Chosen so that positive 16-bit values fit in 12 bits.
+/// Units in one raw count: millivolts, milliamperes or 0.1 degrees. With 8 units, positive 16-bit values give 12-bit raw counts.
 pub const RAW_COUNT: i32 = 8;
 
 /// Nominal voltage of the 5 V rail in millivolts. The hub does not measure this voltage.

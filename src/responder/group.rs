@@ -4,17 +4,17 @@ use crate::extension::group::GroupCourse;
 use crate::group::{ByMotor, Course, GroupCommand, MOTORS};
 use crate::protocol::CHANNELS;
 
-/// Pending courses of groups.
+/// Courses of groups that must still be sent. The *leader* of a course is the motor of the host's request.
 #[derive(Clone, Debug)]
 pub(super) struct Courses<const N: usize> {
-    /// Course of the group that the host has moved by a request to this motor.
+    /// Element i is the pending course that a request to motor i has started.
     pending: [Option<GroupCommand>; N],
 }
 
 impl<const N: usize> Courses<N> {
     pub(super) const NONE: Self = Self { pending: [None; N] };
 
-    /// Adds the course of a request to the motor `leader`. Pending courses of the new course's members are removed.
+    /// Adds the course of a request to the motor `leader`. Removes pending courses that move a member of the new course.
     pub(super) fn add(&mut self, leader: usize, command: GroupCommand) {
         for (motor, member) in command.course.members().into_iter().enumerate() {
             if member {
@@ -37,18 +37,18 @@ impl<const N: usize> Courses<N> {
         *self = Self::NONE;
     }
 
-    /// Returns the first pending course, and the motor of its request.
+    /// Returns the pending course to send next, with its leader.
     pub(super) fn next(&self) -> Option<(usize, GroupCommand)> {
         self.pending.iter().enumerate().find_map(|(leader, command)| Some((leader, (*command)?)))
     }
 
-    /// Removes the first pending course, because it has been sent.
+    /// Removes and returns the course that [`next`](Self::next) returns, because the course has been sent.
     pub(super) fn sent(&mut self) -> Option<GroupCommand> {
         self.pending.iter_mut().find_map(Option::take)
     }
 
     /// True if a course that moves this motor is pending.
-    pub(super) fn move_motor(&self, motor: usize) -> bool {
+    pub(super) fn moves(&self, motor: usize) -> bool {
         self.pending.iter().flatten().any(|command| command.course.members().get(motor) == Some(&true))
     }
 }

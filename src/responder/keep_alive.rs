@@ -1,5 +1,5 @@
-//! The keep-alive timer, and REV's module status. The module status has the *events* that no host has cleared, and the state of
-//! the battery.
+//! The keep-alive timer, and REV's module status. The module status has the *events* that no host has cleared, and tells whether
+//! the battery is low.
 //!
 //! ```text
 //!               packet              2.5 s without a packet
@@ -22,7 +22,7 @@
 use crate::protocol::answers::Status;
 use crate::units::Micros;
 
-/// Time in microseconds without a packet after which the host counts as lost. REV's hubs use 2.5 s.
+/// Time in microseconds without a packet for this hub, after which the host counts as lost. REV's hubs use 2.5 s too.
 pub const TIMEOUT_MICROS: u64 = 2_500_000;
 
 /// Contact with the host.
@@ -43,6 +43,7 @@ pub struct KeepAlive {
     contact: Contact,
     /// Events that no host has cleared, as bits of [`Status`].
     events: u8,
+    /// True while the battery is low.
     battery_low: bool,
 }
 
@@ -62,7 +63,8 @@ impl KeepAlive {
         !matches!(self.contact, Contact::Awaited)
     }
 
-    /// Checks the timer. Returns true once when the timer has run out, and adds an event then.
+    /// Checks the timer. If the timer has run out, the host becomes lost, an event is added, and the result is true. The result is
+    /// then false until the timer runs out again.
     pub fn ran_out(&mut self, now: Micros) -> bool {
         let ran_out = self.deadline().is_some_and(|deadline| deadline <= now);
         if ran_out {
@@ -98,7 +100,7 @@ impl KeepAlive {
         self.events | if self.battery_low { Status::BATTERY_LOW } else { 0 }
     }
 
-    /// Clears all events. The bit of a low battery stays set while the battery is low.
+    /// Clears all events. While the battery is low, [`status`](Self::status) still has the bit of a low battery.
     pub const fn clear(&mut self) {
         self.events = 0;
     }

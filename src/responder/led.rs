@@ -1,5 +1,5 @@
 //! The colour of the status LED. A host may set a colour or a pattern. Otherwise the LED shows a *signal* in the colours of REV's
-//! Expansion Hubs:
+//! Expansion Hubs. The first state of this table that is true decides:
 //!
 //! | state | signal |
 //! |---|---|
@@ -43,18 +43,19 @@ pub struct Led {
     colour: Colour,
     /// The pattern that a host has set last.
     pattern: LedPattern,
+    /// Whether the LED shows the colour, the pattern, or a signal.
     shown: Shown,
 }
 
-/// What the LED shows at a host's request.
+/// What the LED shows at a host's request, unless the host is lost.
 #[derive(Clone, Copy, Debug, Default)]
 enum Shown {
-    /// No host has set a colour or a pattern. The LED shows the hub's signal.
+    /// No host has set a colour or a pattern. The LED shows the hub's signals.
     #[default]
     None,
-    /// The colour.
+    /// The LED shows the host's colour.
     Colour,
-    /// The pattern, which began at this time.
+    /// The LED shows the host's pattern, which began at this time.
     Pattern(Micros),
 }
 

@@ -1,5 +1,5 @@
-//! The hub's side of both protocols: REV's protocol and the extension. A [`Responder`] keeps the state that hosts set,
-//! answers requests, and produces the commands to the motors.
+//! The hub's side of both protocols: REV's protocol and the extension. A [`Responder`] keeps what hosts have set, answers
+//! requests, and produces the commands to the motors.
 //!
 //! Programs that were written for a REV Expansion Hub can drive the motors of this hub. Where published host software leaves a
 //! behaviour open, the documentation of the function states what this hub does.
@@ -13,11 +13,13 @@
 //!
 //! * A *channel* holds the settings, the targets and the pending commands of one motor.
 //! * A request that is refused changes neither settings nor motion.
-//! * A motor is *enabled* by a valid *set enable* only. While the battery is low ([`Snapshot::battery_low`]), *set enable* is
-//!   refused. Motors that are already enabled go on running within the limits of the supply.
-//! * *Fail-safe* disables all motors and outputs, when a host requests it or has been silent for 2.5 s.
+//! * A motor is *enabled* by a valid *set enable* only. While the battery is low or unknown, *set enable* is refused. Motors that
+//!   are enabled already go on running within the limits of the supply.
+//! * *Fail-safe* disables all motors and releases all outputs. It begins when a host requests it, or 2.5 s after the last
+//!   packet for this hub. After a request all motors coast. After a silence each motor coasts or brakes according to its
+//!   setting `on_fault`.
 //!
-//! The responder has no clock, no await and no hardware. `tasks::responder` is its task.
+//! The responder has no clock, no await and no hardware. `tasks::responder` is the task that calls the responder.
 //!
 //! ```
 //! use motor_hub::hub::Snapshot;
@@ -34,7 +36,7 @@
 //! let mut responder = Responder::new(Address::DEFAULT, [settings; 2]);
 //! let snapshot = Snapshot::INITIAL;
 //!
-//! // A host looks for hubs. The hub answers that no other hub is between itself and the host.
+//! // A host looks for hubs. The hub answers that it is connected to the host directly.
 //! let discovery = Request::from(Standard::Discovery).packet(BROADCAST, 1, DISCOVERY);
 //! let reply = responder.receive(&discovery, Micros::new(0), &snapshot).unwrap();
 //! assert_eq!((reply.source, reply.payload.as_slice()), (2, &[1][..]));
@@ -77,8 +79,8 @@ use motor::MotorChannel;
 use outputs::{DigitalLines, Outputs};
 use store::Memory;
 
-/// The version text. It begins with the version of REV's hardware and firmware that the hub is compatible with. Hosts derive the
-/// available functions from these numbers. The version of this firmware follows.
+/// The version text. It begins with the versions of REV's hardware and firmware that the hub is compatible with. Hosts derive the
+/// available functions from these versions. The version of this firmware follows.
 const VERSION_TEXT: &[u8] =
     without_zero(concat!("HW: 20, Maj: 1, Min: 8, Eng: 2, mh", env!("CARGO_PKG_VERSION"), "\0").as_bytes());
 const _: () = assert!(VERSION_TEXT.len() <= LONGEST_VERSION);
@@ -94,7 +96,7 @@ const fn without_zero(text: &[u8]) -> &[u8] {
 /// Longest version text in bytes that REV's host software reads.
 const LONGEST_VERSION: usize = 39;
 
-/// The same versions of REV's hardware and firmware as in [`VERSION_TEXT`], and the type of REV's hub.
+/// The same versions of REV's hardware and firmware as in [`VERSION_TEXT`], and REV's number for its Expansion Hub.
 const VERSION: Version = Version {
     engineering: 2,
     minor: 8,
@@ -112,7 +114,7 @@ const NO_MOTOR: Nack = Nack::parameter(0);
 pub struct Responder<const N: usize> {
     /// Address in force.
     address: Address,
-    /// Message number of the last reply.
+    /// Message number of the last reply; 0 before the first.
     number: u8,
     keep_alive: KeepAlive,
     channels: [MotorChannel; N],
@@ -120,18 +122,18 @@ pub struct Responder<const N: usize> {
     factory_address: Address,
     /// Settings that the firmware was built with. Stored settings replace them.
     factory: [Settings; N],
-    /// True if a host may have changed settings since power-on.
+    /// True if a host may have changed settings or the address since the start of the hub.
     changed: bool,
-    /// True if the board has a memory for settings, which will report its contents.
+    /// True if the board has a memory for settings, whose task will report the contents.
     expects_store: bool,
-    /// The memory for settings. `None` until it has reported its contents, and on a board without a memory.
+    /// The memory for settings. `None` until its task has reported the contents, and on a board without a memory.
     memory: Option<Memory>,
     /// The firmware update. `None` on a board without a bootloader.
     update: Option<Update>,
-    /// Version that a host has announced for new firmware.
+    /// Version of new firmware that a host has announced last. Empty before.
     announced_version: Text,
     courses: Courses<N>,
-    /// Number of the newest sent command. `None` if a snapshot includes it.
+    /// Number of the newest sent command. `None` before the first command, and once a snapshot includes the command.
     awaited: Option<u32>,
     outputs: Outputs,
     bus: BusReading,
@@ -141,7 +143,7 @@ pub struct Responder<const N: usize> {
 }
 
 impl<const N: usize> Responder<N> {
-    /// Creates the state after a reset. `settings` are the motors' settings without stored ones.
+    /// Creates the state after a reset. `settings` are the settings that the firmware was built with.
     pub fn new(address: Address, settings: [Settings; N]) -> Self {
         Self {
             address,
@@ -206,7 +208,7 @@ impl<const N: usize> Responder<N> {
         self.keep_alive.deadline()
     }
 
-    /// Updates battery state and keep-alive timer, and finds out which commands the snapshot includes. When the timer runs
+    /// Updates battery state and keep-alive timer, and no longer awaits commands that the snapshot includes. When the timer runs
     /// out, the hub goes to fail-safe.
     pub fn tick(&mut self, now: Micros, snapshot: &Snapshot<N>) {
         self.keep_alive.battery(snapshot.battery_low());
@@ -218,10 +220,10 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// Executes the request of a packet and returns the reply. A packet for this hub resets the keep-alive timer, also if the
-    /// hub refuses the request.
+    /// Executes the request of a packet and returns the reply. Returns `None` for a packet that is not for this hub.
     ///
-    /// Packets for this hub have its address; a discovery has the address of all hubs. `None` for any other packet.
+    /// A packet is for this hub if it has the hub's address, or if it is a discovery to all hubs. Such a packet restarts the
+    /// keep-alive timer, also if the hub refuses the request.
     pub fn receive(&mut self, packet: &Packet, now: Micros, snapshot: &Snapshot<N>) -> Option<Packet> {
         self.receive_with(packet, now, snapshot, None)
     }
@@ -253,7 +255,8 @@ impl<const N: usize> Responder<N> {
         Some(reply.packet(packet, address, self.number))
     }
 
-    /// Returns the next command to the motors. After sending the command, call [`sent`](Self::sent).
+    /// Returns the next command to the motors. `None` if no command is pending. After sending the command, call
+    /// [`sent`](Self::sent).
     ///
     /// Commands that disable motors come first, courses of groups last.
     pub fn pending(&self) -> Option<Command> {
@@ -279,13 +282,13 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// True until a snapshot includes the motor's newest set-point or course.
+    /// True until a snapshot includes the newest set-point of the motor and the newest course of its group.
     fn awaits_snapshot(&self, motor: usize) -> bool {
-        self.courses.move_motor(motor) || self.channels.get(motor).is_some_and(MotorChannel::awaits_snapshot)
+        self.courses.moves(motor) || self.channels.get(motor).is_some_and(MotorChannel::awaits_snapshot)
     }
 
-    /// Returns the number of the newest sent command. While a command is pending, returns the next number, which no snapshot
-    /// includes yet.
+    /// Returns the number of the newest sent command. While a command is pending, returns this number plus 1, because no snapshot
+    /// includes the pending command yet.
     fn newest_command(&self, snapshot: &Snapshot<N>) -> u32 {
         let sent = self.awaited.unwrap_or(snapshot.commands);
         if self.pending().is_some() { sent.wrapping_add(1) } else { sent }
@@ -309,7 +312,7 @@ impl<const N: usize> Responder<N> {
         self.outputs.disable();
     }
 
-    /// Executes a request, and returns the reply without attention.
+    /// Executes a request, and returns the reply. An acknowledgement has no attention yet.
     fn answer(
         &mut self,
         request: Request,
@@ -561,8 +564,8 @@ fn per_mille(share: Share) -> u16 {
     (1_000.0 * share.to_f32()) as u16
 }
 
-/// Returns the motor alerts of REV's module status. Bit i is set if the encoder of motor i has a fault. Bit 4 + i is set if the
-/// bridge of motor i has switched itself off.
+/// Returns the motor alerts of REV's module status. Bit i is set if the encoder of motor i is silent or has a fault. Bit 4 + i is
+/// set if the bridge of motor i has switched itself off.
 fn motor_alerts(motors: &[Report]) -> u8 {
     let bits = motors.iter().take(CHANNELS).enumerate();
     bits.fold(0, |alerts, (index, motor)| {

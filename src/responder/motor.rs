@@ -2,7 +2,7 @@
 //!
 //! * The *host's counts* are the motor's counts minus an offset. *Reset encoder* sets the offset so that the present position
 //!   is 0. Targets are stored in the host's counts, so a target means another position after *reset encoder*.
-//! * A *release* is a command that ends the motor's motion: disable, or fail-safe.
+//! * A *release* is a command that ends the motor's motion: disable, or fail-safe with braking.
 //!
 //! ```text
 //!            set enable, with a target and a good battery
@@ -39,11 +39,11 @@ pub const SPEED_LIMIT: i16 = i16::MAX;
 
 /// Longest distance to a target, in counts.
 ///
-/// Counts wrap at 2^32, and the motor takes the shorter way to its target. The distance is 2^24 counts less than half of this
-/// ring, so a load may push the motor back by 2^24 counts before the other way is shorter.
+/// Counts wrap at 2^32, and the motor takes the shorter way to its target. This distance is 2^24 counts less than half of 2^32. So
+/// a load may push the motor back by 2^24 counts before the other way is shorter.
 const LONGEST_DISTANCE: i32 = i32::MAX - (1 << 24);
 
-/// State of one motor's channel.
+/// The settings, targets and pending commands of one motor.
 #[derive(Clone, Debug)]
 pub struct MotorChannel {
     settings: MotorSettings,
@@ -55,15 +55,16 @@ pub struct MotorChannel {
     velocity: Option<i16>,
     /// Target of mode position in the host's counts. `None` until a host sets the target.
     position: Option<Target>,
-    /// An identification or a constant current. It replaces the target of the mode until a host sets another target or mode.
+    /// An identification or a constant current, which replaces the target of the mode. It ends with a release, and when a host
+    /// sets a mode or a target, enables the motor, or resets the encoder.
     function: Option<Setpoint>,
-    /// True if a group's course has replaced the motor's own target.
+    /// True if a group's course has replaced the motor's own set-point.
     in_group: bool,
-    /// Number of the newest sent set-point or course. `None` if a snapshot includes it.
+    /// Number of the command with the newest sent set-point or course. `None` once a snapshot includes the command.
     awaited: Option<u32>,
     /// The motor's counts where the host's counts are 0.
     offset: i32,
-    /// The motor's counts at the last request of REV's protocol to this motor.
+    /// The motor's counts at the last request of REV's protocol to this motor. A target is converted to a distance from here.
     last_position: i32,
     pending: Pending,
 }
@@ -71,11 +72,11 @@ pub struct MotorChannel {
 /// Commands that must still be sent to the motor, in this order.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pending {
-    /// The set-point of a release. It is sent also to a disabled motor, because it clears faults.
+    /// The set-point of a release. A release is sent also to a disabled motor, because a release clears latched faults.
     release: Option<Setpoint>,
     /// True if the settings must be sent.
     configure: bool,
-    /// True if the present target must be sent. A newer target replaces one that is pending.
+    /// True if the motor's own set-point must be sent. Its present value is sent, also if it has changed meanwhile.
     set: bool,
 }
 
@@ -150,7 +151,7 @@ impl MotorChannel {
             ToMotor::Pid { of } => {
                 let Coefficients { p, i, d, f, .. } = self.settings.coefficients(of);
                 if f != Coefficient::ZERO {
-                    // P, I and D alone would not describe the loop. After a refusal hosts ask for all four coefficients.
+                    // With feed-forward, P, I and D alone would not describe the loop. After a refusal hosts ask for PIDF.
                     return Err(Nack::parameter(2));
                 }
                 return Ok(Reply::data(&[p, i, d]));
@@ -169,11 +170,11 @@ impl MotorChannel {
         Ok(())
     }
 
-    /// Starts an identification, in which the motor stays within `travel_limit` counts from its position. Returns the largest
-    /// number of counts that the motor will turn. `battery` is `None` if motors may not be enabled.
+    /// Starts an identification, in which the motor stays within `travel_limit` counts of where it starts. Returns the largest
+    /// number of counts that the motor will turn. `battery` is `None` while the battery is low or unknown.
     ///
     /// # Errors
-    /// Refuses the request if the battery is low, or if the motor is not enabled in mode power with power 0.
+    /// Refuses the request if the battery is low or unknown, or if the motor is not enabled in mode power with power 0.
     pub fn identify(&mut self, travel_limit: u32, battery: Option<Millivolts>) -> Result<u32, Nack> {
         let battery = battery.ok_or(Nack::BATTERY_LOW)?;
         if !self.enabled || self.settings.mode != RunMode::Power || self.power != Some(Control::ZERO) {
@@ -187,7 +188,7 @@ impl MotorChannel {
     /// Returns the state or the result of the last identification that a host has requested.
     pub fn identification(&self, report: &Report) -> Identification {
         if matches!(self.function, Some(Setpoint::Identify { .. })) && self.awaits_snapshot() {
-            // The report was made before the identification started.
+            // The report is older than the identification.
             return Identification::Running(0);
         }
         report.identification
@@ -237,7 +238,7 @@ impl MotorChannel {
         }
     }
 
-    /// Ends the motor's target, and makes a release with this set-point pending.
+    /// Ends the motor's present set-point, and makes a release with the set-point `setpoint` pending.
     const fn release(&mut self, setpoint: Setpoint) {
         self.function = None;
         self.in_group = false;
@@ -253,7 +254,8 @@ impl MotorChannel {
         self.pending.set = self.enabled;
     }
 
-    /// Returns the motor's own set-point. `None` if no host has set a target for the present mode.
+    /// Returns the motor's own set-point: the identification, the constant current, or the target of the present mode. `None` if
+    /// no host has set a target for the mode.
     fn target(&self) -> Option<Setpoint> {
         if self.function.is_some() {
             return self.function;
@@ -306,18 +308,18 @@ impl MotorChannel {
         self.awaited = Some(number);
     }
 
-    /// Finds out whether a snapshot that includes all commands up to `commands` includes the awaited one.
+    /// Ends the wait for the awaited command if it is included in a snapshot whose newest command has the number `commands`.
     pub(super) fn note_snapshot(&mut self, commands: u32) {
         self.awaited.take_if(|number| is_included(*number, commands));
     }
 
-    /// True until a snapshot includes the motor's newest set-point or course. Until then reports of the motor's set-point are
-    /// out of date.
+    /// True until a snapshot includes the newest set-point or the newest sent course. Until then the motor's reports are out of
+    /// date.
     pub(super) const fn awaits_snapshot(&self) -> bool {
         self.has_new_target() || self.awaited.is_some()
     }
 
-    /// True if a group's course has replaced the motor's own target.
+    /// True if a group's course has replaced the motor's own set-point.
     pub(super) const fn in_group(&self) -> bool {
         self.in_group
     }
@@ -327,13 +329,13 @@ impl MotorChannel {
         self.pending.release.is_some()
     }
 
-    /// Replaces the motor's own target by a group's course.
+    /// Replaces the motor's own set-point by a group's course.
     pub(super) const fn join(&mut self) {
         self.pending.set = false;
         self.in_group = true;
     }
 
-    /// True if a release or the motor's own target is pending.
+    /// True if a release or the motor's own set-point is pending.
     pub(super) const fn has_new_target(&self) -> bool {
         self.pending.set || self.urgent()
     }
@@ -341,10 +343,10 @@ impl MotorChannel {
     /// Converts a target from the host's counts to the motor's counts. The motor is at `position` in its own counts.
     ///
     /// The regulator takes the shorter way round the ring of 2^32 counts, but a host expects the direction of target minus
-    /// position. The distance is therefore limited to [`LONGEST_DISTANCE`] in the host's direction.
+    /// position. The distance is therefore limited to [`LONGEST_DISTANCE`] in the direction that the host expects.
     ///
-    /// One case is different. If position and target are close to opposite ends of the 32-bit range, the host has let its
-    /// counts wrap. The motor then takes the short way across the ends.
+    /// There is one exception: target minus position does not fit in 32 bits, and the way across the ends of the 32-bit range is
+    /// shorter than 2^30 counts. The host has then let its counts wrap, and the motor takes the way across the ends.
     pub(super) fn goal(&self, counts: i32, position: i32) -> i32 {
         let from = self.host_counts(position);
         let short_way = counts.wrapping_sub(from);
@@ -353,7 +355,7 @@ impl MotorChannel {
         position.wrapping_add(distance.clamp(-LONGEST_DISTANCE, LONGEST_DISTANCE))
     }
 
-    /// Returns the settings in force.
+    /// Returns the motor's settings, including changes that must still be sent to the motor.
     pub const fn settings(&self) -> &MotorSettings {
         &self.settings
     }
@@ -369,7 +371,7 @@ impl MotorChannel {
         self.enabled
     }
 
-    /// True if the [best current](Report::best_current) exceeds the current alert that a host has set.
+    /// True if the magnitude of the [best current](Report::best_current) exceeds the current alert. False without an alert.
     pub fn is_over_current(&self, report: &Report) -> bool {
         let level = self.settings.current_alert_ma;
         level != 0 && report.best_current().magnitude() > level

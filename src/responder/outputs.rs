@@ -1,12 +1,12 @@
 //! Digital pins, PWM and servo outputs, and the speeds of I2C buses.
 //!
-//! A motor hub has digital pins, but no PWM outputs, servo outputs and I2C buses. Host software sets them all up when it opens a
-//! hub, and reads the settings back. The hub therefore stores these settings.
+//! A motor hub has digital pins, but no PWM outputs, servo outputs and I2C buses. Host software sets up all outputs and buses of
+//! REV's hubs when it opens a hub, and reads the settings back. The hub therefore keeps settings of missing outputs until a reset.
 //!
 //! * After a reset all digital pins are inputs with a pull-up. A pin without a connection reads 1. A pin that the board does not
 //!   have reads 1 too.
 //! * A pin that becomes an output is low until a host sets its level.
-//! * Fail-safe *releases* the outputs: the board stops driving them, but requests still find them to be outputs. A released
+//! * Fail-safe *releases* the digital outputs: the board stops driving the pins, but for requests they stay outputs. A released
 //!   output is driven again when a host sets its level. Fail-safe also switches off PWM and servos.
 //! * A request of all inputs returns 0 for outputs.
 //!
@@ -35,7 +35,7 @@ const SERVOS: usize = 6;
 /// Number of I2C buses in REV's protocol.
 const I2C_BUSES: usize = 4;
 
-/// Settings of a PWM or servo output.
+/// Settings of a PWM output or a servo output. The hub has neither, so the settings have no effect.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pulses {
     period_micros: u16,
@@ -55,7 +55,7 @@ pub struct DigitalLines {
 /// State of all pins, outputs and buses.
 #[derive(Clone, Copy, Debug)]
 pub struct Outputs {
-    /// Bit i is set if pin i is an output. A released output is an output too.
+    /// Bit i is set if pin i is an output, released or not.
     outputs: u8,
     /// The command to the pins.
     lines: DigitalLines,
@@ -63,7 +63,7 @@ pub struct Outputs {
     sensed: u8,
     pwm: [Pulses; PWM],
     servos: [Pulses; SERVOS],
-    /// True for buses at 400 kbit/s.
+    /// For each bus, true for 400 kbit/s and false for 100 kbit/s.
     fast_i2c: [bool; I2C_BUSES],
 }
 

@@ -6,7 +6,8 @@ use crate::extension::report::{Condition, MotorReport, ReportedSetpoint};
 use crate::motor::{Report, Setpoint};
 use crate::units::{Control, Milliamperes, Millivolts};
 
-/// Returns the state of one motor. `up_to_date` says whether `report` includes the motor's newest set-point.
+/// Returns the state of one motor. `up_to_date` is true if `report` includes the motor's newest set-point. If false, the motor is
+/// not reported as settled.
 pub(super) fn of_motor(
     channel: &MotorChannel,
     report: &Report,

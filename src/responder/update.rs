@@ -12,7 +12,7 @@ use crate::update::{Done, Seal, Slot, Update, UpdateRequest};
 const LONGEST_VERSION: usize = 40;
 
 impl<const N: usize> Responder<N> {
-    /// Makes the responder accept firmware updates, on a hub whose bootloader starts images from this slot.
+    /// Makes the responder accept firmware updates, on a hub whose bootloader starts images from this active slot.
     #[must_use]
     pub fn with_slot(self, slot: Slot) -> Self {
         Self { update: Some(Update::new(slot)), ..self }
@@ -45,13 +45,13 @@ impl<const N: usize> Responder<N> {
         Ok(Reply::ACK)
     }
 
-    /// Returns the next request for the task, if there is one. The task must report the result to
-    /// [`update_done`](Self::update_done).
+    /// Hands the next request to the task. `None` if no request is pending, while the task is busy, and without a bootloader. The
+    /// task must report the result to [`update_done`](Self::update_done).
     pub fn update_request(&mut self) -> Option<UpdateRequest> {
         self.update.as_mut()?.request()
     }
 
-    /// Processes a report of the task.
+    /// Processes a report of the task `tasks::update`.
     pub fn update_done(&mut self, done: Done) {
         if let Some(update) = &mut self.update {
             update.done(done);

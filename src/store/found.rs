@@ -11,35 +11,36 @@ pub enum Stored {
     Nothing,
     /// Both copies hold the same record.
     Whole,
-    /// One copy holds the record. The other copy is damaged, missing or older, after a power cut during the last save or in a
+    /// One copy holds the record. The other copy is damaged, missing or older. Causes are a power cut during the last save, and a
     /// worn memory.
     OneCopy,
-    /// There is a record of a later version. It cannot be read, and a save must not overwrite it.
+    /// There is a record of a later version, in one copy or in both. This firmware can neither read nor overwrite such a record
+    /// by a save.
     Later,
     /// No copy can be read, and at least one copy is damaged.
     Damaged,
 }
 
-/// Contents of the memory. They are found out by adding one copy after the other.
+/// Contents of the memory. To find out the contents, [`add`](Self::add) is called with each of the two copies.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
     /// State of the record.
     pub stored: Stored,
-    /// Version of the record. 0 without a record.
+    /// Version of the record, also of a later one. 0 if no copy has a known version.
     pub version: u8,
-    /// The newer copy. An empty record with number 0 if no copy can be read.
+    /// The newer copy. A record without entries, with number 0, if no copy can be read or one copy has a later version.
     pub record: SettingsRecord,
 }
 
 impl Found {
-    /// Creates contents without a record that can be read.
+    /// Creates contents in this state, without a record that can be read.
     pub fn without_record(stored: Stored, version: u8) -> Self {
         Self { stored, version, record: SettingsRecord::new(0) }
     }
 
     /// Adds the bytes of a copy. `copy` is `None` if the copy is missing or its checksum is wrong.
     ///
-    /// If one copy is of a later version, the state is [`Stored::Later`], whatever the other copy is.
+    /// If one copy has a later version, the state is [`Stored::Later`], whatever the other copy is.
     pub fn add(&mut self, copy: Option<&[u8]>) {
         let has_record = matches!(self.stored, Stored::Whole | Stored::OneCopy);
         match copy.map(SettingsRecord::read) {

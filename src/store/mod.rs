@@ -1,7 +1,8 @@
-//! The stored format of settings, and the choice between two copies of it. The *memory* is what holds settings without power.
+//! The stored format of settings, and the choice between two stored copies. The *memory* keeps settings without power.
 //!
 //! A *record* has entries. An entry has the type and the payload of a request that sets some settings. Settings without an entry
-//! have the values that the firmware was built with. The same is true of fields that the payload of an entry lacks at its end.
+//! have the values that the firmware was built with. If the payload of an entry lacks fields at its end, the settings of these
+//! fields have the firmware's values too.
 //!
 //! | type | content of a record |
 //! |---|---|
@@ -13,17 +14,19 @@
 //! | | the other entries |
 //!
 //! A later firmware may add entries, and fields at the end of an entry, without a new version. This firmware does not know these
-//! additions, but its saves keep them. A record of a later version is neither read nor overwritten by a save; only a reset of the
-//! settings replaces it.
+//! additions, but its saves keep them. A record of a later version is neither read nor overwritten by a save. Only a *reset of
+//! the settings*, which writes a record without entries, replaces a record of a later version.
 //!
-//! A save writes two copies of the record, one after the other. A power cut or a damaged bit affects one copy only. `tasks::store`
-//! decides where the copies are.
+//! A save writes two copies of the record, one after the other. A power cut or a damaged bit affects at most one copy.
+//! `tasks::store` decides where the copies are. The states of the stored record are:
 //!
 //! ```text
 //! Nothing ── first save ──▶ Whole ── power cut in a save, or a damaged copy ──▶ OneCopy ── both copies damaged ──▶ Damaged
 //!                             ▲                                                    │                                │
 //!                             └────────────────────── next save ───────────────────┴──── reset of the settings ─────┘
 //! ```
+//!
+//! A fifth state, `Later`, is reached only if later firmware has written the record. It ends with a reset of the settings.
 //!
 //! ```
 //! use motor_hub::store::{Found, SettingsRecord, Stored};
@@ -49,16 +52,16 @@ pub use record::{CAPACITY, Entry, SettingsRecord, Unreadable, VERSION};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Outcome {
-    /// There was no access since boot.
+    /// There was no access since boot, except for the reading at boot.
     #[default]
     None,
     /// The access has succeeded.
     Done,
-    /// Nothing was written. The memory must be erased first, and all motors must be off for an erasure.
+    /// The access has not succeeded, because a part of the memory must be erased first. All motors must be off for an erasure.
     NeedsErase,
     /// The memory has reported an error, or the record has no room for what is to be stored.
     Refused,
-    /// The memory does not read back the written record.
+    /// The memory does not read back the written record in both copies.
     Lost,
 }
 

@@ -8,7 +8,7 @@ pub const VERSION: u8 = 1;
 /// Largest size of a record in bytes. All settings of four motors take 493 bytes.
 pub const CAPACITY: usize = 511;
 
-/// Size of version and number in bytes.
+/// Size of the record's version and number in bytes.
 const HEAD: usize = 5;
 
 /// Size of an entry's type and length in bytes.
@@ -29,7 +29,7 @@ pub enum Unreadable {
 pub struct Entry<'a> {
     /// Packet type of the request.
     pub id: u16,
-    /// Payload of the request. It has the fields that the firmware knew that wrote the record.
+    /// Payload of the request, with the fields that were known to the firmware that wrote the record.
     pub payload: &'a [u8],
 }
 
@@ -70,7 +70,7 @@ impl SettingsRecord {
         &self.bytes
     }
 
-    /// Returns the number of the save that wrote the record, from 1. 0 for a record that was never stored.
+    /// Returns the number of the save that wrote the record, from 1. 0 if the record stands for an empty memory.
     pub fn number(&self) -> u32 {
         self.bytes.get(1..HEAD).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes)
     }

@@ -1,8 +1,8 @@
-//! The queue of commands to the control task. No command is lost, commands stay in order, and each command has a number.
+//! The queue of commands to the control task. No queued command is lost, commands stay in order, and each command has a number.
 //!
 //! The first command since boot has the number 1. Numbers wrap from 2^32 - 1 to 0. [`Hub`](crate::hub::Hub) counts the commands
-//! that it applies, so its [`Snapshot`](crate::hub::Snapshot) states which commands it includes. The numbers of hub and queue
-//! agree only if all commands to the hub go through this queue.
+//! that it applies, and each [`Snapshot`](crate::hub::Snapshot) states the number of the newest command that it includes. The
+//! numbers of hub and queue agree only if all commands to the hub go through this queue.
 
 use super::COMMANDS;
 use crate::hub::Command;
@@ -15,13 +15,13 @@ use embassy_sync::channel::{Channel, TryReceiveError, TrySendError};
 /// The queue of commands to the control task.
 pub struct CommandQueue<M: RawMutex> {
     channel: Channel<M, Command, COMMANDS>,
-    /// Number of the newest command that has entered the channel. The lock is held while a command enters, so that numbers are
-    /// in order.
+    /// Number of the newest command that has entered the channel; 0 before the first. The lock is held while a command enters, so
+    /// that commands have their numbers in the order of the channel.
     newest: Mutex<M, Cell<u32>>,
 }
 
 impl<M: RawMutex> CommandQueue<M> {
-    /// An empty queue.
+    /// Creates an empty queue.
     pub const fn new() -> Self {
         Self { channel: Channel::new(), newest: Mutex::new(Cell::new(0)) }
     }
@@ -29,7 +29,7 @@ impl<M: RawMutex> CommandQueue<M> {
     /// Queues a command, and returns its number.
     ///
     /// # Errors
-    /// The command, if the queue is full.
+    /// Returns the command if the queue is full.
     pub fn try_send(&self, command: Command) -> Result<u32, TrySendError<Command>> {
         self.newest.lock(|newest| {
             self.channel.try_send(command)?;
@@ -52,7 +52,7 @@ impl<M: RawMutex> CommandQueue<M> {
     /// Takes the oldest command out of the queue.
     ///
     /// # Errors
-    /// [`TryReceiveError::Empty`] if the queue is empty.
+    /// Returns [`TryReceiveError::Empty`] if the queue is empty.
     pub fn try_receive(&self) -> Result<Command, TryReceiveError> {
         self.channel.try_receive()
     }

@@ -1,8 +1,9 @@
 //! Runs the hub: a tick each control period, and faster reactions between two ticks.
 //!
-//! * Between two ticks the task wakes at each encoder sample, and when the bus leaves its quiet range. The task then updates the
+//! * Between two ticks the task wakes at each encoder sample, and when the bus has left its quiet range. The task then updates the
 //!   estimates of the hub, and passes the feedback of the bridges to the hub. If a direct command waits, the task applies all
-//!   waiting commands and executes the direct ones. New limits of the bus may change the bridge commands too.
+//!   waiting commands, and executes the direct ones without waiting for a tick. A new state of the bus may change the bridge
+//!   commands too.
 //! * At each tick the task applies the commands that still wait, and steps the hub. Then the task publishes the bridge commands
 //!   and the snapshot.
 
@@ -15,21 +16,20 @@ use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
 
-/// Runs the task. Never returns. An async function would hold an owned hub twice in its
-/// memory, so the hub is borrowed.
+/// Runs the task. Never returns. The hub is borrowed, because an async function would hold an owned hub twice in its memory.
 ///
-/// Ticks are due at multiples of the control period after the first whole millisecond. If a tick ends after the next one was due, the ticks that
-/// were due meanwhile are left out and counted.
+/// The first tick is due one control period after the first whole millisecond, and the next ticks each one period later. If a tick
+/// ends when the next one is due already, the ticks that are due by then are left out and counted as missed.
 pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>, health: &Health) -> ! {
     let period = Duration::from_micros(hub.period().as_micros());
     let snapshots = wires.snapshot.sender();
     let mut inputs = Inputs { now: micros(Instant::now()), readings: [None; N], battery: None };
-    // Speeds are published between ticks only if encoder samples come between ticks. Otherwise the snapshot has the newest ones.
+    // At a period of 1 ms there are no samples between ticks, so the snapshot has the newest speeds.
     let samples_between_ticks = period > CAPTURE_INTERVAL;
     let mut due = whole_millisecond(Instant::now()) + period;
     loop {
         if let Either::First(()) = select(wires.news.wait(), Timer::at(due)).await {
-            // If the bus has woken the task, the readings are unchanged. Processing them again does not change the estimates.
+            // If the bus has woken the task, the readings may be old ones. Processing them again does not change the estimates.
             update_newest(wires, |newest| {
                 hub.sample(newest.readings());
                 if samples_between_ticks {
@@ -86,12 +86,12 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
 /// Applies all waiting commands in their order.
 fn apply_commands<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>) {
     while let Ok(command) = wires.commands.try_receive() {
-        // The hub counts a command that it refuses. No other reaction is needed.
+        // The hub counts a refused command like any other command. No other reaction is needed.
         let _ = hub.apply(command);
     }
 }
 
-/// Calls `access` with the newest encoder samples.
+/// Calls `access` with the cell of the newest encoder samples.
 fn update_newest<M: RawMutex, const N: usize>(wires: &Wires<M, N>, access: impl FnOnce(&mut Newest<N>)) {
     wires.newest.lock(|newest| {
         // No task keeps the borrow across an await, so the borrow succeeds.

@@ -1,12 +1,14 @@
-//! Supervises the tasks. Feeds the watchdog each time that all tasks have *checked in*, which means that each has done its work
-//! once. A *round* is the time from one feeding to the next.
+//! Supervises the tasks. A task *checks in* when it has done its work once. When every *expected* task has checked in, the
+//! supervision feeds the watchdog. A *round* is the time from one feeding to the next.
+//!
+//! The store task and the update task do not check in. They may wait for a host or for a slow flash.
 
 use crate::board::Watchdog;
 use core::cell::Cell;
 use embassy_sync::blocking_mutex::CriticalSectionMutex;
 use embassy_time::{Duration, Ticker};
 
-/// A task that must check in.
+/// A task that can check in. Its value is its bit in [`Health`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Task {
@@ -31,11 +33,11 @@ const ALWAYS_EXPECTED: u8 =
 /// The tasks that have checked in since the watchdog was last fed.
 #[derive(Debug)]
 pub struct Health {
-    /// Bits of the tasks that have checked in. Not an atomic, because some cores have no atomic read-modify-write.
+    /// Bits of the tasks that have checked in. The bits are in a mutex, because some cores have no atomic read-modify-write.
     checked_in: CriticalSectionMutex<Cell<u8>>,
     /// Bits of the tasks that must check in.
     expected: u8,
-    /// Number of times that all tasks have checked in since reset.
+    /// Number of completed rounds since reset.
     rounds: CriticalSectionMutex<Cell<u32>>,
 }
 
@@ -46,29 +48,29 @@ impl Default for Health {
 }
 
 impl Health {
-    /// Creates a state in which no task has checked in. Only the tasks that every board has are expected.
+    /// Creates a state in which no task has checked in. Expects only the tasks that every board has.
     pub const fn new() -> Self {
         let rounds = CriticalSectionMutex::new(Cell::new(0));
         Self { checked_in: CriticalSectionMutex::new(Cell::new(0)), expected: ALWAYS_EXPECTED, rounds }
     }
 
-    /// Adds a task that must check in.
+    /// Expects one more task.
     #[must_use]
     pub const fn expecting(self, task: Task) -> Self {
         Self { expected: self.expected | task as u8, ..self }
     }
 
-    /// Checks in a task, because it has done its work.
+    /// Checks in a task, because the task has done its work. A task that is not expected has no effect.
     pub fn check_in(&self, task: Task) {
         self.checked_in.lock(|tasks| tasks.set(tasks.get() | task as u8 & self.expected));
     }
 
-    /// Returns the number of rounds since reset.
+    /// Returns the number of completed rounds since reset.
     pub fn rounds(&self) -> u32 {
         self.rounds.lock(Cell::get)
     }
 
-    /// Returns true if all tasks have checked in, and then starts the next round.
+    /// Returns true if all expected tasks have checked in. The next round begins then: no task has checked in.
     fn take_if_all(&self) -> bool {
         self.checked_in.lock(|tasks| {
             let all = tasks.get() == self.expected;
@@ -80,13 +82,13 @@ impl Health {
     }
 }
 
-/// Interval at which the task finds out whether all tasks have checked in.
+/// Interval at which the supervision looks whether all expected tasks have checked in.
 pub const HEALTH_INTERVAL: Duration = Duration::from_millis(10);
 
 /// Runs the task. Never returns.
 ///
-/// A task that does not check in within the watchdog's time-out causes a reset. The time-out must therefore be clearly
-/// longer than the longest control period (100 ms).
+/// If an expected task does not check in within the watchdog's time-out, the watchdog resets the chip. Control checks in once per
+/// control period, so the time-out must be clearly longer than the longest period (100 ms).
 pub async fn run(mut watchdog: impl Watchdog, health: &Health) -> ! {
     let mut ticker = Ticker::every(HEALTH_INTERVAL);
     loop {

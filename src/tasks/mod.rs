@@ -1,4 +1,4 @@
-//! The async tasks. Each task waits, calls the core, and passes the result on.
+//! The async tasks. Each task waits for an input, calls the [core](crate), and passes the result on.
 //!
 //! ```text
 //! capture   --readings--> +---------+ --drives----> output
@@ -11,11 +11,11 @@
 //! | channel | kind | when full, or without new data |
 //! |---|---|---|
 //! | newest | the latest encoder readings, in a cell | overwritten; a motor whose reading is older than 20 ms counts as a motor without encoder |
-//! | news | [`Signal`] without data | set with each encoder sample, and with the first sample of a bus that has left its quiet range |
+//! | news | [`Signal`] without data | wakes control: set with each encoder sample, and with the first plausible sample after an alarm of the bus |
 //! | battery | [`Signal`] with the latest state | overwritten; with a state older than 100 ms the battery counts as unknown |
 //! | bus | the last reading of the bus, in a cell | overwritten; a reading older than 100 ms counts as silent |
 //! | commands | [`CommandQueue`], a numbered queue of 16, first in first out | the sender waits, or gets an error |
-//! | urgent | a flag | set with a direct command; control then applies all waiting commands at the next sample |
+//! | urgent | a flag | set with a *direct* command; control then applies all waiting commands when `news` wakes it |
 //! | drives | [`Signal`] with the latest bridge commands | overwritten; after three control periods without new commands all bridges coast |
 //! | sensed | [`Signal`] with the latest bridge feedback | overwritten; the last feedback stays valid |
 //! | snapshot | [`Watch`] with the latest snapshot, for several readers | overwritten; contains tick number and time |
@@ -23,11 +23,12 @@
 //! | crash report | the fault that ended the run, in a cell | written once per run, by fault handlers |
 //! | store | two [`Signal`]s: request and result | one request at a time |
 //! | update | two [`Signal`]s: request and result | one request at a time |
-//! | host spoke | a flag | set when the first packet of a host has arrived, until reset |
+//! | host spoke | a flag | set when the first packet for this hub has arrived; stays set until the next start of the hub |
 //!
-//! A [*direct* command](crate::hub::Action::is_direct) needs no regulator, so a motor can execute it between two ticks.
+//! A [*direct* command](crate::hub::Action::is_direct) needs no regulator, so a motor can execute the command between two ticks.
 //!
-//! Control locks `newest` while it updates its estimates. A mutex that masks interrupts masks them during this time.
+//! Control locks the cell `newest` while it updates its estimates. With a mutex type `M` that masks interrupts, interrupts wait
+//! during this time.
 //!
 //! All tasks are generic over the number of motors and over the board's traits. An embassy task cannot be generic, so a
 //! board wraps each task in an embassy task of one line.
@@ -82,7 +83,7 @@ pub const OBSERVERS: usize = 4;
 
 /// The signals between the responder and a task that carries out its requests.
 pub struct RequestChannel<M: RawMutex, O, D> {
-    /// Request of the responder. The responder sends one request at a time.
+    /// Request of the responder. The responder sends the next request after the result of the last one.
     pub request: Signal<M, O>,
     /// Result of the request, or another report of the task.
     pub done: Signal<M, D>,
@@ -97,7 +98,7 @@ impl<M: RawMutex, O, D> RequestChannel<M, O, D> {
 
 /// The channels between the tasks of a hub with N motors. A board has one static of this type.
 pub struct Wires<M: RawMutex, const N: usize> {
-    /// Wakes control, because capture has taken an encoder sample or supply has found that the bus has left its quiet range.
+    /// Wakes control: capture has taken an encoder sample, or supply has taken a sample after an alarm of the bus.
     pub news: Signal<M, ()>,
     /// State of the battery, from supply to control.
     pub battery: Signal<M, Battery>,
@@ -105,7 +106,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub bus: Mutex<M, Cell<BusReading>>,
     /// Commands to motors, from all tasks to control, each with a number.
     pub commands: CommandQueue<M>,
-    /// True if a direct command waits, which control must apply at the next sample.
+    /// Set with each direct command: control must apply the waiting commands the next time that `news` wakes control. A tick
+    /// applies them too, but does not clear the flag.
     pub urgent: Mutex<M, Cell<bool>>,
     /// Commands to the bridges, from control to output.
     pub drives: Signal<M, [Drive; N]>,
@@ -113,9 +115,10 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub sensed: Signal<M, [BridgeFeedback; N]>,
     /// State of all motors at the last tick, from control to all tasks.
     pub snapshot: Watch<M, Snapshot<N>, OBSERVERS>,
-    /// Positions at the newest encoder samples, from capture to all tasks. Control adds the speeds.
+    /// Positions at the newest encoder samples, from capture to all tasks. Control adds the speeds, unless its period is 1 ms.
     pub newest: Mutex<M, RefCell<Newest<N>>>,
-    /// Record of faults. Control writes the record, and the responder reads it. `None` if the hub has no record.
+    /// Record of faults. Control writes the record, and the responder reads and clears the record. `None` if the hub has no
+    /// record.
     pub record: Mutex<M, RefCell<Option<Record<'static>>>>,
     /// Memory for the fault that ends this run, from a fault handler to the next run. `None` if the hub has no record.
     pub crash_report: CriticalSectionMutex<RefCell<Option<CrashReport<'static>>>>,
@@ -123,7 +126,7 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub store: RequestChannel<M, crate::store::StoreRequest, store::Done>,
     /// Requests of the responder to the task that writes new firmware, and their results.
     pub update: RequestChannel<M, crate::update::UpdateRequest, crate::update::Done>,
-    /// True once a host has sent a packet since reset, from the responder to all tasks.
+    /// True once a packet for this hub has arrived since the start of the hub, from the responder to all tasks.
     pub host_spoke: Mutex<M, Cell<bool>>,
 }
 
@@ -157,8 +160,8 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
         self.crash_report.lock(|slot| slot.replace(Some(crash_report)));
     }
 
-    /// Stores the fault that ends the run, for the record. May be called from any context. A second fault during the call is not
-    /// stored.
+    /// Stores the fault that ends the run, for the record. Does nothing on a hub without a record. May be called from any context.
+    /// A fault that occurs during the call is not stored.
     pub fn report_crash(&self, fault: Fault, detail: [u32; 2]) {
         self.crash_report.lock(|slot| {
             if let Ok(mut slot) = slot.try_borrow_mut()
@@ -172,7 +175,8 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
     /// Sends a command to the control task, and returns the command's number. [`Snapshot::includes`] says whether a snapshot
     /// includes the command with this number.
     ///
-    /// Control applies the command at the next tick, or within a millisecond while a direct command waits.
+    /// Control applies the command at the next tick. A direct command is applied earlier, at the next encoder sample, and so are
+    /// all commands that wait at that time.
     ///
     /// # Errors
     /// Returns the command if [`COMMANDS`] commands wait already.
@@ -208,7 +212,7 @@ fn micros(instant: Instant) -> Micros {
     Micros::new(instant.as_micros())
 }
 
-/// Rounds a time up to a whole millisecond. Tasks that start at whole milliseconds are due at the same times.
+/// Rounds a time up to a whole millisecond. Capture and control both wait for whole milliseconds, so that they are due together.
 fn whole_millisecond(now: Instant) -> Instant {
     Instant::from_millis(now.as_micros().div_ceil(1000))
 }

@@ -12,8 +12,8 @@ pub const DRIVE_TIMEOUT_PERIODS: u64 = 3;
 
 /// Runs the task. Never returns.
 ///
-/// The task checks in when it applies a command. If control stops sending commands, neither task checks in, and the watchdog
-/// resets the chip.
+/// The task checks in when it applies a command of control. If control stops sending commands, neither of the two tasks checks
+/// in, and the watchdog resets the chip.
 pub async fn run<M: RawMutex, const N: usize>(
     mut bridges: impl Bridges<N>,
     period: Period,

@@ -1,6 +1,6 @@
 //! The hub's end of the link to a host. Bytes become packets, and packets become commands and replies.
 //!
-//! While no bytes arrive, the task runs the keep-alive timer, the digital pins, and the status LED.
+//! Whether or not bytes arrive, the task also runs the keep-alive timer, the digital pins, and the status LED.
 
 use super::store::Done;
 use super::{Wires, micros};
@@ -32,15 +32,17 @@ const RECOVERY: Duration = Duration::from_millis(1);
 ///
 /// A program whose connections end must call [`attend`] between two connections. Otherwise the keep-alive timer stops.
 ///
-/// If the responder [expects stored settings](Responder::expecting_store), the task waits until they are restored, or for a
-/// time-out. Only then it reads requests.
+/// If the responder [expects stored settings](Responder::expecting_store), the task first waits until the settings are restored,
+/// or for 5 s. It reads no requests during this wait.
 ///
 /// Each reply is written by one `write_all`. The hub does not answer a damaged packet, and a reply that cannot be written
 /// is discarded. Hosts then repeat the request. While a reply waits for the line, commands and timers continue.
 ///
-/// The future of `rx.read` is dropped before it is ready. It must not lose bytes then, so a receiver on a chip needs its
-/// own buffer. A board without digital pins passes `()` as `pins`. `show` receives the colour of the status LED at each
-/// update, also if the colour has not changed.
+/// The task drops the future of `rx.read` while it waits for bytes. Dropping the future must not lose bytes, so a receiver on a
+/// chip needs its own buffer.
+///
+/// A board without digital pins passes `()` as `pins`. `show` receives the colour of the status LED at each update, also if the
+/// colour has not changed.
 pub async fn run<M: RawMutex, const N: usize>(
     mut rx: impl Read,
     mut tx: impl Write,
@@ -94,10 +96,12 @@ pub async fn run<M: RawMutex, const N: usize>(
     }
 }
 
-/// Longest wait for the stored settings after a reset. Repeating an interrupted erasure takes at most 4 s.
+/// Longest wait for the stored settings after a reset. An interrupted erasure is repeated first, which takes at most 4 s.
 const STORE_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Waits until the stored settings are restored, or until [`STORE_TIMEOUT`]. A hub without a memory does not wait.
+/// Waits until the stored settings are restored, or for [`STORE_TIMEOUT`]. A hub without a memory does not wait.
+///
+/// Settings that are read after the time-out are ignored. The hub then works like a hub without a memory until the next reset.
 async fn await_store<M: RawMutex, const N: usize>(
     responder: &mut Responder<N>,
     wires: &Wires<M, N>,
@@ -113,7 +117,8 @@ async fn await_store<M: RawMutex, const N: usize>(
     }
 }
 
-/// Runs the responder while no bytes arrive: sends pending commands, and updates keep-alive timer, pins and LED.
+/// Runs the responder while no bytes arrive. Sends pending commands and requests to the other tasks, and updates keep-alive
+/// timer, pins and LED.
 ///
 /// Never returns. The future may be dropped at any time, and no command is lost or sent twice.
 pub async fn attend<M: RawMutex, const N: usize>(
@@ -178,8 +183,8 @@ fn exchange_pins<const N: usize>(responder: &mut Responder<N>, pins: &mut impl D
     responder.sense_pins(pins.exchange(driven, levels));
 }
 
-/// Returns the newest snapshot, or the initial one before the first tick. Positions and velocities of encoder samples that
-/// are newer replace those of the snapshot.
+/// Returns the newest snapshot, or the initial snapshot before the first tick. If a motor has an encoder sample that is newer than
+/// the snapshot, the snapshot gets position and velocity of the sample.
 fn snapshot<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> Snapshot<N> {
     let mut snapshot = wires.snapshot.try_get().unwrap_or(Snapshot::INITIAL);
     wires.newest.lock(|newest| {
@@ -205,7 +210,7 @@ async fn until(deadline: Option<Micros>) {
     }
 }
 
-/// The first tick of the time driver that is not before `at`.
+/// Converts a time of the core to the first tick of the time driver that is not before `at`.
 fn instant(at: Micros) -> Instant {
     let ticks = u128::from(at.get()) * u128::from(TICK_HZ);
     Instant::from_ticks(u64::try_from(ticks.div_ceil(1_000_000)).unwrap_or(u64::MAX))

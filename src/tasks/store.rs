@@ -4,7 +4,8 @@
 //! of one [`SettingsRecord`]. The map appends items to one page until the page is full. It then *moves*: it copies the newest
 //! items to the other page, and erases the full page.
 //!
-//! Other tasks run after each word that is written. Pages are erased only while all motors are off.
+//! Other tasks run after each word that is written. Pages are erased only while all motors are off, and at boot, before a host
+//! can enable a motor.
 //!
 //! ```
 //! use embassy_futures::block_on;
@@ -70,7 +71,7 @@ use sequential_storage::map::{MapConfig, MapStorage};
 /// Keys of the two copies in the map.
 const COPY_KEYS: [u8; 2] = [1, 2];
 
-/// Size of a buffer for a record with its key, in bytes. It is a multiple of the word of any flash.
+/// Size of a buffer for a record with its key, in bytes, rounded up to a multiple of the longest word.
 const BUFFER_BYTES: usize = (1 + CAPACITY).next_multiple_of(32);
 
 /// Longest word that a flash may have, in bytes.
@@ -79,7 +80,7 @@ const WORD_BYTES: usize = 32;
 /// Result of a request. At boot the task also sends one result, although there was no request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Done {
-    /// Contents of the memory after the request. `None` if they cannot be read until all motors are off. The contents have not
+    /// Contents of the memory after the request. `None` if the contents cannot be read until all motors are off. They have not
     /// changed then.
     pub found: Option<Found>,
     /// How the request ended.
@@ -103,10 +104,11 @@ pub struct Keeper<F: NorFlash> {
     range: Range<u32>,
     /// True if no operation has failed since the pages were last repaired.
     intact: bool,
+    /// Memory for one item of the map.
     buffer: [u8; BUFFER_BYTES],
 }
 
-/// The map. Its cache holds the addresses of the copies. Without the cache a move would search the whole page for each item.
+/// The map. Its cache holds the addresses of the two copies. Without the cache a move would search the whole page for each copy.
 type Map<'a, F> =
     MapStorage<u8, &'a mut SharedFlash<F>, Cache<Uncached, Uncached, ArrayKeyPointers<u8, 2>, u8>>;
 
@@ -124,7 +126,8 @@ impl<F: NorFlash> Keeper<F> {
         (MapStorage::new(&mut self.flash, MapConfig::new(self.range.clone()), cache), &mut self.buffer)
     }
 
-    /// Reads the stored settings. All motors must be off, because this repeats an erasure that a power failure has interrupted.
+    /// Reads the stored settings. All motors must be off, because an erasure that a power failure has interrupted is repeated
+    /// first.
     pub async fn read(&mut self) -> Found {
         self.flash.may_erase = true;
         let repaired = self.repair().await;
@@ -138,9 +141,10 @@ impl<F: NorFlash> Keeper<F> {
 
     /// Erases each page whose erasure a power failure has interrupted.
     ///
-    /// The map cannot recognise such a page. It would treat the page as blank, or as one of the two pages of an interrupted move.
+    /// The map cannot recognise a page that is erased in part. It would treat the page as blank, or as one of the two pages of an
+    /// interrupted move.
     async fn repair(&mut self) -> Result<(), FlashError<F::Error>> {
-        // Marks of the pages in use; `None` for a blank page.
+        // Marks of the pages in use; `None` for a page that is blank or has been erased here.
         let mut in_use = [None; 2];
         let pages = self.pages();
         for (in_use, page) in in_use.iter_mut().zip(&pages) {
@@ -152,8 +156,8 @@ impl<F: NorFlash> Keeper<F> {
                 flash.erase(page.start, page.end).await?;
             }
         }
-        // If both pages are in use, a move or an erasure was interrupted. The page with the older or the less complete content is
-        // erased. If the contents are equal, the full page is erased.
+        // If both pages are in use, a move or an erasure was interrupted. The page with the older save is erased. If both have
+        // the same save, the page with fewer copies is erased. If these numbers are equal too, the full page is erased.
         let ([first, second], [Some(first_marks), Some(second_marks)]) = (&pages, in_use) else {
             return Ok(());
         };
@@ -171,13 +175,14 @@ impl<F: NorFlash> Keeper<F> {
         [start..middle, middle..end]
     }
 
-    /// Reads the content of one page, as if the other page were blank. `None` if the content cannot be read.
+    /// Reads the content of one page, as if the other page were blank. `None` if the content cannot be read, or has a later
+    /// version.
     async fn content(&mut self, page: &Range<u32>) -> Option<PageContent> {
         self.flash.visible = Some(page.clone());
         let found = self.copies().await;
         self.flash.visible = None;
         let Found { stored, record, .. } = match found {
-            // What an interrupted erasure has left may look like an item of any length.
+            // The rest of an erased page may look like an item of any length.
             Err(ReadError::TooLong) => return Some(PageContent { save: 0, copies: 0 }),
             found => found.ok()?,
         };
@@ -248,7 +253,7 @@ impl<F: NorFlash> Keeper<F> {
     }
 }
 
-/// Content of one page. Contents are compared by their save, and then by their copies.
+/// Content of one page. Contents are ordered by their saves. Contents with the same save are ordered by their copies.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 struct PageContent {
     /// Number of the newest save in the page.
@@ -268,7 +273,7 @@ enum ReadError {
 }
 
 impl ReadError {
-    /// Converts the error to the contents of the memory. `None` if the contents stay unknown.
+    /// Converts the error to contents of the memory. `None` if the contents cannot be read until a page is erased.
     fn found(self) -> Option<Found> {
         match self {
             Self::NeedsErase => None,
@@ -286,25 +291,27 @@ const fn outcome<E>(error: &Error<FlashError<E>>) -> Outcome {
     }
 }
 
-/// A flash that lets other tasks run after each word, and that refuses to erase pages while motors run.
+/// A flash that lets other tasks run after each word. It refuses to erase pages while motors run or while a page is hidden.
 struct SharedFlash<F> {
     flash: F,
     /// True if motors are off, so that pages may be erased.
     may_erase: bool,
-    /// Range of addresses that can be read. All other addresses read as blank. `None` if the whole flash can be read.
+    /// Range of addresses that can be read. All other addresses are hidden: they read as blank. `None` if the whole flash can be
+    /// read.
     visible: Option<Range<u32>>,
 }
 
-/// The map's marks in the first and in the last word of a page.
+/// The marks that the map writes to the first and to the last word of a page.
 #[derive(Clone, Copy)]
 struct PageMarks {
-    /// True if the page is in use.
+    /// True if the first word is marked: the page is in use.
     begun: bool,
-    /// True if the page is full.
+    /// True if the last word is marked: the page is full.
     full: bool,
 }
 
-/// Smallest number of zero bits in a word that the map treats as a mark. It is half of the bits of a byte.
+/// The map treats a word with at least this number of zero bits as marked. A mark is a byte of zeros, and half of its bits are
+/// enough.
 const MARK_BITS: u32 = 4;
 
 impl<F: NorFlash> SharedFlash<F> {
@@ -315,7 +322,7 @@ impl<F: NorFlash> SharedFlash<F> {
         Ok(PageMarks { begun, full })
     }
 
-    /// True if the word at this address is a mark.
+    /// True if the word at this address is marked.
     async fn is_marked(&mut self, address: u32) -> Result<bool, FlashError<F::Error>> {
         let mut word = [0xFF; WORD_BYTES];
         self.read(address, word.get_mut(..F::READ_SIZE).unwrap_or_default()).await?;
@@ -338,7 +345,7 @@ impl<F: NorFlash> SharedFlash<F> {
 /// Why the flash refused an operation.
 #[derive(Debug)]
 enum FlashError<E> {
-    /// Motors run, so no page may be erased.
+    /// No page may be erased, because motors run or a page is hidden.
     MotorsRun,
     /// The flash reports an error.
     Flash(E),
@@ -371,7 +378,7 @@ impl<F: NorFlash> ReadNorFlash for SharedFlash<F> {
     const READ_SIZE: usize = F::READ_SIZE;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Self::Error> {
-        // The map computes a checksum after each read, without letting other tasks run. They run before the read.
+        // The map computes a checksum after each read, without letting other tasks run. So other tasks run before the read.
         yield_now().await;
         if self.visible.as_ref().is_some_and(|visible| !visible.contains(&offset)) {
             bytes.fill(0xFF);

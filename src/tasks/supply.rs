@@ -23,8 +23,8 @@ const LEAD: Duration = Duration::from_micros(150);
 
 /// Runs the task. Never returns.
 ///
-/// If the converter fails or the voltage is not plausible, the task sends no new state. For control the last state then becomes
-/// stale.
+/// If the converter fails or the voltage is not plausible, the task sends no new state, and the last state becomes stale. A
+/// [collapsed](Supply::step) bus is an exception: the task sends the last state with its old time, and motors may draw nothing.
 pub async fn run<M: RawMutex, const N: usize>(
     mut adc: impl SupplyAdc,
     mut supply: Supply,
@@ -43,8 +43,8 @@ pub async fn run<M: RawMutex, const N: usize>(
         }
         wires.bus.lock(|bus| bus.set(supply.last_reading()));
         health.check_in(Task::Supply);
-        // There is no second alarm in the interval after an alarm. Noise at the limit of the quiet range would raise alarms
-        // without a pause.
+        // In the interval after an alarm the task does not wait for another alarm. Noise at a limit of the quiet range would
+        // otherwise raise alarms without a pause.
         let quiet = supply.quiet().filter(|_| !alarm);
         due = if quiet.is_some() {
             Instant::now().max(due + SUPPLY_INTERVAL)

@@ -1,5 +1,6 @@
 //! Writes new firmware to flash, for [`embassy_boot`]'s bootloader. The firmware runs from the *active slot*, and the task writes
-//! chunks to the *download slot*. A mark in the *bootloader's state* makes the bootloader *swap* the two slots at the next reset.
+//! chunks to the *download slot*. The *swap mark*, the first word of the *bootloader's state*, makes the bootloader *swap* the
+//! contents of the two slots at the next reset.
 //!
 //! ```text
 //!              +-----------+ all tasks check in 40 times +-----------+
@@ -12,8 +13,8 @@
 //!              +-----------+
 //! ```
 //!
-//! If not all tasks of new firmware check in, the watchdog resets the chip. If the confirmation cannot be written, the firmware
-//! continues to run and reports [`Booted::Unconfirmable`].
+//! If not all tasks of new firmware check in, the watchdog resets the chip. If the confirmation cannot be written, the new
+//! firmware continues to run and reports [`Booted::Unconfirmable`].
 //!
 //! ```
 //! use motor_hub::tasks::update::{CONFIRM_AFTER_ROUNDS, StateFlash};
@@ -43,10 +44,10 @@ use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
-/// Number of [rounds](Health::rounds), in each of which all tasks check in, before new firmware is confirmed.
+/// Number of [rounds](Health::rounds) before new firmware is confirmed. In each round all tasks check in.
 pub const CONFIRM_AFTER_ROUNDS: u32 = 40;
 
-/// Interval at which the task checks a condition that it waits for.
+/// Interval at which the task looks at the rounds, or at the motors, while the task waits for them.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Number of attempts to write the confirmation of new firmware.
@@ -61,7 +62,7 @@ const RESTART_DELAY: Duration = Duration::from_millis(50);
 /// Longest word that a flash may have, in bytes.
 const WORD: usize = 32;
 
-/// Each byte of erased flash.
+/// Value of each byte of erased flash.
 const BLANK: u8 = 0xFF;
 
 /// Runs the task. Never returns.
@@ -90,6 +91,7 @@ pub async fn run<M: RawMutex, const N: usize>(
             UpdateRequest::Restart => {
                 Timer::after(RESTART_DELAY).await;
                 restart();
+                // The chip still runs, so the restart has failed.
                 Outcome::Refused
             }
         };
@@ -97,9 +99,10 @@ pub async fn run<M: RawMutex, const N: usize>(
     }
 }
 
-/// Confirms this firmware, and returns how the bootloader will treat it.
+/// Confirms this firmware, and returns what the bootloader's state says then.
 ///
-/// A failed confirmation is repeated after a pause, because without it the bootloader would restore the previous firmware.
+/// A failed confirmation is tried again after a pause, because a reset would otherwise restore the previous firmware. Returns
+/// [`Booted::Unconfirmable`] if [`CONFIRM_ATTEMPTS`] attempts have failed.
 async fn confirm(slots: &mut Slots<impl ReadNorFlash, impl NorFlash, impl NorFlash>) -> Booted {
     for _ in 0..CONFIRM_ATTEMPTS {
         slots.confirm().await;
@@ -112,16 +115,16 @@ async fn confirm(slots: &mut Slots<impl ReadNorFlash, impl NorFlash, impl NorFla
     Booted::Unconfirmable
 }
 
-/// Waits until all motors are disabled.
+/// Waits until all motors are disabled at the last control tick.
 async fn motors_off<M: RawMutex, const N: usize>(wires: &Wires<M, N>) {
     while wires.snapshot.try_get().is_some_and(|snapshot| !snapshot.all_disabled()) {
         Timer::after(POLL_INTERVAL).await;
     }
 }
 
-/// The slot that this firmware was booted from, the download slot, which images are written to, and the bootloader's state.
+/// The flash of an update: the active slot, the download slot, and the bootloader's state.
 pub struct Slots<A, D, S> {
-    booted: A,
+    active: A,
     download: D,
     state: StateFlash<S>,
 }
@@ -129,26 +132,26 @@ pub struct Slots<A, D, S> {
 impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
     /// Creates the slots in three flashes, or in partitions of flashes.
     ///
-    /// `None` if a flash has words of more than 32 bytes, if a chunk is not a multiple of the word, or if the state has words
-    /// of less than 8 bytes.
-    pub fn new(booted: A, download: D, state: S) -> Option<Self> {
+    /// `None` if a flash has words of more than 32 bytes, or if the state has words of less than 8 bytes. Also `None` if a chunk
+    /// is not a multiple of the download slot's word.
+    pub fn new(active: A, download: D, state: S) -> Option<Self> {
         let words = [D::WRITE_SIZE, S::WRITE_SIZE, S::READ_SIZE];
         let fits = words.iter().all(|word| *word <= WORD) && CHUNK.is_multiple_of(D::WRITE_SIZE);
         (fits && S::WRITE_SIZE >= swap::SUMS_BYTES).then_some(Self {
-            booted,
+            active,
             download,
             state: StateFlash(state),
         })
     }
 
-    /// Returns access to the bootloader's state. `word` is a buffer for one word of the flash.
+    /// Returns embassy-boot's access to the bootloader's state. `word` is a buffer for one word of the flash.
     fn state<'a>(&'a mut self, word: &'a mut [u8; WORD]) -> FirmwareState<'a, &'a mut StateFlash<S>> {
         // `new` has checked that the buffer is long enough.
         let word = word.get_mut(..S::WRITE_SIZE.max(S::READ_SIZE)).unwrap_or_default();
         FirmwareState::new(&mut self.state, word)
     }
 
-    /// Reads how this firmware was started.
+    /// Reads from the bootloader's state how this firmware was started. [`Booted::Unknown`] if the state cannot be read.
     pub async fn booted(&mut self) -> Booted {
         let mut word = [0; WORD];
         match self.state(&mut word).get_state().await {
@@ -159,7 +162,7 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
         }
     }
 
-    /// Confirms this firmware, so that the bootloader starts it after each reset. Cancels a swap that was requested.
+    /// Confirms this firmware, so that the bootloader starts this firmware after each reset. Removes a swap mark.
     pub async fn confirm(&mut self) -> Outcome {
         let mut word = [0; WORD];
         self.state(&mut word).mark_booted().await.map_or(Outcome::Refused, |()| Outcome::Done)
@@ -176,7 +179,8 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
         Outcome::Done
     }
 
-    /// Writes one word. If the word is the first of a page, the page is erased before.
+    /// Writes one word. Missing bytes at its end are written as 0xFF. If the word is the first of a page, the page is erased
+    /// before.
     async fn write_word(&mut self, at: u32, bytes: &[u8]) -> Result<(), D::Error> {
         let page = D::ERASE_SIZE as u32;
         if at.is_multiple_of(page) {
@@ -187,10 +191,10 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
         self.download.write(at, word.get(..D::WRITE_SIZE).unwrap_or_default()).await
     }
 
-    /// Checks the written image. If the image is valid, marks the slots to be swapped at the next reset.
+    /// Checks the written image. If the image is valid, writes the swap mark.
     ///
-    /// The image must read back with this CRC-32. If there is a seal, the seal must be a valid signature of the image. The
-    /// check of a seal blocks the processor for some 10 ms, so the method awaits `motors_off` before.
+    /// The image must read back with this CRC-32. If there is a seal, the seal must have a valid signature of the image. The check
+    /// of a signature blocks the processor for some 10 ms, so the method awaits `motors_off` before.
     pub async fn arm(
         &mut self,
         length: u32,
@@ -209,8 +213,8 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
                 return genuine;
             }
         }
-        if swap::order(&mut self.booted, &mut self.download, &mut self.state).await.is_err() {
-            // The host gets an error, so an order that was written only in part must not start the image.
+        if swap::mark(&mut self.active, &mut self.download, &mut self.state).await.is_err() {
+            // The host gets an error, so a swap mark that was written only in part must not start the image.
             self.confirm().await;
             return Outcome::Refused;
         }
@@ -224,7 +228,8 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
     }
 }
 
-/// Calls `visit` with each chunk of `length` bytes of a flash. Other tasks run between two chunks.
+/// Reads `length` bytes of a flash from the address `from` in chunks, and calls `visit` with each chunk. Other tasks run between
+/// two chunks.
 async fn each_chunk<F: ReadNorFlash>(
     flash: &mut F,
     from: u32,
@@ -243,19 +248,18 @@ async fn each_chunk<F: ReadNorFlash>(
     Ok(())
 }
 
-/// Returns the CRC-32 of `length` bytes of a flash.
+/// Returns the CRC-32 of `length` bytes of a flash from the address `from`.
 async fn checksum<F: ReadNorFlash>(flash: &mut F, from: u32, length: u32) -> Result<u32, NorFlashErrorKind> {
     let mut sum = CRC.digest();
     each_chunk(flash, from, length, |chunk| sum.update(chunk)).await.map_err(|error| error.kind())?;
     Ok(sum.finalize())
 }
 
-/// The flash with the bootloader's state. Before an erasure it overwrites the first word with 0. All other words are written
-/// once.
+/// The flash with the bootloader's state. Hub and bootloader must both access the state by this type.
 ///
-/// The first word is the mark that makes the bootloader swap the slots. The progress of the swap follows. If a power failure
-/// interrupted an erasure, the mark could remain while the progress is already erased. The bootloader would then swap a second
-/// time.
+/// * Before an erasure the swap mark is overwritten with 0. If a power failure interrupted the erasure, the swap mark could
+///   otherwise remain while the progress of the swap is erased already. The bootloader would then swap a second time.
+/// * Zeros are not written to a word that has been written already, because no other word may be written twice.
 pub struct StateFlash<S>(pub S);
 
 impl<S: ErrorType> ErrorType for StateFlash<S> {
@@ -279,7 +283,7 @@ impl<S: NorFlash> NorFlash for StateFlash<S> {
     const ERASE_SIZE: usize = S::ERASE_SIZE;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Self::Error> {
-        // A word that is written twice may read back with a wrong bit (RM0433 4.3.9). Whatever the word reads, it is no order.
+        // A word that is written twice may read back with a wrong bit (RM0433 4.3.9). A word of mostly 0 is no swap mark.
         let _ = self.0.write(from, [0; WORD].get(..S::WRITE_SIZE).unwrap_or_default()).await;
         self.0.erase(from, to).await
     }
@@ -289,7 +293,7 @@ impl<S: NorFlash> NorFlash for StateFlash<S> {
         if bytes.iter().all(|byte| *byte == 0)
             && let Some(word) = buffer.get_mut(..bytes.len())
         {
-            // The bootloader repeats a mark of zeros after a power failure. A mark counts if no byte is blank.
+            // After a power failure the bootloader repeats its last write of zeros. A word without a blank byte counts as written.
             self.0.read(offset, word).await?;
             if !word.contains(&BLANK) {
                 return Ok(());

@@ -1,9 +1,12 @@
 //! Firmware update over the host's link. Decides which chunks of an image are accepted, and when the image may start.
 //!
-//! The host announces an image by its length and its CRC-32, then sends the image in order, in chunks of [`CHUNK`]
-//! bytes. The hub writes the chunks to a [`Slot`]: a part of the flash that no firmware runs from. The hub then reads
-//! the slot back and checks the image. A correct image is *armed*: at the next reset the bootloader exchanges it with the
-//! present firmware. If the hub loses its power or its host before the image is armed, the present firmware stays.
+//! Firmware runs from the *active slot* of the flash, and [`Slot`] describes the active slot. New firmware is written to the
+//! *download slot*, from which no firmware runs.
+//!
+//! The host announces an image by its length and its CRC-32. The host then sends the image in order, in chunks of [`CHUNK`] bytes,
+//! and the hub writes the chunks to the download slot. The hub then reads the download slot back and checks the image. A correct
+//! image is *armed*: at the next reset the bootloader swaps the contents of the two slots. If the hub loses its power or its host
+//! before the image is armed, the present firmware stays.
 //!
 //! New firmware is *on trial* until it *confirms* itself. If a reset comes first, the bootloader restores the previous
 //! firmware.
@@ -17,11 +20,11 @@
 //!    +<-----------------+<-------------------+<------------------ Disarming
 //! ```
 //!
-//! If the slot has a [signer](Slot::signer), the host must send a signature before the first chunk. The hub then arms only
-//! images for which the signature is valid.
+//! If the hub has the key of a [signer](Slot::signer), the host must send a signature before the first chunk. The hub then arms
+//! an image only if its signature is valid.
 //!
-//! [`Update`] only decides. The *slot task*, which owns the flash, carries out each [`UpdateRequest`] and answers with
-//! [`Done`].
+//! [`Update`] only decides. The *slot task* (`tasks::update`), which owns the flash, carries out each [`UpdateRequest`] and answers
+//! with [`Done`].
 //!
 //! ```
 //! use motor_hub::update::{Booted, CHUNK, Done, UpdateRequest, Outcome, Phase, Slot, Update};
@@ -55,16 +58,16 @@ pub const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 /// Length of each chunk except the last, in bytes. It is a multiple of the longest word that a flash writes, 32 bytes.
 pub const CHUNK: usize = 96;
 
-/// The part of the flash that images are linked for, and the RAM that their stack may be in.
+/// The active slot: the part of the flash that images are linked for and run from. Also the RAM that their stack may be in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slot {
-    /// First address of the slot.
+    /// First address of the active slot.
     pub origin: u32,
-    /// Length of the slot in bytes.
+    /// Length of the active slot in bytes. An image must not be longer.
     pub length: u32,
     /// First address of the RAM, and the address after its last byte.
     pub ram: (u32, u32),
-    /// Public key (Ed25519, RFC 8032) that images must be signed with; `None` if unsigned images are accepted.
+    /// Public key (Ed25519, RFC 8032) of the signer, whose signature each image must have. `None` if unsigned images are accepted.
     pub signer: Option<[u8; 32]>,
 }
 
@@ -120,12 +123,12 @@ pub enum Phase {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Booted {
-    /// The slot task has not read the bootloader's state yet.
+    /// The slot task has not read the bootloader's state yet, or the state cannot be read.
     #[default]
     Unknown,
     /// The present firmware is confirmed: every reset starts it again.
     Confirmed,
-    /// The present firmware is new and on trial. The next reset restores the previous firmware, unless the present one
+    /// The present firmware is new and on trial. The next reset restores the previous firmware, unless the present firmware
     /// confirms itself first.
     OnTrial,
     /// Newer firmware did not confirm itself, so the bootloader restored the present firmware.
@@ -139,12 +142,12 @@ pub enum Booted {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Outcome {
-    /// No request has been carried out since boot.
+    /// No request has been carried out since boot, or since an image was announced.
     #[default]
     None,
     /// The request was carried out.
     Done,
-    /// The flash reported an error.
+    /// The flash reported an error, or the chip did not restart.
     Refused,
     /// The CRC-32 that the flash reads back differs from the announced one.
     Mismatch,
@@ -155,20 +158,20 @@ pub enum Outcome {
 /// A request to the slot task.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum UpdateRequest {
-    /// Write a chunk to the slot. If the chunk contains the first byte of a flash page, erase the page before.
+    /// Write a chunk to the download slot. If the chunk contains the first byte of a flash page, erase the page before.
     Write {
-        /// Distance of the chunk from the beginning of the slot, in bytes.
+        /// Distance of the chunk from the beginning of the image, in bytes.
         offset: u32,
         /// Bytes of the chunk.
         bytes: Vec<u8, CHUNK>,
     },
-    /// Check the image; if its CRC-32 and its signature are correct, let the next reset start it.
+    /// Check the image in the download slot. If its CRC-32 and its signature are correct, let the next reset start the image.
     Arm {
         /// Length of the image in bytes.
         length: u32,
         /// CRC-32 that the host announced.
         crc: u32,
-        /// Signature of the image; `None` if the image needs no signature.
+        /// Signature of the image; `None` on a hub that accepts unsigned images.
         seal: Option<Seal>,
     },
     /// Let the next reset start the present firmware again, not the armed image.
@@ -180,13 +183,13 @@ pub enum UpdateRequest {
 /// A report of the slot task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Done {
-    /// How the present firmware was started. The slot task repeats this report after each change.
+    /// How the present firmware was started. The slot task sends this report at boot, and again after the confirmation.
     Booted(Booted),
     /// Result of the last request.
     Finished(Outcome),
 }
 
-/// The refusal of a chunk that is not [`CHUNK`] bytes long. The last chunk must have the remaining length of the image.
+/// The refusal of a chunk with a wrong length. A chunk must have [`CHUNK`] bytes, and the last one the rest of the image.
 const CHUNK_LENGTH: Nack = Nack::parameter(1);
 
 /// State machine of firmware updates. It decides; the slot task writes to the flash.
@@ -199,9 +202,11 @@ pub struct Update {
     length: u32,
     /// Announced CRC-32 of the image.
     crc: u32,
-    /// Bytes of the image that were accepted so far.
+    /// Number of bytes of the image that were accepted so far.
     received: u32,
+    /// Signature of the announced image. `None` until the host sends a signature.
     seal: Option<Seal>,
+    /// Result of the last request.
     outcome: Outcome,
     /// Request that the slot task has not taken yet.
     pending: Option<UpdateRequest>,
@@ -230,8 +235,8 @@ impl Update {
     /// Announces an image of `length` bytes with this CRC-32 (IEEE 802.3). Chunks of an earlier image are discarded.
     ///
     /// # Errors
-    /// Returns a [`Nack`] if a motor runs, the slot task is busy, or an image is armed. The same while the present firmware is
-    /// on trial, or if the image does not fit the slot.
+    /// Returns a [`Nack`] if a motor runs, the slot task is busy, an image is armed, or the image does not fit the active slot.
+    /// Also returns a [`Nack`] while the present firmware is on trial, or if its confirmation is not known or has failed.
     pub fn begin(&mut self, length: u32, crc: u32, motors_run: bool) -> Result<(), Nack> {
         if motors_run {
             return Err(Nack::MOTOR_ENABLED);
@@ -251,10 +256,10 @@ impl Update {
         Ok(())
     }
 
-    /// Stores the signature of the announced image. The signature is verified when the whole image is in the slot.
+    /// Stores the signature of the announced image. The signature is verified when the whole image is in the download slot.
     ///
     /// # Errors
-    /// Returns a [`Nack`] if the hub has no key, if no image is announced, or if another key made the signature.
+    /// Returns a [`Nack`] if the hub has no key, if no image is announced, or if the seal has another key than the hub.
     pub fn sign(&mut self, seal: Seal) -> Result<(), Nack> {
         let signer = self.slot.signer.ok_or(Nack::UPDATE_NO_SIGNER)?;
         if self.phase != Phase::Receiving {
@@ -267,13 +272,13 @@ impl Update {
         Ok(())
     }
 
-    /// Accepts the next chunk. A chunk that was accepted before is accepted again without effect, because the host may have
-    /// lost the answer.
+    /// Accepts the next chunk. A chunk that was accepted before may be repeated without effect, because the host may not have
+    /// received the answer.
     ///
     /// # Errors
     /// Returns a [`Nack`] if the chunk is not the next chunk, has a wrong length, or comes while the slot task is
-    /// busy. The first chunk must be the beginning of an image for this hub, and come after the signature if one is
-    /// needed.
+    /// busy. Refuses a first chunk that is not the beginning of an image for this hub, and all chunks while a required signature
+    /// is missing.
     pub fn chunk(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Nack> {
         if self.phase != Phase::Receiving {
             return Err(Nack::UPDATE_NOT_BEGUN);
@@ -323,7 +328,7 @@ impl Update {
     /// Requests a reset of the chip, after which the bootloader starts the armed image.
     ///
     /// # Errors
-    /// Returns a [`Nack`] if no image is armed, or if a motor runs.
+    /// Returns a [`Nack`] if no image is armed, or if a motor runs. A repeated call changes nothing.
     pub fn restart(&mut self, motors_run: bool) -> Result<(), Nack> {
         if self.phase != Phase::Armed {
             return Err(Nack::UPDATE_NOT_ARMED);
@@ -337,7 +342,7 @@ impl Update {
         Ok(())
     }
 
-    /// Discards the announced image. Requests that an armed image is disarmed.
+    /// Discards the announced image. If the image is armed, requests its disarming.
     ///
     /// # Errors
     /// Returns [`Nack::UPDATE_BUSY`] while the slot task is busy.
@@ -352,9 +357,9 @@ impl Update {
         Ok(())
     }
 
-    /// Returns the next request for the slot task, or `None` if there is none or the task is busy.
+    /// Hands the pending request to the slot task. `None` if no request is pending, or while the task carries out another one.
     ///
-    /// The slot task reports the result with [`done`](Self::done).
+    /// The task must report the result to [`done`](Self::done).
     pub fn request(&mut self) -> Option<UpdateRequest> {
         if self.at_work {
             return None;
@@ -377,7 +382,7 @@ impl Update {
         self.phase = match (self.phase, outcome) {
             (Phase::Checking, Outcome::Done) => Phase::Armed,
             (Phase::Receiving, Outcome::Done) => Phase::Receiving,
-            // After a failed restart or a failed disarm the image is still armed.
+            // After a failed restart or a failed disarming the image is still armed.
             (Phase::Armed, _) | (Phase::Disarming, Outcome::Refused | Outcome::Mismatch) => Phase::Armed,
             _ => Phase::Nothing,
         };
@@ -408,12 +413,12 @@ impl Update {
         (self.received, self.length)
     }
 
-    /// Returns the slot that images are written to.
+    /// Returns the active slot, which images are linked for.
     pub const fn slot(&self) -> Slot {
         self.slot
     }
 
-    /// Checks that the slot task is not busy.
+    /// Refuses if the slot task carries out a request or has one waiting.
     const fn check_idle(&self) -> Result<(), Nack> {
         if self.at_work() { Err(Nack::UPDATE_BUSY) } else { Ok(()) }
     }
@@ -423,10 +428,10 @@ impl Update {
 const VECTORS: u32 = 8;
 
 impl Slot {
-    /// Returns true if the first two vectors of `image` fit this chip and this slot (ARMv7-M ARM, B1.5.3).
+    /// Returns true if the first two vectors of `image` fit this chip and the active slot (ARMv7-M ARM, B1.5.3).
     ///
-    /// The initial stack pointer must be in the RAM and a multiple of 8. The reset vector must be in the slot and odd,
-    /// because its lowest bit selects Thumb code.
+    /// The initial stack pointer must be in the RAM or at its end, and a multiple of 8. The reset vector must be in the slot and
+    /// odd, because its lowest bit selects Thumb code.
     fn accepts(&self, image: &[u8]) -> bool {
         let Some((stack, rest)) = image.split_first_chunk() else { return false };
         let Some((reset, _)) = rest.split_first_chunk() else { return false };

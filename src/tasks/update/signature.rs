@@ -1,6 +1,6 @@
 //! Checks the signature of an image: Ed25519 (RFC 8032) of the image's SHA-512 hash.
 //!
-//! [`embassy_boot`] has an equal check. It is not used, because it reads two bytes at a time and does not let other tasks run.
+//! The check of [`embassy_boot`] is not used, because that check reads two bytes at a time and does not let other tasks run.
 
 use super::{Outcome, Slots, each_chunk};
 use crate::update::Seal;
@@ -8,8 +8,8 @@ use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 use salty::{PublicKey, Sha512, Signature};
 
 impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
-    /// Checks that the seal is a valid signature of the written image. The arithmetic blocks the processor, so `motors_off`
-    /// is awaited before.
+    /// Checks that the seal has a valid signature of the written image by the seal's key. The arithmetic blocks the processor, so
+    /// the method awaits `motors_off` before.
     pub(super) async fn verify(
         &mut self,
         length: u32,

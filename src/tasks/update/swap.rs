@@ -1,71 +1,81 @@
-//! Ties a swap to the images that are swapped.
+//! Recognises a *stale* swap: the state of a swap whose images are not in the slots any more.
 //!
-//! A probe may write the booted slot behind the bootloader's back. The state of a swap is then *stale*: with it the
-//! bootloader would put older firmware over what the probe wrote. So the hub stores a checksum of each page of both slots
-//! when it arms a swap. The bootloader compares the pages of the booted slot with these checksums, and discards a stale swap.
+//! A debug probe may write firmware to the active slot without the bootloader. If the bootloader then continued a swap, it would
+//! overwrite the new firmware with older firmware. So the hub stores a checksum of each page of both slots together with the swap
+//! mark. The bootloader compares the pages of the active slot with these checksums, and discards a stale swap.
 //!
-//! The progress of a swap counts steps. Each page takes two steps: to the other slot, and from the other slot.
+//! The *progress* of a swap counts steps. Each page takes two steps. The first step copies the page of the active slot to the
+//! download slot. The second step copies the other image's page to the active slot. With N pages in the active slot:
 //!
 //! ```text
-//! progress     0             2 N              4 N
-//!              | swap        | roll back      |
-//! pages        | N-1 .. 0    | 0 .. N-1       |
+//! progress   0                   2 N                             4 N
+//!            | swap               | restore the previous firmware |
+//! pages      | N-1 first, 0 last  | 0 first, N-1 last             |
 //! ```
 //!
-//! The state is in words of the flash: the order, a mark, the progress, and at the end the checksums, page 0 last.
+//! The bootloader's state has these words, from its first address to its last:
+//!
+//! | words | content |
+//! |---|---|
+//! | 1 | swap mark |
+//! | 1 | blank; 0 while the bootloader erases the progress, after it has restored the previous firmware |
+//! | 4 N | progress: the number of words without a blank byte, from the first word on |
+//! | rest | unused |
+//! | N | [`PageSums`] of the pages, in descending order: page 0 is last |
 
 use super::{BLANK, StateFlash, WORD, checksum};
 use embassy_boot::FirmwareState;
 use embedded_storage_async::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 
-/// Each byte of the order to swap (`SWAP_MAGIC` of embassy-boot, which keeps the constant to itself).
+/// Value of each byte of the swap mark. It is `SWAP_MAGIC` of embassy-boot, which is not public.
 const SWAP: u8 = 0xF0;
 
-/// Number of words in front of the progress.
+/// Index of the first word of the progress.
 const PROGRESS_AT: u32 = 2;
 
-/// Bytes of the checksums of a page. The words of the state must not be shorter.
+/// Size of [`PageSums`] in bytes. Each page has one word of the state, so a word must not be shorter.
 pub(super) const SUMS_BYTES: usize = 8;
 
-/// CRC-32 of a page of both slots at the time of the order.
+/// CRC-32 of one page in both slots before the swap.
 struct PageSums {
-    /// The page of the booted slot.
-    before: u32,
-    /// The page of the new firmware.
+    /// The page of the active slot: the previous firmware.
+    previous: u32,
+    /// The page of the download slot: the new firmware.
     new: u32,
 }
 
 impl PageSums {
-    /// Reads the checksums from a word of the state.
+    /// Reads the checksums from a word of the state. `None` if the word is too short.
     fn read(word: &[u8]) -> Option<Self> {
-        let (before, rest) = word.split_first_chunk()?;
+        let (previous, rest) = word.split_first_chunk()?;
         let (new, _) = rest.split_first_chunk()?;
-        Some(Self { before: u32::from_le_bytes(*before), new: u32::from_le_bytes(*new) })
+        Some(Self { previous: u32::from_le_bytes(*previous), new: u32::from_le_bytes(*new) })
     }
 
-    /// Checks the checksum of this page of the booted slot after so many steps of the swap.
+    /// True if `sum` is the checksum that the page number `page` of the active slot must have after `progress` steps. `pages` is
+    /// the number of pages.
     const fn fits(&self, sum: u32, page: u32, pages: u32, progress: u32) -> bool {
-        let (steps, turn, from, to) = match progress.checked_sub(2 * pages) {
-            None => (progress, pages - 1 - page, self.before, self.new),
-            Some(steps) => (steps, page, self.new, self.before),
+        let (steps, pages_before, from, to) = match progress.checked_sub(2 * pages) {
+            None => (progress, pages - 1 - page, self.previous, self.new),
+            Some(steps) => (steps, page, self.new, self.previous),
         };
-        match steps.checked_sub(2 * turn) {
+        match steps.checked_sub(2 * pages_before) {
             None | Some(0) => sum == from,
-            // The page is being erased and written.
+            // The page is being erased or written in this step, so any content is possible.
             Some(1) => true,
             Some(_) => sum == to,
         }
     }
 }
 
-/// Returns the place of a page's checksums in the state.
+/// Returns the address of a page's checksums in the state.
 fn sums_at<S: NorFlash>(state: &StateFlash<S>, page: u32) -> u32 {
     (state.capacity() as u32).saturating_sub((page + 1) * S::WRITE_SIZE as u32)
 }
 
-/// Orders the bootloader to swap the slots, and stores the checksums of the slots' pages.
-pub(super) async fn order<A: ReadNorFlash, D: NorFlash, S: NorFlash>(
-    booted: &mut A,
+/// Stores the checksums of the slots' pages, and then the swap mark.
+pub(super) async fn mark<A: ReadNorFlash, D: NorFlash, S: NorFlash>(
+    active: &mut A,
     download: &mut D,
     state: &mut StateFlash<S>,
 ) -> Result<(), NorFlashErrorKind> {
@@ -74,10 +84,10 @@ pub(super) async fn order<A: ReadNorFlash, D: NorFlash, S: NorFlash>(
     let word = buffer.get_mut(..S::WRITE_SIZE).unwrap_or_default();
     state.erase(0, state.capacity() as u32).await.map_err(kind)?;
     let length = D::ERASE_SIZE as u32;
-    for page in 0..booted.capacity() as u32 / length {
-        let before = checksum(booted, page * length, length).await?;
+    for page in 0..active.capacity() as u32 / length {
+        let previous = checksum(active, page * length, length).await?;
         let new = checksum(download, page * length, length).await?;
-        let sums = [before, new].map(u32::to_le_bytes);
+        let sums = [previous, new].map(u32::to_le_bytes);
         word.iter_mut().zip(sums.as_flattened()).for_each(|(to, byte)| *to = *byte);
         state.write(sums_at(state, page), word).await.map_err(kind)?;
     }
@@ -85,13 +95,13 @@ pub(super) async fn order<A: ReadNorFlash, D: NorFlash, S: NorFlash>(
     state.write(0, word).await.map_err(kind)
 }
 
-/// Discards an ordered or begun swap if the booted slot is not as the swap has left it. A bootloader calls this function
-/// before it goes on with a swap.
+/// Discards a swap that is marked or begun, if the swap is stale. It is stale if a page of the active slot does not have the
+/// checksum that the progress requires. A bootloader calls this function before it begins or continues a swap.
 ///
 /// # Errors
 /// Returns the kind of the flash's error.
 pub async fn discard_stale_swap<A: NorFlash, S: NorFlash>(
-    booted: &mut A,
+    active: &mut A,
     state: &mut StateFlash<S>,
 ) -> Result<(), NorFlashErrorKind> {
     let kind = |error: S::Error| error.kind();
@@ -102,7 +112,7 @@ pub async fn discard_stale_swap<A: NorFlash, S: NorFlash>(
         return Ok(());
     }
     let length = A::ERASE_SIZE as u32;
-    let pages = booted.capacity() as u32 / length;
+    let pages = active.capacity() as u32 / length;
     let mut progress = 0;
     while progress < 4 * pages {
         state.read((PROGRESS_AT + progress) * S::WRITE_SIZE as u32, word).await.map_err(kind)?;
@@ -112,7 +122,7 @@ pub async fn discard_stale_swap<A: NorFlash, S: NorFlash>(
         progress += 1;
     }
     for page in 0..pages {
-        let sum = checksum(booted, page * length, length).await?;
+        let sum = checksum(active, page * length, length).await?;
         state.read(sums_at(state, page), word).await.map_err(kind)?;
         if !PageSums::read(word).is_some_and(|sums| sums.fits(sum, page, pages, progress)) {
             let done = FirmwareState::new(state, word).mark_booted().await;
