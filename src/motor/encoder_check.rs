@@ -178,6 +178,11 @@ struct RunawayLimits {
     /// Counts beyond those of the early span with which such a motor has clearly become faster, so that its encoder is
     /// reversed. Each span has an error of one count.
     faster_counts: i64,
+    /// Counts of a late span from which on the errors of both spans are small beside the speed. With fewer counts, and no
+    /// more than `error_counts` beyond those of the early span, another late span follows.
+    exact_counts: i64,
+    /// Errors of both spans together, in counts.
+    error_counts: i64,
 }
 
 const RUNAWAY: RunawayLimits = RunawayLimits {
@@ -192,6 +197,8 @@ const RUNAWAY: RunawayLimits = RunawayLimits {
     longest_ms: 2_000,
     trusted_ms: 1_000,
     faster_counts: 4,
+    exact_counts: 40,
+    error_counts: 2,
 };
 
 /// A fault of an encoder.
@@ -516,10 +523,10 @@ impl Span {
         self.counts * i64::from(other.ms) < other.counts * i64::from(self.ms)
     }
 
-    /// True if this span has more counts than errors explain if its mean speed is not above that of the other.
-    fn is_clearly_faster_than(self, other: Self) -> bool {
-        let beyond = self.counts - RUNAWAY.faster_counts;
-        beyond * i64::from(other.ms) > other.counts * i64::from(self.ms)
+    /// True if the mean speed of this span is above the mean speed of the other, even if this span has `error` counts too
+    /// many.
+    fn is_faster_than(self, other: Self, error: i64) -> bool {
+        (self.counts - error) * i64::from(other.ms) > other.counts * i64::from(self.ms)
     }
 }
 
@@ -533,7 +540,8 @@ struct Runaway {
     /// True for an unknown motor whose encoder is trusted. If the short spans do not show that the motor has become faster,
     /// longer spans follow.
     trusted: bool,
-    /// True while the spans of a trusted motor are the longer ones.
+    /// True in the second comparison. Its early span contains the spans of the first one. The spans of a trusted motor are
+    /// longer in it.
     long: bool,
     /// True if the motor turns clockwise.
     clockwise: bool,
@@ -579,6 +587,19 @@ impl Runaway {
         }
     }
 
+    /// True if the spans do not show whether the motor has become faster.
+    fn is_uncertain(&self) -> bool {
+        let Self { early, late, .. } = *self;
+        if self.trusted {
+            !late.is_faster_than(early, RUNAWAY.faster_counts)
+        } else {
+            // A motor that swings on a springy stop has few counts, and about the same number in both spans.
+            late.counts < RUNAWAY.exact_counts
+                && !late.is_slower_than(early)
+                && !late.is_faster_than(early, RUNAWAY.error_counts)
+        }
+    }
+
     /// Takes a tick in RunningAway. If the late span is slower than the early span, the comparison begins again.
     fn step(mut self, tick: &Tick<'_>) -> (State, Finding) {
         // A motor that reversed has followed its drive, even if it swings back later.
@@ -605,7 +626,7 @@ impl Runaway {
         if self.late.ms < late_ms {
             let finding = if self.full_reverse { Finding::FullReverse(end) } else { Finding::Sound };
             (State::RunningAway(self), finding)
-        } else if self.trusted && !self.long && !undecided && !self.late.is_clearly_faster_than(self.early) {
+        } else if !self.long && !undecided && self.is_uncertain() {
             let early = self.early.plus(self.late);
             (State::RunningAway(Self { early, late: Span::default(), long: true, ..self }), Finding::Sound)
         } else if too_slow || self.late.is_slower_than(self.early) {
