@@ -78,7 +78,7 @@ use crate::units::{Control, CountsPerSecond, Duty, Micros, Milliamperes, Period,
 use back_emf::Configured;
 use burn_pulses::{BurnPulses, Pulse, Voltages};
 use core::mem::discriminant;
-use encoder_check::{EncoderCheck, Finding};
+use encoder_check::{EncoderCheck, Instruction};
 use expected::Tick;
 use last_motion::LastMotion;
 use limits::VoltageLimits;
@@ -296,7 +296,7 @@ impl Motor {
             self.settle_detector.reset();
         }
         if to != from && !from.continues_as(to, self.position) {
-            let transition = if self.interrupt_check() {
+            let transition = if self.end_examination() {
                 Transition::FromStop
             } else if from == Setpoint::ConstantPower(Control::ZERO) {
                 Transition::FromBrake
@@ -326,9 +326,9 @@ impl Motor {
     }
 
     /// Ends a release or a probe of the encoder check. Returns true if there was one, or if the motor is stalled.
-    const fn interrupt_check(&mut self) -> bool {
+    const fn end_examination(&mut self) -> bool {
         match &mut self.state {
-            MotorState::Regulated(check) => check.interrupt(&mut self.last_motion),
+            MotorState::Regulated(check) => check.end_examination(&mut self.last_motion),
             _ => false,
         }
     }
@@ -494,43 +494,43 @@ impl Motor {
             OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery.voltage)
         });
         let mut activity = if at.is_some() { self.activity(moved) } else { Activity::Coast };
-        let mut finding = Finding::Sound;
+        let mut instruction = Instruction::Regulate;
         match (activity, at, moved) {
             (Activity::Regulate(_), Some(at), Some(moved)) => {
-                finding = self.check_encoder(at, moved);
+                instruction = self.check_encoder(at, moved);
                 if self.encoder_fault.is_some() {
                     activity = self.on_fault();
                 }
             }
-            _ if self.setpoint.is_regulated() => _ = self.interrupt_check(),
+            _ if self.setpoint.is_regulated() => _ = self.end_examination(),
             _ => self.last_motion.forget(),
         }
-        self.request_of(activity, at?, moved, finding)
+        self.request_of(activity, at?, moved, instruction)
     }
 
     /// Checks the encoder of a regulated motor.
-    fn check_encoder(&mut self, at: OperatingPoint, moved: i32) -> Finding {
-        let MotorState::Regulated(check) = &mut self.state else { return Finding::Sound };
-        let Some(command) = &self.command else { return Finding::Sound };
-        let Some(target) = command.request.target else { return Finding::Sound };
+    fn check_encoder(&mut self, at: OperatingPoint, moved: i32) -> Instruction {
+        let MotorState::Regulated(check) = &mut self.state else { return Instruction::Regulate };
+        let Some(command) = &self.command else { return Instruction::Regulate };
+        let Some(target) = command.request.target else { return Instruction::Regulate };
         let context =
             Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
         let (regulator, position) = (&self.regulator, self.position);
         let tick = Tick { context: &context, regulator, command, target, position, moved };
-        let finding = check.step(&mut self.last_motion, &tick);
-        if let Finding::Fault(fault) = finding {
+        let instruction = check.step(&mut self.last_motion, &tick);
+        if let Instruction::Fault(fault) = instruction {
             self.encoder_fault = Some(fault);
         }
-        finding
+        instruction
     }
 
-    /// Computes the request of an activity; `None` for an open bridge. `finding` is what the encoder check has found.
+    /// Computes the request of an activity; `None` for an open bridge. `instruction` is what the encoder check has found.
     fn request_of(
         &mut self,
         activity: Activity,
         at: OperatingPoint,
         moved: Option<i32>,
-        finding: Finding,
+        instruction: Instruction,
     ) -> Option<Request> {
         let (control, modulation) = match activity {
             Activity::Coast => return None,
@@ -541,7 +541,7 @@ impl Motor {
                 let voltage = self.regulator.limit_speed(Voltage::from_volts(volts), speed_limit, at);
                 (None, self.modulator.for_voltage(at, voltage))
             }
-            Activity::Regulate(demand) => return Some(self.regulate(demand, at, moved?, finding)),
+            Activity::Regulate(demand) => return Some(self.regulate(demand, at, moved?, instruction)),
             Activity::Identify => {
                 let voltage = self.identify(at)?;
                 (None, self.modulator.for_voltage(at, voltage))
@@ -563,14 +563,20 @@ impl Motor {
     }
 
     /// Computes the request of the regulator, or of the encoder check if the encoder is in doubt.
-    fn regulate(&mut self, demand: Demand, at: OperatingPoint, moved: i32, finding: Finding) -> Request {
+    fn regulate(
+        &mut self,
+        demand: Demand,
+        at: OperatingPoint,
+        moved: i32,
+        instruction: Instruction,
+    ) -> Request {
         let (mut speed, mut hunts) = (self.regulator.demanded_speed(demand), false);
-        let (control, modulation) = match finding {
-            Finding::FullReverse(control) => (Some(control), Modulation::full_reverse(at)),
-            Finding::Release => (Some(Control::ZERO), Modulation::full_braking(at)),
+        let (control, modulation) = match instruction {
+            Instruction::FullReverse(control) => (Some(control), Modulation::full_reverse(at)),
+            Instruction::Release => (Some(Control::ZERO), Modulation::full_braking(at)),
             // The speed is in doubt, so the probe is in open loop.
-            Finding::Probe(control) => (Some(control), self.modulator.open_loop(at, control)),
-            Finding::Sound | Finding::Fault(_) => {
+            Instruction::Probe(control) => (Some(control), self.modulator.open_loop(at, control)),
+            Instruction::Regulate | Instruction::Fault(_) => {
                 let context =
                     Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
                 let output = self.regulator.step(demand, moved, &context);
