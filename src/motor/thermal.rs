@@ -16,8 +16,8 @@
 //! less current than computed.
 //!
 //! ```text
-//! Running ─── heat above 1.1 ───▶ Cut
-//!    ▲                           │
+//! Running ───── heat above 1.1 ────▶ Cut
+//!    ▲                              │
 //!    └─ disabled at heat 1 or less ─┘
 //! ```
 

@@ -172,7 +172,7 @@ impl Identifier {
     /// Sets the voltage that the bridge applies until the next step.
     pub const fn drive(&mut self, voltage: Voltage) {
         if let Self::Moving(excitation) = self {
-            excitation.segments.drive(voltage.to_volts());
+            excitation.segments.set_voltage(voltage.to_volts());
         }
     }
 

@@ -89,7 +89,7 @@ impl Segments {
     }
 
     /// Sets the voltage in V that the bridge applies from now on.
-    pub(super) const fn drive(&mut self, voltage: f32) {
+    pub(super) const fn set_voltage(&mut self, voltage: f32) {
         self.voltage = voltage;
     }
 
