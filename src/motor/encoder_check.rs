@@ -1,7 +1,7 @@
 //! Checks the encoder of a regulated motor by drive voltage and counts. With an encoder that is unplugged or reversed,
 //! a regulated motor runs away.
 //!
-//! The diagram shows the main transitions. The list of states has all of them.
+//! The diagram shows the main transitions. The text below the terms names all transitions.
 //!
 //! ```text
 //!                 full reverse, wrong speed                 free, or reversed request
@@ -25,8 +25,8 @@
 //!   encoder with one broken wire toggles within the dead band, and makes no motion (see `last_motion`).
 //! * *Silence*: the time since the last motion, or since the check last began again if that is later.
 //! * *Expected distance*: the least distance that a healthy motor covers in a silence or a probe (see `expected`).
-//! * *Time-out*: the longest time for which an unknown motor may be driven in a silence. The time starts again at 0
-//!   whenever the drive voltage falls to the heaviest friction.
+//! * *Time-out*: the longest time for which an unknown motor may be silent while the drive voltage exceeds the
+//!   heaviest friction. The time starts again at 0 whenever the drive voltage falls to the heaviest friction.
 //! * *Too few counts*: a silence of 46 ms or more whose expected distance has reached a limit; or a time-out.
 //! * *Slow-counting motor*: a motor whose encoder sends fewer than 1000 counts/s at a back EMF of 12 V.
 //! * *Examination*: a release or a probe.
@@ -240,8 +240,8 @@ impl Tick<'_> {
         settings.coefficients.is_some() && matches!(settings.scheme, Scheme::C | Scheme::D(_))
     }
 
-    /// True if the bridge is in reverse at the end of the control range, and still the motor turns in the wrong
-    /// direction or at least twice as fast as requested.
+    /// True if the motor runs away: it turns in the wrong direction or at least twice as fast as requested, with the
+    /// bridge in reverse at the end of the control range.
     fn runs_away(&self) -> bool {
         let velocity = i64::from(self.regulator.velocity().to_bits());
         let twice = 2 * i64::from(self.target.to_bits());

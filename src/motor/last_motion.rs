@@ -148,8 +148,8 @@ impl LastMotion {
         self.samples >= LIMITS.creeping_samples && (1..=LIMITS.creeping_toggles).contains(&self.toggles)
     }
 
-    /// The steady run before the silence. `None` if the last motion was in the other direction, if the run was too
-    /// short or has been forgotten, or if the estimated speed was not in the direction of the run.
+    /// The steady run before the silence. `None` if the run was in the other direction, was too short or has been
+    /// forgotten. `None` also if the estimated speed was not in the direction of the run.
     pub(super) fn steady(&self, clockwise: bool) -> Option<SteadyRun> {
         let run_us = self.moved_at.wrapping_sub(self.run_began_at);
         let side = if clockwise { 1.0 } else { -1.0 };

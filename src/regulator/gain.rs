@@ -62,8 +62,8 @@ const HEAVY: f32 = 1.25;
 /// Balance of counts at which the encoder is trusted. The balance is the counts in the direction of the voltage less
 /// the counts against the voltage.
 const TRUSTED_COUNTS: i32 = 30;
-/// Largest balance of counts: [`TRUSTED_COUNTS`] and 300 more. The encoder of a heavy motor that brakes in reverse at
-/// 3000 counts/s stays trusted for a control period of 100 ms, so the encoder check knows that the motor is heavy.
+/// Largest balance of counts: [`TRUSTED_COUNTS`] and 300 more. A heavy motor may brake in reverse at 3000 counts/s
+/// for a control period of 100 ms. The encoder then stays trusted, and [`GainEstimate::is_heavy`] true.
 const MOST_TRUST_COUNTS: i32 = 330;
 
 /// The estimate of one motor's gain, relative to the gain b that the observer uses.

@@ -18,7 +18,7 @@ use crate::units::{Coefficient, Control, CountsPerSecond, Period, Voltage};
 use libm::{roundf, sqrtf};
 
 /// Twice the voltage whose acceleration brakes the motor before a target position, in V. The planned deceleration is
-/// that of 5.5 V at the motor's gain.
+/// the motor's gain times 5.5 V.
 const BRAKING_VOLTS: f32 = 11.0;
 
 /// How the velocity loop begins at the next step. The integral is set so that the current makes no step. A loop

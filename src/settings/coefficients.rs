@@ -45,7 +45,7 @@ impl Coefficients {
     ///
     /// In Schemes B, C and D a control value is a current. The back EMF then does not damp the motor, and P grows by
     /// f to compensate. In Schemes C and D the control range has less current, so P and I grow by 60 %. With a fixed
-    /// blend of Scheme D, P and I lie between those of B and C.
+    /// blend of Scheme D, P and I lie between the values for B and C.
     pub fn guessed(emf: EmfConstant, scheme: Scheme, period: Period) -> Self {
         let f = emf.to_volts() * f32::from(Control::MAX.get()) / NOMINAL_VOLTS;
         let seconds = period.to_seconds();

@@ -95,7 +95,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The default settings: those of [`for_scheme`](Self::for_scheme) with Scheme A.
+    /// The default settings: [`for_scheme`](Self::for_scheme) with Scheme A.
     pub const fn new(winding: Winding) -> Self {
         Self::for_scheme(winding, Scheme::A)
     }

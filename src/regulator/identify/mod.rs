@@ -19,8 +19,8 @@
 //! turns.
 //!
 //! The gain of a configured motor is not estimated while the motor works. Such an estimate has an error of some 10 %,
-//! which is worse than exact constants: with the estimate 1.7 % of random responses never settled, with exact
-//! constants 0.3 %. For an unknown motor the estimate is better than the initial guess.
+//! which
+//! is worse than exact constants. With the estimate 1.7 % of random responses never settled, with exact constants 0.3 %. For an unknown motor the estimate is better than the initial guess.
 //!
 //! ```
 //! use motor_hub::braking::Winding;
