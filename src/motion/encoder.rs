@@ -17,9 +17,11 @@ use crate::units::Micros;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reading {
-    /// Position in counts since boot or reset, positive clockwise. It wraps at 32 bits.
+    /// Position in counts from the first sample after the hub started, positive clockwise. The position wraps at 32
+    /// bits.
     pub position: i32,
-    /// Time of the first sample with the present count. The edge itself was at most one sampling interval earlier.
+    /// Time of the first sample with the present count. The edge was at most one sampling interval earlier. Before
+    /// the first count, this is the time of the first sample.
     pub edge_at: Micros,
     /// Time of the sample.
     pub at: Micros,
@@ -27,7 +29,8 @@ pub struct Reading {
 
 /// Unwraps one 16-bit counter.
 ///
-/// The counter must be sampled before it moves 32 768 counts. A sample each millisecond allows 32 million counts/s.
+/// The counter must be sampled again before 32 768 counts have come. A sample each millisecond allows 32 million
+/// counts/s.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tracker {
     last: Option<(u16, Reading)>,
@@ -39,7 +42,7 @@ impl Tracker {
         let reading = match self.last {
             None => Reading { position: 0, edge_at: now, at: now },
             Some((last_count, last)) => {
-                // The shorter of the two distances that give this count.
+                // The counter gives two distances, one in each direction. The shorter distance is the true one.
                 let moved = count.wrapping_sub(last_count).cast_signed();
                 Reading {
                     position: last.position.wrapping_add(i32::from(moved)),

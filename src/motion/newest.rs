@@ -28,13 +28,13 @@ impl<const N: usize> Newest<N> {
         Self { readings: [None; N], speeds: [None; N] }
     }
 
-    /// Takes a sample of all encoders. `read` replaces the last readings in place. An encoder without a new reading keeps
-    /// its last one.
+    /// Takes a sample of all encoders. `read` replaces the readings in place. An encoder without a new reading keeps
+    /// its last reading.
     pub fn sample(&mut self, read: impl FnOnce(&mut [Option<Reading>; N])) {
         read(&mut self.readings);
     }
 
-    /// The newest sample of each encoder; `None` before the first.
+    /// The newest sample of each encoder; `None` before the first sample.
     pub const fn readings(&self) -> &[Option<Reading>; N] {
         &self.readings
     }
@@ -46,8 +46,9 @@ impl<const N: usize> Newest<N> {
         }
     }
 
-    /// A motor's position in counts, and its speed; `None` without a sample newer than `tick`. The speed is `None`
-    /// where speeds are estimated at ticks only.
+    /// The position of a motor in counts, and its speed. `None` without such a motor, or without a sample newer than
+    /// `tick`. The speed is `None` before the first call of [`observe`](Self::observe), as on a board that estimates
+    /// speeds at ticks only.
     pub fn look(&self, motor: usize, tick: Micros) -> Option<(i32, Option<CountsPerSecond>)> {
         let new = (*self.readings.get(motor)?).filter(|new| new.at > tick)?;
         Some((new.position, self.speeds.get(motor).copied().flatten()))

@@ -27,8 +27,8 @@ pub type Value = I24F8;
 /// The exact product of a coefficient and a value, or a sum of products: +-2^39.
 type Term = I40F24;
 
-/// Cycle for which hosts choose I and D, in ms: the control period of REV's hubs. A loop of another period has the same
-/// effect per time.
+/// Cycle for which hosts choose I and D, in ms: the control period of REV's hubs. With another period I and D have
+/// the same effect per time.
 const CYCLE_MS: i64 = 50;
 
 /// Coefficients of one loop, in the units of the protocol.
@@ -42,10 +42,10 @@ const CYCLE_MS: i64 = 50;
 pub struct Pidf {
     /// Proportional coefficient.
     pub p: Coefficient,
-    /// Integral coefficient, per cycle of 50 ms: 20 I per second at every period.
+    /// Integral coefficient per cycle of 50 ms. At every period this is 20 I per second.
     pub i: Coefficient,
-    /// Derivative coefficient, in cycles of 50 ms: D / 20 in seconds. It acts on the measurement, so a set-point step
-    /// gives no kick.
+    /// Derivative coefficient in cycles of 50 ms. At every period this is D / 20 in seconds. The coefficient acts on
+    /// the measurement, so a step of the set-point gives no kick.
     pub d: Coefficient,
     /// Feed-forward coefficient.
     pub f: Coefficient,
@@ -63,9 +63,9 @@ impl Pidf {
 pub struct PidInput {
     /// Set-point minus measurement.
     pub error: Value,
-    /// Measurement. It may wrap, as positions do; in one tick it may change by half of the range.
+    /// Measurement. The value may wrap, as positions do, if it changes by less than half of the range in a tick.
     pub measured: Value,
-    /// Factor of the feed-forward coefficient.
+    /// Value by which the feed-forward coefficient is multiplied.
     pub feed_forward: Value,
     /// Largest magnitude of the output. The sign of the limit has no effect.
     pub limit: Value,
@@ -85,7 +85,7 @@ pub struct Pid {
 }
 
 impl Pid {
-    /// Takes a tick and returns the output, rounded down and within `input.limit`.
+    /// Takes a tick. Returns the output, rounded down and limited to `input.limit` in both directions.
     ///
     /// Anti-windup: while the output saturates, the integral changes only towards the range. Integral and feed-forward
     /// are each limited to the range.
@@ -116,7 +116,8 @@ impl Pid {
         Value::saturating_from_num(output)
     }
 
-    /// Filters the rate of the measurement, in first order. A saturated rate is far beyond any limit.
+    /// Updates the filtered rate by a change of the measurement since the last tick. The filter is of first order. A
+    /// saturated rate is far beyond any limit.
     fn update_rate(&mut self, change: Value, period: Period) {
         // A period is at least 1 ms. The compiler then leaves out the check for a division by 0.
         let ms = i64::from(period.as_millis()).max(1);
@@ -130,10 +131,10 @@ impl Pid {
         *self = Self { integral: Term::ZERO, last_measured: None, rate: Value::ZERO };
     }
 
-    /// Resets the loop for a bumpless start: at an error of 0 the next output is `output`.
+    /// Resets the loop for a bumpless start of a loop with I: at an error of 0 the next output is `output`.
     ///
-    /// The feed-forward of `measured` is taken off the integral. A loop without I starts with an integral of 0, because
-    /// it could not change another one.
+    /// The feed-forward of `measured` is subtracted from the integral. A loop without I starts with an integral of 0,
+    /// because the loop could never change another integral.
     pub fn preset(&mut self, gains: &Pidf, output: Value, measured: Value) {
         self.reset();
         if gains.i != Coefficient::ZERO {

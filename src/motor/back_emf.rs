@@ -1,7 +1,8 @@
 //! Corrects a configured back EMF constant that is too high for the motor.
 //!
-//! Magnets lose some 0.2 % of their field a kelvin, so a motor that works has less back EMF than a cold one. If the speed
-//! [hunts](crate::regulator::Output::hunts), the constant in force is lowered step by step until the speed is steady.
+//! Magnets lose some 0.2 % of their field a kelvin, so a warm motor has less back EMF than a cold motor. While the
+//! speed [hunts](crate::regulator::Output::hunts), the constant in force is lowered in steps, down to the largest
+//! correction. The constant is not raised again before another back EMF or other dynamics are configured.
 
 use crate::settings::{Dynamics, Settings};
 use crate::units::{DecayRate, EmfConstant};
@@ -11,7 +12,7 @@ const STEP_PERCENT: i32 = 1;
 /// Largest correction, in % of the configured constant. The magnets of a motor lose that much in 75 K.
 const LARGEST_PERCENT: i32 = 15;
 
-/// The back EMF constant and the dynamics that are configured. The motor's settings have those in force.
+/// The configured back EMF constant and dynamics. The motor's settings have the values in force, which may be lower.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Configured {
     emf: EmfConstant,
@@ -19,12 +20,13 @@ pub(super) struct Configured {
 }
 
 impl Configured {
-    /// Takes what is configured.
+    /// Takes the configured values from settings that are not corrected.
     pub(super) const fn new(settings: &Settings) -> Self {
         Self { emf: settings.winding.emf, dynamics: settings.dynamics }
     }
 
-    /// The settings in force with one step less of back EMF; `None` if the correction is the largest.
+    /// The settings in force with the back EMF constant lowered by one step; `None` if the correction has reached its
+    /// limit.
     pub(super) fn lowered(&self, in_force: &Settings) -> Option<Settings> {
         let percent = self.emf.to_bits() / 100;
         let bits = in_force.winding.emf.to_bits() - STEP_PERCENT * percent;

@@ -1,12 +1,13 @@
 //! Burn pulses: braking that returns no energy to the bus, for a supply that cannot take energy back.
 //!
-//! A motor that brakes less than a short circuit returns a part of its energy to the bus, unless two pulses alternate.
-//! Each pulse lasts some milliseconds:
+//! A motor that brakes less than with a shorted winding returns a part of its energy to the bus. Two alternating
+//! pulses avoid this. Each pulse lasts some milliseconds:
 //!
 //! * **Short:** the bridge shorts the winding. The winding dissipates all energy, and the motor brakes more than
 //!   requested.
-//! * **Forward:** the bridge drives the motor a little beyond its back EMF. At the end of a short circuit the winding
-//!   returns energy, and the forward pulse draws this energy from the bus again. The motor brakes less than requested.
+//! * **Forward:** the bridge drives the motor with 10 to 30 % more than its back EMF. At the end of a short circuit
+//!   the winding returns energy, and the forward pulse draws this energy from the bus again. The motor brakes less
+//!   than requested.
 //!
 //! ```text
 //!             surplus > +1.5 ms x |e|, and the motor may end its short
@@ -22,21 +23,24 @@
 //! * *Surplus*: the time integral of requested less applied voltage, signed in the direction of motion. Above 0 the
 //!   motor was braked too much. The pulses keep the surplus near 0, so on average the motor brakes as requested.
 //!
-//! There is no simpler command for this. Proportional braking returns what it does not dissipate. A bridge that opens
-//! returns the energy of the winding. Reverse driving returns nothing, but brakes more than a short circuit.
+//! No single command brakes this way. Proportional braking returns the energy that the winding does not dissipate. A
+//! bridge that opens returns the energy of the winding. Reverse driving returns nothing, but brakes more than a short
+//! circuit.
 
 use crate::units::Micros;
 use crate::units::single::{at_least, at_most};
 use libm::sqrtf;
 
-/// Time in us for which a pulse at the whole back EMF may accumulate surplus. This is long enough for the energy of a
-/// winding to be small, and for a bridge to change its mode. It is short enough for the speed to stay even.
+/// Magnitude of the surplus at which one pulse ends and the other begins, in us times the back EMF. A pulse then
+/// lasts long enough for the energy of the winding to be small beside the energy of the pulse, and for the bridge to
+/// change its mode. The pulse is short enough for the speed to stay even.
 const PULSE_MICROS: f32 = 1_500.0;
 
-/// Largest surplus, in pulses. More surplus accumulates while the motor may not end its short circuit, and is discarded.
+/// Largest surplus that is kept, in multiples of [`PULSE_MICROS`]. The surplus beyond is discarded. It accumulates
+/// while the motor may not end its short circuit.
 const LARGEST_SURPLUS: f32 = 4.0;
 
-/// What the bridge does to a motor now.
+/// A kind of pulse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Pulse {
     /// The bridge shorts the winding.
@@ -54,7 +58,8 @@ pub(super) struct BurnPulses {
     surplus: f32,
     /// Voltages since `integrated_until`.
     voltages: Voltages,
-    /// Present pulse; `None` while the motor has the requested voltage itself, or does not brake.
+    /// Present pulse; `None` while the bridge applies the requested voltage without pulses, or the motor does not
+    /// brake.
     pulse: Option<Pulse>,
     /// Applied voltage of the last [`Pulse::Forward`], in V.
     forward_volts: f32,
@@ -96,13 +101,14 @@ impl BurnPulses {
         self.pulse.is_some()
     }
 
-    /// Ends the pulses, because the motor has the requested voltage itself from now on. The surplus is kept.
+    /// Ends the pulses, because the bridge applies the requested voltage without pulses from now on. The surplus is
+    /// kept.
     pub(super) fn pause(&mut self, now: Micros) {
         self.integrate(now);
         (self.voltages, self.pulse) = (Voltages::NONE, None);
     }
 
-    /// Ends the pulses and discards the surplus, because the motor no longer brakes.
+    /// Ends the pulses and discards the surplus, because the motor no longer brakes in part.
     pub(super) const fn stop(&mut self) {
         *self = Self::NONE;
     }
@@ -115,8 +121,8 @@ impl BurnPulses {
         self.surplus += along(requested - applied, emf) * passed as f32;
     }
 
-    /// Returns the next pulse of a motor with this back EMF in V. `may_end_short` says whether the motor may end a short
-    /// circuit now.
+    /// Limits the surplus, and returns the next pulse of a motor with this back EMF in V. `may_end_short` says
+    /// whether the motor may end a short circuit now.
     pub(super) fn next(&mut self, emf: f32, may_end_short: bool) -> Pulse {
         let threshold = PULSE_MICROS * emf.abs();
         let largest = LARGEST_SURPLUS * threshold;
@@ -140,7 +146,7 @@ impl BurnPulses {
         (self.voltages, self.pulse) = (voltages, Some(pulse));
     }
 
-    /// The voltage beyond the back EMF, in V, whose constant current heats the winding as much as the pulses do. The
+    /// Voltage in V between the back EMF and a constant voltage that heats the winding as much as the pulses do. The
     /// pulses heat the winding more than their mean current would.
     pub(super) fn heating(&self) -> f32 {
         let Voltages { requested, emf, .. } = self.voltages;

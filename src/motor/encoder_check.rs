@@ -1,59 +1,74 @@
 //! Checks the encoder of a regulated motor by drive voltage and counts. With an encoder that is unplugged or reversed,
 //! a regulated motor runs away.
 //!
+//! The diagram shows the main transitions. The text below the terms names all transitions.
+//!
 //! ```text
 //!                 full reverse, wrong speed                 free, or reversed request
 //!   RunningAway ◀────────────────────────── Watching ◀───────────────────────────────┐
 //!     │    │                                 ▲    │                                   │
 //!     │    └──────── right speed ────────────┘    │ too few counts                    │
 //!     │                                           ▼                                   │
-//!     │ not slower                            Releasing ────────── counts ─────────▶ Stalled
+//!     │ not slower                            Releasing ────────── motion ─────────▶ Stalled
 //!     │                                           │ time over                         ▲
 //!     ▼                                           ▼                                   │
-//!   Faulty ◀────── expected distance ───────── Probing ─── counts, or no distance ────┘
+//!   Faulty ◀────── expected distance ───────── Probing ─── motion, or no distance ────┘
 //! ```
 //!
 //! Terms:
 //!
 //! * *Drive voltage*: the mean voltage across the motor.
-//! * *Gain*: the motor's acceleration per volt. An *unknown motor* has no configured gain, and its estimate does not
-//!   yet show a heavy motor.
-//! * *Motion*: a step of two counts or more. An encoder with one broken wire makes no motion (see `last_motion`).
-//! * *Silence*: the time since the last motion.
-//! * *Expected distance*: the distance that a healthy motor covers at least in a silence or a probe (see `expected`).
-//! * *Too few counts*: the expected distance of a silence has reached a limit. An unknown motor also has a time-out.
+//! * *Gain*: the motor's acceleration per volt. Without configured dynamics the regulator estimates the gain.
+//! * *Known motor*: a motor with a least gain, because its dynamics are configured or its estimated gain shows that the
+//!   motor is heavy. Any other motor is *unknown*.
+//! * *Motion*: a position more than one count from the centre of a dead band, which then follows the position. An
+//!   encoder with one broken wire toggles within the dead band, and makes no motion (see `last_motion`).
+//! * *Silence*: the time since the last motion, or since the check last began again if that is later.
+//! * *Expected distance*: the least distance that a healthy motor covers in a silence or a probe (see `expected`).
+//! * *Time-out*: the longest time for which an unknown motor may be silent while the drive voltage exceeds the
+//!   heaviest friction. The time starts again at 0 whenever the drive voltage falls to the heaviest friction.
+//! * *Too few counts*: a silence of 46 ms or more whose expected distance has reached a limit; or a time-out.
+//! * *Slow-counting motor*: a motor whose encoder sends fewer than 1000 counts/s at a back EMF of 12 V.
+//! * *Examination*: a release or a probe.
 //! * *Stall*: a stop or a load holds the motor. A stall is no fault.
 //!
 //! States:
 //!
 //! * *Watching*: the regulator drives the motor. The check computes the expected distance of each silence.
-//! * *Releasing*: the bridge brakes, so that a springy stop or a lifted load can move the motor. Counts mean a stall. If
-//!   there is no time for a release, the motor is probed without one.
-//! * *Probing*: the motor is driven in the other direction once. Counts mean a stall. If the expected distance is reached
-//!   without counts, the encoder is stuck. On a low battery a jammed motor may have no expected distance, and counts as
-//!   stalled. If the settings forbid probing, the motor gets the fault instead of a probe.
-//! * *Stalled*: the regulator drives the motor, and there is no further probe. The stall ends when the requested
-//!   direction changes, or when the motor turns beyond its stop. A stalled motor can run away too. The motor is stalled
-//!   again when the runaway ends.
+//! * *Releasing*: the bridge brakes, so that a springy stop or a lifted load can move the motor. A motion shows a stall.
+//!   After the release the motor is probed. If there is no time for a release, the motor is probed without one.
+//! * *Probing*: the motor is driven in the other direction once. A motion shows a stall. If the expected distance is
+//!   reached without a motion, the encoder is stuck. A motor that cannot reach the expected distance in the longest
+//!   probe, as on a low battery, is taken for stalled. If the settings forbid probing, the motor gets the fault instead
+//!   of a probe.
+//! * *Stalled*: the regulator drives the motor, and there is no further examination. The stall ends when the requested
+//!   direction changes, or when regulation ends. It also ends when the motor has turned beyond its stop for 150 ms, at
+//!   half of the requested speed or more. A stalled motor can run away too, and is stalled again after the runaway.
 //! * *RunningAway*: the bridge is in reverse at the end of the control range. Still the motor turns in the wrong
-//!   direction, or at least twice as fast as requested. A motor with a sound encoder becomes slower, unless its load
+//!   direction, or at least twice as fast as requested. A motor with a working encoder becomes slower, unless its load
 //!   exceeds the stall torque. If the motor does not become slower, its encoder is reversed.
-//! * *Faulty*: the encoder is stuck or reversed. The check has ended: the motor latches the fault until it is disabled.
+//! * *Faulty*: the encoder is stuck or reversed. The check has ended. The motor latches the fault until the motor is
+//!   disabled or in fail-safe.
+//!
+//! A set-point of another kind or direction ends an examination, as does a tick without regulation. The state is then
+//! Watching.
 //!
 //! | motor | time to a fault |
 //! |---|---|
 //! | turned steadily, then silent | 250 ms, at every control period |
 //! | other clear cases | 250 ms from full drive voltage on |
-//! | has few counts | longer, by the time that counts take |
+//! | known, but slow-counting or heavy | longer, by the time in which its counts are due |
 //! | unknown, last turned in the other direction | 1 s, because a heavy motor may take that long to reverse |
-//! | unknown, has toggled by a few counts | 1 s, because a heavy motor may take that long to start |
-//! | unknown, with fewer than 1000 counts/s at 12 V | some 4 s |
-//! | unknown, runs away after its encoder counted in the right direction | 2.2 s if it does not become faster, because the motor may be heavy |
+//! | unknown, has toggled a few times | 1 s, because a heavy motor may take that long to start |
+//! | unknown and slow-counting | some 4 s |
+//! | not configured, runs away after its encoder has sent counts in the right direction | 2.2 s if it does not become faster, because the motor may be heavy |
 //!
-//! The check excludes three kinds of motors. A motor in open loop needs no encoder. From a motor that holds its position,
-//! no count is due. A motor at rest on a low battery may be unable to turn against friction.
+//! The check for a stuck encoder needs a set-point of speed or position, also in a group, and a requested speed of at
+//! least 40 counts/s. So open loop, constant current and identification are excluded, and so is a motor that holds its
+//! position. A motor at rest is excluded while its drive voltage does not exceed the heaviest friction, as on a low
+//! battery.
 //!
-//! Constants without a stated source have none on record. `motor-hub soak --sweep` counts false alarms with the constants
+//! Constants without a stated source have none on record. `motor-hub soak --sweep` finds false alarms of the constants
 //! (see `docs/concepts/faults.md`), and `tests/guard.rs` checks the times.
 
 use super::expected::{Expected, LOAD, Tick};
@@ -67,29 +82,29 @@ const EXPECTED_COUNTS: f32 = 6.0;
 
 /// Limits of the state Watching.
 struct WatchLimits {
-    /// Shortest silence that is examined, in µs.
+    /// Silence in µs below which a motor turns, so that the check for missing counts waits.
     quiet_us: u32,
-    /// Least requested speed that is watched, in counts/s.
+    /// Least requested speed, in counts/s, at which counts are due.
     least_speed_cps: f32,
-    /// Largest ratio of speed to requested speed at which a motor should keep turning. A faster motor should slow down,
-    /// and may come to rest.
+    /// Largest ratio of the speed before the silence to the requested speed at which a motor should keep turning. A
+    /// faster motor should slow down, and may come to rest.
     speed_ratio: f32,
-    /// Shortest silence with too few counts, in ms. At a control period of up to 51 ms, a release and a probe then end
-    /// within [`ProbeLimits::decided_ms`].
+    /// A shorter silence never has too few counts by its expected distance, in ms. At a control period of up to 51
+    /// ms, a release and a probe then end within [`ProbeLimits::decided_ms`].
     silence_ms: u32,
-    /// Expected distance of a silence after a steady run, in counts. When a load reverses a motor with a sound encoder,
-    /// fewer counts are missing.
+    /// Expected distance at which a silence after a steady run has too few counts, in counts. When a load reverses a
+    /// motor with a working encoder, fewer counts are missing.
     turning_counts: f32,
-    /// Time-out of an unknown motor, in ms. The time runs while the drive voltage exceeds the heaviest friction.
+    /// Time-out of an unknown motor to which no longer time-out applies, in ms.
     unknown_ms: u32,
     /// Time-out of an unknown motor that last turned in the other direction or creeps, in ms. A heavy motor may take that
     /// long to reverse or to start.
     heavy_ms: u32,
-    /// Back EMF constant above which a motor has few counts, in V per count/s. The limit is 1000 counts/s at 12 V. A motor
-    /// with few counts has its gear before the encoder, or a heavy rotor.
-    few_counts_emf_volts_per_cps: f32,
-    /// Time-out of an unknown motor with few counts, in ms.
-    few_counts_ms: u32,
+    /// Back EMF constant above which a motor is slow-counting, in V per count/s: 12 V at 1000 counts/s. The encoder
+    /// of such a motor is behind the gear, or its rotor is heavy.
+    slow_counting_emf_volts_per_cps: f32,
+    /// Time-out of an unknown, slow-counting motor, in ms.
+    slow_counting_ms: u32,
 }
 
 const WATCH: WatchLimits = WatchLimits {
@@ -100,20 +115,20 @@ const WATCH: WatchLimits = WatchLimits {
     turning_counts: 12.0,
     unknown_ms: 140,
     heavy_ms: 800,
-    few_counts_emf_volts_per_cps: 0.012,
-    few_counts_ms: 3_000,
+    slow_counting_emf_volts_per_cps: 0.012,
+    slow_counting_ms: 3_000,
 };
 
 /// Limits of the states Releasing and Probing.
 struct ProbeLimits {
-    /// Longest time from the last motion to a decision, in ms. Where a release would exceed this time, the motor is
-    /// probed without a release.
+    /// Longest time from the last motion of a known or steadily turning motor to a decision with a release, in ms. If
+    /// a release would make the decision later, the motor is probed without a release.
     decided_ms: u32,
     /// Time in Releasing, in ms.
     release_ms: u32,
     /// Shortest time in Probing, in ms.
     probe_ms: u32,
-    /// Longest time in Probing, in ms. A motor whose expected distance is still too short then counts as stalled.
+    /// Longest time in Probing, in ms. A motor whose expected distance is still too short then is taken for stalled.
     longest_ms: u32,
     /// Expected distance of the probe, in counts. If there is no motion within this distance, the encoder is stuck.
     counts: f32,
@@ -121,8 +136,8 @@ struct ProbeLimits {
     drive_share: f32,
     /// Longest mechanical time constant of an unknown motor, in s.
     time_constant_s: f32,
-    /// Longest mechanical time constant of an unknown motor with few counts, in s.
-    few_counts_time_constant_s: f32,
+    /// Longest mechanical time constant of an unknown, slow-counting motor, in s.
+    slow_counting_time_constant_s: f32,
 }
 
 const PROBE: ProbeLimits = ProbeLimits {
@@ -133,10 +148,10 @@ const PROBE: ProbeLimits = ProbeLimits {
     counts: 2.0,
     drive_share: 0.9,
     time_constant_s: 2.5,
-    few_counts_time_constant_s: 50.0,
+    slow_counting_time_constant_s: 50.0,
 };
 
-/// Limits of the state Stalled. A motor beyond all of these limits is free.
+/// Limits of the state Stalled. A motor that has reached all of these limits is free.
 struct StallLimits {
     /// Least distance beyond the stop, in counts. Toggling by one count stays below this distance.
     counts: i32,
@@ -155,28 +170,31 @@ struct RunawayLimits {
     full_control: i16,
     /// Length of the early span, in ms.
     early_ms: u32,
-    /// Extension of the early span plus one tick, in ms. With a tick of 10 ms the extension is 40 ms. A springy stop throws
-    /// a motor back for some 50 ms.
-    extension_ms: u32,
-    /// Length of the late span before a fault, in ms.
+    /// Time for which a springy stop throws a motor back, in ms. The early span is extended by this time less one
+    /// tick: by 40 ms with a tick of 10 ms.
+    springback_ms: u32,
+    /// Length of the late span before a fault, in ms, without the extension for a slow or trusted motor.
     late_ms: u32,
-    /// Length of the first late span of a motor whose control range may end before full reverse, in ms. After this span
-    /// the bridge gets full reverse. The early span of such a motor has no extension.
-    hint_ms: u32,
-    /// Fewest counts in 50 ms of the early span: 160 counts/s.
+    /// Length of the first late span under PID in Scheme C or D, in ms. There the control range may end before full
+    /// reverse. If the motor does not become slower in this span, the check commands full reverse and a second late
+    /// span follows. The early span and the first late span of such a motor have no extension.
+    first_late_ms: u32,
+    /// Fewest counts in 50 ms of the early span with which the spans can be compared: 160 counts/s. With fewer counts
+    /// the comparison begins again.
     counts_in_50_ms: i64,
-    /// Drive voltage of the time for [`EXPECTED_COUNTS`], in volts.
+    /// Drive voltage for which the time from rest to [`EXPECTED_COUNTS`] is computed, in volts.
     drive_volts: f32,
-    /// Longest time for [`EXPECTED_COUNTS`] that needs no extension, in ms. The spans of a slower motor are extended by
-    /// their time.
-    slow_ms: u32,
-    /// Longest extension of a span, in ms.
+    /// A motor is slow if it takes more than this time from rest to [`EXPECTED_COUNTS`], in ms. The spans of a slow
+    /// motor are extended by the time that the motor takes.
+    quick_ms: u32,
+    /// Longest extension of a span because a motor is slow, in ms.
     longest_ms: u32,
-    /// Least extension of the spans of an unknown motor whose encoder has counted in the right direction, in ms. The motor
-    /// may be heavy, and slow down by less than a count in a short span.
+    /// Least extension of the longer spans of a trusted motor, in ms. A trusted motor has no configured dynamics, and
+    /// its encoder has sent counts in the right direction. The motor may be heavy, and slow down by less than a count
+    /// in a short span.
     trusted_ms: u32,
-    /// Counts beyond those of the early span with which such a motor has clearly become faster, so that its encoder is
-    /// reversed. Each span has an error of one count.
+    /// Counts in the late span beyond the mean speed of the early span with which a trusted motor has clearly become
+    /// faster. The encoder is then reversed, and no longer spans follow. Each span has an error of one count.
     faster_counts: i64,
     /// Counts of a late span from which on the errors of both spans are small beside the speed. With fewer counts, and no
     /// more than `error_counts` beyond those of the early span, another late span follows.
@@ -188,12 +206,12 @@ struct RunawayLimits {
 const RUNAWAY: RunawayLimits = RunawayLimits {
     full_control: 30_720,
     early_ms: 50,
-    extension_ms: 50,
+    springback_ms: 50,
     late_ms: 100,
-    hint_ms: 50,
+    first_late_ms: 50,
     counts_in_50_ms: 8,
     drive_volts: 6.0,
-    slow_ms: 150,
+    quick_ms: 150,
     longest_ms: 2_000,
     trusted_ms: 1_000,
     faster_counts: 4,
@@ -205,21 +223,22 @@ const RUNAWAY: RunawayLimits = RunawayLimits {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EncoderFault {
-    /// The encoder does not count in either direction of drive.
+    /// The encoder sends no counts although the motor should turn. With one broken wire the encoder toggles by one
+    /// count.
     Stuck,
-    /// The encoder counts against the drive voltage.
+    /// The encoder sends counts in the wrong direction.
     Reversed,
 }
 
 impl Tick<'_> {
-    /// Control value of the command.
+    /// Control value of the last command.
     fn control(&self) -> Control {
         self.command.control(self.context.modulator)
     }
 
-    /// True if the motor has fewer than 1000 counts/s at 12 V.
-    fn has_few_counts(&self) -> bool {
-        self.kappa() > WATCH.few_counts_emf_volts_per_cps
+    /// True for a slow-counting motor: fewer than 1000 counts/s at a back EMF of 12 V.
+    fn counts_slowly(&self) -> bool {
+        self.emf_volts_per_cps() > WATCH.slow_counting_emf_volts_per_cps
     }
 
     /// True if the end of the control range may be less than full reverse: by PID in Schemes C and D.
@@ -228,8 +247,8 @@ impl Tick<'_> {
         settings.coefficients.is_some() && matches!(settings.scheme, Scheme::C | Scheme::D(_))
     }
 
-    /// True if the motor turns in the wrong direction, or at least twice as fast as requested, against full control in
-    /// reverse.
+    /// True if the motor runs away: it turns in the wrong direction or at least twice as fast as requested, with the
+    /// bridge in reverse at the end of the control range.
     fn runs_away(&self) -> bool {
         let velocity = i64::from(self.regulator.velocity().to_bits());
         let twice = 2 * i64::from(self.target.to_bits());
@@ -240,12 +259,12 @@ impl Tick<'_> {
     }
 }
 
-/// What the motor has to do at this tick.
+/// Instruction of the check: what the motor has to do at this tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Finding {
-    /// Follow the regulator: there is no fault.
-    Sound,
-    /// Brake, and wait for counts.
+pub(super) enum Instruction {
+    /// Follow the regulator.
+    Regulate,
+    /// Brake, and wait for a motion.
     Release,
     /// Apply this control value in open loop.
     Probe(Control),
@@ -259,19 +278,21 @@ pub(super) enum Finding {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EncoderCheck {
     state: State,
-    /// True for an unknown motor whose encoder has counted in the right direction since the regulation began. A heavy motor
-    /// turns against its voltage for so long that the regulator trusts the encoder no longer; the check still does.
+    /// True if the motor has no configured dynamics, and the regulator has trusted its encoder at any tick of the
+    /// check. A heavy motor that brakes turns against its voltage, until the regulator no longer trusts the encoder.
+    /// This field then stays true.
     trusted: bool,
 }
 
-/// States of the check; the diagram at the top of the file has the transitions.
+/// States of the check. The top of the file has their transitions. The state Faulty is no value: the check returns
+/// [`Instruction::Fault`] and ends.
 #[derive(Clone, Copy, Debug)]
 enum State {
     /// The regulator drives the motor. The expectation covers the present silence.
     Watching(Expected),
-    /// The regulator drives the motor in reverse, at the end of the control range.
+    /// The bridge is in reverse at the end of the control range, and the motor turns at the wrong speed.
     RunningAway(Runaway),
-    /// The bridge has braked for this time, in ms.
+    /// The bridge brakes. The number is the time in this state, in ms.
     Releasing(Suspect, u32),
     /// The motor is driven in the other direction. The expectation covers the probe.
     Probing(Suspect, Expected),
@@ -280,20 +301,23 @@ enum State {
 }
 
 impl EncoderCheck {
-    /// The check of a motor whose regulation begins.
+    /// Creates the check of a motor whose regulation begins.
     pub(super) const fn new() -> Self {
         Self { state: State::Watching(Expected::NONE), trusted: false }
     }
 
-    /// True if the motor is stalled.
+    /// True if the motor is stalled, or was stalled when it began to run away.
     pub(super) const fn is_stalled(&self) -> bool {
         matches!(self.state, State::Stalled(_) | State::RunningAway(Runaway { stall: Some(_), .. }))
     }
 
-    /// Notes a set-point of another kind or direction, or a tick without regulation. A release or a probe ends, so that
-    /// the next motion is not disturbed. A set-point that continues the motion must not end them: a host that streams
-    /// set-points would hide a fault of the encoder. Returns true if there was a release, a probe or a stall.
-    pub(super) const fn interrupt(&mut self, last_motion: &mut LastMotion) -> bool {
+    /// Ends a release or a probe, so that it does not disturb the next motion. Returns true if there was a release or
+    /// a probe, or if the motor is stalled. A stall does not end here.
+    ///
+    /// The caller has a set-point of another kind or direction, or a tick without regulation. A set-point that
+    /// continues the motion must not end an examination: a host that streams set-points would hide a fault of the
+    /// encoder.
+    pub(super) const fn end_examination(&mut self, last_motion: &mut LastMotion) -> bool {
         let examining = matches!(self.state, State::Releasing(..) | State::Probing(..));
         if examining {
             self.state = State::Watching(Expected::NONE);
@@ -302,12 +326,12 @@ impl EncoderCheck {
         examining || self.is_stalled()
     }
 
-    /// Takes a regulated tick: chooses the next state, and says what the motor has to do.
-    pub(super) fn step(&mut self, last_motion: &mut LastMotion, tick: &Tick<'_>) -> Finding {
+    /// Takes a tick of a regulated motor: enters the next state, and returns what the motor has to do.
+    pub(super) fn step(&mut self, last_motion: &mut LastMotion, tick: &Tick<'_>) -> Instruction {
         let moved = last_motion.take_moved();
         self.trusted |= tick.regulator.trusts_encoder();
         let turns = last_motion.silent_us() < WATCH.quiet_us;
-        let (state, finding) = match self.state {
+        let (state, instruction) = match self.state {
             State::Watching(_) if turns && tick.runs_away() => {
                 Runaway::new(tick, None, self.trusted).step(tick)
             }
@@ -327,20 +351,21 @@ impl EncoderCheck {
             State::Probing(suspect, expected) => suspect.probe(expected, last_motion.may_creep(), tick),
         };
         self.state = state;
-        finding
+        instruction
     }
 }
 
-/// Takes a tick in Watching: extends the expectation in a silence, and releases or probes a motor with too few counts.
-fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> (State, Finding) {
+/// Takes a tick in Watching: extends the expected distance in a silence, and releases or probes a motor with too few
+/// counts.
+fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> (State, Instruction) {
     let silent_us = last_motion.silent_us();
     if silent_us < WATCH.quiet_us {
-        return (State::Watching(expected), Finding::Sound);
+        return (State::Watching(expected), Instruction::Regulate);
     }
     let requested = tick.target.to_f32().abs();
     if requested < WATCH.least_speed_cps {
         last_motion.forget();
-        return (State::Watching(Expected::NONE), Finding::Sound);
+        return (State::Watching(Expected::NONE), Instruction::Regulate);
     }
     let clockwise = tick.target > CountsPerSecond::ZERO;
     let drive_volts = along(clockwise, tick.command.voltage.to_volts());
@@ -355,7 +380,7 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> (
     let (mut expected, counts) = match run {
         Some(run) => (expected.keep_turning(ms, &run, drive_volts, tick), WATCH.turning_counts),
         None if drive_volts <= LOAD.friction_volts => {
-            return (State::Watching(Expected::NONE), Finding::Sound);
+            return (State::Watching(Expected::NONE), Instruction::Regulate);
         }
         None => {
             let acceleration = least_gain.unwrap_or(0.0) * (drive_volts - LOAD.friction_volts);
@@ -368,22 +393,22 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> (
     let too_few = expected.ms >= WATCH.silence_ms && expected.distance_counts >= counts;
     let timed_out = least_gain.is_none() && expected.driven_ms >= time_out_ms(last_motion, clockwise, tick);
     if !too_few && !timed_out {
-        return (State::Watching(expected), Finding::Sound);
+        return (State::Watching(expected), Instruction::Regulate);
     }
     let suspect = Suspect::new(clockwise, run, tick);
-    // The time-out of an unknown motor leaves no time for a release.
+    // The time-out of an unknown motor from rest leaves no time for a release.
     let known = least_gain.is_some() || run.is_some();
     if known && 4 * tick.period_ms() + WATCH.silence_ms <= PROBE.decided_ms {
-        (State::Releasing(suspect, 0), Finding::Release)
+        (State::Releasing(suspect, 0), Instruction::Release)
     } else {
         suspect.begin_probe(tick)
     }
 }
 
-/// Time-out of an unknown motor, in ms.
+/// The time-out of an unknown motor, in ms.
 fn time_out_ms(last_motion: &LastMotion, clockwise: bool, tick: &Tick<'_>) -> u32 {
-    if tick.has_few_counts() {
-        WATCH.few_counts_ms
+    if tick.counts_slowly() {
+        WATCH.slow_counting_ms
     } else if last_motion.clockwise() == Some(!clockwise) || last_motion.may_creep() {
         WATCH.heavy_ms
     } else {
@@ -391,14 +416,14 @@ fn time_out_ms(last_motion: &LastMotion, clockwise: bool, tick: &Tick<'_>) -> u3
     }
 }
 
-/// A motor that had too few counts, and is released or probed.
+/// A motor with too few counts that is released or probed.
 #[derive(Clone, Copy, Debug)]
 struct Suspect {
     /// True if the requested direction is clockwise.
     clockwise: bool,
-    /// Position at which the motor had too few counts, in counts.
+    /// Position at which the examination began, in counts.
     position: i32,
-    /// Least gain: acceleration per volt, in counts/s².
+    /// Least gain, in counts/s² per V.
     gain_cps2_per_volt: f32,
     /// Largest resisting torque in the probe, in volts.
     resisting_volts: f32,
@@ -407,14 +432,15 @@ struct Suspect {
 }
 
 impl Suspect {
-    /// `run` is the steady run before the silence; `None` for a motor that started from rest.
+    /// Begins an examination. `run` is the steady run before the silence; `None` for a motor that started from rest.
     fn new(clockwise: bool, run: Option<SteadyRun>, tick: &Tick<'_>) -> Self {
         let time_constant =
-            if tick.has_few_counts() { PROBE.few_counts_time_constant_s } else { PROBE.time_constant_s };
-        let slowest = 1.0 / (time_constant * tick.kappa());
+            if tick.counts_slowly() { PROBE.slow_counting_time_constant_s } else { PROBE.time_constant_s };
+        let slowest = 1.0 / (time_constant * tick.emf_volts_per_cps());
         let least = run.map_or(slowest, |run| run.least_gain().max(slowest));
-        // A load that resisted the motion helps the probe. So the probe meets no more resistance than the motion did. The
-        // uncertainty is counted twice. A motor that started from rest may have the heaviest friction.
+        // A load that resisted the motion helps the probe, so the probe meets no more resistance than the motion did.
+        // The uncertainty is added a second time. A motor that started from rest, or that its load drove, may have
+        // the heaviest friction.
         let resisting_volts = run
             .map(|run| run.resisting_volts(tick))
             .filter(|volts| *volts > LOAD.uncertainty_volts)
@@ -429,36 +455,37 @@ impl Suspect {
         }
     }
 
-    /// Takes a tick in Releasing without a motion, `ms` after its beginning.
-    fn release(self, ms: u32, tick: &Tick<'_>) -> (State, Finding) {
+    /// Takes a tick in Releasing without a motion, `ms` after the release began. Begins the probe when the release is
+    /// over.
+    fn release(self, ms: u32, tick: &Tick<'_>) -> (State, Instruction) {
         if ms < PROBE.release_ms {
-            (State::Releasing(self, ms), Finding::Release)
+            (State::Releasing(self, ms), Instruction::Release)
         } else {
             self.begin_probe(tick)
         }
     }
 
-    /// Begins the probe. Where probing is not allowed, the encoder is at fault without a probe.
-    fn begin_probe(self, tick: &Tick<'_>) -> (State, Finding) {
+    /// Begins the probe. If the settings forbid probing, the encoder is at fault without a probe.
+    fn begin_probe(self, tick: &Tick<'_>) -> (State, Instruction) {
         if tick.context.settings.probing {
-            (State::Probing(self, Expected::NONE), Finding::Probe(self.probe_control()))
+            (State::Probing(self, Expected::NONE), Instruction::Probe(self.probe_control()))
         } else {
-            (State::Watching(Expected::NONE), Finding::Fault(EncoderFault::Stuck))
+            (State::Watching(Expected::NONE), Instruction::Fault(EncoderFault::Stuck))
         }
     }
 
-    /// Takes a tick in Probing without a motion: the encoder is at fault when the expected distance is long enough. A heavy
-    /// motor that `may_creep` gets the longest time.
-    fn probe(self, expected: Expected, may_creep: bool, tick: &Tick<'_>) -> (State, Finding) {
+    /// Takes a tick in Probing without a motion. The encoder is at fault when the expected distance is long enough.
+    /// An unknown motor that `may_creep` is probed for the longest time, because the motor may be heavy.
+    fn probe(self, expected: Expected, may_creep: bool, tick: &Tick<'_>) -> (State, Instruction) {
         let volts = PROBE.drive_share * tick.context.at.battery_volts() - self.resisting_volts;
         let expected = expected.accelerate(tick.period_ms(), self.gain_cps2_per_volt * volts, 0.0);
         let shortest_ms = if self.may_be_heavy && may_creep { PROBE.longest_ms } else { PROBE.probe_ms };
         if expected.ms >= shortest_ms && expected.distance_counts >= PROBE.counts {
-            (State::Watching(Expected::NONE), Finding::Fault(EncoderFault::Stuck))
+            (State::Watching(Expected::NONE), Instruction::Fault(EncoderFault::Stuck))
         } else if expected.ms >= PROBE.longest_ms || volts <= 0.0 && expected.ms >= PROBE.probe_ms {
             self.stall()
         } else {
-            (State::Probing(self, expected), Finding::Probe(self.probe_control()))
+            (State::Probing(self, expected), Instruction::Probe(self.probe_control()))
         }
     }
 
@@ -468,10 +495,10 @@ impl Suspect {
         Control::new(if self.clockwise { -value } else { value })
     }
 
-    /// Begins a stall at the position where the motor had too few counts.
-    const fn stall(self) -> (State, Finding) {
+    /// Begins a stall at the position where the examination began.
+    const fn stall(self) -> (State, Instruction) {
         let Self { clockwise, position, .. } = self;
-        (State::Stalled(Stall { clockwise, position, free_ms: 0 }), Finding::Sound)
+        (State::Stalled(Stall { clockwise, position, free_ms: 0 }), Instruction::Regulate)
     }
 }
 
@@ -482,13 +509,13 @@ struct Stall {
     clockwise: bool,
     /// Position of the stop, in counts.
     position: i32,
-    /// Time for which the motor has turned beyond the stop as requested, in ms.
+    /// Time in ms for which the motor has been beyond the stop, and fast enough to be free.
     free_ms: u32,
 }
 
 impl Stall {
-    /// Takes a tick in Stalled: ends the stall of a free motor, or when the requested direction has changed.
-    fn step(mut self, tick: &Tick<'_>) -> (State, Finding) {
+    /// Takes a tick in Stalled. Ends the stall if the motor is free, or if the requested direction has changed.
+    fn step(mut self, tick: &Tick<'_>) -> (State, Instruction) {
         let moved = tick.position.wrapping_sub(self.position);
         let beyond = if self.clockwise { moved } else { moved.saturating_neg() };
         let requested = along(self.clockwise, tick.target.to_f32());
@@ -496,14 +523,14 @@ impl Stall {
         let free = speed >= STALL.speed_share * requested && beyond >= STALL.counts;
         self.free_ms = if free { self.free_ms.saturating_add(tick.period_ms()) } else { 0 };
         if requested < 0.0 || (requested > 0.0 && self.free_ms >= STALL.free_ms) {
-            (State::Watching(Expected::NONE), Finding::Sound)
+            (State::Watching(Expected::NONE), Instruction::Regulate)
         } else {
-            (State::Stalled(self), Finding::Sound)
+            (State::Stalled(self), Instruction::Regulate)
         }
     }
 }
 
-/// A span of time, and the counts in this time.
+/// A span of time, and the counts within the span.
 #[derive(Clone, Copy, Debug, Default)]
 struct Span {
     /// Length in ms.
@@ -530,18 +557,18 @@ impl Span {
     }
 }
 
-/// A motor that turns at the wrong speed against full control in reverse.
+/// A motor that turns at the wrong speed although the bridge is in reverse at the end of the control range.
 #[derive(Clone, Copy, Debug)]
 struct Runaway {
-    /// Stall of the motor before; `None` if the motor was not stalled.
+    /// Stall of the motor before the runaway; `None` if the motor was not stalled.
     stall: Option<Stall>,
-    /// Extension of both spans of a slow motor, in ms.
-    slow_ms: u32,
-    /// True for an unknown motor whose encoder is trusted. If the short spans do not show that the motor has become faster,
-    /// longer spans follow.
+    /// Extension of both spans of a slow motor, in ms; 0 for any other motor.
+    slow_extension_ms: u32,
+    /// True if the check [trusts](EncoderCheck::trusted) the encoder. If the short spans do not show that the motor
+    /// has become clearly faster, longer spans follow.
     trusted: bool,
-    /// True in the second comparison. Its early span contains the spans of the first one. The spans of a trusted motor are
-    /// longer in it.
+    /// True in the second comparison, whose early span contains both spans of the first comparison. The spans of a
+    /// trusted motor are longer in the second comparison.
     long: bool,
     /// True if the motor turns clockwise.
     clockwise: bool,
@@ -554,13 +581,13 @@ struct Runaway {
 }
 
 impl Runaway {
-    /// Begins with the first tick of a runaway.
+    /// Begins a runaway without a span. The caller then passes the first tick to [`step`](Self::step).
     fn new(tick: &Tick<'_>, stall: Option<Stall>, trusted: bool) -> Self {
-        let slow_ms = match tick.regulator.least_gain() {
+        let slow_extension_ms = match tick.regulator.least_gain() {
             Some(gain) => {
-                // Time from rest for the expected counts.
+                // Time from rest to the expected counts.
                 let ms = (1_000.0 * sqrtf(2.0 * EXPECTED_COUNTS / (RUNAWAY.drive_volts * gain))) as u32;
-                if ms > RUNAWAY.slow_ms { ms.min(RUNAWAY.longest_ms) } else { 0 }
+                if ms > RUNAWAY.quick_ms { ms.min(RUNAWAY.longest_ms) } else { 0 }
             }
             None => 0,
         };
@@ -568,7 +595,7 @@ impl Runaway {
         let empty = Span::default();
         Self {
             stall,
-            slow_ms,
+            slow_extension_ms,
             trusted,
             long: false,
             clockwise,
@@ -578,12 +605,12 @@ impl Runaway {
         }
     }
 
-    /// Extension of the present spans, in ms.
-    fn longer_ms(&self) -> u32 {
+    /// Extension of the present spans, in ms: of a slow motor, and of a trusted motor in its longer spans.
+    fn span_extension_ms(&self) -> u32 {
         match (self.trusted, self.long) {
-            (true, true) => self.slow_ms.max(RUNAWAY.trusted_ms),
+            (true, true) => self.slow_extension_ms.max(RUNAWAY.trusted_ms),
             (true, false) => 0,
-            (false, _) => self.slow_ms,
+            (false, _) => self.slow_extension_ms,
         }
     }
 
@@ -600,9 +627,10 @@ impl Runaway {
         }
     }
 
-    /// Takes a tick in RunningAway. If the late span is slower than the early span, the comparison begins again.
-    fn step(mut self, tick: &Tick<'_>) -> (State, Finding) {
-        // A motor that reversed has followed its drive, even if it swings back later.
+    /// Takes a tick in RunningAway. If the motor has reversed, has become slower or is too slow to be compared, the
+    /// comparison begins again.
+    fn step(mut self, tick: &Tick<'_>) -> (State, Instruction) {
+        // A motor that reversed has followed its drive voltage, even if the motor swings back later.
         let clockwise = tick.regulator.velocity() >= CountsPerSecond::ZERO;
         if clockwise != self.clockwise {
             self = self.again(clockwise);
@@ -610,37 +638,42 @@ impl Runaway {
         let counts = i64::from(tick.moved) * if clockwise { 1 } else { -1 };
         let span = Span { ms: tick.period_ms(), counts };
         let end = if tick.control() < Control::ZERO { Control::MIN } else { Control::MAX };
-        let undecided = tick.ends_before_full_reverse() && !self.full_reverse;
+        let before_full_reverse = tick.ends_before_full_reverse() && !self.full_reverse;
         let extension_ms = if tick.ends_before_full_reverse() {
             0
         } else {
-            RUNAWAY.extension_ms.saturating_sub(tick.period_ms()) + self.longer_ms()
+            RUNAWAY.springback_ms.saturating_sub(tick.period_ms()) + self.span_extension_ms()
         };
         if self.early.ms < RUNAWAY.early_ms + extension_ms {
             self.early = self.early.plus(span);
-            return (State::RunningAway(self), Finding::Sound);
+            return (State::RunningAway(self), Instruction::Regulate);
         }
         self.late = self.late.plus(span);
-        let late_ms = if undecided { RUNAWAY.hint_ms } else { RUNAWAY.late_ms + self.longer_ms() };
+        let late_ms = if before_full_reverse {
+            RUNAWAY.first_late_ms
+        } else {
+            RUNAWAY.late_ms + self.span_extension_ms()
+        };
         let too_slow = 50 * self.early.counts < RUNAWAY.counts_in_50_ms * i64::from(self.early.ms);
+        let instruction =
+            if self.full_reverse { Instruction::FullReverse(end) } else { Instruction::Regulate };
         if self.late.ms < late_ms {
-            let finding = if self.full_reverse { Finding::FullReverse(end) } else { Finding::Sound };
-            (State::RunningAway(self), finding)
-        } else if !self.long && !undecided && self.is_uncertain() {
+            (State::RunningAway(self), instruction)
+        } else if !self.long && !before_full_reverse && self.is_uncertain() {
             let early = self.early.plus(self.late);
-            (State::RunningAway(Self { early, late: Span::default(), long: true, ..self }), Finding::Sound)
+            (State::RunningAway(Self { early, late: Span::default(), long: true, ..self }), instruction)
         } else if too_slow || self.late.is_slower_than(self.early) {
-            (State::RunningAway(self.again(clockwise)), Finding::Sound)
-        } else if undecided {
+            (State::RunningAway(self.again(clockwise)), Instruction::Regulate)
+        } else if before_full_reverse {
             let early = self.early.plus(self.late);
             let next = Self { early, late: Span::default(), full_reverse: true, ..self };
-            (State::RunningAway(next), Finding::FullReverse(end))
+            (State::RunningAway(next), Instruction::FullReverse(end))
         } else {
-            (State::Watching(Expected::NONE), Finding::Fault(EncoderFault::Reversed))
+            (State::Watching(Expected::NONE), Instruction::Fault(EncoderFault::Reversed))
         }
     }
 
-    /// Begins the comparison again.
+    /// Begins the comparison again, for a motor that turns in this direction.
     fn again(self, clockwise: bool) -> Self {
         let empty = Span::default();
         Self { long: false, clockwise, early: empty, late: empty, full_reverse: false, ..self }

@@ -1,8 +1,8 @@
-//! Computes the distance that a healthy motor covers at least while its encoder is silent.
+//! Computes the distance that a healthy motor covers at least while its encoder is silent, or is probed.
 //!
-//! A motor from rest ([`Expected::accelerate`]) accelerates by its gain times the drive voltage that the heaviest
-//! friction leaves. A motor that had a steady run ([`Expected::keep_turning`]) keeps its load, and its speed v
-//! follows
+//! The acceleration of a motor from rest ([`Expected::accelerate`]) is its gain times the drive voltage beyond the
+//! resisting volts. In a silence these are the heaviest friction. A motor that had a steady run
+//! ([`Expected::keep_turning`]) keeps the load of the run, and the speed v follows from
 //!
 //! ```text
 //! dv/dt = gain (drive_volts - resisting_volts - k v)
@@ -19,14 +19,14 @@ use crate::braking::Regime;
 use crate::regulator::{Context, Regulator};
 use crate::units::CountsPerSecond;
 
-/// Limits of friction and load of a motor for 12 V. A torque is given as the voltage that balances it.
+/// Limits of friction and load of a motor for 12 V. A torque is given as the voltage that balances the torque.
 pub(super) struct LoadLimits {
-    /// Largest resisting torque of friction, in volts. 40 % of 12 V, and a third more to break away, are 6.4 V. The
-    /// value is 0.2 V above 6.4 V.
+    /// Largest resisting torque of friction, in volts. Friction of 40 % of 12 V needs a third more to break away: 6.4
+    /// V. The limit is 0.2 V higher.
     pub(super) friction_volts: f32,
     /// Largest change of a load, in volts: the stall torque at 12 V, and some 6 V for the heaviest friction.
     change_volts: f32,
-    /// Longest distance, in counts, in which a load stops a motor that has been steady until its last motion.
+    /// Longest distance, in counts, in which a load can have stopped a motor whose run was steady until its last motion.
     stopping_counts: f32,
     /// Ratio of the torque that breaks a motor away to the torque that keeps the motor turning.
     breakaway_ratio: f32,
@@ -42,7 +42,7 @@ pub(super) const LOAD: LoadLimits = LoadLimits {
     uncertainty_volts: 1.0,
 };
 
-/// What a tick passes to the check.
+/// Inputs of the encoder check at a tick.
 #[derive(Clone, Copy)]
 pub(super) struct Tick<'a> {
     /// Settings, control period, and battery voltage now.
@@ -51,7 +51,7 @@ pub(super) struct Tick<'a> {
     pub(super) regulator: &'a Regulator,
     /// Command of the bridge since the last tick.
     pub(super) command: &'a Command,
-    /// Speed that the command was to reach.
+    /// Speed that the last command should reach.
     pub(super) target: CountsPerSecond,
     /// Position now, in counts.
     pub(super) position: i32,
@@ -66,37 +66,38 @@ impl Tick<'_> {
     }
 
     /// Back EMF constant, in V per count/s.
-    pub(super) fn kappa(&self) -> f32 {
+    pub(super) fn emf_volts_per_cps(&self) -> f32 {
         self.context.settings.winding.emf.to_volts()
     }
 
-    /// Estimated speed at the time of the command, in counts/s.
+    /// Estimated speed at the time of the last command, in counts/s.
     pub(super) fn commanded_at_speed(&self) -> f32 {
-        self.command.request.at.emf_volts() / self.kappa()
+        self.command.request.at.emf_volts() / self.emf_volts_per_cps()
     }
 }
 
-/// The distance expected since the beginning of a silence or of a probe.
+/// The expected distance since the beginning of a silence or of a probe, and the expected speed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Expected {
-    /// Time since the expectation began, in ms.
+    /// Time in ms for which the distance has been computed.
     pub(super) ms: u32,
     /// Least expected speed now, in counts/s; `None` before the first step.
     speed_cps: Option<f32>,
     /// Least expected distance, in counts.
     pub(super) distance_counts: f32,
-    /// Time for which the drive voltage has exceeded the heaviest friction, in ms.
+    /// Time in ms for which the drive voltage has exceeded the heaviest friction without interruption.
     pub(super) driven_ms: u32,
 }
 
 impl Expected {
-    /// The expectation before the first step.
+    /// The state before the first step.
     pub(super) const NONE: Self = Self { ms: 0, speed_cps: None, distance_counts: 0.0, driven_ms: 0 };
 
     /// Adds a step of a motor that accelerates from rest, in counts/s².
     ///
-    /// `speed` is the motor's estimated speed in the requested direction, in counts/s. A motor that turns in the other
-    /// direction must stop first. A speed in the requested direction is not relied on.
+    /// `speed` is the motor's estimated speed in counts/s, positive in the requested direction. A motor that turns in
+    /// the other direction must stop first. A motor that turns in the requested direction is taken for a motor at
+    /// rest.
     pub(super) fn accelerate(self, ms: u32, acceleration: f32, speed: f32) -> Self {
         let before = self.speed_cps.map_or(speed.min(0.0), |expected| expected.max(speed.min(0.0)));
         self.add(ms, before, before + acceleration.max(0.0) * seconds(ms))
@@ -104,12 +105,13 @@ impl Expected {
 
     /// Adds a step of a motor that keeps turning under its load.
     ///
-    /// The speed increases by the least gain, and decreases by the estimated gain.
+    /// A rising speed follows from the least gain, and a falling speed from the configured or estimated gain.
     pub(super) fn keep_turning(self, ms: u32, run: &SteadyRun, drive_volts: f32, tick: &Tick<'_>) -> Self {
         let before = self.speed_cps.unwrap_or(run.speed_cps);
-        let (mut volts, mut kappa) = (drive_volts - run.resisting_volts(tick), tick.kappa());
+        let (mut volts, mut kappa) = (drive_volts - run.resisting_volts(tick), tick.emf_volts_per_cps());
         if tick.command.limited.regime == Regime::Braking {
-            // The drive voltage of a brake is proportional to the speed.
+            // The drive voltage of a braking bridge is proportional to the speed, so the voltage is a part of the
+            // back EMF constant.
             let speed = tick.commanded_at_speed().abs().max(1.0);
             (volts, kappa) = (volts - drive_volts, (kappa - drive_volts / speed).max(0.0));
         }
@@ -121,7 +123,7 @@ impl Expected {
         if speed > 0.0 {
             self.add(ms, before, speed)
         } else {
-            // A healthy motor may have come to rest here, so the distance starts at 0 again.
+            // A healthy motor may have come to rest here, so time and distance start at 0 again.
             Self { speed_cps: Some(0.0), ..Self::NONE }
         }
     }
@@ -138,17 +140,18 @@ impl Expected {
 }
 
 impl SteadyRun {
-    /// Least gain, in counts/s² per V, of a motor that a load has stopped from this speed within some counts.
+    /// Least gain, in counts/s² per V. A heavier motor cannot be stopped within [`LoadLimits::stopping_counts`] from
+    /// the speed of the run by [`LoadLimits::change_volts`].
     pub(super) fn least_gain(&self) -> f32 {
         self.speed_cps * self.speed_cps / (2.0 * LOAD.stopping_counts * LOAD.change_volts)
     }
 
-    /// Largest resisting torque of the load that the motor turned under, in volts; below 0 for a load that drives the
-    /// motor.
+    /// Largest resisting torque of the load of the run, in volts. The value is below 0 if the load drives the motor
+    /// by more than the uncertainty.
     pub(super) fn resisting_volts(&self, tick: &Tick<'_>) -> f32 {
-        // The disturbance estimate lags behind a new load. The drive voltage beyond the back EMF does not.
+        // The estimated disturbance lags behind a new load. The drive voltage beyond the back EMF does not lag.
         let load = (-self.disturbance_cps2 / tick.regulator.gain())
-            .max(self.drive_volts - tick.kappa() * self.speed_cps);
+            .max(self.drive_volts - tick.emf_volts_per_cps() * self.speed_cps);
         let resisting = load * if load > 0.0 { LOAD.breakaway_ratio } else { 1.0 } + LOAD.uncertainty_volts;
         resisting.min(LOAD.friction_volts)
     }

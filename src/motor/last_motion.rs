@@ -1,13 +1,15 @@
 //! Records the last motion of a shaft: its time, its direction, and the estimate of speed and load at that time.
 //!
-//! * *Motion*: a step of two counts or more. A shaft that rests on an edge of the encoder toggles by one count. An
-//!   encoder with one broken wire toggles by one count at any position. So the record has a dead band: the positions
-//!   up to one count to either side of its centre.
+//! * *Dead band*: the positions up to one count to either side of a centre.
+//! * *Motion*: a sample outside of the dead band. The centre then follows, so that the sample is at the edge of the
+//!   dead band. The next single count in the same direction is another motion, but a count back is not.
+//! * *Toggle*: a change of the position within the dead band. A shaft that rests on an edge of the encoder toggles,
+//!   and an encoder with one broken wire toggles at any position.
 //! * *Run*: a series of motions in one direction without a long gap.
-//! * *Silence*: the time since the last motion.
+//! * *Silence*: the time since the last motion, or since [`LastMotion::forget`] if that was later.
 //!
-//! In a silence the estimate follows the encoder and is wrong if the encoder is at fault. The record therefore keeps
-//! the estimate of the motion before the last one.
+//! The estimated speed follows the encoder, so it is wrong once the encoder is at fault. The fault may have begun
+//! before the last motion. The record therefore keeps the estimate of the motion before the last one.
 
 use super::Command;
 use crate::motion::Reading;
@@ -15,16 +17,17 @@ use crate::regulator::Regulator;
 
 /// Limits of a run.
 struct RunLimits {
-    /// Time after a motion in which samples are not evaluated, in µs. It saves processor time.
+    /// Time after a motion in which samples are ignored, in µs. The pause saves processor time.
     pause_us: u32,
-    /// Longest time between two motions of one run, in µs.
+    /// Longest time between two successive motions of one run, in µs.
     gap_us: u32,
-    /// Shortest duration of a steady run, in µs. A motor that a load threw turns for a shorter time.
+    /// Shortest duration of a steady run, in µs. A motor that a load has thrown back turns for a shorter time.
     steady_us: u32,
-    /// Most toggles of a heavy motor that begins to move: one count forward and back again in a probe, and one by
-    /// vibration.
+    /// Most toggles in a silence of a heavy motor that begins to move: one forward, one back in a probe, and one
+    /// because of vibration.
     creeping_toggles: u16,
-    /// Fewest samples in a silence that show creeping: with one sample a tick, every encoder toggles only a few times.
+    /// Fewest samples in a silence from which creeping is concluded. In fewer samples, as with one sample a tick,
+    /// every encoder toggles only a few times.
     creeping_samples: u16,
 }
 
@@ -88,8 +91,8 @@ pub(super) struct SteadyRun {
 }
 
 impl LastMotion {
-    /// Takes a sample of the encoder, at ticks and best every millisecond between them. The regulator has already taken the
-    /// sample. `command` is the bridge's command; `None` for an open bridge.
+    /// Takes a sample of the encoder, at ticks and best every millisecond between ticks. The regulator must have
+    /// taken this sample before. `command` is the command of the bridge; `None` for an open bridge.
     pub(super) fn sample(&mut self, reading: &Reading, regulator: &Regulator, command: Option<&Command>) {
         self.sampled_at = reading.at.get() as u32;
         if self.silent_us() < LIMITS.pause_us {
@@ -124,7 +127,7 @@ impl LastMotion {
         };
     }
 
-    /// Returns true if there was a motion since the last call.
+    /// Returns true if there was a motion since the last call, and forgets this motion.
     pub(super) const fn take_moved(&mut self) -> bool {
         core::mem::replace(&mut self.moved, false)
     }
@@ -139,13 +142,14 @@ impl LastMotion {
         self.clockwise
     }
 
-    /// True if the shaft may creep: in the many samples of the silence, the position has toggled a few times. An encoder
-    /// with one broken wire toggles more often, and an unplugged encoder does not toggle.
+    /// True if the shaft may creep: the silence has many samples and a few toggles. An encoder with one broken wire
+    /// toggles more often on a turning shaft, and an unplugged encoder does not toggle.
     pub(super) fn may_creep(&self) -> bool {
         self.samples >= LIMITS.creeping_samples && (1..=LIMITS.creeping_toggles).contains(&self.toggles)
     }
 
-    /// The steady run before the silence; `None` if the motor turned in the other direction or not long enough.
+    /// The steady run before the silence. `None` if the run was in the other direction, was too short or has been
+    /// forgotten. `None` also if the estimated speed was not in the direction of the run.
     pub(super) fn steady(&self, clockwise: bool) -> Option<SteadyRun> {
         let run_us = self.moved_at.wrapping_sub(self.run_began_at);
         let side = if clockwise { 1.0 } else { -1.0 };
@@ -159,7 +163,8 @@ impl LastMotion {
         steady.then_some(run)
     }
 
-    /// Ends the run at the newest sample, so that there is no steady run. Keeps direction and dead band.
+    /// Ends the run and begins a silence at the newest sample, so that there is no steady run. Direction and dead
+    /// band are kept.
     pub(super) const fn forget(&mut self) {
         (self.run_began_at, self.moved_at) = (self.sampled_at, self.sampled_at);
     }

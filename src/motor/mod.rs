@@ -13,10 +13,12 @@
 //! ```
 //!
 //! * *State* (`MotorState`): what drives the motor. The state owns the encoder check or the identification.
-//! * *Activity*: what the motor does at a tick. It follows from the set-point, unless a fault ends the set-point.
+//! * *Activity*: what the motor does at a tick. The activity follows from the set-point, unless a fault replaces the
+//!   set-point.
 //! * *Request*: the modulation that an activity asks for, before limits.
-//! * *Command*: the request, what the limits leave of the request, and what the bridge does.
-//! * *Direct set-point*: a set-point whose command needs no encoder and no tick.
+//! * *Command*: the request, the modulation within all limits, and the modulation of the bridge.
+//! * *Direct set-point*: a set-point whose command needs no encoder, and does not wait for a tick.
+//! * *Burn pulses*: braking that returns no energy to the bus (see `burn_pulses`).
 //!
 //! ```
 //! use motor_hub::braking::{Regime, Winding};
@@ -78,18 +80,19 @@ use crate::units::{Control, CountsPerSecond, Duty, Micros, Milliamperes, Period,
 use back_emf::Configured;
 use burn_pulses::{BurnPulses, Pulse, Voltages};
 use core::mem::discriminant;
-use encoder_check::{EncoderCheck, Finding};
+use encoder_check::{EncoderCheck, Instruction};
 use expected::Tick;
 use last_motion::LastMotion;
 use limits::VoltageLimits;
 use sense_line::Line;
 use thermal::Thermal;
 
-/// Largest age in us of a reading that is used; an older reading counts as missing. The counters are sampled every
-/// millisecond.
+/// Largest age in us of a reading that is used; an older reading is treated as missing. The counters are sampled
+/// every millisecond.
 pub const ENCODER_STALE_MICROS: u64 = 20_000;
 
-/// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF.
+/// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF. The share grows with the energy
+/// that the supply rejects.
 struct ForwardPulse {
     /// Share at a supply that begins to reject energy. With this share the pulse draws from the bus what the winding
     /// returns when a short circuit ends.
@@ -108,16 +111,17 @@ pub(crate) fn fresh(reading: Option<Reading>, now: Micros) -> Option<Reading> {
 /// Settings, set-point and state of one motor.
 #[derive(Clone, Debug)]
 pub struct Motor {
-    /// Settings in force: as configured, but for a corrected back EMF.
+    /// Settings in force. They differ from the configured settings if `back_emf` has lowered the back EMF constant,
+    /// and with it the decay.
     settings: Settings,
-    /// What is configured of the corrected settings.
+    /// Configured values of the settings that may be corrected.
     configured: Configured,
     /// Maps voltages and control values to commands, by the settings.
     modulator: Modulator,
     /// Time between two ticks.
     period: Period,
     setpoint: Setpoint,
-    /// True if set-point or settings have changed since the last request.
+    /// True if set-point or settings have changed since a request was last computed.
     changed: bool,
     /// Counts at the last tick.
     position: i32,
@@ -127,18 +131,18 @@ pub struct Motor {
     identification: Identification,
     /// Last motion of the shaft, as evidence for the encoder check.
     last_motion: LastMotion,
-    /// Fault that the encoder check has found. The fault is latched until the motor is disabled.
+    /// Fault that the encoder check has found. The fault is latched until the motor is disabled or in fail-safe.
     encoder_fault: Option<EncoderFault>,
     settle_detector: SettleDetector,
     thermal: Thermal,
     pulses: BurnPulses,
-    /// Present command; `None` if the last request was an open bridge.
+    /// Present command; `None` while the motor coasts, because its activity or a fault opens the bridge.
     command: Option<Command>,
     /// Current-sense line of the bridge.
     line: Line,
     /// Current by the motor's constants at the last tick; `None` if the speed was unknown.
     modelled: Option<Milliamperes>,
-    /// True if the bridge has reported a fault. The fault is latched until the motor is disabled.
+    /// True if the bridge has reported a fault. The fault is latched until the motor is disabled or in fail-safe.
     bridge_fault: bool,
 }
 
@@ -151,17 +155,18 @@ pub struct Motor {
 ///    └────────────────── the identification has ended ─────────┘
 /// ```
 ///
-/// A fault is no state. The motor latches its faults until it is disabled, and they replace the set-point by
-/// [`Settings::on_fault`] wherever the set-point cannot be carried out.
+/// A fault is no state. Without a battery voltage, or with a fault of the bridge, every motor coasts. An overheated
+/// motor coasts or brakes by [`Settings::on_fault`], as does a motor whose set-point needs an encoder that is missing
+/// or at fault. Encoder, bridge and thermal faults are latched, missing values are not.
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "there is no heap")]
 enum MotorState {
     /// Nothing is regulated: the motor is disabled, in fail-safe, in open loop or at constant current. Also the state after
     /// an identification.
     OpenLoop,
-    /// The regulator drives the motor, and the encoder is checked.
+    /// The set-point is a speed or a position: the regulator drives the motor, and the encoder is checked.
     Regulated(EncoderCheck),
-    /// An identification drives the motor, and checks the encoder by the announced travel.
+    /// An identification drives the motor. The identification checks the encoder itself.
     Identifying(Identifier),
 }
 
@@ -174,7 +179,7 @@ enum Activity {
     Brake,
     /// The bridge drives the motor in open loop, at this share of the control range.
     Power(Control),
-    /// The motor has a constant current, up to a speed.
+    /// The motor has a constant current, and a limit of the speed.
     Current { current: Milliamperes, speed_limit: CountsPerSecond },
     /// The regulator drives the motor.
     Regulate(Demand),
@@ -191,7 +196,7 @@ struct Request {
     modulation: Modulation,
     /// Control value of the request; `None` if the request is a voltage.
     control: Option<Control>,
-    /// Speed that the regulator is to reach; `None` if the motor is not regulated.
+    /// Speed that the regulator should reach; `None` if the motor is not regulated.
     target: Option<CountsPerSecond>,
 }
 
@@ -255,8 +260,11 @@ impl Motor {
         }
     }
 
-    /// Replaces all settings immediately. The bridge's command changes at the next step. The state is kept, so that a
-    /// motor may be tuned while it runs.
+    /// Replaces all settings. The state is kept, so that a motor may be tuned while it runs.
+    ///
+    /// The regulator and the limits use the new settings immediately. The request of the motor follows at the next
+    /// tick, or between ticks with a direct set-point. Lowered back EMF and decay stay if the configured ones are
+    /// unchanged.
     pub fn configure(&mut self, mut settings: Settings) {
         if Configured::new(&settings) == self.configured {
             // The same motor: a correction of its back EMF stays.
@@ -274,9 +282,11 @@ impl Motor {
         }
     }
 
-    /// Replaces the set-point immediately. The bridge's command changes at the next step. The set-points
-    /// [`Disabled`](Setpoint::Disabled) and [`FailSafe`](Setpoint::FailSafe) clear latched faults. An overheated motor
-    /// keeps its fault until the winding has cooled down.
+    /// Replaces the set-point. The bridge's command changes at the next tick, or between ticks with a direct
+    /// set-point.
+    ///
+    /// The set-points [`Disabled`](Setpoint::Disabled) and [`FailSafe`](Setpoint::FailSafe) clear latched faults. If
+    /// the winding is still too hot, the thermal fault stays until one of them is set again.
     pub fn set(&mut self, setpoint: Setpoint) {
         self.changed |= setpoint != self.setpoint;
         self.transition(setpoint);
@@ -288,7 +298,7 @@ impl Motor {
         self.setpoint = setpoint;
     }
 
-    /// Takes the transition from the present set-point to another one.
+    /// Enters the state for the set-point `to`, and passes the transition to the regulator.
     fn transition(&mut self, to: Setpoint) {
         let from = self.setpoint;
         let follows = matches!((from, to), (Setpoint::Together(_), Setpoint::Together(_)));
@@ -296,7 +306,7 @@ impl Motor {
             self.settle_detector.reset();
         }
         if to != from && !from.continues_as(to, self.position) {
-            let transition = if self.interrupt_check() {
+            let transition = if self.end_examination() {
                 Transition::FromStop
             } else if from == Setpoint::ConstantPower(Control::ZERO) {
                 Transition::FromBrake
@@ -325,15 +335,16 @@ impl Motor {
         }
     }
 
-    /// Ends a release or a probe of the encoder check. Returns true if there was one, or if the motor is stalled.
-    const fn interrupt_check(&mut self) -> bool {
+    /// Ends a release or a probe of the encoder check. Returns true if there was a release or a probe, or if the
+    /// motor is stalled.
+    const fn end_examination(&mut self) -> bool {
         match &mut self.state {
-            MotorState::Regulated(check) => check.interrupt(&mut self.last_motion),
+            MotorState::Regulated(check) => check.end_examination(&mut self.last_motion),
             _ => false,
         }
     }
 
-    /// Ends an identification that runs.
+    /// Ends an identification that runs, with this outcome.
     fn end_identification(&mut self, outcome: Identification) {
         if let MotorState::Identifying(_) = self.state {
             self.identification = outcome;
@@ -386,8 +397,8 @@ impl Motor {
         self.report(battery, moved)
     }
 
-    /// Commands the bridge between two ticks, if the set-point is new and direct. Returns true if the bridge's command has
-    /// changed.
+    /// Commands the bridge between two ticks, if set-point or settings are new and the set-point is direct. Returns
+    /// true if the bridge's command has changed.
     pub(crate) fn step_direct(&mut self, now: Micros, battery: Option<Battery>) -> bool {
         if !self.changed || !self.setpoint.is_direct() {
             return false;
@@ -423,7 +434,8 @@ impl Motor {
         }
     }
 
-    /// What the motor returns to the bus, and what its winding dissipates, while it brakes by the present command.
+    /// Power that the motor returns to the bus and that winding and bridge dissipate while it brakes by the present
+    /// command; none while the bridge is open.
     pub(crate) fn returned(&self) -> Returned {
         match &self.command {
             Some(Command { request: Request { at, .. }, modulation, .. })
@@ -442,7 +454,7 @@ impl Motor {
         self.position = reading.position;
         self.sample(reading);
         self.regulator.tick();
-        // An identification compares voltages, so the estimated gain does not change meanwhile.
+        // An identification compares voltages, so the estimated gain must not change while it runs.
         if !matches!(self.setpoint, Setpoint::Identify { .. }) {
             self.regulator.update_gain(&self.settings, self.period);
         }
@@ -451,9 +463,9 @@ impl Motor {
 
     /// Chooses the activity of this tick. `moved` is the counts since the last tick; `None` without a reading.
     ///
-    /// With a fault of the motor, its encoder or its host, the setting [`OnFault`] chooses the activity instead of the
-    /// set-point. The caller has already excluded a missing battery voltage and a bridge at fault, with which every motor
-    /// coasts.
+    /// The setting [`OnFault`] chooses the activity instead of the set-point if the motor is overheated, if its
+    /// set-point needs an encoder that is missing or at fault, or in fail-safe. The caller has already excluded a
+    /// missing battery voltage and a bridge at fault, with which every motor coasts.
     fn activity(&self, moved: Option<i32>) -> Activity {
         let floats = self.settings.zero_power == ZeroPower::Float;
         let needs_encoder = !self.setpoint.is_direct();
@@ -484,8 +496,8 @@ impl Motor {
         }
     }
 
-    /// Computes the request of this tick; `None` for an open bridge. `moved` is the counts since the last tick; `None`
-    /// without a reading.
+    /// Steps the encoder check or ends its examination, and computes the request of this tick; `None` for an open
+    /// bridge. `moved` is the counts since the last tick; `None` without a reading.
     fn request(&mut self, battery: Option<&Battery>, moved: Option<i32>) -> Option<Request> {
         let velocity = self.regulator.velocity();
         // A bridge at fault can neither drive nor brake.
@@ -494,43 +506,43 @@ impl Motor {
             OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery.voltage)
         });
         let mut activity = if at.is_some() { self.activity(moved) } else { Activity::Coast };
-        let mut finding = Finding::Sound;
+        let mut instruction = Instruction::Regulate;
         match (activity, at, moved) {
             (Activity::Regulate(_), Some(at), Some(moved)) => {
-                finding = self.check_encoder(at, moved);
+                instruction = self.check_encoder(at, moved);
                 if self.encoder_fault.is_some() {
                     activity = self.on_fault();
                 }
             }
-            _ if self.setpoint.is_regulated() => _ = self.interrupt_check(),
+            _ if self.setpoint.is_regulated() => _ = self.end_examination(),
             _ => self.last_motion.forget(),
         }
-        self.request_of(activity, at?, moved, finding)
+        self.request_of(activity, at?, moved, instruction)
     }
 
-    /// Checks the encoder of a regulated motor.
-    fn check_encoder(&mut self, at: OperatingPoint, moved: i32) -> Finding {
-        let MotorState::Regulated(check) = &mut self.state else { return Finding::Sound };
-        let Some(command) = &self.command else { return Finding::Sound };
-        let Some(target) = command.request.target else { return Finding::Sound };
+    /// Checks the encoder of a regulated motor, and latches a fault. Returns what the motor has to do.
+    fn check_encoder(&mut self, at: OperatingPoint, moved: i32) -> Instruction {
+        let MotorState::Regulated(check) = &mut self.state else { return Instruction::Regulate };
+        let Some(command) = &self.command else { return Instruction::Regulate };
+        let Some(target) = command.request.target else { return Instruction::Regulate };
         let context =
             Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
         let (regulator, position) = (&self.regulator, self.position);
         let tick = Tick { context: &context, regulator, command, target, position, moved };
-        let finding = check.step(&mut self.last_motion, &tick);
-        if let Finding::Fault(fault) = finding {
+        let instruction = check.step(&mut self.last_motion, &tick);
+        if let Instruction::Fault(fault) = instruction {
             self.encoder_fault = Some(fault);
         }
-        finding
+        instruction
     }
 
-    /// Computes the request of an activity; `None` for an open bridge. `finding` is what the encoder check has found.
+    /// Computes the request of an activity; `None` for an open bridge. `instruction` is from the encoder check.
     fn request_of(
         &mut self,
         activity: Activity,
         at: OperatingPoint,
         moved: Option<i32>,
-        finding: Finding,
+        instruction: Instruction,
     ) -> Option<Request> {
         let (control, modulation) = match activity {
             Activity::Coast => return None,
@@ -541,7 +553,7 @@ impl Motor {
                 let voltage = self.regulator.limit_speed(Voltage::from_volts(volts), speed_limit, at);
                 (None, self.modulator.for_voltage(at, voltage))
             }
-            Activity::Regulate(demand) => return Some(self.regulate(demand, at, moved?, finding)),
+            Activity::Regulate(demand) => return Some(self.regulate(demand, at, moved?, instruction)),
             Activity::Identify => {
                 let voltage = self.identify(at)?;
                 (None, self.modulator.for_voltage(at, voltage))
@@ -550,8 +562,7 @@ impl Motor {
         Some(Request { at, modulation, control, target: None })
     }
 
-    /// Computes the voltage of an identification; `None` for an open bridge. The identification has its own check of the
-    /// encoder: an unknown motor may only travel so far without counts.
+    /// Steps an identification. Returns its voltage; `None` for an open bridge, also when the identification ends.
     fn identify(&mut self, at: OperatingPoint) -> Option<Voltage> {
         let MotorState::Identifying(identifier) = &mut self.state else { return None };
         let voltage = identifier.step(self.settings.winding.emf, at.battery_volts(), self.period);
@@ -562,15 +573,22 @@ impl Motor {
         })
     }
 
-    /// Computes the request of the regulator, or of the encoder check if the encoder is in doubt.
-    fn regulate(&mut self, demand: Demand, at: OperatingPoint, moved: i32, finding: Finding) -> Request {
+    /// Computes the request of the regulator, or of the encoder check if its instruction is not to regulate. Lowers
+    /// the back EMF constant if the speed hunts.
+    fn regulate(
+        &mut self,
+        demand: Demand,
+        at: OperatingPoint,
+        moved: i32,
+        instruction: Instruction,
+    ) -> Request {
         let (mut speed, mut hunts) = (self.regulator.demanded_speed(demand), false);
-        let (control, modulation) = match finding {
-            Finding::FullReverse(control) => (Some(control), Modulation::full_reverse(at)),
-            Finding::Release => (Some(Control::ZERO), Modulation::full_braking(at)),
+        let (control, modulation) = match instruction {
+            Instruction::FullReverse(control) => (Some(control), Modulation::full_reverse(at)),
+            Instruction::Release => (Some(Control::ZERO), Modulation::full_braking(at)),
             // The speed is in doubt, so the probe is in open loop.
-            Finding::Probe(control) => (Some(control), self.modulator.open_loop(at, control)),
-            Finding::Sound | Finding::Fault(_) => {
+            Instruction::Probe(control) => (Some(control), self.modulator.open_loop(at, control)),
+            Instruction::Regulate | Instruction::Fault(_) => {
                 let context =
                     Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
                 let output = self.regulator.step(demand, moved, &context);
@@ -588,8 +606,8 @@ impl Motor {
         Request { at, modulation, control, target: Some(speed) }
     }
 
-    /// Commands the bridge by the request of this moment, within all limits. `moved` is the counts since the last tick;
-    /// `None` without a reading.
+    /// Computes a request, and commands the bridge within all limits. `moved` is the counts since the last tick;
+    /// `None` without a reading or between two ticks.
     fn apply(&mut self, now: Micros, battery: Option<Battery>, moved: Option<i32>) {
         self.changed = false;
         let request = self.request(battery.as_ref(), moved);
@@ -623,8 +641,8 @@ impl Motor {
         self.command = Some(command);
     }
 
-    /// Computes the command for a request within all limits. [`Command::applied`] does not yet include a change of the
-    /// bridge's mode.
+    /// Computes the command for a request within all limits, and steps the burn pulses. [`Command::applied`] does not
+    /// yet include a change of the bridge's mode.
     fn modulate(&mut self, request: Request, now: Micros, battery: &Battery, may_end_short: bool) -> Command {
         let Request { at, modulation: mut limited, .. } = request;
         let mut voltage = self.modulator.applied(at, limited);
@@ -659,7 +677,7 @@ impl Motor {
         limits
     }
 
-    /// True if the current limit holds the current below the requested one.
+    /// True if the motor has the largest current that its current limit allows, and a limit has changed the request.
     fn is_current_limited(&self) -> bool {
         let (Some(command), Some(limit)) = (&self.command, self.settings.current_limit_amperes()) else {
             return false;
@@ -668,7 +686,7 @@ impl Motor {
         command.is_limited() && current.abs() > 0.98 * limit
     }
 
-    /// Replaces the modulation of a command by a burn pulse.
+    /// Begins or continues a burn pulse, and replaces the modulation of the command by this pulse.
     fn dissipate(&mut self, command: &mut Command, now: Micros, battery: &Battery, may_end_short: bool) {
         let velocity = self.regulator.velocity();
         let at = OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery.newest)
@@ -695,15 +713,15 @@ impl Motor {
         self.pulses.apply(pulse, Voltages { requested, applied, emf }, change_us);
     }
 
-    /// The mean voltage that a new command applies. The bridge is open while its mode changes from that of the present
-    /// command.
+    /// The mean voltage that a new command applies. If the mode differs from the mode of the present command, the
+    /// bridge is open for the time that the change takes.
     fn after_change(&self, command: &Command) -> Voltage {
         let change_us = self.settings.bridge.timing().change_us;
         if command.modulation.drive.mode == self.drive().mode || change_us == 0 {
             return command.applied;
         }
         let emf = self.settings.winding.emf.emf(self.regulator.velocity()).to_volts();
-        // A burn pulse is chosen every millisecond, in us.
+        // Time in us for which the command stays: a burn pulse is chosen every millisecond.
         let period_us = if self.pulses.are_active() { 1_000.0 } else { self.period.as_micros() as f32 };
         let left = (1.0 - f32::from(change_us) / period_us).max(0.0);
         Voltage::from_volts(emf + left * (command.applied.to_volts() - emf))
@@ -719,7 +737,7 @@ impl Motor {
     fn modelled_current(&self) -> Milliamperes {
         match &self.command {
             Some(command) if !command.is_open() => {
-                // The mean of burn pulses is the voltage that was to be applied.
+                // The mean voltage of burn pulses is the voltage within the limits.
                 let voltage = if self.pulses.are_active() { command.voltage } else { command.applied };
                 self.current(voltage, self.regulator.velocity())
             }
@@ -764,7 +782,8 @@ impl Motor {
             regime: self.command.map(|command| command.limited.regime),
             drive,
             settled: self.settle_detector.step(within_tolerance, velocity, self.period),
-            // A small current limit leaves no evidence of the encoder, so a motor without counts counts as stalled.
+            // With a small current limit the encoder cannot be checked, so a motor without counts is taken for
+            // stalled.
             stalled: self.is_stalled() || current_limited && self.regulator.is_stalled(),
             identification: self.identification,
             faults: Faults {

@@ -7,7 +7,8 @@ use crate::regulator::Kind;
 use crate::regulator::identify::Identification;
 use crate::units::{Control, CountsPerSecond, Milliamperes, Millivolts};
 
-/// Faults of a motor. With a fault the motor coasts or brakes, by its setting [`OnFault`](super::OnFault).
+/// Faults of a motor. With a fault that its set-point does not tolerate the motor coasts or brakes, by its setting
+/// [`OnFault`](super::OnFault). With a fault of battery or bridge every motor coasts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Faults {
@@ -15,14 +16,14 @@ pub struct Faults {
     pub battery_unknown: bool,
     /// There is no encoder reading from the last 20 ms. Constant power continues.
     pub encoder_stale: bool,
-    /// The encoder of a regulated motor does not count, or counts in the wrong direction. This fault is latched until
-    /// the motor is disabled. Constant power continues. `None` without this fault.
+    /// Fault of the encoder of a regulated motor: no counts, or counts in the wrong direction. `None` without this
+    /// fault. The fault is latched until the motor is disabled or in fail-safe. Constant power continues.
     pub encoder: Option<EncoderFault>,
-    /// The winding was too hot in spite of its current limit. This fault is latched until the winding has cooled down
-    /// and the motor is disabled.
+    /// The winding was too hot in spite of its current limit. The fault is latched until the motor is disabled or in
+    /// fail-safe after the winding has cooled down.
     pub overheated: bool,
-    /// The bridge reports that it has switched itself off. This fault is latched until the motor is disabled. The
-    /// motor coasts.
+    /// The bridge has reported that it had switched itself off. The fault is latched until the motor is disabled or
+    /// in fail-safe. The motor coasts.
     pub bridge: bool,
 }
 
@@ -33,8 +34,8 @@ impl Faults {
     }
 }
 
-/// Best estimate of a motor's current: the measured magnitude with the sign of the modelled current, or the modelled
-/// current where none is measured. A positive current turns the motor CW.
+/// Best estimate of a motor's current: the measured magnitude with the sign of the modelled current, or, without a
+/// measurement, the modelled current. The torque of a positive current is CW.
 pub const fn best_current(modelled: Milliamperes, measured: Option<Milliamperes>) -> Milliamperes {
     match measured {
         Some(magnitude) if modelled.get() < 0 => Milliamperes::new(-magnitude.get()),
@@ -55,34 +56,35 @@ pub struct Report {
     pub velocity: CountsPerSecond,
     /// Kind of the motor's regulator.
     pub regulator: Kind,
-    /// Modelled mean current of the winding, by its constants and the applied voltage; 0 while coasting. A positive
-    /// current turns the motor CW.
+    /// Modelled mean current of the winding, by the motor's constants and the applied voltage; 0 while coasting. The
+    /// torque of a positive current is CW.
     pub current: Milliamperes,
-    /// Magnitude of the mean current that the board measures. `None` without a current-sense line, with a broken one,
-    /// and while the bridge is in 5/0, where the line shows no current.
+    /// Magnitude of the mean current that the board measures. `None` without a current-sense line, with a broken
+    /// line, and while the bridge is in 5/0, in which the line shows no current. `None` also at a tick whose mode
+    /// differs from the mode of the last sample, and during burn pulses.
     pub measured: Option<Milliamperes>,
     /// Condition of the current-sense line.
     pub sense_line: SenseLine,
     /// Heat of the winding, by the measured current or, without a measured current, by the modelled current. The heat is
     /// 1000 at the thermal limit, and 0 without a limit.
     pub heat: u16,
-    /// True if the winding is so hot that its current is limited.
+    /// True if the winding is so hot that its driving current is limited.
     pub derated: bool,
-    /// True if the [current limit](super::Settings::current_limit) holds the current below the requested current.
+    /// True if the current is limited, and is as high as the [current limit](super::Settings::current_limit) allows.
     pub current_limited: bool,
-    /// Current that would balance load, friction and drag. The current is positive for a load that resists CW motion.
-    /// `None` for an unknown motor, whose dynamics are not configured.
+    /// Current that would balance load, friction and drag; positive for a load that resists CW motion. `None` for an
+    /// unknown motor, whose dynamics are not configured.
     pub load: Option<Milliamperes>,
     /// Control value; 0 while coasting.
     pub control: Control,
-    /// Regime of the control value; `None` while the bridge is open because the motor is disabled, floating or at
-    /// fault.
+    /// Regime of the command; `None` while the motor coasts: disabled, floating, at fault, or before and after the
+    /// motion of an identification. A command with a limit that opens the bridge has a regime.
     pub regime: Option<Regime>,
     /// Command of the bridge.
     pub drive: Drive,
-    /// True if the motor has settled in regulated position: the motor was [within tolerance](super::within_tolerance) and
-    /// no faster than 40 counts/s for the dwell. The dwell is 50 ms, or one control period if the period is longer. A
-    /// member of a group has settled when all members have settled.
+    /// True if the motor has settled in regulated position: at every tick of the dwell the motor was [within
+    /// tolerance](super::within_tolerance) and no faster than 40 counts/s. The dwell is 50 ms, or one control
+    /// period if the period is longer. A member of a group has settled when all members have settled.
     pub settled: bool,
     /// True if the motor is regulated, and a stop or a load holds the motor.
     pub stalled: bool,

@@ -1,10 +1,11 @@
-//! Current-sense line of a motor's bridge: decides when the line shows the motor's current, and whether the line works.
+//! Current-sense line of a motor's bridge: this file decides when the line shows the motor's current, and whether the
+//! line works.
 //!
 //! A bridge of the VNH5019 kind senses in its high-side switches (data sheet Doc ID 15701, tables 9 and 11). In 9/8
-//! and 6/2 one of them is closed throughout the period, for the duty and for freewheeling. The line then shows the
-//! motor's current all the time, and its mean is the motor's mean current. In 5/0 no high-side switch is closed, and
-//! the line shows no current: the modelled current is used. At 3 A and below the line shows 0.7 to 1.5 times the
-//! current, depending on the chip.
+//! and 6/2 one of the high-side switches is closed throughout the PWM period, during the duty and while freewheeling.
+//! The line then shows the motor's current all the time, and the mean of the line is the motor's mean current. In 5/0
+//! no high-side switch is closed, and the line shows no current. The hub then uses the modelled current. At 3 A and
+//! below the line shows 0.7 to 1.5 times the current, depending on the chip.
 //!
 //! ```text
 //! Absent ──a sample──▶ Sound ◀──4 contradictions in a row──▶ Silent, Stuck, Excessive
@@ -24,29 +25,29 @@ pub enum SenseLine {
     Absent,
     /// The line works; its current is used.
     Sound,
-    /// The line shows no current where the modelled current is at least 1 A: the line or a lead of the motor is
+    /// The line shows no current while the modelled current is at least 1 A: the line or a lead of the motor is
     /// broken. The line is not used.
     Silent,
-    /// The line shows a current in 5/0, where the bridge can show none. The line is not used.
+    /// The line shows a current in 5/0, in which a bridge shows no current. The line is not used.
     Stuck,
-    /// The line shows far more than the modelled current: the constants are another motor's, or the winding is
-    /// shorted. The line is used.
+    /// The line shows far more than the modelled current: the configured constants are wrong for this motor, or the
+    /// winding is shorted. The line is used.
     Excessive,
 }
 
 /// Samples in a row that must contradict the condition of a line before the condition changes.
 const CONFIRMATIONS: u8 = 4;
 
-/// Current, in mA, below which a line counts as showing no current. The value is above a converter's offset, and below
-/// the current of any motor that turns.
+/// A line that shows less than this current, in mA, shows no current. The value is above a converter's offset, and
+/// below the current of any motor that turns.
 const NOTHING_MA: u32 = 50;
 /// Least modelled current, in mA, at which a line must show a current.
 const DUE_MA: u32 = 1_000;
 /// Largest leakage current, in mA, that the line of a bridge in 5/0 shows.
 const LEAKAGE_MA: u32 = 300;
 
-/// Largest plausible current for a modelled current, both in mA. The motor may draw twice the modelled current, and the
-/// line may show 1.5 times the motor's current. 2 A are added.
+/// Largest plausible current on the line for a modelled current, both in mA. The motor may draw twice the modelled
+/// current, and the line may show 1.5 times the motor's current. 2 A are added as a margin.
 const fn largest_plausible(modelled_ma: u32) -> u32 {
     modelled_ma.saturating_mul(3).saturating_add(2_000)
 }
@@ -57,18 +58,18 @@ pub(super) struct Line {
     condition: SenseLine,
     /// Samples in a row that contradict the condition.
     contradictions: u8,
-    /// Mode of the bridge at the last sample; `None` if it was not constant.
+    /// Mode of the bridge at the last sample; `None` during burn pulses.
     mode: Option<Mode>,
-    /// Current that the last sample shows; `None` if it is no measurement of the motor's current.
+    /// Current that the last sample shows; `None` if the sample is no measurement of the motor's current.
     shown: Option<Milliamperes>,
-    /// Samples that have shown a current, up to [`CONFIRMATIONS`]. Before that a line may be shorted to ground, so
-    /// that a sample without a current is no measurement.
+    /// Samples in 9/8 or 6/2 that have shown a current, up to [`CONFIRMATIONS`]. With fewer of them the line may be
+    /// shorted to ground, so that a sample without a current is no measurement.
     proofs: u8,
 }
 
 impl Line {
-    /// Takes a sample. `shown` is `None` without an answer of the converter. `mode` is the mode of the bridge; `None`
-    /// during burn pulses, in which the mode changes within milliseconds. `modelled` is the current by the motor's
+    /// Takes a sample. `shown` is `None` if the converter does not answer. `mode` is the mode of the bridge; `None`
+    /// during burn pulses, because the mode then changes within milliseconds. `modelled` is the current by the motor's
     /// constants; `None` if the speed is unknown.
     pub(super) fn step(
         &mut self,
@@ -106,15 +107,16 @@ impl Line {
         self.condition
     }
 
-    /// Magnitude of the motor's mean current in this mode of the bridge; `None` if the line does not show the current
-    /// or is not used.
+    /// Magnitude of the motor's mean current while the bridge is in this mode. `None` if the last sample was taken in
+    /// another mode or is no measurement, or if the line is not used.
     pub(super) fn measured(&self, mode: Mode) -> Option<Milliamperes> {
         let used = matches!(self.condition, SenseLine::Sound | SenseLine::Excessive);
         self.shown.filter(|_| used && self.mode == Some(mode))
     }
 
-    /// Changes the condition after [`CONFIRMATIONS`] samples in a row. Only samples in 5/0 (`braking`) end
-    /// the condition Stuck. Only samples in 9/8 or 6/2 end Silent and Excessive, unless they show a stuck line.
+    /// Takes the condition `found` by a sample. Changes the condition of the line after [`CONFIRMATIONS`] samples in
+    /// a row that contradict it. Samples in 5/0 (`braking`) end every condition if they show a stuck line, and
+    /// otherwise only Stuck. Samples in 9/8 or 6/2 do not end Stuck.
     fn judge(&mut self, found: SenseLine, braking: bool) {
         let proves = match self.condition {
             SenseLine::Stuck => braking,
@@ -135,13 +137,14 @@ impl Line {
     }
 }
 
-/// Condition by a current in mA in 5/0.
+/// Condition of a line that shows this current in 5/0, in mA.
 const fn in_braking(ma: u32) -> SenseLine {
     if ma > LEAKAGE_MA { SenseLine::Stuck } else { SenseLine::Sound }
 }
 
-/// Condition by a current in 9/8 or 6/2, in mA; `None` if line and model both show too little. Only a line without any
-/// current is broken: a motor that draws less than modelled may be another motor.
+/// Condition of a line that shows this current in 9/8 or 6/2, in mA. `None` if the line shows no current, and the
+/// modelled current is too small for a current to be due. A line that shows less than the modelled current works: the
+/// motor may be another motor than configured.
 const fn in_driving(ma: u32, modelled_ma: u32) -> Option<SenseLine> {
     match (ma < NOTHING_MA, modelled_ma >= DUE_MA) {
         (true, true) => Some(SenseLine::Silent),

@@ -8,12 +8,13 @@ use crate::units::{Control, CountsPerSecond, Milliamperes};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Setpoint {
-    /// The motor is disabled, and its bridge is open.
+    /// The motor is disabled, and the bridge is open.
     #[default]
     Disabled,
     /// The host no longer answers. The bridge is open or brakes, by the motor's setting [`OnFault`](super::OnFault).
     FailSafe,
-    /// Open loop: 9/8 or 6/2 with this share of the control range as duty, whatever the speed.
+    /// Open loop: 9/8 or 6/2 with this share of the control range as duty, whatever the speed. At 0 the motor brakes
+    /// or coasts, by the setting [`ZeroPower`](super::ZeroPower).
     ConstantPower(Control),
     /// Constant current, and so constant torque, while the motor is slower than the speed limit.
     Current {
@@ -23,7 +24,8 @@ pub enum Setpoint {
         /// current that keeps the speed. If a load drives the motor faster, the motor brakes with at most `current`.
         speed_limit: CountsPerSecond,
     },
-    /// Regulated velocity: the motor turns at this speed.
+    /// Regulated velocity: the motor turns at this speed. At 0 the motor is held or coasts, by the setting
+    /// [`ZeroPower`](super::ZeroPower).
     Velocity(CountsPerSecond),
     /// Regulated position: the motor goes to a position and holds it.
     Position {
@@ -42,7 +44,7 @@ pub enum Setpoint {
         travel_limit: u32,
     },
     /// Regulated position in a [group](crate::group): the motor follows this reference. The hub sets a new reference
-    /// at every tick. Without a new reference the motor stays near the last one.
+    /// at every tick. Without a new reference the motor stays near the last reference.
     Together(Reference),
 }
 
@@ -52,13 +54,14 @@ impl Setpoint {
         matches!(self, Self::Velocity(_) | Self::Position { .. } | Self::Together(_))
     }
 
-    /// True if the command needs no tick: nothing is regulated or identified.
+    /// True if the command needs no encoder and no tick: a disabled motor, fail-safe and constant power. A constant
+    /// current needs the speed, and so the encoder.
     pub const fn is_direct(self) -> bool {
         matches!(self, Self::Disabled | Self::FailSafe | Self::ConstantPower(_))
     }
 
     /// True if `next` continues the motion of a motor at this position, in counts: the kind of the set-point and the
-    /// direction stay. Hosts stream such set-points.
+    /// requested direction stay. Hosts stream set-points that continue a motion.
     pub(super) fn continues_as(self, next: Self, position: i32) -> bool {
         let same = |before: i32, after: i32| before != 0 && before.signum() == after.signum();
         match (self, next) {
@@ -66,7 +69,7 @@ impl Setpoint {
             (Self::Position { target: before, .. }, Self::Position { target: after, .. }) => {
                 same(before.wrapping_sub(position), after.wrapping_sub(position))
             }
-            // The reference of a member that lags stands still. Its direction stays.
+            // The reference of a group stands still while a member lags, and then goes on in the same direction.
             (Self::Together(before), Self::Together(after)) => {
                 after.next == CountsPerSecond::ZERO || same(before.next.to_bits(), after.next.to_bits())
             }
@@ -74,7 +77,8 @@ impl Setpoint {
         }
     }
 
-    /// True in regulated position if `position` is [within tolerance](within_tolerance).
+    /// True if `position` is [within tolerance](within_tolerance) of a target position; false for a set-point without
+    /// one, as in a group.
     pub(super) const fn is_within_tolerance(self, position: i32) -> bool {
         match self {
             Self::Position { target, tolerance, .. } => within_tolerance(target, position, tolerance),

@@ -1,15 +1,16 @@
-//! Decides whether a motor is at its target. This file defines two words that the whole project uses:
+//! Decides whether a motor is at its target, by two terms that the whole project uses:
 //!
-//! * *Within tolerance*: the distance to the target is at most the tolerance. Hosts of REV's protocol read this word. The
+//! * *Within tolerance*: the distance to the target is at most the tolerance. Hosts of REV's protocol read this. The
 //!   speed does not matter, so a motor that passes its target is within tolerance for a short time.
 //! * *Settled*: within tolerance and slow, at every tick of a dwell. This hub's own report, groups, the client and the
-//!   dashboard use this word.
+//!   dashboard use this.
 //!
-//! Both words are false for a disabled motor and for a motor without a target position.
+//! Both are false for a disabled motor and for a motor without a target position.
 
 use crate::units::{CountsPerSecond, Period};
 
-/// Dwell in milliseconds. A motor that is no longer within tolerance or slow after this time has only passed its target.
+/// Dwell in milliseconds. A motor that leaves the tolerance or becomes faster before the end of the dwell has only
+/// passed its target.
 const DWELL_MS: u32 = 50;
 /// Highest speed of a slow motor: two counts in 50 ms. The estimate may be wrong by one count, and a regulator that holds
 /// a position may move the motor by another count.
@@ -24,8 +25,8 @@ pub const fn within_tolerance(target: i32, position: i32, tolerance: u16) -> boo
 /// Detects whether a motor, or a group of motors, has settled.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SettleDetector {
-    /// Time in ms for which the motor has been within tolerance and slow at every tick; `None` if the motor was not at the
-    /// last tick.
+    /// Time in ms for which the motor has been within tolerance and slow at every tick; `None` if the motor was not
+    /// within tolerance and slow at the last tick.
     settling_ms: Option<u32>,
 }
 
@@ -35,8 +36,8 @@ impl SettleDetector {
         self.settling_ms = None;
     }
 
-    /// Takes a tick with its position and speed. Returns true if the motor has settled. The dwell is 50 ms, or one period
-    /// if the period is longer.
+    /// Takes a tick: whether the motor is within tolerance, and its speed. Returns true if the motor has settled. The
+    /// dwell is 50 ms, or one period if the period is longer.
     pub fn step(&mut self, within_tolerance: bool, velocity: CountsPerSecond, period: Period) -> bool {
         let slow = velocity.to_bits().unsigned_abs() <= SLOW.to_bits().unsigned_abs();
         self.settling_ms = match self.settling_ms {

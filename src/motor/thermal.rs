@@ -1,8 +1,9 @@
 //! Thermal model of a winding (I2t): computes the heating from the current, and limits the current of a hot motor.
 //!
-//! Winding and case are two bodies in series, each a filter of first order. A quarter of the winding's temperature rise
-//! lies between winding and case. This part follows the square of the current within seconds. The other part lies between
-//! case and room, and takes minutes:
+//! Winding and case are two bodies in series, each a filter of first order. The model assumes that a quarter of the
+//! winding's temperature rise lies between winding and case. This quarter follows the square of the current within
+//! seconds. The other three quarters lie between case and room, and follow within minutes. A prime marks a rate of
+//! change:
 //!
 //! ```text
 //! heat = (0.25 winding + 0.75 case) / continuous²      winding' = (current² - winding) / winding_s
@@ -10,13 +11,14 @@
 //! ```
 //!
 //! The heat is 1 when the continuous current has flowed for long. The model has no temperatures, neither of the motor
-//! nor of the room: the limit is the continuous current of the motor's data sheet. The resistance is the configured
-//! resistance of a cold winding. A hot winding has more resistance, and so less current.
+//! nor of the room: the limit is the continuous current of the motor's data sheet. Without a measured current the hub
+//! computes the current with the configured resistance of a cold winding. A hot winding has more resistance, and so
+//! less current than computed.
 //!
 //! ```text
-//! Running ── heat above 1.1 ──▶ Cut
-//!    ▲                           │
-//!    └── disabled, heat below 1 ─┘
+//! Running ───── heat above 1.1 ────▶ Cut
+//!    ▲                              │
+//!    └─ disabled at heat 1 or less ─┘
 //! ```
 
 use crate::settings::ThermalLimit;
@@ -29,10 +31,10 @@ const WINDING_SHARE: f32 = 0.25;
 /// Heat above which the current is limited. At this heat the limit is four times the continuous current. The limit falls
 /// linearly to the continuous current at the heat 1.
 const DERATED_FROM: f32 = 0.8;
-/// Heat above which the motor is switched off. The limited current keeps the heat near 1. Only a load that drives the
-/// motor can exceed this heat.
+/// Heat above which the motor is switched off. The limited driving current keeps the heat near 1. The braking current
+/// is not limited, so a load that drives the motor can exceed this heat.
 const CUT_ABOVE: f32 = 1.1;
-/// Largest heat at which disabling a motor ends its cut.
+/// Largest heat at which disabling a motor, or fail-safe, ends the cut.
 const COOL: f32 = 1.0;
 /// Time in s over which squares of the current are averaged before the filters are stepped. A filter with a time constant
 /// of minutes that is stepped every millisecond would lose small squares in rounding.
@@ -49,12 +51,12 @@ pub(super) struct Thermal {
     gathered: f32,
     /// Time since the filters were last stepped, in s.
     gathered_s: f32,
-    /// True if the motor was too hot and is switched off. The state is latched.
+    /// True if the motor was too hot and is switched off. The cut is latched.
     cut: bool,
 }
 
 impl Thermal {
-    /// Steps the model by a tick with this current. Nothing is computed without a limit.
+    /// Steps the model by a tick with this current. Without a limit the model does not change.
     pub(super) fn step(&mut self, limit: Option<ThermalLimit>, period: Period, current: Milliamperes) {
         let Some(limit) = limit else { return };
         let (amperes, seconds) = (current.to_amperes(), period.to_seconds());
@@ -71,7 +73,7 @@ impl Thermal {
         self.cut |= self.heat(Some(limit)) > CUT_ABOVE;
     }
 
-    /// The heat: 1 at the limit, 0 without a limit.
+    /// The heat: 1 after a long time at the continuous current, 0 without a limit.
     pub(super) fn heat(&self, limit: Option<ThermalLimit>) -> f32 {
         limit.map_or(0.0, |limit| {
             let mean = WINDING_SHARE * self.winding + (1.0 - WINDING_SHARE) * self.case;
@@ -79,7 +81,8 @@ impl Thermal {
         })
     }
 
-    /// Largest current in A that may drive the motor; `None` for no limit.
+    /// Largest current in A that may drive the motor; `None` if no thermal limit is configured, or if the motor is
+    /// not hot.
     pub(super) fn ceiling(&self, limit: Option<ThermalLimit>) -> Option<f32> {
         let heat = self.heat(limit);
         limit.filter(|_| heat > DERATED_FROM).map(|limit| {

@@ -2,17 +2,17 @@
 //!
 //! The observer predicts the position of the shaft with a gain b. If the true gain is b exp(theta), its prediction is
 //! wrong by s theta, where s is the *sensitivity* of the predicted position to ln b. The sensitivity follows the
-//! observer's own equations. Between corrections the voltage less the back EMF drives s. Each correction of position,
-//! speed and load reduces s like any other error of the prediction. So the error e of every correction is a
+//! observer's own equations. Between corrections the voltage less the back EMF changes s. Each correction of
+//! position, speed and load reduces s like any other error of the prediction. So the error e of a correction is a
 //! measurement of theta, with the Kalman gain k and the variance r of the noise:
 //!
 //! ```text
 //! e = s theta + noise        k = P s / (s² P + r)        theta += k (e - s theta)        P -= k s P
 //! ```
 //!
-//! This is a Kalman filter of one state, theta with the variance P, and the recursive prediction error method of
-//! system identification (L. Ljung, T. Söderström, 1983). While a motor turns at a steady speed the observer's load
-//! explains every error and s is near 0, so a load is not taken for inertia.
+//! This is a Kalman filter with the state theta and its variance P. In system identification it is called the
+//! recursive prediction error method (L. Ljung, T. Söderström, 1983). While a motor turns at a steady speed, the
+//! observer's load explains every error and s is near 0. So a load is not taken for inertia.
 
 use super::observer::{Correction, Plant, SAMPLE_S, Sensitivity};
 use crate::settings::GUESSED_TIME_CONSTANT_S;
@@ -24,48 +24,49 @@ const PLAUSIBLE_TIME_CONSTANT_S: (f32, f32) = (0.01, 30.0);
 /// Variance of ln b for the initial guess. The true gain is then within a factor of 2.7 of the guess (one standard
 /// deviation), or of 7.4 (two).
 const GUESS_VARIANCE: f32 = 1.0;
-/// Growth of the variance in a second, because windings warm up and loads change. Measured by `survey`: 0.01 to 0.1
-/// regulate equally well; 0.0001 leaves twice as many random responses unsettled.
+/// Growth of the variance in a second, because windings warm up and loads change. Measured with `survey`: motors are
+/// regulated equally well with 0.01 to 0.1. With 0.0001 twice as many random responses do not settle.
 const VARIANCE_PER_SECOND: f32 = 0.03;
-/// Sensitivity, in counts, above which the variance grows. Below this sensitivity the gain is hardly updated, so the
-/// variance stays.
-const LEARNING_SENSITIVITY: f32 = 0.02;
-/// Sensitivity below which a correction does not update the gain, in counts.
+/// Sensitivity, in counts, up to which the variance does not grow. A smaller sensitivity hardly updates the gain, so
+/// a growing variance would never fall again.
+const LEAST_GROWTH_SENSITIVITY: f32 = 0.02;
+/// Sensitivity, in counts, up to which a correction does not update the gain.
 const LEAST_SENSITIVITY: f32 = 0.01;
-/// Sensitivity in counts below which a correction too large for noise shows a wrong state of the observer, not a
-/// wrong gain.
+/// Sensitivity, in counts, below which an unexplained correction pauses the estimate: the state of the
+/// observer is then wrong, not the gain.
 const RELEVANT_SENSITIVITY: f32 = 0.1;
 /// Standard deviation of a correction because of the resolution of whole counts, in counts.
 const COUNTING_NOISE: f32 = 0.25;
-/// Standard deviation of the voltage across the motor, in V. It has errors of the bridge, and load and friction that change
-/// between two counts.
+/// Standard deviation, in V, of the voltage that accelerates the motor. The causes are errors of the bridge, and load
+/// and friction that change between two counts.
 const VOLTAGE_NOISE: f32 = 0.3;
-/// Largest error of ln b that may explain a correction, in standard deviations of the estimate. A correction that neither
-/// this error nor [`LARGEST_NOISE`] explains comes from a blow, a stop, or a motor that was already turning when the
-/// observer started.
-const LARGEST_GAIN_ERROR: f32 = 3.0;
-/// Largest noise that may explain a correction, in standard deviations of the noise.
-const LARGEST_NOISE: f32 = 4.0;
+/// Number of standard deviations of ln b up to which a wrong gain may explain a correction. A correction beyond this
+/// error and [`LARGEST_NOISE_SIGMAS`] together is unexplained. It comes from a blow, from a stop, or from a motor
+/// that was already turning when the observer started.
+const LARGEST_GAIN_ERROR_SIGMAS: f32 = 3.0;
+/// Number of standard deviations of the noise up to which noise may explain a correction.
+const LARGEST_NOISE_SIGMAS: f32 = 4.0;
 /// Time after which the observer has corrected a wrong initial state, in s.
 const SETTLING_S: f32 = 0.05;
-/// Difference of the accelerating voltage from its mean, in V, above which the gain is updated. At a steady speed the
-/// errors of whole counts have a constant sign, and would shift the estimate within minutes.
+/// Difference of the accelerating voltage from its mean, in V, up to which the gain is not updated. At a steady speed
+/// the errors of whole counts have a constant sign, and would shift the estimate within minutes.
 const EXCITATION_VOLTS: f32 = 0.05;
 /// Time constant of the mean accelerating voltage, in s.
 const EXCITATION_S: f32 = 0.3;
-/// Least change of ln b with which the regulator uses the new gain.
+/// Least magnitude of theta with which the regulator takes the new gain: a change of some 5 %.
 const LEAST_CHANGE: f32 = 0.05;
-/// Largest variance of ln b with which the estimate can show a heavy motor: a standard deviation of some 40 %.
+/// Variance of ln b below which the estimate can show a heavy motor: a standard deviation of some 40 %.
 const SURE_VARIANCE: f32 = 0.15;
-/// Ratio of the time constant to the initial guess above which a motor counts as heavy.
+/// Ratio of the estimated time constant to the initial guess above which a motor is heavy.
 const HEAVY: f32 = 1.25;
-/// Counts in the direction of the voltage after which an encoder is trusted to count in the right direction.
+/// Balance of counts at which the encoder is trusted. The balance is the counts in the direction of the voltage less
+/// the counts against the voltage.
 const TRUSTED_COUNTS: i32 = 30;
-/// Largest balance of counts in the direction of the voltage. A heavy motor that brakes in reverse stays trusted for a
-/// control period of 100 ms at 3000 counts/s, so the encoder check knows that the motor is heavy.
+/// Largest balance of counts: [`TRUSTED_COUNTS`] and 300 more. A heavy motor may brake in reverse at 3000 counts/s
+/// for a control period of 100 ms. The encoder then stays trusted, and [`GainEstimate::is_heavy`] true.
 const MOST_TRUST_COUNTS: i32 = 330;
 
-/// The estimate of one motor's gain, beside the gain b that the observer uses.
+/// The estimate of one motor's gain, relative to the gain b that the observer uses.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct GainEstimate {
     /// Estimate of ln(true gain / b).
@@ -74,9 +75,10 @@ pub(super) struct GainEstimate {
     variance: f32,
     /// Sensitivity of the observer's state to ln b.
     sensitivity: Sensitivity,
-    /// Counts in the direction of the voltage less counts against it, limited to 0 to [`MOST_TRUST_COUNTS`].
+    /// Balance of counts, limited to 0 to [`MOST_TRUST_COUNTS`]. Counts without a voltage are not included.
     trust_counts: i32,
-    /// Time until the observer has forgotten a wrong initial state, in s. Nothing is learned meanwhile.
+    /// Time until the observer has forgotten a wrong initial state, in s. The gain is not updated before this time is
+    /// over.
     settling_s: f32,
     /// Accelerating voltage in V: the voltage across the motor less the back EMF; 0 while the bridge is open.
     net_volts: f32,
@@ -85,7 +87,7 @@ pub(super) struct GainEstimate {
 }
 
 impl GainEstimate {
-    /// Begins with an observer that uses the [initial guess](guessed_gain).
+    /// Creates the estimate for an observer that uses the [initial guess](guessed_gain).
     pub(super) const fn new() -> Self {
         Self {
             theta: 0.0,
@@ -98,35 +100,36 @@ impl GainEstimate {
         }
     }
 
-    /// Returns to the initial guess, from an observer that uses another gain. The guess is put in force by
-    /// [`take_gain`](Self::take_gain).
+    /// Resets the estimate to the initial guess, for an observer that uses another gain.
+    /// [`take_gain`](Self::take_gain) then returns the guess.
     pub(super) fn discard(&mut self, plant: &Plant) {
         *self = Self { theta: logf(guessed_gain(plant.kappa) / plant.b), ..Self::new() };
     }
 
-    /// True if the motor has turned in the direction of its voltage, so that its encoder can be trusted.
+    /// True if the encoder is trusted: the balance of counts is at least [`TRUSTED_COUNTS`].
     pub(super) const fn is_trusted(&self) -> bool {
         self.trust_counts >= TRUSTED_COUNTS
     }
 
-    /// True if the motor is surely heavier than a bare gear motor. The estimate of a motor that turns against its
-    /// voltage is not used: its encoder may be reversed.
+    /// True if the motor is surely heavier than a bare gear motor. The estimate is not used if the encoder is not
+    /// trusted, because the encoder may be reversed.
     pub(super) fn is_heavy(&self, plant: &Plant) -> bool {
         self.is_trusted() && self.variance < SURE_VARIANCE && HEAVY * plant.b < guessed_gain(plant.kappa)
     }
 
-    /// Sets the sensitivity of a motor at rest to 0: the observer's state is exact whatever the gain is.
+    /// Sets the sensitivity of a motor at rest to 0, because the observer's state is then exact for every gain. Ends
+    /// a pause of [`restart`](Self::restart).
     pub(super) fn rest(&mut self) {
         (self.sensitivity, self.settling_s) = (Sensitivity::default(), 0.0);
     }
 
-    /// Pauses learning until the observer has corrected a state that is wrong for another reason than the gain.
+    /// Pauses the estimate until the observer has corrected a state that is wrong for another reason than the gain.
     pub(super) fn restart(&mut self) {
         (self.sensitivity, self.settling_s) = (Sensitivity::default(), SETTLING_S);
     }
 
-    /// Predicts the sensitivity one sample later. `speed` is the observer's, in counts/s; `voltage` in V is `None` while
-    /// the bridge is open.
+    /// Predicts the sensitivity one sample later. `speed` is the observer's speed in counts/s. `voltage` is in V;
+    /// `None` while the bridge is open.
     pub(super) fn predict(&mut self, plant: &Plant, speed: f32, voltage: Option<f32>) {
         // Back EMF damps the motor only while its bridge is closed.
         let damping = if let Some(volts) = voltage {
@@ -146,8 +149,8 @@ impl GainEstimate {
         *of_speed += (plant.b * self.net_volts - damping * *of_speed + *load) * SAMPLE_S;
     }
 
-    /// Updates the estimate by a correction of the observer, after a sample with `moved` counts at this voltage in V. A
-    /// sample without counts of a motor that may be `stalled` does not update the gain.
+    /// Updates the estimate from a correction of the observer, after a sample with `moved` counts at this voltage in
+    /// V. A sample without counts does not update the gain of a motor that may be `stalled`.
     pub(super) fn correct(
         &mut self,
         plant: &Plant,
@@ -156,7 +159,7 @@ impl GainEstimate {
         voltage: Option<f32>,
         stalled: bool,
     ) {
-        // A shaft that is turned without a voltage says nothing of the direction in which its encoder counts.
+        // A shaft that is turned without a voltage does not show in which direction the encoder sends counts.
         let counts_along_voltage = match voltage {
             Some(volts) if volts > 0.0 => moved,
             Some(volts) if volts < 0.0 => moved.saturating_neg(),
@@ -170,15 +173,16 @@ impl GainEstimate {
         let drift = VOLTAGE_NOISE * plant.b * age_s * age_s / 2.0;
         let noise = COUNTING_NOISE * COUNTING_NOISE + drift * drift;
         let excited = (self.net_volts - self.mean_net_volts).abs() > EXCITATION_VOLTS;
-        if excited && s.abs() > LEARNING_SENSITIVITY {
+        if excited && s.abs() > LEAST_GROWTH_SENSITIVITY {
             self.variance = at_most(self.variance + VARIANCE_PER_SECOND * age_s, GUESS_VARIANCE);
         }
-        let is_noise = innovation * innovation <= LARGEST_NOISE * LARGEST_NOISE * noise;
+        let is_noise = innovation * innovation <= LARGEST_NOISE_SIGMAS * LARGEST_NOISE_SIGMAS * noise;
         let is_unexplained = !is_noise
             && innovation.abs()
-                > LARGEST_GAIN_ERROR * s.abs() * sqrtf(self.variance) + LARGEST_NOISE * sqrtf(noise);
+                > LARGEST_GAIN_ERROR_SIGMAS * s.abs() * sqrtf(self.variance)
+                    + LARGEST_NOISE_SIGMAS * sqrtf(noise);
         if is_unexplained {
-            // With this little sensitivity a wrong gain cannot be the cause.
+            // With a sensitivity this small a wrong gain cannot be the cause.
             if s.abs() < RELEVANT_SENSITIVITY {
                 self.restart();
                 return;
@@ -193,8 +197,9 @@ impl GainEstimate {
         self.sensitivity.load -= load_gain * s;
     }
 
-    /// Takes the new gain at a control tick, in counts/s² per V, with the change of the observer's state that follows
-    /// from it; `None` if the gain is unchanged.
+    /// Returns the new gain at a control tick, in counts/s² per V, and the change of the observer's state that
+    /// follows from the new gain. The caller must use both. `None` while the estimate differs from the gain in use by
+    /// less than [`LEAST_CHANGE`].
     pub(super) fn take_gain(&mut self, plant: &Plant) -> Option<(f32, Sensitivity)> {
         if self.theta.abs() < LEAST_CHANGE {
             return None;
@@ -208,13 +213,14 @@ impl GainEstimate {
         let theta = logf(change);
         self.theta -= theta;
         let shift = self.sensitivity.scaled(theta);
-        // Sensitivities are in proportion to the gain in use.
+        // A sensitivity is proportional to the gain in use.
         self.sensitivity = self.sensitivity.scaled(change);
         Some((gain, shift))
     }
 }
 
-/// Initial guess of the gain of an unknown motor, in counts/s² per V, with its back EMF in V per count/s.
+/// Initial guess of the gain of an unknown motor, in counts/s² per V. `kappa` is the back EMF constant in V per
+/// count/s.
 pub(super) fn guessed_gain(kappa: f32) -> f32 {
     1.0 / (GUESSED_TIME_CONSTANT_S * kappa)
 }
@@ -244,7 +250,7 @@ mod tests {
                     estimated = plant(gain);
                     observer.shift(&shift);
                 }
-                observer.drive(&estimated, Some(u));
+                observer.set_voltage(&estimated, Some(u));
             }
             for _ in 0..10 {
                 w += b * (u - KAPPA * w - load) * 1e-4;
@@ -291,7 +297,7 @@ mod tests {
         let guess = guessed_gain(KAPPA);
         let plant = Plant::new(guess, KAPPA, guess * KAPPA, FILTER);
         let mut observer = Observer::new(0.0);
-        observer.drive(&plant, Some(12.0));
+        observer.set_voltage(&plant, Some(12.0));
         for _ in 0..2_000 {
             estimate.predict(&plant, observer.speed(), Some(12.0));
             observer.predict(&plant);

@@ -1,31 +1,32 @@
-//! Detects that a speed *hunts*, because the back EMF constant in force is above the motor's.
+//! Detects that a speed *hunts*, because the back EMF constant in force is higher than the motor's back EMF constant.
 //!
-//! With too high a back EMF constant the [duty rule](mod@crate::braking::linear_current) expects a discontinuous current
-//! where the current is already continuous. There the same change of duty makes several times the current. The loop then
-//! swings between almost no current and a current beyond the *boundary*, to which the current is discontinuous:
+//! With too high a constant the [duty rule](mod@crate::braking::linear_current) expects a discontinuous current where
+//! the current is already continuous. The same change of duty then makes several times the expected change of
+//! current. The current swings between almost 0 and a current beyond the *boundary*. Up to the boundary the current
+//! is discontinuous:
 //!
 //! ```text
 //!          braking   |  discontinuous  |  continuous          requested current in the direction of motion
 //!   level     0      0        1     boundary       2
 //! ```
 //!
-//! The detector counts changes of this level with a swing of the current, while the speed is near its set-point and the
-//! set-point is constant. Old swings lose weight with every tick. A wrong load, inertia or resistance swings the current
-//! less or only for a while.
+//! The detector adds up the changes of this level with a large enough swing of the current, while the speed is near
+//! its set-point and the set-point is constant. Old swings lose weight with every tick. With a wrong load, inertia or
+//! resistance the current swings less, or only for a while.
 
 use crate::units::CountsPerSecond;
 
 /// Limits of the detector. The values are from simulations of 558 set-points and two sets of random scenarios.
 struct Limits {
-    /// Largest part of the drive voltage that corrects the speed of a steady motor, in V.
+    /// Part of the requested voltage that corrects the error of the speed, in V, below which the motor is steady.
     correction_volts: f32,
-    /// Least back EMF, in V. A slower motor is not examined.
+    /// Back EMF, in V, above which the motor is steady. A slower motor is not examined.
     emf_volts: f32,
     /// Least swing of the current between two changes of its level, as a voltage, in V.
     swing_volts: f32,
-    /// Share of the counted swings that remains after a tick.
+    /// Share of the weight of old swings that remains after a tick.
     remaining: f32,
-    /// Counted swings above which a motor hunts.
+    /// Weighted number of swings above which a motor hunts.
     swings: f32,
 }
 
@@ -52,7 +53,7 @@ pub(super) struct Hunting {
     target: CountsPerSecond,
     /// Level of the current at the last tick.
     level: u8,
-    /// Swings that were counted, the old ones with less weight.
+    /// Weighted number of swings. Old swings have less weight.
     swings: f32,
     /// Lowest current since the last change of level, as a voltage, in V.
     low: f32,
@@ -61,8 +62,8 @@ pub(super) struct Hunting {
 }
 
 impl Hunting {
-    /// Takes a tick. `boundary` returns the current as a voltage, in V, to which the current is discontinuous; it is
-    /// called while the motor is steady. Returns true if the motor hunts.
+    /// Takes a tick. `boundary` computes the boundary, a current as a voltage in V, and is called only while the
+    /// motor is steady and driven. Returns true at a change of level that shows that the motor hunts.
     pub(super) fn step(&mut self, tick: &Tick, boundary: impl FnOnce() -> f32) -> bool {
         let current = (tick.volts - tick.emf_volts) * 1.0f32.copysign(tick.emf_volts);
         let steady = tick.target == self.target

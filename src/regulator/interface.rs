@@ -66,7 +66,7 @@ impl Reference {
     }
 }
 
-/// What a tick passes to a regulator.
+/// Inputs of a regulator at a tick, besides its demand.
 #[derive(Clone, Copy, Debug)]
 pub struct Context<'a> {
     /// Settings of the motor.
@@ -93,8 +93,9 @@ pub enum Effort {
 pub struct Output {
     /// Request to the bridge.
     pub effort: Effort,
-    /// Speed that the request is to reach.
+    /// Speed that the request should reach.
     pub speed: CountsPerSecond,
-    /// True if the speed hunts, because the back EMF constant in force is too high.
+    /// True if the speed hunts, because the back EMF constant in force is too high. Only the model regulator finds
+    /// this.
     pub hunts: bool,
 }

@@ -6,8 +6,9 @@
 //!            position                    estimated speed
 //! ```
 //!
-//! With feed-forward the output of the velocity loop is a share of the battery voltage, for which hosts choose F, and the
-//! request is a voltage. Without feed-forward the output is a control value.
+//! With feed-forward (F other than 0) the output of the velocity loop is a share of the battery voltage, because
+//! hosts choose F for such an output. The request is then a voltage. Without feed-forward the output is a control
+//! value.
 
 use super::{Context, Demand, Effort, Output, Reference};
 use crate::motion::Pid;
@@ -16,21 +17,23 @@ use crate::settings::Coefficients;
 use crate::units::{Coefficient, Control, CountsPerSecond, Period, Voltage};
 use libm::{roundf, sqrtf};
 
-/// Voltage, in V, whose acceleration is planned for braking by one half.
+/// Twice the voltage whose acceleration brakes the motor before a target position, in V. The planned deceleration is
+/// the motor's gain times 5.5 V.
 const BRAKING_VOLTS: f32 = 11.0;
 
-/// How the integral of the velocity loop begins at the next step.
+/// How the velocity loop begins at the next step. The integral is set so that the current makes no step. A loop
+/// without I has no integral to set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Start {
-    /// The integral goes on.
+    /// The loop continues with its integral.
     Running,
-    /// The integral alone keeps the present current. P and D are added to the integral.
+    /// At an error of 0 the output gives the current that balances the load. With an error, P, F and D add to this output.
     #[default]
     Resume,
-    /// The integral alone keeps a current of zero.
+    /// At an error of 0 the output gives a current of zero. With an error, P, F and D add to this output.
     ZeroCurrent,
-    /// Integral and P together keep the present current, because coefficients or scheme have changed while the bridge was
-    /// closed.
+    /// The whole output, with P and F, keeps the present voltage, because coefficients, scheme or constants have changed
+    /// while the bridge was closed.
     Continue,
 }
 
@@ -43,7 +46,7 @@ pub(super) struct Loops {
     pub(super) start: Start,
 }
 
-/// What a tick passes to both loops besides its [`Context`].
+/// Inputs of both loops at a tick, besides the [`Context`].
 #[derive(Clone, Copy)]
 pub(super) struct Inputs<'a> {
     /// Coefficients of both loops.
@@ -54,12 +57,12 @@ pub(super) struct Inputs<'a> {
     pub(super) velocity: CountsPerSecond,
     /// Acceleration per volt, in counts/s².
     pub(super) gain: f32,
-    /// Voltage with which the velocity loop begins; `None` if the loop goes on.
+    /// Voltage with which the velocity loop begins; `None` if the loop continues.
     pub(super) start: Option<Voltage>,
 }
 
 impl Loops {
-    /// Restarts the velocity loop in this way at the next step, and resets the position loop.
+    /// Sets how the velocity loop begins at the next step, and resets the position loop.
     pub(super) const fn begin(&mut self, start: Start) {
         self.start = start;
         self.position.reset();
@@ -142,7 +145,8 @@ impl Loops {
     }
 }
 
-/// Subtracts the error's share from the output. The result is 0 if the share has the sign of the output and exceeds it.
+/// Subtracts the share of P and F from an output. The result is 0 if the share has the sign of the output and a
+/// larger magnitude.
 fn without(output: Value, share: Value) -> Value {
     if output.is_negative() == share.is_negative() && share.unsigned_abs() > output.unsigned_abs() {
         Value::ZERO

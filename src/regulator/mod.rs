@@ -1,13 +1,14 @@
 //! Computes the voltage or control value of a motor at each tick: two regulators behind one interface.
 //!
 //! * **Model** is the default. An observer estimates position, speed and load at each sample of the encoder. The law
-//!   computes in closed form the voltage that brings the motor to the demanded speed by the next tick. Nothing
-//!   integrates, so nothing winds up. For an *unknown motor*, which has no configured [`Dynamics`], the regulator
+//!   computes in closed form the voltage that brings the motor to the next speed by the next tick. The law has no
+//!   integrator, so nothing winds up. For an *unknown motor*, which has no configured [`Dynamics`], the regulator
 //!   estimates the acceleration per volt while the motor works.
-//! * **PID** runs for a motor with coefficients of a host: a velocity loop, and a position loop above it. Speeds come
-//!   from the same observer.
+//! * **PID** runs for a motor with coefficients of a host: a velocity loop, and a position loop above the velocity
+//!   loop. The speeds are estimated by the same observer.
 //!
-//! A change of mode, of coefficients or of the regulator makes no step of current. [`Transition`] has the rules.
+//! A change of mode, of coefficients or of the regulator makes no step of current, except by PID without I.
+//! [`Transition`] has the rules.
 //!
 //! ```text
 //! samples ─▶ observer ─▶ position, speed, load ─▶ law or PID ─▶ Output ─▶ modulator
@@ -38,26 +39,28 @@ use loops::{Loops, Start};
 use model::{Law, State};
 use observer::{FASTEST_CPS, Observer, Plant};
 
-/// Longest time between two samples of the encoder, in samples of 1 ms. After a longer gap the observer starts again
-/// with the mean speed of the gap. A prediction without a sample ends there too.
+/// Longest time between two samples of the encoder, in samples of 1 ms. After a longer gap the observer restarts with
+/// the mean speed of the gap. A prediction without samples is not continued for longer either.
 const LONGEST_GAP_SAMPLES: u32 = 300;
-/// Time in ms without a count after which a motor that should turn counts as stalled.
+/// Time in ms without a count after which a motor that should turn is taken for stalled.
 const STALLED_MS: u32 = 100;
-/// Least age of the last edge, in us, at which a stop may hold a motor that should turn. Samples without a count then do
-/// not update the gain.
+/// Age of the last edge, in us, from which on a stop may hold a motor that should turn. Samples without a count then
+/// do not update the gain.
 const UNCERTAIN_EDGE_MICROS: u64 = 50_000;
-/// Least age of the last edge, in us, at which a motor with an open bridge is at rest.
+/// Age of the last edge, in us, from which on a motor with an open bridge is at rest.
 const REST_MICROS: u64 = 300_000;
-/// Lowest demanded speed at which counts are due: four counts within [`STALLED_MS`].
+/// Lowest requested speed at which counts are due: 40 counts/s, which are four counts within [`STALLED_MS`].
 const COUNTS_DUE_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
 
-/// Ratio of the least to the configured or estimated acceleration per volt. The load may be heavier than configured.
+/// Ratio of the least acceleration per volt to the configured or estimated one. The load may be heavier than
+/// configured.
 const LEAST_GAIN_SHARE: f32 = 0.7;
 
-/// Largest error of the speed, as its back EMF in V, at which a motor has reached its demanded speed.
+/// Error of the speed, as a back EMF in V, below which a motor has reached its requested speed.
 const AT_SPEED_VOLTS: f32 = 1.0;
 
-/// A change of a motor's set-point or bridge. The change decides the current with which regulation begins or continues.
+/// A change of a motor's set-point or bridge. The change determines the current with which PID begins or continues.
+/// The model regulator computes each voltage from the estimate.
 ///
 /// | transition | velocity loop of PID | position loop of PID |
 /// |---|---|---|
@@ -66,8 +69,8 @@ const AT_SPEED_VOLTS: f32 = 1.0;
 /// | `OpenBridge`, `FromOpenLoop` | restarts with the current that balances the load | restarts |
 /// | `FromBrake`, `FromStop` | restarts with a current of zero | restarts |
 ///
-/// A motor that is [stalled](Regulator::is_stalled) leaves its stop at every transition. Both regulators then forget the
-/// estimated load of the stop, and PID restarts as after `FromStop`.
+/// A motor that is [stalled](Regulator::is_stalled) leaves its stop at every transition. Both regulators then forget
+/// the estimated load of the stop. PID restarts as after `FromStop`, except after `OpenBridge`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transition {
     /// The motor gets another target in the same mode.
@@ -76,11 +79,12 @@ pub enum Transition {
     Mode,
     /// The bridge opens.
     OpenBridge,
-    /// The motor leaves open loop, constant current or an identification.
+    /// The motor leaves a set-point without regulation: disabled, fail-safe, open loop, constant current or an
+    /// identification.
     FromOpenLoop,
-    /// The motor leaves a short circuit, whose current is not continued.
+    /// The motor leaves constant power 0. The current of its short circuit is not continued.
     FromBrake,
-    /// The motor leaves a stop, or a probe of its encoder.
+    /// The motor leaves a stop, or a release or a probe of the encoder check.
     FromStop,
 }
 
@@ -93,17 +97,19 @@ pub struct Regulator {
     /// PID loops of a motor with coefficients of a host.
     loops: Loops,
     hunting: Hunting,
-    /// Last sample of the encoder; `None` before the first one.
+    /// Last sample of the encoder; `None` before the first sample.
     last: Option<Reading>,
     /// Time to which the observer has predicted the motion.
     predicted_until: Micros,
-    /// Position in counts at which a motor with the demanded speed 0 came to rest; `None` before that.
+    /// Position in counts at which a motor with the demanded speed 0 came to rest; `None` while the motor is not at
+    /// rest, and with any other demand.
     rest_position: Option<i32>,
-    /// Time in ms for which a motor that should turn has not moved.
+    /// Time in ms for which the encoder of a motor that should turn has sent no count.
     stalled_ms: u32,
-    /// Speed that the last output was to reach; 0 while the bridge is open.
+    /// Speed that the last output should reach; 0 while the bridge is open.
     requested: CountsPerSecond,
-    /// True if the demand is a speed, false if the demand is a position.
+    /// True if the last demand was a speed other than a held 0. False for a position or a reference, and while the
+    /// bridge is open.
     speed_demanded: bool,
     /// Voltage across the motor; `None` while the bridge is open.
     voltage: Option<Voltage>,
@@ -152,14 +158,16 @@ impl Regulator {
         }
     }
 
-    /// Replaces the motor's settings immediately. The estimate of the motion is kept, so the motor may run meanwhile.
+    /// Replaces the motor's settings. The estimates of position and speed are kept, so the motor may run meanwhile.
+    /// With other
+    /// dynamics, a motor at its requested speed gets the load that keeps this speed at the present voltage.
     pub fn configure(&mut self, old: &Settings, new: &Settings, period: Period) {
         let emf_changed = old.winding.emf != new.winding.emf;
         let dynamics_changed = old.dynamics != new.dynamics;
         if emf_changed || dynamics_changed || old.acceleration != new.acceleration {
-            let known_gain = self.gain_estimate.is_some() && !emf_changed;
+            let keeps_gain = self.gain_estimate.is_some() && !emf_changed;
             let gain =
-                if known_gain { self.motion.plant.b } else { guessed_gain(new.winding.emf.to_volts()) };
+                if keeps_gain { self.motion.plant.b } else { guessed_gain(new.winding.emf.to_volts()) };
             let mut motion = Motion::new(new, gain, period, self.present_state());
             if dynamics_changed {
                 // The old load was estimated with other constants.
@@ -169,11 +177,11 @@ impl Regulator {
                     motion.observer.keep_load_voltage(&self.motion.plant, &motion.plant);
                 }
             }
-            motion.observer.drive(&motion.plant, self.volts());
+            motion.observer.set_voltage(&motion.plant, self.volts());
             self.motion = motion;
             if new.dynamics.is_some() {
                 self.gain_estimate = None;
-            } else if !known_gain {
+            } else if !keeps_gain {
                 self.gain_estimate = Some(GainEstimate::new());
             }
             self.restart_gain_estimate();
@@ -199,21 +207,22 @@ impl Regulator {
         self.voltage.is_none() || (self.motion.plant.kappa * error).abs() < AT_SPEED_VOLTS
     }
 
-    /// Pauses the learning of an unknown motor's gain until the observer has corrected a wrong state.
+    /// Pauses the gain estimate of an unknown motor until the observer has corrected a wrong state.
     fn restart_gain_estimate(&mut self) {
         if let Some(estimate) = &mut self.gain_estimate {
             estimate.restart();
         }
     }
 
-    /// Notes that the motor gets another target, mode or drive. Regulation begins or continues at the next step.
+    /// Prepares the regulator for another target or mode, or for an open bridge. The next step begins or continues
+    /// regulation.
     pub fn transition(&mut self, transition: Transition) {
         let leaves_stop = transition == Transition::FromStop || self.is_stalled();
         self.rest_position = None;
         self.stalled_ms = 0;
         if leaves_stop {
             self.motion.observer.forget_load();
-            // An estimate from an encoder that may be reversed is discarded.
+            // The encoder may be reversed, so an estimate from an encoder that is not trusted is discarded.
             if let Some(estimate) = self.gain_estimate.as_mut().filter(|estimate| !estimate.is_trusted()) {
                 estimate.discard(&self.motion.plant);
             }
@@ -279,8 +288,8 @@ impl Regulator {
         }
     }
 
-    /// Begins a control tick, after its newest sample. An estimate that has overflowed is reset, and a motor at rest
-    /// gets the speed 0.
+    /// Begins a control tick, after its newest sample. An estimate that has overflowed is reset. The estimated speed
+    /// of a motor at rest with an open bridge is set to 0.
     pub fn tick(&mut self) {
         let observer = &mut self.motion.observer;
         // With implausible constants the estimate may grow until it overflows.
@@ -297,7 +306,7 @@ impl Regulator {
         }
     }
 
-    /// Puts the estimated gain of an unknown motor in force, if the gain has changed since the last tick.
+    /// Uses the estimated gain of an unknown motor from now on, if it differs enough from the gain in use.
     pub fn update_gain(&mut self, settings: &Settings, period: Period) {
         let Motion { plant, observer, state, .. } = self.motion;
         if let Some((gain, shift)) =
@@ -305,18 +314,18 @@ impl Regulator {
         {
             let mut motion = Motion { state, ..Motion::new(settings, gain, period, observer) };
             motion.observer.shift(&shift);
-            motion.observer.drive(&motion.plant, self.volts());
+            motion.observer.set_voltage(&motion.plant, self.volts());
             self.motion = motion;
         }
     }
 
-    /// Puts another back EMF constant in force, with the decay that follows from it. The acceleration per volt, the
-    /// estimated motion and the present acceleration stay.
+    /// Uses the back EMF constant and the decay of these settings from now on. The acceleration per volt, the
+    /// estimated position and speed, and the present acceleration are kept.
     pub fn correct_emf(&mut self, settings: &Settings, period: Period) {
         let Motion { plant, observer, state, .. } = self.motion;
         let mut motion = Motion { state, ..Motion::new(settings, plant.b, period, observer) };
         motion.observer.add_load(plant.b * (motion.plant.kappa - plant.kappa) * observer.speed());
-        motion.observer.drive(&motion.plant, self.volts());
+        motion.observer.set_voltage(&motion.plant, self.volts());
         self.motion = motion;
     }
 
@@ -350,8 +359,8 @@ impl Regulator {
         }
     }
 
-    /// The voltage beyond the back EMF that would keep the speed against load, drag and friction; `None` for an unknown
-    /// motor.
+    /// The voltage beyond the back EMF that would keep the speed against load, drag and friction; `None` for an
+    /// unknown motor, whose gain is uncertain.
     pub fn load(&self) -> Option<Voltage> {
         let known = self.gain_estimate.is_none();
         known.then(|| Voltage::from_volts(-self.external_acceleration() / self.motion.plant.b))
@@ -363,7 +372,7 @@ impl Regulator {
         observer.external_acceleration(plant)
     }
 
-    /// True if the motor should turn, but has sent no count for a while.
+    /// True if the motor should turn at 40 counts/s or more, but the encoder has sent no count for 100 ms of ticks.
     pub const fn is_stalled(&self) -> bool {
         self.stalled_ms >= STALLED_MS
     }
@@ -381,12 +390,13 @@ impl Regulator {
         known.then_some(LEAST_GAIN_SHARE * plant.b)
     }
 
-    /// True for an unknown motor that has turned in the direction of its voltage.
+    /// True for an unknown motor whose encoder is trusted, because the motor has turned in the direction of its
+    /// voltage. False for a motor with configured dynamics.
     pub fn trusts_encoder(&self) -> bool {
         self.gain_estimate.as_ref().is_some_and(GainEstimate::is_trusted)
     }
 
-    /// The speed that a demand requests far from its target.
+    /// The speed that a demand requests far from its target. The braking before a target position is not included.
     pub fn demanded_speed(&self, demand: Demand) -> CountsPerSecond {
         match demand {
             Demand::Velocity(target) => target,
@@ -399,7 +409,7 @@ impl Regulator {
         }
     }
 
-    /// Position of the last sample, in counts; 0 before the first one.
+    /// Position of the last sample, in counts; 0 before the first sample.
     fn position(&self) -> i32 {
         self.last.map_or(0, |last| last.position)
     }
@@ -428,8 +438,8 @@ impl Regulator {
         output
     }
 
-    /// The voltage, or less of it where the motor would become faster than the limit in the direction of its current. A motor
-    /// that is faster brakes with at most the current that the voltage means.
+    /// Limits a voltage so that the motor does not become faster than `limit` in the direction of its current. A
+    /// motor that is already faster brakes. Its braking current is at most as large as the current of the voltage.
     pub fn limit_speed(&self, voltage: Voltage, limit: CountsPerSecond, at: OperatingPoint) -> Voltage {
         let Motion { plant, law, .. } = &self.motion;
         let emf = at.emf_volts();
@@ -470,12 +480,13 @@ impl Regulator {
                 law.position(state, &mut present, plant, distance, limit, at)
             }
         };
-        // `present` is a copy: a friction that the law has reversed is reversed in the observer too.
+        // `present` is a copy of the observer. If the law has reversed the friction in the copy, the load of the
+        // observer is changed by the same amount.
         observer.add_load(present.load() - load);
         output
     }
 
-    /// The voltage with which PID begins, so that the current makes no step; `None` while PID goes on.
+    /// The voltage with which the velocity loop of PID begins; `None` while the loop continues.
     fn start_voltage(&self, velocity: CountsPerSecond) -> Option<Voltage> {
         let plant = &self.motion.plant;
         let emf = plant.kappa * velocity.to_f32();
@@ -490,8 +501,8 @@ impl Regulator {
         }
     }
 
-    /// Replaces the demanded speed 0 by the position at which the motor came to rest, and a reference that stands
-    /// still by its position.
+    /// Returns the demand of this tick. The position at which the motor came to rest replaces a demanded speed of 0.
+    /// The position of a reference that stands still replaces the reference. Any other demand is unchanged.
     fn hold_at_standstill(&mut self, demand: Demand, period: Period) -> Demand {
         let target = match demand {
             Demand::Velocity(target) => target,
@@ -524,11 +535,11 @@ impl Regulator {
         self.voltage = voltage;
         let volts = self.volts();
         let Motion { plant, observer, .. } = &mut self.motion;
-        observer.drive(plant, volts);
+        observer.set_voltage(plant, volts);
     }
 }
 
-/// True if a motor that turns at this speed should have sent a count by the time it counts as stalled.
+/// True if counts are due at this speed, so that a motor without counts may be stalled.
 const fn counts_due(requested: CountsPerSecond) -> bool {
     requested.to_bits().unsigned_abs() >= COUNTS_DUE_SPEED.to_bits().unsigned_abs()
 }

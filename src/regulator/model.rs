@@ -2,12 +2,13 @@
 //! next tick.
 //!
 //! * With a **demanded speed** the law removes most of the speed's error within a tick.
-//! * With a **demanded position** the speed follows a profile from which the motor can always still brake. Far from the
-//!   target the speed falls with the square root of the distance, near the target in proportion to the distance.
+//! * With a **demanded position** the speed follows a profile. The deceleration of the profile is less than battery
+//!   and load allow, so that the motor can still brake. Far from the target the speed is proportional to the square
+//!   root of the distance, near the target to the distance.
 //! * With a **moving reference** the law adds a speed in proportion to the error of the position.
 //!
-//! The law has no integrator: the observer supplies the load, so nothing winds up, and a change of mode needs no
-//! preset.
+//! The law has no integrator, because the observer estimates the load. So nothing winds up, and a change of mode
+//! needs no preset.
 
 use super::observer::{Filter, Observer, Plant};
 use super::{Effort, Output, within};
@@ -16,11 +17,12 @@ use crate::units::single::{at_least, at_most};
 use crate::units::{Acceleration, Period, Voltage};
 use libm::{expf, expm1f, sqrtf};
 
-/// Share of the configured friction that the law reverses ahead of the observer when the motion reverses.
+/// Share of the configured friction that the law reverses when the motion reverses, before the observer has estimated
+/// the change.
 const FRICTION_SHARE: f32 = 0.8;
 /// Lowest speed at the tick's end, in counts/s, for which the law reverses the friction.
 const REVERSING_CPS: f32 = 2.0;
-/// Share of the deceleration available from the battery that a profile plans with.
+/// Deceleration of a profile, as a share of the deceleration that battery and load allow at standstill.
 const PLANNED_SHARE: f32 = 0.85;
 /// Least deceleration of a profile whatever the load, as a share of the acceleration that the battery gives at
 /// standstill.
@@ -37,7 +39,8 @@ pub(super) struct Law {
     volts_per_cps: f32,
     /// Speed per distance near a target position, in 1/s.
     approach: f32,
-    /// Friction as a change of the load, in counts/s². A reversal of the motion changes the load by twice as much.
+    /// Deceleration by the share [`FRICTION_SHARE`] of the friction, in counts/s². A reversal of the motion changes
+    /// the load by twice this value.
     friction: f32,
     /// Largest acceleration in counts/s²; `None` for no limit.
     limit: Option<f32>,
@@ -46,7 +49,7 @@ pub(super) struct Law {
 /// The law's state.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct State {
-    /// Direction of motion, -1 or 1, whose friction the estimated load contains; 0 before the first motion.
+    /// Direction of motion, -1 or 1, for which the estimated load includes the friction; 0 before the first motion.
     friction_side: f32,
     /// True if the motor is at its target position, and holds this position.
     holding: bool,
@@ -70,8 +73,8 @@ impl Law {
         }
     }
 
-    /// Parameters of the observer. At a long period z may fall lower, so that a load is estimated sooner, although a
-    /// slow motion becomes less smooth.
+    /// Parameters of the observer. At a long period the least z is lower. A load is then estimated sooner, but a slow
+    /// motion becomes less smooth.
     pub(super) const fn filter(period: Period) -> Filter {
         match period.as_millis() {
             0..=20 => Filter { poles: 45.0, least_z: 0.35 },
@@ -139,15 +142,15 @@ impl Law {
         let w = observer.speed();
         // The target is the middle of the count.
         let distance = distance + 0.5 - observer.fraction();
-        // Distance at the tick's end, without half a tick of the next speed.
+        // Distance at the tick's end, without the distance of half a tick at the next speed.
         let rest = distance + (now + end - w) * period_s / 2.0;
         let next = (end + approach * rest - remaining * (now + approach * distance - w))
             / (1.0 + approach * period_s / 2.0);
         self.request(state, observer, plant, next, at, end + approach * distance)
     }
 
-    /// The speeds of the profile at this distance from the target, in counts/s: now, and at the tick's end for a
-    /// motor with the speed `w` towards the target.
+    /// Speeds of the profile at this distance from the target, in counts/s: the speed now, and the speed at the
+    /// tick's end of a motor that has the speed `w` towards the target now.
     fn profile(&self, distance: f32, w: f32, deceleration: f32, limit: f32) -> (f32, f32) {
         let Self { period_s, approach, .. } = *self;
         let knee = deceleration / (approach * approach);
@@ -156,7 +159,7 @@ impl Law {
         } else {
             sqrtf(2.0 * deceleration * (distance - knee / 2.0))
         };
-        // Half of the tick's distance comes from the speed now, half from the speed at its end.
+        // The distance of a tick is half a tick at the speed now, and half a tick at the speed at the tick's end.
         let rest = distance - w * period_s / 2.0;
         let linear = approach * rest / (1.0 + approach * period_s / 2.0);
         let lost = deceleration * period_s / 2.0;
@@ -168,8 +171,8 @@ impl Law {
         (at_most(now, limit), within(end, limit))
     }
 
-    /// Computes the output that brings the motor to the speed `next` by the tick's end. `speed` is the speed to
-    /// report as the target. Both are in counts/s.
+    /// Computes the output that brings the motor to the speed `next` by the tick's end, within the limits of
+    /// acceleration and voltage. `speed` becomes the speed of the output. Both are in counts/s.
     fn request(
         &self,
         state: &mut State,
@@ -186,7 +189,8 @@ impl Law {
         };
         self.reverse_friction(state, observer, next);
         let wanted = self.voltage_to(observer, plant, next);
-        // In overrun a voltage above the battery's brakes less than the battery's voltage does.
+        // In overrun the back EMF is above the battery voltage. A voltage between the two brakes less than the
+        // battery voltage does.
         let most = at_least(at.battery_volts(), (plant.kappa * w).abs());
         let voltage = Voltage::from_volts(within(wanted, most));
         Output { effort: Effort::Voltage(voltage), speed: super::speed(speed), hunts: false }
@@ -198,7 +202,8 @@ impl Law {
         plant.kappa * w + (next - w) * self.volts_per_cps - observer.external_acceleration(plant) / plant.b
     }
 
-    /// The voltage that brings the motor towards a speed, in V.
+    /// Mean voltage in V that brings the motor closer to a target speed by the tick's end, as
+    /// [`velocity`](Self::velocity) does, but without limits.
     pub(super) fn voltage_for_speed(&self, observer: &Observer, plant: &Plant, target: f32) -> f32 {
         self.voltage_to(observer, plant, self.next_speed(observer, target))
     }
@@ -214,8 +219,8 @@ impl Law {
         w + (1.0 - self.remaining) * (target - w)
     }
 
-    /// Reverses the friction in the estimated load when the motion is about to reverse, because friction acts against
-    /// the motion.
+    /// Reverses the friction in the estimated load if the motion reverses by the tick's end. Friction always acts
+    /// against the motion.
     fn reverse_friction(&self, state: &mut State, observer: &mut Observer, next: f32) {
         let side = 1.0f32.copysign(next);
         // More than one count per tick in the old direction: the motion does not reverse within this tick.

@@ -1,5 +1,5 @@
-//! Estimates position between counts, speed and load: a disturbance observer of third order, stepped with every
-//! sample of the encoder.
+//! Estimates the position between counts, the speed and the load: a disturbance observer of third order. The observer
+//! is stepped with every sample of the encoder.
 //!
 //! The state is x, the position within the present count (0 to 1); w, the speed in counts/s; and d, the load as an
 //! acceleration in counts/s². A prediction integrates the motor's equation with the voltage u over a sample:
@@ -8,18 +8,19 @@
 //! w' = b u - q w + d        with the bridge open:  w' = d - drag w
 //! ```
 //!
-//! A sample says between which two positions the shaft is, whether or not a count came. Only the part of x outside of
-//! this interval is the error, and x is corrected to the nearer end. (A correction to the middle would make noise: at
-//! 1000 counts/s every sample has one count, whatever x is.)
+//! A sample shows between which two positions the shaft is, whether or not a count came. The error is the distance
+//! from x to this interval, and x is corrected towards the nearer end. (A correction towards the middle would make
+//! noise: at 1000 counts/s every sample has one count, whatever x is.)
 //!
-//! A *late* count says, when it comes, how long the motor took for the whole count. The samples that waited for it
-//! would only say that the motor crept along the edge of its count. So a late count corrects nothing until it comes,
-//! and [`Observer::with_late_count`] returns the estimate as if the count came now. Once x is late by a whole count,
-//! the motor may stand: from then on every sample without a count corrects x. While no speed is demanded, every such
-//! sample corrects x from the start.
+//! A count is *late* while the predicted x is outside of its count and the count has not come. When the late count
+//! comes, it shows how long the motor took for the whole count. A correction at each sample before that would pull
+//! the estimate to a motor that creeps along the edge of its count. So nothing is corrected before the count comes,
+//! and [`Observer::with_late_count`] returns the estimate as if the count came now. There are two exceptions. Once x
+//! is late by a whole count, the motor may stand, so every further sample without a count corrects x. While no speed
+//! is demanded, every sample with a late count corrects x.
 //!
-//! The gains grow with the time t since the last correction. They are the gains of a filter with three equal poles at
-//! `exp(-wo t)`, so a motor at 5 counts/s is followed as surely as a motor at 5000:
+//! The gains follow from the time t since the last correction. They are the gains of a filter with three equal poles
+//! at `exp(-wo t)`, so a motor at 5 counts/s is estimated as reliably as a motor at 5000 counts/s:
 //!
 //! ```text
 //! z = max(least z, exp(-wo t))
@@ -32,20 +33,22 @@ use libm::{cbrtf, expf, expm1f};
 
 /// Time between two samples, in s.
 pub(super) const SAMPLE_S: f32 = 1e-3;
-/// Largest load, as the voltage that balances it: 20 times a battery of 12 V. Only wrong constants lead to more.
+/// Largest load, as the voltage that balances the load: 20 times a battery of 12 V. Only wrong constants lead to a
+/// larger load.
 const LARGEST_LOAD_VOLTS: f32 = 20.0 * 12.0;
 /// Distance in counts by which x may leave its count while a count is late.
 const LATE_COUNTS: f32 = 1.0;
-/// Largest speed in counts/s: more than any encoder's timer can count, and small enough that a single still resolves
-/// 1/1000 of a count/s beside it.
+/// Largest speed in counts/s. The limit is above the speed of any motor's encoder, and bounds the arithmetic in
+/// single precision.
 pub(super) const FASTEST_CPS: f32 = 1e6;
 
 /// Parameters of the observer.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Filter {
-    /// Poles wo, in 1/s. A slow motor gets slower poles.
+    /// Poles wo, in 1/s. A motor with a small gain b gets slower poles.
     pub(super) poles: f32,
-    /// Least z: a longer time since the last correction makes no difference.
+    /// Least z. After the time at which z reaches this value, a longer time since the last correction makes no
+    /// difference to z.
     pub(super) least_z: f32,
 }
 
@@ -71,7 +74,7 @@ pub(super) struct Plant {
 }
 
 impl Plant {
-    /// Prepares the constants of a motor.
+    /// Computes the constants of a motor from its gain b, its back EMF constant and its decay q.
     pub(super) fn new(b: f32, kappa: f32, q: f32, filter: Filter) -> Self {
         let Filter { poles, least_z } = filter;
         let drag = at_least(q - b * kappa, 0.0);
@@ -96,7 +99,7 @@ struct SampleResponse {
 }
 
 impl SampleResponse {
-    /// Integrates an acceleration that decays at this rate, in 1/s.
+    /// Integrates an acceleration that decays at this rate, in 1/s, over a sample.
     fn new(rate: f32) -> Self {
         let x = rate * SAMPLE_S;
         // A series replaces the quotients where they would cancel.
@@ -114,7 +117,7 @@ impl SampleResponse {
 pub(super) struct Correction {
     /// True position less predicted position, in counts.
     pub(super) error: f32,
-    /// Time since the correction before, in s.
+    /// Time since the previous correction, in s.
     pub(super) age_s: f32,
     /// Change of the position per error.
     pub(super) position_gain: f32,
@@ -124,7 +127,7 @@ pub(super) struct Correction {
     pub(super) load_gain: f32,
 }
 
-/// Sensitivity of the observer's state to ln b: its change per unit of ln b.
+/// Sensitivity of the observer's state to ln b: the change of the state per unit of ln b.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sensitivity {
     /// Sensitivity of the position, in counts.
@@ -151,7 +154,7 @@ pub(super) struct Observer {
     w: f32,
     /// Load, in counts/s².
     d: f32,
-    /// Acceleration, in counts/s².
+    /// Acceleration at the time of the state, in counts/s².
     acceleration: f32,
     /// True while the bridge is open, so that only drag and load act.
     coasting: bool,
@@ -159,12 +162,13 @@ pub(super) struct Observer {
     age_s: f32,
     /// Memory of the filter: exp(-wo age), at least the least z.
     z: f32,
-    /// True if a count was late by a whole count, and no count has come since.
+    /// True if a sample without a count has corrected x, and no count has come since.
     overdue: bool,
 }
 
 impl Observer {
-    /// Begins in the middle of a count, at this speed in counts/s, without acceleration and with the bridge open.
+    /// Creates an observer in the middle of a count, at this speed in counts/s, without acceleration and with the
+    /// bridge open.
     pub(super) fn new(w: f32) -> Self {
         Self { x: 0.5, w, d: 0.0, acceleration: 0.0, coasting: true, age_s: 0.0, z: 1.0, overdue: false }
     }
@@ -185,8 +189,9 @@ impl Observer {
         self.z = at_least(self.z * plant.z_per_sample, plant.least_z);
     }
 
-    /// Corrects the state by a sample that is `moved` counts after the sample before; `None` if nothing is corrected.
-    /// While the motor should turn at a speed, a late count is waited for.
+    /// Corrects the state by a sample with `moved` counts since the previous sample. Returns the correction; `None`
+    /// if nothing is corrected. With `speed_demanded` a late count corrects nothing before the count comes, or is
+    /// late by a whole count.
     pub(super) fn update(&mut self, plant: &Plant, moved: i32, speed_demanded: bool) -> Option<Correction> {
         if moved == 0 {
             let late = if speed_demanded && !self.overdue { LATE_COUNTS } else { 0.0 };
@@ -209,14 +214,14 @@ impl Observer {
         !(0.0..=1.0).contains(&self.x)
     }
 
-    /// The estimate at this moment: a copy, corrected as if a late count came now.
+    /// A copy of the estimate, corrected as if a late count came now.
     pub(super) fn with_late_count(&self, plant: &Plant) -> Self {
         let mut corrected = *self;
         let _ = corrected.confine(plant, 0.0, 1.0);
         corrected
     }
 
-    /// Corrects x to the interval from `least` to `most`.
+    /// Corrects the state if x is outside of the interval from `least` to `most`.
     fn confine(&mut self, plant: &Plant, least: f32, most: f32) -> Option<Correction> {
         if self.x < least {
             Some(self.correct(plant, least - self.x))
@@ -253,13 +258,13 @@ impl Observer {
 
     /// Sets speed and load of a motor at rest to 0. Otherwise the estimate would wander within its count.
     pub(super) const fn rest(&mut self) {
-        // A count that was late does not come any more.
+        // A late count no longer comes.
         self.x = at_most(at_least(self.x, 0.0), 1.0);
         (self.w, self.d, self.acceleration) = (0.0, 0.0, 0.0);
     }
 
     /// Sets the voltage in V that the bridge applies from now on; `None` if the bridge is open.
-    pub(super) fn drive(&mut self, plant: &Plant, voltage: Option<f32>) {
+    pub(super) fn set_voltage(&mut self, plant: &Plant, voltage: Option<f32>) {
         self.coasting = voltage.is_none();
         self.acceleration = plant.acceleration(voltage, self.w) + self.external_acceleration(plant);
     }
@@ -269,23 +274,23 @@ impl Observer {
         self.d - plant.drag * self.w
     }
 
-    /// Sets the load to the load that keeps the present speed under this voltage.
+    /// Sets the load to the load that keeps the present speed at this voltage.
     pub(super) fn assume_steady(&mut self, plant: &Plant, voltage: Option<f32>) {
         self.d = plant.drag * self.w - plant.acceleration(voltage, self.w);
     }
 
-    /// Keeps the voltage that balances the load while the constants change.
+    /// Converts the load to new constants, so that the voltage that balances the load stays.
     pub(super) fn keep_load_voltage(&mut self, old: &Plant, new: &Plant) {
         self.d *= new.b / old.b;
     }
 
-    /// Corrects speed and load, which were estimated with another gain.
+    /// Adds a change to speed and load, because they were estimated with another gain.
     pub(super) fn shift(&mut self, by: &Sensitivity) {
         self.w = within(self.w + by.speed, FASTEST_CPS);
         self.d += by.load;
     }
 
-    /// Sets the load to 0: the load of a stop is gone when the motor no longer presses against the stop.
+    /// Sets the load to 0, because the motor no longer presses against its stop.
     pub(super) fn forget_load(&mut self) {
         self.d = 0.0;
     }
@@ -330,7 +335,7 @@ mod tests {
         let mut last = position(0.0).floor() as i32;
         for sample in 1..=(seconds / SAMPLE_S) as u32 {
             if sample % 50 == 1 {
-                observer.drive(&plant, Some(voltage));
+                observer.set_voltage(&plant, Some(voltage));
             }
             let now = position(f64::from(sample) * 1e-3).floor() as i32;
             observer.predict(&plant);

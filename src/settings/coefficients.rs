@@ -6,18 +6,18 @@ use crate::motion::Pidf;
 use crate::units::{Coefficient, Control, EmfConstant, Period};
 use libm::{expf, expm1f, logf, roundf};
 
-/// Bandwidth of the closed velocity loop by suggested coefficients, in 1/s.
+/// Bandwidth of the closed velocity loop with suggested coefficients, in 1/s.
 const BANDWIDTH: f32 = 18.0;
-/// Least share of a speed's error that suggested coefficients leave after a tick.
+/// Least share of a speed's error that remains after a tick with suggested coefficients.
 const QUICKEST_POLE: f32 = 0.6;
-/// Least P of suggested coefficients, in full control at the speed whose back EMF is 12 V.
+/// Least P of suggested coefficients, in multiples of f (see [`Coefficients::guessed`]).
 const LEAST_P: f32 = 0.3;
 /// Battery voltage for which coefficients are suggested, in V.
 const NOMINAL_VOLTS: f32 = 12.0;
 /// Cycles of 50 ms in a second. Hosts state I per cycle.
 const CYCLES_PER_SECOND: f32 = 20.0;
-/// Ratio of the bandwidths of velocity loop and suggested position loop. The motor may be much heavier than a bare gear
-/// motor.
+/// Ratio of the bandwidth of the velocity loop to the bandwidth of the suggested position loop. The ratio is large,
+/// because the motor may be much heavier than a bare gear motor.
 const POSITION_SLOWER: f32 = 6.0;
 
 /// Coefficients of both loops.
@@ -31,20 +31,21 @@ pub struct Coefficients {
 }
 
 impl Coefficients {
-    /// Suggests coefficients for an unknown motor, which counts as a bare gear motor on a battery of 12 V. REV's protocol
-    /// lets hosts read coefficients from any motor, and change single ones. A motor without coefficients answers with these.
+    /// Suggests coefficients for an unknown motor, as for a bare gear motor on a battery of 12 V. In REV's protocol
+    /// hosts read the coefficients of any motor, and change single coefficients. A motor without coefficients answers
+    /// with the suggested coefficients.
     ///
-    /// From one tick to the next a bare gear motor keeps `a = exp(-T / 0.14 s)` of its speed. Both poles are placed at
-    /// `z = exp(-18 T)`, or 0.6. With `f` control steps per count/s, which is full control at the speed
-    /// whose back EMF is 12 V:
+    /// From one tick to the next a bare gear motor keeps `a = exp(-T / 0.14 s)` of its speed. Both poles are placed
+    /// at `z = exp(-18 T)`, but at 0.6 if this is larger. The factor `f` is in control steps per count/s, and gives
+    /// full control at the speed whose back EMF is 12 V. P is at least 0.3 f:
     ///
     /// ```text
     /// P = f (a - z^2) / (1 - a)    I = f (1 - z)^2 / ((1 - a) T)
     /// ```
     ///
-    /// Where a control value is a current, the back EMF does not damp the motor, and P grows by f to compensate. In
-    /// Schemes C and D the control range spans less current, so P and I grow by up to 60 %. A fixed blend lies
-    /// between B and C.
+    /// In Schemes B, C and D a control value is a current. The back EMF then does not damp the motor, and P grows by
+    /// f to compensate. In Schemes C and D the control range has less current, so P and I grow by 60 %. With a fixed
+    /// blend of Scheme D, P and I lie between the values for B and C.
     pub fn guessed(emf: EmfConstant, scheme: Scheme, period: Period) -> Self {
         let f = emf.to_volts() * f32::from(Control::MAX.get()) / NOMINAL_VOLTS;
         let seconds = period.to_seconds();
@@ -54,7 +55,7 @@ impl Coefficients {
         let bandwidth = -logf(pole) / seconds;
         let p = ((kept - pole * pole) / lost).max(LEAST_P);
         let i = (1.0 - pole) * (1.0 - pole) / (lost * seconds);
-        // `share` is how far the scheme is from B to C.
+        // `share` is 0 for Scheme B, 1 for Scheme C, and between 0 and 1 for a blend of both.
         let narrow = |share: f32| {
             let more = 1.0 + 0.6 * share;
             ((p + 1.0) * more, i * more)

@@ -1,6 +1,6 @@
 //! Settings of a motor: its winding, bridge, scheme, protection and regulation.
 //!
-//! Settings are stored once, in the motor, and passed to whatever needs them.
+//! A motor stores its settings once, and passes them to its parts.
 //!
 //! ```
 //! use motor_hub::braking::Winding;
@@ -35,7 +35,7 @@ use crate::bridge::BridgeConstants;
 use crate::units::Acceleration;
 use core::num::NonZeroU16;
 
-/// Meaning of a zero set-point in constant power and in regulated velocity.
+/// Meaning of the set-point 0 in constant power and in regulated velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ZeroPower {
@@ -46,14 +46,14 @@ pub enum ZeroPower {
     Float,
 }
 
-/// Reaction of a motor to a fault, and to a host that no longer answers.
+/// Reaction of a motor to a fault, and to a host that no longer answers. With a fault of bridge or battery every
+/// motor coasts. In constant power a fault of the encoder causes no reaction.
 ///
-/// Braking shorts the winding (5/0 at 100 %), which needs no estimate of the speed. With a fault of bridge or battery
-/// every motor coasts.
+/// Braking shorts the winding (5/0 at 100 %), and so needs no estimate of the speed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum OnFault {
-    /// The bridge is open. The motor does not heat, but a load may run away.
+    /// The bridge is open. The motor does not heat up, but a load may drive the motor faster and faster.
     #[default]
     Coast,
     /// The motor brakes with a shorted winding. A load sinks slowly instead of falling, but is not stopped.
@@ -72,7 +72,7 @@ pub struct Settings {
     pub scheme: Scheme,
     /// Rule by which the duty follows from the location in a regime.
     pub duty: DutyRule,
-    /// Meaning of a zero set-point.
+    /// Meaning of the set-point 0.
     pub zero_power: ZeroPower,
     /// Reaction to a fault.
     pub on_fault: OnFault,
@@ -86,21 +86,22 @@ pub struct Settings {
     pub dynamics: Option<Dynamics>,
     /// Coefficients of a host, with which the motor is regulated by PID; `None` for the model regulator.
     pub coefficients: Option<Coefficients>,
-    /// Largest acceleration by the model regulator; `None` for no limit.
+    /// Largest acceleration that the model regulator requests; `None` for no limit.
     pub acceleration: Option<Acceleration>,
-    /// True if a driven motor without counts may be driven in the other direction once, to find out whether its encoder is
-    /// at fault. If false, the encoder counts as faulty unless a load moves the motor.
+    /// True if a driven motor without counts may be probed: driven in the other direction once, to find out whether
+    /// the encoder is at fault. If false, such a motor gets the fault of its encoder without a probe. A motor that
+    /// moves while the bridge is released before gets no fault.
     pub probing: bool,
 }
 
 impl Settings {
-    /// Default settings: [`for_scheme`](Self::for_scheme) with Scheme A.
+    /// The default settings: [`for_scheme`](Self::for_scheme) with Scheme A.
     pub const fn new(winding: Winding) -> Self {
         Self::for_scheme(winding, Scheme::A)
     }
 
-    /// Settings that run a gear motor with this winding on an ideal bridge: linear current, and brake at zero. Motor
-    /// and load are not configured, so the regulator learns the acceleration per volt.
+    /// The settings of a gear motor with this winding on an ideal bridge: linear current, and brake at the set-point
+    /// 0. The dynamics are not configured, so the regulator estimates the acceleration per volt.
     pub const fn for_scheme(winding: Winding, scheme: Scheme) -> Self {
         Self {
             winding,
@@ -130,7 +131,7 @@ impl Settings {
         milliohms as f32 / 1000.0
     }
 
-    /// Maps voltages and control values of the motor to commands of its bridge.
+    /// The modulator by these settings: it maps voltages and control values of the motor to commands of the bridge.
     pub(crate) fn modulator(&self) -> Modulator {
         Modulator::new(&self.winding, &self.bridge, self.scheme, self.duty)
     }

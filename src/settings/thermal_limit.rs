@@ -15,9 +15,9 @@ pub struct ThermalLimit {
 }
 
 impl ThermalLimit {
-    /// Usual time constant of a winding, in s, for a motor without a known one.
+    /// Usual time constant of a winding, in s, for a motor whose time constant is unknown.
     pub const USUAL_WINDING_S: u16 = 20;
-    /// Usual time constant of a case, in s, for a motor without a known one.
+    /// Usual time constant of a case, in s, for a motor whose time constant is unknown.
     pub const USUAL_CASE_S: u16 = 600;
 
     /// Creates a limit from the continuous current in mA, and the time constants of winding and case in s.

@@ -1,14 +1,15 @@
 //! Least squares, one row at a time: plane rotations turn each row into a triangle of sums (a QR decomposition).
 //!
-//! Sums of products would square the condition number. The triangle does not, so single precision is enough. The
-//! triangle also has the solution for the first few unknowns alone.
+//! Normal equations, which are sums of products, have the square of the condition number. The triangle keeps the
+//! condition number, so single precision is enough. The triangle also gives the solution for the first few unknowns
+//! alone.
 
 use libm::sqrtf;
 
 /// Largest number of unknowns.
 pub(super) const UNKNOWNS: usize = 5;
-/// Least diagonal element of the triangle with which an unknown can be solved: the unknown's weight in all rows that
-/// the other unknowns do not explain.
+/// Least diagonal element of the triangle with which its unknown can be solved. The element is the part of the
+/// unknown's weights in all rows that the unknowns before do not explain.
 const LEAST_PIVOT: f32 = 1e-4;
 
 /// One equation: the weight of each unknown, then the right side.
@@ -28,7 +29,8 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    /// Adds a row. Returns the row's innovation: the part of its right side that the rows before do not predict.
+    /// Adds a row. Returns the innovation of the row: the part of the right side that the earlier rows do not
+    /// predict.
     pub(super) fn add(&mut self, mut row: Row) -> f32 {
         let [.., right] = row;
         self.right_squares += right * right;
@@ -58,7 +60,8 @@ impl Fit {
         sqrtf(self.right_squares / f32::from(self.rows.max(1)))
     }
 
-    /// Solves for the first few unknowns, with the others at 0; `None` if the rows do not determine them.
+    /// Solves for the first `unknowns` unknowns, with all other unknowns at 0; `None` if the rows do not determine
+    /// the solution.
     pub(super) fn solve(&self, unknowns: usize) -> Option<Solution> {
         let values = self.substitute(unknowns, |_, [.., sum]| *sum)?;
         let mut inverse = [[0.0; UNKNOWNS]; UNKNOWNS];

@@ -1,25 +1,26 @@
-//! Identifies a motor with its load by a short motion: three constant voltages, and a least-squares fit of the motor's
-//! equation.
+//! Identifies a motor with its load by a short motion at three constant voltages, and by a least-squares fit of the
+//! motor's equation.
 //!
 //! ```text
 //! rest 0.2 s | +65 % of the battery voltage 1.1 s | -65 % 1.1 s | +29 % 0.6 s | the bridge is open
 //! ```
 //!
-//! The hub first announces how many counts the motor will turn at most, in either direction ([`travel`]). The limit
-//! follows from the configured back EMF. A travel limit shortens the motion in proportion. A motor that has hardly
-//! moved by the end of the first phase gets up to eight times as long, with no more travel. Another request ends the
-//! motion.
+//! The largest travel of the motion in either direction, in counts, is announced first ([`travel`]). The largest
+//! travel follows from the configured back EMF. A smaller travel limit shortens the motion in proportion. If the
+//! motor has hardly moved by the end of the first phase, all phases become longer, up to eight times; the largest
+//! travel stays. Another set-point ends the motion.
 //!
-//! The fit finds acceleration per volt, decay and friction. It also finds a constant load and a spring; both are
-//! reasons to [refuse](Refusal) a result. Other reasons are an encoder that does not count or counts backwards, a
-//! stop, and a motion that does not fit the equation. A result is proposed, not put in force.
+//! The fit finds acceleration per volt, decay and friction. The fit also finds a constant load and a spring; both are
+//! reasons to [refuse](Refusal) a result. Other reasons are an encoder that sends no counts or counts in the wrong
+//! direction, a stop, and a motion that does not fit the equation. A result is only proposed: the settings of the
+//! motor stay.
 //!
 //! The fit is in single precision, a row at a time and by rotations, so a chip's FPU can compute it while the motor
 //! turns.
 //!
-//! A configured motor is not estimated any further while it works. Such an estimate has an error of some 10 %, which
-//! is worse than exact constants: 1.7 % of random responses never settled, against 0.3 %. An unknown motor gains by
-//! the estimate.
+//! The gain of a configured motor is not estimated while the motor works. Such an estimate has an error of some 10 %,
+//! which
+//! is worse than exact constants. With the estimate 1.7 % of random responses never settled, with exact constants 0.3 %. For an unknown motor the estimate is better than the initial guess.
 //!
 //! ```
 //! use motor_hub::braking::Winding;
@@ -59,21 +60,21 @@ const PHASES: [Phase; 3] = [
 ];
 /// Duration of all phases, in ms.
 const MOTION_MS: f32 = 2_800.0;
-/// Largest travel of any motor in these phases, as a time in s at the speed whose back EMF is the battery voltage. The
-/// configured back EMF may be 15 % too large.
+/// Largest travel of any motor in these phases, as a time in s at the speed whose back EMF is the battery voltage: 65
+/// % of this speed for the 1.1 s of a phase. The 15 % more allow for a configured back EMF that is too large.
 const TRAVEL_S: f32 = 1.15 * 0.65 * 1.1;
 /// Time in ms before the motion, with the bridge open, in which the motor must not turn.
 const REST_MS: u32 = 200;
 /// Shortest duration of a segment, in ms.
 const SEGMENT_MS: u32 = 40;
-/// Counts of a segment below which the segment is made longer.
+/// Counts below which a segment is made longer, up to [`LONGEST_SEGMENT_S`].
 const SEGMENT_COUNTS: u32 = 5;
 /// Longest duration of a segment, in s.
 const LONGEST_SEGMENT_S: f32 = 0.5;
-/// Least number of segments of a motion.
+/// Least number of segments in the planned motion. A travel limit that leaves fewer segments is refused.
 const LEAST_SEGMENTS: f32 = 16.0;
-/// Counts in the first phase that end the phase as planned; with fewer counts the phase is made longer. A quarter of the
-/// travel is enough too.
+/// Counts from which on the first phase ends as planned; with fewer counts the phase is made longer. A quarter of the
+/// announced travel is enough too.
 const FIRST_PHASE_COUNTS: f32 = 100.0;
 /// Longest duration of the first phase, in ms.
 const LONGEST_FIRST_PHASE_MS: f32 = 8_800.0;
@@ -81,23 +82,25 @@ const LONGEST_FIRST_PHASE_MS: f32 = 8_800.0;
 const LEAST_VOLTS: f32 = 6.0;
 /// Largest sag of the battery voltage under the motor's current, as a share of the voltage before.
 const LARGEST_SAG: f32 = 0.3;
-/// Time in ms without a count after which a fast motor counts as stalled.
+/// Time in ms without a count after which the identification of a fast motor is refused.
 const STALLED_MS: f32 = 300.0;
-/// Speed in counts/s above which a motor is fast.
+/// Speed in counts/s above which a motor is fast; slower motors are slow.
 const FAST_CPS: f32 = 50.0;
-/// Time in ms without a count after which a slow motor counts as stalled. In this time a motor with a broken encoder could
-/// have travelled.
+/// Time in ms without a count after which the identification of a slow motor is refused, for phases of planned
+/// duration. With shorter or longer phases the time is shorter or longer in proportion, but at least [`STALLED_MS`].
+/// A motor with a broken encoder may travel unseen in this time.
 const SLOW_STALLED_MS: f32 = 1_000.0;
-/// Counts by which the shaft may vibrate beyond a limit.
+/// Counts by which the shaft may vibrate beyond the announced travel, or turn backwards at the beginning.
 const VIBRATION_COUNTS: i32 = 3;
 
-/// Counts that a motor will turn at most in either direction while it is identified: `limit`, or the travel that a
-/// battery voltage makes possible.
+/// Largest travel of a motor in either direction while the motor is identified, in counts: the smaller one of `limit`
+/// and the travel that a battery voltage makes possible.
 pub fn travel(emf: EmfConstant, battery: Millivolts, limit: u32) -> u32 {
     (full_travel(emf.to_volts(), battery.to_volts()) as u32).min(limit)
 }
 
-/// Largest travel in counts without a travel limit, with the back EMF in V per count/s and the battery voltage in V.
+/// Largest travel in counts without a travel limit. `emf` is the back EMF constant in V per count/s, and `battery` is
+/// in V.
 fn full_travel(emf: f32, battery: f32) -> f32 {
     TRAVEL_S * battery / emf
 }
@@ -112,13 +115,13 @@ fn full_travel(emf: f32, battery: f32) -> f32 {
 #[derive(Clone, Copy, Debug)]
 #[expect(clippy::large_enum_variant, reason = "there is no heap")]
 pub enum Identifier {
-    /// The bridge is open, to see whether the motor is at rest.
+    /// The bridge is open, to find out whether the motor is at rest.
     Resting {
         /// Travel limit, in counts.
         limit: u32,
-        /// Sample at the first step; `None` before.
+        /// Sample at the first step; `None` before the first step.
         since: Option<Reading>,
-        /// Last sample.
+        /// Last sample; `None` before the first sample.
         last: Option<Reading>,
     },
     /// The motor is driven.
@@ -128,7 +131,7 @@ pub enum Identifier {
 /// The motion by which a motor is identified.
 #[derive(Clone, Copy, Debug)]
 pub struct Excitation {
-    /// Factor of the durations of all phases.
+    /// Ratio of the durations of all phases to the planned durations.
     scale: f32,
     /// Shortest duration of a segment, in s.
     segment_s: f32,
@@ -143,7 +146,7 @@ pub struct Excitation {
 }
 
 impl Identifier {
-    /// Begins an identification at the next step. `limit` is the travel limit of [`travel`].
+    /// Creates an identification that begins at its first step. `limit` is the travel limit, as for [`travel`].
     pub const fn new(limit: u32) -> Self {
         Self::Resting { limit, since: None, last: None }
     }
@@ -169,17 +172,17 @@ impl Identifier {
         }
     }
 
-    /// Sets the voltage that the bridge applies until the next step.
+    /// Sets the voltage that the bridge applies from now on.
     pub const fn drive(&mut self, voltage: Voltage) {
         if let Self::Moving(excitation) = self {
-            excitation.segments.drive(voltage.to_volts());
+            excitation.segments.set_voltage(voltage.to_volts());
         }
     }
 
-    /// Computes the voltage until the next tick, after the newest sample and with `battery` in V; `None` to coast.
+    /// Takes a tick, after its newest sample. Returns the voltage until the next tick; `None` for an open bridge.
+    /// `battery` is in V.
     ///
-    /// # Errors
-    /// The outcome, if the identification has ended.
+    /// # Errors Returns the outcome, found or refused, if the identification has ended.
     pub fn step(
         &mut self,
         emf: EmfConstant,
@@ -200,8 +203,8 @@ impl Identifier {
     }
 }
 
-/// Returns the sample after which a motor has been at rest for [`REST_MS`]; `None` before. The first call stores the
-/// sample `since` which the motor must be at rest.
+/// Returns the last sample if the motor has been at rest for [`REST_MS`]; `None` if the time is not over. The first
+/// call stores the sample `since` which the motor must be at rest. A motor that turns is refused.
 fn rest(since: &mut Option<Reading>, last: Option<Reading>) -> Result<Option<Reading>, Identification> {
     let Some(last) = last else { return Err(Identification::Refused(Refusal::Interrupted)) };
     let since = since.get_or_insert(last);
@@ -242,7 +245,8 @@ impl Excitation {
         })
     }
 
-    /// The share of the battery voltage until the next tick, or the outcome of the motion.
+    /// Takes a tick of the motion. Returns the share of the battery voltage until the next tick, or the outcome as an
+    /// error.
     fn step(&mut self, battery: f32) -> Result<f32, Identification> {
         self.check(battery).map_err(Identification::Refused)?;
         let (seconds, counts) = self.segments.running();
@@ -266,7 +270,7 @@ impl Excitation {
         }
     }
 
-    /// Refuses a motion whose battery, travel or encoder is out of its limits.
+    /// Refuses the motion if battery voltage, travel, direction or time without a count is out of its limits.
     fn check(&self, battery: f32) -> Result<(), Refusal> {
         let moved = self.segments.moved();
         let stalled_ms = if self.fast { STALLED_MS } else { (SLOW_STALLED_MS * self.scale).max(STALLED_MS) };
@@ -283,7 +287,8 @@ impl Excitation {
         }
     }
 
-    /// True if the present phase is over. A first phase that was made longer makes the other phases longer too.
+    /// True if the present phase, with this planned length in ms, is over. If the first phase was made longer, the
+    /// other phases become longer by the same factor.
     fn is_over(&mut self, length: f32) -> bool {
         let ms = self.phase_ms();
         if self.phase == 0 {
@@ -297,7 +302,7 @@ impl Excitation {
         ms + 0.5 > self.scale * length
     }
 
-    /// Factor, at least 1, by which phases and segments are longer than planned.
+    /// Factor, at least 1, by which the phases so far make the segments longer than planned.
     fn slowness(&self) -> f32 {
         let [Phase { ms: length, .. }, ..] = PHASES;
         let present = if self.phase == 0 { self.phase_ms() / length } else { 0.0 };

@@ -8,7 +8,7 @@ use core::fmt;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Identification {
-    /// No identification was started since the hub's reset.
+    /// No identification has been started since the hub started.
     #[default]
     None,
     /// An identification runs; its progress is 0 to 99 percent.
@@ -26,7 +26,7 @@ pub enum Identification {
 pub struct Identified {
     /// Dynamics of the motor with its load.
     pub dynamics: Dynamics,
-    /// Back EMF per speed that would damp the motor as back EMF and drag do together, q / b.
+    /// Back EMF constant that would damp the motor as much as back EMF and drag do together: q / b.
     pub emf: EmfConstant,
     /// True if the motion was too short to find the decay: `emf` is then the configured back EMF, and the decay is b
     /// times this back EMF.
@@ -47,7 +47,7 @@ pub struct Identified {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Refusal {
-    /// Another request stopped the identification.
+    /// Another set-point stopped the identification.
     Stopped,
     /// Encoder or battery could not be read.
     Interrupted,
@@ -55,9 +55,9 @@ pub enum Refusal {
     NotAtRest,
     /// The travel limit leaves too short a motion.
     TravelLimit,
-    /// The battery is below 6 V, or sags by more than 30 %.
+    /// The battery voltage is below 6 V, or sags by more than 30 %.
     Battery,
-    /// The motor went further than announced.
+    /// The motor turned further than announced.
     TooFar,
     /// No counts came: a stop holds the motor, it is jammed or too heavy, or the encoder is unplugged.
     NoCounts,
@@ -70,9 +70,10 @@ pub enum Refusal {
     /// The motion does not fit a motor with inertia, drag and friction: the motor met a stop, the load changes with the
     /// position, or counts were lost.
     Uneven,
-    /// The motion shows too little for an error within 10 %.
+    /// The motion has too few counts for an error below 10 %.
     Unsure,
-    /// The back EMF found is less than 0.7 times the configured one, or more than 8 times.
+    /// A constant found is out of its range, or the back EMF is implausible: less than 0.7 times the configured back EMF
+    /// or more than 8 times, by more than two standard errors.
     Implausible,
 }
 

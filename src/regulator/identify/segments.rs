@@ -1,8 +1,8 @@
 //! Divides a motion into segments, over which the motor's equation holds for mean values.
 //!
-//! A segment lasts 40 ms or longer. Its means are the speed w, the position P, the running integral F of the voltage,
-//! and the time G. Two segments in a row obey the motor's own equation exactly, whatever the voltage did meanwhile.
-//! Primes mark the second segment:
+//! A segment lasts some 40 ms or longer. The fit uses the mean values of a segment: the speed w, the position P, the
+//! running integral F of the voltage, and the time G. Two successive segments obey the motor's equation exactly, also
+//! if the voltage has changed within them. Primes mark the second segment:
 //!
 //! ```text
 //! w' - w = b (F' - F) - q (P' - P) - (c b sign(w) - load) (G' - G)
@@ -11,7 +11,7 @@
 use crate::motion::Reading;
 use crate::units::Micros;
 
-/// Counts that a motor must exceed in a segment that is used.
+/// A segment is used if the motor moved by more than this distance, in counts.
 const LEAST_COUNTS: f32 = 2.0;
 /// Time between two samples, in s.
 const SAMPLE_S: f32 = 1e-3;
@@ -52,7 +52,7 @@ struct EndedSegment {
     segment: Segment,
     /// Mean speed, in counts/s.
     speed: f32,
-    /// Whole counts from start to end.
+    /// Whole counts from start to end, negative in the backward direction.
     moved: f32,
 }
 
@@ -70,7 +70,7 @@ pub(super) struct Segments {
     /// Voltage across the motor, in V.
     voltage: f32,
     running: Segment,
-    /// The segment before the running one; `None` while the first one runs.
+    /// The segment before the running segment; `None` in the first segment.
     before: Option<EndedSegment>,
 }
 
@@ -89,7 +89,7 @@ impl Segments {
     }
 
     /// Sets the voltage in V that the bridge applies from now on.
-    pub(super) const fn drive(&mut self, voltage: f32) {
+    pub(super) const fn set_voltage(&mut self, voltage: f32) {
         self.voltage = voltage;
     }
 
@@ -130,8 +130,8 @@ impl Segments {
         self.last = reading;
     }
 
-    /// Ends the running segment. Returns the change since the segment before; `None` unless the motor moved in both
-    /// segments and in one direction.
+    /// Ends the running segment, and begins the next. Returns the change from the segment before to the ended
+    /// segment. `None` for the first segment, and unless the motor moved enough in both segments, in one direction.
     pub(super) fn end(&mut self) -> Option<Change> {
         let segment = self.running;
         let counts = self.last.position.wrapping_sub(segment.start) as f32;
@@ -181,7 +181,7 @@ pub(super) struct Change {
     pub(super) side: f32,
 }
 
-/// The change from one segment to the next; `None` unless the motor moved in both and in one direction.
+/// The change from one segment to the next; `None` unless the motor moved enough in both segments, in one direction.
 fn change(from: &EndedSegment, to: &EndedSegment, origin: i32) -> Option<Change> {
     let enough = |ended: &EndedSegment| ended.moved.abs() > LEAST_COUNTS;
     if !(enough(from) && enough(to) && from.speed * to.speed > 0.0) {

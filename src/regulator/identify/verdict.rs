@@ -8,14 +8,14 @@ use crate::units::{AccelerationPerVolt, DecayRate, EmfConstant, Millivolts};
 
 /// Least number of rows of a result.
 const LEAST_ROWS: u16 = 12;
-/// Largest noise of a row by whole counts, in counts (root mean square).
+/// Largest noise of a row because of whole counts, in counts (root mean square).
 const COUNTING_NOISE_COUNTS: f32 = 0.7;
 /// Largest error of the bridge's voltage, as a share of the battery voltage.
 const VOLTAGE_NOISE_SHARE: f32 = 0.015;
-/// Largest span of the running sum of innovations, in multiples of the noise. Errors of counting cancel in this sum;
-/// a load that comes, goes or changes with the position does not.
+/// Largest difference of the highest and the lowest running sum of innovations, in multiples of the noise. Errors of
+/// whole counts cancel in this sum. The errors from a load that changes, by time or by position, do not cancel.
 const LARGEST_DRIFT: f32 = 9.0;
-/// First rows that are left out of the running sum: with so few rows any innovation is large.
+/// Number of first rows that are left out of the running sum. After so few rows every innovation is large.
 const SETTLING_ROWS: u16 = 8;
 /// Constant load above which an identification is refused.
 const LARGEST_LOAD: Threshold = Threshold { battery_share: 0.02, standard_errors: 3.0 };
@@ -37,12 +37,12 @@ const LOAD: usize = 3;
 /// Index of the unknown spring: its acceleration at the end of the travel.
 const SPRING: usize = 4;
 
-/// Threshold of an unknown: the larger of two values.
+/// Threshold of an acceleration among the unknowns: the larger one of two values.
 #[derive(Clone, Copy)]
 struct Threshold {
-    /// The value whose voltage is this share of the battery voltage.
+    /// First value: the voltage that causes the acceleration, as a share of the battery voltage.
     battery_share: f32,
-    /// Standard errors of the unknown.
+    /// Second value: a number of standard errors of the unknown.
     standard_errors: f32,
 }
 
@@ -62,18 +62,19 @@ pub(super) struct Regression {
     highest: f32,
     /// Lowest running sum so far, in counts.
     lowest: f32,
-    /// Sum of the squared durations of the segments, in s².
+    /// Sum of the squared durations of the shorter segment of each row, in s².
     squares: f32,
 }
 
 impl Regression {
-    /// Begins without rows.
+    /// Creates a fit without rows.
     pub(super) fn new(emf: f32, battery: f32, span: f32) -> Self {
         Self { emf, battery, span, fit: Fit::default(), sum: 0.0, highest: 0.0, lowest: 0.0, squares: 0.0 }
     }
 
-    /// Adds a row. Its unit is the count in the shorter segment, so that all rows have equal noise. The first two
-    /// unknowns are accelerations per volt, the others are accelerations.
+    /// Adds a row. The row is multiplied by the duration of the shorter segment, so its unit is the count and all
+    /// rows have equal noise. The first two unknowns are accelerations per volt, the other unknowns are
+    /// accelerations.
     pub(super) fn add(&mut self, change: &Change) {
         let Change { speed, volt_seconds, distance, position, seconds, shorter_s, side } = *change;
         let spring = -position / self.span * seconds;
@@ -87,12 +88,12 @@ impl Regression {
         self.squares += shorter_s * shorter_s;
     }
 
-    /// The result of the motion, or the reason for which it cannot be used.
+    /// The result of the motion, or the reason to refuse a result.
     pub(super) fn result(&self) -> Result<Identified, Refusal> {
         if self.fit.rows() < LEAST_ROWS {
             return Err(Refusal::Unsure);
         }
-        // A motion in one direction cannot separate load from friction; the other unknowns are determined.
+        // A motion in one direction cannot separate load from friction. The load is then taken for 0.
         let without_load = self.fit.solve(FRICTION + 1).ok_or(Refusal::Unsure)?;
         let with_load = self.fit.solve(LOAD + 1);
         let best = with_load.unwrap_or(without_load);
