@@ -152,7 +152,8 @@ impl Group {
         Self::PositionLoop,
     ];
 
-    /// Returns the packet type of the request that sets the group, on hubs of this project. A stored entry has the same type.
+    /// Returns the packet type of the request that sets the group, on hubs of this project. An entry of a stored
+    /// record has the same type.
     pub const fn set_id(self) -> u16 {
         match self {
             Self::SetUp => FIRST_FUNCTION,
@@ -245,8 +246,8 @@ pub struct Field {
 pub enum Zero {
     /// The number 0 or, for a choice, the first word.
     Value,
-    /// The setting is not configured. A settings file then lacks the key; if the key is the first of a table, it lacks the
-    /// table.
+    /// The setting is not configured. A settings file then lacks the key. If the key is the first key of a table, the
+    /// file lacks the whole table.
     NotConfigured,
     /// The present setting is kept. A hub never reports this value, and a settings file cannot have it.
     Keeps,
@@ -272,7 +273,7 @@ impl Field {
         (self.get)(settings)
     }
 
-    /// Converts a raw value to its word. `None` if the field is a number.
+    /// Converts a raw value to its word. `None` if the field is a number, or if the raw value is beyond the last word.
     pub fn word_of(&self, raw: i64) -> Option<&'static str> {
         match self.form {
             Form::Words(words) => words.get(usize::try_from(raw).ok()?).copied(),
@@ -307,7 +308,7 @@ impl Field {
         (self.number_of(self.least_in_file()), self.number_of(self.most))
     }
 
-    /// Returns the smallest raw value in a settings file. In a file a 0 always has the meaning [`Zero::Value`].
+    /// Returns the smallest raw value in a settings file. A file can have 0 only for a field with [`Zero::Value`].
     fn least_in_file(&self) -> i64 {
         if self.zero == Zero::Value { self.least } else { self.least.max(1) }
     }
@@ -386,7 +387,8 @@ impl Values {
     /// Returns `settings` with these values.
     ///
     /// # Errors
-    /// Refuses linear current without a resistance, and a thermal limit with a time constant of 0. The refusal has the number
+    /// Refuses linear current if the resistance in these values is 0, also if a resistance is configured. Refuses a thermal limit
+    /// with a time constant of 0. The refusal has the number
     /// of the field in the payload.
     pub fn apply_to(&self, settings: &MotorSettings) -> Result<MotorSettings, Nack> {
         let mut new = *settings;
@@ -419,7 +421,7 @@ impl Values {
 /// integer type. `zero` is the meaning of 0 if that is not the number 0.
 ///
 /// A choice has the parts `name, each word with its value; place in the settings`. `up to` replaces the largest raw value;
-/// values beyond the last word mean the last word.
+/// values beyond the last word set the same as the last word, but have no word.
 macro_rules! fields {
     (@ {
         $name:literal, $type:ident / $steps:expr $(, limits $least:literal to $most:expr)? $(, zero $zero:ident)?,

@@ -1,13 +1,14 @@
 //! Manages the groups of a hub. A *group* is a set of motors that move synchronously, see [`crate::group`].
 //!
 //! ```text
-//!        lead              all readings fresh             no member left, or halt by coasting
+//!        lead         readings of all members fresh       no member left, or halt by coasting
 //! none ------> Waiting ------------------------> Moving ------------------------------------> none
 //!                 |  a member leaves
 //!                 '-------------------> none
 //! ```
 //!
-//! The members halt by coasting when a member is disabled, or when a member is lost and the group's setting is
+//! A member is *lost* when it has a fault, gets a set-point of its own or joins another group. The other members halt by
+//! coasting in two cases: a member is disabled or in fail-safe, or a member is lost and the group's setting is
 //! [`Halt::Coast`]. A group stays `Moving` after the end of its course, and holds the positions of its members.
 
 use super::Inputs;
@@ -37,8 +38,9 @@ impl<const N: usize> Groups<N> {
         Self { states: [const { None }; N] }
     }
 
-    /// Changes the course of the moving group that has exactly the members of `command`. If there is no such group, the
-    /// members leave their groups, and a new group waits to start. Fails if `leader` is not a member, or if the hub
+    /// Changes the course of the moving group that has exactly the members of `command`. If there is no such group, each
+    /// member leaves its old group, and a new group waits to start. The other members of a moving old group halt by the setting
+    /// of the old group. A waiting old group is discarded. Fails if `leader` is not a member, or if the hub
     /// does not have all members.
     pub(super) fn lead(
         &mut self,
@@ -64,7 +66,7 @@ impl<const N: usize> Groups<N> {
             if self.leave(motor, None, motors)
                 && let Some(motor) = motors.get_mut(motor)
             {
-                // The motor is regulated to standstill until the new group starts.
+                // Until the new group starts the speed is 0: the motor is held or floats, as its setting `ZeroPower` says.
                 motor.set(Setpoint::Velocity(CountsPerSecond::ZERO));
             }
         }

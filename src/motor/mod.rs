@@ -91,13 +91,13 @@ use thermal::Thermal;
 /// every millisecond.
 pub const ENCODER_STALE_MICROS: u64 = 20_000;
 
-/// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF. The share grows with the energy
-/// that the supply rejects.
+/// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF. The share grows with
+/// [`Battery::dissipate`], which says how strongly braking motors must dissipate energy.
 struct ForwardPulse {
-    /// Share at a supply that begins to reject energy. With this share the pulse draws from the bus what the winding
-    /// returns when a short circuit ends.
+    /// Share at the least dissipation. At the end of a short circuit the winding returns energy to the bus. A forward pulse
+    /// with this share draws about the same energy from the bus.
     least: f32,
-    /// Share at a supply that rejects all energy.
+    /// Share at full dissipation.
     most: f32,
 }
 
@@ -123,7 +123,7 @@ pub struct Motor {
     setpoint: Setpoint,
     /// True if set-point or settings have changed since a request was last computed.
     changed: bool,
-    /// Counts at the last tick.
+    /// Counts at the last tick with a fresh reading.
     position: i32,
     regulator: Regulator,
     state: MotorState,
@@ -140,7 +140,7 @@ pub struct Motor {
     command: Option<Command>,
     /// Current-sense line of the bridge.
     line: Line,
-    /// Current by the motor's constants at the last tick; `None` if the speed was unknown.
+    /// Current by the motor's constants at the last tick; `None` if no reading was fresh.
     modelled: Option<Milliamperes>,
     /// True if the bridge has reported a fault. The fault is latched until the motor is disabled or in fail-safe.
     bridge_fault: bool,
@@ -155,16 +155,18 @@ pub struct Motor {
 ///    └────────────────── the identification has ended ─────────┘
 /// ```
 ///
-/// A fault is no state. Without a battery voltage, or with a fault of the bridge, every motor coasts. An overheated
-/// motor coasts or brakes by [`Settings::on_fault`], as does a motor whose set-point needs an encoder that is missing
-/// or at fault. Encoder, bridge and thermal faults are latched, missing values are not.
+/// A fault is no state. Without a battery voltage, or with a fault of the bridge, every motor coasts. A disabled motor
+/// coasts too. Any other overheated motor coasts or brakes, as its setting [`Settings::on_fault`] says. So does a motor
+/// whose set-point needs an encoder that is missing or at fault. Encoder, bridge and thermal faults are latched. Missing
+/// values are not latched.
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "there is no heap")]
 enum MotorState {
     /// Nothing is regulated: the motor is disabled, in fail-safe, in open loop or at constant current. Also the state after
     /// an identification.
     OpenLoop,
-    /// The set-point is a speed or a position: the regulator drives the motor, and the encoder is checked.
+    /// The set-point is a speed, a position or a reference of a group. The regulator drives the motor, unless a fault stops
+    /// the motor or the motor floats at speed 0. The encoder is checked.
     Regulated(EncoderCheck),
     /// An identification drives the motor. The identification checks the encoder itself.
     Identifying(Identifier),
@@ -183,7 +185,7 @@ enum Activity {
     Current { current: Milliamperes, speed_limit: CountsPerSecond },
     /// The regulator drives the motor.
     Regulate(Demand),
-    /// The identification drives the motor.
+    /// The set-point is an identification. The identification drives the motor until it ends; then the bridge is open.
     Identify,
 }
 
@@ -260,11 +262,12 @@ impl Motor {
         }
     }
 
-    /// Replaces all settings. The state is kept, so that a motor may be tuned while it runs.
+    /// Replaces all settings. Set-point, state and the estimates of position and speed are kept, so a motor may be tuned
+    /// while it runs. Settings without a thermal limit clear a thermal fault.
     ///
     /// The regulator and the limits use the new settings immediately. The request of the motor follows at the next
-    /// tick, or between ticks with a direct set-point. Lowered back EMF and decay stay if the configured ones are
-    /// unchanged.
+    /// tick, or between ticks with a direct set-point. A lowered back EMF constant stays if the
+    /// new settings have the same configured back EMF constant and the same configured dynamics.
     pub fn configure(&mut self, mut settings: Settings) {
         if Configured::new(&settings) == self.configured {
             // The same motor: a correction of its back EMF stays.
@@ -285,8 +288,8 @@ impl Motor {
     /// Replaces the set-point. The bridge's command changes at the next tick, or between ticks with a direct
     /// set-point.
     ///
-    /// The set-points [`Disabled`](Setpoint::Disabled) and [`FailSafe`](Setpoint::FailSafe) clear latched faults. If
-    /// the winding is still too hot, the thermal fault stays until one of them is set again.
+    /// The set-points [`Disabled`](Setpoint::Disabled) and [`FailSafe`](Setpoint::FailSafe) clear latched faults. They
+    /// clear a thermal fault only if the winding is cool: a host must set one of them again after the winding has cooled.
     pub fn set(&mut self, setpoint: Setpoint) {
         self.changed |= setpoint != self.setpoint;
         self.transition(setpoint);
@@ -335,8 +338,8 @@ impl Motor {
         }
     }
 
-    /// Ends a release or a probe of the encoder check. Returns true if there was a release or a probe, or if the
-    /// motor is stalled.
+    /// Ends an examination of the encoder: a release, in which the bridge brakes, or a probe, in which the motor is driven in
+    /// the other direction once. Returns true if there was an examination, or if the motor is stalled.
     const fn end_examination(&mut self) -> bool {
         match &mut self.state {
             MotorState::Regulated(check) => check.end_examination(&mut self.last_motion),
@@ -352,7 +355,7 @@ impl Motor {
         }
     }
 
-    /// Counts at the last tick.
+    /// Counts at the last tick with a fresh reading.
     pub(crate) const fn position(&self) -> i32 {
         self.position
     }
@@ -448,24 +451,26 @@ impl Motor {
         }
     }
 
-    /// Takes the reading of a tick. Returns the counts since the last tick.
+    /// Takes the reading of a tick. Returns the counts since the last tick with a fresh reading.
     fn take_reading(&mut self, reading: Reading) -> i32 {
         let moved = reading.position.wrapping_sub(self.position);
         self.position = reading.position;
         self.sample(reading);
         self.regulator.tick();
-        // An identification compares voltages, so the estimated gain must not change while it runs.
+        // An identification compares voltages, so the estimated gain must not change. The gain stays while the set-point is
+        // an identification, also after the end of the identification.
         if !matches!(self.setpoint, Setpoint::Identify { .. }) {
             self.regulator.update_gain(&self.settings, self.period);
         }
         moved
     }
 
-    /// Chooses the activity of this tick. `moved` is the counts since the last tick; `None` without a reading.
+    /// Chooses the activity of this tick. `moved` is the counts since the last tick with a fresh reading; `None` without a
+    /// fresh reading.
     ///
-    /// The setting [`OnFault`] chooses the activity instead of the set-point if the motor is overheated, if its
-    /// set-point needs an encoder that is missing or at fault, or in fail-safe. The caller has already excluded a
-    /// missing battery voltage and a bridge at fault, with which every motor coasts.
+    /// A disabled motor coasts. Otherwise the setting [`OnFault`] chooses the activity in three cases: the motor is
+    /// overheated, its set-point needs an encoder that is missing or at fault, or the motor is in fail-safe. The caller has
+    /// already excluded a missing battery voltage and a bridge at fault. With either of them every motor coasts.
     fn activity(&self, moved: Option<i32>) -> Activity {
         let floats = self.settings.zero_power == ZeroPower::Float;
         let needs_encoder = !self.setpoint.is_direct();
@@ -496,8 +501,8 @@ impl Motor {
         }
     }
 
-    /// Steps the encoder check or ends its examination, and computes the request of this tick; `None` for an open
-    /// bridge. `moved` is the counts since the last tick; `None` without a reading.
+    /// Computes the request of this tick; `None` for an open bridge. Steps the encoder check of a regulated motor. At a tick
+    /// without regulation, ends the examination of the encoder. `moved` is as in [`activity`](Self::activity).
     fn request(&mut self, battery: Option<&Battery>, moved: Option<i32>) -> Option<Request> {
         let velocity = self.regulator.velocity();
         // A bridge at fault can neither drive nor brake.
@@ -574,7 +579,7 @@ impl Motor {
     }
 
     /// Computes the request of the regulator, or of the encoder check if its instruction is not to regulate. Lowers
-    /// the back EMF constant if the speed hunts.
+    /// the back EMF constant in force if the speed oscillates because this constant is too high.
     fn regulate(
         &mut self,
         demand: Demand,
@@ -606,8 +611,8 @@ impl Motor {
         Request { at, modulation, control, target: Some(speed) }
     }
 
-    /// Computes a request, and commands the bridge within all limits. `moved` is the counts since the last tick;
-    /// `None` without a reading or between two ticks.
+    /// Computes a request, and commands the bridge within all limits. `moved` is as in [`activity`](Self::activity); `None`
+    /// between two ticks.
     fn apply(&mut self, now: Micros, battery: Option<Battery>, moved: Option<i32>) {
         self.changed = false;
         let request = self.request(battery.as_ref(), moved);
@@ -641,8 +646,9 @@ impl Motor {
         self.command = Some(command);
     }
 
-    /// Computes the command for a request within all limits, and steps the burn pulses. [`Command::applied`] does not
-    /// yet include a change of the bridge's mode.
+    /// Computes the command for a request within all limits, and steps the burn pulses. [`Command::applied`]
+    /// ignores the time for which the bridge is open when its mode changes; [`after_change`](Self::after_change) includes
+    /// this time.
     fn modulate(&mut self, request: Request, now: Micros, battery: &Battery, may_end_short: bool) -> Command {
         let Request { at, modulation: mut limited, .. } = request;
         let mut voltage = self.modulator.applied(at, limited);

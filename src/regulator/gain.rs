@@ -11,8 +11,9 @@
 //! ```
 //!
 //! This is a Kalman filter with the state theta and its variance P. In system identification it is called the
-//! recursive prediction error method (L. Ljung, T. Söderström, 1983). While a motor turns at a steady speed, the
-//! observer's load explains every error and s is near 0. So a load is not taken for inertia.
+//! recursive prediction error method (L. Ljung, T. Söderström, 1983). While a motor turns at a steady speed, s is
+//! near 0: a constant load changes only the load that the observer estimates, and not theta. So a load is not taken for
+//! inertia.
 
 use super::observer::{Correction, Plant, SAMPLE_S, Sensitivity};
 use crate::settings::GUESSED_TIME_CONSTANT_S;
@@ -24,13 +25,14 @@ const PLAUSIBLE_TIME_CONSTANT_S: (f32, f32) = (0.01, 30.0);
 /// Variance of ln b for the initial guess. The true gain is then within a factor of 2.7 of the guess (one standard
 /// deviation), or of 7.4 (two).
 const GUESS_VARIANCE: f32 = 1.0;
-/// Growth of the variance in a second, because windings warm up and loads change. Measured with `survey`: motors are
-/// regulated equally well with 0.01 to 0.1. With 0.0001 twice as many random responses do not settle.
+/// Growth of the variance in a second, because windings warm up and loads change. Measured with the program
+/// `survey`, which simulates random motors. Motors are regulated equally well with 0.01 to 0.1. With 0.0001 twice as many of
+/// the simulated responses never settle.
 const VARIANCE_PER_SECOND: f32 = 0.03;
-/// Sensitivity, in counts, up to which the variance does not grow. A smaller sensitivity hardly updates the gain, so
-/// a growing variance would never fall again.
+/// Sensitivity, in counts, up to which the variance does not grow. A smaller sensitivity hardly updates theta,
+/// so a growing variance would never fall again.
 const LEAST_GROWTH_SENSITIVITY: f32 = 0.02;
-/// Sensitivity, in counts, up to which a correction does not update the gain.
+/// Sensitivity, in counts, up to which a correction does not update theta.
 const LEAST_SENSITIVITY: f32 = 0.01;
 /// Sensitivity, in counts, below which an unexplained correction pauses the estimate: the state of the
 /// observer is then wrong, not the gain.
@@ -48,7 +50,7 @@ const LARGEST_GAIN_ERROR_SIGMAS: f32 = 3.0;
 const LARGEST_NOISE_SIGMAS: f32 = 4.0;
 /// Time after which the observer has corrected a wrong initial state, in s.
 const SETTLING_S: f32 = 0.05;
-/// Difference of the accelerating voltage from its mean, in V, up to which the gain is not updated. At a steady speed
+/// Difference of the accelerating voltage from its mean, in V, up to which theta is not updated. At a steady speed
 /// the errors of whole counts have a constant sign, and would shift the estimate within minutes.
 const EXCITATION_VOLTS: f32 = 0.05;
 /// Time constant of the mean accelerating voltage, in s.
@@ -77,8 +79,8 @@ pub(super) struct GainEstimate {
     sensitivity: Sensitivity,
     /// Balance of counts, limited to 0 to [`MOST_TRUST_COUNTS`]. Counts without a voltage are not included.
     trust_counts: i32,
-    /// Time until the observer has forgotten a wrong initial state, in s. The gain is not updated before this time is
-    /// over.
+    /// Remaining time until the observer has forgotten a wrong initial state, in s. Theta is not updated before this time
+    /// is over.
     settling_s: f32,
     /// Accelerating voltage in V: the voltage across the motor less the back EMF; 0 while the bridge is open.
     net_volts: f32,
@@ -101,7 +103,7 @@ impl GainEstimate {
     }
 
     /// Resets the estimate to the initial guess, for an observer that uses another gain.
-    /// [`take_gain`](Self::take_gain) then returns the guess.
+    /// The next calls of [`take_gain`](Self::take_gain) lead back to the guess, each by a factor of e at most.
     pub(super) fn discard(&mut self, plant: &Plant) {
         *self = Self { theta: logf(guessed_gain(plant.kappa) / plant.b), ..Self::new() };
     }
@@ -150,7 +152,7 @@ impl GainEstimate {
     }
 
     /// Updates the estimate from a correction of the observer, after a sample with `moved` counts at this voltage in
-    /// V. A sample without counts does not update the gain of a motor that may be `stalled`.
+    /// V. A sample without counts does not update the estimate of a motor that may be `stalled`.
     pub(super) fn correct(
         &mut self,
         plant: &Plant,
@@ -198,8 +200,8 @@ impl GainEstimate {
     }
 
     /// Returns the new gain at a control tick, in counts/s² per V, and the change of the observer's state that
-    /// follows from the new gain. The caller must use both. `None` while the estimate differs from the gain in use by
-    /// less than [`LEAST_CHANGE`].
+    /// follows from the new gain. The caller must use both. The gain changes by a factor of e at most. `None` while the
+    /// estimate differs from the gain in use by less than [`LEAST_CHANGE`].
     pub(super) fn take_gain(&mut self, plant: &Plant) -> Option<(f32, Sensitivity)> {
         if self.theta.abs() < LEAST_CHANGE {
             return None;
@@ -208,7 +210,7 @@ impl GainEstimate {
         let (least, most) = (1.0 / (longest * plant.kappa), 1.0 / (shortest * plant.kappa));
         let step = expf(at_most(at_least(self.theta, -1.0), 1.0));
         let gain = at_most(at_least(plant.b * step, least), most);
-        // At an end of the plausible range the gain changes by less than the estimate.
+        // The gain may change by less than the estimate: at an end of the plausible range, and by a factor of e at most.
         let change = gain / plant.b;
         let theta = logf(change);
         self.theta -= theta;

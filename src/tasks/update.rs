@@ -53,10 +53,10 @@ const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// Number of attempts to write the confirmation of new firmware.
 const CONFIRM_ATTEMPTS: u32 = 10;
 
-/// Pause between two attempts to write the confirmation.
+/// Pause after an attempt to write the confirmation.
 const CONFIRM_PAUSE: Duration = Duration::from_secs(1);
 
-/// Time from the request of a restart to the restart. The reply to the host is sent in this time.
+/// Time from the request of a restart to the restart. The responder replies to the host during this time.
 const RESTART_DELAY: Duration = Duration::from_millis(50);
 
 /// Longest word that a flash may have, in bytes.
@@ -101,8 +101,9 @@ pub async fn run<M: RawMutex, const N: usize>(
 
 /// Confirms this firmware, and returns what the bootloader's state says then.
 ///
-/// A failed confirmation is tried again after a pause, because a reset would otherwise restore the previous firmware. Returns
-/// [`Booted::Unconfirmable`] if [`CONFIRM_ATTEMPTS`] attempts have failed.
+/// While the state still says that the firmware is on trial, the confirmation is tried again after a pause, because a reset
+/// would otherwise restore the previous firmware. Returns [`Booted::Unconfirmable`] if [`CONFIRM_ATTEMPTS`] attempts have
+/// failed, and [`Booted::Unknown`] as soon as the state cannot be read.
 async fn confirm(slots: &mut Slots<impl ReadNorFlash, impl NorFlash, impl NorFlash>) -> Booted {
     for _ in 0..CONFIRM_ATTEMPTS {
         slots.confirm().await;
@@ -115,7 +116,7 @@ async fn confirm(slots: &mut Slots<impl ReadNorFlash, impl NorFlash, impl NorFla
     Booted::Unconfirmable
 }
 
-/// Waits until all motors are disabled at the last control tick.
+/// Waits until the newest snapshot shows that all motors are disabled. Does not wait if there is no snapshot.
 async fn motors_off<M: RawMutex, const N: usize>(wires: &Wires<M, N>) {
     while wires.snapshot.try_get().is_some_and(|snapshot| !snapshot.all_disabled()) {
         Timer::after(POLL_INTERVAL).await;
@@ -132,8 +133,9 @@ pub struct Slots<A, D, S> {
 impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
     /// Creates the slots in three flashes, or in partitions of flashes.
     ///
-    /// `None` if a flash has words of more than 32 bytes, or if the state has words of less than 8 bytes. Also `None` if a chunk
-    /// is not a multiple of the download slot's word.
+    /// `None` if a word to write to the download slot or to the state, or a word to read from the state, has more than
+    /// 32 bytes. Also `None` if a word of the state has less than 8 bytes, or if a chunk is not a multiple of the download slot's
+    /// word. A chunk must be a multiple of the words to read from both slots; this is not checked.
     pub fn new(active: A, download: D, state: S) -> Option<Self> {
         let words = [D::WRITE_SIZE, S::WRITE_SIZE, S::READ_SIZE];
         let fits = words.iter().all(|word| *word <= WORD) && CHUNK.is_multiple_of(D::WRITE_SIZE);
@@ -151,7 +153,8 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
         FirmwareState::new(&mut self.state, word)
     }
 
-    /// Reads from the bootloader's state how this firmware was started. [`Booted::Unknown`] if the state cannot be read.
+    /// Reads the bootloader's state. After the start the state says how this firmware was started. After [`arm`](Self::arm) it
+    /// says [`Booted::OnTrial`]. [`Booted::Unknown`] if the state cannot be read.
     pub async fn booted(&mut self) -> Booted {
         let mut word = [0; WORD];
         match self.state(&mut word).get_state().await {
@@ -259,7 +262,8 @@ async fn checksum<F: ReadNorFlash>(flash: &mut F, from: u32, length: u32) -> Res
 ///
 /// * Before an erasure the swap mark is overwritten with 0. If a power failure interrupted the erasure, the swap mark could
 ///   otherwise remain while the progress of the swap is erased already. The bootloader would then swap a second time.
-/// * Zeros are not written to a word that has been written already, because no other word may be written twice.
+/// * Only the swap mark is written twice, before an erasure. Zeros are not written to any other word that has been written
+///   already, because the flash permits no second write to a word.
 pub struct StateFlash<S>(pub S);
 
 impl<S: ErrorType> ErrorType for StateFlash<S> {

@@ -25,7 +25,7 @@ use std::f64::consts::TAU;
 
 /// Voltage of the bench's battery, in volts. It has no inner resistance.
 pub(crate) const BATTERY: f64 = 12.0;
-/// The bridge of every motor on the bench.
+/// The bridge of each plant that `plant` makes. A test may give the bench a plant with another bridge.
 pub(crate) const BRIDGE: BridgeConstants = BridgeConstants::IDEAL;
 
 /// Returns a motor of the catalogue with the inertia that was measured at its rotor.
@@ -43,7 +43,8 @@ pub(crate) fn inertia(kg_m2: f64) -> Load {
     Load::inertia(KgM2(kg_m2))
 }
 
-/// Returns the free speed of a motor on the bench's battery, in counts/s.
+/// Returns the speed at which a motor's back EMF equals the voltage of the bench's battery, in counts/s. Drag is left out, so
+/// the motor's free speed is lower.
 pub(crate) fn free_cps(motor: &Motor) -> f64 {
     BATTERY / motor.ke.0 / TAU * motor.counts_per_rev_motor
 }
@@ -57,7 +58,7 @@ pub(crate) fn winding(motor: &Motor) -> Winding {
     }
 }
 
-/// Returns the true dynamics of a motor with a load.
+/// Returns the true dynamics of a motor with a load, without dry friction.
 pub(crate) fn dynamics(motor: &Motor, load: &Load) -> Dynamics {
     let shaft = Shaft::new(motor, load);
     let mechanics = Mechanics {
@@ -113,7 +114,7 @@ pub(crate) const NO_STOPS: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 pub(crate) struct Axis {
     /// External torque on the output shaft in N m, positive clockwise.
     pub(crate) torque: f64,
-    /// Positions in counts between which the shaft can turn.
+    /// Lowest and highest position of the motor shaft, in counts. Springy stops begin there, and let the shaft turn further.
     pub(crate) stops: (f64, f64),
     /// Stiffness of the stops at the output shaft in N m/rad; `None` for hard stops.
     pub(crate) stiffness: Option<f64>,
@@ -155,7 +156,8 @@ impl Axis {
             Cable::Plugged => self.counter += moved,
             Cable::Reversed => self.counter -= moved,
             Cable::Unplugged => {}
-            // The other wire changes once in two counts.
+            // The wire that still works changes its level once in two counts of the shaft. The counter follows this level: up
+            // by one, then down by one.
             Cable::OneWire => self.counter += (counts / 2).rem_euclid(2) - self.counter.rem_euclid(2),
         }
         if self.unread_ms > 0 {
@@ -359,7 +361,7 @@ impl Puppet {
         self.motor.configure(settings);
     }
 
-    /// Lets time pass, and reads the encoder after it has counted on.
+    /// Lets `ms` pass. Then reads the encoder, whose position has changed by `counts`.
     pub(crate) fn sample(&mut self, ms: u64, counts: i32) {
         let position = self.reading.map_or(0, |last| last.position).wrapping_add(counts);
         self.sample_at(Micros::new(self.at.get() + 1_000 * ms), position);

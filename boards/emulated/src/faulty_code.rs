@@ -1,42 +1,46 @@
-//! Code of the bench, in flash that no image uses: tasks are made to run it as a fault.
+//! Faulty code of the bench, in flash beyond the end of every image. A task is made to run this code as a fault.
 
 use std::path::Path;
 
 use rigless::image::{Error, Image};
 
-/// Where it is.
+/// Address of the code.
 const AT: u64 = 0x080E_0000;
 
 /// What a task does that never returns.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum FaultyCode {
-    /// It loops.
+    /// The code loops.
     Loops = 0,
-    /// It calls itself until no stack is left, with the least frame there is.
+    /// The code calls itself until no stack is left, with the smallest possible frame of 4 bytes.
     Overflows = 4,
-    /// It divides by zero, in line 77, column 7 of "bench.rs".
+    /// The code calls the image's function that panics after a division by zero. The panic names line 77, column 7 of
+    /// "bench.rs".
     Panics = 12,
 }
 
 impl FaultyCode {
-    /// Its first instruction.
+    /// Address of the first instruction.
     pub(crate) const fn address(self) -> u64 {
         AT + self as u64
     }
 }
 
-/// All of them (ARMv7-M ARM A7.7), for an image that divides by zero at this address.
-pub(crate) fn image(divides_by_zero: u64) -> Result<Image, Error> {
-    let [place, name] = [28, 44].map(|offset| AT as u32 + offset);
+/// Makes a flash image with all faulty codes. `division_panic` is the address of the firmware's function
+/// `panic_const_div_by_zero`. Section A7.7 of the ARMv7-M manual defines the instructions.
+pub(crate) fn image(division_panic: u64) -> Result<Image, Error> {
+    let [location, name] = [28, 44].map(|offset| AT as u32 + offset);
     let words: [u32; 11] = [
-        0xE7FD_BF00, // NOP; B back to it: as the end of every fault handler
-        0xF7FF_B500, // PUSH {LR}; BL back to it
+        0xE7FD_BF00, // NOP, then a branch to this NOP; the firmware's fault handlers end in the same loop
+        0xF7FF_B500, // PUSH {LR}, then a call of this PUSH
         0xBF00_FFFD,
-        0x4902_4801, // LDR R0, place; LDR R1, what divides; BX R1
+        // R0 is the address of the panic's location, R1 that of the panic function. BX jumps to this function.
+        0x4902_4801, // LDR R0, location; LDR R1, division_panic; BX R1
         0xBF00_4708,
-        place,
-        divides_by_zero as u32 | 1,
-        // The place: a file's name and its length, with a zero at its end, line and column.
+        location,
+        division_panic as u32 | 1,
+        // The location has four words: address and length of the file name, line, column. The length includes the zero at the
+        // end of the name.
         name,
         9,
         77,

@@ -11,7 +11,7 @@
 /// | `motors`, `pins` | number of motors, and of digital pins for a host |
 /// | `pwm`, `encoders`, `watchdog` | peripherals: timer of the bridges, timers of the encoders by motor, watchdog |
 /// | `battery` | type of the converter of the battery |
-/// | `currents` | type of the converter of the bridges' currents; `()` without |
+/// | `currents` | type of the converter that measures the currents of the bridges; `()` on a board without such a converter |
 /// | `slot` | where a bootloader starts this image from: an `Option<Slot>` |
 /// | `store` | flash that stores settings; left out on a board that stores none |
 #[macro_export]
@@ -75,7 +75,7 @@ macro_rules! hub {
             use ::defmt::unwrap;
             let hz = ::embassy_stm32::rcc::frequency::<::embassy_stm32::peripherals::$pwm>().0;
             ::defmt::info!("{=u32} Hz, {} motors every {=u32} ms", hz, MOTORS, PERIOD.as_millis());
-            // These bridges are real.
+            // The timing of the real VNH5019; the default settings have an ideal bridge.
             let settings = ::motor_hub::motor::Settings {
                 bridge: ::motor_hub::bridge::BridgeConstants::VNH5019,
                 ..::motor_hub::motor::Settings::new(::motor_hub::braking::Winding::NEVEREST_60)
@@ -119,7 +119,8 @@ macro_rules! hub {
             ::motor_hub::tasks::supply::run(battery, supply, &WIRES, &HEALTH).await
         }
 
-        /// Makes the hub in its own future. As an argument of two nested futures the hub would take twice the RAM.
+        /// Makes the hub in this task. An async function keeps a copy of an owned argument: if the hub were an argument, the RAM
+        /// would hold the hub twice.
         #[::embassy_executor::task]
         async fn control(settings: ::motor_hub::motor::Settings) -> ! {
             let mut hub = ::motor_hub::hub::Hub::new([settings; MOTORS], PERIOD);

@@ -25,8 +25,8 @@ use std::time::Duration;
 /// Time without motion after which a braked motor stands.
 const STANDS: Duration = Duration::from_millis(300);
 
-/// Longest wait for a braked motor to stand. A motor that still turns is driven by its load, and the hub refuses to
-/// identify it.
+/// Longest wait for a braked motor to stand. If the motor still turns after this time, its load drives the motor. The
+/// identification then ends with `Refusal::NotAtRest`.
 const LONGEST_REST: Duration = Duration::from_secs(5);
 
 /// An identification of one motor.
@@ -37,7 +37,7 @@ pub struct Identifying {
     begun: Instant,
     /// The last position in counts, and since when the motor has it.
     position: Option<(i32, Instant)>,
-    turns: bool,
+    started: bool,
 }
 
 /// What a step has found.
@@ -45,9 +45,9 @@ pub struct Identifying {
 pub enum Progress {
     /// The motor brakes until it stands.
     Braking,
-    /// The motor begins to turn, at most this number of counts either way.
+    /// The hub has accepted the identification. The motor will turn at most this number of counts in either direction.
     Started(u32),
-    /// The motor turns. The number is the progress in percent.
+    /// The identification runs. The number is the progress in percent.
     Turning(u8),
     /// The identification has ended.
     Ended(Identification),
@@ -66,15 +66,17 @@ impl Identifying {
     ) -> Result<Self, Error> {
         session.set_power(motor, Control::ZERO)?;
         session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
-        Ok(Self { motor, travel_limit, begun: Instant::now(), position: None, turns: false })
+        Ok(Self { motor, travel_limit, begun: Instant::now(), position: None, started: false })
     }
 
-    /// Asks the hub how far the identification is. To be called some ten times a second.
+    /// Takes one step of the identification. The first steps wait until the motor stands. The next step starts the
+    /// identification, and later steps ask the hub for the progress. To be called some ten times a second.
     ///
     /// # Errors
-    /// The errors of all commands. The hub refuses to identify a motor that does not stand.
+    /// The errors of all commands. The hub refuses to start if the battery is low, or if the motor is not enabled in mode
+    /// power with power 0. A motor that still turns is no error: a later step returns [`Progress::Ended`].
     pub fn step<L: Read + Write>(&mut self, session: &mut Session<L>) -> Result<Progress, Error> {
-        if self.turns {
+        if self.started {
             return Ok(match session.identification(self.motor)? {
                 Identification::Running(percent) => Progress::Turning(percent),
                 outcome => Progress::Ended(outcome),
@@ -89,7 +91,8 @@ impl Identifying {
         if since.elapsed() < STANDS && self.begun.elapsed() < LONGEST_REST {
             return Ok(Progress::Braking);
         }
-        self.turns = true;
-        Ok(Progress::Started(session.identify(self.motor, self.travel_limit)?))
+        let travel = session.identify(self.motor, self.travel_limit)?;
+        self.started = true;
+        Ok(Progress::Started(travel))
     }
 }

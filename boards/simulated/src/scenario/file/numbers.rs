@@ -67,7 +67,7 @@ macro_rules! numbers {
 }
 
 numbers! {
-    /// Length of a run, or a settling time, in s.
+    /// Length of a run in s.
     Duration(f64): 0.001, LONGEST_S;
     SettlingTime(f64): 0.0, LONGEST_S;
     PeriodMs(u32): 1, 100;
@@ -99,10 +99,10 @@ numbers! {
     Backlash(f64): 0.0, 90.0;
     /// Torque on an output shaft in N m.
     Torque(f64): -1000.0, 1000.0;
-    /// Percentage of a stall torque.
+    /// Torque in percent of the motor's stall torque at 12 V.
     Percent(f64): 0.0, 100.0;
     RestPositions(u16): 1, 1000;
-    /// Factor between a configured and a true constant.
+    /// Configured constant divided by the true constant.
     Factor(f64): 0.1, 10.0;
     DragFactor(f64): 0.0, 10.0;
     /// Limit of a current in A.
@@ -130,7 +130,7 @@ numbers! {
     Glitches(u32): 1, 100_000;
     /// Slots of an encoder's disc.
     Slots(u32): 1, 10_000;
-    /// Length of a wheel base in mm.
+    /// Wheel diameter or track width of a drive base, in mm.
     Length(f64): 1.0, 1e6;
     /// Distance on a course in mm, turn in degrees, or counts per turn of a wheel.
     Course(f64): -1e6, 1e6;
@@ -145,12 +145,12 @@ numbers! {
     Degrees(f64): 0.0, 360.0;
 }
 
-/// A number that may be absent.
+/// Returns the given value, or `absent` if no value is given.
 pub(super) fn or<T>(given: Option<impl Into<T>>, absent: T) -> T {
     given.map_or(absent, Into::into)
 }
 
-/// A name of 1 to 80 printable characters.
+/// A name without control characters. Spaces at both ends are removed; the name then has 1 to 80 bytes in UTF-8.
 #[derive(serde::Deserialize)]
 #[serde(try_from = "String")]
 pub(super) struct Name(pub(super) String);
