@@ -232,7 +232,12 @@ class Processes(unittest.TestCase):
                     await asyncio.sleep(60)
             asyncio.run(main())
         """)
-        child = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        def listen() -> None:
+            # A shell's background job ignores Ctrl-C, and its children inherit this.
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+        command = [sys.executable, "-c", program]
+        child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, preexec_fn=listen)
         self.assertEqual(child.stdout.readline(), "turning\n")
         child.send_signal(number)
         child.wait(10)
