@@ -11,7 +11,9 @@ use super::capture::CAPTURE_INTERVAL;
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::hub::{Hub, Inputs};
 use crate::motion::Newest;
-use embassy_futures::select::{Either, select};
+use core::future::{Future, poll_fn};
+use core::pin::{Pin, pin};
+use core::task::Poll;
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
@@ -27,8 +29,9 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
     // At a period of 1 ms there are no samples between ticks, so the snapshot has the newest speeds.
     let samples_between_ticks = period > CAPTURE_INTERVAL;
     let mut due = whole_millisecond(Instant::now()) + period;
+    let mut armed = false;
     loop {
-        if let Either::First(()) = select(wires.news.wait(), Timer::at(due)).await {
+        if news_before(due, &mut armed, wires).await {
             // If the bus has woken the task, the readings may be old ones. Processing them again does not change the estimates.
             update_newest(wires, |newest| {
                 hub.sample(newest.readings());
@@ -80,7 +83,33 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             hub.note_missed(missed);
             due += period * missed;
         }
+        armed = false;
     }
+}
+
+/// Waits for news or for the tick that is due at this time. Returns true if there is news.
+///
+/// A poll of a timer puts the timer into the queue of all timers, and searches this queue. News comes every millisecond, so the
+/// timer is polled only once before the tick is due, and `armed` is then true. The timer wakes the task at the tick, also in a
+/// later call of this function. If control shares its task with other futures, one of these futures must wake the task every
+/// millisecond, as the capture does.
+async fn news_before<M: RawMutex, const N: usize>(
+    due: Instant,
+    armed: &mut bool,
+    wires: &Wires<M, N>,
+) -> bool {
+    let (mut news, mut timer) = (pin!(wires.news.wait()), Timer::at(due));
+    poll_fn(|context| {
+        if news.as_mut().poll(context).is_ready() {
+            return Poll::Ready(true);
+        }
+        if *armed && Instant::now() < due {
+            return Poll::Pending;
+        }
+        *armed = true;
+        Pin::new(&mut timer).poll(context).map(|()| false)
+    })
+    .await
 }
 
 /// Applies all waiting commands in their order.
