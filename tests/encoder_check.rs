@@ -66,7 +66,7 @@ fn an_encoder_unplugged_from_the_start_is_at_fault_within_250_ms_of_strong_drive
             bench.axes[0].cable = Cable::Unplugged;
             bench.set(0, setpoint);
             // This control value turns every motor that is not blocked.
-            while bench.report().control.get().abs() < 20_000 {
+            while bench.control(0).get().abs() < 20_000 {
                 bench.run_ms(1);
                 assert!(bench.ms <= 200, "{period} ms period: no strong drive");
             }
@@ -104,7 +104,7 @@ fn an_encoder_with_one_broken_wire_is_at_fault_within_250_ms_of_strong_drive_at_
                 bench.run_ms(2_000);
                 bench.axes[0].cable = Cable::OneWire;
                 bench.set(0, velocity(1_000));
-                while bench.report().control.get().abs() < 28_000 {
+                while bench.control(0).get().abs() < 28_000 {
                     bench.run_ms(1);
                     assert!(bench.ms <= 3_000, "{period} ms period: no strong drive");
                 }
@@ -140,8 +140,7 @@ fn a_motor_at_a_springy_stop_is_probed_once_and_has_no_fault() {
                 let (mut probes, mut probing) = (0, false);
                 for _ in 0..15_000 {
                     bench.run_ms(1);
-                    let back =
-                        bench.report().drive.mode == Mode::Ccw62 && bench.report().control < Control::ZERO;
+                    let back = bench.report().drive.mode == Mode::Ccw62 && bench.control(0) < Control::ZERO;
                     probes += u32::from(back && !probing);
                     probing = back;
                 }
@@ -163,7 +162,7 @@ fn a_motor_that_may_not_be_probed_is_not_driven_back() {
     bench.set(0, velocity(1_500));
     while fault(&bench).is_none() {
         bench.run_ms(50);
-        assert!(bench.report().control >= Control::ZERO);
+        assert!(bench.control(0) >= Control::ZERO);
         assert!(bench.ms < 1_000);
     }
 }
@@ -253,7 +252,7 @@ fn a_stall_at_a_hard_stop_is_no_fault_of_the_encoder() {
             assert_eq!(report.faults.encoder, None, "{period} ms, {cps} counts/s");
             assert!(report.stalled, "{period} ms, {cps} counts/s: {report:?}");
             // The motor is still driven against the stop, and leaves the stop when the set-point reverses.
-            assert!(report.control.get().abs() > 20_000);
+            assert!(bench.control(0).get().abs() > 20_000);
             bench.set(0, velocity(-cps));
             bench.run_ms(500);
             assert!(!bench.report().stalled);
@@ -323,7 +322,7 @@ fn open_loop_power_resets_the_encoder_check() {
         bench.set(0, velocity(2_000));
         for tick in 1..100 {
             bench.run_ms(10);
-            if bench.report().control < Control::ZERO {
+            if bench.control(0) < Control::ZERO {
                 return tick;
             }
         }
@@ -340,7 +339,7 @@ fn open_loop_power_resets_the_encoder_check() {
     let mut bench = unplugged();
     bench.set(0, velocity(2_000));
     bench.run_ms(10 * (ticks - 1));
-    assert!(bench.report().control >= Control::ZERO);
+    assert!(bench.control(0) >= Control::ZERO);
     bench.set(0, Setpoint::ConstantPower(Control::MAX));
     bench.run_ms(10);
     assert_eq!(ticks_to_probe(&mut bench), ticks, "earlier evidence is left");
@@ -469,7 +468,9 @@ impl Backwards {
         let (mode, end) =
             if self.direction > 0 { (Mode::Ccw62, Control::MIN) } else { (Mode::Cw98, Control::MAX) };
         let full = report.drive == Drive { mode, duty: Duty::ONE };
-        assert!(!full || (report.control, report.regime) == (end, Some(Regime::Reverse)));
+        assert!(
+            !full || (report.control(self.puppet.settings()), report.regime) == (end, Some(Regime::Reverse))
+        );
         full
     }
 }
@@ -545,7 +546,7 @@ fn every_scheme_finds_a_reversed_encoder() {
                     let report = bench.report();
                     let before = std::mem::replace(&mut distance, report.position.wrapping_sub(from).abs());
                     let against = -cps.signum() * report.velocity.round() > 301;
-                    let clear = against && report.control.get().abs() > 30_720 && distance >= before;
+                    let clear = against && bench.control(0).get().abs() > 30_720 && distance >= before;
                     clear_ms = if clear { clear_ms + 50 } else { 0 };
                     let ms = bench.ms - start;
                     assert!(

@@ -134,7 +134,7 @@ fn position_is_approached_at_the_speed_limit_however_far_it_is_and_the_short_way
         let mut motor = Puppet::new(with_velocity(ONLY_F), Period::DEFAULT);
         motor.set(setpoint);
         motor.sample(50, start);
-        motor.step(Some(12_000)).control
+        motor.control(Some(12_000))
     };
     let limit = control(0, velocity(700));
     assert!(limit > Control::ZERO);
@@ -230,6 +230,12 @@ fn an_encoder_that_is_silent_for_more_than_20_ms_stops_the_regulation_of_its_own
     }
 }
 
+/// Takes a tick. Returns the control value of the motor.
+fn tick_control(bench: &mut Bench<1>) -> Control {
+    bench.tick();
+    bench.control(0)
+}
+
 #[test]
 fn nothing_winds_up_while_the_bridge_cannot_obey() {
     let [interrupted, steady] = [true, false].map(|interrupted| {
@@ -243,7 +249,7 @@ fn nothing_winds_up_while_the_bridge_cannot_obey() {
             // One tick in which the integrator still holds, and then both go on alike.
             bench.tick();
         }
-        bench.tick().motors[0].control.get()
+        tick_control(&mut bench).get()
     });
     // The estimated load differs slightly.
     assert!((interrupted - steady).abs() < ONE_PERCENT, "{interrupted} {steady}");
@@ -255,16 +261,17 @@ fn a_change_of_run_mode_starts_from_what_the_motor_does_and_a_new_target_does_no
     let mut bench = Bench::turned(with_velocity(guessed().velocity), [100.0]);
     settle(&mut bench);
     bench.set(0, velocity(300));
-    let fresh = bench.tick().motors[0].control;
-    let wound = settle(&mut bench).motors[0].control;
+    let fresh = tick_control(&mut bench);
+    settle(&mut bench);
+    let wound = bench.control(0);
     assert!(wound > fresh);
     bench.set(0, velocity(300));
-    assert!(bench.tick().motors[0].control >= wound);
+    assert!(tick_control(&mut bench) >= wound);
     bench.set(0, Setpoint::Disabled);
     // What held it under power is known to be gone.
     settle(&mut bench);
     bench.set(0, velocity(300));
-    let again = bench.tick().motors[0].control;
+    let again = tick_control(&mut bench);
     assert!((again.get() - fresh.get()).abs() < 100, "{again:?} {fresh:?} {wound:?}");
 }
 
@@ -275,17 +282,17 @@ fn a_change_of_run_mode_starts_the_position_loop_afresh() {
     let target = position(1_000, 0, 2_000);
     let mut bench = Bench::turned(pid(ONLY_F, only_i), [0.0]);
     bench.set(0, target);
-    let fresh = bench.tick().motors[0].control;
+    let fresh = tick_control(&mut bench);
     assert!(fresh > Control::ZERO);
     for between in [velocity(0), power(0), Setpoint::Disabled] {
         bench.set(0, target);
         bench.run_ms(100);
-        assert!(bench.tick().motors[0].control > fresh, "wound up");
+        assert!(tick_control(&mut bench) > fresh, "wound up");
         bench.set(0, between);
         // Before a tick has come.
         bench.set(0, target);
         // The voltage of the loop's request is rounded to a control value at the estimated speed.
-        let control = bench.tick().motors[0].control;
+        let control = tick_control(&mut bench);
         assert!((control.get() - fresh.get()).abs() <= 1, "{control:?}, not {fresh:?}, after {between:?}");
     }
 }
@@ -295,17 +302,17 @@ fn a_motor_that_floated_at_zero_starts_its_velocity_loop_afresh() {
     let only_i = Pidf { i: Coefficient::from_bits((10 << 16) / 20), ..Pidf::default() };
     let mut bench = Bench::turned(Settings { zero_power: ZeroPower::Float, ..with_velocity(only_i) }, [0.0]);
     bench.set(0, velocity(1_000));
-    let fresh = bench.tick().motors[0].control;
+    let fresh = tick_control(&mut bench);
     assert!(fresh > Control::ZERO);
     bench.run_ms(100);
-    assert!(bench.tick().motors[0].control > fresh, "wound up");
+    assert!(tick_control(&mut bench) > fresh, "wound up");
     // The run mode stays.
     bench.set(0, velocity(0));
     assert_eq!(bench.tick().drives(), [Drive::COAST]);
     // What held it under power is known to be gone.
     settle(&mut bench);
     bench.set(0, velocity(1_000));
-    let again = bench.tick().motors[0].control;
+    let again = tick_control(&mut bench);
     assert!((again.get() - fresh.get()).abs() < ONE_PERCENT, "{again:?} {fresh:?}");
 }
 

@@ -11,7 +11,7 @@ use motor_hub::hub::Snapshot;
 use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, Report, Setpoint};
 use motor_hub::record::{Fault, HEADS, Head, PAGES, Record, SIZE, TICKS, Tick};
-use motor_hub::units::{Control, CountsPerSecond, Duty, Micros, Millivolts};
+use motor_hub::units::{CountsPerSecond, Duty, Micros, Millivolts, Voltage};
 use proptest::prelude::*;
 
 type Memory = [u8; SIZE];
@@ -29,7 +29,7 @@ fn turning(tick: u32) -> Snapshot<4> {
             setpoint: Setpoint::Velocity(CountsPerSecond::new(1000)),
             position: 50 * tick as i32,
             velocity: CountsPerSecond::new(1000 + motor),
-            control: Control::new(3_000 + motor as i16),
+            voltage: Voltage::from_volts(3.0 + 0.125 * motor as f32),
             drive: DRIVE,
             ..Report::INITIAL
         };
@@ -93,7 +93,7 @@ fn a_watchdog_reset_leaves_an_entry_with_the_ticks_of_the_driven_motor() {
     let ticks: Vec<Tick> = record.ticks(1).unwrap().collect();
     let positions: Vec<u16> = ticks.iter().map(|tick| tick.position).collect();
     assert_eq!(positions, (37..=100).map(|tick| 50 * tick).collect::<Vec<u16>>());
-    let last = Tick { position: 5000, velocity: 1002, control: Control::new(3002), drive: DRIVE };
+    let last = Tick { position: 5000, velocity: 1002, millivolts: 3_250, drive: DRIVE };
     assert_eq!(ticks[63], last);
     assert_eq!(record.run(), 2);
 }

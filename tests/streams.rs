@@ -94,7 +94,7 @@ fn a_stall_under_a_stream_of_set_points_is_reported_and_probed_once() {
                     bench.set(0, alternating(k, every));
                     for _ in 0..every {
                         bench.run_ms(1);
-                        let back = bench.report().control.get() < -20_000;
+                        let back = bench.control(0).get() < -20_000;
                         probes += u32::from(back && !probing);
                         probing = back;
                     }

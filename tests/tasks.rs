@@ -299,7 +299,7 @@ fn commands_queue_in_order_and_the_sender_is_told_when_there_is_no_room() {
     let extra = Command { motor: 0, action: Action::Set(HALF) };
     assert!(parts.wires.commands.try_send(extra).is_err());
     board.run_ms(50);
-    let powers = parts.snapshot().motors.map(|m| m.control.get());
+    let powers = parts.snapshot().motors.map(|m| m.requested.expect("constant power").get());
     assert_eq!(powers, [12, 13, 14, 15], "the last of each, none lost");
     let number = parts.wires.try_send(extra).expect("room");
     assert_eq!(number as usize, tasks::COMMANDS + 1, "a refused command has no number");

@@ -4,8 +4,15 @@ use motor_hub::braking::Winding;
 use motor_hub::model::catalogue;
 use motor_hub::units::{
     Coefficient, Control, CountsPerSecond, Duty, EmfConstant, Inductance, Micros, Millivolts, Period,
-    RangeError, Resistance, constant,
+    RangeError, Resistance, Voltage, constant,
 };
+
+#[test]
+fn a_voltage_in_16_bits_ends_at_the_ends_of_their_range() {
+    let millivolts = |volts| Voltage::from_volts(volts).to_millivolts();
+    assert_eq!([0.0, 11.5, -11.5, 32.7, -32.7].map(millivolts), [0, 11_500, -11_500, 32_700, -32_700]);
+    assert_eq!([40.0, -40.0, 200_000.0].map(millivolts), [i16::MAX, i16::MIN, i16::MAX]);
+}
 
 #[test]
 fn control_is_symmetric() {

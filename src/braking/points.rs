@@ -32,6 +32,7 @@ use libm::roundf;
 
 /// Back EMF and battery voltage for which points are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct OperatingPoint {
     /// |emf| in steps of 2^-20 mV: below 2^37.
     e: i64,

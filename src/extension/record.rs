@@ -124,4 +124,4 @@ fields_in_order!(Head {
     ticks
 });
 
-fields_in_order!(Tick { position, velocity, control, drive: drive });
+fields_in_order!(Tick { position, velocity, millivolts, drive: drive });

@@ -227,12 +227,14 @@ impl Command {
         self.limited != self.request.modulation
     }
 
+    /// Control value of the request; `None` if the request is a voltage, or if the limits change the request.
+    fn requested_control(&self) -> Option<Control> {
+        self.request.control.filter(|_| !self.is_limited())
+    }
+
     /// The control value of the command.
     fn control(&self, modulator: &Modulator) -> Control {
-        match self.request.control {
-            Some(control) if !self.is_limited() => control,
-            _ => modulator.control(self.request.at, self.voltage),
-        }
+        self.requested_control().unwrap_or_else(|| modulator.control(self.request.at, self.voltage))
     }
 }
 
@@ -784,7 +786,9 @@ impl Motor {
             derated: self.thermal.ceiling(self.settings.thermal).is_some(),
             current_limited,
             load: self.regulator.load().map(|voltage| self.current(voltage, CountsPerSecond::ZERO)),
-            control: self.command.map_or(Control::ZERO, |command| command.control(&self.modulator)),
+            at: self.command.map(|command| command.request.at),
+            voltage: self.command.map_or(Voltage::ZERO, |command| command.voltage),
+            requested: self.command.and_then(|command| command.requested_control()),
             regime: self.command.map(|command| command.limited.regime),
             drive,
             settled: self.settle_detector.step(within_tolerance, velocity, self.period),

@@ -1,11 +1,11 @@
 //! Report of a motor's state at a tick.
 
 use super::{EncoderFault, SenseLine, Setpoint, Settings};
-use crate::braking::Regime;
+use crate::braking::{OperatingPoint, Regime};
 use crate::bridge::Drive;
 use crate::regulator::Kind;
 use crate::regulator::identify::Identification;
-use crate::units::{Control, CountsPerSecond, Milliamperes, Millivolts};
+use crate::units::{Control, CountsPerSecond, Milliamperes, Millivolts, Voltage};
 
 /// Faults of a motor. With a fault that its set-point does not tolerate the motor coasts or brakes, by its setting
 /// [`OnFault`](super::OnFault). With a fault of battery or bridge every motor coasts.
@@ -75,8 +75,12 @@ pub struct Report {
     /// Current that would balance load, friction and drag; positive for a load that resists CW motion. `None` for an
     /// unknown motor, whose dynamics are not configured.
     pub load: Option<Milliamperes>,
-    /// Control value; 0 while coasting.
-    pub control: Control,
+    /// Back EMF and battery voltage for which the command was computed; `None` while the motor coasts.
+    pub at: Option<OperatingPoint>,
+    /// Mean voltage across the motor that the command applies, within all limits; 0 while the motor coasts.
+    pub voltage: Voltage,
+    /// Control value that the set-point or PID requests. `None` if a voltage is requested, or if a limit changes the request.
+    pub requested: Option<Control>,
     /// Regime of the command; `None` while the motor coasts: disabled, floating, at fault, or before and after the
     /// motion of an identification. A command with a limit that opens the bridge has a regime.
     pub regime: Option<Regime>,
@@ -98,6 +102,15 @@ impl Report {
     /// The [best current](best_current) of the motor.
     pub const fn best_current(&self) -> Milliamperes {
         best_current(self.current, self.measured)
+    }
+
+    /// Control value of the command, by the scheme and the duty rule of these settings; 0 while the motor coasts.
+    pub fn control(&self, settings: &Settings) -> Control {
+        match (self.requested, self.at) {
+            (Some(control), _) => control,
+            (None, Some(at)) => settings.modulator().control(at, self.voltage),
+            (None, None) => Control::ZERO,
+        }
     }
 
     /// Mean current that the bridge draws from the bus; negative while the bridge returns current.
@@ -124,7 +137,9 @@ impl Report {
         derated: false,
         current_limited: false,
         load: None,
-        control: Control::ZERO,
+        at: None,
+        voltage: Voltage::ZERO,
+        requested: None,
         regime: None,
         drive: Drive::COAST,
         settled: false,

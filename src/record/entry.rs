@@ -3,7 +3,7 @@
 use super::Fault;
 use crate::bridge::{Drive, Mode};
 use crate::motor::Report;
-use crate::units::{Control, Duty, Millivolts};
+use crate::units::{Duty, Millivolts};
 
 /// Size of a [`Head`] in memory, in bytes.
 pub(super) const HEAD: usize = 32;
@@ -59,8 +59,8 @@ pub struct Tick {
     pub position: u16,
     /// Speed in counts/s, limited to 16 bits.
     pub velocity: i16,
-    /// Control value of the motor.
-    pub control: Control,
+    /// Mean voltage that the command applies, in millivolts, limited to 16 bits.
+    pub millivolts: i16,
     /// Command to the motor's bridge. The duty has steps of 2^-13.
     pub drive: Drive,
 }
@@ -75,7 +75,7 @@ impl Tick {
         Self {
             position: report.position as u16,
             velocity: report.velocity.round_to_i16(),
-            control: report.control,
+            millivolts: report.voltage.to_millivolts(),
             drive: report.drive,
         }
     }
@@ -83,17 +83,17 @@ impl Tick {
     pub(super) fn to_bytes(self) -> [u8; TICK] {
         let [p, q] = self.position.to_le_bytes();
         let [v, w] = self.velocity.to_le_bytes();
-        let [c, d] = self.control.get().to_le_bytes();
+        let [x, y] = self.millivolts.to_le_bytes();
         let [m, n] = drive_bits(self.drive).to_le_bytes();
-        [p, q, v, w, c, d, m, n]
+        [p, q, v, w, x, y, m, n]
     }
 
     /// Decodes a tick. Any 8 bytes are a valid tick, so the page has a checksum.
-    pub(super) fn from_bytes([p, q, v, w, c, d, m, n]: [u8; TICK]) -> Self {
+    pub(super) fn from_bytes([p, q, v, w, x, y, m, n]: [u8; TICK]) -> Self {
         Self {
             position: u16::from_le_bytes([p, q]),
             velocity: i16::from_le_bytes([v, w]),
-            control: Control::new(i16::from_le_bytes([c, d])),
+            millivolts: i16::from_le_bytes([x, y]),
             drive: drive_of(u16::from_le_bytes([m, n])),
         }
     }

@@ -5,8 +5,8 @@ use super::entry::checksum;
 use super::{Fault, SLOTS, TICKS};
 use crate::units::Millivolts;
 
-/// Marks memory that holds a record of this layout: "MHR1" in ASCII.
-const MAGIC: u32 = 0x3152_484D;
+/// Marks memory that holds a record of this layout: "MHR2" in ASCII.
+const MAGIC: u32 = 0x3252_484D;
 
 /// Index of the first of three words about the run. The words are [`MAGIC`], the number of the run, and the complement of that
 /// number.

@@ -16,7 +16,6 @@ pub(super) fn of_motor(
 ) -> MotorReport {
     let Report {
         regulator,
-        control,
         regime,
         drive,
         current,
@@ -34,7 +33,7 @@ pub(super) fn of_motor(
         position: channel.counts(report),
         velocity: report.velocity.round_to_i16(),
         regulator,
-        control,
+        control: report.control(&channel.settings().motor),
         regime,
         drive,
         current,

@@ -264,6 +264,9 @@ impl Emf {
 pub struct Voltage(i32);
 
 impl Voltage {
+    /// The voltage 0.
+    pub const ZERO: Self = Self(0);
+
     /// Converts volts, rounded towards 0. Values beyond the range are limited; NaN becomes 0.
     pub const fn from_volts(volts: f32) -> Self {
         let bits = (volts * 16_000.0) as i32;
@@ -274,6 +277,18 @@ impl Voltage {
     /// Returns the voltage in steps of 1/16 mV.
     pub const fn to_bits(self) -> i32 {
         self.0
+    }
+
+    /// Returns the voltage in whole millivolts, rounded towards 0 and limited to 16 bits.
+    pub const fn to_millivolts(self) -> i16 {
+        let millivolts = self.0 / 16;
+        if millivolts > i16::MAX as i32 {
+            i16::MAX
+        } else if millivolts < i16::MIN as i32 {
+            i16::MIN
+        } else {
+            millivolts as i16
+        }
     }
 
     /// Returns the voltage with the opposite sign.

@@ -20,7 +20,9 @@ use motor_hub::motion::{Reading, Tracker};
 use motor_hub::motor::{Motor as Controlled, Report, Setpoint, Settings};
 use motor_hub::regulator::{Dynamics, Mechanics};
 use motor_hub::supply::Battery;
-use motor_hub::units::{CountsPerSecond, EmfConstant, Inductance, Micros, Millivolts, Period, Resistance};
+use motor_hub::units::{
+    Control, CountsPerSecond, EmfConstant, Inductance, Micros, Millivolts, Period, Resistance,
+};
 use std::f64::consts::TAU;
 
 /// Voltage of the bench's battery, in volts. It has no inner resistance.
@@ -243,6 +245,11 @@ impl<const N: usize> Bench<N> {
         &self.snapshot.motors[0]
     }
 
+    /// Control value of a motor's command at the newest tick.
+    pub(crate) fn control(&self, motor: usize) -> Control {
+        self.snapshot.motors[motor].control(&self.settings[motor])
+    }
+
     /// Position of a motor shaft in counts, to parts of a count.
     pub(crate) fn counts(&self, motor: usize) -> f64 {
         let plant = &self.rig.plants[motor];
@@ -379,5 +386,10 @@ impl Puppet {
     pub(crate) fn step(&mut self, battery: Option<u16>) -> Report {
         let battery = battery.map(|voltage| Battery::good(Millivolts::new(voltage), self.at));
         self.motor.step(self.at, self.reading, battery)
+    }
+
+    /// Takes a tick as [`step`](Self::step) does. Returns the control value of the command.
+    pub(crate) fn control(&mut self, battery: Option<u16>) -> Control {
+        self.step(battery).control(self.settings())
     }
 }

@@ -532,10 +532,10 @@ fn head() -> impl Strategy<Value = Head> {
 }
 
 fn tick() -> impl Strategy<Value = Tick> {
-    (any::<(u16, i16)>(), control(), drive()).prop_map(|((position, velocity), control, drive)| Tick {
+    (any::<(u16, i16, i16)>(), drive()).prop_map(|((position, velocity, millivolts), drive)| Tick {
         position,
         velocity,
-        control,
+        millivolts,
         drive,
     })
 }

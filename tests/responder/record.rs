@@ -9,7 +9,7 @@ use motor_hub::motor::{Report, Setpoint};
 use motor_hub::protocol::Packet;
 use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::record::{Fault, Head, Record, SIZE, Tick};
-use motor_hub::units::Control;
+use motor_hub::units::{Control, Voltage};
 
 #[test]
 fn a_hub_without_a_record_reports_none() {
@@ -32,10 +32,11 @@ fn resets(memory: &mut [u8; SIZE], count: i16) {
     for run in 0..count {
         let (mut record, _) = Record::open(memory, Fault::ResetPin);
         for tick in 0..70 {
-            let control = Control::new(100 * run + tick);
+            let millivolts = 100 * run + tick;
+            let voltage = Voltage::from_volts((f32::from(millivolts) + 0.5) / 1e3);
             let drive = motor_hub::bridge::Drive::BRAKE;
-            let report =
-                Report { setpoint: Setpoint::ConstantPower(control), control, drive, ..Report::INITIAL };
+            let setpoint = Setpoint::ConstantPower(Control::MAX);
+            let report = Report { setpoint, voltage, drive, ..Report::INITIAL };
             record.tick(&Snapshot { motors: [report; 4], ..Snapshot::INITIAL });
         }
     }
@@ -62,8 +63,8 @@ fn entries_come_three_at_a_time_and_ticks_eight() {
         assert_eq!((some.count, some.ticks.len()), (64, 8));
         ticks.extend(some.ticks);
     }
-    let controls: Vec<i16> = ticks.iter().map(|tick| tick.control.get()).collect();
-    assert_eq!(controls, (406..470).collect::<Vec<i16>>());
+    let millivolts: Vec<i16> = ticks.iter().map(|tick| tick.millivolts).collect();
+    assert_eq!(millivolts, (406..470).collect::<Vec<i16>>());
 }
 
 #[test]

@@ -328,7 +328,7 @@ fn all_motors_are_reported_in_one_answer() {
         measured: Some(Milliamperes::new(1_150)),
         load: Some(Milliamperes::new(-40_000)),
         heat: 800,
-        control: Control::new(20_000),
+        requested: Some(Control::new(20_000)),
         regime: Some(Regime::Reverse),
         drive: Drive { mode: Mode::Cw98, duty: Duty::from_bits(0x4000) },
         stalled: true,

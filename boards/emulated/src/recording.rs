@@ -109,10 +109,10 @@ pub struct Answer {
     pub position: i32,
 }
 
-impl From<Report> for Answer {
-    fn from(report: Report) -> Self {
+impl Answer {
+    fn new(report: &Report, settings: &Settings) -> Self {
         Self {
-            control: report.control.get(),
+            control: report.control(settings).get(),
             drive: report.drive,
             velocity: report.velocity,
             position: report.position,
@@ -214,7 +214,7 @@ impl Recording {
             let report = motor.step(now, Some(reading), Some(Battery::good(battery, now)));
             drive = report.drive;
             recording.inputs.push(Input { reading, tick: Some(Tick { now, battery, setpoint }) });
-            recording.answers.push(report.into());
+            recording.answers.push(Answer::new(&report, &settings));
         }
         recording
     }

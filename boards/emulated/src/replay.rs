@@ -25,7 +25,7 @@ use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, OnFault, Report, Setpoint, ZeroPower};
 use motor_hub::protocol::answers::Reply;
 use motor_hub::protocol::motor::{ChannelMode, RunMode, ToMotor};
-use motor_hub::units::{CountsPerSecond, Duty, Period, RangeError};
+use motor_hub::units::{Control, CountsPerSecond, Duty, Period, RangeError};
 use simulated::encoder::Encoder;
 use simulated::scenario::{Motor, Scenario};
 use simulated::trace::{Sample, Tick, Trace};
@@ -271,6 +271,7 @@ fn observe(bench: &mut Bench, scenario: &Scenario, at_s: f64, trace: &mut Trace)
         // The flow so far; the difference to the next tick is what a tick holds.
         motors.push(Sample {
             report: report(motor, at_s, look, drive),
+            control: Control::ZERO,
             speed_cps: look.counts_per_second,
             counts: look.counts,
             torque_nm: motor.torque_at(at_s),

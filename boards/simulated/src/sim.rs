@@ -160,6 +160,7 @@ pub(crate) fn torques(scenario: &Scenario, now_s: f64) -> Vec<f64> {
 /// If a motor's constants do not fit the firmware, or if the hub's watchdog was not fed.
 pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, RunError> {
     MockDriver::get().reset();
+    let settings = all_settings(&scenario.motors)?;
     let (board, wires, health) = (board(scenario), Wires::new(), Health::new());
     let mut snapshots = wires.snapshot.receiver().ok_or(RunError::Unobserved)?;
     let tasks = tasks(scenario, &board, &wires, &health)?;
@@ -172,7 +173,7 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
         executor.run(everything.as_mut());
         let torques = torques(scenario, now_s);
         if let Some(snapshot) = snapshots.try_changed() {
-            trace.ticks.push(observe(&board, &snapshot, &torques));
+            trace.ticks.push(observe(&board, &settings, &snapshot, &torques));
         }
         // A division, so that 7.95 s is the number that a scenario file writes so.
         trace.push_motion(step as f64 / 1e3, board.view().motors);
@@ -232,17 +233,23 @@ async fn operate(scenario: &Scenario, wires: &Wires) {
     }
 }
 
-fn observe(board: &Board, snapshot: &Snapshot<MOTORS>, torques: &[f64]) -> Tick {
+fn observe(
+    board: &Board,
+    settings: &[Settings; MOTORS],
+    snapshot: &Snapshot<MOTORS>,
+    torques: &[f64],
+) -> Tick {
     let view = board.view();
-    let motors = view.motors.into_iter().zip(&snapshot.motors).zip(torques);
+    let motors = view.motors.into_iter().zip(&snapshot.motors).zip(settings).zip(torques);
     Tick {
         // A division gives the same number as the text 7.95 in a scenario file.
         at_s: snapshot.at.get() as f64 / 1e6,
         battery_v: view.battery_v,
         measured_v: snapshot.battery.map(|mv| f64::from(mv.get()) * 1e-3),
         motors: motors
-            .map(|(((speed_cps, counts), report), &torque_nm)| Sample {
+            .map(|((((speed_cps, counts), report), settings), &torque_nm)| Sample {
                 report: *report,
+                control: report.control(settings),
                 speed_cps,
                 counts,
                 torque_nm,

@@ -12,6 +12,7 @@
 
 use motor_hub::model::plant::Flow;
 use motor_hub::motor::Report;
+use motor_hub::units::Control;
 
 /// A whole run.
 #[derive(Clone, Debug, Default)]
@@ -52,6 +53,8 @@ pub struct Tick {
 pub struct Sample {
     /// Report of the hub.
     pub report: Report,
+    /// Control value of the hub's command.
+    pub control: Control,
     /// True speed in counts per second.
     pub speed_cps: f64,
     /// True position in counts.

@@ -39,8 +39,8 @@ pub async fn run<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> ! {
 fn log<const N: usize>(snapshot: &Snapshot<N>) {
     info!("tick {=u32} missed {=u32} battery {}", snapshot.tick, snapshot.missed, snapshot.battery);
     for (motor, report) in snapshot.motors.iter().enumerate() {
-        let (cps, control) = (report.velocity.round(), report.control.get());
-        info!("motor {=usize}: {=i32} counts/s, control {=i16}, {}", motor, cps, control, report.regime);
+        let cps = report.velocity.round();
+        info!("motor {=usize}: {=i32} counts/s, {}, {}", motor, cps, report.voltage, report.regime);
         if report.faults.any() {
             warn!("motor {=usize}: {}", motor, report.faults);
         }

@@ -87,10 +87,10 @@ fn step_motor(motor: &mut Motor, now: Micros, reading: Reading, battery: Millivo
 
 /// It ends here, at its first instruction. The answer, in words: control, mode and duty, velocity, position.
 #[inline(never)]
-fn stepped(index: usize, report: &Report) {
+fn stepped(index: usize, motor: &Motor, report: &Report) {
     let drive = report.drive;
     let mode = drive.mode as u32;
-    put(&OUTPUTS, OUTPUT * index, i32::from(report.control.get()).cast_unsigned());
+    put(&OUTPUTS, OUTPUT * index, i32::from(report.control(motor.settings()).get()).cast_unsigned());
     put(&OUTPUTS, OUTPUT * index + 1, mode << 16 | u32::from(drive.duty.to_bits()));
     put(&OUTPUTS, OUTPUT * index + 2, report.velocity.to_bits().cast_unsigned());
     put(&OUTPUTS, OUTPUT * index + 3, report.position.cast_unsigned());
@@ -128,7 +128,7 @@ fn main() -> ! {
             }
             let battery = Millivolts::new(word(&INPUTS, at + 7) as u16);
             let report = step_motor(motor, time(&INPUTS, at), reading, battery);
-            stepped(index, &report);
+            stepped(index, motor, &report);
         }
         put(&PENDING, 0, 0);
         while word(&PENDING, 0) == 0 {

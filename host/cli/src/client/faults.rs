@@ -16,7 +16,7 @@ Lists the last faults and resets of a hub of this project, newest first
 
 docs/reference/fault-numbers.md explains each fault number: meaning, reaction of the hub, and what to check. With the number \
 of an entry the command shows the 64 control ticks before the fault. They are those of the motor at fault or, for a fault of \
-the hub itself, of the motor with the largest control value.
+the hub itself, of the motor with the largest duty.
 
 The record survives a reset, but not a loss of power.";
 
@@ -101,19 +101,19 @@ fn list(run: u32, heads: &[Head]) -> String {
 }
 
 fn ticks(head: &Head, ticks: &[Tick]) -> String {
-    let mut table = table::new(&["tick", "position", "velocity", "control", "drive"], 1);
+    let mut table = table::new(&["tick", "position", "velocity", "volts", "drive"], 1);
     for (tick, before) in ticks.iter().zip((0..ticks.len()).rev()) {
         table.add_row([
             if before == 0 { "last".to_owned() } else { format!("-{before}") },
             tick.position.to_string(),
             tick.velocity.to_string(),
-            format!("{:.4}", tick.control.to_f64()),
+            format!("{:.2}", f64::from(tick.millivolts) / 1e3),
             drive(tick.drive),
         ]);
     }
     let motor = head.motor.map_or_else(String::new, |motor| format!(", motor {motor}"));
     format!(
-        "{} {}{motor}\nPosition in counts (lower 16 bits), velocity in counts/s, control -1 to 1\n{table}\n",
+        "{} {}{motor}\nPosition in counts (lower 16 bits), velocity in counts/s, volts across the motor\n{table}\n",
         head.fault.number(),
         head.fault.name()
     )
@@ -126,7 +126,7 @@ fn entry_json(head: &Head, ticks: &[Tick]) -> Value {
             json!({
                 "position": tick.position,
                 "velocity": tick.velocity,
-                "control": tick.control.to_f64(),
+                "voltage_v": f64::from(tick.millivolts) / 1e3,
                 "mode": tick.drive.mode.name(),
                 "duty_percent": 100.0 * tick.drive.duty.to_f64(),
             })

@@ -60,7 +60,7 @@ fn row(out: &mut String, sample: &Sample) {
         sample.counts,
         sample.speed_cps,
         report.velocity.to_f64(),
-        report.control.get(),
+        sample.control.get(),
         report.regime.map_or("coast", Regime::name),
         report.drive.mode.name(),
         report.drive.duty.to_f64(),

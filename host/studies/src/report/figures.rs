@@ -48,7 +48,7 @@ fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> 
         height: 130.0,
         y_range: Some(CONTROL_RANGE),
         bands: bands.clone(),
-        series: vec![lines.line("control", colour::BLUE, Style::Step, |s| fraction(s.report.control.get()))],
+        series: vec![lines.line("control", colour::BLUE, Style::Step, |s| fraction(s.control.get()))],
         ..Panel::default()
     });
     panels.push(Panel {
