@@ -122,6 +122,17 @@ fn a_collapsed_bus_gives_a_draw_of_zero_until_the_last_state_is_stale() {
 }
 
 #[test]
+fn a_collapse_cuts_the_draw_also_after_a_failed_conversion() {
+    let mut supply = Supply::new(Limits::default());
+    let mut see = |ms: u64, mv: Option<u16>| supply.step(mv.map(Millivolts::new), Micros::new(1000 * ms));
+    let before = see(10, Some(12_000)).expect("plausible");
+    assert_eq!(see(11, None), None);
+    assert_eq!(see(12, Some(4_700)), None, "one may be a bad reading");
+    let down = see(13, Some(4_700)).expect("two are a collapse");
+    assert_eq!(down, Battery { stage: DrawStage::Derated, draw: Share::NONE, ..before });
+}
+
+#[test]
 fn the_bus_is_quiet_only_while_motors_are_not_limited() {
     let quiet = |mv: &[u16]| {
         let mut supply = Sampled::new();

@@ -108,8 +108,7 @@ pub struct Supply {
     filter: Option<Filter>,
     derating: Derating,
     overvoltage: Overvoltage,
-    /// State at the last plausible sample. `None` before the first plausible sample. A failed conversion sets the state to
-    /// `None`.
+    /// State at the last plausible sample. `None` before the first plausible sample.
     last_battery: Option<Battery>,
     /// The last reading, plausible or not.
     last_reading: BusReading,
@@ -175,9 +174,9 @@ impl Supply {
     /// `voltage` is `None` if the converter did not answer. A voltage below [`Levels::min`] is not plausible. In both cases
     /// the result is `None` except in a collapse, and the next plausible sample restarts the filter.
     ///
-    /// The bus has *collapsed* if two or more voltages in a row are below [`Levels::min`]. The result is then the last state
-    /// with its old time, a draw of 0 and no dissipation. The stage `Full` becomes `Derated`. Without a last state the result
-    /// is `None`.
+    /// The bus has *collapsed* if two or more voltages in a row are below [`Levels::min`], also after a failed conversion. The
+    /// result is then the last state with its old time, a draw of 0 and no dissipation. The stage `Full` becomes `Derated`.
+    /// Without a last state the result is `None`.
     ///
     /// A voltage above [`Levels::max`] enters the filter as [`Levels::max`]. Motors then draw nothing, and braking motors
     /// dissipate. If such a voltage were not plausible, a converter at the end of its range would make braking motors coast.
@@ -197,12 +196,9 @@ impl Supply {
         match voltage {
             Some(measured) if measured >= self.limits.levels().min => Some(self.accept(measured, now)),
             _ => {
-                let collapses = voltage.is_some() && self.filter.is_none();
+                let collapses = voltage.is_some() && self.last_reading.state == BusState::TooLow;
                 self.filter = None;
                 self.overvoltage = Overvoltage::IDLE;
-                if voltage.is_none() {
-                    self.last_battery = None;
-                }
                 self.last_battery.filter(|_| collapses).map(|last| {
                     let (stage, draw) = self.derating.cut_after_collapse();
                     Battery { stage, draw, dissipate: Share::NONE, ..last }
