@@ -10,7 +10,7 @@ use motor_hub::model::catalogue::{Motor, motors};
 use motor_hub::model::friction::Friction;
 use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::si::{KgM2, NewtonMetres, Ohms, Volts};
-use motor_hub::motor::{Setpoint, Settings};
+use motor_hub::motor::{OnFault, Setpoint, Settings};
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
 use motor_hub::units::{Control, EmfConstant, Millivolts, Resistance};
 use std::f64::consts::TAU;
@@ -408,10 +408,13 @@ fn anything_else_that_is_asked_of_the_motor_ends_it() {
 fn a_lost_battery_or_encoder_ends_it_for_good() {
     let losses: [fn(&mut Bench<1>); 2] =
         [|bench| bench.battery_read = false, |bench| bench.axes[0].unread_ms = 100];
-    for lost in losses {
+    for (lost, on_fault) in
+        losses.into_iter().flat_map(|lost| [OnFault::Coast, OnFault::Brake].map(|of| (lost, of)))
+    {
         let mut bench = half_a_second();
+        bench.configure(0, |settings| settings.on_fault = on_fault);
         lost(&mut bench);
-        bench.run_ms(100);
+        bench.run_ms(150);
         bench.battery_read = true;
         for _ in 0..3 {
             let [report] = bench.tick().motors;

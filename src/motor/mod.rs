@@ -504,7 +504,7 @@ impl Motor {
     }
 
     /// Computes the request of this tick; `None` for an open bridge. Steps the encoder check of a regulated motor. At a tick
-    /// without regulation, ends the examination of the encoder. `moved` is as in [`activity`](Self::activity).
+    /// without regulation, ends the examination of the encoder. A fault ends the motion of an identification. `moved` is as in [`activity`](Self::activity).
     fn request(&mut self, battery: Option<&Battery>, moved: Option<i32>) -> Option<Request> {
         let velocity = self.regulator.velocity();
         // A bridge at fault can neither drive nor brake.
@@ -513,6 +513,11 @@ impl Motor {
             OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery.voltage)
         });
         let mut activity = if at.is_some() { self.activity(moved) } else { Activity::Coast };
+        if let MotorState::Identifying(Identifier::Moving(_)) = self.state
+            && activity != Activity::Identify
+        {
+            self.end_identification(Identification::Refused(Refusal::Interrupted));
+        }
         let mut instruction = Instruction::Regulate;
         match (activity, at, moved) {
             (Activity::Regulate(_), Some(at), Some(moved)) => {
@@ -627,9 +632,6 @@ impl Motor {
                 self.command = None;
                 self.pulses.stop();
                 self.regulator.drive(None);
-                if let MotorState::Identifying(Identifier::Moving(_)) = self.state {
-                    self.end_identification(Identification::Refused(Refusal::Interrupted));
-                }
             }
         }
     }
