@@ -199,7 +199,8 @@ impl<const N: usize> Hub<N> {
             Action::Set(setpoint) => {
                 motor.set(setpoint);
                 let releases = matches!(setpoint, Setpoint::Disabled | Setpoint::FailSafe);
-                groups.leave(index, releases.then_some(Halt::Coast), motors);
+                let leaving = core::array::from_fn(|motor| motor == index);
+                groups.leave(leaving, releases.then_some(Halt::Coast), motors);
             }
             Action::Configure(settings) => motor.configure(settings),
             Action::Lead(group) => groups.lead(index, group, motors)?,

@@ -62,40 +62,47 @@ impl<const N: usize> Groups<N> {
                 return Ok(());
             }
         }
-        for motor in (0..N).filter(|motor| is_new_member(*motor)) {
-            if self.leave(motor, None, motors)
-                && let Some(motor) = motors.get_mut(motor)
-            {
-                // Until the new group starts the speed is 0: the motor is held or floats, as its setting `ZeroPower` says.
-                motor.set(Setpoint::Velocity(CountsPerSecond::ZERO));
-            }
-        }
+        let left = self.leave(core::array::from_fn(is_new_member), None, motors);
+        // Until the new group starts the speed is 0: the motor is held or floats, as its setting `ZeroPower` says.
+        members_of(&left, motors).for_each(|motor| motor.set(Setpoint::Velocity(CountsPerSecond::ZERO)));
         if let Some(free) = self.states.iter_mut().find(|state| state.is_none()) {
             *free = Some(State::Waiting(command));
         }
         Ok(())
     }
 
-    /// Removes a motor from its group. The other members of a moving group halt according to `halt`; `None` stands for
-    /// the group's own setting. A waiting group is discarded. Returns true if the motor was in a moving group.
-    pub(super) fn leave(&mut self, motor: usize, halt: Option<Halt>, motors: &mut [Motor; N]) -> bool {
-        let mut was_moving = false;
+    /// Removes these motors from their groups. The members that stay in a moving group halt according to `halt`; `None` stands
+    /// for the group's own setting. A waiting group is discarded. Returns the motors that were in a moving group.
+    pub(super) fn leave(
+        &mut self,
+        leaving: [bool; N],
+        halt: Option<Halt>,
+        motors: &mut [Motor; N],
+    ) -> [bool; N] {
+        let mut were_moving = [false; N];
         for slot in &mut self.states {
-            match slot {
-                Some(State::Waiting(command)) if command.course.members().get(motor) == Some(&true) => {
-                    *slot = None
+            let ended = match slot {
+                Some(State::Waiting(command)) => {
+                    let members = command.course.members();
+                    leaving.iter().zip(&members).any(|(leaves, member)| *leaves && *member)
                 }
-                Some(State::Moving(group, _)) if group.members().get(motor) == Some(&true) => {
-                    was_moving = true;
-                    group.remove(motor);
-                    if halt_group(group, halt.unwrap_or(group.halt()), motors) {
-                        *slot = None;
+                Some(State::Moving(group, _)) => {
+                    let members = *group.members();
+                    for (motor, (left, leaves)) in were_moving.iter_mut().zip(leaving).enumerate() {
+                        if leaves && members.get(motor) == Some(&true) {
+                            group.remove(motor);
+                            *left = true;
+                        }
                     }
+                    *group.members() != members && halt_group(group, halt.unwrap_or(group.halt()), motors)
                 }
-                _ => (),
+                None => false,
+            };
+            if ended {
+                *slot = None;
             }
         }
-        was_moving
+        were_moving
     }
 
     /// Starts the waiting groups whose members all have a fresh reading. Sets the set-points of all members of moving

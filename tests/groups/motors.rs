@@ -271,6 +271,21 @@ fn a_member_that_is_told_something_else_leaves_and_the_others_halt() {
 }
 
 #[test]
+fn a_new_group_of_some_members_lets_only_the_other_members_coast() {
+    let three = [motor("AM 60 A"); 3];
+    let mut bench = set_up(50, three, true, [WHEEL; 3]);
+    let course = Course::by(&[(0, 20_000), (1, 20_000), (2, 20_000)]).expect("motors");
+    lead(&mut bench, GroupCommand { halt: Halt::Coast, ..together(course, 300.0, 700.0) });
+    bench.run_ms(1_000);
+    // An encoder that is not read keeps the new group from starting.
+    bench.axes[1].unread_ms = 100;
+    bench.run_ms(30);
+    lead(&mut bench, together(pair([1_000; 2]), 300.0, 700.0));
+    let setpoints = bench.tick().motors.map(|motor| motor.setpoint);
+    assert_eq!(setpoints, [velocity(0), velocity(0), Setpoint::Disabled]);
+}
+
+#[test]
 fn another_course_in_mid_move_makes_no_step_of_current() {
     let on = |left: i32, right: i32| {
         let speeds = [left, right].map(CountsPerSecond::new);
