@@ -55,8 +55,8 @@ pub struct MotorChannel {
     velocity: Option<i16>,
     /// Target of mode position in the host's counts. `None` until a host sets the target.
     position: Option<Target>,
-    /// An identification or a constant current, which replaces the target of the mode. It ends with a release, and when a host
-    /// sets a mode or a target, enables the motor, or resets the encoder.
+    /// An identification or a constant current, which replaces the target of the mode. It ends with a release, with a
+    /// group's course, and when a host sets a mode or a target, enables the motor, or resets the encoder.
     function: Option<Setpoint>,
     /// True if a group's course has replaced the motor's own set-point.
     in_group: bool,
@@ -331,6 +331,7 @@ impl MotorChannel {
 
     /// Replaces the motor's own set-point by a group's course.
     pub(super) const fn join(&mut self) {
+        self.function = None;
         self.pending.set = false;
         self.in_group = true;
     }

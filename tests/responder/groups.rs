@@ -1,12 +1,13 @@
 //! A host moves motors together: the commands to the motors, and their order.
 
 use crate::host::{N, Said, TestHost};
-use motor_hub::extension::MotorFunction;
 use motor_hub::extension::group::GroupCourse;
+use motor_hub::extension::{FIRST_FUNCTION, MotorFunction};
 use motor_hub::group::{Course, GroupCommand, Halt, MOTORS};
 use motor_hub::hub::{Action, Command};
 use motor_hub::motor::{Report, Setpoint};
 use motor_hub::regulator::Reference;
+use motor_hub::regulator::identify::{Identification, Refusal};
 use motor_hub::units::{Acceleration, Control, CountsPerSecond};
 
 const MOVE: u16 = 0x4D06;
@@ -60,6 +61,20 @@ fn a_course_is_sent_in_the_counts_of_the_motors() {
     assert_eq!(ask(&mut host, 1, pair(500, -500)), Said::Ack(0));
     assert_eq!(host.new_commands(), [lead(1, 500, -430)]);
     assert_eq!(host.new_commands(), []);
+}
+
+#[test]
+fn a_course_ends_an_identification() {
+    let mut host = enabled();
+    let identified = |host: &mut TestHost| host.ask(FIRST_FUNCTION + 5, &[1]);
+    host.ask(FIRST_FUNCTION + 4, &[1, 0xF4, 1, 0, 0]);
+    host.new_commands();
+    assert_eq!(identified(&mut host), Said::Data(vec![1, 0]), "in no snapshot yet");
+    host.tick();
+    assert_eq!(ask(&mut host, 1, pair(1, 2)), Said::Ack(0));
+    host.new_commands();
+    host.snapshot.motors[1].identification = Identification::Refused(Refusal::Stopped);
+    assert_eq!(identified(&mut host), Said::Data(vec![3, 0]), "the identification does not run again");
 }
 
 #[test]
