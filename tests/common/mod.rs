@@ -160,7 +160,7 @@ impl Axis {
             Cable::Unplugged => {}
             // The wire that still works changes its level once in two counts of the shaft. The counter follows this level: up
             // by one, then down by one.
-            Cable::OneWire => self.counter += (counts / 2).rem_euclid(2) - self.counter.rem_euclid(2),
+            Cable::OneWire => self.counter += counts.div_euclid(2).rem_euclid(2) - self.counter.rem_euclid(2),
         }
         if self.unread_ms > 0 {
             self.unread_ms -= 1;
