@@ -155,19 +155,6 @@ fn a_motor_at_a_springy_stop_is_probed_once_and_has_no_fault() {
 }
 
 #[test]
-fn a_motor_that_may_not_be_probed_is_not_driven_back() {
-    let settings = Settings { probing: false, ..unknown(&neverest_60()) };
-    let mut bench = with(50, settings);
-    bench.axes[0].cable = Cable::Unplugged;
-    bench.set(0, velocity(1_500));
-    while fault(&bench).is_none() {
-        bench.run_ms(50);
-        assert!(bench.control(0) >= Control::ZERO);
-        assert!(bench.ms < 1_000);
-    }
-}
-
-#[test]
 fn friction_up_to_40_percent_of_stall_raises_no_fault_of_a_sound_encoder() {
     for period in [1, 10, 50, 100] {
         for settings in settings() {

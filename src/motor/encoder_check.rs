@@ -39,8 +39,7 @@
 //!   After the release the motor is probed. If there is no time for a release, the motor is probed without one.
 //! * *Probing*: the motor is driven in the other direction once. A motion shows a stall. If the expected distance is
 //!   reached without a motion, the encoder is stuck. A motor that cannot reach the expected distance in the longest
-//!   probe, as on a low battery, is taken for stalled. If the settings forbid probing, the motor gets the fault instead
-//!   of a probe.
+//!   probe, as on a low battery, is taken for stalled.
 //! * *Stalled*: the regulator drives the motor, and there is no further examination. The stall ends when the requested
 //!   direction changes, or when regulation ends. It also ends when the motor has turned beyond its stop for 150 ms, at
 //!   half of the requested speed or more. A stalled motor can run away too, and is stalled again after the runaway.
@@ -347,7 +346,7 @@ impl EncoderCheck {
             }
             State::RunningAway(_) => watch(Expected::NONE, last_motion, tick),
             State::Releasing(suspect, _) | State::Probing(suspect, _) if moved => suspect.stall(),
-            State::Releasing(suspect, ms) => suspect.release(ms + tick.period_ms(), tick),
+            State::Releasing(suspect, ms) => suspect.release(ms + tick.period_ms()),
             State::Probing(suspect, expected) => suspect.probe(expected, last_motion.may_creep(), tick),
         };
         self.state = state;
@@ -401,7 +400,7 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> (
     if known && 4 * tick.period_ms() + WATCH.silence_ms <= PROBE.decided_ms {
         (State::Releasing(suspect, 0), Instruction::Release)
     } else {
-        suspect.begin_probe(tick)
+        suspect.begin_probe()
     }
 }
 
@@ -457,21 +456,17 @@ impl Suspect {
 
     /// Takes a tick in Releasing without a motion, `ms` after the release began. Begins the probe when the release is
     /// over.
-    fn release(self, ms: u32, tick: &Tick<'_>) -> (State, Instruction) {
+    fn release(self, ms: u32) -> (State, Instruction) {
         if ms < PROBE.release_ms {
             (State::Releasing(self, ms), Instruction::Release)
         } else {
-            self.begin_probe(tick)
+            self.begin_probe()
         }
     }
 
-    /// Begins the probe. If the settings forbid probing, the encoder is at fault without a probe.
-    fn begin_probe(self, tick: &Tick<'_>) -> (State, Instruction) {
-        if tick.context.settings.probing {
-            (State::Probing(self, Expected::NONE), Instruction::Probe(self.probe_control()))
-        } else {
-            (State::Watching(Expected::NONE), Instruction::Fault(EncoderFault::Stuck))
-        }
+    /// Begins the probe.
+    fn begin_probe(self) -> (State, Instruction) {
+        (State::Probing(self, Expected::NONE), Instruction::Probe(self.probe_control()))
     }
 
     /// Takes a tick in Probing without a motion. The encoder is at fault when the expected distance is long enough.

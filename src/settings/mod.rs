@@ -88,10 +88,6 @@ pub struct Settings {
     pub coefficients: Option<Coefficients>,
     /// Largest acceleration that the model regulator requests; `None` for no limit.
     pub acceleration: Option<Acceleration>,
-    /// True if a driven motor without counts may be probed: driven in the other direction once, to find out whether
-    /// the encoder is at fault. If false, such a motor gets the fault of its encoder without a probe. A motor that
-    /// moves while the bridge is released before gets no fault.
-    pub probing: bool,
 }
 
 impl Settings {
@@ -115,7 +111,6 @@ impl Settings {
             dynamics: None,
             coefficients: None,
             acceleration: None,
-            probing: true,
         }
     }
 
