@@ -30,7 +30,7 @@ use crate::group::{GroupCommand, Halt};
 use crate::motion::Reading;
 use crate::motor::{Motor, Report, Setpoint, Settings};
 use crate::supply::{Battery, DrawStage};
-use crate::units::{CountsPerSecond, Micros, Millivolts, Period, RangeError, Share, is_included};
+use crate::units::{Micros, Millivolts, Period, RangeError, Share, is_included};
 use bus::EnergyMeter;
 use groups::Groups;
 
@@ -218,9 +218,9 @@ impl<const N: usize> Hub<N> {
         changed.then(|| self.motors.each_ref().map(Motor::drive))
     }
 
-    /// Returns the estimated speed of each motor at its newest sample.
-    pub fn velocities(&self) -> impl Iterator<Item = CountsPerSecond> {
-        self.motors.iter().map(Motor::velocity)
+    /// Returns the estimated speed of each motor at its newest sample, in counts/s.
+    pub fn speeds_cps(&self) -> impl Iterator<Item = f32> {
+        self.motors.iter().map(Motor::speed_cps)
     }
 
     /// Adds `ticks` to [`Snapshot::missed`].

@@ -55,7 +55,7 @@
 //! assert!(linear.duty > linear_duty(Scheme::B, at, control).drive.duty);
 //! ```
 
-use super::points::{Location, OperatingPoint, Regime};
+use super::points::{OperatingPoint, Regime};
 use super::winding::Winding;
 use crate::bridge::{BridgeConstants, Timing};
 use crate::units::Duty;
@@ -137,10 +137,9 @@ impl LinearCurrent {
         }
     }
 
-    /// The duty for the [current](Location::current) that a location requests.
-    pub(super) fn duty(&self, location: Location, at: OperatingPoint) -> Duty {
-        let w = location.current(at);
-        let duty = if w > 0.0 { self.drive_state(location.regime, at).duty(w, self.period) } else { 0.0 };
+    /// The duty for a mean current, given as the voltage `w`, in V.
+    pub(super) fn duty(&self, regime: Regime, w: f32, at: OperatingPoint) -> Duty {
+        let duty = if w > 0.0 { self.drive_state(regime, at).duty(w, self.period) } else { 0.0 };
         to_duty(self.timing.nearest(duty))
     }
 

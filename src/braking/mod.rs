@@ -113,11 +113,10 @@ impl Modulator {
     /// [`Scheme::ForwardReverse`] has no braking regime. With this scheme the bridge opens for a voltage between 0 and
     /// the back EMF. For the voltage 0 the bridge brakes fully, as with any other scheme.
     pub fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
-        let (regime, share) = points::share(clockwise_volts(at, voltage), at);
-        let opens = self.scheme == Scheme::ForwardReverse && regime == Regime::Braking && share < 1.0;
-        let share = if opens { 0.0 } else { share };
-        let location = Location { regime, fraction: Fraction::from_f32(share) };
-        Modulation::new(regime, self.current.duty(location, at), at)
+        let volts = clockwise_volts(at, voltage);
+        let (regime, w) = points::current(volts, at);
+        let opens = self.scheme == Scheme::ForwardReverse && regime == Regime::Braking && volts > 0.0;
+        Modulation::new(regime, self.current.duty(regime, if opens { 0.0 } else { w }, at), at)
     }
 
     /// The command for a control value, by the scheme and the duty rule.
@@ -141,13 +140,10 @@ impl Modulator {
 
     /// The control value for a voltage. A voltage beyond the scheme's range gives the nearest control value.
     pub fn control(&self, at: OperatingPoint, voltage: Voltage) -> Control {
-        let (regime, share) = points::share(clockwise_volts(at, voltage), at);
+        let (regime, w) = points::current(clockwise_volts(at, voltage), at);
         let share = match self.rule {
-            DutyRule::LinearCurrent => share,
-            DutyRule::LinearDuty => {
-                let location = Location { regime, fraction: Fraction::from_f32(share) };
-                self.current.duty(location, at).to_f32()
-            }
+            DutyRule::LinearCurrent => points::share(regime, w, at),
+            DutyRule::LinearDuty => self.current.duty(regime, w, at).to_f32(),
         };
         clockwise(at, points::control(&Points::new(self.scheme, at), (regime, share)))
     }
@@ -197,5 +193,5 @@ pub fn linear_current(
         Regime::Forward if at.is_overrun() => Location { regime: Regime::Braking, fraction: Fraction::ZERO },
         _ => location,
     };
-    Modulation::new(location.regime, current.duty(location, at), at)
+    Modulation::new(location.regime, current.duty(location.regime, location.current(at), at), at)
 }

@@ -25,7 +25,7 @@
 
 use crate::braking::scheme::{Blend, BlendFraction, Scheme};
 use crate::bridge::Mode;
-use crate::units::single::{at_least, at_most};
+use crate::units::single::at_most;
 use crate::units::{Control, Duty, Emf, Millivolts};
 use fixed::types::{I56F8, U2F30};
 use libm::roundf;
@@ -220,11 +220,6 @@ impl Fraction {
         self.0.to_bits() as f32 / (1 << 30) as f32
     }
 
-    /// Converts from an `f32`. Values outside of 0 to 1 are limited to this range.
-    pub(super) const fn from_f32(share: f32) -> Self {
-        Self(U2F30::from_bits((at_most(at_least(share, 0.0), 1.0) * (1 << 30) as f32) as u32))
-    }
-
     /// The fraction, in double precision for reports.
     pub fn to_f64(self) -> f64 {
         f64::from(self.0)
@@ -359,21 +354,32 @@ impl Points {
     }
 }
 
-/// The regime of a voltage, and the share of the regime's largest current that the voltage requests. The voltage is in V
-/// and for CW motion.
-pub(super) fn share(voltage: f32, at: OperatingPoint) -> (Regime, f32) {
+/// The regime of a voltage, and the mean current that the voltage requests, as the voltage `w` of
+/// [`mod@super::linear_current`], in V. The voltage is in V and for CW motion. In overrun the battery cannot drive a
+/// current: the current in forward driving is then at most 0.
+pub(super) fn current(voltage: f32, at: OperatingPoint) -> (Regime, f32) {
     let (e, v) = at.volts();
     if voltage > e {
-        (Regime::Forward, (voltage - e) / (v - e))
-    } else if voltage >= 0.0 {
-        (Regime::Braking, if e > 0.0 { (e - voltage) / e } else { 0.0 })
+        (Regime::Forward, at_most(voltage, v) - e)
     } else {
-        (Regime::Reverse, -voltage / v)
+        (if voltage < 0.0 { Regime::Reverse } else { Regime::Braking }, e - voltage)
     }
 }
 
-/// The control value that requests this share of a regime's largest current. The error is at most about one step, from
-/// rounding and from the resolution of `f32`.
+/// The share of a regime that the current `w` requests: 0 at the regime's end with the least torque, 1 at the other end.
+/// The share may be above 1.
+pub(super) fn share(regime: Regime, w: f32, at: OperatingPoint) -> f32 {
+    let (e, v) = at.volts();
+    let (least, most) = match regime {
+        Regime::Forward => (0.0, v - e),
+        Regime::Braking => (0.0, e),
+        Regime::Reverse => (e, e + v),
+    };
+    if most > least { (w - least) / (most - least) } else { 0.0 }
+}
+
+/// The control value that requests this share of a regime. The error is at most about one step, from rounding and from
+/// the resolution of `f32`.
 ///
 /// A control value beyond the control range is limited to the range. In a scheme without a braking regime, T equals Z:
 /// every share of braking becomes the control value at Z, which requests no current.

@@ -7,7 +7,7 @@
 //! let (mut newest, mut encoder) = (Newest::<1>::new(), Tracker::default());
 //! let at = Micros::new(151_000);
 //! newest.sample(|readings| *readings = [Some(encoder.step(0, at))]);
-//! newest.observe([CountsPerSecond::new(2_000)].into_iter());
+//! newest.observe([2_000.0].into_iter());
 //! let tick = Micros::new(150_000);
 //! assert_eq!(newest.look(0, tick), Some((0, Some(CountsPerSecond::new(2_000)))));
 //! ```
@@ -19,7 +19,8 @@ use crate::units::{CountsPerSecond, Micros};
 #[derive(Clone, Debug)]
 pub struct Newest<const N: usize> {
     readings: [Option<Reading>; N],
-    speeds: [Option<CountsPerSecond>; N],
+    /// Speeds in counts/s.
+    speeds: [Option<f32>; N],
 }
 
 impl<const N: usize> Newest<N> {
@@ -39,9 +40,9 @@ impl<const N: usize> Newest<N> {
         &self.readings
     }
 
-    /// Takes the speeds that the observers estimate, in the order of the motors.
-    pub fn observe(&mut self, speeds: impl Iterator<Item = CountsPerSecond>) {
-        for (last, new) in self.speeds.iter_mut().zip(speeds) {
+    /// Takes the speeds that the observers estimate, in counts/s, in the order of the motors.
+    pub fn observe(&mut self, speeds_cps: impl Iterator<Item = f32>) {
+        for (last, new) in self.speeds.iter_mut().zip(speeds_cps) {
             *last = Some(new);
         }
     }
@@ -51,7 +52,8 @@ impl<const N: usize> Newest<N> {
     /// speeds at ticks only.
     pub fn look(&self, motor: usize, tick: Micros) -> Option<(i32, Option<CountsPerSecond>)> {
         let new = (*self.readings.get(motor)?).filter(|new| new.at > tick)?;
-        Some((new.position, self.speeds.get(motor).copied().flatten()))
+        let speed_cps = self.speeds.get(motor).copied().flatten();
+        Some((new.position, speed_cps.map(CountsPerSecond::from_f32)))
     }
 }
 

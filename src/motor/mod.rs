@@ -367,6 +367,11 @@ impl Motor {
         self.regulator.velocity()
     }
 
+    /// The estimated speed in counts/s.
+    pub(crate) fn speed_cps(&self) -> f32 {
+        self.regulator.speed_cps()
+    }
+
     /// The settings in force.
     pub const fn settings(&self) -> &Settings {
         &self.settings

@@ -36,7 +36,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             update_newest(wires, |newest| {
                 hub.sample(newest.readings());
                 if samples_between_ticks {
-                    newest.observe(hub.velocities());
+                    newest.observe(hub.speeds_cps());
                 }
             });
             if wires.urgent.lock(|urgent| urgent.replace(false)) {

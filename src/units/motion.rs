@@ -92,7 +92,9 @@ impl CountsPerSecond {
 
     /// Converts counts per second to a speed, rounded towards 0. Values beyond the range are limited; NaN becomes 0.
     pub const fn from_f32(counts_per_second: f32) -> Self {
-        Self::saturating_from_bits((256.0 * counts_per_second) as i32 as i64)
+        let bits = (256.0 * counts_per_second) as i32;
+        // The range is symmetric: its lower end is -i32::MAX.
+        Self::from_bits(if bits == i32::MIN { -i32::MAX } else { bits })
     }
 
     /// Returns the speed in counts per second, rounded to the nearest `f32`.
