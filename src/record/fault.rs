@@ -64,11 +64,6 @@ impl Fault {
         self as u8
     }
 
-    /// Iterates over the faults of a motor, in the order of their numbers.
-    pub fn of_motor(faults: Faults) -> impl Iterator<Item = Self> {
-        Self::in_bits(Self::bits_of(faults))
-    }
-
     /// Returns the faults of a motor as bits. Bit n stands for the fault with the number n.
     pub(super) const fn bits_of(faults: Faults) -> u8 {
         let encoder = match faults.encoder {
@@ -85,7 +80,7 @@ impl Fault {
 
     /// Iterates over the faults of a motor whose bits are set.
     pub(super) fn in_bits(bits: u8) -> impl Iterator<Item = Self> {
-        Self::ALL.iter().copied().take(6).filter(move |fault| bits & bit(*fault) != 0)
+        (1..8).filter(move |number| bits & 1 << number != 0).filter_map(Self::from_number)
     }
 }
 

@@ -29,6 +29,21 @@ pub enum BusState {
     TooHigh,
 }
 
+impl BusState {
+    /// Returns the name of the state, for documents and pages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Silent => "silent",
+            Self::TooLow => "too-low",
+            Self::Cut => "cut",
+            Self::Derated => "derated",
+            Self::Quiet => "quiet",
+            Self::Dissipating => "burning",
+            Self::TooHigh => "too-high",
+        }
+    }
+}
+
 /// The last reading of the bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

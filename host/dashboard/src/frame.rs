@@ -19,7 +19,6 @@ use motor_hub::record::Head;
 use motor_hub::regulator::Kind;
 use motor_hub::regulator::identify::Identified;
 use motor_hub::store::Stored;
-use motor_hub::supply::BusState;
 use motor_hub::units::{Acceleration, Control, CountsPerSecond, Milliamperes, Millivolts};
 use motor_hub_client::Error;
 use motor_hub_client::explanations::explanation;
@@ -418,7 +417,7 @@ impl Frame {
         Self {
             tick_ms: report.at_ms,
             battery_v: report.battery.map(|mv| f64::from(mv.get()) / 1e3),
-            bus: Some(bus_word(report.bus)),
+            bus: Some(report.bus.name()),
             burning: f64::from(report.dissipate) / 1e3,
             motors: motors.map(|(index, motor)| MotorState::of(motor, why_still(report, index))).collect(),
             ..Self::default()
@@ -557,18 +556,6 @@ impl PointsAt {
             paper: by_paper.map(|point| Some(point.x).filter(|x| points.valid && x.is_finite())),
             values: by_paper.map(|point| point.y),
         })
-    }
-}
-
-const fn bus_word(bus: BusState) -> &'static str {
-    match bus {
-        BusState::Silent => "silent",
-        BusState::TooLow => "too low",
-        BusState::Cut => "cut",
-        BusState::Derated => "derated",
-        BusState::Quiet => "quiet",
-        BusState::Dissipating => "burning",
-        BusState::TooHigh => "too high",
     }
 }
 

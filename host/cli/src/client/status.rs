@@ -166,18 +166,6 @@ impl Everything {
 /// Text for a value that the hub does not report.
 const NOT_REPORTED: &str = "not reported";
 
-const fn state(state: BusState) -> &'static str {
-    match state {
-        BusState::Silent => "silent",
-        BusState::TooLow => "too-low",
-        BusState::Cut => "cut",
-        BusState::Derated => "derated",
-        BusState::Quiet => "quiet",
-        BusState::Dissipating => "burning",
-        BusState::TooHigh => "too-high",
-    }
-}
-
 fn bus_words(bus: BusReport) -> String {
     let meaning = match bus.state {
         BusState::Silent => "voltage unknown, motors coast",
@@ -196,7 +184,7 @@ fn bus_words(bus: BusReport) -> String {
 
 fn bus_json(bus: BusReport) -> Value {
     json!({
-        "state": state(bus.state),
+        "state": bus.state.name(),
         "measured_v": bus.measured.map(|mv| f64::from(mv.get()) / 1e3),
         "burning_percent": f64::from(bus.dissipate) / 10.0,
         "returned_j": f64::from(bus.returned_mj) / 1e3,

@@ -35,7 +35,7 @@ const PLOTS = {
 };
 
 /** Words for the state of the supply. */
-const BUS = { silent: "Battery voltage unknown", "too low": "Battery voltage too low for the bridges", cut: "Battery too low: no current drawn", derated: "Battery low: current limited", quiet: "Supply OK", burning: "Supply takes nothing back: braking energy is dissipated", "too high": "Bus voltage too high" };
+const BUS = { silent: "Battery voltage unknown", "too-low": "Battery voltage too low for the bridges", cut: "Battery too low: no current drawn", derated: "Battery low: current limited", quiet: "Supply OK", burning: "Supply takes nothing back: braking energy is dissipated", "too-high": "Bus voltage too high" };
 
 /** Shortest interval between two drawings, in milliseconds. */
 const DRAW_MS = 30;
