@@ -115,7 +115,7 @@ impl Modulator {
     pub fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
         let volts = clockwise_volts(at, voltage);
         let (regime, w) = points::current(volts, at);
-        let opens = self.scheme == Scheme::ForwardReverse && regime == Regime::Braking && volts > 0.0;
+        let opens = matches!(self.scheme, Scheme::ForwardReverse) && regime == Regime::Braking && volts > 0.0;
         Modulation::new(regime, self.current.duty(regime, if opens { 0.0 } else { w }, at), at)
     }
 

@@ -53,7 +53,7 @@ pub const fn explanation(fault: Fault) -> Explanation {
                       `client watch` shows the position. If the position stays, check the encoder's plug, its supply, \
                       and A and B at the board's pins. If the position follows the hand, the shaft was held, or the \
                       motor had no power: check its leads and the bridge's fuse. In the recorded ticks the position \
-                      stops while the control value goes on.",
+                      stops while the voltage goes on.",
         },
         Fault::EncoderReversed => Explanation {
             means: "The counts went against the direction in which the motor was driven.",
