@@ -6,11 +6,12 @@
 //! ```
 
 use crate::hub::{Hub, RequestError};
+use crate::requests::SealFiles;
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::payload::{TEXT, Text};
-use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Phase};
+use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Phase, Seal, public_key};
 use motor_hub_client::Error;
 use motor_hub_client::clock::Instant;
 use serde::Serialize;
@@ -61,7 +62,13 @@ enum Stage {
 
 impl Update {
     /// Announces an image to the hub. All motors must be disabled.
-    pub(crate) fn begin(session: &mut Hub, image: Vec<u8>, version: &str) -> Result<Self, RequestError> {
+    pub(crate) fn begin(
+        session: &mut Hub,
+        image: Vec<u8>,
+        version: &str,
+        files: Option<&SealFiles>,
+    ) -> Result<Self, RequestError> {
+        let seal = files.map(seal).transpose()?;
         let report = session.update_state().map_err(|error| match error {
             Error::Refused { reason: Nack::UNSUPPORTED | Nack::UNKNOWN, .. } | Error::TooOld { .. } => {
                 RequestError::from("the hub has no bootloader: flash new firmware through its debug probe")
@@ -78,6 +85,12 @@ impl Update {
         let length = u32::try_from(image.len()).unwrap_or(u32::MAX);
         session.catch_up()?;
         session.order(HubFunction::BeginUpdate { length, crc: CRC.checksum(&image), version: announced })?;
+        if let Some(Seal { key, signature }) = seal
+            && let Err(error) = session.order(HubFunction::Sign { key, signature })
+        {
+            abandon(session);
+            return Err(error.into());
+        }
         let (version, stage) = (version.to_owned(), Stage::Sending(0));
         Ok(Self { image, version, stage, since: Instant::now() })
     }
@@ -103,8 +116,7 @@ impl Update {
             // A hub that starts may answer with garbage.
             Err(RequestError::Refused(_)) if self.restarts() => Ok(self.late()),
             Err(RequestError::Refused(why)) => {
-                // Should this fail too, the hub forgets the image at its next reset.
-                let _ = session.order(HubFunction::AbandonUpdate);
+                abandon(session);
                 Ok(Some(self.progress("failed", why)))
             }
             Err(RequestError::Hub(error)) => Err(error),
@@ -180,6 +192,7 @@ impl Update {
             }
             (_, Outcome::Mismatch) => Err("the hub's flash reads back other bytes than were sent".into()),
             (_, Outcome::Refused) => Err("the hub's flash refused the write".into()),
+            (_, Outcome::WrongSignature) => Err("the signature is not of this file by the hub's key".into()),
             _ => Err("the hub has not accepted the firmware".into()),
         }
     }
@@ -209,6 +222,30 @@ impl Update {
             },
         }
     }
+}
+
+/// Makes the hub forget an image. Should this fail, the hub forgets the image at its next reset.
+fn abandon(session: &mut Hub) {
+    let _ = session.order(HubFunction::AbandonUpdate);
+}
+
+/// Bytes of hexadecimal digits.
+pub(crate) fn bytes_of(hex: &str) -> Option<Vec<u8>> {
+    let pairs = hex.as_bytes().chunks(2);
+    pairs.map(|pair| u8::from_str_radix(str::from_utf8(pair).ok()?, 16).ok()).collect()
+}
+
+/// The signature and the key of two files.
+fn seal(files: &SealFiles) -> Result<Seal, String> {
+    let (signature, key) = (bytes_of(&files.signature), bytes_of(&files.key));
+    let signature = signature.unwrap_or_default();
+    let length = signature.len();
+    let signature = signature
+        .try_into()
+        .map_err(|_| format!("the signature has {length} bytes; an Ed25519 signature has 64"))?;
+    let key = public_key(&key.unwrap_or_default())
+        .ok_or("the key is not an Ed25519 public key in DER; make it by openssl pkey -pubout -outform DER")?;
+    Ok(Seal { key, signature })
 }
 
 /// Checks that the image fits the hub's slot.

@@ -272,8 +272,20 @@ fn a_motor_is_identified_and_what_was_found_predicts_what_was_measured() {
         println!("predicted is off by {:.1} % of what was measured", 100.0 * off);
         assert!(off < 0.1, "predicted is off by {off} of what was measured");
         tab.picture(&pictures().join("learn.png"), true);
+        let about = "document.querySelector('#learn-about').textContent";
+        let text = tab.ask(about).as_str().unwrap().to_owned();
+        println!("{text}");
+        let name = tab.ask("dashboard.state.settings[0].name").as_str().unwrap().to_owned();
+        assert!(text.contains(&format!("times the inertia of a bare {name}")), "{text}");
+        tab.resize(1366, 768);
+        in_sight(tab, "an identified motor");
         tab.click("#panel-learn .row button:nth-child(2)");
         tab.wait("dashboard.state.settings[0].undoable === 1");
+        // The proposed acceleration is in force too.
+        let limit =
+            tab.ask(&format!("Number({about}.match(/proposed ([0-9 ]+) counts/)[1].replaceAll(' ', ''))"));
+        assert_eq!(tab.ask("dashboard.state.settings[0].acceleration"), limit);
+        assert_eq!(tab.ask("dashboard.state.settings[0].dynamics.gain > 0"), true);
         assert_eq!(tab.ask(&motor(0, "enabled")), false);
     });
 }
@@ -420,15 +432,25 @@ fn motors_plots_and_the_panel_in_use_are_in_sight_at_1366_by_768() {
         tab.resize(1366, 768);
         for panel in PANELS {
             tab.click(&format!("#tab-{panel}"));
-            std::thread::sleep(Duration::from_millis(200));
-            let hidden = tab.ask(
-                "[...document.querySelectorAll('.card, .chart, #panel button, #panel input')] \
-                    .filter((e) => e.checkVisibility() && e.getBoundingClientRect().bottom > innerHeight).length",
-            );
-            assert_eq!(hidden, 0, "{panel}");
-            assert_eq!(tab.ask("document.documentElement.scrollHeight <= innerHeight"), true, "{panel}");
+            in_sight(tab, panel);
+        }
+        tab.click("#tab-hub");
+        for part in 1..=5 {
+            tab.click(&format!("#panel-hub details:nth-child({part}) summary"));
+            in_sight(tab, "a part of the hub's panel");
         }
     });
+}
+
+/// Checks that motors, plots and the panel in use are whole in the window.
+fn in_sight(tab: &mut Tab<'_>, panel: &str) {
+    std::thread::sleep(Duration::from_millis(200));
+    let hidden = tab.ask(
+                "[...document.querySelectorAll('.card, .chart, #panel button, #panel input, #panel tr, #panel-hub p')] \
+                    .filter((e) => e.checkVisibility() && e.getBoundingClientRect().bottom > innerHeight).length",
+            );
+    assert_eq!(hidden, 0, "{panel}");
+    assert_eq!(tab.ask("document.documentElement.scrollHeight <= innerHeight"), true, "{panel}");
 }
 
 #[test]

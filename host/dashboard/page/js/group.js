@@ -1,6 +1,7 @@
-// Panel for motors that move in step: to positions, or at speeds.
+// Panel for motors that are driven by a held button, or that move in step: to positions, or at speeds.
 
 import { h } from "./dom.js";
+import { jogForm } from "./jog.js";
 import { inControl, on, state } from "./state.js";
 
 /** @param {any} link */
@@ -22,7 +23,8 @@ export function groupPanel(link) {
   }
   for (const what of ["control", "open", "line"]) on(what, allow);
   return h("div", { class: "columns" },
-    h("div", { class: "stack" },
+    jogForm(link),
+    h("div", { class: "stack" }, h("h3", {}, "Several motors in step"),
       h("div", { class: "grid4" }, h("span", {}), ...[0, 1, 2, 3].map((motor) => h("span", { class: "head" }, `motor ${motor}`)), h("span", {}, "Move by, counts"), ...places, h("span", {}, "Turn at, counts/s"), ...speeds),
       h("div", { class: "pair" }, h("label", { for: "group-speed" }, "Speed, counts/s"), speed, h("label", { for: "group-acceleration" }, "Acceleration, counts/s²"), acceleration),
       h("div", { class: "row" }, go, turn)),
