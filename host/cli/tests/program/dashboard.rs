@@ -523,7 +523,7 @@ fn new_firmware_is_sent_while_frames_go_on_and_the_page_says_what_came_of_it() {
     let done = update(&mut page, &image(RUNS));
     assert!(done["state"] == "done" && done["text"].as_str().unwrap().contains("confirmed"), "{done}");
     let other = update(&mut page, &image("mh9.9.9"));
-    assert!(other["text"].as_str().unwrap().contains("but the firmware sent is HW"), "{other}");
+    assert!(other["text"].as_str().unwrap().contains("but the image sent is HW"), "{other}");
 
     let server = serve(SLOT, goes_back);
     let dashboard = Dashboard::start(&["--tcp", &server.address]);
