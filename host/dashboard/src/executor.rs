@@ -20,8 +20,8 @@ use motor_hub_client::Error;
 use serde_json::{Map, Value};
 use simulated::hardware::winding;
 
-/// Tolerance of a position, in counts.
-const TOLERANCE: u16 = 10;
+/// Default tolerance of a position, in counts.
+const USUAL_TOLERANCE: u16 = 10;
 
 /// Default speed limit towards a position, in counts/s.
 const USUAL_SPEED: f64 = 1_000.0;
@@ -92,8 +92,9 @@ impl Executor {
         order: &Order,
     ) -> Result<Changed, RequestError> {
         match *order {
-            Order::Drive { motor, mode, value, speed, zero } => {
-                drive(session, channel(motor)?, mode, value, speed, zero)?;
+            Order::Drive { motor, mode, value, speed, tolerance, zero } => {
+                let tolerance = tolerance.unwrap_or(USUAL_TOLERANCE);
+                drive(session, channel(motor)?, mode, value, speed, tolerance, zero)?;
             }
             Order::Current { motor, amperes, speed } => current(session, channel(motor)?, amperes, speed)?,
             Order::Enable { motor, on } => session.enable(channel(motor)?, on)?,
@@ -300,6 +301,7 @@ fn drive(
     mode: RunMode,
     value: f64,
     speed: Option<f64>,
+    tolerance: u16,
     zero: ZeroPower,
 ) -> Result<(), RequestError> {
     match mode {
@@ -315,7 +317,7 @@ fn drive(
             let counts = within("a position in counts", value, i32::MIN.into(), i32::MAX.into())?.round();
             let speed = cps(speed.unwrap_or(USUAL_SPEED))?;
             session.set_velocity(motor, speed)?;
-            session.set_position(motor, counts as i32, TOLERANCE)?;
+            session.set_position(motor, counts as i32, tolerance)?;
         }
     }
     Ok(session.set_mode(motor, mode, zero)?)

@@ -61,6 +61,8 @@ pub enum Order {
         value: f64,
         /// Speed limit towards a position, in counts/s.
         speed: Option<f64>,
+        /// Largest distance to a position at which a motor can settle, in counts.
+        tolerance: Option<u16>,
         /// Behaviour at zero.
         #[serde(default, with = "ZeroPowerName")]
         zero: ZeroPower,

@@ -131,6 +131,7 @@ fn space_in_a_field_stops_nothing() {
         drive(tab, 1, 500);
         tab.ask("document.querySelector('#group-speed').focus()");
         tab.click("#tab-group");
+        tab.click("#panel-group .parts > details:nth-child(2) > summary");
         tab.ask("document.querySelector('#group-speed').focus()");
         tab.press(SPACE);
         std::thread::sleep(Duration::from_millis(300));
@@ -143,7 +144,8 @@ fn space_in_a_field_stops_nothing() {
 fn everything_is_in_sight_and_nothing_lies_over_anything_else() {
     with_page("boxes", |tab| {
         drive(tab, 0, 800);
-        tab.ask("document.querySelector('#all-settings').open = true");
+        // Also all parts of which the user opens one at a time.
+        tab.ask("document.querySelectorAll('#panel details').forEach((one) => { one.removeAttribute('name'); one.open = true; })");
         for (width, height, name) in [(1280, 1000, "wide"), (768, 1024, "tablet"), (390, 844, "phone")] {
             tab.resize(width, height);
             std::thread::sleep(Duration::from_millis(300));
@@ -434,10 +436,12 @@ fn motors_plots_and_the_panel_in_use_are_in_sight_at_1366_by_768() {
             tab.click(&format!("#tab-{panel}"));
             in_sight(tab, panel);
         }
-        tab.click("#tab-hub");
-        for part in 1..=5 {
-            tab.click(&format!("#panel-hub details:nth-child({part}) summary"));
-            in_sight(tab, "a part of the hub's panel");
+        for (panel, parts) in [("group", 3), ("hub", 5)] {
+            tab.click(&format!("#tab-{panel}"));
+            for part in (1..=parts).rev() {
+                tab.click(&format!("#panel-{panel} .parts > details:nth-child({part}) > summary"));
+                in_sight(tab, panel);
+            }
         }
     });
 }
@@ -446,7 +450,7 @@ fn motors_plots_and_the_panel_in_use_are_in_sight_at_1366_by_768() {
 fn in_sight(tab: &mut Tab<'_>, panel: &str) {
     std::thread::sleep(Duration::from_millis(200));
     let hidden = tab.ask(
-                "[...document.querySelectorAll('.card, .chart, #panel button, #panel input, #panel tr, #panel-hub p')] \
+                "[...document.querySelectorAll('.card, .chart, #panel button, #panel input, #panel tr, .parts p')] \
                     .filter((e) => e.checkVisibility() && e.getBoundingClientRect().bottom > innerHeight).length",
             );
     assert_eq!(hidden, 0, "{panel}");

@@ -107,10 +107,10 @@ fn settings_are_exported_changed_and_imported() {
     });
 }
 
-/// Opens a part of the hub's panel.
+/// Opens a part of the panel in use.
 fn open(tab: &mut Tab<'_>, words: &str) {
     tab.ask(&format!(
-        "[...document.querySelectorAll('#panel-hub summary')].find((one) => one.textContent === '{words}').click(); 0"
+        "[...document.querySelectorAll('#panel summary')].find((one) => one.checkVisibility() && one.textContent === '{words}').click(); 0"
     ));
 }
 
@@ -159,12 +159,17 @@ fn a_position_and_its_set_point_are_plotted() {
     with_page("position", |tab| {
         tab.click("#curves-button");
         tab.click("#curves .row:nth-child(1) button:nth-of-type(2)");
+        tab.fill("#motion-speed", "400");
+        tab.fill("#motion-zero", "float");
         tab.fill("#motors .card:nth-child(1) [aria-label^=Mode]", "position");
         tab.fill("#motors .card:nth-child(1) input[type=number]", "600");
+        tab.ask("(() => { window.fastest = 0; const { hear } = dashboard.link; dashboard.link.hear = (message) => { hear(message); if (message.kind === 'frame') fastest = Math.max(fastest, message.motors[0].velocity); }; })()");
         tab.click("#motors .card:nth-child(1) .run");
         tab.wait(&format!("Math.abs({} - 600) < 12", motor(0, "position")));
         let label = "document.querySelector('.chart[aria-label^=Position]').getAttribute('aria-label')";
         tab.wait(&format!("{label}.includes('set-point 600')"));
+        let fastest = tab.ask("fastest").as_f64().unwrap();
+        assert!((300.0..450.0).contains(&fastest), "{fastest} counts/s with a limit of 400");
     });
 }
 
@@ -435,6 +440,7 @@ fn motors_turn_together_at_speeds() {
         for (motor, cps) in [(0, "600"), (1, "-300")] {
             tab.fill(&format!("[aria-label=\"Turn motor {motor} at, counts/s\"]"), cps);
         }
+        open(tab, "Several motors in step");
         press(tab, "Turn together");
         tab.wait(&format!("Math.abs({} - 600) < 30", motor(0, "velocity")));
         tab.wait(&format!("Math.abs({} + 300) < 30", motor(1, "velocity")));

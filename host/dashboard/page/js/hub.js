@@ -1,7 +1,6 @@
-// Panel for the hub: what it is, its settings, its firmware, its faults and what they mean, and the keys of this page. One
-// part is open at a time, so that the panel fits beside the plots.
+// Panel for the hub: what it is, its settings, its firmware, its faults and what they mean, and the keys of this page.
 
-import { by, h, say } from "./dom.js";
+import { by, h, part, say } from "./dom.js";
 import { firmwareForm } from "./firmware.js";
 import { inControl, on, state } from "./state.js";
 import { number } from "./units.js";
@@ -64,16 +63,15 @@ export function hubPanel(link) {
     for (const button of [save, fetchStored, reset]) button.disabled = give.disabled || !state.stores;
   }
   for (const what of ["control", "open", "line"]) on(what, allow);
-  const part = (/** @type {string} */ words, /** @type {boolean} */ open, /** @type {any[]} */ ...children) => h("details", { name: "hub", open }, h("summary", {}, words), h("div", { class: "stack" }, ...children));
   return h("div", { class: "parts" },
-    part("This hub", true,
+    part("hub", "This hub", true,
       h("table", {}, about),
       h("div", { class: "pair" }, h("label", { for: "hub-lamp" }, "Colour of the lamp"), lamp, h("label", { for: "hub-address" }, "Address, 1 to 254"), h("div", { class: "slider" }, address, setAddress)),
       h("p", { class: "muted" }, "The hub stores its address at once, and keeps the stored settings of its motors.")),
-    part("Settings of all motors", false,
+    part("hub", "Settings of all motors", false,
       h("div", { class: "row" }, take, give, file), h("div", { class: "row" }, save, fetchStored, reset),
       h("p", { class: "muted" }, "A file is put in force as a whole, or not at all. Undo in Set up takes it back, motor by motor.")),
-    part("New firmware", false, firmwareForm(link)),
-    part("Faults and resets", false, h("div", { class: "row" }, look, clear), faults),
-    part("Keys", false, h("table", {}, h("tbody", {}, ...KEYS.map(([key, does]) => h("tr", {}, h("th", {}, key), h("td", {}, does)))))));
+    part("hub", "New firmware", false, firmwareForm(link)),
+    part("hub", "Faults and resets", false, h("div", { class: "row" }, look, clear), faults),
+    part("hub", "Keys", false, h("table", {}, h("tbody", {}, ...KEYS.map(([key, does]) => h("tr", {}, h("th", {}, key), h("td", {}, does)))))));
 }

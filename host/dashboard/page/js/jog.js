@@ -66,6 +66,6 @@ export function jogForm(link) {
   }
   for (const what of ["control", "open", "line"]) on(what, allow);
   for (const what of ["unit", "chosen", "settings"]) on(what, show);
-  return h("div", { class: "stack" }, h("h3", {}, "Drive while a button is held"),
+  return h("div", { class: "stack" },
     h("div", { class: "row" }, which, mode), h("label", { class: "field" }, "at", level, unit), h("div", { class: "row" }, ...buttons));
 }
