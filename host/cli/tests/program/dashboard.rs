@@ -418,6 +418,10 @@ fn a_hub_keeps_its_new_address_and_its_stored_settings() {
     page.order("status", Value::Null);
     let status = page.until("a status", |_, message| message["kind"] == "status");
     assert_eq!((&status["address"], &status["differs"]), (&json!(9), &json!(false)), "{status}");
+    drop((page, again));
+    // The address may be given instead of found.
+    let given = Dashboard::start(&["--store", store.to_str().unwrap(), "--address", "9"]);
+    Page::ready(&given);
     std::fs::remove_file(&store).unwrap();
 
     let other = Dashboard::start(&[]);
