@@ -12,7 +12,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::points::regulator_name;
 use crate::settling::{Goal, Settling, settling};
 use crate::table;
 use motor_hub::braking::Regime;
@@ -139,7 +138,7 @@ impl Measures {
         let all: Vec<(f64, &Sample)> = trace.motor(index).collect();
         let ticks: Vec<_> = all.iter().copied().filter(|(at, _)| span_s.contains(at)).collect();
         Self {
-            regulator: ticks.last().map_or("", |(_, sample)| regulator_name(sample.report.regulator)),
+            regulator: ticks.last().map_or("", |(_, sample)| sample.report.regulator.name()),
             responses: responses(motor, &span_s, trace.motion.get(index).map_or(&[], Vec::as_slice)),
             deceleration_jerk: jerk(motor, &span_s, &all),
             regimes: shares(&ticks),

@@ -1,6 +1,5 @@
 //! What is compared.
 
-use crate::points::regulator_name;
 use motor_hub::braking::{Blend, DutyRule, Scheme};
 use motor_hub::regulator::Kind;
 use serde::{Serialize, Serializer};
@@ -73,7 +72,7 @@ fn scheme_words<S: Serializer>(scheme: &Scheme, to: S) -> Result<S::Ok, S::Error
 }
 
 fn regulator_word<S: Serializer>(regulator: &Kind, to: S) -> Result<S::Ok, S::Error> {
-    to.serialize_str(regulator_name(*regulator))
+    to.serialize_str(regulator.name())
 }
 
 fn letter(scheme: Scheme) -> &'static str {

@@ -1,7 +1,6 @@
 //! A trace as comma-separated values: one row for each motor and control tick.
 
 use crate::SCHEMA_VERSION;
-use crate::points::regulator_name;
 use motor_hub::braking::Regime;
 use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, Setpoint};
@@ -70,7 +69,7 @@ fn row(out: &mut String, sample: &Sample) {
         sample.torque_nm,
         report.settled,
         report.stalled,
-        regulator_name(report.regulator),
+        report.regulator.name(),
     );
 }
 

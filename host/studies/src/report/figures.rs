@@ -2,7 +2,7 @@
 
 use super::runs::{RunReport, WITHOUT};
 use crate::NamedFigure;
-use crate::points::{CONTROL_RANGE, fraction, regulator_name};
+use crate::points::{CONTROL_RANGE, fraction};
 use chart::{Band, Figure, Panel, Series, Style, colour, fill};
 use motor_hub::braking::Regime;
 use motor_hub::motor::Setpoint;
@@ -112,7 +112,7 @@ fn speed_lines(motor: &Motor, lines: &Lines) -> Vec<Series> {
 /// What regulates the motor, in words.
 fn regulator(trace: &Trace, index: usize) -> &'static str {
     let last = trace.ticks.last().and_then(|tick| tick.motors.get(index));
-    last.map_or("", |sample| regulator_name(sample.report.regulator))
+    last.map_or("", |sample| sample.report.regulator.name())
 }
 
 fn has_velocity(motor: &Motor) -> bool {
