@@ -137,30 +137,17 @@ impl Identifications {
         let end = samples.iter().rposition(|sample| driven(&sample)).map_or(0, |last| last + 2);
         let samples = &samples[..end.min(samples.len())];
         let measured = samples.iter().map(|(at, sample)| (*at, f64::from(sample.report.position)));
-        let mut series = vec![Series {
-            name: "measured".into(),
-            colour: colour::INK,
-            style: Style::Line,
-            data: measured.collect(),
-        }];
+        let mut series = vec![Series::new("measured", colour::INK, Style::Line, measured)];
         if let Identification::Found(found) = outcome {
-            series.push(Series {
-                name: "predicted".into(),
-                colour: colour::RED,
-                style: Style::Dashed,
-                data: predicted(samples, &self.configured[index], &found.dynamics),
-            });
+            let predicted = predicted(samples, &self.configured[index], &found.dynamics);
+            series.push(Series::new("predicted", colour::RED, Style::Dashed, predicted));
         }
         let verdict = match outcome {
             Identification::Found(_) => String::new(),
             other => format!(" ({})", words(other)),
         };
-        Panel {
-            y_label: format!("{}: {}, counts{verdict}", motor.label, motor.constants.name),
-            height: 160.0,
-            series,
-            ..Panel::default()
-        }
+        let label = format!("{}: {}, counts{verdict}", motor.label, motor.constants.name);
+        Panel::new(label, 160.0, series)
     }
 }
 

@@ -14,8 +14,8 @@
 //! ```
 
 use crate::measures::{Measures, Response};
-use crate::table;
-use chart::{Figure, Panel, Series, Style, colour};
+use crate::{line, table};
+use chart::{Figure, Panel, Style, colour};
 use simulated::scenario::Scenario;
 use simulated::trace::{Sample, Trace};
 
@@ -113,28 +113,18 @@ impl Overlay {
     pub fn figure(&self) -> Figure {
         let mut panels = Vec::new();
         for (index, motor) in self.scenario.motors.iter().enumerate() {
-            // Dashed and on top: where they are one, both are seen.
+            // The dashed line is on top, so that both lines show where they coincide.
             let both = |[style, dashed]: [Style; 2], value: fn(&Sample) -> f64| {
                 vec![
-                    line("emulated chip", colour::BLUE, style, &self.emulated, index, value),
-                    line("simulated board", colour::RED, dashed, &self.simulated, index, value),
+                    line(("emulated chip", colour::BLUE, style), &self.emulated, index, value),
+                    line(("simulated board", colour::RED, dashed), &self.simulated, index, value),
                 ]
             };
-            panels.push(Panel {
-                y_label: format!("{}: speed, counts/s", motor.label),
-                height: 110.0,
-                series: both([Style::Line, Style::Dashed], |sample| sample.speed_cps),
-                ..Panel::default()
-            });
-            panels.push(Panel {
-                y_label: "duty, %".into(),
-                height: 50.0,
-                y_range: Some((0.0, 104.0)),
-                series: both([Style::Step, Style::DashedStep], |sample| {
-                    100.0 * sample.report.drive.duty.to_f64()
-                }),
-                ..Panel::default()
-            });
+            let speed = both([Style::Line, Style::Dashed], |sample| sample.speed_cps);
+            panels.push(Panel::new(format!("{}: speed, counts/s", motor.label), 110.0, speed));
+            let duty = |sample: &Sample| 100.0 * sample.report.drive.duty.to_f64();
+            let duty = Panel::new("duty, %", 50.0, both([Style::Step, Style::DashedStep], duty));
+            panels.push(Panel { y_range: Some((0.0, 104.0)), ..duty });
         }
         Figure {
             title: self.scenario.name.clone(),
@@ -153,16 +143,4 @@ fn cell(response: &Response) -> String {
     let settling = response.settling();
     let overshoot = response.overshoot_percent.map_or("-".into(), |p| format!("{p:.1} %"));
     format!("\n{settling}\n{overshoot}\n{:.1} {}", response.residual_rms, response.unit)
-}
-
-fn line(
-    name: &str,
-    colour: &'static str,
-    style: Style,
-    trace: &Trace,
-    index: usize,
-    value: fn(&Sample) -> f64,
-) -> Series {
-    let data = trace.motor(index).map(|(at_s, sample)| (at_s, value(sample))).collect();
-    Series { name: name.into(), colour, style, data }
 }

@@ -12,7 +12,7 @@
 //! # Ok::<(), studies::StudyError>(())
 //! ```
 
-mod chart;
+pub(crate) mod chart;
 
 use crate::StudyError;
 use ::chart::{Figure, Point, colour};

@@ -113,49 +113,42 @@ impl Recording {
     }
 
     fn figure(&self, motor: u8) -> Figure {
-        let line = |name: &str, colour, style, value: &dyn Fn(&Sample) -> f64| Series {
-            name: name.into(),
-            colour,
-            style,
-            data: self.samples.iter().filter(|s| s.motor == motor).map(|s| (s.at_s, value(s))).collect(),
+        let line = |name: &str, colour, style, value: &dyn Fn(&Sample) -> f64| {
+            let samples = self.samples.iter().filter(|s| s.motor == motor);
+            Series::new(name, colour, style, samples.map(|s| (s.at_s, value(s))))
         };
         let target = |_: &Sample| self.target.value();
         let goal = || line("set-point", colour::RED, Style::DashedStep, &target);
         let position = line("position", colour::INK, Style::Line, &|s| s.position.into());
         let speed = line("speed", colour::INK, Style::Line, &|s| s.cps.into());
-        let panel = |y_label: &str, height, series| Panel {
-            y_label: y_label.into(),
-            height,
-            series,
-            ..Panel::default()
-        };
         let mut panels = Vec::new();
         match self.target {
             Target::Position(_) => {
-                panels.push(panel("position, counts", 150.0, vec![goal(), position]));
-                panels.push(panel("speed, counts/s", 170.0, vec![speed]));
+                panels.push(Panel::new("position, counts", 150.0, vec![goal(), position]));
+                panels.push(Panel::new("speed, counts/s", 170.0, vec![speed]));
             }
-            Target::Velocity(_) => panels.push(panel("speed, counts/s", 170.0, vec![goal(), speed])),
+            Target::Velocity(_) => panels.push(Panel::new("speed, counts/s", 170.0, vec![goal(), speed])),
             Target::Power(_) | Target::Current(_) => {
-                panels.push(panel("speed, counts/s", 170.0, vec![speed]))
+                panels.push(Panel::new("speed, counts/s", 170.0, vec![speed]))
             }
         }
         let reported = self.samples.iter().any(|sample| sample.motor == motor && sample.control.is_some());
         if reported || self.target.power().is_some() {
             let value = |s: &Sample| s.control.or(self.target.power()).map_or(f64::NAN, fraction);
             let control = line("control", colour::BLUE, Style::Step, &value);
-            panels.push(Panel { y_range: Some(CONTROL_RANGE), ..panel("control", 130.0, vec![control]) });
+            panels
+                .push(Panel { y_range: Some(CONTROL_RANGE), ..Panel::new("control", 130.0, vec![control]) });
         }
         if self.samples.iter().any(|sample| sample.motor == motor && sample.current_a.is_some()) {
             let current = line("current", colour::BLUE, Style::Step, &|s| s.current_a.unwrap_or(f64::NAN));
-            panels.push(panel(
+            panels.push(Panel::new(
                 "magnitude of the motor current, A, as reported by the hub",
                 110.0,
                 vec![current],
             ));
         }
         let battery = line("as measured", colour::GREEN, Style::Line, &|s| s.battery_v);
-        panels.push(panel("battery, V", 80.0, vec![battery]));
+        panels.push(Panel::new("battery, V", 80.0, vec![battery]));
         Figure {
             title: format!("motor {motor}: {} {}", self.target.name(), self.target.value()),
             subtitle: self.subtitle.clone(),
