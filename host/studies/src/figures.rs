@@ -1,4 +1,4 @@
-//! The paper's figures, and ours of what its duty and ours make of a control value.
+//! The paper's figures, and figures of the currents that a control value gives with linear duty and with linear current.
 //!
 //! ```no_run
 //! for (name, figure) in studies::figures::all()? {
@@ -35,10 +35,10 @@ const RULES: [(&str, &str, DutyRule); 2] = [
     ("linear current", colour::BLUE, DutyRule::LinearCurrent),
 ];
 
-/// All of them but the circuits, for the motor of the paper's examples.
+/// All figures except the circuits, for the motor of the paper's examples.
 ///
 /// # Errors
-/// If the catalogue lacks it.
+/// If the catalogue lacks the motor.
 pub fn all() -> Result<Vec<NamedFigure>, StudyError> {
     let motor = &characterised("AM 60 A")?;
     let a = ("A", paper::Scheme::A, "equivalent DC voltage, V");
@@ -100,7 +100,7 @@ fn structure() -> Figure {
     }
 }
 
-/// Current after the applied voltage drops from what keeps 1 rad/s at the output.
+/// Current after the applied voltage drops from the voltage that keeps 1 rad/s at the output.
 fn drop_figure(motor: &Motor, mean_zero: bool) -> Figure {
     let geared = GearedMotor::new(motor, &Load::flywheel(Kilograms(10.0), Metres(0.1)));
     let drop = geared.voltage_drop(RadPerSec(motor.gear_ratio), Seconds(0.05));
@@ -131,7 +131,7 @@ fn drop_figure(motor: &Motor, mean_zero: bool) -> Figure {
     }
 }
 
-/// Back EMF of the example motor at a share of its free speed, and that as a share of the battery.
+/// Back EMF of a motor at a share of its free speed, in volts.
 fn emf_at(motor: &Motor, share: f64) -> f64 {
     let free = GearedMotor::new(motor, &Load::NONE).steady(Applied::voltage(Volts(BATTERY)));
     share * motor.ke.0 * free.speed.0
@@ -187,8 +187,7 @@ fn over_speed(motor: &Motor) -> Figure {
     }
 }
 
-/// Mean current of the event-exact bridge for every 64th control value, by a duty rule; and the line
-/// asked for; in amperes.
+/// Mean current of the event-exact bridge in amperes, for every 64th control value with a duty rule.
 fn measured(
     motor: &Motor,
     scheme: Scheme,
@@ -214,7 +213,7 @@ fn measured(
     Ok((-511..=511).map(|n| current(64 * n)).collect())
 }
 
-/// The current that Scheme A or B asks for.
+/// The current in amperes that Scheme A or B requests.
 fn asked(motor: &Motor, scheme: Scheme, emf: f64, control: f64) -> f64 {
     let c = control / CONTROL_MAX;
     let volts = match scheme {

@@ -1,5 +1,5 @@
-//! The same scenario twice: by the flashed image on the emulated chip, and by the same core on the
-//! simulated board. Tables, a chart with both, and how far they are apart.
+//! A scenario run by the flashed image on an emulated chip, beside its run on the simulated board: tables, a chart, and
+//! the differences.
 //!
 //! ```
 //! use simulated::{scenario::Scenario, sim};
@@ -7,7 +7,7 @@
 //!
 //! let scenario = Scenario { duration_s: 0.5, ..Scenario::default_one()? };
 //! let trace = sim::run(&scenario, &mut |_| ())?;
-//! // A run lies over itself.
+//! // A run does not differ from itself.
 //! let overlay = Overlay::new(scenario, "STM32F427", trace.clone(), trace);
 //! assert!(overlay.apart().iter().all(|apart| apart.worst_cps == 0.0 && apart.worst_counts == 0));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -27,15 +27,15 @@ pub struct Overlay {
     simulated: Trace,
 }
 
-/// How far the two are apart, of one motor.
+/// Differences of the two runs for one motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Apart {
-    /// How far the chip's speed was outside what the simulation's was within one control period of it,
-    /// at most, counts/s: a tick's difference in time is allowed for.
+    /// Largest distance in counts/s of the chip's speed from the speeds of the simulation within one control period. So a
+    /// difference in time of one tick does not count.
     pub worst_cps: f64,
-    /// Root mean square of the difference at the same tick, counts/s.
+    /// Root mean square of the difference in speed at the same tick, in counts/s.
     pub rms_cps: f64,
-    /// The largest difference in position, counts.
+    /// Largest difference in position at the same tick, in counts.
     pub worst_counts: i64,
 }
 
@@ -46,7 +46,7 @@ impl Overlay {
         Self { scenario, chip, emulated, simulated }
     }
 
-    /// How far the two are apart, by motor.
+    /// The differences of the two runs, by motor.
     #[must_use]
     pub fn apart(&self) -> Vec<Apart> {
         (0..self.scenario.motors.len()).map(|motor| self.apart_of(motor)).collect()
@@ -72,7 +72,7 @@ impl Overlay {
         apart
     }
 
-    /// The measures of both, side by side, for people.
+    /// The measures of both runs as tables, with their differences.
     #[must_use]
     pub fn tables(&self) -> String {
         let mut out = format!("{}: {} s\n", self.scenario.name, self.scenario.duration_s);
@@ -108,7 +108,7 @@ impl Overlay {
         out
     }
 
-    /// Speed, duty and current of every motor, both runs over each other.
+    /// A chart with speed and duty of every motor in both runs.
     #[must_use]
     pub fn figure(&self) -> Figure {
         let mut panels = Vec::new();

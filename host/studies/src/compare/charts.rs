@@ -44,7 +44,7 @@ fn figure(round: &Round, result: &TaskResult) -> Figure {
     }
 }
 
-/// What a group of variants has in common, and which they are.
+/// Name of a group of variants, and the test for its members.
 pub(super) type Way = (&'static str, fn(&Variant) -> bool);
 
 pub(super) const WAYS: [Way; 3] = [
@@ -53,7 +53,7 @@ pub(super) const WAYS: [Way; 3] = [
     ("the motor's model", |variant| variant.regulator == Kind::Model),
 ];
 
-/// With this duty; without a braking regime for comparison.
+/// True for PID with this duty rule, and, for comparison, for PID without a braking regime.
 fn by_pid(variant: &Variant, duty: DutyRule) -> bool {
     variant.regulator == Kind::Pid && (variant.duty == duty || variant.scheme == Scheme::ForwardReverse)
 }
@@ -63,7 +63,7 @@ fn load(result: &TaskResult) -> String {
     if inertia > 0.0 { format!("load {inertia} kg m\u{b2}") } else { "no load".to_owned() }
 }
 
-/// The variants that are wanted.
+/// A line for each variant of a group, and with `goal` a line for the set-point.
 fn lines(
     result: &TaskResult,
     goal: bool,

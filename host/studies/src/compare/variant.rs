@@ -1,11 +1,11 @@
-//! What is compared.
+//! The variants that are compared.
 
 use motor_hub::braking::{Blend, DutyRule, Scheme};
 use motor_hub::regulator::Kind;
 use serde::{Serialize, Serializer};
 use simulated::scheme::{DutyWord, SchemeWords};
 
-/// A way to turn control values into duties.
+/// A scheme, a duty rule and a regulator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Variant {
     /// The scheme, which locates the points.

@@ -46,7 +46,7 @@ fn row(out: &mut String, sample: &Sample) {
         Faults { bridge: true, .. } => "bridge",
         Faults { .. } => "",
     };
-    // Latched, so it may stand beside one of the others.
+    // An encoder fault is latched, so another fault may exist beside it.
     let encoder_fault = match report.faults.encoder {
         Some(EncoderFault::Stuck) => "stuck",
         Some(EncoderFault::Reversed) => "reversed",

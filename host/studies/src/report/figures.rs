@@ -80,7 +80,7 @@ fn speed_lines(motor: &Motor, lines: &Lines) -> Vec<Series> {
     }
 }
 
-/// What regulates the motor, in words.
+/// The regulator of the motor at the end of a run.
 fn regulator(trace: &Trace, index: usize) -> &'static str {
     let last = trace.ticks.last().and_then(|tick| tick.motors.get(index));
     last.map_or("", |sample| sample.report.regulator.name())
@@ -177,13 +177,13 @@ fn position_goal(sample: &Sample) -> f64 {
     }
 }
 
-/// The regimes; nothing where the motor coasts.
+/// A band for each stretch of a regime; none while the motor coasts.
 fn regimes(scenario: &Scenario, trace: &Trace, index: usize) -> Vec<Band> {
     let regime = |tick: &Tick| tick.motors.get(index).and_then(|sample| sample.report.regime);
     let mut bands: Vec<Band> = Vec::new();
     for run in trace.ticks.chunk_by(|a, b| regime(a) == regime(b)) {
         let Some(first) = run.first() else { continue };
-        // Each regime lasts until the tick that ends it.
+        // A band ends at the tick at which the next regime begins.
         if let Some(last) = bands.last_mut().filter(|last| last.to > first.at_s) {
             last.to = first.at_s;
         }
