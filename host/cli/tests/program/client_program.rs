@@ -187,9 +187,7 @@ fn motors_run_for_the_time_asked_for_and_are_disabled_then() {
 
 #[test]
 fn a_constant_current_needs_a_hub_of_this_project() {
-    let mut foreign = Hub::new();
-    foreign.foreign = true;
-    let server = Server::start(foreign);
+    let server = Server::start(Hub { foreign: true, ..Hub::new() });
     fails(&client(&server, &["current", "0", "0.5"]), 1, "the hub regulates no current");
     assert_eq!(server.hub().was_enabled, [false; 4]);
 }
@@ -214,9 +212,7 @@ fn a_position_ends_at_its_target_or_fails_in_time() {
 
 #[test]
 fn a_motor_that_the_hub_lets_go_ends_the_command() {
-    let mut hub = Hub::new();
-    hub.fail_safe_at_bulk = true;
-    let server = Server::start(hub);
+    let server = Server::start(Hub { fail_safe_at_bulk: true, ..Hub::new() });
     let output = client(&server, &["power", "1", "0.5"]);
     fails(&output, 1, "disabled motor 1");
     fails(&output, 1, "fail-safe");
@@ -309,9 +305,7 @@ fn watching_gives_a_document_per_interval() {
 
 #[test]
 fn without_a_hub_the_program_fails_within_the_timeout() {
-    let mut hub = Hub::new();
-    hub.deaf_for = u32::MAX;
-    let server = Server::start(hub);
+    let server = Server::start(Hub { deaf_for: u32::MAX, ..Hub::new() });
     for (arguments, says) in [
         (&["status"][..], "no hub answers"),
         (&["--address", "3", "status"], "hub 3 does not answer"),

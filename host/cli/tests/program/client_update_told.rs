@@ -26,9 +26,7 @@ fn started(slot: Slot, booted: Booted) -> Responder<4> {
 }
 
 pub(crate) fn serve(slot: Slot, flash: fn(&mut Responder<4>, UpdateRequest)) -> Server {
-    let mut hub = Hub::new();
-    (hub.responder, hub.flash) = (started(slot, Booted::Confirmed), flash);
-    Server::start(hub)
+    Server::start(Hub { responder: started(slot, Booted::Confirmed), flash, ..Hub::new() })
 }
 
 /// A fake flash that executes all orders; a restart starts the new firmware, which confirms itself.
