@@ -191,21 +191,39 @@ pub(crate) fn repeat(
     length: Option<Duration>,
     mut each: impl FnMut(&mut Session<Line>, &Reading) -> Result<bool, ClientError>,
 ) -> Result<bool, ClientError> {
-    let since = Instant::now();
-    let mut next = since;
+    let mut schedule = Schedule::new(interval, length);
     loop {
-        let reading = Reading::take(session, since)?;
+        let reading = Reading::take(session, schedule.since)?;
         if each(session, &reading)? {
             return Ok(true);
         }
-        let now = Instant::now();
-        // After a reading that took too long the interval is not shortened.
-        next = now.max(next + interval);
-        let end = length.map(|length| since + length);
-        let until = end.map_or(next, |end| end.min(next));
-        interrupt::wait(until)?;
-        if end.is_some_and(|end| end <= Instant::now()) {
+        if !schedule.wait()? {
             return Ok(false);
         }
+    }
+}
+
+/// Times of repeated readings.
+pub(super) struct Schedule {
+    /// Time of the first reading.
+    pub(super) since: Instant,
+    next: Instant,
+    interval: Duration,
+    end: Option<Instant>,
+}
+
+impl Schedule {
+    /// Readings from now on, every `interval`, for `length` or without an end.
+    pub(super) fn new(interval: Duration, length: Option<Duration>) -> Self {
+        let since = Instant::now();
+        Self { since, next: since, interval, end: length.map(|length| since + length) }
+    }
+
+    /// Waits until the next reading is due, or the time is over; false if the time is over.
+    pub(super) fn wait(&mut self) -> Result<bool, Failure> {
+        // After a reading that took too long the interval is not shortened.
+        self.next = Instant::now().max(self.next + self.interval);
+        interrupt::wait(self.end.map_or(self.next, |end| end.min(self.next)))?;
+        Ok(self.end.is_none_or(|end| end > Instant::now()))
     }
 }
