@@ -15,6 +15,14 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// The kind as a word for people and programs.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Model => "model",
+            Self::Pid => "PID",
+        }
+    }
+
     /// The kind of regulator that the settings select.
     pub const fn of(settings: &Settings) -> Self {
         match settings.coefficients {

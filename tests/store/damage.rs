@@ -1,6 +1,7 @@
 //! Bits that turn, memories that fail, motors that run.
 
-use crate::flash::{Flash, NoPower, block_on, read, write};
+use crate::flash::{Flash, block_on, read, write};
+use crate::torn_flash::NoPower;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use motor_hub::store::{Found, Outcome, SettingsRecord, StoreRequest, Stored};
 use motor_hub::tasks::store::Keeper;

@@ -1,54 +1,23 @@
-//! A NOR flash in memory that loses power at a word of one's choice.
+//! A NOR flash in memory that loses power at a chosen word.
 
-use embedded_storage_async::nor_flash::{
-    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
-};
+use crate::torn_flash::{NoPower, Random};
+use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use motor_hub::store::{Found, SettingsRecord, StoreRequest};
 use motor_hub::tasks::store::{Done, Keeper};
 
 pub(crate) use embassy_futures::block_on;
 
-/// Random numbers (splitmix64), which are equal for equal seeds.
-pub(crate) struct Lots(pub(crate) u64);
-
-impl Lots {
-    pub(crate) fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mixed = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        mixed ^ mixed >> 31
-    }
-
-    pub(crate) fn below(&mut self, end: usize) -> usize {
-        (self.next() % end as u64) as usize
-    }
-
-    pub(crate) fn byte(&mut self) -> u8 {
-        self.next() as u8
-    }
-}
-
-/// What happens to the word, or page, at which power goes.
+/// State of the word or page at which the power fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Tear {
-    /// Nothing yet.
+    /// The step has not begun.
     Before,
-    /// Each bit has changed or not; for an erasure, each bit of the page.
+    /// Each bit has changed, or has not; for an erasure, each bit of the page.
     Bits,
     /// An erasure has got half way, from the front; a word is as with `Bits`.
     Half,
     /// An erasure has spared the words at both ends, which hold the page's state. A word is cut as with `Bits`.
     Ends,
-}
-
-/// Power is gone.
-#[derive(Debug)]
-pub(crate) struct NoPower;
-
-impl NorFlashError for NoPower {
-    fn kind(&self) -> NorFlashErrorKind {
-        NorFlashErrorKind::Other
-    }
 }
 
 /// The error-correcting code of each word.
@@ -95,12 +64,12 @@ impl<const WORD: usize, const PAGE: usize> Flash<WORD, PAGE> {
     }
 
     /// True if power goes now.
-    fn step(&mut self) -> Result<Option<(Tear, Lots)>, NoPower> {
+    fn step(&mut self) -> Result<Option<(Tear, Random)>, NoPower> {
         let step = self.steps;
         self.steps += 1;
         match self.cut {
             Some((at, ..)) if step > at => Err(NoPower),
-            Some((at, tear, seed)) if step == at => Ok(Some((tear, Lots(seed)))),
+            Some((at, tear, seed)) if step == at => Ok(Some((tear, Random(seed)))),
             _ => Ok(None),
         }
     }
@@ -138,7 +107,7 @@ impl<const WORD: usize, const PAGE: usize> NorFlash for &mut Flash<WORD, PAGE> {
         let cut = self.step()?;
         let page = &mut self.bytes[from as usize..to as usize];
         let torn = &mut self.torn[from as usize / WORD..to as usize / WORD];
-        let Some((tear, mut lots)) = cut else {
+        let Some((tear, mut random)) = cut else {
             page.fill(0xFF);
             torn.fill(false);
             self.programmed[from as usize / WORD..to as usize / WORD].fill(false);
@@ -154,9 +123,9 @@ impl<const WORD: usize, const PAGE: usize> NorFlash for &mut Flash<WORD, PAGE> {
         }
         match tear {
             Tear::Before => (),
-            Tear::Bits => page.iter_mut().for_each(|byte| *byte |= lots.byte()),
+            Tear::Bits => page.iter_mut().for_each(|byte| *byte |= random.byte()),
             Tear::Half => page[..half].fill(0xFF),
-            Tear::Ends => page[WORD..PAGE - WORD].iter_mut().for_each(|byte| *byte |= lots.byte()),
+            Tear::Ends => page[WORD..PAGE - WORD].iter_mut().for_each(|byte| *byte |= random.byte()),
         }
         Err(NoPower)
     }
@@ -175,12 +144,12 @@ impl<const WORD: usize, const PAGE: usize> NorFlash for &mut Flash<WORD, PAGE> {
         match cut {
             None => word.copy_from_slice(bytes),
             Some((Tear::Before, _)) => return Err(NoPower),
-            Some((_, mut lots)) => {
-                if self.code == Code::Corrects && blank && lots.byte() < 128 {
+            Some((_, mut random)) => {
+                if self.code == Code::Corrects && blank && random.byte() < 128 {
                     self.programmed[offset as usize / WORD] = true;
                     return Err(NoPower);
                 }
-                word.iter_mut().zip(bytes).for_each(|(old, new)| *old &= new | lots.byte());
+                word.iter_mut().zip(bytes).for_each(|(old, new)| *old &= new | random.byte());
                 torn.fill(self.code != Code::None);
                 return Err(NoPower);
             }
@@ -194,7 +163,7 @@ impl<const WORD: usize, const PAGE: usize> NorFlash for &mut Flash<WORD, PAGE> {
     }
 }
 
-/// As at power-on.
+/// Reads the store as the hub does at power-on.
 pub(crate) fn read<const WORD: usize, const PAGE: usize>(flash: &mut Flash<WORD, PAGE>) -> Found {
     block_on(keeper(flash).read())
 }

@@ -4,3 +4,5 @@ mod damage;
 mod flash;
 mod power;
 mod records;
+#[path = "../common/torn_flash.rs"]
+mod torn_flash;

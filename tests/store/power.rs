@@ -1,15 +1,16 @@
 //! Power goes before, in and after every single write.
 
-use crate::flash::{Code, Flash, Lots, Tear, read, write};
+use crate::flash::{Code, Flash, Tear, read, write};
+use crate::torn_flash::Random;
 use motor_hub::store::{Outcome, SettingsRecord, Stored};
 
 /// Random entries with this number of bytes in total at most.
-fn record(number: u32, lots: &mut Lots, most: usize) -> SettingsRecord {
+fn record(number: u32, random: &mut Random, most: usize) -> SettingsRecord {
     let mut record = SettingsRecord::new(number);
-    let length = lots.below(most);
+    let length = random.below(most);
     while record.bytes().len() < length {
-        let payload: Vec<u8> = (0..lots.below(20)).map(|_| lots.byte()).collect();
-        if record.push(lots.next() as u16, &payload).is_err() {
+        let payload: Vec<u8> = (0..random.below(20)).map(|_| random.byte()).collect();
+        if record.push(random.next() as u16, &payload).is_err() {
             break;
         }
     }
@@ -44,15 +45,15 @@ fn history<const WORD: usize, const PAGE: usize>(
     saves: u32,
     longest: usize,
     code: Code,
-    which: impl Fn(&mut Lots, usize, bool) -> Vec<usize>,
+    which: impl Fn(&mut Random, usize, bool) -> Vec<usize>,
 ) -> Tally {
-    let mut lots = Lots(20_261_122);
+    let mut random = Random(20_261_122);
     let mut tally = Tally::default();
     let mut flash = Flash::<WORD, PAGE>::new();
     flash.code = code;
     let mut old = SettingsRecord::new(0);
     for number in 1..=saves {
-        let new = record(number, &mut lots, longest);
+        let new = record(number, &mut random, longest);
         let before = flash.clone();
         (flash.steps, flash.erased) = (0, 0);
         let done = write(&mut flash, &new, true);
@@ -62,13 +63,13 @@ fn history<const WORD: usize, const PAGE: usize>(
         tally.saves += 1;
         tally.erasures += flash.erased;
 
-        for at in which(&mut lots, flash.steps, flash.erased > 0) {
+        for at in which(&mut random, flash.steps, flash.erased > 0) {
             for tear in [Tear::Before, Tear::Bits, Tear::Half, Tear::Ends] {
                 // Words have one way to be torn.
                 if flash.erased == 0 && matches!(tear, Tear::Half | Tear::Ends) {
                     continue;
                 }
-                let seed = lots.next();
+                let seed = random.next();
                 let what = || format!("save {number}, step {at} {tear:?} {seed:#x}");
                 let mut cut = before.powered_on();
                 cut.cut = Some((at, tear, seed));
@@ -80,7 +81,7 @@ fn history<const WORD: usize, const PAGE: usize>(
                 }
                 // On it goes, and may be cut once more.
                 let after = again.powered_on();
-                let next = record(number + 1, &mut lots, longest);
+                let next = record(number + 1, &mut random, longest);
                 again.steps = 0;
                 let mut done = write(&mut again, &next, true);
                 if code == Code::Corrects && done.outcome != Outcome::Done {
@@ -96,8 +97,8 @@ fn history<const WORD: usize, const PAGE: usize>(
                     what()
                 );
                 if flash.erased > 0 {
-                    let second = lots.below(again.steps);
-                    let tear = [Tear::Before, Tear::Bits, Tear::Half, Tear::Ends][lots.below(4)];
+                    let second = random.below(again.steps);
+                    let tear = [Tear::Before, Tear::Bits, Tear::Half, Tear::Ends][random.below(4)];
                     let mut twice = after;
                     twice.cut = Some((second, tear, seed));
                     write(&mut twice, &next, true);
@@ -114,11 +115,11 @@ fn history<const WORD: usize, const PAGE: usize>(
 }
 
 /// Random words: many of a save that erases, one of any other save.
-fn some(lots: &mut Lots, steps: usize, erases: bool) -> Vec<usize> {
-    (0..if erases { 30 } else { 1 }).map(|_| lots.below(steps)).chain([steps - 1]).collect()
+fn some(random: &mut Random, steps: usize, erases: bool) -> Vec<usize> {
+    (0..if erases { 30 } else { 1 }).map(|_| random.below(steps)).chain([steps - 1]).collect()
 }
 
-fn every(_: &mut Lots, steps: usize, _: bool) -> Vec<usize> {
+fn every(_: &mut Random, steps: usize, _: bool) -> Vec<usize> {
     (0..steps).collect()
 }
 

@@ -1,6 +1,7 @@
 //! What bytes are a record.
 
-use crate::flash::{Flash, Lots, read, write};
+use crate::flash::{Flash, read, write};
+use crate::torn_flash::Random;
 use motor_hub::store::{CAPACITY, Found, Outcome, SettingsRecord, Stored, Unreadable, VERSION};
 use proptest::prelude::*;
 
@@ -76,7 +77,7 @@ fn the_newer_of_two_copies_counts_and_a_later_version_above_all() {
 
 #[test]
 fn any_contents_of_a_flash_are_read_in_finite_time() {
-    let mut lots = Lots(1);
+    let mut random = Random(1);
     let mut nothing = 0;
     for round in 0..300 {
         let mut flash = Flash::<4, 1024>::new();
@@ -85,10 +86,10 @@ fn any_contents_of_a_flash_are_read_in_finite_time() {
             write(&mut flash, &record, true);
         }
         // From a few bytes to all of it.
-        let bytes = 1 << lots.below(12);
+        let bytes = 1 << random.below(12);
         for _ in 0..bytes {
-            let at = lots.below(2048);
-            flash.bytes[at] = lots.byte();
+            let at = random.below(2048);
+            flash.bytes[at] = random.byte();
         }
         let found = read(&mut flash);
         nothing += u32::from(found.record.number() != 5);

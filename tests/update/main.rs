@@ -4,3 +4,5 @@ mod power;
 mod signature;
 mod steps;
 mod task;
+#[path = "../common/torn_flash.rs"]
+mod torn_flash;

@@ -1,11 +1,10 @@
 //! Updates and rollbacks by the bootloader over a flash in memory. The power fails before, in and after every write and
 //! erasure, and a second time afterwards. The firmware before or the new firmware must boot.
 
+use crate::torn_flash::{NoPower, Random};
 use embassy_boot::{BootLoader, BootLoaderConfig};
 use embassy_futures::block_on;
-use embedded_storage_async::nor_flash::{
-    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
-};
+use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use motor_hub::tasks::update::{BlockingFlash, Slots, StateFlash, discard_stale_swap};
 use motor_hub::update::{Booted, CHUNK, CRC, Outcome};
 use std::cell::RefCell;
@@ -25,17 +24,6 @@ pub(crate) const STATE: Range<usize> = 7 * PAGE..8 * PAGE;
 /// Bytes of both images: not whole pages, nor whole words.
 const LENGTH: usize = 2 * PAGE + 5 * WORD + 7;
 
-/// Random numbers (splitmix64).
-struct Lots(u64);
-
-impl Lots {
-    fn byte(&mut self) -> u8 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mixed = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        (mixed ^ mixed >> 27).to_le_bytes()[3]
-    }
-}
-
 /// State of the word or page at which the power fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Tear {
@@ -50,15 +38,6 @@ enum Tear {
 }
 
 const TEARS: [Tear; 4] = [Tear::Before, Tear::Bits, Tear::Half, Tear::First];
-
-#[derive(Debug)]
-pub(crate) struct NoPower;
-
-impl NorFlashError for NoPower {
-    fn kind(&self) -> NorFlashErrorKind {
-        NorFlashErrorKind::Other
-    }
-}
 
 /// Codes that a flash has for its words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,11 +72,11 @@ impl Chip {
     }
 
     /// Begins the next step. Returns how the power fails in it, `None` if it does not.
-    fn step(&mut self) -> Result<Option<(Tear, Lots)>, NoPower> {
+    fn step(&mut self) -> Result<Option<(Tear, Random)>, NoPower> {
         self.alive()?;
         let step = self.steps;
         self.steps += 1;
-        Ok(self.cut.filter(|(at, _)| *at == step).map(|(_, tear)| (tear, Lots(step as u64))))
+        Ok(self.cut.filter(|(at, _)| *at == step).map(|(_, tear)| (tear, Random(step as u64))))
     }
 
     fn read(&self, at: usize, bytes: &mut [u8]) -> Result<(), NoPower> {
@@ -117,8 +96,8 @@ impl Chip {
             assert!(blank || bytes.iter().all(|byte| *byte == 0), "written again at {at}");
             match cut {
                 Some((Tear::Before, _)) => return Err(NoPower),
-                Some((_, mut lots)) => {
-                    word.iter_mut().zip(bytes).for_each(|(old, new)| *old &= new | lots.byte());
+                Some((_, mut random)) => {
+                    word.iter_mut().zip(bytes).for_each(|(old, new)| *old &= new | random.byte());
                     self.torn[at / WORD] = self.code != Code::None;
                     return Err(NoPower);
                 }
@@ -139,7 +118,7 @@ impl Chip {
             let cut = self.step()?;
             let page = &mut self.bytes[at..at + PAGE];
             let torn = &mut self.torn[at / WORD..(at + PAGE) / WORD];
-            let Some((tear, mut lots)) = cut else {
+            let Some((tear, mut random)) = cut else {
                 page.fill(0xFF);
                 torn.fill(false);
                 continue;
@@ -147,7 +126,7 @@ impl Chip {
             match tear {
                 Tear::Before => (),
                 Tear::Bits => {
-                    page.iter_mut().for_each(|byte| *byte |= lots.byte());
+                    page.iter_mut().for_each(|byte| *byte |= random.byte());
                     torn.fill(self.code != Code::None);
                 }
                 Tear::Half => {
@@ -203,8 +182,8 @@ impl NorFlash for Part<'_> {
 
 /// The firmware of this version.
 fn image(version: u8) -> Vec<u8> {
-    let mut lots = Lots(version.into());
-    (0..LENGTH).map(|_| lots.byte()).collect()
+    let mut random = Random(version.into());
+    (0..LENGTH).map(|_| random.byte()).collect()
 }
 
 /// Version of the firmware that the bootloader starts after power-on or a reset.

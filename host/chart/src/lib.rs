@@ -7,8 +7,8 @@
 //! ```
 //! use chart::{Figure, Panel, Series, Style, colour};
 //!
-//! let line = Series { name: "y".into(), colour: colour::BLUE, style: Style::Line, data: vec![(0.0, 1.0), (1.0, 2.0)] };
-//! let panel = Panel { y_label: "y, V".into(), height: 100.0, series: vec![line], ..Panel::default() };
+//! let line = Series::new("y", colour::BLUE, Style::Line, [(0.0, 1.0), (1.0, 2.0)]);
+//! let panel = Panel::new("y, V", 100.0, vec![line]);
 //! let figure = Figure { title: "A line".into(), panels: vec![panel], ..Figure::default() };
 //! assert!(figure.svg().starts_with("<svg"));
 //! ```
@@ -153,6 +153,25 @@ pub struct Point {
     pub name: String,
     /// Any SVG colour.
     pub colour: &'static str,
+}
+
+impl Panel {
+    /// Axes with lines, and a height in pixels.
+    pub fn new(y_label: impl Into<String>, height: f64, series: Vec<Series>) -> Self {
+        Self { y_label: y_label.into(), height, series, ..Self::default() }
+    }
+}
+
+impl Series {
+    /// A line with its name in the legend.
+    pub fn new(
+        name: impl Into<String>,
+        colour: &'static str,
+        style: Style,
+        data: impl IntoIterator<Item = (f64, f64)>,
+    ) -> Self {
+        Self { name: name.into(), colour, style, data: data.into_iter().collect() }
+    }
 }
 
 impl Figure {

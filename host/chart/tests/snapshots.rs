@@ -5,11 +5,11 @@ mod snapshot;
 use chart::{Band, Figure, Panel, Point, Series, Style, colour, fill};
 
 fn series(name: &str, colour: &'static str, style: Style, data: &[(f64, f64)]) -> Series {
-    Series { name: name.into(), colour, style, data: data.to_vec() }
+    Series::new(name, colour, style, data.to_vec())
 }
 
 fn panel(y_label: &str, series: Vec<Series>) -> Panel {
-    Panel { y_label: y_label.into(), height: 120.0, series, ..Panel::default() }
+    Panel::new(y_label, 120.0, series)
 }
 
 /// Four lines that differ in their style alone, one of them with a gap.

@@ -1,6 +1,7 @@
 //! `motor-hub motors`.
 
 use crate::output::{Failure, print, print_json};
+use crate::parse::number;
 use motor_hub::model::catalogue::{CatalogueEntry, Motor, catalogue};
 use motor_hub::model::si::Volts;
 use serde_json::{Value, json};
@@ -11,16 +12,11 @@ use studies::table;
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Battery voltage for speeds, currents and torques, 1 to 60 V
-    #[arg(long, value_name = "V", default_value = "12", value_parser = volts)]
+    #[arg(long, value_name = "V", default_value = "12", value_parser = number("a voltage", 1.0..=60.0, "V"))]
     volts: f64,
     /// Print one JSON document instead of a table
     #[arg(long)]
     json: bool,
-}
-
-fn volts(text: &str) -> Result<f64, String> {
-    let volts = text.parse().ok().filter(|volts| (1.0..=60.0).contains(volts));
-    volts.ok_or_else(|| "a voltage is a number from 1 to 60 V".to_owned())
 }
 
 /// Figures of a motor's output shaft on a battery.

@@ -1,7 +1,7 @@
 //! `motor-hub soak`.
 
 use crate::output::{Failure, in_steps, print, print_json, progress};
-use crate::parse::whole;
+use crate::parse::{number, whole};
 use studies::survey::soak::{self, Soak};
 
 /// The long help of the command.
@@ -29,16 +29,11 @@ pub(crate) struct Options {
     #[arg(long, requires = "sweep")]
     long: bool,
     /// Hours of virtual time, 0 to 1000
-    #[arg(long, default_value_t = 1.0, value_parser = hours)]
+    #[arg(long, default_value_t = 1.0, value_parser = number("a time", 0.0..=1000.0, "hours"))]
     hours: f64,
     /// Print one JSON document instead of text
     #[arg(long)]
     json: bool,
-}
-
-fn hours(text: &str) -> Result<f64, String> {
-    let hours = text.parse().ok().filter(|hours| (0.0..=1000.0).contains(hours));
-    hours.ok_or_else(|| "a time is a number from 0 to 1000 hours".to_owned())
 }
 
 impl Options {

@@ -11,6 +11,7 @@
 //! | [`mod@line`] | serial port or TCP connection, as bytes with timeouts |
 //! | [`session`] | one request at a time: waiting, retransmission, discovery |
 //! | [`hub`], [`motor`] | the protocol's commands, as methods of [`Session`] |
+//! | [`motor_values`] | the reported values of a motor, for people and programs |
 //! | [`identification`] | identifying a motor, step by step |
 //! | [`clock`] | the clock of sessions |
 //! | [`update`] | sending and starting new firmware |
@@ -57,6 +58,7 @@ pub mod identification;
 pub mod line;
 pub mod memory;
 pub mod motor;
+pub mod motor_values;
 pub mod reasons;
 mod request_text;
 pub mod session;

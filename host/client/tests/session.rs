@@ -24,8 +24,13 @@ use std::time::Duration;
 /// Time-out of requests, far longer than a hub in memory needs.
 const TIMEOUT: Duration = Duration::from_secs(3);
 
-fn session(memory: Memory) -> Session<Memory> {
-    Session::new(memory, Address::new(ADDRESS).unwrap(), TIMEOUT)
+fn session<L: Read + Write>(line: L) -> Session<L> {
+    Session::new(line, Address::new(ADDRESS).unwrap(), TIMEOUT)
+}
+
+/// A session that soon gives a silent hub up.
+fn impatient<L: Read + Write>(line: L) -> Session<L> {
+    Session::new(line, Address::new(ADDRESS).unwrap(), Duration::from_millis(60))
 }
 
 /// A frame with some bytes replaced, and a correct checksum.
@@ -143,55 +148,33 @@ fn bulk_input_tells_motors_apart_and_may_lack_its_last_byte() {
 }
 
 #[test]
-fn a_reply_to_another_request_or_from_another_hub_is_not_taken() {
-    for other in
-        [|reply: &[u8]| with(reply, &[(5, 9), (10, 0)]), |reply: &[u8]| with(reply, &[(7, 99), (10, 0)])]
-    {
-        let mut hub = Hub::new();
-        hub.before = other;
-        let mut session = session(Memory::new(hub));
-        assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
-    }
-}
-
-#[test]
-fn stray_bytes_before_a_reply_do_no_harm() {
-    for stray in [
-        |_: &[u8]| vec![0x44],
-        |_: &[u8]| vec![0, 0xFF, 0x44, 0x4B, 0x20, 0],
-        |reply: &[u8]| {
-            // The first bytes of a reply that is never completed.
-            reply[..8].to_vec()
-        },
-    ] {
-        let mut hub = Hub::new();
-        hub.before = stray;
-        let mut session = session(Memory::new(hub));
+fn other_replies_and_stray_bytes_before_a_reply_are_ignored() {
+    let before: [fn(&[u8]) -> Vec<u8>; 5] = [
+        // Replies of another hub, and to another request.
+        |reply| with(reply, &[(5, 9), (10, 0)]),
+        |reply| with(reply, &[(7, 99), (10, 0)]),
+        |_| vec![0x44],
+        |_| vec![0, 0xFF, 0x44, 0x4B, 0x20, 0],
+        // The first bytes of a reply that is never completed.
+        |reply| reply[..8].to_vec(),
+    ];
+    for before in before {
+        let mut session = session(Memory::new(Hub { before, ..Hub::new() }));
         assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
     }
 }
 
 #[test]
 fn a_lost_packet_is_sent_again_unchanged_and_a_silent_hub_is_given_up() {
-    let address = Address::new(ADDRESS).unwrap();
-    let session = |hub| Session::new(Memory::new(hub), address, Duration::from_millis(60));
-    let mut hub = Hub::new();
-    (hub.deaf_for, hub.lost_replies) = (1, 1);
-    session(hub).fail_safe().unwrap();
-
-    let mut hub = Hub::new();
-    hub.deaf_for = 3;
-    let mut session = session(hub);
+    impatient(Memory::new(Hub { deaf_for: 1, lost_replies: 1, ..Hub::new() })).fail_safe().unwrap();
+    let mut session = impatient(Memory::new(Hub { deaf_for: 3, ..Hub::new() }));
     assert!(matches!(session.fail_safe(), Err(Error::Silent { address: ADDRESS })));
     session.fail_safe().unwrap();
 }
 
 #[test]
 fn a_new_address_holds_even_if_its_answer_is_lost() {
-    let mut hub = Hub::new();
-    hub.lost_replies = 1;
-    let memory = Memory::new(hub);
-    let mut session = Session::new(memory, Address::new(ADDRESS).unwrap(), Duration::from_millis(60));
+    let mut session = impatient(Memory::new(Hub { lost_replies: 1, ..Hub::new() }));
     session.set_address(Address::new(77).unwrap()).unwrap();
     assert_eq!(session.address(), 77);
     assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
@@ -243,9 +226,7 @@ fn a_session_goes_on_with_another_hub_on_its_line() {
 
 #[test]
 fn functions_are_numbered_from_where_the_hub_says() {
-    let mut hub = Hub::new();
-    hub.first = 0x1800;
-    let mut session = session(Memory::new(hub));
+    let mut session = session(Memory::new(Hub { first: 0x1800, ..Hub::new() }));
     session.set_velocity(0, 5).unwrap();
     assert_eq!(session.motor(0).unwrap().velocity, 5);
 }
@@ -274,10 +255,7 @@ impl Write for Waits {
 #[test]
 fn after_an_answer_nothing_stale_is_waited_for_and_after_a_lost_one_it_is() {
     let waits = Rc::new(Cell::new(0));
-    let address = Address::new(ADDRESS).unwrap();
-    let hub = Hub::new();
-    let line = Waits(Memory::new(hub), Rc::clone(&waits));
-    let mut session = Session::new(line, address, TIMEOUT);
+    let mut session = session(Waits(Memory::new(Hub::new()), Rc::clone(&waits)));
     session.bulk().unwrap();
     waits.set(0);
     for _ in 0..50 {
@@ -286,10 +264,8 @@ fn after_an_answer_nothing_stale_is_waited_for_and_after_a_lost_one_it_is() {
     }
     assert_eq!(waits.get(), 0);
 
-    let mut hub = Hub::new();
-    hub.lost_replies = 1;
-    let line = Waits(Memory::new(hub), Rc::clone(&waits));
-    let mut session = Session::new(line, address, Duration::from_millis(60));
+    let hub = Hub { lost_replies: 1, ..Hub::new() };
+    let mut session = impatient(Waits(Memory::new(hub), Rc::clone(&waits)));
     session.keep_alive().unwrap();
     waits.set(0);
     session.keep_alive().unwrap();
@@ -302,9 +278,7 @@ fn after_an_answer_nothing_stale_is_waited_for_and_after_a_lost_one_it_is() {
 fn a_hub_that_has_no_words_for_its_bus_tells_nothing_of_it_and_that_is_no_failure() {
     let ours = session(Memory::new(Hub::new())).bus().unwrap();
     assert_eq!(ours.map(|bus| bus.state), Some(BusState::Silent), "nothing is measured");
-    let mut foreign = Hub::new();
-    foreign.foreign = true;
-    let mut session = session(Memory::new(foreign));
+    let mut session = session(Memory::new(Hub { foreign: true, ..Hub::new() }));
     assert_eq!(session.bus().unwrap(), None);
     assert_eq!(session.battery().unwrap().get(), 12_345, "it goes on");
 }
@@ -330,8 +304,7 @@ fn what_all_motors_do_takes_one_exchange_and_a_foreign_hub_is_asked_once() {
     }
     assert_eq!(requests.load(Ordering::Relaxed) - asked, 10, "one request each");
 
-    let mut foreign = Hub::new();
-    foreign.foreign = true;
+    let foreign = Hub { foreign: true, ..Hub::new() };
     let requests = foreign.requests.clone();
     let mut foreign = session(Memory::new(foreign));
     for _ in 0..10 {

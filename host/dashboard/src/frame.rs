@@ -4,10 +4,9 @@
 use crate::executor::CONFIGURABLE;
 use crate::hub::Hub;
 use crate::proposal::{catalogue_motor, inertia_ratio};
-use crate::requests::KindName;
 use crate::update::Progress;
 use crate::world::WorldIs;
-use motor_hub::braking::{OperatingPoint, Points, Regime, Scheme, Winding};
+use motor_hub::braking::{OperatingPoint, Points, Scheme, Winding};
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
 use motor_hub::extension::settings::{Field, Form, MotorSettings, Zero};
 use motor_hub::extension::state::StoreReport;
@@ -18,12 +17,12 @@ use motor_hub::model::switching::Conditions;
 use motor_hub::protocol::Colour;
 use motor_hub::protocol::motor::Coefficients;
 use motor_hub::record::Head;
-use motor_hub::regulator::Kind;
 use motor_hub::regulator::identify::Identified;
 use motor_hub::store::Stored;
-use motor_hub::units::{Acceleration, Control, CountsPerSecond, Milliamperes, Millivolts};
+use motor_hub::units::{Acceleration, Control, CountsPerSecond, Millivolts};
 use motor_hub_client::Error;
 use motor_hub_client::explanations::explanation;
+use motor_hub_client::motor_values::MotorValues;
 use motor_hub_client::reasons::why_still;
 use serde::Serialize;
 use serde_json::Value;
@@ -293,37 +292,12 @@ pub(crate) struct MotorState {
     pub(crate) within_tolerance: Option<bool>,
     /// Why the motor stands.
     pub(crate) why: Option<&'static str>,
+    /// True if the motor is enabled and has a fault. `None` for hubs of other makers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) fault: Option<bool>,
     /// Values that only hubs of this project report.
     #[serde(flatten)]
-    pub(crate) more: Option<More>,
-}
-
-/// Values of a motor that only hubs of this project report.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct More {
-    #[serde(with = "KindName")]
-    regulator: Kind,
-    control: f64,
-    regime: Option<&'static str>,
-    mode: &'static str,
-    duty: f64,
-    /// The measured magnitude with the sign of `current_a`, or `current_a` where none is measured.
-    best_current_a: f64,
-    /// Current by the motor's constants.
-    current_a: f64,
-    /// Measured magnitude.
-    measured_a: Option<f64>,
-    load_a: Option<f64>,
-    heat: f64,
-    /// True if the motor has settled at its target, or its group at its end.
-    settled: bool,
-    stalled: bool,
-    derated: bool,
-    /// True if the motor's current limit holds its current down.
-    current_limited: bool,
-    fault: bool,
-    /// The points S, T, Z and G.
-    points: Option<[f64; 4]>,
+    pub(crate) values: Option<MotorValues>,
 }
 
 /// Settings of a motor.
@@ -466,30 +440,8 @@ impl MotorState {
             enabled,
             within_tolerance: None,
             why,
-            more: Some(More::of(motor)),
-        }
-    }
-}
-
-impl More {
-    fn of(motor: &MotorReport) -> Self {
-        Self {
-            regulator: motor.regulator,
-            control: motor.control.to_f64(),
-            regime: motor.regime.map(Regime::name),
-            mode: motor.drive.mode.name(),
-            duty: motor.drive.duty.to_f64(),
-            best_current_a: amperes(motor.best_current()),
-            current_a: amperes(motor.current),
-            measured_a: motor.measured_ma.map(|ma| f64::from(ma) / 1e3),
-            load_a: motor.load.map(amperes),
-            heat: f64::from(motor.heat) / 1e3,
-            settled: motor.settled,
-            stalled: motor.stalled,
-            derated: motor.derated,
-            current_limited: motor.current_limited,
-            fault: motor.faults.any() && motor.enabled,
-            points: motor.points.map(|points| points.map(Control::to_f64)),
+            fault: Some(motor.faults.any() && enabled),
+            values: Some(MotorValues::of(motor)),
         }
     }
 }
@@ -589,10 +541,6 @@ impl PointsAt {
             values: by_paper.map(|point| point.y),
         })
     }
-}
-
-fn amperes(current: Milliamperes) -> f64 {
-    f64::from(current.get()) / 1e3
 }
 
 /// The scheme of this name.

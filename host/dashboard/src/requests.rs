@@ -15,7 +15,7 @@ use motor_hub::braking::DutyRule;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::motor::{Loop, RunMode};
 use motor_hub::regulator::Kind;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use serde_json::{Map, Value};
 use simulated::scheme::DutyWord;
 
@@ -276,10 +276,10 @@ enum LoopName {
     Position,
 }
 
-/// Names of a [`Kind`] of regulator in orders and frames.
-#[derive(Deserialize, Serialize)]
+/// Names of a [`Kind`] of regulator in orders.
+#[derive(Deserialize)]
 #[serde(remote = "Kind", rename_all = "kebab-case")]
-pub(crate) enum KindName {
+enum KindName {
     Model,
     Pid,
 }

@@ -1,10 +1,9 @@
 //! What a hub reports, as dictionaries whose keys are the fields of Python's dataclasses.
 
-use motor_hub_client::motor_hub::braking::Regime;
 use motor_hub_client::motor_hub::extension::report::{HubReport, MotorReport};
 use motor_hub_client::motor_hub::protocol::answers::Bulk;
 use motor_hub_client::motor_hub::regulator::identify::Identified;
-use motor_hub_client::motor_hub::units::Milliamperes;
+use motor_hub_client::motor_values::MotorValues;
 use motor_hub_client::reasons::why_still;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -32,13 +31,14 @@ fn of_motor<'py>(
     reading.set_item("stalled", motor.stalled)?;
     reading.set_item("fault", motor.faults.any())?;
     reading.set_item("why_still", why_still(report, number))?;
-    reading.set_item("regime", motor.regime.map(Regime::name))?;
-    reading.set_item("mode", motor.regime.map(|_| motor.drive.mode.name()))?;
-    reading.set_item("duty", motor.drive.duty.to_f64())?;
-    reading.set_item("control", motor.control.to_f64())?;
-    reading.set_item("current_a", amperes(motor.best_current()))?;
-    reading.set_item("load_a", motor.load.map(amperes))?;
-    reading.set_item("heat", f64::from(motor.heat) / 1e3)?;
+    let values = MotorValues::of(motor);
+    reading.set_item("regime", values.regime)?;
+    reading.set_item("mode", values.mode)?;
+    reading.set_item("duty", values.duty)?;
+    reading.set_item("control", values.control)?;
+    reading.set_item("current_a", values.current_a)?;
+    reading.set_item("load_a", values.load_a)?;
+    reading.set_item("heat", values.heat)?;
     reading.set_item("battery_v", report.battery.map(|battery| f64::from(battery.get()) / 1e3))?;
     Ok(reading)
 }
@@ -67,8 +67,4 @@ pub(crate) fn identified<'py>(py: Python<'py>, found: &Identified) -> PyResult<B
     fields.set_item("decay_error", f64::from(found.decay_error) / 1e3)?;
     fields.set_item("residual", f64::from(found.residual) / 1e3)?;
     Ok(fields)
-}
-
-fn amperes(current: Milliamperes) -> f64 {
-    f64::from(current.get()) / 1e3
 }

@@ -1,9 +1,8 @@
-//! The same tasks under every scheme, with linear duty and with linear current: which controls better.
+//! The same tasks under every scheme, with linear duty and with linear current.
 //!
-//! One NeveRest 60 does a few tasks under each scheme with each duty rule. The motor's model regulates it, or PID:
-//! once with the same coefficients for all, and once with the best of a small grid for each, chosen on the first
-//! task. Scores
-//! say which wins where.
+//! One NeveRest 60 does a few tasks under each scheme with each duty rule. It is regulated by its model, or by PID: once
+//! with the same coefficients for all variants, and once with each variant's best coefficients of a small grid. The best
+//! are chosen on the first task. Scores rank the variants.
 //!
 //! ```no_run
 //! use studies::compare::Comparison;
@@ -76,7 +75,7 @@ impl Comparison {
         Ok(Self { rounds })
     }
 
-    /// The verdict and the tables, for a terminal.
+    /// The verdict and all tables, for a terminal.
     pub fn text(&self) -> String {
         text::measures(&self.rounds).terminal()
     }

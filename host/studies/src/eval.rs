@@ -1,7 +1,7 @@
 //! The scripting interface: cases in as JSON, results out as JSON.
 //!
-//! What the firmware decides is answered by the fixed-point core that the firmware runs
-//! (`firmware`), what physics decides by the model (`physics`).
+//! The core that the firmware runs answers formulas of the firmware (`firmware`). The model answers formulas of motor, load
+//! and bridge (`physics`).
 //!
 //! ```
 //! use serde_json::json;
@@ -25,14 +25,14 @@ use std::collections::BTreeSet;
 
 pub use error::CaseError;
 
-/// What became of a document.
+/// The answers to a document.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answers {
     /// `{"results": [...]}`, in the order of the cases.
     pub document: Value,
-    /// How many cases there were.
+    /// Number of cases.
     pub cases: usize,
-    /// How many of them could not be answered.
+    /// Number of cases that could not be answered.
     pub failed: usize,
 }
 
@@ -44,7 +44,7 @@ pub struct NoCases;
 /// Answers every case of a document.
 ///
 /// # Errors
-/// [`NoCases`]; what is wrong with a case is said in its place among the answers.
+/// [`NoCases`]. An error of a single case stands in the place of its answer.
 pub fn answers(document: &Value) -> Result<Answers, NoCases> {
     let cases = document.get("cases").and_then(Value::as_array).ok_or(NoCases)?;
     let none = Value::Null;
@@ -53,7 +53,7 @@ pub fn answers(document: &Value) -> Result<Answers, NoCases> {
     let mut ids = BTreeSet::new();
     let results = cases.iter().map(|case| {
         let id = case.get("id").unwrap_or(&none);
-        // An answer is found by its id.
+        // Programs find an answer by its id.
         let unique = id.is_null() || ids.insert(id.to_string());
         let answered =
             if unique { answer(&Case::new(case, motors)) } else { Err("an earlier case has this id".into()) };

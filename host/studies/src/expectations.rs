@@ -73,13 +73,13 @@ pub enum Measured {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultName {
-    /// No battery voltage is known.
+    /// The battery voltage is unknown.
     BatteryUnknown,
     /// No encoder reading.
     EncoderStale,
     /// The encoder does not count.
     Stuck,
-    /// The encoder counts the wrong way.
+    /// The encoder counts in the wrong direction.
     Reversed,
     /// The winding got too hot.
     Overheated,
@@ -152,11 +152,11 @@ fn measure(scenario: &Scenario, trace: &Trace, expectation: &Expectation) -> Opt
                 .map(|(low, high)| Measured::Between(low, high))?,
             Quantity::Swing => speeds().map(|(low, high)| Measured::Number(high - low))?,
             Quantity::CurrentStep => {
-                // Without slowing down there is none.
+                // A motor that never slows down has no braking current.
                 Some(measures.deceleration_jerk.worst_a).filter(|&step| step > 0.0).map(Measured::Number)?
             }
             Quantity::EnergyReturned => Measured::Number(measures.energy_to_battery_j),
-            // Of a motor there is none.
+            // These are quantities of a group and of the battery.
             Quantity::HeadingError | Quantity::Bus => return None,
         },
         Expected::Ever(_) | Expected::Never(_) => {
@@ -232,7 +232,7 @@ impl Verdict {
         }
     }
 
-    /// For programs. Quantities are in the unit that their name in scenario files ends with.
+    /// The verdict as JSON. A quantity has the unit at the end of its key in scenario files.
     #[must_use]
     pub fn json(&self) -> serde_json::Value {
         let (expected, wanted) = match self.expected {

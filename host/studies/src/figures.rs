@@ -1,4 +1,4 @@
-//! The paper's figures, and ours of what its duty and ours make of a control value.
+//! The paper's figures, and figures of the currents that a control value gives with linear duty and with linear current.
 //!
 //! ```no_run
 //! for (name, figure) in studies::figures::all()? {
@@ -9,9 +9,10 @@
 
 mod circuits;
 
+use crate::points::chart::{self, Look};
 use crate::points::{CONTROL_RANGE, fraction};
 use crate::{NamedFigure, StudyError};
-use chart::{Figure, Panel, Point, Series, Style, colour};
+use ::chart::{Figure, Panel, Point, Series, Style, colour};
 use motor_hub::braking::{DutyRule, Modulator, OperatingPoint, Scheme};
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::model::catalogue::{Motor, characterised};
@@ -34,10 +35,10 @@ const RULES: [(&str, &str, DutyRule); 2] = [
     ("linear current", colour::BLUE, DutyRule::LinearCurrent),
 ];
 
-/// All of them but the circuits, for the motor of the paper's examples.
+/// All figures except the circuits, for the motor of the paper's examples.
 ///
 /// # Errors
-/// If the catalogue lacks it.
+/// If the catalogue lacks the motor.
 pub fn all() -> Result<Vec<NamedFigure>, StudyError> {
     let motor = &characterised("AM 60 A")?;
     let a = ("A", paper::Scheme::A, "equivalent DC voltage, V");
@@ -67,47 +68,17 @@ pub fn all() -> Result<Vec<NamedFigure>, StudyError> {
 }
 
 fn line(name: &str, colour: &'static str, data: Vec<(f64, f64)>) -> Series {
-    Series { name: name.to_owned(), colour, style: Style::Line, data }
+    Series::new(name, colour, Style::Line, data)
 }
 
-/// Three lines within the control range, and four points.
+/// The points with their names, and the lines between them.
 fn points_panel(points: &Points, y_label: String, height: f64) -> Panel {
-    let corners = [points.s, points.t, points.z, points.g];
-    let names = ["S", "T", "Z", "G"];
-    let lines = [
-        ("reverse (6/2)", colour::REVERSE),
-        ("braking (5/0)", colour::BRAKING),
-        ("forward (9/8)", colour::FORWARD),
-    ];
-    let pairs = corners.iter().zip(corners.iter().skip(1)).zip(lines);
-    let series = pairs.filter_map(|((from, to), (name, colour))| {
-        let inside = clipped((from.x, from.y), (to.x, to.y));
-        (!inside.is_empty()).then(|| line(name, colour, inside))
-    });
+    let corners = [("S", points.s), ("T", points.t), ("Z", points.z), ("G", points.g)];
     // Room for the names.
-    let reach = 1.3 * corners.iter().map(|p| p.y.abs()).fold(0.0, f64::max);
-    let named = corners.iter().zip(names);
-    Panel {
-        y_label,
-        height,
-        y_range: Some((-reach, reach)),
-        series: series.collect(),
-        points: named
-            .map(|(p, name)| Point { at: (p.x, p.y), name: name.to_owned(), colour: colour::INK })
-            .collect(),
-        ..Panel::default()
-    }
-}
-
-fn clipped(from: (f64, f64), to: (f64, f64)) -> Vec<(f64, f64)> {
-    let (low, high) = (from.0.max(-CONTROL_MAX), to.0.min(CONTROL_MAX));
-    if low > high {
-        return Vec::new();
-    }
-    let y = |x: f64| {
-        if to.0 == from.0 { from.1 } else { from.1 + (to.1 - from.1) * (x - from.0) / (to.0 - from.0) }
-    };
-    vec![(low, y(low)), (high, y(high))]
+    let reach = 1.3 * corners.iter().map(|(_, p)| p.y.abs()).fold(0.0, f64::max);
+    let named = corners.map(|(name, p)| Point { at: (p.x, p.y), name: name.to_owned(), colour: colour::INK });
+    let look = Look { counter_clockwise: false, jump: false, height };
+    Panel { y_range: Some((-reach, reach)), ..chart::panel(y_label, named, look) }
 }
 
 fn structure() -> Figure {
@@ -129,7 +100,7 @@ fn structure() -> Figure {
     }
 }
 
-/// Current after the applied voltage drops from what keeps 1 rad/s at the output.
+/// Current after the applied voltage drops from the voltage that keeps 1 rad/s at the output.
 fn drop_figure(motor: &Motor, mean_zero: bool) -> Figure {
     let geared = GearedMotor::new(motor, &Load::flywheel(Kilograms(10.0), Metres(0.1)));
     let drop = geared.voltage_drop(RadPerSec(motor.gear_ratio), Seconds(0.05));
@@ -139,12 +110,9 @@ fn drop_figure(motor: &Motor, mean_zero: bool) -> Figure {
         .map(|n| 0.025 * f64::from(n))
         .map(|ms| (ms, geared.after(start, Applied::voltage(to), Seconds(1e-3 * ms)).current.0))
         .collect();
-    let panel = |y_label: &str, y_range| Panel {
-        y_label: y_label.to_owned(),
-        height: 300.0,
-        y_range,
-        series: vec![line("current", colour::BLUE, data.clone())],
-        ..Panel::default()
+    let panel = |y_label: &str, y_range| {
+        let current = line("current", colour::BLUE, data.clone());
+        Panel { y_range, ..Panel::new(y_label, 300.0, vec![current]) }
     };
     let mut panels = vec![panel("motor current, A", None)];
     if !mean_zero {
@@ -163,7 +131,7 @@ fn drop_figure(motor: &Motor, mean_zero: bool) -> Figure {
     }
 }
 
-/// Back EMF of the example motor at a share of its free speed, and that as a share of the battery.
+/// Back EMF of a motor at a share of its free speed, in volts.
 fn emf_at(motor: &Motor, share: f64) -> f64 {
     let free = GearedMotor::new(motor, &Load::NONE).steady(Applied::voltage(Volts(BATTERY)));
     share * motor.ke.0 * free.speed.0
@@ -203,29 +171,23 @@ fn over_speed(motor: &Motor) -> Figure {
     };
     let t = |points: &Points| points.t.x;
     let blended = |u| paper::Scheme::D { blend: paper::blend_keeping_t_in_range(u) };
+    let series = vec![
+        line("Z of scheme A", colour::GREEN, curve(&|_| paper::Scheme::A, |points| points.z.x)),
+        line("T of scheme B", colour::BLUE, curve(&|_| paper::Scheme::B, t)),
+        line("T of scheme C", colour::RED, curve(&|_| paper::Scheme::C, t)),
+        line("T of D, blend 1/4", colour::PURPLE, curve(&|_| paper::Scheme::D { blend: 0.25 }, t)),
+        line("T of D, automatic", colour::INK, curve(&blended, t)),
+    ];
     Figure {
         title: "Where braking begins and ends, over speed".to_owned(),
         subtitle: "NeveRest 60 on 12 V; the control range ends at +-1".to_owned(),
         x_label: "speed, % of free speed".to_owned(),
         x_range: Some((0.0, 110.0)),
-        panels: vec![Panel {
-            y_label: "control".to_owned(),
-            height: 460.0,
-            y_range: Some((-1.22, 1.22)),
-            series: vec![
-                line("Z of scheme A", colour::GREEN, curve(&|_| paper::Scheme::A, |points| points.z.x)),
-                line("T of scheme B", colour::BLUE, curve(&|_| paper::Scheme::B, t)),
-                line("T of scheme C", colour::RED, curve(&|_| paper::Scheme::C, t)),
-                line("T of D, blend 1/4", colour::PURPLE, curve(&|_| paper::Scheme::D { blend: 0.25 }, t)),
-                line("T of D, automatic", colour::INK, curve(&blended, t)),
-            ],
-            ..Panel::default()
-        }],
+        panels: vec![Panel { y_range: Some((-1.22, 1.22)), ..Panel::new("control", 460.0, series) }],
     }
 }
 
-/// Mean current of the event-exact bridge for every 64th control value, by a duty rule; and the line
-/// asked for; in amperes.
+/// Mean current of the event-exact bridge in amperes, for every 64th control value with a duty rule.
 fn measured(
     motor: &Motor,
     scheme: Scheme,
@@ -251,7 +213,7 @@ fn measured(
     Ok((-511..=511).map(|n| current(64 * n)).collect())
 }
 
-/// The current that Scheme A or B asks for.
+/// The current in amperes that Scheme A or B requests.
 fn asked(motor: &Motor, scheme: Scheme, emf: f64, control: f64) -> f64 {
     let c = control / CONTROL_MAX;
     let volts = match scheme {
@@ -279,8 +241,7 @@ fn currents(motor: &Motor, share: f64) -> Result<Figure, StudyError> {
             let worst = worst(motor, scheme, emf, &data);
             series.push(line(&format!("{rule_name}: {worst:.1} % off"), colour, data));
         }
-        let y_label = format!("mean motor current, A: scheme {name}");
-        panels.push(Panel { y_label, height: 320.0, series, ..Panel::default() });
+        panels.push(Panel::new(format!("mean motor current, A: scheme {name}"), 320.0, series));
     }
     Ok(Figure {
         title: format!("What a control value becomes at {:.0} % of free speed", 100.0 * share),
@@ -311,13 +272,8 @@ fn by_frequency(motor: &Motor) -> Result<Figure, StudyError> {
             let name = format!("{name}: {worst:.1} %");
             series.push(line(&name, colour, data.into_iter().map(off).collect()));
         }
-        panels.push(Panel {
-            y_label: format!("deviation from the line, % of Vbat/R, at {:.0} kHz", hertz / 1e3),
-            height: 220.0,
-            y_range: Some((-30.0, 30.0)),
-            series,
-            ..Panel::default()
-        });
+        let label = format!("deviation from the line, % of Vbat/R, at {:.0} kHz", hertz / 1e3);
+        panels.push(Panel { y_range: Some((-30.0, 30.0)), ..Panel::new(label, 220.0, series) });
     }
     Ok(Figure {
         title: "Deviation from the line asked for, by PWM frequency".to_owned(),

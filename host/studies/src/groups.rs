@@ -1,4 +1,4 @@
-//! What a run was like for motors that move in step: when they arrived, and how far apart they were on the way.
+//! Measures of motors that move in step: the time until all have settled, and the heading error of a drive base.
 
 use motor_hub::group::DriveBase;
 use motor_hub::motor::Setpoint;

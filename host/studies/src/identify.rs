@@ -1,4 +1,4 @@
-//! What a hub learns of the motors on a simulated board, beside what they are.
+//! The identification of motors on a simulated board, beside their true constants.
 //!
 //! ```no_run
 //! use simulated::{scenario::Scenario, sim};
@@ -21,15 +21,16 @@ use serde_json::{Value, json};
 use simulated::scenario::{Configuration, Motor, Scenario, Timed};
 use simulated::trace::{Sample, Trace};
 
-/// By then the battery is known and every task runs.
+/// Begin of the identification, in seconds. By then the hub has measured its battery.
 const BEGIN_S: f64 = 0.5;
-/// Time for a motor of usual inertia, and for the heaviest that is waited for.
+/// Length of a run in seconds, for motors of usual inertia, and for the heaviest motors.
 const USUAL_S: f64 = 5.0;
 const LONGEST_S: f64 = 30.0;
+/// A millivolt, in volts.
 const MV: f64 = 1e-3;
 
-/// A scenario whose motors are all identified, and nothing else; `travel_limit` in counts. Constant
-/// torques on their shafts stay.
+/// The scenario with an identification of every motor instead of its set-points, groups and expectations. The torques on
+/// the shafts stay. `travel_limit` is in counts.
 #[must_use]
 pub fn scenario(mut scenario: Scenario, travel_limit: u32) -> Scenario {
     for motor in &mut scenario.motors {
@@ -42,7 +43,7 @@ pub fn scenario(mut scenario: Scenario, travel_limit: u32) -> Scenario {
     scenario
 }
 
-/// The same with time for heavy motors, if one is still under way at the end of its trace.
+/// The scenario with time for heavy motors; `None` if no identification runs at the end of the trace.
 #[must_use]
 pub fn longer(scenario: &Scenario, trace: &Trace) -> Option<Scenario> {
     let last = trace.ticks.last()?;
@@ -51,7 +52,7 @@ pub fn longer(scenario: &Scenario, trace: &Trace) -> Option<Scenario> {
     running.then(|| Scenario { duration_s: LONGEST_S, ..scenario.clone() })
 }
 
-/// What came of it.
+/// The identifications of a run.
 pub struct Identifications {
     scenario: Scenario,
     trace: Trace,
@@ -60,6 +61,8 @@ pub struct Identifications {
 }
 
 impl Identifications {
+    /// The identifications in the trace of a scenario.
+    ///
     /// # Errors
     /// If a motor's constants do not fit the firmware's range.
     pub fn new(scenario: Scenario, trace: Trace) -> Result<Self, RangeError> {
@@ -73,7 +76,7 @@ impl Identifications {
         Ok(Self { scenario, trace, configured, truth })
     }
 
-    /// By motor.
+    /// The last state of each motor's identification.
     pub fn outcomes(&self) -> impl Iterator<Item = Identification> {
         let last = self.trace.ticks.last().into_iter().flat_map(|tick| &tick.motors);
         last.map(|motor| motor.report.identification)
@@ -96,7 +99,7 @@ impl Identifications {
         out
     }
 
-    /// All of it for programs.
+    /// The document for programs.
     #[must_use]
     pub fn json(&self) -> Value {
         let motors = self.scenario.motors.iter().zip(&self.truth).zip(self.outcomes());
@@ -114,7 +117,7 @@ impl Identifications {
         json!({ "period_ms": self.scenario.period.as_millis(), "motors": motors })
     }
 
-    /// Counts as they were, and as what was found predicts them from the voltages.
+    /// A chart of the measured counts, and of the counts that the identified constants predict from the voltages.
     #[must_use]
     pub fn figure(&self) -> Figure {
         let panels = self.outcomes().enumerate().map(|(index, outcome)| self.panel(index, outcome));
@@ -137,34 +140,21 @@ impl Identifications {
         let end = samples.iter().rposition(|sample| driven(&sample)).map_or(0, |last| last + 2);
         let samples = &samples[..end.min(samples.len())];
         let measured = samples.iter().map(|(at, sample)| (*at, f64::from(sample.report.position)));
-        let mut series = vec![Series {
-            name: "measured".into(),
-            colour: colour::INK,
-            style: Style::Line,
-            data: measured.collect(),
-        }];
+        let mut series = vec![Series::new("measured", colour::INK, Style::Line, measured)];
         if let Identification::Found(found) = outcome {
-            series.push(Series {
-                name: "predicted".into(),
-                colour: colour::RED,
-                style: Style::Dashed,
-                data: predicted(samples, &self.configured[index], &found.dynamics),
-            });
+            let predicted = predicted(samples, &self.configured[index], &found.dynamics);
+            series.push(Series::new("predicted", colour::RED, Style::Dashed, predicted));
         }
         let verdict = match outcome {
             Identification::Found(_) => String::new(),
             other => format!(" ({})", words(other)),
         };
-        Panel {
-            y_label: format!("{}: {}, counts{verdict}", motor.label, motor.constants.name),
-            height: 160.0,
-            series,
-            ..Panel::default()
-        }
+        let label = format!("{}: {}, counts{verdict}", motor.label, motor.constants.name);
+        Panel::new(label, 160.0, series)
     }
 }
 
-/// Counts that a motor with these dynamics would have come to under the voltages that the hub reports.
+/// Counts that a motor with these dynamics turns by, under the voltages that the hub reports.
 fn predicted(samples: &[(f64, &Sample)], configured: &Settings, found: &Dynamics) -> Vec<(f64, f64)> {
     const STEPS: u32 = 50;
     let ohms = MV * f64::from(configured.winding.resistance.as_milliohms())
@@ -184,7 +174,7 @@ fn predicted(samples: &[(f64, &Sample)], configured: &Settings, found: &Dynamics
         for _ in 0..STEPS {
             let before = w;
             w += (push - q * w) * dt;
-            // Friction stops, and does not drive.
+            // Friction stops a motor. It does not drive a motor.
             w -= w.clamp(-friction * dt, friction * dt);
             x += f64::midpoint(before, w) * dt;
         }
@@ -192,7 +182,7 @@ fn predicted(samples: &[(f64, &Sample)], configured: &Settings, found: &Dynamics
     data
 }
 
-/// What was found with its standard errors, beside something else of a name, such as what is true where that is known.
+/// The identified constants with their standard errors, beside other constants with their name, such as the true ones.
 #[must_use]
 pub fn found_table(title: &str, found: &Identified, beside: Option<(&str, &Dynamics)>) -> Table {
     let mut headings = vec![title, "found", "error"];
@@ -203,7 +193,7 @@ pub fn found_table(title: &str, found: &Identified, beside: Option<(&str, &Dynam
         let mut cells = vec![name.to_owned(), format!("{value:.digits$} {unit}"), error];
         if let Some(is) = is {
             let off = if is == 0.0 { "-".into() } else { format!("{:+.1} %", 100.0 * (value / is - 1.0)) };
-            // In the same unit, which leaves room.
+            // The unit stands in the column before.
             cells.extend([format!("{is:.digits$}"), off]);
         }
         table.add_row(cells);
@@ -234,7 +224,7 @@ fn volts_per_speed(emf: EmfConstant) -> f64 {
     f64::from(emf.to_bits()) / f64::from(1 << 20)
 }
 
-/// An outcome without numbers, for people.
+/// The outcome in words, without numbers.
 #[must_use]
 pub fn words(outcome: Identification) -> String {
     match outcome {
@@ -253,7 +243,7 @@ fn dynamics(of: &Dynamics) -> Value {
     })
 }
 
-/// An outcome for programs.
+/// The outcome as JSON.
 #[must_use]
 pub fn json(outcome: Identification) -> Value {
     let Identification::Found(found) = outcome else {

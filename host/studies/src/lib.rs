@@ -46,10 +46,11 @@ pub mod settling;
 pub mod survey;
 pub mod table;
 
-use chart::Figure;
+use chart::{Figure, Series, Style};
 use motor_hub::model::catalogue::UnknownMotor;
 use motor_hub::units::RangeError;
 use simulated::sim::RunError;
+use simulated::trace::{Sample, Trace};
 
 /// Version of the documents and files for programs. It changes when a field is removed or changes its meaning. Fields
 /// may be added at any time.
@@ -77,3 +78,13 @@ pub enum StudyError {
 
 /// A figure and the name of its files.
 pub type NamedFigure = (String, Figure);
+
+/// A value of a motor over a run. The line has a name, a colour and a style.
+fn line(
+    (name, colour, style): (&str, &'static str, Style),
+    trace: &Trace,
+    motor: usize,
+    value: impl Fn(&Sample) -> f64,
+) -> Series {
+    Series::new(name, colour, style, trace.motor(motor).map(|(at_s, sample)| (at_s, value(sample))))
+}

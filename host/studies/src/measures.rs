@@ -1,5 +1,4 @@
-//! What a run was like, in numbers: how fast set-points were reached, how gently the motor slowed
-//! down, which regimes it was in, what the battery gave and got.
+//! Numbers of a run: settling and overshoot of each response, jerk while slowing down, shares of the regimes, energies.
 //!
 //! ```
 //! use simulated::{scenario::Scenario, sim};
@@ -12,7 +11,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::points::regulator_name;
 use crate::settling::{Goal, Settling, settling};
 use crate::table;
 use motor_hub::braking::Regime;
@@ -23,50 +21,50 @@ use simulated::scenario::Motor;
 use simulated::trace::{Point, Sample, Trace};
 use std::ops::Range;
 
-/// Everything measured of one motor in one run.
+/// All measures of one motor in one run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Measures {
-    /// What regulated it, "model" or "PID".
+    /// Regulator of the motor at the end, "model" or "PID".
     pub regulator: &'static str,
-    /// Answers to changes of a regulated set-point or of the external torque.
+    /// Responses to changes of a regulated set-point or of the external torque.
     pub responses: Vec<Response>,
-    /// How abruptly it slowed down.
+    /// Changes of the motor current while the motor slowed down.
     pub deceleration_jerk: Jerk,
     /// Shares of the control ticks, in percent.
     pub regimes: RegimeShares,
     /// Energy taken from the battery by this motor's bridge, in joules.
     pub energy_from_battery_j: f64,
-    /// Energy that its bridge returned, in joules.
+    /// Energy returned to the battery by this motor's bridge, in joules.
     pub energy_to_battery_j: f64,
 }
 
-/// The answer to one change, up to the next one.
+/// The response to one change, up to the next change.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Response {
-    /// When the change came, in seconds.
+    /// Time of the change in seconds.
     pub at_s: f64,
-    /// What changed, in words.
+    /// The change in words.
     pub change: String,
-    /// What the motor had to do, after its name: "held at its speed".
+    /// The motor's task as the end of a sentence, such as "held at its speed".
     #[serde(skip)]
     pub task: String,
-    /// "counts/s" or "counts".
+    /// Unit of the errors: "counts/s" or "counts".
     pub unit: &'static str,
     /// Seconds until the motor has [settled](crate::settling); null if it never did, or if `too_short`.
     pub settling_s: Option<f64>,
     /// True if the next change comes too soon to judge whether the motor settled.
     pub too_short: bool,
-    /// How far it went beyond, in percent of the step; after a change of torque how far it was
-    /// pushed away, in percent of the set-point. Null for a hold at zero.
+    /// Largest error beyond the set-point in percent of the step. After a change of torque, the largest error in percent of
+    /// the set-point. Null for a hold at zero.
     pub overshoot_percent: Option<f64>,
-    /// Root mean square of the error in the second half of the time to the next change.
+    /// Root mean square of the error in the second half of the response.
     pub residual_rms: f64,
-    /// Root mean square of the error all the time to the next change.
+    /// Root mean square of the error in the whole response.
     pub rms_error: f64,
-    /// Integral of the error's size over that time, in the unit times seconds.
+    /// Integral of the error's size over the response, in `unit` times seconds.
     pub absolute_error_s: f64,
-    /// From lowest to highest value in the last second before the next change: a limit cycle, if the
-    /// motor had settled.
+    /// Difference of the highest and the lowest value in the last second of the response. For a settled motor it is the size
+    /// of a limit cycle.
     pub swing: f64,
 }
 
@@ -77,25 +75,25 @@ impl Response {
     }
 }
 
-/// How long before the next change a limit cycle is looked for, in seconds.
+/// Length of the end of a response in which the swing is measured, in seconds.
 const LAST_S: f64 = 1.0;
 
-/// Changes of the mean motor current from one control period to the next, over the periods in which
-/// the motor slows down. Torque and so deceleration follow the current.
+/// Changes of the mean motor current from one control period to the next while the motor slows down. Torque, and with it the
+/// deceleration, is proportional to the current.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Jerk {
-    /// The largest, in amperes per control period.
+    /// Largest change in amperes.
     pub worst_a: f64,
-    /// The same as torque on the output shaft, in newton metres per control period.
+    /// Largest change of the torque on the output shaft in newton metres.
     pub worst_nm: f64,
-    /// Root mean square, in amperes per control period.
+    /// Root mean square of the changes in amperes.
     pub rms_a: f64,
 }
 
-/// Where the control ticks fell, in percent.
+/// Shares of the control ticks by regime, in percent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct RegimeShares {
-    /// Driven with the motion.
+    /// Driven in the direction of motion.
     pub forward: f64,
     /// Proportional braking.
     pub braking: f64,
@@ -134,12 +132,12 @@ impl Measures {
         Self::between(motor, 0.0..duration_s, trace, index)
     }
 
-    /// As [`Measures::new`], with a part of the time as if it were all.
+    /// As [`Measures::new`], for a part of the run.
     pub fn between(motor: &Motor, span_s: Range<f64>, trace: &Trace, index: usize) -> Self {
         let all: Vec<(f64, &Sample)> = trace.motor(index).collect();
         let ticks: Vec<_> = all.iter().copied().filter(|(at, _)| span_s.contains(at)).collect();
         Self {
-            regulator: ticks.last().map_or("", |(_, sample)| regulator_name(sample.report.regulator)),
+            regulator: ticks.last().map_or("", |(_, sample)| sample.report.regulator.name()),
             responses: responses(motor, &span_s, trace.motion.get(index).map_or(&[], Vec::as_slice)),
             deceleration_jerk: jerk(motor, &span_s, &all),
             regimes: shares(&ticks),
@@ -167,7 +165,7 @@ fn response(motor: &Motor, span_s: Range<f64>, motion: &[Point]) -> Option<Respo
     let within = within.get(..within.partition_point(|point| point.at_s < to_s)).unwrap_or_default();
     let before = motor.setpoints.iter().rev().find(|s| s.at_s < from_s).and_then(|s| Goal::of(s.value));
     let old = match before {
-        // A change of run mode begins at the motor's own value.
+        // After a change of run mode, the step begins at the motor's present speed or position.
         Some(before) if before.unit() == goal.unit() => before.target(),
         _ => goal.value(within.first()?),
     };
@@ -202,7 +200,7 @@ fn response(motor: &Motor, span_s: Range<f64>, motion: &[Point]) -> Option<Respo
     })
 }
 
-/// What a motor has to do after a change of its set-point, or of the torque on it.
+/// The motor's task after a change of its set-point, or of the torque on its shaft.
 fn task(goal: Goal, stepped: bool) -> String {
     match goal {
         Goal::Velocity(0.0) if stepped => "brought to standstill".to_owned(),
@@ -227,7 +225,7 @@ fn jerk(motor: &Motor, span_s: &Range<f64>, ticks: &[(f64, &Sample)]) -> Jerk {
     Jerk { worst_a, worst_nm: worst_a * torque_per_amp, rms_a: rms(&changes) }
 }
 
-/// What a bridge did; `None` if it was open, as it also is when it brakes by nothing.
+/// The regime of a bridge; `None` if the bridge is open, which is also braking with a duty of 0.
 pub(crate) fn regime_of(report: &Report) -> Option<Regime> {
     report.regime.filter(|_| report.drive != Drive::COAST)
 }
@@ -245,9 +243,9 @@ fn shares(ticks: &[(f64, &Sample)]) -> RegimeShares {
     }
 }
 
-/// Root mean square; 0 of nothing.
+/// Root mean square; 0 without values.
 fn rms(values: &[f64]) -> f64 {
-    // Folded from 0: the sum of nothing is -0, which would be shown.
+    // `sum` of no values is -0, whose sign would be shown.
     let sum = values.iter().fold(0.0, |sum, value| sum + value * value);
     (sum / values.len().max(1) as f64).sqrt()
 }

@@ -1,5 +1,5 @@
-//! The same scenario twice: by the flashed image on the emulated chip, and by the same core on the
-//! simulated board. Tables, a chart with both, and how far they are apart.
+//! A scenario run by the flashed image on an emulated chip, beside its run on the simulated board: tables, a chart, and
+//! the differences.
 //!
 //! ```
 //! use simulated::{scenario::Scenario, sim};
@@ -7,15 +7,15 @@
 //!
 //! let scenario = Scenario { duration_s: 0.5, ..Scenario::default_one()? };
 //! let trace = sim::run(&scenario, &mut |_| ())?;
-//! // A run lies over itself.
+//! // A run does not differ from itself.
 //! let overlay = Overlay::new(scenario, "STM32F427", trace.clone(), trace);
 //! assert!(overlay.apart().iter().all(|apart| apart.worst_cps == 0.0 && apart.worst_counts == 0));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
 use crate::measures::{Measures, Response};
-use crate::table;
-use chart::{Figure, Panel, Series, Style, colour};
+use crate::{line, table};
+use chart::{Figure, Panel, Style, colour};
 use simulated::scenario::Scenario;
 use simulated::trace::{Sample, Trace};
 
@@ -27,15 +27,15 @@ pub struct Overlay {
     simulated: Trace,
 }
 
-/// How far the two are apart, of one motor.
+/// Differences of the two runs for one motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Apart {
-    /// How far the chip's speed was outside what the simulation's was within one control period of it,
-    /// at most, counts/s: a tick's difference in time is allowed for.
+    /// Largest distance in counts/s of the chip's speed from the speeds of the simulation within one control period. So a
+    /// difference in time of one tick does not count.
     pub worst_cps: f64,
-    /// Root mean square of the difference at the same tick, counts/s.
+    /// Root mean square of the difference in speed at the same tick, in counts/s.
     pub rms_cps: f64,
-    /// The largest difference in position, counts.
+    /// Largest difference in position at the same tick, in counts.
     pub worst_counts: i64,
 }
 
@@ -46,7 +46,7 @@ impl Overlay {
         Self { scenario, chip, emulated, simulated }
     }
 
-    /// How far the two are apart, by motor.
+    /// The differences of the two runs, by motor.
     #[must_use]
     pub fn apart(&self) -> Vec<Apart> {
         (0..self.scenario.motors.len()).map(|motor| self.apart_of(motor)).collect()
@@ -72,7 +72,7 @@ impl Overlay {
         apart
     }
 
-    /// The measures of both, side by side, for people.
+    /// The measures of both runs as tables, with their differences.
     #[must_use]
     pub fn tables(&self) -> String {
         let mut out = format!("{}: {} s\n", self.scenario.name, self.scenario.duration_s);
@@ -108,33 +108,23 @@ impl Overlay {
         out
     }
 
-    /// Speed, duty and current of every motor, both runs over each other.
+    /// A chart with speed and duty of every motor in both runs.
     #[must_use]
     pub fn figure(&self) -> Figure {
         let mut panels = Vec::new();
         for (index, motor) in self.scenario.motors.iter().enumerate() {
-            // Dashed and on top: where they are one, both are seen.
+            // The dashed line is on top, so that both lines show where they coincide.
             let both = |[style, dashed]: [Style; 2], value: fn(&Sample) -> f64| {
                 vec![
-                    line("emulated chip", colour::BLUE, style, &self.emulated, index, value),
-                    line("simulated board", colour::RED, dashed, &self.simulated, index, value),
+                    line(("emulated chip", colour::BLUE, style), &self.emulated, index, value),
+                    line(("simulated board", colour::RED, dashed), &self.simulated, index, value),
                 ]
             };
-            panels.push(Panel {
-                y_label: format!("{}: speed, counts/s", motor.label),
-                height: 110.0,
-                series: both([Style::Line, Style::Dashed], |sample| sample.speed_cps),
-                ..Panel::default()
-            });
-            panels.push(Panel {
-                y_label: "duty, %".into(),
-                height: 50.0,
-                y_range: Some((0.0, 104.0)),
-                series: both([Style::Step, Style::DashedStep], |sample| {
-                    100.0 * sample.report.drive.duty.to_f64()
-                }),
-                ..Panel::default()
-            });
+            let speed = both([Style::Line, Style::Dashed], |sample| sample.speed_cps);
+            panels.push(Panel::new(format!("{}: speed, counts/s", motor.label), 110.0, speed));
+            let duty = |sample: &Sample| 100.0 * sample.report.drive.duty.to_f64();
+            let duty = Panel::new("duty, %", 50.0, both([Style::Step, Style::DashedStep], duty));
+            panels.push(Panel { y_range: Some((0.0, 104.0)), ..duty });
         }
         Figure {
             title: self.scenario.name.clone(),
@@ -153,16 +143,4 @@ fn cell(response: &Response) -> String {
     let settling = response.settling();
     let overshoot = response.overshoot_percent.map_or("-".into(), |p| format!("{p:.1} %"));
     format!("\n{settling}\n{overshoot}\n{:.1} {}", response.residual_rms, response.unit)
-}
-
-fn line(
-    name: &str,
-    colour: &'static str,
-    style: Style,
-    trace: &Trace,
-    index: usize,
-    value: fn(&Sample) -> f64,
-) -> Series {
-    let data = trace.motor(index).map(|(at_s, sample)| (at_s, value(sample))).collect();
-    Series { name: name.into(), colour, style, data }
 }

@@ -1,4 +1,4 @@
-//! What a study says to people: sentences and tables, for a terminal or as GitHub Markdown.
+//! The text of a study: sentences and tables, for a terminal or as GitHub Markdown.
 //!
 //! ```
 //! use studies::{page::Page, table};

@@ -12,13 +12,12 @@
 //! # Ok::<(), studies::StudyError>(())
 //! ```
 
-mod chart;
+pub(crate) mod chart;
 
 use crate::StudyError;
 use ::chart::{Figure, Point, colour};
 use motor_hub::braking::{self, LinearCurrent, Modulation, OperatingPoint, Points, Scheme};
 use motor_hub::model::catalogue::Motor;
-use motor_hub::regulator::Kind;
 use motor_hub::units::{Control, CountsPerSecond, Millivolts};
 use serde::Serialize;
 use simulated::hardware::{BRIDGE, winding};
@@ -174,12 +173,4 @@ pub(crate) const CONTROL_RANGE: (f64, f64) = (-1.08, 1.08);
 /// A control value as a fraction of full scale, -1 to 1.
 pub(crate) fn fraction(steps: i16) -> f64 {
     f64::from(steps) / f64::from(Control::MAX.get())
-}
-
-/// "model" or "PID".
-pub const fn regulator_name(regulator: Kind) -> &'static str {
-    match regulator {
-        Kind::Model => "model",
-        Kind::Pid => "PID",
-    }
 }

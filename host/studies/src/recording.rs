@@ -1,9 +1,10 @@
-//! The reports of a hub while a host drove its motors: rows of comma-separated values, and the chart of a run.
+//! Readings of a hub while a host drives its motors: rows of comma-separated values, and a chart of each motor.
 //!
 //! ```
-//! use studies::recording::{Recording, Sample, Target};
+//! use motor_hub::extension::report::ReportedSetpoint;
+//! use studies::recording::{Recording, Sample};
 //!
-//! let mut recording = Recording::new("bench", Target::Velocity(500));
+//! let mut recording = Recording::new("bench", ReportedSetpoint::Velocity(500));
 //! let sample = Sample { at_s: 0.02, motor: 0, battery_v: 12.5, position: 10, cps: 480, ..Sample::default() };
 //! assert_eq!(recording.push(sample), "0.0200,0,12.500,velocity,500,10,480,,,,2\n");
 //! assert_eq!(recording.figures().len(), 1);
@@ -12,47 +13,11 @@
 use crate::points::{CONTROL_RANGE, fraction};
 use crate::{NamedFigure, SCHEMA_VERSION};
 use chart::{Figure, Panel, Series, Style, colour};
+use motor_hub::extension::report::ReportedSetpoint;
 
 /// The first line of the file. Units are in the names; unknown values are empty.
 pub const HEADINGS: &str = "time_s,motor,battery_measured_v,setpoint,setpoint_value,position_counts,\
 speed_estimate_cps,control,current_a,settled,schema_version\n";
-
-/// The set-point of all motors of a recording.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Target {
-    /// Control steps, -32767 to 32767.
-    Power(i16),
-    /// Milliamperes.
-    Current(i32),
-    /// Counts per second.
-    Velocity(i16),
-    /// Counts.
-    Position(i32),
-}
-
-impl Target {
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Power(_) => "power",
-            Self::Current(_) => "current",
-            Self::Velocity(_) => "velocity",
-            Self::Position(_) => "position",
-        }
-    }
-
-    const fn power(self) -> Option<i16> {
-        if let Self::Power(steps) = self { Some(steps) } else { None }
-    }
-
-    /// Steps, amperes, counts per second or counts.
-    fn value(self) -> f64 {
-        match self {
-            Self::Power(value) | Self::Velocity(value) => value.into(),
-            Self::Current(ma) => f64::from(ma) / 1e3,
-            Self::Position(value) => value.into(),
-        }
-    }
-}
 
 /// A hub's report of one motor at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -79,25 +44,36 @@ pub struct Sample {
 #[derive(Clone, Debug)]
 pub struct Recording {
     subtitle: String,
-    target: Target,
+    /// Set-point of all motors.
+    setpoint: ReportedSetpoint,
     samples: Vec<Sample>,
 }
 
 impl Recording {
-    /// An empty recording; `of` is the subtitle of its charts.
+    /// An empty recording of motors with this set-point. Its charts have this subtitle.
     #[must_use]
-    pub fn new(of: &str, target: Target) -> Self {
-        Self { subtitle: of.to_owned(), target, samples: Vec::new() }
+    pub fn new(subtitle: &str, setpoint: ReportedSetpoint) -> Self {
+        Self { subtitle: subtitle.to_owned(), setpoint, samples: Vec::new() }
+    }
+
+    /// Steps of a constant power; `None` for other set-points.
+    const fn power(&self) -> Option<i16> {
+        if let ReportedSetpoint::Power(control) = self.setpoint { Some(control.get()) } else { None }
+    }
+
+    /// Value of the set-point: steps, amperes, counts per second or counts.
+    fn value(&self) -> f64 {
+        self.power().map_or_else(|| self.setpoint.value().unwrap_or_default(), f64::from)
     }
 
     /// Keeps a sample, and returns its row.
     pub fn push(&mut self, sample: Sample) -> String {
         self.samples.push(sample);
         let Sample { at_s, motor, battery_v, position, cps, control, current_a, settled } = sample;
-        let control = control.or(self.target.power()).map(|steps| steps.to_string()).unwrap_or_default();
+        let control = control.or(self.power()).map(|steps| steps.to_string()).unwrap_or_default();
         let current = current_a.map(|current| format!("{current:.3}")).unwrap_or_default();
         let settled = settled.map(|settled| settled.to_string()).unwrap_or_default();
-        let (name, value) = (self.target.name(), self.target.value());
+        let (name, value) = (self.setpoint.name(), self.value());
         format!(
             "{at_s:.4},{motor},{battery_v:.3},{name},{value},{position},{cps},{control},{current},{settled},{SCHEMA_VERSION}\n"
         )
@@ -113,51 +89,43 @@ impl Recording {
     }
 
     fn figure(&self, motor: u8) -> Figure {
-        let line = |name: &str, colour, style, value: &dyn Fn(&Sample) -> f64| Series {
-            name: name.into(),
-            colour,
-            style,
-            data: self.samples.iter().filter(|s| s.motor == motor).map(|s| (s.at_s, value(s))).collect(),
+        let line = |name: &str, colour, style, value: &dyn Fn(&Sample) -> f64| {
+            let samples = self.samples.iter().filter(|s| s.motor == motor);
+            Series::new(name, colour, style, samples.map(|s| (s.at_s, value(s))))
         };
-        let target = |_: &Sample| self.target.value();
+        let target = |_: &Sample| self.value();
         let goal = || line("set-point", colour::RED, Style::DashedStep, &target);
         let position = line("position", colour::INK, Style::Line, &|s| s.position.into());
         let speed = line("speed", colour::INK, Style::Line, &|s| s.cps.into());
-        let panel = |y_label: &str, height, series| Panel {
-            y_label: y_label.into(),
-            height,
-            series,
-            ..Panel::default()
-        };
         let mut panels = Vec::new();
-        match self.target {
-            Target::Position(_) => {
-                panels.push(panel("position, counts", 150.0, vec![goal(), position]));
-                panels.push(panel("speed, counts/s", 170.0, vec![speed]));
+        let label = "speed, counts/s";
+        match self.setpoint {
+            ReportedSetpoint::Position(_) => {
+                panels.push(Panel::new("position, counts", 150.0, vec![goal(), position]));
+                panels.push(Panel::new(label, 170.0, vec![speed]));
             }
-            Target::Velocity(_) => panels.push(panel("speed, counts/s", 170.0, vec![goal(), speed])),
-            Target::Power(_) | Target::Current(_) => {
-                panels.push(panel("speed, counts/s", 170.0, vec![speed]))
-            }
+            ReportedSetpoint::Velocity(_) => panels.push(Panel::new(label, 170.0, vec![goal(), speed])),
+            _ => panels.push(Panel::new(label, 170.0, vec![speed])),
         }
         let reported = self.samples.iter().any(|sample| sample.motor == motor && sample.control.is_some());
-        if reported || self.target.power().is_some() {
-            let value = |s: &Sample| s.control.or(self.target.power()).map_or(f64::NAN, fraction);
+        if reported || self.power().is_some() {
+            let value = |s: &Sample| s.control.or(self.power()).map_or(f64::NAN, fraction);
             let control = line("control", colour::BLUE, Style::Step, &value);
-            panels.push(Panel { y_range: Some(CONTROL_RANGE), ..panel("control", 130.0, vec![control]) });
+            panels
+                .push(Panel { y_range: Some(CONTROL_RANGE), ..Panel::new("control", 130.0, vec![control]) });
         }
         if self.samples.iter().any(|sample| sample.motor == motor && sample.current_a.is_some()) {
             let current = line("current", colour::BLUE, Style::Step, &|s| s.current_a.unwrap_or(f64::NAN));
-            panels.push(panel(
+            panels.push(Panel::new(
                 "magnitude of the motor current, A, as reported by the hub",
                 110.0,
                 vec![current],
             ));
         }
         let battery = line("as measured", colour::GREEN, Style::Line, &|s| s.battery_v);
-        panels.push(panel("battery, V", 80.0, vec![battery]));
+        panels.push(Panel::new("battery, V", 80.0, vec![battery]));
         Figure {
-            title: format!("motor {motor}: {} {}", self.target.name(), self.target.value()),
+            title: format!("motor {motor}: {} {}", self.setpoint.name(), self.value()),
             subtitle: self.subtitle.clone(),
             x_label: "time, s".into(),
             x_range: None,
@@ -169,30 +137,32 @@ impl Recording {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use motor_hub::units::{Control, Milliamperes};
 
     #[test]
     fn a_chart_has_a_panel_for_everything_that_is_known() {
-        let labels = |target, current_a| -> Vec<String> {
-            let mut recording = Recording::new("", target);
+        let labels = |setpoint, current_a| -> Vec<String> {
+            let mut recording = Recording::new("", setpoint);
             let _ = recording.push(Sample { current_a, ..Sample::default() });
             let figures = recording.figures();
             figures.into_iter().flat_map(|(_, figure)| figure.panels).map(|panel| panel.y_label).collect()
         };
-        assert_eq!(labels(Target::Velocity(1), None), ["speed, counts/s", "battery, V"]);
-        assert!(labels(Target::Position(1), None).contains(&"position, counts".to_owned()));
-        let everything = labels(Target::Power(1), Some(0.5));
+        assert_eq!(labels(ReportedSetpoint::Velocity(1), None), ["speed, counts/s", "battery, V"]);
+        assert!(labels(ReportedSetpoint::Position(1), None).contains(&"position, counts".to_owned()));
+        let everything = labels(ReportedSetpoint::Power(Control::new(1)), Some(0.5));
         assert!(everything.len() == 4 && everything[2].contains("current, A"), "{everything:?}");
     }
 
     #[test]
     fn a_row_has_as_many_fields_as_the_headings() {
-        let mut recording = Recording::new("", Target::Power(-3));
+        let mut recording = Recording::new("", ReportedSetpoint::Power(Control::new(-3)));
         let row = recording.push(Sample { current_a: Some(1.5), ..Sample::default() });
         assert_eq!(row.matches(',').count(), HEADINGS.matches(',').count());
         assert!(row.contains(",-3,1.500,"), "{row}");
         let row = recording.push(Sample { control: Some(7), ..Sample::default() });
-        assert!(row.contains(",7,,"), "what the hub tells: {row}");
-        let row = Recording::new("", Target::Current(-800)).push(Sample::default());
+        assert!(row.contains(",7,,"), "the hub's own value: {row}");
+        let row =
+            Recording::new("", ReportedSetpoint::Current(Milliamperes::new(-800))).push(Sample::default());
         assert!(row.contains(",current,-0.8,"), "{row}");
     }
 }

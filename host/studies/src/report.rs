@@ -49,12 +49,12 @@ impl RunReport {
         &self.verdicts
     }
 
-    /// The result in a sentence: where the run with braking differs most from that without.
+    /// The result in a sentence: the response whose settling time differs most with and without braking.
     pub fn headline(&self) -> String {
         headline::headline(self)
     }
 
-    /// The headline and the tables, for people.
+    /// The headline and the tables.
     pub fn tables(&self) -> String {
         format!("{}\n\n{}", table::paragraph(&self.headline()), tables::all(self))
     }

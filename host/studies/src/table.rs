@@ -137,7 +137,7 @@ impl fmt::Display for Table {
     }
 }
 
-/// The order in which people count: "9.svg" before "10.svg".
+/// Order of names by their numbers: "9.svg" before "10.svg".
 #[must_use]
 pub fn natural_order(a: &str, b: &str) -> Ordering {
     parts_of(a).cmp(parts_of(b)).then_with(|| a.cmp(b))
@@ -175,7 +175,7 @@ pub fn grouped(number: usize) -> String {
     groups.join(" ")
 }
 
-/// Seconds, or "never" for what did not happen.
+/// Seconds as text; "never" without a time.
 #[must_use]
 pub fn seconds(seconds: Option<f64>) -> String {
     seconds.filter(|seconds| seconds.is_finite()).map_or("never".to_owned(), |s| format!("{s:.2} s"))
@@ -200,15 +200,15 @@ fn filled(text: &str, room: usize) -> String {
     out
 }
 
-/// On both sides of a cell together.
+/// Spaces on both sides of a cell together.
 const PADDING: usize = 2;
 
-/// Characters of a table that are no content.
+/// Characters of a row that are frame and padding.
 const fn frame(columns: usize) -> usize {
     (PADDING + 1) * columns + 1
 }
 
-/// Takes from the widest column that can spare it, until all fit or none can.
+/// Narrows the widest column that can be narrower, until the table fits or no column can be narrower.
 fn narrowed(mut widths: Vec<[usize; 2]>, room: usize) -> Vec<usize> {
     let frame = frame(widths.len());
     while widths.iter().map(|[width, _]| width).sum::<usize>() + frame > room {

@@ -25,9 +25,14 @@ fn every_scenario_is_as_it_expects() {
     assert!(unmet.is_empty(), "not as expected:\n{}", unmet.join("\n"));
 }
 
+/// Runs a scenario with one expectation, and judges this.
+fn verdict(text: &str) -> Verdict {
+    verdicts(&Scenario::parse("one.toml", text).expect("it is valid")).pop().expect("one expectation")
+}
+
 /// A motor that reaches two speeds and is then pushed, with one expectation.
 fn with(expectation: &str) -> Verdict {
-    let text = format!(
+    verdict(&format!(
         r#"
 name = "a motor turns"
 duration_s = 3.0
@@ -41,9 +46,7 @@ torques = [{{ at_s = 2.2, torque_nm = 0.2 }}]
 [[expect]]
 {expectation}
 "#
-    );
-    let scenario = Scenario::parse("one.toml", &text).expect("it is valid");
-    verdicts(&scenario).pop().expect("one expectation")
+    ))
 }
 
 #[test]
@@ -107,7 +110,7 @@ fn of_group(expectation: &str) -> Verdict {
 
 /// As `of_group`, with more keys of the right wheel.
 fn of_group_with(right: &str, expectation: &str) -> Verdict {
-    let text = format!(
+    verdict(&format!(
         r#"
 name = "two wheels turn"
 duration_s = 3.0
@@ -133,9 +136,7 @@ courses = [
 group = "base"
 {expectation}
 "#
-    );
-    let scenario = Scenario::parse("two.toml", &text).expect("it is valid");
-    verdicts(&scenario).pop().expect("one expectation")
+    ))
 }
 
 #[test]

@@ -3,10 +3,12 @@
 use std::path::Path;
 use std::time::Duration;
 
-use crate::common::{am60, board, booted, four_loads, log, ms, publish, setup, turning};
+use crate::common::{
+    am60, board, booted, by_board, expect_speed, four_loads, log, ms, publish, setup, turning,
+};
 use emulated::host_link::HostLink;
 use emulated::recording::{self, Knowledge};
-use emulated::{Bench, Board, elf};
+use emulated::{Bench, elf};
 use motor_hub::braking::Winding;
 use motor_hub::extension::Request;
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
@@ -31,17 +33,14 @@ pub(crate) fn bridges_are_open_from_power_on_until_somebody_asks_for_something()
 
 #[test]
 fn the_first_log_line_is_stamped_a_microsecond_at_most() {
-    // The time driver starts at zero: the emulator's work-around is in place.
+    // The time driver starts at zero, by the work-around for a gap of the emulator.
     let mut bench = Bench::new(setup(vec![am60()]));
     bench.run(ms(5));
     let log = bench.log();
     let [first, second, ..] = log.as_slice() else { panic!("two lines of log") };
     assert!(["0.000000", "0.000001"].contains(&first.stamp.as_str()), "{first}");
     // The clock of TIM1: on the H743 half of the core's.
-    let hertz = match board() {
-        Board::NucleoF429zi => "168000000 Hz",
-        Board::NucleoH743zi2 => "200000000 Hz",
-    };
+    let hertz = by_board("168000000 Hz", "200000000 Hz");
     assert!(second.text.contains(hertz), "{}", second.text);
     bench.assert_sound();
 }
@@ -53,18 +52,15 @@ pub(crate) fn pins_drive_their_idle_levels_within_a_millisecond_of_reset() {
     assert!(safe < ms(1), "{safe:?}");
 }
 
-/// When port D and PWM first drive what they should, after power-on. Until then pull-downs hold the lines.
+/// The time after power-on at which port D and PWM first drive their idle levels. Until then pull-downs hold the lines.
 pub(crate) fn first_safe_output(bench: &mut Bench) -> Duration {
     let safe = bench.run_while(Duration::from_micros(10), ms(20), |bench| {
-        // RCC_AHB1ENR, RCC_AHB4ENR: a port without a clock answers nothing.
-        let (clocks, port_d) = match board() {
-            Board::NucleoF429zi => (0x4002_3830, 0x4002_0C00),
-            Board::NucleoH743zi2 => (0x5802_44E0, 0x5802_0C00),
-        };
+        // RCC_AHB1ENR, RCC_AHB4ENR: registers of a port without a clock cannot be read.
+        let (clocks, port_d) = by_board((0x4002_3830, 0x4002_0C00), (0x5802_44E0, 0x5802_0C00));
         if bench.register(clocks) >> 3 & 1 == 0 {
             return false;
         }
-        // MODER and ODR of GPIOD: bits 0 to 15 are outputs (01), and low from here on.
+        // MODER and ODR of GPIOD: pins 0 to 7 are outputs (01), and low.
         let [modes, outputs] = [port_d, port_d + 0x14].map(|at| bench.register(at));
         modes & 0xFFFF == 0x5555 && outputs & 0xFF == 0 && bench.pwm_grid().is_some()
     });
@@ -89,7 +85,7 @@ fn ticks_come_every_fifty_milliseconds() {
     bench.assert_sound();
 }
 
-/// Four motors with different loads that turn at 1000 counts/s.
+/// A hub whose four motors, with different loads, turn at 1000 counts/s.
 pub(crate) fn at_speed(image: &Path, knowledge: Knowledge) -> Bench {
     let mut bench = Bench::with_image(setup(four_loads()), image);
     let mut host = HostLink::default();
@@ -116,15 +112,12 @@ pub(crate) fn at_speed(image: &Path, knowledge: Knowledge) -> Bench {
         host.velocity(&mut bench, motor as u8, 1000);
     }
     bench.run(ms(1500));
-    for motor in 0..4 {
-        let speed = bench.look(motor).counts_per_second;
-        assert!((speed - 1000.0).abs() < 100.0, "{knowledge:?}: motor {motor} turns at {speed} counts/s");
-    }
+    expect_speed(&mut bench, 0..4, 100.0);
     host.keep_alive(&mut bench);
     bench
 }
 
-/// Share of the core's instructions meanwhile, in percent.
+/// Share of the core's instructions that the hub at this speed needs, in percent.
 fn share(image: &Path, knowledge: Knowledge) -> f64 {
     let mut bench = at_speed(image, knowledge);
     let before = bench.instructions();
@@ -146,7 +139,7 @@ fn the_whole_hub_needs_little_of_the_core_every_1_ms() {
     the_whole_hub_needs_at_most(1, 20.0);
 }
 
-/// Load in percent of the core's instructions, at this control period.
+/// Expects the hub to need at most this percentage of the core's instructions, at a control period.
 pub(crate) fn the_whole_hub_needs_at_most(period_ms: u32, most: f64) {
     let board = board();
     let mut table = format!(

@@ -1,10 +1,11 @@
-//! What the tests put on the bench, and how they read what happened there.
+//! Motors for the bench, and helpers that drive them and judge what they did.
 
 use std::cell::Cell;
 use std::ops::Range;
 use std::path::Path;
 use std::time::Duration;
 
+use emulated::host_link::HostLink;
 use emulated::{Bench, Board, Mounting, Setup, Transition};
 use motor_hub::model::catalogue::find;
 use motor_hub::model::load::Load;
@@ -37,7 +38,7 @@ pub(crate) fn publish(name: &str, table: &str) {
     std::fs::write(folder.join(format!("{name}.md")), table).expect("a table as a file");
 }
 
-/// These motors on that board.
+/// A setup with these motors on the [`board`] of the test.
 pub(crate) fn setup(motors: Vec<Mounting>) -> Setup {
     Setup { board: board(), ..Setup::new(motors) }
 }
@@ -48,18 +49,18 @@ pub(crate) const COUNTER: Range<u64> = 0x4000_0024..0x4000_0028;
 /// The drop of a diode and the resistance of a switch in a VNH5019A-E (data sheet, typical).
 const BRIDGE: Bridge = Bridge::lossy(Volts(0.6), Ohms(0.009));
 
-/// The gear motor that the firmware's settings are for, with a load.
+/// The gear motor for which the firmware's default settings are, with a load.
 pub(crate) fn am60_with(load: Load) -> Mounting {
     let motor = find("AM 60 A").and_then(|entry| entry.motor).expect("a characterised motor");
     Mounting { motor: motor.with_measured_rotor_inertia(), load, bridge: BRIDGE, stops: None }
 }
 
-/// The same alone.
+/// The gear motor of [`am60_with`] without a load.
 pub(crate) fn am60() -> Mounting {
     am60_with(Load::NONE)
 }
 
-/// Four of them: alone, with a light and a heavy flywheel, and with a robot's wheel.
+/// Four gear motors: without a load, with a light and a heavy flywheel, and with a robot's wheel.
 pub(crate) fn four_loads() -> Vec<Mounting> {
     let wheel = |mass, radius| am60_with(Load::flywheel(Kilograms(mass), Metres(radius)));
     vec![am60(), wheel(0.5, 0.06), wheel(2.0, 0.1), am60_with(Load::inertia(KgM2(0.004)))]
@@ -69,32 +70,86 @@ pub(crate) const fn ms(ms: u64) -> Duration {
     Duration::from_millis(ms)
 }
 
-/// Powered on, first control ticks over.
+/// A hub that was powered on 300 ms ago, and has had its first control ticks.
 pub(crate) fn booted(motors: Vec<Mounting>) -> Bench {
-    let mut bench = Bench::new(setup(motors));
+    booted_as(setup(motors))
+}
+
+/// As [`booted`], with another setup.
+pub(crate) fn booted_as(setup: Setup) -> Bench {
+    let mut bench = Bench::new(setup);
     bench.run(ms(300));
     bench
 }
 
-/// All motors at 1000 counts/s, by the button.
+/// A hub as [`booted`], and its host.
+pub(crate) fn with_host(motors: Vec<Mounting>) -> (Bench, HostLink) {
+    (booted(motors), HostLink::default())
+}
+
+/// A hub whose motors all turn at 1000 counts/s, after a press of the button.
 pub(crate) fn turning(motors: Vec<Mounting>) -> Bench {
     turning_as(setup(motors))
 }
 
-/// The same with another setup.
+/// As [`turning`], with another setup.
 pub(crate) fn turning_as(setup: Setup) -> Bench {
-    let mut bench = Bench::new(setup);
-    bench.run(ms(300));
+    let mut bench = booted_as(setup);
     bench.press(true);
     bench.run(ms(1500));
-    for motor in 0..bench.motors() {
-        let speed = bench.look(motor).counts_per_second;
-        assert!((speed - 1000.0).abs() < 100.0, "motor {motor} turns at {speed} counts/s");
-    }
+    let motors = bench.motors();
+    expect_speed(&mut bench, 0..motors, 100.0);
     bench
 }
 
-/// When a bridge opened for good, after `since`; `None` if it is not open now.
+/// Has the host set all four motors to 1000 counts/s.
+pub(crate) fn set_speeds(bench: &mut Bench, host: &mut HostLink) {
+    (0..4).for_each(|motor| host.velocity(bench, motor, 1000));
+}
+
+/// Expects motors to turn at 1000 counts/s, within a tolerance in counts/s.
+#[track_caller]
+pub(crate) fn expect_speed(bench: &mut Bench, motors: impl IntoIterator<Item = usize>, tolerance: f64) {
+    for motor in motors {
+        let speed = bench.look(motor).counts_per_second;
+        assert!((speed - 1000.0).abs() < tolerance, "motor {motor} turns at {speed} counts/s");
+    }
+}
+
+/// Sends a packet, and returns the time at which its last byte has arrived: a byte has ten bits at 460 800 baud.
+pub(crate) fn send(bench: &mut Bench, packet: &[u8]) -> Duration {
+    bench.send(packet);
+    bench.now() + Duration::from_nanos(21_701) * packet.len() as u32
+}
+
+/// Watches the task that samples the encoders every millisecond.
+pub(crate) fn watch_samples(bench: &mut Bench) {
+    let mut tasks = bench.symbols().iter().filter(|s| s.name.contains("capture_task"));
+    let poll = tasks.find(|s| s.name.ends_with("::poll")).expect("the task that samples").address;
+    bench.watch(vec![poll]);
+    bench.take_instants();
+}
+
+/// The longest time between two samples since the last call of this function or of [`watch_samples`].
+pub(crate) fn worst_sample(bench: &mut Bench) -> Duration {
+    let samples = bench.take_instants();
+    samples.windows(2).map(|pair| pair[1] - pair[0]).max().expect("samples")
+}
+
+/// The value for the board of the test.
+pub(crate) fn by_board<T>(f429zi: T, h743zi2: T) -> T {
+    match board() {
+        Board::NucleoF429zi => f429zi,
+        Board::NucleoH743zi2 => h743zi2,
+    }
+}
+
+/// Bits `high..=low` of a word.
+pub(crate) fn bits(word: u32, high: u32, low: u32) -> u32 {
+    word >> low & ((1 << (high - low + 1)) - 1)
+}
+
+/// The time from which a bridge has been open until now, at the earliest `since`; `None` if the bridge is not open now.
 pub(crate) fn open_since(transitions: &[Transition], motor: usize, since: Duration) -> Option<Duration> {
     let mut open = Some(Duration::ZERO);
     for transition in transitions.iter().filter(|t| t.motor == motor) {
@@ -103,10 +158,10 @@ pub(crate) fn open_since(transitions: &[Transition], motor: usize, since: Durati
     open.map(|at| at.max(since))
 }
 
-/// Time from `since` until a bridge was open for good.
+/// Time from `since` until a bridge opened and stayed open.
 ///
 /// # Panics
-/// If it is not open now.
+/// If the bridge is not open now.
 pub(crate) fn time_to_safe(bench: &mut Bench, motor: usize, since: Duration) -> Duration {
     let transitions = bench.transitions();
     let at = open_since(&transitions, motor, since);

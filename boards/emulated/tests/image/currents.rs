@@ -1,8 +1,8 @@
-//! Currents: flowing, on the sense lines, and in the answers to a host.
+//! Motor currents: as they flow, on the sense lines, and in the answers to a host.
 
 use std::time::Duration;
 
-use crate::common::{am60, booted, ms, on};
+use crate::common::{am60, ms, on, with_host};
 use emulated::host_link::HostLink;
 use emulated::{Bench, Board, Mounting};
 use motor_hub::extension::MotorFunction;
@@ -13,7 +13,7 @@ use motor_hub::protocol::motor::ToMotor;
 use motor_hub::protocol::requests::{AdcChannel, BATTERY_CURRENT, ToHub};
 use simulated::current_line::CurrentLine;
 
-/// Held by a hard stop from the beginning on.
+/// A motor that a hard stop holds from the beginning.
 fn held() -> Mounting {
     Mounting { stops: Some((0, 0)), ..am60() }
 }
@@ -32,7 +32,7 @@ fn motor_channel(motor: u8) -> AdcChannel {
     AdcChannel::new(8 + motor).expect("a channel")
 }
 
-/// The mean current of each motor, and of the battery, over 100 ms, mA.
+/// The mean current of each motor and of the battery over 100 ms, in mA.
 fn flowing(bench: &mut Bench) -> ([f64; 4], f64) {
     let charges = |bench: &mut Bench| {
         let flows = [0, 1, 2, 3].map(|motor| bench.look(motor).flow);
@@ -45,12 +45,11 @@ fn flowing(bench: &mut Bench) -> ([f64; 4], f64) {
 }
 
 #[test]
-pub(crate) fn a_host_is_told_the_currents_that_flow_also_of_a_motor_that_is_another_than_it_said() {
+pub(crate) fn a_host_gets_the_currents_that_flow_also_of_a_motor_whose_constants_are_wrong() {
     // Half of the configured resistance; one held, one free, one against its load, one reversed.
     let mut other = held();
     other.motor.r = Ohms(0.5 * other.motor.r.0);
-    let mut bench = booted(vec![held(), am60(), other, am60()]);
-    let mut host = HostLink::default();
+    let (mut bench, mut host) = with_host(vec![held(), am60(), other, am60()]);
     bench.set_torque(3, 0.4);
     for (motor, power) in [(0, 16_384), (1, 29_000), (2, 10_000), (3, -20_000)] {
         host.power(&mut bench, motor, power);
@@ -58,25 +57,27 @@ pub(crate) fn a_host_is_told_the_currents_that_flow_also_of_a_motor_that_is_anot
     bench.run(ms(600));
     let (flows, drawn) = flowing(&mut bench);
     for (motor, flows) in (0..).zip(flows) {
-        let told = analog(&mut bench, &mut host, motor_channel(motor));
-        println!("motor {motor}: {flows:.0} mA flow, {told:.0} mA told");
-        assert!((told - flows.abs()).abs() < 10.0 + 0.02 * flows.abs(), "motor {motor}: {flows}, {told} mA");
+        let reported = analog(&mut bench, &mut host, motor_channel(motor));
+        println!("motor {motor}: {flows:.0} mA flow, {reported:.0} mA reported");
+        assert!(
+            (reported - flows.abs()).abs() < 10.0 + 0.02 * flows.abs(),
+            "motor {motor}: {flows}, {reported} mA"
+        );
         let Condition { measured_ma, sense_line, .. } = condition(&mut bench, &mut host, motor);
         assert_eq!((measured_ma.is_some(), sense_line), (true, SenseLine::Sound));
     }
     let modelled = f64::from(condition(&mut bench, &mut host, 2).current.get());
-    assert!(modelled < 0.6 * flows[2], "{modelled} mA by the constants that it was told");
-    let told = analog(&mut bench, &mut host, BATTERY_CURRENT);
-    println!("battery: {drawn:.0} mA, {told:.0} mA told");
+    assert!(modelled < 0.6 * flows[2], "{modelled} mA by the configured constants");
+    let reported = analog(&mut bench, &mut host, BATTERY_CURRENT);
+    println!("battery: {drawn:.0} mA, {reported:.0} mA reported");
     bench.assert_sound();
 }
 
 #[test]
 fn after_conversions_that_came_too_late_each_motor_has_its_own_current_again() {
     on(Board::NucleoH743zi2, || {
-        let mut bench = booted(vec![held(), held(), held(), held()]);
-        let mut host = HostLink::default();
-        // The words of three times are more than the converter keeps.
+        let (mut bench, mut host) = with_host(vec![held(), held(), held(), held()]);
+        // Three late conversions have more words than the converter's buffer.
         for _ in 0..3 {
             bench.delay_currents(Duration::from_micros(300));
             bench.run(ms(60));
@@ -87,10 +88,10 @@ fn after_conversions_that_came_too_late_each_motor_has_its_own_current_again() {
         bench.run(ms(600));
         let (flows, _) = flowing(&mut bench);
         for (motor, flows) in (0..).zip(flows) {
-            let told = analog(&mut bench, &mut host, motor_channel(motor));
+            let reported = analog(&mut bench, &mut host, motor_channel(motor));
             let measured = condition(&mut bench, &mut host, motor).measured_ma;
             assert!(measured.is_some(), "motor {motor}");
-            assert!((told - flows).abs() < 10.0 + 0.02 * flows, "motor {motor}: {flows}, {told} mA");
+            assert!((reported - flows).abs() < 10.0 + 0.02 * flows, "motor {motor}: {flows}, {reported} mA");
         }
         bench.assert_sound();
     });
@@ -100,9 +101,8 @@ fn after_conversions_that_came_too_late_each_motor_has_its_own_current_again() {
 fn the_over_current_bit_is_that_of_the_measured_current() {
     let mut other = held();
     other.motor.r = Ohms(0.5 * other.motor.r.0);
-    let mut bench = booted(vec![held(), am60(), other, am60()]);
-    let mut host = HostLink::default();
-    // As configured, neither motor 0 nor motor 2 takes as much.
+    let (mut bench, mut host) = with_host(vec![held(), am60(), other, am60()]);
+    // By their configured resistance neither motor 0 nor motor 2 draws 1.5 A.
     for motor in 0..4 {
         host.order(&mut bench, ToMotor::SetCurrentAlert { milliamperes: 1_500 }.to(motor));
         host.power(&mut bench, motor, 12_000);
@@ -115,25 +115,23 @@ fn the_over_current_bit_is_that_of_the_measured_current() {
 }
 
 #[test]
-fn a_motor_that_brakes_by_5_0_is_told_by_its_model_for_no_line_shows_it() {
-    let mut bench = booted(vec![am60()]);
-    let mut host = HostLink::default();
+fn the_current_of_a_motor_that_brakes_by_5_0_is_modelled_because_no_line_shows_it() {
+    let (mut bench, mut host) = with_host(vec![am60()]);
     bench.set_torque(0, 0.8);
-    // Faster than 0.8 N m turn it behind a full short.
+    // With a full short 0.8 N m would turn the motor slower than 1000 counts/s.
     host.velocity(&mut bench, 0, 1_000);
     bench.run(ms(1_500));
     let Condition { current, measured_ma, sense_line, .. } = condition(&mut bench, &mut host, 0);
     assert_eq!((measured_ma, sense_line), (None, SenseLine::Sound));
     // 0.8 N m behind 60 turns of 17.8 mN m/A.
     assert!((-900..=-500).contains(&current.get()), "{current:?}");
-    let told = analog(&mut bench, &mut host, motor_channel(0));
-    assert!((told - f64::from(-current.get())).abs() < 100.0, "{told} mA");
+    let reported = analog(&mut bench, &mut host, motor_channel(0));
+    assert!((reported - f64::from(-current.get())).abs() < 100.0, "{reported} mA");
 }
 
 #[test]
 pub(crate) fn a_line_that_is_broken_is_named_and_not_believed_and_another_one_is() {
-    let mut bench = booted(vec![held(), held(), held()]);
-    let mut host = HostLink::default();
+    let (mut bench, mut host) = with_host(vec![held(), held(), held()]);
     bench.set_current_line(0, CurrentLine::StuckLow);
     bench.set_current_line(1, CurrentLine::StuckHigh);
     bench.run(ms(300));
@@ -148,8 +146,8 @@ pub(crate) fn a_line_that_is_broken_is_named_and_not_believed_and_another_one_is
     );
     let modelled = f64::from(said[0].current.get());
     for motor in 0..2 {
-        let told = analog(&mut bench, &mut host, motor_channel(motor));
-        assert!((told - modelled).abs() < 20.0, "motor {motor}: {told} mA for {modelled}");
+        let reported = analog(&mut bench, &mut host, motor_channel(motor));
+        assert!((reported - modelled).abs() < 20.0, "motor {motor}: {reported} mA for {modelled}");
     }
     // A repaired line needs no reset.
     bench.set_current_line(0, CurrentLine::Sound);

@@ -1,32 +1,25 @@
-//! What goes wrong with one motor, and that the others do not mind. Every fault in every mode is in `matrix`.
+//! A fault of one motor stops this motor, and leaves the others running. `matrix` has every fault in every mode.
 
 use std::time::Duration;
 
-use crate::common::{booted, four_loads, log, ms, time_to_safe, turning};
+use crate::common::{booted, expect_speed, four_loads, log, ms, time_to_safe, turning};
 use emulated::{Bench, Encoder};
 
-fn report(what: &str, time: Duration) {
-    println!("time to safe: {:8.3} ms  {what}", time.as_secs_f64() * 1e3);
-}
-
-/// Motor 1 is safe in `limit`, and the others still follow their commands.
+/// Expects that the bridge of motor 1 opens within `limit` and stays open, and that the other motors keep their speed.
 fn only_motor_1_stops(bench: &mut Bench, what: &str, since: Duration, limit: Duration) {
     bench.run_until(since + ms(1000));
     let time = time_to_safe(bench, 1, since);
-    report(what, time);
+    println!("time to safe: {:8.3} ms  {what}", time.as_secs_f64() * 1e3);
     assert!(time <= limit, "{what}: {time:?}");
-    for motor in [0, 2, 3] {
-        let speed = bench.look(motor).counts_per_second;
-        assert!((speed - 1000.0).abs() < 30.0, "motor {motor} turns at {speed} counts/s");
-    }
-    // Latched: an encoder that comes back changes nothing.
+    expect_speed(bench, [0, 2, 3], 30.0);
+    // The fault is latched: a repaired encoder does not enable the motor.
     bench.set_encoder(1, Encoder::Sound);
     bench.run(ms(500));
     assert!(bench.lines(1).open());
     bench.assert_sound();
 }
 
-/// Presses the button; returns when motor 1 is first driven, to a millisecond.
+/// Presses the button. Returns the time at which motor 1 is first driven, to a millisecond.
 fn started(bench: &mut Bench) -> Duration {
     bench.press(true);
     assert!(bench.run_while(ms(1), ms(100), |bench| !bench.lines(1).open()));
@@ -38,7 +31,7 @@ fn an_unplugged_encoder_stops_that_motor_alone() {
     let mut bench = turning(four_loads());
     let at = bench.now();
     bench.set_encoder(1, Encoder::Unplugged);
-    // The case is clear once the velocity loop has wound itself up to half of the control range.
+    // The hub decides once the velocity loop requests half of the control range.
     only_motor_1_stops(&mut bench, "encoder unplugged while turning", at, ms(300));
     assert!(log(&mut bench).contains("encoder: Some(Stuck)"));
 }
@@ -73,10 +66,7 @@ fn a_hard_stop_is_not_taken_for_an_unplugged_encoder() {
     bench.set_stops(1, None);
     bench.press(true);
     bench.run(ms(1500));
-    for motor in 0..4 {
-        let speed = bench.look(motor).counts_per_second;
-        assert!((speed - 1000.0).abs() < 30.0, "motor {motor} turns at {speed} counts/s");
-    }
+    expect_speed(&mut bench, 0..4, 30.0);
     assert!(!log(&mut bench).contains("encoder: Some"), "{}", log(&mut bench));
     bench.assert_sound();
 }
@@ -87,7 +77,7 @@ pub(crate) fn a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_na
     let at = bench.now();
     bench.pull_diag(1, true);
     only_motor_1_stops(&mut bench, "bridge pulls its DIAG low", at, ms(65));
-    // Latched: a bridge that works again changes nothing.
+    // The fault is latched: a bridge that works again does not enable the motor.
     bench.pull_diag(1, false);
     bench.run(ms(500));
     assert!(bench.lines(1).open());

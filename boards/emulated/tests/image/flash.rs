@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use crate::common::{am60, ms, on, setup};
+use crate::common::{am60, booted_as, ms, on, setup};
 use crate::store::{self, Pages};
 use embassy_futures::block_on;
 use emulated::host_link::HostLink;
@@ -34,8 +34,7 @@ const ORDERED: u8 = 0xF0;
 const CONFIRMED: u8 = 0xD0;
 
 fn saves(flash_faults: FlashFaults) {
-    let mut bench = on(BOARD, || Bench::new(Setup { flash_faults, ..setup(vec![am60(); 2]) }));
-    bench.run(ms(300));
+    let mut bench = on(BOARD, || booted_as(Setup { flash_faults, ..setup(vec![am60(); 2]) }));
     let mut host = HostLink::default();
     for number in 1..=3 {
         store::protect(&mut bench, &mut host, 1_000 + number as u16);
@@ -120,22 +119,23 @@ fn boots(bench: &mut Bench, expected: &[u8]) {
     assert!(bench.flash()[ACTIVE..].starts_with(expected), "other firmware than expected");
 }
 
-#[test]
-#[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn the_bootloader_swaps_while_the_flash_shows_errors_that_nobody_made() {
+fn swaps(flash_faults: FlashFaults) {
     let Armed { flash, new, .. } = armed();
-    let mut bench = powered_on(flash, ERRORS);
+    let mut bench = powered_on(flash, flash_faults);
     boots(&mut bench, &new);
     assert_eq!(bench.resets(), []);
 }
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
+fn the_bootloader_swaps_while_the_flash_shows_errors_that_nobody_made() {
+    swaps(ERRORS);
+}
+
+#[test]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn the_bootloader_swaps_though_words_arrive_late() {
-    let Armed { flash, new, .. } = armed();
-    let mut bench = powered_on(flash, LATE);
-    boots(&mut bench, &new);
-    assert_eq!(bench.resets(), []);
+    swaps(LATE);
 }
 
 /// Registers of the flash's interface (RM0433 2.3).

@@ -1,14 +1,9 @@
-//! The other board: what of all these tests is worth most on it, each time `cargo test` runs. `cargo xtask test
-//! nucleo-h743zi2` runs all of them there.
+//! The tests that run on the NUCLEO-H743ZI2 too, each time `cargo xtask test emulated` runs. `cargo xtask test
+//! nucleo-h743zi2` runs all tests on that board.
 
-use crate::common::{am60, booted, log, ms, on, setup};
+use crate::common::{am60, bits, booted, log, ms, on, setup};
 use crate::{boot, currents, faults, link, matrix, record, running, stack, supply};
 use emulated::{Bench, Board};
-
-/// Bits `high..=low` of a word.
-fn bits(word: u32, high: u32, low: u32) -> u32 {
-    word >> low & ((1 << (high - low + 1)) - 1)
-}
 
 macro_rules! on_h743 {
     ($($(#[$attribute:meta])* $room:ident::$test:ident),+ $(,)?) => {
@@ -27,7 +22,7 @@ on_h743!(
     boot::pins_drive_their_idle_levels_within_a_millisecond_of_reset,
     running::four_motors_with_different_loads_reach_their_speed_and_stand_still_again,
     running::what_the_chip_measures_is_what_the_physics_does,
-    currents::a_host_is_told_the_currents_that_flow_also_of_a_motor_that_is_another_than_it_said,
+    currents::a_host_gets_the_currents_that_flow_also_of_a_motor_whose_constants_are_wrong,
     currents::a_line_that_is_broken_is_named_and_not_believed_and_another_one_is,
     link::power_and_letting_go_reach_the_bridge_within_two_milliseconds,
     link::digital_pins_are_read_and_driven,
@@ -81,9 +76,9 @@ const FLASH_ACR: u64 = 0x5200_2000;
 
 #[test]
 fn nothing_outside_the_chip_makes_its_clock() {
-    // The bench has no oscillator on OSC_IN: a clock from there would be none.
+    // The bench has no oscillator on OSC_IN. A chip that used OSC_IN would have no clock.
     let mut bench = on(Board::NucleoH743zi2, || booted(vec![am60()]));
-    // TIM1's.
+    // The clock of TIM1.
     assert!(log(&mut bench).contains("200000000 Hz"), "{}", log(&mut bench));
     let control = bench.register(RCC_CR);
     assert_eq!(bits(control, 16, 16), 0, "HSEON");
@@ -94,7 +89,7 @@ fn nothing_outside_the_chip_makes_its_clock() {
     );
     let source = bench.register(RCC_PLLCKSELR);
     assert_eq!(bits(source, 1, 0), 0, "PLLSRC is the HSI");
-    // DIVMx; DIVNx and DIVPx are one less than they divide by.
+    // The registers hold DIVMx, and DIVNx and DIVPx less one.
     for (prediv, at, mhz) in [(9, RCC_PLL1DIVR, 400), (17, RCC_PLL2DIVR, 32)] {
         let divider = bench.register(at);
         let made =

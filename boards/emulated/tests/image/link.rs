@@ -1,8 +1,10 @@
-//! The host's line: run modes, reading back, a saturated line, garbled words, silence.
+//! The serial line of the host: run modes, answers, a saturated line, garbled words, a silent host.
 
 use std::time::Duration;
 
-use crate::common::{am60, board, booted, four_loads, ms, open_since, setup};
+use crate::common::{
+    am60, board, booted, expect_speed, four_loads, ms, open_since, send, set_speeds, with_host,
+};
 use emulated::Bench;
 use emulated::host_link::HostLink;
 use motor_hub::extension::{HubFunction, Request};
@@ -12,7 +14,7 @@ use motor_hub::protocol::frame::OVERHEAD;
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::protocol::requests::{BATTERY, ToHub};
 
-/// Runs with a sign of life every second.
+/// Runs while the host sends a keep-alive every second.
 fn run(bench: &mut Bench, host: &mut HostLink, time: Duration) {
     let end = bench.now() + time;
     while bench.now() < end {
@@ -23,7 +25,7 @@ fn run(bench: &mut Bench, host: &mut HostLink, time: Duration) {
 
 #[test]
 fn all_three_run_modes_at_once_with_different_loads() {
-    let (mut bench, mut host) = (booted(four_loads()), HostLink::default());
+    let (mut bench, mut host) = with_host(four_loads());
     host.power(&mut bench, 0, 16_384);
     host.velocity(&mut bench, 1, 1500);
     host.velocity(&mut bench, 2, -700);
@@ -43,7 +45,7 @@ fn all_three_run_modes_at_once_with_different_loads() {
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn regulated_velocity_holds_at_several_speeds() {
-    let (mut bench, mut host) = (booted(vec![am60(); 4]), HostLink::default());
+    let (mut bench, mut host) = with_host(vec![am60(); 4]);
     for speeds in [[100, 300, 600, 1000], [1400, 1800, 2200, -2200], [-100, -400, -900, 0]] {
         for (motor, speed) in (0..).zip(speeds) {
             host.velocity(&mut bench, motor, speed);
@@ -63,10 +65,10 @@ fn regulated_velocity_holds_at_several_speeds() {
 
 #[test]
 fn a_reversal_goes_over_braking_and_never_an_illegal_way() {
-    let (mut bench, mut host) = (booted(four_loads()), HostLink::default());
+    let (mut bench, mut host) = with_host(four_loads());
     for round in 0..8usize {
         for motor in 0..4 {
-            // Slower, then the other way, then slower again.
+            // Slower, then in the other direction, then slower again.
             let speed = [1800, 600, -1800, -600][(round + usize::from(motor)) % 4];
             host.velocity(&mut bench, motor, speed);
         }
@@ -90,10 +92,10 @@ const REPLY_S: f64 = 0.002;
 
 #[test]
 pub(crate) fn power_and_letting_go_reach_the_bridge_within_two_milliseconds() {
-    let (mut bench, mut host) = (booted(vec![am60(); 4]), HostLink::default());
+    let (mut bench, mut host) = with_host(vec![am60(); 4]);
     let mut slowest = Duration::ZERO;
     host.power(&mut bench, 0, 8_000);
-    // At every phase of the control tick: more power, the brake, the other way, off, on.
+    // At every phase of the control tick: more power, braking, the other direction, disabled, enabled.
     let words: [(u16, &[u8]); 5] = [
         (0x100F, &[0, 0, 0x40]),
         (0x100F, &[0, 0, 0]),
@@ -106,9 +108,7 @@ pub(crate) fn power_and_letting_go_reach_the_bridge_within_two_milliseconds() {
         bench.run(Duration::from_micros(20_000 + round * 7_919 % 50_000));
         let packet = host.packet(id, payload);
         let before = bench.transitions().len();
-        // Ten bits a byte at 460 800 baud.
-        let last = bench.now() + Duration::from_nanos(21_701) * packet.len() as u32;
-        bench.send(&packet);
+        let last = send(&mut bench, &packet);
         bench.run(ms(10));
         let changed = bench.transitions()[before..].iter().find(|t| t.motor == 0).map(|t| t.at - last);
         slowest = slowest.max(changed.expect("within 10 ms"));
@@ -121,7 +121,7 @@ pub(crate) fn power_and_letting_go_reach_the_bridge_within_two_milliseconds() {
 
 #[test]
 fn the_host_reads_what_the_physics_does() {
-    let (mut bench, mut host) = (booted(four_loads()), HostLink::default());
+    let (mut bench, mut host) = with_host(four_loads());
     for (motor, speed) in (0..).zip([500, 1000, -1500, 2000]) {
         host.velocity(&mut bench, motor, speed);
     }
@@ -129,7 +129,7 @@ fn the_host_reads_what_the_physics_does() {
     let Bulk { encoders, velocities, .. } = host.bulk(&mut bench);
     for motor in 0..4 {
         let look = bench.look(motor);
-        // A count is at most two milliseconds old when it is read, and then the reply takes its time.
+        // A position is at most two milliseconds old when the hub reads it; then the reply is sent.
         let late = (look.counts_per_second * (0.002 + REPLY_S)).abs() as i64 + 1;
         assert!((look.counts - i64::from(encoders[motor])).abs() <= late, "{look:?}, {encoders:?}");
         let error = (look.counts_per_second - f64::from(velocities[motor])).abs();
@@ -141,7 +141,7 @@ fn the_host_reads_what_the_physics_does() {
     bench.assert_sound();
 }
 
-/// Instants at which the bridges were given new duties, as tick numbers and offsets in ns.
+/// Times at which bridge 0 changed, in ns after the last multiple of the control period of 50 ms.
 fn tick_offsets(bench: &mut Bench, from: Duration) -> Vec<u128> {
     let mut offsets: Vec<u128> = Vec::new();
     for t in bench.transitions().iter().filter(|t| t.at > from && t.motor == 0) {
@@ -153,10 +153,8 @@ fn tick_offsets(bench: &mut Bench, from: Duration) -> Vec<u128> {
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_saturated_line_does_not_move_the_control_ticks() {
-    let (mut bench, mut host) = (booted(vec![am60(); 4]), HostLink::default());
-    for motor in 0..4 {
-        host.velocity(&mut bench, motor, 1000);
-    }
+    let (mut bench, mut host) = with_host(vec![am60(); 4]);
+    set_speeds(&mut bench, &mut host);
     let from = bench.now() + ms(300);
     let mut answers = 0;
     for _ in 0..300 {
@@ -170,14 +168,14 @@ fn a_saturated_line_does_not_move_the_control_ticks() {
     let (least, most) = (offsets.iter().min().expect("ticks"), offsets.iter().max().expect("ticks"));
     println!("{answers} answers in 3 s; outputs change {least} to {most} ns after the grid's instant");
     assert!(answers > 2500, "{answers}");
-    // A change of duty waits for the end of its PWM period of 50 us, a change of mode does not.
+    // A change of duty waits for the end of its PWM period of 50 us. A change of mode does not wait.
     assert!(most - least < 500_000, "{least} to {most} ns");
     let log = crate::common::log(&mut bench);
     assert!(log.contains("missed 0") && !log.contains("missed 1"), "{log}");
     bench.assert_sound();
 }
 
-/// Every kind of answer: (type, payload).
+/// Requests for every kind of answer: packet type and payload.
 const COMMANDS: [(u16, &[u8]); 13] = [
     (0x1000, &[]),
     (0x7F04, &[]),
@@ -191,35 +189,30 @@ const COMMANDS: [(u16, &[u8]); 13] = [
     (0x1025, &[0, 0x28, 0]),
     (0x102E, &[9; 101]),
     (0x1030, &[]),
-    // The longest answer: what all motors do.
+    // The longest answer: the report of all motors.
     (0x4D14, &[]),
 ];
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn every_command_is_answered_within_5_ms_while_four_motors_are_regulated() {
-    let (mut bench, mut host) = (booted(four_loads()), HostLink::default());
-    for motor in 0..4 {
-        host.velocity(&mut bench, motor, 1000);
-    }
+    let (mut bench, mut host) = with_host(four_loads());
+    set_speeds(&mut bench, &mut host);
     let (mut slowest, mut unanswered) = (Duration::ZERO, Vec::new());
     for round in 0..6000_u64 {
         let (kind, payload) = COMMANDS[round as usize % COMMANDS.len()];
         let packet = host.packet(kind, payload);
         // At every phase of the control tick and of the log.
         bench.run(Duration::from_micros(round * 7919 % 1500));
-        let at = bench.now();
-        bench.send(&packet);
+        let last_byte = send(&mut bench, &packet);
         let mut reply = None;
         bench.run_while(Duration::from_micros(500), ms(20), |bench| {
             reply = host.arrivals(bench).pop();
             reply.is_some()
         });
-        // Ten bits at 460 800 baud.
-        let last_byte = at + Duration::from_nanos(21_701) * packet.len() as u32;
         match reply {
             Some(reply) => slowest = slowest.max(reply.at - last_byte),
-            None => unanswered.push((round, at)),
+            None => unanswered.push((round, last_byte)),
         }
     }
     println!("slowest of 6000 replies: its last byte {slowest:?} after the request's last");
@@ -250,12 +243,11 @@ fn masking(bench: &mut Bench) -> [Vec<u64>; 2] {
 
 #[test]
 fn interrupts_are_masked_for_less_than_a_byte_of_the_line_whatever_is_logged() {
-    let mut bench = Bench::new(setup(four_loads()));
-    bench.run(ms(300));
+    let mut bench = booted(four_loads());
     let [masks, restores] = masking(&mut bench);
     let log = ["_defmt_acquire", "_defmt_release"].map(|name| bench.address(name));
     bench.watch([masks.clone(), restores.clone(), log.to_vec()].concat());
-    // Faults have lines of their own.
+    // A fault adds lines to the log.
     bench.set_encoder(1, emulated::Encoder::Unplugged);
     bench.press(true);
     bench.run(ms(2500));
@@ -264,7 +256,7 @@ fn interrupts_are_masked_for_less_than_a_byte_of_the_line_whatever_is_logged() {
         if masks.contains(&at) {
             masked.push(count);
         } else if restores.contains(&at) {
-            longest = longest.max(count - masked.pop().expect("what is put back was masked"));
+            longest = longest.max(count - masked.pop().expect("a restored mask was set before"));
         } else {
             assert!(masked.is_empty(), "a line of the log is written with interrupts masked");
             if at == log[0] {
@@ -285,10 +277,8 @@ fn interrupts_are_masked_for_less_than_a_byte_of_the_line_whatever_is_logged() {
 
 #[test]
 fn garbled_words_do_no_harm_and_the_line_recovers() {
-    let (mut bench, mut host) = (booted(vec![am60(); 4]), HostLink::default());
-    for motor in 0..4 {
-        host.velocity(&mut bench, motor, 1000);
-    }
+    let (mut bench, mut host) = with_host(vec![am60(); 4]);
+    set_speeds(&mut bench, &mut host);
     bench.garble_serial(20_000, 7);
     let mut answers = 0;
     for _ in 0..150 {
@@ -303,28 +293,21 @@ fn garbled_words_do_no_harm_and_the_line_recovers() {
     bench.garble_serial(0, 7);
     bench.run(ms(60));
     host.keep_alive(&mut bench);
-    for motor in 0..4 {
-        let speed = bench.look(motor).counts_per_second;
-        assert!((speed - 1000.0).abs() < 30.0, "motor {motor} turns at {speed} counts/s");
-    }
+    expect_speed(&mut bench, 0..4, 30.0);
     bench.assert_sound();
 }
 
 #[test]
 fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
-    let (mut bench, mut host) = (booted(vec![am60(); 4]), HostLink::default());
+    let (mut bench, mut host) = with_host(vec![am60(); 4]);
     let (mut soonest, mut latest) = (Duration::MAX, Duration::ZERO);
     // The last packet at every phase of the control tick.
     for phase in (0..50).step_by(7) {
-        for motor in 0..4 {
-            host.velocity(&mut bench, motor, 1000);
-        }
+        set_speeds(&mut bench, &mut host);
         let tick = bench.now().as_millis() as u64 / 50 * 50;
         bench.run_until(ms(tick + 100 + phase));
         let packet = host.packet(0x7F04, &[]);
-        bench.send(&packet);
-        // Ten bits a byte at 460 800 baud.
-        let last = bench.now() + Duration::from_nanos(21_701) * packet.len() as u32;
+        let last = send(&mut bench, &packet);
         bench.run(ms(2400));
         assert!((0..4).all(|motor| !bench.lines(motor).open()));
         bench.run(ms(300));
@@ -340,14 +323,14 @@ fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
         1e3 * soonest.as_secs_f64(),
         1e3 * latest.as_secs_f64()
     );
-    // Until that has reached the pins.
+    // Up to 2 ms until the command has reached the pins.
     assert!(soonest >= ms(2500) && latest <= ms(2502), "{soonest:?} to {latest:?}");
     bench.assert_sound();
 }
 
 #[test]
 pub(crate) fn digital_pins_are_read_and_driven() {
-    let (mut bench, mut host) = (booted(vec![am60()]), HostLink::default());
+    let (mut bench, mut host) = with_host(vec![am60()]);
     // Nothing is connected.
     assert_eq!(host.bulk(&mut bench).digital, 0xFF);
     for (pin, bit) in [(0, 1), (1, 2)] {
@@ -364,7 +347,7 @@ pub(crate) fn digital_pins_are_read_and_driven() {
     assert_eq!(host.ask(&mut bench, 0x1005, &[1]), Reply::Nack(Nack(21)));
     ack(host.ask(&mut bench, 0x1001, &[1, 0]));
     assert!(!bench.pin_level(1));
-    // A silent host disables it.
+    // When the host is silent, the hub makes the pin an input again.
     bench.run(ms(2_700));
     assert!(bench.pin_level(1));
     bench.assert_sound();
@@ -372,10 +355,10 @@ pub(crate) fn digital_pins_are_read_and_driven() {
 
 #[test]
 fn replies_of_every_length_go_out_whole_and_leave_the_hub_listening() {
-    let (mut bench, mut host) = (booted(vec![am60()]), HostLink::default());
+    let (mut bench, mut host) = with_host(vec![am60()]);
     let mut lengths = Vec::new();
     for _ in 0..3 {
-        // The second is longer than the line's buffer, 128 bytes.
+        // The second answer is longer than the line's buffer of 128 bytes.
         for request in [Request::from(ToHub::Bulk), HubFunction::Report.into(), ToHub::VersionText.into()] {
             let Reply::Data(payload) = host.ask(&mut bench, request.id(), &request.payload()) else {
                 panic!("{request:?}")
@@ -391,10 +374,10 @@ fn replies_of_every_length_go_out_whole_and_leave_the_hub_listening() {
 
 #[test]
 fn a_refused_command_changes_nothing() {
-    let (mut bench, mut host) = (booted(vec![am60()]), HostLink::default());
+    let (mut bench, mut host) = with_host(vec![am60()]);
     assert_eq!(host.ask(&mut bench, 0x1008, &[4, 0, 0]), Reply::Nack(Nack(0)));
     assert_eq!(host.ask(&mut bench, 0x1008, &[0, 10, 0]), Reply::Nack(Nack(1)));
-    // Enabled before a target was set.
+    // The mode has no target yet.
     host.set_mode(&mut bench, 0, RunMode::Velocity);
     assert_eq!(host.ask(&mut bench, 0x100A, &[0, 1]), Reply::Nack(Nack(50)));
     bench.run(ms(200));
@@ -403,7 +386,7 @@ fn a_refused_command_changes_nothing() {
 
 #[test]
 pub(crate) fn a_wire_carries_the_level_of_one_digital_pin_to_the_other() {
-    let (mut bench, mut host) = (booted(vec![am60()]), HostLink::default());
+    let (mut bench, mut host) = with_host(vec![am60()]);
     bench.wire_pins();
     assert_eq!(host.bulk(&mut bench).digital, 0xFF, "both are pulled up");
     for (from, to) in [(0, 1), (1, 0)] {

@@ -1,6 +1,6 @@
 //! The button on the image: what it may not do. What it does is in `running`.
 
-use crate::common::{am60, booted, ms, turning};
+use crate::common::{am60, booted, ms, turning, with_host};
 use emulated::Bench;
 use emulated::host_link::HostLink;
 
@@ -38,7 +38,7 @@ fn a_host_that_speaks_ends_what_the_button_began_and_disarms_it() {
 
 #[test]
 fn a_button_that_nobody_presses_leaves_a_host_s_motors_alone() {
-    let (mut bench, mut host) = (booted(vec![am60(); 4]), HostLink::default());
+    let (mut bench, mut host) = with_host(vec![am60(); 4]);
     host.velocity(&mut bench, 0, 1000);
     bench.run(ms(1500));
     bench.press(true);

@@ -1,12 +1,11 @@
 //! The light models of TIM1 and of the memory protection unit against the emulator's own.
 
-use crate::common::{four_loads, ms, setup};
+use crate::common::{booted_as, four_loads, ms, setup};
 use emulated::{Bench, Encoder, Mpu, Output, Pwm, Setup};
 
 /// Speeds up, is disturbed, brakes, loses an encoder, is reset in mid-run, and starts again.
 fn story(pwm: Pwm, mpu: Mpu) -> Bench {
-    let mut bench = Bench::new(Setup { pwm, mpu, ..setup(four_loads()) });
-    bench.run(ms(300));
+    let mut bench = booted_as(Setup { pwm, mpu, ..setup(four_loads()) });
     bench.press(true);
     bench.run(ms(900));
     bench.set_torque(0, 0.8);
@@ -42,8 +41,7 @@ fn light_models_of_timer_and_memory_protection_make_the_same_run_to_the_last_edg
 
 #[test]
 fn the_emulators_timer_puts_the_same_pulse_on_every_pin() {
-    let mut bench = Bench::new(Setup { pwm: Pwm::Emulated, ..setup(four_loads()) });
-    bench.run(ms(300));
+    let mut bench = booted_as(Setup { pwm: Pwm::Emulated, ..setup(four_loads()) });
     bench.press(true);
     let mut compared = 0;
     for step in 0..1500 {

@@ -25,8 +25,8 @@ fn ticks(bench: &mut Bench, of: &Head) -> Vec<Tick> {
     all
 }
 
-/// Four motors turn at 1000 counts/s, something happens, and the watchdog starts the chip afresh: the one entry that
-/// there then is.
+/// Lets four motors turn at 1000 counts/s, then lets `happens` stop the firmware, so that the watchdog resets the chip.
+/// Returns the only entry of the record.
 fn after(happens: impl FnOnce(&mut Bench)) -> (Bench, Head) {
     after_with(Mpu::Registers, happens)
 }
@@ -43,13 +43,13 @@ fn after_with(mpu: Mpu, happens: impl FnOnce(&mut Bench)) -> (Bench, Head) {
     assert!(log(&mut bench).contains(&said), "{}", log(&mut bench));
     let seconds = f64::from(head.uptime_ms) / 1e3;
     println!("{head:?}");
-    // The hub's clock is exact here; its last tick was up to 50 ms before.
+    // The emulated clock is exact. The last tick was up to 50 ms before.
     assert!((at.as_secs_f64() - 0.06..at.as_secs_f64() + 0.06).contains(&seconds), "{at:?}: {head:?}");
     let volts = f64::from(head.battery.expect("a battery").get()) / 1e3;
     assert!((11.0..12.2).contains(&volts), "{head:?}");
     let motor = head.motor.expect("a motor was driven");
     let all = ticks(&mut bench, &head);
-    // Of 1.5 s 29 ticks or so at 50 ms.
+    // Motors have turned for 1.5 s: some 29 ticks of 50 ms.
     assert!((25..64).contains(&all.len()), "{} ticks", all.len());
     let last = all.last().expect("ticks");
     assert!((900..1100).contains(&last.velocity), "motor {motor}: {last:?}");
@@ -106,13 +106,13 @@ pub(crate) fn an_unplugged_encoder_is_on_record_with_the_ticks_before_also_after
     let [newest, same] = after[..] else { panic!("two entries: {after:?}") };
     assert_eq!((newest.fault, newest.run), (Fault::ResetPin, 1));
     assert_eq!(same, head);
-    // It turned, its counts stopped; it was released, driven the other way, and released.
+    // The motor turned, its counts stopped. It was braked, driven in the other direction, and released.
     let ticks = ticks(&mut bench, &head);
     let stopped =
         ticks.windows(2).rposition(|pair| pair[0].position != pair[1].position).expect("it turned") + 1;
     assert!((ticks.len() - 8..=ticks.len() - 3).contains(&stopped), "{ticks:?}");
     let since = &ticks[stopped + 1..];
-    let released = since.iter().position(|tick| tick.drive == Drive::BRAKE).expect("it was released");
+    let released = since.iter().position(|tick| tick.drive == Drive::BRAKE).expect("it was braked");
     let driven_back =
         since.iter().position(|tick| tick.drive.mode == Mode::Ccw62).expect("it was driven back");
     assert!(released < driven_back && driven_back + 1 < since.len(), "{ticks:?}");

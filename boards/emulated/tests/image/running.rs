@@ -1,10 +1,10 @@
-//! The closed loop on the chip, by the button: it needs no host.
+//! Regulated motors on the chip, started by the button, without a host.
 
-use crate::common::{am60, four_loads, log, ms, setup, turning};
-use emulated::{Bench, Transition};
+use crate::common::{am60, booted, expect_speed, four_loads, log, ms, turning};
+use emulated::Transition;
 use motor_hub::bridge::State;
 
-/// The order in which a bridge went through its modes, by its direction lines and what its PWM did.
+/// The modes of a bridge in their order, by its direction lines and its PWM.
 fn modes(transitions: &[Transition], motor: usize) -> Vec<&'static str> {
     let mut modes: Vec<&'static str> = Vec::new();
     for t in transitions.iter().filter(|t| t.motor == motor) {
@@ -25,14 +25,11 @@ fn modes(transitions: &[Transition], motor: usize) -> Vec<&'static str> {
 pub(crate) fn four_motors_with_different_loads_reach_their_speed_and_stand_still_again() {
     let mut bench = turning(four_loads());
     bench.run(ms(1000));
-    for motor in 0..4 {
-        // The estimate is off by up to one sampling interval in its window: 2 %.
-        let speed = bench.look(motor).counts_per_second;
-        assert!((speed - 1000.0).abs() < 30.0, "motor {motor} turns at {speed} counts/s");
-    }
+    // The estimate is off by up to one sampling interval in its window: 2 %.
+    expect_speed(&mut bench, 0..4, 30.0);
     bench.press(false);
     bench.run(ms(800));
-    // Held at standstill: it may tremble across a count.
+    // Held at standstill: the encoder may change by a count.
     let before: Vec<i64> = (0..4).map(|motor| bench.look(motor).counts).collect();
     bench.run(ms(150));
     for (motor, before) in before.into_iter().enumerate() {
@@ -95,12 +92,11 @@ fn a_release_goes_from_forward_over_braking_and_back_without_an_illegal_step() {
 #[test]
 fn the_same_image_runs_the_same_way_twice() {
     let run = || {
-        let mut bench = Bench::new(setup(four_loads()));
-        bench.run(ms(300));
+        let mut bench = booted(four_loads());
         bench.press(true);
         bench.run(ms(700));
         (bench.transitions(), bench.log(), bench.instructions(), bench.look(2))
     };
-    // The second time by a core that has translated it.
+    // In the second run the emulator has already translated the code.
     assert_eq!(run(), run());
 }

@@ -4,15 +4,14 @@
 
 use std::time::{Duration, Instant};
 
-use crate::common::{am60, ms, setup};
+use crate::common::{am60, booted_as, ms, setup};
 use emulated::host_link::HostLink;
-use emulated::{Bench, Pwm, Setup};
+use emulated::{Pwm, Setup};
 
 /// Prints virtual seconds a second.
 fn rate(pwm: Pwm) {
-    let mut bench = Bench::new(Setup { pwm, ..setup(vec![am60(); 4]) });
+    let mut bench = booted_as(Setup { pwm, ..setup(vec![am60(); 4]) });
     let mut host = HostLink::default();
-    bench.run(ms(300));
     for motor in 0..4 {
         // Nearly all of it, so that TIM1 has something to do.
         host.power(&mut bench, motor, 32_000);

@@ -4,7 +4,7 @@
 use std::convert::Infallible;
 use std::time::Duration;
 
-use crate::common::{am60, booted, log, ms, on, setup};
+use crate::common::{am60, booted_as, log, ms, on, setup, watch_samples, with_host, worst_sample};
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use emulated::host_link::HostLink;
@@ -25,11 +25,7 @@ use motor_hub::tasks::store::Keeper;
 const BOARD: Board = Board::NucleoH743zi2;
 
 fn powered_on(stored: Vec<u8>) -> Bench {
-    on(BOARD, || {
-        let mut bench = Bench::new(Setup { stored, ..setup(vec![am60(); 2]) });
-        bench.run(ms(300));
-        bench
-    })
+    on(BOARD, || booted_as(Setup { stored, ..setup(vec![am60(); 2]) }))
 }
 
 fn protection(ma: u16) -> Values {
@@ -56,7 +52,7 @@ fn state(bench: &mut Bench, host: &mut HostLink) -> StoreReport {
     host.question(bench, HubFunction::Stored)
 }
 
-/// Saves, and waits until that is over; how long it took, at least.
+/// Saves the settings, and waits for the end. Returns the report and the time that the save took.
 pub(crate) fn save(bench: &mut Bench, host: &mut HostLink) -> (StoreReport, Duration) {
     let begun = bench.now();
     host.order(bench, HubFunction::Save);
@@ -103,7 +99,7 @@ fn power_that_goes_during_a_save_leaves_the_old_settings_or_the_new() {
     protect(&mut bench, &mut host, 1_000);
     save(&mut bench, &mut host);
     let mut seen = [0; 2];
-    // Cut by cut a save goes on; the flash of each is found by a hub that is powered on.
+    // While the save goes on, copies of its flash are given to hubs that are powered on.
     protect(&mut bench, &mut host, 2_000);
     host.order(&mut bench, HubFunction::Save);
     for cut in 0..5_u32 {
@@ -120,7 +116,7 @@ fn power_that_goes_during_a_save_leaves_the_old_settings_or_the_new() {
     assert!(seen[0] >= 1 && seen[1] >= 1, "{seen:?}");
 }
 
-/// The flash of the board before it is powered on, for what is written there on the host.
+/// The flash of a board before power-on, which a test fills.
 pub(crate) struct Pages(pub(crate) Vec<u8>);
 
 impl ErrorType for &mut Pages {
@@ -155,7 +151,7 @@ impl NorFlash for &mut Pages {
     }
 }
 
-/// Both pages in use, and no room for another save; the number of the last.
+/// A flash whose both pages are in use, without room for another save; and the number of the last save.
 fn full() -> (Vec<u8>, u32) {
     let mut pages = Pages(vec![0xFF; 256 * 1024]);
     let save = |pages: &mut Pages, number| {
@@ -183,27 +179,17 @@ fn a_save_that_erases_waits_for_motors_to_be_off_and_holds_nobody_up() {
     bench.run(ms(500));
     let mut host = HostLink::default();
     assert_eq!(state(&mut bench, &mut host).number, number);
-    // While a motor runs there is no room.
+    // A running motor prevents that the hub erases a page for the save.
     host.velocity(&mut bench, 0, 1000);
-    let capture = bench
-        .symbols()
-        .iter()
-        .find(|symbol| symbol.name.contains("capture_task") && symbol.name.ends_with("::poll"));
-    let capture = capture.expect("the task that samples every millisecond").address;
-    bench.watch(vec![capture]);
-    bench.take_instants();
+    watch_samples(&mut bench);
     let (report, _) = save(&mut bench, &mut host);
     assert_eq!((report.outcome, report.number), (Outcome::NeedsErase, number));
     host.enable(&mut bench, 0, false);
     bench.run(ms(100));
     let (report, took) = save(&mut bench, &mut host);
     assert_eq!((report.outcome, report.number, report.stored), (Outcome::Done, number + 1, Stored::Whole));
-    let samples = bench.take_instants();
-    let worst = samples.windows(2).map(|pair| pair[1] - pair[0]).max().expect("samples");
-    println!(
-        "a save that erases took {took:?}; of {} samples the latest came {worst:?} after the one before",
-        samples.len()
-    );
+    let worst = worst_sample(&mut bench);
+    println!("a save that erases took {took:?}; the latest sample came {worst:?} after the one before");
     assert!(took > ms(1000), "an erasure of 128 KB takes a second at least (DS12110 table 140): {took:?}");
     assert!(worst < Duration::from_micros(1_200), "{worst:?}");
     assert_eq!(bench.resets(), []);
@@ -220,7 +206,7 @@ fn a_save_that_erases_waits_for_motors_to_be_off_and_holds_nobody_up() {
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn an_erasure_that_power_has_cut_is_done_again_at_power_on_and_starves_nobody() {
     let (mut stored, number) = full();
-    // The second page looks blank, and is not.
+    // The second page begins blank, and is not blank.
     stored[128 * 1024 + 4096..][..64].fill(0x5A);
     let mut bench = powered_on(stored);
     bench.run(ms(2_200));
@@ -235,7 +221,7 @@ fn an_erasure_that_power_has_cut_is_done_again_at_power_on_and_starves_nobody() 
 
 #[test]
 fn flash_that_drops_what_is_written_is_told_of() {
-    let (mut bench, mut host) = (on(Board::NucleoF429zi, || booted(vec![am60()])), HostLink::default());
+    let (mut bench, mut host) = on(Board::NucleoF429zi, || with_host(vec![am60()]));
     assert_eq!(state(&mut bench, &mut host), StoreReport::default());
     let (report, _) = save(&mut bench, &mut host);
     assert_eq!((report.stored, report.number), (Stored::Nothing, 0));

@@ -2,8 +2,10 @@
 
 use std::time::Duration;
 
-use crate::common::{am60, board, booted, four_loads, log, ms, on, setup, time_to_safe, turning};
-use emulated::host_link::HostLink;
+use crate::common::{
+    am60, bits, booted, by_board, four_loads, log, ms, on, set_speeds, setup, time_to_safe, turning,
+    with_host,
+};
 use emulated::{Bench, Board, Lines};
 
 // RM0090 and RM0433, memory maps and register descriptions.
@@ -12,14 +14,9 @@ const RCC_PLLCFGR: u64 = 0x4002_3804;
 const FLASH_ACR: u64 = 0x4002_3C00;
 const TIM1_BDTR: u64 = 0x4001_0044;
 
-/// Bits `high..=low` of a word.
-fn bits(word: u32, high: u32, low: u32) -> u32 {
-    word >> low & ((1 << (high - low + 1)) - 1)
-}
-
 #[test]
 fn nothing_outside_the_chip_makes_its_clock() {
-    // The bench has no oscillator on OSC_IN: a clock from there would be none.
+    // The bench has no oscillator on OSC_IN. A chip that used OSC_IN would have no clock.
     let mut bench = on(Board::NucleoF429zi, || booted(four_loads()));
     assert!(log(&mut bench).contains("168000000 Hz"), "{}", log(&mut bench));
     assert_eq!(bits(bench.register(RCC_CR), 16, 16), 0, "HSEON");
@@ -27,14 +24,14 @@ fn nothing_outside_the_chip_makes_its_clock() {
     assert_eq!(bits(pll, 22, 22), 0, "PLLSRC is the HSI");
     let [m, n, p, q] = [(5, 0), (14, 6), (17, 16), (27, 24)].map(|(high, low)| bits(pll, high, low));
     assert_eq!(16 / m * n / (2 * p + 2), 168, "MHz of the core");
-    // RM0090 6.3.2: 0 and 1 are forbidden, and what hangs on it takes at most 48 MHz.
+    // RM0090 6.3.2: 0 and 1 are forbidden, and the clock behind this divider is at most 48 MHz.
     assert!(q >= 2 && 16 / m * n / q <= 48, "PLLQ is {q}");
     bench.assert_sound();
 }
 
 #[test]
 fn flash_is_read_ahead_and_cached_with_five_wait_states() {
-    // PRFTEN is also the cure of erratum 2.2.3 (WFE at an address that ends in 4).
+    // PRFTEN also avoids erratum 2.2.3 (WFE at an address that ends in 4).
     let mut bench = on(Board::NucleoF429zi, || booted(vec![am60()]));
     let control = bench.register(FLASH_ACR);
     assert_eq!(bits(control, 3, 0), 5, "wait states at 168 MHz and 2.7 V (RM0090 table 12)");
@@ -47,10 +44,7 @@ fn flash_is_read_ahead_and_cached_with_five_wait_states() {
 pub(crate) fn a_halted_core_leaves_no_pwm_on() {
     let mut bench = booted(vec![am60()]);
     // DBGMCU_APB2_FZ, DBGMCU_APB2FZ1.
-    let freeze = match board() {
-        Board::NucleoF429zi => 0xE004_200C,
-        Board::NucleoH743zi2 => 0x5C00_104C,
-    };
+    let freeze = by_board(0xE004_200C, 0x5C00_104C);
     assert_eq!(bits(bench.register(freeze), 0, 0), 1, "DBG_TIM1_STOP");
     assert_eq!(bits(bench.register(TIM1_BDTR), 10, 10), 1, "OSSI: the pins are driven low meanwhile");
 }
@@ -66,14 +60,11 @@ pub(crate) fn encoder_inputs_are_filtered() {
     }
 }
 
-/// A pull-up of the chip would let the current of an encoder's 5 V into it.
+/// With a pull-up of the chip, current of an encoder's 5 V would flow into the chip.
 #[test]
 fn encoder_pins_have_no_pull_of_the_chip() {
     let mut bench = booted(vec![am60()]);
-    let first: u64 = match board() {
-        Board::NucleoF429zi => 0x4002_0000,
-        Board::NucleoH743zi2 => 0x5802_0000,
-    };
+    let first = by_board(0x4002_0000_u64, 0x5802_0000);
     // PA15, PB3, PB4, PB5, PC6, PC7, PD12, PD13: GPIOx_PUPDR.
     for (port, pin) in [(0, 15), (1, 3), (1, 4), (1, 5), (2, 6), (2, 7), (3, 12), (3, 13)] {
         let pulls = bench.register(first + 0x400 * port + 0x0C);
@@ -85,20 +76,14 @@ fn encoder_pins_have_no_pull_of_the_chip() {
 fn a_line_that_no_host_drives_is_pulled_up() {
     let mut bench = booted(vec![am60()]);
     // GPIOD_PUPDR.
-    let pulls = match board() {
-        Board::NucleoF429zi => 0x4002_0C0C,
-        Board::NucleoH743zi2 => 0x5802_0C0C,
-    };
+    let pulls = by_board(0x4002_0C0C, 0x5802_0C0C);
     assert_eq!(bits(bench.register(pulls), 19, 18), 0b01, "PD9, RX");
 }
 
-/// Below what the voltage detector watches for, mV. On the F429 above 2.7 V, where 168 MHz and 5 wait states end; the
-/// H743 runs on to 1.62 V.
+/// A supply below the level of the voltage detector, in mV. The F429 needs 2.7 V for 168 MHz with 5 wait states; the H743
+/// needs 1.62 V.
 fn too_low() -> u32 {
-    match board() {
-        Board::NucleoF429zi => 2_800,
-        Board::NucleoH743zi2 => 2_740,
-    }
+    by_board(2_800, 2_740)
 }
 
 #[test]
@@ -113,7 +98,7 @@ pub(crate) fn a_supply_that_falls_opens_all_bridges_before_the_flash_is_too_slow
         assert!(time < std::time::Duration::from_micros(10), "bridge {motor}: {time:?}");
     }
     assert!(log(&mut bench).contains("supply fell"), "{}", log(&mut bench));
-    // It is back before the watchdog starts the chip afresh.
+    // The supply is back before the watchdog resets the chip.
     bench.set_rail(3_300);
     bench.run(ms(1000));
     assert_eq!(bench.resets().len(), 1);
@@ -129,23 +114,21 @@ fn a_supply_that_is_low_from_the_beginning_starts_no_hub() {
     assert!(log(&mut bench).contains("supply fell"), "{}", log(&mut bench));
     assert!(!log(&mut bench).contains("tick"), "{}", log(&mut bench));
     assert_eq!(bench.transitions(), []);
-    // Once it is good, the watchdog has the hub start.
+    // Once the supply is back, a reset by the watchdog starts the hub.
     bench.set_rail(3_300);
     bench.run(ms(1500));
     assert!(log(&mut bench).contains("tick 19 missed 0"), "{}", log(&mut bench));
     bench.assert_sound();
 }
 
-/// The converter's watchdog is on it within two conversions, and the hub looks twice, a millisecond apart; without that it
-/// would look every 10 ms.
+/// The converter's watchdog reports a low battery within two conversions. The hub then samples twice, a millisecond apart,
+/// instead of every 10 ms.
 #[test]
 pub(crate) fn a_battery_that_breaks_down_is_seen_at_once() {
-    let (mut bench, mut host) = (booted(vec![am60(); 4]), HostLink::default());
+    let (mut bench, mut host) = with_host(vec![am60(); 4]);
     for phase in 0..4 {
-        for motor in 0..4 {
-            host.velocity(&mut bench, motor, 1000);
-        }
-        // Until all may be drawn again, and the bus is quiet.
+        set_speeds(&mut bench, &mut host);
+        // By then the motors may draw their full current again.
         bench.run(ms(1500 + 3 * phase));
         let at = bench.now();
         bench.set_battery(4.5);
@@ -176,10 +159,10 @@ fn a_battery_pin_that_nothing_is_connected_to_has_no_voltage() {
     });
 }
 
-/// Four motors keep their speed for longer than the log's buffer lasts, with duties that are renewed in every second.
+/// Expects four motors to keep their speed until the log's buffer is full and longer, with new duties in every second.
 fn runs_on_unread(bench: &mut Bench) {
     for second in 0..15 {
-        // Something for the regulator to do.
+        // The load changes, so that the regulator changes duties.
         let load = if second % 2 == 0 { 0.1 } else { -0.1 };
         (0..4).for_each(|motor| bench.set_torque(motor, load));
         let (from, changes) = (bench.now(), bench.transitions().len());
@@ -189,7 +172,7 @@ fn runs_on_unread(bench: &mut Bench) {
         let changes = bench.transitions().len() - changes;
         assert!(changes > 4, "{changes} changes of four PWMs in a second after {from:?}");
         for (motor, before) in counts.into_iter().enumerate() {
-            // In the second: at an instant the loop may be some percent off.
+            // The mean of a second, because the present speed may be some percent off.
             let counts = bench.look(motor).counts - before;
             assert!(
                 (counts - 1000).abs() < 30,
@@ -201,26 +184,25 @@ fn runs_on_unread(bench: &mut Bench) {
 
 #[test]
 pub(crate) fn a_bus_that_rises_ends_what_a_braking_motor_returns_before_the_next_millisecond() {
-    let mut bench = booted(vec![am60()]);
-    let mut host = HostLink::default();
+    let (mut bench, mut host) = with_host(vec![am60()]);
     bench.set_torque(0, 0.8);
     host.velocity(&mut bench, 0, 1_000);
     bench.run(ms(1_000));
     for round in 0..6 {
         host.keep_alive(&mut bench);
-        // Each time at another place between two looks of the hub.
+        // Each time at another phase between two samples of the hub.
         bench.run(ms(80) + Duration::from_micros(170) * round);
         let from = bench.now();
         bench.set_battery(15.0);
         assert!(bench.run_while(Duration::from_micros(10), ms(5), |bench| bench.battery().0 > 14.5));
         let rose = bench.now();
         bench.run(ms(3));
-        // A portion of a short, or of driving beyond the back EMF.
+        // A burn pulse shorts the motor, or drives it beyond its back EMF.
         let burns = |lines: Lines| lines.shorted() || lines.ina || lines.inb;
         let burnt = bench.transitions().into_iter().find(|t| t.at > from && burns(t.lines));
-        let burnt = burnt.map(|transition| transition.at).expect("it burns what it would return");
+        let burnt = burnt.map(|transition| transition.at).expect("a burn pulse");
         let after = burnt.saturating_sub(rose);
-        println!("round {round}: burnt after {after:?}");
+        println!("round {round}: burn pulse after {after:?}");
         assert!(after < Duration::from_micros(200), "round {round}: {after:?}");
         bench.set_battery(12.0);
         bench.run(ms(300));
@@ -252,7 +234,7 @@ fn a_log_that_nobody_ever_reads_stops_nothing() {
     runs_on_unread(&mut bench);
 }
 
-/// The HAL waits for the over-drive (F429), or for the voltage scaling (H743), without a limit.
+/// The HAL waits without a time-out for the over-drive (F429) or the voltage scaling (H743).
 #[test]
 pub(crate) fn clocks_that_never_start_leave_the_red_lamp_on_and_the_watchdog_tries_again() {
     let mut bench = Bench::new(setup(vec![am60()]));
@@ -262,10 +244,7 @@ pub(crate) fn clocks_that_never_start_leave_the_red_lamp_on_and_the_watchdog_tri
     assert!(causes.len() >= 2, "the watchdog has reset the chip {} times", causes.len());
     assert!(log(&mut bench).is_empty(), "no clock, and yet the hub runs");
     // MODER and ODR of GPIOB: PB14 is the red lamp.
-    let port_b = match board() {
-        Board::NucleoF429zi => 0x4002_0400,
-        Board::NucleoH743zi2 => 0x5802_0400,
-    };
+    let port_b = by_board(0x4002_0400, 0x5802_0400);
     let [modes, outputs] = [port_b, port_b + 0x14].map(|at| bench.register(at));
     assert_eq!((modes >> 28 & 3, outputs >> 14 & 1), (1, 1), "the red lamp is driven high");
     assert!(bench.lines(0).open());

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use crate::boot::first_safe_output;
-use crate::common::{am60, ms, on, setup};
+use crate::common::{am60, booted_as, ms, on, setup, watch_samples, worst_sample};
 use emulated::host_link::HostLink;
 use emulated::{Bench, Board, Setup, elf};
 use motor_hub::extension::HubFunction;
@@ -18,9 +18,9 @@ use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Phase, public_key};
 
 const BOARD: Board = Board::NucleoH743zi2;
 
+/// A hub behind its bootloader, and its host.
 fn powered_on() -> (Bench, HostLink) {
-    let mut bench = on(BOARD, || Bench::new(Setup { bootloader: true, ..setup(vec![am60()]) }));
-    bench.run(ms(300));
+    let bench = on(BOARD, || booted_as(Setup { bootloader: true, ..setup(vec![am60()]) }));
     (bench, HostLink::default())
 }
 
@@ -33,7 +33,7 @@ fn version(bench: &mut Bench, host: &mut HostLink) -> String {
     String::from_utf8_lossy(&text).into_owned()
 }
 
-/// An order that may have to wait until the hub has written what was before.
+/// A request that the hub refuses until it has written the data before. It is repeated until then.
 fn persist(bench: &mut Bench, host: &mut HostLink, request: &HubFunction) {
     let request = Request::from(request.clone());
     let end = bench.now() + ms(10_000);
@@ -46,6 +46,13 @@ fn persist(bench: &mut Bench, host: &mut HostLink, request: &HubFunction) {
     }
 }
 
+/// Expects that the hub refuses a request for a reason.
+#[track_caller]
+fn refused(bench: &mut Bench, host: &mut HostLink, request: HubFunction, why: Nack) {
+    let request = Request::from(request);
+    assert_eq!(host.ask(bench, request.id(), &request.payload()), Reply::Nack(why));
+}
+
 /// Announces an image.
 fn begin(bench: &mut Bench, host: &mut HostLink, image: &[u8]) {
     let version = Text::from_slice(b"a test").expect("short");
@@ -55,19 +62,19 @@ fn begin(bench: &mut Bench, host: &mut HostLink, image: &[u8]) {
     );
 }
 
-/// Sends it, and has it checked and armed.
+/// Sends an announced image, and expects that the hub arms it.
 fn send(bench: &mut Bench, host: &mut HostLink, image: &[u8]) {
     let report = checked(bench, host, image);
     assert_eq!((report.phase, report.outcome), (Phase::Armed, Outcome::Done));
 }
 
-/// Sends it, and has it checked.
+/// Sends an announced image, and returns the report after the check.
 fn checked(bench: &mut Bench, host: &mut HostLink, image: &[u8]) -> UpdateReport {
     write(bench, host, image);
     settled(bench, host)
 }
 
-/// Sends it, and says that this was all.
+/// Sends all bytes of an announced image.
 fn write(bench: &mut Bench, host: &mut HostLink, image: &[u8]) {
     for (offset, bytes) in (0..).step_by(CHUNK).zip(image.chunks(CHUNK)) {
         let bytes = Text::from_slice(bytes).expect("short");
@@ -76,7 +83,7 @@ fn write(bench: &mut Bench, host: &mut HostLink, image: &[u8]) {
     persist(bench, host, &HubFunction::FinishUpdate);
 }
 
-/// What comes of a check.
+/// The report once the hub has checked the image.
 fn settled(bench: &mut Bench, host: &mut HostLink) -> UpdateReport {
     let end = bench.now() + ms(10_000);
     loop {
@@ -88,22 +95,7 @@ fn settled(bench: &mut Bench, host: &mut HostLink) -> UpdateReport {
     }
 }
 
-/// Watches the task that samples every millisecond.
-fn watch_samples(bench: &mut Bench) {
-    let symbols = bench.symbols().iter();
-    let mut capture = symbols.filter(|s| s.name.contains("capture_task") && s.name.ends_with("::poll"));
-    let capture = capture.next().expect("that task").address;
-    bench.watch(vec![capture]);
-    bench.take_instants();
-}
-
-/// How long after the one before the latest sample came, since that was last asked.
-fn worst_sample(bench: &mut Bench) -> Duration {
-    let samples = bench.take_instants();
-    samples.windows(2).map(|pair| pair[1] - pair[0]).max().expect("samples")
-}
-
-/// Code that never gets anywhere: its stack, its entry, and a branch to itself (ARMv7-M ARM A7.7.12, B1.5.3).
+/// An image that hangs: its stack, its entry, and a branch to itself (ARMv7-M ARM A7.7.12, B1.5.3).
 fn hangs(origin: u32) -> Vec<u8> {
     let words = [0x2002_0000, origin + 9, 0xE7FE_E7FE];
     words.into_iter().flat_map(u32::to_le_bytes).collect()
@@ -125,7 +117,7 @@ fn the_bootloader_starts_the_hub_and_firmware_that_hangs_is_rolled_back() {
     send(&mut bench, &mut host, &image);
     host.order(&mut bench, HubFunction::Restart);
     let started = bench.now();
-    // Swapped in, reset by the bootloader's watchdog, swapped back: 16 sectors of the flash are erased.
+    // The image is swapped in, the bootloader's watchdog resets, and the image is swapped back. 16 sectors are erased.
     let back = bench.run_while(ms(500), ms(90_000), |bench| {
         let packet = host.packet(HubFunction::Update.number() + 0x4D00, &[]);
         bench.send(&packet);
@@ -166,17 +158,14 @@ fn behind_the_bootloader_pins_drive_their_idle_levels_within_a_millisecond_of_re
 fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_restart() {
     let (mut bench, mut host) = powered_on();
     let image = hangs(0x0802_0000);
-    let refused = |bench: &mut Bench, host: &mut HostLink, request: HubFunction| {
-        let request = Request::from(request);
-        assert_eq!(host.ask(bench, request.id(), &request.payload()), Reply::Nack(Nack::MOTOR_ENABLED));
-    };
     host.velocity(&mut bench, 0, 1000);
     bench.run(ms(1000));
-    refused(&mut bench, &mut host, HubFunction::BeginUpdate { length: 12, crc: 0, version: Text::default() });
+    let too_soon = HubFunction::BeginUpdate { length: 12, crc: 0, version: Text::default() };
+    refused(&mut bench, &mut host, too_soon, Nack::MOTOR_ENABLED);
     host.enable(&mut bench, 0, false);
     bench.run(ms(300));
     begin(&mut bench, &mut host, &image);
-    // A host may have it run again meanwhile; a page is erased for the first chunk, and the bootloader's state to arm the image.
+    // Motors may run during an update. The first chunk erases a page, and arming erases the bootloader's state.
     host.velocity(&mut bench, 0, 1000);
     bench.run(ms(1000));
     watch_samples(&mut bench);
@@ -189,8 +178,8 @@ fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_
     assert!(worst < Duration::from_micros(1_200), "{worst:?}");
     let speed = bench.look(0).counts_per_second;
     assert!((speed - 1000.0).abs() < 30.0, "{speed} counts/s");
-    refused(&mut bench, &mut host, HubFunction::Restart);
-    // Abandoned, it is not started by the next reset either.
+    refused(&mut bench, &mut host, HubFunction::Restart, Nack::MOTOR_ENABLED);
+    // The next reset does not start an abandoned image.
     host.order(&mut bench, HubFunction::AbandonUpdate);
     bench.run(ms(2_450));
     host.keep_alive(&mut bench);
@@ -204,7 +193,7 @@ fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_
     bench.assert_sound();
 }
 
-/// As OpenSSL has made them: a public key, and its owner's signature of what [`hangs`] at the slot's first address.
+/// A public key and its owner's signature of the image [`hangs`], made by OpenSSL.
 const KEY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/update/signed/public.der");
 const SIGNATURE: &[u8; 64] = include_bytes!("hangs.sig");
 
@@ -218,10 +207,6 @@ fn a_hub_with_a_signers_key_arms_what_that_one_has_signed_and_nothing_else() {
     let mut host = HostLink::default();
     let key = public_key(&std::fs::read(KEY).expect("a file")).expect("a key");
     let image = hangs(0x0802_0000);
-    let refused = |bench: &mut Bench, host: &mut HostLink, request: HubFunction, why: Nack| {
-        let request = Request::from(request);
-        assert_eq!(host.ask(bench, request.id(), &request.payload()), Reply::Nack(why));
-    };
     begin(&mut bench, &mut host, &image);
     let bytes = Text::from_slice(&image).expect("short");
     refused(&mut bench, &mut host, HubFunction::Chunk { offset: 0, bytes }, Nack::UPDATE_UNSIGNED);
@@ -233,15 +218,15 @@ fn a_hub_with_a_signers_key_arms_what_that_one_has_signed_and_nothing_else() {
         signature[40] ^= turned;
         host.order(bench, HubFunction::Sign { key, signature });
     };
-    let told = |report: &UpdateReport| (report.phase, report.outcome, report.booted);
+    let state_of = |report: &UpdateReport| (report.phase, report.outcome, report.booted);
     watch_samples(&mut bench);
     sign(&mut bench, &mut host, 1);
     let report = checked(&mut bench, &mut host, &image);
-    assert_eq!(told(&report), (Phase::Nothing, Outcome::WrongSignature, Booted::Confirmed));
+    assert_eq!(state_of(&report), (Phase::Nothing, Outcome::WrongSignature, Booted::Confirmed));
     let worst = worst_sample(&mut bench);
     println!("a signature was looked at, and a sample came {worst:?} after the one before");
     assert!(worst < ms(40), "the watchdog waits 480 ms at the least: {worst:?}");
-    // While a motor runs nothing is held up.
+    // While a motor runs, the check waits, and samples are not late.
     sign(&mut bench, &mut host, 0);
     host.velocity(&mut bench, 0, 1000);
     bench.run(ms(500));
@@ -254,7 +239,7 @@ fn a_hub_with_a_signers_key_arms_what_that_one_has_signed_and_nothing_else() {
     assert!(worst < Duration::from_micros(1_200), "{worst:?}");
     host.enable(&mut bench, 0, false);
     let report = settled(&mut bench, &mut host);
-    assert_eq!(told(&report), (Phase::Armed, Outcome::Done, Booted::Confirmed));
+    assert_eq!(state_of(&report), (Phase::Armed, Outcome::Done, Booted::Confirmed));
     assert_eq!(bench.resets(), []);
     bench.assert_sound();
 }

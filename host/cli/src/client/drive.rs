@@ -170,8 +170,9 @@ impl Drive {
         let mut progress = Progress::new(&order, INTERVAL);
         let settled = DrivingSession::run(session, |driven| {
             order.begin(driven)?;
-            let settled = follow(driven, &order, turn, |reading| {
-                progress.observe(reading.at, &reading.bulk, reading.report.as_ref())
+            let settled = follow(driven, &order.motors, turn, order.length, |session, reading| {
+                order.check(session)?;
+                Ok(progress.observe(reading.at, &reading.bulk, reading.report.as_ref()))
             })?;
             if !settled {
                 progress.judge(order.length)?;
@@ -186,17 +187,17 @@ impl Drive {
 }
 
 /// Shows the motors until `settled` returns true or the time is over; true if they have settled.
-fn follow(
+pub(super) fn follow(
     session: &mut Session<Line>,
-    order: &Motion,
+    motors: &[u8],
     turn: Option<f64>,
-    mut settled: impl FnMut(&Reading) -> bool,
+    length: Option<Duration>,
+    mut settled: impl FnMut(&mut Session<Line>, &Reading) -> Result<bool, ClientError>,
 ) -> Result<bool, ClientError> {
-    let motors = &order.motors;
     let mut live = Live::new();
     let mut readings = 0u32;
     let mut unsaid = None;
-    let done = repeat(session, INTERVAL, order.length, |session, reading| {
+    let done = repeat(session, INTERVAL, length, |session, reading| {
         let line = reading.line(motors, turn);
         unsaid = None;
         if live.terminal {
@@ -207,8 +208,7 @@ fn follow(
             unsaid = Some(line);
         }
         readings = readings.wrapping_add(1);
-        order.check(session)?;
-        Ok(settled(reading))
+        settled(session, reading)
     });
     // The last reading is always printed.
     unsaid.map_or(Ok(()), |line| print(&line))?;

@@ -7,7 +7,7 @@ mod terminal;
 use super::drive::{ALL, power};
 use super::error::ClientError;
 use super::interrupt;
-use super::motion::warn_of;
+use super::motion::{check_enabled, warn_of};
 use super::motors_off::{DrivingSession, tell};
 use super::readings::{Live, motors_of};
 use crate::output::{Failure, print};
@@ -113,10 +113,8 @@ impl Options {
                 if *sent != wanted {
                     self.send(driven, motor, *sent, wanted)?;
                     *sent = wanted;
-                } else if sent.is_some() && !driven.enabled(motor)? {
-                    let words = driven.status(false)?.words().join(", ");
-                    let says = format!("the hub has disabled motor {motor}; hub status: {words}");
-                    return Err(Failure::Work(says).into());
+                } else if sent.is_some() {
+                    check_enabled(driven, motor)?;
                 }
             }
             // A raw terminal does not add a carriage return to a line feed.

@@ -93,17 +93,19 @@ impl Motion {
         Ok(())
     }
 
-    /// Fails if the hub has disabled a motor: after a fail-safe, a reset or a fault.
+    /// Fails if the hub has disabled a motor.
     pub(super) fn check(&self, session: &mut Session<Line>) -> Result<(), ClientError> {
-        for &motor in &self.motors {
-            if !session.enabled(motor)? {
-                let words = session.status(false)?.words().join(", ");
-                let says = format!("the hub has disabled motor {motor}; hub status: {words}");
-                return Err(Failure::Work(says).into());
-            }
-        }
-        Ok(())
+        self.motors.iter().try_for_each(|motor| check_enabled(session, *motor))
     }
+}
+
+/// Fails if the hub has disabled a motor: after a fail-safe, a reset or a fault.
+pub(super) fn check_enabled(session: &mut Session<Line>, motor: u8) -> Result<(), ClientError> {
+    if session.enabled(motor)? {
+        return Ok(());
+    }
+    let words = session.status(false)?.words().join(", ");
+    Err(Failure::Work(format!("the hub has disabled motor {motor}; hub status: {words}")).into())
 }
 
 /// Answer to a constant current for a hub of another maker.

@@ -4,18 +4,16 @@ use super::error::ClientError;
 use super::interrupt;
 use super::shaft_speed::shaft_speed;
 use crate::output::{Failure, print};
-use motor_hub::braking::Regime;
-use motor_hub::bridge::Drive;
 use motor_hub::extension::report::{HubReport, MotorReport};
 use motor_hub::protocol::answers::{Bulk, MotorAlert, Status};
-use motor_hub::units::{Milliamperes, Millivolts};
+use motor_hub::units::Millivolts;
 use motor_hub_client::line::Line;
+use motor_hub_client::motor_values::MotorValues;
 use motor_hub_client::reasons::why_still;
 use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
-use studies::points::regulator_name;
 use studies::table;
 
 /// State of a hub at one instant. Taking a reading resets the hub's keep-alive.
@@ -71,14 +69,10 @@ impl Reading {
             let shaft = turn.map(|turn| shaft_speed(velocity, turn));
             let shaft = shaft.into_iter().flat_map(|(rpm, rad)| [format!("{rpm:.1}"), format!("{rad:.2}")]);
             let row = [motor.to_string(), position.to_string(), velocity.to_string(), there.into()];
-            let more = self.reported(motor).map(|of| {
+            let more = self.reported(motor).map(MotorValues::of).map(|values| {
                 let why = self.why(motor).unwrap_or_default().to_owned();
-                [
-                    format!("{:.1}", 100.0 * of.control.to_f64()),
-                    bridge(of),
-                    format!("{:.2}", amperes(of.best_current())),
-                    why,
-                ]
+                let [control, current] = [100.0 * values.control, values.current_a];
+                [format!("{control:.1}"), bridge(&values), format!("{current:.2}"), why]
             });
             table.add_row(row.into_iter().chain(shaft).chain(more.into_iter().flatten()));
         }
@@ -101,8 +95,8 @@ impl Reading {
             let there = if there { format!(", {}", self.word()) } else { String::new() };
             let shaft = turn.map(|turn| shaft_speed(velocity, turn));
             let rpm = shaft.map(|(rpm, rad)| format!(" ({rpm:.1} rpm, {rad:.2} rad/s)")).unwrap_or_default();
-            let current = self.reported(motor).map(|of| format!(", {:.2} A", amperes(of.best_current())));
-            let current = current.unwrap_or_default();
+            let values = self.reported(motor).map(MotorValues::of);
+            let current = values.map(|values| format!(", {:.2} A", values.current_a)).unwrap_or_default();
             format!("; motor {motor}: {position} counts, {velocity} counts/s{rpm}{current}{there}")
         });
         let motors: String = motors.collect();
@@ -120,13 +114,20 @@ impl Reading {
                     "velocity": velocity,
                     "within_tolerance": within_tolerance,
                 });
-                if let (Some(object), Some(turn)) = (of_motor.as_object_mut(), turn) {
+                let mut add = |more: Value| {
+                    if let (Some(of_motor), Value::Object(more)) = (of_motor.as_object_mut(), more) {
+                        of_motor.extend(more);
+                    }
+                };
+                if let Some(turn) = turn {
                     let (rpm, rad) = shaft_speed(velocity, turn);
-                    object.extend([("rpm".to_owned(), json!(rpm)), ("rad_per_s".to_owned(), json!(rad))]);
+                    add(json!({ "rpm": rpm, "rad_per_s": rad }));
                 }
-                if let (Some(object), Some(report)) = (of_motor.as_object_mut(), self.reported(motor)) {
-                    object.extend(report_json(report));
-                    object.insert("stands_because".to_owned(), self.why(motor).into());
+                if let Some(report) = self.reported(motor) {
+                    add(json!(MotorValues::of(report)));
+                    // In the documents of the command line a control value is in steps.
+                    let control = report.control.get();
+                    add(json!({ "control": control, "enabled": report.enabled, "stands_because": self.why(motor) }));
                 }
                 of_motor
             })
@@ -142,35 +143,10 @@ impl Reading {
     }
 }
 
-fn amperes(current: Milliamperes) -> f64 {
-    f64::from(current.get()) / 1e3
-}
-
 /// Regime, mode and duty of the bridge as text.
-fn bridge(report: &MotorReport) -> String {
-    let Drive { mode, duty } = report.drive;
-    report.regime.map_or_else(
-        || "open".to_owned(),
-        |regime| format!("{} {} {:.0} %", regime.name(), mode.name(), 100.0 * duty.to_f64()),
-    )
-}
-
-/// Values of a motor that only hubs of this project report.
-fn report_json(report: &MotorReport) -> [(String, Value); 10] {
-    let regulator = regulator_name(report.regulator);
-    [
-        ("enabled", json!(report.enabled)),
-        ("control", json!(report.control.get())),
-        ("regime", json!(report.regime.map(Regime::name))),
-        ("mode", json!(report.regime.map(|_| report.drive.mode.name()))),
-        ("duty", json!(report.drive.duty.to_f64())),
-        ("current_a", json!(amperes(report.best_current()))),
-        ("current_limited", json!(report.current_limited)),
-        ("load_a", json!(report.load.map(amperes))),
-        ("regulator", json!(regulator)),
-        ("settled", json!(report.settled)),
-    ]
-    .map(|(key, value)| (key.to_owned(), value))
+fn bridge(values: &MotorValues) -> String {
+    let Some((regime, mode)) = values.regime.zip(values.mode) else { return "open".to_owned() };
+    format!("{regime} {mode} {:.0} %", 100.0 * values.duty)
 }
 
 /// Motor, position, velocity, and whether the motor is within tolerance, of the given motors.
@@ -215,21 +191,39 @@ pub(crate) fn repeat(
     length: Option<Duration>,
     mut each: impl FnMut(&mut Session<Line>, &Reading) -> Result<bool, ClientError>,
 ) -> Result<bool, ClientError> {
-    let since = Instant::now();
-    let mut next = since;
+    let mut schedule = Schedule::new(interval, length);
     loop {
-        let reading = Reading::take(session, since)?;
+        let reading = Reading::take(session, schedule.since)?;
         if each(session, &reading)? {
             return Ok(true);
         }
-        let now = Instant::now();
-        // After a reading that took too long the interval is not shortened.
-        next = now.max(next + interval);
-        let end = length.map(|length| since + length);
-        let until = end.map_or(next, |end| end.min(next));
-        interrupt::wait(until)?;
-        if end.is_some_and(|end| end <= Instant::now()) {
+        if !schedule.wait()? {
             return Ok(false);
         }
+    }
+}
+
+/// Times of repeated readings.
+pub(super) struct Schedule {
+    /// Time of the first reading.
+    pub(super) since: Instant,
+    next: Instant,
+    interval: Duration,
+    end: Option<Instant>,
+}
+
+impl Schedule {
+    /// Readings from now on, every `interval`, for `length` or without an end.
+    pub(super) fn new(interval: Duration, length: Option<Duration>) -> Self {
+        let since = Instant::now();
+        Self { since, next: since, interval, end: length.map(|length| since + length) }
+    }
+
+    /// Waits until the next reading is due, or the time is over; false if the time is over.
+    pub(super) fn wait(&mut self) -> Result<bool, Failure> {
+        // After a reading that took too long the interval is not shortened.
+        self.next = Instant::now().max(self.next + self.interval);
+        interrupt::wait(self.end.map_or(self.next, |end| end.min(self.next)))?;
+        Ok(self.end.is_none_or(|end| end > Instant::now()))
     }
 }

@@ -2,22 +2,22 @@
 
 use super::drive::Drive;
 use super::error::ClientError;
-use super::interrupt;
 use super::motion::{Motion, Progress, Setpoint};
 use super::motors_off::DrivingSession;
-use super::readings::motors_of;
+use super::readings::{Schedule, motors_of};
 use crate::output::{Failure, Folder, drawn, print};
 use crate::parse::{whole, with_negative_numbers};
 use clap::{CommandFactory, FromArgMatches};
-use motor_hub::extension::report::HubReport;
+use motor_hub::extension::report::{HubReport, ReportedSetpoint};
 use motor_hub::protocol::answers::Bulk;
+use motor_hub::units::Milliamperes;
 use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use studies::recording::{HEADINGS, Recording, Sample, Target};
+use studies::recording::{HEADINGS, Recording, Sample};
 
 /// Text of the long help.
 pub(super) const HELP: &str = "\
@@ -113,10 +113,10 @@ impl Recorder {
         let mut file = File::create(&path).map_err(failed)?;
         file.write_all(HEADINGS.as_bytes()).map_err(failed)?;
         let requested = match order.course {
-            Setpoint::Power(power) => Target::Power(power.get()),
-            Setpoint::Current { ma, .. } => Target::Current(ma),
-            Setpoint::Velocity(cps) => Target::Velocity(cps),
-            Setpoint::Position { counts, .. } => Target::Position(counts),
+            Setpoint::Power(power) => ReportedSetpoint::Power(power),
+            Setpoint::Current { ma, .. } => ReportedSetpoint::Current(Milliamperes::new(ma)),
+            Setpoint::Velocity(cps) => ReportedSetpoint::Velocity(cps.into()),
+            Setpoint::Position { counts, .. } => ReportedSetpoint::Position(counts),
         };
         Ok(Self {
             path,
@@ -137,12 +137,11 @@ impl Recorder {
         progress: &mut Progress,
         interval: Duration,
     ) -> Result<bool, ClientError> {
-        let since = Instant::now();
-        let end = order.length.map(|length| since + length);
-        let (mut next, mut checked) = (since, since);
+        let mut schedule = Schedule::new(interval, order.length);
+        let mut checked = schedule.since;
         loop {
             let begun = Instant::now();
-            if self.read(session, order, since, progress)? {
+            if self.read(session, order, schedule.since, progress)? {
                 return Ok(true);
             }
             self.slowest = self.slowest.max(begun.elapsed());
@@ -150,10 +149,7 @@ impl Recorder {
                 order.check(session)?;
                 checked = Instant::now();
             }
-            // After a reading that took too long the interval is not shortened.
-            next = Instant::now().max(next + interval);
-            interrupt::wait(end.map_or(next, |end| end.min(next)))?;
-            if end.is_some_and(|end| end <= Instant::now()) {
+            if !schedule.wait()? {
                 return Ok(false);
             }
         }

@@ -4,7 +4,6 @@ use super::drive;
 use super::error::ClientError;
 use super::motion::warn_of;
 use super::motors_off::DrivingSession;
-use super::readings::{Live, Reading, repeat};
 use crate::output::{Failure, print};
 use crate::parse::{channel, whole, within_a_day};
 use motor_hub::extension::group::{GroupCourse, GroupState};
@@ -151,21 +150,15 @@ impl Options {
     ) -> Result<bool, ClientError> {
         let Some(&first) = motors.first() else { return Ok(false) };
         session.move_together(first, wanted)?;
-        let (mut live, mut readings) = (Live::new(), 0u32);
-        repeat(session, drive::INTERVAL, self.length, |session, reading: &Reading| {
-            let state = session.group_state(first)?;
-            if live.terminal {
-                live.redraw(&reading.table(motors, None))?;
-            } else if readings.is_multiple_of(drive::LINE) || state != GroupState::Moving {
-                print(&reading.line(motors, None))?;
+        drive::follow(session, motors, None, self.length, |session, reading| {
+            match session.group_state(first)? {
+                GroupState::Alone => {
+                    let words = reading.status.words().join(", ");
+                    let why = format!("the hub has ended the group of motor {first}; hub status: {words}");
+                    Err(Failure::Work(why).into())
+                }
+                state => Ok(state == GroupState::Settled),
             }
-            readings = readings.wrapping_add(1);
-            if state == GroupState::Alone {
-                let words = reading.status.words().join(", ");
-                let why = format!("the hub has ended the group of motor {first}; hub status: {words}");
-                return Err(Failure::Work(why).into());
-            }
-            Ok(state == GroupState::Settled)
         })
     }
 }

@@ -3,15 +3,14 @@
 #![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-use crate::common::{alone, folder, motor_hub};
+use crate::common::{PROGRAM, alone, folder, motor_hub};
 use crate::conformance::Hub;
-use crate::output::{err, out};
+use crate::output::{err, fails, out};
 use emulated::{Board, elf};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::Instant;
 
-const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
 const BOARD: Board = Board::NucleoH743zi2;
 const SLOT: u32 = 0x0802_0000;
 
@@ -86,9 +85,7 @@ fn a_hub_without_a_bootloader_says_so() {
     let folder = folder("client-update-none");
     let file = write(&folder, "newer.elf", &newer()).display().to_string();
     let hub = Hub::start(PROGRAM, &["--pty", "--link", &folder.join("hub").display().to_string()]);
-    let refused = client(&hub, &["update", &file]);
-    assert_eq!(refused.status.code(), Some(1));
-    assert!(err(&refused).contains("the hub has no bootloader"), "{}", err(&refused));
+    fails(&client(&hub, &["update", &file]), 1, "the hub has no bootloader");
 }
 
 #[test]
@@ -98,8 +95,6 @@ fn a_file_that_is_no_firmware_is_refused_before_a_hub_is_asked() {
     let folder = folder("client-update-file");
     let file = write(&folder, "a.bin", b"nothing").display().to_string();
     for (file, why) in [(&*file, "not a motor-hub firmware"), ("/does/not/exist", "No such file")] {
-        let refused = motor_hub(&["client", "--port", "nowhere", "update", file]);
-        assert_eq!(refused.status.code(), Some(2));
-        assert!(err(&refused).contains(why), "{}", err(&refused));
+        fails(&motor_hub(&["client", "--port", "nowhere", "update", file]), 2, why);
     }
 }

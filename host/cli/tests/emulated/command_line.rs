@@ -2,15 +2,13 @@
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use crate::common::{folder, motor_hub};
-use crate::output::{err, out};
+use crate::output::{err, fails, out};
 
 #[test]
 fn a_board_that_there_is_not_is_refused_with_those_that_there_are() {
     for command in [&["emulate"][..], &["serve", "--emulated", "--pty"]] {
-        let output = motor_hub(&[command, &["--board", "nucleo-f103rb"]].concat());
-        assert_eq!(output.status.code(), Some(2), "{command:?}");
         let says = "there is no board nucleo-f103rb; there are nucleo-f429zi, nucleo-h743zi2";
-        assert!(err(&output).contains(says), "{}", err(&output));
+        fails(&motor_hub(&[command, &["--board", "nucleo-f103rb"]].concat()), 2, says);
     }
 }
 
@@ -62,7 +60,5 @@ fn the_image_of_either_board_runs_a_scenario_over_the_simulation() {
 
 #[test]
 fn a_wire_between_pins_that_an_image_lacks_is_refused() {
-    let output = motor_hub(&["serve", "--pty", "--emulated", "--wire", "4,5"]);
-    let error = err(&output);
-    assert!(output.status.code() == Some(2) && error.contains("digital pins 0 and 1 only"), "{error}");
+    fails(&motor_hub(&["serve", "--pty", "--emulated", "--wire", "4,5"]), 2, "digital pins 0 and 1 only");
 }

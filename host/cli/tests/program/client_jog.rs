@@ -2,19 +2,17 @@
 #![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
+use crate::common::{PROGRAM, client, signal};
 use crate::conformance::Hub;
-use crate::output::{err, out};
+use crate::output::{err, fails, json};
 use rustix::fs::{Mode, OFlags};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{LocalModes, tcgetattr};
-use serde_json::Value;
 use std::fs::File;
 use std::io::{Read, Write};
 use std::process::{Child, Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
-
-const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
 
 /// A pseudo-terminal on which the program runs.
 struct Terminal {
@@ -69,10 +67,9 @@ impl Terminal {
 }
 
 fn motors(hub: &Hub) -> Vec<(i64, bool)> {
-    let asked =
-        Command::new(PROGRAM).args(["client", "--tcp", &hub.place, "status", "--json"]).output().unwrap();
+    let asked = client(&hub.place, &["status", "--json"]);
     assert_eq!(err(&asked), "", "every motor was off");
-    let status: Value = serde_json::from_str(&out(&asked)).unwrap();
+    let status = json(&asked);
     let motors = status["motors"].as_array().unwrap();
     motors.iter().map(|m| (m["position"].as_i64().unwrap(), m["enabled"].as_bool().unwrap())).collect()
 }
@@ -107,19 +104,18 @@ fn a_key_drives_a_motor_while_it_is_held_and_not_longer() {
 #[test]
 fn the_terminal_is_put_back_and_motors_stopped_however_it_ends() {
     let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
-    for signal in ["-TERM", "-HUP", "Ctrl-C"] {
+    for end in ["-TERM", "-HUP", "Ctrl-C"] {
         let mut terminal = Terminal::jog(&hub, &["--power", "0.3", "--hold", "5"]);
         terminal.keys("k");
         sleep(Duration::from_millis(300));
-        if signal == "Ctrl-C" {
+        if end == "Ctrl-C" {
             terminal.keys("\x03");
         } else {
-            let id = terminal.process.id().to_string();
-            assert!(Command::new("kill").args([signal, &id]).status().unwrap().success());
+            signal(terminal.process.id(), end);
         }
         let output = terminal.end();
-        assert_eq!(output.status.code(), Some(i32::from(signal != "Ctrl-C")), "{signal}: {}", err(&output));
-        assert!(motors(&hub).iter().all(|(_, enabled)| !enabled), "{signal}");
+        assert_eq!(output.status.code(), Some(i32::from(end != "Ctrl-C")), "{end}: {}", err(&output));
+        assert!(motors(&hub).iter().all(|(_, enabled)| !enabled), "{end}");
     }
 }
 
@@ -128,6 +124,5 @@ fn without_a_terminal_nothing_is_driven() {
     let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
     let mut command = Command::new(PROGRAM);
     let output = command.args(["client", "--tcp", &hub.place, "jog"]).stdin(Stdio::null()).output().unwrap();
-    assert_eq!(output.status.code(), Some(1));
-    assert!(err(&output).contains("not a terminal"), "{}", err(&output));
+    fails(&output, 1, "not a terminal");
 }

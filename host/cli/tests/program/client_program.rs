@@ -6,8 +6,9 @@
     reason = "a failed access is a failed test"
 )]
 
+use crate::common::{PROGRAM, motor_hub};
 use crate::hub_support::{Hub, Server};
-use crate::output::{err, out};
+use crate::output::{err, fails, json, out};
 use motor_hub::supply::DrawStage;
 use motor_hub::units::{CountsPerSecond, Milliamperes, Millivolts};
 use serde_json::Value;
@@ -19,11 +20,7 @@ fn client(server: &Server, arguments: &[&str]) -> Output {
 }
 
 fn program(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_motor-hub")).arg("client").args(arguments).output().unwrap()
-}
-
-fn json(output: &Output) -> Value {
-    serde_json::from_str(&out(output)).expect("standard output is one JSON document")
+    motor_hub(&[&["client"], arguments].concat())
 }
 
 #[test]
@@ -144,9 +141,7 @@ fn a_motor_that_the_catalogue_lacks_is_set_up_by_its_constants() {
         ),
         (&["--ke", "0.02", "--counts-per-rev", "12", "--type", "AM 60 A"], "cannot be used with"),
     ] {
-        let refused = client(&server, &[&show[..], wrong].concat());
-        assert_eq!(refused.status.code(), Some(2), "{wrong:?}");
-        assert!(err(&refused).contains(says), "{wrong:?}: {}", err(&refused));
+        fails(&client(&server, &[&show[..], wrong].concat()), 2, says);
         assert_eq!(json(&client(&server, &show)), named, "{wrong:?}");
     }
 }
@@ -192,12 +187,8 @@ fn motors_run_for_the_time_asked_for_and_are_disabled_then() {
 
 #[test]
 fn a_constant_current_needs_a_hub_of_this_project() {
-    let mut foreign = Hub::new();
-    foreign.foreign = true;
-    let server = Server::start(foreign);
-    let refused = client(&server, &["current", "0", "0.5"]);
-    assert_eq!(refused.status.code(), Some(1));
-    assert!(err(&refused).contains("the hub regulates no current"), "{}", err(&refused));
+    let server = Server::start(Hub { foreign: true, ..Hub::new() });
+    fails(&client(&server, &["current", "0", "0.5"]), 1, "the hub regulates no current");
     assert_eq!(server.hub().was_enabled, [false; 4]);
 }
 
@@ -211,24 +202,20 @@ fn a_position_ends_at_its_target_or_fails_in_time() {
     assert_eq!(server.hub().responder.enabled(), [false; 4]);
 
     server.hub().snapshot.motors[1].settled = false;
-    let late = client(&server, &["position", "1", "-2000", "--tolerance", "0", "--for", "0.2"]);
-    assert_eq!(late.status.code(), Some(1));
-    assert!(err(&late).contains("target not reached after 0.2 s"), "{}", err(&late));
+    fails(
+        &client(&server, &["position", "1", "-2000", "--tolerance", "0", "--for", "0.2"]),
+        1,
+        "target not reached after 0.2 s",
+    );
     assert_eq!(server.hub().responder.enabled(), [false; 4]);
 }
 
 #[test]
 fn a_motor_that_the_hub_lets_go_ends_the_command() {
-    let mut hub = Hub::new();
-    hub.fail_safe_at_bulk = true;
-    let server = Server::start(hub);
+    let server = Server::start(Hub { fail_safe_at_bulk: true, ..Hub::new() });
     let output = client(&server, &["power", "1", "0.5"]);
-    assert_eq!(output.status.code(), Some(1));
-    assert!(
-        err(&output).contains("disabled motor 1") && err(&output).contains("fail-safe"),
-        "{}",
-        err(&output)
-    );
+    fails(&output, 1, "disabled motor 1");
+    fails(&output, 1, "fail-safe");
 }
 
 #[test]
@@ -238,29 +225,17 @@ fn the_program_says_why_the_hub_refuses() {
     hub.snapshot.bus.stage = DrawStage::Derated;
     let server = Server::start(hub);
     let output = client(&server, &["power", "0", "0.5", "--for", "5"]);
-    assert_eq!(output.status.code(), Some(1));
-    let says = err(&output);
-    assert!(says.contains("enable motor 0: battery too low (NACK 52)"), "{says}");
-    assert!(says.contains(&server.address), "{says}");
+    fails(&output, 1, "enable motor 0: battery too low (NACK 52)");
+    fails(&output, 1, &server.address);
 }
 
 /// Starts a command that drives motor 0, makes the hub ignore all requests, and signals the command to end.
 #[cfg(unix)]
 fn interrupted_on_a_deaf_hub(timeout: &str) -> (Server, std::process::Child) {
     let server = Server::start(Hub::new());
-    let mut command = Command::new(env!("CARGO_BIN_EXE_motor-hub"));
-    command.args([
-        "client",
-        "--tcp",
-        &server.address,
-        "--address",
-        "3",
-        "--timeout",
-        timeout,
-        "power",
-        "0",
-        "0.5",
-    ]);
+    let mut command = Command::new(PROGRAM);
+    command.args(["client", "--tcp", &server.address, "--address", "3", "--timeout", timeout]);
+    command.args(["power", "0", "0.5"]);
     let process = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let end = Instant::now() + Duration::from_secs(10);
     while !server.hub().was_enabled[0] {
@@ -270,13 +245,8 @@ fn interrupted_on_a_deaf_hub(timeout: &str) -> (Server, std::process::Child) {
     std::thread::sleep(Duration::from_millis(200));
     server.hub().deaf_for = u32::MAX;
     std::thread::sleep(Duration::from_millis(200));
-    interrupt(&process);
+    crate::common::signal(process.id(), "-INT");
     (server, process)
-}
-
-#[cfg(unix)]
-fn interrupt(process: &std::process::Child) {
-    assert!(Command::new("kill").args(["-INT", &process.id().to_string()]).status().unwrap().success());
 }
 
 #[cfg(unix)]
@@ -296,7 +266,7 @@ fn a_program_that_hangs_is_ended_by_another_signal_later() {
     let (_server, mut process) = interrupted_on_a_deaf_hub("60000");
     std::thread::sleep(Duration::from_millis(3300));
     assert!(process.try_wait().unwrap().is_none(), "it waits for the hub");
-    interrupt(&process);
+    crate::common::signal(process.id(), "-INT");
     let begin = Instant::now();
     assert_eq!(process.wait().unwrap().code(), Some(1));
     assert!(begin.elapsed() < Duration::from_secs(1));
@@ -335,9 +305,7 @@ fn watching_gives_a_document_per_interval() {
 
 #[test]
 fn without_a_hub_the_program_fails_within_the_timeout() {
-    let mut hub = Hub::new();
-    hub.deaf_for = u32::MAX;
-    let server = Server::start(hub);
+    let server = Server::start(Hub { deaf_for: u32::MAX, ..Hub::new() });
     for (arguments, says) in [
         (&["status"][..], "no hub answers"),
         (&["--address", "3", "status"], "hub 3 does not answer"),
@@ -345,15 +313,13 @@ fn without_a_hub_the_program_fails_within_the_timeout() {
     ] {
         let begin = Instant::now();
         let output = program(&[&["--tcp", &server.address, "--timeout", "150"], arguments].concat());
-        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
-        assert!(err(&output).contains(says) && err(&output).contains(&server.address), "{}", err(&output));
+        fails(&output, 1, says);
+        fails(&output, 1, &server.address);
         assert!(begin.elapsed() < Duration::from_secs(2), "{arguments:?}");
     }
     let file = program(&["--port", "/dev/null", "status"]);
     assert!(err(&file).contains("/dev/null: is not a serial port"), "{}", err(&file));
-    let nobody = program(&["--port", "/no/such/port", "status"]);
-    assert_eq!(nobody.status.code(), Some(1));
-    assert!(err(&nobody).contains("/no/such/port"), "{}", err(&nobody));
+    fails(&program(&["--port", "/no/such/port", "status"]), 1, "/no/such/port");
 }
 
 #[test]
@@ -410,10 +376,7 @@ fn wrong_options_are_refused_before_anything_is_sent() {
         (&["set-address", "255"], "1 to 254"),
         (&["watch", "--interval", "3000"], "10 to 2000 ms"),
     ] {
-        let output = program(arguments);
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
-        assert!(output.stdout.is_empty(), "{arguments:?}");
-        assert!(err(&output).contains(says), "{arguments:?}: {}", err(&output));
+        fails(&program(arguments), 2, says);
     }
     assert!(out(&program(&["ports"])).contains("erial ports"));
 }

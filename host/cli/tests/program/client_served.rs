@@ -1,34 +1,31 @@
 //! `motor-hub client` against the served simulated hub, whose motors turn.
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
+use crate::common::{self, PROGRAM, folder, signal};
 use crate::conformance::Hub;
-use crate::output::{err, out};
+use crate::output::{err, fails, json, out};
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
-use std::process::{Child, ChildStdout, Command, Stdio};
-
-const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
+use std::process::{Child, ChildStdout, Command, Output, Stdio};
 
 fn served() -> Hub {
     Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"])
 }
 
-fn client(hub: &Hub, arguments: &[&str]) -> Command {
-    let mut command = Command::new(PROGRAM);
-    command.args(["client", "--tcp", &hub.place]).args(arguments);
-    command
+fn client(hub: &Hub, arguments: &[&str]) -> Output {
+    common::client(&hub.place, arguments)
 }
 
 fn status(hub: &Hub) -> Value {
-    serde_json::from_str(&out(&client(hub, &["status", "--json"]).output().unwrap())).unwrap()
+    json(&client(hub, &["status", "--json"]))
 }
 
 #[test]
 fn a_motor_is_identified_and_what_was_found_is_put_in_force() {
     let hub = served();
     // Coefficients set by a host would override the model.
-    out(&client(&hub, &["coefficients", "0", "velocity", "--p", "1"]).output().unwrap());
-    let shown = out(&client(&hub, &["identify", "0", "--apply"]).output().unwrap());
+    out(&client(&hub, &["coefficients", "0", "velocity", "--p", "1"]));
+    let shown = out(&client(&hub, &["identify", "0", "--apply"]));
     for says in [
         "turns at most",
         " %\n",
@@ -43,8 +40,7 @@ fn a_motor_is_identified_and_what_was_found_is_put_in_force() {
     assert!(shown.contains("regulates the motor by this result"), "{shown}");
     assert_eq!(status(&hub)["motors"][0]["enabled"], false);
     // The result of a former identification must not be reported for this one.
-    let again = client(&hub, &["identify", "0", "--json"]).output().unwrap();
-    let document: Value = serde_json::from_str(&out(&again)).unwrap();
+    let document = json(&client(&hub, &["identify", "0", "--json"]));
     assert_eq!((&document["outcome"], &document["applied"]), (&"found".into(), &false.into()));
     let b = document["found"]["acceleration_per_volt"].as_f64().unwrap();
     assert!(shown.contains("counts/s²/V") && b > 0.0, "{document}");
@@ -53,32 +49,30 @@ fn a_motor_is_identified_and_what_was_found_is_put_in_force() {
 #[test]
 fn a_motor_that_cannot_be_known_is_refused_with_the_reason_and_disabled() {
     let hub = served();
-    let refused = client(&hub, &["identify", "1", "--travel", "3"]).output().unwrap();
-    assert_eq!(refused.status.code(), Some(1));
-    let says = String::from_utf8(refused.stdout.clone()).unwrap();
+    let refused = client(&hub, &["identify", "1", "--travel", "3"]);
+    fails(&refused, 1, "motor 1 was not identified");
+    fails(&refused, 1, "travel");
+    let says = String::from_utf8(refused.stdout).unwrap();
     assert!(says.contains("at most 3 counts"), "{says}");
-    assert!(
-        err(&refused).contains("motor 1 was not identified") && err(&refused).contains("travel"),
-        "{}",
-        err(&refused)
-    );
     assert_eq!(status(&hub)["motors"][1]["enabled"], false);
+}
+
+/// Starts a command.
+#[cfg(unix)]
+fn start(hub: &Hub, arguments: &[&str]) -> Child {
+    let mut command = Command::new(PROGRAM);
+    command.args(["client", "--tcp", &hub.place]).args(arguments);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
 /// Starts a command that drives motor 0, and returns the process once the motor turns. The standard output stays open,
 /// because the command would end without a reader.
 #[cfg(unix)]
 fn driving(hub: &Hub, arguments: &[&str]) -> (Child, BufReader<ChildStdout>) {
-    let mut command = client(hub, arguments);
-    let mut process = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut process = start(hub, arguments);
     let mut reader = BufReader::new(process.stdout.take().unwrap());
     reader.read_line(&mut String::new()).unwrap();
     (process, reader)
-}
-
-#[cfg(unix)]
-fn kill(process: &Child, signal: &str) {
-    assert!(Command::new("kill").args([signal, &process.id().to_string()]).status().unwrap().success());
 }
 
 #[cfg(unix)]
@@ -98,15 +92,14 @@ fn every_signal_that_can_be_heard_stops_what_the_command_has_set_going() {
         (&["together", "0=300", "--on"], &["-INT", "-INT", "-TERM"], "stopped by"),
     ] {
         let (process, _reader) = driving(&hub, arguments);
-        signals.iter().for_each(|signal| kill(&process, signal));
+        signals.iter().for_each(|name| signal(process.id(), name));
         let output = process.wait_with_output().unwrap();
-        assert_eq!(output.status.code(), Some(1), "{arguments:?} {signals:?}");
-        let words = err(&output);
-        assert!(words.contains(says) && words.contains("disabled motor 0"), "{arguments:?}: {words}");
+        fails(&output, 1, says);
+        fails(&output, 1, "disabled motor 0");
         // The motor is disabled long before the keep-alive ends, and not by the `status` command.
-        let asked = client(&hub, &["status", "--json"]).output().unwrap();
+        let asked = client(&hub, &["status", "--json"]);
         assert_eq!(err(&asked), "", "{arguments:?}");
-        assert_eq!(serde_json::from_str::<Value>(&out(&asked)).unwrap()["motors"][0]["enabled"], false);
+        assert_eq!(json(&asked)["motors"][0]["enabled"], false);
     }
 }
 
@@ -117,8 +110,7 @@ fn a_reader_that_goes_away_stops_the_motors_too() {
     let (process, reader) = driving(&hub, &["velocity", "0", "500"]);
     drop(reader);
     let output = process.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(1));
-    assert!(err(&output).contains("disabled motor 0"), "{}", err(&output));
+    fails(&output, 1, "disabled motor 0");
 }
 
 #[cfg(unix)]
@@ -133,9 +125,9 @@ fn questions_do_not_keep_a_motor_going_whose_host_was_killed() {
         &["velocity", "1", "100", "--for", "0.1"],
     ] {
         let (mut process, _reader) = driving(&hub, &["velocity", "0", "500"]);
-        kill(&process, "-KILL");
+        signal(process.id(), "-KILL");
         process.wait().unwrap();
-        let asked = client(&hub, question).output().unwrap();
+        let asked = client(&hub, question);
         assert!(err(&asked).contains("disabled motor 0, left running"), "{question:?}: {}", err(&asked));
         assert_eq!(status(&hub)["motors"][0]["enabled"], false, "{question:?}");
     }
@@ -144,24 +136,18 @@ fn questions_do_not_keep_a_motor_going_whose_host_was_killed() {
 #[test]
 fn a_speed_that_a_motor_cannot_reach_is_warned_of_and_fails() {
     let hub = served();
-    let asked = client(&hub, &["velocity", "0", "30000", "--for", "0.6"]).output().unwrap();
-    assert_eq!(asked.status.code(), Some(1));
-    let says = err(&asked);
-    assert!(
-        says.contains("warning: motor 0: 30000 counts/s requested") && says.contains("free speed"),
-        "{says}"
-    );
-    assert!(says.contains("30000 counts/s not reached after 0.6 s: motor 0 at"), "{says}");
-    assert!(says.starts_with("warning") && says.contains("\ndisabled motor 0\n"), "{says}");
-    let folder = crate::common::folder("not-reached");
+    let asked = client(&hub, &["velocity", "0", "30000", "--for", "0.6"]);
+    for says in ["free speed", "30000 counts/s not reached after 0.6 s: motor 0 at", "\ndisabled motor 0\n"] {
+        fails(&asked, 1, says);
+    }
+    assert!(err(&asked).starts_with("warning: motor 0: 30000 counts/s requested"), "{}", err(&asked));
+    let folder = folder("not-reached");
     let record = ["record", "--out", folder.to_str().unwrap(), "--"];
     let recorded = [&record[..], &["velocity", "0,2", "30000", "--for", "0.3"]].concat();
-    let recorded = client(&hub, &recorded).output().unwrap();
-    assert_eq!(recorded.status.code(), Some(1));
-    assert!(err(&recorded).contains("\ndisabled motors 0, 2\n"), "{}", err(&recorded));
+    fails(&client(&hub, &recorded), 1, "\ndisabled motors 0, 2\n");
     assert!(!rows(&folder).is_empty() && folder.join("motor-2.svg").exists());
     let rpm = ["velocity", "0", "20rpm", "--type", "AM 60 A", "--for", "1.5"];
-    let reached = client(&hub, &rpm).output().unwrap();
+    let reached = client(&hub, &rpm);
     assert!(out(&reached).contains(" rpm, 2."), "{}", out(&reached));
     assert_eq!(err(&reached), "");
 }
@@ -173,19 +159,18 @@ fn motors_move_in_step_to_where_they_are_sent() {
         let motors = status(hub)["motors"].clone();
         [0, 2].map(|motor: usize| motors[motor]["position"].as_i64().unwrap())
     };
-    let shown = out(&client(&hub, &["together", "0=800", "2=-400", "--speed", "1600"]).output().unwrap());
+    let shown = out(&client(&hub, &["together", "0=800", "2=-400", "--speed", "1600"]));
     assert!(shown.ends_with("all motors settled\n"), "{shown}");
     let [first, second] = positions(&hub);
     // Disabled motors may roll on.
     assert!((first - 800).abs() < 50 && (second + 400).abs() < 50, "{first} {second}");
     assert_eq!(status(&hub)["motors"][0]["enabled"], false);
-    out(&client(&hub, &["together", "0=-800", "2=400", "--by", "--speed", "1600"]).output().unwrap());
+    out(&client(&hub, &["together", "0=-800", "2=400", "--by", "--speed", "1600"]));
     let [first, second] = positions(&hub);
     assert!(first.abs() < 100 && second.abs() < 100, "{first} {second}");
-    out(&client(&hub, &["together", "0=300", "2=300", "--on", "--for", "0.5"]).output().unwrap());
-    let late = client(&hub, &["together", "0=90000", "--for", "0.3"]).output().unwrap();
-    assert_eq!(late.status.code(), Some(1));
-    assert!(err(&late).contains("disabled motor 0\n"), "{}", err(&late));
+    out(&client(&hub, &["together", "0=300", "2=300", "--on", "--for", "0.5"]));
+    let late = client(&hub, &["together", "0=90000", "--for", "0.3"]);
+    fails(&late, 1, "disabled motor 0\n");
     assert!(err(&late).contains("targets not reached after 0.3 s"), "{}", err(&late));
 }
 
@@ -204,7 +189,7 @@ fn a_scan_finds_hubs_where_they_are_and_says_why_it_finds_none() {
             // A path that is longer than the terminal is wide would be on two lines.
             .env("COLUMNS", "300")
             .env("XDG_RUNTIME_DIR", "/no/such/folder")
-            .env("TMPDIR", crate::common::folder("no-notes"))
+            .env("TMPDIR", folder("no-notes"))
             .output()
             .unwrap()
     };
@@ -216,16 +201,14 @@ fn a_scan_finds_hubs_where_they_are_and_says_why_it_finds_none() {
     assert!(row(&tcp.place).contains("2 ┆ parent"), "{found}");
     assert!(row(link).contains("9 ┆ parent"), "{found}");
     assert!(row("/no/such/port").contains("No such file"), "{found}");
-    let none = scan(&["/no/such/port"]);
-    assert_eq!(none.status.code(), Some(1));
-    assert!(err(&none).contains("no hub found at 1 place\n"), "{}", err(&none));
+    fails(&scan(&["/no/such/port"]), 1, "no hub found at 1 place\n");
 }
 
 #[cfg(unix)]
 #[test]
 fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
     use std::io::Read;
-    let notes = crate::common::folder("scan-notes");
+    let notes = folder("scan-notes");
     std::fs::create_dir_all(&notes).unwrap();
     let left = || std::fs::read_dir(notes.join("motor-hub")).unwrap().count();
     let link = notes.join("hub");
@@ -278,12 +261,11 @@ fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
     assert_eq!(said, "", "nobody was turned away");
     assert!(left() == 2 && row(&place).is_empty() && row(link).contains("2 ┆ parent"));
     assert_eq!(left(), 1);
-    assert!(Command::new("kill").args(["-TERM", &pty.id().to_string()]).status().unwrap().success());
+    signal(pty.id(), "-TERM");
     assert!(pty.wait().success());
     assert_eq!(left(), 0);
     let none = scan(&[]);
-    assert_eq!(none.status.code(), Some(1));
-    assert!(err(&none).contains("no hub is served on this machine; give a PLACE"), "{}", err(&none));
+    fails(&none, 1, "no hub is served on this machine; give a PLACE");
 }
 
 #[cfg(target_os = "linux")]
@@ -326,9 +308,9 @@ fn rows(folder: &std::path::Path) -> Vec<std::collections::HashMap<String, Strin
 #[test]
 fn a_drive_of_four_motors_is_recorded_fifty_times_a_second() {
     let hub = served();
-    let folder = crate::common::folder("record");
+    let folder = folder("record");
     let record = ["record", "--out", folder.to_str().unwrap(), "--", "velocity", "all", "400", "--for", "2"];
-    let shown = out(&client(&hub, &record).output().unwrap());
+    let shown = out(&client(&hub, &record));
     let rows = rows(&folder);
     assert!(rows.len() > 4 * 90, "{} rows: {shown}", rows.len());
     let last = &rows[rows.len() - 4];
@@ -351,10 +333,10 @@ fn a_drive_of_four_motors_is_recorded_fifty_times_a_second() {
 #[test]
 fn a_motor_runs_with_a_constant_current_up_to_its_speed_limit() {
     let hub = served();
-    let folder = crate::common::folder("constant-current");
+    let folder = folder("constant-current");
     let record = ["record", "--out", folder.to_str().unwrap(), "--"];
     let drive = ["current", "0", "-0.6", "--speed-limit-cps", "500", "--for-s", "1.5"];
-    out(&client(&hub, &[&record[..], &drive].concat()).output().unwrap());
+    out(&client(&hub, &[&record[..], &drive].concat()));
     let rows = rows(&folder);
     assert!(rows.iter().all(|row| row["setpoint"] == "current" && row["setpoint_value"] == "-0.6"));
     let number =
@@ -364,7 +346,7 @@ fn a_motor_runs_with_a_constant_current_up_to_its_speed_limit() {
     assert!((largest - 0.6).abs() < 0.05, "{largest} A");
     let last = number(rows.last().unwrap(), "speed_estimate_cps");
     assert!((last + 500.0).abs() < 40.0, "{last} counts/s");
-    let shown = out(&client(&hub, &["current", "0", "0.2", "--for-s", "0.3"]).output().unwrap());
+    let shown = out(&client(&hub, &["current", "0", "0.2", "--for-s", "0.3"]));
     assert!(shown.contains("motor 0: ") && shown.contains(" A\n"), "{shown}");
     assert_eq!(status(&hub)["motors"][0]["enabled"], false);
 }
@@ -373,9 +355,9 @@ fn a_motor_runs_with_a_constant_current_up_to_its_speed_limit() {
 #[test]
 fn a_recording_that_is_interrupted_is_whole_and_drawn() {
     let hub = served();
-    let folder = crate::common::folder("interrupted");
+    let folder = folder("interrupted");
     let record = ["record", "--out", folder.to_str().unwrap(), "power", "1", "0.3"];
-    let process = client(&hub, &record).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let process = start(&hub, &record);
     let csv = folder.join("record.csv");
     // Rows are written while the motor runs.
     let end = std::time::Instant::now() + std::time::Duration::from_secs(10);
@@ -383,10 +365,9 @@ fn a_recording_that_is_interrupted_is_whole_and_drawn() {
         assert!(std::time::Instant::now() < end);
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
-    kill(&process, "-INT");
+    signal(process.id(), "-INT");
     let output = process.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(1));
-    assert!(err(&output).contains("disabled motor 1"), "{}", err(&output));
+    fails(&output, 1, "disabled motor 1");
     let rows = rows(&folder);
     assert!(rows.iter().all(|row| row["setpoint_value"] == "9830"), "{:?}", rows.last());
     // The control value is 0 until the first control tick.
@@ -398,7 +379,7 @@ fn a_recording_that_is_interrupted_is_whole_and_drawn() {
 #[ignore = "long: cargo xtask long"]
 fn a_motor_is_tuned_beside_the_catalogue_and_settings_are_written_only_when_asked_for() {
     let hub = served();
-    let tune = |more: &[&str]| client(&hub, &[&["tune", "0"], more].concat()).output().unwrap();
+    let tune = |more: &[&str]| client(&hub, &[&["tune", "0"], more].concat());
     let shown = out(&tune(&[]));
     for says in [
         "NeveRest 20",
@@ -410,7 +391,7 @@ fn a_motor_is_tuned_beside_the_catalogue_and_settings_are_written_only_when_aske
         assert!(shown.contains(says), "{says}: {shown}");
     }
     assert!(shown.lines().all(|line| line.chars().count() <= 80), "{shown}");
-    let document: Value = serde_json::from_str(&out(&tune(&["--json", "--apply"]))).unwrap();
+    let document = json(&tune(&["--json", "--apply"]));
     assert_eq!((&document["catalogue"], &document["applied"]), (&"NeveRest 20".into(), &true.into()));
     // The first run did not apply its proposal.
     assert_eq!(document["now"]["acceleration_cps2"], Value::Null, "{document}");
@@ -419,7 +400,7 @@ fn a_motor_is_tuned_beside_the_catalogue_and_settings_are_written_only_when_aske
     // Half of the battery voltage.
     let share = number(&proposed["acceleration_cps2"]) / number(&proposed["acceleration_per_volt"]);
     assert!((5.5..6.5).contains(&share), "{document}");
-    let after: Value = serde_json::from_str(&out(&tune(&["--json"]))).unwrap();
+    let after = json(&tune(&["--json"]));
     assert_eq!(&after["now"], proposed);
     assert_eq!(status(&hub)["motors"][0]["enabled"], false);
 }

@@ -1,14 +1,12 @@
 //! `motor-hub client settings` against a served hub that keeps its settings in a file.
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-use crate::common::{folder, motor_hub};
+use crate::common::{self, PROGRAM, folder, motor_hub};
 use crate::conformance::{Hub, conforms};
-use crate::output::{err, out};
+use crate::output::{fails, json, out};
 use serde_json::Value;
 use std::path::PathBuf;
 use std::process::{Command, Output};
-
-const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
 
 /// An empty folder, and a hub that stores its settings in it.
 fn store(test: &str) -> (PathBuf, String) {
@@ -23,7 +21,7 @@ fn served(store: &str) -> Hub {
 }
 
 fn client(hub: &Hub, arguments: &[&str]) -> Output {
-    Command::new(PROGRAM).args(["client", "--tcp", &hub.place]).args(arguments).output().unwrap()
+    common::client(&hub.place, arguments)
 }
 
 fn settings(hub: &Hub, arguments: &[&str]) -> String {
@@ -31,7 +29,7 @@ fn settings(hub: &Hub, arguments: &[&str]) -> String {
 }
 
 fn shown(hub: &Hub) -> Value {
-    serde_json::from_str(&settings(hub, &["show", "--json"])).unwrap()
+    json(&client(hub, &["settings", "show", "--json"]))
 }
 
 /// Changes a setting of every kind from its default.
@@ -150,21 +148,18 @@ fn all_of_a_file_is_checked_before_anything_is_written() {
         let text = format!("{}{to}{}", &exported[..at], &exported[at + from.len()..]);
         std::fs::write(&file, text).unwrap();
         let refused = client(&hub, &["settings", "import", &file]);
-        assert_eq!(refused.status.code(), Some(2), "{to}");
-        assert!(err(&refused).contains(says) && err(&refused).contains(&file), "{to}: {}", err(&refused));
+        fails(&refused, 2, says);
+        fails(&refused, 2, &file);
     }
     assert_eq!(settings(&hub, &["export"]), factory);
-    let none = client(&hub, &["settings", "import", "/nowhere/at-all.toml"]);
-    assert!(none.status.code() == Some(2) && err(&none).contains("/nowhere/at-all.toml"), "{}", err(&none));
+    fails(&client(&hub, &["settings", "import", "/nowhere/at-all.toml"]), 2, "/nowhere/at-all.toml");
 }
 
 #[test]
 fn a_hub_without_a_store_says_so() {
     let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
     for what in ["show", "save", "load", "reset", "export"] {
-        let refused = client(&hub, &["settings", what]);
-        assert_eq!(refused.status.code(), Some(1), "{what}");
-        assert!(err(&refused).contains("this hub does not have it"), "{what}: {}", err(&refused));
+        fails(&client(&hub, &["settings", what]), 1, "this hub does not have it");
     }
 }
 
@@ -177,9 +172,7 @@ fn a_file_that_is_no_store_is_refused_and_left_alone() {
     for (path, says) in
         [(path.as_str(), "is not a store of a hub's settings"), ("/nowhere/store", "/nowhere/store: ")]
     {
-        let refused = motor_hub(&["serve", "--tcp", "127.0.0.1:0", "--store", path]);
-        assert_eq!(refused.status.code(), Some(2), "{path}");
-        assert!(err(&refused).contains(says), "{path}: {}", err(&refused));
+        fails(&motor_hub(&["serve", "--tcp", "127.0.0.1:0", "--store", path]), 2, says);
     }
     assert_eq!(std::fs::read_to_string(&file).unwrap(), "Dear hub,");
 }

@@ -1,13 +1,13 @@
 //! Messages of `motor-hub client update` about the result of an update, against the hub's protocol code with a fake flash.
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-use crate::common::folder;
+use crate::common::{folder, motor_hub};
 use crate::hub_support::{Hub, Server, responder};
-use crate::output::{err, out};
+use crate::output::{err, fails, out};
 use motor_hub::responder::Responder;
 use motor_hub::update::{Booted, Done, Outcome, Seal, Slot, UpdateRequest, public_key};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 pub(crate) const SLOT: Slot =
     Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
@@ -26,9 +26,7 @@ fn started(slot: Slot, booted: Booted) -> Responder<4> {
 }
 
 pub(crate) fn serve(slot: Slot, flash: fn(&mut Responder<4>, UpdateRequest)) -> Server {
-    let mut hub = Hub::new();
-    (hub.responder, hub.flash) = (started(slot, Booted::Confirmed), flash);
-    Server::start(hub)
+    Server::start(Hub { responder: started(slot, Booted::Confirmed), flash, ..Hub::new() })
 }
 
 /// A fake flash that executes all orders; a restart starts the new firmware, which confirms itself.
@@ -53,9 +51,7 @@ fn carry_out(responder: &mut Responder<4>, order: UpdateRequest, restarted: Boot
 }
 
 fn client(server: &Server, arguments: &[&str]) -> Output {
-    let program = env!("CARGO_BIN_EXE_motor-hub");
-    let hub = ["client", "--tcp", &server.address, "--address", "3"];
-    Command::new(program).args(hub).args(arguments).output().unwrap()
+    motor_hub(&[&["client", "--tcp", &server.address, "--address", "3"], arguments].concat())
 }
 
 fn write(folder: &Path, name: &str, bytes: &[u8]) -> String {
@@ -109,9 +105,7 @@ fn a_hub_with_a_key_refuses_what_its_owner_has_not_signed_and_says_why() {
     let other = write(&folder, "other.der", &other);
     let server = serve(Slot { signer: public_key(KEY), ..SLOT }, good);
     let refused = |arguments: &[&str], why: &str| {
-        let told = client(&server, &[&["update", &*file], arguments].concat());
-        assert_eq!(told.status.code(), Some(1), "{}", err(&told));
-        assert!(err(&told).contains(why), "{}", err(&told));
+        fails(&client(&server, &[&["update", &*file], arguments].concat()), 1, why);
     };
     refused(&[], "new firmware for this hub must be signed, and is not (NACK 78)");
     refused(
@@ -141,18 +135,11 @@ fn files_that_are_no_signature_and_no_key_are_refused_before_a_hub_is_asked() {
     let short = write(&folder, "short.sig", &[7; 63]);
     let key = write(&folder, "public.der", KEY);
     let pem = write(&folder, "public.pem", b"-----BEGIN PUBLIC KEY-----\nMCowBQYDK2VwAyEA");
-    let program = env!("CARGO_BIN_EXE_motor-hub");
     for (signature, key, why) in [
         (&short, &key, "has 63 bytes; an Ed25519 signature has 64"),
         (&signature, &pem, "is not an Ed25519 public key in DER"),
     ] {
-        let arguments = ["client", "--port", "nowhere", "update", &*file];
-        let told = Command::new(program)
-            .args(arguments)
-            .args(["--signature", signature.as_str(), "--key", key.as_str()])
-            .output()
-            .unwrap();
-        assert_eq!(told.status.code(), Some(2));
-        assert!(err(&told).contains(why), "{}", err(&told));
+        let update = ["client", "--port", "nowhere", "update", &file, "--signature", signature, "--key", key];
+        fails(&motor_hub(&update), 2, why);
     }
 }

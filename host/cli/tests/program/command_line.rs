@@ -7,15 +7,10 @@
 )]
 
 use crate::common::{folder, motor_hub};
-use crate::output::{err, out};
+use crate::output::{err, fails, json, out};
 use serde_json::Value;
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
-
-fn json(output: &Output) -> Value {
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).expect("standard output is one JSON document")
-}
+use std::process::{Child, Command, Stdio};
 
 fn text(bytes: &[u8]) -> &str {
     std::str::from_utf8(bytes).unwrap()
@@ -44,10 +39,7 @@ fn wrong_options_are_refused_without_output() {
         (&["--scenario", scenario], "refused.toml:1:8:"),
         (&["--wrong"], "--wrong"),
     ] {
-        let output = motor_hub(&[&["run", "--out", out.to_str().unwrap()], arguments].concat());
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
-        assert!(output.stdout.is_empty(), "{arguments:?}");
-        assert!(text(&output.stderr).contains(says), "{arguments:?}: {}", text(&output.stderr));
+        fails(&motor_hub(&[&["run", "--out", out.to_str().unwrap()], arguments].concat()), 2, says);
         assert!(!out.exists(), "{arguments:?}");
     }
 }
@@ -189,8 +181,7 @@ fn a_control_value_is_mapped_as_the_firmware_maps_it() {
         (&["--control", "16384"], &["16384", "-1 to 1", "--control-steps"]),
     ] {
         let wrong = map(control);
-        assert_eq!(wrong.status.code(), Some(2), "{control:?}");
-        assert!(says.iter().all(|part| err(&wrong).contains(part)), "{control:?}: {}", err(&wrong));
+        says.iter().for_each(|part| fails(&wrong, 2, part));
     }
 }
 
@@ -235,7 +226,7 @@ fn the_catalogue_lists_what_motors_are_sold_as_and_how_fast_they_are() {
         assert!(list.contains(says), "{says}: {list}");
     }
     assert!(!list.contains("Tetrix"), "nobody has characterised it: {list}");
-    let document: serde_json::Value = serde_json::from_str(&out(&motor_hub(&["motors", "--json"]))).unwrap();
+    let document = json(&motor_hub(&["motors", "--json"]));
     let motors = document["motors"].as_array().unwrap();
     let motor = motors.iter().find(|motor| motor["name"] == "NeveRest 60").unwrap();
     assert_eq!(motor["aliases"], serde_json::json!(["AM 60 A", "am-3103"]));
@@ -249,17 +240,13 @@ fn the_catalogue_lists_what_motors_are_sold_as_and_how_fast_they_are() {
 #[test]
 fn an_operating_point_may_be_of_a_motor_that_the_catalogue_lacks() {
     let at = ["points", "--scheme", "B", "--speed-cps", "1000", "--battery-mv", "12000", "--json"];
-    let points = |motor: &[&str]| -> serde_json::Value {
-        serde_json::from_str(&out(&motor_hub(&[&at[..], motor].concat()))).unwrap()
-    };
+    let points = |motor: &[&str]| json(&motor_hub(&[&at[..], motor].concat()));
     let named = points(&["--motor", "NeveRest 60"]);
     assert_eq!((&named["motor"], &named), (&"NeveRest 60".into(), &points(&["--motor", "am 60 a"])));
     let ke = ["--ke", "0.017766666666666667", "--counts-per-rev", "28"];
     let given = points(&[&ke[..], &["--resistance-ohm", "3.3", "--inductance-mh", "0.694"]].concat());
     assert_eq!(named["points"], given["points"]);
-    let without = motor_hub(&at);
-    assert_eq!(without.status.code(), Some(2));
-    assert!(err(&without).contains("--resistance-ohm"), "{}", err(&without));
+    fails(&motor_hub(&at), 2, "--resistance-ohm");
 }
 
 #[test]
@@ -287,12 +274,7 @@ fn a_folder_that_cannot_be_written_to_is_found_before_any_work() {
         let place = if command[0] == "client" { &[][..] } else { &["--out", out.to_str().unwrap()] };
         let begun = std::time::Instant::now();
         let output = motor_hub(&[command, place].concat());
-        assert_eq!(output.status.code(), Some(2), "{command:?}: {}", err(&output));
-        assert!(
-            output.stdout.is_empty() && err(&output).contains("nothing can be written"),
-            "{}",
-            err(&output)
-        );
+        fails(&output, 2, "nothing can be written");
         assert!(begun.elapsed().as_secs() < 5, "{command:?}");
     }
 }
@@ -301,9 +283,7 @@ fn a_folder_that_cannot_be_written_to_is_found_before_any_work() {
 #[test]
 fn without_the_emulated_chips_the_feature_that_brings_them_is_named() {
     for command in [&["emulate"][..], &["serve", "--emulated", "--pty"]] {
-        let output = motor_hub(command);
-        assert_eq!(output.status.code(), Some(2), "{command:?}");
-        assert!(err(&output).contains("cargo run --release --features emulated -- "), "{}", err(&output));
+        fails(&motor_hub(command), 2, "cargo run --release --features emulated -- ");
     }
 }
 
@@ -316,9 +296,7 @@ fn a_battery_in_volts_is_not_taken_for_one_in_millivolts() {
         ("-12000", "from 1000"),
     ] {
         let at = ["--motor", "AM 60 A", "--speed-cps", "1360", "--battery-mv", given];
-        let output = motor_hub(&[&["points", "--scheme", "b"][..], &at].concat());
-        assert_eq!(output.status.code(), Some(2), "{given}");
-        assert!(err(&output).contains(says), "{}", err(&output));
+        fails(&motor_hub(&[&["points", "--scheme", "b"][..], &at].concat()), 2, says);
     }
 }
 

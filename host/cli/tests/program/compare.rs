@@ -7,15 +7,14 @@
 )]
 
 use crate::common::{folder, motor_hub};
+use crate::output::{fails, json};
 use serde_json::Value;
 use std::path::Path;
 use std::sync::LazyLock;
 
 /// The quick comparison, made once.
 static QUICK: LazyLock<Value> = LazyLock::new(|| {
-    let output = motor_hub(&["compare", "--quick", "--json", "--out", folder("compare").to_str().unwrap()]);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).expect("standard output is one JSON document")
+    json(&motor_hub(&["compare", "--quick", "--json", "--out", folder("compare").to_str().unwrap()]))
 });
 
 /// A number of one variant at one task, with the same coefficients for all; null is infinity.
@@ -73,7 +72,5 @@ fn the_document_ranks_every_variant_and_names_its_charts() {
 
 #[test]
 fn wrong_options_are_refused_without_output() {
-    let output = motor_hub(&["compare", "--fast"]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(output.stdout.is_empty());
+    fails(&motor_hub(&["compare", "--fast"]), 2, "--fast");
 }

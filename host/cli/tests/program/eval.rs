@@ -6,6 +6,8 @@
     reason = "a failed access is a failed test"
 )]
 
+use crate::common::PROGRAM;
+use crate::output::fails;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::process::{Command, Output, Stdio};
@@ -13,7 +15,7 @@ use std::process::{Command, Output, Stdio};
 const GOLDEN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/golden.json");
 
 fn eval(document: &str) -> Output {
-    let mut child = Command::new(env!("CARGO_BIN_EXE_motor-hub"))
+    let mut child = Command::new(PROGRAM)
         .args(["eval", "-"])
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
@@ -246,11 +248,7 @@ fn a_document_that_is_none_is_refused_with_its_place() {
     for (document, says) in
         [("{\n  \"cases\": [,]}", "-:2:"), ("{}", "cases"), ("[]", "cases"), ("", "-:1:0")]
     {
-        let output = eval(document);
-        assert_eq!(output.status.code(), Some(2), "{document}");
-        assert!(output.stdout.is_empty());
-        let error = String::from_utf8(output.stderr).unwrap();
-        assert!(error.contains(says), "{error}");
+        fails(&eval(document), 2, says);
     }
 }
 

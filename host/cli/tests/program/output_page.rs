@@ -6,12 +6,12 @@
     reason = "a failed access is a failed test"
 )]
 
-use crate::common::{folder, motor_hub};
+use crate::common::{self, PROGRAM, folder, motor_hub};
+use crate::conformance::Hub;
+use crate::output::{fails, out};
 use serde_json::Value;
 use std::collections::BTreeSet;
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
 
 const PAGE: &str = include_str!("../../../../docs/reference/output.md");
 
@@ -92,43 +92,20 @@ fn studies_print_what_the_page_says() {
     assert_agree("compare", &[with(&["compare", "--quick"])]);
 }
 
-/// A served hub, which ends with the test.
-struct Served(Child, String);
-
-impl Served {
-    fn new() -> Self {
-        Self::with(&[])
-    }
-
-    fn with(options: &[&str]) -> Self {
-        let store = folder("page-store");
-        std::fs::create_dir_all(&store).unwrap();
-        let store = store.join("store").display().to_string();
-        let mut child = Command::new(env!("CARGO_BIN_EXE_motor-hub"))
-            .args(["serve", "--tcp", "127.0.0.1:0", "--store", &store])
-            .args(options)
-            .env("XDG_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR"))
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut place = String::new();
-        BufReader::new(child.stdout.take().unwrap()).read_line(&mut place).unwrap();
-        Self(child, place.trim().to_owned())
-    }
-}
-
-impl Drop for Served {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
+/// A served hub with a store.
+fn served(options: &[&str]) -> Hub {
+    let store = folder("page-store");
+    std::fs::create_dir_all(&store).unwrap();
+    let store = store.join("store").display().to_string();
+    Hub::start(PROGRAM, &[&["--tcp", "127.0.0.1:0", "--store", &store], options].concat())
 }
 
 #[test]
 fn the_client_prints_what_the_page_says() {
-    let served = Served::new();
-    let client =
-        |arguments: &[&str]| json(&[&["client", "--tcp", &served.1][..], arguments, &["--json"]].concat());
+    let served = served(&[]);
+    let client = |arguments: &[&str]| {
+        json(&[&["client", "--tcp", &served.place][..], arguments, &["--json"]].concat())
+    };
     assert_agree("client status", &[client(&["status"])]);
     assert_agree("client setup", &[client(&["setup", "0", "--scheme", "D", "--continuous-current-a", "1"])]);
     assert_agree("client settings show", &[client(&["settings", "show"])]);
@@ -137,7 +114,7 @@ fn the_client_prints_what_the_page_says() {
     assert_agree("client discover", &[client(&["discover"])]);
     assert_agree("client scan", &[client(&["scan", "--only", "/no/such/port"])]);
     assert_agree("client ports", &[client(&["ports"])]);
-    let watch = ["client", "--tcp", &served.1, "watch", "--for-s", "0.2", "--type", "AM 60 A", "--json"];
+    let watch = ["client", "--tcp", &served.place, "watch", "--for-s", "0.2", "--type", "AM 60 A", "--json"];
     let lines = motor_hub(&watch).stdout;
     let line = lines.split(|byte| *byte == b'\n').next().unwrap();
     assert_agree("client watch", &[serde_json::from_slice(line).expect("a document a line")]);
@@ -147,8 +124,8 @@ fn the_client_prints_what_the_page_says() {
 fn what_happened_is_printed_as_the_page_says() {
     // The encoder of its first motor falls silent after two seconds.
     let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/scenarios/broken-encoders.toml");
-    let served = Served::with(&["--scenario", scenario.to_str().unwrap()]);
-    let client = |arguments: &[&str]| motor_hub(&[&["client", "--tcp", &served.1][..], arguments].concat());
+    let served = served(&["--scenario", scenario.to_str().unwrap()]);
+    let client = |arguments: &[&str]| common::client(&served.place, arguments);
     client(&["velocity", "0", "1000", "--for-s", "3.5"]);
     let document: Value = serde_json::from_slice(&client(&["faults", "--json"]).stdout).unwrap();
     assert_agree("client faults", std::slice::from_ref(&document));
@@ -157,13 +134,10 @@ fn what_happened_is_printed_as_the_page_says() {
     let ticks = entry["ticks"].as_array().unwrap();
     assert!(ticks.len() > 20 && ticks[0]["velocity"] != ticks[ticks.len() - 1]["velocity"], "{ticks:?}");
 
-    let words = |arguments: &[&str]| String::from_utf8(client(arguments).stdout).unwrap();
+    let words = |arguments: &[&str]| out(&client(arguments));
     assert!(words(&["faults"]).contains("2 no counts although driven"), "{}", words(&["faults"]));
     assert!(words(&["faults", "1"]).contains("last"), "{}", words(&["faults", "1"]));
-    let none = client(&["faults", "7"]);
-    let says = String::from_utf8_lossy(&none.stderr).into_owned();
-    assert!(says.contains("no ticks of entry 7; entries with ticks: 1"), "{says}");
-    assert_eq!(none.status.code(), Some(1));
+    fails(&client(&["faults", "7"]), 1, "no ticks of entry 7; entries with ticks: 1");
     client(&["faults", "--clear"]);
     assert!(words(&["faults"]).contains("No faults or resets recorded"), "{}", words(&["faults"]));
 }

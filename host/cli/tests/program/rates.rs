@@ -3,12 +3,11 @@
 //! `cargo test --test program report_of_four -- --ignored --nocapture`
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-use crate::common::alone;
+use crate::common::{PROGRAM, alone};
 use crate::conformance::Hub;
 use motor_hub_client::Session;
 use std::time::Instant;
 
-const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
 const ASKED: u32 = 500;
 
 fn rate(name: &str, arguments: &[&str]) {

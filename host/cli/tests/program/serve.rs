@@ -6,11 +6,16 @@
     reason = "a failed access is a failed test"
 )]
 
+use crate::common::{PROGRAM, client, motor_hub, signal};
 use crate::conformance::{Data, HUB, Hub, KEEP_ALIVE, conforms, drive, packet};
-use std::process::{Command, Stdio};
+use crate::output::{fails, out};
+use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
+/// Runs `serve` to its end.
+fn serve(arguments: &[&str]) -> Output {
+    motor_hub(&[&["serve"], arguments].concat())
+}
 
 #[test]
 fn the_hub_conforms_over_tcp() {
@@ -41,16 +46,13 @@ fn what_a_host_sent_before_it_hung_up_is_done_though_it_takes_no_replies() {
     use std::io::Write;
     let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
     drive(&mut hub.tcp());
-    let signal = |signal: &str| {
-        assert!(Command::new("kill").args([signal, &hub.id().to_string()]).status().unwrap().success());
-    };
     let mut host = std::net::TcpStream::connect(&hub.place).unwrap();
-    signal("-STOP");
+    signal(hub.id(), "-STOP");
     // More bytes than one read takes; the replies to the first requests have no receiver.
     host.write_all(&packet(HUB, 3, KEEP_ALIVE, &[]).repeat(200)).unwrap();
     host.write_all(&packet(HUB, 4, 0x7F05, &[])).unwrap();
     drop(host);
-    signal("-CONT");
+    signal(hub.id(), "-CONT");
     std::thread::sleep(Duration::from_millis(500));
     assert!(!hub.tcp().enabled());
 }
@@ -78,9 +80,7 @@ fn a_second_host_is_hung_up_on_and_the_first_goes_on() {
     says.read_line(&mut line).unwrap();
     assert_eq!(line, "the hub accepts one host at a time: closed 1 further connection\n");
     assert!(first.enabled());
-    let third = Command::new(PROGRAM).args(["client", "--tcp", &hub.place, "status"]).output().unwrap();
-    let error = String::from_utf8(third.stderr).unwrap();
-    assert!(error.contains("one host at a time: check that no other host uses it"), "{error}");
+    fails(&client(&hub.place, &["status"]), 1, "one host at a time: check that no other host uses it");
 }
 
 #[test]
@@ -97,9 +97,7 @@ fn a_wire_connects_two_digital_pins() {
         (&["--wire", "4,8"][..], "a wire is between two digital pins, 0 to 7, such as 4,5"),
         (&["--wire", "4,4"], "a wire is between two digital pins"),
     ] {
-        let output = Command::new(PROGRAM).args(["serve", "--pty"]).args(options).output().unwrap();
-        let error = String::from_utf8(output.stderr).unwrap();
-        assert!(output.status.code() == Some(2) && error.contains(says), "{error}");
+        fails(&serve(&[&["--pty"], options].concat()), 2, says);
     }
 }
 
@@ -111,21 +109,19 @@ fn a_link_names_the_port_until_the_program_ends() {
     let path = link.to_str().unwrap();
     let _ = remove_file(&link);
     let refused = |says: &str| {
-        let output =
-            Command::new(PROGRAM).args(["serve", "--pty", "--for", "1", "--link", path]).output().unwrap();
-        let error = String::from_utf8(output.stderr).unwrap();
-        assert!(output.status.code() == Some(2) && error.contains(path) && error.contains(says), "{error}");
+        let output = serve(&["--pty", "--for", "1", "--link", path]);
+        fails(&output, 2, path);
+        fails(&output, 2, says);
     };
-    for signal in ["-TERM", "-INT", "-HUP", "-QUIT", "-KILL"] {
+    for end in ["-TERM", "-INT", "-HUP", "-QUIT", "-KILL"] {
         let mut hub = Hub::start(PROGRAM, &["--pty", "--link", path]);
         assert_eq!(hub.place, path);
         assert!(!hub.serial().enabled());
         // The link belongs to another program.
         refused("in use");
-        assert!(Command::new("kill").args([signal, &hub.id().to_string()]).status().unwrap().success());
-        let ended = hub.wait();
-        assert_eq!(ended.success(), signal != "-KILL", "{signal}");
-        assert_eq!(read_link(&link).is_ok(), signal == "-KILL", "{signal}");
+        signal(hub.id(), end);
+        assert_eq!(hub.wait().success(), end != "-KILL", "{end}");
+        assert_eq!(read_link(&link).is_ok(), end == "-KILL", "{end}");
     }
     // The link of a killed program is replaced.
     drop(Hub::start(PROGRAM, &["--pty", "--link", path]));
@@ -205,22 +201,18 @@ fn the_hub_is_where_it_is_put() {
 
 #[test]
 fn wrong_options_are_refused() {
-    for (arguments, code, says) in [
-        (&[][..], 2, "--pty"),
-        (&["--pty", "--tcp", "127.0.0.1:0"], 2, "--tcp"),
-        (&["--tcp", "nowhere"], 2, "127.0.0.1:7070"),
-        (&["--tcp", ""], 2, "give HOST:PORT, such as 127.0.0.1:7070"),
-        (&["--pty", "--address", "255"], 2, "1 to 254"),
-        (&["--tcp", "127.0.0.1:0", "--link", "here"], 2, "--link"),
-        (&["--pty", "--for", "-1"], 2, "more than 0"),
-        (&["--pty", "--for", "0"], 2, "more than 0"),
-        (&["--pty", "--scenario", "/no/such/file"], 2, "/no/such/file"),
+    for (arguments, says) in [
+        (&[][..], "--pty"),
+        (&["--pty", "--tcp", "127.0.0.1:0"], "--tcp"),
+        (&["--tcp", "nowhere"], "127.0.0.1:7070"),
+        (&["--tcp", ""], "give HOST:PORT, such as 127.0.0.1:7070"),
+        (&["--pty", "--address", "255"], "1 to 254"),
+        (&["--tcp", "127.0.0.1:0", "--link", "here"], "--link"),
+        (&["--pty", "--for", "-1"], "more than 0"),
+        (&["--pty", "--for", "0"], "more than 0"),
+        (&["--pty", "--scenario", "/no/such/file"], "/no/such/file"),
     ] {
-        let output = Command::new(PROGRAM).arg("serve").args(arguments).output().unwrap();
-        assert_eq!(output.status.code(), Some(code), "{arguments:?}");
-        assert!(output.stdout.is_empty(), "{arguments:?}");
-        let error = String::from_utf8(output.stderr).unwrap();
-        assert!(error.contains(says), "{arguments:?}: {error}");
+        fails(&serve(arguments), 2, says);
     }
 }
 
@@ -259,16 +251,11 @@ fn a_store_is_one_hubs_alone() {
     let store = crate::common::folder("store-of-one");
     std::fs::create_dir_all(&store).unwrap();
     let store = store.join("store").display().to_string();
-    let serve = || {
-        let mut program = Command::new(PROGRAM);
-        program.args(["serve", "--tcp", "127.0.0.1:0", "--for-s", "0.1", "--store", &store]).output().unwrap()
-    };
+    let options = ["--tcp", "127.0.0.1:0", "--for-s", "0.1", "--store", &store];
     let first = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--store", &store]);
-    let second = serve();
-    let error = String::from_utf8(second.stderr).unwrap();
-    assert!(second.status.code() == Some(2) && error.contains("another served hub"), "{error}");
+    fails(&serve(&options), 2, "another served hub");
     drop(first);
-    assert!(serve().status.success());
+    out(&serve(&options));
 }
 
 #[cfg(unix)]
@@ -284,15 +271,12 @@ fn a_store_that_a_full_disk_has_cut_short_is_completed_later() {
         .args(arguments)
         .output()
         .unwrap();
-    let error = String::from_utf8(limited.stderr).unwrap();
-    assert!(limited.status.code() == Some(2) && error.contains("File too large"), "{error}");
+    fails(&limited, 2, "File too large");
     assert_eq!(std::fs::metadata(&store).unwrap().len(), 8192);
-    let whole = Command::new(PROGRAM).args(arguments).output().unwrap();
-    assert!(whole.status.success(), "{}", String::from_utf8_lossy(&whole.stderr));
+    out(&motor_hub(&arguments));
     assert_eq!(std::fs::read(&store).unwrap(), [0xFF; 32 * 1024]);
     // A file of this length with other bytes is not a store.
     std::fs::write(&store, [0x00; 8192]).unwrap();
-    let refused = Command::new(PROGRAM).args(arguments).output().unwrap();
-    assert!(String::from_utf8(refused.stderr).unwrap().contains("not a store"));
+    fails(&motor_hub(&arguments), 2, "not a store");
     assert_eq!(std::fs::read(&store).unwrap(), [0; 8192]);
 }

@@ -42,8 +42,8 @@ pub(crate) struct Hub {
     pub(crate) flash: fn(&mut Responder<4>, UpdateRequest),
     /// Number of requests received.
     pub(crate) requests: Arc<AtomicU32>,
-    decoder: Decoder,
-    since: Instant,
+    pub(crate) decoder: Decoder,
+    pub(crate) since: Instant,
 }
 
 impl Hub {

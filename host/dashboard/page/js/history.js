@@ -45,7 +45,7 @@ export class History {
       const [s, t, z, g] = motor.points ?? [];
       const target = motor.told === "velocity" ? motor.target : null;
       const goal = motor.told === "position" || motor.told === "together" ? motor.target : null;
-      const row = { velocity: motor.velocity, target, position: motor.position, goal, control: motor.control, s, t, z, g, current: motor.current_a, load: motor.load_a, measured: motor.measured_a };
+      const row = { velocity: motor.velocity, target, position: motor.position, goal, control: motor.control, s, t, z, g, current: motor.modelled_a, load: motor.load_a, measured: motor.measured_a };
       for (const name of OF_MOTOR) columns[name].push(row[name] ?? null);
     });
   }

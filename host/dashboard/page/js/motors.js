@@ -198,7 +198,7 @@ function show(/** @type {any} */ card, /** @type {any} */ motor) {
   say(card.speed, speed(motor.velocity, settings));
   say(card.speedUnit, speedUnit(settings));
   say(card.position, number(motor.position));
-  say(card.current, motor.best_current_a === undefined ? "–" : number(motor.best_current_a, 2));
+  say(card.current, motor.current_a === undefined ? "–" : number(motor.current_a, 2));
   card.run.setAttribute("aria-checked", String(motor.enabled));
   say(card.run, motor.enabled ? "Running" : "Run");
   const regime = motor.enabled ? motor.regime : null;

@@ -15,7 +15,7 @@ const WORDS = ["setpoint", "mode", "regime"];
 const LATER = ["goal", "enabled", "setpoint", "power", "current_setpoint", "mode", "duty", "regime", "fault"];
 const HEADINGS = ["time_s", "motor", "battery_v", ...OF_MOTOR, ...LATER.slice(1)];
 /** Columns of a recording, and the fields of a motor in a frame. */
-const FIELDS = { velocity: "velocity", position: "position", control: "control", current: "current_a", load: "load_a", measured: "measured_a", setpoint: "told", mode: "mode", duty: "duty", regime: "regime" };
+const FIELDS = { velocity: "velocity", position: "position", control: "control", current: "modelled_a", load: "load_a", measured: "measured_a", setpoint: "told", mode: "mode", duty: "duty", regime: "regime" };
 /** Columns of set-points, and the kinds of set-points that they hold. */
 const SETPOINTS = { target: ["velocity"], goal: ["position", "together"], power: ["power"], current_setpoint: ["current"] };
 

@@ -130,7 +130,7 @@ export function tunePanel(link) {
 
   on("frame", (frame) => {
     const motor = frame.motors[state.chosen];
-    if (motor) say(regulator, motor.regulator === "model" ? "the motor model" : motor.regulator === "pid" ? "PID" : "not reported");
+    if (motor) say(regulator, motor.regulator === "model" ? "the motor model" : motor.regulator === "PID" ? "PID" : "not reported");
     if (!running) return;
     const { enabled, velocity } = frame.motors[running.motor];
     if (!enabled && frame.at_s - running.begun > ENABLED_S) {

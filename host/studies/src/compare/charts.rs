@@ -23,11 +23,8 @@ fn figure(round: &Round, result: &TaskResult) -> Figure {
     let speed = |s: &Sample| s.speed_cps;
     let current = |s: &Sample| s.flow.mean_current().0;
     let panels = WAYS.into_iter().flat_map(|(name, shown)| {
-        let panel = |y_label: &str, height, goal: bool, value: fn(&Sample) -> f64, style| Panel {
-            y_label: format!("{y_label}: {name}"),
-            height,
-            series: lines(result, goal, shown, value, style),
-            ..Panel::default()
+        let panel = |y_label: &str, height, goal: bool, value: fn(&Sample) -> f64, style| {
+            Panel::new(format!("{y_label}: {name}"), height, lines(result, goal, shown, value, style))
         };
         [
             panel("speed, counts/s", 200.0, true, speed, Style::Line),
@@ -47,7 +44,7 @@ fn figure(round: &Round, result: &TaskResult) -> Figure {
     }
 }
 
-/// What a group of variants has in common, and which they are.
+/// Name of a group of variants, and the test for its members.
 pub(super) type Way = (&'static str, fn(&Variant) -> bool);
 
 pub(super) const WAYS: [Way; 3] = [
@@ -56,7 +53,7 @@ pub(super) const WAYS: [Way; 3] = [
     ("the motor's model", |variant| variant.regulator == Kind::Model),
 ];
 
-/// With this duty; without a braking regime for comparison.
+/// True for PID with this duty rule, and, for comparison, for PID without a braking regime.
 fn by_pid(variant: &Variant, duty: DutyRule) -> bool {
     variant.regulator == Kind::Pid && (variant.duty == duty || variant.scheme == Scheme::ForwardReverse)
 }
@@ -66,7 +63,7 @@ fn load(result: &TaskResult) -> String {
     if inertia > 0.0 { format!("load {inertia} kg m\u{b2}") } else { "no load".to_owned() }
 }
 
-/// The variants that are wanted.
+/// A line for each variant of a group, and with `goal` a line for the set-point.
 fn lines(
     result: &TaskResult,
     goal: bool,
@@ -78,24 +75,18 @@ fn lines(
     let data = |row: &Row, value: fn(&Sample) -> f64| -> Vec<(f64, f64)> {
         row.trace.motor(0).filter(|(at, _)| *at >= from_s).map(|(at, sample)| (at, value(sample))).collect()
     };
-    let goal = result.rows.first().filter(|_| goal).map(|row| Series {
-        name: "set-point".into(),
-        colour: colour::INK,
-        style: Style::DashedStep,
-        data: data(row, set_point),
-    });
+    let goal = result.rows.first().filter(|_| goal);
+    let goal = goal.map(|row| Series::new("set-point", colour::INK, Style::DashedStep, data(row, set_point)));
     let shown = Variant::ALL.into_iter().zip(&result.rows).filter(|(variant, _)| wanted(variant));
-    let lines = shown.map(|(variant, row)| Series {
-        name: in_words(&row.variant),
-        colour: match variant.scheme {
+    let lines = shown.map(|(variant, row)| {
+        let colour = match variant.scheme {
             Scheme::ForwardReverse => colour::GREY,
             Scheme::A => colour::BLUE,
             Scheme::B => colour::RED,
             Scheme::C => colour::GREEN,
             Scheme::D(_) => colour::PURPLE,
-        },
-        style,
-        data: data(row, value),
+        };
+        Series::new(in_words(&row.variant), colour, style, data(row, value))
     });
     goal.into_iter().chain(lines).collect()
 }

@@ -1,4 +1,4 @@
-//! What came of all runs: by task, by choice of coefficients.
+//! The results of all runs, by task and by choice of coefficients.
 
 use super::row::Row;
 use super::tasks::Task;

@@ -1,4 +1,4 @@
-//! One run of the comparison, and what came of it.
+//! One run of the comparison, and its measures.
 
 use super::gains::Gains;
 use super::tasks::Task;
@@ -15,14 +15,14 @@ use simulated::trace::Trace;
 pub(super) struct Row {
     /// The variant's name.
     pub(super) variant: String,
-    /// The parts of the variant.
+    /// The variant.
     #[serde(flatten)]
     pub(super) of: Variant,
     /// The coefficients; null for a model, which has none.
     pub(super) gains: Option<Gains>,
     /// Seconds until the motor has [settled](crate::settling); null if it never does.
     pub(super) settling_s: Option<f64>,
-    /// Percent of the step, or of the set-point after a change of torque; null at standstill.
+    /// Overshoot in percent of the step, or of the set-point after a change of torque; null at standstill.
     pub(super) overshoot_percent: Option<f64>,
     /// Root mean square of the speed's error from the event on, in counts/s.
     pub(super) rms_error: f64,
@@ -47,7 +47,7 @@ impl Row {
         self.fault || self.settling_s.is_none()
     }
 
-    /// The settling time for people.
+    /// The settling time as text.
     pub(super) fn settling(&self) -> String {
         if self.fault { "fault".to_owned() } else { table::seconds(self.settling_s) }
     }

@@ -6,10 +6,10 @@ use super::row::Row;
 use super::variant::Variant;
 use serde::Serialize;
 
-/// A column of the table: what is better, and which differences are none.
+/// A column of the table of winners.
 struct Column {
     name: &'static str,
-    /// Smaller is better; `None` if the task has no such number or the variant no such success.
+    /// The number of a run, of which the smallest wins; `None` if the task has no such number, or the motor did not settle.
     value: fn(&Row) -> Option<f64>,
     /// Differences up to this count as a tie.
     tie: f64,
@@ -25,7 +25,7 @@ const COLUMNS: [Column; 6] = [
     Column { name: "returned", value: |r| Some(-r.energy_returned_j), tie: 0.01 },
 ];
 
-/// An integral of |error| of this many counts is as good as none.
+/// Added to each integral of |error|, in counts, so that variants with hardly any error tie.
 const NEGLIGIBLE: f64 = 1.0;
 
 /// The best at one task in one column.

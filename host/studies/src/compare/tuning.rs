@@ -19,16 +19,16 @@ pub(super) fn runs() -> usize {
 /// A way of choosing coefficients, and what it chose.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Tuning {
-    /// In words.
+    /// The choice in words.
     pub(super) how: String,
-    /// A name for files.
+    /// The choice as a part of file names.
     pub(super) key: &'static str,
-    /// By variant; null for a model, which has none.
+    /// Coefficients by variant; null for the model, which has none.
     pub(super) gains: Vec<Option<Gains>>,
 }
 
 impl Tuning {
-    /// The same for all.
+    /// The same coefficients for all variants.
     pub(super) fn same() -> Self {
         Self {
             how: format!("the same coefficients for all: P = {} f, I = {} f", SAME.p, SAME.i),
@@ -37,7 +37,7 @@ impl Tuning {
         }
     }
 
-    /// In a few words.
+    /// The choice in a few words.
     pub(super) fn key_in_words(&self) -> &'static str {
         if self.key == "same" {
             "the same coefficients for all"
@@ -46,7 +46,7 @@ impl Tuning {
         }
     }
 
-    /// For each variant the best of [`GRID`] at a task.
+    /// For each variant its best coefficients of [`GRID`] at a task.
     ///
     /// # Errors
     /// If a run fails.
@@ -78,7 +78,7 @@ impl Tuning {
     }
 }
 
-/// What a run costs, in counts.
+/// The criterion of a run, in counts; the least is the best.
 fn cost(task: &Task, row: &Row) -> f64 {
     let step = task.scenario.motors.first().map_or(0.0, |motor| {
         let target = |at_s| match motor.setpoint_at(at_s) {

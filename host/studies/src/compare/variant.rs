@@ -1,12 +1,11 @@
-//! What is compared.
+//! The variants that are compared.
 
-use crate::points::regulator_name;
 use motor_hub::braking::{Blend, DutyRule, Scheme};
 use motor_hub::regulator::Kind;
 use serde::{Serialize, Serializer};
 use simulated::scheme::{DutyWord, SchemeWords};
 
-/// A way to turn control values into duties.
+/// A scheme, a duty rule and a regulator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Variant {
     /// The scheme, which locates the points.
@@ -73,7 +72,7 @@ fn scheme_words<S: Serializer>(scheme: &Scheme, to: S) -> Result<S::Ok, S::Error
 }
 
 fn regulator_word<S: Serializer>(regulator: &Kind, to: S) -> Result<S::Ok, S::Error> {
-    to.serialize_str(regulator_name(*regulator))
+    to.serialize_str(regulator.name())
 }
 
 fn letter(scheme: Scheme) -> &'static str {

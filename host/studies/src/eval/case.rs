@@ -1,4 +1,4 @@
-//! One case of the document, and the ways to take inputs from it.
+//! One case of the document, and checked access to its inputs.
 
 use super::error::CaseError;
 use motor_hub::bridge::Mode;
@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 pub(super) struct Case<'a> {
     case: &'a Value,
     motors: &'a Value,
-    /// The inputs that the formula has asked for.
+    /// The inputs that the formula has read.
     read: RefCell<BTreeSet<String>>,
 }
 
@@ -49,7 +49,7 @@ impl<'a> Case<'a> {
         Err(format!("unknown input {}; this formula reads {}", unknown.join(", "), read.join(", ")).into())
     }
 
-    /// A number; JSON has only finite ones.
+    /// A number, which is finite in JSON.
     pub(super) fn number(&self, key: &str) -> Result<f64, CaseError> {
         Ok(self.input(key)?.as_f64().ok_or_else(|| format!("input {key} must be a number"))?)
     }
@@ -115,7 +115,7 @@ impl<'a> Case<'a> {
             })
         };
         let positive = |key: &str| number(key).and_then(|value| above_zero(value, key));
-        // A bare motor needs no gearbox and, if nothing changes with time, no inertia.
+        // A motor without a gearbox needs no ratio, and a formula without time needs no inertia.
         let or_one = |key: &str| if constant(key).is_some() { positive(key) } else { Ok(1.0) };
         let inertia = KgM2(or_one("J")?);
         Ok(Motor {

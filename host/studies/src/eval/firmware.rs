@@ -15,8 +15,8 @@ use serde_json::{Value, json};
 use simulated::scheme::{BlendChoice, SchemeName};
 use std::f64::consts::TAU;
 
-/// Only the product of speed and constant counts. With 1/64 mV s/count the speed reaches to the ends of
-/// its range for the largest back EMF, so no constant resolves it finer.
+/// Speed in counts/s per mV of back EMF, with the constant 1/64 mV s/count. An operating point depends on the product of both
+/// alone. With this constant the largest back EMF needs the whole range of speeds, so no constant resolves it finer.
 const FINEST: f64 = 64.0;
 
 /// Conditions of the printed bridge table, in millivolts: battery and diode drop, and a back EMF below
@@ -28,18 +28,18 @@ const OVERRUN_MV: i32 = 20_000;
 
 const Q20: f64 = (1 << 20) as f64;
 const LARGEST_CONTROL: i64 = Control::MAX.get() as i64;
-/// Message for a battery that the firmware cannot represent.
+/// Message for a battery voltage that the firmware cannot represent.
 const BATTERY: &str = "input Vbat must be 0.001 to 65.535 V";
 const LARGEST_CPS: i64 = 8_388_607;
 
-/// The controls of a table of counter-clockwise motion that names none.
+/// Control values of a table of counter-clockwise motion without given control values.
 const CONTROLS_CCW: [f64; 6] = [-32767.0, -20011.0, -12345.0, -777.0, 7777.0, 32767.0];
 
-/// The controls of a table that names none.
+/// Control values of a table without given control values.
 const CONTROLS: [f64; 12] =
     [-32767.0, -30000.0, -20011.0, -12345.0, -5000.0, -777.0, 0.0, 1234.0, 7777.0, 16384.0, 29000.0, 32767.0];
 
-/// What one of the sixteen switch patterns does.
+/// The effect of one of the sixteen switch patterns.
 pub(super) fn bridge_state(case: &Case) -> Result<Value, CaseError> {
     let number = case.whole("state", 0, 15)? as u8;
     let pattern = SwitchPattern::new(number).ok_or("a state is 0 to 15")?;

@@ -12,7 +12,7 @@ use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
 use serde_json::{Value, json};
 use simulated::scheme::SchemeName;
 
-/// First columns of tables that are given none.
+/// First columns of tables without given values: times in s, duties, voltages in V.
 const TIMES: [f64; 8] = [0.0, 1e-5, 2.1e-4, 1e-3, 0.01, 0.05, 0.31, 3.0];
 const DUTIES: [f64; 8] = [0.0, 0.02, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0];
 const STEADY_DUTIES: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
@@ -98,7 +98,7 @@ pub(super) fn step_response(case: &Case) -> Result<Value, CaseError> {
     table(&["t_s", "i_A", "omega_rad_s", "omega_after_rad_s"], times.into_iter().map(row))
 }
 
-/// What happens within a control period when the voltage drops to the back EMF.
+/// Currents and speed within a control period after the voltage drops to the back EMF.
 pub(super) fn pid_period(case: &Case) -> Result<Value, CaseError> {
     let (_, geared) = geared(case)?;
     let speed = RadPerSec(case.number("Omega_motor")?);
@@ -131,7 +131,7 @@ pub(super) fn mean_current(case: &Case) -> Result<Value, CaseError> {
     table(&columns, voltages.into_iter().map(row))
 }
 
-/// A bridge in operation: its motor, its circuit, its frequency, its conditions.
+/// Motor, circuit, PWM frequency and conditions of a bridge.
 fn bridge(case: &Case) -> Result<(Motor, Circuit, Hertz, Conditions), CaseError> {
     let motor = case.motor()?;
     let losses = Bridge::lossy(Volts(case.not_negative("Vd")?), Ohms(case.not_negative("Ron")?));
@@ -159,7 +159,7 @@ pub(super) fn bridge_pwm(case: &Case) -> Result<Value, CaseError> {
     table(&columns, duties(case, &DUTIES)?.into_iter().map(row))
 }
 
-/// Mode and duty that make a mean current: exactly, and by the formula without simulation.
+/// Mode and duty for a mean current: exact, by the formula of the README, and by the firmware.
 pub(super) fn duty_for_current(case: &Case) -> Result<Value, CaseError> {
     let (motor, circuit, frequency, at) = bridge(case)?;
     let (v, e) = (at.battery.0, at.emf.0);

@@ -5,26 +5,23 @@ use ::chart::{Panel, Point, Series, Style, colour};
 /// Largest control value, as a fraction of full scale.
 const REACH: f64 = 1.0;
 
-/// What there is to choose.
+/// How the points of a motor are drawn.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Look {
-    /// The motor turns counter-clockwise: modes change places, colours, which show the regime, do not.
-    pub(super) counter_clockwise: bool,
+pub(crate) struct Look {
+    /// The motor turns counter-clockwise. Then 9/8 and 6/2 change places; a colour shows the regime, and stays.
+    pub(crate) counter_clockwise: bool,
     /// There is no braking regime between T and Z.
-    pub(super) jump: bool,
-    /// Of the panel, in pixels.
-    pub(super) height: f64,
+    pub(crate) jump: bool,
+    /// Height of the panel in pixels.
+    pub(crate) height: f64,
 }
 
 /// Lines from S over T and Z to G within the control range; `points` in that order.
-pub(super) fn panel(y_label: String, points: [Point; 4], look: Look) -> Panel {
+pub(crate) fn panel(y_label: String, points: [Point; 4], look: Look) -> Panel {
     let [s, t, z, g] = &points;
     let [forward, reverse] = if look.counter_clockwise { ["6/2", "9/8"] } else { ["9/8", "6/2"] };
-    let line = |name: String, colour, from: &Point, to: &Point| Series {
-        name,
-        colour,
-        style: Style::Line,
-        data: within_reach(from.at, to.at),
+    let line = |name: String, colour, from: &Point, to: &Point| {
+        Series::new(name, colour, Style::Line, within_reach(from.at, to.at))
     };
     let between = if look.jump {
         line("a jump".into(), colour::GREY, t, z)
@@ -38,14 +35,8 @@ pub(super) fn panel(y_label: String, points: [Point; 4], look: Look) -> Panel {
     ];
     series.retain(|line| !line.data.is_empty());
     let largest = series.iter().flat_map(|s| &s.data).map(|p| p.1.abs()).fold(0.0, f64::max);
-    Panel {
-        y_label,
-        height: look.height,
-        y_range: Some((-1.15 * largest, 1.15 * largest)),
-        series,
-        points: points.into(),
-        ..Panel::default()
-    }
+    let y_range = Some((-1.15 * largest, 1.15 * largest));
+    Panel { y_range, points: points.into(), ..Panel::new(y_label, look.height, series) }
 }
 
 /// The part of a line from `a` to `b` that lies within the control range, ascending.

@@ -1,7 +1,6 @@
 //! A trace as comma-separated values: one row for each motor and control tick.
 
 use crate::SCHEMA_VERSION;
-use crate::points::regulator_name;
 use motor_hub::braking::Regime;
 use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, Setpoint};
@@ -47,7 +46,7 @@ fn row(out: &mut String, sample: &Sample) {
         Faults { bridge: true, .. } => "bridge",
         Faults { .. } => "",
     };
-    // Latched, so it may stand beside one of the others.
+    // An encoder fault is latched, so another fault may exist beside it.
     let encoder_fault = match report.faults.encoder {
         Some(EncoderFault::Stuck) => "stuck",
         Some(EncoderFault::Reversed) => "reversed",
@@ -70,7 +69,7 @@ fn row(out: &mut String, sample: &Sample) {
         sample.torque_nm,
         report.settled,
         report.stalled,
-        regulator_name(report.regulator),
+        report.regulator.name(),
     );
 }
 

@@ -2,13 +2,16 @@
 
 use super::runs::{RunReport, WITHOUT};
 use crate::NamedFigure;
-use crate::points::{CONTROL_RANGE, fraction, regulator_name};
+use crate::points::{CONTROL_RANGE, fraction};
 use chart::{Band, Figure, Panel, Series, Style, colour, fill};
 use motor_hub::braking::Regime;
 use motor_hub::motor::Setpoint;
 use simulated::scenario::{Motor, Scenario};
 use simulated::scheme;
 use simulated::trace::{Sample, Tick, Trace};
+
+/// Label of panels with the motor's current.
+const CURRENT: &str = "motor current, A, mean of a control period";
 
 /// Every chart with the name of its file.
 pub(super) fn all(comparison: &RunReport) -> Vec<NamedFigure> {
@@ -23,56 +26,24 @@ pub(super) fn all(comparison: &RunReport) -> Vec<NamedFigure> {
 fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> Figure {
     let lines = Lines { trace, index };
     let bands = regimes(scenario, trace, index);
+    let over_bands = |panel: Panel| Panel { bands: bands.clone(), ..panel };
     let mut panels = Vec::new();
     if has_position(scenario, index) {
-        panels.push(Panel {
-            y_label: "position, counts".into(),
-            height: 150.0,
-            bands: bands.clone(),
-            series: vec![
-                lines.line("set-point", colour::RED, Style::DashedStep, position_goal),
-                lines.line("position", colour::INK, Style::Line, |s| s.counts as f64),
-            ],
-            ..Panel::default()
-        });
+        let goal = lines.line("set-point", colour::RED, Style::DashedStep, position_goal);
+        let position = lines.line("position", colour::INK, Style::Line, |s| s.counts as f64);
+        panels.push(over_bands(Panel::new("position, counts", 150.0, vec![goal, position])));
     }
-    panels.push(Panel {
-        y_label: "speed, counts/s".into(),
-        height: 170.0,
-        bands: bands.clone(),
-        series: speed_lines(motor, &lines),
-        ..Panel::default()
-    });
-    panels.push(Panel {
-        y_label: "control".into(),
-        height: 130.0,
-        y_range: Some(CONTROL_RANGE),
-        bands: bands.clone(),
-        series: vec![lines.line("control", colour::BLUE, Style::Step, |s| fraction(s.control.get()))],
-        ..Panel::default()
-    });
-    panels.push(Panel {
-        y_label: "duty, %".into(),
-        height: 80.0,
-        y_range: Some((0.0, 104.0)),
-        bands: bands.clone(),
-        series: vec![lines.line("duty", colour::INK, Style::Step, |s| 100.0 * s.report.drive.duty.to_f64())],
-        ..Panel::default()
-    });
-    panels.push(Panel {
-        y_label: "motor current, A, mean of a control period".into(),
-        height: 110.0,
-        bands,
-        series: currents(&lines),
-        ..Panel::default()
-    });
+    panels.push(over_bands(Panel::new("speed, counts/s", 170.0, speed_lines(motor, &lines))));
+    let control = lines.line("control", colour::BLUE, Style::Step, |s| fraction(s.control.get()));
+    let control = Panel::new("control", 130.0, vec![control]);
+    panels.push(over_bands(Panel { y_range: Some(CONTROL_RANGE), ..control }));
+    let duty = lines.line("duty", colour::INK, Style::Step, |s| 100.0 * s.report.drive.duty.to_f64());
+    let duty = Panel::new("duty, %", 80.0, vec![duty]);
+    panels.push(over_bands(Panel { y_range: Some((0.0, 104.0)), ..duty }));
+    panels.push(over_bands(Panel::new(CURRENT, 110.0, currents(&lines))));
     if motor.torques.iter().any(|t| t.value != 0.0) {
-        panels.push(Panel {
-            y_label: "external torque on the output shaft, N m".into(),
-            height: 60.0,
-            series: vec![lines.line("torque", colour::INK, Style::Step, |s| s.torque_nm)],
-            ..Panel::default()
-        });
+        let torque = lines.line("torque", colour::INK, Style::Step, |s| s.torque_nm);
+        panels.push(Panel::new("external torque on the output shaft, N m", 60.0, vec![torque]));
     }
     panels.push(battery(trace));
     Figure {
@@ -109,10 +80,10 @@ fn speed_lines(motor: &Motor, lines: &Lines) -> Vec<Series> {
     }
 }
 
-/// What regulates the motor, in words.
+/// The regulator of the motor at the end of a run.
 fn regulator(trace: &Trace, index: usize) -> &'static str {
     let last = trace.ticks.last().and_then(|tick| tick.motors.get(index));
-    last.map_or("", |sample| regulator_name(sample.report.regulator))
+    last.map_or("", |sample| sample.report.regulator.name())
 }
 
 fn has_velocity(motor: &Motor) -> bool {
@@ -149,18 +120,10 @@ fn compared(comparison: &RunReport) -> Figure {
         } else {
             ("speed, counts/s", Vec::new(), both(|s| s.speed_cps, Style::Line))
         };
-        panels.push(Panel {
-            y_label: format!("{}: {what}", motor.label),
-            height: 130.0,
-            series: goals.into_iter().chain(motion).collect(),
-            ..Panel::default()
-        });
-        panels.push(Panel {
-            y_label: format!("{}: motor current, A, mean of a control period", motor.label),
-            height: 100.0,
-            series: both(|s| s.flow.mean_current().0, Style::Step),
-            ..Panel::default()
-        });
+        let motion = goals.into_iter().chain(motion).collect();
+        panels.push(Panel::new(format!("{}: {what}", motor.label), 130.0, motion));
+        let current = both(|s| s.flow.mean_current().0, Style::Step);
+        panels.push(Panel::new(format!("{}: {CURRENT}", motor.label), 100.0, current));
     }
     Figure {
         title: "With and without proportional braking".into(),
@@ -176,21 +139,14 @@ fn compared(comparison: &RunReport) -> Figure {
 }
 
 fn battery(trace: &Trace) -> Panel {
-    let line = |name: &str, colour, value: &dyn Fn(&Tick) -> f64| Series {
-        name: name.into(),
-        colour,
-        style: Style::Line,
-        data: trace.ticks.iter().map(|tick| (tick.at_s, value(tick))).collect(),
+    let line = |name: &str, colour, value: &dyn Fn(&Tick) -> f64| {
+        Series::new(name, colour, Style::Line, trace.ticks.iter().map(|tick| (tick.at_s, value(tick))))
     };
-    Panel {
-        y_label: "battery, V".into(),
-        height: 80.0,
-        series: vec![
-            line("at its terminals", colour::GREY, &|t| t.battery_v),
-            line("as measured", colour::GREEN, &|t| t.measured_v.unwrap_or(f64::NAN)),
-        ],
-        ..Panel::default()
-    }
+    let series = vec![
+        line("at its terminals", colour::GREY, &|t| t.battery_v),
+        line("as measured", colour::GREEN, &|t| t.measured_v.unwrap_or(f64::NAN)),
+    ];
+    Panel::new("battery, V", 80.0, series)
 }
 
 /// Lines of one motor in one run.
@@ -201,8 +157,7 @@ struct Lines<'a> {
 
 impl Lines<'_> {
     fn line(&self, name: &str, colour: &'static str, style: Style, value: impl Fn(&Sample) -> f64) -> Series {
-        let data = self.trace.motor(self.index).map(|(at_s, sample)| (at_s, value(sample))).collect();
-        Series { name: name.into(), colour, style, data }
+        crate::line((name, colour, style), self.trace, self.index, value)
     }
 }
 
@@ -222,13 +177,13 @@ fn position_goal(sample: &Sample) -> f64 {
     }
 }
 
-/// The regimes; nothing where the motor coasts.
+/// A band for each stretch of a regime; none while the motor coasts.
 fn regimes(scenario: &Scenario, trace: &Trace, index: usize) -> Vec<Band> {
     let regime = |tick: &Tick| tick.motors.get(index).and_then(|sample| sample.report.regime);
     let mut bands: Vec<Band> = Vec::new();
     for run in trace.ticks.chunk_by(|a, b| regime(a) == regime(b)) {
         let Some(first) = run.first() else { continue };
-        // Each regime lasts until the tick that ends it.
+        // A band ends at the tick at which the next regime begins.
         if let Some(last) = bands.last_mut().filter(|last| last.to > first.at_s) {
             last.to = first.at_s;
         }

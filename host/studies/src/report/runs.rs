@@ -1,11 +1,11 @@
-//! The two runs that a report is about, measured.
+//! The two runs of a report, and their measures.
 
 use crate::expectations::{Verdict, judge};
 use crate::measures::Measures;
 use simulated::scenario::Scenario;
 use simulated::trace::Trace;
 
-/// What the run without a braking regime is called.
+/// Name of the run without a braking regime.
 pub(super) const WITHOUT: &str = "no braking regime";
 
 /// Both runs of a scenario.
@@ -13,9 +13,9 @@ pub struct RunReport {
     pub(super) scenario: Scenario,
     pub(super) as_set: Trace,
     pub(super) without: Trace,
-    /// By motor: as set, and without a braking regime.
+    /// Measures by motor: of the run as set, and of the run without a braking regime.
     pub(super) measures: Vec<[Measures; 2]>,
-    /// On the run as set.
+    /// Verdicts on the run as set.
     pub(super) verdicts: Vec<Verdict>,
 }
 

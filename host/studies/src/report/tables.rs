@@ -1,4 +1,4 @@
-//! Both runs of each motor as a table for people.
+//! A table of each motor with both runs.
 
 use super::runs::{RunReport, WITHOUT};
 use crate::expectations::{Verdict, Wanted};

@@ -83,19 +83,12 @@ fn figure(name: &str, title: &str, subtitle: &str, panels: Vec<Panel>) -> NamedF
 }
 
 fn panel(which: &str, curves: Vec<((&str, &'static str), Times)>) -> Panel {
-    let curve = |((name, colour), times): ((&str, _), Times)| Series {
-        name: format!("{name}: {:.1} %", in_all(&times)),
-        colour,
-        style: Style::Step,
-        data: cumulative(times, SHOWN_S),
+    let curve = |((name, colour), times): ((&str, _), Times)| {
+        let name = format!("{name}: {:.1} %", in_all(&times));
+        Series::new(name, colour, Style::Step, cumulative(times, SHOWN_S))
     };
-    Panel {
-        y_label: format!("settled, %: {which}"),
-        height: 260.0,
-        y_range: Some((0.0, 102.0)),
-        series: curves.into_iter().map(curve).collect(),
-        ..Panel::default()
-    }
+    let series = curves.into_iter().map(curve).collect();
+    Panel { y_range: Some((0.0, 102.0)), ..Panel::new(format!("settled, %: {which}"), 260.0, series) }
 }
 
 /// Percent that settles, however late.

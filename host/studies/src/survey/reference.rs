@@ -197,49 +197,42 @@ fn arm() -> Result<Scenario, StudyError> {
 /// If a run fails.
 pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyError> {
     let tasks = tasks()?;
-    let cases: Vec<(&Task, bool, bool, u32)> = tasks
-        .iter()
-        .flat_map(|task| {
-            let phases = if task.figure == Figure::Settling { &[false, true][..] } else { &[false] };
-            phases.iter().flat_map(move |&late| [true, false].map(|configured| (task, late, configured)))
-        })
-        .flat_map(|(task, late, configured)| PERIODS.map(|ms| (task, late, configured, ms)))
-        .collect();
-    let bases = base::cases()?;
-    let (responses, total) = (cases.len(), cases.len() + bases.len());
-    let verdicts = parallel::map(
-        &cases,
-        |&(task, late, configured, ms)| worst(task, late, configured, ms),
-        |done| progress(done, total),
-    )
-    .into_iter()
-    .collect::<Result<Vec<_>, _>>()?;
+    let phases = |task: &Task| if settles(task) { &[false, true][..] } else { &[false] };
+    let cases: Vec<(&Task, bool)> =
+        tasks.iter().flat_map(|task| phases(task).iter().map(move |&late| (task, late))).collect();
+    let responses = 2 * cases.len() * PERIODS.len();
+    let total = responses + base::RUNS;
+    let work = |&(task, late): &(&Task, bool), configured, ms| worst(task, late, configured, ms);
+    let verdicts = parallel::at_all_periods(&cases, &PERIODS, work, &mut |done, _| progress(done, total))?;
     let mut verdicts = verdicts.into_iter();
-    let mut rows: Vec<Row> = tasks
-        .into_iter()
-        .map(|task| {
-            let settles = task.figure == Figure::Settling;
-            let mut next = |wanted: bool| -> Vec<Verdict> {
-                verdicts.by_ref().take(if wanted { PERIODS.len() } else { 0 }).collect()
-            };
-            Row {
-                speed: speed(&task),
-                name: task.name,
-                reference: task.reference,
-                figure: task.figure,
-                configured: next(true),
-                unknown: next(true),
-                configured_late: next(settles),
-                unknown_late: next(settles),
-                configured_degrees: Vec::new(),
-                unknown_degrees: Vec::new(),
-            }
-        })
-        .collect();
-    rows.extend(base::rows(&bases, &mut |done| progress(responses + done, total))?);
+    let mut rows = Vec::with_capacity(tasks.len());
+    for task in &tasks {
+        let [configured, unknown] = verdicts.next().unwrap_or_default();
+        let late = if settles(task) { verdicts.next() } else { None };
+        let [configured_late, unknown_late] = late.unwrap_or_default();
+        rows.push(Row {
+            speed: speed(task),
+            name: task.name.clone(),
+            reference: task.reference,
+            figure: task.figure,
+            configured,
+            unknown,
+            configured_late,
+            unknown_late,
+            configured_degrees: Vec::new(),
+            unknown_degrees: Vec::new(),
+        });
+    }
+    rows.extend(base::rows(&mut |done, _| progress(responses + done, total))?);
     Ok(rows)
 }
 
+/// True for a task whose settling time counts. Such a task has a second phase.
+fn settles(task: &Task) -> bool {
+    task.figure == Figure::Settling
+}
+
+/// The speed set-point of a task in counts/s; 0 for a position.
 fn speed(task: &Task) -> f64 {
     let setpoints = task.scenarios.first().and_then(|scenario| scenario.motors.first()).map(|m| &m.setpoints);
     match setpoints.and_then(|setpoints| setpoints.last()).map(|timed| timed.value) {

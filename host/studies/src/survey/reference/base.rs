@@ -8,7 +8,6 @@ use crate::StudyError;
 use crate::groups::HeadingError;
 use crate::survey::parallel;
 use motor_hub::motor::Setpoint;
-use motor_hub::units::Period;
 use simulated::direct;
 use simulated::scenario::Scenario;
 
@@ -26,25 +25,8 @@ const TASKS: [(&str, &str); 2] = [
     ),
 ];
 
-/// A run of a base: whether its motors are configured, its control period, and its scenario.
-pub(super) struct Case {
-    configured: bool,
-    period_ms: u32,
-    scenario: Scenario,
-}
-
-/// Every task configured and not, at every period.
-pub(super) fn cases() -> Result<Vec<Case>, StudyError> {
-    let mut all = Vec::new();
-    for (_, courses) in TASKS {
-        for configured in [true, false] {
-            for period_ms in PERIODS {
-                all.push(Case { configured, period_ms, scenario: scenario(courses)? });
-            }
-        }
-    }
-    Ok(all)
-}
+/// Runs of all tasks: configured and not, at every period.
+pub(super) const RUNS: usize = 2 * TASKS.len() * PERIODS.len();
 
 fn scenario(courses: &str) -> Result<Scenario, StudyError> {
     let wheel = |label, motor| {
@@ -63,11 +45,11 @@ fn scenario(courses: &str) -> Result<Scenario, StudyError> {
     Scenario::parse("drive base", &text).map_err(|_| StudyError::NoEvent)
 }
 
-/// The rows of [`TASKS`]; `done` gets the number of runs that are done.
-pub(super) fn rows(cases: &[Case], done: &mut dyn FnMut(usize)) -> Result<Vec<Row>, StudyError> {
-    let degrees = parallel::map(cases, degrees, done).into_iter().collect::<Result<Vec<_>, _>>()?;
-    let mut degrees = degrees.into_iter();
-    let row = |(name, _): (&str, _)| Row {
+/// The rows of [`TASKS`]. `progress` gets the number of runs that are done, and of all.
+pub(super) fn rows(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyError> {
+    let scenarios = TASKS.iter().map(|(_, courses)| scenario(courses)).collect::<Result<Vec<_>, _>>()?;
+    let degrees = parallel::at_all_periods(&scenarios, &PERIODS, degrees, progress)?;
+    let row = |((name, _), [configured_degrees, unknown_degrees]): ((&str, _), [Vec<f64>; 2])| Row {
         name: name.to_owned(),
         reference: "",
         figure: Figure::Heading,
@@ -75,26 +57,22 @@ pub(super) fn rows(cases: &[Case], done: &mut dyn FnMut(usize)) -> Result<Vec<Ro
         unknown: Vec::new(),
         configured_late: Vec::new(),
         unknown_late: Vec::new(),
-        configured_degrees: degrees.by_ref().take(PERIODS.len()).collect(),
-        unknown_degrees: degrees.by_ref().take(PERIODS.len()).collect(),
+        configured_degrees,
+        unknown_degrees,
         speed: 0.0,
     };
-    Ok(TASKS.into_iter().map(row).collect())
+    Ok(TASKS.into_iter().zip(degrees).map(row).collect())
 }
 
-/// The largest heading error of a run in degrees; infinite after a fault, which no wheel has.
-fn degrees(case: &Case) -> Result<f64, StudyError> {
-    let mut scenario = case.scenario.clone();
-    scenario.period = Period::from_millis(case.period_ms)?;
-    if !case.configured {
-        scenario.motors.iter_mut().for_each(|motor| motor.configuration.motion = None);
-    }
+/// The largest heading error of a run in degrees; infinite after a fault of a wheel's encoder.
+fn degrees(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<f64, StudyError> {
+    let scenario = parallel::variant(scenario, configured, period_ms)?;
     let group = scenario.groups.first().ok_or(StudyError::NoEvent)?;
     let mut heading = HeadingError::new(group, &scenario.motors).ok_or(StudyError::NoEvent)?;
     let mut largest = 0.0;
     direct::run(&scenario, |moment| {
         // Between two ticks the references are those of the last tick.
-        if !moment.ms.is_multiple_of(case.period_ms.into()) {
+        if !moment.ms.is_multiple_of(period_ms.into()) {
             return;
         }
         let wheel = |motor: usize| -> Option<(Setpoint, i64)> {
