@@ -4,7 +4,8 @@
 //! |---|---|
 //! | [`Encoders`], [`SupplyAdc`], [`Bridges`], [`Watchdog`] | every board |
 //! | [`BridgeFaults`], [`CurrentSense`] | boards that can read fault outputs or current-sense lines of their bridges |
-//! | [`DigitalPins`] | boards with digital pins for the host |
+//! | [`Devices`] | boards with digital pins, servo outputs or analog inputs for the host |
+//! | `I2cBus` (feature `tasks`) | boards with I2C buses for the host |
 //!
 //! A board also spawns the tasks of `crate::tasks`. These traits exist because embedded-hal 1.0 has none for quadrature
 //! counters, ADCs and H bridges.
@@ -86,28 +87,140 @@ impl<const N: usize> CurrentSense<N> for () {
     }
 }
 
-/// Up to eight digital pins for the host's own use, numbered from 0.
-pub trait DigitalPins {
-    /// Sets the direction and the level of all pins, and returns their levels. Bit i stands for pin i, and 1 is high. Must not
-    /// block.
-    ///
-    /// A pin whose bit in `driven` is 1 is an output with its level in `levels`. All other pins are inputs with a pull-up. A pin
-    /// that the board does not have reads 1, like an open input.
-    fn exchange(&mut self, driven: u8, levels: u8) -> u8;
+/// Number of digital pins in REV's protocol.
+pub const DIGITAL_PINS: usize = 8;
+/// Number of servo outputs in REV's protocol.
+pub const SERVOS: usize = 6;
+/// Number of analog inputs in REV's protocol.
+pub const ANALOG_INPUTS: usize = 4;
+/// Number of I2C buses in REV's protocol.
+pub const I2C_BUSES: usize = 4;
+
+/// What a board has for hosts besides its motors. The hub refuses requests to anything else.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Equipment {
+    /// The board's digital pins. Bit i stands for pin i.
+    pub digital: u8,
+    /// Number of servo outputs, 0 to [`SERVOS`]. They have the numbers from 0.
+    pub servos: u8,
+    /// Number of analog inputs, 0 to [`ANALOG_INPUTS`]. They have the numbers from 0.
+    pub analog: u8,
+    /// Number of I2C buses, 0 to [`I2C_BUSES`]. They have the numbers from 0, and each has a task `tasks::i2c`.
+    pub i2c: u8,
+    /// True if the board measures its 5 V rail.
+    pub rail: bool,
+    /// True if the board measures its temperature.
+    pub temperature: bool,
 }
 
-/// Borrowed pins.
-impl<T: DigitalPins + ?Sized> DigitalPins for &mut T {
+/// The pulses of one servo output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ServoPulse {
+    /// Time from the start of a pulse to the start of the next pulse, in microseconds, at least 2.
+    pub period_us: u16,
+    /// Time that the output is high in each period, in microseconds: at least 1, and at most `period_us`.
+    pub width_us: u16,
+}
+
+/// One reading of an analog input.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct AnalogReading {
+    /// Voltage at the pin.
+    pub voltage: Millivolts,
+    /// The converter's reading, with 12 bits.
+    pub counts: u16,
+}
+
+/// The newest readings of a board's converters for hosts. A value is `None` if the board does not measure the value, or if the
+/// last reading is older than 20 ms.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct AnalogReadings {
+    /// The analog inputs in their order.
+    pub inputs: [Option<AnalogReading>; ANALOG_INPUTS],
+    /// Voltage of the 5 V rail.
+    pub rail: Option<Millivolts>,
+    /// Temperature of the board or of its chip in 0.1 degrees Celsius.
+    pub temperature_decidegrees: Option<i16>,
+}
+
+/// What a board has for hosts besides its motors: digital pins, servo outputs and analog inputs. No function may block.
+pub trait Devices {
+    /// Returns what the board has. The result is always the same.
+    fn equipment(&self) -> Equipment;
+
+    /// Sets the direction and the level of all digital pins, and returns their levels. Bit i stands for pin i, and 1 is high.
+    ///
+    /// A pin whose bit in `driven` is 1 is an output with its level in `levels`. All other pins are inputs with a pull-up. Bits of
+    /// pins that the board does not have are ignored.
+    fn exchange(&mut self, driven: u8, levels: u8) -> u8;
+
+    /// Sets the pulses of all servo outputs. `None` for an output without pulses, which is low.
+    ///
+    /// The function is called when the pulses have changed. Before the first call no output has pulses. New pulses begin with the
+    /// next period, so no period has a wrong pulse. Outputs of one timer may share the period that was set last.
+    fn set_servos(&mut self, servos: &[Option<ServoPulse>; SERVOS]);
+
+    /// Returns the newest readings.
+    fn analog(&mut self) -> AnalogReadings;
+}
+
+/// Borrowed devices.
+impl<T: Devices + ?Sized> Devices for &mut T {
+    fn equipment(&self) -> Equipment {
+        (**self).equipment()
+    }
+
     fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
         (**self).exchange(driven, levels)
     }
+
+    fn set_servos(&mut self, servos: &[Option<ServoPulse>; SERVOS]) {
+        (**self).set_servos(servos);
+    }
+
+    fn analog(&mut self) -> AnalogReadings {
+        (**self).analog()
+    }
 }
 
-/// A board without digital pins.
-impl DigitalPins for () {
-    fn exchange(&mut self, _: u8, _: u8) -> u8 {
-        u8::MAX
+/// A board without devices for hosts.
+impl Devices for () {
+    fn equipment(&self) -> Equipment {
+        Equipment::default()
     }
+
+    fn exchange(&mut self, _: u8, _: u8) -> u8 {
+        0
+    }
+
+    fn set_servos(&mut self, _: &[Option<ServoPulse>; SERVOS]) {}
+
+    fn analog(&mut self) -> AnalogReadings {
+        AnalogReadings::default()
+    }
+}
+
+/// One I2C bus for hosts. The transfers are those of embedded-hal: a write, a read, and a write with a read after a repeated
+/// start.
+///
+/// A transfer's future may be dropped at any time, after which the bus must be [freed](Self::free). A device may stretch the clock
+/// for 30 ms. `NoAcknowledgeSource` says which byte had no acknowledgement.
+#[cfg(feature = "tasks")]
+#[allow(async_fn_in_trait, reason = "tasks of one thread: no bound on the future is needed")]
+pub trait I2cBus: embedded_hal_async::i2c::I2c {
+    /// Sets the speed of the next transfers: 400 kbit/s if `fast`, otherwise 100 kbit/s. Before the first call the speed is
+    /// 100 kbit/s.
+    fn set_speed(&mut self, fast: bool);
+
+    /// Ends what a transfer has left on the lines: nine clock pulses with SDA released, then a stop. The controller of the bus is
+    /// then ready for the next transfer.
+    ///
+    /// Must return within 2 ms, also if a device holds SCL or SDA.
+    async fn free(&mut self);
 }
 
 /// A watchdog that resets the chip unless it is fed within its time-out. A reset opens all bridges.

@@ -5,7 +5,7 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::pipe::Pipe;
 use embassy_time::{Duration, Instant, MockDriver};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
-use motor_hub::board::DigitalPins;
+use motor_hub::board::{AnalogReadings, Devices, Equipment, SERVOS, ServoPulse};
 use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::Setpoint;
 use motor_hub::protocol::{Address, Colour};
@@ -64,7 +64,17 @@ impl Write for &Line {
 #[derive(Default)]
 struct Pins(Cell<(u8, u8)>);
 
-impl DigitalPins for &Pins {
+impl Devices for &Pins {
+    fn equipment(&self) -> Equipment {
+        Equipment { digital: u8::MAX, ..Equipment::default() }
+    }
+
+    fn set_servos(&mut self, _: &[Option<ServoPulse>; SERVOS]) {}
+
+    fn analog(&mut self) -> AnalogReadings {
+        AnalogReadings::default()
+    }
+
     fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
         self.0.set((driven, levels));
         if driven & 1 != 0 && levels & 1 == 0 { !3 } else { u8::MAX }

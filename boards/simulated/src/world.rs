@@ -20,7 +20,10 @@ use crate::current_line::CurrentLine;
 use crate::encoder::{Counter, Encoder};
 use crate::hardware::{BRIDGE, MOTORS};
 use embassy_time::Timer;
-use motor_hub::board::{BridgeFaults, Bridges, CurrentSense, DigitalPins, Encoders, SupplyAdc, Watchdog};
+use motor_hub::board::{
+    AnalogReadings, BridgeFaults, Bridges, CurrentSense, Devices, Encoders, Equipment, SERVOS, ServoPulse,
+    SupplyAdc, Watchdog,
+};
 use motor_hub::bridge::{BridgeConstants, Drive, SenseScale};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::bus::{Bus, Shutdown};
@@ -309,8 +312,17 @@ fn takes_for_a_short_circuit(bridge: &BridgeConstants, duty: Duty) -> bool {
     low_ns > 0.0 && low_ns + rounding_ns < f64::from(bridge.timing().least_off_ns)
 }
 
-/// The board has all eight digital pins.
-impl DigitalPins for Board {
+impl Devices for Board {
+    fn equipment(&self) -> Equipment {
+        Equipment { digital: u8::MAX, ..Equipment::default() }
+    }
+
+    fn set_servos(&mut self, _: &[Option<ServoPulse>; SERVOS]) {}
+
+    fn analog(&mut self) -> AnalogReadings {
+        AnalogReadings::default()
+    }
+
     fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
         let world = self.0.borrow();
         let alone = world.outside & !driven | levels & driven;
