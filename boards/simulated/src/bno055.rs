@@ -6,7 +6,8 @@
 //! let mut imu = Bno055::default();
 //! imu.run(1.0, 0.0, 0.0);
 //! imu.write(&[0x3D, 0x08]);
-//! // The mode changes after 7 ms. The base has then turned left by 90 degrees.
+//! // The mode changes after 7 ms. The base then turns left by 90 degrees.
+//! imu.run(0.01, 0.0, 0.0);
 //! imu.run(0.01, std::f64::consts::FRAC_PI_2, 0.0);
 //! let mut heading = [0; 2];
 //! imu.write(&[0x1A]);
