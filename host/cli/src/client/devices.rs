@@ -177,7 +177,8 @@ impl AnalogOptions {
                 Ok(value) => {
                     let value = f64::from(value) * scale;
                     let raw = session.adc(channel, true)?;
-                    table.add_row([name.to_owned(), format!("{value:.3} {unit}"), raw.to_string()]);
+                    let digits = if scale < 0.01 { 3 } else { 1 };
+                    table.add_row([name.to_owned(), format!("{value:.digits$} {unit}"), raw.to_string()]);
                     document.insert(key.to_owned(), json!(value));
                     document.insert(format!("{key}_raw"), json!(raw));
                 }
@@ -276,8 +277,8 @@ pub(super) enum I2c {
         #[arg(value_parser = bus)]
         bus: I2cBus,
         /// Address of the device, 0 to 127, as 40 or 0x28
-        #[arg(value_parser = device)]
-        address: I2cAddress,
+        #[arg(value_name = "ADDRESS", value_parser = device)]
+        device: I2cAddress,
         /// Number of bytes, 1 to 100
         #[arg(default_value = "1", value_parser = count)]
         count: I2cCount,
@@ -297,8 +298,8 @@ pub(super) enum I2c {
         #[arg(value_parser = bus)]
         bus: I2cBus,
         /// Address of the device, 0 to 127, as 40 or 0x28
-        #[arg(value_parser = device)]
-        address: I2cAddress,
+        #[arg(value_name = "ADDRESS", value_parser = device)]
+        device: I2cAddress,
         /// 1 to 100 bytes, as 61 or 0x3d
         #[arg(required = true, num_args = 1..=100, value_name = "BYTE", value_parser = byte)]
         bytes: Vec<u8>,
@@ -347,7 +348,7 @@ impl I2c {
     pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         match self {
             Self::Scan { bus, json } => scan(session, bus, json),
-            Self::Read { bus, address, count, register, fast, json } => {
+            Self::Read { bus, device: address, count, register, fast, json } => {
                 session.set_i2c_speed(bus, fast)?;
                 let read = session.read_i2c(bus, address, register, count)?;
                 check(read.status, bus, address)?;
@@ -359,7 +360,7 @@ impl I2c {
                 let bytes: Vec<String> = read.bytes.iter().map(|byte| format!("{byte:02x}")).collect();
                 Ok(print(&format!("{}\n", bytes.join(" ")))?)
             }
-            Self::Write { bus, address, bytes, fast } => {
+            Self::Write { bus, device: address, bytes, fast } => {
                 session.set_i2c_speed(bus, fast)?;
                 let bytes =
                     Text::from_slice(&bytes).map_err(|_| Failure::Input("give 1 to 100 bytes".into()))?;
