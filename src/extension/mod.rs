@@ -95,7 +95,7 @@ requests! {
         26 Update,
         /// Sends a public key (Ed25519), and its signature of the firmware's SHA-512 hash.
         27 Sign { key: [u8; 32], signature: [u8; 64] },
-        /// The answer is an [`Equipment`](crate::board::Equipment).
+        /// The answer is an [`Equipment`](crate::devices::Equipment).
         32 Equipment,
     }
 }

@@ -1,6 +1,6 @@
 //! Reports of the stored settings, of a firmware update, and of the board's equipment.
 
-use crate::board::Equipment;
+use crate::devices::Equipment;
 use crate::protocol::payload::{Text, codes, fields_in_order, payload};
 use crate::store::{self, Stored};
 use crate::update::{self, Booted, Phase};

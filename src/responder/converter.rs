@@ -16,7 +16,7 @@
 //! in one count.
 //!
 //! ```
-//! use motor_hub::board::{AnalogReadings, Equipment};
+//! use motor_hub::devices::{AnalogReadings, Equipment};
 //! use motor_hub::braking::Winding;
 //! use motor_hub::hub::Snapshot;
 //! use motor_hub::motor::Settings;
@@ -35,7 +35,7 @@
 //! assert_eq!((read(&converter, false), read(&converter, true)), (Ok(5_016), Ok(627)));
 //! ```
 
-use crate::board::{ANALOG_INPUTS, AnalogReadings, Equipment};
+use crate::devices::{ANALOG_INPUTS, AnalogReadings, Equipment};
 use crate::hub::Snapshot;
 use crate::motor::{Report, Settings};
 use crate::protocol::requests::{AdcChannel, BATTERY, BATTERY_CURRENT, FIRST_CURRENT, RAIL, TEMPERATURE};

@@ -19,7 +19,7 @@
 //! A transfer always ends: a bus error or a time-out ends it with an error in [`I2cStatus`]. Hosts poll a transfer until its result
 //! comes, so errors of the bus are no refusals. The result of a transfer with an error has no bytes.
 
-use crate::board::I2C_BUSES;
+use crate::devices::I2C_BUSES;
 use crate::protocol::answers::{I2cRead, I2cStatus, I2cWritten};
 use crate::protocol::payload::Text;
 use crate::protocol::pins::{I2cBus, ToPin};

@@ -54,7 +54,7 @@ mod report;
 mod store;
 mod update;
 
-use crate::board::{AnalogReadings, Equipment, SERVOS, ServoPulse};
+use crate::devices::{AnalogReadings, Equipment, SERVOS, ServoPulse};
 use crate::extension::group::{GroupCourse, GroupState};
 use crate::extension::record::{Entries, Ticks};
 use crate::extension::report::{BusReport, Commands, HubReport};

@@ -12,7 +12,7 @@
 //! * Fail-safe and a low battery disable all servo outputs. Their periods and widths stay.
 //!
 //! ```
-//! use motor_hub::board::{Equipment, ServoPulse};
+//! use motor_hub::devices::{Equipment, ServoPulse};
 //! use motor_hub::protocol::payload::WordFrom;
 //! use motor_hub::protocol::pins::{Pin, ServoOutput, ToPin};
 //! use motor_hub::protocol::{Nack, Reply};
@@ -33,7 +33,7 @@
 //! assert!(matches!(outputs.receive(&ToPin::Input { pin }, true), Ok(Reply::Data(level)) if *level == [1]));
 //! ```
 
-use crate::board::{Equipment, SERVOS, ServoPulse};
+use crate::devices::{Equipment, SERVOS, ServoPulse};
 use crate::protocol::pins::{Pin, ServoOutput, ToPin};
 use crate::protocol::{Nack, Reply};
 

@@ -63,8 +63,8 @@ pub mod update;
 pub use commands::CommandQueue;
 pub use health::{Health, Task};
 
-use crate::board::I2C_BUSES;
 use crate::bridge::{BridgeFeedback, Drive};
+use crate::devices::I2C_BUSES;
 use crate::hub::{Command, Snapshot};
 use crate::motion::Newest;
 use crate::protocol::answers::I2cRead;
