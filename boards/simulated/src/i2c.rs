@@ -11,7 +11,7 @@ use crate::bno055::Bno055;
 use crate::world::Board;
 use embassy_time::{Duration, Timer};
 use embedded_hal_async::i2c::{ErrorKind, ErrorType, I2c, NoAcknowledgeSource, Operation};
-use motor_hub::board::I2cBus;
+use motor_hub::board::{I2C_BUSES, I2cBus};
 use serde::Deserialize;
 use std::future::pending;
 
@@ -32,7 +32,7 @@ pub enum Fault {
     None,
     /// No device acknowledges its address.
     NoAcknowledge,
-    /// A device holds SDA low, until the bus is freed.
+    /// In the first transfer a device begins to hold SDA low, until the bus is freed.
     StuckData,
     /// A device holds SCL low for ever.
     StuckClock,
@@ -46,16 +46,38 @@ pub(crate) struct I2cDevices {
     pub(crate) imu: Bno055,
     memory: [u8; 256],
     next: u8,
-    pub(crate) faults: [Fault; 4],
+    pub(crate) faults: [Fault; I2C_BUSES],
+    /// For each bus, true while a device holds SDA low.
+    data_held: [bool; I2C_BUSES],
 }
 
 impl Default for I2cDevices {
     fn default() -> Self {
-        Self { imu: Bno055::default(), memory: [0; 256], next: 0, faults: [Fault::None; 4] }
+        Self {
+            imu: Bno055::default(),
+            memory: [0; 256],
+            next: 0,
+            faults: [Fault::None; I2C_BUSES],
+            data_held: [false; I2C_BUSES],
+        }
     }
 }
 
 impl I2cDevices {
+    fn hold_data(&mut self, bus: usize) {
+        if let Some(held) = self.data_held.get_mut(bus) {
+            *held = true;
+        }
+    }
+
+    fn free_data(&mut self, bus: usize) {
+        if let (Some(held), Some(fault)) = (self.data_held.get_mut(bus), self.faults.get_mut(bus))
+            && std::mem::take(held)
+        {
+            *fault = Fault::None;
+        }
+    }
+
     fn transfer(
         &mut self,
         bus: usize,
@@ -107,7 +129,10 @@ impl I2c for SimulatedBus {
         match self.board.i2c_fault(self.bus) {
             Fault::None => (),
             Fault::NoAcknowledge => return Err(ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address)),
-            Fault::StuckData => return Err(ErrorKind::ArbitrationLoss),
+            Fault::StuckData => {
+                self.board.with_i2c(|devices| devices.hold_data(self.bus));
+                return Err(ErrorKind::ArbitrationLoss);
+            }
             Fault::StuckClock => return pending().await,
             Fault::Stretching => Timer::after(STRETCH).await,
         }
@@ -129,8 +154,6 @@ impl I2cBus for SimulatedBus {
     }
 
     async fn free(&mut self) {
-        if self.board.i2c_fault(self.bus) == Fault::StuckData {
-            self.board.set_i2c_fault(self.bus, Fault::None);
-        }
+        self.board.with_i2c(|devices| devices.free_data(self.bus));
     }
 }

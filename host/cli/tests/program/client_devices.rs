@@ -2,10 +2,13 @@
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use crate::common::folder;
-use crate::conformance::Hub;
+use crate::conformance::{Ack, Data, Host, Hub, Nack};
 use crate::output::{err, out};
 use serde_json::{Value, json};
+use std::io::{Read, Write};
 use std::process::{Command, Output};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
 
@@ -80,7 +83,7 @@ fn a_servo_and_an_output_are_on_while_their_commands_run() {
 fn i2c_devices_are_found_read_and_written() {
     let hub = served("devices-i2c", "i2c_faults = [\"none\", \"none\", \"stuck-clock\"]");
     // A BNO055 answers 0.65 s after its supply is on.
-    std::thread::sleep(std::time::Duration::from_millis(700));
+    sleep(Duration::from_millis(700));
     let found = document(&hub, &["i2c", "scan"]);
     let devices: Vec<&Value> = found["buses"].as_array().unwrap().iter().map(|bus| &bus["devices"]).collect();
     assert_eq!(devices, [&json!([0x28]), &json!([0x50]), &json!([]), &json!([])]);
@@ -102,4 +105,103 @@ fn i2c_devices_are_found_read_and_written() {
         let failed = client(&hub, &["i2c", "read", bus, address]);
         assert!(failed.status.code() == Some(1) && err(&failed).contains(says), "{}", err(&failed));
     }
+}
+
+const DEKA: u16 = 0x1000;
+
+/// Polls a transfer until its result comes, and returns the result without its status.
+fn result(host: &mut Host<impl Read + Write>, poll: u16, bus: u8) -> Vec<u8> {
+    let end = Instant::now() + Duration::from_secs(1);
+    loop {
+        match host.ask(DEKA + poll, &[bus]) {
+            Nack(41) if Instant::now() < end => (),
+            Data(result) => {
+                assert_eq!(result[0], 0, "status of {result:02x?}");
+                return result[1..].to_vec();
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+/// Reads registers of the inertial sensor.
+fn registers(host: &mut Host<impl Read + Write>, first: u8, count: u8) -> Vec<u8> {
+    host.order(DEKA + 52, &[0, 0x28, count, first]);
+    result(host, 41, 0)[1..].to_vec()
+}
+
+/// Writes a register of the inertial sensor. A host that does not poll sends the next request at once, and again while the bus is
+/// busy.
+fn set(host: &mut Host<impl Read + Write>, register: u8, value: u8, polls: bool) {
+    while host.ask(DEKA + 38, &[0, 0x28, 2, register, value]) == Nack(40) {}
+    if polls {
+        assert_eq!(result(host, 42, 0), [2]);
+    }
+}
+
+/// The start of the competition's software: each step in its order, without a reset of the sensor.
+#[test]
+fn the_inertial_sensor_starts_as_the_competition_starts_it_and_turns_with_the_drive_base() {
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let mut host = hub.tcp();
+    sleep(Duration::from_millis(700));
+    assert_eq!(registers(&mut host, 0x00, 1), [0xA0]);
+    assert_eq!(registers(&mut host, 0x3D, 1), [0]);
+    set(&mut host, 0x3E, 0, true);
+    for (register, value) in [
+        (0x07, 0x00),
+        (0x3B, 0x80),
+        (0x41, 0x24),
+        (0x42, 0x00),
+        (0x07, 0x01),
+        (0x08, 0x0D),
+        (0x09, 0x0B),
+        (0x0A, 0x38),
+        (0x0B, 0x00),
+        (0x07, 0x00),
+        (0x3F, 0x00),
+    ] {
+        set(&mut host, register, value, false);
+    }
+    while host.ask(DEKA + 52, &[0, 0x28, 1, 0x3D]) == Nack(40) {}
+    assert_eq!(result(&mut host, 41, 0), [1, 0]);
+    set(&mut host, 0x3D, 8, true);
+    sleep(Duration::from_millis(15));
+    assert_eq!(registers(&mut host, 0x39, 1), [5], "fusion runs");
+    assert_eq!(registers(&mut host, 0x20, 8), [0, 0x40, 0, 0, 0, 0, 0, 0], "no rotation");
+    // The right wheel drives forward, so the base turns left. The sensor's headings grow clockwise.
+    for (function, payload) in [(8, &[1, 0, 0][..]), (15, &[1, 0xFF, 0x3F]), (10, &[1, 1])] {
+        host.order(DEKA + function, payload);
+    }
+    let end = Instant::now() + Duration::from_secs(2);
+    let heading = |host: &mut Host<_>| {
+        let bytes = registers(host, 0x1A, 2);
+        f64::from(i16::from_le_bytes([bytes[0], bytes[1]])) / 16.0
+    };
+    while !(300.0..359.0).contains(&heading(&mut host)) {
+        assert!(Instant::now() < end, "the heading is {}", heading(&mut host));
+    }
+}
+
+#[test]
+fn a_stuck_data_line_is_freed_and_a_stretched_clock_is_waited_for() {
+    let hub = served(
+        "devices-faults",
+        "i2c_faults = [\"none\", \"stuck-data\", \"stretching\", \"no-acknowledge\"]",
+    );
+    let mut host = hub.tcp();
+    let mut read = |bus: u8, address: u8| {
+        assert!(matches!(host.ask(DEKA + 39, &[bus, address]), Ack(_)));
+        loop {
+            match host.ask(DEKA + 41, &[bus]) {
+                Nack(41) => (),
+                Data(result) => return result,
+                other => panic!("{other:?}"),
+            }
+        }
+    };
+    assert_eq!(read(1, 0x50), [4, 0], "arbitration is lost to the device that holds SDA");
+    assert_eq!(read(1, 0x50), [0, 1, 0], "nine clocks have freed SDA");
+    assert_eq!(read(2, 0x50), [1, 0], "after 30 ms no device has acknowledged");
+    assert_eq!(read(3, 0x50), [1, 0]);
 }
