@@ -84,6 +84,9 @@ requests! {
 /// An ADC channel.
 pub type AdcChannel = ByteIn<0, 14>;
 
+/// The channel of the current of the digital pins' supply, in milliamperes. The supplies of I2C buses and of servos follow.
+pub const FIRST_SUPPLY_CURRENT: AdcChannel = AdcChannel::new(4).expect("in range");
+
 /// The channel of the battery current, in milliamperes.
 pub const BATTERY_CURRENT: AdcChannel = AdcChannel::new(7).expect("in range");
 

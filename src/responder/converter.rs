@@ -4,7 +4,7 @@
 //! | channel | value |
 //! |---|---|
 //! | 0 to 3, analog inputs | measured |
-//! | 4, 5, 6: currents of digital pins, I2C, servos | refused: no board measures them |
+//! | 4, 5, 6: currents of digital pins, I2C, servos | measured |
 //! | 7, battery current | *modelled* from the motors' currents and speeds; negative while motors return more than they draw |
 //! | 8 to 11, current of motor 0 to 3 | magnitude: measured, or else *modelled* from speed and bridge command |
 //! | 12, 5 V rail | measured |
@@ -38,7 +38,9 @@
 use crate::devices::{ANALOG_INPUTS, AnalogReadings, Equipment};
 use crate::hub::Snapshot;
 use crate::motor::{Report, Settings};
-use crate::protocol::requests::{AdcChannel, BATTERY, BATTERY_CURRENT, FIRST_CURRENT, RAIL, TEMPERATURE};
+use crate::protocol::requests::{
+    AdcChannel, BATTERY, BATTERY_CURRENT, FIRST_CURRENT, FIRST_SUPPLY_CURRENT, RAIL, TEMPERATURE,
+};
 use crate::protocol::{CHANNELS, Nack};
 use crate::units::Milliamperes;
 
@@ -52,6 +54,8 @@ pub struct Converter {
     pub equipment: Equipment,
     /// The newest readings.
     pub readings: AnalogReadings,
+    /// Currents of the supplies for digital pins, I2C buses and servos. `None` on a board that does not measure them.
+    pub supply_currents: Option<[Milliamperes; 3]>,
 }
 
 impl Converter {
@@ -71,7 +75,7 @@ impl Converter {
         snapshot: &Snapshot<N>,
         settings: impl Iterator<Item = &'a Settings>,
     ) -> Result<i16, Nack> {
-        let Self { equipment, readings } = self;
+        let Self { equipment, readings, supply_currents } = self;
         let measured = |has: bool, reading: Option<i32>| {
             if has { reading.ok_or(Nack::NOT_MEASURED) } else { Err(Nack::UNSUPPORTED) }
         };
@@ -96,8 +100,13 @@ impl Converter {
                         measured(channel.get() < equipment.analog, if raw { counts } else { voltage })?
                     }
                     (None, Some(current)) => current.magnitude().into(),
-                    // Currents of digital pins, I2C and servos, and of motors that the hub does not have.
-                    (None, None) => return Err(Nack::UNSUPPORTED),
+                    // Currents of the supplies, and of motors that the hub does not have.
+                    (None, None) => {
+                        let supply = channel.get().checked_sub(FIRST_SUPPLY_CURRENT.get());
+                        let current = supply.zip(supply_currents.as_ref());
+                        let current = current.and_then(|(supply, all)| all.get(usize::from(supply)));
+                        current.ok_or(Nack::UNSUPPORTED)?.get()
+                    }
                 }
             }
         };

@@ -219,6 +219,11 @@ impl<const N: usize> Responder<N> {
         self.converter.readings = readings;
     }
 
+    /// Stores the newest currents of the supplies for digital pins, I2C buses and servos. `None` if the board does not measure them.
+    pub const fn sense_supply_currents(&mut self, currents: Option<[Milliamperes; 3]>) {
+        self.converter.supply_currents = currents;
+    }
+
     /// Returns the next transfer for the task of an I2C bus. `None` if no new transfer was requested.
     pub fn next_transfer(&mut self, bus: usize) -> Option<Transfer> {
         self.i2c.take_request(bus)

@@ -72,6 +72,7 @@ pub async fn run<M: RawMutex, const N: usize>(
             await_transfer(&packet, responder, &mut devices, wires, &mut show).await;
             exchange(responder, &mut devices);
             responder.sense_analog(devices.analog());
+            responder.sense_supply_currents(devices.supply_currents());
             responder.sense_bus(wires.bus.lock(Cell::get));
             take_update_result(responder, wires);
             let reply = wires.record.lock(|record| {

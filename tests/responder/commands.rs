@@ -286,19 +286,13 @@ fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
         rail: Some(Millivolts::new(5_016)),
         temperature_decidegrees: Some(-123),
     });
-    // No board measures the currents of digital pins, I2C and servos.
-    for channel in [4, 5, 6] {
-        assert_eq!(
-            [host.call(7, &[channel, 0]), host.call(7, &[channel, 1])],
-            [Said::Nack(253), Said::Nack(253)]
-        );
-    }
-    // The analog inputs; the battery's current, saturated; motors', one of them too; rail, battery, temperature.
+    host.responder.sense_supply_currents(Some([0, 12, 40_000].map(Milliamperes::new)));
+    // The analog inputs; the supplies' currents and the battery's, saturated; motors', one of them too; rail, battery,
+    // temperature.
     let of_8 = |value: i16| (value, value / 8);
     let inputs = [(0, 0), (1_650, 2_048), (3_300, 4_095), (i16::MAX, 5)];
-    let others = [i16::MAX, 3_000, 2_000, i16::MAX, 1_234, 5_016, 12_345, -123].map(of_8);
-    let channels = (0..4).chain(7..15);
-    for (channel, (value, counts)) in channels.zip(inputs.into_iter().chain(others)) {
+    let others = [0, 12, i16::MAX, i16::MAX, 3_000, 2_000, i16::MAX, 1_234, 5_016, 12_345, -123].map(of_8);
+    for (channel, (value, counts)) in (0..15).zip(inputs.into_iter().chain(others)) {
         for (raw, expected) in [(0, value), (1, counts)] {
             let said = host.call(7, &[channel, raw]);
             assert_eq!(said, Said::Data(expected.to_le_bytes().to_vec()), "{channel} {raw}");

@@ -61,6 +61,10 @@ const FIVE_VOLT_SCALE: VrefintScale = constant!(VrefintScale::new(10_000, 10_000
 const FIVE_VOLTS: f64 = 5.02;
 /// Temperature of the board in 0.1 degrees Celsius.
 const TEMPERATURE_DECIDEGREES: i16 = 312;
+/// Current of a BNO055 in its fusion modes, in mA (data sheet: 12.3 mA).
+const IMU_MA: i32 = 12;
+/// Current of a small servo without load, in mA. A guess.
+const IDLE_SERVO_MA: i32 = 8;
 const FULL_SCALE: f64 = 4095.0;
 /// Scale of the converter for currents.
 const SENSE_SCALE: SenseScale = SenseScale::VNH5019_CARRIER;
@@ -422,6 +426,12 @@ impl Devices for Board {
             rail: FIVE_VOLT_SCALE.battery(sample),
             temperature_decidegrees: Some(TEMPERATURE_DECIDEGREES),
         }
+    }
+
+    /// Nothing draws current from the digital pins.
+    fn supply_currents(&mut self) -> Option<[Milliamperes; 3]> {
+        let servos = self.servos().iter().flatten().count() as i32;
+        Some([0, IMU_MA, servos * IDLE_SERVO_MA].map(Milliamperes::new))
     }
 
     fn exchange(&mut self, driven: u8, levels: u8) -> u8 {

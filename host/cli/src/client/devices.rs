@@ -156,11 +156,14 @@ pub(super) struct AnalogOptions {
 }
 
 /// Channels of `client analog`: name, key for programs, unit, and units in one unit of the protocol.
-const CHANNELS: [(u8, &str, &str, &str, f64); 7] = [
+const CHANNELS: [(u8, &str, &str, &str, f64); 10] = [
     (0, "analog input 0", "input_0_v", "V", 1e-3),
     (1, "analog input 1", "input_1_v", "V", 1e-3),
     (2, "analog input 2", "input_2_v", "V", 1e-3),
     (3, "analog input 3", "input_3_v", "V", 1e-3),
+    (4, "current of digital pins", "digital_a", "A", 1e-3),
+    (5, "current of I2C buses", "i2c_a", "A", 1e-3),
+    (6, "current of servos", "servos_a", "A", 1e-3),
     (RAIL.get(), "5 V rail", "rail_v", "V", 1e-3),
     (BATTERY.get(), "battery", "battery_v", "V", 1e-3),
     (TEMPERATURE.get(), "temperature", "temperature_c", "\u{b0}C", 0.1),
