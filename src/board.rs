@@ -4,7 +4,8 @@
 //! |---|---|
 //! | [`Encoders`], [`SupplyAdc`], [`Bridges`], [`Watchdog`] | every board |
 //! | [`BridgeFaults`], [`CurrentSense`] | boards that can read fault outputs or current-sense lines of their bridges |
-//! | [`DigitalPins`] | boards with digital pins for the host |
+//! | [`Devices`] | boards with digital pins, servo outputs or analog inputs for the host |
+//! | `I2cBus` (feature `tasks`) | boards with I2C buses for the host |
 //!
 //! A board also spawns the tasks of `crate::tasks`. These traits exist because embedded-hal 1.0 has none for quadrature
 //! counters, ADCs and H bridges.
@@ -24,6 +25,9 @@
 //! ```
 
 use crate::bridge::Drive;
+pub use crate::devices::{
+    ANALOG_INPUTS, AnalogReading, AnalogReadings, DIGITAL_PINS, Equipment, I2C_BUSES, SERVOS, ServoPulse,
+};
 use crate::units::{Milliamperes, Millivolts};
 use core::ops::RangeInclusive;
 
@@ -86,28 +90,90 @@ impl<const N: usize> CurrentSense<N> for () {
     }
 }
 
-/// Up to eight digital pins for the host's own use, numbered from 0.
-pub trait DigitalPins {
-    /// Sets the direction and the level of all pins, and returns their levels. Bit i stands for pin i, and 1 is high. Must not
-    /// block.
+/// What a board has for hosts besides its motors: digital pins, servo outputs and analog inputs. No function may block.
+pub trait Devices {
+    /// Returns what the board has. The result is always the same.
+    fn equipment(&self) -> Equipment;
+
+    /// Sets the direction and the level of all digital pins, and returns their levels. Bit i stands for pin i, and 1 is high.
     ///
-    /// A pin whose bit in `driven` is 1 is an output with its level in `levels`. All other pins are inputs with a pull-up. A pin
-    /// that the board does not have reads 1, like an open input.
+    /// A pin whose bit in `driven` is 1 is an output with its level in `levels`. All other pins are inputs with a pull-up. Bits of
+    /// pins that the board does not have are ignored.
     fn exchange(&mut self, driven: u8, levels: u8) -> u8;
+
+    /// Sets the pulses of all servo outputs. `None` for an output without pulses, which is low.
+    ///
+    /// The function is called when the pulses have changed. Before the first call no output has pulses. New pulses begin with the
+    /// next period, so no period has a wrong pulse. Outputs of one timer may share the period that was set last.
+    fn set_servos(&mut self, servos: &[Option<ServoPulse>; SERVOS]);
+
+    /// Returns the newest readings.
+    fn analog(&mut self) -> AnalogReadings;
+
+    /// Returns the newest currents of the supplies for digital pins, I2C buses and servos, in this order. `None` on a board that
+    /// does not measure them.
+    fn supply_currents(&mut self) -> Option<[Milliamperes; 3]> {
+        None
+    }
 }
 
-/// Borrowed pins.
-impl<T: DigitalPins + ?Sized> DigitalPins for &mut T {
+/// Borrowed devices.
+impl<T: Devices + ?Sized> Devices for &mut T {
+    fn equipment(&self) -> Equipment {
+        (**self).equipment()
+    }
+
     fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
         (**self).exchange(driven, levels)
     }
+
+    fn set_servos(&mut self, servos: &[Option<ServoPulse>; SERVOS]) {
+        (**self).set_servos(servos);
+    }
+
+    fn analog(&mut self) -> AnalogReadings {
+        (**self).analog()
+    }
+
+    fn supply_currents(&mut self) -> Option<[Milliamperes; 3]> {
+        (**self).supply_currents()
+    }
 }
 
-/// A board without digital pins.
-impl DigitalPins for () {
-    fn exchange(&mut self, _: u8, _: u8) -> u8 {
-        u8::MAX
+/// A board without devices for hosts.
+impl Devices for () {
+    fn equipment(&self) -> Equipment {
+        Equipment::default()
     }
+
+    fn exchange(&mut self, _: u8, _: u8) -> u8 {
+        0
+    }
+
+    fn set_servos(&mut self, _: &[Option<ServoPulse>; SERVOS]) {}
+
+    fn analog(&mut self) -> AnalogReadings {
+        AnalogReadings::default()
+    }
+}
+
+/// One I2C bus for hosts. The transfers are those of embedded-hal: a write, a read, and a write with a read after a repeated
+/// start.
+///
+/// A transfer's future may be dropped at any time, after which the bus must be [freed](Self::free). A device may stretch the clock
+/// for 30 ms. `NoAcknowledgeSource` says which byte had no acknowledgement.
+#[cfg(feature = "tasks")]
+#[allow(async_fn_in_trait, reason = "tasks of one thread: no bound on the future is needed")]
+pub trait I2cBus: embedded_hal_async::i2c::I2c {
+    /// Sets the speed of the next transfers: 400 kbit/s if `fast`, otherwise 100 kbit/s. Before the first call the speed is
+    /// 100 kbit/s.
+    fn set_speed(&mut self, fast: bool);
+
+    /// Ends what a transfer has left on the lines: nine clock pulses with SDA released, then a stop. The controller of the bus is
+    /// then ready for the next transfer.
+    ///
+    /// Must return within 2 ms, also if a device holds SCL or SDA.
+    async fn free(&mut self);
 }
 
 /// A watchdog that resets the chip unless it is fed within its time-out. A reset opens all bridges.

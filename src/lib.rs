@@ -48,6 +48,7 @@
 //! | [`responder`] | the hub's side of both protocols: what hosts have set, the keep-alive timer, the LED |
 //! | [`store`] | settings in non-volatile memory: the stored format, and the choice between two copies |
 //! | [`update`] | new firmware: which chunks of an image are accepted, and when the image may start |
+//! | [`devices`] | what a board may have besides motors: pins, servos, analog inputs, I2C buses |
 //! | [`board`] | the traits that a board implements |
 //! | `tasks` (feature `tasks`, on by default) | async tasks that run the modules above |
 //! | `model` (feature `model`) | physics in `f64`, for simulators and tests; independent of the control |
@@ -70,6 +71,7 @@
 pub mod board;
 pub mod braking;
 pub mod bridge;
+pub mod devices;
 pub mod extension;
 pub mod group;
 pub mod hub;

@@ -38,7 +38,7 @@ pub const INTERFACE: &[u8] = b"MOTOR_HUB";
 pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// The packet types of the interface, on hubs of this project.
-pub const FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 31 };
+pub const FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 33 };
 
 requests! {
     /// A function for one motor, except for settings. The first field of the request is the motor's number.
@@ -95,6 +95,8 @@ requests! {
         26 Update,
         /// Sends a public key (Ed25519), and its signature of the firmware's SHA-512 hash.
         27 Sign { key: [u8; 32], signature: [u8; 64] },
+        /// The answer is an [`Equipment`](crate::devices::Equipment).
+        32 Equipment,
     }
 }
 
@@ -147,8 +149,8 @@ impl Request {
         } else if let Some(group) = Group::ALL.into_iter().find(|group| group.get_id() == id) {
             Ok(Self::Get(fields.motor(motors)?, group))
         } else {
-            // The tables lack I2C transfers (functions 37 to 42, 52, 54, 55), because hosts would poll an accepted transfer
-            // endlessly. They also lack bulk output (56).
+            // The tables lack PWM outputs (functions 25 to 30), which no hub of this project has, I2C transactions (54, 55), whose
+            // flags are not published, and bulk output (56).
             Err(if MOTOR_FUNCTIONS.number(id).is_some() { Nack::UNSUPPORTED } else { Nack::UNKNOWN })
         }
     }

@@ -1,6 +1,7 @@
-//! Reports of the stored settings and of a firmware update.
+//! Reports of the stored settings, of a firmware update, and of the board's equipment.
 
-use crate::protocol::payload::{Text, codes, payload};
+use crate::devices::Equipment;
+use crate::protocol::payload::{Text, codes, fields_in_order, payload};
 use crate::store::{self, Stored};
 use crate::update::{self, Booted, Phase};
 
@@ -9,6 +10,8 @@ codes!(store::Outcome { 0 = None, 1 = Done, 2 = NeedsErase, 3 = Refused, 4 = Los
 codes!(Phase { 0 = Nothing, 1 = Receiving, 2 = Checking, 3 = Armed, 4 = Disarming });
 codes!(Booted { 0 = Unknown, 1 = Confirmed, 2 = OnTrial, 3 = WentBack, 4 = Unconfirmable });
 codes!(update::Outcome { 0 = None, 1 = Done, 2 = Refused, 3 = Mismatch, 4 = WrongSignature });
+
+fields_in_order!(Equipment { digital, servos, analog, i2c, rail, temperature });
 
 payload! {
     /// State of the stored settings. [`crate::store`] defines its terms.

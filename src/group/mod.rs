@@ -30,9 +30,11 @@
 //! ```
 
 mod drive_base;
+mod odometry;
 mod trajectory;
 
 pub use drive_base::DriveBase;
+pub use odometry::{Odometry, Pose};
 
 use crate::regulator::Reference;
 use crate::units::{Acceleration, CountsPerSecond, Period, RangeError};

@@ -19,7 +19,7 @@
 
 use super::CHANNELS;
 use super::frame::Packet;
-use super::payload::{Field, Fields, Payload, bits, byte, flag, payload};
+use super::payload::{Field, Fields, Payload, Text, bits, byte, flag, payload};
 use super::refusal::Nack;
 use core::fmt;
 use heapless::Vec;
@@ -234,5 +234,59 @@ payload! {
         pub hardware_major: u8,
         /// REV's number for the type of hub.
         pub hardware: u32,
+    }
+}
+
+payload! {
+    /// How an I2C transfer ended. No bit is set after a transfer without error.
+    #[derive(Copy, Default)]
+    pub struct I2cStatus {
+        /// The errors, one bit each.
+        pub bits: u8,
+    }
+}
+
+impl I2cStatus {
+    /// No device has acknowledged the address.
+    pub const NO_ADDRESS: Self = Self { bits: 1 };
+    /// The device has not acknowledged a byte.
+    pub const NO_DATA: Self = Self { bits: 1 << 1 };
+    /// Another controller has used the bus, or a line was low that should be high.
+    pub const ARBITRATION_LOST: Self = Self { bits: 1 << 2 };
+    /// The transfer did not end in time, because a line is stuck or a device holds the clock.
+    pub const TIME_OUT: Self = Self { bits: 1 << 3 };
+
+    /// Returns the text of the lowest error bit that is set. `None` without error.
+    pub const fn error(self) -> Option<&'static str> {
+        Some(match self.bits.trailing_zeros() {
+            0 => "no device acknowledges this address",
+            1 => "the device did not acknowledge a byte",
+            2 => "arbitration lost",
+            3 => "time-out: a line is stuck, or a device holds the clock",
+            8.. => return None,
+            _ => "an error that the protocol does not define",
+        })
+    }
+}
+
+payload! {
+    /// Result of a read on an I2C bus.
+    #[derive(Default)]
+    pub struct I2cRead {
+        /// How the transfer ended.
+        pub status: I2cStatus,
+        /// The bytes that were read. Empty after an error.
+        pub bytes: Text,
+    }
+}
+
+payload! {
+    /// Result of a write on an I2C bus.
+    #[derive(Copy, Default)]
+    pub struct I2cWritten {
+        /// How the transfer ended.
+        pub status: I2cStatus,
+        /// Number of bytes that were written; 0 after an error.
+        pub count: u8,
     }
 }

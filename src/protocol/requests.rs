@@ -34,8 +34,8 @@ pub const FIRST_FUNCTION: u16 = 0x1000;
 
 /// The packet types of the motor interface, on hubs of this project.
 ///
-/// The count includes functions that the hub refuses: I2C transfers and bulk output. With a smaller count hosts would not use the
-/// functions with the highest numbers, among them the coefficients and the version.
+/// The count includes functions that the hub refuses: PWM outputs, I2C transactions and bulk output. With a smaller count hosts would
+/// not use the functions with the highest numbers, among them the coefficients and the version.
 pub const MOTOR_FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 58 };
 
 /// The packet type of a discovery. Of requests to all hubs, hubs answer only a discovery.
@@ -83,6 +83,9 @@ requests! {
 
 /// An ADC channel.
 pub type AdcChannel = ByteIn<0, 14>;
+
+/// The channel of the current of the digital pins' supply, in milliamperes. The supplies of I2C buses and of servos follow.
+pub const FIRST_SUPPLY_CURRENT: AdcChannel = AdcChannel::new(4).expect("in range");
 
 /// The channel of the battery current, in milliamperes.
 pub const BATTERY_CURRENT: AdcChannel = AdcChannel::new(7).expect("in range");

@@ -1,69 +1,121 @@
-//! Values of the ADC channels of REV's protocol. The hub measures the battery, and on some boards the currents of motors. All
-//! other values are 0, *nominal* (a constant), or *modelled* (computed from the motors' constants).
+//! Values of the ADC channels of REV's protocol. The hub refuses a channel that the board does not measure, except for currents that
+//! follow from the motors' constants.
 //!
 //! | channel | value |
 //! |---|---|
-//! | 0 to 3, analog inputs | 0 mV: the hub has none |
-//! | 4, 5, 6: currents of digital pins, I2C, servos | 0 mA: the hub has no such supplies |
+//! | 0 to 3, analog inputs | measured |
+//! | 4, 5, 6: currents of digital pins, I2C, servos | measured |
 //! | 7, battery current | *modelled* from the motors' currents and speeds; negative while motors return more than they draw |
 //! | 8 to 11, current of motor 0 to 3 | magnitude: measured, or else *modelled* from speed and bridge command |
-//! | 12, 5 V rail | 5000 mV: *nominal* |
+//! | 12, 5 V rail | measured |
 //! | 13, battery | measured; 0 if unknown |
-//! | 14, temperature | 25.0 degrees Celsius: *nominal* |
+//! | 14, temperature | measured |
 //!
-//! Values are those of the last control tick, clamped to 16 bits. A host may request *raw counts* instead. On every channel
-//! one raw count is [`RAW_COUNT`] units.
+//! Currents and battery are those of the last control tick, all other values at most 20 ms old. Values are clamped to 16 bits. A
+//! host may request *raw counts* instead: of an analog input the converter's reading, and of all other channels [`RAW_COUNT`] units
+//! in one count.
 //!
 //! ```
+//! use motor_hub::devices::{AnalogReadings, Equipment};
 //! use motor_hub::braking::Winding;
 //! use motor_hub::hub::Snapshot;
 //! use motor_hub::motor::Settings;
-//! use motor_hub::protocol::requests::AdcChannel;
-//! use motor_hub::responder::converter;
+//! use motor_hub::protocol::Nack;
+//! use motor_hub::protocol::requests::RAIL;
+//! use motor_hub::responder::converter::Converter;
+//! use motor_hub::units::Millivolts;
 //!
-//! let rail = AdcChannel::new(12).expect("0 to 14");
 //! let settings = [Settings::new(Winding::NEVEREST_60); 4];
-//! assert_eq!(converter::read(rail, false, &Snapshot::<4>::INITIAL, settings.iter()), 5_000);
-//! assert_eq!(converter::read(rail, true, &Snapshot::<4>::INITIAL, settings.iter()), 625);
+//! let mut converter = Converter::default();
+//! let read = |converter: &Converter, raw| converter.read(RAIL, raw, &Snapshot::<4>::INITIAL, settings.iter());
+//! assert_eq!(read(&converter, false), Err(Nack::UNSUPPORTED));
+//! converter.equipment = Equipment { rail: true, ..Equipment::default() };
+//! assert_eq!(read(&converter, false), Err(Nack::NOT_MEASURED));
+//! converter.readings = AnalogReadings { rail: Some(Millivolts::new(5_016)), ..AnalogReadings::default() };
+//! assert_eq!((read(&converter, false), read(&converter, true)), (Ok(5_016), Ok(627)));
 //! ```
 
+use crate::devices::{ANALOG_INPUTS, AnalogReadings, Equipment};
 use crate::hub::Snapshot;
 use crate::motor::{Report, Settings};
-use crate::protocol::CHANNELS;
-use crate::protocol::requests::{AdcChannel, BATTERY, BATTERY_CURRENT, FIRST_CURRENT, RAIL, TEMPERATURE};
+use crate::protocol::requests::{
+    AdcChannel, BATTERY, BATTERY_CURRENT, FIRST_CURRENT, FIRST_SUPPLY_CURRENT, RAIL, TEMPERATURE,
+};
+use crate::protocol::{CHANNELS, Nack};
 use crate::units::Milliamperes;
 
 /// Units in one raw count: millivolts, milliamperes or 0.1 degrees. With 8 units, positive 16-bit values give 12-bit raw counts.
 pub const RAW_COUNT: i32 = 8;
 
-/// Nominal voltage of the 5 V rail in millivolts. The hub does not measure this voltage.
-const RAIL_MV: i32 = 5_000;
+/// The board's converters for hosts.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Converter {
+    /// What the board has.
+    pub equipment: Equipment,
+    /// The newest readings.
+    pub readings: AnalogReadings,
+    /// Currents of the supplies for digital pins, I2C buses and servos. `None` on a board that does not measure them.
+    pub supply_currents: Option<[Milliamperes; 3]>,
+}
 
-/// Nominal temperature in 0.1 degrees Celsius. The hub does not measure its temperature.
-const ROOM_TEMPERATURE: i32 = 250;
+impl Converter {
+    /// Returns the voltages of the analog inputs in millivolts. 0 for an input without a reading.
+    pub fn analog_mv(&self) -> [i16; ANALOG_INPUTS] {
+        self.readings.inputs.map(|input| clamped(input.map_or(0, |input| input.voltage.get().into())))
+    }
 
-/// Returns the value of a channel according to the table above. `settings` are the settings of all motors in their order.
-pub fn read<'a, const N: usize>(
-    channel: AdcChannel,
-    raw: bool,
-    snapshot: &Snapshot<N>,
-    settings: impl Iterator<Item = &'a Settings>,
-) -> i16 {
-    let value = match channel {
-        BATTERY_CURRENT => {
-            let battery = snapshot.battery.unwrap_or_default();
-            let drawn =
-                settings.zip(&snapshot.motors).map(|(settings, report)| report.drawn(settings, battery));
-            drawn.fold(0, |sum: i32, drawn| sum.saturating_add(drawn.get()))
-        }
-        RAIL => RAIL_MV,
-        // An unknown voltage reads 0.
-        BATTERY => snapshot.battery.unwrap_or_default().get().into(),
-        TEMPERATURE => ROOM_TEMPERATURE,
-        _ => current_of(channel, &snapshot.motors).map_or(0, |current| current.magnitude().into()),
-    };
-    let value = value.clamp(i16::MIN.into(), i16::MAX.into());
-    (if raw { value / RAW_COUNT } else { value }) as i16
+    /// Returns the value of a channel according to the table above. `settings` are the settings of all motors in their order.
+    ///
+    /// # Errors
+    /// [`Nack::UNSUPPORTED`] for a channel that the board does not have, [`Nack::NOT_MEASURED`] for a channel without a reading.
+    pub fn read<'a, const N: usize>(
+        &self,
+        channel: AdcChannel,
+        raw: bool,
+        snapshot: &Snapshot<N>,
+        settings: impl Iterator<Item = &'a Settings>,
+    ) -> Result<i16, Nack> {
+        let Self { equipment, readings, supply_currents } = self;
+        let measured = |has: bool, reading: Option<i32>| {
+            if has { reading.ok_or(Nack::NOT_MEASURED) } else { Err(Nack::UNSUPPORTED) }
+        };
+        let value = match channel {
+            BATTERY_CURRENT => {
+                let battery = snapshot.battery.unwrap_or_default();
+                let drawn =
+                    settings.zip(&snapshot.motors).map(|(settings, report)| report.drawn(settings, battery));
+                drawn.fold(0, |sum: i32, drawn| sum.saturating_add(drawn.get()))
+            }
+            RAIL => measured(equipment.rail, readings.rail.map(|rail| rail.get().into()))?,
+            // An unknown voltage reads 0.
+            BATTERY => snapshot.battery.unwrap_or_default().get().into(),
+            TEMPERATURE => measured(equipment.temperature, readings.temperature_decidegrees.map(i32::from))?,
+            _ => {
+                match (readings.inputs.get(usize::from(channel.get())), current_of(channel, &snapshot.motors))
+                {
+                    (Some(input), _) => {
+                        let input = input.as_ref();
+                        let counts = input.map(|input| i32::from(input.counts) * RAW_COUNT);
+                        let voltage = input.map(|input| input.voltage.get().into());
+                        measured(channel.get() < equipment.analog, if raw { counts } else { voltage })?
+                    }
+                    (None, Some(current)) => current.magnitude().into(),
+                    // Currents of the supplies, and of motors that the hub does not have.
+                    (None, None) => {
+                        let supply = channel.get().checked_sub(FIRST_SUPPLY_CURRENT.get());
+                        let current = supply.zip(supply_currents.as_ref());
+                        let current = current.and_then(|(supply, all)| all.get(usize::from(supply)));
+                        current.ok_or(Nack::UNSUPPORTED)?.get()
+                    }
+                }
+            }
+        };
+        Ok(if raw { clamped(value) / RAW_COUNT as i16 } else { clamped(value) })
+    }
+}
+
+fn clamped(value: i32) -> i16 {
+    value.clamp(i16::MIN.into(), i16::MAX.into()) as i16
 }
 
 /// Returns the current of the motor that the channel belongs to. `None` for a channel of no motor.

@@ -45,6 +45,7 @@
 pub mod button;
 pub mod converter;
 mod group;
+pub mod i2c;
 pub mod keep_alive;
 pub mod led;
 pub mod motor;
@@ -53,6 +54,7 @@ mod report;
 mod store;
 mod update;
 
+use crate::devices::{AnalogReadings, Equipment, SERVOS, ServoPulse};
 use crate::extension::group::{GroupCourse, GroupState};
 use crate::extension::record::{Entries, Ticks};
 use crate::extension::report::{BusReport, Commands, HubReport};
@@ -61,9 +63,11 @@ use crate::extension::{self, HubFunction, MotorFunction, Request};
 use crate::group::GroupCommand;
 use crate::hub::{Action, Bus, Command, Snapshot};
 use crate::motor::{Report, Setpoint, Settings};
+use crate::protocol::answers::I2cRead;
 use crate::protocol::answers::{Bulk, Status, Version};
 use crate::protocol::motor::ToMotor;
 use crate::protocol::payload::{Payload, Text};
+use crate::protocol::pins::ToPin;
 use crate::protocol::requests::{
     DISCOVERY, InterfaceName, MOTOR_FUNCTIONS, MOTOR_INTERFACE, Standard, ToHub,
 };
@@ -72,7 +76,9 @@ use crate::record::Record;
 use crate::supply::BusReading;
 use crate::units::{CountsPerSecond, Microjoules, Micros, Milliamperes, Share};
 use crate::update::Update;
+use converter::Converter;
 use group::Courses;
+use i2c::{Buses, Transfer};
 use keep_alive::KeepAlive;
 use led::Led;
 use motor::MotorChannel;
@@ -136,6 +142,8 @@ pub struct Responder<const N: usize> {
     /// Number of the newest sent command. `None` before the first command, and once a snapshot includes the command.
     awaited: Option<u32>,
     outputs: Outputs,
+    converter: Converter,
+    i2c: Buses,
     bus: BusReading,
     led: Led,
     phone_charge: bool,
@@ -160,6 +168,8 @@ impl<const N: usize> Responder<N> {
             courses: Courses::NONE,
             awaited: None,
             outputs: Outputs::default(),
+            converter: Converter::default(),
+            i2c: Buses::default(),
             bus: BusReading::INITIAL,
             led: Led::default(),
             phone_charge: false,
@@ -192,6 +202,49 @@ impl<const N: usize> Responder<N> {
         self.outputs.sense(levels);
     }
 
+    /// Stores what the board has besides motors. Before the first call the hub has nothing else, and refuses requests to pins,
+    /// outputs, analog inputs and I2C buses.
+    pub const fn equip(&mut self, equipment: Equipment) {
+        self.outputs.equip(equipment);
+        self.converter.equipment = equipment;
+    }
+
+    /// Returns the pulses of all servo outputs if they have changed since the last call.
+    pub fn new_servo_pulses(&mut self) -> Option<[Option<ServoPulse>; SERVOS]> {
+        self.outputs.new_servo_pulses()
+    }
+
+    /// Stores the newest readings of the board's converters.
+    pub const fn sense_analog(&mut self, readings: AnalogReadings) {
+        self.converter.readings = readings;
+    }
+
+    /// Stores the newest currents of the supplies for digital pins, I2C buses and servos. `None` if the board does not measure them.
+    pub const fn sense_supply_currents(&mut self, currents: Option<[Milliamperes; 3]>) {
+        self.converter.supply_currents = currents;
+    }
+
+    /// Returns the next transfer for the task of an I2C bus. `None` if no new transfer was requested.
+    pub fn next_transfer(&mut self, bus: usize) -> Option<Transfer> {
+        self.i2c.take_request(bus)
+    }
+
+    /// Stores the result of the transfer that runs on an I2C bus.
+    pub fn transfer_done(&mut self, bus: usize, result: I2cRead) {
+        self.i2c.done(bus, result);
+    }
+
+    /// Returns the I2C bus whose running transfer the answer to a packet depends on. `None` if there is no such transfer.
+    pub fn awaited_transfer(&self, packet: &Packet) -> Option<usize> {
+        if packet.destination != self.address.get() || !self.i2c.any_running() {
+            return None;
+        }
+        match Request::read(packet, N.min(CHANNELS)) {
+            Ok(Request::ToPin(request)) => self.i2c.awaited(&request),
+            _ => None,
+        }
+    }
+
     /// Stores the newest reading of the bus.
     pub const fn sense_bus(&mut self, bus: BusReading) {
         self.bus = bus;
@@ -209,7 +262,7 @@ impl<const N: usize> Responder<N> {
     }
 
     /// Updates battery state and keep-alive timer, and no longer awaits commands that the snapshot includes. When the timer runs
-    /// out, the hub goes to fail-safe.
+    /// out, the hub goes to fail-safe. A low battery disables all servo outputs.
     pub fn tick(&mut self, now: Micros, snapshot: &Snapshot<N>) {
         self.keep_alive.battery(snapshot.battery_low());
         self.awaited.take_if(|number| snapshot.includes(*number));
@@ -217,6 +270,9 @@ impl<const N: usize> Responder<N> {
         if self.keep_alive.ran_out(now) {
             self.channels.iter_mut().for_each(MotorChannel::fail_safe);
             self.release_groups_and_outputs();
+        }
+        if snapshot.battery_low() {
+            self.outputs.disable_servos();
         }
     }
 
@@ -323,7 +379,7 @@ impl<const N: usize> Responder<N> {
         match request {
             Request::Standard(request) => self.standard(request, now, snapshot),
             Request::ToHub(request) => self.hub(request, snapshot),
-            Request::ToPin(request) => self.outputs.receive(&request),
+            Request::ToPin(request) => self.pin(&request, snapshot),
             Request::ToMotor(motor, request) => self.motor(motor, request, snapshot),
             Request::Set(motor, values) => {
                 self.changed = true;
@@ -375,6 +431,7 @@ impl<const N: usize> Responder<N> {
     ) -> Result<Reply, Nack> {
         match function {
             HubFunction::Bus => Ok(Reply::data(&self.bus_report(now, &snapshot.bus))),
+            HubFunction::Equipment => Ok(Reply::data(&self.converter.equipment)),
             HubFunction::Report => Ok(Reply::data(&self.report(now, snapshot))),
             HubFunction::Stored => self.store_report().map(|report| Reply::data(&report)),
             HubFunction::Save | HubFunction::Load | HubFunction::Reset => {
@@ -437,7 +494,10 @@ impl<const N: usize> Responder<N> {
             ToHub::Bulk => return Ok(Reply::data(&self.bulk(snapshot))),
             ToHub::Adc { channel, raw } => {
                 let settings = self.channels.iter().map(|channel| &channel.settings().motor);
-                return Ok(Reply::data(&converter::read(channel, raw, snapshot, settings)));
+                return self
+                    .converter
+                    .read(channel, raw, snapshot, settings)
+                    .map(|value| Reply::data(&value));
             }
             ToHub::PhoneCharge => return Ok(Reply::data(&self.phone_charge)),
             ToHub::FtdiReset => return Ok(Reply::data(&self.ftdi_reset)),
@@ -447,6 +507,14 @@ impl<const N: usize> Responder<N> {
             ToHub::Version => return Ok(Reply::data(&VERSION)),
         }
         Ok(Reply::ACK)
+    }
+
+    fn pin(&mut self, request: &ToPin, snapshot: &Snapshot<N>) -> Result<Reply, Nack> {
+        match i2c::bus_of(request) {
+            Some(bus) if bus.get() >= self.converter.equipment.i2c => Err(Nack::UNSUPPORTED),
+            Some(_) => self.i2c.receive(request),
+            None => self.outputs.receive(request, snapshot.good_battery().is_some()),
+        }
     }
 
     fn motor(&mut self, motor: u8, request: ToMotor, snapshot: &Snapshot<N>) -> Result<Reply, Nack> {
@@ -535,10 +603,11 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// Returns all values of REV's bulk input. The hub has no analog inputs, so they read 0.
+    /// Returns all values of REV's bulk input. An analog input that is not measured reads 0.
     fn bulk(&self, snapshot: &Snapshot<N>) -> Bulk {
         let (digital, attention) = (self.outputs.inputs(), Some(self.keep_alive.attention()));
-        let mut bulk = Bulk { digital, attention, ..Bulk::default() };
+        let analog = self.converter.analog_mv();
+        let mut bulk = Bulk { digital, analog, attention, ..Bulk::default() };
         let slots = bulk.encoders.iter_mut().zip(&mut bulk.velocities);
         let slots = slots.zip(&mut bulk.within_tolerance).zip(&mut bulk.over_current);
         for ((channel, report), slots) in self.channels.iter().zip(&snapshot.motors).zip(slots) {

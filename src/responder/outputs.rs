@@ -1,46 +1,60 @@
-//! Digital pins, PWM and servo outputs, and the speeds of I2C buses.
+//! Digital pins and servo outputs.
 //!
-//! A motor hub has digital pins, but no PWM outputs, servo outputs and I2C buses. Host software sets up all outputs and buses of
-//! REV's hubs when it opens a hub, and reads the settings back. The hub therefore keeps settings of missing outputs until a reset.
+//! The hub refuses requests to pins and outputs that the board does not have.
 //!
-//! * After a reset all digital pins are inputs with a pull-up. A pin without a connection reads 1. A pin that the board does not
-//!   have reads 1 too.
+//! * After a reset all digital pins are inputs with a pull-up. A pin without a connection reads 1.
 //! * A pin that becomes an output is low until a host sets its level.
 //! * Fail-safe *releases* the digital outputs: the board stops driving the pins, but for requests they stay outputs. A released
-//!   output is driven again when a host sets its level. Fail-safe also switches off PWM and servos.
-//! * A request of all inputs returns 0 for outputs.
+//!   output is driven again when a host sets its level.
+//! * A request of all inputs returns 0 for outputs, and for pins that the board does not have.
+//! * After a reset servo outputs have a period of 20 ms, and no width. An output can be enabled once a host has set its width. A
+//!   width longer than the period is stored, and the pulse is then as long as the period.
+//! * Fail-safe and a low battery disable all servo outputs. Their periods and widths stay.
 //!
 //! ```
+//! use motor_hub::devices::{Equipment, ServoPulse};
+//! use motor_hub::protocol::payload::WordFrom;
 //! use motor_hub::protocol::pins::{Pin, ServoOutput, ToPin};
 //! use motor_hub::protocol::{Nack, Reply};
 //! use motor_hub::responder::outputs::Outputs;
 //!
-//! let mut pins = Outputs::default();
+//! let mut outputs = Outputs::default();
+//! outputs.equip(Equipment { digital: 0xFF, servos: 6, ..Equipment::default() });
 //! let servo = ServoOutput::new(5).expect("0 to 5");
-//! assert_eq!(pins.receive(&ToPin::SetServoEnable { servo, on: true }), Ok(Reply::ACK));
-//! assert!(matches!(pins.receive(&ToPin::ServoEnable { servo }), Ok(Reply::Data(on)) if *on == [1]));
+//! let enable = ToPin::SetServoEnable { servo, on: true };
+//! assert_eq!(outputs.receive(&enable, true), Err(Nack::SERVO_NOT_CONFIGURED));
+//! let width = WordFrom::new(1_500).expect("at least 1");
+//! assert_eq!(outputs.receive(&ToPin::SetServoWidth { servo, width }, true), Ok(Reply::ACK));
+//! assert_eq!(outputs.receive(&enable, true), Ok(Reply::ACK));
+//! assert_eq!(outputs.servo_pulses()[5], Some(ServoPulse { period_us: 20_000, width_us: 1_500 }));
 //!
 //! let pin = Pin::new(3).expect("0 to 7");
-//! assert_eq!(pins.receive(&ToPin::SetOutput { pin, high: true }), Err(Nack(13)));
-//! assert!(matches!(pins.receive(&ToPin::Input { pin }), Ok(Reply::Data(level)) if *level == [1]));
+//! assert_eq!(outputs.receive(&ToPin::SetOutput { pin, high: true }, true), Err(Nack(13)));
+//! assert!(matches!(outputs.receive(&ToPin::Input { pin }, true), Ok(Reply::Data(level)) if *level == [1]));
 //! ```
 
-use crate::protocol::pins::{I2cBus, Pin, PwmOutput, ServoOutput, ToPin};
+use crate::devices::{Equipment, SERVOS, ServoPulse};
+use crate::protocol::pins::{Pin, ServoOutput, ToPin};
 use crate::protocol::{Nack, Reply};
 
-/// Number of PWM outputs in REV's protocol.
-const PWM: usize = 4;
-/// Number of servo outputs in REV's protocol.
-const SERVOS: usize = 6;
-/// Number of I2C buses in REV's protocol.
-const I2C_BUSES: usize = 4;
+/// Period of a servo's pulses after a reset, in microseconds. Host software that has set the period once does not set the period
+/// again after a reset of the hub.
+const SERVO_PERIOD_US: u16 = 20_000;
 
-/// Settings of a PWM output or a servo output. The hub has neither, so the settings have no effect.
-#[derive(Clone, Copy, Debug, Default)]
-struct Pulses {
-    period_micros: u16,
-    width_micros: u16,
+/// Settings of a servo output.
+#[derive(Clone, Copy, Debug)]
+struct Servo {
+    period_us: u16,
+    /// 0 until a host has set the width.
+    width_us: u16,
     on: bool,
+}
+
+impl Servo {
+    fn pulse(self) -> Option<ServoPulse> {
+        let Self { period_us, width_us, on } = self;
+        on.then_some(ServoPulse { period_us, width_us: width_us.min(period_us) })
+    }
 }
 
 /// The command to the digital pins. Bit i stands for pin i.
@@ -52,7 +66,7 @@ pub struct DigitalLines {
     pub levels: u8,
 }
 
-/// State of all pins, outputs and buses.
+/// State of all pins and outputs.
 #[derive(Clone, Copy, Debug)]
 pub struct Outputs {
     /// Bit i is set if pin i is an output, released or not.
@@ -61,10 +75,11 @@ pub struct Outputs {
     lines: DigitalLines,
     /// Bit i is set if pin i was high when the board last read the pins.
     sensed: u8,
-    pwm: [Pulses; PWM],
-    servos: [Pulses; SERVOS],
-    /// For each bus, true for 400 kbit/s and false for 100 kbit/s.
-    fast_i2c: [bool; I2C_BUSES],
+    /// What the board has.
+    equipment: Equipment,
+    servos: [Servo; SERVOS],
+    /// The pulses that the board has been given last.
+    last_pulses: [Option<ServoPulse>; SERVOS],
 }
 
 impl Default for Outputs {
@@ -74,9 +89,9 @@ impl Default for Outputs {
             outputs: 0,
             lines: DigitalLines::default(),
             sensed: u8::MAX,
-            pwm: Default::default(),
-            servos: Default::default(),
-            fast_i2c: [false; I2C_BUSES],
+            equipment: Equipment::default(),
+            servos: [Servo { period_us: SERVO_PERIOD_US, width_us: 0, on: false }; SERVOS],
+            last_pulses: [None; SERVOS],
         }
     }
 }
@@ -92,16 +107,34 @@ impl Outputs {
         self.lines
     }
 
-    /// Returns the levels of the inputs. The bits of outputs are 0.
+    /// Returns the levels of the inputs. The bits of outputs, and of pins that the board does not have, are 0.
     pub const fn inputs(&self) -> u8 {
-        self.sensed & !self.outputs
+        self.sensed & !self.outputs & self.equipment.digital
     }
 
-    /// Executes a request.
+    /// Stores what the board has.
+    pub const fn equip(&mut self, equipment: Equipment) {
+        self.equipment = equipment;
+    }
+
+    /// Returns the pulses of all servo outputs. `None` for an output that is not enabled.
+    pub fn servo_pulses(&self) -> [Option<ServoPulse>; SERVOS] {
+        self.servos.map(Servo::pulse)
+    }
+
+    /// Returns the pulses of all servo outputs if they have changed since the last call.
+    pub fn new_servo_pulses(&mut self) -> Option<[Option<ServoPulse>; SERVOS]> {
+        let pulses = self.servo_pulses();
+        let last = core::mem::replace(&mut self.last_pulses, pulses);
+        (pulses != last).then_some(pulses)
+    }
+
+    /// Executes a request to a pin or a servo output. `battery_good` is false while motors may not be enabled.
     ///
     /// # Errors
     /// Returns why the request is refused. Nothing has changed then.
-    pub fn receive(&mut self, request: &ToPin) -> Result<Reply, Nack> {
+    pub fn receive(&mut self, request: &ToPin, battery_good: bool) -> Result<Reply, Nack> {
+        self.check_pin(request)?;
         match *request {
             ToPin::SetOutput { pin, .. } if !self.is_output(pin) => return Err(Nack::not_an_output(pin)),
             ToPin::SetOutput { pin, high } => {
@@ -123,48 +156,60 @@ impl Outputs {
             ToPin::Direction { pin } => return Ok(Reply::data(&self.is_output(pin))),
             ToPin::Input { pin } if self.is_output(pin) => return Err(Nack::not_an_input(pin)),
             ToPin::Input { pin } => return Ok(Reply::data(&(self.sensed & bit(pin) != 0))),
-            ToPin::Inputs if self.outputs == u8::MAX => return Err(Nack::NO_INPUT),
+            ToPin::Inputs if self.outputs == self.equipment.digital => return Err(Nack::NO_INPUT),
             ToPin::Inputs => return Ok(Reply::data(&self.inputs())),
-            ToPin::SetPwmPeriod { pwm, period } => self.pwm(pwm)?.period_micros = period,
-            ToPin::SetPwmWidth { pwm, width } => self.pwm(pwm)?.width_micros = width,
-            ToPin::SetPwmEnable { pwm, on } => self.pwm(pwm)?.on = on,
-            ToPin::SetServoPeriod { servo, period } => self.servo(servo)?.period_micros = period.get(),
-            ToPin::SetServoWidth { servo, width } => self.servo(servo)?.width_micros = width.get(),
-            ToPin::SetServoEnable { servo, on } => self.servo(servo)?.on = on,
-            ToPin::SetI2cSpeed { bus, fast } => *self.fast_i2c(bus)? = fast,
-            ToPin::PwmPeriod { pwm } => return Ok(Reply::data(&self.pwm(pwm)?.period_micros)),
-            ToPin::PwmWidth { pwm } => return Ok(Reply::data(&self.pwm(pwm)?.width_micros)),
-            ToPin::PwmEnable { pwm } => return Ok(Reply::data(&self.pwm(pwm)?.on)),
-            ToPin::ServoPeriod { servo } => return Ok(Reply::data(&self.servo(servo)?.period_micros)),
-            ToPin::ServoWidth { servo } => return Ok(Reply::data(&self.servo(servo)?.width_micros)),
+            ToPin::SetServoPeriod { servo, period } => self.servo(servo)?.period_us = period.get(),
+            ToPin::SetServoWidth { servo, width } => self.servo(servo)?.width_us = width.get(),
+            ToPin::SetServoEnable { servo, on } => {
+                let servo = self.servo(servo)?;
+                if on && servo.width_us == 0 {
+                    return Err(Nack::SERVO_NOT_CONFIGURED);
+                }
+                if on && !battery_good {
+                    return Err(Nack::SERVO_BATTERY_LOW);
+                }
+                servo.on = on;
+            }
+            ToPin::ServoPeriod { servo } => return Ok(Reply::data(&self.servo(servo)?.period_us)),
+            ToPin::ServoWidth { servo } => return Ok(Reply::data(&self.servo(servo)?.width_us)),
             ToPin::ServoEnable { servo } => return Ok(Reply::data(&self.servo(servo)?.on)),
-            ToPin::I2cSpeed { bus } => return Ok(Reply::data(self.fast_i2c(bus)?)),
+            // The remaining requests are for I2C buses.
+            _ => return Err(Nack::UNSUPPORTED),
         }
         Ok(Reply::ACK)
+    }
+
+    /// Refuses a request to a digital pin that the board does not have.
+    fn check_pin(&self, request: &ToPin) -> Result<(), Nack> {
+        let has = match *request {
+            ToPin::SetOutput { pin, .. }
+            | ToPin::SetDirection { pin, .. }
+            | ToPin::Direction { pin }
+            | ToPin::Input { pin } => self.equipment.digital & bit(pin) != 0,
+            ToPin::SetOutputs { .. } | ToPin::Inputs => self.equipment.digital != 0,
+            _ => true,
+        };
+        if has { Ok(()) } else { Err(Nack::UNSUPPORTED) }
     }
 
     const fn is_output(&self, pin: Pin) -> bool {
         self.outputs & bit(pin) != 0
     }
 
-    fn pwm(&mut self, output: PwmOutput) -> Result<&mut Pulses, Nack> {
-        self.pwm.get_mut(usize::from(output.get())).ok_or(Nack::parameter(0))
+    fn servo(&mut self, output: ServoOutput) -> Result<&mut Servo, Nack> {
+        let has = output.get() < self.equipment.servos;
+        self.servos.get_mut(usize::from(output.get())).filter(|_| has).ok_or(Nack::UNSUPPORTED)
     }
 
-    fn servo(&mut self, output: ServoOutput) -> Result<&mut Pulses, Nack> {
-        self.servos.get_mut(usize::from(output.get())).ok_or(Nack::parameter(0))
-    }
-
-    fn fast_i2c(&mut self, bus: I2cBus) -> Result<&mut bool, Nack> {
-        self.fast_i2c.get_mut(usize::from(bus.get())).ok_or(Nack::parameter(0))
-    }
-
-    /// Releases all outputs, and switches off PWM and servos.
+    /// Releases all digital outputs, and disables all servo outputs.
     pub fn disable(&mut self) {
         self.lines.driven = 0;
-        for pulses in self.pwm.iter_mut().chain(&mut self.servos) {
-            pulses.on = false;
-        }
+        self.disable_servos();
+    }
+
+    /// Disables all servo outputs.
+    pub fn disable_servos(&mut self) {
+        self.servos.iter_mut().for_each(|servo| servo.on = false);
     }
 }
 

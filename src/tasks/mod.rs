@@ -23,6 +23,7 @@
 //! | crash report | the fault that ended the run, in a cell | written once per run, by fault handlers |
 //! | store | two [`Signal`]s: request and result | one request at a time |
 //! | update | two [`Signal`]s: request and result | one request at a time |
+//! | i2c | for each I2C bus, two [`Signal`]s: request and result | one transfer at a time |
 //! | host spoke | a flag | set when the first packet for this hub has arrived; stays set until the next start of the hub |
 //!
 //! A [*direct* command](crate::hub::Action::is_direct) needs no regulator, so a motor can execute the command between two ticks.
@@ -52,6 +53,7 @@ pub mod capture;
 pub mod commands;
 pub mod control;
 pub mod health;
+pub mod i2c;
 pub mod output;
 pub mod responder;
 pub mod store;
@@ -62,9 +64,12 @@ pub use commands::CommandQueue;
 pub use health::{Health, Task};
 
 use crate::bridge::{BridgeFeedback, Drive};
+use crate::devices::I2C_BUSES;
 use crate::hub::{Command, Snapshot};
 use crate::motion::Newest;
+use crate::protocol::answers::I2cRead;
 use crate::record::{CrashReport, Fault, Record, SIZE};
+use crate::responder::i2c::Transfer;
 use crate::supply::{Battery, BusReading};
 use crate::units::Micros;
 use core::cell::{Cell, RefCell};
@@ -126,6 +131,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub store: RequestChannel<M, crate::store::StoreRequest, store::Done>,
     /// Requests of the responder to the task that writes new firmware, and their results.
     pub update: RequestChannel<M, crate::update::UpdateRequest, crate::update::Done>,
+    /// Transfers of the responder to the task of each I2C bus, and their results.
+    pub i2c: [RequestChannel<M, Transfer, I2cRead>; I2C_BUSES],
     /// True once a packet for this hub has arrived since the start of the hub, from the responder to all tasks.
     pub host_spoke: Mutex<M, Cell<bool>>,
 }
@@ -147,6 +154,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             crash_report: CriticalSectionMutex::new(RefCell::new(None)),
             store: RequestChannel::new(),
             update: RequestChannel::new(),
+            i2c: [const { RequestChannel::new() }; I2C_BUSES],
             host_spoke: Mutex::new(Cell::new(false)),
         }
     }

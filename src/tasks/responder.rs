@@ -1,12 +1,12 @@
 //! The hub's end of the link to a host. Bytes become packets, and packets become commands and replies.
 //!
-//! Whether or not bytes arrive, the task also runs the keep-alive timer, the digital pins, and the status LED.
+//! Whether or not bytes arrive, the task also runs the keep-alive timer, digital pins and servo outputs, and the status LED.
 
 use super::store::Done;
 use super::{Wires, micros};
-use crate::board::DigitalPins;
+use crate::board::Devices;
 use crate::hub::Snapshot;
-use crate::protocol::{Colour, Decoder, frame};
+use crate::protocol::{Colour, Decoder, Packet, frame};
 use crate::responder::Responder;
 use crate::responder::outputs::DigitalLines;
 use crate::units::Micros;
@@ -41,26 +41,27 @@ const RECOVERY: Duration = Duration::from_millis(1);
 /// The task drops the future of `rx.read` while it waits for bytes. Dropping the future must not lose bytes, so a receiver on a
 /// chip needs its own buffer.
 ///
-/// A board without digital pins passes `()` as `pins`. `show` receives the colour of the status LED at each update, also if the
+/// A board without devices for hosts passes `()` as `devices`. `show` receives the colour of the status LED at each update, also if the
 /// colour has not changed.
 pub async fn run<M: RawMutex, const N: usize>(
     mut rx: impl Read,
     mut tx: impl Write,
-    mut pins: impl DigitalPins,
+    mut devices: impl Devices,
     responder: &mut Responder<N>,
     wires: &Wires<M, N>,
     mut show: impl FnMut(Colour),
 ) {
+    responder.equip(devices.equipment());
     await_store(responder, wires, &mut show).await;
     let mut decoder = Decoder::new();
     let mut chunk = [0; CHUNK];
     loop {
-        let work = attend(responder, &mut pins, wires, &mut show);
+        let work = attend(responder, &mut devices, wires, &mut show);
         let length = match select3(rx.read(&mut chunk), until(decoder.deadline()), work).await {
             Either3::First(Ok(0)) => return,
             Either3::First(Ok(length)) => length,
             Either3::First(Err(_)) => {
-                select(Timer::after(RECOVERY), attend(responder, &mut pins, wires, &mut show)).await;
+                select(Timer::after(RECOVERY), attend(responder, &mut devices, wires, &mut show)).await;
                 0
             }
             Either3::Second(()) => 0,
@@ -68,7 +69,10 @@ pub async fn run<M: RawMutex, const N: usize>(
         let mut input = chunk.get(..length).unwrap_or_default();
         let mut received_at = now();
         while let Some(packet) = decoder.next(&mut input, received_at) {
-            exchange_pins(responder, &mut pins);
+            await_transfer(&packet, responder, &mut devices, wires, &mut show).await;
+            exchange(responder, &mut devices);
+            responder.sense_analog(devices.analog());
+            responder.sense_supply_currents(devices.supply_currents());
             responder.sense_bus(wires.bus.lock(Cell::get));
             take_update_result(responder, wires);
             let reply = wires.record.lock(|record| {
@@ -78,7 +82,7 @@ pub async fn run<M: RawMutex, const N: usize>(
                 responder.receive_with(&packet, now(), &snapshot(wires), record)
             });
             let Some(reply) = reply else { continue };
-            poll(responder, &mut pins, wires, &mut show);
+            poll(responder, &mut devices, wires, &mut show);
             let frame = frame::encode(&reply);
             let write = async {
                 // A host that gets no reply repeats its request. A flush after a failed write may never end.
@@ -86,13 +90,39 @@ pub async fn run<M: RawMutex, const N: usize>(
                     let _ = tx.flush().await;
                 }
             };
-            select(write, attend(responder, &mut pins, wires, &mut show)).await;
+            select(write, attend(responder, &mut devices, wires, &mut show)).await;
             // The rest of `input` has waited for the write. The time-out of an unfinished frame must not include this wait.
             received_at = now();
         }
-        poll(responder, &mut pins, wires, &mut show);
+        poll(responder, &mut devices, wires, &mut show);
         // A host that sends without pauses must not keep other tasks from running.
         yield_now().await;
+    }
+}
+
+/// Longest time that the answer to a request waits for a running I2C transfer. Many hosts start a transfer immediately after another
+/// one, or poll only once. Most transfers end within this time.
+const TRANSFER_WAIT: Duration = Duration::from_millis(5);
+
+/// Takes the results of I2C transfers. If the answer to a packet depends on a transfer that is still running, first waits for the end
+/// of the transfer, or for [`TRANSFER_WAIT`].
+async fn await_transfer<M: RawMutex, const N: usize>(
+    packet: &Packet,
+    responder: &mut Responder<N>,
+    devices: &mut impl Devices,
+    wires: &Wires<M, N>,
+    show: impl FnMut(Colour),
+) {
+    for (bus, channel) in wires.i2c.iter().enumerate() {
+        if let Some(result) = channel.done.try_take() {
+            responder.transfer_done(bus, result);
+        }
+    }
+    let Some(bus) = responder.awaited_transfer(packet) else { return };
+    let Some(channel) = wires.i2c.get(bus) else { return };
+    let work = attend(responder, devices, wires, show);
+    if let Either3::First(result) = select3(channel.done.wait(), Timer::after(TRANSFER_WAIT), work).await {
+        responder.transfer_done(bus, result);
     }
 }
 
@@ -123,12 +153,12 @@ async fn await_store<M: RawMutex, const N: usize>(
 /// Never returns. The future may be dropped at any time, and no command is lost or sent twice.
 pub async fn attend<M: RawMutex, const N: usize>(
     responder: &mut Responder<N>,
-    mut pins: impl DigitalPins,
+    mut devices: impl Devices,
     wires: &Wires<M, N>,
     mut show: impl FnMut(Colour),
 ) -> ! {
     loop {
-        poll(responder, &mut pins, wires, &mut show);
+        poll(responder, &mut devices, wires, &mut show);
         let refresh = Instant::now() + REFRESH;
         let due = responder.deadline().map_or(refresh, |deadline| instant(deadline).min(refresh));
         match responder.pending() {
@@ -145,7 +175,7 @@ pub async fn attend<M: RawMutex, const N: usize>(
 /// Does all work of the responder that needs no wait.
 fn poll<M: RawMutex, const N: usize>(
     responder: &mut Responder<N>,
-    pins: &mut impl DigitalPins,
+    devices: &mut impl Devices,
     wires: &Wires<M, N>,
     mut show: impl FnMut(Colour),
 ) {
@@ -161,12 +191,17 @@ fn poll<M: RawMutex, const N: usize>(
     if let Some(request) = responder.update_request() {
         wires.update.request.signal(request);
     }
+    for (bus, channel) in wires.i2c.iter().enumerate() {
+        if let Some(transfer) = responder.next_transfer(bus) {
+            channel.request.signal(transfer);
+        }
+    }
     wires.host_spoke.lock(|spoke| spoke.set(responder.host_spoke()));
     while let Some(command) = responder.pending() {
         let Ok(number) = wires.try_send(command) else { break };
         responder.sent(number);
     }
-    exchange_pins(responder, pins);
+    exchange(responder, devices);
     show(responder.led(now));
 }
 
@@ -177,10 +212,13 @@ fn take_update_result<M: RawMutex, const N: usize>(responder: &mut Responder<N>,
     }
 }
 
-/// Drives the digital outputs, and reads the levels of all pins.
-fn exchange_pins<const N: usize>(responder: &mut Responder<N>, pins: &mut impl DigitalPins) {
+/// Drives the digital and servo outputs, and reads the levels of all pins.
+fn exchange<const N: usize>(responder: &mut Responder<N>, devices: &mut impl Devices) {
     let DigitalLines { driven, levels } = responder.digital_lines();
-    responder.sense_pins(pins.exchange(driven, levels));
+    responder.sense_pins(devices.exchange(driven, levels));
+    if let Some(servos) = responder.new_servo_pulses() {
+        devices.set_servos(&servos);
+    }
 }
 
 /// Returns the newest snapshot, or the initial snapshot before the first tick. If a motor has an encoder sample that is newer than

@@ -2,6 +2,7 @@
 
 use crate::schemes::any_scheme;
 use core::num::NonZeroU16;
+use motor_hub::board::Equipment;
 use motor_hub::braking::{DutyRule, Regime, Winding};
 use motor_hub::bridge::{Drive, Mode, Timing};
 use motor_hub::extension::group::{GroupCourse, GroupState};
@@ -15,7 +16,7 @@ use motor_hub::extension::{HubFunction, INTERFACE, MotorFunction, Request};
 use motor_hub::group::{GroupCommand, Halt};
 use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, OnFault, SenseLine, Settings, ThermalLimit};
-use motor_hub::protocol::answers::{Bulk, Functions, Status, Version};
+use motor_hub::protocol::answers::{Bulk, Functions, I2cRead, I2cStatus, I2cWritten, Status, Version};
 use motor_hub::protocol::led::{LedPattern, STEPS, Step};
 use motor_hub::protocol::motor::{ChannelMode, Coefficients, Loop, RunMode, Target, Terms, ToMotor};
 use motor_hub::protocol::payload::{ByteIn, Field, Fields, Payload, Text, WordFrom};
@@ -358,7 +359,7 @@ fn to_hub() -> Vec<BoxedStrategy<Case>> {
 }
 
 fn to_pin() -> Vec<BoxedStrategy<Case>> {
-    let (flag, word) = (any::<bool>(), any::<u16>());
+    let flag = any::<bool>();
     vec![
         with(&[1, 1], (byte_in(), flag), |(pin, high)| ToPin::SetOutput { pin, high }),
         with(&[1], any::<u8>(), |levels| ToPin::SetOutputs { levels }),
@@ -366,18 +367,36 @@ fn to_pin() -> Vec<BoxedStrategy<Case>> {
         with(&[1], byte_in(), |pin| ToPin::Direction { pin }),
         with(&[1], byte_in(), |pin| ToPin::Input { pin }),
         plain(ToPin::Inputs),
-        with(&[1, 2], (byte_in(), word), |(pwm, period)| ToPin::SetPwmPeriod { pwm, period }),
-        with(&[1], byte_in(), |pwm| ToPin::PwmPeriod { pwm }),
-        with(&[1, 2], (byte_in(), word), |(pwm, width)| ToPin::SetPwmWidth { pwm, width }),
-        with(&[1], byte_in(), |pwm| ToPin::PwmWidth { pwm }),
-        with(&[1, 1], (byte_in(), flag), |(pwm, on)| ToPin::SetPwmEnable { pwm, on }),
-        with(&[1], byte_in(), |pwm| ToPin::PwmEnable { pwm }),
         with(&[1, 2], (byte_in(), word_from()), |(servo, period)| ToPin::SetServoPeriod { servo, period }),
         with(&[1], byte_in(), |servo| ToPin::ServoPeriod { servo }),
         with(&[1, 2], (byte_in(), word_from()), |(servo, width)| ToPin::SetServoWidth { servo, width }),
         with(&[1], byte_in(), |servo| ToPin::ServoWidth { servo }),
         with(&[1, 1], (byte_in(), flag), |(servo, on)| ToPin::SetServoEnable { servo, on }),
         with(&[1], byte_in(), |servo| ToPin::ServoEnable { servo }),
+        with(&[1, 1, 1], (byte_in(), byte_in(), any::<u8>()), |(bus, address, byte)| ToPin::WriteI2cByte {
+            bus,
+            address,
+            byte,
+        }),
+        (byte_in(), byte_in(), text())
+            .prop_map(|(bus, address, bytes)| {
+                let sizes = vec![1, 1, 1, bytes.len()];
+                (ToPin::WriteI2c { bus, address, bytes }.into(), sizes)
+            })
+            .boxed(),
+        with(&[1, 1], (byte_in(), byte_in()), |(bus, address)| ToPin::ReadI2cByte { bus, address }),
+        with(&[1, 1, 1], (byte_in(), byte_in(), byte_in()), |(bus, address, count)| ToPin::ReadI2c {
+            bus,
+            address,
+            count,
+        }),
+        with(
+            &[1, 1, 1, 1],
+            (byte_in(), byte_in(), byte_in(), any::<u8>()),
+            |(bus, address, count, register)| ToPin::ReadI2cRegister { bus, address, count, register },
+        ),
+        with(&[1], byte_in(), |bus| ToPin::PollI2cRead { bus }),
+        with(&[1], byte_in(), |bus| ToPin::PollI2cWrite { bus }),
         with(&[1, 1], (byte_in(), flag), |(bus, fast)| ToPin::SetI2cSpeed { bus, fast }),
         with(&[1], byte_in(), |bus| ToPin::I2cSpeed { bus }),
     ]
@@ -483,6 +502,7 @@ fn group_functions() -> Vec<BoxedStrategy<Case>> {
 fn hub_functions() -> Vec<BoxedStrategy<Case>> {
     let mut all = update_functions();
     all.extend([
+        plain(HubFunction::Equipment),
         with(&[1, 1], any::<(u8, bool)>(), |(from, clear)| HubFunction::Entries { from, clear }),
         with(&[2, 1], any::<(u16, u8)>(), |(number, from)| HubFunction::Ticks { number, from }),
     ]);
@@ -588,7 +608,7 @@ fn these_tests_leave_out_no_request() {
         assert_eq!(tried(strategies), numbers.iter().copied().collect());
     }
     let extension = [of_settings(), motor_functions(), hub_functions()].concat();
-    assert_eq!(tried(extension), (0..31).collect());
+    assert_eq!(tried(extension), (0..31).chain([32]).collect());
 }
 
 /// What the other end finds.
@@ -663,6 +683,12 @@ proptest! {
         prop_assert_eq!(read_back(&version), Ok(version));
         let functions = Functions { first: words.0, count: words.1 };
         prop_assert_eq!(read_back(&functions), Ok(functions));
+        let written = I2cWritten { status: I2cStatus { bits: digital }, count: minor };
+        prop_assert_eq!(read_back(&written), Ok(written));
+        let equipment = Equipment {
+            digital, servos: minor, analog: major, i2c: hardware_minor, rail: flag, temperature: !flag,
+        };
+        prop_assert_eq!(read_back(&equipment), Ok(equipment));
         prop_assert_eq!(read_back(&half), Ok(half));
         prop_assert_eq!(read_back(&word), Ok(word));
         prop_assert_eq!(read_back(&words.0), Ok(words.0));
@@ -688,6 +714,8 @@ proptest! {
         prop_assert_eq!(read_back(&identification), Ok(identification));
         prop_assert_eq!(read_back(&colour), Ok(colour));
         prop_assert_eq!(read_back(&pattern), Ok(pattern));
+        let read = I2cRead { status: I2cStatus { bits: 9 }, bytes: text.clone() };
+        prop_assert_eq!(read_back(&read), Ok(read.clone()));
         prop_assert_eq!(read_back(&text), Ok(text.clone()));
     }
 

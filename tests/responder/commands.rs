@@ -1,10 +1,12 @@
 //! Every command in its good, out-of-range, short and long forms.
 
 use crate::host::{HUB, N, Said, TestHost, frame_to};
+use motor_hub::board::{AnalogReading, AnalogReadings};
 use motor_hub::extension;
+use motor_hub::protocol::answers::I2cRead;
 use motor_hub::protocol::requests::{FIRST_FUNCTION, MOTOR_FUNCTIONS};
 use motor_hub::responder::outputs::DigitalLines;
-use motor_hub::units::{CountsPerSecond, Milliamperes};
+use motor_hub::units::{CountsPerSecond, Milliamperes, Millivolts};
 
 /// A command: type, sizes of its fields, a good payload, and bad ones with what they are refused for.
 struct Form {
@@ -38,7 +40,8 @@ const VERSION: &str = concat!("HW: 20, Maj: 1, Min: 8, Eng: 2, mh", env!("CARGO_
 const F: u16 = FIRST_FUNCTION;
 const OWN: u16 = extension::FIRST_FUNCTION;
 
-/// Motor 0 is in position mode with a target, and digital pin 6 an output, when these are tried.
+/// Motor 0 is in position mode with a target, digital pin 6 an output, and servo 5 configured, when these are tried. I2C bus 1 has
+/// read a byte, and bus 2 has written a byte.
 const FORMS: &[Form] = &[
     read(0x7F03, &[1], &[0], 2, &[(&[2], 0), (&[255], 0)]),
     write(0x7F04, &[], &[], &[]),
@@ -88,18 +91,28 @@ const FORMS: &[Form] = &[
     ),
     // Velocity has a feed-forward.
     read(F + 24, &[1, 1], &[0, 2], 12, &[(&[4, 1], 0), (&[0, 0], 1), (&[0, 3], 1)]),
-    write(F + 25, &[1, 2], &[3, 1, 2], &[(&[4, 1, 2], 0)]),
-    read(F + 26, &[1], &[3], 2, NO_MOTOR),
-    write(F + 27, &[1, 2], &[3, 1, 2], &[(&[4, 1, 2], 0)]),
-    read(F + 28, &[1], &[3], 2, NO_MOTOR),
-    write(F + 29, &[1, 1], &[3, 1], &[(&[4, 1], 0), (&[3, 2], 1)]),
-    read(F + 30, &[1], &[3], 1, NO_MOTOR),
     write(F + 31, &[1, 2], &[5, 2, 0], &[(&[6, 2, 0], 0), (&[5, 1, 0], 1), (&[5, 0, 0], 1)]),
     read(F + 32, &[1], &[5], 2, &[(&[6], 0)]),
     write(F + 33, &[1, 2], &[5, 1, 0], &[(&[6, 1, 0], 0), (&[5, 0, 0], 1)]),
     read(F + 34, &[1], &[5], 2, &[(&[6], 0)]),
     write(F + 35, &[1, 1], &[5, 1], &[(&[6, 1], 0), (&[5, 2], 1)]),
     read(F + 36, &[1], &[5], 1, &[(&[6], 0)]),
+    write(F + 37, &[1, 1, 1], &[3, 127, 1], &[(&[4, 40, 1], 0), (&[3, 128, 1], 1)]),
+    write(
+        F + 38,
+        &[1, 1, 1, 2],
+        &[3, 40, 2, 8, 9],
+        &[(&[4, 40, 1, 1], 0), (&[3, 128, 1, 1], 1), (&[3, 40, 0], 2), (&[3, 40, 101], 2)],
+    ),
+    write(F + 39, &[1, 1], &[3, 0], &[(&[4, 40], 0), (&[3, 128], 1)]),
+    write(
+        F + 40,
+        &[1, 1, 1],
+        &[3, 40, 100],
+        &[(&[4, 40, 1], 0), (&[3, 128, 1], 1), (&[3, 40, 0], 2), (&[3, 40, 101], 2)],
+    ),
+    read(F + 41, &[1], &[1], 3, &[(&[4], 0), (&[0], 42), (&[2], 43)]),
+    read(F + 42, &[1], &[2], 2, &[(&[4], 0), (&[0], 42), (&[1], 43)]),
     write(F + 43, &[1, 1], &[3, 1], &[(&[4, 1], 0), (&[3, 2], 1)]),
     write(F + 44, &[1], &[1], &[(&[2], 0)]),
     read(F + 45, &[], &[], 1, &[]),
@@ -117,6 +130,12 @@ const FORMS: &[Form] = &[
             (&[0, 3, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, 4, 0, 0, 0, 1], 1),
             (&[0, 1, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, 4, 0, 0, 0, 2], 6),
         ],
+    ),
+    write(
+        F + 52,
+        &[1, 1, 1, 1],
+        &[3, 40, 100, 255],
+        &[(&[4, 40, 1, 0], 0), (&[3, 128, 1, 0], 1), (&[3, 40, 0, 0], 2), (&[3, 40, 101, 0], 2)],
     ),
     read(F + 53, &[1, 1], &[0, 1], 17, NO_LOOP),
     read(F + 57, &[], &[], 9, &[]),
@@ -143,6 +162,12 @@ const FORMS: &[Form] = &[
 fn host() -> TestHost {
     let mut host = TestHost::settled();
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 1, 0, 0, 0, 5, 0]), (8, &[1, 1, 0]), (3, &[6, 1])]);
+    host.do_all(&[(33, &[5, 220, 5]), (39, &[1, 40]), (37, &[2, 40, 9])]);
+    for (bus, bytes) in [(1, &[7][..]), (2, &[])] {
+        host.responder.next_transfer(bus).expect("a transfer");
+        let bytes = bytes.iter().copied().collect();
+        host.responder.transfer_done(bus, I2cRead { bytes, ..I2cRead::default() });
+    }
     host.new_commands();
     host
 }
@@ -153,7 +178,7 @@ fn everything(host: &mut TestHost) -> Vec<Said> {
     all.push(host.ask(0x7F03, &[0]));
     for index in 0..8 {
         all.extend([4, 5].map(|function| host.call(function, &[index])));
-        for function in [9, 11, 13, 16, 18, 20, 21, 22, 26, 28, 30, 32, 34, 36, 47] {
+        for function in [9, 11, 13, 16, 18, 20, 21, 22, 32, 34, 36, 41, 42, 47] {
             all.push(host.call(function, &[index]));
         }
         all.extend([1, 2].map(|of| host.call(53, &[index, of])));
@@ -236,13 +261,6 @@ fn every_announced_function_is_answered() {
 }
 
 #[test]
-fn i2c_transfers_are_refused_when_they_are_requested() {
-    for function in [37, 38, 39, 40, 41, 42, 52, 54, 55, 56] {
-        assert_eq!(host().call(function, &[0; 110]), Said::Nack(253), "{function}");
-    }
-}
-
-#[test]
 fn the_speed_of_each_i2c_bus_is_read_back_as_it_was_set() {
     let mut host = TestHost::settled();
     let speeds = |host: &mut TestHost| [0, 1, 2, 3].map(|bus| host.call(47, &[bus]));
@@ -262,12 +280,20 @@ fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
         host.snapshot.motors[motor].current = current(ma);
     }
     host.snapshot.motors[3].measured = Some(current(1_234));
-    // Inputs and currents that there are none of; the battery's, saturated; motors', one of them too; rail, battery,
+    let input = |mv, counts| Some(AnalogReading { voltage: Millivolts::new(mv), counts });
+    host.responder.sense_analog(AnalogReadings {
+        inputs: [input(0, 0), input(1_650, 2_048), input(3_300, 4_095), input(40_000, 5)],
+        rail: Some(Millivolts::new(5_016)),
+        temperature_decidegrees: Some(-123),
+    });
+    host.responder.sense_supply_currents(Some([0, 12, 40_000].map(Milliamperes::new)));
+    // The analog inputs; the supplies' currents and the battery's, saturated; motors', one of them too; rail, battery,
     // temperature.
-    let expected = [0, 0, 0, 0, 0, 0, 0, i16::MAX, 3_000, 2_000, i16::MAX, 1_234, 5_000, 12_345, 250];
-    for (channel, expected) in (0..).zip(expected) {
-        let answers = [(0, expected), (1, expected / 8)];
-        for (raw, expected) in answers {
+    let of_8 = |value: i16| (value, value / 8);
+    let inputs = [(0, 0), (1_650, 2_048), (3_300, 4_095), (i16::MAX, 5)];
+    let others = [0, 12, i16::MAX, i16::MAX, 3_000, 2_000, i16::MAX, 1_234, 5_016, 12_345, -123].map(of_8);
+    for (channel, (value, counts)) in (0..15).zip(inputs.into_iter().chain(others)) {
+        for (raw, expected) in [(0, value), (1, counts)] {
             let said = host.call(7, &[channel, raw]);
             assert_eq!(said, Said::Data(expected.to_le_bytes().to_vec()), "{channel} {raw}");
         }
@@ -448,20 +474,6 @@ fn the_lowest_power_is_the_negative_of_the_highest() {
     let mut host = TestHost::settled();
     host.do_all(&[(15, &[0, 0, 0x80])]);
     assert_eq!(host.call(16, &[0]), Said::Data(vec![1, 0x80]));
-}
-
-#[test]
-fn outputs_that_the_hub_lacks_read_back_as_they_were_set() {
-    let mut host = TestHost::settled();
-    host.do_all(&[(3, &[5, 1]), (25, &[1, 1, 2]), (27, &[1, 3, 4]), (29, &[1, 1])]);
-    host.do_all(&[(31, &[5, 5, 6]), (33, &[5, 7, 8]), (35, &[5, 1])]);
-    let read = [(4, 5), (4, 4), (26, 1), (28, 1), (30, 1), (32, 5), (34, 5), (36, 5), (36, 4)];
-    let expected = [&[1][..], &[0], &[1, 2], &[3, 4], &[1], &[5, 6], &[7, 8], &[1], &[0]];
-    for ((function, index), expected) in read.into_iter().zip(expected) {
-        assert_eq!(host.call(function, &[index]), Said::Data(expected.to_vec()), "{function}");
-    }
-    host.ask(0x7F05, &[]);
-    assert_eq!([host.call(30, &[1]), host.call(36, &[5])], [Said::Data(vec![0]), Said::Data(vec![0])]);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! A host that talks to the pure hub: for the tests of the responder.
 #![allow(dead_code, reason = "each test uses its own part")]
 
+use motor_hub::board::Equipment;
 use motor_hub::braking::Winding;
 use motor_hub::extension::report::{HubReport, MotorReport};
 use motor_hub::extension::{HubFunction, Request};
@@ -49,6 +50,10 @@ pub(crate) enum Said {
     Data(Vec<u8>),
 }
 
+/// Everything that a board can have besides motors.
+pub(crate) const FULL: Equipment =
+    Equipment { digital: 0xFF, servos: 6, analog: 4, i2c: 4, rail: true, temperature: true };
+
 pub(crate) struct TestHost {
     pub(crate) responder: Responder<N>,
     pub(crate) decoder: Decoder,
@@ -60,11 +65,12 @@ pub(crate) struct TestHost {
 }
 
 impl TestHost {
-    /// At a hub just after its reset, whose battery has 12.345 V.
+    /// At a hub with everything just after its reset, whose battery has 12.345 V.
     pub(crate) fn new() -> Self {
         let snapshot = Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL };
         let address = Address::new(HUB).expect("an address");
-        let responder = Responder::new(address, [settings(); N]);
+        let mut responder = Responder::new(address, [settings(); N]);
+        responder.equip(FULL);
         Self {
             responder,
             decoder: Decoder::new(),

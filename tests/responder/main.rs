@@ -1,6 +1,7 @@
 //! The hub's end of the protocol, as hosts find it.
 
 mod commands;
+mod devices;
 mod examples;
 mod groups;
 mod host;

@@ -3,9 +3,11 @@
 use crate::host::{HUB, N, bytes_of, decode, frame_to, settings};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::pipe::Pipe;
+use embassy_time::Timer;
 use embassy_time::{Duration, Instant, MockDriver};
+use embedded_hal_async::i2c::{self, I2c, NoAcknowledgeSource, Operation};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
-use motor_hub::board::DigitalPins;
+use motor_hub::board::{AnalogReading, AnalogReadings, Devices, Equipment, I2cBus, SERVOS, ServoPulse};
 use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::Setpoint;
 use motor_hub::protocol::{Address, Colour};
@@ -60,11 +62,25 @@ impl Write for &Line {
     }
 }
 
-/// Pins 0 and 1, with a wire between them.
+/// Pins 0 and 1 with a wire between them, servos, and an analog input.
 #[derive(Default)]
-struct Pins(Cell<(u8, u8)>);
+struct Pins(Cell<(u8, u8)>, RefCell<Vec<[Option<ServoPulse>; SERVOS]>>);
 
-impl DigitalPins for &Pins {
+impl Devices for &Pins {
+    fn equipment(&self) -> Equipment {
+        Equipment { digital: u8::MAX, servos: 6, analog: 1, i2c: 2, ..Equipment::default() }
+    }
+
+    fn set_servos(&mut self, servos: &[Option<ServoPulse>; SERVOS]) {
+        self.1.borrow_mut().push(*servos);
+    }
+
+    fn analog(&mut self) -> AnalogReadings {
+        let voltage = Millivolts::new(Instant::now().as_millis() as u16);
+        let reading = AnalogReading { voltage, counts: 0 };
+        AnalogReadings { inputs: [Some(reading), None, None, None], ..AnalogReadings::default() }
+    }
+
     fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
         self.0.set((driven, levels));
         if driven & 1 != 0 && levels & 1 == 0 { !3 } else { u8::MAX }
@@ -401,6 +417,157 @@ fn digital_pins_are_set_before_the_acknowledgement_and_read_at_the_request() {
     // A host that has fallen silent drives nothing.
     run_ms(&mut task, 2_600);
     assert_eq!(world.pins.0.get().0, 0);
+}
+
+#[test]
+fn servos_are_set_before_the_acknowledgement_and_only_when_they_change() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    run_ms(&mut task, 100);
+    world.call(33, &[2, 0xDC, 5]);
+    world.call(35, &[2, 1]);
+    run_ms(&mut task, 200);
+    let pulses = |width_us| [None, None, Some(ServoPulse { period_us: 20_000, width_us }), None, None, None];
+    assert_eq!(world.pins.1.take(), [pulses(1_500)]);
+    world.call(33, &[2, 0xDD, 5]);
+    // The host then falls silent.
+    run_ms(&mut task, 2_600);
+    assert_eq!(world.pins.1.take(), [pulses(1_501), [None; SERVOS]]);
+}
+
+#[test]
+fn analog_inputs_are_read_at_the_request() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    for ms in [3, 8] {
+        run_ms(&mut task, 5);
+        world.call(7, &[0, 0]);
+        run_ms(&mut task, 1);
+        let writes = world.line.writes.take();
+        let low = decode(&writes[0]).payload[0];
+        assert!(low.abs_diff(ms + 2) <= 3, "{low} {ms}");
+    }
+}
+
+/// A bus with a device at 0x28 whose transfers take 1 ms, a device at 0x29 that needs 20 ms, a device at 0x2A that refuses data, and
+/// a device at 0x2B that holds the clock.
+struct Bus<'a> {
+    freed: &'a Cell<u32>,
+    fast: &'a Cell<bool>,
+}
+
+impl i2c::ErrorType for Bus<'_> {
+    type Error = i2c::ErrorKind;
+}
+
+impl I2c for Bus<'_> {
+    async fn transaction(
+        &mut self,
+        address: u8,
+        operations: &mut [Operation<'_>],
+    ) -> Result<(), i2c::ErrorKind> {
+        let ms = match address {
+            0x28 => 1,
+            0x29 => 20,
+            0x2A => return Err(i2c::ErrorKind::NoAcknowledge(NoAcknowledgeSource::Data)),
+            0x2B => u64::MAX / 10_000,
+            0x2C => return Err(i2c::ErrorKind::ArbitrationLoss),
+            0x2D => return Err(i2c::ErrorKind::Bus),
+            _ => return Err(i2c::ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address)),
+        };
+        Timer::after(Duration::from_millis(ms)).await;
+        for operation in operations {
+            if let Operation::Read(bytes) = operation {
+                bytes.iter_mut().zip(1..).for_each(|(byte, number)| *byte = number);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl I2cBus for Bus<'_> {
+    fn set_speed(&mut self, fast: bool) {
+        self.fast.set(fast);
+    }
+
+    async fn free(&mut self) {
+        self.freed.set(self.freed.get() + 1);
+    }
+}
+
+#[test]
+fn i2c_transfers_run_beside_the_link_and_always_end() {
+    let world = World::new();
+    let (freed, fast) = (Cell::new(0), Cell::new(false));
+    let bus = Bus { freed: &freed, fast: &fast };
+    let mut task = pin!(async {
+        embassy_futures::join::join(world.task(), async {
+            tasks::i2c::run(bus, 1, &world.wires).await;
+        })
+        .await;
+    });
+    run_ms(&mut task, 1);
+    assert_eq!(freed.get(), 1, "a reset may have left the bus in a transfer");
+
+    // A poll waits for a short transfer.
+    world.call(43, &[1, 1]);
+    world.call(52, &[1, 0x28, 2, 0]);
+    world.call(41, &[1]);
+    run_ms(&mut task, 2);
+    let writes = world.line.writes.take();
+    assert_eq!(*decode(&writes[2]).payload, [0, 2, 1, 2]);
+    assert!(fast.get());
+
+    // A long transfer does not delay a poll by more than 5 ms, and requests to other functions not at all.
+    world.call(39, &[1, 0x29]);
+    world.call(42, &[1]);
+    world.call(38, &[1, 0x28, 1, 0]);
+    run_ms(&mut task, 9);
+    assert_eq!(world.replies(), [(0x7F01, 1), (0x7F02, 41)]);
+    run_ms(&mut task, 2);
+    assert_eq!(world.replies(), [(0x7F02, 40)]);
+    world.call(15, &[0, 0, 64]);
+    world.call(41, &[0]);
+    run_ms(&mut task, 0);
+    assert_eq!(world.replies(), [(0x7F01, 1), (0x7F02, 42)]);
+    run_ms(&mut task, 20);
+    world.call(41, &[1]);
+    run_ms(&mut task, 1);
+    assert_eq!(world.replies(), [(0x9029, 0)]);
+
+    // Errors are a status. Errors of the bus and a time-out also free the bus.
+    for (address, ms, status, frees) in
+        [(0x10, 0, 1, 0), (0x2A, 0, 2, 0), (0x2C, 0, 4, 1), (0x2D, 0, 8, 1), (0x2B, 50, 8, 1)]
+    {
+        let before = freed.get();
+        world.call(37, &[1, address, 0]);
+        run_ms(&mut task, ms);
+        world.call(42, &[1]);
+        run_ms(&mut task, 1);
+        assert_eq!(world.replies(), [(0x7F01, 1), (0x902A, status)], "{address:#x}");
+        assert_eq!(freed.get() - before, frees, "{address:#x}");
+    }
+}
+
+#[test]
+fn a_transfer_that_hangs_stalls_neither_keep_alive_nor_motors() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    run_ms(&mut task, 1);
+    // No task runs this bus, so the transfer never ends.
+    world.drive_motor_0();
+    world.call(39, &[1, 0x2B]);
+    run_ms(&mut task, 1);
+    assert_eq!(world.new_commands().len(), 1);
+    world.replies();
+    for _ in 0..3 {
+        world.call(41, &[1]);
+        world.call(22, &[0]);
+        run_ms(&mut task, 5);
+        assert_eq!(world.replies(), [(0x7F02, 41), (0x9016, 0)]);
+    }
+    run_ms(&mut task, 2_500);
+    assert_eq!(world.new_commands(), [0, 1, 2, 3].map(disabled));
 }
 
 #[test]

@@ -27,6 +27,13 @@ pub const BRIDGE: BridgeConstants = BridgeConstants::IDEAL;
 /// The real bridge, with its timing.
 pub const REAL_BRIDGE: BridgeConstants = BridgeConstants::VNH5019;
 
+/// Diameter of the wheels of the drive base that the inertial sensor stands on, in mm. Motor 0 drives the left wheel, motor 1 the
+/// right one, and both drive forward when they turn CW.
+pub const WHEEL_DIAMETER_MM: f64 = 90.0;
+
+/// Distance between the centres of the wheels, in mm.
+pub const TRACK_MM: f64 = 300.0;
+
 /// Returns the winding constants that the firmware is configured with.
 ///
 /// # Errors

@@ -12,6 +12,7 @@
 //! | [`current_line`] | sound and broken current-sense lines |
 //! | [`encoder`] | sound and broken encoders |
 //! | [`world`] | the board's traits over plants on a battery |
+//! | [`i2c`], [`bno055`] | I2C buses with their devices and faults |
 //! | [`scheme`] | names of schemes, blends and duty rules |
 //! | [`scenario`] | motors with their loads, commands and expectations over time |
 //! | [`sim`] | a scenario's run in virtual time |
@@ -20,10 +21,12 @@
 //! | [`serve`] | a hub in real time, for host software |
 #![forbid(unsafe_code)]
 
+pub mod bno055;
 pub mod current_line;
 pub mod direct;
 pub mod encoder;
 pub mod hardware;
+pub mod i2c;
 pub mod scenario;
 pub mod scheme;
 pub mod serve;

@@ -24,7 +24,9 @@ use motor_hub::model::si::{NewtonMetres, Volts};
 use std::path::Path;
 
 pub use error::{ScenarioError, line_and_column};
-pub use types::{Bus, Configuration, ConfiguredMotion, Group, LONGEST_S, Motor, Scenario, Timed, UNLIMITED};
+pub use types::{
+    Attached, Bus, Configuration, ConfiguredMotion, Group, LONGEST_S, Motor, Scenario, Timed, UNLIMITED,
+};
 
 /// Dry friction of motors that are served, of their stall torque at 12 V.
 const SERVED_FRICTION: f64 = 0.06;

@@ -30,16 +30,17 @@ pub use wire::Wire;
 
 use crate::scenario::Scenario;
 use crate::sim::{self, Executor, RunError, Wires};
-use embassy_futures::join::join3;
+use embassy_futures::join::{join_array, join4};
 use embassy_futures::{poll_once, yield_now};
 use embassy_time::MockDriver;
 use embedded_io_async::{ErrorType, Read, Write};
+use motor_hub::board::I2C_BUSES;
 use motor_hub::bridge::Drive;
 use motor_hub::hub::Snapshot;
 use motor_hub::protocol::{Address, BAUD, Colour};
 use motor_hub::record::{Fault, SIZE};
 use motor_hub::responder::Responder;
-use motor_hub::tasks::{Health, Task, responder, store};
+use motor_hub::tasks::{Health, Task, i2c, responder, store};
 use std::cell::{Cell, RefCell};
 use std::convert::Infallible;
 use std::future::{pending, poll_fn};
@@ -175,7 +176,9 @@ pub async fn steps(
             None => pending().await,
         }
     };
-    let mut everything = pin!(join3(tasks, serve, keep));
+    let buses: [usize; I2C_BUSES] = std::array::from_fn(|bus| bus);
+    let transfers = join_array(buses.map(|bus| i2c::run(board.i2c(bus), bus, &wires)));
+    let mut everything = pin!(join4(tasks, serve, keep, transfers));
 
     let executor = Executor::new();
     let mut snapshot = Snapshot::INITIAL;
@@ -204,7 +207,11 @@ pub async fn steps(
             let battery_v = snapshot.battery.map_or(0.0, |mv| f64::from(mv.get()) * 1e-3);
             let motors = snapshot.motors.iter().map(|motor| (motor.velocity.to_f64(), motor.drive));
             let Colour { red, green, blue } = led.get();
-            format!("LED #{red:02x}{green:02x}{blue:02x}, {}", line_on(battery_v, motors))
+            let servos = board.servos().into_iter().enumerate();
+            let servos =
+                servos.filter_map(|(servo, pulse)| Some(format!(" | servo {servo} {} us", pulse?.width_us)));
+            let servos: String = servos.collect();
+            format!("LED #{red:02x}{green:02x}{blue:02x}, {}{servos}", line_on(battery_v, motors))
         };
         let (awake, turned_away) = (snapshot.battery.is_some(), line.borrow().turned_away());
         let taken = line.borrow().is_taken();

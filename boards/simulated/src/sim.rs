@@ -15,7 +15,7 @@
 //! ```
 
 use crate::hardware::MOTORS;
-use crate::scenario::{Motor, Scenario, Timed};
+use crate::scenario::{Attached, Motor, Scenario, Timed};
 use crate::trace::{Sample, Tick, Trace};
 use crate::world::Board;
 use embassy_futures::join::{join, join5};
@@ -215,6 +215,16 @@ pub(crate) fn board(scenario: &Scenario) -> Board {
     }
     if let Some(pins) = scenario.wire {
         board.wire(pins.map(|pin| pin.get()));
+    }
+    let Attached { analog_v, low_pins, i2c_faults } = &scenario.attached;
+    for (input, volts) in analog_v.iter().enumerate() {
+        board.set_analog(input, *volts);
+    }
+    for pin in low_pins {
+        board.press(pin.get(), true);
+    }
+    for (bus, fault) in i2c_faults.iter().enumerate() {
+        board.set_i2c_fault(bus, *fault);
     }
     for (index, motor) in scenario.motors.iter().enumerate() {
         board.set_current_line(index, motor.current_line);

@@ -16,11 +16,16 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use crate::bno055::Bno055;
 use crate::current_line::CurrentLine;
 use crate::encoder::{Counter, Encoder};
-use crate::hardware::{BRIDGE, MOTORS};
+use crate::hardware::{BRIDGE, MOTORS, TRACK_MM, WHEEL_DIAMETER_MM};
+use crate::i2c::{self, I2cDevices, SimulatedBus};
 use embassy_time::Timer;
-use motor_hub::board::{BridgeFaults, Bridges, CurrentSense, DigitalPins, Encoders, SupplyAdc, Watchdog};
+use motor_hub::board::{
+    ANALOG_INPUTS, AnalogReading, AnalogReadings, BridgeFaults, Bridges, CurrentSense, Devices, Encoders,
+    Equipment, I2C_BUSES, SERVOS, ServoPulse, SupplyAdc, Watchdog,
+};
 use motor_hub::bridge::{BridgeConstants, Drive, SenseScale};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::bus::{Bus, Shutdown};
@@ -48,6 +53,18 @@ const CALIBRATION: VrefintCalibration =
     VrefintCalibration { reading: 1501, rail: Millivolts::new(3_300), bits: 12 };
 /// Scale of the converter for voltages.
 const SCALE: VrefintScale = constant!(VrefintScale::new(DIVIDER_OHMS.0, DIVIDER_OHMS.1, CALIBRATION));
+/// Scale of the converter for analog inputs, which have no divider.
+const PIN_SCALE: VrefintScale = constant!(VrefintScale::new(1, 1_000_000, CALIBRATION));
+/// Scale of the converter for the 5 V rail, which is divided by two.
+const FIVE_VOLT_SCALE: VrefintScale = constant!(VrefintScale::new(10_000, 10_000, CALIBRATION));
+/// True voltage of the 5 V rail.
+const FIVE_VOLTS: f64 = 5.02;
+/// Temperature of the board in 0.1 degrees Celsius.
+const TEMPERATURE_DECIDEGREES: i16 = 312;
+/// Current of a BNO055 in its fusion modes, in mA (data sheet: 12.3 mA).
+const IMU_MA: i32 = 12;
+/// Current of a small servo without load, in mA. A guess.
+const IDLE_SERVO_MA: i32 = 8;
 const FULL_SCALE: f64 = 4095.0;
 /// Scale of the converter for currents.
 const SENSE_SCALE: SenseScale = SenseScale::VNH5019_CARRIER;
@@ -71,6 +88,11 @@ pub struct World {
     outside: u8,
     /// Digital pins that a wire connects: bit i is pin i.
     wired: u8,
+    /// Pulses of the servo outputs.
+    servos: [Option<ServoPulse>; SERVOS],
+    /// Voltages at the analog inputs, in volts. An open input is pulled down.
+    analog_v: [f64; ANALOG_INPUTS],
+    i2c: I2cDevices,
     noise: fastrand::Rng,
     unfed_s: f64,
     starved: bool,
@@ -115,6 +137,9 @@ impl Board {
             faults: [false; MOTORS],
             outside: u8::MAX,
             wired: 0,
+            servos: [None; SERVOS],
+            analog_v: [0.0; ANALOG_INPUTS],
+            i2c: I2cDevices::default(),
             noise: fastrand::Rng::with_seed(seed),
             unfed_s: 0.0,
             starved: false,
@@ -186,6 +211,48 @@ impl Board {
         self.0.borrow_mut().wired |= pins.map(bit).iter().fold(0, |wired, bit| wired | bit);
     }
 
+    /// Returns the pulses of the servo outputs.
+    pub fn servos(&self) -> [Option<ServoPulse>; SERVOS] {
+        self.0.borrow().servos
+    }
+
+    /// Sets the voltage at an analog input, in volts. Does nothing for an input that the board does not have.
+    pub fn set_analog(&self, input: usize, volts: f64) {
+        if let Some(voltage) = self.0.borrow_mut().analog_v.get_mut(input) {
+            *voltage = volts;
+        }
+    }
+
+    /// Returns a copy of the inertial sensor on I2C bus 0.
+    pub fn imu(&self) -> Bno055 {
+        self.0.borrow().i2c.imu.clone()
+    }
+
+    /// Replaces the inertial sensor on I2C bus 0.
+    pub fn set_imu(&self, imu: Bno055) {
+        self.0.borrow_mut().i2c.imu = imu;
+    }
+
+    /// Returns the hub's end of an I2C bus.
+    pub fn i2c(&self, bus: usize) -> SimulatedBus {
+        SimulatedBus { board: self.clone(), bus, fast: false }
+    }
+
+    /// Changes the condition of an I2C bus.
+    pub fn set_i2c_fault(&self, bus: usize, fault: i2c::Fault) {
+        if let Some(condition) = self.0.borrow_mut().i2c.faults.get_mut(bus) {
+            *condition = fault;
+        }
+    }
+
+    pub(crate) fn i2c_fault(&self, bus: usize) -> i2c::Fault {
+        self.0.borrow().i2c.faults.get(bus).copied().unwrap_or_default()
+    }
+
+    pub(crate) fn with_i2c<T>(&self, act: impl FnOnce(&mut I2cDevices) -> T) -> T {
+        act(&mut self.0.borrow_mut().i2c)
+    }
+
     /// Lets time pass under external torques in newton metres, one for each motor.
     pub fn run(&self, time: Seconds, torques: &[f64]) -> Vec<Flow> {
         let mut world = self.0.borrow_mut();
@@ -208,6 +275,8 @@ impl Board {
         for (counter, plant) in counters.iter_mut().zip(&rig.plants) {
             counter.turn(plant.counts(), (1e9 * time.0).round() as u64);
         }
+        let (turned_rad, rate_rad_s) = world.turn_of_base();
+        world.i2c.imu.run(time.0, turned_rad, rate_rad_s);
         flows
     }
 
@@ -237,12 +306,30 @@ impl Board {
 }
 
 impl World {
+    /// Angle by which the drive base has turned left, in radians, and its speed in radians per second. 0 with less than two motors.
+    fn turn_of_base(&self) -> (f64, f64) {
+        let [left, right, ..] = self.rig.plants.as_slice() else { return (0.0, 0.0) };
+        let by_wheels = |left: f64, right: f64| (right - left) * 0.5 * WHEEL_DIAMETER_MM / TRACK_MM;
+        let output = |plant: &Plant, of_motor: f64| of_motor / plant.motor().gear_ratio;
+        let angle = by_wheels(output(left, left.angle()), output(right, right.angle()));
+        (angle, by_wheels(output(left, left.speed().0), output(right, right.speed().0)))
+    }
+
     /// A conversion of a pin voltage.
     fn convert(&mut self, volts: f64) -> u16 {
         // The sum of three uniform numbers has a standard deviation of 1/2.
         let sum = self.noise.f64() + self.noise.f64() + self.noise.f64() - 1.5;
-        (volts / RAIL_V * FULL_SCALE + 2.0 * NOISE * sum).round().clamp(0.0, FULL_SCALE) as u16
+        counts(volts / RAIL_V * FULL_SCALE + 2.0 * NOISE * sum)
     }
+}
+
+/// A conversion without noise.
+fn convert_exactly(volts: f64) -> u16 {
+    counts(volts / RAIL_V * FULL_SCALE)
+}
+
+fn counts(counts: f64) -> u16 {
+    counts.round().clamp(0.0, FULL_SCALE) as u16
 }
 
 impl Encoders<MOTORS> for Board {
@@ -309,8 +396,44 @@ fn takes_for_a_short_circuit(bridge: &BridgeConstants, duty: Duty) -> bool {
     low_ns > 0.0 && low_ns + rounding_ns < f64::from(bridge.timing().least_off_ns)
 }
 
-/// The board has all eight digital pins.
-impl DigitalPins for Board {
+/// The board has everything. An open analog input is pulled down.
+impl Devices for Board {
+    fn equipment(&self) -> Equipment {
+        Equipment {
+            digital: u8::MAX,
+            servos: SERVOS as u8,
+            analog: ANALOG_INPUTS as u8,
+            i2c: I2C_BUSES as u8,
+            rail: true,
+            temperature: true,
+        }
+    }
+
+    fn set_servos(&mut self, servos: &[Option<ServoPulse>; SERVOS]) {
+        self.0.borrow_mut().servos = *servos;
+    }
+
+    fn analog(&mut self) -> AnalogReadings {
+        let vrefint = convert_exactly(VREFINT_V);
+        let inputs = self.0.borrow().analog_v.map(|volts| {
+            let counts = convert_exactly(volts);
+            let voltage = PIN_SCALE.battery(VrefintSample { battery: counts, vrefint })?;
+            Some(AnalogReading { voltage, counts })
+        });
+        let sample = VrefintSample { battery: convert_exactly(0.5 * FIVE_VOLTS), vrefint };
+        AnalogReadings {
+            inputs,
+            rail: FIVE_VOLT_SCALE.battery(sample),
+            temperature_decidegrees: Some(TEMPERATURE_DECIDEGREES),
+        }
+    }
+
+    /// Nothing draws current from the digital pins.
+    fn supply_currents(&mut self) -> Option<[Milliamperes; 3]> {
+        let servos = self.servos().iter().flatten().count() as i32;
+        Some([0, IMU_MA, servos * IDLE_SERVO_MA].map(Milliamperes::new))
+    }
+
     fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
         let world = self.0.borrow();
         let alone = world.outside & !driven | levels & driven;

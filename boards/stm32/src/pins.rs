@@ -2,7 +2,7 @@
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AnyPin, Flex, Level, Output, Pin, Pull, Speed};
-use motor_hub::board::DigitalPins;
+use motor_hub::board::{AnalogReadings, Devices, Equipment, SERVOS, ServoPulse};
 
 /// An output, low from the first instant.
 pub fn low(pin: Peri<'static, impl Pin>) -> Output<'static> {
@@ -25,7 +25,18 @@ impl<const P: usize> DigitalLines<P> {
     }
 }
 
-impl<const P: usize> DigitalPins for DigitalLines<P> {
+impl<const P: usize> Devices for DigitalLines<P> {
+    fn equipment(&self) -> Equipment {
+        let digital = 1u8.checked_shl(P as u32).map_or(u8::MAX, |above| above - 1);
+        Equipment { digital, ..Equipment::default() }
+    }
+
+    fn set_servos(&mut self, _: &[Option<ServoPulse>; SERVOS]) {}
+
+    fn analog(&mut self) -> AnalogReadings {
+        AnalogReadings::default()
+    }
+
     fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
         let mut sensed = u8::MAX;
         for (line, pin) in self.lines.iter_mut().zip(0..8) {

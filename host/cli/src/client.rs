@@ -1,6 +1,7 @@
 //! `motor-hub client`: a command line for a real or simulated hub.
 
 mod coefficients;
+mod devices;
 mod drive;
 mod error;
 mod faults;
@@ -124,6 +125,17 @@ enum Command {
     /// Identifies a motor, compares it with the catalogue, and proposes settings, on hubs of this project
     #[command(alias = "tune", long_about = identify::HELP)]
     Identify(identify::Options),
+    /// Shows the servo outputs, or gives a servo pulses until the command ends
+    Servo(devices::ServoOptions),
+    /// Shows the analog inputs, the 5 V rail, the battery and the temperature
+    Analog(devices::AnalogOptions),
+    /// Shows the digital pins, or drives a pin until the command ends
+    Digital(devices::DigitalOptions),
+    /// Finds, reads and writes devices on the I2C buses
+    I2c {
+        #[command(subcommand)]
+        what: devices::I2c,
+    },
     /// Makes a motor's present position 0
     ResetEncoder {
         #[arg(value_parser = channel)]
@@ -220,6 +232,10 @@ impl Command {
             Self::Update(options) => return options.execute(&mut session),
             Self::Identify(options) => return options.execute(&mut session),
             Self::Watch(options) => return options.execute(&mut session),
+            Self::Servo(options) => return options.execute(&mut session),
+            Self::Analog(options) => return options.execute(&mut session),
+            Self::Digital(options) => return options.execute(&mut session),
+            Self::I2c { what } => return what.execute(&mut session),
             Self::Stop => {
                 session.fail_safe()?;
                 "all motors are disabled".to_owned()

@@ -10,7 +10,7 @@
 //! |---|---|
 //! | [`mod@line`] | serial port or TCP connection, as bytes with timeouts |
 //! | [`session`] | one request at a time: waiting, retransmission, discovery |
-//! | [`hub`], [`motor`] | the protocol's commands, as methods of [`Session`] |
+//! | [`hub`], [`motor`], [`devices`] | the protocol's commands, as methods of [`Session`] |
 //! | [`motor_values`] | the reported values of a motor, for people and programs |
 //! | [`identification`] | identifying a motor, step by step |
 //! | [`clock`] | the clock of sessions |
@@ -51,6 +51,7 @@
 pub struct Readme;
 
 pub mod clock;
+pub mod devices;
 pub mod error;
 pub mod explanations;
 pub mod hub;

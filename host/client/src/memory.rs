@@ -17,6 +17,7 @@
 //! # Ok::<(), motor_hub_client::Error>(())
 //! ```
 
+use motor_hub::board::{ANALOG_INPUTS, Equipment, SERVOS};
 use motor_hub::braking::Winding;
 use motor_hub::hub::Snapshot;
 use motor_hub::motor::Settings;
@@ -26,7 +27,7 @@ use motor_hub::units::Micros;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Result, Write};
 
-/// A hub with four NeveRest 60 at [`Address::DEFAULT`], and the line to it.
+/// A hub with four NeveRest 60, servos, digital pins and analog inputs at [`Address::DEFAULT`], and the line to it.
 #[derive(Debug)]
 pub struct MemoryHub {
     /// Battery and motor values that the hub answers with.
@@ -40,12 +41,12 @@ impl Default for MemoryHub {
     /// The hub as after a reset, with the battery voltage unknown.
     fn default() -> Self {
         let settings = [Settings::new(Winding::NEVEREST_60); 4];
-        Self {
-            snapshot: Snapshot::INITIAL,
-            responder: Responder::new(Address::DEFAULT, settings),
-            decoder: Decoder::new(),
-            replies: VecDeque::new(),
-        }
+        let mut responder = Responder::new(Address::DEFAULT, settings);
+        // Transfers need a task, so the hub has no I2C bus.
+        let (servos, analog) = (SERVOS as u8, ANALOG_INPUTS as u8);
+        let equipment = Equipment { digital: u8::MAX, servos, analog, i2c: 0, rail: true, temperature: true };
+        responder.equip(equipment);
+        Self { snapshot: Snapshot::INITIAL, responder, decoder: Decoder::new(), replies: VecDeque::new() }
     }
 }
 

@@ -3,6 +3,7 @@
 use motor_hub::extension::settings::Group;
 use motor_hub::extension::{HubFunction, INTERFACE, MotorFunction, Request};
 use motor_hub::protocol::motor::ToMotor;
+use motor_hub::protocol::pins::ToPin;
 use motor_hub::protocol::requests::{BATTERY, Standard, ToHub};
 
 /// Text that completes "the hub was asked to".
@@ -11,7 +12,7 @@ pub(crate) fn text(request: &Request) -> String {
         Request::Standard(request) => standard(request).to_owned(),
         Request::ToHub(request) => hub(request).to_owned(),
         Request::ToMotor(motor, request) => format!("{} motor {motor}", of_motor(request)),
-        Request::ToPin(request) => format!("execute function {} of its pins", request.number()),
+        Request::ToPin(request) => of_pin(request),
         Request::Set(motor, values) => format!("set the {} of motor {motor}", of_group(values.group())),
         Request::Get(motor, group) => format!("report the {} of motor {motor}", of_group(*group)),
         Request::Motor(motor, MotorFunction::Identify { .. }) => format!("identify motor {motor}"),
@@ -62,6 +63,7 @@ const fn of_hub(function: &HubFunction) -> &'static str {
         HubFunction::Restart => "restart with its new firmware",
         HubFunction::AbandonUpdate => "forget its new firmware",
         HubFunction::Update => "report its update",
+        HubFunction::Equipment => "report its equipment",
     }
 }
 
@@ -86,13 +88,44 @@ const fn hub(request: &ToHub) -> &'static str {
     match request {
         ToHub::Bulk => "report its motors' state",
         ToHub::Adc { channel: BATTERY, .. } => "report its battery voltage",
-        ToHub::Adc { .. } => "report an analog value",
+        ToHub::Adc { .. } => "report this analog value",
         ToHub::SetPhoneCharge { .. } => "set its phone charging",
         ToHub::PhoneCharge => "report its phone charging",
         ToHub::LogHint { .. } => "log a hint",
         ToHub::VersionText | ToHub::Version => "report its version",
         ToHub::SetFtdiReset { .. } => "set its USB reset",
         ToHub::FtdiReset => "report its USB reset",
+    }
+}
+
+fn of_pin(request: &ToPin) -> String {
+    match request {
+        ToPin::SetOutput { pin, .. } => format!("set digital pin {}", pin.get()),
+        ToPin::SetOutputs { .. } => "set its digital outputs".to_owned(),
+        ToPin::SetDirection { pin, .. } => format!("set the direction of digital pin {}", pin.get()),
+        ToPin::Direction { pin } => format!("report the direction of digital pin {}", pin.get()),
+        ToPin::Input { pin } => format!("read digital pin {}", pin.get()),
+        ToPin::Inputs => "read its digital inputs".to_owned(),
+        ToPin::SetServoPeriod { servo, .. } => format!("set the period of servo {}", servo.get()),
+        ToPin::SetServoWidth { servo, .. } => format!("set the pulse of servo {}", servo.get()),
+        ToPin::SetServoEnable { servo, on: true } => format!("enable servo {}", servo.get()),
+        ToPin::SetServoEnable { servo, on: false } => format!("disable servo {}", servo.get()),
+        ToPin::ServoPeriod { servo } | ToPin::ServoWidth { servo } | ToPin::ServoEnable { servo } => {
+            format!("report servo {}", servo.get())
+        }
+        ToPin::WriteI2cByte { bus, address, .. } | ToPin::WriteI2c { bus, address, .. } => {
+            format!("write to device {:#04x} on I2C bus {}", address.get(), bus.get())
+        }
+        ToPin::ReadI2cByte { bus, address }
+        | ToPin::ReadI2c { bus, address, .. }
+        | ToPin::ReadI2cRegister { bus, address, .. } => {
+            format!("read device {:#04x} on I2C bus {}", address.get(), bus.get())
+        }
+        ToPin::PollI2cRead { bus } | ToPin::PollI2cWrite { bus } => {
+            format!("report the transfer on I2C bus {}", bus.get())
+        }
+        ToPin::SetI2cSpeed { bus, .. } => format!("set the speed of I2C bus {}", bus.get()),
+        ToPin::I2cSpeed { bus } => format!("report the speed of I2C bus {}", bus.get()),
     }
 }
 

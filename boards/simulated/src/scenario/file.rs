@@ -7,15 +7,21 @@ mod motors;
 mod numbers;
 
 use super::error::{At, Checked, Fault};
-use super::types::{Bus, Group, Motor, Scenario, Timed, UNLIMITED};
+use super::types::{Attached, Bus, Group, Motor, Scenario, Timed, UNLIMITED};
 use crate::hardware::MOTORS;
+use crate::i2c;
 use expectations::ExpectTable;
 use groups::GroupTable;
+use motor_hub::board::{ANALOG_INPUTS, I2C_BUSES};
 use motor_hub::model::{battery::Battery, si};
+use motor_hub::protocol::pins::Pin;
 use motor_hub::supply::{Levels, Limits};
 use motor_hub::units::{Millivolts, Period};
 use motors::MotorTable;
-use numbers::{BatteryEmf, BatteryResistance, Capacitance, Duration, Name, PeriodMs, Seed, or, out_of_range};
+use numbers::{
+    AnalogVoltage, BatteryEmf, BatteryResistance, Capacitance, Duration, Name, PeriodMs, PinNumber, Seed, or,
+    out_of_range,
+};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -30,6 +36,7 @@ struct File {
     emulated: bool,
     battery: BatteryTable,
     bus: Option<Spanned<BusTable>>,
+    attached: Option<Spanned<AttachedTable>>,
     motors: Spanned<Vec<Spanned<MotorTable>>>,
     #[serde(default)]
     groups: Vec<Spanned<GroupTable>>,
@@ -53,6 +60,17 @@ struct BatteryTable {
 struct EmfTable {
     at_s: f64,
     emf_v: BatteryEmf,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AttachedTable {
+    #[serde(default)]
+    analog_v: Vec<AnalogVoltage>,
+    #[serde(default)]
+    low_pins: Vec<PinNumber>,
+    #[serde(default)]
+    i2c_faults: Vec<i2c::Fault>,
 }
 
 #[derive(Deserialize)]
@@ -103,6 +121,10 @@ pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
         motors,
         groups,
         wire: None,
+        attached: match &file.attached {
+            Some(table) => table.get_ref().check().at(table)?,
+            None => Attached::default(),
+        },
         emulated: file.emulated,
         expectations,
     })
@@ -159,6 +181,24 @@ impl File {
             }
             _ => Ok(()),
         }
+    }
+}
+
+impl AttachedTable {
+    fn check(&self) -> Result<Attached, String> {
+        for (key, count, most) in [
+            ("analog_v", self.analog_v.len(), ANALOG_INPUTS),
+            ("i2c_faults", self.i2c_faults.len(), I2C_BUSES),
+        ] {
+            if count > most {
+                return Err(format!("{key} has {count} entries; allowed are at most {most}"));
+            }
+        }
+        Ok(Attached {
+            analog_v: self.analog_v.iter().map(|volts| volts.0).collect(),
+            low_pins: self.low_pins.iter().filter_map(|pin| Pin::new(pin.0)).collect(),
+            i2c_faults: self.i2c_faults.clone(),
+        })
     }
 }
 

@@ -4,6 +4,7 @@ use super::expectation::Expectation;
 use crate::current_line::CurrentLine;
 use crate::encoder::Encoder;
 use crate::hardware::{BRIDGE, mechanics, winding};
+use crate::i2c::Fault;
 use motor_hub::braking::{DutyRule, Scheme, Winding};
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::group::{DriveBase, GroupCommand};
@@ -59,10 +60,23 @@ pub struct Scenario {
     pub groups: Vec<Group>,
     /// A wire between two of the hub's digital pins, for a host that tests them.
     pub wire: Option<[Pin; 2]>,
+    /// What is connected to the hub's pins and I2C buses.
+    pub attached: Attached,
     /// The scenario runs on the emulated chip too, as a test.
     pub emulated: bool,
     /// The expectations of a scenario that is a test.
     pub expectations: Vec<Expectation>,
+}
+
+/// What is connected to the hub's pins and I2C buses.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Attached {
+    /// Voltages at the analog inputs from input 0, in volts. Further inputs are open.
+    pub analog_v: Vec<f64>,
+    /// Digital pins that are connected to ground.
+    pub low_pins: Vec<Pin>,
+    /// Conditions of the I2C buses from bus 0. Further buses work.
+    pub i2c_faults: Vec<Fault>,
 }
 
 /// The bus of a scenario.
@@ -191,6 +205,7 @@ impl Scenario {
             motors,
             groups: Vec::new(),
             wire: None,
+            attached: Attached::default(),
             emulated: false,
             expectations: Vec::new(),
         }

@@ -4,6 +4,7 @@
 mod bus;
 mod coefficients;
 mod currents;
+mod devices;
 mod files;
 mod runs;
 mod scenarios;

@@ -1,6 +1,6 @@
 //! Plants behind the board's traits.
 
-use motor_hub::board::{BridgeFaults, Bridges, DigitalPins};
+use motor_hub::board::{BridgeFaults, Bridges, Devices};
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::characterised;

@@ -1,10 +1,12 @@
 //! `motor-hub client scan`: finds hubs.
 
+use super::devices::{equipment_json, equipment_text};
 use super::motors_off::stop_abandoned;
 use super::ports;
 use crate::output::{Failure, print, print_json, say};
 use crate::served_hubs::{self, ServedHub};
 use clap::builder::NonEmptyStringValueParser;
+use motor_hub::board::Equipment;
 use motor_hub::protocol::Address;
 use motor_hub_client::line::{Line, is_tcp};
 use motor_hub_client::{Error, OpenError, Session};
@@ -45,6 +47,8 @@ struct Found {
     address: u8,
     is_parent: bool,
     version: String,
+    /// What the hub has besides motors; `None` if the hub does not report it.
+    equipment: Option<Equipment>,
 }
 
 /// A hub's place on its line.
@@ -125,16 +129,17 @@ impl Options {
 
 /// Places and what is there, as a table.
 fn text(scanned: Vec<(&str, Result<Vec<Found>, Silence>)>) -> String {
-    let mut table = table::new(&["place", "address", "hub"], 3);
+    let mut table = table::new(&["place", "address", "hub", "has"], 4);
     for (name, asked) in scanned {
         match asked {
             Ok(hubs) => {
-                for Found { address, is_parent, version } in hubs {
+                for Found { address, is_parent, version, equipment } in hubs {
                     let hub = format!("{}, {version}", kind(is_parent));
-                    table.add_row([name, &address.to_string(), &hub]);
+                    let has = equipment.map(equipment_text).unwrap_or_default();
+                    table.add_row([name, &address.to_string(), &hub, &has]);
                 }
             }
-            Err(silence) => drop(table.add_row([name, "", &silence.words(name)])),
+            Err(silence) => drop(table.add_row([name, "", &silence.words(name), ""])),
         }
     }
     format!("{table}\n")
@@ -147,8 +152,9 @@ fn document(name: &str, asked: Result<Vec<Found>, Silence>) -> Value {
         Ok(hubs) => (hubs, None),
         Err(silence) => (Vec::new(), Some(silence.words(name))),
     };
-    let hubs = hubs.into_iter().map(|Found { address, is_parent, version }| {
-        json!({ "address": address, "kind": kind(is_parent), "version": version })
+    let hubs = hubs.into_iter().map(|Found { address, is_parent, version, equipment }| {
+        let has = equipment.map(equipment_json);
+        json!({ "address": address, "kind": kind(is_parent), "version": version, "has": has })
     });
     json!({ "place": name, "hubs": hubs.collect::<Vec<_>>(), "in_use": in_use, "reason": reason })
 }
@@ -230,7 +236,8 @@ fn hubs_at(place: &str, timeout: Duration) -> Result<Vec<Found>, Silence> {
         let Some(address) = Address::new(hub.address) else { continue };
         session.talk_to(address);
         stop_abandoned(&mut session)?;
-        found.push(Found { address: hub.address, is_parent: hub.parent, version: session.version()? });
+        let (version, equipment) = (session.version()?, session.equipment()?);
+        found.push(Found { address: hub.address, is_parent: hub.parent, version, equipment });
     }
     Ok(found)
 }

@@ -2,6 +2,7 @@
 //! time, side by side.
 
 mod browser;
+mod client_devices;
 mod client_jog;
 mod client_program;
 mod client_served;

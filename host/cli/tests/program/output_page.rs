@@ -113,6 +113,11 @@ fn the_client_prints_what_the_page_says() {
     assert_agree("client identify", &[client(&["identify", "0"]), client(&["tune", "1"])]);
     assert_agree("client discover", &[client(&["discover"])]);
     assert_agree("client scan", &[client(&["scan", "--only", "/no/such/port"])]);
+    assert_agree("client servo", &[client(&["servo"])]);
+    assert_agree("client analog", &[client(&["analog"])]);
+    assert_agree("client digital", &[client(&["digital"])]);
+    assert_agree("client i2c scan", &[client(&["i2c", "scan"])]);
+    assert_agree("client i2c read", &[client(&["i2c", "read", "1", "0x50"])]);
     assert_agree("client ports", &[client(&["ports"])]);
     let watch = ["client", "--tcp", &served.place, "watch", "--for-s", "0.2", "--type", "AM 60 A", "--json"];
     let lines = motor_hub(&watch).stdout;

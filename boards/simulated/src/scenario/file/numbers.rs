@@ -80,6 +80,10 @@ numbers! {
     Capacitance(f64): 1e-5, 1.0;
     /// Voltage of a bus in V.
     BusVoltage(f64): 0.0, 100.0;
+    /// Voltage at an analog input in V.
+    AnalogVoltage(f64): 0.0, 3.3;
+    /// Number of a digital pin.
+    PinNumber(u8): 0, 7;
     /// Ke in V s/rad or Kt in N m/A.
     MotorConstant(f64): 1e-5, 10.0;
     /// Resistance in ohms or inductance in mH of a winding.

@@ -313,29 +313,62 @@ fn every_command_is_answered_and_bad_ones_change_nothing(host: &mut Host<impl Re
     assert_ne!(host.data(DEKA + 53, &[2, 1])[..12], coefficients, "of its own motor");
     assert_eq!(host.ask(DEKA + 21, &[0]), Nack(51), "at target without a position");
 
+    // What a hub lacks is refused by this number, in all requests.
+    let refused = Nack(253);
     // Digital pins are inputs, and high while nothing is connected.
-    assert_eq!(host.data(DEKA + 6, &[]), [0xFF]);
-    assert_eq!(host.data(DEKA, &[])[0], 0xFF);
+    let pins: Vec<u8> = (0..8).filter(|pin| host.ask(DEKA + 4, &[*pin]) != refused).collect();
+    let all = pins.iter().fold(0, |all, pin| all | 1 << pin);
+    assert!(pins.starts_with(&[0, 1]), "{pins:?}");
+    assert_eq!((host.data(DEKA + 6, &[]), host.data(DEKA, &[])[0]), (vec![all], all));
     assert_eq!((host.ask(DEKA + 1, &[1, 0]), host.ask(DEKA + 2, &[0])), (Nack(11), Nack(18)));
     host.order(DEKA + 3, &[1, 1]);
     host.order(DEKA + 1, &[1, 1]);
-    assert_eq!((host.ask(DEKA + 5, &[1]), host.data(DEKA + 6, &[])), (Nack(21), vec![0xFD]));
-    for pin in 0..8 {
-        host.order(DEKA + 3, &[pin, 1]);
+    assert_eq!((host.ask(DEKA + 5, &[1]), host.data(DEKA + 6, &[])), (Nack(21), vec![all & 0xFD]));
+    for pin in &pins {
+        host.order(DEKA + 3, &[*pin, 1]);
     }
     assert_eq!(host.ask(DEKA + 6, &[]), Nack(28));
-    for pin in 0..8 {
-        host.order(DEKA + 3, &[pin, 0]);
+    for pin in &pins {
+        host.order(DEKA + 3, &[*pin, 0]);
     }
-    // How fast I2C buses are is remembered; transfers are refused when they are asked for.
+    // A servo has no pulses before it has a width.
+    for servo in 0..6 {
+        if host.ask(DEKA + 32, &[servo]) == refused {
+            assert_eq!(host.ask(DEKA + 33, &[servo, 0xDC, 5]), refused);
+            continue;
+        }
+        assert_eq!(host.data(DEKA + 32, &[servo]), [0x20, 0x4E]);
+        assert_eq!((host.ask(DEKA + 35, &[servo, 1]), host.data(DEKA + 36, &[servo])), (Nack(30), vec![0]));
+        host.order(DEKA + 31, &[servo, 0x10, 0x27]);
+        host.order(DEKA + 33, &[servo, 0xDC, 5]);
+        host.order(DEKA + 35, &[servo, 1]);
+        assert_eq!(host.data(DEKA + 36, &[servo]), [1]);
+        host.order(DEKA + 35, &[servo, 0]);
+    }
+    // The speed of a bus is remembered. No device acknowledges address 0x10, and each transfer ends.
     for bus in 0..4 {
+        if host.ask(DEKA + 47, &[bus]) == refused {
+            assert_eq!(host.ask(DEKA + 39, &[bus, 0x10]), refused);
+            continue;
+        }
         host.order(DEKA + 43, &[bus, 1]);
         assert_eq!(host.data(DEKA + 47, &[bus]), [1]);
-        assert_eq!(host.ask(DEKA + 39, &[bus, 0x28]), Nack(253));
+        host.order(DEKA + 39, &[bus, 0x10]);
+        let end = Instant::now() + Duration::from_secs(1);
+        let result = loop {
+            match host.ask(DEKA + 41, &[bus]) {
+                Nack(41) if Instant::now() < end => (),
+                result => break result,
+            }
+        };
+        assert_eq!((result, host.ask(DEKA + 42, &[bus])), (Data(vec![1, 0]), Nack(43)));
     }
-    // Every channel of the converter, in both of its units.
+    // Every channel of the converter, in both of its units. Motors' and battery's values are always known.
     for (channel, raw) in (0..15).flat_map(|channel| [(channel, 0), (channel, 1)]) {
-        assert_eq!(host.data(DEKA + 7, &[channel, raw]).len(), 2, "{channel}");
+        match host.ask(DEKA + 7, &[channel, raw]) {
+            Data(value) => assert_eq!(value.len(), 2, "{channel}"),
+            reply => assert!(reply == refused && !(7..12).contains(&channel) && channel != 13, "{channel}"),
+        }
     }
 }
 

@@ -1,0 +1,409 @@
+//! `motor-hub client servo`, `analog`, `digital` and `i2c`: what a hub has besides motors.
+
+use super::error::ClientError;
+use super::interrupt;
+use crate::output::{Failure, print, print_json};
+use crate::parse::{whole, within_a_day};
+use motor_hub::board::{DIGITAL_PINS, Equipment, SERVOS};
+use motor_hub::protocol::answers::I2cStatus;
+use motor_hub::protocol::payload::{Text, WordFrom};
+use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput};
+use motor_hub::protocol::requests::{AdcChannel, BATTERY, RAIL, TEMPERATURE};
+use motor_hub_client::line::Line;
+use motor_hub_client::{Error, Session};
+use serde_json::{Value, json};
+use std::time::{Duration, Instant};
+use studies::table;
+
+/// Interval between two packets that keep servos and digital outputs on.
+const KEEP_ON: Duration = Duration::from_millis(500);
+
+/// Lowest and highest address of a device on an I2C bus; the others are reserved.
+const ADDRESSES: (u8, u8) = (0x08, 0x77);
+
+/// Text about what a hub has, such as "6 servos, 4 analog inputs, 8 digital pins, 4 I2C buses".
+pub(super) fn equipment_text(equipment: Equipment) -> String {
+    let count = |count: u32, one: &str, many: &str| match count {
+        0 => None,
+        1 => Some(format!("1 {one}")),
+        count => Some(format!("{count} {many}")),
+    };
+    let parts = [
+        count(equipment.servos.into(), "servo", "servos"),
+        count(equipment.analog.into(), "analog input", "analog inputs"),
+        count(equipment.digital.count_ones(), "digital pin", "digital pins"),
+        count(equipment.i2c.into(), "I2C bus", "I2C buses"),
+    ];
+    let parts: Vec<String> = parts.into_iter().flatten().collect();
+    if parts.is_empty() { "motors only".to_owned() } else { parts.join(", ") }
+}
+
+/// What a hub has, for programs.
+pub(super) fn equipment_json(equipment: Equipment) -> Value {
+    json!({
+        "servos": equipment.servos,
+        "analog_inputs": equipment.analog,
+        "digital_pins": pins().filter(|pin| equipment.digital & 1 << pin.get() != 0).map(Pin::get).collect::<Vec<_>>(),
+        "i2c_buses": equipment.i2c,
+        "measures_rail": equipment.rail,
+        "measures_temperature": equipment.temperature,
+    })
+}
+
+fn pins() -> impl Iterator<Item = Pin> {
+    (0..DIGITAL_PINS as u8).filter_map(Pin::new)
+}
+
+/// The value of an answer, or the reason of a refusal.
+fn or_reason<T>(answer: Result<T, Error>) -> Result<Result<T, String>, Error> {
+    match answer {
+        Ok(value) => Ok(Ok(value)),
+        Err(Error::Refused { reason, .. }) => Ok(Err(reason.to_string())),
+        Err(error) => Err(error),
+    }
+}
+
+/// Keeps servos and outputs on until the length is over, or until a signal.
+fn keep_on(session: &mut Session<Line>, length: Option<Duration>) -> Result<(), ClientError> {
+    let end = length.map(|length| Instant::now() + length);
+    loop {
+        let next = Instant::now() + KEEP_ON;
+        interrupt::wait(end.map_or(next, |end| end.min(next)))?;
+        if end.is_some_and(|end| end <= Instant::now()) {
+            return Ok(());
+        }
+        session.keep_alive()?;
+    }
+}
+
+/// A servo and its pulses.
+#[derive(clap::Args)]
+pub(super) struct ServoOptions {
+    /// Servo output, 0 to 5 [default: lists all servo outputs]
+    #[arg(value_parser = servo)]
+    servo: Option<ServoOutput>,
+    /// Length of the pulses in microseconds, 1 to 65535; servos usually take 500 to 2500
+    #[arg(value_name = "US", requires = "servo", value_parser = whole("a pulse", 1..=u16::MAX, "us"))]
+    width: Option<u16>,
+    /// Time between the starts of two pulses in microseconds
+    #[arg(long = "period-us", value_name = "US", default_value_t = 20_000)]
+    #[arg(value_parser = whole("a period", 2..=u16::MAX, "us"))]
+    period: u16,
+    /// Duration in seconds [default: until Ctrl-C]
+    #[arg(long = "for-s", value_name = "S", value_parser = within_a_day)]
+    length: Option<Duration>,
+    /// JSON instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+fn servo(text: &str) -> Result<ServoOutput, String> {
+    let servo = text.parse().ok().and_then(ServoOutput::new);
+    servo.ok_or_else(|| format!("a servo output is 0 to {}", SERVOS - 1))
+}
+
+impl ServoOptions {
+    pub(super) fn execute(&self, session: &mut Session<Line>) -> Result<(), ClientError> {
+        if let (Some(servo), Some(width)) = (self.servo, self.width) {
+            return self.drive(session, servo, width);
+        }
+        let mut table = table::new(&["servo", "period, us", "pulse, us", "enabled"], 0);
+        let mut servos = Vec::new();
+        let all = (0..SERVOS as u8).filter_map(ServoOutput::new);
+        for servo in all.filter(|servo| self.servo.is_none_or(|only| only == *servo)) {
+            let of = session.servo(servo)?;
+            let enabled = if of.enabled { "yes" } else { "no" };
+            let number = servo.get();
+            table.add_row([
+                &number.to_string(),
+                &of.period_us.to_string(),
+                &of.width_us.to_string(),
+                enabled,
+            ]);
+            servos.push(json!({
+                "servo": number, "period_us": of.period_us, "width_us": of.width_us, "enabled": of.enabled,
+            }));
+        }
+        Ok(if self.json { print_json(&json!({ "servos": servos })) } else { print(&format!("{table}\n")) }?)
+    }
+
+    /// Gives a servo pulses, and ends them however the command ends.
+    fn drive(&self, session: &mut Session<Line>, servo: ServoOutput, width: u16) -> Result<(), ClientError> {
+        interrupt::listen()?;
+        // The parsers have checked the ranges.
+        if let (Some(period), Some(width)) = (WordFrom::new(self.period), WordFrom::new(width)) {
+            session.set_servo_period(servo, period)?;
+            session.set_servo_width(servo, width)?;
+        }
+        session.enable_servo(servo, true)?;
+        let done =
+            match print(&format!("servo {}: pulses of {width} us every {} us\n", servo.get(), self.period)) {
+                Ok(()) => keep_on(session, self.length),
+                Err(failure) => Err(failure.into()),
+            };
+        let ended = session.enable_servo(servo, false);
+        done?;
+        Ok(ended?)
+    }
+}
+
+/// Form of the output.
+#[derive(clap::Args)]
+pub(super) struct AnalogOptions {
+    /// JSON instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+/// Channels of `client analog`: name, key for programs, unit, and units in one unit of the protocol.
+const CHANNELS: [(u8, &str, &str, &str, f64); 10] = [
+    (0, "analog input 0", "input_0_v", "V", 1e-3),
+    (1, "analog input 1", "input_1_v", "V", 1e-3),
+    (2, "analog input 2", "input_2_v", "V", 1e-3),
+    (3, "analog input 3", "input_3_v", "V", 1e-3),
+    (4, "current of digital pins", "digital_a", "A", 1e-3),
+    (5, "current of I2C buses", "i2c_a", "A", 1e-3),
+    (6, "current of servos", "servos_a", "A", 1e-3),
+    (RAIL.get(), "5 V rail", "rail_v", "V", 1e-3),
+    (BATTERY.get(), "battery", "battery_v", "V", 1e-3),
+    (TEMPERATURE.get(), "temperature", "temperature_c", "\u{b0}C", 0.1),
+];
+
+impl AnalogOptions {
+    pub(super) fn execute(&self, session: &mut Session<Line>) -> Result<(), ClientError> {
+        let mut table = table::new(&["channel", "value", "raw"], 0);
+        let mut document = serde_json::Map::new();
+        for (channel, name, key, unit, scale) in CHANNELS {
+            let Some(channel) = AdcChannel::new(channel) else { continue };
+            let value = or_reason(session.adc(channel, false))?;
+            match value {
+                Ok(value) => {
+                    let value = f64::from(value) * scale;
+                    let raw = session.adc(channel, true)?;
+                    let digits = if scale < 0.01 { 3 } else { 1 };
+                    table.add_row([name.to_owned(), format!("{value:.digits$} {unit}"), raw.to_string()]);
+                    document.insert(key.to_owned(), json!(value));
+                    document.insert(format!("{key}_raw"), json!(raw));
+                }
+                Err(reason) => {
+                    table.add_row([name.to_owned(), reason, String::new()]);
+                    document.insert(key.to_owned(), Value::Null);
+                }
+            }
+        }
+        Ok(if self.json { print_json(&document) } else { print(&format!("{table}\n")) }?)
+    }
+}
+
+/// A pin and its level.
+#[derive(clap::Args)]
+pub(super) struct DigitalOptions {
+    /// Digital pin, 0 to 7 [default: lists all digital pins]
+    #[arg(value_parser = pin)]
+    pin: Option<Pin>,
+    /// Drives the pin high or low, until the command ends
+    #[arg(requires = "pin")]
+    level: Option<Level>,
+    /// Duration in seconds [default: until Ctrl-C]
+    #[arg(long = "for-s", value_name = "S", value_parser = within_a_day)]
+    length: Option<Duration>,
+    /// JSON instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+/// Level of an output.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Level {
+    High,
+    Low,
+}
+
+fn pin(text: &str) -> Result<Pin, String> {
+    let pin = text.parse().ok().and_then(Pin::new);
+    pin.ok_or_else(|| format!("a digital pin is 0 to {}", DIGITAL_PINS - 1))
+}
+
+impl DigitalOptions {
+    pub(super) fn execute(&self, session: &mut Session<Line>) -> Result<(), ClientError> {
+        if let (Some(pin), Some(level)) = (self.pin, self.level) {
+            return self.drive(session, pin, level);
+        }
+        let mut table = table::new(&["pin", "direction", "level"], 0);
+        let mut found = Vec::new();
+        for pin in pins().filter(|pin| self.pin.is_none_or(|only| only == *pin)) {
+            let (direction, level, high) = match or_reason(session.is_output(pin))? {
+                Ok(true) => ("output", String::new(), None),
+                Ok(false) => {
+                    let high = session.read_pin(pin)?;
+                    ("input", if high { "high" } else { "low" }.to_owned(), Some(high))
+                }
+                Err(reason) => ("", reason, None),
+            };
+            table.add_row([&pin.get().to_string(), direction, &level]);
+            let known = Some(direction).filter(|direction| !direction.is_empty());
+            found.push(json!({ "pin": pin.get(), "direction": known, "high": high }));
+        }
+        Ok(if self.json { print_json(&json!({ "pins": found })) } else { print(&format!("{table}\n")) }?)
+    }
+
+    /// Drives a pin, and releases it however the command ends.
+    fn drive(&self, session: &mut Session<Line>, pin: Pin, level: Level) -> Result<(), ClientError> {
+        interrupt::listen()?;
+        session.drive_pin(pin, level == Level::High)?;
+        let level = if level == Level::High { "high" } else { "low" };
+        let done = match print(&format!("digital pin {} is {level}\n", pin.get())) {
+            Ok(()) => keep_on(session, self.length),
+            Err(failure) => Err(failure.into()),
+        };
+        let released = session.release_pin(pin);
+        done?;
+        Ok(released?)
+    }
+}
+
+/// What to do on an I2C bus.
+#[derive(clap::Subcommand)]
+pub(super) enum I2c {
+    /// Lists the devices that acknowledge their address, by a read of one byte from each address 0x08 to 0x77
+    Scan {
+        /// Bus, 0 to 3 [default: all buses]
+        #[arg(value_parser = bus)]
+        bus: Option<I2cBus>,
+        /// JSON instead of a table
+        #[arg(long)]
+        json: bool,
+    },
+    /// Reads bytes from a device
+    Read {
+        /// Bus, 0 to 3
+        #[arg(value_parser = bus)]
+        bus: I2cBus,
+        /// Address of the device, 0 to 127, as 40 or 0x28
+        #[arg(value_name = "ADDRESS", value_parser = device)]
+        device: I2cAddress,
+        /// Number of bytes, 1 to 100
+        #[arg(default_value = "1", value_parser = count)]
+        count: I2cCount,
+        /// Register to read from: its number is written first, and the read follows after a repeated start
+        #[arg(long, value_name = "R", value_parser = byte)]
+        register: Option<u8>,
+        /// 400 kbit/s instead of 100 kbit/s
+        #[arg(long)]
+        fast: bool,
+        /// JSON instead of text
+        #[arg(long)]
+        json: bool,
+    },
+    /// Writes bytes to a device
+    Write {
+        /// Bus, 0 to 3
+        #[arg(value_parser = bus)]
+        bus: I2cBus,
+        /// Address of the device, 0 to 127, as 40 or 0x28
+        #[arg(value_name = "ADDRESS", value_parser = device)]
+        device: I2cAddress,
+        /// 1 to 100 bytes, as 61 or 0x3d
+        #[arg(required = true, num_args = 1..=100, value_name = "BYTE", value_parser = byte)]
+        bytes: Vec<u8>,
+        /// 400 kbit/s instead of 100 kbit/s
+        #[arg(long)]
+        fast: bool,
+    },
+}
+
+fn bus(text: &str) -> Result<I2cBus, String> {
+    text.parse().ok().and_then(I2cBus::new).ok_or_else(|| "an I2C bus is 0 to 3".to_owned())
+}
+
+fn byte(text: &str) -> Result<u8, String> {
+    let number = match text.strip_prefix("0x") {
+        Some(hex) => u8::from_str_radix(hex, 16).ok(),
+        None => text.parse().ok(),
+    };
+    number.ok_or_else(|| "a byte is 0 to 255, or 0x00 to 0xff".to_owned())
+}
+
+fn device(text: &str) -> Result<I2cAddress, String> {
+    let address = byte(text).ok().and_then(I2cAddress::new);
+    address.ok_or_else(|| "an I2C address is 0 to 127, or 0x00 to 0x7f".to_owned())
+}
+
+fn count(text: &str) -> Result<I2cCount, String> {
+    let count = text.parse().ok().and_then(I2cCount::new);
+    count.ok_or_else(|| "a number of bytes is 1 to 100".to_owned())
+}
+
+/// Fails if a transfer had an error.
+fn check(status: I2cStatus, bus: I2cBus, address: I2cAddress) -> Result<(), Failure> {
+    match status.error() {
+        None => Ok(()),
+        Some(error) => Err(Failure::Work(format!(
+            "device {:#04x} on I2C bus {}: {error} (status {:#04x})",
+            address.get(),
+            bus.get(),
+            status.bits
+        ))),
+    }
+}
+
+impl I2c {
+    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
+        match self {
+            Self::Scan { bus, json } => scan(session, bus, json),
+            Self::Read { bus, device: address, count, register, fast, json } => {
+                session.set_i2c_speed(bus, fast)?;
+                let read = session.read_i2c(bus, address, register, count)?;
+                check(read.status, bus, address)?;
+                if json {
+                    let bytes = read.bytes.as_slice();
+                    let document = json!({ "bus": bus.get(), "address": address.get(), "bytes": bytes });
+                    return Ok(print_json(&document)?);
+                }
+                let bytes: Vec<String> = read.bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+                Ok(print(&format!("{}\n", bytes.join(" ")))?)
+            }
+            Self::Write { bus, device: address, bytes, fast } => {
+                session.set_i2c_speed(bus, fast)?;
+                let bytes =
+                    Text::from_slice(&bytes).map_err(|_| Failure::Input("give 1 to 100 bytes".into()))?;
+                let written = session.write_i2c(bus, address, bytes)?;
+                check(written.status, bus, address)?;
+                Ok(print(&format!("{} bytes written\n", written.count))?)
+            }
+        }
+    }
+}
+
+/// Lists the devices on one bus or on all buses.
+fn scan(session: &mut Session<Line>, only: Option<I2cBus>, json: bool) -> Result<(), ClientError> {
+    let mut table = table::new(&["bus", "devices"], 1);
+    let mut buses = Vec::new();
+    let one = I2cCount::new(1);
+    for bus in (0..4).filter_map(I2cBus::new).filter(|bus| only.is_none_or(|only| only == *bus)) {
+        let mut devices = Vec::new();
+        let mut trouble = None;
+        for address in (ADDRESSES.0..=ADDRESSES.1).filter_map(I2cAddress::new) {
+            let Some(one) = one else { continue };
+            match or_reason(session.read_i2c(bus, address, None, one))? {
+                Ok(read) if read.status == I2cStatus::default() => devices.push(address.get()),
+                Ok(read) if read.status == I2cStatus::NO_ADDRESS => (),
+                Ok(read) => trouble = read.status.error().map(str::to_owned),
+                Err(reason) => trouble = Some(reason),
+            }
+            // An error that concerns the whole bus.
+            if trouble.is_some() {
+                break;
+            }
+        }
+        let found: Vec<String> = devices.iter().map(|address| format!("{address:#04x}")).collect();
+        let text = match &trouble {
+            Some(trouble) => trouble.clone(),
+            None if found.is_empty() => "none".to_owned(),
+            None => found.join(" "),
+        };
+        table.add_row([bus.get().to_string(), text]);
+        buses.push(json!({ "bus": bus.get(), "devices": devices, "reason": trouble }));
+    }
+    Ok(if json { print_json(&json!({ "buses": buses })) } else { print(&format!("{table}\n")) }?)
+}

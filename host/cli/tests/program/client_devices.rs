@@ -1,0 +1,207 @@
+//! `motor-hub client servo`, `analog`, `digital` and `i2c` against a served hub.
+#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
+
+use crate::common::folder;
+use crate::conformance::{Ack, Data, Host, Hub, Nack};
+use crate::output::{err, out};
+use serde_json::{Value, json};
+use std::io::{Read, Write};
+use std::process::{Command, Output};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
+
+/// A served hub with devices.
+fn served(test: &str, attached: &str) -> Hub {
+    let folder = folder(test);
+    std::fs::create_dir_all(&folder).unwrap();
+    let file = folder.join("attached.toml");
+    let text = format!(
+        "name = \"devices\"\nduration_s = 1\nbattery = {{ emf_v = 12, resistance_ohm = 0.1 }}\n\
+         [attached]\n{attached}\n[[motors]]\nlabel = \"a\"\nmotor = \"NeveRest 60\"\nscheme = \"A\"\n"
+    );
+    std::fs::write(&file, text).unwrap();
+    Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--scenario", file.to_str().unwrap()])
+}
+
+fn client(hub: &Hub, arguments: &[&str]) -> Output {
+    Command::new(PROGRAM).args(["client", "--tcp", &hub.place]).args(arguments).output().unwrap()
+}
+
+fn document(hub: &Hub, arguments: &[&str]) -> Value {
+    serde_json::from_str(&out(&client(hub, &[arguments, &["--json"]].concat()))).unwrap()
+}
+
+#[test]
+fn analog_and_digital_inputs_are_shown() {
+    let hub = served("devices-inputs", "analog_v = [1.25]\nlow_pins = [3]");
+    let analog = document(&hub, &["analog"]);
+    let volts = |key: &str| analog[key].as_f64().unwrap();
+    assert!((volts("input_0_v") - 1.25).abs() < 0.003 && volts("input_1_v") == 0.0, "{analog}");
+    assert!((volts("rail_v") - 5.02).abs() < 0.01 && (volts("battery_v") - 12.0).abs() < 0.1, "{analog}");
+    assert!((volts("temperature_c") - 31.2).abs() < 0.01, "{analog}");
+    let text = out(&client(&hub, &["analog"]));
+    assert!(
+        text.contains("analog input 0") && text.contains("31.2 \u{b0}C") && text.contains("1.249 V"),
+        "{text}"
+    );
+    let digital = document(&hub, &["digital"]);
+    let levels: Vec<&Value> = digital["pins"].as_array().unwrap().iter().map(|pin| &pin["high"]).collect();
+    assert_eq!(
+        levels,
+        [true, true, true, false, true, true, true, true].map(|high| json!(high)).iter().collect::<Vec<_>>()
+    );
+}
+
+#[test]
+fn a_servo_and_an_output_are_on_while_their_commands_run() {
+    let hub = served("devices-outputs", "");
+    let done = out(&client(&hub, &["servo", "2", "1500", "--for-s", "0.3"]));
+    assert_eq!(done, "servo 2: pulses of 1500 us every 20000 us\n");
+    let servo = json!({ "servo": 2, "period_us": 20_000, "width_us": 1500, "enabled": false });
+    assert_eq!(document(&hub, &["servo", "2"])["servos"], json!([servo]));
+    assert_eq!(document(&hub, &["servo"])["servos"].as_array().map(Vec::len), Some(6));
+    assert_eq!(out(&client(&hub, &["digital", "5", "low", "--for-s", "0.1"])), "digital pin 5 is low\n");
+    let pin = json!({ "pin": 5, "direction": "input", "high": true });
+    assert_eq!(document(&hub, &["digital", "5"])["pins"], json!([pin]));
+    for (wrong, says) in [
+        (&["servo", "6"][..], "a servo output is 0 to 5"),
+        (&["servo", "0", "0"], "a pulse is a whole number from 1 to 65535 us"),
+        (&["digital", "8"], "a digital pin is 0 to 7"),
+        (&["i2c", "read", "4", "0x28"], "an I2C bus is 0 to 3"),
+        (&["i2c", "read", "0", "0x80"], "an I2C address is 0 to 127, or 0x00 to 0x7f"),
+        (&["i2c", "read", "0", "0x28", "101"], "a number of bytes is 1 to 100"),
+        (&["i2c", "write", "0", "0x28", "256"], "a byte is 0 to 255, or 0x00 to 0xff"),
+    ] {
+        let refused = client(&hub, wrong);
+        assert!(refused.status.code() == Some(2) && err(&refused).contains(says), "{}", err(&refused));
+    }
+}
+
+#[test]
+fn i2c_devices_are_found_read_and_written() {
+    let hub = served("devices-i2c", "i2c_faults = [\"none\", \"none\", \"stuck-clock\"]");
+    // A BNO055 answers 0.65 s after its supply is on.
+    sleep(Duration::from_millis(700));
+    let found = document(&hub, &["i2c", "scan"]);
+    let devices: Vec<&Value> = found["buses"].as_array().unwrap().iter().map(|bus| &bus["devices"]).collect();
+    assert_eq!(devices, [&json!([0x28]), &json!([0x50]), &json!([]), &json!([])]);
+    assert!(found["buses"][2]["reason"].as_str().unwrap().contains("time-out"), "{found}");
+    // The identification of a BNO055.
+    let read = |bus: &str, address: &str, more: &[&str]| {
+        out(&client(&hub, &[&["i2c", "read", bus, address], more].concat()))
+    };
+    assert_eq!(read("0", "0x28", &["4", "--register", "0"]), "a0 fb 32 0f\n");
+    assert_eq!(
+        out(&client(&hub, &["i2c", "write", "1", "0x50", "0x10", "1", "2", "0xfe"])),
+        "4 bytes written\n"
+    );
+    assert_eq!(read("1", "80", &["3", "--register", "16", "--fast"]), "01 02 fe\n");
+    assert_eq!(document(&hub, &["i2c", "read", "1", "80", "2", "--register", "16"])["bytes"], json!([1, 2]));
+    for (address, bus, says) in
+        [("0x29", "0", "no device acknowledges this address"), ("0x28", "2", "time-out")]
+    {
+        let failed = client(&hub, &["i2c", "read", bus, address]);
+        assert!(failed.status.code() == Some(1) && err(&failed).contains(says), "{}", err(&failed));
+    }
+}
+
+const DEKA: u16 = 0x1000;
+
+/// Polls a transfer until its result comes, and returns the result without its status.
+fn result(host: &mut Host<impl Read + Write>, poll: u16, bus: u8) -> Vec<u8> {
+    let end = Instant::now() + Duration::from_secs(1);
+    loop {
+        match host.ask(DEKA + poll, &[bus]) {
+            Nack(41) if Instant::now() < end => (),
+            Data(result) => {
+                assert_eq!(result[0], 0, "status of {result:02x?}");
+                return result[1..].to_vec();
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+/// Reads registers of the inertial sensor.
+fn registers(host: &mut Host<impl Read + Write>, first: u8, count: u8) -> Vec<u8> {
+    host.order(DEKA + 52, &[0, 0x28, count, first]);
+    result(host, 41, 0)[1..].to_vec()
+}
+
+/// Writes a register of the inertial sensor. A host that does not poll sends the next request at once, and again while the bus is
+/// busy.
+fn set(host: &mut Host<impl Read + Write>, register: u8, value: u8, polls: bool) {
+    while host.ask(DEKA + 38, &[0, 0x28, 2, register, value]) == Nack(40) {}
+    if polls {
+        assert_eq!(result(host, 42, 0), [2]);
+    }
+}
+
+/// The start of the competition's software: each step in its order, without a reset of the sensor.
+#[test]
+fn the_inertial_sensor_starts_as_the_competition_starts_it_and_turns_with_the_drive_base() {
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let mut host = hub.tcp();
+    sleep(Duration::from_millis(700));
+    assert_eq!(registers(&mut host, 0x00, 1), [0xA0]);
+    assert_eq!(registers(&mut host, 0x3D, 1), [0]);
+    set(&mut host, 0x3E, 0, true);
+    for (register, value) in [
+        (0x07, 0x00),
+        (0x3B, 0x80),
+        (0x41, 0x24),
+        (0x42, 0x00),
+        (0x07, 0x01),
+        (0x08, 0x0D),
+        (0x09, 0x0B),
+        (0x0A, 0x38),
+        (0x0B, 0x00),
+        (0x07, 0x00),
+        (0x3F, 0x00),
+    ] {
+        set(&mut host, register, value, false);
+    }
+    while host.ask(DEKA + 52, &[0, 0x28, 1, 0x3D]) == Nack(40) {}
+    assert_eq!(result(&mut host, 41, 0), [1, 0]);
+    set(&mut host, 0x3D, 8, true);
+    sleep(Duration::from_millis(15));
+    assert_eq!(registers(&mut host, 0x39, 1), [5], "fusion runs");
+    assert_eq!(registers(&mut host, 0x20, 8), [0, 0x40, 0, 0, 0, 0, 0, 0], "no rotation");
+    // The right wheel drives forward, so the base turns left. The sensor's headings grow clockwise.
+    for (function, payload) in [(8, &[1, 0, 0][..]), (15, &[1, 0xFF, 0x3F]), (10, &[1, 1])] {
+        host.order(DEKA + function, payload);
+    }
+    let end = Instant::now() + Duration::from_secs(2);
+    let heading = |host: &mut Host<_>| {
+        let bytes = registers(host, 0x1A, 2);
+        f64::from(i16::from_le_bytes([bytes[0], bytes[1]])) / 16.0
+    };
+    while !(300.0..359.0).contains(&heading(&mut host)) {
+        assert!(Instant::now() < end, "the heading is {}", heading(&mut host));
+    }
+}
+
+#[test]
+fn a_stuck_data_line_is_freed_and_a_stretched_clock_is_waited_for() {
+    let hub = served(
+        "devices-faults",
+        "i2c_faults = [\"none\", \"stuck-data\", \"stretching\", \"no-acknowledge\"]",
+    );
+    let mut host = hub.tcp();
+    let mut read = |bus: u8, address: u8| {
+        assert!(matches!(host.ask(DEKA + 39, &[bus, address]), Ack(_)));
+        loop {
+            match host.ask(DEKA + 41, &[bus]) {
+                Nack(41) => (),
+                Data(result) => return result,
+                other => panic!("{other:?}"),
+            }
+        }
+    };
+    assert_eq!(read(1, 0x50), [4, 0], "arbitration is lost to the device that holds SDA");
+    assert_eq!(read(1, 0x50), [0, 1, 0], "nine clocks have freed SDA");
+    assert_eq!(read(2, 0x50), [1, 0], "after 30 ms no device has acknowledged");
+    assert_eq!(read(3, 0x50), [1, 0]);
+}

@@ -1,0 +1,164 @@
+//! Commands to what a hub has besides motors: servos, digital pins, analog inputs and I2C buses.
+//!
+//! A hub refuses what it does not have (NACK 253). When a host is silent for 2.5 s, the hub ends the pulses of all servos and releases
+//! all digital outputs.
+//!
+//! ```
+//! use motor_hub_client::motor_hub::protocol::Address;
+//! use motor_hub_client::motor_hub::protocol::payload::WordFrom;
+//! use motor_hub_client::motor_hub::protocol::pins::{Pin, ServoOutput};
+//! use motor_hub_client::{Session, memory::MemoryHub};
+//! use std::time::Duration;
+//!
+//! let mut session = Session::new(MemoryHub::default(), Address::DEFAULT, Duration::from_secs(1));
+//! let servo = ServoOutput::new(2).expect("0 to 5");
+//! session.set_servo_width(servo, WordFrom::new(1_500).expect("at least 1"))?;
+//! assert_eq!(session.servo(servo)?.width_us, 1_500);
+//!
+//! let pin = Pin::new(7).expect("0 to 7");
+//! session.drive_pin(pin, true)?;
+//! assert_eq!(session.read_pin(pin).unwrap_err().to_string(), "the hub refuses to read digital pin 7: digital pin 7 is not an input (NACK 27)");
+//! # Ok::<(), motor_hub_client::Error>(())
+//! ```
+
+use crate::clock::Instant;
+use crate::{Error, Session};
+use motor_hub::board::Equipment;
+use motor_hub::extension::HubFunction;
+use motor_hub::protocol::Nack;
+use motor_hub::protocol::answers::{I2cRead, I2cWritten};
+use motor_hub::protocol::payload::{Text, WordFrom};
+use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput, ToPin};
+use motor_hub::protocol::requests::{AdcChannel, ToHub};
+use std::io::{Read, Write};
+use std::time::Duration;
+
+/// Time-out of an I2C transfer. A hub of this project ends every transfer within 50 ms.
+const TRANSFER: Duration = Duration::from_millis(500);
+
+/// Settings of a servo output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Servo {
+    /// Time between the starts of two pulses, in microseconds.
+    pub period_us: u16,
+    /// Length of the pulses in microseconds; 0 until a host has set the length.
+    pub width_us: u16,
+    /// True if the output has pulses.
+    pub enabled: bool,
+}
+
+impl<L: Read + Write> Session<L> {
+    /// What the hub has besides motors; `None` if the hub does not report it (another maker's, or older firmware).
+    ///
+    /// # Errors
+    /// See [`Session::ask`], as for all commands.
+    pub fn equipment(&mut self) -> Result<Option<Equipment>, Error> {
+        match self.ask(HubFunction::Equipment) {
+            Ok(equipment) => Ok(Some(equipment)),
+            Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Settings of a servo output.
+    pub fn servo(&mut self, servo: ServoOutput) -> Result<Servo, Error> {
+        Ok(Servo {
+            period_us: self.ask(ToPin::ServoPeriod { servo })?,
+            width_us: self.ask(ToPin::ServoWidth { servo })?,
+            enabled: self.ask(ToPin::ServoEnable { servo })?,
+        })
+    }
+
+    /// Sets the time between the starts of two pulses, in microseconds.
+    pub fn set_servo_period(&mut self, servo: ServoOutput, period: WordFrom<2>) -> Result<(), Error> {
+        self.order(ToPin::SetServoPeriod { servo, period })
+    }
+
+    /// Sets the length of the pulses in microseconds.
+    pub fn set_servo_width(&mut self, servo: ServoOutput, width: WordFrom<1>) -> Result<(), Error> {
+        self.order(ToPin::SetServoWidth { servo, width })
+    }
+
+    /// Starts or ends the pulses of a servo output.
+    pub fn enable_servo(&mut self, servo: ServoOutput, on: bool) -> Result<(), Error> {
+        self.order(ToPin::SetServoEnable { servo, on })
+    }
+
+    /// Makes a digital pin an output with this level.
+    pub fn drive_pin(&mut self, pin: Pin, high: bool) -> Result<(), Error> {
+        self.order(ToPin::SetDirection { pin, output: true })?;
+        self.order(ToPin::SetOutput { pin, high })
+    }
+
+    /// Makes a digital pin an input with a pull-up.
+    pub fn release_pin(&mut self, pin: Pin) -> Result<(), Error> {
+        self.order(ToPin::SetDirection { pin, output: false })
+    }
+
+    /// True if a digital pin is an output.
+    pub fn is_output(&mut self, pin: Pin) -> Result<bool, Error> {
+        self.ask(ToPin::Direction { pin })
+    }
+
+    /// Level of a digital input: true for high.
+    pub fn read_pin(&mut self, pin: Pin) -> Result<bool, Error> {
+        self.ask(ToPin::Input { pin })
+    }
+
+    /// Value of an ADC channel in millivolts, milliamperes or 0.1 degrees Celsius; with `raw`, the converter's reading.
+    pub fn adc(&mut self, channel: AdcChannel, raw: bool) -> Result<i16, Error> {
+        self.ask(ToHub::Adc { channel, raw })
+    }
+
+    /// Sets the speed of an I2C bus: 400 kbit/s if `fast`, otherwise 100 kbit/s.
+    pub fn set_i2c_speed(&mut self, bus: I2cBus, fast: bool) -> Result<(), Error> {
+        self.order(ToPin::SetI2cSpeed { bus, fast })
+    }
+
+    /// Reads `count` bytes from a device; with a register, writes its number first. The status of the result says whether the transfer
+    /// had an error.
+    pub fn read_i2c(
+        &mut self,
+        bus: I2cBus,
+        address: I2cAddress,
+        register: Option<u8>,
+        count: I2cCount,
+    ) -> Result<I2cRead, Error> {
+        let start = match register {
+            Some(register) => ToPin::ReadI2cRegister { bus, address, count, register },
+            None => ToPin::ReadI2c { bus, address, count },
+        };
+        self.transfer(start, |session| session.ask(ToPin::PollI2cRead { bus }))
+    }
+
+    /// Writes 1 to 100 bytes to a device. The status of the result says whether the transfer had an error.
+    pub fn write_i2c(&mut self, bus: I2cBus, address: I2cAddress, bytes: Text) -> Result<I2cWritten, Error> {
+        let start = ToPin::WriteI2c { bus, address, bytes };
+        self.transfer(start, |session| session.ask(ToPin::PollI2cWrite { bus }))
+    }
+
+    /// Starts a transfer, and polls its result. Both are repeated while the bus has another transfer to end.
+    fn transfer<T>(
+        &mut self,
+        start: ToPin,
+        poll: impl Fn(&mut Self) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        let end = Instant::now() + TRANSFER;
+        let runs = |error: &Error| {
+            let busy = [Nack::I2C_BUSY, Nack::I2C_RUNNING];
+            matches!(error, Error::Refused { reason, .. } if busy.contains(reason)) && Instant::now() < end
+        };
+        loop {
+            match self.order(start.clone()) {
+                Err(error) if runs(&error) => (),
+                started => break started?,
+            }
+        }
+        loop {
+            match poll(self) {
+                Err(error) if runs(&error) => (),
+                polled => return polled,
+            }
+        }
+    }
+}

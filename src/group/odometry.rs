@@ -1,0 +1,80 @@
+//! Odometry of a drive base: position and heading from the counts of both wheels, and from a gyro if there is one.
+//!
+//! In each step the base moves along a short arc. Its length is the mean distance of the wheels. Its angle is the change of the gyro's
+//! angle, or without a gyro the angle that follows from the wheels. Wheels of unlike diameters, a wrong track width and slip in turns
+//! make the wheels' angle wrong, but not the gyro's.
+
+use super::DriveBase;
+use core::f64::consts::PI;
+
+/// Where a drive base is. At the start x points forward and y to the left.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pose {
+    /// Distance forward from the start in mm.
+    pub x_mm: f64,
+    /// Distance to the left of the start in mm.
+    pub y_mm: f64,
+    /// Angle by which the base has turned left, in degrees. It counts whole turns.
+    pub heading_degrees: f64,
+}
+
+/// Position and heading of a drive base, step by step.
+///
+/// ```
+/// use motor_hub::group::{DriveBase, Odometry};
+///
+/// let base = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
+/// let mut odometry = Odometry::new(base, [0, 0]);
+/// // A metre forward, then a quarter to the left that the gyro measures as 88 degrees.
+/// let [left, right] = base.straight(1_000.0)?;
+/// odometry.step([left, right], Some(359.0));
+/// let [back, forth] = base.turn(90.0)?;
+/// let pose = odometry.step([left + back, right + forth], Some(87.0));
+/// assert!((pose.x_mm - 1_000.0).abs() < 0.2 && pose.y_mm.abs() < 0.2);
+/// assert_eq!(pose.heading_degrees, 88.0);
+/// # Ok::<(), motor_hub::units::RangeError>(())
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Odometry {
+    base: DriveBase,
+    /// Counts of both wheels at the last step.
+    counts: [i32; 2],
+    /// Angle of the gyro at the last step.
+    gyro_degrees: Option<f64>,
+    pose: Pose,
+}
+
+impl Odometry {
+    /// Starts at the origin, with the counts of both wheels.
+    pub const fn new(base: DriveBase, counts: [i32; 2]) -> Self {
+        let pose = Pose { x_mm: 0.0, y_mm: 0.0, heading_degrees: 0.0 };
+        Self { base, counts, gyro_degrees: None, pose }
+    }
+
+    /// Updates the pose from the counts of both wheels, which may wrap, and from the angle of the gyro, which grows to the left and may
+    /// wrap at 360 degrees.
+    ///
+    /// Between two steps the base must turn by less than 180 degrees. In a step without a gyro's angle, and in the step after it, the
+    /// wheels give the angle.
+    pub fn step(&mut self, counts: [i32; 2], gyro_degrees: Option<f64>) -> Pose {
+        let [left, right] = counts;
+        let [last_left, last_right] = self.counts;
+        let moved = [left.wrapping_sub(last_left), right.wrapping_sub(last_right)];
+        let turned_degrees = match (self.gyro_degrees, gyro_degrees) {
+            (Some(last), Some(now)) => within_half_a_turn(now - last),
+            _ => self.base.heading(moved),
+        };
+        (self.counts, self.gyro_degrees) = (counts, gyro_degrees);
+        let distance_mm = self.base.distance(moved);
+        let (sin, cos) = libm::sincos((self.pose.heading_degrees + 0.5 * turned_degrees) * (PI / 180.0));
+        self.pose.x_mm += distance_mm * cos;
+        self.pose.y_mm += distance_mm * sin;
+        self.pose.heading_degrees += turned_degrees;
+        self.pose
+    }
+}
+
+/// Returns the same direction as an angle from -180 to 180 degrees.
+fn within_half_a_turn(degrees: f64) -> f64 {
+    degrees - 360.0 * libm::round(degrees / 360.0)
+}

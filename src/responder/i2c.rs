@@ -1,0 +1,189 @@
+//! The I2C buses: which transfers run, and their results.
+//!
+//! Each bus has its own state. A result is kept until the next transfer starts, so a host may poll again when an answer was lost.
+//!
+//! ```text
+//!              a request starts a transfer        the task of the bus has ended it
+//! +------+      +---------+                        +----------+
+//! | Idle | ---> | Running | ---------------------> | Finished |
+//! +------+      +---------+ <--------------------- +----------+
+//!                            a request starts a transfer
+//! ```
+//!
+//! | state | start of a transfer | poll of the transfer's kind | poll of the other kind |
+//! |---|---|---|---|
+//! | `Idle` | acknowledged | NACK 42 | NACK 42 |
+//! | `Running` | NACK 40 | NACK 41 | NACK 41 |
+//! | `Finished` | acknowledged; the result is dropped | the result | NACK 43 |
+//!
+//! A transfer always ends: a bus error or a time-out ends it with an error in [`I2cStatus`]. Hosts poll a transfer until its result
+//! comes, so errors of the bus are no refusals. The result of a transfer with an error has no bytes.
+
+use crate::devices::I2C_BUSES;
+use crate::protocol::answers::{I2cRead, I2cStatus, I2cWritten};
+use crate::protocol::payload::Text;
+use crate::protocol::pins::{I2cBus, ToPin};
+use crate::protocol::{Nack, Reply};
+use core::mem;
+
+/// A transfer on one bus: a write, a read, or a write and a read after a repeated start.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Transfer {
+    /// Address of the device, 0 to 127.
+    pub address: u8,
+    /// True for 400 kbit/s, false for 100 kbit/s.
+    pub fast: bool,
+    /// The bytes to write; empty for a read.
+    pub write: Text,
+    /// Number of bytes to read after the write, 0 to 100.
+    pub read: u8,
+}
+
+/// What a transfer's result answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    /// The host polls with *poll read*.
+    Read,
+    /// The host polls with *poll write*, and has written this number of bytes.
+    Write(u8),
+}
+
+#[derive(Clone, Debug, Default)]
+enum State {
+    #[default]
+    Idle,
+    /// The task of the bus has not taken the transfer.
+    Requested(Transfer),
+    Running(Kind),
+    Finished(Kind, I2cRead),
+}
+
+#[derive(Clone, Debug, Default)]
+struct Bus {
+    state: State,
+    fast: bool,
+}
+
+/// State of all I2C buses.
+#[derive(Clone, Debug, Default)]
+pub struct Buses([Bus; I2C_BUSES]);
+
+impl Transfer {
+    fn kind(&self) -> Kind {
+        if self.read == 0 { Kind::Write(self.write.len() as u8) } else { Kind::Read }
+    }
+}
+
+impl Buses {
+    /// Executes a request to a bus.
+    ///
+    /// # Errors
+    /// Returns why the request is refused. Nothing has changed then.
+    pub fn receive(&mut self, request: &ToPin) -> Result<Reply, Nack> {
+        let bus = bus_of(request).ok_or(Nack::UNSUPPORTED)?;
+        let bus = self.0.get_mut(usize::from(bus.get())).ok_or(Nack::parameter(0))?;
+        let fast = bus.fast;
+        let transfer = |address: u8, write: &[u8], read| {
+            let write = Text::from_slice(write).unwrap_or_default();
+            Transfer { address, fast, write, read }
+        };
+        match *request {
+            ToPin::SetI2cSpeed { fast, .. } => bus.fast = fast,
+            ToPin::I2cSpeed { .. } => return Ok(Reply::data(&bus.fast)),
+            ToPin::PollI2cRead { .. } => {
+                return bus.result().and_then(|(kind, result)| match kind {
+                    Kind::Read => Ok(Reply::data(result)),
+                    Kind::Write(_) => Err(Nack::I2C_OTHER_TRANSFER),
+                });
+            }
+            ToPin::PollI2cWrite { .. } => {
+                return bus.result().and_then(|(kind, result)| match kind {
+                    Kind::Read => Err(Nack::I2C_OTHER_TRANSFER),
+                    Kind::Write(count) => {
+                        let status = result.status;
+                        let count = if status == I2cStatus::default() { count } else { 0 };
+                        Ok(Reply::data(&I2cWritten { status, count }))
+                    }
+                });
+            }
+            ToPin::WriteI2cByte { address, byte, .. } => bus.start(transfer(address.get(), &[byte], 0))?,
+            ToPin::WriteI2c { ref bytes, .. } if bytes.is_empty() => return Err(Nack::parameter(2)),
+            ToPin::WriteI2c { address, ref bytes, .. } => bus.start(transfer(address.get(), bytes, 0))?,
+            ToPin::ReadI2cByte { address, .. } => bus.start(transfer(address.get(), &[], 1))?,
+            ToPin::ReadI2c { address, count, .. } => bus.start(transfer(address.get(), &[], count.get()))?,
+            ToPin::ReadI2cRegister { address, count, register, .. } => {
+                bus.start(transfer(address.get(), &[register], count.get()))?;
+            }
+            _ => return Err(Nack::UNSUPPORTED),
+        }
+        Ok(Reply::ACK)
+    }
+
+    /// Returns the next transfer for the task of a bus. `None` if no new transfer was requested.
+    pub fn take_request(&mut self, bus: usize) -> Option<Transfer> {
+        let Bus { state, .. } = self.0.get_mut(bus)?;
+        let State::Requested(transfer) = state else { return None };
+        let running = State::Running(transfer.kind());
+        let State::Requested(transfer) = mem::replace(state, running) else { return None };
+        Some(transfer)
+    }
+
+    /// Stores the result of the transfer that runs on a bus.
+    pub fn done(&mut self, bus: usize, result: I2cRead) {
+        if let Some(Bus { state, .. }) = self.0.get_mut(bus)
+            && let State::Running(kind) = *state
+        {
+            *state = State::Finished(kind, result);
+        }
+    }
+
+    /// Returns the bus whose running transfer the answer to a request depends on. `None` if no such transfer is running.
+    pub fn awaited(&self, request: &ToPin) -> Option<usize> {
+        let sets_speed = matches!(request, ToPin::SetI2cSpeed { .. } | ToPin::I2cSpeed { .. });
+        let bus = usize::from(bus_of(request).filter(|_| !sets_speed)?.get());
+        self.0.get(bus).filter(|bus| bus.is_running()).map(|_| bus)
+    }
+
+    /// True while a transfer is running on any bus.
+    pub fn any_running(&self) -> bool {
+        self.0.iter().any(Bus::is_running)
+    }
+}
+
+impl Bus {
+    const fn is_running(&self) -> bool {
+        matches!(self.state, State::Requested(_) | State::Running(_))
+    }
+
+    fn start(&mut self, transfer: Transfer) -> Result<(), Nack> {
+        if self.is_running() {
+            return Err(Nack::I2C_BUSY);
+        }
+        self.state = State::Requested(transfer);
+        Ok(())
+    }
+
+    const fn result(&self) -> Result<(Kind, &I2cRead), Nack> {
+        match &self.state {
+            State::Idle => Err(Nack::I2C_NO_TRANSFER),
+            State::Requested(_) | State::Running(_) => Err(Nack::I2C_RUNNING),
+            State::Finished(kind, result) => Ok((*kind, result)),
+        }
+    }
+}
+
+/// Returns the bus that a request is for. `None` for a request to pins and servos.
+pub(super) const fn bus_of(request: &ToPin) -> Option<I2cBus> {
+    match *request {
+        ToPin::WriteI2cByte { bus, .. }
+        | ToPin::WriteI2c { bus, .. }
+        | ToPin::ReadI2cByte { bus, .. }
+        | ToPin::ReadI2c { bus, .. }
+        | ToPin::ReadI2cRegister { bus, .. }
+        | ToPin::PollI2cRead { bus }
+        | ToPin::PollI2cWrite { bus }
+        | ToPin::SetI2cSpeed { bus, .. }
+        | ToPin::I2cSpeed { bus } => Some(bus),
+        _ => None,
+    }
+}
