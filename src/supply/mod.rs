@@ -36,11 +36,13 @@
 mod bus_state;
 mod limits;
 mod overvoltage;
+mod thermometer;
 mod undervoltage;
 mod vrefint;
 
 pub use bus_state::{BusReading, BusState};
 pub use limits::{Levels, Limits};
+pub use thermometer::Thermometer;
 pub use undervoltage::DrawStage;
 pub use vrefint::{VrefintCalibration, VrefintSample, VrefintScale};
 

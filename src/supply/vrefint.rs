@@ -55,10 +55,21 @@ impl VrefintScale {
         if top_ohms == 0 || bottom_ohms == 0 {
             return Err(RangeError::Divider);
         }
+        Self::with_ratio(((top_ohms as i64 + bottom_ohms as i64) << 10) / bottom_ohms as i64, calibration)
+    }
+
+    /// Creates the scale of a pin without a divider: the voltage is the pin's.
+    ///
+    /// # Errors
+    /// [`RangeError::Resolution`] if the converter does not have 1 to 16 bits.
+    pub const fn at_pin(calibration: VrefintCalibration) -> Result<Self, RangeError> {
+        Self::with_ratio(1 << 10, calibration)
+    }
+
+    const fn with_ratio(ratio: i64, calibration: VrefintCalibration) -> Result<Self, RangeError> {
         if calibration.bits == 0 || calibration.bits > 16 {
             return Err(RangeError::Resolution);
         }
-        let ratio = ((top_ohms as i64 + bottom_ohms as i64) << 10) / bottom_ohms as i64;
         let full_scale = (1 << calibration.bits) - 1;
         let calibration_product = calibration.rail.get() as i64 * calibration.reading as i64;
         let whole = calibration_product.saturating_mul(ratio);

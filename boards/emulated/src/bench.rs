@@ -1,8 +1,11 @@
 //! The test bench: an image on the emulated chip with motors, battery, serial line, log and faults round
 //! it, advanced as a test says.
 
+mod devices;
 mod faults;
 mod probe;
+
+pub use devices::ServoPulse;
 
 use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
@@ -27,9 +30,8 @@ use crate::faulty_code;
 use crate::processor::{Code, Mpu};
 use crate::pwm::Grid;
 use crate::rtt::{self, LogLine};
-use crate::serial::Terminal;
 use crate::shafts::{Look, Mounting, Shafts};
-use crate::surroundings::{Order, Surroundings, terminal};
+use crate::surroundings::{self, Order, Surroundings, terminal};
 use crate::wiring;
 
 /// What stands on the bench.
@@ -122,6 +124,7 @@ pub struct Bench {
     symbols: Vec<elf::Symbol>,
     board: Board,
     motors: usize,
+    line: usize,
     heard: usize,
     now: u64,
 }
@@ -166,8 +169,18 @@ impl Bench {
         let (board, motors) = (setup.board, setup.motors.len());
         assert!(motors <= wiring::BRIDGES, "the board has {} bridges", wiring::BRIDGES);
         let thread = std::thread::spawn(move || run(setup, &images, log_ring, order_queue, reached_sender));
-        let mut bench =
-            Self { orders, reached, thread: Some(thread), table, symbols, board, motors, heard: 0, now: 0 };
+        let mut bench = Self {
+            orders,
+            reached,
+            thread: Some(thread),
+            table,
+            symbols,
+            board,
+            motors,
+            line: 0,
+            heard: 0,
+            now: 0,
+        };
         bench.wait();
         bench
     }
@@ -308,20 +321,26 @@ impl Bench {
         self.at_stop(move |surroundings, session, _| surroundings.press(session, pressed));
     }
 
+    /// From now on uses the host's line 0, of the ST-LINK, or 1, of a USB-serial adapter. What has come on it before is skipped.
+    pub fn use_line(&mut self, line: usize) {
+        self.line = line;
+        self.heard = self.at_stop(move |_, session, _| terminal(session, line).incoming.len());
+    }
+
     /// Sends bytes down the serial line, as fast as it takes them.
     pub fn send(&mut self, bytes: &[u8]) {
-        let bytes = bytes.to_vec();
+        let (bytes, line) = (bytes.to_vec(), self.line);
         self.at_stop(move |surroundings, session, _| {
             let now = surroundings.now;
-            terminal(session).outgoing.extend(bytes.into_iter().map(|byte| (now, byte)));
+            terminal(session, line).outgoing.extend(bytes.into_iter().map(|byte| (now, byte)));
         });
     }
 
     /// What came up the serial line since this was last asked.
     pub fn receive(&mut self) -> Vec<SerialByte> {
-        let heard = self.heard;
+        let (heard, line) = (self.heard, self.line);
         let bytes = self.at_stop(move |_, session, _| {
-            terminal(session).incoming.get(heard..).unwrap_or_default().to_vec()
+            terminal(session, line).incoming.get(heard..).unwrap_or_default().to_vec()
         });
         self.heard += bytes.len();
         bytes.into_iter().map(|(at, byte)| SerialByte { at: Duration::from_nanos(at), byte }).collect()
@@ -394,7 +413,8 @@ fn run(
     let lasts = !setup.bootloader;
     let code = Code::new(setup.board, setup.mpu, images, lasts);
     let mut board = Nucleo::new(setup.board, setup.pwm, setup.flash_faults, code)?;
-    board.chip.attach(Terminal::default());
+    board.chip.attach();
+    surroundings::pull_up_buses(&mut board, VirtualNanos(0));
     let shafts = Shafts::new(setup.battery, setup.motors);
     let surroundings =
         Surroundings::new(setup.board, shafts, setup.current_lines, log_ring, (orders, reached));

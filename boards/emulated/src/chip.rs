@@ -2,7 +2,7 @@
 //! out or are put in. What the bench wants of any chip is [`Part`]; each chip has a room of its own.
 
 /// What is written the same for every chip, of types that are each chip's own: `self.part`, its slots `timer_slot` and
-/// `port_slots`, and the registers `Tim1` and `Gpio`.
+/// `port_slots`, the registers `Tim1` and `Gpio`, and the board.
 macro_rules! same_on_every_chip {
     () => {
         fn drive_pin(&mut self, at: VirtualNanos, port: usize, pin: Pin, level: Option<Level>) {
@@ -34,16 +34,40 @@ macro_rules! same_on_every_chip {
             timer.pulse(channel, registers).map(|pulse| (pulse.width.0, pulse.period.0))
         }
 
-        fn attach(&mut self, terminal: Terminal) {
-            self.part.usart[wiring::HOST_LINK].attach(terminal);
+        fn servo(&self, servo: usize) -> &[Edge] {
+            self.servos[servo].1.edges()
         }
 
-        fn terminal(&mut self) -> Option<&mut Terminal> {
-            self.part.usart[wiring::HOST_LINK].chip_mut()
+        fn attach_device(&mut self, bus: usize, device: RegisterDevice) {
+            self.buses[bus].1.controller.attach(device);
+        }
+
+        fn device(&mut self, bus: usize, nth: usize) -> Option<&mut RegisterDevice> {
+            self.buses[bus].1.controller.chip_mut(nth)
+        }
+
+        fn hold_lines(&mut self, at: VirtualNanos, bus: usize, low: [bool; 2]) {
+            let (slot, lines) = &mut self.buses[bus];
+            let (registers, mut context) = self.part.bus_mut().drive(at, *slot);
+            lines.hold(low, registers, &mut context);
+        }
+
+        fn bus_count(&self) -> usize {
+            self.buses.len()
+        }
+
+        fn attach(&mut self) {
+            for line in wiring::host_links(BOARD) {
+                self.part.usart[line].attach(Terminal::default());
+            }
+        }
+
+        fn terminal(&mut self, line: usize) -> Option<&mut Terminal> {
+            self.part.usart[wiring::host_links(BOARD)[line]].chip_mut()
         }
 
         fn line_errors(&mut self) -> &mut Errors {
-            self.part.usart[wiring::HOST_LINK].errors_mut()
+            self.part.usart[wiring::host_links(BOARD)[0]].errors_mut()
         }
     };
 }
@@ -97,11 +121,13 @@ macro_rules! forward {
 }
 
 mod analog_watchdog;
+mod bus_lines;
 mod f427;
 mod flash_interface;
 mod h743;
 mod late_converter;
 mod sampling_capacitor;
+mod servo_timer;
 mod watchdog;
 
 use std::fmt::Debug;
@@ -121,8 +147,10 @@ use rigless::time::VirtualNanos;
 use crate::board::Board;
 use crate::processor::{self, Code, Mpu};
 use crate::pwm::Registers;
+use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
 pub use flash_interface::FlashFaults;
+pub(crate) use servo_timer::Edge;
 
 /// The rail, mV.
 const RAIL_MV: u32 = 3_300;
@@ -196,6 +224,27 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// The voltage on the pin of a motor's current-sense line, mV.
     fn set_current(&mut self, motor: usize, millivolts: u32);
 
+    /// The voltage on an analog input of the host, 0 to 3, or on the 5 V rail's divider, 4, in mV.
+    fn set_analog(&mut self, input: usize, millivolts: u32);
+
+    /// The chip's temperature, 0.01 degrees Celsius.
+    fn set_temperature(&mut self, hundredths: i32);
+
+    /// Every edge on the pin of a servo so far.
+    fn servo(&self, servo: usize) -> &[Edge];
+
+    /// Number of I2C buses.
+    fn bus_count(&self) -> usize;
+
+    /// Connects a device to an I2C bus.
+    fn attach_device(&mut self, bus: usize, device: RegisterDevice);
+
+    /// The nth device of an I2C bus.
+    fn device(&mut self, bus: usize, nth: usize) -> Option<&mut RegisterDevice>;
+
+    /// A device holds SCL or SDA of an I2C bus low, or releases it.
+    fn hold_lines(&mut self, at: VirtualNanos, bus: usize, low: [bool; 2]);
+
     /// The next conversion of a current ends later by this time; false if it cannot on this chip.
     fn delay_currents(&mut self, nanos: u64) -> bool;
 
@@ -229,13 +278,13 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// The pulse that the emulator's own TIM1 makes: high time and period, ns.
     fn pulse(&mut self, channel: Channel) -> Option<(u64, u64)>;
 
-    /// Connects the far end of the host's line.
-    fn attach(&mut self, terminal: Terminal);
+    /// Connects the far ends of the host's two lines.
+    fn attach(&mut self);
 
-    /// The far end of the host's line.
-    fn terminal(&mut self) -> Option<&mut Terminal>;
+    /// The far end of a line of the host, 0 or 1.
+    fn terminal(&mut self, line: usize) -> Option<&mut Terminal>;
 
-    /// What becomes of words on their way to the chip.
+    /// What becomes of words on their way to the chip, on line 0.
     fn line_errors(&mut self) -> &mut Errors;
 }
 

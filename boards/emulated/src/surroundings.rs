@@ -57,6 +57,8 @@ pub(crate) struct Surroundings {
     pub(crate) button: bool,
     /// Digital pins 0 and 1 are connected to each other.
     wired: bool,
+    /// An I2C bus whose SDA a device holds low, the clocks after which the device releases SDA, and the level of SCL.
+    stuck: Option<(usize, u8, bool)>,
     /// Arrivals at watched instructions: address, instruction count, ns.
     pub(crate) hits: Vec<(u64, u64, u64)>,
     pub(crate) now: u64,
@@ -95,6 +97,7 @@ impl Surroundings {
             rtt: Rtt::new(rtt),
             button: false,
             wired: false,
+            stuck: None,
             hits: Vec::new(),
             now: 0,
             instructions: 0,
@@ -225,12 +228,31 @@ impl Surroundings {
         if !self.wired {
             return;
         }
-        let [first, second] = wiring::DIGITAL_PINS;
+        let [first, second, ..] = wiring::DIGITAL;
         let chip = &mut session.board_mut().chip;
         for (from, to) in [(first, second), (second, first)] {
-            let level = chip.port(wiring::DIGITAL_PORT).drives(from).map(Level::from);
-            let to = Pin::new(to).expect("a pin of a port");
-            chip.drive_pin(VirtualNanos(at), wiring::DIGITAL_PORT, to, level);
+            let level = chip.port(from.0).drives(from.1).map(Level::from);
+            let pin = Pin::new(to.1).expect("a pin of a port");
+            chip.drive_pin(VirtualNanos(at), to.0, pin, level);
+        }
+    }
+
+    /// A device holds SDA of a bus low until it has seen this many clocks.
+    pub(crate) fn hold_sda(&mut self, session: &mut Session<Nucleo>, bus: usize, clocks: u8) {
+        self.stuck = Some((bus, clocks, true));
+        self.hold_lines(session, bus, [false, true]);
+    }
+
+    /// The chip may have changed SCL of the bus whose SDA is stuck.
+    fn follow_clock(&mut self, session: &mut Session<Nucleo>) {
+        let Some((bus, clocks, was_high)) = self.stuck else { return };
+        let (port, pin) = wiring::BUSES[bus][0];
+        let high = session.board_mut().chip.port(port).drives(pin) != Some(false);
+        let left = clocks.saturating_sub((high && !was_high).into());
+        self.stuck = Some((bus, left, high));
+        if left == 0 {
+            self.stuck = None;
+            self.hold_lines(session, bus, [false; 2]);
         }
     }
 
@@ -258,6 +280,7 @@ impl Surroundings {
         let pressed = self.button;
         self.press(session, pressed);
         self.follow_wire(session, at);
+        pull_up_buses(session.board_mut(), VirtualNanos(at));
         for motor in 0..self.shafts.len() {
             self.show(session, motor, at);
         }
@@ -314,7 +337,10 @@ impl Driver<Nucleo> for Surroundings {
                     self.now = at;
                     self.show_edges(session, at);
                     self.follow_pins(session, at, false);
-                } else if is_port(wiring::DIGITAL_PORT) {
+                } else if self.stuck.is_some_and(|(bus, ..)| is_port(wiring::BUSES[bus][0].0)) {
+                    self.now = at;
+                    self.follow_clock(session);
+                } else if is_port(wiring::DIGITAL[0].0) {
                     self.follow_wire(session, at);
                 } else if access.address == wiring::power_at(self.board) {
                     session.board_mut().chip.follow_detector(access.virtual_time);
@@ -371,7 +397,14 @@ impl Driver<Nucleo> for Surroundings {
     }
 }
 
-/// The serial line's far end.
-pub(crate) fn terminal(session: &mut Session<Nucleo>) -> &mut Terminal {
-    session.board_mut().chip.terminal().expect("the terminal is attached")
+/// The far end of a serial line.
+pub(crate) fn terminal(session: &mut Session<Nucleo>, line: usize) -> &mut Terminal {
+    session.board_mut().chip.terminal(line).expect("the terminal is attached")
+}
+
+/// The resistors of the I2C buses pull their lines up.
+pub(crate) fn pull_up_buses(board: &mut Nucleo, at: VirtualNanos) {
+    for (port, pin) in wiring::BUSES.into_iter().take(board.chip.bus_count()).flatten() {
+        board.chip.drive_pin(at, port, Pin::new(pin).expect("a pin of a port"), Some(Level::High));
+    }
 }

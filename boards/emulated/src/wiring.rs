@@ -16,8 +16,8 @@ pub(crate) const PWM_PORT: usize = 4;
 /// PE9, PE11, PE13, PE14: TIM1 CH1 to CH4.
 pub(crate) const PWM_PINS: [u8; BRIDGES] = [9, 11, 13, 14];
 
-/// DIAG by bridge, on the same port: PE2, PE4, PE5, PE6.
-pub(crate) const DIAG_PINS: [u8; BRIDGES] = [2, 4, 5, 6];
+/// DIAG by bridge, on the same port: PE2, PE4, PE3, PE6.
+pub(crate) const DIAG_PINS: [u8; BRIDGES] = [2, 4, 3, 6];
 
 /// 1 kohm between a bridge's DIAG line and the chip's pin.
 const DIAG_OHMS: f64 = 1e3;
@@ -79,12 +79,31 @@ pub(crate) const EGR: u64 = 0x14;
 /// Button B1: PC13.
 pub(crate) const BUTTON: (usize, u8) = (2, 13);
 
-/// Port F, as place; digital pins 0 and 1: PF14, PF15.
-pub(crate) const DIGITAL_PORT: usize = 5;
-pub(crate) const DIGITAL_PINS: [u8; 2] = [14, 15];
+// Ports by their places in [`PORTS`].
+const A: usize = 0;
+const B: usize = 1;
+const C: usize = 2;
+const E: usize = 4;
+const F: usize = 5;
 
-/// USART3, in the emulator's list.
-pub(crate) const HOST_LINK: usize = 2;
+/// Digital pins 0 to 7 of the protocol: port and pin.
+pub(crate) const DIGITAL: [(usize, u8); 8] =
+    [(F, 14), (F, 15), (E, 7), (E, 8), (E, 10), (E, 12), (E, 15), (E, 0)];
+
+/// Servos 0 to 5: port and pin.
+pub(crate) const SERVOS: [(usize, u8); 6] = [(F, 6), (F, 7), (F, 8), (F, 9), (B, 15), (E, 5)];
+
+/// SCL and SDA of I2C buses 0 to 3, of I2C1 to I2C4. The first board has three.
+pub(crate) const BUSES: [[(usize, u8); 2]; 4] =
+    [[(B, 8), (B, 9)], [(F, 1), (F, 0)], [(A, 8), (C, 9)], [(B, 6), (B, 7)]];
+
+/// USART3 and USART6, the host's two lines, in the emulator's list.
+pub(crate) const fn host_links(board: Board) -> [usize; 2] {
+    match board {
+        Board::NucleoF429zi => [2, 3],
+        Board::NucleoH743zi2 => [2, 5],
+    }
+}
 
 /// 82 kohm to the battery, 10 kohm to ground: the soldered divider, independent of the firmware.
 pub(crate) const DIVIDER: f64 = 10.0 / 92.0;

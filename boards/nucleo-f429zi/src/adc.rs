@@ -1,9 +1,9 @@
-//! Battery (PA3) and VREFINT on ADC1, which converts both in turn without end. The newest readings can always be read. The
-//! converter's analog watchdog wakes the core when the battery leaves its quiet range.
+//! Battery (PA3), VREFINT and the chip's temperature sensor on ADC1, which converts them in turn without end. The newest readings
+//! can always be read. The converter's analog watchdog wakes the core when the battery leaves its quiet range.
 //!
-//! The HAL has neither of these. The battery is the regular group, and VREFINT an injected group behind it (RM0090 13.3.9,
-//! auto-injection). Each group has a data register, so there is no DMA. A converter that has stopped raises no new flag, which
-//! shows.
+//! The HAL has neither of these. The battery is the regular group, and the others an injected group behind it (RM0090 13.3.9,
+//! auto-injection). Each channel has a data register, so there is no DMA. A converter that has stopped raises no new flag, which
+//! shows. Each sample of the battery also starts the next sequence of the host's [analog inputs](crate::analog).
 //!
 //! All channels share one sampling capacitor. Without a wire, the battery's pin would keep the voltage of the last conversion.
 //! VREFINT would then read as a battery of 11 V. So the injected group ends with a pin that the chip drives low (PC2): an open
@@ -11,6 +11,7 @@
 
 use core::ops::RangeInclusive;
 
+use crate::analog;
 use embassy_stm32::Peri;
 use embassy_stm32::adc::{Adc, SampleTime};
 use embassy_stm32::gpio::{Flex, Level, Output, Speed};
@@ -29,10 +30,12 @@ use motor_hub_stm32::supply::{DIVIDER_OHMS, FactoryWord, Watcher, unmask};
 const BATTERY_CHANNEL: u8 = 3;
 /// ADC1_IN17 is VREFINT (RM0090 13.10).
 const VREFINT_CHANNEL: u8 = 17;
+/// ADC1_IN18 is the temperature sensor (RM0090 13.10), which works together with VREFINT.
+const TEMPERATURE_CHANNEL: u8 = 18;
 /// ADC1_IN12 is PC2 (STM32F429 data sheet, pin definitions).
 const GROUND_CHANNEL: u8 = 12;
 
-/// Two conversions of 480 + 12 cycles and one of 28 + 12 at 21 MHz (PCLK2 / 4) take 49 us.
+/// Three conversions of 480 + 12 cycles and one of 28 + 12 at 21 MHz (PCLK2 / 4) take 72 us.
 const WAIT_MICROS: u64 = 100;
 
 static WATCHER: Watcher = Watcher::new();
@@ -65,19 +68,22 @@ impl BatteryAdc {
         let ground = Output::new(ground, Level::Low, Speed::Low);
         let adc = Adc::new(adc);
         adc.enable_vrefint();
-        // The longest sampling time, 22.9 us: VREFINT needs 10 us (data sheet), and the divider's 8.9 kohm
-        // is a weak source.
+        // The longest sampling time, 22.9 us: VREFINT and the temperature sensor need 10 us (data sheet), and the divider's
+        // 8.9 kohm is a weak source.
         let slow = SampleTime::CYCLES480;
         pac::ADC1.smpr2().modify(|w| w.set_smp(usize::from(BATTERY_CHANNEL), slow));
-        pac::ADC1.smpr1().modify(|w| w.set_smp(usize::from(VREFINT_CHANNEL) - 10, slow));
+        for channel in [VREFINT_CHANNEL, TEMPERATURE_CHANNEL] {
+            pac::ADC1.smpr1().modify(|w| w.set_smp(usize::from(channel) - 10, slow));
+        }
         // 1.3 us: the capacitor's 7 pF behind 6 kohm (data sheet, ADC characteristics) need 0.4 us.
         let quick = SampleTime::CYCLES28;
         pac::ADC1.smpr1().modify(|w| w.set_smp(usize::from(GROUND_CHANNEL) - 10, quick));
         pac::ADC1.sqr3().write(|w| w.set_sq(0, BATTERY_CHANNEL));
-        // A group of two is the last two of the four places (RM0090 13.13.12).
+        // A group of three is the last three of the four places (RM0090 13.13.12).
         pac::ADC1.jsqr().write(|w| {
-            w.set_jl(1);
-            w.set_jsq(2, VREFINT_CHANNEL);
+            w.set_jl(2);
+            w.set_jsq(1, VREFINT_CHANNEL);
+            w.set_jsq(2, TEMPERATURE_CHANNEL);
             w.set_jsq(3, GROUND_CHANNEL);
         });
         pac::ADC1.cr1().modify(|w| {
@@ -112,10 +118,21 @@ fn is_new() -> bool {
     new
 }
 
+/// The newest reading of VREFINT.
+pub(crate) fn vrefint() -> u16 {
+    pac::ADC1.jdr(0).read().jdata()
+}
+
+/// The newest reading of the temperature sensor.
+pub(crate) fn temperature() -> u16 {
+    pac::ADC1.jdr(1).read().jdata()
+}
+
 impl Calibrate for BatteryAdc {}
 
 impl SupplyAdc for BatteryAdc {
     async fn sample(&mut self) -> Option<Millivolts> {
+        analog::next();
         if !is_new() {
             Timer::after_micros(WAIT_MICROS).await;
             if !is_new() {
@@ -123,7 +140,7 @@ impl SupplyAdc for BatteryAdc {
                 return None;
             }
         }
-        self.vrefint = pac::ADC1.jdr(0).read().jdata();
+        self.vrefint = vrefint();
         self.scale.battery(VrefintSample { battery: pac::ADC1.dr().read().data(), vrefint: self.vrefint })
     }
 

@@ -6,8 +6,11 @@
 #![no_main]
 
 mod adc;
+mod analog;
 mod chip;
 mod current;
+mod i2c;
+mod transmission;
 
 use adc::BatteryAdc;
 use current::CurrentLines;
@@ -16,14 +19,18 @@ use defmt_rtt as _;
 use embassy_executor::Spawner;
 use embassy_stm32::flash::{self, Async, Bank2Region1, Flash};
 use embassy_stm32::gpio::{Flex, Input, Pull};
-use embassy_stm32::peripherals::USART3;
+use embassy_stm32::interrupt::typelevel;
+use embassy_stm32::peripherals::{I2C1, I2C2, I2C3, USART3, USART6};
 use embassy_stm32::usart::BufferedInterruptHandler;
 use embassy_stm32::{bind_interrupts, interrupt, pac};
 use motor_hub::tasks::store::Keeper;
 use motor_hub_stm32::bridge_faults::{DiagLines, line};
+use motor_hub_stm32::connectors::Connectors;
 use motor_hub_stm32::encoders::{Counter, QuadratureCounters};
+use motor_hub_stm32::i2c_bus::Bus;
 use motor_hub_stm32::lamp::Lamp;
 use motor_hub_stm32::pins::{DigitalLines, low};
+use motor_hub_stm32::servo::Servo;
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
 use motor_hub_stm32::{record, serial, status};
 use static_cell::StaticCell;
@@ -34,7 +41,9 @@ const STORE: core::ops::Range<u32> = 0..32 * 1024;
 
 motor_hub_stm32::hub! {
     motors: 4,
-    pins: 2,
+    pins: 8,
+    servos: 6,
+    i2c: [i2c::Bus; 3],
     pwm: TIM1,
     encoders: [TIM2, TIM3, TIM4, TIM8],
     watchdog: IWDG,
@@ -46,7 +55,8 @@ motor_hub_stm32::hub! {
 
 bind_interrupts!(struct Irqs {
     FLASH => flash::InterruptHandler;
-    USART3 => BufferedInterruptHandler<USART3>;
+    USART3 => transmission::End<typelevel::USART3>, BufferedInterruptHandler<USART3>;
+    USART6 => transmission::End<typelevel::USART6>, BufferedInterruptHandler<USART6>;
 });
 
 /// Opens all bridges until a reset, from any context: PWM low first, then all direction lines, PD0 to PD7.
@@ -87,20 +97,64 @@ async fn main(spawner: Spawner) {
         Counter::new(p.TIM4, p.PD12, p.PD13),
         Counter::new(p.TIM8, p.PC6, p.PC7),
     ));
-    let diag = DiagLines([line(p.PE2), line(p.PE4), line(p.PE5), line(p.PE6)]);
+    let diag = DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]);
     let battery = unwrap!(BatteryAdc::new(p.ADC1, p.PA3, p.PC2));
     let currents =
         CurrentLines::new(p.ADC3, [Flex::new(p.PC0), Flex::new(p.PC3), Flex::new(p.PF3), Flex::new(p.PF5)]);
-    static BUFFERS: StaticCell<serial::Buffers> = StaticCell::new();
-    let link = unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, BUFFERS.init(serial::Buffers::new())));
+    static BUFFERS: StaticCell<[serial::Buffers; 2]> = StaticCell::new();
+    let [first, second] = BUFFERS.init([const { serial::Buffers::new() }; 2]);
+    let link = serial::host_link(
+        unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, first, Some(transmission::ST_LINK))),
+        Some(unwrap!(serial::open(p.USART6, p.PG14, p.PG9, Irqs, second, Some(transmission::ADAPTER)))),
+    );
     let lamp = Lamp { red: low(p.PB14), green: low(p.PB0), blue: low(p.PB7) };
-    let pins = DigitalLines::new([Flex::new(p.PF14), Flex::new(p.PF15)]);
+    analog::set_up(
+        p.ADC2,
+        [Flex::new(p.PA4), Flex::new(p.PA5), Flex::new(p.PA6), Flex::new(p.PA0), Flex::new(p.PB1)],
+    );
+    let servos = [
+        Servo::new(p.TIM10, p.PF6),
+        Servo::new(p.TIM11, p.PF7),
+        Servo::new(p.TIM13, p.PF8),
+        Servo::new(p.TIM14, p.PF9),
+        Servo::new(p.TIM12, p.PB15),
+        Servo::new(p.TIM9, p.PE5),
+    ];
+    let buses = [
+        Bus::new::<I2C1>(i2c::i2c1(), p.PB8, p.PB9),
+        Bus::new::<I2C2>(i2c::i2c2(), p.PF1, p.PF0),
+        Bus::new::<I2C3>(i2c::i2c3(), p.PA8, p.PC9),
+    ];
+    let digital = DigitalLines::new([
+        Flex::new(p.PF14),
+        Flex::new(p.PF15),
+        Flex::new(p.PE7),
+        Flex::new(p.PE8),
+        Flex::new(p.PE10),
+        Flex::new(p.PE12),
+        Flex::new(p.PE15),
+        Flex::new(p.PE0),
+    ]);
+    let connectors = Connectors { digital, servos, analog: Some(analog::read), i2c: 3 };
     let button = Input::new(p.PC13, Pull::None);
     let region = Flash::new(p.FLASH, Irqs).into_regions().bank2_region1;
     let store = Keeper::new(region, STORE).filter(|_| chip::reads_second_bank());
     let bridges = Vnh5019::new(pwm, bridges);
     start(
         spawner,
-        Parts { watchdog, bridges, diag, currents, encoders, battery, link, pins, lamp, button, store },
+        Parts {
+            watchdog,
+            bridges,
+            diag,
+            currents,
+            encoders,
+            battery,
+            link,
+            connectors,
+            buses,
+            lamp,
+            button,
+            store,
+        },
     );
 }

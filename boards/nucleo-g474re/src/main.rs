@@ -17,6 +17,7 @@ use embassy_stm32::peripherals::LPUART1;
 use embassy_stm32::usart::BufferedInterruptHandler;
 use embassy_stm32::{bind_interrupts, interrupt, pac};
 use motor_hub_stm32::bridge_faults::{DiagLines, line};
+use motor_hub_stm32::connectors::Connectors;
 use motor_hub_stm32::encoders::{Counter, QuadratureCounters};
 use motor_hub_stm32::lamp::Lamp;
 use motor_hub_stm32::pins::{DigitalLines, low};
@@ -27,6 +28,7 @@ use static_cell::StaticCell;
 motor_hub_stm32::hub! {
     motors: 4,
     pins: 2,
+    servos: 0,
     pwm: TIM1,
     encoders: [TIM2, TIM3, TIM4, TIM8],
     watchdog: IWDG,
@@ -82,13 +84,16 @@ async fn main(spawner: Spawner) {
     let diag = DiagLines([line(p.PB11), line(p.PB12), line(p.PB13), line(p.PB14)]);
     let battery = unwrap!(adc::battery((p.ADC1, p.ADC3), p.PA0));
     static BUFFERS: StaticCell<serial::Buffers> = StaticCell::new();
-    let link = unwrap!(serial::open(p.LPUART1, p.PA2, p.PA3, Irqs, BUFFERS.init(serial::Buffers::new())));
+    let line =
+        unwrap!(serial::open(p.LPUART1, p.PA2, p.PA3, Irqs, BUFFERS.init(serial::Buffers::new()), None));
+    let link = serial::host_link(line, None);
     let lamp = Lamp { red: low(p.PC10), green: low(p.PA5), blue: low(p.PC11) };
-    let pins = DigitalLines::new([Flex::new(p.PC8), Flex::new(p.PC9)]);
+    let digital = DigitalLines::new([Flex::new(p.PC8), Flex::new(p.PC9)]);
+    let connectors = Connectors { digital, servos: [], analog: None, i2c: 0 };
     let button = Input::new(p.PC13, Pull::None);
     let bridges = Vnh5019::new(pwm, bridges);
     start(
         spawner,
-        Parts { watchdog, bridges, diag, currents: (), encoders, battery, link, pins, lamp, button },
+        Parts { watchdog, bridges, diag, currents: (), encoders, battery, link, connectors, lamp, button },
     );
 }

@@ -1,5 +1,7 @@
-//! Battery (PA3) on ADC1 and VREFINT on ADC3: VREFINT is on ADC3 alone (RM0433 table 209), and PA3 is not on ADC3.
+//! Battery (PA3) on ADC1 and VREFINT on ADC3: VREFINT is on ADC3 alone (RM0433 table 209), and PA3 is not on ADC3. ADC3 also has
+//! the host's [analog inputs](crate::analog).
 
+use crate::analog;
 use embassy_stm32::gpio::Flex;
 use embassy_stm32::pac::Interrupt;
 use embassy_stm32::pac::adc::Adc;
@@ -48,6 +50,18 @@ impl Kind for H7 {
         converter.ltr1().write(|w| w.set_ltr1(low.into()));
         converter.htr1().write(|w| w.set_htr1(high.into()));
     }
+
+    fn prepare_reference(converter: Adc, channel: u8) {
+        analog::prepare(converter, channel);
+    }
+
+    fn take_reference(_: Adc) -> Option<u16> {
+        analog::vrefint()
+    }
+
+    fn next_reference(_: Adc) {
+        analog::next();
+    }
 }
 
 /// Converters that are not calibrated yet.
@@ -61,7 +75,10 @@ pub(crate) fn battery(
     rcc::enable_and_reset::<ADC1>();
     rcc::enable_and_reset::<ADC3>();
     // While all converters are disabled (RM0433 25.4.10).
-    pac::ADC3_COMMON.ccr().modify(|w| w.set_vrefen(true));
+    pac::ADC3_COMMON.ccr().modify(|w| {
+        w.set_vrefen(true);
+        w.set_vsenseen(true);
+    });
     TwoConverters::new(BATTERY, VREFINT, Flex::new(pin), FactoryWord::H74X, DIVIDER_OHMS)
 }
 

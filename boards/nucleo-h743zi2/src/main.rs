@@ -6,8 +6,10 @@
 #![no_main]
 
 mod adc;
+mod analog;
 mod chip;
 mod current;
+mod i2c;
 
 use adc::BatteryAdc;
 use boot_h743zi2::{Bank, layout};
@@ -18,7 +20,7 @@ use defmt_rtt as _;
 use embassy_embedded_hal::flash::partition::Partition;
 use embassy_executor::Spawner;
 use embassy_stm32::gpio::{Flex, Input, Pull};
-use embassy_stm32::peripherals::USART3;
+use embassy_stm32::peripherals::{I2C1, I2C2, I2C3, I2C4, USART3, USART6};
 use embassy_stm32::usart::BufferedInterruptHandler;
 use embassy_stm32::{bind_interrupts, interrupt, pac};
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
@@ -29,9 +31,12 @@ use motor_hub::tasks::store::Keeper;
 use motor_hub::tasks::{self, update::Slots};
 use motor_hub::update::Slot;
 use motor_hub_stm32::bridge_faults::{DiagLines, line};
+use motor_hub_stm32::connectors::Connectors;
 use motor_hub_stm32::encoders::{Counter, QuadratureCounters};
+use motor_hub_stm32::i2c_bus::Bus;
 use motor_hub_stm32::lamp::Lamp;
 use motor_hub_stm32::pins::{DigitalLines, low};
+use motor_hub_stm32::servo::Servo;
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
 use motor_hub_stm32::{record, serial, status};
 use static_cell::StaticCell;
@@ -65,7 +70,9 @@ const SIGNER: Option<[u8; 32]> = match motor_hub::update::public_key(include_byt
 
 motor_hub_stm32::hub! {
     motors: 4,
-    pins: 2,
+    pins: 8,
+    servos: 6,
+    i2c: [i2c::Bus; 4],
     pwm: TIM1,
     encoders: [TIM2, TIM3, TIM4, TIM8],
     watchdog: IWDG1,
@@ -77,6 +84,7 @@ motor_hub_stm32::hub! {
 
 bind_interrupts!(struct Irqs {
     USART3 => BufferedInterruptHandler<USART3>;
+    USART6 => BufferedInterruptHandler<USART6>;
 });
 
 /// Opens all bridges until a reset, from any context: PWM low first, then all direction lines, PD0 to PD7.
@@ -122,14 +130,49 @@ async fn main(spawner: Spawner) {
         Counter::new(p.TIM4, p.PD12, p.PD13),
         Counter::new(p.TIM8, p.PC6, p.PC7),
     ));
-    let diag = DiagLines([line(p.PE2), line(p.PE4), line(p.PE5), line(p.PE6)]);
+    let diag = DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]);
     let battery = unwrap!(adc::battery((p.ADC1, p.ADC3), p.PA3));
     let currents =
         CurrentLines::new(p.ADC2, [Flex::new(p.PC0), Flex::new(p.PB1), Flex::new(p.PA6), Flex::new(p.PA5)]);
-    static BUFFERS: StaticCell<serial::Buffers> = StaticCell::new();
-    let link = unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, BUFFERS.init(serial::Buffers::new())));
+    static BUFFERS: StaticCell<[serial::Buffers; 2]> = StaticCell::new();
+    let [first, second] = BUFFERS.init([const { serial::Buffers::new() }; 2]);
+    let link = serial::host_link(
+        unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, first, None)),
+        Some(unwrap!(serial::open(p.USART6, p.PG14, p.PG9, Irqs, second, None))),
+    );
     let lamp = Lamp { red: low(p.PB14), green: low(p.PB0), blue: low(p.PE1) };
-    let pins = DigitalLines::new([Flex::new(p.PF14), Flex::new(p.PF15)]);
+    analog::connect([
+        Flex::new(p.PF3),
+        Flex::new(p.PF4),
+        Flex::new(p.PF5),
+        Flex::new(p.PF10),
+        Flex::new(p.PC2),
+    ]);
+    let servos = [
+        Servo::new(p.TIM16, p.PF6),
+        Servo::new(p.TIM17, p.PF7),
+        Servo::new(p.TIM13, p.PF8),
+        Servo::new(p.TIM14, p.PF9),
+        Servo::new(p.TIM12, p.PB15),
+        Servo::new(p.TIM15, p.PE5),
+    ];
+    let buses = [
+        Bus::new::<I2C1>(i2c::i2c1(), p.PB8, p.PB9),
+        Bus::new::<I2C2>(i2c::i2c2(), p.PF1, p.PF0),
+        Bus::new::<I2C3>(i2c::i2c3(), p.PA8, p.PC9),
+        Bus::new::<I2C4>(i2c::i2c4(), p.PB6, p.PB7),
+    ];
+    let digital = DigitalLines::new([
+        Flex::new(p.PF14),
+        Flex::new(p.PF15),
+        Flex::new(p.PE7),
+        Flex::new(p.PE8),
+        Flex::new(p.PE10),
+        Flex::new(p.PE12),
+        Flex::new(p.PE15),
+        Flex::new(p.PE0),
+    ]);
+    let connectors = Connectors { digital, servos, analog: Some(analog::read), i2c: 4 };
     let button = Input::new(p.PC13, Pull::None);
     static BANKS: StaticCell<[Mutex<ThreadModeRawMutex, Bank<Timer>>; 2]> = StaticCell::new();
     let [first, second] = BANKS.init(Bank::both(p.FLASH, || Timer::after(FLASH_PAUSE)).map(Mutex::new));
@@ -145,7 +188,20 @@ async fn main(spawner: Spawner) {
     let bridges = Vnh5019::new(pwm, bridges);
     start(
         spawner,
-        Parts { watchdog, bridges, diag, currents, encoders, battery, link, pins, lamp, button, store },
+        Parts {
+            watchdog,
+            bridges,
+            diag,
+            currents,
+            encoders,
+            battery,
+            link,
+            connectors,
+            buses,
+            lamp,
+            button,
+            store,
+        },
     );
 }
 

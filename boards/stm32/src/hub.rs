@@ -8,7 +8,8 @@
 ///
 /// | name | what it is |
 /// |---|---|
-/// | `motors`, `pins` | number of motors, and of digital pins for a host |
+/// | `motors`, `pins`, `servos` | number of motors, and of digital pins and servo outputs for a host |
+/// | `i2c` | type and number of the I2C buses for a host; left out on a board that has none |
 /// | `pwm`, `encoders`, `watchdog` | peripherals: timer of the bridges, timers of the encoders by motor, watchdog |
 /// | `battery` | type of the converter of the battery |
 /// | `currents` | type of the converter that measures the currents of the bridges; `()` on a board without such a converter |
@@ -19,6 +20,8 @@ macro_rules! hub {
     (
         motors: $motors:literal,
         pins: $pins:literal,
+        servos: $servos:literal,
+        $(i2c: [$bus:ty; $buses:literal],)?
         pwm: $pwm:ident,
         encoders: [$($encoder:ident),+],
         watchdog: $watchdog:ident,
@@ -63,8 +66,9 @@ macro_rules! hub {
             currents: $currents,
             encoders: Encoders,
             battery: $battery,
-            link: ($crate::serial::Sender, ::embassy_stm32::usart::BufferedUartRx<'static>),
-            pins: $crate::pins::DigitalLines<$pins>,
+            link: ($crate::serial::HostSender, $crate::serial::HostReceiver),
+            connectors: $crate::connectors::Connectors<$pins, $servos>,
+            $(buses: [$bus; $buses],)?
             lamp: $crate::lamp::Lamp,
             button: ::embassy_stm32::gpio::Input<'static>,
             $(store: Option<::motor_hub::tasks::store::Keeper<$store>>,)?
@@ -96,8 +100,14 @@ macro_rules! hub {
                     spawner.spawn(unwrap!(store(keeper)));
                 }
             )?
+            $(
+                let buses: [$bus; $buses] = parts.buses;
+                for (number, bus) in buses.into_iter().enumerate() {
+                    spawner.spawn(unwrap!(i2c(bus, number)));
+                }
+            )?
             let (tx, rx) = parts.link;
-            spawner.spawn(unwrap!(responder(rx, tx, parts.pins, parts.lamp, settings, has_store)));
+            spawner.spawn(unwrap!(responder(rx, tx, parts.connectors, parts.lamp, settings, has_store)));
             spawner.spawn(unwrap!(button(parts.button)));
         }
 
@@ -145,9 +155,9 @@ macro_rules! hub {
         /// Ends only if the serial line ends, which it never does.
         #[::embassy_executor::task]
         async fn responder(
-            rx: ::embassy_stm32::usart::BufferedUartRx<'static>,
-            tx: $crate::serial::Sender,
-            pins: $crate::pins::DigitalLines<$pins>,
+            rx: $crate::serial::HostReceiver,
+            tx: $crate::serial::HostSender,
+            connectors: $crate::connectors::Connectors<$pins, $servos>,
             mut lamp: $crate::lamp::Lamp,
             settings: ::motor_hub::motor::Settings,
             has_store: bool,
@@ -166,13 +176,20 @@ macro_rules! hub {
                 lamp.show(colour);
                 HEALTH.check_in(::motor_hub::tasks::Task::Responder);
             };
-            ::motor_hub::tasks::responder::run(rx, tx, pins, &mut responder, &WIRES, show).await;
+            ::motor_hub::tasks::responder::run(rx, tx, connectors, &mut responder, &WIRES, show).await;
         }
 
         $(
             #[::embassy_executor::task]
             async fn store(keeper: ::motor_hub::tasks::store::Keeper<$store>) -> ! {
                 ::motor_hub::tasks::store::run(keeper, &WIRES).await
+            }
+        )?
+
+        $(
+            #[::embassy_executor::task(pool_size = $buses)]
+            async fn i2c(bus: $bus, number: usize) -> ! {
+                ::motor_hub::tasks::i2c::run(bus, number, &WIRES).await
             }
         )?
 

@@ -11,6 +11,10 @@
 //! | `two_converters` | battery and VREFINT on a converter each; feature `two-converters` |
 //! | [`serial`] | the host link: a buffered USART |
 //! | [`pins`] | digital pins for a host |
+//! | [`servo`] | servo outputs for a host |
+//! | [`analog`] | readings of analog inputs, 5 V rail and temperature |
+//! | [`connectors`] | digital pins, servo outputs and analog inputs together |
+//! | [`i2c_bus`] | an I2C bus for a host |
 //! | [`lamp`] | the host's status LEDs: red, green, blue |
 //! | [`watchdog`] | the independent watchdog |
 //! | [`faults`] | the end of a run by a panic or a fault: bridges open first |
@@ -21,17 +25,21 @@
 //! | [`status`] | the log |
 #![no_std]
 
+pub mod analog;
 pub mod bridge_faults;
+pub mod connectors;
 pub mod demo;
 
 pub mod encoders;
 pub mod faults;
 mod hub;
+pub mod i2c_bus;
 pub mod lamp;
 mod mpu;
 pub mod pins;
 pub mod record;
 pub mod serial;
+pub mod servo;
 pub mod stack;
 pub mod start;
 pub mod status;

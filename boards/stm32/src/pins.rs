@@ -2,7 +2,6 @@
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AnyPin, Flex, Level, Output, Pin, Pull, Speed};
-use motor_hub::board::{AnalogReadings, Devices, Equipment, SERVOS, ServoPulse};
 
 /// An output, low from the first instant.
 pub fn low(pin: Peri<'static, impl Pin>) -> Output<'static> {
@@ -15,34 +14,30 @@ pub struct DigitalLines<const P: usize> {
     lines: [Flex<'static>; P],
     /// Bit i: line i is an output.
     outputs: u8,
+    /// Bit i: the level of line i as an output.
+    levels: u8,
 }
 
 impl<const P: usize> DigitalLines<P> {
     /// All lines are inputs.
     pub fn new(mut lines: [Flex<'static>; P]) -> Self {
-        lines.iter_mut().for_each(|line| line.set_as_input(Pull::Up));
-        Self { lines, outputs: 0 }
-    }
-}
-
-impl<const P: usize> Devices for DigitalLines<P> {
-    fn equipment(&self) -> Equipment {
-        let digital = 1u8.checked_shl(P as u32).map_or(u8::MAX, |above| above - 1);
-        Equipment { digital, ..Equipment::default() }
+        for line in &mut lines {
+            line.set_low();
+            line.set_as_input(Pull::Up);
+        }
+        Self { lines, outputs: 0, levels: 0 }
     }
 
-    fn set_servos(&mut self, _: &[Option<ServoPulse>; SERVOS]) {}
-
-    fn analog(&mut self) -> AnalogReadings {
-        AnalogReadings::default()
-    }
-
-    fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
+    /// Sets directions and levels, and returns the levels of all lines. Bit i stands for line i. A line whose bit in `driven` is 1
+    /// is an output with its level in `levels`. Only lines that change are written.
+    pub fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
         let mut sensed = u8::MAX;
         for (line, pin) in self.lines.iter_mut().zip(0..8) {
             let bit = 1 << pin;
             // The level comes before the direction: an output has its level from the first instant.
-            line.set_level(if levels & bit != 0 { Level::High } else { Level::Low });
+            if (self.levels ^ levels) & bit != 0 {
+                line.set_level(if levels & bit != 0 { Level::High } else { Level::Low });
+            }
             match (self.outputs & bit != 0, driven & bit != 0) {
                 (false, true) => line.set_as_output(Speed::Low),
                 (true, false) => line.set_as_input(Pull::Up),
@@ -52,7 +47,7 @@ impl<const P: usize> Devices for DigitalLines<P> {
                 sensed &= !bit;
             }
         }
-        self.outputs = driven;
+        (self.outputs, self.levels) = (driven, levels);
         sensed
     }
 }

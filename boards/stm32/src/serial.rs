@@ -1,9 +1,13 @@
-//! The host link's line: a USART with a buffer each way.
+//! The host link's lines: a USART each, with a buffer each way. A hub with two lines has one host: that on the line from which the
+//! first whole packet has come. The other line is then deaf until the next start of the hub.
 //!
 //! Bytes are received by interrupt, not by a circular DMA stream. After a line error embassy restarts the stream at the start
 //! of its buffer, but goes on reading at the old place. Old packets would then be executed again. At 460 800 baud there is at
 //! most one short interrupt every 22 us.
 
+use crate::supply::Watcher;
+use core::sync::atomic::{AtomicU8, Ordering};
+use embassy_futures::select::{Either, select};
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::Pull;
 use embassy_stm32::interrupt::typelevel::Binding;
@@ -11,14 +15,21 @@ use embassy_stm32::usart::{
     BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config, ConfigError, Error,
     Instance, RxPin, TxPin,
 };
-use embedded_io_async::{ErrorType, Write};
-use motor_hub::protocol::BAUD;
+use embassy_time::Instant;
+use embedded_io_async::{ErrorType, Read, Write};
+use motor_hub::protocol::frame::{self, Frame};
+use motor_hub::protocol::{BAUD, Decoder};
+use motor_hub::units::Micros;
 
 /// Several of the longest requests that hosts send (112 bytes).
 const RECEIVED: usize = 512;
 
 /// Every answer of REV's protocol fits, and leaves in one burst. This hub's own reports leave in two.
 const SENT: usize = 128;
+
+/// Bytes after which the reader is woken while a line is busy. Otherwise it is woken when the line falls idle, or when half the
+/// buffer is full: a host that sends eight requests without a pause would wait for the first answer until all have arrived.
+const EAGER: usize = 16;
 
 /// Bytes that have not been read or sent yet.
 pub struct Buffers {
@@ -39,6 +50,9 @@ impl Default for Buffers {
     }
 }
 
+/// A line: its sending and its receiving half.
+pub type Line = (Sender, BufferedUartRx<'static>);
+
 /// 460 800 baud, 8 data bits, no parity, one stop bit; RX pulled up.
 ///
 /// # Errors
@@ -49,20 +63,34 @@ pub fn open<T: Instance>(
     rx: Peri<'static, impl RxPin<T>>,
     irqs: impl Binding<T::Interrupt, BufferedInterruptHandler<T>> + 'static,
     buffers: &'static mut Buffers,
-) -> Result<(Sender, BufferedUartRx<'static>), ConfigError> {
+    end: Option<TransmissionEnd>,
+) -> Result<Line, ConfigError> {
     let mut config = Config::default();
     config.baudrate = BAUD;
     // Without power the ST-LINK does not drive the line, which must then be idle, not noise.
     config.rx_pull = Pull::Up;
+    config.eager_reads = Some(EAGER);
     let line = BufferedUart::new(usart, rx, tx, &mut buffers.sent, &mut buffers.received, irqs, config)?;
     let (sender, receiver) = line.split();
-    Ok((Sender(sender), receiver))
+    Ok((Sender { line: sender, end }, receiver))
 }
 
 /// The line's sending half. A write to embassy's half that is longer than its buffer is refused, and each later flush waits
 /// without end. A write that does not fit yet waits without being woken. So a write here is at most the buffer, and waits until
 /// the buffer is empty.
-pub struct Sender(BufferedUartTx<'static>);
+pub struct Sender {
+    line: BufferedUartTx<'static>,
+    end: Option<TransmissionEnd>,
+}
+
+/// How a board waits for the end of a transmission, in place of embassy.
+#[derive(Clone, Copy)]
+pub struct TransmissionEnd {
+    /// Woken at the end.
+    pub watcher: &'static Watcher,
+    /// True if nothing is being sent.
+    pub ended: fn() -> bool,
+}
 
 impl ErrorType for Sender {
     type Error = Error;
@@ -70,11 +98,105 @@ impl ErrorType for Sender {
 
 impl Write for Sender {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Error> {
-        Write::flush(&mut self.0).await?;
-        Write::write(&mut self.0, bytes.get(..SENT).unwrap_or(bytes)).await
+        self.flush().await?;
+        Write::write(&mut self.line, bytes.get(..SENT).unwrap_or(bytes)).await
     }
 
     async fn flush(&mut self) -> Result<(), Error> {
-        Write::flush(&mut self.0).await
+        match self.end {
+            None => Write::flush(&mut self.line).await,
+            Some(TransmissionEnd { watcher, ended }) => {
+                watcher.wait(ended, || ()).await;
+                Ok(())
+            }
+        }
+    }
+}
+
+/// The line of the host: [`UNDECIDED`], 0 or 1. There is one host link in a program.
+static HOST: AtomicU8 = AtomicU8::new(UNDECIDED);
+const UNDECIDED: u8 = 2;
+
+/// Makes one host link of one or two lines.
+pub fn host_link((sender, receiver): Line, second: Option<Line>) -> (HostSender, HostReceiver) {
+    let (second_sender, second_receiver) = second.unzip();
+    if second_receiver.is_none() {
+        HOST.store(0, Ordering::Relaxed);
+    }
+    let decoders = [const { Decoder::new() }; 2];
+    let receiver = HostReceiver { first: receiver, second: second_receiver, decoders, packet: Frame::new() };
+    (HostSender { first: sender, second: second_sender }, receiver)
+}
+
+/// The host link's receiving half.
+pub struct HostReceiver {
+    first: BufferedUartRx<'static>,
+    second: Option<BufferedUartRx<'static>>,
+    /// Look for the first packet on each line.
+    decoders: [Decoder; 2],
+    /// What the caller has not read of the first packet.
+    packet: Frame,
+}
+
+impl ErrorType for HostReceiver {
+    type Error = Error;
+}
+
+impl Read for HostReceiver {
+    async fn read(&mut self, into: &mut [u8]) -> Result<usize, Error> {
+        loop {
+            if !self.packet.is_empty() {
+                let count = self.packet.len().min(into.len());
+                into.iter_mut().zip(self.packet.drain(..count)).for_each(|(place, byte)| *place = byte);
+                return Ok(count);
+            }
+            let Some(second) = &mut self.second else { return self.first.read(into).await };
+            match HOST.load(Ordering::Relaxed) {
+                0 => return self.first.read(into).await,
+                1 => return second.read(into).await,
+                _ => {}
+            }
+            // One byte at a time: what follows the first packet stays in its line.
+            let (mut a, mut b) = ([0], [0]);
+            let (line, byte) = match select(self.first.read(&mut a), second.read(&mut b)).await {
+                Either::First(result) => result.map(|_| (0, a))?,
+                Either::Second(result) => result.map(|_| (1, b))?,
+            };
+            let now = Micros::new(Instant::now().as_micros());
+            let decoder = self.decoders.get_mut(usize::from(line));
+            if let Some(packet) = decoder.and_then(|decoder| decoder.next(&mut &byte[..], now)) {
+                HOST.store(line, Ordering::Relaxed);
+                self.packet = frame::encode(&packet);
+            }
+        }
+    }
+}
+
+/// The host link's sending half. Nothing is sent before the host has sent a packet.
+pub struct HostSender {
+    first: Sender,
+    second: Option<Sender>,
+}
+
+impl HostSender {
+    fn line(&mut self) -> &mut Sender {
+        match &mut self.second {
+            Some(second) if HOST.load(Ordering::Relaxed) == 1 => second,
+            _ => &mut self.first,
+        }
+    }
+}
+
+impl ErrorType for HostSender {
+    type Error = Error;
+}
+
+impl Write for HostSender {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Error> {
+        self.line().write(bytes).await
+    }
+
+    async fn flush(&mut self) -> Result<(), Error> {
+        self.line().flush().await
     }
 }

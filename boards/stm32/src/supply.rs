@@ -38,7 +38,7 @@ pub fn unmask(interrupt: pac::Interrupt) {
     unsafe { cortex_m::peripheral::NVIC::unmask(interrupt) }
 }
 
-/// The task that waits for the analog watchdog of a converter.
+/// The task that waits for an interrupt, such as that of a converter's analog watchdog.
 pub struct Watcher(AtomicWaker);
 
 impl Watcher {
@@ -83,6 +83,13 @@ pub struct FactoryWord {
 impl FactoryWord {
     /// STM32F42x (DS9405, internal reference voltage calibration values).
     pub const F42X: Self = Self { address: 0x1FFF_7A2A, rail: Millivolts::new(3_300), bits: 12 };
+    /// Readings of the temperature sensor at 30 and at 110 degrees of an STM32F42x (DS9405, temperature sensor calibration
+    /// values).
+    pub const F42X_TEMPERATURE: [Self; 2] =
+        [Self { address: 0x1FFF_7A2C, ..Self::F42X }, Self { address: 0x1FFF_7A2E, ..Self::F42X }];
+    /// The same of an STM32H74x (DS12110, temperature sensor calibration values).
+    pub const H74X_TEMPERATURE: [Self; 2] =
+        [Self { address: 0x1FF1_E820, ..Self::H74X }, Self { address: 0x1FF1_E840, ..Self::H74X }];
     /// STM32H74x (DS12110, internal reference voltage calibration values).
     pub const H74X: Self = Self { address: 0x1FF1_E860, rail: Millivolts::new(3_300), bits: 16 };
     /// STM32G47x (DS12288, internal reference voltage calibration values).

@@ -1,7 +1,8 @@
 //! Battery and VREFINT on a converter each, as the STM32G4 and the STM32H7 have them.
 //!
-//! Both converters convert without end, so the newest readings can always be read. The analog watchdog of the battery's
-//! converter wakes the core when the battery leaves its quiet range.
+//! The battery's converter converts without end, so its newest reading can always be read. Its analog watchdog wakes the core
+//! when the battery leaves its quiet range. The reference's converter does the same, unless the chip has other channels there
+//! too: then it converts a sequence for each sample of the battery.
 //!
 //! The HAL has neither of these, and its calibration blocks the core. Each converter has a data register, so there is no
 //! DMA. A converter that has stopped raises no new flag, which shows.
@@ -14,7 +15,7 @@ use embassy_stm32::gpio::Flex;
 use embassy_stm32::pac::Interrupt;
 use embassy_stm32::pac::adc::Adc;
 use embassy_stm32::pac::adc::vals::{Adstp, Awd1sgl, Ovrmod};
-use embassy_time::Timer;
+use embassy_time::{Duration, Instant, Timer};
 use motor_hub::board::SupplyAdc;
 use motor_hub::supply::{VrefintSample, VrefintScale};
 use motor_hub::units::{Millivolts, RangeError};
@@ -22,13 +23,16 @@ use motor_hub::units::{Millivolts, RangeError};
 /// Number of reads of a register, some microseconds, after which a converter that has not stopped never stops.
 const STOP_READS: u32 = 200;
 
+/// Age beyond which the reading of the reference is not used. The rail changes slowly.
+const REFERENCE_STALE: Duration = Duration::from_millis(25);
+
 static WATCHER: Watcher = Watcher::new();
 
 /// What differs between the converters of two chips.
 pub trait Kind {
     /// Interrupt of the battery's converter.
     const INTERRUPT: Interrupt;
-    /// Time in which both converters end a conversion, in microseconds.
+    /// Time in which the battery's converter ends a conversion, in microseconds.
     const WAIT_MICROS: u64;
     /// Longest time of a calibration, in milliseconds.
     const CALIBRATION_MS: u32;
@@ -41,13 +45,29 @@ pub trait Kind {
 
     /// Sets the readings at which the analog watchdog triggers.
     fn limit(converter: Adc, low: u16, high: u16);
+
+    /// Prepares the reference's converter, whose channel is connected already. This default converts the reference without end.
+    fn prepare_reference(converter: Adc, channel: u8) {
+        convert_without_end(converter, channel);
+    }
+
+    /// Takes a new reading of the reference. This default reads the converter that converts without end.
+    fn take_reference(converter: Adc) -> Option<u16> {
+        let new = converter.isr().read().eoc();
+        // Reading clears the flag.
+        new.then(|| converter.dr().read().rdata())
+    }
+
+    /// Starts the next sequence of the reference's converter. This default does nothing: the converter runs.
+    fn next_reference(_converter: Adc) {}
 }
 
 /// The two converters, with the battery's pin.
 pub struct TwoConverters<K> {
     scale: VrefintScale,
-    /// Newest reading of VREFINT.
+    /// Newest reading of VREFINT, and when it was taken.
     vrefint: u16,
+    referenced: Option<Instant>,
     /// Converter and channel of the battery.
     battery: (Adc, u8),
     /// Converter and channel of VREFINT.
@@ -75,16 +95,23 @@ impl<K: Kind> TwoConverters<K> {
             power_up(converter);
         }
         let vrefint = calibration.reading;
-        Ok(Self { scale, vrefint, battery, reference, _pin: pin, _kind: PhantomData })
+        Ok(Self { scale, vrefint, referenced: None, battery, reference, _pin: pin, _kind: PhantomData })
     }
 
     fn converters(&self) -> [(Adc, u8); 2] {
         [self.battery, self.reference]
     }
 
-    /// True if both channels have been converted since they were last read.
-    fn is_new(&self) -> bool {
-        self.converters().iter().all(|(converter, _)| converter.isr().read().eoc())
+    /// Takes a new reading of the battery, if the reading of the reference is not too old.
+    fn take(&mut self) -> Option<u16> {
+        if let Some(vrefint) = K::take_reference(self.reference.0) {
+            (self.vrefint, self.referenced) = (vrefint, Some(Instant::now()));
+        }
+        let referenced = self.referenced?;
+        let known = Instant::now().saturating_duration_since(referenced) <= REFERENCE_STALE;
+        let (converter, _) = self.battery;
+        // Reading clears the flag.
+        (known && converter.isr().read().eoc()).then(|| converter.dr().read().rdata())
     }
 }
 
@@ -94,19 +121,29 @@ impl<K: Kind> Calibrate for TwoConverters<K> {
         calibrate::<K>(&[self.battery.0, self.reference.0]).await;
         for (converter, channel) in self.converters() {
             K::connect(converter, channel);
-            converter.sqr1().write(|w| w.set_sq(0, channel));
-            converter.cfgr().modify(|w| {
-                w.set_cont(true);
-                w.set_ovrmod(Ovrmod::OVERWRITE);
-                w.set_awd1sgl(Awd1sgl::SINGLE);
-                w.set_awd1ch(channel);
-                // Nothing waits for a change of VREFINT.
-                w.set_awd1en(converter == self.battery.0);
-            });
+        }
+        let (converter, channel) = self.battery;
+        converter.cfgr().modify(|w| {
+            w.set_awd1sgl(Awd1sgl::SINGLE);
+            w.set_awd1ch(channel);
+            w.set_awd1en(true);
+        });
+        convert_without_end(converter, channel);
+        K::prepare_reference(self.reference.0, self.reference.1);
+        for (converter, _) in self.converters() {
             start(converter);
         }
         unmask(K::INTERRUPT);
     }
+}
+
+/// Prepares a converter for conversions of one channel without end. The data register has the newest.
+pub fn convert_without_end(converter: Adc, channel: u8) {
+    converter.sqr1().write(|w| w.set_sq(0, channel));
+    converter.cfgr().modify(|w| {
+        w.set_cont(true);
+        w.set_ovrmod(Ovrmod::OVERWRITE);
+    });
 }
 
 /// Switches the regulator of a converter on.
@@ -139,7 +176,8 @@ pub async fn calibrate<K: Kind>(converters: &[Adc]) {
     Timer::after_micros(20).await;
 }
 
-fn start(converter: Adc) {
+/// Starts a converter.
+pub fn start(converter: Adc) {
     converter.cr().modify(|w| w.set_adstart(true));
 }
 
@@ -157,20 +195,19 @@ pub fn stop(converter: Adc) {
 
 impl<K: Kind> SupplyAdc for TwoConverters<K> {
     async fn sample(&mut self) -> Option<Millivolts> {
-        if !self.is_new() {
+        let mut battery = self.take();
+        if battery.is_none() {
             Timer::after_micros(K::WAIT_MICROS).await;
-            if !self.is_new() {
-                for (converter, _) in self.converters() {
-                    stop(converter);
-                    start(converter);
-                }
-                return None;
+            battery = self.take();
+        }
+        if battery.is_none() {
+            for (converter, _) in self.converters() {
+                stop(converter);
+                start(converter);
             }
         }
-        // Reading clears the flags.
-        let [vrefint, battery] = [self.reference, self.battery].map(|(adc, _)| adc.dr().read().rdata());
-        self.vrefint = vrefint;
-        self.scale.battery(VrefintSample { battery, vrefint })
+        K::next_reference(self.reference.0);
+        self.scale.battery(VrefintSample { battery: battery?, vrefint: self.vrefint })
     }
 
     async fn leaves(&mut self, quiet: RangeInclusive<Millivolts>) {

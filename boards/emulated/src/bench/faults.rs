@@ -61,13 +61,14 @@ impl Bench {
         });
     }
 
-    /// Connects a digital pin, 0 or 1, to ground or to the supply, or to nothing.
+    /// Connects a digital pin, 0 to 7, to ground or to the supply, or to nothing.
     pub fn connect_pin(&mut self, pin: usize, level: Option<bool>) {
         self.at_stop(move |lab, session, _| {
-            let pin = Pin::new(wiring::DIGITAL_PINS[pin]).expect("a pin of a port");
+            let (port, pin) = wiring::DIGITAL[pin];
+            let pin = Pin::new(pin).expect("a pin of a port");
             let at = VirtualNanos(lab.now);
             let level = level.map(Level::from);
-            session.board_mut().chip.drive_pin(at, wiring::DIGITAL_PORT, pin, level);
+            session.board_mut().chip.drive_pin(at, port, pin, level);
         });
     }
 
@@ -76,11 +77,12 @@ impl Bench {
         self.at_stop(|lab, session, _| lab.wire_pins(session));
     }
 
-    /// What a wire on a digital pin, 0 or 1, would see.
+    /// What a wire on a digital pin, 0 to 7, would see.
     pub fn pin_level(&mut self, pin: usize) -> bool {
         self.at_stop(move |_, session, _| {
-            let pin = Pin::new(wiring::DIGITAL_PINS[pin]).expect("a pin of a port");
-            session.board_mut().chip.pin_level(wiring::DIGITAL_PORT, pin) == Level::High
+            let (port, pin) = wiring::DIGITAL[pin];
+            let pin = Pin::new(pin).expect("a pin of a port");
+            session.board_mut().chip.pin_level(port, pin) == Level::High
         })
     }
 

@@ -1,6 +1,7 @@
 //! The STM32F427, for the F429 of its board: one reference manual, RM0090, and the same registers but for a display
 //! controller that the firmware does not use. Of the EXTI, which the emulator lacks, the line of the voltage detector
-//! is put in, and ADC1 has a [sampling capacitor](super::sampling_capacitor).
+//! is put in, and ADC1 has a [sampling capacitor](super::sampling_capacitor). So are the [timers](super::servo_timer) of
+//! the servos. I2C devices can hold the [lines](super::bus_lines) of their buses.
 
 use std::num::{NonZeroU32, NonZeroU64};
 use std::path::Path;
@@ -19,16 +20,20 @@ use rigless::soc::stm32f427::generated::pwr::{self, csr};
 use rigless::soc::stm32f427::generated::tim1::Register as Tim1;
 // All ports have the registers of port I.
 use rigless::soc::stm32f427::generated::gpioi::Register as Gpio;
-use rigless::soc::stm32f427::generated::{adc1, exti};
-use rigless::soc::stm32f427::peripherals::{adc, rcc::Apb};
+use rigless::soc::stm32f427::generated::{adc1, exti, tim9, tim10, tim11};
+use rigless::soc::stm32f427::peripherals::i2c::I2c;
+use rigless::soc::stm32f427::peripherals::{I2C_INTERFACES, adc, rcc::Apb};
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
+use super::bus_lines::Lines;
 use super::sampling_capacitor::Sampled;
+use super::servo_timer::{Edge, ServoTimer, Servos};
 use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, Remembers, words};
 use crate::board::Board;
 use crate::processor::Mpu;
 use crate::pwm::Registers;
+use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
 use crate::wiring;
 
@@ -38,6 +43,8 @@ const FACTORY_WORDS_AT: u64 = 0x1FFF_7A10;
 
 /// 1.21 V, which the emulator's VREFINT is, read on a 3.3 V rail.
 const VREFINT_CALIBRATION: u16 = 1501;
+/// The emulator's temperature sensor at 30 and at 110 degrees, 0.7725 and 0.9725 V, on the same rail.
+const SENSOR_CALIBRATION: [u16; 2] = [959, 1207];
 
 /// EXTI line 16 is the voltage detector's (RM0090 12.2.5).
 const DETECTOR_LINE: u64 = 1 << 16;
@@ -49,13 +56,24 @@ const BATTERY: adc::Channel = adc::Channel::new(3).expect("a channel on a pin");
 /// ADC1_IN12 is PC2, to which nothing is connected; port C is 2 by its place.
 const UNCONNECTED: (usize, u8, adc::Channel) = (2, 2, adc::Channel::new(12).expect("a channel on a pin"));
 
+/// The servos whose timers are on APB2: TIM10, TIM11 and TIM9 (RM0090 2.3).
+const ON_APB2: [usize; 3] = [0, 1, 5];
+
+/// ADC2_IN4, IN5, IN6 and IN0 are PA4, PA5, PA6 and PA0: the host's analog inputs. ADC2_IN9 is PB1: the 5 V rail's divider.
+const ANALOG: [u8; 5] = [4, 5, 6, 0, 9];
+
 /// The words that the factory writes.
 pub(super) fn factory_image() -> Result<Image, rigless::image::Error> {
     let mut words = [0_u8; 32];
     words[0x12..0x14].copy_from_slice(&2048_u16.to_le_bytes());
     words[0x1A..0x1C].copy_from_slice(&VREFINT_CALIBRATION.to_le_bytes());
+    words[0x1C..0x1E].copy_from_slice(&SENSOR_CALIBRATION[0].to_le_bytes());
+    words[0x1E..0x20].copy_from_slice(&SENSOR_CALIBRATION[1].to_le_bytes());
     Image::new(Path::new("factory words"), words.to_vec(), Some(FACTORY_WORDS_AT))
 }
+
+/// Whose chip this is.
+const BOARD: Board = Board::NucleoF429zi;
 
 /// The microcontroller.
 #[derive(Debug)]
@@ -79,6 +97,8 @@ pub(super) struct Chip {
     port_slots: [usize; wiring::PORTS.len()],
     /// The detector's interrupt is pending.
     supply_fell: bool,
+    servos: Servos,
+    buses: Vec<(usize, Lines<I2c>)>,
 }
 
 impl Chip {
@@ -97,9 +117,24 @@ impl Chip {
         for (slot, name) in port_slots.iter_mut().zip(wiring::PORTS) {
             *slot = part.bus().slot(name)?;
         }
+        let slot = |name| part.bus().slot(name);
+        let servos: Servos = [
+            (slot("TIM10")?, Box::new(ServoTimer::<tim10::Register>::new(1))),
+            (slot("TIM11")?, Box::new(ServoTimer::<tim11::Register>::new(1))),
+            (slot("TIM13")?, Box::new(ServoTimer::<tim10::Register>::new(1))),
+            (slot("TIM14")?, Box::new(ServoTimer::<tim10::Register>::new(1))),
+            (slot("TIM12")?, Box::new(ServoTimer::<tim9::Register>::new(2))),
+            (slot("TIM9")?, Box::new(ServoTimer::<tim9::Register>::new(1))),
+        ];
+        let mut buses = Vec::new();
+        for name in I2C_INTERFACES {
+            buses.push((slot(name)?, Lines::new(I2c::with_clock(0))));
+        }
         Ok(Self {
             part,
             pwm,
+            servos,
+            buses,
             adc_dead: false,
             converter,
             battery_open: false,
@@ -142,6 +177,8 @@ impl Mcu for Chip {
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
         Device::reset(&mut self.converter);
+        self.servos.iter_mut().for_each(|(_, servo)| servo.reset());
+        self.buses.iter_mut().for_each(|(_, lines)| Device::reset(lines));
     }
 
     fn poll(&mut self, now: VirtualNanos) {
@@ -160,6 +197,15 @@ impl Mcu for Chip {
             (self.part.bus_mut(), Some(&mut self.converter))
         } else if slot == self.exti_slot {
             (self.part.bus_mut(), Some(&mut self.plain_exti))
+        } else if let Some(servo) = self.servos.iter().position(|(place, _)| *place == slot) {
+            let bus = if ON_APB2.contains(&servo) { Apb::Two } else { Apb::One };
+            let (rcc, registers) = self.part.clocks();
+            let hz = rcc.timer_clock(registers, bus);
+            let timer = &mut self.servos[servo].1;
+            timer.set_clock(hz);
+            (self.part.bus_mut(), Some(&mut **timer))
+        } else if let Some((_, lines)) = self.buses.iter_mut().find(|(place, _)| *place == slot) {
+            (self.part.bus_mut(), Some(lines))
         } else {
             self.part.split(slot)
         }
@@ -168,7 +214,7 @@ impl Mcu for Chip {
 
 impl Part for Chip {
     fn target(&mut self, mpu: Mpu) -> Target<'_> {
-        let board = Board::NucleoF429zi;
+        let board = BOARD;
         let hz = NonZeroU64::new(board.core_hz()).expect("a running clock");
         let lines = u32::from(self.cpu().interrupt_lines);
         let core = Core {
@@ -221,6 +267,15 @@ impl Part for Chip {
         // ADC3_IN10, IN13, IN9 and IN15 are PC0, PC3, PF3 and PF5.
         let channel = adc::Channel::new([10, 13, 9, 15][motor]).expect("a channel on a pin");
         self.part.adc[2].set_input(channel, millivolts);
+    }
+
+    fn set_analog(&mut self, input: usize, millivolts: u32) {
+        let channel = adc::Channel::new(ANALOG[input]).expect("a channel on a pin");
+        self.part.adc[1].set_input(channel, millivolts);
+    }
+
+    fn set_temperature(&mut self, hundredths: i32) {
+        self.converter.converter.set_temperature(hundredths);
     }
 
     fn delay_currents(&mut self, _: u64) -> bool {

@@ -1,7 +1,8 @@
 //! The STM32H743, RM0433. Models of the emulator are replaced where the firmware needs more: the
 //! [watchdog](super::watchdog), the [analog watchdog](super::analog_watchdog) of a converter, and the [flash
 //! interface](super::flash_interface). The voltage detector is wired to the EXTI. A conversion of the currents can be
-//! [late](super::late_converter).
+//! [late](super::late_converter). The [timers](super::servo_timer) of the servos show their pins, and I2C devices can hold the
+//! [lines](super::bus_lines) of their buses.
 
 use std::num::{NonZeroU32, NonZeroU64};
 use std::path::Path;
@@ -17,32 +18,38 @@ use rigless::soc::st::gpio::Pin;
 use rigless::soc::st::tim::{Channel, Tim};
 use rigless::soc::stm32h743::Stm32h743;
 // All ports have the registers of port A.
-use rigless::soc::stm32h743::generated::dbgmcu;
 use rigless::soc::stm32h743::generated::gpioa::Register as Gpio;
 use rigless::soc::stm32h743::generated::pwr::{self, csr1};
 use rigless::soc::stm32h743::generated::tim1::Register as Tim1;
+use rigless::soc::stm32h743::generated::{dbgmcu, tim2, tim15, tim16, tim17};
 use rigless::soc::stm32h743::peripherals::adc;
+use rigless::soc::stm32h743::peripherals::i2c::{self, I2c};
 use rigless::soc::stm32h743::peripherals::rcc::TimerBus;
 use rigless::soc::stm32h743::peripherals::tim::{ADVANCED_TIMERS, Stm32h743Family, TIMERS};
 use rigless::soc::{Bus, Error, Width};
 use rigless::time::VirtualNanos;
 
 use super::analog_watchdog::Guarded;
+use super::bus_lines::Lines;
 use super::flash_interface::{FlashFaults, Interface};
 use super::late_converter::Late;
+use super::servo_timer::{Edge, ServoTimer, Servos};
 use super::watchdog::Watchdog;
 use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, Remembers, words};
 use crate::board::Board;
 use crate::processor::Mpu;
 use crate::pwm::Registers;
+use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
 use crate::wiring;
 
-/// VREFIN_CAL (DS12110, "internal reference voltage calibration values").
-const FACTORY_WORDS_AT: u64 = 0x1FF1_E860;
+/// TS_CAL1, TS_CAL2 and VREFIN_CAL (DS12110, tables 118 and 181).
+const FACTORY_WORDS_AT: u64 = 0x1FF1_E820;
 
 /// 1.216 V, which the emulator's VREFINT is, read on a 3.3 V rail with 16 bits.
 const VREFINT_CALIBRATION: u16 = 24_148;
+/// The emulator's temperature sensor at 30 and at 110 degrees, 0.62 and 0.78 V, on the same rail.
+const SENSOR_CALIBRATION: [u16; 2] = [12_313, 15_490];
 
 /// SWIER1 of the EXTI triggers lines (RM0433 20.6.3); 16 is the voltage detector's (table 150).
 const EXTI_SWIER1: u64 = 0x5800_0008;
@@ -61,11 +68,24 @@ const DEVICE: u64 = 0x450;
 /// nothing.
 const CACHES: Caches = Caches { clidr: 0x0900_0003, ctr: 0x8303_C003, ccsidr: &[0xF00F_E019, 0xF01F_E009] };
 
+/// The servos whose timers are on APB2: TIM16, TIM17 and TIM15 (RM0433 2.3).
+const ON_APB2: [usize; 3] = [0, 1, 5];
+
+/// ADC3_INP5, INP9, INP4 and INP6 are PF3, PF4, PF5 and PF10: the host's analog inputs. ADC3_INP0 is PC2_C: the 5 V rail's
+/// divider.
+const ANALOG: [u8; 5] = [5, 9, 4, 6, 0];
+
 /// The words that the factory writes.
 pub(super) fn factory_image() -> Result<Image, rigless::image::Error> {
-    let word = u32::from(VREFINT_CALIBRATION).to_le_bytes();
-    Image::new(Path::new("factory words"), word.to_vec(), Some(FACTORY_WORDS_AT))
+    let mut words = [0_u8; 0x44];
+    words[0x00..0x02].copy_from_slice(&SENSOR_CALIBRATION[0].to_le_bytes());
+    words[0x20..0x22].copy_from_slice(&SENSOR_CALIBRATION[1].to_le_bytes());
+    words[0x40..0x42].copy_from_slice(&VREFINT_CALIBRATION.to_le_bytes());
+    Image::new(Path::new("factory words"), words.to_vec(), Some(FACTORY_WORDS_AT))
 }
+
+/// Whose chip this is.
+const BOARD: Board = Board::NucleoH743zi2;
 
 /// The microcontroller.
 #[derive(Debug)]
@@ -93,6 +113,8 @@ pub(super) struct Chip {
     supply_low: bool,
     /// Nothing is connected to the battery's pin, which keeps its charge: ADC1 converts no other channel.
     battery_open: bool,
+    servos: Servos,
+    buses: Vec<(usize, Lines<I2c>)>,
 }
 
 impl Chip {
@@ -108,6 +130,18 @@ impl Chip {
         }
         let slot = |name| part.bus().slot(name);
         let [timer_slot, watchdog_slot, converter_slot] = [slot("TIM1")?, slot("IWDG")?, slot("ADC1")?];
+        let servos: Servos = [
+            (slot("TIM16")?, Box::new(ServoTimer::<tim16::Register>::new(1))),
+            (slot("TIM17")?, Box::new(ServoTimer::<tim17::Register>::new(1))),
+            (slot("TIM13")?, Box::new(ServoTimer::<tim2::Register>::new(1))),
+            (slot("TIM14")?, Box::new(ServoTimer::<tim2::Register>::new(1))),
+            (slot("TIM12")?, Box::new(ServoTimer::<tim2::Register>::new(2))),
+            (slot("TIM15")?, Box::new(ServoTimer::<tim15::Register>::new(1))),
+        ];
+        let mut buses = Vec::new();
+        for instance in i2c::INSTANCES {
+            buses.push((slot(instance.name)?, Lines::new(I2c::default())));
+        }
         let [currents_slot, flash_slot] = [slot("ADC2")?, slot("Flash")?];
         let mut encoder_slots = [0; wiring::BRIDGES];
         for (slot, counter) in encoder_slots.iter_mut().zip(&wiring::ENCODERS) {
@@ -124,6 +158,8 @@ impl Chip {
         Ok(Self {
             part,
             pwm,
+            servos,
+            buses,
             plain_timer: Remembers::default(),
             watchdog: Watchdog::default(),
             converter,
@@ -161,6 +197,8 @@ impl Mcu for Chip {
         Device::reset(&mut self.converter);
         Device::reset(&mut self.flash);
         Device::reset(&mut self.currents);
+        self.servos.iter_mut().for_each(|(_, servo)| servo.reset());
+        self.buses.iter_mut().for_each(|(_, lines)| Device::reset(lines));
     }
 
     fn poll(&mut self, now: VirtualNanos) {
@@ -180,6 +218,15 @@ impl Mcu for Chip {
             (self.part.bus_mut(), Some(&mut self.currents))
         } else if slot == self.watchdog_slot {
             (self.part.bus_mut(), Some(&mut self.watchdog))
+        } else if let Some(servo) = self.servos.iter().position(|(place, _)| *place == slot) {
+            let bus = if ON_APB2.contains(&servo) { TimerBus::Apb2 } else { TimerBus::Apb1 };
+            let (rcc, registers) = self.part.clocks();
+            let hz = rcc.timer_clock(registers, bus);
+            let timer = &mut self.servos[servo].1;
+            timer.set_clock(hz);
+            (self.part.bus_mut(), Some(&mut **timer))
+        } else if let Some((_, lines)) = self.buses.iter_mut().find(|(place, _)| *place == slot) {
+            (self.part.bus_mut(), Some(lines))
         } else {
             self.part.split(slot)
         }
@@ -199,7 +246,7 @@ fn drive<F: Stm32h743Family>(
 
 impl Part for Chip {
     fn target(&mut self, mpu: Mpu) -> Target<'_> {
-        let board = Board::NucleoH743zi2;
+        let board = BOARD;
         let hz = NonZeroU64::new(board.core_hz()).expect("a running clock");
         let lines = u32::from(self.cpu().interrupt_lines);
         let core = Core {
@@ -257,6 +304,15 @@ impl Part for Chip {
         // ADC12_INP10, INP5, INP3 and INP19 are PC0, PB1, PA6 and PA5.
         let channel = adc::Channel::new([10, 5, 3, 19][motor]).expect("a channel on a pin");
         self.currents.converter.set_input(channel, millivolts);
+    }
+
+    fn set_analog(&mut self, input: usize, millivolts: u32) {
+        let channel = adc::Channel::new(ANALOG[input]).expect("a channel on a pin");
+        self.part.adc[2].set_input(channel, millivolts);
+    }
+
+    fn set_temperature(&mut self, hundredths: i32) {
+        self.part.adc[2].set_temperature(hundredths);
     }
 
     fn delay_currents(&mut self, nanos: u64) -> bool {

@@ -2,7 +2,7 @@
 //! nucleo-h743zi2` runs all tests on that board.
 
 use crate::common::{am60, bits, booted, log, ms, on, setup};
-use crate::{boot, currents, faults, link, matrix, record, running, stack, supply};
+use crate::{boot, currents, devices, faults, link, matrix, record, running, stack, supply};
 use emulated::{Bench, Board};
 
 macro_rules! on_h743 {
@@ -24,6 +24,8 @@ on_h743!(
     running::what_the_chip_measures_is_what_the_physics_does,
     currents::a_host_gets_the_currents_that_flow_also_of_a_motor_whose_constants_are_wrong,
     currents::a_line_that_is_broken_is_named_and_not_believed_and_another_one_is,
+    devices::analog_inputs_rail_and_temperature_are_measured_and_never_old,
+    devices::i2c_devices_are_read_and_written_at_both_speeds_on_every_bus,
     link::power_and_letting_go_reach_the_bridge_within_two_milliseconds,
     link::digital_pins_are_read_and_driven,
     faults::a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_named,

@@ -4,6 +4,8 @@ mod boot;
 mod budget;
 mod common;
 mod currents;
+mod daemon;
+mod devices;
 mod faults;
 mod flash;
 mod h743;

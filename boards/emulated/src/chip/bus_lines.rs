@@ -1,0 +1,148 @@
+//! The two lines of an I2C bus, which a device can hold low: a device that stretches the clock, hangs, or waits in
+//! the middle of a byte. The emulator's devices answer at once and hold nothing.
+
+use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
+use rigless::soc::{stm32f427, stm32h743};
+use rigless::time::EventId;
+
+/// A controller of an I2C bus, as the emulator has it.
+pub(super) trait Controller: Device {
+    /// Whether this write asks for a start condition.
+    fn starts(register: Self::Register, value: u64) -> bool;
+
+    /// Whether this write resets the controller.
+    fn resets(register: Self::Register, value: u64) -> bool;
+
+    /// The bit of this register that says that the bus is busy, or 0.
+    fn busy(register: Self::Register) -> u64;
+}
+
+impl Controller for stm32f427::peripherals::i2c::I2c {
+    fn starts(register: Self::Register, value: u64) -> bool {
+        use stm32f427::generated::i2c3::{Register, cr1};
+        register == Register::Cr1 && cr1::START.is_set(value) && cr1::PE.is_set(value)
+    }
+
+    fn resets(register: Self::Register, value: u64) -> bool {
+        use stm32f427::generated::i2c3::{Register, cr1};
+        register == Register::Cr1 && (cr1::SWRST.is_set(value) || !cr1::PE.is_set(value))
+    }
+
+    fn busy(register: Self::Register) -> u64 {
+        use stm32f427::generated::i2c3::{Register, sr2};
+        if register == Register::Sr2 { sr2::BUSY.mask() } else { 0 }
+    }
+}
+
+impl Controller for stm32h743::peripherals::i2c::I2c {
+    fn starts(register: Self::Register, value: u64) -> bool {
+        use stm32h743::generated::i2c1::{Register, cr2};
+        register == Register::Cr2 && cr2::START.is_set(value)
+    }
+
+    fn resets(register: Self::Register, value: u64) -> bool {
+        use stm32h743::generated::i2c1::{Register, cr1};
+        register == Register::Cr1 && !cr1::PE.is_set(value)
+    }
+
+    fn busy(register: Self::Register) -> u64 {
+        use stm32h743::generated::i2c1::{Register, isr};
+        if register == Register::Isr { isr::BUSY.mask() } else { 0 }
+    }
+}
+
+/// A controller with its two lines. Nothing holds a line at first.
+#[derive(Debug)]
+pub(super) struct Lines<C: Controller> {
+    pub(super) controller: C,
+    /// A device holds SCL, SDA low.
+    low: [bool; 2],
+    /// Steps of the transfer that end when SCL is released.
+    held: Vec<EventId>,
+    /// A start that waits for both lines.
+    start: Option<(C::Register, u64)>,
+}
+
+impl<C: Controller> Lines<C> {
+    pub(super) const fn new(controller: C) -> Self {
+        Self { controller, low: [false; 2], held: Vec::new(), start: None }
+    }
+
+    /// A device holds these lines low, SCL and SDA, or releases them. What waited for them goes on.
+    pub(super) fn hold(
+        &mut self,
+        low: [bool; 2],
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        self.low = low;
+        if !low[0] {
+            for event in std::mem::take(&mut self.held) {
+                self.controller.on_event(event, registers, context);
+            }
+        }
+        if low == [false; 2]
+            && let Some((register, value)) = self.start.take()
+        {
+            self.controller.write(register, value, registers, context);
+        }
+    }
+}
+
+impl<C: Controller> Device for Lines<C>
+where
+    C::Register: Copy + PartialEq + std::fmt::Debug,
+{
+    type Register = C::Register;
+
+    forward!(controller: on_clock, on_request);
+
+    fn read(
+        &mut self,
+        register: Self::Register,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) -> Option<u64> {
+        let value = self.controller.read(register, registers, context);
+        let busy = if self.low == [false; 2] { 0 } else { C::busy(register) };
+        if busy == 0 { value } else { Some(value.unwrap_or_else(|| registers.get(register)) | busy) }
+    }
+
+    fn write(
+        &mut self,
+        register: Self::Register,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        if C::resets(register, value) {
+            self.held.clear();
+            self.start = None;
+        }
+        if self.low != [false; 2] && C::starts(register, value) {
+            self.start = Some((register, value));
+        } else {
+            self.controller.write(register, value, registers, context);
+        }
+    }
+
+    fn on_event(&mut self, event: EventId, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        if self.low[0] {
+            self.held.push(event);
+        } else {
+            self.controller.on_event(event, registers, context);
+        }
+    }
+
+    fn reset(&mut self) {
+        Device::reset(&mut self.controller);
+        self.held.clear();
+        self.start = None;
+    }
+
+    fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        self.controller.reset_line(registers, context);
+        self.held.clear();
+        self.start = None;
+    }
+}

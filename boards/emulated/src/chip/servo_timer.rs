@@ -1,0 +1,196 @@
+//! A timer that makes the pulses of one servo: TIM9 to TIM14 of the STM32F427, which the emulator lacks, and TIM12 to TIM17
+//! of the STM32H743, whose pins the emulator does not show.
+//!
+//! It counts up, with its auto-reload and compare registers preloaded, in PWM mode 1 (RM0090 19.3, RM0433 40.3 and 41.3).
+//! Each edge on the pin is noted with its time. Whatever else the registers ask for is told to the session, which fails the
+//! test.
+
+use rigless::device::{Device, DeviceContext, ErasedDevice, RegisterFile};
+use rigless::soc::Layout;
+use rigless::time::{EventId, VirtualNanos};
+
+// Offsets of registers (RM0090 19.4.13 and 19.5.12).
+const CR1: u32 = 0x00;
+const EGR: u32 = 0x14;
+const CCMR1: u32 = 0x18;
+const CCER: u32 = 0x20;
+const PSC: u32 = 0x28;
+const ARR: u32 = 0x2C;
+const CCR1: u32 = 0x34;
+const CCR2: u32 = 0x38;
+const BDTR: u32 = 0x44;
+
+// CR1: counter enable, update disable, auto-reload preload.
+const CEN: u64 = 1;
+const UDIS: u64 = 1 << 1;
+const ARPE: u64 = 1 << 7;
+/// EGR: update generation.
+const UG: u64 = 1;
+/// BDTR: main output enable.
+const MOE: u64 = 1 << 15;
+/// CCMR1: OCxM = 110 is PWM mode 1, with OCxPE.
+const PWM_MODE_1: u64 = 0b110 << 4 | 1 << 3;
+const MODE_MASK: u64 = 0b111 << 4 | 1 << 3 | 0b11;
+
+const SECOND: u128 = 1_000_000_000;
+
+/// A change of a pin: when, in ns, and to which level.
+pub(crate) type Edge = (u64, bool);
+
+/// The timers of all servos, by servo, with their places on the bus.
+pub(super) type Servos = [(usize, Box<dyn Servo>); crate::wiring::SERVOS.len()];
+
+/// A timer with registers of any layout.
+pub(super) trait Servo: ErasedDevice + std::fmt::Debug + Send {
+    /// Every edge so far.
+    fn edges(&self) -> &[Edge];
+
+    /// Another clock of the timer, Hz.
+    fn set_clock(&mut self, hz: u64);
+}
+
+impl<R: Layout + Send + 'static> Servo for ServoTimer<R> {
+    fn edges(&self) -> &[Edge] {
+        &self.edges
+    }
+
+    fn set_clock(&mut self, hz: u64) {
+        self.hz = hz;
+    }
+}
+
+/// The timer, and what its pin has done.
+#[derive(Debug)]
+pub(super) struct ServoTimer<R> {
+    hz: u64,
+    edges: Vec<Edge>,
+    /// Channel 2 has the pin, not channel 1.
+    second_channel: bool,
+    /// Prescaler, auto-reload and compare values in use.
+    used: [u64; 3],
+    /// When the present frame began, and the timer's next event.
+    frame: u64,
+    next: Option<EventId>,
+    falls: bool,
+    high: bool,
+    layout: core::marker::PhantomData<R>,
+}
+
+impl<R: Layout> ServoTimer<R> {
+    /// A timer whose channel 1 or 2 has the pin.
+    pub(super) const fn new(channel: u8) -> Self {
+        Self {
+            hz: 0,
+            edges: Vec::new(),
+            second_channel: channel == 2,
+            used: [0; 3],
+            frame: 0,
+            next: None,
+            falls: false,
+            high: false,
+            layout: core::marker::PhantomData,
+        }
+    }
+
+    fn register(offset: u32, registers: &RegisterFile) -> Option<u64> {
+        let place = R::REGISTERS.iter().position(|register| register.offset == offset)?;
+        Some(registers.get(R::from_index(place)?))
+    }
+
+    fn get(offset: u32, registers: &RegisterFile) -> u64 {
+        Self::register(offset, registers).unwrap_or_default()
+    }
+
+    /// True if the channel drives its pin. Timers with a BDTR also need its main output enabled.
+    fn enabled(&self, registers: &RegisterFile) -> bool {
+        let bit = if self.second_channel { 1 << 4 } else { 1 };
+        Self::get(CCER, registers) & bit != 0
+            && Self::register(BDTR, registers).is_none_or(|bdtr| bdtr & MOE != 0)
+    }
+
+    /// The time after `ticks` of the present frame.
+    fn after(&self, ticks: u64) -> u64 {
+        let clocks = u128::from(ticks) * u128::from(self.used[0] + 1);
+        self.frame + (clocks * SECOND / u128::from(self.hz.max(1))) as u64
+    }
+
+    fn drive(&mut self, at: u64, high: bool) {
+        if high != self.high {
+            self.high = high;
+            self.edges.push((at, high));
+        }
+    }
+
+    fn load(&mut self, registers: &RegisterFile) {
+        let compare = if self.second_channel { CCR2 } else { CCR1 };
+        self.used = [PSC, ARR, compare].map(|offset| Self::get(offset, registers));
+    }
+
+    /// Begins a frame at this time.
+    fn begin(&mut self, at: u64, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
+        self.frame = at;
+        let [_, reload, compare] = self.used;
+        if Self::get(CR1, registers) & CEN == 0 || reload == 0 {
+            self.next = None;
+            return;
+        }
+        let high = self.enabled(registers) && compare > 0;
+        self.drive(at, high);
+        self.falls = high && compare <= reload;
+        let ticks = if self.falls { compare } else { reload + 1 };
+        self.next = Some(context.schedule(VirtualNanos(self.after(ticks))));
+    }
+}
+
+impl<R: Layout> Device for ServoTimer<R> {
+    type Register = R;
+
+    fn write(
+        &mut self,
+        register: R,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        let now = context.now().0;
+        let running = self.next.is_some();
+        match register.spec().offset {
+            EGR if value & UG != 0 => {
+                self.load(registers);
+                self.begin(now, registers, context);
+            }
+            CR1 if value & CEN != 0 && !running => {
+                let mode = Self::get(CCMR1, registers) >> if self.second_channel { 8 } else { 0 };
+                if value & ARPE == 0 || mode & MODE_MASK != PWM_MODE_1 {
+                    context.tell("CR1", "a servo's timer is modelled in PWM mode 1 with preloads only");
+                }
+                self.begin(now, registers, context);
+            }
+            CR1 if value & CEN == 0 => self.next = None,
+            CCER | BDTR if !self.enabled(registers) => self.drive(now, false),
+            _ => {}
+        }
+    }
+
+    fn on_event(&mut self, event: EventId, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        if self.next != Some(event) {
+            return;
+        }
+        let now = context.now().0;
+        if self.falls {
+            self.falls = false;
+            self.drive(now, false);
+            self.next = Some(context.schedule(VirtualNanos(self.after(self.used[1] + 1))));
+            return;
+        }
+        let end = self.after(self.used[1] + 1);
+        if Self::get(CR1, registers) & UDIS == 0 {
+            self.load(registers);
+        }
+        self.begin(end, registers, context);
+    }
+
+    fn reset(&mut self) {
+        (self.used, self.next, self.falls) = ([0; 3], None, false);
+    }
+}

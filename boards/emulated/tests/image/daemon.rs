@@ -1,0 +1,158 @@
+//! A robot controller's daemon: a cycle of 18 requests every 12 ms with at most 8 unanswered, the first cycle of 38
+//! (wpilibsuite/scservices, commit 4c3d7bd).
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use crate::common::{board, booted, four_loads, ms};
+use emulated::host_link::HostLink;
+use emulated::recording::Knowledge;
+use emulated::{Bench, RegisterDevice, elf};
+
+/// Time from one cycle to the next.
+const PERIOD: Duration = Duration::from_millis(12);
+/// Most requests without an answer.
+const UNANSWERED: usize = 8;
+/// Time between two looks at the line, by which the daemon is late.
+const STEP: Duration = Duration::from_micros(100);
+
+type Request = (u16, Vec<u8>);
+
+struct Daemon {
+    bench: Bench,
+    host: HostLink,
+    power: i16,
+}
+
+impl Daemon {
+    fn of_channel(id: u16, channels: std::ops::Range<u8>, rest: &[u8]) -> impl Iterator<Item = Request> {
+        channels.map(move |channel| (id, [&[channel], rest].concat()))
+    }
+
+    /// The requests of a cycle: those whose answers the others wait for, and the others.
+    fn requests(&mut self, full: bool) -> [VecDeque<Request>; 2] {
+        self.power = -self.power.saturating_add(100);
+        let power = (8_000 + self.power % 2_000).to_le_bytes();
+        let [width, period] = [1_500_u16, 20_000].map(u16::to_le_bytes);
+        let mut first: VecDeque<Request> =
+            [(0x7F04, vec![]), (0x7F03, vec![1]), (0x1007, vec![13, 0]), (0x1000, vec![])].into();
+        first.extend(Self::of_channel(0x1021, 0..6, &width));
+        let mut then: VecDeque<Request> = Self::of_channel(0x100F, 0..4, &power).collect();
+        then.extend(Self::of_channel(0x1007, 8..12, &[0]));
+        if full {
+            then.extend(Self::of_channel(0x1008, 0..4, &[0, 1]));
+            then.extend(Self::of_channel(0x100A, 0..4, &[1]));
+            then.extend(Self::of_channel(0x101F, 0..6, &period));
+            then.extend(Self::of_channel(0x1023, 0..6, &[1]));
+        }
+        [first, then]
+    }
+
+    /// Runs a cycle to its last answer, and then to the next tick. Returns the cycle's time.
+    fn cycle(&mut self, full: bool) -> Duration {
+        let start = self.bench.now();
+        let [mut first, mut then] = self.requests(full);
+        let mut left = first.len() + then.len();
+        let (mut unanswered, mut last) = (0, start);
+        // The 3rd and the 4th request, and the 2nd, have their answers.
+        let mut awaited = 4;
+        while left > 0 {
+            while unanswered < UNANSWERED {
+                let next = first.pop_front().or_else(|| if awaited == 0 { then.pop_front() } else { None });
+                let Some((id, payload)) = next else { break };
+                let bytes = self.host.packet(id, &payload);
+                self.bench.send(&bytes);
+                unanswered += 1;
+            }
+            self.bench.run(STEP);
+            for arrival in self.host.arrivals(&mut self.bench) {
+                assert_ne!(arrival.packet.id, 0x7F02, "NACK: {:02x?}", arrival.packet);
+                awaited = usize::saturating_sub(awaited, 1);
+                (left, unanswered, last) = (left - 1, unanswered - 1, arrival.at);
+            }
+            assert!(self.bench.now() - start < ms(100), "{left} requests are not answered");
+        }
+        let time = last - start;
+        let ticks = time.as_micros().div_ceil(PERIOD.as_micros()) as u32;
+        self.bench.run_until(start + PERIOD * ticks);
+        time
+    }
+
+    /// Runs cycles, the first one full. Returns the times of the first and of all others, in order of size.
+    fn run(cycles: usize) -> (Duration, Vec<Duration>) {
+        let mut daemon = Self { bench: booted(four_loads()), host: HostLink::default(), power: 0 };
+        let first = daemon.cycle(true);
+        let mut times: Vec<Duration> = (0..cycles).map(|_| daemon.cycle(false)).collect();
+        times.sort_unstable();
+        daemon.bench.assert_sound();
+        (first, times)
+    }
+}
+
+/// The time that this share of cycles, in percent, does not exceed.
+fn percentile(times: &[Duration], percent: usize) -> Duration {
+    times[(times.len() * percent / 100).min(times.len() - 1)]
+}
+
+#[test]
+fn a_daemons_cycle_takes_at_most_9_ms() {
+    let (first, times) = Daemon::run(40);
+    println!("first {first:?}, median {:?}, p99 {:?}", percentile(&times, 50), percentile(&times, 99));
+    assert!(percentile(&times, 99) <= ms(9), "{:?}", percentile(&times, 99));
+    assert!(first <= ms(24), "{first:?}");
+}
+
+/// The core's load in percent: four motors, six servos and all inputs without a host's requests; the same with the daemon's cycles;
+/// and with a read of eight bytes from an I2C device in each cycle.
+fn loads() -> [f64; 3] {
+    const CYCLES: u32 = 40;
+    let mut daemon = Daemon {
+        bench: crate::boot::at_speed(&elf::build(board().name()), Knowledge::Configured),
+        host: HostLink::default(),
+        power: 0,
+    };
+    daemon.bench.attach(0, RegisterDevice::bno055());
+    let [width, period] = [1_500_u16, 20_000].map(u16::to_le_bytes);
+    for (id, rest) in [(0x1021, &width[..]), (0x101F, &period), (0x1023, &[1])] {
+        for (id, payload) in Daemon::of_channel(id, 0..6, rest) {
+            daemon.host.ask(&mut daemon.bench, id, &payload);
+        }
+    }
+    [0, 1, 2].map(|host| {
+        let (start, before) = (daemon.bench.now(), daemon.bench.instructions());
+        for _ in 0..CYCLES {
+            if host == 2 {
+                daemon.host.ask(&mut daemon.bench, 0x1034, &[0, 0x28, 8, 0x20]);
+                daemon.host.ask(&mut daemon.bench, 0x1029, &[0]);
+            }
+            if host > 0 {
+                daemon.cycle(false);
+            } else {
+                daemon.bench.run(PERIOD);
+            }
+        }
+        let instructions = (daemon.bench.instructions() - before) as f64;
+        100.0 * instructions / (daemon.bench.now() - start).as_secs_f64() / board().core_hz() as f64
+    })
+}
+
+#[test]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
+fn the_whole_hub_with_all_devices_needs_little_of_the_core() {
+    let loads = loads();
+    println!("{:?} % of {}", loads.map(|load| (100.0 * load).round() / 100.0), board());
+    assert!(loads[0] <= 3.0, "{loads:?}");
+}
+
+/// `cargo test --test image daemon::report -- --ignored --nocapture`
+#[test]
+#[ignore = "a report, not a test"]
+fn report_of_10000_cycles() {
+    let (first, times) = Daemon::run(10_000);
+    println!(
+        "first {first:?}, median {:?}, p99 {:?}, worst {:?}",
+        percentile(&times, 50),
+        percentile(&times, 99),
+        percentile(&times, 100)
+    );
+}

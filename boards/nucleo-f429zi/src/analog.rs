@@ -1,0 +1,75 @@
+//! The host's analog inputs (PA4, PA5, PA6, PA0) and the divider of the 5 V rail (PB1) on ADC2. The rail is the regular group, and
+//! the inputs an injected group behind it: each has a data register, so there is no DMA. ADC1 has the temperature sensor.
+
+use embassy_stm32::adc::SampleTime;
+use embassy_stm32::gpio::Flex;
+use embassy_stm32::peripherals::ADC2;
+use embassy_stm32::{Peri, pac};
+use motor_hub::board::{ANALOG_INPUTS, AnalogReadings};
+use motor_hub_stm32::analog::{Factory, Newest, Sequence};
+use motor_hub_stm32::supply::FactoryWord;
+
+use crate::adc;
+
+/// ADC2_IN4, IN5, IN6 and IN0 (STM32F429 data sheet, pin definitions), by input.
+const INPUTS: [u8; ANALOG_INPUTS] = [4, 5, 6, 0];
+/// ADC2_IN9 is PB1 (STM32F429 data sheet, pin definitions).
+const RAIL: u8 = 9;
+
+static NEWEST: Newest = Newest::new();
+
+/// Sets the converter up, after ADC1: all converters share one reset and one divider of the clock. The pins are those of
+/// [`INPUTS`], and then that of [`RAIL`].
+pub(crate) fn set_up(_: Peri<'static, ADC2>, mut pins: [Flex<'static>; ANALOG_INPUTS + 1]) {
+    pins.iter_mut().for_each(Flex::set_as_analog);
+    // Never dropped: analogue inputs for good.
+    core::mem::forget(pins);
+    pac::RCC.apb2enr().modify(|w| w.set_adc2en(true));
+    // 6.9 us, for a source of up to 50 kohm with a capacitor, or of 10 kohm without one. Five conversions take 37 us.
+    for channel in INPUTS.into_iter().chain([RAIL]) {
+        pac::ADC2.smpr2().modify(|w| w.set_smp(channel.into(), SampleTime::CYCLES144));
+    }
+    pac::ADC2.sqr3().write(|w| w.set_sq(0, RAIL));
+    pac::ADC2.jsqr().write(|w| {
+        w.set_jl(3);
+        for (place, channel) in INPUTS.into_iter().enumerate() {
+            w.set_jsq(place, channel);
+        }
+    });
+    pac::ADC2.cr1().modify(|w| {
+        w.set_scan(true);
+        w.set_jauto(true);
+    });
+    pac::ADC2.cr2().modify(|w| w.set_adon(true));
+}
+
+/// Collects the readings of a sequence that has ended.
+fn collect() {
+    if pac::ADC2.sr().read().jeoc() {
+        pac::ADC2.sr().modify(|w| w.set_jeoc(false));
+        let sequence = Sequence {
+            inputs: core::array::from_fn(|place| pac::ADC2.jdr(place).read().jdata()),
+            rail: pac::ADC2.dr().read().data(),
+            temperature: adc::temperature(),
+            vrefint: adc::vrefint(),
+        };
+        NEWEST.ended(sequence, factory());
+    }
+}
+
+/// Collects the last sequence, and starts the next one.
+pub(crate) fn next() {
+    collect();
+    NEWEST.started();
+    pac::ADC2.cr2().modify(|w| w.set_swstart(true));
+}
+
+/// The newest readings.
+pub(crate) fn read() -> AnalogReadings {
+    collect();
+    NEWEST.readings()
+}
+
+fn factory() -> Factory {
+    Factory::read(FactoryWord::F42X, FactoryWord::F42X_TEMPERATURE)
+}

@@ -1,0 +1,244 @@
+//! The controllers of the I2C buses (RM0090 27.3.3): I2C1, I2C2 and I2C3. Each waits for one interrupt a byte.
+//!
+//! A byte that the core has not yet taken or given stops the clock, so a busy core loses nothing.
+
+use embassy_stm32::pac::i2c::I2c;
+use embassy_stm32::pac::i2c::regs::Sr1;
+use embassy_stm32::pac::i2c::vals::{Duty, FS, Pos};
+use embassy_stm32::pac::{self, Interrupt};
+use embassy_stm32::rcc;
+use embassy_stm32::{interrupt, peripherals};
+use embassy_time::Timer;
+use motor_hub_stm32::i2c_bus::{self, Error};
+use motor_hub_stm32::supply::{Watcher, unmask};
+
+/// Clock of the controllers, PCLK1, in MHz.
+const CLOCK_MHZ: u16 = 42;
+
+/// Time between two looks at a stop condition that is on its way: a period of a slow bus, in microseconds.
+const STOP_MICROS: u64 = 10;
+
+static WATCHERS: [Watcher; 3] = [const { Watcher::new() }; 3];
+
+/// A controller.
+pub(crate) struct Controller {
+    registers: I2c,
+    watcher: &'static Watcher,
+    fast: bool,
+    /// The speed that the registers are set for.
+    set: bool,
+}
+
+/// The type of a bus with such a controller.
+pub(crate) type Bus = i2c_bus::Bus<Controller>;
+
+macro_rules! controllers {
+    ($($new:ident: $peripheral:ident, $number:literal, $event:ident, $error:ident;)+) => {
+        $(
+            /// The controller of this peripheral, with its clock.
+            pub(crate) fn $new() -> Controller {
+                rcc::enable_and_reset::<peripherals::$peripheral>();
+                unmask(Interrupt::$event);
+                unmask(Interrupt::$error);
+                Controller { registers: pac::$peripheral, watcher: &WATCHERS[$number], fast: false, set: false }
+            }
+
+            #[interrupt]
+            fn $event() {
+                interrupted(pac::$peripheral, &WATCHERS[$number]);
+            }
+
+            #[interrupt]
+            fn $error() {
+                interrupted(pac::$peripheral, &WATCHERS[$number]);
+            }
+        )+
+    };
+}
+
+controllers! {
+    i2c1: I2C1, 0, I2C1_EV, I2C1_ER;
+    i2c2: I2C2, 1, I2C2_EV, I2C2_ER;
+    i2c3: I2C3, 2, I2C3_EV, I2C3_ER;
+}
+
+/// The flags stay raised for the task, which is woken once. A bus error means nothing: the transfer goes on (ES0206 2.9.6).
+fn interrupted(registers: I2c, watcher: &Watcher) {
+    registers.sr1().write(|w| {
+        // A written 0 clears a flag, and a written 1 changes nothing.
+        w.0 = u32::MAX;
+        w.set_berr(false);
+    });
+    registers.cr2().modify(|w| {
+        w.set_itevten(false);
+        w.set_itbufen(false);
+        w.set_iterren(false);
+    });
+    watcher.wake();
+}
+
+impl Controller {
+    /// Waits for a flag. `buffered` enables the interrupts of single bytes, which stay raised while the data register is not
+    /// used.
+    ///
+    /// # Errors
+    /// `refused` after a byte without acknowledgement, or a lost arbitration. A stop follows.
+    async fn wait(&self, flag: fn(&Sr1) -> bool, buffered: bool, refused: Error) -> Result<(), Error> {
+        let registers = self.registers;
+        let failed = |status: Sr1| status.af() || status.arlo();
+        let due = || {
+            let status = registers.sr1().read();
+            flag(&status) || failed(status)
+        };
+        let enable = || {
+            registers.cr2().modify(|w| {
+                w.set_itevten(true);
+                w.set_itbufen(buffered);
+                w.set_iterren(true);
+            });
+        };
+        self.watcher.wait(due, enable).await;
+        let status = registers.sr1().read();
+        if !failed(status) {
+            return Ok(());
+        }
+        registers.sr1().write(|w| {
+            w.0 = u32::MAX;
+            w.set_af(false);
+            w.set_arlo(false);
+        });
+        if status.arlo() {
+            return Err(Error::Arbitration);
+        }
+        self.stop();
+        Err(refused)
+    }
+
+    fn stop(&self) {
+        self.registers.cr1().modify(|w| w.set_stop(true));
+    }
+
+    /// Puts a start and an address on the bus. The bus then waits until SR2 is read.
+    async fn address(&self, byte: u8) -> Result<(), Error> {
+        self.registers.cr1().modify(|w| {
+            w.set_ack(true);
+            w.set_pos(Pos::CURRENT);
+            w.set_start(true);
+        });
+        self.wait(Sr1::start, false, Error::NoAddress).await?;
+        self.registers.dr().write(|w| w.set_dr(byte));
+        self.wait(Sr1::addr, false, Error::NoAddress).await
+    }
+
+    fn go_on(&self) {
+        let _ = self.registers.sr2().read();
+    }
+
+    async fn next_byte(&self) -> Result<u8, Error> {
+        self.wait(Sr1::rxne, true, Error::NoData).await?;
+        Ok(self.registers.dr().read().dr())
+    }
+}
+
+impl i2c_bus::Controller for Controller {
+    fn set_speed(&mut self, fast: bool) {
+        self.fast = fast;
+    }
+
+    fn reset(&mut self) {
+        let registers = self.registers;
+        // Also ends a bus that the controller takes for busy (RM0090 27.6.1, SWRST).
+        registers.cr1().write(|w| w.set_swrst(true));
+        registers.cr1().write(|w| w.set_swrst(false));
+        registers.cr2().write(|w| w.set_freq(CLOCK_MHZ as u8));
+        // Low and high phase: 1 and 1 at 100 kHz, 2 and 1 at 400 kHz (RM0090 27.6.8). A line may rise for 1000 or 300 ns.
+        let (mode, ticks, rise) = if self.fast {
+            (FS::FAST, CLOCK_MHZ * 10 / 12, CLOCK_MHZ * 3 / 10)
+        } else {
+            (FS::STANDARD, CLOCK_MHZ * 5, CLOCK_MHZ)
+        };
+        registers.ccr().write(|w| {
+            w.set_f_s(mode);
+            w.set_duty(Duty::DUTY2_1);
+            w.set_ccr(ticks);
+        });
+        registers.trise().write(|w| w.set_trise(rise as u8 + 1));
+        registers.cr1().write(|w| w.set_pe(true));
+        self.set = self.fast;
+    }
+
+    async fn idle(&mut self) {
+        while self.registers.cr1().read().stop() {
+            Timer::after_micros(STOP_MICROS).await;
+        }
+        if self.set != self.fast {
+            self.reset();
+        }
+    }
+
+    async fn write(&mut self, address: u8, bytes: &[u8], read_follows: bool) -> Result<(), Error> {
+        self.address(address << 1).await?;
+        self.go_on();
+        for byte in bytes {
+            self.wait(Sr1::txe, true, Error::NoData).await?;
+            self.registers.dr().write(|w| w.set_dr(*byte));
+        }
+        if !bytes.is_empty() {
+            self.wait(Sr1::btf, false, Error::NoData).await?;
+        }
+        if !read_follows {
+            self.stop();
+        }
+        Ok(())
+    }
+
+    /// The acknowledgement of a byte is decided before the byte ends, so the end of a read depends on its length (RM0090 27.3.3,
+    /// master receiver).
+    async fn read(&mut self, address: u8, into: &mut [u8]) -> Result<(), Error> {
+        let registers = self.registers;
+        self.address(address << 1 | 1).await?;
+        match into {
+            [] => {
+                self.go_on();
+                self.stop();
+            }
+            [only] => {
+                // The stop must be requested before the byte has ended.
+                cortex_m::interrupt::free(|_| {
+                    registers.cr1().modify(|w| w.set_ack(false));
+                    self.go_on();
+                    self.stop();
+                });
+                *only = self.next_byte().await?;
+            }
+            [first, second] => {
+                // POS: ACK is for the next byte.
+                cortex_m::interrupt::free(|_| {
+                    registers.cr1().modify(|w| w.set_pos(Pos::NEXT));
+                    self.go_on();
+                    registers.cr1().modify(|w| w.set_ack(false));
+                });
+                self.wait(Sr1::btf, false, Error::NoData).await?;
+                self.stop();
+                *first = registers.dr().read().dr();
+                *second = registers.dr().read().dr();
+            }
+            [early @ .., third_last, second_last, last] => {
+                self.go_on();
+                for byte in early {
+                    *byte = self.next_byte().await?;
+                }
+                // Two bytes wait, and the clock stands.
+                self.wait(Sr1::btf, false, Error::NoData).await?;
+                cortex_m::interrupt::free(|_| {
+                    registers.cr1().modify(|w| w.set_ack(false));
+                    *third_last = registers.dr().read().dr();
+                    self.stop();
+                });
+                *second_last = registers.dr().read().dr();
+                *last = self.next_byte().await?;
+            }
+        }
+        Ok(())
+    }
+}

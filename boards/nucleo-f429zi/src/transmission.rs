@@ -1,0 +1,55 @@
+//! The end of a transmission of the host's lines.
+//!
+//! At the end embassy's handler clears the flag TC by reading and writing the status register. A byte that arrives between the two
+//! loses its flag RXNE by this, and is never read. So these handlers come first. They disable the interrupt of TC, and wake the
+//! sender. The next byte that is sent clears the flag (RM0090 30.6.1, TC).
+
+use core::marker::PhantomData;
+use embassy_stm32::interrupt::typelevel::{self, Handler};
+use embassy_stm32::pac::{self, usart::Usart};
+use motor_hub_stm32::serial::TransmissionEnd;
+use motor_hub_stm32::supply::Watcher;
+
+/// The handler of a line, which is named by its interrupt.
+pub(crate) struct End<I>(PhantomData<I>);
+
+macro_rules! lines {
+    ($($name:ident: $usart:ident;)+) => {
+        $(
+            /// The end of this line's transmissions.
+            pub(crate) const $name: TransmissionEnd = {
+                static WATCHER: Watcher = Watcher::new();
+                TransmissionEnd { watcher: &WATCHER, ended: || ended(pac::$usart) }
+            };
+
+            impl Handler<typelevel::$usart> for End<typelevel::$usart> {
+                #[allow(unsafe_code, reason = "embassy asks for an unsafe fn; nothing in it is")]
+                unsafe fn on_interrupt() {
+                    if end(pac::$usart) {
+                        $name.watcher.wake();
+                    }
+                }
+            }
+        )+
+    };
+}
+
+lines! {
+    ST_LINK: USART3;
+    ADAPTER: USART6;
+}
+
+/// True if nothing is being sent: embassy enables one of these interrupts while it sends.
+fn ended(usart: Usart) -> bool {
+    let control = usart.cr1().read();
+    !control.txeie() && !control.tcie()
+}
+
+/// Disables the interrupt of TC at the end of a transmission. True if this is the end.
+fn end(usart: Usart) -> bool {
+    let ended = usart.cr1().read().tcie() && usart.sr().read().tc();
+    if ended {
+        usart.cr1().modify(|w| w.set_tcie(false));
+    }
+    ended
+}

@@ -1,0 +1,196 @@
+//! The controllers of the I2C buses (RM0433 47.4.9): I2C1 to I2C4. Each waits for one interrupt a byte.
+//!
+//! A byte that the core has not yet taken or given stops the clock, so a busy core loses nothing.
+
+use embassy_stm32::pac::i2c::I2c;
+use embassy_stm32::pac::i2c::regs::Isr;
+use embassy_stm32::pac::i2c::vals::{Addmode, Autoend, Dir};
+use embassy_stm32::pac::{self, Interrupt};
+use embassy_stm32::rcc;
+use embassy_stm32::{interrupt, peripherals};
+use motor_hub_stm32::i2c_bus::{self, Error};
+use motor_hub_stm32::supply::{Watcher, unmask};
+
+static WATCHERS: [Watcher; 4] = [const { Watcher::new() }; 4];
+
+/// Phases of the clock in units of `prescaler` + 1 periods of the controller's clock of 100 MHz (RM0433 47.4.10).
+struct Timing {
+    prescaler: u8,
+    low: u8,
+    high: u8,
+    data_hold: u8,
+    data_setup: u8,
+}
+
+/// At most 100 kHz: the low and the high phase have 5.0 us each, and a line may rise for 1000 ns.
+const SLOW: Timing = Timing { prescaler: 9, low: 49, high: 49, data_hold: 3, data_setup: 12 };
+/// At most 400 kHz: the low phase has 1.35 us, the high phase 1.15 us, and a line may rise for 300 ns.
+const FAST: Timing = Timing { prescaler: 4, low: 26, high: 22, data_hold: 5, data_setup: 7 };
+
+/// A controller.
+pub(crate) struct Controller {
+    registers: I2c,
+    watcher: &'static Watcher,
+    fast: bool,
+    /// The speed that the registers are set for.
+    set: bool,
+}
+
+/// The type of a bus with such a controller.
+pub(crate) type Bus = i2c_bus::Bus<Controller>;
+
+macro_rules! controllers {
+    ($($new:ident: $peripheral:ident, $number:literal, $event:ident, $error:ident;)+) => {
+        $(
+            /// The controller of this peripheral, with its clock.
+            pub(crate) fn $new() -> Controller {
+                rcc::enable_and_reset::<peripherals::$peripheral>();
+                unmask(Interrupt::$event);
+                unmask(Interrupt::$error);
+                Controller { registers: pac::$peripheral, watcher: &WATCHERS[$number], fast: false, set: false }
+            }
+
+            #[interrupt]
+            fn $event() {
+                interrupted(pac::$peripheral, &WATCHERS[$number]);
+            }
+
+            #[interrupt]
+            fn $error() {
+                interrupted(pac::$peripheral, &WATCHERS[$number]);
+            }
+        )+
+    };
+}
+
+controllers! {
+    i2c1: I2C1, 0, I2C1_EV, I2C1_ER;
+    i2c2: I2C2, 1, I2C2_EV, I2C2_ER;
+    i2c3: I2C3, 2, I2C3_EV, I2C3_ER;
+    i2c4: I2C4, 3, I2C4_EV, I2C4_ER;
+}
+
+/// The flags stay raised for the task, which is woken once. A bus error means nothing: the transfer goes on (ES0392 2.19.4).
+fn interrupted(registers: I2c, watcher: &Watcher) {
+    registers.icr().write(|w| w.set_berrcf(true));
+    enable(registers, false);
+    watcher.wake();
+}
+
+/// Enables or disables all interrupts of a transfer. A missing acknowledgement has none: its stop has one.
+fn enable(registers: I2c, on: bool) {
+    registers.cr1().modify(|w| {
+        w.set_txie(on);
+        w.set_rxie(on);
+        w.set_stopie(on);
+        w.set_tcie(on);
+        w.set_errie(on);
+    });
+}
+
+impl Controller {
+    /// Waits for a flag.
+    ///
+    /// # Errors
+    /// `refused` after a byte without acknowledgement, whose stop the controller has made, or a lost arbitration.
+    async fn wait(&self, flag: fn(&Isr) -> bool, refused: Error) -> Result<(), Error> {
+        let registers = self.registers;
+        // The stop follows a missing acknowledgement by itself.
+        let failed = |status: Isr| status.arlo() || status.nackf() && status.stopf();
+        let due = || {
+            let status = registers.isr().read();
+            failed(status) || !status.nackf() && flag(&status)
+        };
+        self.watcher.wait(due, || enable(registers, true)).await;
+        let status = registers.isr().read();
+        if !failed(status) {
+            return Ok(());
+        }
+        self.clear();
+        // A byte that has not been sent.
+        registers.isr().write(|w| w.set_txe(true));
+        Err(if status.arlo() { Error::Arbitration } else { refused })
+    }
+
+    fn clear(&self) {
+        self.registers.icr().write(|w| {
+            w.set_stopcf(true);
+            w.set_nackcf(true);
+            w.set_arlocf(true);
+        });
+    }
+
+    /// Puts a start and an address on the bus, for this many bytes.
+    fn start(&self, address: u8, count: usize, direction: Dir, then_stop: bool) {
+        self.registers.cr2().write(|w| {
+            w.set_add10(Addmode::BIT7);
+            w.set_sadd(u16::from(address) << 1);
+            w.set_dir(direction);
+            w.set_nbytes(u8::try_from(count).unwrap_or(u8::MAX));
+            w.set_autoend(if then_stop { Autoend::AUTOMATIC } else { Autoend::SOFTWARE });
+            w.set_start(true);
+        });
+    }
+
+    async fn stopped(&self) -> Result<(), Error> {
+        self.wait(Isr::stopf, Error::NoData).await?;
+        self.clear();
+        Ok(())
+    }
+}
+
+impl i2c_bus::Controller for Controller {
+    fn set_speed(&mut self, fast: bool) {
+        self.fast = fast;
+    }
+
+    fn reset(&mut self) {
+        let registers = self.registers;
+        registers.cr1().write(|w| w.set_pe(false));
+        // The controller is off for three cycles of its bus at least (RM0433 47.4.6): a read takes that long.
+        let _ = registers.cr1().read();
+        let timing = if self.fast { FAST } else { SLOW };
+        registers.timingr().write(|w| {
+            w.set_presc(timing.prescaler);
+            w.set_scll(timing.low);
+            w.set_sclh(timing.high);
+            w.set_sdadel(timing.data_hold);
+            w.set_scldel(timing.data_setup);
+        });
+        registers.cr1().write(|w| w.set_pe(true));
+        self.set = self.fast;
+    }
+
+    /// Every transfer waits for its stop already.
+    async fn idle(&mut self) {
+        if self.set != self.fast {
+            self.reset();
+        }
+    }
+
+    async fn write(&mut self, address: u8, bytes: &[u8], read_follows: bool) -> Result<(), Error> {
+        self.start(address, bytes.len(), Dir::WRITE, !read_follows);
+        let mut refused = Error::NoAddress;
+        for byte in bytes {
+            self.wait(Isr::txis, refused).await?;
+            self.registers.txdr().write(|w| w.set_txdata(*byte));
+            refused = Error::NoData;
+        }
+        if read_follows {
+            self.wait(Isr::tc, refused).await
+        } else {
+            self.wait(Isr::stopf, refused).await?;
+            self.clear();
+            Ok(())
+        }
+    }
+
+    async fn read(&mut self, address: u8, into: &mut [u8]) -> Result<(), Error> {
+        self.start(address, into.len(), Dir::READ, true);
+        for byte in into {
+            self.wait(Isr::rxne, Error::NoAddress).await?;
+            *byte = self.registers.rxdr().read().rxdata();
+        }
+        self.stopped().await
+    }
+}

@@ -1,0 +1,189 @@
+//! An I2C bus for hosts: its two lines, and the controller of the chip that moves bytes.
+//!
+//! The HAL's driver is not used. On the STM32F4 it leaves a dropped transfer on the bus, and on the STM32H7 it waits for a busy
+//! bus without letting other tasks run, and its DMA does not reach the memory that holds the tasks. A controller here waits for
+//! one interrupt a byte, and never for a line: [`motor_hub::tasks::i2c`] has the time-out. A line that a device holds low is
+//! found before a transfer starts.
+//!
+//! Resistors outside the chip pull both lines up to 3.3 V. The chip's own pull-ups are too weak for 400 kbit/s.
+
+use core::fmt;
+use embassy_stm32::Peri;
+use embassy_stm32::gpio::{AfType, AnyPin, Flex, OutputType, Pin, Speed};
+use embassy_stm32::i2c::{Instance, SclPin, SdaPin};
+use embassy_time::Timer;
+use embedded_hal_async::i2c::{ErrorKind, ErrorType, I2c, NoAcknowledgeSource, Operation};
+use motor_hub::board::I2cBus;
+
+/// Half a clock pulse while a bus is freed, in microseconds: no device needs a slower clock than 100 kHz.
+const HALF_PULSE_US: u64 = 5;
+
+/// Clock pulses after which a device that was cut off in the middle of a byte has released SDA (NXP UM10204, 3.1.16).
+const PULSES: usize = 9;
+
+/// Why a transfer has failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Error {
+    /// No device has this address.
+    NoAddress,
+    /// A device has not acknowledged a byte.
+    NoData,
+    /// Another controller has taken the bus.
+    Arbitration,
+    /// A line is held low.
+    Held,
+    /// Operations that no host asks for: other than a write, a read, or a write and a read.
+    Unsupported,
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NoAddress => "no device has acknowledged the address",
+            Self::NoData => "a device has not acknowledged a byte",
+            Self::Arbitration => "another controller has taken the bus",
+            Self::Held => "a device holds a line low",
+            Self::Unsupported => "only a write, a read, or a write and a read can be one transfer",
+        })
+    }
+}
+
+impl core::error::Error for Error {}
+
+impl embedded_hal_async::i2c::Error for Error {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::NoAddress => ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address),
+            Self::NoData => ErrorKind::NoAcknowledge(NoAcknowledgeSource::Data),
+            Self::Arbitration => ErrorKind::ArbitrationLoss,
+            Self::Held => ErrorKind::Bus,
+            Self::Unsupported => ErrorKind::Other,
+        }
+    }
+}
+
+/// The controller of a chip. Addresses have 7 bits. The future of a transfer may be dropped; [`reset`](Self::reset) comes next.
+#[expect(async_fn_in_trait, reason = "one executor, one core: no future has to be Send")]
+pub trait Controller {
+    /// Sets the speed of the next transfer.
+    fn set_speed(&mut self, fast: bool);
+
+    /// Makes the controller idle, whatever it does. The lines are released.
+    fn reset(&mut self);
+
+    /// Waits until the stop condition of the last transfer is on the lines.
+    async fn idle(&mut self);
+
+    /// Writes bytes, 255 at most. The bus stays taken if a read follows.
+    async fn write(&mut self, address: u8, bytes: &[u8], read_follows: bool) -> Result<(), Error>;
+
+    /// Reads bytes, 1 to 255, after a start or, behind a write, a repeated start.
+    async fn read(&mut self, address: u8, into: &mut [u8]) -> Result<(), Error>;
+}
+
+/// A bus with its lines.
+pub struct Bus<C> {
+    controller: C,
+    scl: Flex<'static>,
+    sda: Flex<'static>,
+    /// Numbers of the alternate function of both pins.
+    functions: (u8, u8),
+}
+
+impl<C: Controller> Bus<C> {
+    /// The bus of peripheral `T`, whose controller has its clock.
+    pub fn new<T: Instance>(
+        controller: C,
+        scl: Peri<'static, impl SclPin<T>>,
+        sda: Peri<'static, impl SdaPin<T>>,
+    ) -> Self {
+        let functions = (scl.af_num(), sda.af_num());
+        let mut bus = Self { controller, scl: line(scl), sda: line(sda), functions };
+        bus.connect();
+        bus.controller.reset();
+        bus
+    }
+
+    /// Gives the lines to the controller.
+    fn connect(&mut self) {
+        let open_drain = AfType::output(OutputType::OpenDrain, Speed::Medium);
+        self.scl.set_as_af_unchecked(self.functions.0, open_drain);
+        self.sda.set_as_af_unchecked(self.functions.1, open_drain);
+    }
+
+    fn held(&self) -> bool {
+        self.scl.is_low() || self.sda.is_low()
+    }
+
+    /// # Errors
+    /// [`Error::Held`] if a line is low.
+    async fn check_lines(&mut self) -> Result<(), Error> {
+        self.controller.idle().await;
+        if self.held() {
+            // After a stop a line needs a moment to rise.
+            Timer::after_micros(HALF_PULSE_US).await;
+            if self.held() {
+                return Err(Error::Held);
+            }
+        }
+        Ok(())
+    }
+}
+
+fn line(pin: Peri<'static, impl Pin>) -> Flex<'static> {
+    let pin: Peri<'static, AnyPin> = pin.into();
+    Flex::new(pin)
+}
+
+impl<C: Controller> ErrorType for Bus<C> {
+    type Error = Error;
+}
+
+impl<C: Controller> I2c for Bus<C> {
+    async fn transaction(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), Error> {
+        self.check_lines().await?;
+        match operations {
+            [Operation::Write(bytes)] => self.controller.write(address, bytes, false).await,
+            [Operation::Read(into)] => self.controller.read(address, into).await,
+            [Operation::Write(bytes), Operation::Read(into)] => {
+                self.controller.write(address, bytes, true).await?;
+                self.controller.read(address, into).await
+            }
+            _ => Err(Error::Unsupported),
+        }
+    }
+}
+
+impl<C: Controller> I2cBus for Bus<C> {
+    fn set_speed(&mut self, fast: bool) {
+        self.controller.set_speed(fast);
+    }
+
+    async fn free(&mut self) {
+        self.controller.reset();
+        let half_pulse = || Timer::after_micros(HALF_PULSE_US);
+        self.scl.set_high();
+        self.sda.set_high();
+        self.scl.set_as_input_output(Speed::Medium);
+        self.sda.set_as_input_output(Speed::Medium);
+        half_pulse().await;
+        for _ in 0..PULSES {
+            if self.sda.is_high() {
+                break;
+            }
+            self.scl.set_low();
+            half_pulse().await;
+            self.scl.set_high();
+            half_pulse().await;
+        }
+        // A stop: SDA rises while SCL is high.
+        self.scl.set_low();
+        self.sda.set_low();
+        half_pulse().await;
+        self.scl.set_high();
+        half_pulse().await;
+        self.sda.set_high();
+        half_pulse().await;
+        self.connect();
+    }
+}

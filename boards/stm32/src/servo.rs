@@ -1,0 +1,73 @@
+//! Servo outputs, each a channel of a timer of its own, so each has its own period. The timers count microseconds.
+//!
+//! Period and width go through the preloads of auto-reload and compare register (RM0090 19.3, RM0433 40.3 and 41.3). Both take
+//! effect together when a period ends, so no pulse is cut short and none has a mixture of old and new values. The core has no
+//! part in a pulse: its edges do not depend on what the core does.
+//!
+//! The chip's own oscillator keeps the time. A pulse is wrong by the oscillator's error, 1 % at most at room temperature: 15 us
+//! of 1500 us.
+
+use embassy_stm32::Peri;
+use embassy_stm32::gpio::{OutputType, Pull, Speed};
+use embassy_stm32::pac::timer::TimGp16;
+use embassy_stm32::time::Hertz;
+use embassy_stm32::timer::low_level::{OutputCompareMode, Timer};
+use embassy_stm32::timer::simple_pwm::{PwmPin, PwmPinConfig};
+use embassy_stm32::timer::{GeneralInstance4Channel, TimerChannel, TimerPin};
+use motor_hub::board::ServoPulse;
+
+/// A timer counts microseconds.
+const TICK: Hertz = Hertz(1_000_000);
+
+/// Time from one look at the pulse's values to the next while there are no pulses: the usual period of a servo, in microseconds.
+const IDLE_PERIOD_US: u16 = 20_000;
+
+/// One servo output.
+pub struct Servo {
+    registers: TimGp16,
+    channel: usize,
+    pulse: Option<ServoPulse>,
+}
+
+impl Servo {
+    /// An output without pulses: the pin is driven low.
+    pub fn new<T: GeneralInstance4Channel, C: TimerChannel>(
+        timer: Peri<'static, T>,
+        pin: Peri<'static, impl TimerPin<T, C>>,
+    ) -> Self {
+        let mut timer = Timer::new(timer);
+        let registers = timer.regs_gp16();
+        timer.set_autoreload_preload(true);
+        timer.set_output_compare_preload(C::CHANNEL, true);
+        timer.set_output_compare_mode(C::CHANNEL, OutputCompareMode::PwmMode1);
+        registers.arr().write(|w| w.set_arr(IDLE_PERIOD_US - 1));
+        // The update event that this makes also takes over the period.
+        timer.set_tick_freq(TICK);
+        timer.enable_channel(C::CHANNEL, true);
+        timer.enable_outputs();
+        timer.start();
+        let config = PwmPinConfig { output_type: OutputType::PushPull, speed: Speed::Low, pull: Pull::None };
+        // Never dropped: a dropped pin becomes an analogue input, and a dropped timer loses its clock.
+        core::mem::forget(PwmPin::<T, C>::new_with_config(pin, config));
+        core::mem::forget(timer);
+        Self { registers, channel: C::CHANNEL.index(), pulse: None }
+    }
+
+    /// Sets the pulses from the next period on. `None` for no pulses.
+    pub fn set(&mut self, pulse: Option<ServoPulse>) {
+        if pulse == self.pulse {
+            return;
+        }
+        self.pulse = pulse;
+        // A pulse ends at the latest before the next one begins.
+        let (last, width) = pulse.map_or((IDLE_PERIOD_US - 1, 0), |ServoPulse { period_us, width_us }| {
+            let last = period_us.saturating_sub(1).max(1);
+            (last, width_us.min(last))
+        });
+        // A period that ends between these lines keeps its values for one more period.
+        self.registers.cr1().modify(|w| w.set_udis(true));
+        self.registers.arr().write(|w| w.set_arr(last));
+        self.registers.ccr(self.channel).write(|w| w.set_ccr(width));
+        self.registers.cr1().modify(|w| w.set_udis(false));
+    }
+}
