@@ -38,7 +38,7 @@ pub const INTERFACE: &[u8] = b"MOTOR_HUB";
 pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// The packet types of the interface, on hubs of this project.
-pub const FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 31 };
+pub const FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 32 };
 
 requests! {
     /// A function for one motor, except for settings. The first field of the request is the motor's number.
@@ -95,6 +95,8 @@ requests! {
         26 Update,
         /// Sends a public key (Ed25519), and its signature of the firmware's SHA-512 hash.
         27 Sign { key: [u8; 32], signature: [u8; 64] },
+        /// The answer is a [`ChainReport`](crate::chain::ChainReport). A board without a chain line refuses the request.
+        31 Chain,
     }
 }
 

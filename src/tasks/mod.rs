@@ -23,6 +23,7 @@
 //! | crash report | the fault that ended the run, in a cell | written once per run, by fault handlers |
 //! | store | two [`Signal`]s: request and result | one request at a time |
 //! | update | two [`Signal`]s: request and result | one request at a time |
+//! | chain | two [`Channel`]s of packets, to and from the chain line, and two [`Signal`]s: see [`ChainWires`] | a packet that finds its channel full is dropped; the sender repeats it |
 //! | host spoke | a flag | set when the first packet for this hub has arrived; stays set until the next start of the hub |
 //!
 //! A [*direct* command](crate::hub::Action::is_direct) needs no regulator, so a motor can execute the command between two ticks.
@@ -49,6 +50,7 @@
 
 pub mod bridges;
 pub mod capture;
+pub mod chain;
 pub mod commands;
 pub mod control;
 pub mod health;
@@ -63,6 +65,7 @@ pub use health::{Health, Task};
 
 use crate::bridge::{BridgeFeedback, Drive};
 use crate::hub::{Command, Snapshot};
+use crate::protocol::Packet;
 use crate::motion::Newest;
 use crate::record::{CrashReport, Fault, Record, SIZE};
 use crate::supply::{Battery, BusReading};
@@ -70,10 +73,11 @@ use crate::units::Micros;
 use core::cell::{Cell, RefCell};
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::blocking_mutex::{CriticalSectionMutex, Mutex};
-use embassy_sync::channel::TrySendError;
+use embassy_sync::channel::{Channel, TrySendError};
 use embassy_sync::signal::Signal;
 use embassy_sync::watch::Watch;
-use embassy_time::Instant;
+use core::future::pending;
+use embassy_time::{Instant, TICK_HZ, Timer};
 
 /// Number of commands that can wait in the queue.
 pub const COMMANDS: usize = 16;
@@ -93,6 +97,30 @@ impl<M: RawMutex, O, D> RequestChannel<M, O, D> {
     /// Creates empty signals.
     const fn new() -> Self {
         Self { request: Signal::new(), done: Signal::new() }
+    }
+}
+
+/// The channels between the responder and the task of the chain line. Unused on a board without a chain line.
+pub struct ChainWires<M: RawMutex> {
+    /// Packets that have arrived: answers to the host, and requests to this hub.
+    pub received: Channel<M, Packet, 4>,
+    /// Packets to send: one question of this hub, and its answers.
+    pub send: Channel<M, Packet, 2>,
+    /// The last packet is on the line to its last byte.
+    pub sent: Signal<M, ()>,
+    /// Bytes have arrived that were no packet.
+    pub disturbed: Signal<M, ()>,
+}
+
+impl<M: RawMutex> ChainWires<M> {
+    /// Creates empty channels.
+    const fn new() -> Self {
+        Self {
+            received: Channel::new(),
+            send: Channel::new(),
+            sent: Signal::new(),
+            disturbed: Signal::new(),
+        }
     }
 }
 
@@ -126,6 +154,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub store: RequestChannel<M, crate::store::StoreRequest, store::Done>,
     /// Requests of the responder to the task that writes new firmware, and their results.
     pub update: RequestChannel<M, crate::update::UpdateRequest, crate::update::Done>,
+    /// Packets between the responder and the chain line.
+    pub chain: ChainWires<M>,
     /// True once a packet for this hub has arrived since the start of the hub, from the responder to all tasks.
     pub host_spoke: Mutex<M, Cell<bool>>,
 }
@@ -147,6 +177,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             crash_report: CriticalSectionMutex::new(RefCell::new(None)),
             store: RequestChannel::new(),
             update: RequestChannel::new(),
+            chain: ChainWires::new(),
             host_spoke: Mutex::new(Cell::new(false)),
         }
     }
@@ -215,4 +246,18 @@ fn micros(instant: Instant) -> Micros {
 /// Rounds a time up to a whole millisecond. Capture and control both wait for whole milliseconds, so that they are due together.
 fn whole_millisecond(now: Instant) -> Instant {
     Instant::from_millis(now.as_micros().div_ceil(1000))
+}
+
+/// Converts a time of the core to the first tick of the time driver that is not before `at`.
+fn instant(at: Micros) -> Instant {
+    let ticks = u128::from(at.get()) * u128::from(TICK_HZ);
+    Instant::from_ticks(u64::try_from(ticks.div_ceil(1_000_000)).unwrap_or(u64::MAX))
+}
+
+/// Waits until a time of the core, without end for `None`.
+async fn until(deadline: Option<Micros>) {
+    match deadline {
+        Some(deadline) => Timer::at(instant(deadline)).await,
+        None => pending().await,
+    }
 }

@@ -22,7 +22,7 @@ mod update;
 mod watch;
 
 use crate::output::{Failure, print, print_json};
-use crate::parse::{address, channel, host_and_port, whole};
+use crate::parse::{MotorName, address, host_and_port, motor, whole};
 use clap::builder::NonEmptyStringValueParser;
 use error::ClientError;
 use motor_hub::protocol::{Address, Colour};
@@ -126,8 +126,8 @@ enum Command {
     Identify(identify::Options),
     /// Makes a motor's present position 0
     ResetEncoder {
-        #[arg(value_parser = channel)]
-        motor: u8,
+        #[arg(value_parser = motor)]
+        motor: MotorName,
     },
     /// Sets the colour of the status LED, each 0 to 255
     Led {
@@ -168,6 +168,7 @@ impl Options {
             Command::Update(options) => options.check()?,
             _ => (),
         }
+        let hub = self.hub()?;
         let timeout = Duration::from_millis(self.timeout);
         let (name, line) = match (&self.port, &self.tcp) {
             (Some(path), None) => (path, Line::serial(path)),
@@ -180,7 +181,7 @@ impl Options {
             }
         };
         let line = line.map_err(|error| Failure::Work(ports::unopened(name, &error)))?;
-        self.command.execute(line, self.address, timeout).map_err(|trouble| match trouble {
+        self.command.execute(line, hub, timeout).map_err(|trouble| match trouble {
             ClientError::Hub(error @ Error::Parents { .. }) => {
                 Failure::Work(format!("{name}: {error}; choose a hub by --address"))
             }
@@ -190,6 +191,30 @@ impl Options {
             ClientError::Hub(error) => Failure::Work(format!("{name}: {error}")),
             ClientError::Other(failure) => failure,
         })
+    }
+}
+
+impl Options {
+    /// The hub that is meant: the one of --address, or the one of the motors. `None` for the hub on the line.
+    fn hub(&self) -> Result<Option<Address>, Failure> {
+        let of_motors = match &self.command {
+            Command::Drive(drive) => drive.hub(),
+            Command::Record(options) => options.hub()?,
+            Command::Together(options) => options.hub().map_err(Failure::Input)?,
+            Command::Coefficients(options) => options.motor.hub,
+            Command::Setup(options) => options.motor.hub,
+            Command::Identify(options) => options.motor.hub,
+            Command::ResetEncoder { motor } => motor.hub,
+            _ => None,
+        };
+        match (self.address, of_motors) {
+            (Some(given), Some(named)) if given != named => Err(Failure::Input(format!(
+                "--address {} and a motor of the hub at address {} exclude each other",
+                given.get(),
+                named.get()
+            ))),
+            (given, named) => Ok(given.or(named)),
+        }
     }
 }
 
@@ -224,7 +249,7 @@ impl Command {
                 session.fail_safe()?;
                 "all motors are disabled".to_owned()
             }
-            Self::ResetEncoder { motor } => {
+            Self::ResetEncoder { motor: MotorName { number: motor, .. } } => {
                 session.reset_encoder(motor)?;
                 format!("motor {motor} is at 0 counts")
             }

@@ -12,7 +12,7 @@ use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use qrcodegen::{QrCode, QrCodeEcc};
 use simulated::scenario::Scenario;
-use simulated::serve::{self, Memory};
+use simulated::serve::{self, Hubs, Memory};
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -167,7 +167,7 @@ fn simulate(
     let (hands, stop) = (world.clone(), Arc::clone(stop));
     let name = if file.is_some() { scenario.name.clone() } else { DEFAULT_NAME.to_owned() };
     let simulation = std::thread::spawn(move || {
-        serve::run(&scenario, Address::DEFAULT, line, memory, &mut |on| *on = hands.hands(), &mut |_| {
+        serve::run(&scenario, &Hubs::one(Address::DEFAULT), line, memory, &mut |on| *on = hands.hands(), &mut |_| {
             !stop.load(Ordering::Relaxed)
         })
     });

@@ -62,6 +62,7 @@ const fn of_hub(function: &HubFunction) -> &'static str {
         HubFunction::Restart => "restart with its new firmware",
         HubFunction::AbandonUpdate => "forget its new firmware",
         HubFunction::Update => "report its update",
+        HubFunction::Chain => "report the hubs behind it",
     }
 }
 
