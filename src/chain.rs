@@ -11,7 +11,8 @@
 //! what it is asked. The parent
 //! * passes on the host's requests to other addresses, unchanged, and the answers to them;
 //! * asks each address for a hub at a host's discovery, [`SLOT_MICROS`] for each;
-//! * does not answer for a child that is silent. It waits at most [`ANSWER_MICROS`] before it asks another child.
+//! * does not answer for a child that is silent. It waits at most [`ANSWER_MICROS`] before it asks another child;
+//! * passes on a *stop to all*, a fail-safe to the address 255, before all waiting requests. No child answers it.
 //!
 //! The parent's own answers do not pass through the chain line, so no child can delay them. Each hub has its own keep-alive timer,
 //! which only packets to that hub restart.
@@ -34,7 +35,7 @@
 
 use crate::protocol::payload::{PAYLOAD_KEPT, payload};
 use crate::protocol::requests::DISCOVERY;
-use crate::protocol::{Address, HOST, Packet};
+use crate::protocol::{Address, BROADCAST, HOST, Packet};
 use crate::units::Micros;
 use heapless::Deque;
 
@@ -150,6 +151,14 @@ impl Chain {
         }
     }
 
+    /// Passes on a stop to all hubs, before all waiting requests. A stop replaces the newest request if too many wait.
+    pub fn stop(&mut self, packet: Packet) {
+        if self.requests.is_full() {
+            let _ = self.requests.pop_back();
+        }
+        let _ = self.requests.push_front(packet);
+    }
+
     /// Begins a discovery on the chain line, in place of a discovery that is not finished. `request` is the host's packet, to
     /// which the children's answers refer.
     pub fn discover(&mut self, request: &Packet) {
@@ -223,7 +232,11 @@ impl Chain {
     /// Notes that the packet that [`next`](Self::next) has returned is on the line to its last byte.
     pub fn sent(&mut self, now: Micros) {
         if let Some(question) = &mut self.question {
-            let wait = if question.discovery { SLOT_MICROS } else { ANSWER_MICROS };
+            let wait = match question.address {
+                BROADCAST => 0,
+                _ if question.discovery => SLOT_MICROS,
+                _ => ANSWER_MICROS,
+            };
             question.until = Some(Micros::new(now.get().saturating_add(wait)));
         }
     }

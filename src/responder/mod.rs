@@ -66,7 +66,7 @@ use crate::protocol::answers::{Bulk, Status, Version};
 use crate::protocol::motor::ToMotor;
 use crate::protocol::payload::{Payload, Text};
 use crate::protocol::requests::{
-    DISCOVERY, InterfaceName, MOTOR_FUNCTIONS, MOTOR_INTERFACE, Standard, ToHub,
+    DISCOVERY, FAIL_SAFE, InterfaceName, MOTOR_FUNCTIONS, MOTOR_INTERFACE, Standard, ToHub,
 };
 use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
 use crate::record::Record;
@@ -254,8 +254,8 @@ impl<const N: usize> Responder<N> {
     /// Executes the request of a host's packet and returns the reply. Returns `None` for a packet that is not for this hub, which
     /// goes to the hubs behind this hub.
     ///
-    /// A packet is for this hub if it has the hub's address, or if it is a discovery to all hubs. Such a packet restarts the
-    /// keep-alive timer, also if the hub refuses the request.
+    /// A packet is for this hub if it has the hub's address, or if it is a discovery or a fail-safe to all hubs. Such a packet
+    /// restarts the keep-alive timer, also if the hub refuses the request.
     pub fn receive(&mut self, packet: &Packet, now: Micros, snapshot: &Snapshot<N>) -> Option<Packet> {
         self.receive_with(packet, Line::Host, now, snapshot, None)
     }
@@ -271,15 +271,27 @@ impl<const N: usize> Responder<N> {
     ) -> Option<Packet> {
         self.tick(now, snapshot);
         let address = self.address.get();
-        let discovery = from == Line::Host && packet.destination == BROADCAST && packet.id == DISCOVERY;
-        let chain = self.chain.as_mut().filter(|_| from == Line::Host);
-        match chain {
-            Some(chain) if discovery => chain.discover(packet),
-            Some(chain) if packet.destination != address => chain.request(packet.clone()),
-            _ => (),
-        }
-        if packet.destination != address && !discovery {
-            return None;
+        let to_all = packet.destination == BROADCAST;
+        let (stop, discovery) = (to_all && packet.id == FAIL_SAFE, to_all && packet.id == DISCOVERY);
+        if from == Line::Chain {
+            if stop {
+                self.disable();
+                self.keep_alive.fail_safe();
+            }
+            // Children that all answered a packet to all hubs would disturb each other.
+            if packet.destination != address {
+                return None;
+            }
+        } else if packet.destination != address {
+            match &mut self.chain {
+                Some(chain) if discovery => chain.discover(packet),
+                Some(chain) if stop => chain.stop(packet.clone()),
+                Some(chain) if !to_all => chain.request(packet.clone()),
+                _ => (),
+            }
+            if !discovery && !stop {
+                return None;
+            }
         }
         self.keep_alive.packet(now);
         let answer = Request::read(packet, N.min(CHANNELS))

@@ -265,7 +265,7 @@ pub async fn steps(
                 executor.run(tasks.as_mut());
             }
             // What one hub has sent on the chain line reaches the others in the same millisecond.
-            if !hubs.line.take_busy() {
+            if !hubs.line.deliver() {
                 break;
             }
         }

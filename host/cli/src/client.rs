@@ -37,7 +37,8 @@ use studies::table;
 pub(crate) const HELP: &str = "\
 Commands for a hub that speaks the REV Hub Serial Protocol, real or simulated
 
-Without --address the hub is found by discovery, which takes 0.25 s.
+Without --address the hub on the line is found by discovery. A hub behind that hub is named by --address, or with the motor: \
+3:0 is motor 0 of the hub at address 3.
 
 A command that runs motors disables them when it ends: normally, after an error, after a panic, or by Ctrl-C, SIGTERM, \
 SIGQUIT or SIGHUP (closed terminal). Ctrl-Z ends it too, instead of suspending it. It reports that on standard error, unless \
@@ -106,7 +107,7 @@ enum Command {
     ///
     /// All motors travel in proportion. If a motor lags, the others wait for it.
     Together(together::Options),
-    /// Disables all motors immediately (fail-safe)
+    /// Disables all motors of all hubs on the line immediately (fail-safe); with --address, of one hub
     Stop,
     /// Reads a loop's coefficients, or sets the given ones and keeps the others
     Coefficients(coefficients::Options),
@@ -223,6 +224,14 @@ impl Command {
         if let Self::Discover { json } = self {
             return discover(Session::new(line, Address::DEFAULT, timeout), json);
         }
+        if matches!(self, Self::Stop) && address.is_none() {
+            let stopped = Session::new(line, Address::DEFAULT, timeout).stop_all()?;
+            let stopped: Vec<String> = stopped.iter().map(u8::to_string).collect();
+            return Ok(match stopped.as_slice() {
+                [_] => print("all motors are disabled\n"),
+                _ => print(&format!("all motors of the hubs {} are disabled\n", stopped.join(", "))),
+            }?);
+        }
         let mut session = match address {
             Some(address) => Session::new(line, address, timeout),
             None => Session::with_parent(line, timeout)?,
@@ -273,11 +282,11 @@ fn discover(mut session: Session<Line>, json: bool) -> Result<(), ClientError> {
     let mut table = table::new(&["address", "hub"], 0);
     let mut hubs = Vec::new();
     for hub in session.discover()? {
-        if let Some(address) = Address::new(hub.address) {
+        if let Some(address) = Address::new(hub.address).filter(|_| !hub.clashing) {
             session.talk_to(address);
             stop_abandoned(&mut session)?;
         }
-        let kind = scan::kind(hub.parent);
+        let kind = scan::kind(&hub);
         table.add_row([hub.address.to_string(), kind.to_owned()]);
         hubs.push(json!({ "address": hub.address, "kind": kind }));
     }

@@ -20,7 +20,7 @@ use motor_hub::chain::ChainReport;
 use motor_hub::extension::{INTERFACE, Request};
 use motor_hub::protocol::answers::Functions;
 use motor_hub::protocol::payload::{Field, Fields};
-use motor_hub::protocol::requests::{DISCOVERY, InterfaceName, Standard};
+use motor_hub::protocol::requests::{DISCOVERY, FAIL_SAFE, InterfaceName, Standard};
 use motor_hub::protocol::{Address, BROADCAST, Decoder, HOST, Nack, Packet, Reply, frame};
 use motor_hub::units::Micros;
 use std::collections::VecDeque;
@@ -49,6 +49,8 @@ pub struct Found {
     pub address: u8,
     /// True if the hub is on this line, false if it is behind another hub.
     pub parent: bool,
+    /// True if several hubs have this address, so that none of them can be used.
+    pub clashing: bool,
 }
 
 /// A host's session with one hub. Reads of the line must not block for long: see [`crate::line::POLL`].
@@ -152,14 +154,35 @@ impl<L: Read + Write> Session<L> {
     /// [`Error::NoHub`] if none answers within the timeout.
     pub fn discover(&mut self) -> Result<Vec<Found>, Error> {
         let first = self.discover_for(Duration::ZERO)?;
-        let &[Found { address, parent: true }] = first.as_slice() else { return self.discover_for(CHAIN) };
+        let &[Found { address, parent: true, .. }] = first.as_slice() else { return self.discover_for(CHAIN) };
         match self.wait_for_chain(address)? {
-            Some(children) => {
-                let children = children.heard.iter().map(|address| Found { address, parent: false });
+            Some(ChainReport { heard, clashing, .. }) => {
+                let children = (1..BROADCAST).filter(|&address| heard.has(address) || clashing.has(address));
+                let children =
+                    children.map(|address| Found { address, parent: false, clashing: clashing.has(address) });
                 Ok(first.into_iter().chain(children).collect())
             }
             None => self.discover_for(CHAIN),
         }
+    }
+
+    /// Disables the motors of all hubs on the line, and returns the hubs. Hubs of this project obey within milliseconds, before
+    /// any hub is looked for.
+    ///
+    /// # Errors
+    /// [`Error::NoHub`] if no hub answers. [`Error::Silent`] for the first hub that does not confirm, after all others were stopped.
+    pub fn stop_all(&mut self) -> Result<Vec<u8>, Error> {
+        self.count();
+        self.transmit(&Standard::FailSafe.into(), BROADCAST, FAIL_SAFE)?;
+        let found: Vec<u8> = self.discover()?.iter().filter(|hub| !hub.clashing).map(|hub| hub.address).collect();
+        let before = self.address;
+        let stopped = found.iter().map(|&address| {
+            self.address = address;
+            self.fail_safe()
+        });
+        let all = stopped.fold(Ok(()), Result::and);
+        self.address = before;
+        all.map(|()| found)
     }
 
     /// The hubs that answer a discovery, until this time after the first answer.
@@ -178,7 +201,7 @@ impl<L: Read + Write> Session<L> {
                 wait_until = end.min(Instant::now() + chain);
             }
             if found.iter().all(|hub| hub.address != packet.source) {
-                found.push(Found { address: packet.source, parent });
+                found.push(Found { address: packet.source, parent, clashing: false });
             }
         }
         if found.is_empty() { Err(Error::NoHub) } else { Ok(found) }

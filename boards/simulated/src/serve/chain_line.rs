@@ -1,7 +1,7 @@
 //! The chain line of several hubs in this process: a half-duplex line, on which every hub receives what another hub sends.
 
 use embedded_io_async::{ErrorType, Read, Write};
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::future::poll_fn;
@@ -23,19 +23,17 @@ pub enum LineFault {
 struct Shared {
     /// Bytes that each hub has not received yet, with the millisecond at which they arrive.
     incoming: Vec<VecDeque<(u64, u8)>>,
+    /// What hubs have sent since the last delivery.
+    sent: Vec<(usize, Vec<u8>)>,
     fault: Option<LineFault>,
     now_ms: u64,
 }
 
 /// The chain line.
 #[derive(Clone, Debug)]
-pub struct ChainLine {
-    shared: Rc<RefCell<Shared>>,
-    /// True if bytes were sent since the last look.
-    busy: Rc<Cell<bool>>,
-}
+pub struct ChainLine(Rc<RefCell<Shared>>);
 
-/// One hub's end of the line. It needs no waker: the hubs are polled while bytes are on their way.
+/// One hub's end of the line. It needs no waker, because all hubs are polled after each delivery.
 #[derive(Clone, Debug)]
 pub(super) struct ChainEnd {
     line: ChainLine,
@@ -43,16 +41,15 @@ pub(super) struct ChainEnd {
 }
 
 impl ChainLine {
-    /// A line of this number of hubs. The hub with index 0 is the first one on the line.
+    /// A line of this number of hubs.
     #[must_use]
     pub fn new(hubs: usize) -> Self {
-        let shared = Shared { incoming: vec![VecDeque::new(); hubs], ..Shared::default() };
-        Self { shared: Rc::new(RefCell::new(shared)), busy: Rc::default() }
+        Self(Rc::new(RefCell::new(Shared { incoming: vec![VecDeque::new(); hubs], ..Shared::default() })))
     }
 
     /// Begins a fault, or ends all faults.
     pub fn set_fault(&self, fault: Option<LineFault>) {
-        self.shared.borrow_mut().fault = fault;
+        self.0.borrow_mut().fault = fault;
     }
 
     pub(super) fn end(&self, hub: usize) -> ChainEnd {
@@ -61,7 +58,7 @@ impl ChainLine {
 
     /// Begins a millisecond.
     pub(super) fn begin(&self, now_ms: u64) {
-        let shared = &mut *self.shared.borrow_mut();
+        let shared = &mut *self.0.borrow_mut();
         shared.now_ms = now_ms;
         if let Some(LineFault::Babbles(_)) = shared.fault {
             for incoming in &mut shared.incoming {
@@ -71,25 +68,36 @@ impl ChainLine {
         }
     }
 
-    /// True if bytes were sent since the last call.
-    pub(super) fn take_busy(&self) -> bool {
-        self.busy.take()
+    /// Delivers what the hubs have sent since the last call. What several hubs sent at the same time is damaged. Returns false if
+    /// nothing was sent.
+    pub(super) fn deliver(&self) -> bool {
+        self.0.borrow_mut().deliver()
     }
 }
 
 impl Shared {
-    fn send(&mut self, from: usize, bytes: &[u8]) {
-        let late_ms = match self.fault {
-            Some(LineFault::Cut(hub)) if hub == from => return,
-            Some(LineFault::Late(hub, late_ms)) if hub == from => late_ms,
-            _ => 0,
-        };
-        let damage = u8::from(matches!(self.fault, Some(LineFault::Babbles(hub)) if hub != from));
-        for (hub, incoming) in self.incoming.iter_mut().enumerate() {
-            if hub != from && self.fault != Some(LineFault::Cut(hub)) {
-                incoming.extend(bytes.iter().map(|byte| (self.now_ms + late_ms, byte ^ damage)));
+    fn deliver(&mut self) -> bool {
+        let sent = std::mem::take(&mut self.sent);
+        let collides = sent.iter().any(|(from, _)| Some(from) != sent.first().map(|(first, _)| first));
+        for (from, bytes) in &sent {
+            let late_ms = match self.fault {
+                Some(LineFault::Cut(hub)) if hub == *from => continue,
+                Some(LineFault::Late(hub, late_ms)) if hub == *from => late_ms,
+                _ => 0,
+            };
+            let babbles = matches!(self.fault, Some(LineFault::Babbles(hub)) if hub != *from);
+            let damage = u8::from(collides || babbles);
+            for (hub, incoming) in self.incoming.iter_mut().enumerate() {
+                if hub != *from && self.fault != Some(LineFault::Cut(hub)) {
+                    let at_ms = self.now_ms + late_ms;
+                    let place = incoming.partition_point(|(other_ms, _)| *other_ms <= at_ms);
+                    let after = incoming.split_off(place);
+                    incoming.extend(bytes.iter().map(|byte| (at_ms, byte ^ damage)));
+                    incoming.extend(after);
+                }
             }
         }
+        !sent.is_empty()
     }
 
     fn receive(&mut self, hub: usize, bytes: &mut [u8]) -> usize {
@@ -111,7 +119,7 @@ impl ErrorType for ChainEnd {
 
 impl Read for ChainEnd {
     async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
-        poll_fn(|_| match self.line.shared.borrow_mut().receive(self.hub, bytes) {
+        poll_fn(|_| match self.line.0.borrow_mut().receive(self.hub, bytes) {
             0 => Poll::Pending,
             received => Poll::Ready(Ok(received)),
         })
@@ -121,8 +129,7 @@ impl Read for ChainEnd {
 
 impl Write for ChainEnd {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
-        self.line.shared.borrow_mut().send(self.hub, bytes);
-        self.line.busy.set(true);
+        self.line.0.borrow_mut().sent.push((self.hub, bytes.to_vec()));
         Ok(bytes.len())
     }
 

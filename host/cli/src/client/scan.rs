@@ -43,13 +43,18 @@ pub(super) struct Options {
 /// A hub at a place.
 struct Found {
     address: u8,
-    is_parent: bool,
+    kind: &'static str,
+    /// Empty for several hubs with one address.
     version: String,
 }
 
 /// A hub's place on its line.
-pub(super) const fn kind(is_parent: bool) -> &'static str {
-    if is_parent { "parent" } else { "child" }
+pub(super) const fn kind(hub: &motor_hub_client::session::Found) -> &'static str {
+    match hub {
+        _ if hub.clashing => "several hubs with this address: connect each alone, and give it another by set-address",
+        _ if hub.parent => "parent",
+        _ => "child",
+    }
 }
 
 /// A place to scan.
@@ -129,8 +134,8 @@ fn text(scanned: Vec<(&str, Result<Vec<Found>, Silence>)>) -> String {
     for (name, asked) in scanned {
         match asked {
             Ok(hubs) => {
-                for Found { address, is_parent, version } in hubs {
-                    let hub = format!("{}, {version}", kind(is_parent));
+                for Found { address, kind, version } in hubs {
+                    let hub = if version.is_empty() { kind.to_owned() } else { format!("{kind}, {version}") };
                     table.add_row([name, &address.to_string(), &hub]);
                 }
             }
@@ -147,8 +152,8 @@ fn document(name: &str, asked: Result<Vec<Found>, Silence>) -> Value {
         Ok(hubs) => (hubs, None),
         Err(silence) => (Vec::new(), Some(silence.words(name))),
     };
-    let hubs = hubs.into_iter().map(|Found { address, is_parent, version }| {
-        json!({ "address": address, "kind": kind(is_parent), "version": version })
+    let hubs = hubs.into_iter().map(|Found { address, kind, version }| {
+        json!({ "address": address, "kind": kind, "version": version })
     });
     json!({ "place": name, "hubs": hubs.collect::<Vec<_>>(), "in_use": in_use, "reason": reason })
 }
@@ -228,9 +233,13 @@ fn hubs_at(place: &str, timeout: Duration) -> Result<Vec<Found>, Silence> {
     let mut found = Vec::new();
     for hub in session.discover()? {
         let Some(address) = Address::new(hub.address) else { continue };
-        session.talk_to(address);
-        stop_abandoned(&mut session)?;
-        found.push(Found { address: hub.address, is_parent: hub.parent, version: session.version()? });
+        let mut version = String::new();
+        if !hub.clashing {
+            session.talk_to(address);
+            stop_abandoned(&mut session)?;
+            version = session.version()?;
+        }
+        found.push(Found { address: hub.address, kind: kind(&hub), version });
     }
     Ok(found)
 }
