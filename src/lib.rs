@@ -45,6 +45,7 @@
 //! | [`record`] | a record of faults and resets with the ticks before them, in memory that survives a reset |
 //! | [`protocol`] | REV's protocol as bytes, for hosts and hubs: frames, requests, answers |
 //! | [`extension`] | the hub's own protocol: requests that REV's protocol lacks; the table of all settings |
+//! | [`chain`] | hubs behind this hub, on a line of their own |
 //! | [`responder`] | the hub's side of both protocols: what hosts have set, the keep-alive timer, the LED |
 //! | [`store`] | settings in non-volatile memory: the stored format, and the choice between two copies |
 //! | [`update`] | new firmware: which chunks of an image are accepted, and when the image may start |
@@ -71,6 +72,7 @@
 pub mod board;
 pub mod braking;
 pub mod bridge;
+pub mod chain;
 pub mod devices;
 pub mod extension;
 pub mod group;

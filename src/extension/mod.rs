@@ -97,6 +97,8 @@ requests! {
         27 Sign { key: [u8; 32], signature: [u8; 64] },
         /// The answer is an [`Equipment`](crate::devices::Equipment).
         32 Equipment,
+        /// The answer is a [`ChainReport`](crate::chain::ChainReport). A board without a chain line refuses the request.
+        31 Chain,
     }
 }
 

@@ -54,6 +54,7 @@ mod report;
 mod store;
 mod update;
 
+use crate::chain::Chain;
 use crate::devices::{AnalogReadings, Equipment, SERVOS, ServoPulse};
 use crate::extension::group::{GroupCourse, GroupState};
 use crate::extension::record::{Entries, Ticks};
@@ -69,7 +70,7 @@ use crate::protocol::motor::ToMotor;
 use crate::protocol::payload::{Payload, Text};
 use crate::protocol::pins::ToPin;
 use crate::protocol::requests::{
-    DISCOVERY, InterfaceName, MOTOR_FUNCTIONS, MOTOR_INTERFACE, Standard, ToHub,
+    DISCOVERY, FAIL_SAFE, InterfaceName, MOTOR_FUNCTIONS, MOTOR_INTERFACE, Standard, ToHub,
 };
 use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
 use crate::record::Record;
@@ -115,6 +116,15 @@ const VERSION: Version = Version {
 /// The refusal of a request to a motor that the hub does not have.
 const NO_MOTOR: Nack = Nack::parameter(0);
 
+/// The line that a packet arrived on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Line {
+    /// The line to the host.
+    Host,
+    /// The line between the hubs of a chain.
+    Chain,
+}
+
 /// State of the hub's side of the protocols, for a hub with N motors.
 #[derive(Clone, Debug)]
 pub struct Responder<const N: usize> {
@@ -138,6 +148,8 @@ pub struct Responder<const N: usize> {
     update: Option<Update>,
     /// Version of new firmware that a host has announced last. Empty before.
     announced_version: Text,
+    /// The hubs behind this hub. `None` on a board without a chain line.
+    chain: Option<Chain>,
     courses: Courses<N>,
     /// Number of the newest sent command. `None` before the first command, and once a snapshot includes the command.
     awaited: Option<u32>,
@@ -165,6 +177,7 @@ impl<const N: usize> Responder<N> {
             memory: None,
             update: None,
             announced_version: Text::new(),
+            chain: None,
             courses: Courses::NONE,
             awaited: None,
             outputs: Outputs::default(),
@@ -175,6 +188,23 @@ impl<const N: usize> Responder<N> {
             phone_charge: false,
             ftdi_reset: false,
         }
+    }
+
+    /// Returns the state with a chain line.
+    #[must_use]
+    pub fn with_chain(mut self) -> Self {
+        self.chain = Some(Chain::new());
+        self
+    }
+
+    /// Returns the parent's end of the chain line. `None` on a board without a chain line.
+    pub const fn chain(&mut self) -> Option<&mut Chain> {
+        self.chain.as_mut()
+    }
+
+    /// Takes a packet from the chain line that is not a request to this hub. Returns the packet if it must go up to the host.
+    pub fn pass_up(&mut self, packet: Packet) -> Option<Packet> {
+        self.chain.as_mut()?.receive(packet, self.address)
     }
 
     /// Returns the address in force.
@@ -255,10 +285,11 @@ impl<const N: usize> Responder<N> {
         self.led.at(now, &self.keep_alive)
     }
 
-    /// Returns the time at which the keep-alive timer runs out; [`tick`](Self::tick) must be called then. `None` if the timer
-    /// does not run.
-    pub const fn deadline(&self) -> Option<Micros> {
-        self.keep_alive.deadline()
+    /// Returns the time at which the keep-alive timer runs out or the chain line is free, whichever is earlier.
+    /// [`tick`](Self::tick) must be called then. `None` if neither is awaited.
+    pub fn deadline(&self) -> Option<Micros> {
+        let chain = self.chain.as_ref().and_then(Chain::deadline);
+        self.keep_alive.deadline().into_iter().chain(chain).min()
     }
 
     /// Updates battery state and keep-alive timer, and no longer awaits commands that the snapshot includes. When the timer runs
@@ -276,31 +307,51 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// Executes the request of a packet and returns the reply. Returns `None` for a packet that is not for this hub.
+    /// Executes the request of a host's packet and returns the reply. Returns `None` for a packet that is not for this hub, which
+    /// goes to the hubs behind this hub.
     ///
-    /// A packet is for this hub if it has the hub's address, or if it is a discovery to all hubs. Such a packet restarts the
-    /// keep-alive timer, also if the hub refuses the request.
+    /// A packet is for this hub if it has the hub's address, or if it is a discovery or a fail-safe to all hubs. Such a packet
+    /// restarts the keep-alive timer, also if the hub refuses the request.
     pub fn receive(&mut self, packet: &Packet, now: Micros, snapshot: &Snapshot<N>) -> Option<Packet> {
-        self.receive_with(packet, now, snapshot, None)
+        self.receive_with(packet, Line::Host, now, snapshot, None)
     }
 
-    /// Executes a request like [`receive`](Self::receive), on a hub that may have a record of faults.
+    /// Executes a request like [`receive`](Self::receive), from either line, on a hub that may have a record of faults.
     pub fn receive_with(
         &mut self,
         packet: &Packet,
+        from: Line,
         now: Micros,
         snapshot: &Snapshot<N>,
         record: Option<&mut Record<'_>>,
     ) -> Option<Packet> {
         self.tick(now, snapshot);
         let address = self.address.get();
-        let discovery = packet.destination == BROADCAST && packet.id == DISCOVERY;
-        if packet.destination != address && !discovery {
-            return None;
+        let to_all = packet.destination == BROADCAST;
+        let (stop, discovery) = (to_all && packet.id == FAIL_SAFE, to_all && packet.id == DISCOVERY);
+        if from == Line::Chain {
+            if stop {
+                self.disable();
+                self.keep_alive.fail_safe();
+            }
+            // Children that all answered a packet to all hubs would disturb each other.
+            if packet.destination != address {
+                return None;
+            }
+        } else if packet.destination != address {
+            match &mut self.chain {
+                Some(chain) if discovery => chain.discover(packet),
+                Some(chain) if stop => chain.stop(packet.clone()),
+                Some(chain) if !to_all => chain.request(packet.clone()),
+                _ => (),
+            }
+            if !discovery && !stop {
+                return None;
+            }
         }
         self.keep_alive.packet(now);
         let answer = Request::read(packet, N.min(CHANNELS))
-            .and_then(|request| self.answer(request, now, snapshot, record));
+            .and_then(|request| self.answer(request, from, now, snapshot, record));
         let reply = match answer {
             Ok(Reply::Ack { .. }) => Reply::Ack { attention: self.keep_alive.attention() },
             Ok(reply) => reply,
@@ -372,11 +423,14 @@ impl<const N: usize> Responder<N> {
     fn answer(
         &mut self,
         request: Request,
+        from: Line,
         now: Micros,
         snapshot: &Snapshot<N>,
         record: Option<&mut Record<'_>>,
     ) -> Result<Reply, Nack> {
         match request {
+            // A host finds out by this flag whether it is connected to this hub, or to the parent of a chain.
+            Request::Standard(Standard::Discovery) => Ok(Reply::data(&(from == Line::Host))),
             Request::Standard(request) => self.standard(request, now, snapshot),
             Request::ToHub(request) => self.hub(request, snapshot),
             Request::ToPin(request) => self.pin(&request, snapshot),
@@ -433,6 +487,9 @@ impl<const N: usize> Responder<N> {
             HubFunction::Bus => Ok(Reply::data(&self.bus_report(now, &snapshot.bus))),
             HubFunction::Equipment => Ok(Reply::data(&self.converter.equipment)),
             HubFunction::Report => Ok(Reply::data(&self.report(now, snapshot))),
+            HubFunction::Chain => {
+                self.chain.as_ref().map(|chain| Reply::data(&chain.report())).ok_or(Nack::UNSUPPORTED)
+            }
             HubFunction::Stored => self.store_report().map(|report| Reply::data(&report)),
             HubFunction::Save | HubFunction::Load | HubFunction::Reset => {
                 self.access_store(&function, snapshot)
@@ -456,7 +513,7 @@ impl<const N: usize> Responder<N> {
     fn standard(&mut self, request: Standard, now: Micros, snapshot: &Snapshot<N>) -> Result<Reply, Nack> {
         match request {
             // The hub sends no debug messages.
-            Standard::KeepAlive | Standard::DebugLevel { .. } => (),
+            Standard::KeepAlive | Standard::DebugLevel { .. } | Standard::Discovery => (),
             Standard::FailSafe => {
                 self.disable();
                 self.keep_alive.fail_safe();
@@ -479,8 +536,6 @@ impl<const N: usize> Responder<N> {
             Standard::QueryInterface { name } => return interface(&name),
             Standard::LedColour => return Ok(Reply::data(&self.led.colour())),
             Standard::LedPattern => return Ok(Reply::data(self.led.pattern())),
-            // There is no hub between this hub and the host.
-            Standard::Discovery => return Ok(Reply::data(&true)),
         }
         Ok(Reply::ACK)
     }

@@ -24,6 +24,7 @@
 //! | store | two [`Signal`]s: request and result | one request at a time |
 //! | update | two [`Signal`]s: request and result | one request at a time |
 //! | i2c | for each I2C bus, two [`Signal`]s: request and result | one transfer at a time |
+//! | chain | two [`Channel`]s of packets, to and from the chain line, and two [`Signal`]s: see [`ChainWires`] | a packet that finds its channel full is dropped; the sender repeats it |
 //! | host spoke | a flag | set when the first packet for this hub has arrived; stays set until the next start of the hub |
 //!
 //! A [*direct* command](crate::hub::Action::is_direct) needs no regulator, so a motor can execute the command between two ticks.
@@ -50,6 +51,7 @@
 
 pub mod bridges;
 pub mod capture;
+pub mod chain;
 pub mod commands;
 pub mod control;
 pub mod health;
@@ -66,6 +68,7 @@ pub use health::{Health, Task};
 use crate::bridge::{BridgeFeedback, Drive};
 use crate::devices::I2C_BUSES;
 use crate::hub::{Command, Snapshot};
+use crate::protocol::Packet;
 use crate::motion::Newest;
 use crate::protocol::answers::I2cRead;
 use crate::record::{CrashReport, Fault, Record, SIZE};
@@ -75,10 +78,11 @@ use crate::units::Micros;
 use core::cell::{Cell, RefCell};
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::blocking_mutex::{CriticalSectionMutex, Mutex};
-use embassy_sync::channel::TrySendError;
+use embassy_sync::channel::{Channel, TrySendError};
 use embassy_sync::signal::Signal;
 use embassy_sync::watch::Watch;
-use embassy_time::Instant;
+use core::future::pending;
+use embassy_time::{Instant, TICK_HZ, Timer};
 
 /// Number of commands that can wait in the queue.
 pub const COMMANDS: usize = 16;
@@ -98,6 +102,30 @@ impl<M: RawMutex, O, D> RequestChannel<M, O, D> {
     /// Creates empty signals.
     const fn new() -> Self {
         Self { request: Signal::new(), done: Signal::new() }
+    }
+}
+
+/// The channels between the responder and the task of the chain line. Unused on a board without a chain line.
+pub struct ChainWires<M: RawMutex> {
+    /// Packets that have arrived: answers to the host, and requests to this hub.
+    pub received: Channel<M, Packet, 4>,
+    /// Packets to send: one question of this hub, and its answers.
+    pub send: Channel<M, Packet, 2>,
+    /// The last packet is on the line to its last byte.
+    pub sent: Signal<M, ()>,
+    /// Bytes have arrived that were no packet.
+    pub disturbed: Signal<M, ()>,
+}
+
+impl<M: RawMutex> ChainWires<M> {
+    /// Creates empty channels.
+    const fn new() -> Self {
+        Self {
+            received: Channel::new(),
+            send: Channel::new(),
+            sent: Signal::new(),
+            disturbed: Signal::new(),
+        }
     }
 }
 
@@ -133,6 +161,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub update: RequestChannel<M, crate::update::UpdateRequest, crate::update::Done>,
     /// Transfers of the responder to the task of each I2C bus, and their results.
     pub i2c: [RequestChannel<M, Transfer, I2cRead>; I2C_BUSES],
+    /// Packets between the responder and the chain line.
+    pub chain: ChainWires<M>,
     /// True once a packet for this hub has arrived since the start of the hub, from the responder to all tasks.
     pub host_spoke: Mutex<M, Cell<bool>>,
 }
@@ -155,6 +185,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             store: RequestChannel::new(),
             update: RequestChannel::new(),
             i2c: [const { RequestChannel::new() }; I2C_BUSES],
+            chain: ChainWires::new(),
             host_spoke: Mutex::new(Cell::new(false)),
         }
     }
@@ -223,4 +254,18 @@ fn micros(instant: Instant) -> Micros {
 /// Rounds a time up to a whole millisecond. Capture and control both wait for whole milliseconds, so that they are due together.
 fn whole_millisecond(now: Instant) -> Instant {
     Instant::from_millis(now.as_micros().div_ceil(1000))
+}
+
+/// Converts a time of the core to the first tick of the time driver that is not before `at`.
+fn instant(at: Micros) -> Instant {
+    let ticks = u128::from(at.get()) * u128::from(TICK_HZ);
+    Instant::from_ticks(u64::try_from(ticks.div_ceil(1_000_000)).unwrap_or(u64::MAX))
+}
+
+/// Waits until a time of the core, without end for `None`.
+async fn until(deadline: Option<Micros>) {
+    match deadline {
+        Some(deadline) => Timer::at(instant(deadline)).await,
+        None => pending().await,
+    }
 }

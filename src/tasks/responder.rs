@@ -1,21 +1,22 @@
-//! The hub's end of the link to a host. Bytes become packets, and packets become commands and replies.
+//! The hub's end of the link to a host. Bytes become packets, and packets become commands and replies. Requests that arrive on
+//! the chain line, from the parent of a chain, are answered there.
 //!
 //! Whether or not bytes arrive, the task also runs the keep-alive timer, digital pins and servo outputs, and the status LED.
 
 use super::store::Done;
-use super::{Wires, micros};
+use super::{Wires, instant, micros, until};
 use crate::board::Devices;
 use crate::hub::Snapshot;
-use crate::protocol::{Colour, Decoder, Packet, frame};
-use crate::responder::Responder;
+use crate::protocol::{Colour, Decoder, HOST, Packet, frame};
+use crate::responder::{Line, Responder};
 use crate::responder::outputs::DigitalLines;
 use crate::units::Micros;
 use core::cell::Cell;
 use core::future::pending;
-use embassy_futures::select::{Either, Either3, select, select3};
+use embassy_futures::select::{Either, Either3, Either4, select, select3, select4};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
-use embassy_time::{Duration, Instant, TICK_HZ, Timer};
+use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
 
 /// Longest time between two updates of the status LED, of the pins and of the battery state. The shortest step of an LED
@@ -57,33 +58,43 @@ pub async fn run<M: RawMutex, const N: usize>(
     let mut chunk = [0; CHUNK];
     loop {
         let work = attend(responder, &mut devices, wires, &mut show);
-        let length = match select3(rx.read(&mut chunk), until(decoder.deadline()), work).await {
-            Either3::First(Ok(0)) => return,
-            Either3::First(Ok(length)) => length,
-            Either3::First(Err(_)) => {
+        let from_chain = wires.chain.received.receive();
+        let next = select4(rx.read(&mut chunk), until(decoder.deadline()), from_chain, work).await;
+        let mut from_chain = None;
+        let length = match next {
+            Either4::First(Ok(0)) => return,
+            Either4::First(Ok(length)) => length,
+            Either4::First(Err(_)) => {
                 select(Timer::after(RECOVERY), attend(responder, &mut devices, wires, &mut show)).await;
                 0
             }
-            Either3::Second(()) => 0,
+            Either4::Second(()) => 0,
+            Either4::Third(packet) => {
+                from_chain = Some(packet);
+                0
+            }
         };
         let mut input = chunk.get(..length).unwrap_or_default();
         let mut received_at = now();
-        while let Some(packet) = decoder.next(&mut input, received_at) {
-            await_transfer(&packet, responder, &mut devices, wires, &mut show).await;
-            exchange(responder, &mut devices);
-            responder.sense_analog(devices.analog());
-            responder.sense_supply_currents(devices.supply_currents());
-            responder.sense_bus(wires.bus.lock(Cell::get));
-            take_update_result(responder, wires);
-            let reply = wires.record.lock(|record| {
-                // No task keeps the borrow across an await, so the borrow succeeds.
-                let mut record = record.try_borrow_mut().ok();
-                let record = record.as_mut().and_then(|record| record.as_mut());
-                responder.receive_with(&packet, now(), &snapshot(wires), record)
-            });
-            let Some(reply) = reply else { continue };
+        loop {
+            let packet = match from_chain.take() {
+                Some(packet) if packet.destination == HOST => responder.pass_up(packet),
+                Some(packet) => {
+                    // The parent asks one question at a time, so there is room for the answer.
+                    let reply = answer(&packet, Line::Chain, responder, &mut devices, wires, &mut show).await;
+                    let _ = reply.map(|reply| wires.chain.send.try_send(reply));
+                    None
+                }
+                None => match decoder.next(&mut input, received_at) {
+                    Some(packet) => {
+                        answer(&packet, Line::Host, responder, &mut devices, wires, &mut show).await
+                    }
+                    None => break,
+                },
+            };
+            let Some(packet) = packet else { continue };
             poll(responder, &mut devices, wires, &mut show);
-            let frame = frame::encode(&reply);
+            let frame = frame::encode(&packet);
             let write = async {
                 // A host that gets no reply repeats its request. A flush after a failed write may never end.
                 if tx.write_all(&frame).await.is_ok() {
@@ -98,6 +109,29 @@ pub async fn run<M: RawMutex, const N: usize>(
         // A host that sends without pauses must not keep other tasks from running.
         yield_now().await;
     }
+}
+
+/// Executes the request of a packet, and returns the reply.
+async fn answer<M: RawMutex, const N: usize>(
+    packet: &Packet,
+    from: Line,
+    responder: &mut Responder<N>,
+    devices: &mut impl Devices,
+    wires: &Wires<M, N>,
+    show: impl FnMut(Colour),
+) -> Option<Packet> {
+    await_transfer(packet, responder, devices, wires, show).await;
+    exchange(responder, devices);
+    responder.sense_analog(devices.analog());
+    responder.sense_supply_currents(devices.supply_currents());
+    responder.sense_bus(wires.bus.lock(Cell::get));
+    take_update_result(responder, wires);
+    wires.record.lock(|record| {
+        // No task keeps the borrow across an await, so the borrow succeeds.
+        let mut record = record.try_borrow_mut().ok();
+        let record = record.as_mut().and_then(|record| record.as_mut());
+        responder.receive_with(packet, from, now(), &snapshot(wires), record)
+    })
 }
 
 /// Longest time that the answer to a request waits for a running I2C transfer. Many hosts start a transfer immediately after another
@@ -161,13 +195,17 @@ pub async fn attend<M: RawMutex, const N: usize>(
         poll(responder, &mut devices, wires, &mut show);
         let refresh = Instant::now() + REFRESH;
         let due = responder.deadline().map_or(refresh, |deadline| instant(deadline).min(refresh));
-        match responder.pending() {
-            Some(command) => {
-                if let Either::First(number) = select(wires.send(command), Timer::at(due)).await {
-                    responder.sent(number);
-                }
+        let command = responder.pending();
+        let send = async {
+            match command {
+                Some(command) => wires.send(command).await,
+                None => pending().await,
             }
-            None => Timer::at(due).await,
+        };
+        match select3(send, wires.chain.sent.wait(), Timer::at(due)).await {
+            Either3::First(number) => responder.sent(number),
+            Either3::Second(()) => note_sent_on_chain(responder),
+            Either3::Third(()) => (),
         }
     }
 }
@@ -181,6 +219,7 @@ fn poll<M: RawMutex, const N: usize>(
 ) {
     let (now, snapshot) = (now(), snapshot(wires));
     responder.tick(now, &snapshot);
+    attend_chain(now, responder, wires);
     if let Some(Done { found, outcome }) = wires.store.done.try_take() {
         responder.store_done(found, outcome);
     }
@@ -203,6 +242,30 @@ fn poll<M: RawMutex, const N: usize>(
     }
     exchange(responder, devices);
     show(responder.led(now));
+}
+
+/// Passes events of the chain line to the responder, and sends the next question when the line is free.
+fn attend_chain<M: RawMutex, const N: usize>(now: Micros, responder: &mut Responder<N>, wires: &Wires<M, N>) {
+    if wires.chain.sent.try_take().is_some() {
+        note_sent_on_chain(responder);
+    }
+    let Some(chain) = responder.chain() else { return };
+    // An answer that has arrived must be taken before its time is over.
+    if !wires.chain.received.is_empty() || wires.chain.send.is_full() {
+        return;
+    }
+    if wires.chain.disturbed.try_take().is_some() {
+        chain.note_bytes();
+    }
+    if let Some(question) = chain.next(now) {
+        let _ = wires.chain.send.try_send(question);
+    }
+}
+
+fn note_sent_on_chain<const N: usize>(responder: &mut Responder<N>) {
+    if let Some(chain) = responder.chain() {
+        chain.sent(now());
+    }
 }
 
 /// Passes a result of the update task to the responder. The responder must know the result before it accepts the next chunk.
@@ -239,17 +302,4 @@ fn snapshot<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> Snapshot<N> {
 
 fn now() -> Micros {
     micros(Instant::now())
-}
-
-async fn until(deadline: Option<Micros>) {
-    match deadline {
-        Some(deadline) => Timer::at(instant(deadline)).await,
-        None => pending().await,
-    }
-}
-
-/// Converts a time of the core to the first tick of the time driver that is not before `at`.
-fn instant(at: Micros) -> Instant {
-    let ticks = u128::from(at.get()) * u128::from(TICK_HZ);
-    Instant::from_ticks(u64::try_from(ticks.div_ceil(1_000_000)).unwrap_or(u64::MAX))
 }

@@ -7,14 +7,17 @@
 //!
 //! ```no_run
 //! use motor_hub::protocol::Address;
-//! use simulated::{scenario::Scenario, serve};
+//! use simulated::scenario::Scenario;
+//! use simulated::serve::{self, Hubs};
 //!
 //! // Until the process ends: `motor-hub client --tcp 127.0.0.1:7070 status` finds it.
 //! let line = serve::Line::tcp("127.0.0.1:7070")?;
-//! serve::run(&Scenario::default_one()?, Address::DEFAULT, line, None, &mut |_| (), &mut |_| true)?;
+//! let hubs = Hubs::one(Address::DEFAULT);
+//! serve::run(&Scenario::default_one()?, &hubs, line, None, &mut |_| (), &mut |_| true)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod chain_line;
 pub mod interventions;
 mod line;
 mod memory;
@@ -23,6 +26,7 @@ mod pty;
 mod tcp;
 mod wire;
 
+pub use chain_line::{ChainLine, LineFault};
 use interventions::Interventions;
 pub use line::{Line, LineError};
 pub use memory::{Memory, MemoryError};
@@ -30,21 +34,24 @@ pub use wire::Wire;
 
 use crate::scenario::Scenario;
 use crate::sim::{self, Executor, RunError, Wires};
-use embassy_futures::join::{join_array, join4};
+use crate::world::Board;
+use chain_line::ChainEnd;
+use embassy_futures::join::{join_array, join5};
 use embassy_futures::{poll_once, yield_now};
 use embassy_time::MockDriver;
 use embedded_io_async::{ErrorType, Read, Write};
 use motor_hub::board::I2C_BUSES;
 use motor_hub::bridge::Drive;
 use motor_hub::hub::Snapshot;
+use motor_hub::model::si::Seconds;
 use motor_hub::protocol::{Address, BAUD, Colour};
 use motor_hub::record::{Fault, SIZE};
 use motor_hub::responder::Responder;
-use motor_hub::tasks::{Health, Task, i2c, responder, store};
+use motor_hub::tasks::{Health, Task, chain, i2c, responder, store};
 use std::cell::{Cell, RefCell};
 use std::convert::Infallible;
 use std::future::{pending, poll_fn};
-use std::pin::pin;
+use std::pin::{Pin, pin};
 use std::task::Poll;
 use std::time::{Duration, Instant};
 
@@ -105,17 +112,41 @@ pub fn line_on(battery_v: f64, motors: impl Iterator<Item = (f64, Drive)>) -> St
     format!("{battery_v:.2} V{}", motors.collect::<String>())
 }
 
-/// Serves the hub of a scenario with its motors, loads and battery. Its set-points are left to the host. With a `memory`
-/// its settings outlast the program.
+/// The hubs to serve: one, or a chain of several. Each has the motors, the loads and the battery of the scenario.
+#[derive(Clone, Debug)]
+pub struct Hubs {
+    /// The address of each hub. The first hub has the line to the host; the others are behind it.
+    addresses: Vec<Address>,
+    /// The line between them.
+    pub line: ChainLine,
+}
+
+impl Hubs {
+    /// One hub.
+    #[must_use]
+    pub fn one(address: Address) -> Self {
+        Self::chain(vec![address])
+    }
+
+    /// A chain of the hubs with these addresses. The first hub has the line to the host.
+    #[must_use]
+    pub fn chain(addresses: Vec<Address>) -> Self {
+        let line = ChainLine::new(addresses.len());
+        Self { addresses, line }
+    }
+}
+
+/// Serves the hubs of a scenario with their motors, loads and batteries. Their set-points are left to the host. With a
+/// `memory` the settings of the first hub outlast the program.
 ///
-/// Every millisecond `intervene` is called, and may change the interventions in battery and motors. Then `show` is called.
-/// The hub is served until `show` returns false.
+/// Every millisecond `intervene` is called, and may change the interventions in battery and motors of the first hub. Then
+/// `show` is called. The hubs are served until `show` returns false.
 ///
 /// # Errors
-/// If a motor's constants do not fit the firmware, or if the hub's watchdog was not fed.
+/// If a motor's constants do not fit the firmware, or if a hub's watchdog was not fed.
 pub fn run(
     scenario: &Scenario,
-    address: Address,
+    hubs: &Hubs,
     line: Line,
     memory: Option<Memory>,
     intervene: &mut dyn FnMut(&mut Interventions),
@@ -123,91 +154,152 @@ pub fn run(
 ) -> Result<(), RunError> {
     let so_far = Cell::new(Duration::ZERO);
     let mut show = |moment: Moment<'_>| show(Moment { lost: so_far.get(), ..moment });
-    let mut hub = pin!(steps(scenario, address, line, memory, intervene, &mut show));
+    let mut served = pin!(steps(scenario, hubs, line, memory, intervene, &mut show));
     pace(|_, lost| {
         so_far.set(lost);
-        match poll_once(hub.as_mut()) {
+        match poll_once(served.as_mut()) {
             Poll::Pending => Ok(true),
             Poll::Ready(end) => end.map(|()| false),
         }
     })
 }
 
-/// Serves a hub as [`run`], but each poll of the future is one millisecond, for callers with a clock of their own.
+/// What one served hub consists of, besides its tasks.
+struct Served {
+    board: Board,
+    wires: Wires,
+    health: Health,
+    led: Cell<Colour>,
+}
+
+impl Served {
+    fn new(scenario: &Scenario) -> Self {
+        let (board, wires) = (sim::board(scenario), Wires::new());
+        // The record lasts as long as the process, because a simulated hub is never reset.
+        wires.open_record(Box::leak(Box::new([0; SIZE])), Fault::PowerOn);
+        let health = Health::new().expecting(Task::Responder);
+        Self { board, wires, health, led: Cell::default() }
+    }
+
+    /// Returns all tasks of the hub. A hub without a `host` has a line that is silent.
+    fn tasks<'a>(
+        &'a self,
+        scenario: &Scenario,
+        address: Address,
+        host: Option<End<'a>>,
+        chain_end: Option<ChainEnd>,
+        memory: Option<Memory>,
+    ) -> Result<Pin<Box<dyn Future<Output = ()> + 'a>>, RunError> {
+        let settings = sim::all_settings(&scenario.motors)?;
+        let tasks = sim::tasks(scenario, &self.board, &self.wires, &self.health)?;
+        let mut hub = Responder::new(address, settings);
+        if memory.is_some() {
+            hub = hub.expecting_store();
+        }
+        if chain_end.is_some() {
+            hub = hub.with_chain();
+        }
+        let serve = async move {
+            let show = |colour| {
+                self.led.set(colour);
+                self.health.check_in(Task::Responder);
+            };
+            let pins = self.board.clone();
+            match host {
+                Some(end) => responder::run(end, end, pins, &mut hub, &self.wires, show).await,
+                None => responder::run(Silent, Silent, pins, &mut hub, &self.wires, show).await,
+            }
+        };
+        let keep = async move {
+            match memory.and_then(Memory::keeper) {
+                Some(keeper) => store::run(keeper, &self.wires).await,
+                None => pending().await,
+            }
+        };
+        let chain = async move {
+            match chain_end {
+                Some(end) => chain::run(end.clone(), end, &self.wires).await,
+                None => pending().await,
+            }
+        };
+        let buses: [usize; I2C_BUSES] = std::array::from_fn(|bus| bus);
+        let transfers = join_array(buses.map(|bus| i2c::run(self.board.i2c(bus), bus, &self.wires)));
+        Ok(Box::pin(async move {
+            join5(tasks, serve, keep, transfers, chain).await;
+        }))
+    }
+}
+
+/// Serves hubs as [`run`], but each poll of the future is one millisecond, for callers with a clock of their own.
 /// [`Moment::lost`] is 0.
 ///
 /// # Errors
 /// Returns the errors of [`run`].
 pub async fn steps(
     scenario: &Scenario,
-    address: Address,
+    hubs: &Hubs,
     line: Line,
-    memory: Option<Memory>,
+    mut memory: Option<Memory>,
     intervene: &mut dyn FnMut(&mut Interventions),
     show: &mut dyn FnMut(Moment<'_>) -> bool,
 ) -> Result<(), RunError> {
     MockDriver::get().reset();
-    let (board, wires) = (sim::board(scenario), Wires::new());
-    // The record lasts as long as the process, because a simulated hub is never reset.
-    wires.open_record(Box::leak(Box::new([0; SIZE])), Fault::PowerOn);
-    let health = Health::new().expecting(Task::Responder);
-    let mut snapshots = wires.snapshot.receiver().ok_or(RunError::Unobserved)?;
-    let settings = sim::all_settings(&scenario.motors)?;
-    let tasks = sim::tasks(scenario, &board, &wires, &health)?;
-
     let (line, left) = (RefCell::new(line), Cell::new(0));
-    let led = Cell::new(Colour::default());
-    let keeps = memory.is_some();
-    let serve = async {
-        let show = |colour| {
-            led.set(colour);
-            health.check_in(Task::Responder);
-        };
-        let mut hub = Responder::new(address, settings);
-        if keeps {
-            hub = hub.expecting_store();
-        }
-        let end = || End { line: &line, left: &left };
-        responder::run(end(), end(), board.clone(), &mut hub, &wires, show).await;
-    };
-    let keep = async {
-        match memory.and_then(Memory::keeper) {
-            Some(keeper) => store::run(keeper, &wires).await,
-            None => pending().await,
-        }
-    };
-    let buses: [usize; I2C_BUSES] = std::array::from_fn(|bus| bus);
-    let transfers = join_array(buses.map(|bus| i2c::run(board.i2c(bus), bus, &wires)));
-    let mut everything = pin!(join4(tasks, serve, keep, transfers));
+    let served: Vec<Served> = hubs.addresses.iter().map(|_| Served::new(scenario)).collect();
+    let Some(parent) = served.first() else { return Ok(()) };
+    let mut snapshots = parent.wires.snapshot.receiver().ok_or(RunError::Unobserved)?;
+    let mut tasks = Vec::new();
+    for (index, (hub, &address)) in served.iter().zip(&hubs.addresses).enumerate() {
+        let host = (index == 0).then_some(End { line: &line, left: &left });
+        let chain_end = (served.len() > 1).then(|| hubs.line.end(index));
+        tasks.push((Executor::new(), hub.tasks(scenario, address, host, chain_end, memory.take())?));
+    }
 
-    let executor = Executor::new();
     let mut snapshot = Snapshot::INITIAL;
     let (mut interventions, mut begun_s) = (Interventions::default(), 0.0);
     for step in 0_u64.. {
         let at_s = step as f64 * sim::STEP_S;
-        // Bytes may have arrived; the line has no waker.
+        // Bytes may have arrived; the lines have no waker.
         left.set(BYTES_A_STEP);
-        executor.wake();
-        executor.run(everything.as_mut());
+        hubs.line.begin(step);
+        loop {
+            for (executor, tasks) in &mut tasks {
+                executor.wake();
+                executor.run(tasks.as_mut());
+            }
+            // What one hub has sent on the chain line reaches the others in the same millisecond.
+            if !hubs.line.deliver() {
+                break;
+            }
+        }
         let before = interventions;
         intervene(&mut interventions);
-        interventions.set_loads(&before, scenario, &board);
+        interventions.set_loads(&before, scenario, &parent.board);
         if interventions.restarts != before.restarts {
             begun_s = at_s;
         }
         let scenario_s = at_s - begun_s;
-        sim::change(scenario, &board, scenario_s);
-        interventions.set_emf_and_encoders(&board);
-        sim::pass(&board, &interventions.torques(scenario, scenario_s));
-        if board.starved() {
-            return Err(RunError::Starved);
+        for hub in &served {
+            sim::change(scenario, &hub.board, scenario_s);
         }
+        interventions.set_emf_and_encoders(&parent.board);
+        for (index, hub) in served.iter().enumerate() {
+            let torques = match index {
+                0 => interventions.torques(scenario, scenario_s),
+                _ => sim::torques(scenario, scenario_s),
+            };
+            hub.board.run(Seconds(sim::STEP_S), &torques);
+            if hub.board.starved() {
+                return Err(RunError::Starved);
+            }
+        }
+        MockDriver::get().advance(embassy_time::Duration::from_millis(1));
         snapshot = snapshots.try_changed().unwrap_or(snapshot);
         let describe = &mut || {
             let battery_v = snapshot.battery.map_or(0.0, |mv| f64::from(mv.get()) * 1e-3);
             let motors = snapshot.motors.iter().map(|motor| (motor.velocity.to_f64(), motor.drive));
-            let Colour { red, green, blue } = led.get();
-            let servos = board.servos().into_iter().enumerate();
+            let Colour { red, green, blue } = parent.led.get();
+            let servos = parent.board.servos().into_iter().enumerate();
             let servos =
                 servos.filter_map(|(servo, pulse)| Some(format!(" | servo {servo} {} us", pulse?.width_us)));
             let servos: String = servos.collect();
@@ -224,7 +316,31 @@ pub async fn steps(
     Ok(())
 }
 
+/// A line without a host.
+struct Silent;
+
+impl ErrorType for Silent {
+    type Error = Infallible;
+}
+
+impl Read for Silent {
+    async fn read(&mut self, _: &mut [u8]) -> Result<usize, Infallible> {
+        pending().await
+    }
+}
+
+impl Write for Silent {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        Ok(bytes.len())
+    }
+
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
 /// The hub's end of the line. It is polled every millisecond and needs no waker.
+#[derive(Clone, Copy)]
 struct End<'a> {
     line: &'a RefCell<Line>,
     /// Bytes that may still be received in this step. Without a limit, a host that never pauses would keep the step from

@@ -89,7 +89,7 @@ impl Executor {
     }
 
     /// Polls the future until its waker is quiet.
-    pub(crate) fn run<T>(&self, mut future: Pin<&mut impl Future<Output = T>>) {
+    pub(crate) fn run<T>(&self, mut future: Pin<&mut (impl Future<Output = T> + ?Sized)>) {
         while self.flag.0.swap(false, Ordering::Relaxed) {
             // The tasks never end, so there is no result to look at.
             let _ = future.as_mut().poll(&mut Context::from_waker(&self.waker));

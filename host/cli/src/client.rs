@@ -23,7 +23,7 @@ mod update;
 mod watch;
 
 use crate::output::{Failure, print, print_json};
-use crate::parse::{address, channel, host_and_port, whole};
+use crate::parse::{MotorName, address, host_and_port, motor, whole};
 use clap::builder::NonEmptyStringValueParser;
 use error::ClientError;
 use motor_hub::protocol::{Address, Colour};
@@ -38,7 +38,8 @@ use studies::table;
 pub(crate) const HELP: &str = "\
 Commands for a hub that speaks the REV Hub Serial Protocol, real or simulated
 
-Without --address the hub is found by discovery, which takes 0.25 s.
+Without --address the hub on the line is found by discovery. A hub behind that hub is named by --address, or with the motor: \
+3:0 is motor 0 of the hub at address 3.
 
 A command that runs motors disables them when it ends: normally, after an error, after a panic, or by Ctrl-C, SIGTERM, \
 SIGQUIT or SIGHUP (closed terminal). Ctrl-Z ends it too, instead of suspending it. It reports that on standard error, unless \
@@ -107,7 +108,7 @@ enum Command {
     ///
     /// All motors travel in proportion. If a motor lags, the others wait for it.
     Together(together::Options),
-    /// Disables all motors immediately (fail-safe)
+    /// Disables all motors of all hubs on the line immediately (fail-safe); with --address, of one hub
     Stop,
     /// Reads a loop's coefficients, or sets the given ones and keeps the others
     Coefficients(coefficients::Options),
@@ -138,8 +139,8 @@ enum Command {
     },
     /// Makes a motor's present position 0
     ResetEncoder {
-        #[arg(value_parser = channel)]
-        motor: u8,
+        #[arg(value_parser = motor)]
+        motor: MotorName,
     },
     /// Sets the colour of the status LED, each 0 to 255
     Led {
@@ -180,6 +181,7 @@ impl Options {
             Command::Update(options) => options.check()?,
             _ => (),
         }
+        let hub = self.hub()?;
         let timeout = Duration::from_millis(self.timeout);
         let (name, line) = match (&self.port, &self.tcp) {
             (Some(path), None) => (path, Line::serial(path)),
@@ -192,7 +194,7 @@ impl Options {
             }
         };
         let line = line.map_err(|error| Failure::Work(ports::unopened(name, &error)))?;
-        self.command.execute(line, self.address, timeout).map_err(|trouble| match trouble {
+        self.command.execute(line, hub, timeout).map_err(|trouble| match trouble {
             ClientError::Hub(error @ Error::Parents { .. }) => {
                 Failure::Work(format!("{name}: {error}; choose a hub by --address"))
             }
@@ -205,10 +207,42 @@ impl Options {
     }
 }
 
+impl Options {
+    /// The hub that is meant: the one of --address, or the one of the motors. `None` for the hub on the line.
+    fn hub(&self) -> Result<Option<Address>, Failure> {
+        let of_motors = match &self.command {
+            Command::Drive(drive) => drive.hub(),
+            Command::Record(options) => options.hub()?,
+            Command::Together(options) => options.hub().map_err(Failure::Input)?,
+            Command::Coefficients(options) => options.motor.hub,
+            Command::Setup(options) => options.motor.hub,
+            Command::Identify(options) => options.motor.hub,
+            Command::ResetEncoder { motor } => motor.hub,
+            _ => None,
+        };
+        match (self.address, of_motors) {
+            (Some(given), Some(named)) if given != named => Err(Failure::Input(format!(
+                "--address {} and a motor of the hub at address {} exclude each other",
+                given.get(),
+                named.get()
+            ))),
+            (given, named) => Ok(given.or(named)),
+        }
+    }
+}
+
 impl Command {
     fn execute(self, line: Line, address: Option<Address>, timeout: Duration) -> Result<(), ClientError> {
         if let Self::Discover { json } = self {
             return discover(Session::new(line, Address::DEFAULT, timeout), json);
+        }
+        if matches!(self, Self::Stop) && address.is_none() {
+            let stopped = Session::new(line, Address::DEFAULT, timeout).stop_all()?;
+            let stopped: Vec<String> = stopped.iter().map(u8::to_string).collect();
+            return Ok(match stopped.as_slice() {
+                [_] => print("all motors are disabled\n"),
+                _ => print(&format!("all motors of the hubs {} are disabled\n", stopped.join(", "))),
+            }?);
         }
         let mut session = match address {
             Some(address) => Session::new(line, address, timeout),
@@ -240,7 +274,7 @@ impl Command {
                 session.fail_safe()?;
                 "all motors are disabled".to_owned()
             }
-            Self::ResetEncoder { motor } => {
+            Self::ResetEncoder { motor: MotorName { number: motor, .. } } => {
                 session.reset_encoder(motor)?;
                 format!("motor {motor} is at 0 counts")
             }
@@ -264,11 +298,11 @@ fn discover(mut session: Session<Line>, json: bool) -> Result<(), ClientError> {
     let mut table = table::new(&["address", "hub"], 0);
     let mut hubs = Vec::new();
     for hub in session.discover()? {
-        if let Some(address) = Address::new(hub.address) {
+        if let Some(address) = Address::new(hub.address).filter(|_| !hub.clashing) {
             session.talk_to(address);
             stop_abandoned(&mut session)?;
         }
-        let kind = scan::kind(hub.parent);
+        let kind = scan::kind(&hub);
         table.add_row([hub.address.to_string(), kind.to_owned()]);
         hubs.push(json!({ "address": hub.address, "kind": kind }));
     }

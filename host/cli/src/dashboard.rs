@@ -10,7 +10,7 @@ use dashboard::{Place, Server};
 use motor_hub::protocol::Address;
 use qrcodegen::{QrCode, QrCodeEcc};
 use simulated::scenario::Scenario;
-use simulated::serve::{self, Memory};
+use simulated::serve::{self, Hubs, Memory};
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -167,7 +167,7 @@ fn simulate(
     let simulation = std::thread::spawn(move || {
         serve::run(
             &scenario,
-            Address::DEFAULT,
+            &Hubs::one(Address::DEFAULT),
             line,
             memory,
             &mut |now| *now = changes.interventions(),

@@ -41,10 +41,35 @@ pub(crate) fn wire(text: &str) -> Result<[Pin; 2], String> {
         .ok_or_else(|| "a wire is between two digital pins, 0 to 7, such as 4,5".to_owned())
 }
 
-/// A motor by its number.
-pub(crate) fn channel(text: &str) -> Result<u8, String> {
-    let channel = text.parse().ok().filter(|channel| usize::from(*channel) < CHANNELS);
-    channel.ok_or_else(|| format!("a motor is 0 to {}", CHANNELS - 1))
+/// A motor of the hub, or of another hub of its chain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct MotorName {
+    /// Address of the hub; `None` if it is not given.
+    pub(crate) hub: Option<Address>,
+    /// Number of the motor.
+    pub(crate) number: u8,
+}
+
+/// A motor by its number, or by the address of its hub and its number, as 3:0.
+pub(crate) fn motor(text: &str) -> Result<MotorName, String> {
+    let (hub, number) = match text.split_once(':') {
+        Some((hub, number)) => (Some(address(hub)?), number),
+        None => (None, text),
+    };
+    let number = number.parse().ok().filter(|number| usize::from(*number) < CHANNELS);
+    let number = number
+        .ok_or_else(|| format!("a motor is 0 to {}, or as 3:0 motor 0 of the hub at address 3", CHANNELS - 1))?;
+    Ok(MotorName { hub, number })
+}
+
+/// The hub that all motors of a command belong to; `None` if it is not given.
+pub(crate) fn common_hub(mut motors: impl Iterator<Item = MotorName>) -> Result<Option<Address>, String> {
+    let first = motors.next().and_then(|motor| motor.hub);
+    if motors.all(|motor| motor.hub == first) {
+        Ok(first)
+    } else {
+        Err("the motors belong to different hubs; a command is for motors of one hub".to_owned())
+    }
 }
 
 /// A length in seconds by the clock, of any size.

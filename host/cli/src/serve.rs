@@ -8,7 +8,7 @@ use crate::client::interrupt::SIGNALS;
 #[cfg(unix)]
 use crate::output::say;
 use crate::output::{Failure, print};
-use crate::parse::{address, host_and_port, seconds, wire};
+use crate::parse::{address, host_and_port, seconds, whole, wire};
 #[cfg(unix)]
 use crate::served_hubs::Note;
 use indicatif::ProgressBar;
@@ -17,7 +17,7 @@ use motor_hub::protocol::pins::Pin;
 use notices::Notices;
 use signal_hook::flag::register;
 use simulated::scenario::{Scenario, ScenarioError};
-use simulated::serve::{self, Line, LineError, Memory, Moment};
+use simulated::serve::{self, Hubs, Line, LineError, Memory, Moment};
 #[cfg(unix)]
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::path::PathBuf;
@@ -53,12 +53,15 @@ pub(crate) struct Options {
     /// Address of the hub, 1 to 254
     #[arg(long, value_name = "N", default_value = "2", value_parser = address)]
     address: Address,
+    /// Number of hubs in a chain, 1 to 4: the host's hub has the address of --address, and each hub behind it the next one
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole("a number of hubs", 1..=4_u8, ""))]
+    hubs: u8,
     /// File for the hub's stored settings, which outlast the program; created if it does not exist
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
     /// Serves a board's image on an emulated chip instead of the simulated board; in the sources of this program the image
     /// is built first if it is out of date; the hub's address is 2
-    #[arg(long, conflicts_with_all = ["address", "store"])]
+    #[arg(long, conflicts_with_all = ["address", "hubs", "store"])]
     emulated: bool,
     /// Board of the image: nucleo-f429zi or nucleo-h743zi2
     #[arg(long, value_name = "BOARD", default_value = "nucleo-f429zi", requires = "emulated")]
@@ -88,9 +91,18 @@ impl Options {
         if self.emulated {
             return self.serve_an_image();
         }
+        let hubs = self.hubs()?;
         let memory = self.store.as_deref().map(Memory::open).transpose().map_err(Failure::input)?;
         self.serving.execute(Scenario::to_serve, |scenario, line, show| {
-            serve::run(scenario, self.address, line, memory, &mut |_| (), show)
+            serve::run(scenario, &hubs, line, memory, &mut |_| (), show)
+        })
+    }
+
+    fn hubs(&self) -> Result<Hubs, Failure> {
+        let addresses = (0..self.hubs).map(|hub| self.address.get().checked_add(hub).and_then(Address::new));
+        addresses.collect::<Option<_>>().map(Hubs::chain).ok_or_else(|| {
+            let (hubs, address) = (self.hubs, self.address.get());
+            Failure::Input(format!("--hubs: {hubs} hubs from address {address} on go beyond 254; give a smaller --address"))
         })
     }
 

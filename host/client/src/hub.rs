@@ -15,6 +15,7 @@
 
 use crate::clock::Instant;
 use crate::{Error, Session};
+use motor_hub::chain::ChainReport;
 use motor_hub::extension::group::{GroupCourse, GroupState};
 use motor_hub::extension::record::{Entries, Ticks};
 use motor_hub::extension::report::{BusReport, HubReport};
@@ -24,7 +25,7 @@ use motor_hub::group::GroupCommand;
 use motor_hub::protocol::answers::{Bulk, Status};
 use motor_hub::protocol::payload::Text;
 use motor_hub::protocol::requests::{AdcChannel, BATTERY, FIRST_CURRENT, Standard, ToHub};
-use motor_hub::protocol::{Address, Colour};
+use motor_hub::protocol::{Address, Colour, Nack};
 use motor_hub::record::{Head, Tick};
 use motor_hub::units::{Milliamperes, Millivolts};
 use std::io::{Read, Write};
@@ -48,6 +49,19 @@ impl<L: Read + Write> Session<L> {
     pub fn bus(&mut self) -> Result<Option<BusReport>, Error> {
         match self.ask(HubFunction::Bus) {
             Ok(report) => Ok(Some(report)),
+            Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// What the hub knows of the hubs behind it; `None` if the hub cannot say it (another maker's, or older firmware).
+    ///
+    /// # Errors
+    /// [`Error::Refused`] if the hub has no chain line. See also [`Session::ask`].
+    pub fn chain(&mut self) -> Result<Option<ChainReport>, Error> {
+        match self.ask(HubFunction::Chain) {
+            Ok(report) => Ok(Some(report)),
+            Err(error @ Error::Refused { reason: Nack::UNSUPPORTED, .. }) => Err(error),
             Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
             Err(error) => Err(error),
         }

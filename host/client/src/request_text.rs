@@ -64,6 +64,7 @@ const fn of_hub(function: &HubFunction) -> &'static str {
         HubFunction::AbandonUpdate => "forget its new firmware",
         HubFunction::Update => "report its update",
         HubFunction::Equipment => "report its equipment",
+        HubFunction::Chain => "report the hubs behind it",
     }
 }
 

@@ -16,22 +16,28 @@ use crate::clock::Instant;
 use crate::error::Addresses;
 #[cfg(feature = "serial")]
 use crate::{Line, OpenError};
+use motor_hub::chain::ChainReport;
 use motor_hub::extension::{INTERFACE, Request};
 use motor_hub::protocol::answers::Functions;
 use motor_hub::protocol::payload::{Field, Fields};
-use motor_hub::protocol::requests::{DISCOVERY, InterfaceName, Standard};
+use motor_hub::protocol::requests::{DISCOVERY, FAIL_SAFE, InterfaceName, Standard};
 use motor_hub::protocol::{Address, BROADCAST, Decoder, HOST, Nack, Packet, Reply, frame};
 use motor_hub::units::Micros;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
+use std::thread;
 use std::time::Duration;
 
 /// Transmissions of a request before the hub counts as silent. A hub may have executed a request whose
 /// answer was lost. Executing any of these requests again has no further effect.
 pub const TRIES: u32 = 3;
 
-/// Time for further hubs to answer a discovery, after the first hub's answer.
-pub const CHAIN: Duration = Duration::from_millis(250);
+/// Time for further hubs to answer a discovery, after the first hub's answer. The parent of a chain asks each of 254 addresses for
+/// 2 ms.
+pub const CHAIN: Duration = Duration::from_millis(650);
+
+/// Interval between two questions to a hub that is busy with a discovery.
+const CHAIN_POLL: Duration = Duration::from_millis(20);
 
 /// Longest time spent on reading and dropping stale input. A line that is never silent must not block a request.
 const STALE: Duration = Duration::from_millis(50);
@@ -43,6 +49,8 @@ pub struct Found {
     pub address: u8,
     /// True if the hub is on this line, false if it is behind another hub.
     pub parent: bool,
+    /// True if several hubs have this address, so that none of them can be used.
+    pub clashing: bool,
 }
 
 /// A host's session with one hub. Reads of the line must not block for long: see [`crate::line::POLL`].
@@ -139,11 +147,46 @@ impl<L: Read + Write> Session<L> {
         self.reports_nothing = false;
     }
 
-    /// All hubs on the line, in the order of their answers.
+    /// All hubs on the line, in the order of their answers. A hub of this project says how long to wait for hubs behind it:
+    /// not at all, if it has no chain line. Other hubs get [`CHAIN`].
     ///
     /// # Errors
     /// [`Error::NoHub`] if none answers within the timeout.
     pub fn discover(&mut self) -> Result<Vec<Found>, Error> {
+        let first = self.discover_for(Duration::ZERO)?;
+        let &[Found { address, parent: true, .. }] = first.as_slice() else { return self.discover_for(CHAIN) };
+        match self.wait_for_chain(address)? {
+            Some(ChainReport { heard, clashing, .. }) => {
+                let children = (1..BROADCAST).filter(|&address| heard.has(address) || clashing.has(address));
+                let children =
+                    children.map(|address| Found { address, parent: false, clashing: clashing.has(address) });
+                Ok(first.into_iter().chain(children).collect())
+            }
+            None => self.discover_for(CHAIN),
+        }
+    }
+
+    /// Disables the motors of all hubs on the line, and returns the hubs. Hubs of this project obey within milliseconds, before
+    /// any hub is looked for.
+    ///
+    /// # Errors
+    /// [`Error::NoHub`] if no hub answers. [`Error::Silent`] for the first hub that does not confirm, after all others were stopped.
+    pub fn stop_all(&mut self) -> Result<Vec<u8>, Error> {
+        self.count();
+        self.transmit(&Standard::FailSafe.into(), BROADCAST, FAIL_SAFE)?;
+        let found: Vec<u8> = self.discover()?.iter().filter(|hub| !hub.clashing).map(|hub| hub.address).collect();
+        let before = self.address;
+        let stopped = found.iter().map(|&address| {
+            self.address = address;
+            self.fail_safe()
+        });
+        let all = stopped.fold(Ok(()), Result::and);
+        self.address = before;
+        all.map(|()| found)
+    }
+
+    /// The hubs that answer a discovery, until this time after the first answer.
+    fn discover_for(&mut self, chain: Duration) -> Result<Vec<Found>, Error> {
         let end = Instant::now() + self.timeout;
         self.count();
         self.transmit(&Standard::Discovery.into(), BROADCAST, DISCOVERY)?;
@@ -155,13 +198,34 @@ impl<L: Read + Write> Session<L> {
         };
         while let Some((packet, parent)) = self.next(wait_until, parent)? {
             if found.is_empty() {
-                wait_until = end.min(Instant::now() + CHAIN);
+                wait_until = end.min(Instant::now() + chain);
             }
             if found.iter().all(|hub| hub.address != packet.source) {
-                found.push(Found { address: packet.source, parent });
+                found.push(Found { address: packet.source, parent, clashing: false });
             }
         }
         if found.is_empty() { Err(Error::NoHub) } else { Ok(found) }
+    }
+
+    /// Waits until the hub at `parent` has asked all addresses of its chain line. The report is empty if the hub has no chain line;
+    /// `None` for a hub of another maker, or with older firmware.
+    fn wait_for_chain(&mut self, parent: u8) -> Result<Option<ChainReport>, Error> {
+        let Some(parent) = Address::new(parent) else { return Ok(None) };
+        let before = Address::new(self.address);
+        self.talk_to(parent);
+        let end = Instant::now() + CHAIN;
+        let report = loop {
+            match self.chain() {
+                Ok(Some(report)) if report.discovering && Instant::now() < end => thread::sleep(CHAIN_POLL),
+                Ok(report) => break Ok(report),
+                Err(Error::Refused { reason: Nack::UNSUPPORTED, .. }) => break Ok(Some(ChainReport::default())),
+                Err(error) => break Err(error),
+            }
+        };
+        if let Some(before) = before {
+            self.talk_to(before);
+        }
+        report
     }
 
     /// Sends a request and reads its answer, whose type [`requests`](motor_hub::protocol::requests) defines.

@@ -74,6 +74,10 @@ fn requests_are_the_bytes_of_the_protocol() {
     }
 }
 
+const fn found(address: u8, parent: bool) -> Found {
+    Found { address, parent, clashing: false }
+}
+
 #[test]
 fn discovery_finds_the_parent_among_all_hubs() {
     let mut hub = Hub::new();
@@ -81,7 +85,7 @@ fn discovery_finds_the_parent_among_all_hubs() {
     hub.before = |reply| with(reply, &[(5, 9), (10, 0)]);
     let mut session = Session::with_parent(Memory::new(hub), TIMEOUT).unwrap();
     assert_eq!(session.address(), ADDRESS);
-    let (child, parent) = (Found { address: 9, parent: false }, Found { address: ADDRESS, parent: true });
+    let (child, parent) = (found(9, false), found(ADDRESS, true));
     assert_eq!(session.discover().unwrap(), [child, parent]);
 }
 

@@ -24,7 +24,7 @@ use dashboard::{Place, Port};
 use motor_hub::protocol::Address;
 use motor_hub_client::{Session, line};
 use simulated::scenario::Scenario;
-use simulated::serve::{self, Wire};
+use simulated::serve::{self, Hubs, Wire};
 use std::cell::RefCell;
 use std::io::{ErrorKind, Read, Result, Write};
 use std::pin::Pin;
@@ -155,7 +155,8 @@ impl Simulation {
             let Ok(scenario) = Scenario::to_serve() else { return };
             let mut change = |now: &mut _| *now = world.interventions();
             // The scenario of the program itself has no errors, as its tests make sure.
-            let _ = serve::steps(&scenario, Address::DEFAULT, line, None, &mut change, &mut |_| true).await;
+            let hubs = Hubs::one(Address::DEFAULT);
+            let _ = serve::steps(&scenario, &hubs, line, None, &mut change, &mut |_| true).await;
         };
         Self { hub: Box::pin(hub), host, begun_ms: now_ms() as i64, steps: 0 }
     }

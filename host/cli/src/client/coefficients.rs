@@ -2,7 +2,7 @@
 
 use super::error::ClientError;
 use crate::output::{Failure, print, print_json, say};
-use crate::parse::channel;
+use crate::parse::{MotorName, motor};
 use motor_hub::protocol::motor::{Coefficients, Loop, Terms};
 use motor_hub::units::Coefficient;
 use motor_hub_client::Session;
@@ -14,8 +14,8 @@ use studies::table;
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motor 0 to 3
-    #[arg(value_parser = channel)]
-    motor: u8,
+    #[arg(value_parser = motor)]
+    pub(super) motor: MotorName,
     /// Loop to read or set
     #[arg(value_name = "LOOP", ignore_case = true)]
     of: LoopName,
@@ -73,7 +73,7 @@ impl Options {
             LoopName::Velocity => Loop::Velocity,
             LoopName::Position => Loop::Position,
         };
-        let mut pidf = session.coefficients(self.motor, of)?;
+        let mut pidf = session.coefficients(self.motor.number, of)?;
         if [self.p, self.i, self.d, self.f].iter().any(Option::is_some) {
             if [self.p, self.i].iter().flatten().any(|coefficient| coefficient.to_bits() < 0) {
                 say("warning: with P or I below 0 the motor runs away from its set-point");
@@ -81,12 +81,12 @@ impl Options {
             let Coefficients { p, i, d, f, terms: _ } = pidf;
             let (p, i) = (self.p.unwrap_or(p), self.i.unwrap_or(i));
             let (d, f) = (self.d.unwrap_or(d), self.f.unwrap_or(f));
-            session.set_coefficients(self.motor, of, Coefficients { p, i, d, f, terms: Terms::Pidf })?;
-            pidf = session.coefficients(self.motor, of)?;
+            session.set_coefficients(self.motor.number, of, Coefficients { p, i, d, f, terms: Terms::Pidf })?;
+            pidf = session.coefficients(self.motor.number, of)?;
         }
         let [p, i, d, f] = [pidf.p, pidf.i, pidf.d, pidf.f].map(decimal);
         if self.json {
-            let document = json!({ "motor": self.motor, "loop": self.of, "p": p, "i": i, "d": d, "f": f });
+            let document = json!({ "motor": self.motor.number, "loop": self.of, "p": p, "i": i, "d": d, "f": f });
             return Ok(print_json(&document)?);
         }
         let mut table = table::new(&["P", "I", "D", "F"], 0);

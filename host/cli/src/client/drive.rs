@@ -6,8 +6,9 @@ use super::motors_off::DrivingSession;
 use super::readings::{Live, Reading, repeat};
 use super::shaft_speed::{ShaftOptions, Speed};
 use crate::output::{Failure, print};
-use crate::parse::{channel, whole, within_a_day};
+use crate::parse::{MotorName, address, common_hub, motor, whole, within_a_day};
 use motor_hub::motor::ZeroPower;
+use motor_hub::protocol::Address;
 use motor_hub::units::Control;
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
@@ -26,7 +27,7 @@ pub(crate) const LINE: u32 = 10;
 /// Options of all four commands.
 #[derive(clap::Args)]
 struct Common {
-    /// Motor 0 to 3, several as 0,2, or all
+    /// Motor 0 to 3, several as 0,2, or all; of another hub of a chain as 3:0 or 3:all
     #[arg(value_name = "MOTOR", value_parser = motors)]
     motors: Motors,
     /// Longest duration in seconds [default: no limit]
@@ -39,16 +40,28 @@ struct Common {
     turn: ShaftOptions,
 }
 
+/// Motors of one hub.
 #[derive(Clone)]
-struct Motors(Vec<u8>);
+struct Motors {
+    hub: Option<Address>,
+    numbers: Vec<u8>,
+}
 
 fn motors(text: &str) -> Result<Motors, String> {
     if text.eq_ignore_ascii_case("all") {
-        return Ok(Motors(ALL.to_vec()));
+        return Ok(Motors { hub: None, numbers: ALL.to_vec() });
     }
-    let motors = text.split(',').map(channel).collect::<Result<BTreeSet<u8>, _>>();
-    let motors = motors.map_err(|why| format!("{why}, several as 0,2, or all"))?;
-    Ok(Motors(motors.into_iter().collect()))
+    if let Some((hub, "all")) = text.split_once(':') {
+        return Ok(Motors { hub: Some(address(hub)?), numbers: ALL.to_vec() });
+    }
+    let names: Vec<MotorName> = text
+        .split(',')
+        .map(motor)
+        .collect::<Result<_, _>>()
+        .map_err(|why| format!("{why}, several as 0,2, or all"))?;
+    let hub = common_hub(names.iter().copied())?;
+    let numbers: BTreeSet<u8> = names.iter().map(|name| name.number).collect();
+    Ok(Motors { hub, numbers: numbers.into_iter().collect() })
 }
 
 /// Options of `power`.
@@ -137,14 +150,23 @@ pub(crate) enum Drive {
 }
 
 impl Drive {
-    /// The requested motion, and the encoder counts in a turn if known.
-    pub(super) fn order(&self) -> Result<(Motion, Option<f64>), Failure> {
-        let common = match self {
+    const fn common(&self) -> &Common {
+        match self {
             Self::Power(options) => &options.common,
             Self::Current(options) => &options.common,
             Self::Velocity(options) => &options.common,
             Self::Position(options) => &options.common,
-        };
+        }
+    }
+
+    /// The hub of the motors, if it is given.
+    pub(super) const fn hub(&self) -> Option<Address> {
+        self.common().motors.hub
+    }
+
+    /// The requested motion, and the encoder counts in a turn if known.
+    pub(super) fn order(&self) -> Result<(Motion, Option<f64>), Failure> {
+        let common = self.common();
         let turn = common.turn.counts()?;
         let course = match self {
             Self::Power(options) => Setpoint::Power(options.value),
@@ -162,7 +184,7 @@ impl Drive {
             }
         };
         let zero = if common.float { ZeroPower::Float } else { ZeroPower::Brake };
-        Ok((Motion { motors: common.motors.0.clone(), course, zero, length: common.length }, turn))
+        Ok((Motion { motors: common.motors.numbers.clone(), course, zero, length: common.length }, turn))
     }
 
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {

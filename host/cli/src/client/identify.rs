@@ -6,7 +6,7 @@ use super::interrupt;
 use super::motors_off::DrivingSession;
 use super::readings::Live;
 use crate::output::{Failure, print, print_json};
-use crate::parse::{channel, whole};
+use crate::parse::{MotorName, motor, whole};
 use dashboard::proposal::{catalogue_motor, inertia_ratio, proposal};
 use motor_hub::extension::settings::MotorSettings;
 use motor_hub::model::catalogue::Motor;
@@ -40,8 +40,8 @@ const LONGEST: Duration = Duration::from_secs(30);
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motor 0 to 3
-    #[arg(value_parser = channel)]
-    motor: u8,
+    #[arg(value_parser = motor)]
+    pub(super) motor: MotorName,
     /// Longest travel either way, in counts; a small limit makes the motion shorter [default: no limit]
     #[arg(long = "travel-counts", alias = "travel", value_name = "COUNTS", default_value_t = u32::MAX)]
     #[arg(hide_default_value = true, value_parser = whole("a travel", 0..=u32::MAX, "counts"))]
@@ -56,7 +56,7 @@ pub(crate) struct Options {
 
 impl Options {
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
-        let motor = self.motor;
+        let motor = self.motor.number;
         let (before, battery) = (session.settings(motor)?, session.battery()?);
         let outcome = DrivingSession::run(session, |driven| self.identify(driven))?;
         let Identification::Found(found) = outcome else {
@@ -83,7 +83,7 @@ impl Options {
 
     /// Identifies the motor, and shows the progress.
     fn identify(&self, driven: &mut DrivingSession<'_, Line>) -> Result<Identification, ClientError> {
-        let motor = self.motor;
+        let motor = self.motor.number;
         let mut identifying = Identifying::begin(driven, motor, self.travel)?;
         driven.enable(motor)?;
         let mut live = Live::new();
@@ -127,7 +127,7 @@ impl Options {
         after: &MotorSettings,
     ) -> String {
         let beside = bare.map(|(motor, dynamics)| (motor.name, dynamics));
-        let learned = found_table(&format!("motor {}", self.motor), found, beside);
+        let learned = found_table(&format!("motor {}", self.motor.number), found, beside);
         let load = match bare {
             Some((motor, dynamics)) => format!(
                 "With its load it has {:.2} times the inertia of a bare {}\n",
@@ -160,7 +160,7 @@ impl Options {
     ) -> Value {
         let mut document = identify::json(Identification::Found(*found));
         if let Some(object) = document.as_object_mut() {
-            object.insert("motor".into(), json!(self.motor));
+            object.insert("motor".into(), json!(self.motor.number));
             object.insert("catalogue".into(), json!(bare.map(|(motor, _)| motor.name)));
             let times = bare.map(|(_, dynamics)| inertia_ratio(dynamics, &found.dynamics));
             object.insert("inertia_to_bare_motor".into(), json!(times));

@@ -9,6 +9,7 @@ use crate::output::{Failure, Folder, drawn, print};
 use crate::parse::{whole, with_negative_numbers};
 use clap::{CommandFactory, FromArgMatches};
 use motor_hub::extension::report::{HubReport, ReportedSetpoint};
+use motor_hub::protocol::Address;
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::units::Milliamperes;
 use motor_hub_client::line::Line;
@@ -54,8 +55,7 @@ struct Recorded {
 }
 
 impl Options {
-    /// The drive to record.
-    fn order(&self) -> Result<Motion, Failure> {
+    fn parsed(&self) -> Result<Drive, Failure> {
         let mut command = with_negative_numbers(Recorded::command());
         let parsed = command.try_get_matches_from_mut(&self.drive);
         let parsed = parsed.and_then(|mut matches| Recorded::from_arg_matches_mut(&mut matches));
@@ -67,7 +67,17 @@ impl Options {
             let text = error.to_string();
             Failure::input(text.strip_prefix("error: ").unwrap_or(&text).trim_end())
         })?;
-        Ok(parsed.drive.order()?.0)
+        Ok(parsed.drive)
+    }
+
+    /// The drive to record.
+    fn order(&self) -> Result<Motion, Failure> {
+        Ok(self.parsed()?.order()?.0)
+    }
+
+    /// The hub of the motors, if it is given.
+    pub(super) fn hub(&self) -> Result<Option<Address>, Failure> {
+        Ok(self.parsed()?.hub())
     }
 
     /// Checks the drive, and that the folder is writable, before anything is sent.

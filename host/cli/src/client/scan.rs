@@ -45,15 +45,20 @@ pub(super) struct Options {
 /// A hub at a place.
 struct Found {
     address: u8,
-    is_parent: bool,
+    kind: &'static str,
+    /// Empty for several hubs with one address.
     version: String,
     /// What the hub has besides motors; `None` if the hub does not report it.
     equipment: Option<Equipment>,
 }
 
 /// A hub's place on its line.
-pub(super) const fn kind(is_parent: bool) -> &'static str {
-    if is_parent { "parent" } else { "child" }
+pub(super) const fn kind(hub: &motor_hub_client::session::Found) -> &'static str {
+    match hub {
+        _ if hub.clashing => "several hubs with this address: connect each alone, and give it another by set-address",
+        _ if hub.parent => "parent",
+        _ => "child",
+    }
 }
 
 /// A place to scan.
@@ -133,8 +138,8 @@ fn text(scanned: Vec<(&str, Result<Vec<Found>, Silence>)>) -> String {
     for (name, asked) in scanned {
         match asked {
             Ok(hubs) => {
-                for Found { address, is_parent, version, equipment } in hubs {
-                    let hub = format!("{}, {version}", kind(is_parent));
+                for Found { address, kind, version, equipment } in hubs {
+                    let hub = if version.is_empty() { kind.to_owned() } else { format!("{kind}, {version}") };
                     let has = equipment.map(equipment_text).unwrap_or_default();
                     table.add_row([name, &address.to_string(), &hub, &has]);
                 }
@@ -152,9 +157,9 @@ fn document(name: &str, asked: Result<Vec<Found>, Silence>) -> Value {
         Ok(hubs) => (hubs, None),
         Err(silence) => (Vec::new(), Some(silence.words(name))),
     };
-    let hubs = hubs.into_iter().map(|Found { address, is_parent, version, equipment }| {
+    let hubs = hubs.into_iter().map(|Found { address, kind, version, equipment }| {
         let has = equipment.map(equipment_json);
-        json!({ "address": address, "kind": kind(is_parent), "version": version, "has": has })
+        json!({ "address": address, "kind": kind, "version": version, "has": has })
     });
     json!({ "place": name, "hubs": hubs.collect::<Vec<_>>(), "in_use": in_use, "reason": reason })
 }
@@ -234,10 +239,13 @@ fn hubs_at(place: &str, timeout: Duration) -> Result<Vec<Found>, Silence> {
     let mut found = Vec::new();
     for hub in session.discover()? {
         let Some(address) = Address::new(hub.address) else { continue };
-        session.talk_to(address);
-        stop_abandoned(&mut session)?;
-        let (version, equipment) = (session.version()?, session.equipment()?);
-        found.push(Found { address: hub.address, is_parent: hub.parent, version, equipment });
+        let (mut version, mut equipment) = (String::new(), None);
+        if !hub.clashing {
+            session.talk_to(address);
+            stop_abandoned(&mut session)?;
+            (version, equipment) = (session.version()?, session.equipment()?);
+        }
+        found.push(Found { address: hub.address, kind: kind(&hub), version, equipment });
     }
     Ok(found)
 }

@@ -4,7 +4,7 @@ use super::error::ClientError;
 use super::identify;
 use crate::constants::Constants;
 use crate::output::{Failure, print, print_json};
-use crate::parse::channel;
+use crate::parse::{MotorName, motor};
 use crate::scheme_options::SchemeOptions;
 use motor_hub::bridge::Timing;
 use motor_hub::extension::report::Condition;
@@ -23,8 +23,8 @@ use studies::table;
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motor 0 to 3
-    #[arg(value_parser = channel)]
-    motor: u8,
+    #[arg(value_parser = motor)]
+    pub(super) motor: MotorName,
     /// Connected motor by its name in the catalogue, such as "NeveRest 60"; see `motor-hub motors`
     #[arg(long = "type", value_name = "NAME", conflicts_with_all = ["ke", "resistance_ohm", "inductance_mh"])]
     name: Option<String>,
@@ -96,7 +96,7 @@ impl Options {
     }
 
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
-        let before = session.settings(self.motor)?;
+        let before = session.settings(self.motor.number)?;
         // All settings are checked before the first one is written.
         let wanted = self.changed(&before)?;
         // A set-up that was given is written also if it changes nothing: it deletes motion and coefficients.
@@ -104,11 +104,11 @@ impl Options {
         for group in [Group::Protection, Group::CurrentLimit, Group::Timing, Group::SetUp] {
             let differs = Values::of(group, &wanted) != Values::of(group, &before);
             if differs || group == Group::SetUp && given {
-                session.set(self.motor, group, &wanted)?;
+                session.set(self.motor.number, group, &wanted)?;
             }
         }
-        let settings = session.settings(self.motor)?;
-        self.show(&settings, session.condition(self.motor)?)
+        let settings = session.settings(self.motor.number)?;
+        self.show(&settings, session.condition(self.motor.number)?)
     }
 
     /// The settings that the options ask for.
@@ -173,7 +173,7 @@ impl Options {
         if self.json {
             let words = json!(SchemeWords(scheme));
             let document = json!({
-                "motor": self.motor,
+                "motor": self.motor.number,
                 "emf_mv_s_per_count": emf,
                 "resistance_ohm": ohms,
                 "inductance_mh": millihenries.unwrap_or(0.0),
@@ -195,7 +195,7 @@ impl Options {
             return Ok(print_json(&document)?);
         }
         let inductance = millihenries.map_or_else(|| "not configured".to_owned(), |mh| format!("{mh:.3} mH"));
-        let mut table = table::new(&["motor", &self.motor.to_string()], 2);
+        let mut table = table::new(&["motor", &self.motor.number.to_string()], 2);
         table
             .add_row(["back EMF", &format!("{emf:.4} mV s/count")])
             .add_row(["resistance", &format!("{ohms:.3} ohm")])

@@ -5,11 +5,11 @@ use super::error::ClientError;
 use super::motion::warn_of;
 use super::motors_off::DrivingSession;
 use crate::output::{Failure, print};
-use crate::parse::{channel, whole, within_a_day};
+use crate::parse::{MotorName, common_hub, whole, within_a_day};
 use motor_hub::extension::group::{GroupCourse, GroupState};
 use motor_hub::group::{GroupCommand, Halt, TOLERANCE};
 use motor_hub::motor::ZeroPower;
-use motor_hub::protocol::CHANNELS;
+use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::units::{Acceleration, Control, CountsPerSecond};
 use motor_hub_client::Session;
@@ -19,9 +19,9 @@ use std::time::Duration;
 /// Motors, targets, and limits of the motion.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Motors 0 to 3 with their target positions in counts, as 0=1000 1=-500
+    /// Motors 0 to 3 with their target positions in counts, as 0=1000 1=-500; of another hub of a chain as 3:0=1000
     #[arg(value_name = "MOTOR=COUNTS", required = true, value_parser = member)]
-    members: Vec<(u8, i32)>,
+    members: Vec<(MotorName, i32)>,
     /// Targets are relative to the present positions
     #[arg(long)]
     by: bool,
@@ -51,10 +51,10 @@ pub(crate) struct Options {
     length: Option<Duration>,
 }
 
-fn member(text: &str) -> Result<(u8, i32), String> {
+fn member(text: &str) -> Result<(MotorName, i32), String> {
     let (motor, counts) = text.split_once('=').ok_or("give MOTOR=COUNTS, such as 0=1000")?;
     let counts = counts.parse().map_err(|_| "COUNTS is a whole number from -2147483648 to 2147483647")?;
-    Ok((channel(motor)?, counts))
+    Ok((crate::parse::motor(motor)?, counts))
 }
 
 fn acceleration(text: &str) -> Result<Acceleration, String> {
@@ -66,6 +66,11 @@ fn acceleration(text: &str) -> Result<Acceleration, String> {
 const FASTEST_CPS: i32 = 1_000_000;
 
 impl Options {
+    /// The hub of the motors, if it is given.
+    pub(super) fn hub(&self) -> Result<Option<Address>, String> {
+        common_hub(self.members.iter().map(|(motor, _)| *motor)).map_err(|why| format!("{why}, and so is a group"))
+    }
+
     /// Checks the options before anything is sent.
     pub(super) fn check(&self) -> Result<(), Failure> {
         self.values().map(drop)
@@ -98,7 +103,7 @@ impl Options {
     /// Given target by motor.
     fn values(&self) -> Result<[Option<i32>; CHANNELS], Failure> {
         let mut values = [None; CHANNELS];
-        for &(motor, value) in &self.members {
+        for &(MotorName { number: motor, .. }, value) in &self.members {
             if self.on && !(-FASTEST_CPS..=FASTEST_CPS).contains(&value) {
                 return Err(Failure::input(format!(
                     "{motor}={value}: a speed is -{FASTEST_CPS} to {FASTEST_CPS} counts/s"

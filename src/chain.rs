@@ -1,0 +1,248 @@
+//! A chain of hubs: one *parent*, to which the host is connected, and *children* behind it. Parent and children share a
+//! half-duplex line (RS-485), the *chain line*.
+//!
+//! ```text
+//! host ---- parent ====+=========+==== chain line
+//!                      |         |
+//!                    child     child
+//! ```
+//!
+//! The hub that a host's discovery reaches is the parent. Only the parent starts to send on the chain line; a child answers
+//! what it is asked. The parent
+//! * passes on the host's requests to other addresses, unchanged, and the answers to them;
+//! * asks each address for a hub at a host's discovery, [`SLOT_MICROS`] for each;
+//! * does not answer for a child that is silent. It waits at most [`ANSWER_MICROS`] before it asks another child;
+//! * passes on a *stop to all*, a fail-safe to the address 255, before all waiting requests. No child answers it.
+//!
+//! The parent's own answers do not pass through the chain line, so no child can delay them. Each hub has its own keep-alive timer,
+//! which only packets to that hub restart.
+//!
+//! ```
+//! use motor_hub::chain::{ANSWER_MICROS, Chain};
+//! use motor_hub::protocol::Packet;
+//! use motor_hub::units::Micros;
+//!
+//! let mut chain = Chain::new();
+//! let keep_alive = Packet { destination: 5, number: 1, id: 0x7F04, ..Packet::default() };
+//! chain.request(keep_alive.clone());
+//! let now = Micros::new(0);
+//! assert_eq!(chain.next(now), Some(keep_alive));
+//! chain.sent(now);
+//!
+//! // The child is silent. The line is free again after a while.
+//! assert_eq!(chain.deadline(), Some(Micros::new(ANSWER_MICROS)));
+//! ```
+
+use crate::protocol::payload::{PAYLOAD_KEPT, payload};
+use crate::protocol::requests::DISCOVERY;
+use crate::protocol::{Address, BROADCAST, HOST, Packet};
+use crate::units::Micros;
+use heapless::Deque;
+
+/// Longest time from the end of a request until the end of its answer, in microseconds. A hub answers within 2 ms, and its longest
+/// answer takes 4 ms on the line.
+pub const ANSWER_MICROS: u64 = 10_000;
+
+/// Time in which a discovery waits for the hub at one address, in microseconds. All addresses take half a second, as hosts expect.
+pub const SLOT_MICROS: u64 = 2_000;
+
+/// Largest number of requests that wait for the chain line. Hosts wait for an answer before they send the next request, or send
+/// up to eight requests to one hub.
+const WAITING: usize = 8;
+
+payload! {
+    /// What the parent knows of the chain line since its start.
+    #[derive(Copy, Default)]
+    pub struct ChainReport {
+        /// True until a discovery has asked all addresses.
+        pub discovering: bool,
+        /// The addresses from which an answer has come.
+        pub heard: Addresses,
+        /// The addresses that more than one hub has: at the last discovery the answer was damaged, or it had the address of the
+        /// parent. A hub behind such an address cannot be used.
+        pub clashing: Addresses,
+    }
+}
+
+payload! {
+    /// A set of addresses. Bit i of byte b stands for the address 8 b + i.
+    #[derive(Copy, Default)]
+    pub struct Addresses {
+        /// The bits.
+        pub bits: [u8; 32],
+    }
+}
+
+impl Addresses {
+    /// True if the address is in the set.
+    pub fn has(&self, address: u8) -> bool {
+        self.bits.get(usize::from(address / 8)).is_some_and(|byte| byte & 1 << (address % 8) != 0)
+    }
+
+    /// Adds the address to the set, or removes it.
+    pub fn set(&mut self, address: u8, has: bool) {
+        if let Some(byte) = self.bits.get_mut(usize::from(address / 8)) {
+            let bit = 1 << (address % 8);
+            *byte = if has { *byte | bit } else { *byte & !bit };
+        }
+    }
+
+    /// Returns the addresses in ascending order.
+    pub fn iter(&self) -> impl Iterator<Item = u8> + '_ {
+        (0..=u8::MAX).filter(|address| self.has(*address))
+    }
+}
+
+/// A question on the chain line that is not answered yet.
+#[derive(Clone, Copy, Debug)]
+struct Question {
+    address: u8,
+    /// True if the question is part of a discovery.
+    discovery: bool,
+    /// Time at which the line is free again without an answer. `None` until the question has been sent.
+    until: Option<Micros>,
+    /// True if bytes have arrived since.
+    disturbed: bool,
+}
+
+/// A discovery that has not asked all addresses.
+#[derive(Clone, Debug)]
+struct Discovery {
+    /// The host's request.
+    request: Packet,
+    next: Address,
+}
+
+/// The parent's end of the chain line: which packet is the next on the line, and which packets go up to the host.
+#[derive(Clone, Debug, Default)]
+pub struct Chain {
+    requests: Deque<Packet, WAITING>,
+    discovery: Option<Discovery>,
+    question: Option<Question>,
+    /// The addresses that this hub has sent a request to.
+    asked: Addresses,
+    report: ChainReport,
+}
+
+impl Chain {
+    /// Creates the state after a reset.
+    pub const fn new() -> Self {
+        let none = Addresses { bits: [0; 32] };
+        Self {
+            requests: Deque::new(),
+            discovery: None,
+            question: None,
+            asked: none,
+            report: ChainReport { discovering: false, heard: none, clashing: none },
+        }
+    }
+
+    /// Returns what is known of the chain line.
+    pub fn report(&self) -> ChainReport {
+        let discovering = self.discovery.is_some() || self.question.is_some_and(|question| question.discovery);
+        ChainReport { discovering, ..self.report }
+    }
+
+    /// Takes a host's request to another hub. A request is dropped if [`PAYLOAD_KEPT`] bytes or more follow its head, which no
+    /// host sends, and if too many requests wait. The host then repeats it.
+    pub fn request(&mut self, packet: Packet) {
+        if packet.payload.len() < PAYLOAD_KEPT {
+            let _ = self.requests.push_back(packet);
+        }
+    }
+
+    /// Passes on a stop to all hubs, before all waiting requests. A stop replaces the newest request if too many wait.
+    pub fn stop(&mut self, packet: Packet) {
+        if self.requests.is_full() {
+            let _ = self.requests.pop_back();
+        }
+        let _ = self.requests.push_front(packet);
+    }
+
+    /// Begins a discovery on the chain line, in place of a discovery that is not finished. `request` is the host's packet, to
+    /// which the children's answers refer.
+    pub fn discover(&mut self, request: &Packet) {
+        if let Some(next) = Address::new(1) {
+            self.discovery = Some(Discovery { request: request.clone(), next });
+        }
+    }
+
+    /// Notes that bytes have arrived, whether or not they are a packet.
+    pub fn note_bytes(&mut self) {
+        if let Some(question) = &mut self.question {
+            question.disturbed = true;
+        }
+    }
+
+    /// Takes an answer from the chain line. Returns the answer if it must go up to the host. `own` is the address of this hub.
+    ///
+    /// An answer that comes too late goes up too: a host may still accept it, and learns that the child is there.
+    pub fn receive(&mut self, packet: Packet, own: Address) -> Option<Packet> {
+        let Packet { source, .. } = packet;
+        if let Some(question) = &mut self.question {
+            // These bytes were a packet, whoever sent it.
+            question.disturbed = false;
+        }
+        if packet.destination != HOST || !self.asked.has(source) {
+            return None;
+        }
+        self.question.take_if(|question| question.address == source);
+        let clashes = source == own.get();
+        self.report.heard.set(source, true);
+        self.report.clashing.set(source, clashes);
+        (!clashes).then_some(packet)
+    }
+
+    /// Returns the packet that must be sent now. `None` while an answer may come, or if there is nothing to ask. After sending,
+    /// call [`sent`](Self::sent).
+    pub fn next(&mut self, now: Micros) -> Option<Packet> {
+        if let Some(question) = self.question {
+            if question.until.is_none_or(|until| now < until) {
+                return None;
+            }
+            self.question = None;
+            if question.discovery {
+                // The answer of one hub would have been a packet.
+                self.report.clashing.set(question.address, question.disturbed);
+                self.report.heard.set(question.address, false);
+            }
+        }
+        // A discovery takes half a second, so requests go first.
+        let request = self.requests.pop_front();
+        let discovery = request.is_none();
+        let packet = request.or_else(|| self.next_of_discovery())?;
+        self.asked.set(packet.destination, true);
+        self.question =
+            Some(Question { address: packet.destination, discovery, until: None, disturbed: false });
+        Some(packet)
+    }
+
+    /// Returns the question to the next address of a discovery.
+    fn next_of_discovery(&mut self) -> Option<Packet> {
+        let Discovery { request, next } = self.discovery.as_ref()?;
+        let packet = Packet { destination: next.get(), id: DISCOVERY, ..request.clone() };
+        let after = next.get().checked_add(1).and_then(Address::new);
+        match (after, &mut self.discovery) {
+            (Some(after), Some(discovery)) => discovery.next = after,
+            _ => self.discovery = None,
+        }
+        Some(packet)
+    }
+
+    /// Notes that the packet that [`next`](Self::next) has returned is on the line to its last byte.
+    pub fn sent(&mut self, now: Micros) {
+        if let Some(question) = &mut self.question {
+            let wait = match question.address {
+                BROADCAST => 0,
+                _ if question.discovery => SLOT_MICROS,
+                _ => ANSWER_MICROS,
+            };
+            question.until = Some(Micros::new(now.get().saturating_add(wait)));
+        }
+    }
+
+    /// Returns the time at which [`next`](Self::next) must be called though nothing has arrived. `None` if that is not needed.
+    pub fn deadline(&self) -> Option<Micros> {
+        self.question.and_then(|question| question.until)
+    }
+}
