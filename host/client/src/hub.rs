@@ -114,6 +114,18 @@ impl<L: Read + Write> Session<L> {
         self.ask(HubFunction::Stored)
     }
 
+    /// As [`stored`](Self::stored); `None` if the hub does not report it (another maker's, or a board that stores nothing).
+    ///
+    /// # Errors
+    /// See [`Session::ask`], as for all commands.
+    pub fn stored_if_reported(&mut self) -> Result<Option<StoreReport>, Error> {
+        match self.stored() {
+            Ok(report) => Ok(Some(report)),
+            Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
     /// Stores, loads or resets the hub's settings, and waits until the hub has finished. The report says with what result.
     pub fn store(&mut self, what: HubFunction) -> Result<StoreReport, Error> {
         // The hub judges by its last control tick whether motors are disabled.

@@ -17,7 +17,7 @@ use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::payload::{TEXT, Text};
-use motor_hub::update::{CHUNK, CRC, Phase, Seal};
+use motor_hub::update::{CHUNK, CRC, Phase, Seal, public_key};
 use std::io::{Read, Write};
 use std::thread::sleep;
 use std::time::Duration;
@@ -27,6 +27,24 @@ const WRITING: Duration = Duration::from_secs(10);
 
 /// Interval between two questions to a hub that is busy.
 const POLL: Duration = Duration::from_millis(20);
+
+/// The signature in the bytes of a signature file.
+///
+/// # Errors
+/// What is wrong with the file, as the end of a sentence.
+pub fn read_signature(file: &[u8]) -> Result<[u8; 64], String> {
+    let length = file.len();
+    file.try_into().map_err(|_| format!("has {length} bytes; an Ed25519 signature has 64"))
+}
+
+/// The public key in the bytes of a key file.
+///
+/// # Errors
+/// What is wrong with the file, as the end of a sentence.
+pub fn read_key(file: &[u8]) -> Result<[u8; 32], &'static str> {
+    public_key(file)
+        .ok_or("is not an Ed25519 public key in DER; make it by openssl pkey -pubout -outform DER")
+}
 
 impl<L: Read + Write> Session<L> {
     /// Progress of an update, how the present firmware was started, and the slot's address and size.

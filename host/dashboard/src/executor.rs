@@ -202,18 +202,18 @@ impl Executor {
     fn import(&mut self, session: &mut Hub, text: &str) -> Result<(), RequestError> {
         let document = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
         let mut changed: Vec<u8> = Vec::new();
-        for request in settings_file::requests(document)? {
-            let Request::Set(motor, _) = request else { continue };
-            if !changed.contains(&motor) {
-                self.keep(session, motor)?;
-                changed.push(motor);
-            }
-            if let Err(error) = session.order(request) {
-                let why = match RequestError::from(error) {
-                    RequestError::Refused(why) => why,
-                    lost => return Err(lost),
-                };
-                return Err(format!("motor {motor}: {why}; {}", self.take_back(session, &changed)?).into());
+        for (motor, values) in settings_file::read(document)? {
+            self.keep(session, motor)?;
+            changed.push(motor);
+            for values in values {
+                if let Err(error) = session.order(Request::Set(motor, values)) {
+                    let why = match RequestError::from(error) {
+                        RequestError::Refused(why) => why,
+                        lost => return Err(lost),
+                    };
+                    let restored = self.take_back(session, &changed)?;
+                    return Err(format!("motor {motor}: {why}; {restored}").into());
+                }
             }
         }
         for motor in changed {

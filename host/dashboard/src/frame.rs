@@ -119,7 +119,7 @@ pub(crate) struct HubStatus {
 impl HubStatus {
     pub(crate) fn read(session: &mut Hub) -> Result<Self, Error> {
         let Colour { red, green, blue } = session.led()?;
-        let report = stored(session)?;
+        let report = session.stored_if_reported()?;
         Ok(Self {
             address: session.address(),
             version: session.version()?,
@@ -127,15 +127,6 @@ impl HubStatus {
             stored: report.as_ref().map(stored_words),
             differs: report.is_some_and(|report| report.differs),
         })
-    }
-}
-
-/// What the hub has stored; `None` if it does not report that.
-pub(crate) fn stored(session: &mut Hub) -> Result<Option<StoreReport>, Error> {
-    match session.stored() {
-        Ok(report) => Ok(Some(report)),
-        Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
-        Err(error) => Err(error),
     }
 }
 

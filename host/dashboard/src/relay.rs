@@ -3,7 +3,7 @@
 
 use crate::executor::{Changed, Executor, channel};
 use crate::frame::{
-    FaultEntry, Found, Frame, HubStatus, Learned, Message, MotorState, PointsAt, Welcome, refused, stored,
+    FaultEntry, Found, Frame, HubStatus, Learned, Message, MotorState, PointsAt, Welcome, refused,
     stored_words,
 };
 use crate::hub::{Hub, RequestError};
@@ -348,7 +348,7 @@ impl Relay {
         let address = u8::try_from(new).ok().and_then(Address::new);
         let address = address.ok_or_else(|| format!("an address is {new}; allowed is 1 to 254"))?;
         session.set_address(address)?;
-        let kept = match stored(session)? {
+        let kept = match session.stored_if_reported()? {
             Some(report) => match report.stored {
                 Stored::Later | Stored::Damaged => {
                     format!("until the hub's next reset, because its memory has {}", stored_words(&report))
@@ -463,7 +463,7 @@ impl Relay {
         let opened = (self.place.open)().and_then(|mut session| {
             session.hurry(PATIENCE);
             let reports = session.report().map_err(|error| error.to_string())?.is_some();
-            let stores = stored(&mut session).map_err(|error| error.to_string())?.is_some();
+            let stores = session.stored_if_reported().map_err(|error| error.to_string())?.is_some();
             Ok((session, reports, stores))
         });
         match opened {

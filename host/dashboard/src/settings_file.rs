@@ -1,7 +1,6 @@
-//! Settings as TOML, by the firmware's table of settings: read from a hub, and the requests that put them in force again.
+//! Settings as TOML, by the firmware's table of settings: read from a hub, and read from a file to put them in force again.
 
 use motor_hub::braking::{Blend, BlendFraction, Scheme, Winding};
-use motor_hub::extension::Request;
 use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values, Zero};
 use motor_hub::motor::Settings;
 use motor_hub::protocol::CHANNELS;
@@ -22,15 +21,14 @@ const HEAD: &str = "# Settings of a motor hub: `motor-hub client settings import
 pub fn export<L: Read + Write>(session: &mut Session<L>) -> Result<String, Error> {
     let mut text = format!("{HEAD}\nschema_version = {SCHEMA_VERSION}\n");
     // A hub that stores nothing does not report which coefficients a host has set.
-    let set_by_host = match session.stored() {
-        Ok(report) => report.coefficients,
-        Err(Error::Refused { .. } | Error::TooOld { .. }) => {
+    let set_by_host = match session.stored_if_reported()? {
+        Some(report) => report.coefficients,
+        None => {
             text.push_str(
                 "# This hub does not report coefficients that a host has set: they are not in this file.\n",
             );
             0
         }
-        Err(error) => return Err(error),
     };
     for motor in 0..CHANNELS as u8 {
         let mut settings = session.settings(motor)?;
@@ -93,11 +91,11 @@ fn value(field: &Field, settings: &MotorSettings) -> Option<Value> {
     }
 }
 
-/// The requests that put the settings of a document in force, if all values are in range.
+/// The settings of a document for each motor, if all values are in range. A hub puts them in force in this order.
 ///
 /// # Errors
 /// A text that names motor and key, the given value, and the allowed values.
-pub fn requests(mut document: Table) -> Result<Vec<Request>, String> {
+pub fn read(mut document: Table) -> Result<Vec<(u8, Vec<Values>)>, String> {
     let version = document.remove("schema_version").ok_or("schema_version is missing")?;
     if version.as_integer() != Some(SCHEMA_VERSION) {
         return Err(format!("schema_version is {version}; this program reads {SCHEMA_VERSION}"));
@@ -109,27 +107,26 @@ pub fn requests(mut document: Table) -> Result<Vec<Request>, String> {
     if let Some(key) = document.keys().next() {
         return Err(format!("{key} is no key of a settings file"));
     }
-    let (mut numbers, mut requests) = (Vec::new(), Vec::new());
+    let mut read: Vec<(u8, Vec<Values>)> = Vec::new();
     for motor in motors {
         let Value::Table(mut motor) = motor else { return Err("motor is no table".to_owned()) };
         let number = motor.remove("number").and_then(|number| u8::try_from(number.as_integer()?).ok());
-        let number = number.filter(|number| usize::from(*number) < CHANNELS && !numbers.contains(number));
+        let is_new = |number: &u8| read.iter().all(|(other, _)| other != number);
+        let number = number.filter(|number| usize::from(*number) < CHANNELS && is_new(number));
         let most = CHANNELS - 1;
         let number =
             number.ok_or_else(|| format!("a motor's number is 0 to {most}, and each number occurs once"))?;
-        numbers.push(number);
-        let of_motor = motor_requests(number, motor).map_err(|why| format!("motor {number}: {why}"))?;
-        requests.extend(of_motor);
+        read.push((number, values_of(motor).map_err(|why| format!("motor {number}: {why}"))?));
     }
-    Ok(requests)
+    Ok(read)
 }
 
-/// The requests of one motor, in the order of the groups.
-fn motor_requests(number: u8, mut motor: Table) -> Result<Vec<Request>, String> {
+/// The settings of one motor, in the order of the groups.
+fn values_of(mut motor: Table) -> Result<Vec<Values>, String> {
     only_known_keys(&motor)?;
     let scheme = take_scheme(&mut motor)?;
     let mut settings = MotorSettings::new(Settings::for_scheme(Winding::NEVEREST_60, scheme));
-    let mut requests = Vec::new();
+    let mut all = Vec::new();
     for group in Group::ALL {
         let loops = ["velocity_loop", "position_loop"];
         let table =
@@ -142,9 +139,9 @@ fn motor_requests(number: u8, mut motor: Table) -> Result<Vec<Request>, String> 
             _ => take(&mut motor, field),
         })?;
         settings = values.apply_to(&settings).map_err(|nack| format!("the values of {group:?}: {nack}"))?;
-        requests.push(Request::Set(number, values));
+        all.push(values);
     }
-    Ok(requests)
+    Ok(all)
 }
 
 /// Removes scheme and blend.

@@ -10,10 +10,11 @@ use crate::requests::SealFiles;
 use motor_hub::extension::HubFunction;
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::payload::{TEXT, Text};
-use motor_hub::update::{Booted, CHUNK, CRC, Phase, Seal, public_key};
+use motor_hub::update::{Booted, CHUNK, CRC, Phase, Seal};
 use motor_hub_client::Error;
 use motor_hub_client::clock::Instant;
 use motor_hub_client::reasons::{why_not_armed, why_not_started, why_unfit};
+use motor_hub_client::update::{read_key, read_signature};
 use serde::Serialize;
 use std::time::Duration;
 
@@ -221,12 +222,10 @@ pub(crate) fn bytes_of(hex: &str) -> Option<Vec<u8>> {
 /// The signature and the key of two files.
 fn seal(files: &SealFiles) -> Result<Seal, String> {
     let (signature, key) = (bytes_of(&files.signature), bytes_of(&files.key));
-    let signature = signature.unwrap_or_default();
-    let length = signature.len();
-    let signature = signature
-        .try_into()
-        .map_err(|_| format!("the signature has {length} bytes; an Ed25519 signature has 64"))?;
-    let key = public_key(&key.unwrap_or_default())
-        .ok_or("the key is not an Ed25519 public key in DER; make it by openssl pkey -pubout -outform DER")?;
-    Ok(Seal { key, signature })
+    let signature = read_signature(&signature.unwrap_or_default());
+    let key = read_key(&key.unwrap_or_default());
+    Ok(Seal {
+        signature: signature.map_err(|why| format!("the signature {why}"))?,
+        key: key.map_err(|why| format!("the key {why}"))?,
+    })
 }

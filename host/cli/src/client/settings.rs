@@ -5,6 +5,7 @@ use crate::output::{Failure, print, print_json};
 use dashboard::settings_file;
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::Request;
+use motor_hub::extension::settings::Values;
 use motor_hub::extension::state::StoreReport;
 use motor_hub::store::{Outcome, Stored};
 use motor_hub_client::line::Line;
@@ -94,9 +95,10 @@ impl Options {
                 format!("wrote {}", file.display())
             }
             Command::Import { file, save } => {
-                let requests = read(&file)?;
-                for request in requests {
-                    session.order(request)?;
+                for (motor, values) in read(&file)? {
+                    for values in values {
+                        session.order(Request::Set(motor, values))?;
+                    }
                 }
                 let in_force = format!("the settings of {} are in force", file.display());
                 if save { format!("{in_force}\n{}", saved(session)?) } else { in_force }
@@ -114,24 +116,20 @@ fn saved(session: &mut Session<Line>) -> Result<String, ClientError> {
 
 /// Why a hub that stores settings does not keep its new address; `None` if it does, or if it stores nothing.
 pub(super) fn why_address_is_lost(session: &mut Session<Line>) -> Result<Option<String>, Error> {
-    match session.stored() {
-        Ok(report @ StoreReport { stored: Stored::Later | Stored::Damaged, .. }) => {
-            Ok(Some(format!("the memory has {}", describe(&report))))
-        }
-        Ok(_) | Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
-        Err(error) => Err(error),
-    }
+    let report = session.stored_if_reported()?;
+    let lost = report.filter(|report| matches!(report.stored, Stored::Later | Stored::Damaged));
+    Ok(lost.map(|report| format!("the memory has {}", describe(&report))))
 }
 
-/// The requests that put the settings of a file in force.
-fn read(file: &Path) -> Result<Vec<Request>, Failure> {
+/// The settings of a file for each motor.
+fn read(file: &Path) -> Result<Vec<(u8, Vec<Values>)>, Failure> {
     let text = std::fs::read_to_string(file)
         .map_err(|error| Failure::Input(format!("{}: {error}", file.display())))?;
     let document: toml::Table = toml::from_str(&text).map_err(|error| {
         let (line, column) = line_and_column(&text, error.span().unwrap_or_default().start);
         Failure::Input(format!("{}:{line}:{column}: {}", file.display(), error.message()))
     })?;
-    settings_file::requests(document)
+    settings_file::read(document)
         .map_err(|error| Failure::Input(format!("{}: {}", file.display(), error.trim_end())))
 }
 

@@ -76,11 +76,11 @@ const CATCH: &str = "(() => { const make = URL.createObjectURL; \
      URL.createObjectURL = (blob) => { window.saved = blob; URL.createObjectURL = make; return make.call(URL, new Blob([])); }; })()";
 
 /// Gives a file to a file field, as somebody who chooses the file.
-fn choose(tab: &mut Tab<'_>, field: &str, name: &str, text: &str) {
-    let text = serde_json::to_string(text).unwrap();
+fn choose(tab: &mut Tab<'_>, field: &str, name: &str, bytes: impl AsRef<[u8]>) {
+    let bytes = bytes.as_ref();
     tab.ask(&format!(
         "(() => {{ const field = document.querySelector('{field}'); const kept = new DataTransfer(); \
-         kept.items.add(new File([{text}], '{name}')); field.files = kept.files; field.dispatchEvent(new Event('change')); }})()"
+         kept.items.add(new File([new Uint8Array({bytes:?})], '{name}')); field.files = kept.files; field.dispatchEvent(new Event('change')); }})()"
     ));
 }
 
@@ -100,7 +100,7 @@ fn settings_are_exported_changed_and_imported() {
         let text = saved(tab);
         assert!(text.contains("schema_version = 1") && text.matches("[[motor]]").count() == 4, "{text}");
         assert_eq!(tab.ask("dashboard.state.settings[2].scheme.scheme"), "A");
-        choose(tab, "#settings-file", "other.toml", &text.replace("scheme = \"A\"", "scheme = \"B\""));
+        choose(tab, "#settings-file", "other.toml", text.replace("scheme = \"A\"", "scheme = \"B\""));
         tab.wait("dashboard.state.settings.every(({ scheme }) => scheme.scheme === 'B')");
         choose(tab, "#settings-file", "wrong.toml", "schema_version = 99");
         tab.wait("document.querySelector('#notice').textContent.includes('schema_version is 99')");
@@ -347,26 +347,20 @@ fn new_firmware_is_chosen_as_a_file_and_its_progress_is_shown() {
             .concat();
     let segment = words(&[1, 84, SLOT.origin, SLOT.origin, length, length, 5, 4]);
     let elf = [&*header, &[0; 4], &segment, &image].concat();
-    let give = |tab: &mut Tab<'_>, field: &str, bytes: &[u8]| {
-        tab.ask(&format!(
-            "(() => {{ const field = document.querySelector('{field}'); const kept = new DataTransfer(); \
-             kept.items.add(new File([new Uint8Array({bytes:?})], 'given')); field.files = kept.files; field.dispatchEvent(new Event('change')); }})()"
-        ));
-    };
-    give(&mut tab, "#firmware-signature", &SIGNATURE);
-    give(&mut tab, "#firmware-file", &image);
+    choose(&mut tab, "#firmware-signature", "hub.sig", SIGNATURE);
+    choose(&mut tab, "#firmware-file", "hub.bin", &image);
     tab.wait(&format!("{says}.endsWith('choose the key too.')"));
-    give(&mut tab, "#firmware-key", KEY);
-    give(&mut tab, "#firmware-file", &elf);
+    choose(&mut tab, "#firmware-key", "public.der", KEY);
+    choose(&mut tab, "#firmware-file", "hub.elf", &elf);
     tab.wait(&format!("{says}.includes('a signature needs raw bytes')"));
-    give(&mut tab, "#firmware-file", &image);
+    choose(&mut tab, "#firmware-file", "hub.bin", &image);
     tab.wait(&format!("{says}.startsWith('The update is done: the hub runs HW')"));
     press(&mut tab, "Neither");
     tab.ask(&format!(
         "(() => {{ window.seen = []; new MutationObserver(() => seen.push({says})).observe(document.querySelector('#firmware-file').closest('.stack'), {{ childList: true, subtree: true, characterData: true }}); \
          }})()"
     ));
-    give(&mut tab, "#firmware-file", &elf);
+    choose(&mut tab, "#firmware-file", "hub.elf", &elf);
     tab.wait(&format!("seen.length && {says}.startsWith('The update is done: the hub runs HW')"));
     tab.wait("seen.some((text) => /^The firmware is sent. [1-9][0-9] %$/.test(text))");
     assert_eq!(

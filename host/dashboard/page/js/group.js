@@ -38,13 +38,13 @@ export function groupPanel(link) {
 /** Fields for what a set-point has besides its value. */
 function limits() {
   const zero = select([["brake", "brakes"], ["float", "coasts"]], { id: "motion-zero", onchange: () => { motion.zero = zero.value; } });
-  const field = (/** @type {"speed"|"tolerance"|"current"} */ name, /** @type {string} */ words, /** @type {number} */ most) => {
-    const input = h("input", { type: "number", id: `motion-${name}`, min: 1, max: most, step: 1, placeholder: "no limit", value: motion[name], onchange: () => { motion[name] = input.value === "" ? null : Math.round(Number(input.value)); } });
+  const field = (/** @type {"speed"|"tolerance"|"current"} */ name, /** @type {string} */ words, /** @type {number} */ most, /** @type {string} */ empty) => {
+    const input = h("input", { type: "number", id: `motion-${name}`, min: 1, max: most, step: 1, placeholder: empty, value: motion[name], onchange: () => { motion[name] = input.value === "" ? null : Math.round(Number(input.value)); } });
     return [h("label", { for: input.id }, words), input];
   };
   return [
     h("div", { class: "pair" }, h("label", { for: "motion-zero" }, "At power or speed 0 a motor"), zero,
-      ...field("speed", "Speed to a position, counts/s", 32767), ...field("tolerance", "Tolerance of a position, counts", 65535), ...field("current", "Speed limit of a constant current, counts/s", 32767)),
+      ...field("speed", "Speed to a position, counts/s", 32767, "1000"), ...field("tolerance", "Tolerance of a position, counts", 65535, "10"), ...field("current", "Speed limit of a constant current, counts/s", 32767, "no limit")),
     h("p", { class: "muted" }, "These hold for all motors, from the next set-point on."),
   ];
 }
