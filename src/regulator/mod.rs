@@ -24,6 +24,7 @@ mod interface;
 mod loops;
 mod model;
 mod observer;
+mod stream;
 
 pub use crate::settings::{Coefficients, Dynamics, Mechanics};
 pub use interface::{Context, Demand, Effort, Kind, Output, Reference};
@@ -38,6 +39,7 @@ use hunting::Hunting;
 use loops::{Loops, Start};
 use model::{Law, State};
 use observer::{FASTEST_CPS, Observer, Plant};
+use stream::Stream;
 
 /// Longest time between two samples of the encoder, in samples of 1 ms. After a longer gap the observer restarts with
 /// the mean speed of the gap. A prediction without samples is not continued for longer either.
@@ -97,6 +99,7 @@ pub struct Regulator {
     /// PID loops of a motor with coefficients of a host.
     loops: Loops,
     hunting: Hunting,
+    stream: Stream,
     /// Last sample of the encoder; `None` before the first sample.
     last: Option<Reading>,
     /// Time to which the observer has predicted the motion.
@@ -148,6 +151,7 @@ impl Regulator {
             gain_estimate: settings.dynamics.is_none().then(GainEstimate::new),
             loops: Loops::default(),
             hunting: Hunting::default(),
+            stream: Stream::default(),
             last: None,
             predicted_until: Micros::new(0),
             rest_position: None,
@@ -458,11 +462,12 @@ impl Regulator {
         let Motion { plant, law, observer, state } = &mut self.motion;
         let output = match demand {
             Demand::Velocity(target) => {
-                let mut output = law.velocity(state, &mut present, plant, target.to_f32(), at);
+                let target = self.stream.step(target.to_f32(), context.period.as_millis());
+                let mut output = law.velocity(state, &mut present, plant, target, at);
                 if let Effort::Voltage(voltage) = output.effort {
                     let tick = hunting::Tick {
-                        target,
-                        correction_volts: law.correction_volts(&present, target.to_f32()),
+                        target_is_old: target.is_old,
+                        correction_volts: law.correction_volts(&present, target.demanded),
                         emf_volts: plant.kappa * present.speed(),
                         volts: voltage.to_volts(),
                     };

@@ -11,6 +11,7 @@
 //! needs no preset.
 
 use super::observer::{Filter, Observer, Plant};
+use super::stream::Target;
 use super::{Effort, Output, within};
 use crate::braking::OperatingPoint;
 use crate::units::single::{at_least, at_most};
@@ -83,18 +84,19 @@ impl Law {
         }
     }
 
-    /// Computes the output for a target speed, in counts/s.
+    /// Computes the output for a target speed.
     pub(super) fn velocity(
         &self,
         state: &mut State,
         observer: &mut Observer,
         plant: &Plant,
-        target: f32,
+        target: Target,
         at: OperatingPoint,
     ) -> Output {
         state.holding = false;
-        let next = self.next_speed(observer, target);
-        self.request(state, observer, plant, next, at, target)
+        // The error that remains is the error to the speed that is demanded now.
+        let next = self.next_speed(observer, target.end) + self.remaining * target.change;
+        self.request(state, observer, plant, next, at, target.demanded)
     }
 
     /// Computes the output for a target position, `distance` counts from the lower edge of the present count.
