@@ -132,12 +132,12 @@ impl Motion {
     /// Uses the configured dynamics, or the gain `estimated` for an unknown motor, in counts/s² per V.
     fn new(settings: &Settings, estimated: f32, period: Period, observer: Observer) -> Self {
         let kappa = settings.winding.emf.to_volts();
-        let (b, q, friction) = match settings.dynamics {
-            Some(dynamics) => (dynamics.gain.to_f32(), dynamics.decay.to_f32(), dynamics.friction.to_volts()),
-            None => (estimated, estimated * kappa, 0.0),
+        let (b, q) = match settings.dynamics {
+            Some(dynamics) => (dynamics.gain.to_f32(), dynamics.decay.to_f32()),
+            None => (estimated, estimated * kappa),
         };
         let plant = Plant::new(b, kappa, q, Law::filter(period));
-        let law = Law::new(&plant, friction, period, settings.acceleration);
+        let law = Law::new(&plant, period);
         Self { plant, law, observer, state: State::default() }
     }
 }
@@ -168,7 +168,7 @@ impl Regulator {
     pub fn configure(&mut self, old: &Settings, new: &Settings, period: Period) {
         let emf_changed = old.winding.emf != new.winding.emf;
         let dynamics_changed = old.dynamics != new.dynamics;
-        if emf_changed || dynamics_changed || old.acceleration != new.acceleration {
+        if emf_changed || dynamics_changed {
             let keeps_gain = self.gain_estimate.is_some() && !emf_changed;
             let gain =
                 if keeps_gain { self.motion.plant.b } else { guessed_gain(new.winding.emf.to_volts()) };
@@ -463,7 +463,7 @@ impl Regulator {
         let output = match demand {
             Demand::Velocity(target) => {
                 let target = self.stream.step(target.to_f32(), context.period.as_millis());
-                let mut output = law.velocity(state, &mut present, plant, target, at);
+                let mut output = law.velocity(state, &mut present, plant, target, context);
                 if let Effort::Voltage(voltage) = output.effort {
                     let tick = hunting::Tick {
                         target_is_old: target.is_old,
@@ -477,12 +477,12 @@ impl Regulator {
             }
             Demand::Follow(reference) => {
                 let speeds = (reference.speed.to_f32(), reference.next.to_f32());
-                law.follow(state, &mut present, plant, reference.from(position), speeds, at)
+                law.follow(state, &mut present, plant, reference.from(position), speeds, context)
             }
             Demand::Position { target, speed_limit } => {
                 let distance = target.wrapping_sub(position);
                 let limit = speed_limit.to_f32().abs();
-                law.position(state, &mut present, plant, distance, limit, at)
+                law.position(state, &mut present, plant, distance, limit, context)
             }
         };
         // `present` is a copy of the observer. If the law has reversed the friction in the copy, the load of the
