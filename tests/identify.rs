@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Bench, Cable, motor, velocity};
+use common::{BATTERY, Bench, Cable, motor, velocity};
 use motor_hub::braking::{Scheme, Winding};
 use motor_hub::bridge::Drive;
 use motor_hub::model::battery::Battery;
@@ -11,6 +11,7 @@ use motor_hub::model::friction::Friction;
 use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::si::{KgM2, NewtonMetres, Ohms, Volts};
 use motor_hub::motor::{OnFault, Setpoint, Settings};
+use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
 use motor_hub::units::{Control, EmfConstant, Millivolts, Resistance};
 use std::f64::consts::TAU;
@@ -217,6 +218,69 @@ fn report_of_what_all_of_the_catalogue_comes_to() {
             benches.len()
         );
     }
+}
+
+/// Times in s that a motor with these configured dynamics needs from rest to 0.5 of its free speed, and on to 0.15 of it, each
+/// to within 2 %. The first set-point comes this long after the start.
+fn settling(setup: &Setup, configured: Dynamics, at_ms: u64) -> [f64; 2] {
+    let truth = common::dynamics(&setup.motor, &setup.load());
+    let mut bench = setup.bench();
+    bench.configure(0, |settings| settings.dynamics = Some(configured));
+    bench.set(0, velocity(0));
+    bench.run_ms(at_ms);
+    let (gain, decay) = (f64::from(truth.gain.to_f32()), f64::from(truth.decay.to_f32()));
+    let free_cps = gain / decay * (BATTERY - setup.truth().1);
+    let mut before = 0.0;
+    [0.5, 0.15].map(|share| {
+        let cps: f64 = share * free_cps;
+        let band = (0.02 * cps).max(0.02 * (cps - before).abs()).max(2.0);
+        before = cps;
+        bench.set(0, velocity(cps as i32));
+        let begin = bench.ms;
+        let mut outside = begin;
+        // Up to half of the free speed a motor needs some 0.7 of its time constant.
+        while bench.ms < begin + 2_000 + (1_500.0 / decay) as u64 {
+            bench.run_ms(1);
+            if (bench.speed(0) - cps).abs() > band {
+                outside = bench.ms;
+            }
+        }
+        assert!(outside + 1_000 < bench.ms, "{} does not settle at {cps} counts/s", setup.motor.name);
+        1e-3 * (outside - begin) as f64
+    })
+}
+
+#[test]
+fn an_identified_motor_settles_within_10_percent_of_the_time_of_an_exactly_configured_one() {
+    let mut bad = Vec::new();
+    for motor in motors().map(Motor::with_measured_rotor_inertia) {
+        for inertia in [0.0, 3.0] {
+            let setup = Setup { inertia, ..Setup::of(motor) };
+            let friction = Millivolts::new((1e3 * setup.truth().1) as u16);
+            let exact = Dynamics { friction, ..common::dynamics(&setup.motor, &setup.load()) };
+            // With a load, the Core Hex motors take minutes. A time to settle depends on the phase of the tick.
+            let phases: &[u64] = match exact.decay.to_f32() {
+                1.0.. => &[5, 25, 45],
+                0.02.. => &[25],
+                _ => continue,
+            };
+            let found = found(&setup.run()).dynamics;
+            let mean = |dynamics| {
+                let times = phases.iter().map(|phase_ms| settling(&setup, dynamics, 1_000 + phase_ms));
+                times
+                    .fold([0.0; 2], |sum, [up, down]| [sum[0] + up, sum[1] + down])
+                    .map(|sum| sum / phases.len() as f64)
+            };
+            let (of_exact, of_found) = (mean(exact), mean(found));
+            if (0..2).any(|step| of_found[step] > 1.1 * of_exact[step]) {
+                let name = motor.name;
+                bad.push(format!(
+                    "{name}, {inertia} more rotors: {of_found:.3?} s, {of_exact:.3?} s exactly"
+                ));
+            }
+        }
+    }
+    assert!(bad.is_empty(), "{}", bad.join("\n"));
 }
 
 #[test]

@@ -137,3 +137,91 @@ fn an_encoder_unplugged_in_a_group_under_a_stream_of_courses_is_at_fault_within_
         }
     }
 }
+
+/// A demanded speed in counts/s over the time in s.
+type Speed = fn(f64) -> f64;
+
+/// Streams a speed every 20 ms for 4 s. The first set-point comes `phase_ms` after a tick, and each may be `jitter_ms` late.
+/// Returns the true speed in counts/s at each millisecond.
+fn speeds(settings: Settings, period_ms: u32, phase_ms: u64, jitter_ms: u64, demand: Speed) -> Vec<f64> {
+    let mut bench = Bench::one(settings, plant(neverest_60(), inertia(LOAD)), period_ms);
+    bench.set(0, velocity(demand(0.0).round() as i32));
+    bench.run_ms(2_000 + phase_ms);
+    let mut speeds = Vec::new();
+    for ms in 0..4_000 {
+        let (number, late_ms) = (ms / 20, ms % 20);
+        if late_ms == number * 5 % (jitter_ms + 1) {
+            bench.set(0, velocity(demand(20e-3 * number as f64).round() as i32));
+        }
+        bench.run_ms(1);
+        speeds.push(bench.speed(0));
+    }
+    speeds
+}
+
+/// The time in ms by which these speeds lag behind the demand in the least-squares sense, from the second second on, and the
+/// rms error in counts/s that a lag does not explain.
+fn lag(speeds: &[f64], demand: Speed) -> (u32, f64) {
+    let rms = |lag_ms: u32| {
+        let late = |(ms, speed): (usize, &f64)| {
+            (speed - demand(1e-3 * (ms as f64 + 1.0 - f64::from(lag_ms)))).powi(2)
+        };
+        (speeds.iter().enumerate().skip(1_000).map(late).sum::<f64>() / (speeds.len() - 1_000) as f64).sqrt()
+    };
+    let best = (0..150).min_by(|a, b| rms(*a).total_cmp(&rms(*b))).unwrap_or_default();
+    (best, rms(best))
+}
+
+#[test]
+fn a_streamed_speed_lags_by_at_most_a_period_and_5_ms() {
+    let motor = neverest_60();
+    let demands: [(&str, Speed); 2] =
+        [("ramp", |s| 300.0 + 400.0 * s), ("sine", |s| 1_000.0 + 700.0 * (std::f64::consts::PI * s).sin())];
+    for settings in [configured(&motor, &inertia(LOAD)), unknown(&motor)] {
+        for period_ms in [1, 10, 50] {
+            for ((name, demand), jitter_ms) in
+                demands.into_iter().flat_map(|demand| [0, 6].map(|ms| (demand, ms)))
+            {
+                let what = format!(
+                    "{name}, {period_ms} ms period, set-points up to {jitter_ms} ms late, configured {}",
+                    settings.dynamics.is_some()
+                );
+                // The lag depends on how long a set-point waits for its tick.
+                let runs = [1, 7, 13, 19]
+                    .map(|phase_ms| lag(&speeds(settings, period_ms, phase_ms, jitter_ms, demand), demand));
+                let mean_ms = f64::from(runs.iter().map(|(ms, _)| ms).sum::<u32>()) / 4.0;
+                let most_ms = f64::from(period_ms) + 5.0 + jitter_ms as f64;
+                assert!(mean_ms <= most_ms, "{what}: {mean_ms} ms of {runs:?}");
+                assert!(runs.iter().all(|(_, rms)| *rms < 25.0), "{what}: {runs:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_streamed_ramp_that_ends_overshoots_by_what_it_would_gain_before_its_end_is_noticed() {
+    let motor = neverest_60();
+    let demand: Speed = |s| 300.0 + 1_000.0 * (s / 0.4).min(1.0);
+    for settings in [configured(&motor, &inertia(LOAD)), unknown(&motor)] {
+        for (period_ms, phase_ms) in
+            [1, 10, 50].into_iter().flat_map(|period_ms| [(period_ms, 1), (period_ms, 11)])
+        {
+            let speeds = speeds(settings, period_ms, phase_ms, 0, demand);
+            let overshoot = speeds.into_iter().fold(0.0, f64::max) - 1_300.0;
+            // One and a half intervals of 20 ms, and half a period.
+            let most = 2.5 * (30.0 + 0.5 * f64::from(period_ms));
+            assert!(overshoot <= most, "{period_ms} ms, from {phase_ms} ms on: {overshoot} counts/s");
+        }
+    }
+}
+
+#[test]
+fn a_speed_that_is_streamed_to_0_does_not_reverse() {
+    let motor = neverest_60();
+    let demand: Speed = |s| (500.0 - 1_000.0 * s).max(0.0);
+    for period_ms in [1, 10, 50] {
+        let speeds = speeds(configured(&motor, &inertia(LOAD)), period_ms, 1, 0, demand);
+        let lowest = speeds.into_iter().fold(0.0, f64::min);
+        assert!(lowest > -5.0, "{period_ms} ms: {lowest} counts/s");
+    }
+}

@@ -14,8 +14,6 @@
 //! its set-point and the set-point is constant. Old swings lose weight with every tick. With a wrong load, inertia or
 //! resistance the current swings less, or only for a while.
 
-use crate::units::CountsPerSecond;
-
 /// Limits of the detector. The values are from simulations of 558 set-points and two sets of random scenarios.
 struct Limits {
     /// Part of the requested voltage that corrects the error of the speed, in V, below which the motor is steady.
@@ -36,8 +34,8 @@ const LIMITS: Limits =
 /// A tick of a motor with a demanded speed. Voltages are in V.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tick {
-    /// Demanded speed.
-    pub(super) target: CountsPerSecond,
+    /// True if the demanded speed is the same as at the last tick.
+    pub(super) target_is_old: bool,
     /// Part of the requested voltage that corrects the error of the speed.
     pub(super) correction_volts: f32,
     /// Back EMF.
@@ -49,8 +47,6 @@ pub(super) struct Tick {
 /// The detector of one motor.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Hunting {
-    /// Demanded speed at the last tick.
-    target: CountsPerSecond,
     /// Level of the current at the last tick.
     level: u8,
     /// Weighted number of swings. Old swings have less weight.
@@ -66,12 +62,11 @@ impl Hunting {
     /// motor is steady and driven. Returns true at a change of level that shows that the motor hunts.
     pub(super) fn step(&mut self, tick: &Tick, boundary: impl FnOnce() -> f32) -> bool {
         let current = (tick.volts - tick.emf_volts) * 1.0f32.copysign(tick.emf_volts);
-        let steady = tick.target == self.target
+        let steady = tick.target_is_old
             && tick.correction_volts.abs() < LIMITS.correction_volts
             && tick.emf_volts.abs() > LIMITS.emf_volts;
         if !steady {
-            *self = Self { target: tick.target, low: current, high: current, ..*self };
-            self.swings = 0.0;
+            *self = Self { swings: 0.0, low: current, high: current, ..*self };
             return false;
         }
         (self.low, self.high) = (self.low.min(current), self.high.max(current));

@@ -24,6 +24,7 @@ mod interface;
 mod loops;
 mod model;
 mod observer;
+mod stream;
 
 pub use crate::settings::{Coefficients, Dynamics, Mechanics};
 pub use interface::{Context, Demand, Effort, Kind, Output, Reference};
@@ -38,6 +39,7 @@ use hunting::Hunting;
 use loops::{Loops, Start};
 use model::{Law, State};
 use observer::{FASTEST_CPS, Observer, Plant};
+use stream::Stream;
 
 /// Longest time between two samples of the encoder, in samples of 1 ms. After a longer gap the observer restarts with
 /// the mean speed of the gap. A prediction without samples is not continued for longer either.
@@ -97,6 +99,7 @@ pub struct Regulator {
     /// PID loops of a motor with coefficients of a host.
     loops: Loops,
     hunting: Hunting,
+    stream: Stream,
     /// Last sample of the encoder; `None` before the first sample.
     last: Option<Reading>,
     /// Time to which the observer has predicted the motion.
@@ -129,12 +132,12 @@ impl Motion {
     /// Uses the configured dynamics, or the gain `estimated` for an unknown motor, in counts/s² per V.
     fn new(settings: &Settings, estimated: f32, period: Period, observer: Observer) -> Self {
         let kappa = settings.winding.emf.to_volts();
-        let (b, q, friction) = match settings.dynamics {
-            Some(dynamics) => (dynamics.gain.to_f32(), dynamics.decay.to_f32(), dynamics.friction.to_volts()),
-            None => (estimated, estimated * kappa, 0.0),
+        let (b, q) = match settings.dynamics {
+            Some(dynamics) => (dynamics.gain.to_f32(), dynamics.decay.to_f32()),
+            None => (estimated, estimated * kappa),
         };
         let plant = Plant::new(b, kappa, q, Law::filter(period));
-        let law = Law::new(&plant, friction, period, settings.acceleration);
+        let law = Law::new(&plant, period);
         Self { plant, law, observer, state: State::default() }
     }
 }
@@ -148,6 +151,7 @@ impl Regulator {
             gain_estimate: settings.dynamics.is_none().then(GainEstimate::new),
             loops: Loops::default(),
             hunting: Hunting::default(),
+            stream: Stream::default(),
             last: None,
             predicted_until: Micros::new(0),
             rest_position: None,
@@ -164,7 +168,7 @@ impl Regulator {
     pub fn configure(&mut self, old: &Settings, new: &Settings, period: Period) {
         let emf_changed = old.winding.emf != new.winding.emf;
         let dynamics_changed = old.dynamics != new.dynamics;
-        if emf_changed || dynamics_changed || old.acceleration != new.acceleration {
+        if emf_changed || dynamics_changed {
             let keeps_gain = self.gain_estimate.is_some() && !emf_changed;
             let gain =
                 if keeps_gain { self.motion.plant.b } else { guessed_gain(new.winding.emf.to_volts()) };
@@ -458,11 +462,12 @@ impl Regulator {
         let Motion { plant, law, observer, state } = &mut self.motion;
         let output = match demand {
             Demand::Velocity(target) => {
-                let mut output = law.velocity(state, &mut present, plant, target.to_f32(), at);
+                let target = self.stream.step(target.to_f32(), context.period.as_millis());
+                let mut output = law.velocity(state, &mut present, plant, target, context);
                 if let Effort::Voltage(voltage) = output.effort {
                     let tick = hunting::Tick {
-                        target,
-                        correction_volts: law.correction_volts(&present, target.to_f32()),
+                        target_is_old: target.is_old,
+                        correction_volts: law.correction_volts(&present, target.demanded),
                         emf_volts: plant.kappa * present.speed(),
                         volts: voltage.to_volts(),
                     };
@@ -472,12 +477,12 @@ impl Regulator {
             }
             Demand::Follow(reference) => {
                 let speeds = (reference.speed.to_f32(), reference.next.to_f32());
-                law.follow(state, &mut present, plant, reference.from(position), speeds, at)
+                law.follow(state, &mut present, plant, reference.from(position), speeds, context)
             }
             Demand::Position { target, speed_limit } => {
                 let distance = target.wrapping_sub(position);
                 let limit = speed_limit.to_f32().abs();
-                law.position(state, &mut present, plant, distance, limit, at)
+                law.position(state, &mut present, plant, distance, limit, context)
             }
         };
         // `present` is a copy of the observer. If the law has reversed the friction in the copy, the load of the

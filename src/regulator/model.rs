@@ -11,10 +11,10 @@
 //! needs no preset.
 
 use super::observer::{Filter, Observer, Plant};
-use super::{Effort, Output, within};
-use crate::braking::OperatingPoint;
+use super::stream::Target;
+use super::{Context, Effort, Output, within};
 use crate::units::single::{at_least, at_most};
-use crate::units::{Acceleration, Period, Voltage};
+use crate::units::{Period, Voltage};
 use libm::{expf, expm1f, sqrtf};
 
 /// Share of the configured friction that the law reverses when the motion reverses, before the observer has estimated
@@ -31,19 +31,10 @@ const LEAST_PLANNED_SHARE: f32 = 0.05;
 /// The law's constants for one motor and period.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Law {
-    /// Control period in s.
-    period_s: f32,
     /// Share of a speed's error that remains after a tick.
     remaining: f32,
     /// Mean voltage that changes the speed by 1 count/s within a tick: q / (b (1 - exp(-q T))).
     volts_per_cps: f32,
-    /// Speed per distance near a target position, in 1/s.
-    approach: f32,
-    /// Deceleration by the share [`FRICTION_SHARE`] of the friction, in counts/s². A reversal of the motion changes
-    /// the load by twice this value.
-    friction: f32,
-    /// Largest acceleration in counts/s²; `None` for no limit.
-    limit: Option<f32>,
 }
 
 /// The law's state.
@@ -56,21 +47,14 @@ pub(super) struct State {
 }
 
 impl Law {
-    /// Prepares the law. `friction` is in V.
-    pub(super) fn new(plant: &Plant, friction: f32, period: Period, limit: Option<Acceleration>) -> Self {
+    /// Prepares the law.
+    pub(super) fn new(plant: &Plant, period: Period) -> Self {
         let seconds = period.to_seconds();
         let remaining =
             if period.as_millis() > 20 { expf(-24.0 * seconds).max(0.3) } else { expf(-30.0 * seconds) };
         let x = plant.q * seconds;
         let rate = if x > 1e-3 { plant.q / -expm1f(-x) } else { 1.0 / seconds };
-        Self {
-            period_s: seconds,
-            remaining,
-            volts_per_cps: rate / plant.b,
-            approach: (0.75 / seconds).min(12.0),
-            friction: FRICTION_SHARE * friction * plant.b,
-            limit: limit.map(|limit| limit.get() as f32),
-        }
+        Self { remaining, volts_per_cps: rate / plant.b }
     }
 
     /// Parameters of the observer. At a long period the least z is lower. A load is then estimated sooner, but a slow
@@ -83,18 +67,19 @@ impl Law {
         }
     }
 
-    /// Computes the output for a target speed, in counts/s.
+    /// Computes the output for a target speed.
     pub(super) fn velocity(
         &self,
         state: &mut State,
         observer: &mut Observer,
         plant: &Plant,
-        target: f32,
-        at: OperatingPoint,
+        target: Target,
+        context: &Context<'_>,
     ) -> Output {
         state.holding = false;
-        let next = self.next_speed(observer, target);
-        self.request(state, observer, plant, next, at, target)
+        // The error that remains is the error to the speed that is demanded now.
+        let next = self.next_speed(observer, target.end) + self.remaining * target.change;
+        self.request(state, observer, plant, next, context, target.demanded)
     }
 
     /// Computes the output for a target position, `distance` counts from the lower edge of the present count.
@@ -105,25 +90,26 @@ impl Law {
         plant: &Plant,
         distance: i32,
         speed_limit: f32,
-        at: OperatingPoint,
+        context: &Context<'_>,
     ) -> Output {
         let w = observer.speed();
-        let window = at_least(self.period_s, 0.02);
+        let window = at_least(context.period.to_seconds(), 0.02);
         let near = if state.holding { 2 } else { 1 };
         state.holding = distance.unsigned_abs() <= near && (state.holding || w.abs() * window < 0.5);
         if state.holding {
-            return self.request(state, observer, plant, self.remaining * w, at, 0.0);
+            return self.request(state, observer, plant, self.remaining * w, context, 0.0);
         }
         // The target is the middle of the target count.
         let distance = distance as f32 + 0.5 - observer.fraction();
         let (side, distance) = (1.0f32.copysign(distance), distance.abs());
-        let full = plant.b * at.battery_volts();
+        let full = plant.b * context.at.battery_volts();
         let deceleration =
             at_least(PLANNED_SHARE * (full - side * observer.load()), LEAST_PLANNED_SHARE * full);
-        let deceleration = self.limit.map_or(deceleration, |limit| at_most(deceleration, limit));
-        let (now, end) = self.profile(distance, side * w, deceleration, speed_limit);
+        let deceleration =
+            acceleration_limit(context).map_or(deceleration, |limit| at_most(deceleration, limit));
+        let (now, end) = profile(distance, side * w, deceleration, speed_limit, context.period);
         let next = side * (end - self.remaining * (now - side * w));
-        self.request(state, observer, plant, next, at, side * now)
+        self.request(state, observer, plant, next, context, side * now)
     }
 
     /// Computes the output for a moving reference, `distance` counts from the lower edge of the present count. The
@@ -135,10 +121,11 @@ impl Law {
         plant: &Plant,
         distance: f32,
         (now, end): (f32, f32),
-        at: OperatingPoint,
+        context: &Context<'_>,
     ) -> Output {
         state.holding = false;
-        let Self { period_s, approach, remaining, .. } = *self;
+        let (period_s, approach) = (context.period.to_seconds(), approach(context.period));
+        let remaining = self.remaining;
         let w = observer.speed();
         // The target is the middle of the count.
         let distance = distance + 0.5 - observer.fraction();
@@ -146,29 +133,7 @@ impl Law {
         let rest = distance + (now + end - w) * period_s / 2.0;
         let next = (end + approach * rest - remaining * (now + approach * distance - w))
             / (1.0 + approach * period_s / 2.0);
-        self.request(state, observer, plant, next, at, end + approach * distance)
-    }
-
-    /// Speeds of the profile at this distance from the target, in counts/s: the speed now, and the speed at the
-    /// tick's end of a motor that has the speed `w` towards the target now.
-    fn profile(&self, distance: f32, w: f32, deceleration: f32, limit: f32) -> (f32, f32) {
-        let Self { period_s, approach, .. } = *self;
-        let knee = deceleration / (approach * approach);
-        let now = if distance < knee {
-            approach * distance
-        } else {
-            sqrtf(2.0 * deceleration * (distance - knee / 2.0))
-        };
-        // The distance of a tick is half a tick at the speed now, and half a tick at the speed at the tick's end.
-        let rest = distance - w * period_s / 2.0;
-        let linear = approach * rest / (1.0 + approach * period_s / 2.0);
-        let lost = deceleration * period_s / 2.0;
-        let end = if rest - linear * period_s / 2.0 < knee {
-            linear
-        } else {
-            sqrtf(lost * lost + 2.0 * deceleration * (rest - knee / 2.0)) - lost
-        };
-        (at_most(now, limit), within(end, limit))
+        self.request(state, observer, plant, next, context, end + approach * distance)
     }
 
     /// Computes the output that brings the motor to the speed `next` by the tick's end, within the limits of
@@ -179,19 +144,19 @@ impl Law {
         observer: &mut Observer,
         plant: &Plant,
         next: f32,
-        at: OperatingPoint,
+        context: &Context<'_>,
         speed: f32,
     ) -> Output {
         let w = observer.speed();
-        let next = match self.limit {
-            Some(limit) => w + within(next - w, limit * self.period_s),
+        let next = match acceleration_limit(context) {
+            Some(limit) => w + within(next - w, limit * context.period.to_seconds()),
             None => next,
         };
-        self.reverse_friction(state, observer, next);
+        reverse_friction(state, observer, plant, next, context);
         let wanted = self.voltage_to(observer, plant, next);
         // In overrun the back EMF is above the battery voltage. A voltage between the two brakes less than the
         // battery voltage does.
-        let most = at_least(at.battery_volts(), (plant.kappa * w).abs());
+        let most = at_least(context.at.battery_volts(), (plant.kappa * w).abs());
         let voltage = Voltage::from_volts(within(wanted, most));
         Output { effort: Effort::Voltage(voltage), speed: super::speed(speed), hunts: false }
     }
@@ -218,16 +183,55 @@ impl Law {
         let w = observer.speed();
         w + (1.0 - self.remaining) * (target - w)
     }
+}
 
-    /// Reverses the friction in the estimated load if the motion reverses by the tick's end. Friction always acts
-    /// against the motion.
-    fn reverse_friction(&self, state: &mut State, observer: &mut Observer, next: f32) {
-        let side = 1.0f32.copysign(next);
-        // More than one count per tick in the old direction: the motion does not reverse within this tick.
-        let still_opposite = -side * observer.speed() * self.period_s > 1.0;
-        if side != state.friction_side && next.abs() > REVERSING_CPS && !still_opposite {
-            observer.add_load(self.friction * (state.friction_side - side));
-            state.friction_side = side;
-        }
+/// Largest acceleration in counts/s²; `None` for no limit.
+fn acceleration_limit(context: &Context<'_>) -> Option<f32> {
+    context.settings.acceleration.map(|limit| limit.get() as f32)
+}
+
+/// Speed per distance near a target position, in 1/s.
+fn approach(period: Period) -> f32 {
+    (0.75 / period.to_seconds()).min(12.0)
+}
+
+/// Speeds of the profile at this distance from the target, in counts/s: the speed now, and the speed at the
+/// tick's end of a motor that has the speed `w` towards the target now.
+fn profile(distance: f32, w: f32, deceleration: f32, limit: f32, period: Period) -> (f32, f32) {
+    let (period_s, approach) = (period.to_seconds(), approach(period));
+    let knee = deceleration / (approach * approach);
+    let now = if distance < knee {
+        approach * distance
+    } else {
+        sqrtf(2.0 * deceleration * (distance - knee / 2.0))
+    };
+    // The distance of a tick is half a tick at the speed now, and half a tick at the speed at the tick's end.
+    let rest = distance - w * period_s / 2.0;
+    let linear = approach * rest / (1.0 + approach * period_s / 2.0);
+    let lost = deceleration * period_s / 2.0;
+    let end = if rest - linear * period_s / 2.0 < knee {
+        linear
+    } else {
+        sqrtf(lost * lost + 2.0 * deceleration * (rest - knee / 2.0)) - lost
+    };
+    (at_most(now, limit), within(end, limit))
+}
+
+/// Reverses the friction in the estimated load if the motion reverses by the tick's end. Friction always acts
+/// against the motion.
+fn reverse_friction(
+    state: &mut State,
+    observer: &mut Observer,
+    plant: &Plant,
+    next: f32,
+    context: &Context<'_>,
+) {
+    let side = 1.0f32.copysign(next);
+    // More than one count per tick in the old direction: the motion does not reverse within this tick.
+    let still_opposite = -side * observer.speed() * context.period.to_seconds() > 1.0;
+    if side != state.friction_side && next.abs() > REVERSING_CPS && !still_opposite {
+        let friction = context.settings.dynamics.map_or(0.0, |dynamics| dynamics.friction.to_volts());
+        observer.add_load(FRICTION_SHARE * friction * plant.b * (state.friction_side - side));
+        state.friction_side = side;
     }
 }

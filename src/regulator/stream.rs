@@ -1,0 +1,86 @@
+//! Estimates how fast a demanded speed changes while a host *streams* set-points: a speed every few milliseconds, as
+//! from a joystick, a ramp or another controller.
+//!
+//! A streamed speed is old when the motor reaches it: it waits for the tick, stays until the next one comes, and takes
+//! a tick. With the slope of the stream the motor reaches at a tick's end the speed that the stream has at the tick's
+//! begin:
+//!
+//! ```text
+//! speed    slope ──┐       ● target
+//!                  ▼   ╱   :             at the tick's end: target + slope (age + T / 2)
+//!                ●        :              T / 2: the mean time for which a set-point waits for its tick
+//!            ●   :  interval :  age  :
+//! ────────────────────────────────── time
+//! ```
+//!
+//! A demanded speed that stays, or that changes once, has the slope 0.
+
+use crate::units::single::at_most;
+
+/// Longest interval between two set-points of a stream, in ms.
+const LONGEST_INTERVAL_MS: u32 = 100;
+/// Largest ratio of two consecutive changes of a stream. A larger ratio is a step.
+const LARGEST_RATIO: f32 = 3.0;
+
+/// Age of a set-point at a tick's end, in intervals, from which on the next one is no longer waited for.
+const LATEST_INTERVALS: f32 = 1.5;
+
+/// The stream of demanded speeds of one motor. The default is a demand of 0 that has not changed.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Stream {
+    /// Demanded speed in counts/s.
+    target: f32,
+    /// Last change of the demanded speed, in counts/s.
+    change: f32,
+    /// Time since that change, in ms.
+    age_ms: u32,
+    /// Time between the last two changes, in ms.
+    interval_ms: u32,
+    /// Mean of the last two intervals, in ms.
+    mean_interval_ms: f32,
+    /// Slope over these two intervals, in counts/s per ms; 0 if they are of no stream.
+    slope: f32,
+}
+
+/// A demanded speed at a tick.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Target {
+    /// Demanded speed of the last set-point, in counts/s.
+    pub(super) demanded: f32,
+    /// Speed that the motor should have at the tick's end, in counts/s. It never has the other sign than `demanded`.
+    pub(super) end: f32,
+    /// Change of the demanded speed within the tick, in counts/s.
+    pub(super) change: f32,
+    /// True if the set-point is the set-point of the last tick.
+    pub(super) is_old: bool,
+}
+
+impl Stream {
+    /// Takes the demanded speed of a tick, in counts/s.
+    pub(super) fn step(&mut self, target: f32, period_ms: u32) -> Target {
+        self.age_ms = self.age_ms.saturating_add(period_ms);
+        let change = target - self.target;
+        let is_old = change == 0.0;
+        if !is_old {
+            let both_ms = self.age_ms.saturating_add(self.interval_ms) as f32;
+            self.slope = if self.continues(target, change) { (change + self.change) / both_ms } else { 0.0 };
+            (self.target, self.change, self.mean_interval_ms) = (target, change, 0.5 * both_ms);
+            (self.age_ms, self.interval_ms) = (0, self.age_ms);
+        }
+        let (age, period) = (self.age_ms as f32, period_ms as f32);
+        let is_late = age + period > LATEST_INTERVALS * self.mean_interval_ms;
+        let slope = if is_late { 0.0 } else { self.slope };
+        let end = target + slope * (at_most(age, self.mean_interval_ms) + 0.5 * period);
+        let end = if end * target < 0.0 { 0.0 } else { end };
+        Target { demanded: target, end, change: slope * period, is_old }
+    }
+
+    /// True if this change of the demanded speed and the last change are of one stream. A speed of 0 ends a stream.
+    fn continues(&self, target: f32, change: f32) -> bool {
+        let (last, next) = (self.change.abs(), change.abs());
+        target != 0.0
+            && self.age_ms.max(self.interval_ms) <= LONGEST_INTERVAL_MS
+            && self.change * change > 0.0
+            && next.max(last) <= LARGEST_RATIO * next.min(last)
+    }
+}
