@@ -21,8 +21,8 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     cargo_ros(&["build"], &[])?;
     // The tests serve a simulated hub by the program.
     cargo(&["build", "--package", "motor-hub-cli"])?;
-    let python =
-        python::environment("ros-python", &["eclipse-zenoh==1.10.2", "rosbags==0.11.9", "xxhash", "numpy"])?;
+    let packages = ["eclipse-zenoh==1.10.2", "rosbags==0.11.9", "zenoh-ros2-sdk==0.1.8", "xxhash", "numpy"];
+    let python = python::environment("ros-python", &packages)?;
     run(Command::new(python)
         .arg(root().join("host/ros/tests/test_peers.py"))
         .env("MOTOR_HUB", target.join("debug/motor-hub"))
