@@ -6,9 +6,11 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import textwrap
 import time
 import unittest
+import unittest.mock
 from pathlib import Path
 
 import motor_hub
@@ -177,6 +179,45 @@ class BadInput(WithHub):
     def test_a_hub_that_is_not_there_is_unreachable(self) -> None:
         with self.assertRaisesRegex(Unreachable, "cannot open 127.0.0.1:1: "):
             connect("127.0.0.1:1")
+
+
+class WithoutAnAddress(unittest.TestCase):
+    """``connect()``, for a user with a folder of their own for notes of served hubs."""
+
+    def setUp(self) -> None:
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        user = unittest.mock.patch.dict(os.environ, XDG_RUNTIME_DIR=folder.name)
+        user.start()
+        self.addCleanup(user.stop)
+        no_ports = unittest.mock.patch.object(motor_hub, "usb_ports", lambda: [])
+        no_ports.start()
+        self.addCleanup(no_ports.stop)
+
+    def serve(self) -> Served:
+        served = Served()
+        self.addCleanup(served.close)
+        return served
+
+    def test_the_only_hub_is_found_and_of_two_hubs_none_is_chosen(self) -> None:
+        with self.assertRaisesRegex(Unreachable, "no hub is found: there is no USB serial port"):
+            connect()
+        first = self.serve()
+        found = connect()
+        self.assertEqual(found.address, 2)
+        with self.assertRaisesRegex(Unreachable, f"no hub is found: {first.place}"):
+            connect()
+        del found
+        second = self.serve()
+        with self.assertRaisesRegex(Unreachable, "2 hubs are found, at .*; give connect one of these places"):
+            connect()
+        second.close()
+        self.assertEqual(connect().address, 2)
+
+    def test_a_hub_on_a_usb_port_is_found_beside_a_port_without_hub(self) -> None:
+        served = self.serve()
+        with unittest.mock.patch.multiple(motor_hub, usb_ports=lambda: ["/dev/null", served.place], _served=lambda: []):
+            self.assertEqual(connect().address, 2)
 
 
 class WhatStopsMotors(WithHub):
