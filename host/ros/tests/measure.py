@@ -8,10 +8,10 @@ gives the control tick that commanded the bridge. The reports come once a tick, 
 short. `measure.py square PICTURE.svg` drives a square instead, and draws `odom` against the wheels' path.
 """
 
+import atexit
 import math
 import os
 import random
-import re
 import struct
 import subprocess
 import sys
@@ -27,12 +27,13 @@ SECONDS, INTERVAL = 25.0, 0.05
 SCENARIO = """
 control_period_ms = 10
 battery = { emf_v = 12.6, resistance_ohm = 0.05 }
-""" + 4 * """
+""" + "".join(f"""
 [[motors]]
+label = "{label}"
 motor = "AM 60 A"
 scheme = "A"
-load = { inertia_kg_m2 = 0.002 }
-"""
+load = {{ inertia_kg_m2 = 0.002 }}
+""" for label in ("left", "right", "arm", "none"))
 
 
 class Tap(Relay):
@@ -87,8 +88,10 @@ class Bench:
         self.session = open_session("client", self.port)
 
     def start(self, command: list[str]) -> subprocess.Popen:
-        self.processes.append(subprocess.Popen(command, stdout=subprocess.DEVNULL))
-        return self.processes[-1]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        atexit.register(process.kill)
+        self.processes.append(process)
+        return process
 
     def close(self) -> None:
         self.session.close()
