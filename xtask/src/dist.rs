@@ -1,6 +1,7 @@
 //! `cargo xtask dist`: the files that a release carries, in `target/dist`.
 
 use crate::board;
+use crate::python;
 use crate::tool::{Failed, cargo, cargo_command, command, none, output, root, run};
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -30,6 +31,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
         let bin = board.raw(&elf)?;
         copy(&bin, &dist.join(format!("{}.bin", file_name(board.name))))?;
     }
+    python::wheel(&dist)?;
     for licence in ["LICENSE-MIT", "LICENSE-APACHE"] {
         copy(&root().join(licence), &dist.join(licence))?;
     }
@@ -77,9 +79,9 @@ fn checksums(folder: &Path) -> Result<String, Failed> {
     output(command("sha256sum").args(names).current_dir(folder))
 }
 
-/// Packages of others in the program and the images, each with its licence.
+/// Packages of others in the program, the wheel and the images, each with its licence.
 fn third_party() -> Result<String, Failed> {
-    let mut packages = tree(&["--package", "motor-hub-cli"])?;
+    let mut packages = tree(&["--package", "motor-hub-cli", "--package", "motor-hub-python"])?;
     for board in &board::ALL {
         packages.extend(tree(&["--package", board.name, "--target", board.target])?);
     }

@@ -83,8 +83,8 @@ const TASKS: [Task; 17] = [
     },
     Task {
         name: "ros",
-        arguments: "",
-        does: "checks and builds the ROS 2 package and tests it against programs of others",
+        arguments: "[measure]",
+        does: "checks and builds the ROS 2 package and tests it against programs of others; or measures what fleets cost",
         start: ros::task,
     },
     Task {

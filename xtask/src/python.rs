@@ -12,8 +12,10 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     // The tests serve a simulated hub by the program.
     cargo(&["build", "--package", "motor-hub-cli"])?;
     let target = root().join("target");
+    let wheels = target.join("wheels");
+    wheel(&wheels)?;
     let python = environment("python", &["pandas", "matplotlib", "mypy", "mcap"])?;
-    run(install(&python).arg(root().join(PACKAGE)))?;
+    run(install(&python).args(["--no-index", "motor-hub", "--find-links"]).arg(&wheels))?;
     // The package is tested as installed: its sources are not in the search path.
     run(Command::new(&python)
         .args(["-m", "mypy", "--strict", "--package", "motor_hub"])
@@ -26,6 +28,18 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     let recording =
         ["test", "--package", "motor-hub-cli", "--test", "program", "saved_as_mcap", "--", "--ignored"];
     run(cargo_command(&recording).env("MOTOR_HUB_MCAP", &python))
+}
+
+/// Builds the wheel for this kind of computer, and every Python from 3.10 on, into a folder. Wheels in it are replaced.
+pub(crate) fn wheel(folder: &Path) -> Result<(), Failed> {
+    let python = environment("maturin", &["maturin>=1.9,<2"])?;
+    let manifest = root().join(PACKAGE).join("Cargo.toml");
+    let mut build = Command::new(python.with_file_name("maturin"));
+    run(build
+        .args(["build", "--quiet", "--release", "--manifest-path"])
+        .arg(manifest)
+        .arg("--out")
+        .arg(folder))
 }
 
 /// Makes an environment of Python in this folder of `target`, with packages of PyPI. Returns its interpreter.

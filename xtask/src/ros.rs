@@ -1,4 +1,4 @@
-//! `cargo xtask ros`: checks and builds the ROS 2 package, and tests it against programs of others.
+//! `cargo xtask ros`: checks and builds the ROS 2 package, and tests it against programs of others; or measures what fleets cost.
 
 use crate::python;
 use crate::tool::{Failed, cargo, none, root, run};
@@ -7,24 +7,47 @@ use std::process::Command;
 /// The package, which is a workspace of its own.
 const MANIFEST: &str = "host/ros/Cargo.toml";
 
+/// The picture of a square that a simulated robot has driven.
+const PICTURE: &str = "docs/pictures/odom.svg";
+
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
-    none(arguments)?;
+    let measures = arguments == ["measure"];
+    if !measures {
+        none(arguments)?;
+    }
     let target = root().join("target");
     let folder = target.join("ros");
     let cargo_ros = |task: &[&str], rest: &[&str]| {
         let folder = folder.to_string_lossy();
         cargo(&[task, &["--manifest-path", MANIFEST, "--target-dir", &folder], rest].concat())
     };
-    cargo(&["fmt", "--check", "--manifest-path", MANIFEST])?;
-    cargo_ros(&["clippy", "--all-targets"], &["--", "-D", "warnings"])?;
-    cargo_ros(&["test"], &[])?;
-    cargo_ros(&["build"], &[])?;
-    // The tests serve a simulated hub by the program.
-    cargo(&["build", "--package", "motor-hub-cli"])?;
-    let python =
-        python::environment("ros-python", &["eclipse-zenoh==1.10.2", "rosbags==0.11.9", "xxhash", "numpy"])?;
-    run(Command::new(python)
-        .arg(root().join("host/ros/tests/test_peers.py"))
-        .env("MOTOR_HUB", target.join("debug/motor-hub"))
-        .env("MOTOR_HUB_ROS", folder.join("debug/motor-hub-ros")))
+    // The tests serve simulated hubs by the program.
+    let profile = if measures {
+        cargo_ros(&["build", "--release"], &[])?;
+        cargo(&["build", "--release", "--package", "motor-hub-cli"])?;
+        "release"
+    } else {
+        cargo(&["fmt", "--check", "--manifest-path", MANIFEST])?;
+        cargo_ros(&["clippy", "--all-targets"], &["--", "-D", "warnings"])?;
+        cargo_ros(&["test"], &[])?;
+        cargo_ros(&["build"], &[])?;
+        cargo(&["build", "--package", "motor-hub-cli"])?;
+        "debug"
+    };
+    let packages = ["eclipse-zenoh==1.10.2", "rosbags==0.11.9", "zenoh-ros2-sdk==0.1.8", "xxhash", "numpy"];
+    let python = python::environment("ros-python", &packages)?;
+    let program = |script: &str| {
+        let mut command = Command::new(&python);
+        command
+            .arg(root().join("host/ros/tests").join(script))
+            .env("MOTOR_HUB", target.join(profile).join("motor-hub"))
+            .env("MOTOR_HUB_ROS", folder.join(profile).join("motor-hub-ros"));
+        command
+    };
+    if measures {
+        run(&mut program("measure.py"))?;
+        run(program("measure.py").arg("square").arg(root().join(PICTURE)))
+    } else {
+        run(&mut program("test_peers.py"))
+    }
 }

@@ -2,7 +2,7 @@
 
 >>> import asyncio, motor_hub
 >>> async def main():
-...     hub = motor_hub.connect("/dev/ttyACM0")
+...     hub = motor_hub.connect()
 ...     with hub.enabled(0):
 ...         await hub[0].velocity(800)
 ...         await asyncio.sleep(2)
@@ -23,12 +23,15 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
+import os
+import tempfile
 from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from .native import CHANNELS, HubError, Link, Refused, Unreachable
+from .native import CHANNELS, HubError, Link, Refused, Unreachable, usb_ports
 
 __all__ = [
     "CHANNELS",
@@ -117,14 +120,57 @@ class Identified:
     """Changes of speed that the constants do not explain, as a share of all changes (root mean square)."""
 
 
-def connect(place: str) -> Hub:
-    """Opens a hub at a serial port, or at ``HOST:PORT``.
+def connect(place: str | None = None) -> Hub:
+    """Opens a hub at a serial port, or at ``HOST:PORT``; without a place, the only hub that is found.
 
-    Motors that a former host has left running are disabled; ``Hub.left_running`` names them.
+    Hubs are looked for on all USB serial ports, which each get a discovery of 11 bytes, and among the simulated hubs that this
+    user serves by ``motor-hub serve``. Motors that a former host has left running are disabled; ``Hub.left_running`` names them.
 
-    Raises ``Unreachable`` if the port cannot be opened, or if no hub answers.
+    Raises ``Unreachable`` if the port cannot be opened, if no hub answers, or if several hubs are found.
     """
-    return Hub(Link(place))
+    if place is not None:
+        return Hub(Link(place))
+    links, failures = {}, []
+    for candidate in [*usb_ports(), *_served()]:
+        try:
+            links[candidate] = Link(candidate)
+        except Unreachable as failure:
+            failures.append(str(failure))
+    if len(links) > 1:
+        raise Unreachable(f"{len(links)} hubs are found, at {', '.join(links)}; give connect one of these places")
+    if not links:
+        why = "; ".join(failures) or "there is no USB serial port, and this user serves no hub; give connect a place"
+        raise Unreachable(f"no hub is found: {why}")
+    return Hub(links.popitem()[1])
+
+
+def _served() -> list[str]:
+    """Places of the hubs that this user serves. Each has a note, which its program keeps locked."""
+    try:
+        import fcntl
+    except ImportError:
+        return []  # Only Unix has notes.
+    runtime = os.environ.get("XDG_RUNTIME_DIR", "")
+    own = os.path.isabs(runtime) and os.path.isdir(runtime)
+    folder = Path(runtime, "motor-hub") if own else Path(tempfile.gettempdir(), f"motor-hub-{os.getuid()}")
+    try:
+        # Another user's note could lead to any address.
+        state = folder.lstat()
+        notes = sorted(folder.iterdir()) if state.st_uid == os.getuid() and not state.st_mode & 0o077 else []
+    except FileNotFoundError:
+        return []
+    places = []
+    for path in notes:
+        if path.suffix:
+            continue
+        try:
+            with path.open() as note:
+                fcntl.flock(note, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except FileNotFoundError:
+            continue
+        except BlockingIOError:
+            places.append(path.read_text().strip().partition(" ")[2].strip())
+    return places
 
 
 class Hub:

@@ -6,6 +6,9 @@ from typing import Any
 CHANNELS: int
 """Number of motors that a hub can have."""
 
+def usb_ports() -> list[str]:
+    """Paths of the USB serial ports."""
+
 class HubError(Exception):
     """A hub refuses, or cannot be reached."""
 

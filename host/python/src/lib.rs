@@ -5,7 +5,7 @@
 
 mod reading;
 
-use motor_hub_client::line::Line;
+use motor_hub_client::line::{Line, ports};
 use motor_hub_client::motor_hub::extension::HubFunction;
 use motor_hub_client::motor_hub::extension::group::{GroupCourse, GroupState};
 use motor_hub_client::motor_hub::group::{GroupCommand, TOLERANCE};
@@ -327,9 +327,17 @@ fn disable(session: &mut Session<Line>, motors: &[u8]) -> Result<(), Error> {
 }
 
 /// A session with a hub, and its errors.
+/// Paths of the USB serial ports.
+#[pyfunction]
+fn usb_ports() -> PyResult<Vec<String>> {
+    let usb = ports()?.into_iter().filter(|port| port.description.starts_with("USB"));
+    Ok(usb.map(|port| port.path).collect())
+}
+
 #[pymodule]
 fn native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Link>()?;
+    module.add_function(wrap_pyfunction!(usb_ports, module)?)?;
     module.add("CHANNELS", CHANNELS)?;
     module.add("HubError", module.py().get_type::<HubError>())?;
     module.add("Refused", module.py().get_type::<Refused>())?;

@@ -1,14 +1,17 @@
 """The package against a served hub: `motor-hub serve`, whose path is in the environment variable MOTOR_HUB."""
 
 import asyncio
+import gc
 import json
 import os
 import signal
 import subprocess
 import sys
+import tempfile
 import textwrap
 import time
 import unittest
+import unittest.mock
 from pathlib import Path
 
 import motor_hub
@@ -24,6 +27,12 @@ class Served:
         self.process = subprocess.Popen([PROGRAM, "serve", "--tcp", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
         assert self.process.stdout is not None
         self.place = self.process.stdout.readline().strip()
+
+    def found(self) -> "Served":
+        """Waits until the hub has left its note."""
+        while self.place not in motor_hub._served():
+            time.sleep(0.01)
+        return self
 
     def close(self) -> None:
         self.process.kill()
@@ -179,6 +188,46 @@ class BadInput(WithHub):
             connect("127.0.0.1:1")
 
 
+class WithoutAnAddress(unittest.TestCase):
+    """``connect()``, for a user with a folder of their own for notes of served hubs."""
+
+    def setUp(self) -> None:
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        user = unittest.mock.patch.dict(os.environ, XDG_RUNTIME_DIR=folder.name)
+        user.start()
+        self.addCleanup(user.stop)
+        no_ports = unittest.mock.patch.object(motor_hub, "usb_ports", lambda: [])
+        no_ports.start()
+        self.addCleanup(no_ports.stop)
+
+    def serve(self) -> Served:
+        served = Served()
+        self.addCleanup(served.close)
+        return served.found()
+
+    def test_the_only_hub_is_found_and_of_two_hubs_none_is_chosen(self) -> None:
+        with self.assertRaisesRegex(Unreachable, "no hub is found: there is no USB serial port"):
+            connect()
+        first = self.serve()
+        found = connect()
+        self.assertEqual(found.address, 2)
+        with self.assertRaisesRegex(Unreachable, f"no hub is found: .*{first.place}"):
+            connect()
+        del found
+        gc.collect()
+        second = self.serve()
+        with self.assertRaisesRegex(Unreachable, "2 hubs are found, at .*; give connect one of these places"):
+            connect()
+        second.close()
+        self.assertEqual(connect().address, 2)
+
+    def test_a_hub_on_a_usb_port_is_found_beside_a_port_without_hub(self) -> None:
+        served = self.serve()
+        with unittest.mock.patch.multiple(motor_hub, usb_ports=lambda: ["/dev/null", served.place], _served=lambda: []):
+            self.assertEqual(connect().address, 2)
+
+
 class WhatStopsMotors(WithHub):
     async def test_an_exception_disables_the_motors(self) -> None:
         with self.assertRaises(ZeroDivisionError):
@@ -264,17 +313,29 @@ class Documents(unittest.TestCase):
         except ImportError as missing:
             self.skipTest(f"SKIPPED: {missing.name} is not installed")
         matplotlib.use("Agg")
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        user = unittest.mock.patch.dict(os.environ, XDG_RUNTIME_DIR=folder.name)
+        user.start()
+        self.addCleanup(user.stop)
         served = Served()
         self.addCleanup(served.close)
+        served.found()
         path = Path(__file__).parent.parent / "examples" / "first-motion.ipynb"
         cells = [cell["source"] for cell in json.loads(path.read_text())["cells"] if cell["cell_type"] == "code"]
-        source = "\n".join("".join(cell) + "\n" for cell in cells).replace("/dev/ttyACM0", served.place)
+        source = "\n".join("".join(cell) + "\n" for cell in cells)
         code = compile(source, str(path), "exec", flags=compile_flags())
         names: dict[str, object] = {}
         outcome = eval(code, names)
         if outcome is not None:
             asyncio.run(as_coroutine(outcome))
         self.assertGreater(len(names["table"]), 20)
+
+    def test_the_notebook_has_its_outputs(self) -> None:
+        path = Path(__file__).parent.parent / "examples" / "first-motion.ipynb"
+        cells = [cell for cell in json.loads(path.read_text())["cells"] if cell["cell_type"] == "code"]
+        self.assertTrue(all(cell["outputs"] for cell in cells))
+        self.assertTrue(any("image/png" in output.get("data", {}) for output in cells[-1]["outputs"]))
 
 
 def compile_flags() -> int:

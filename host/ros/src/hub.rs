@@ -1,8 +1,8 @@
 //! The thread of one hub: passes commands to the hub and its reports to the topics, and connects again after a loss.
 
 use crate::messages::{battery_state, diagnostics, joint_state, odometry, transform};
-use crate::node::{Answer, Call, Event, Topics, now};
-use crate::robot::{Robot, Setpoint};
+use crate::node::{Answer, Arrived, Call, Event, Topics, now};
+use crate::robot::{Robot, Setpoint, VALID};
 use motor_hub_client::line::Line;
 use motor_hub_client::motor_hub::extension::HubFunction;
 use motor_hub_client::motor_hub::extension::report::HubReport;
@@ -23,11 +23,17 @@ const AGAIN: Duration = Duration::from_secs(1);
 /// Interval of battery and diagnostics.
 const SLOW: Duration = Duration::from_secs(1);
 
+/// The most that a hub's clock can seem to run ahead of this machine's without a reset. A control tick and the line's delay are
+/// far below.
+const AHEAD: Duration = Duration::from_secs(1);
+/// Why motors are off after a call of `stop`.
+const STOPPED: &str = "stop was called; call enable";
+
 /// What the thread of a hub works with.
 pub(crate) struct HubThread {
     pub(crate) robot: Robot,
     pub(crate) topics: Topics,
-    pub(crate) events: Receiver<Event>,
+    pub(crate) events: Receiver<Arrived>,
     pub(crate) malformed: Arc<AtomicU64>,
     /// True once the program should end.
     pub(crate) ends: Arc<AtomicBool>,
@@ -50,6 +56,8 @@ struct Connected {
     identification: Option<Identifying>,
     /// Positions of the next report do not continue those of the last one.
     positions_jump: bool,
+    /// When the last report was asked for, and the hub's time in this report.
+    clock: Option<(Instant, u32)>,
 }
 
 /// An identification of all joints, one after the other.
@@ -75,11 +83,10 @@ impl HubThread {
                         sent: [Sent::default(); CHANNELS],
                         identification: None,
                         positions_jump: true,
+                        clock: None,
                     };
                     let ended = self.serve(&mut hub);
-                    if let Some(Identifying { answer, .. }) = hub.identification.take() {
-                        answer.send(Err("the hub was lost".to_owned()));
-                    }
+                    hub.give_up_identification("the hub was lost");
                     match ended {
                         Ok(()) => return hub.stop(),
                         Err(error) => error.to_string(),
@@ -105,7 +112,13 @@ impl HubThread {
         let end = Instant::now() + AGAIN;
         while !self.ends.load(Ordering::Relaxed) {
             match self.events.recv_timeout(end.saturating_duration_since(Instant::now())) {
-                Ok(Event::Call(_, answer)) => answer.send(Err("the hub cannot be reached".to_owned())),
+                Ok((_, Event::Call(Call::Stop | Call::Enable(false), answer))) => {
+                    self.robot.stop(STOPPED);
+                    let text =
+                        "the hub cannot be reached; once it is, its motors are off until enable is called";
+                    answer.send(Err(text.to_owned()));
+                }
+                Ok((_, Event::Call(_, answer))) => answer.send(Err("the hub cannot be reached".to_owned())),
                 Ok(_) => (),
                 Err(_) => return,
             }
@@ -151,14 +164,14 @@ impl HubThread {
         Ok(())
     }
 
-    fn take(&mut self, hub: &mut Connected, event: Event) -> Result<(), Error> {
-        let now = self.now();
+    fn take(&mut self, hub: &mut Connected, (arrived, event): Arrived) -> Result<(), Error> {
+        let at = arrived.saturating_duration_since(self.start);
         match event {
             Event::Call(call, answer) => self.call(hub, call, answer)?,
-            // Another set-point would end the identification.
-            Event::Twist(..) | Event::Joints(..) if hub.identification.is_some() => (),
-            Event::Twist(from, twist) => self.robot.twist(from, twist, now),
-            Event::Joints(from, commands) => self.robot.joints(from, &commands, now),
+            // Another set-point would end the identification. A command that has waited for the hub is too old.
+            _ if hub.identification.is_some() || arrived.elapsed() >= VALID => (),
+            Event::Twist(from, twist) => self.robot.twist(from, twist, at),
+            Event::Joints(from, commands) => self.robot.joints(from, &commands, at),
         }
         Ok(())
     }
@@ -166,11 +179,9 @@ impl HubThread {
     fn call(&mut self, hub: &mut Connected, call: Call, answer: Answer) -> Result<(), Error> {
         let done = match call {
             Call::Stop | Call::Enable(false) => {
-                self.robot.stop("stop was called; call enable");
+                self.robot.stop(STOPPED);
                 hub.disable()?;
-                if let Some(Identifying { answer, .. }) = hub.identification.take() {
-                    answer.send(Err("stop was called".to_owned()));
-                }
+                hub.give_up_identification("stop was called");
                 Ok("all motors are off until enable is called".to_owned())
             }
             Call::Enable(true) => {
@@ -216,6 +227,7 @@ impl HubThread {
 
     /// Publishes the newest report of the hub.
     fn report(&mut self, hub: &mut Connected) -> Result<(), Error> {
+        let asked = Instant::now();
         let Some(report) = hub.session.report()? else {
             eprintln!(
                 "error: {}: the hub's firmware is not of this project, or too old",
@@ -223,6 +235,13 @@ impl HubThread {
             );
             return Err(Error::NoHub);
         };
+        if hub.was_reset(asked, report.at_ms) {
+            eprintln!("warning: {}: the hub was reset", self.robot.config().place);
+            self.robot.stop("the hub was reset; call enable");
+            hub.disable()?;
+            hub.give_up_identification("the hub was reset");
+            hub.positions_jump = true;
+        }
         hub.identify(&report)?;
         hub.note_disabled(&report);
         self.robot.observe(report, std::mem::take(&mut hub.positions_jump));
@@ -333,6 +352,20 @@ impl Connected {
             for (sent, motor) in self.sent.iter_mut().zip(&report.motors) {
                 sent.enabled &= motor.enabled;
             }
+        }
+    }
+
+    /// True if the hub was reset since the last report: its clock has begun again, so it does not go on with this machine's.
+    fn was_reset(&mut self, asked: Instant, at_ms: u32) -> bool {
+        self.clock.replace((asked, at_ms)).is_some_and(|(before, before_ms)| {
+            Duration::from_millis(at_ms.wrapping_sub(before_ms).into()) > before.elapsed() + AHEAD
+        })
+    }
+
+    /// Ends an identification that cannot go on.
+    fn give_up_identification(&mut self, why: &str) {
+        if let Some(Identifying { answer, .. }) = self.identification.take() {
+            answer.send(Err(why.to_owned()));
         }
     }
 

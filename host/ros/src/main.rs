@@ -74,7 +74,7 @@ fn run(path: &Path) -> Result<(), String> {
             .join(&hub, description.as_deref(), &sender, &malformed)
             .map_err(|error| format!("hub {}: {error}", hub.place))?;
         let thread = HubThread {
-            robot: Robot::new(hub),
+            robot: Robot::new(hub, graph.publishers()),
             topics,
             events,
             malformed,

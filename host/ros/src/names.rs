@@ -2,6 +2,8 @@
 
 use crate::config::Distribution;
 use crate::messages::{Stamp, Type};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use xxhash_rust::xxh3::xxh3_128;
 
 /// Kind of an entity, as its token spells it.
@@ -59,6 +61,11 @@ impl Node {
         self.token_of("NN", self.number)
     }
 
+    /// Tokens of all publishers of this topic, whatever its type.
+    pub(crate) fn publishers(&self, topic: &str) -> String {
+        format!("@ros2_lv/{}/*/*/*/MP/*/*/*/{}/**", self.domain, mangled(topic))
+    }
+
     /// Token that makes a topic or service visible. Its number is unique among all nodes and entities of the session.
     pub(crate) fn entity_token(&self, entity: &Entity<'_>, number: usize) -> String {
         let qos = if entity.latched { ":1:,1:,:,:,," } else { "::,10:,:,:,," };
@@ -91,6 +98,66 @@ pub(crate) type Gid = [u8; 16];
 /// The GID of the entity with this token.
 pub(crate) fn gid(token: &str) -> Gid {
     xxh3_128(token.as_bytes()).to_le_bytes()
+}
+
+/// Where a message comes from.
+#[derive(Clone, Debug)]
+pub(crate) struct Source {
+    pub(crate) gid: Gid,
+    /// Id of the session that wrote the message's time on the wire: the publisher's, else the router's.
+    pub(crate) timed_by: Option<String>,
+}
+
+/// Session and node of a publisher, as its token spells them.
+#[derive(Clone, Debug)]
+struct Owner {
+    session: String,
+    node: String,
+}
+
+/// Publishers that are visible at present, by GID. All hubs share them.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Publishers(Arc<Mutex<BTreeMap<Gid, Owner>>>);
+
+impl Publishers {
+    /// Notes a publisher's token, or forgets the publisher. A token of another form is ignored.
+    pub(crate) fn note(&self, token: &str, is_alive: bool) {
+        let parts: Vec<&str> = token.split('/').collect();
+        let [_, _, session, _, _, "MP", _, namespace, node, ..] = parts[..] else { return };
+        if is_alive {
+            let node = format!("{}/{node}", namespace.trim_end_matches('%').replace('%', "/"));
+            self.lock().insert(gid(token), Owner { session: session.to_owned(), node });
+        } else {
+            self.lock().remove(&gid(token));
+        }
+    }
+
+    /// True if both messages come from one session, which is one process. Without visible publishers, GIDs decide.
+    pub(crate) fn is_same(&self, a: &Source, b: &Source) -> bool {
+        let sessions = [a, b].map(|source| self.owner(source).map(|owner| owner.session));
+        a.gid == b.gid || matches!(sessions, [Some(a), Some(b)] if a == b)
+    }
+
+    /// Name of a message's source for users: its node and the first digits of its session's id, else of its GID.
+    pub(crate) fn name(&self, source: &Source) -> String {
+        match self.owner(source) {
+            Some(Owner { session, node }) => {
+                format!("{node} (session {})", session.get(..8).unwrap_or(&session))
+            }
+            None => source.gid.iter().take(4).map(|byte| format!("{byte:02x}")).collect(),
+        }
+    }
+
+    /// Some peers have GIDs that are no hash of their token. Their session has put its time on the message.
+    fn owner(&self, source: &Source) -> Option<Owner> {
+        let owners = self.lock();
+        let by_time = || owners.values().find(|owner| Some(&owner.session) == source.timed_by.as_ref());
+        owners.get(&source.gid).or_else(by_time).cloned()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<Gid, Owner>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 /// The attachment of a message. ROS processes abort at an attachment of another length or layout.
@@ -167,6 +234,29 @@ mod tests {
     #[test]
     fn a_gid_is_the_hash_of_the_token() {
         assert_eq!(gid(TOKEN), GID);
+    }
+
+    #[test]
+    fn two_topics_of_one_process_have_one_source() {
+        let publishers = Publishers::default();
+        let token = |session: &str, number: u8, node: &str| {
+            format!(
+                "@ros2_lv/0/{session}/0/{number}/MP/%/%/{node}/%hub0%cmd_vel/geometry_msgs::msg::dds_::Twist_/X/::,10:,:,:,,"
+            )
+        };
+        let tokens =
+            [token("aac3178e14", 1, "teleop"), token("aac3178e14", 2, "teleop"), token("bb", 1, "planner")];
+        let [first, second, other] =
+            tokens.each_ref().map(|token| Source { gid: gid(token), timed_by: None });
+        assert!(!publishers.is_same(&first, &second));
+        tokens.iter().for_each(|token| publishers.note(token, true));
+        assert!(publishers.is_same(&first, &second) && !publishers.is_same(&first, &other));
+        // A peer whose GID is no hash of its token is known by its time; a time of the router tells nothing.
+        let timed = |session: &str| Source { gid: [9; 16], timed_by: Some(session.to_owned()) };
+        assert!(publishers.is_same(&timed("bb"), &other) && !publishers.is_same(&timed("cc"), &other));
+        assert_eq!(publishers.name(&first), "/teleop (session aac3178e)");
+        publishers.note(&tokens[2], false);
+        assert_eq!(publishers.name(&timed("bb")), "09090909");
     }
 
     #[test]

@@ -2,14 +2,15 @@
 
 use crate::config::{Distribution, Hub};
 use crate::messages::{self, JointCommands, Stamp, Type};
-use crate::names::{Attachment, Entity, Gid, Kind, Node, gid};
+use crate::names::{Attachment, Entity, Gid, Kind, Node, Publishers, Source, gid};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::Sender;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::query::{Query, Queryable};
+use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig};
 
@@ -19,10 +20,13 @@ const HEARTBEAT: Duration = Duration::from_millis(500);
 /// What arrives for a hub.
 pub(crate) enum Event {
     /// Forward speed in m/s and turning speed in rad/s.
-    Twist(Gid, (f64, f64)),
-    Joints(Gid, JointCommands),
+    Twist(Source, (f64, f64)),
+    Joints(Source, JointCommands),
     Call(Call, Answer),
 }
+
+/// An event, and when it arrived.
+pub(crate) type Arrived = (Instant, Event);
 
 /// A call of a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,6 +100,7 @@ pub(crate) struct Topics {
     _description: Option<Publisher>,
     /// What is visible and receives while it lives.
     _subscribers: Vec<(Subscriber<()>, LivelinessToken)>,
+    _publishers: Vec<Subscriber<()>>,
     _services: Vec<(Queryable<()>, LivelinessToken)>,
     _node: LivelinessToken,
 }
@@ -105,12 +110,18 @@ pub(crate) struct Graph<'a> {
     session: &'a Session,
     domain: u32,
     distribution: Distribution,
+    /// Publishers of commands to all hubs.
+    publishers: Publishers,
     numbers: std::ops::RangeFrom<usize>,
 }
 
 impl<'a> Graph<'a> {
-    pub(crate) const fn new(session: &'a Session, domain: u32, distribution: Distribution) -> Self {
-        Self { session, domain, distribution, numbers: 0.. }
+    pub(crate) fn new(session: &'a Session, domain: u32, distribution: Distribution) -> Self {
+        Self { session, domain, distribution, publishers: Publishers::default(), numbers: 0.. }
+    }
+
+    pub(crate) fn publishers(&self) -> Publishers {
+        self.publishers.clone()
     }
 
     /// Declares a hub's node. What arrives goes to `events`; malformed messages are dropped and counted.
@@ -118,7 +129,7 @@ impl<'a> Graph<'a> {
         &mut self,
         hub: &Hub,
         description: Option<&str>,
-        events: &Sender<Event>,
+        events: &Sender<Arrived>,
         malformed: &Arc<AtomicU64>,
     ) -> zenoh::Result<Topics> {
         let node = Node {
@@ -143,6 +154,11 @@ impl<'a> Graph<'a> {
                 Some(Event::Joints(from, messages::read_joint_commands(message)?))
             }),
         ];
+        // Whose commands arrive is known before the commands, as far as the network allows.
+        let publishers = ["cmd_vel", "joint_commands"]
+            .map(|topic| self.watch(&node.publishers(&name(topic))))
+            .into_iter()
+            .collect::<Result<_, _>>()?;
         let mut subscribers = Vec::new();
         for (topic, of, read) in commands {
             if topic != "cmd_vel" || hub.base.is_some() {
@@ -185,6 +201,7 @@ impl<'a> Graph<'a> {
             diagnostics: self.publisher(&node, "/diagnostics", messages::DIAGNOSTICS)?,
             _description: description,
             _subscribers: subscribers,
+            _publishers: publishers,
             _services: services,
             _node: visible,
         })
@@ -228,13 +245,25 @@ impl<'a> Graph<'a> {
         Ok(publisher)
     }
 
+    /// Notes the publishers whose tokens match.
+    fn watch(&self, tokens: &str) -> zenoh::Result<Subscriber<()>> {
+        let publishers = self.publishers();
+        let liveliness = self.session.liveliness();
+        let watched = liveliness.declare_subscriber(tokens.to_owned()).history(true);
+        watched
+            .callback(move |sample| {
+                publishers.note(sample.key_expr().as_str(), sample.kind() == SampleKind::Put)
+            })
+            .wait()
+    }
+
     fn subscriber(
         &mut self,
         node: &Node,
         name: &str,
         of: Type,
         read: Reader,
-        events: &Sender<Event>,
+        events: &Sender<Arrived>,
         malformed: &Arc<AtomicU64>,
     ) -> zenoh::Result<(Subscriber<()>, LivelinessToken)> {
         let entity = Entity { kind: Kind::Subscriber, name, of, latched: false };
@@ -244,9 +273,11 @@ impl<'a> Graph<'a> {
             .declare_subscriber(node.key(&entity))
             .callback(move |sample| {
                 let attachment = sample.attachment().and_then(|bytes| Attachment::read(&bytes.to_bytes()));
-                match attachment.and_then(|attachment| read(attachment.gid, &sample.payload().to_bytes())) {
+                let timed_by = sample.timestamp().map(|time| time.get_id().to_string());
+                let source = attachment.map(|Attachment { gid, .. }| Source { gid, timed_by });
+                match source.and_then(|source| read(source, &sample.payload().to_bytes())) {
                     // The hub's thread ends only with the program.
-                    Some(event) => drop(events.send(event)),
+                    Some(event) => drop(events.send((Instant::now(), event))),
                     None => drop(malformed.fetch_add(1, Ordering::Relaxed)),
                 }
             })
@@ -260,7 +291,7 @@ impl<'a> Graph<'a> {
         name: &str,
         of: Type,
         read: CallReader,
-        events: &Sender<Event>,
+        events: &Sender<Arrived>,
         malformed: &Arc<AtomicU64>,
     ) -> zenoh::Result<(Queryable<()>, LivelinessToken)> {
         let entity = Entity { kind: Kind::Service, name, of, latched: false };
@@ -275,7 +306,7 @@ impl<'a> Graph<'a> {
                 let call = query.payload().and_then(|payload| read(&payload.to_bytes()));
                 match (request, call) {
                     (Some(request), Some(call)) => {
-                        let _ = events.send(Event::Call(call, Answer { query, request }));
+                        let _ = events.send((Instant::now(), Event::Call(call, Answer { query, request })));
                     }
                     _ => drop(malformed.fetch_add(1, Ordering::Relaxed)),
                 }
@@ -289,4 +320,4 @@ impl<'a> Graph<'a> {
 type CallReader = fn(&[u8]) -> Option<Call>;
 
 /// Reads a message of a commander.
-type Reader = fn(Gid, &[u8]) -> Option<Event>;
+type Reader = fn(Source, &[u8]) -> Option<Event>;

@@ -8,11 +8,12 @@
 //! * A command is valid for 0.5 s. Then its joint stops, unless another command follows.
 //! * After `stop` the motors are off until `enable`. After a loss of the hub, too. A joint with a fault, or whose motor the
 //!   hub has switched off, is off until `enable`.
-//! * Of two commanders, the one that appeared later drives, as long as it has sent a command within the last 5 s.
+//! * Of two commanders, which are processes, the one that appeared later drives, as long as it has sent a command within the
+//!   last 5 s.
 
 use crate::config::{Hub, Joint};
 use crate::messages::{JointCommands, Level, Pose, Status};
-use crate::names::Gid;
+use crate::names::{Publishers, Source};
 use motor_hub_client::motor_hub::extension::report::{HubReport, MotorReport};
 use motor_hub_client::motor_hub::record::Fault;
 use motor_hub_client::motor_hub::units::CountsPerSecond;
@@ -56,32 +57,33 @@ struct Command {
 #[derive(Clone, Debug, Default)]
 struct Commander {
     /// All commanders, in the order of their first command.
-    known: Vec<Gid>,
+    known: Vec<Source>,
     /// The one that drives, and when its last command came.
-    driving: Option<(Gid, Duration)>,
+    driving: Option<(Source, Duration)>,
     /// The one whose command was ignored last, and when.
-    ignored: Option<(Gid, Duration)>,
+    ignored: Option<(Source, Duration)>,
+    /// Which publishers belong to one process.
+    publishers: Publishers,
 }
 
 impl Commander {
     /// True if this commander may drive now.
-    fn admits(&mut self, from: Gid, now: Duration) -> bool {
-        let is_new = !self.known.contains(&from);
+    fn admits(&mut self, from: Source, now: Duration) -> bool {
+        let is_new = !self.known.iter().any(|known| self.publishers.is_same(known, &from));
         if is_new {
             if self.known.len() == REMEMBERED {
                 self.known.remove(0);
             }
-            self.known.push(from);
+            self.known.push(from.clone());
         }
-        match self.driving {
-            Some((driving, last)) if driving != from && !is_new && now.saturating_sub(last) < SILENT => {
-                self.ignored = Some((from, now));
+        if let Some((driving, last)) = &self.driving
+            && !self.publishers.is_same(driving, &from)
+            && now.saturating_sub(*last) < SILENT
+        {
+            self.ignored = Some((if is_new { driving.clone() } else { from.clone() }, now));
+            if !is_new {
                 return false;
             }
-            Some((driving, last)) if driving != from && now.saturating_sub(last) < SILENT => {
-                self.ignored = Some((driving, now));
-            }
-            _ => (),
         }
         self.driving = Some((from, now));
         true
@@ -89,11 +91,10 @@ impl Commander {
 
     /// A warning while a commander is ignored.
     fn conflict(&self, now: Duration) -> Option<String> {
-        let (ignored, at) = self.ignored?;
-        let (driving, _) = self.driving?;
-        let name = |gid: Gid| gid.iter().take(4).map(|byte| format!("{byte:02x}")).collect::<String>();
-        (now.saturating_sub(at) < SILENT)
-            .then(|| format!("two commanders: {} drives, {} is ignored", name(driving), name(ignored)))
+        let ((ignored, at), (driving, _)) = (self.ignored.as_ref()?, self.driving.as_ref()?);
+        let [driving, ignored] = [driving, ignored].map(|source| self.publishers.name(source));
+        (now.saturating_sub(*at) < SILENT)
+            .then(|| format!("two commanders: {driving} drives, {ignored} is ignored"))
     }
 }
 
@@ -112,11 +113,11 @@ pub(crate) struct Robot {
 }
 
 impl Robot {
-    pub(crate) fn new(config: Hub) -> Self {
+    pub(crate) fn new(config: Hub, publishers: Publishers) -> Self {
         Self {
             commands: vec![Command::default(); config.joints.len()],
             config,
-            commander: Commander::default(),
+            commander: Commander { publishers, ..Commander::default() },
             off: None,
             report: None,
             pose: Pose::default(),
@@ -130,7 +131,7 @@ impl Robot {
 
     /// Takes a forward speed in m/s and a turning speed in rad/s for the drive base. Speeds beyond what the protocol can
     /// express are reduced together, so that the curve keeps its radius.
-    pub(crate) fn twist(&mut self, from: Gid, (forward, turn): (f64, f64), now: Duration) {
+    pub(crate) fn twist(&mut self, from: Source, (forward, turn): (f64, f64), now: Duration) {
         let Some((base, joints)) = self.config.drive_base() else { return };
         if !self.admits(from, now) {
             return;
@@ -146,7 +147,7 @@ impl Robot {
     /// Takes commands for joints by name. A joint with a position goes there, at the velocity if there is one too; a joint
     /// with a velocity alone turns at it; a joint with an effort alone has this torque. Unknown names and values that are
     /// not numbers are ignored.
-    pub(crate) fn joints(&mut self, from: Gid, commands: &JointCommands, now: Duration) {
+    pub(crate) fn joints(&mut self, from: Source, commands: &JointCommands, now: Duration) {
         if !self.admits(from, now) {
             return;
         }
@@ -165,7 +166,7 @@ impl Robot {
         }
     }
 
-    fn admits(&mut self, from: Gid, now: Duration) -> bool {
+    fn admits(&mut self, from: Source, now: Duration) -> bool {
         self.off.is_none() && self.commander.admits(from, now)
     }
 
@@ -389,11 +390,11 @@ mod tests {
     use motor_hub_client::motor_hub::extension::report::ReportedSetpoint;
     use motor_hub_client::motor_hub::motor::Faults;
 
-    const A: Gid = [1; 16];
-    const B: Gid = [2; 16];
+    const A: Source = Source { gid: [1; 16], timed_by: None };
+    const B: Source = Source { gid: [2; 16], timed_by: None };
 
     fn robot() -> Robot {
-        Robot::new(Config::read(EXAMPLE).unwrap().hubs.remove(0))
+        Robot::new(Config::read(EXAMPLE).unwrap().hubs.remove(0), Publishers::default())
     }
 
     fn ms(ms: u64) -> Duration {

@@ -1,6 +1,7 @@
-"""motor-hub-ros against code of others: eclipse-zenoh as peer, rosbags as judge of messages. No ROS is needed.
+"""motor-hub-ros against code of others: eclipse-zenoh and zenoh-ros2-sdk as peers, rosbags as judge. No ROS is needed.
 
-The environment names the programs: MOTOR_HUB (motor-hub) and MOTOR_HUB_ROS (motor-hub-ros).
+The environment names the programs: MOTOR_HUB (motor-hub), MOTOR_HUB_ROS (motor-hub-ros), and ZENOHD (zenohd) if that
+program should be the router instead of eclipse-zenoh.
 """
 
 import json
@@ -12,8 +13,11 @@ import struct
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import unittest
+import unittest.mock
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy
@@ -31,13 +35,15 @@ TWIST, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 STATE, ODOM = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
 BATTERY, DIAGNOSTICS, TF = "sensor_msgs/msg/BatteryState", "diagnostic_msgs/msg/DiagnosticArray", "tf2_msgs/msg/TFMessage"
 
-CONFIG = """
+HEAD = """
 router = "tcp/127.0.0.1:{port}"
 domain = 7
-
+distribution = "{distribution}"
+"""
+HUB = """
 [[hub]]
 place = "{place}"
-namespace = "/hub0"
+namespace = "{namespace}"
 robot_description = "{urdf}"
 joint = [
     {{ name = "left", motor = 0, counts_per_turn = 1680, torque_per_ampere = 0.6, speed = 6 }},
@@ -54,8 +60,8 @@ def free_port() -> int:
         return listener.getsockname()[1]
 
 
-def open_session(mode: str, port: int) -> zenoh.Session:
-    here = f"tcp/127.0.0.1:{port}"
+def open_session(mode: str, port: int, address: str = "127.0.0.1") -> zenoh.Session:
+    here = f"tcp/{address}:{port}"
     settings = {
         "mode": mode,
         "scouting": {"multicast": {"enabled": False}},
@@ -75,10 +81,17 @@ def key(topic: str, name: str) -> str:
 
 
 class Commander:
-    """A publisher of commands, as a ROS process is one."""
+    """A publisher of commands. A named one is visible as a ROS node is, on its topic of this type."""
 
-    def __init__(self, session: zenoh.Session) -> None:
-        self.session, self.sequence, self.gid = session, 0, os.urandom(16)
+    def __init__(
+        self, session: zenoh.Session, node: str = "", number: int = 1, topic: str = "cmd_vel", of: str = TWIST, hub: str = "/hub0"
+    ) -> None:
+        self.session, self.hub, self.sequence, self.gid = session, hub, 0, os.urandom(16)
+        if node:
+            head = f"@ros2_lv/7/{session.zid()}/0/{number}/MP/%/%/{node}/{hub.replace('/', '%')}%{topic}"
+            token = f"{head}/{dds(of)}/{STORE.hash_rihs01(of)}/::,10:,:,:,,"
+            self.gid = xxhash.xxh3_128(token.encode()).intdigest().to_bytes(16, "little")
+            self.token = session.liveliness().declare_token(token)
 
     def attachment(self) -> bytes:
         self.sequence += 1
@@ -89,7 +102,7 @@ class Commander:
         self.session.put(key(topic, name), data, attachment=self.attachment())
 
     def twist(self, forward: float, turn: float = 0.0) -> None:
-        self.put("/hub0/cmd_vel", twist(forward, turn), TWIST)
+        self.put(f"{self.hub}/cmd_vel", twist(forward, turn), TWIST)
 
     def drive(self, seconds: float, forward: float, turn: float = 0.0) -> None:
         for _ in range(round(seconds * 50)):
@@ -101,7 +114,7 @@ class Commander:
         attachment = self.attachment()
         replies = list(
             self.session.get(
-                f"7/hub0/{service}/{dds('std_srvs/srv/' + name)}/{code}",
+                f"7{self.hub}/{service}/{dds('std_srvs/srv/' + name)}/{code}",
                 payload=b"\0\1\0\0" + request,
                 attachment=attachment,
                 timeout=30.0,
@@ -128,21 +141,68 @@ def header():
     return types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](*divmod(time.time_ns(), 10**9)), "")
 
 
+class Relay:
+    """A line to a hub that stays open while the hub behind it is reset."""
+
+    def __init__(self) -> None:
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self.listener.getsockname()[1]
+        self.host = self.hub = None
+        threading.Thread(target=self.run, daemon=True).start()
+
+    def run(self) -> None:
+        self.host, _ = self.listener.accept()
+        self.host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        while data := self.host.recv(4096):
+            self.request(data)
+
+    def close(self) -> None:
+        for each in (self.listener, self.host, self.hub):
+            if each:
+                each.close()
+
+    def request(self, data: bytes) -> None:
+        try:
+            self.hub.sendall(data)
+        except OSError:
+            pass  # A hub that is being reset receives nothing.
+
+    def answer(self, data: bytes) -> None:
+        if self.host:
+            self.host.sendall(data)
+
+    def connect(self, port: int) -> None:
+        """Passes bytes on to this hub from now on."""
+        if self.hub:
+            self.hub.close()
+        self.hub = hub = socket.create_connection(("127.0.0.1", port))
+        hub.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+        def answers() -> None:
+            try:
+                while data := hub.recv(4096):
+                    self.answer(data)
+            except OSError:
+                pass
+
+        threading.Thread(target=answers, daemon=True).start()
+
+
 class WithRobot(unittest.TestCase):
+    distribution, has_hub, namespaces = "jazzy", True, ["/hub0"]
+
     def setUp(self) -> None:
         self.port = free_port()
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
         self.folder = Path(folder.name)
         self.start_router()
-        self.hub_port = free_port()
-        self.start_hub()
+        self.ports = [free_port() for _ in self.namespaces]
+        self.hub_port = self.ports[0]
+        if self.has_hub:
+            self.hub = self.start_hub(self.hub_port)
         (self.folder / "robot.urdf").write_text("<robot name='test'/>")
-        config = self.folder / "config.toml"
-        config.write_text(
-            CONFIG.format(port=self.port, place=f"127.0.0.1:{self.hub_port}", urdf=self.folder / "robot.urdf")
-        )
-        self.node = self.start([os.environ["MOTOR_HUB_ROS"], str(config)])
+        self.start_node()
         self.session = open_session("peer", self.port)
         self.addCleanup(self.session.close)
         self.commander = Commander(self.session)
@@ -150,7 +210,22 @@ class WithRobot(unittest.TestCase):
         self.counts: dict[str, int] = {}
         self.raw: list[tuple[str, str, int, bytes]] = []
         self.subscriber = self.session.declare_subscriber("7/**", self.take)
-        self.wait_for(lambda: ODOM in self.newest, "odometry")
+        self.wait_for(lambda: (ODOM if self.has_hub else DIAGNOSTICS) in self.newest, "messages of the hub")
+
+    def start_node(self, places: list[str] | None = None) -> None:
+        places = places or [f"127.0.0.1:{port}" for port in self.ports]
+        text = HEAD.format(port=self.port, distribution=self.distribution)
+        for place, namespace in zip(places, self.namespaces):
+            text += HUB.format(place=place, namespace=namespace, urdf=self.folder / "robot.urdf")
+        config = self.folder / "config.toml"
+        config.write_text(text)
+        self.node = self.start([os.environ["MOTOR_HUB_ROS"], str(config)])
+
+    def process(self) -> zenoh.Session:
+        """The session of another process."""
+        session = open_session("peer", self.port)
+        self.addCleanup(session.close)
+        return session
 
     def start(self, command: list[str]) -> subprocess.Popen:
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -158,18 +233,24 @@ class WithRobot(unittest.TestCase):
         self.addCleanup(process.kill)
         return process
 
-    def start_hub(self) -> None:
-        store = ["--store", str(self.folder / "store")]
-        self.hub = self.start([os.environ["MOTOR_HUB"], "serve", "--tcp", f"127.0.0.1:{self.hub_port}", *store])
+    def start_hub(self, port: int) -> subprocess.Popen:
+        store = ["--store", str(self.folder / f"store{port}")]
+        return self.start([os.environ["MOTOR_HUB"], "serve", "--tcp", f"127.0.0.1:{port}", *store])
 
     def start_router(self) -> None:
-        self.router = self.start([sys.executable, __file__, "router", str(self.port)])
-        for _ in range(100):
+        here = [sys.executable, __file__, "router", str(self.port)]
+        if program := os.environ.get("ZENOHD"):
+            here = [program, "--no-multicast-scouting", "--listen", f"tcp/127.0.0.1:{self.port}"]
+        self.router = self.start(here)
+        self.wait_for_port(self.port)
+
+    def wait_for_port(self, port: int) -> None:
+        for _ in range(200):
             with socket.socket() as probe:
-                if probe.connect_ex(("127.0.0.1", self.port)) == 0:
+                if probe.connect_ex(("127.0.0.1", port)) == 0:
                     return
-            time.sleep(0.1)
-        self.fail("the router does not start")
+            time.sleep(0.05)
+        self.fail(f"no program listens at port {port}")
 
     def take(self, sample: zenoh.Sample) -> None:
         where, spelt, _ = re.fullmatch(r"7(/.*)/(.*)/(.*)", str(sample.key_expr)).groups()
@@ -179,7 +260,8 @@ class WithRobot(unittest.TestCase):
             message = STORE.deserialize_cdr(data, name)
             # Strict: what is read must be written as the same bytes.
             if bytes(STORE.serialize_cdr(message, name)) == data:
-                self.newest[name] = message
+                robot = where if where.startswith("/hub") else f"/{message.status[0].name}" if name == DIAGNOSTICS else ""
+                self.newest[f"/hub1 {name}" if robot.startswith("/hub1") else name] = message
                 self.counts[name] = self.counts.get(name, 0) + 1
                 self.raw.append((where, name, time.time_ns(), data))
 
@@ -189,8 +271,8 @@ class WithRobot(unittest.TestCase):
             self.assertLess(time.time(), end, f"no {what} within {seconds} s")
             time.sleep(0.02)
 
-    def speed(self) -> float:
-        return self.newest[ODOM].twist.twist.linear.x
+    def speed(self, hub: str = "") -> float:
+        return self.newest[hub + ODOM].twist.twist.linear.x
 
     def joint(self, name: str):
         state = self.newest[STATE]
@@ -198,6 +280,7 @@ class WithRobot(unittest.TestCase):
         return state.position[index], state.velocity[index]
 
     def hub_status(self):
+        self.wait_for(lambda: DIAGNOSTICS in self.newest, "diagnostics", 3)
         return self.newest[DIAGNOSTICS].status[0]
 
 
@@ -343,15 +426,28 @@ class Services(WithRobot):
 
 
 class Losses(WithRobot):
-    def test_two_commanders_are_told_and_the_newest_drives(self) -> None:
-        older, newer = Commander(self.session), Commander(self.session)
-        older.twist(0.1)
+    def test_of_two_processes_the_newest_drives_and_both_are_told(self) -> None:
+        older, newer = Commander(self.process(), "planner"), Commander(self.process(), "teleop")
+        older.drive(0.5, 0.1)
         for _ in range(75):
             newer.twist(0.2)
             older.twist(-0.1)
             time.sleep(0.02)
         self.assertAlmostEqual(self.speed(), 0.2, delta=0.02)
-        self.wait_for(lambda: "two commanders" in self.hub_status().message, "warning", 3)
+        told = r"two commanders: /teleop \(session \w{8}\) drives, /planner \(session \w{8}\) is ignored"
+        self.wait_for(lambda: re.fullmatch(told, self.hub_status().message), "warning", 3)
+
+    def test_two_topics_of_one_process_are_one_commander(self) -> None:
+        process, none = self.process(), numpy.array([])
+        base, arm = Commander(process, "teleop", 1), Commander(process, "teleop", 2, "joint_commands", STATE)
+        for _ in range(75):
+            base.twist(0.2)
+            arm.put("/hub0/joint_commands", STORE.types[STATE](header(), ["arm"], none, numpy.array([1.0]), none), STATE)
+            time.sleep(0.02)
+        self.assertAlmostEqual(self.speed(), 0.2, delta=0.02)
+        self.assertAlmostEqual(self.joint("arm")[1], 1.0, delta=0.2)
+        time.sleep(1.1)
+        self.assertEqual(self.hub_status().message, "ready")
 
     def test_motors_stop_when_the_router_is_gone_and_run_when_it_is_back(self) -> None:
         self.commander.drive(0.5, 0.2)
@@ -374,8 +470,8 @@ class Losses(WithRobot):
         before = self.counts[STATE]
         time.sleep(0.5)
         self.assertLessEqual(self.counts[STATE], before + 1)
-        self.assertEqual(self.commander.call("stop"), (False, "the hub cannot be reached"))
-        self.start_hub()
+        self.assertEqual(self.commander.call("reset_encoders"), (False, "the hub cannot be reached"))
+        self.start_hub(self.hub_port)
         self.wait_for(lambda: self.counts[STATE] > before + 20, "states of the hub that is back")
         self.commander.drive(1.0, 0.2)
         self.assertAlmostEqual(self.speed(), 0.0, delta=0.01)
@@ -383,15 +479,260 @@ class Losses(WithRobot):
         self.commander.drive(1.5, 0.2)
         self.assertAlmostEqual(self.speed(), 0.2, delta=0.02)
 
+    def test_a_hub_that_is_reset_on_an_open_line_moves_no_base_and_stays_off_until_enable(self) -> None:
+        self.node.kill()
+        self.node.wait()
+        relay = Relay()
+        self.addCleanup(relay.close)
+        relay.connect(self.hub_port)
+        before = self.counts[ODOM]
+        self.start_node([f"127.0.0.1:{relay.port}"])
+        self.wait_for(lambda: self.counts[ODOM] > before + 20, "odometry through the relay")
+        self.commander.drive(1.5, 0.2)
+        self.hub.kill()
+        self.hub.wait()
+        there, before = self.newest[ODOM].pose.pose.position.x, self.counts[ODOM]
+        self.assertGreater(there, 0.2)
+        port = free_port()
+        self.start_hub(port)
+        self.wait_for_port(port)
+        relay.connect(port)
+        self.commander.drive(1.5, 0.2)
+        self.assertGreater(self.counts[ODOM], before + 20)
+        self.assertAlmostEqual(self.newest[ODOM].pose.pose.position.x, there, delta=0.02)
+        self.wait_for(lambda: self.hub_status().message == "the hub was reset; call enable", "warning", 3)
+        self.assertTrue(self.commander.call("enable", True)[0])
+        self.commander.drive(1.0, 0.2)
+        self.assertAlmostEqual(self.speed(), 0.2, delta=0.02)
+
+    def left_running(self) -> bool:
+        """Asks the hub by another program, which disables what runs."""
+        status = [os.environ["MOTOR_HUB"], "client", "status", "--tcp", f"127.0.0.1:{self.hub_port}"]
+        return "left running" in subprocess.run(status, capture_output=True, text=True, check=True, timeout=20).stderr
+
     def test_the_program_disables_motors_when_it_ends(self) -> None:
         self.commander.drive(0.5, 0.2)
         self.node.terminate()
         self.assertEqual(self.node.wait(10), 0)
+        self.assertFalse(self.left_running())
+
+    def test_after_a_kill_the_hub_disables_motors_by_itself(self) -> None:
+        self.commander.drive(0.5, 0.2)
+        self.node.kill()
+        self.assertEqual(self.node.wait(10), -9)
+        self.assertTrue(self.left_running())
+        self.start_node()
+        self.wait_for(lambda: self.hub_status().message == "ready", "the node again")
+        self.commander.drive(1.0, 0.2)
+        self.node.kill()
+        self.node.wait()
+        time.sleep(2.8)
+        self.assertFalse(self.left_running())
+
+
+class NoHubYet(WithRobot):
+    distribution, has_hub = "humble", False
+
+    def test_stop_before_the_first_connection_lasts_until_enable_and_humble_has_no_hashes(self) -> None:
+        tokens = [str(reply.ok.key_expr) for reply in self.session.liveliness().get("@ros2_lv/7/**")]
+        self.assertEqual({token.split("/")[11] for token in tokens if "/NN/" not in token}, {"TypeHashNotSupported"})
+        with unittest.mock.patch.multiple(__name__, TRIGGER="TypeHashNotSupported", SET_BOOL="TypeHashNotSupported"), \
+                unittest.mock.patch.object(STORE, "hash_rihs01", lambda _: "TypeHashNotSupported"):
+            success, message = self.commander.call("stop")
+            self.assertFalse(success)
+            self.assertIn("its motors are off until enable is called", message)
+            self.hub = self.start_hub(self.hub_port)
+            self.wait_for(lambda: ODOM in self.newest, "odometry")
+            self.commander.drive(1.0, 0.2)
+            self.assertAlmostEqual(self.speed(), 0.0, delta=0.01)
+            self.assertTrue(self.commander.call("enable", True)[0])
+            self.commander.drive(1.0, 0.2)
+            self.assertAlmostEqual(self.speed(), 0.2, delta=0.02)
+
+
+class Fleet(WithRobot):
+    namespaces = ["/hub0", "/hub1"]
+
+    def start_node(self, places: list[str] | None = None) -> None:
+        # The second hub is on a serial port.
+        self.port1 = self.folder / "port1"
+        self.start_second()
+        super().start_node([f"127.0.0.1:{self.hub_port}", str(self.port1)])
+
+    def start_second(self) -> None:
+        self.second = self.start([os.environ["MOTOR_HUB"], "serve", "--pty", "--link", str(self.port1)])
+        self.wait_for(self.port1.exists, "port of the second hub")
+
+    def test_each_hub_has_its_own_commands_stop_and_loss(self) -> None:
+        self.wait_for(lambda: f"/hub1 {ODOM}" in self.newest, "odometry of the second hub")
+        first, second = self.commander, Commander(self.session, hub="/hub1")
+
+        def both(seconds: float) -> None:
+            for _ in range(round(50 * seconds)):
+                first.twist(0.2)
+                second.twist(-0.1)
+                time.sleep(0.02)
+
+        first.drive(1.0, 0.2)
+        self.assertAlmostEqual(self.speed("/hub1 "), 0.0, delta=0.01)
+        both(1.0)
+        self.assertAlmostEqual(self.speed(), 0.2, delta=0.02)
+        self.assertAlmostEqual(self.speed("/hub1 "), -0.1, delta=0.02)
+        self.assertTrue(first.call("stop")[0])
+        both(1.5)
+        self.assertAlmostEqual(self.speed(), 0.0, delta=0.01)
+        self.assertAlmostEqual(self.speed("/hub1 "), -0.1, delta=0.02)
+        self.assertTrue(first.call("enable", True)[0])
+        # The second hub is unplugged and comes back.
+        self.second.kill()
+        self.second.wait()
+        self.port1.unlink()
+        both(1.5)
+        self.assertAlmostEqual(self.speed(), 0.2, delta=0.02)
+        self.assertEqual(self.newest[f"/hub1 {DIAGNOSTICS}"].status[0].level, 3)
+        self.assertEqual(self.hub_status().message, "ready")
+        del self.newest[f"/hub1 {ODOM}"]
+        self.start_second()
+        self.wait_for(lambda: f"/hub1 {ODOM}" in self.newest, "odometry of the hub that is back")
+        both(0.5)
+        self.assertAlmostEqual(self.speed("/hub1 "), 0.0, delta=0.01)
+        self.assertTrue(second.call("enable", True)[0])
+        both(1.0)
+        self.assertAlmostEqual(self.speed("/hub1 "), -0.1, delta=0.02)
+
+
+class TwoMachines(unittest.TestCase):
+    """Robot and operator in network namespaces of their own, which one cable connects."""
+
+    def test_a_cut_cable_stops_the_robot_and_a_whole_one_drives_it_again(self) -> None:
+        names = [f"motor-hub-{os.getpid()}-{end}" for end in ("robot", "operator")]
+        for name in names:
+            made = subprocess.run(["ip", "netns", "add", name], capture_output=True, text=True)
+            if made.returncode != 0:
+                self.skipTest(f"SKIPPED: no network namespace can be made: {made.stderr.strip()}")
+            self.addCleanup(subprocess.run, ["ip", "netns", "del", name])
+        robot, operator = names
+        ip = lambda text: subprocess.run(["ip", *text.split()], check=True)  # noqa: E731
+        ip(f"-n {robot} link add cable type veth peer name cable netns {operator}")
+        for name, address in ((robot, "10.9.8.1/24"), (operator, "10.9.8.2/24")):
+            ip(f"-n {name} address add {address} dev cable")
+            ip(f"-n {name} link set cable up")
+            ip(f"-n {name} link set lo up")
+
+        def start(machine: str, *command: str) -> subprocess.Popen:
+            inside = ["ip", "netns", "exec", machine, *command]
+            process = subprocess.Popen(inside, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+            for end in (process.stdout.close, process.stdin.close, process.wait, process.kill):
+                self.addCleanup(end)
+            return process
+
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        config = Path(folder.name) / "config.toml"
+        head = HEAD.format(port=7447, distribution="jazzy")
+        config.write_text(head + HUB.format(place="127.0.0.1:7070", namespace="/hub0", urdf="/dev/null"))
+        start(robot, sys.executable, __file__, "router", "7447", "0.0.0.0")
+        start(robot, os.environ["MOTOR_HUB"], "serve", "--tcp", "127.0.0.1:7070")
+        start(robot, os.environ["MOTOR_HUB_ROS"], str(config))
+        beside, away = (start(name, sys.executable, __file__, "agent", "10.9.8.1") for name in names)
+
+        def tell(agent: subprocess.Popen, seconds: float) -> None:
+            agent.stdin.write(f"{seconds}\n")
+            agent.stdin.flush()
+
+        def told(agent: subprocess.Popen) -> float:
+            """Speed of the robot once the agent has done what it was told."""
+            return float(agent.stdout.readline())
+
+        tell(away, 2.0)
+        self.assertAlmostEqual(told(away), 0.2, delta=0.02)
+        tell(away, 5.0)
+        time.sleep(1.0)
+        ip(f"-n {robot} link set cable down")
+        time.sleep(1.5)
+        tell(beside, 0)
+        self.assertAlmostEqual(told(beside), 0.0, delta=0.01)
+        ip(f"-n {robot} link set cable up")
+        # What was sent before arrives late; then the commands go on.
+        self.assertAlmostEqual(told(away), 0.2, delta=0.02)
+        tell(beside, 0)
+        told(beside)
+
+
+def agent(router: str) -> None:
+    """Drives for each line's seconds, then prints the robot's newest speed."""
+    session = open_session("client", 7447, router)
+    commander, speeds = Commander(session, "operator"), [0.0]
+    odometry = key("/hub0/odom", ODOM)
+    session.declare_subscriber(odometry, lambda sample: speeds.append(STORE.deserialize_cdr(bytes(sample.payload), ODOM).twist.twist.linear.x))
+    while len(speeds) < 10:
+        time.sleep(0.05)
+    for line in sys.stdin:
+        commander.drive(float(line), 0.2)
+        time.sleep(0.1)
+        print(speeds[-1], flush=True)
+
+
+class OthersCode(WithRobot):
+    def test_zenoh_ros2_sdk_lists_topics_and_exchanges_messages(self) -> None:
+        peer = [sys.executable, __file__, "sdk", str(self.port), str(self.folder)]
+        seen = json.loads(subprocess.run(peer, capture_output=True, text=True, check=True, timeout=60).stdout.splitlines()[-1])
+        self.assertEqual(seen["topics"]["/hub0/odom"], [ODOM])
+        self.assertEqual(seen["topics"]["/hub0/cmd_vel"], [TWIST, STAMPED])
+        self.assertIn("std_srvs/srv/SetBool", seen["services"]["/hub0/enable"])
+        self.assertEqual(seen["enabled"], [True, "motors accept commands"])
+        self.assertAlmostEqual(seen["speed"], 0.2, delta=0.02)
+
+
+def sdk_peer(port: int, folder: Path) -> None:
+    """Lists, calls, commands and listens by zenoh-ros2-sdk. It gets the types' texts, which it else fetches from the network."""
+    import zenoh_ros2_sdk as sdk
+
+    for name in STORE.types:
+        package, kind, of = name.split("/")
+        if kind == "msg" and package in ("std_msgs", "geometry_msgs", "nav_msgs", "builtin_interfaces"):
+            path = folder / package / kind / f"{of}.msg"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(STORE.generate_msgdef(name, ros_version=2)[0].split("=" * 80)[0])
+    service = folder / "std_srvs/srv/SetBool.srv"
+    service.parent.mkdir(parents=True)
+    service.write_text("bool data\n---\nbool success\nstring message\n")
+    here = {"router_ip": "127.0.0.1", "router_port": port, "domain_id": 7}
+    sdk.ZenohSession.get_instance("127.0.0.1", port)
+    sdk.get_registry().messages_dir = folder
+    seen = {"topics": dict(sdk.get_topic_names_and_types(**here)), "services": dict(sdk.get_service_names_and_types(**here))}
+    speeds = []
+    subscriber = sdk.ROS2Subscriber("/hub0/odom", ODOM, lambda message: speeds.append(message.twist.twist.linear.x), **here)
+    answer = sdk.ROS2ServiceClient("/hub0/enable", "std_srvs/srv/SetBool", **here).call(data=True)
+    seen["enabled"] = [answer.success, answer.message]
+    publisher = sdk.ROS2Publisher("/hub0/cmd_vel", TWIST, **here)
+    vector = publisher.session_mgr.store.types["geometry_msgs/msg/Vector3"]
+    for _ in range(60):
+        publisher.publish(linear=vector(0.2, 0.0, 0.0), angular=vector(0.0, 0.0, 0.0))
+        time.sleep(0.02)
+    seen["speed"] = speeds[-1]
+    print(json.dumps(seen), flush=True)
+    os._exit(0)  # Its session has no close of its own.
 
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["router"]:
-        with open_session("router", int(sys.argv[2])):
+        with open_session("router", int(sys.argv[2]), *sys.argv[3:]):
             time.sleep(3600)
+    elif sys.argv[1:2] == ["agent"]:
+        agent(sys.argv[2])
+    elif sys.argv[1:2] == ["sdk"]:
+        sdk_peer(int(sys.argv[2]), Path(sys.argv[3]))
+    elif len(sys.argv) == 1:
+        # The tests wait most of the time: some classes run side by side.
+        groups = [Losses, Services, Commands, Graph, Fleet, TwoMachines, NoHubYet, OthersCode]
+
+        def run(group: type) -> subprocess.CompletedProcess:
+            return subprocess.run([sys.executable, __file__, "-v", group.__name__], stderr=subprocess.PIPE, text=True)
+
+        with ThreadPoolExecutor(3) as pool:
+            results = list(pool.map(run, groups))
+        print(*(result.stderr for result in results), sep="\n")
+        sys.exit(any(result.returncode for result in results))
     else:
         unittest.main()
