@@ -23,7 +23,7 @@
 //! | crash report | the fault that ended the run, in a cell | written once per run, by fault handlers |
 //! | store | two [`Signal`]s: request and result | one request at a time |
 //! | update | two [`Signal`]s: request and result | one request at a time |
-//! | host spoke | a flag | set when the first packet for this hub has arrived; stays set until the next start of the hub |
+//! | button permitted | a flag | set when the stored settings are restored; cleared by the first packet for this hub |
 //!
 //! A [*direct* command](crate::hub::Action::is_direct) needs no regulator, so a motor can execute the command between two ticks.
 //!
@@ -126,8 +126,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub store: RequestChannel<M, crate::store::StoreRequest, store::Done>,
     /// Requests of the responder to the task that writes new firmware, and their results.
     pub update: RequestChannel<M, crate::update::UpdateRequest, crate::update::Done>,
-    /// True once a packet for this hub has arrived since the start of the hub, from the responder to all tasks.
-    pub host_spoke: Mutex<M, Cell<bool>>,
+    /// True while the button may drive motors, from the responder to the button's task.
+    pub button_permitted: Mutex<M, Cell<bool>>,
 }
 
 impl<M: RawMutex, const N: usize> Wires<M, N> {
@@ -147,7 +147,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             crash_report: CriticalSectionMutex::new(RefCell::new(None)),
             store: RequestChannel::new(),
             update: RequestChannel::new(),
-            host_spoke: Mutex::new(Cell::new(false)),
+            button_permitted: Mutex::new(Cell::new(false)),
         }
     }
 }
