@@ -122,6 +122,7 @@ use crate::board::Board;
 use crate::processor::{self, Code, Mpu};
 use crate::pwm::Registers;
 use crate::serial::Terminal;
+use crate::system_break::Connections;
 pub use flash_interface::FlashFaults;
 
 /// The rail, mV.
@@ -235,6 +236,11 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// The far end of the host's line.
     fn terminal(&mut self) -> Option<&mut Terminal>;
 
+    /// What of the chip breaks TIM1. On the F427 nothing does: its SYSCFG has no such register (RM0090 9.2).
+    fn connections(&self) -> Connections {
+        Connections::default()
+    }
+
     /// What becomes of words on their way to the chip.
     fn line_errors(&mut self) -> &mut Errors;
 }
@@ -291,8 +297,9 @@ impl Machine for Nucleo {
     }
 
     fn targets(&mut self) -> Vec<Target<'_>> {
+        let connections = self.chip.connections();
         let mut target = self.chip.target(self.code.mpu());
-        processor::keep(&mut target.core, self.code);
+        processor::keep(&mut target.core, self.code, &connections);
         vec![target]
     }
 }

@@ -110,8 +110,10 @@ impl Bench {
 
     /// Another rail of the chip, in millivolts, from now on.
     pub fn set_rail(&mut self, millivolts: u32) {
-        self.at_stop(move |lab, session, _| {
-            session.board_mut().chip.set_rail(VirtualNanos(lab.now), millivolts);
+        self.at_stop(move |surroundings, session, _| {
+            let at = surroundings.now;
+            session.board_mut().chip.set_rail(VirtualNanos(at), millivolts);
+            surroundings.follow_pins(session, at, false);
         });
     }
 
@@ -147,6 +149,22 @@ impl Bench {
         self.at(at, |lab, session, host| {
             session.reset_by_pin(VirtualNanos(lab.now), lab.instructions, host);
         });
+    }
+
+    /// The core locks up: its next access to this range fails with a bus error, and so does the first access of the fault
+    /// handler, which reads whether TIM1 has a clock.
+    pub fn lock_up(&mut self, addresses: std::ops::Range<u64>) {
+        let clocks = wiring::pwm_clock_at(self.board);
+        self.fail_next_access(addresses);
+        self.fail_next_access(clocks..clocks + 4);
+    }
+
+    /// Makes a task loop without end, with all interrupts masked, when the task is next polled.
+    ///
+    /// # Panics
+    /// If there is no such task.
+    pub fn hang_masked(&mut self, task: &str) {
+        self.lead(task, FaultyCode::LoopsMasked);
     }
 
     /// Makes a task loop without end when it is next polled.

@@ -36,6 +36,7 @@ use crate::board::Board;
 use crate::processor::Mpu;
 use crate::pwm::Registers;
 use crate::serial::Terminal;
+use crate::system_break::{Connections, Source};
 use crate::wiring;
 
 /// VREFIN_CAL (DS12110, "internal reference voltage calibration values").
@@ -80,6 +81,7 @@ pub(super) struct Chip {
     /// ADC2.
     currents: Late,
     identity_slot: usize,
+    connections: Connections,
     power_dead: bool,
     plain_power: Remembers<pwr::Register>,
     power_slot: usize,
@@ -130,6 +132,7 @@ impl Chip {
             flash: Interface::new(faults),
             currents,
             identity_slot,
+            connections: Connections::default(),
             power_dead: false,
             plain_power: Remembers::default(),
             power_slot,
@@ -157,6 +160,7 @@ impl Mcu for Chip {
 
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
+        self.connections.reset();
         Device::reset(&mut self.watchdog);
         Device::reset(&mut self.converter);
         Device::reset(&mut self.flash);
@@ -233,7 +237,17 @@ impl Part for Chip {
         self.supply_low = low;
         if fell {
             self.write(at, EXTI_SWIER1, Width::W32, DETECTOR_LINE).expect("the EXTI's register");
+            let slots = self.bus().slots();
+            let [identity] = words(slots[self.identity_slot].registers(), [dbgmcu::Register::Idc]);
+            if let Some(outputs) = self.connections.broken(Source::Detector, identity, self.pwm().bdtr) {
+                let (registers, _) = self.part.bus_mut().drive(at, self.timer_slot);
+                registers.set(Tim1::Bdtr, outputs.into());
+            }
         }
+    }
+
+    fn connections(&self) -> Connections {
+        self.connections.clone()
     }
 
     fn pwm_hz(&mut self) -> u64 {

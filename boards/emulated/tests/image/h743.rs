@@ -1,7 +1,9 @@
 //! The other board: what of all these tests is worth most on it, each time `cargo test` runs. `cargo xtask test
 //! nucleo-h743zi2` runs all of them there.
 
-use crate::common::{am60, booted, log, ms, on, setup};
+use std::time::Duration;
+
+use crate::common::{COUNTER, am60, booted, log, ms, on, setup, time_to_safe};
 use crate::{boot, currents, faults, link, matrix, record, running, stack, supply};
 use emulated::{Bench, Board};
 
@@ -113,6 +115,64 @@ fn flash_has_its_wait_states_and_data_are_where_no_cache_is() {
     let ram = Board::NucleoH743zi2.ram();
     let statics: Vec<_> = bench.symbols().iter().filter(|s| s.address >= ram.start).cloned().collect();
     assert!(statics.len() > 5 && statics.iter().all(|s| ram.contains(&s.address)), "{statics:?}");
+}
+
+/// TIM1's registers BDTR and AF1 (RM0433 38.4.20, 38.4.25).
+const TIM1_BDTR: u64 = 0x4001_0044;
+const TIM1_AF1: u64 = 0x4001_0060;
+
+/// Two motors drive, on a chip of this revision.
+fn driving(revision: u16) -> Bench {
+    let mut bench = on(Board::NucleoH743zi2, || Bench::new(setup(vec![am60(); 2])));
+    bench.set_revision(revision);
+    bench.run(ms(300));
+    bench.press(true);
+    bench.run(ms(500));
+    assert!((0..2).all(|motor| !bench.lines(motor).open()));
+    bench
+}
+
+/// Time from now until both bridges are open for good.
+fn time_to_open(bench: &mut Bench) -> Duration {
+    let at = bench.now();
+    bench.press(false);
+    bench.run(ms(700));
+    (0..2).map(|motor| time_to_safe(bench, motor, at)).max().expect("motors")
+}
+
+/// Before revision V nothing breaks the timer (ES0392 2.2.2), and the watchdog ends it.
+#[test]
+fn a_core_that_locks_up_opens_all_bridges_at_once_from_revision_v_on() {
+    for (revision, limit) in [(0x2003, Duration::from_micros(1_100)), (0x1003, ms(600))] {
+        let mut bench = driving(revision);
+        bench.lock_up(COUNTER);
+        let time = time_to_open(&mut bench);
+        println!("revision {revision:#x}: open after {time:?}");
+        assert!(time < limit, "revision {revision:#x}: {time:?}");
+        assert_eq!(bench.resets().len(), 1, "a locked core is reset by the watchdog");
+    }
+}
+
+#[test]
+fn a_supply_that_falls_opens_all_bridges_though_a_hung_core_takes_no_interrupt() {
+    let mut bench = driving(0x2003);
+    bench.hang_masked("capture");
+    bench.run(ms(5));
+    assert!((0..2).all(|motor| !bench.lines(motor).open()), "a hung core drives on");
+    bench.set_rail(2_740);
+    let time = time_to_open(&mut bench);
+    println!("open after {time:?}");
+    assert!(time < Duration::from_micros(10), "{time:?}");
+}
+
+/// An open pin BKIN is no source, and nothing asserts an input that is active high.
+#[test]
+fn no_pin_breaks_the_timer() {
+    let mut bench = driving(0x2003);
+    let [breaks, sources] = [TIM1_BDTR, TIM1_AF1].map(|at| bench.register(at));
+    assert_eq!(bits(breaks, 13, 12), 0b11, "BKP, BKE");
+    assert_eq!(bits(sources, 0, 0), 0, "BKINE");
+    bench.assert_sound();
 }
 
 /// Revision Y has one bit for the current of a converter, and does not halve the converter's clock of 32 MHz (ES0392).
