@@ -110,6 +110,7 @@ async fn main(spawner: Spawner) {
     chip::watch_supply();
 
     let pwm = Pwm::new(p.TIM1);
+    chip::break_pwm();
     let bridges = [
         pwm.bridge(p.PE9, low(p.PD0), low(p.PD1)),
         pwm.bridge(p.PE11, low(p.PD2), low(p.PD3)),

@@ -3,9 +3,9 @@
 
 use std::time::Duration;
 
-use crate::common::{COUNTER, am60, booted, log, ms, on, setup, time_to_safe};
+use crate::common::{COUNTER, am60, booted, log, ms, on, setup};
 use crate::{boot, currents, faults, link, matrix, record, running, stack, supply};
-use emulated::{Bench, Board};
+use emulated::{Bench, Board, Output};
 
 /// Bits `high..=low` of a word.
 fn bits(word: u32, high: u32, low: u32) -> u32 {
@@ -132,36 +132,42 @@ fn driving(revision: u16) -> Bench {
     bench
 }
 
-/// Time from now until both bridges are open for good.
-fn time_to_open(bench: &mut Bench) -> Duration {
+/// Watches both bridges, and returns the time from now until no PWM is on for good. A break leaves the direction lines as they are: with PWM low the low sides are
+/// off, and nothing is driven.
+fn time_to_low(bench: &mut Bench, watched: Duration) -> Duration {
     let at = bench.now();
     bench.press(false);
-    bench.run(ms(700));
-    (0..2).map(|motor| time_to_safe(bench, motor, at)).max().expect("motors")
+    bench.run(watched);
+    let mut low = [None; 2];
+    for transition in bench.transitions().into_iter().filter(|t| t.motor < 2) {
+        let is_low = transition.lines.pwm == Output::Level(false);
+        low[transition.motor] = is_low.then(|| low[transition.motor].unwrap_or(transition.at));
+    }
+    low.map(|since| since.expect("PWM is low")).into_iter().max().expect("motors").saturating_sub(at)
 }
 
 /// Before revision V nothing breaks the timer (ES0392 2.2.2), and the watchdog ends it.
 #[test]
-fn a_core_that_locks_up_opens_all_bridges_at_once_from_revision_v_on() {
+fn a_core_that_locks_up_leaves_no_pwm_on_from_revision_v_on() {
     for (revision, limit) in [(0x2003, Duration::from_micros(1_100)), (0x1003, ms(600))] {
         let mut bench = driving(revision);
         bench.lock_up(COUNTER);
-        let time = time_to_open(&mut bench);
-        println!("revision {revision:#x}: open after {time:?}");
+        let time = time_to_low(&mut bench, ms(700));
+        println!("revision {revision:#x}: PWM low after {time:?}");
         assert!(time < limit, "revision {revision:#x}: {time:?}");
         assert_eq!(bench.resets().len(), 1, "a locked core is reset by the watchdog");
     }
 }
 
 #[test]
-fn a_supply_that_falls_opens_all_bridges_though_a_hung_core_takes_no_interrupt() {
+fn a_supply_that_falls_leaves_no_pwm_on_though_a_hung_core_takes_no_interrupt() {
     let mut bench = driving(0x2003);
     bench.hang_masked("capture");
     bench.run(ms(5));
     assert!((0..2).all(|motor| !bench.lines(motor).open()), "a hung core drives on");
     bench.set_rail(2_740);
-    let time = time_to_open(&mut bench);
-    println!("open after {time:?}");
+    let time = time_to_low(&mut bench, ms(1));
+    println!("PWM low after {time:?}");
     assert!(time < Duration::from_micros(10), "{time:?}");
 }
 
