@@ -56,7 +56,7 @@ use heapless::Vec;
 pub const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// Position in an image of its *rollback version*, a little-endian number: vector 8, which is reserved and 0 on a Cortex-M
-/// (ARMv7-M ARM, B1.5.2). A hub that checks signatures accepts no image with a lower number than the present firmware.
+/// (ARMv7-M ARM, B1.5.2). A shorter image has version 0. A hub that checks signatures accepts no image with a lower number than the present firmware.
 pub const ROLLBACK_VERSION_AT: u32 = 0x20;
 
 /// Length of each chunk except the last, in bytes. It is a multiple of the longest word that a flash writes, 32 bytes.

@@ -10,7 +10,7 @@ mod chip;
 mod current;
 
 use adc::BatteryAdc;
-use boot_h743zi2::{Bank, layout};
+use boot_h743zi2::{Bank, SIGNER, layout};
 use core::ops::Range;
 use current::CurrentLines;
 use defmt::unwrap;
@@ -52,15 +52,6 @@ const SLOT: Option<Slot> = if cfg!(feature = "bootloader") {
     })
 } else {
     None
-};
-
-/// Public key that must have signed new firmware, if signatures are needed.
-#[cfg(not(feature = "signed"))]
-const SIGNER: Option<[u8; 32]> = None;
-#[cfg(feature = "signed")]
-const SIGNER: Option<[u8; 32]> = match motor_hub::update::public_key(include_bytes!(env!("UPDATE_KEY"))) {
-    None => panic!("UPDATE_KEY is no public key of Ed25519 in DER: openssl pkey -pubout -outform DER"),
-    key => key,
 };
 
 motor_hub_stm32::hub! {

@@ -18,7 +18,9 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
         seal: &Seal,
         motors_off: impl Future<Output = ()>,
     ) -> Outcome {
-        check(&mut self.active, &mut self.download, length, seal, motors_off).await.unwrap_or(Outcome::Refused)
+        check(&mut self.active, &mut self.download, length, seal, motors_off)
+            .await
+            .unwrap_or(Outcome::Refused)
     }
 }
 
@@ -33,8 +35,8 @@ async fn check<A: ReadNorFlash, D: ReadNorFlash>(
     let mut hash = Sha512::new();
     each_chunk(download, 0, length, |chunk| hash.update(chunk)).await.map_err(|error| error.kind())?;
     let hash = hash.finalize();
-    let present = rollback_version(active).await.map_err(|error| error.kind())?;
-    let new = rollback_version(download).await.map_err(|error| error.kind())?;
+    let present = rollback_version(active, active.capacity() as u32).await.map_err(|error| error.kind())?;
+    let new = rollback_version(download, length).await.map_err(|error| error.kind())?;
     motors_off.await;
     let signature = Signature::from(&seal.signature);
     Ok(match PublicKey::try_from(&seal.key) {
@@ -49,8 +51,11 @@ async fn check<A: ReadNorFlash, D: ReadNorFlash>(
     })
 }
 
-/// Returns the rollback version of the firmware in a slot.
-async fn rollback_version<F: ReadNorFlash>(slot: &mut F) -> Result<u32, F::Error> {
+/// Returns the rollback version of the firmware in a slot. Firmware that is too short for a version has version 0.
+async fn rollback_version<F: ReadNorFlash>(slot: &mut F, length: u32) -> Result<u32, F::Error> {
+    if length < ROLLBACK_VERSION_AT + 4 {
+        return Ok(0);
+    }
     let mut word = [0; WORD];
     slot.read(ROLLBACK_VERSION_AT, &mut word).await?;
     Ok(word.first_chunk().map_or(0, |number| u32::from_le_bytes(*number)))

@@ -12,7 +12,8 @@ use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::store::{Outcome as Saved, Stored};
 use motor_hub::tasks::update::Slots;
-use motor_hub::update::{Booted, CHUNK, CRC, Outcome};
+use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Seal};
+use salty::{Keypair, Sha512};
 
 const BOARD: Board = Board::NucleoH743zi2;
 
@@ -26,6 +27,9 @@ const ACTIVE: usize = 0x2_0000;
 const DOWNLOAD: usize = 0x10_0000;
 const STATE: usize = 0x1A_0000;
 const PAGE: usize = 0x2_0000;
+
+/// Offset of the state's word that is 0 once the first step of a swap is done.
+const FIRST_STEP: usize = STATE + 2 * 32;
 
 /// Each byte of the bootloader's state while a swap is ordered (`SWAP_MAGIC` of embassy-boot).
 const ORDERED: u8 = 0xF0;
@@ -65,7 +69,13 @@ struct Armed {
 }
 
 fn armed() -> Armed {
-    let mut flash = on(BOARD, || Bench::new(Setup { bootloader: true, ..setup(vec![am60()]) })).flash();
+    armed_with(setup(vec![am60()]), |_| None)
+}
+
+/// The same, with another bootloader, and with a seal that is made of the new image.
+fn armed_with(setup: Setup, seal: impl FnOnce(&[u8]) -> Option<Seal>) -> Armed {
+    let setup = Setup { board: BOARD, bootloader: true, ..setup };
+    let mut flash = Bench::new(setup).flash();
     let slot = &flash[ACTIVE..ACTIVE + 4 * PAGE];
     let end = slot.iter().rposition(|byte| *byte != 0xFF).expect("a hub");
     let before = slot[..(end + 1).next_multiple_of(CHUNK)].to_vec();
@@ -79,7 +89,7 @@ fn armed() -> Armed {
         assert_eq!(block_on(slots.write(at, bytes)), Outcome::Done);
     }
     let crc = CRC.checksum(&new);
-    let done = block_on(slots.arm(new.len() as u32, crc, None, std::future::ready(())));
+    let done = block_on(slots.arm(new.len() as u32, crc, seal(&new), std::future::ready(())));
     assert_eq!(done, Outcome::Done);
     flash[DOWNLOAD..DOWNLOAD + 5 * PAGE].copy_from_slice(&download.0);
     flash[STATE..STATE + PAGE].copy_from_slice(&state.0);
@@ -162,6 +172,34 @@ fn what_a_probe_has_written_boots_though_other_firmware_was_armed() {
     let mut bench = powered_on(flash, FlashFaults::default());
     boots(&mut bench, &probed);
     assert_eq!(bench.resets(), []);
+}
+
+#[test]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
+fn a_bootloader_with_a_key_begins_to_swap_only_what_the_key_has_signed() {
+    let keys = Keypair::from(&[3; 32]);
+    let key = keys.public.to_bytes();
+    // The file as OpenSSL writes it.
+    let head = [0x30, 0x2A, 0x30, 0x05, 0x06, 0x03, 0x2B, 0x65, 0x70, 0x03, 0x21, 0x00];
+    let file = std::env::temp_dir().join(format!("motor-hub-{}.der", std::process::id()));
+    std::fs::write(&file, [&head[..], &key].concat()).expect("a file for the key");
+    let with_key = || Setup { bootloader_key: Some(file.clone()), ..setup(vec![am60()]) };
+    let sign = |image: &[u8]| {
+        let mut hash = Sha512::new();
+        hash.update(image);
+        Some(Seal { key, signature: keys.sign(&hash.finalize()).to_bytes() })
+    };
+    let (unsigned, signed) = (armed_with(with_key(), |_| None), armed_with(with_key(), sign));
+    std::fs::remove_file(&file).expect("the file of the key");
+    for (Armed { flash, .. }, swaps) in [(signed, true), (unsigned, false)] {
+        let mut bench = powered_on(flash, FlashFaults::default());
+        // The first step of a swap erases a page and writes another.
+        bench.run(ms(3_000));
+        let left = bench.flash();
+        assert_eq!(left[STATE] == ORDERED, swaps);
+        assert_eq!(left[FIRST_STEP] == 0, swaps, "the first step of the swap");
+        assert_eq!(bench.resets(), []);
+    }
 }
 
 /// Time between two cuts: each page is erased for 1.1 s, and written for up to 0.53 s.
