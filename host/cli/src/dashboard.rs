@@ -1,15 +1,13 @@
 //! `motor-hub dashboard`: shows a hub in a browser.
 
 use crate::output::{Failure, print, say};
-use crate::parse::host_and_port;
+use crate::parse::{address, host_and_port};
 use crate::serve::stop_flag;
 use dashboard::admission::PublicUrl;
 use dashboard::scenario_player::Script;
 use dashboard::world::World;
-use dashboard::{Hub, Place, Port, Server};
+use dashboard::{Place, Server};
 use motor_hub::protocol::Address;
-use motor_hub_client::line::Line;
-use motor_hub_client::{Error, Session};
 use qrcodegen::{QrCode, QrCodeEcc};
 use simulated::scenario::Scenario;
 use simulated::serve::{self, Memory};
@@ -20,7 +18,6 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
-use std::time::Duration;
 
 /// Text of the long help.
 pub(crate) const HELP: &str = "\
@@ -35,9 +32,6 @@ closed, is hidden for 10 s, or shows no new values for 1 s. They are also disabl
 /// Name of the default scenario. Its set-points are not used; the page gives set-points.
 const DEFAULT_NAME: &str = "four motors on a battery";
 
-/// Time-out of answers while the line is opened.
-const PATIENCE: Duration = Duration::from_secs(1);
-
 /// Hub, and address of the page.
 #[derive(clap::Args)]
 pub(crate) struct Options {
@@ -47,6 +41,9 @@ pub(crate) struct Options {
     /// TCP address of the hub
     #[arg(long, value_name = "HOST:PORT", value_parser = host_and_port, conflicts_with = "scenario")]
     tcp: Option<String>,
+    /// Address of the hub on its line, such as a child hub's [default: the address of the parent]
+    #[arg(long, value_name = "N", value_parser = address)]
+    address: Option<Address>,
     /// Scenario file (TOML) with motors, loads and battery of the simulated hub; the page can play its set-points
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
@@ -83,10 +80,10 @@ impl Options {
             None => server,
         };
         let (place, simulation) = match self.port.as_ref().or(self.tcp.as_ref()) {
-            Some(place) => (real(place), None),
+            Some(place) => (real(place, self.address), None),
             None => {
                 let memory = self.store.as_deref().map(Memory::open).transpose().map_err(Failure::input)?;
-                let (place, simulation) = simulate(self.scenario.as_deref(), memory, &stop)?;
+                let (place, simulation) = simulate(self.scenario.as_deref(), self.address, memory, &stop)?;
                 (place, Some(simulation))
             }
         };
@@ -127,9 +124,9 @@ fn code(url: &str) -> String {
     all.clone().step_by(2).map(line).collect()
 }
 
-fn real(name: &str) -> Place {
+fn real(name: &str, address: Option<Address>) -> Place {
     let (place, mut said) = (name.to_owned(), None);
-    Place::real(name, move || match dashboard::hub::open(&place) {
+    Place::real(name, move || match dashboard::hub::open(&place, address) {
         Ok(session) => {
             said = None;
             Ok(session)
@@ -151,6 +148,7 @@ type Simulation = JoinHandle<Result<(), simulated::sim::RunError>>;
 /// Runs a simulated hub in its own thread, on a TCP port of this machine.
 fn simulate(
     file: Option<&Path>,
+    address: Option<Address>,
     memory: Option<Memory>,
     stop: &Arc<AtomicBool>,
 ) -> Result<(Place, Simulation), Failure> {
@@ -162,21 +160,21 @@ fn simulate(
     // The served default scenario has no set-points to play.
     let script = file.and_then(|_| Script::of(&scenario));
     let line = serve::Line::tcp("127.0.0.1:0").map_err(Failure::work)?;
-    let address = line.to_string();
+    let place = line.to_string();
     let world = World::default();
-    let (hands, stop) = (world.clone(), Arc::clone(stop));
+    let (changes, stop) = (world.clone(), Arc::clone(stop));
     let name = if file.is_some() { scenario.name.clone() } else { DEFAULT_NAME.to_owned() };
     let simulation = std::thread::spawn(move || {
-        serve::run(&scenario, Address::DEFAULT, line, memory, &mut |on| *on = hands.hands(), &mut |_| {
-            !stop.load(Ordering::Relaxed)
-        })
+        serve::run(
+            &scenario,
+            Address::DEFAULT,
+            line,
+            memory,
+            &mut |now| *now = changes.interventions(),
+            &mut |_| !stop.load(Ordering::Relaxed),
+        )
     });
-    let open = move || -> Result<Hub, String> {
-        let line: Box<dyn Port> = Box::new(Line::tcp(&address, PATIENCE).map_err(|error| error.to_string())?);
-        let mut session = Session::new(line, Address::DEFAULT, PATIENCE);
-        session.keep_alive().map_err(|error: Error| error.to_string())?;
-        Ok(session)
-    };
+    let open = move || dashboard::hub::open(&place, address).map_err(|error| error.to_string());
     Ok((Place::simulated(&name, world, script, open), simulation))
 }
 

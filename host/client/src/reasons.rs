@@ -1,5 +1,5 @@
 //! Reasons as text: why a motor does not turn, by its hub's [report](motor_hub::extension::report), and why settings were
-//! not [stored](motor_hub::extension::state).
+//! not stored or firmware does not run, by [reports of states](motor_hub::extension::state).
 //!
 //! ```
 //! use motor_hub_client::motor_hub::extension::report::{Commands, HubReport, MotorReport, ReportedSetpoint};
@@ -21,12 +21,13 @@
 //! ```
 
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
-use motor_hub::extension::state::StoreReport;
+use motor_hub::extension::state::{StoreReport, UpdateReport};
 use motor_hub::motor::EncoderFault;
 use motor_hub::motor::Faults;
 use motor_hub::store::Outcome;
 use motor_hub::supply::BusState;
 use motor_hub::units::{Control, Milliamperes};
+use motor_hub::update::{self, Booted, Phase};
 
 /// Highest speed of a motor that counts as standing, in counts per second.
 pub const STANDS_CPS: u16 = 3;
@@ -41,6 +42,53 @@ pub const fn why_unsaved(report: &StoreReport) -> Option<&'static str> {
         }
         Outcome::Refused => Some("the hub's memory refused the write, or has no room for it"),
         Outcome::Lost => Some("the written data does not read back: the hub's memory is worn or missing"),
+    }
+}
+
+/// Why an image does not fit the hub's slot; `None` if it does.
+#[must_use]
+pub fn why_unfit(image: &[u8], report: &UpdateReport) -> Option<String> {
+    let UpdateReport { origin, capacity, .. } = *report;
+    if image.len() > capacity as usize {
+        return Some(format!("the image has {} bytes; the hub's slot holds {capacity}", image.len()));
+    }
+    // The second vector is the address of the first instruction.
+    let entry = image.get(4..8).and_then(|word| word.try_into().ok()).map_or(0, u32::from_le_bytes);
+    (entry.wrapping_sub(origin) >= capacity).then(|| {
+        format!(
+            "the image's code begins at {entry:#010x}, outside this hub's slot of {origin:#010x} to {:#010x}: \
+             the image is for another chip, or not built for the bootloader",
+            origin.wrapping_add(capacity)
+        )
+    })
+}
+
+/// Why the hub does not start the image that it has received; `None` if it does at its next reset.
+#[must_use]
+pub const fn why_not_armed(report: &UpdateReport) -> Option<&'static str> {
+    match (report.phase, report.outcome) {
+        (Phase::Armed, _) => None,
+        (_, update::Outcome::Mismatch) => Some("the hub's flash reads back other bytes than were sent"),
+        (_, update::Outcome::WrongSignature) => Some("the signature is not of this file by the hub's key"),
+        (_, update::Outcome::Refused) => Some("the hub's flash refused the write"),
+        _ => Some(
+            "the hub has not finished the check; it checks a signature only while all motors are disabled",
+        ),
+    }
+}
+
+/// Why the image with the version `sent` is not the hub's firmware after the restart; `None` if it is. The hub reports the version
+/// `now`.
+#[must_use]
+pub fn why_not_started(booted: Booted, sent: &str, now: &str) -> Option<String> {
+    match booted {
+        Booted::WentBack => Some(format!("{sent} did not confirm itself, and the hub returned to {now}")),
+        Booted::OnTrial | Booted::Unknown => Some("the new firmware runs, but has not confirmed itself".to_owned()),
+        Booted::Unconfirmable => Some(
+            "the new firmware runs, but the flash of the hub refuses its confirmation: the next reset restores the firmware before"
+                .to_owned(),
+        ),
+        Booted::Confirmed => (now != sent).then(|| format!("the hub runs {now}, but the image sent is {sent}")),
     }
 }
 

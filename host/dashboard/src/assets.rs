@@ -45,6 +45,7 @@ pub const ALL: &[Asset] = assets! {
     "/js/group.js" JS "js/group.js"
     "/js/history.js" JS "js/history.js"
     "/js/hub.js" JS "js/hub.js"
+    "/js/jog.js" JS "js/jog.js"
     "/js/learn.js" JS "js/learn.js"
     "/js/link.js" JS "js/link.js"
     "/js/list.js" JS "js/list.js"

@@ -14,15 +14,14 @@ use motor_hub::model::catalogue::characterised;
 use motor_hub::motor::{ThermalLimit, ZeroPower};
 use motor_hub::protocol::motor::{Coefficients, Loop, RunMode, Terms};
 use motor_hub::protocol::{CHANNELS, Colour};
-use motor_hub::regulator::identify::Identified;
 use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
 use motor_hub_client::Error;
 use serde_json::{Map, Value};
 use simulated::hardware::winding;
 
-/// Tolerance of a position, in counts.
-const TOLERANCE: u16 = 10;
+/// Default tolerance of a position, in counts.
+const USUAL_TOLERANCE: u16 = 10;
 
 /// Default speed limit towards a position, in counts/s.
 const USUAL_SPEED: f64 = 1_000.0;
@@ -51,8 +50,8 @@ struct Before {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MotorMemory {
     undo: Vec<Before>,
-    /// Result of the last identification, until another motor is configured.
-    pub(crate) found: Option<Identified>,
+    /// Dynamics and acceleration limit that the last identification proposes, until another motor is configured.
+    pub(crate) proposed: Option<(Dynamics, Option<Acceleration>)>,
     /// Regulator that the hub reported last.
     pub(crate) regulator: Option<Kind>,
     /// Dynamics that were configured last, for a return to the model.
@@ -93,19 +92,16 @@ impl Executor {
         order: &Order,
     ) -> Result<Changed, RequestError> {
         match *order {
-            Order::Drive { motor, mode, value, speed, zero } => {
-                drive(session, channel(motor)?, mode, value, speed, zero)?;
+            Order::Drive { motor, mode, value, speed, tolerance, zero } => {
+                let tolerance = tolerance.unwrap_or(USUAL_TOLERANCE);
+                drive(session, channel(motor)?, mode, value, speed, tolerance, zero)?;
             }
             Order::Current { motor, amperes, speed } => current(session, channel(motor)?, amperes, speed)?,
             Order::Enable { motor, on } => session.enable(channel(motor)?, on)?,
             Order::ResetEncoder { motor } => session.reset_encoder(channel(motor)?)?,
             Order::Together { to, speed, acceleration } => together(session, to, speed, acceleration)?,
             Order::Import { ref text } => {
-                let document = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
-                for request in settings_file::requests(document)? {
-                    session.order(request)?;
-                }
-                self.motors = <[MotorMemory; CHANNELS]>::default();
+                self.import(session, text)?;
                 return Ok(Changed::AllSettings);
             }
             Order::Turn { at, acceleration } => turn(session, at, acceleration)?,
@@ -159,10 +155,13 @@ impl Executor {
                 motor
             }
             Order::Apply { motor } => {
-                let found =
-                    self.of(motor)?.found.ok_or("this motor was not identified yet: run Identify first")?;
+                let proposed = self.of(motor)?.proposed;
+                let (dynamics, acceleration) =
+                    proposed.ok_or("this motor was not identified yet: run Identify first")?;
                 self.keep(session, motor)?;
-                session.set_dynamics(motor, Some(found.dynamics))?;
+                let mut settings = session.settings(motor)?;
+                (settings.motor.dynamics, settings.motor.acceleration) = (Some(dynamics), acceleration);
+                session.set_up(motor, &settings)?;
                 motor
             }
             Order::Undo { motor } => {
@@ -198,6 +197,50 @@ impl Executor {
         Ok(())
     }
 
+    /// Puts the settings of a file in force: all of them, or none if the hub refuses one. Each motor's settings before can be
+    /// restored by an undo.
+    fn import(&mut self, session: &mut Hub, text: &str) -> Result<(), RequestError> {
+        let document = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
+        let mut changed: Vec<u8> = Vec::new();
+        for request in settings_file::requests(document)? {
+            let Request::Set(motor, _) = request else { continue };
+            if !changed.contains(&motor) {
+                self.keep(session, motor)?;
+                changed.push(motor);
+            }
+            if let Err(error) = session.order(request) {
+                let why = match RequestError::from(error) {
+                    RequestError::Refused(why) => why,
+                    lost => return Err(lost),
+                };
+                return Err(format!("motor {motor}: {why}; {}", self.take_back(session, &changed)?).into());
+            }
+        }
+        for motor in changed {
+            let of = self.of(motor)?;
+            (of.proposed, of.known) = (None, None);
+        }
+        Ok(())
+    }
+
+    /// Restores the settings of motors before an import, and says of which motors that failed.
+    fn take_back(&mut self, session: &mut Hub, motors: &[u8]) -> Result<String, RequestError> {
+        let mut failed = String::new();
+        for &motor in motors {
+            let Some(before) = self.of(motor)?.undo.pop() else { continue };
+            let restored = restore(session, motor, &before)
+                .and_then(|()| Ok(session.set(motor, Group::Mode, &before.settings)?));
+            match restored {
+                Ok(()) => (),
+                Err(RequestError::Refused(why)) => {
+                    failed.push_str(&format!("; motor {motor} could not be restored: {why}"));
+                }
+                Err(lost) => return Err(lost),
+            }
+        }
+        Ok(format!("the settings before the import are in force{failed}"))
+    }
+
     /// Configures a motor. If `other` is false, the motor is the same one, and its motion is kept.
     fn set_up(
         &mut self,
@@ -209,7 +252,7 @@ impl Executor {
         if other {
             session.set(motor, Group::SetUp, settings)?;
             let of = self.of(motor)?;
-            (of.found, of.known) = (None, None);
+            (of.proposed, of.known) = (None, None);
         } else {
             session.set_up(motor, settings)?;
         }
@@ -221,7 +264,7 @@ impl Executor {
             Kind::Model => {
                 let configured = session.settings(channel(motor)?)?.motor.dynamics;
                 let of = self.of(motor)?;
-                let known = configured.or(of.found.map(|found| found.dynamics)).or(of.known);
+                let known = configured.or(of.proposed.map(|(dynamics, _)| dynamics)).or(of.known);
                 self.keep(session, motor)?;
                 Ok(session.set_dynamics(motor, known)?)
             }
@@ -258,6 +301,7 @@ fn drive(
     mode: RunMode,
     value: f64,
     speed: Option<f64>,
+    tolerance: u16,
     zero: ZeroPower,
 ) -> Result<(), RequestError> {
     match mode {
@@ -273,7 +317,7 @@ fn drive(
             let counts = within("a position in counts", value, i32::MIN.into(), i32::MAX.into())?.round();
             let speed = cps(speed.unwrap_or(USUAL_SPEED))?;
             session.set_velocity(motor, speed)?;
-            session.set_position(motor, counts as i32, TOLERANCE)?;
+            session.set_position(motor, counts as i32, tolerance)?;
         }
     }
     Ok(session.set_mode(motor, mode, zero)?)

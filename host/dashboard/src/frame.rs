@@ -3,12 +3,14 @@
 
 use crate::executor::CONFIGURABLE;
 use crate::hub::Hub;
+use crate::proposal::{catalogue_motor, inertia_ratio};
 use crate::requests::KindName;
 use crate::update::Progress;
 use crate::world::WorldIs;
 use motor_hub::braking::{OperatingPoint, Points, Regime, Scheme, Winding};
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
 use motor_hub::extension::settings::{Field, Form, MotorSettings, Zero};
+use motor_hub::extension::state::StoreReport;
 use motor_hub::model::catalogue::motors;
 use motor_hub::model::paper;
 use motor_hub::model::si::{Ohms, Volts};
@@ -119,25 +121,34 @@ pub(crate) struct HubStatus {
 impl HubStatus {
     pub(crate) fn read(session: &mut Hub) -> Result<Self, Error> {
         let Colour { red, green, blue } = session.led()?;
-        let report = match session.stored() {
-            Ok(report) => Some(report),
-            Err(Error::Refused { .. } | Error::TooOld { .. }) => None,
-            Err(error) => return Err(error),
-        };
-        let stored = report.as_ref().map(|report| match report.stored {
-            Stored::Nothing => "nothing",
-            Stored::Whole => "settings, in two copies",
-            Stored::OneCopy => "settings; one of the two copies is damaged or older: save again",
-            Stored::Later => "settings of a later firmware, which are not in force; Reset deletes them",
-            Stored::Damaged => "damaged data; Reset deletes it",
-        });
+        let report = stored(session)?;
         Ok(Self {
             address: session.address(),
             version: session.version()?,
             led: [red, green, blue],
-            stored,
+            stored: report.as_ref().map(stored_words),
             differs: report.is_some_and(|report| report.differs),
         })
+    }
+}
+
+/// What the hub has stored; `None` if it does not report that.
+pub(crate) fn stored(session: &mut Hub) -> Result<Option<StoreReport>, Error> {
+    match session.stored() {
+        Ok(report) => Ok(Some(report)),
+        Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+/// What the hub has stored, in words.
+pub(crate) const fn stored_words(report: &StoreReport) -> &'static str {
+    match report.stored {
+        Stored::Nothing => "nothing",
+        Stored::Whole => "settings, in two copies",
+        Stored::OneCopy => "settings; one of the two copies is damaged or older: save again",
+        Stored::Later => "settings of a later firmware, which are not in force; Reset deletes them",
+        Stored::Damaged => "damaged data; Reset deletes it",
     }
 }
 
@@ -378,6 +389,20 @@ pub(crate) struct Found {
     decay_error: f64,
     /// Changes of speed that are not explained, as a share of all.
     residual: f64,
+    /// Largest acceleration before and as proposed, in counts/s²; `None` for no limit.
+    acceleration: [Option<u32>; 2],
+    /// The configured motor in the catalogue; `None` for other constants.
+    catalogue: Option<Bare>,
+}
+
+/// A motor of the catalogue without a load, beside an identified motor.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Bare {
+    name: &'static str,
+    #[serde(flatten)]
+    dynamics: Dynamics,
+    /// Inertia of the identified motor with its load, divided by that of this motor.
+    inertia_ratio: f64,
 }
 
 impl Message {
@@ -481,8 +506,7 @@ impl SettingsOf {
     ) -> Self {
         let number = |name| Field::named(name).map_or(0.0, |field| field.number_of(field.get(settings)));
         let (emf, ohms) = (number("emf_mv_s_per_count"), number("resistance_ohm"));
-        let known = motors()
-            .find(|known| (known.ke_fw() - emf).abs() < 1e-3 * emf && (known.r.0 - ohms).abs() < 2e-3);
+        let known = catalogue_motor(&settings.motor).map(|(known, _)| known);
         let [velocity, position] = loops.map(|Coefficients { p, i, d, f, .. }| {
             [p, i, d, f].map(|coefficient| f64::from(coefficient.to_bits()) / f64::from(1 << 16))
         });
@@ -520,13 +544,21 @@ impl Dynamics {
 }
 
 impl Found {
-    pub(crate) fn of(found: &Identified) -> Self {
+    pub(crate) fn of(found: &Identified, before: &MotorSettings, proposed: &MotorSettings) -> Self {
+        let catalogue = catalogue_motor(&before.motor).map(|(motor, bare)| Bare {
+            name: motor.name,
+            dynamics: Dynamics::of(bare),
+            inertia_ratio: inertia_ratio(&bare, &found.dynamics),
+        });
+        let acceleration = |of: &MotorSettings| of.motor.acceleration.map(Acceleration::get);
         Self {
             dynamics: Dynamics::of(found.dynamics),
             emf_mv_s_per_count: f64::from(found.emf.to_bits()) / f64::from(1 << 20),
             gain_error: f64::from(found.gain_error) / 1e3,
             decay_error: f64::from(found.decay_error) / 1e3,
             residual: f64::from(found.residual) / 1e3,
+            acceleration: [acceleration(before), acceleration(proposed)],
+            catalogue,
         }
     }
 }

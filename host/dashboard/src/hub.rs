@@ -1,5 +1,7 @@
 //! A session with a hub, and errors of its requests.
 
+#[cfg(feature = "server")]
+use motor_hub::protocol::Address;
 use motor_hub_client::{Error, Session};
 use std::fmt;
 use std::io::{Read, Write};
@@ -12,16 +14,20 @@ impl<T: Read + Write + Send + fmt::Debug> Port for T {}
 /// A session with a hub on any kind of line.
 pub type Hub = Session<Box<dyn Port>>;
 
-/// Opens a session with the hub at `HOST:PORT` or on a serial port, as [`Session::open`].
+/// Opens a session with a hub at `HOST:PORT` or on a serial port, as [`Session::open`]: with the hub that has this address, or
+/// with the parent.
 ///
 /// # Errors
-/// The line cannot be opened, or not exactly one hub answers as parent.
+/// The line cannot be opened, or without an address not exactly one hub answers as parent.
 #[cfg(feature = "server")]
-pub fn open(place: &str) -> Result<Hub, motor_hub_client::OpenError> {
+pub fn open(place: &str, address: Option<Address>) -> Result<Hub, motor_hub_client::OpenError> {
     /// Time-out of answers.
     const TIMEOUT: std::time::Duration = std::time::Duration::from_secs(1);
     let line: Box<dyn Port> = Box::new(motor_hub_client::Line::open(place, TIMEOUT)?);
-    Ok(Session::with_parent(line, TIMEOUT)?)
+    Ok(match address {
+        Some(address) => Session::new(line, address, TIMEOUT),
+        None => Session::with_parent(line, TIMEOUT)?,
+    })
 }
 
 /// Why an order was not executed.

@@ -15,6 +15,7 @@
 //! | `frame`, [`mod@outbox`] | messages to pages, and messages that wait for a page |
 //! | [`world`], [`scenario_player`] | changes to a simulated hub's motors and battery; a scenario's set-points |
 //! | [`settings_file`] | settings of a hub as TOML |
+//! | [`proposal`] | settings proposed for an identified motor, and the catalogue's motor beside it |
 //! | [`assets`] | the files of the page |
 //! | [`server`], `page_socket` | listener, with a thread for each connection; the socket of one page |
 //! | [`admission`], [`http`] | which requests are admitted; requests and answers as bytes |
@@ -32,7 +33,7 @@
 //!
 //! let server = Server::bind("127.0.0.1:0")?;
 //! println!("{}", server.url());
-//! let open = || hub::open("/dev/ttyACM0").map_err(|error| error.to_string());
+//! let open = || hub::open("/dev/ttyACM0", None).map_err(|error| error.to_string());
 //! server.run(Place::real("/dev/ttyACM0", open), &AtomicBool::new(false));
 //! # Ok::<(), dashboard::BindError>(())
 //! ```
@@ -50,6 +51,7 @@ pub mod outbox;
 #[cfg(feature = "server")]
 mod page_socket;
 pub mod pages;
+pub mod proposal;
 pub mod relay;
 pub mod requests;
 pub mod scenario_player;

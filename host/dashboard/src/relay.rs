@@ -3,21 +3,24 @@
 
 use crate::executor::{Changed, Executor, channel};
 use crate::frame::{
-    FaultEntry, Found, Frame, HubStatus, Learned, Message, MotorState, PointsAt, Welcome, refused,
+    FaultEntry, Found, Frame, HubStatus, Learned, Message, MotorState, PointsAt, Welcome, refused, stored,
+    stored_words,
 };
 use crate::hub::{Hub, RequestError};
 use crate::outbox::Outbox;
 use crate::pages::{Gone, Pages, Taken};
+use crate::proposal::proposal;
 use crate::requests::Order;
 use crate::scenario_player::{Playing, Script};
 use crate::settings_file;
-use crate::update::{LARGEST, Update};
+use crate::update::{LARGEST, Update, bytes_of};
 use crate::world::World;
 use motor_hub::extension::HubFunction;
-use motor_hub::protocol::CHANNELS;
 use motor_hub::protocol::motor::{Loop, RunMode};
+use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub::regulator::Kind;
 use motor_hub::regulator::identify::Identification;
+use motor_hub::store::Stored;
 use motor_hub_client::Error;
 use motor_hub_client::clock::Instant;
 use motor_hub_client::identification::{Identifying, Progress};
@@ -244,6 +247,10 @@ impl Relay {
     fn carry_out(&mut self, order: &Order) -> Result<(), String> {
         let Some(session) = &mut self.session else { return Err("the hub is not connected".to_owned()) };
         let done = match *order {
+            // A file may set another kind of set-point, whose value is an old one.
+            Order::Import { .. } if self.frame.motors.iter().any(|motor| motor.enabled) => {
+                Err("a motor is enabled: disable all motors by STOP, then import the file again".into())
+            }
             Order::Identify { motor, travel } => {
                 let begun = begin_to_learn(session, motor, travel);
                 begun.map(|learning| {
@@ -260,13 +267,14 @@ impl Relay {
                 _ => Err("there is no scenario to play: start the dashboard with --scenario FILE".into()),
             },
             Order::Firmware { offset, ref hex } => self.collect(offset, hex),
-            Order::Update { ref version } => {
+            Order::Update { ref version, ref seal } => {
                 let image = std::mem::take(&mut self.firmware);
-                Update::begin(session, image, version).map(|update| {
+                Update::begin(session, image, version, seal.as_ref()).map(|update| {
                     self.update = Some(update);
                     Changed::Nothing
                 })
             }
+            Order::Address { new } => self.set_address(new),
             Order::Save => self.store(HubFunction::Save),
             Order::Load => self.store(HubFunction::Load),
             Order::Reset => self.store(HubFunction::Reset),
@@ -301,11 +309,7 @@ impl Relay {
         if offset == 0 {
             self.firmware.clear();
         }
-        let pairs = hex.as_bytes().chunks(2);
-        let bytes =
-            pairs.map(|pair| str::from_utf8(pair).ok().and_then(|pair| u8::from_str_radix(pair, 16).ok()));
-        let bytes: Vec<u8> =
-            bytes.collect::<Option<_>>().ok_or("the part has other signs than hexadecimal digits")?;
+        let bytes = bytes_of(hex).ok_or("the part has other signs than hexadecimal digits")?;
         if offset != self.firmware.len() || offset + bytes.len() > LARGEST {
             return Err(format!(
                 "a part of the firmware begins at {offset}; expected is {}, and at most {LARGEST} bytes",
@@ -336,6 +340,29 @@ impl Relay {
             }
             Err(error) => self.lose(&error.to_string()),
         }
+    }
+
+    /// Gives the hub another address, and says how long the hub keeps it.
+    fn set_address(&mut self, new: i64) -> Result<Changed, RequestError> {
+        let Some(session) = &mut self.session else { return Ok(Changed::Nothing) };
+        let address = u8::try_from(new).ok().and_then(Address::new);
+        let address = address.ok_or_else(|| format!("an address is {new}; allowed is 1 to 254"))?;
+        session.set_address(address)?;
+        let kept = match stored(session)? {
+            Some(report) => match report.stored {
+                Stored::Later | Stored::Damaged => {
+                    format!("until the hub's next reset, because its memory has {}", stored_words(&report))
+                }
+                _ => "also after a reset; the stored settings of the motors are kept".to_owned(),
+            },
+            None => {
+                "at least until its next reset; it does not report whether it stores addresses".to_owned()
+            }
+        };
+        self.tell(
+            &Message::Notice { text: format!("the hub has address {new} {kept}"), grave: false }.text(),
+        );
+        Ok(Changed::Nothing)
     }
 
     /// Begins to save, load or reset the stored settings.
@@ -436,11 +463,7 @@ impl Relay {
         let opened = (self.place.open)().and_then(|mut session| {
             session.hurry(PATIENCE);
             let reports = session.report().map_err(|error| error.to_string())?.is_some();
-            let stores = match session.stored() {
-                Ok(_) => true,
-                Err(Error::Refused { .. } | Error::TooOld { .. }) => false,
-                Err(error) => return Err(error.to_string()),
-            };
+            let stores = stored(&mut session).map_err(|error| error.to_string())?.is_some();
             Ok((session, reports, stores))
         });
         match opened {
@@ -538,10 +561,12 @@ impl Relay {
         };
         match outcome {
             Identification::Found(found) => {
+                let (before, battery) = (session.settings(motor)?, session.battery()?);
+                let proposed = proposal(&before, &found.dynamics, battery);
                 if let Some(of) = self.executor.motors.get_mut(usize::from(motor)) {
-                    of.found = Some(found);
+                    of.proposed = Some((found.dynamics, proposed.motor.acceleration));
                 }
-                self.finish_learning("found", None, Some(Found::of(&found)));
+                self.finish_learning("found", None, Some(Found::of(&found, &before, &proposed)));
             }
             Identification::Refused(why) => self.finish_learning("refused", Some(why.to_string()), None),
             _ => self.finish_learning("refused", Some("the identification was interrupted".to_owned()), None),

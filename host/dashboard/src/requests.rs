@@ -61,6 +61,8 @@ pub enum Order {
         value: f64,
         /// Speed limit towards a position, in counts/s.
         speed: Option<f64>,
+        /// Largest distance to a position at which a motor can settle, in counts.
+        tolerance: Option<u16>,
         /// Behaviour at zero.
         #[serde(default, with = "ZeroPowerName")]
         zero: ZeroPower,
@@ -182,6 +184,11 @@ pub enum Order {
     ClearFaults,
     /// Asks for address, version, lamp and stored settings of the hub.
     Status,
+    /// Gives the hub another address.
+    Address {
+        /// Address, 1 to 254.
+        new: i64,
+    },
     /// Sets the colour of the hub's lamp.
     Led {
         /// Red, green and blue, 0 to 255 each.
@@ -198,6 +205,8 @@ pub enum Order {
     Update {
         /// Version text in the firmware.
         version: String,
+        /// Signature of the firmware; `None` for a hub that needs none.
+        seal: Option<SealFiles>,
     },
     /// Plays the scenario of a simulated hub from its beginning.
     Play,
@@ -230,6 +239,16 @@ impl Order {
                 | Self::Export
         )
     }
+}
+
+/// The files that sign new firmware, as hexadecimal digits.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SealFiles {
+    /// The signature: 64 bytes.
+    pub signature: String,
+    /// The signer's public key in DER, as OpenSSL writes it.
+    pub key: String,
 }
 
 /// Names of a [`RunMode`] in orders.

@@ -6,13 +6,14 @@
 //! ```
 
 use crate::hub::{Hub, RequestError};
+use crate::requests::SealFiles;
 use motor_hub::extension::HubFunction;
-use motor_hub::extension::state::UpdateReport;
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::payload::{TEXT, Text};
-use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Phase};
+use motor_hub::update::{Booted, CHUNK, CRC, Phase, Seal, public_key};
 use motor_hub_client::Error;
 use motor_hub_client::clock::Instant;
+use motor_hub_client::reasons::{why_not_armed, why_not_started, why_unfit};
 use serde::Serialize;
 use std::time::Duration;
 
@@ -61,14 +62,22 @@ enum Stage {
 
 impl Update {
     /// Announces an image to the hub. All motors must be disabled.
-    pub(crate) fn begin(session: &mut Hub, image: Vec<u8>, version: &str) -> Result<Self, RequestError> {
+    pub(crate) fn begin(
+        session: &mut Hub,
+        image: Vec<u8>,
+        version: &str,
+        files: Option<&SealFiles>,
+    ) -> Result<Self, RequestError> {
+        let seal = files.map(seal).transpose()?;
         let report = session.update_state().map_err(|error| match error {
             Error::Refused { reason: Nack::UNSUPPORTED | Nack::UNKNOWN, .. } | Error::TooOld { .. } => {
                 RequestError::from("the hub has no bootloader: flash new firmware through its debug probe")
             }
             error => error.into(),
         })?;
-        fits(&image, &report)?;
+        if let Some(why) = why_unfit(&image, &report) {
+            return Err(why.into());
+        }
         if report.phase == Phase::Armed {
             session.order(HubFunction::AbandonUpdate)?;
             return Err("an earlier update waited for a restart, and is abandoned: try again".into());
@@ -78,6 +87,12 @@ impl Update {
         let length = u32::try_from(image.len()).unwrap_or(u32::MAX);
         session.catch_up()?;
         session.order(HubFunction::BeginUpdate { length, crc: CRC.checksum(&image), version: announced })?;
+        if let Some(Seal { key, signature }) = seal
+            && let Err(error) = session.order(HubFunction::Sign { key, signature })
+        {
+            abandon(session);
+            return Err(error.into());
+        }
         let (version, stage) = (version.to_owned(), Stage::Sending(0));
         Ok(Self { image, version, stage, since: Instant::now() })
     }
@@ -103,8 +118,7 @@ impl Update {
             // A hub that starts may answer with garbage.
             Err(RequestError::Refused(_)) if self.restarts() => Ok(self.late()),
             Err(RequestError::Refused(why)) => {
-                // Should this fail too, the hub forgets the image at its next reset.
-                let _ = session.order(HubFunction::AbandonUpdate);
+                abandon(session);
                 Ok(Some(self.progress("failed", why)))
             }
             Err(RequestError::Hub(error)) => Err(error),
@@ -172,58 +186,47 @@ impl Update {
         if report.at_work || matches!(report.phase, Phase::Checking | Phase::Disarming) {
             return Ok(None);
         }
-        match (report.phase, report.outcome) {
-            (Phase::Armed, _) => {
-                session.order(HubFunction::Restart)?;
-                self.stage = Stage::Restarting;
-                Ok(self.running("The hub restarts with the new firmware, which takes some 20 s."))
-            }
-            (_, Outcome::Mismatch) => Err("the hub's flash reads back other bytes than were sent".into()),
-            (_, Outcome::Refused) => Err("the hub's flash refused the write".into()),
-            _ => Err("the hub has not accepted the firmware".into()),
+        if let Some(why) = why_not_armed(&report) {
+            return Err(why.into());
         }
+        session.order(HubFunction::Restart)?;
+        self.stage = Stage::Restarting;
+        Ok(self.running("The hub restarts with the new firmware, which takes some 20 s."))
     }
 
     fn returned(&self, session: &mut Hub) -> Result<Option<Progress>, RequestError> {
         let report = session.update_state()?;
-        if report.phase == Phase::Armed {
+        if report.phase == Phase::Armed || matches!(report.booted, Booted::OnTrial | Booted::Unknown) {
             return Ok(None);
         }
-        let failed = |why: String| Ok(Some(self.progress("failed", why)));
-        match report.booted {
-            Booted::OnTrial | Booted::Unknown => Ok(None),
-            Booted::Unconfirmable => failed(
-                "the new firmware runs, but the flash of the hub refuses its confirmation: the next reset restores the firmware before"
-                    .to_owned(),
-            ),
-            Booted::WentBack => failed(format!(
-                "{} did not confirm itself, and the hub returned to {}",
-                self.version,
-                session.version()?
-            )),
-            Booted::Confirmed => match session.version()? {
-                now if now == self.version => {
-                    Ok(Some(self.progress("done", format!("the hub runs {now}, confirmed"))))
-                }
-                now => failed(format!("the hub runs {now}, but the firmware sent is {}", self.version)),
-            },
-        }
+        let now = session.version()?;
+        Ok(Some(match why_not_started(report.booted, &self.version, &now) {
+            None => self.progress("done", format!("the hub runs {now}, confirmed")),
+            Some(why) => self.failed(&why),
+        }))
     }
 }
 
-/// Checks that the image fits the hub's slot.
-fn fits(image: &[u8], report: &UpdateReport) -> Result<(), String> {
-    let UpdateReport { origin, capacity, .. } = *report;
-    if image.len() > capacity as usize {
-        return Err(format!("the firmware has {} bytes; the hub's slot holds {capacity}", image.len()));
-    }
-    let entry = image.get(4..8).and_then(|word| word.try_into().ok()).map_or(0, u32::from_le_bytes);
-    if entry.wrapping_sub(origin) >= capacity {
-        return Err(format!(
-            "the firmware's code begins at {entry:#010x}, outside this hub's slot of {origin:#010x} to {:#010x}: \
-             it is for another chip, or not built for the bootloader",
-            origin.wrapping_add(capacity)
-        ));
-    }
-    Ok(())
+/// Makes the hub forget an image. Should this fail, the hub forgets the image at its next reset.
+fn abandon(session: &mut Hub) {
+    let _ = session.order(HubFunction::AbandonUpdate);
+}
+
+/// Bytes of hexadecimal digits.
+pub(crate) fn bytes_of(hex: &str) -> Option<Vec<u8>> {
+    let pairs = hex.as_bytes().chunks(2);
+    pairs.map(|pair| u8::from_str_radix(str::from_utf8(pair).ok()?, 16).ok()).collect()
+}
+
+/// The signature and the key of two files.
+fn seal(files: &SealFiles) -> Result<Seal, String> {
+    let (signature, key) = (bytes_of(&files.signature), bytes_of(&files.key));
+    let signature = signature.unwrap_or_default();
+    let length = signature.len();
+    let signature = signature
+        .try_into()
+        .map_err(|_| format!("the signature has {length} bytes; an Ed25519 signature has 64"))?;
+    let key = public_key(&key.unwrap_or_default())
+        .ok_or("the key is not an Ed25519 public key in DER; make it by openssl pkey -pubout -outform DER")?;
+    Ok(Seal { key, signature })
 }

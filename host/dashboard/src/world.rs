@@ -6,12 +6,12 @@
 //! let world = World::default();
 //! let order: WorldOrder = serde_json::from_str(r#"{"hold":{"motor":1,"held":true}}"#).unwrap();
 //! world.change(&order).unwrap();
-//! assert!(world.hands().motors[1].held);
+//! assert!(world.interventions().motors[1].held);
 //! ```
 
 use serde::{Deserialize, Serialize};
 use simulated::encoder::{Encoder, Wire};
-use simulated::serve::interventions::{Interventions as Hands, OnMotor};
+use simulated::serve::interventions::{Interventions, OnMotor};
 use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -24,7 +24,7 @@ pub const INERTIA_KG_M2: RangeInclusive<f64> = 0.0..=0.05;
 
 /// The changes in force, shared by the page's server and the simulation.
 #[derive(Clone, Debug, Default)]
-pub struct World(Arc<Mutex<Hands>>);
+pub struct World(Arc<Mutex<Interventions>>);
 
 /// An order that changes the world.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -110,14 +110,14 @@ struct MotorIs {
 impl World {
     /// The changes in force.
     #[must_use]
-    pub fn hands(&self) -> Hands {
+    pub fn interventions(&self) -> Interventions {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// State of the world, as sent to pages.
     #[must_use]
     pub fn is(&self) -> WorldIs {
-        let Hands { emf_v, motors, .. } = self.hands();
+        let Interventions { emf_v, motors, .. } = self.interventions();
         let encoder = |encoder| match encoder {
             Some(Encoder::Unplugged) => EncoderIs::Unplugged,
             Some(Encoder::Reversed) => EncoderIs::Reversed,
@@ -135,8 +135,8 @@ impl World {
 
     /// Restarts the scenario and drops all changes.
     pub(crate) fn restart(&self) {
-        let mut hands = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        *hands = Hands { restarts: hands.restarts.wrapping_add(1), ..Hands::default() };
+        let mut now = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        *now = Interventions { restarts: now.restarts.wrapping_add(1), ..Interventions::default() };
     }
 
     /// Applies an order.
@@ -144,8 +144,8 @@ impl World {
     /// # Errors
     /// A text with the value that is out of range, and the allowed range.
     pub fn change(&self, order: &WorldOrder) -> Result<(), String> {
-        let mut hands = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut wanted = *hands;
+        let mut now = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut wanted = *now;
         match *order {
             WorldOrder::Battery { volts } => wanted.emf_v = within("a battery", volts, BATTERY_V, "V")?,
             WorldOrder::Torque { motor, nm } => {
@@ -157,15 +157,17 @@ impl World {
             }
             WorldOrder::Hold { motor, held } => on(&mut wanted, motor)?.held = held,
             WorldOrder::Encoder { motor, is } => on(&mut wanted, motor)?.encoder = Some(is.into()),
-            WorldOrder::Reset => wanted = Hands { restarts: wanted.restarts, ..Hands::default() },
+            WorldOrder::Reset => {
+                wanted = Interventions { restarts: wanted.restarts, ..Interventions::default() }
+            }
         }
-        *hands = wanted;
+        *now = wanted;
         Ok(())
     }
 }
 
-fn on(hands: &mut Hands, motor: u8) -> Result<&mut OnMotor, String> {
-    hands
+fn on(interventions: &mut Interventions, motor: u8) -> Result<&mut OnMotor, String> {
+    interventions
         .motors
         .get_mut(usize::from(motor))
         .ok_or_else(|| format!("there is no motor {motor}; allowed is 0 to 3"))

@@ -69,7 +69,7 @@ fn a_hub_of_another_maker_is_driven_and_what_it_does_not_tell_is_left_out() {
     let hub = foreign_hub();
     let server = Server::bind("127.0.0.1:0").unwrap();
     let (host, url) = (server.address().to_string(), server.url());
-    let open = move || dashboard::hub::open(&hub).map_err(|error| error.to_string());
+    let open = move || dashboard::hub::open(&hub, None).map_err(|error| error.to_string());
     std::thread::spawn(move || server.run(Place::real("elsewhere", open), &AtomicBool::new(false)));
     let query = url.split_once('?').unwrap().1;
     let mut request = format!("ws://{host}/ws?{query}").into_client_request().unwrap();

@@ -153,9 +153,9 @@ impl Simulation {
         let (line, host) = serve::Line::within_process();
         let hub = async move {
             let Ok(scenario) = Scenario::to_serve() else { return };
-            let mut hands = |now: &mut _| *now = world.hands();
+            let mut change = |now: &mut _| *now = world.interventions();
             // The scenario of the program itself has no errors, as its tests make sure.
-            let _ = serve::steps(&scenario, Address::DEFAULT, line, None, &mut hands, &mut |_| true).await;
+            let _ = serve::steps(&scenario, Address::DEFAULT, line, None, &mut change, &mut |_| true).await;
         };
         Self { hub: Box::pin(hub), host, begun_ms: now_ms() as i64, steps: 0 }
     }

@@ -7,18 +7,17 @@ use super::motors_off::DrivingSession;
 use super::readings::Live;
 use crate::output::{Failure, print, print_json};
 use crate::parse::{channel, whole};
+use dashboard::proposal::{catalogue_motor, inertia_ratio, proposal};
 use motor_hub::extension::settings::MotorSettings;
-use motor_hub::model::catalogue::{Motor, motors};
-use motor_hub::model::load::Load;
+use motor_hub::model::catalogue::Motor;
 use motor_hub::motor::Settings;
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified};
-use motor_hub::units::{Acceleration, Millivolts};
+use motor_hub::units::Acceleration;
 use motor_hub_client::Session;
 use motor_hub_client::identification::{Identifying, Progress};
 use motor_hub_client::line::Line;
 use serde_json::{Value, json};
-use simulated::hardware::{BRIDGE, mechanics, winding};
 use std::time::{Duration, Instant};
 use studies::identify::{self, found_table, words};
 use studies::table;
@@ -36,9 +35,6 @@ are in force until the hub's reset; coefficients set by a host are dropped.";
 
 /// Time-out of an identification; the slowest motor needs half of it.
 const LONGEST: Duration = Duration::from_secs(30);
-
-/// Proposed acceleration, as a share of the acceleration that the battery gives a motor at rest.
-const SHARE: f64 = 0.5;
 
 /// Motor, travel limit, and use of the result.
 #[derive(clap::Args)]
@@ -135,7 +131,7 @@ impl Options {
         let load = match bare {
             Some((motor, dynamics)) => format!(
                 "With its load it has {:.2} times the inertia of a bare {}\n",
-                inertia(dynamics, &found.dynamics),
+                inertia_ratio(dynamics, &found.dynamics),
                 motor.name
             ),
             None => "The catalogue has no motor with the configured constants\n".to_owned(),
@@ -166,7 +162,7 @@ impl Options {
         if let Some(object) = document.as_object_mut() {
             object.insert("motor".into(), json!(self.motor));
             object.insert("catalogue".into(), json!(bare.map(|(motor, _)| motor.name)));
-            let times = bare.map(|(_, dynamics)| inertia(dynamics, &found.dynamics));
+            let times = bare.map(|(_, dynamics)| inertia_ratio(dynamics, &found.dynamics));
             object.insert("inertia_to_bare_motor".into(), json!(times));
             object.insert("now".into(), motion_json(before));
             object.insert("proposed".into(), motion_json(after));
@@ -174,30 +170,6 @@ impl Options {
         }
         document
     }
-}
-
-/// The settings proposed for a motor with these dynamics.
-fn proposal(before: &MotorSettings, dynamics: &Dynamics, battery: Millivolts) -> MotorSettings {
-    let volts = f64::from(battery.get().saturating_sub(dynamics.friction.get())) / 1e3;
-    let limit = SHARE * volts * f64::from(dynamics.gain.to_f32());
-    let acceleration = Acceleration::new(limit.round().max(1.0) as u32).ok();
-    let motor = Settings { dynamics: Some(*dynamics), acceleration, ..before.motor };
-    MotorSettings { motor, ..*before }
-}
-
-/// The configured motor of the catalogue, and its dynamics without a load.
-fn catalogue_motor(settings: &Settings) -> Option<(Motor, Dynamics)> {
-    let (motor, winding) = motors().find_map(|motor| {
-        let winding = winding(&motor).ok()?;
-        (winding == settings.winding).then_some((motor, winding))
-    })?;
-    let bare = motor.with_measured_rotor_inertia();
-    Some((motor, Dynamics::from_mechanics(&winding, &BRIDGE, &mechanics(&bare, &Load::NONE)).ok()?))
-}
-
-/// Inertia with load, divided by the inertia of the bare motor: the inverse ratio of their accelerations per volt.
-fn inertia(bare: &Dynamics, found: &Dynamics) -> f64 {
-    f64::from(bare.gain.to_f32()) / f64::from(found.gain.to_f32())
 }
 
 /// A motion as rows of a table.

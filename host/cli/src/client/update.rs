@@ -10,8 +10,9 @@ use image::Image;
 use indicatif::ProgressBar;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::protocol::Nack;
-use motor_hub::update::{Booted, Outcome, Phase, Seal};
+use motor_hub::update::{Booted, Phase, Seal};
 use motor_hub_client::line::Line;
+use motor_hub_client::reasons::{why_not_armed, why_not_started, why_unfit};
 use motor_hub_client::{Error, Session};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -93,30 +94,14 @@ impl Options {
         send(session, &image, seal)?;
         session.restart()?;
         let after = returned(session)?;
-        let done = match after.booted {
-            Booted::WentBack => Err(format!(
-                "{} did not confirm itself, and the hub returned to {}",
-                image.version,
-                session.version()?
-            )),
-            _ if after.phase == Phase::Armed => Err("the hub did not restart".to_owned()),
-            Booted::Confirmed => Ok(session.version()?),
-            Booted::OnTrial | Booted::Unknown => {
-                Err("the new firmware runs, but has not confirmed itself".to_owned())
-            }
-            Booted::Unconfirmable => Err(
-                "the new firmware runs, but the flash of the hub refuses its confirmation: the next reset restores the firmware before".to_owned(),
-            ),
+        let now = session.version()?;
+        let why = match after.phase {
+            Phase::Armed => Some("the hub did not restart".to_owned()),
+            _ => why_not_started(after.booted, &image.version, &now),
         };
-        match done {
-            Ok(now) if now == image.version => {
-                Ok(print(&format!("before: {before}\nnow:    {now}, confirmed\n"))?)
-            }
-            Ok(now) => {
-                Err(Failure::Work(format!("the hub runs {now}, but the image sent is {}", image.version))
-                    .into())
-            }
-            Err(why) => Err(Failure::Work(why).into()),
+        match why {
+            None => Ok(print(&format!("before: {before}\nnow:    {now}, confirmed\n"))?),
+            Some(why) => Err(Failure::Work(why).into()),
         }
     }
 }
@@ -133,25 +118,13 @@ fn no_bootloader(error: Error) -> ClientError {
 
 /// Checks that the image fits this hub's slot.
 fn fits(image: &Image, report: &UpdateReport) -> Result<(), Failure> {
-    let UpdateReport { origin, capacity, .. } = *report;
+    let origin = report.origin;
     if let Some(linked) = image.origin.filter(|linked| *linked != origin) {
         return Err(Failure::Input(format!(
             "the image is linked to {linked:#010x}, but this hub's images begin at {origin:#010x}: build it for the bootloader"
         )));
     }
-    if image.bytes.len() > capacity as usize {
-        let length = image.bytes.len();
-        return Err(Failure::Input(format!("the image has {length} bytes; the hub's slot holds {capacity}")));
-    }
-    let entry = image.entry().unwrap_or_default();
-    if entry.wrapping_sub(origin) >= capacity {
-        return Err(Failure::Input(format!(
-            "the image's code begins at {entry:#010x}, outside this hub's slot of {origin:#010x} to {:#010x}: \
-             the image is for another chip, or not built for the bootloader",
-            origin.wrapping_add(capacity)
-        )));
-    }
-    Ok(())
+    why_unfit(&image.bytes, report).map_or(Ok(()), |why| Err(Failure::Input(why)))
 }
 
 fn send(session: &mut Session<Line>, image: &Image, seal: Option<Seal>) -> Result<(), ClientError> {
@@ -163,15 +136,7 @@ fn send(session: &mut Session<Line>, image: &Image, seal: Option<Seal>) -> Resul
         interrupt::wait(Instant::now()).map_err(ClientError::from)
     });
     bar.finish_and_clear();
-    let report = report?;
-    let why = match (report.phase, report.outcome) {
-        (Phase::Armed, _) => return Ok(()),
-        (_, Outcome::Mismatch) => "the hub's flash reads back other bytes than were sent",
-        (_, Outcome::WrongSignature) => "the signature is not of this file by the hub's key",
-        (_, Outcome::Refused) => "the hub's flash refused the write",
-        _ => "the hub has not finished the check; it checks a signature only while all motors are disabled",
-    };
-    Err(Failure::work(why).into())
+    why_not_armed(&report?).map_or(Ok(()), |why| Err(Failure::work(why).into()))
 }
 
 /// Waits until the hub answers again, and has confirmed the new firmware or returned to the former one.

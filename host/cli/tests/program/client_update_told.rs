@@ -13,10 +13,10 @@ pub(crate) const SLOT: Slot =
     Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
 
 /// Public key as OpenSSL writes it.
-const KEY: &[u8] = include_bytes!("../../../../tests/update/signed/public.der");
+pub(crate) const KEY: &[u8] = include_bytes!("../../../../tests/update/signed/public.der");
 
 /// Bytes that the fake flash accepts as the owner's signature of any image.
-const SIGNATURE: [u8; 64] = [7; 64];
+pub(crate) const SIGNATURE: [u8; 64] = [7; 64];
 
 /// Protocol code of a hub that was started in this way, with this slot.
 fn started(slot: Slot, booted: Booted) -> Responder<4> {

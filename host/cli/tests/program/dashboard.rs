@@ -6,9 +6,12 @@
     reason = "a failed access is a failed test"
 )]
 
-use crate::client_update_told::{RUNS, SLOT, goes_back, good, image, serve};
+use crate::client_update_told::{KEY, RUNS, SIGNATURE, SLOT, goes_back, good, image, serve};
 use crate::conformance::Hub;
+use crate::hub_support::{Hub as FakeHub, Server};
 use crate::page::Dashboard;
+use motor_hub::extension::settings::Group;
+use motor_hub::update::{Slot, public_key};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, ErrorKind};
 use std::net::TcpStream;
@@ -384,16 +387,119 @@ fn settings_that_a_page_saves_are_in_force_when_the_hub_starts_again() {
     assert!(page.refused("save", Value::Null).contains("store its settings"));
 }
 
+#[test]
+fn a_hub_keeps_its_new_address_and_its_stored_settings() {
+    let store =
+        std::env::temp_dir().join(format!("motor-hub-dashboard-address-{}.store", std::process::id()));
+    let says = |page: &mut Page, fields: Value, words: &str| {
+        page.order("address", fields);
+        page.until(words, |_, message| message["text"].as_str().is_some_and(|text| text.contains(words)));
+    };
+    let mut dashboard = Dashboard::start(&["--store", store.to_str().unwrap()]);
+    let mut page = Page::ready(&dashboard);
+    page.order("set-up", json!({ "motor": 1, "name": "Core Hex", "scheme": "C", "duty": "linear-duty" }));
+    page.order("save", Value::Null);
+    page.until("saved settings", |_, message| message["text"] == "settings are saved");
+    for (given, shown) in [(json!(0), "0"), (json!(255), "255"), (json!(3000), "3000")] {
+        let why = page.refused("address", json!({ "new": given }));
+        assert_eq!(why, format!("an address is {shown}; allowed is 1 to 254"));
+    }
+    let kept = "the hub has address 9 also after a reset; the stored settings of the motors are kept";
+    says(&mut page, json!({ "new": 9 }), kept);
+    page.run(0);
+    page.order("stop", Value::Null);
+    page.off("stopped");
+    // The hub writes its address after the answer.
+    page.stay(Duration::from_millis(300));
+    dashboard.end();
+
+    let again = Dashboard::start(&["--store", store.to_str().unwrap()]);
+    let mut page = Page::ready(&again);
+    page.order("status", Value::Null);
+    let status = page.until("a status", |_, message| message["kind"] == "status");
+    assert_eq!((&status["address"], &status["differs"]), (&json!(9), &json!(false)), "{status}");
+    drop((page, again));
+    // The address may be given instead of found.
+    let given = Dashboard::start(&["--store", store.to_str().unwrap(), "--address", "9"]);
+    Page::ready(&given);
+    std::fs::remove_file(&store).unwrap();
+
+    let other = Dashboard::start(&[]);
+    let unknown = "at least until its next reset; it does not report whether it stores addresses";
+    says(&mut Page::ready(&other), json!({ "new": 9 }), unknown);
+}
+
+#[test]
+fn an_import_that_the_hub_refuses_half_way_changes_nothing_and_says_which_motor_was_refused() {
+    let mut hub = FakeHub::new();
+    // The hub refuses the current limit of motor 2, as if it had no such motor.
+    hub.change = |packet| {
+        if packet.id == Group::CurrentLimit.set_id() && packet.payload.first() == Some(&2) {
+            packet.payload[0] = 9;
+        }
+    };
+    let server = Server::start(hub);
+    let dashboard = Dashboard::start(&["--tcp", &server.address]);
+    let mut page = Page::ready(&dashboard);
+    let before = export(&mut page);
+    let after = before.replace("scheme = \"A\"", "scheme = \"B\"");
+    assert_ne!(before, after);
+    let why = page.refused("import", json!({ "text": after }));
+    assert!(
+        why.starts_with("motor 2: ") && why.ends_with("; the settings before the import are in force"),
+        "{why}"
+    );
+    assert_eq!(export(&mut page), before);
+    assert_eq!(page.refused("undo", json!({ "motor": 0 })), "there is nothing to undo");
+    // A file that the hub accepts is in force, and an undo takes it back for its motor.
+    server.hub().change = |_| ();
+    page.order("import", json!({ "text": after }));
+    page.until("an import", |_, message| {
+        message["text"].as_str().is_some_and(|text| text.starts_with("the settings of the file"))
+    });
+    assert_eq!(export(&mut page), after);
+    page.order("undo", json!({ "motor": 3 }));
+    page.until("an undo", |_, message| message["text"].as_str().is_some_and(|text| text.contains("undone")));
+    assert_eq!(
+        export(&mut page),
+        [after.rsplit_once("\n[[motor]]").unwrap().0, before.rsplit_once("\n[[motor]]").unwrap().1]
+            .join("\n[[motor]]")
+    );
+}
+
+#[test]
+fn settings_are_not_imported_while_a_motor_runs() {
+    let dashboard = Dashboard::start(&[]);
+    let mut page = Page::ready(&dashboard);
+    let file = export(&mut page);
+    page.run(0);
+    assert!(page.refused("import", json!({ "text": file })).starts_with("a motor is enabled"));
+}
+
+/// The settings in force as a file.
+fn export(page: &mut Page) -> String {
+    page.order("export", Value::Null);
+    page.until("a file", |_, message| message["kind"] == "file")["text"].as_str().unwrap().to_owned()
+}
+
 /// Sends an image of 3000 bytes more as a page does, and returns the last message of the update.
 fn update(page: &mut Page, image: &[u8]) -> Value {
+    update_signed(page, image, Value::Null)
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// As [`update`], with a signature and its key.
+fn update_signed(page: &mut Page, image: &[u8], seal: Value) -> Value {
     let mut image = image.to_vec();
     image.resize(image.len() + 3000, 0xA5);
     let version = String::from_utf8_lossy(&image[8..]).split('\0').next().unwrap().to_owned();
     for (index, part) in image.chunks(1000).enumerate() {
-        let hex: String = part.iter().map(|byte| format!("{byte:02x}")).collect();
-        page.order("firmware", json!({ "offset": 1000 * index, "hex": hex }));
+        page.order("firmware", json!({ "offset": 1000 * index, "hex": hex(part) }));
     }
-    page.order("update", json!({ "version": version }));
+    page.order("update", json!({ "version": version, "seal": seal }));
     let (mut frames, mut percents) = (0, Vec::new());
     let end = page.until("the update's end", |_, message| {
         frames += u32::from(message["kind"] == "frame");
@@ -405,7 +511,8 @@ fn update(page: &mut Page, image: &[u8]) -> Value {
         }
         message["kind"] == "update" && message["state"] != "running"
     });
-    if end["kind"] == "update" {
+    // An image that the hub takes whole.
+    if end["percent"] == 100 {
         assert!(percents.is_sorted() && percents.len() > 5, "{percents:?}");
         assert!(frames > 5, "{frames} frames during the update");
     }
@@ -420,7 +527,7 @@ fn new_firmware_is_sent_while_frames_go_on_and_the_page_says_what_came_of_it() {
     let done = update(&mut page, &image(RUNS));
     assert!(done["state"] == "done" && done["text"].as_str().unwrap().contains("confirmed"), "{done}");
     let other = update(&mut page, &image("mh9.9.9"));
-    assert!(other["text"].as_str().unwrap().contains("but the firmware sent is HW"), "{other}");
+    assert!(other["text"].as_str().unwrap().contains("but the image sent is HW"), "{other}");
 
     let server = serve(SLOT, goes_back);
     let dashboard = Dashboard::start(&["--tcp", &server.address]);
@@ -430,6 +537,29 @@ fn new_firmware_is_sent_while_frames_go_on_and_the_page_says_what_came_of_it() {
         back["text"].as_str().unwrap().contains("did not confirm itself, and the hub returned to"),
         "{back}"
     );
+}
+
+#[test]
+fn a_hub_with_a_key_takes_only_signed_firmware_from_a_page() {
+    let server = serve(Slot { signer: public_key(KEY), ..SLOT }, good);
+    let dashboard = Dashboard::start(&["--tcp", &server.address]);
+    let mut page = Page::ready(&dashboard);
+    let seal = |signature: &[u8], key: &[u8]| json!({ "signature": hex(signature), "key": hex(key) });
+    let other: Vec<u8> =
+        KEY.iter().enumerate().map(|(at, byte)| if at < 12 { *byte } else { byte ^ 1 }).collect();
+    for (seal, says) in [
+        (Value::Null, "must be signed, and is not"),
+        (seal(&[8; 64], KEY), "the signature is not of this file by the hub's key"),
+        (seal(&SIGNATURE, &other), "the signature is by another key than the hub's"),
+        (seal(&SIGNATURE[1..], KEY), "the signature has 63 bytes; an Ed25519 signature has 64"),
+        (seal(&SIGNATURE, b"-----BEGIN"), "the key is not an Ed25519 public key in DER"),
+    ] {
+        let refused = update_signed(&mut page, &image(RUNS), seal);
+        let why = refused["why"].as_str().or(refused["text"].as_str()).unwrap();
+        assert!(refused["state"] != "done" && why.contains(says), "{refused}");
+    }
+    let done = update_signed(&mut page, &image(RUNS), seal(&SIGNATURE, KEY));
+    assert!(done["state"] == "done" && done["text"].as_str().unwrap().contains("confirmed"), "{done}");
 }
 
 #[test]

@@ -131,6 +131,7 @@ fn space_in_a_field_stops_nothing() {
         drive(tab, 1, 500);
         tab.ask("document.querySelector('#group-speed').focus()");
         tab.click("#tab-group");
+        tab.click("#panel-group .parts > details:nth-child(2) > summary");
         tab.ask("document.querySelector('#group-speed').focus()");
         tab.press(SPACE);
         std::thread::sleep(Duration::from_millis(300));
@@ -143,7 +144,8 @@ fn space_in_a_field_stops_nothing() {
 fn everything_is_in_sight_and_nothing_lies_over_anything_else() {
     with_page("boxes", |tab| {
         drive(tab, 0, 800);
-        tab.ask("document.querySelector('#all-settings').open = true");
+        // Also all parts of which the user opens one at a time.
+        tab.ask("document.querySelectorAll('#panel details').forEach((one) => { one.removeAttribute('name'); one.open = true; })");
         for (width, height, name) in [(1280, 1000, "wide"), (768, 1024, "tablet"), (390, 844, "phone")] {
             tab.resize(width, height);
             std::thread::sleep(Duration::from_millis(300));
@@ -272,8 +274,20 @@ fn a_motor_is_identified_and_what_was_found_predicts_what_was_measured() {
         println!("predicted is off by {:.1} % of what was measured", 100.0 * off);
         assert!(off < 0.1, "predicted is off by {off} of what was measured");
         tab.picture(&pictures().join("learn.png"), true);
+        let about = "document.querySelector('#learn-about').textContent";
+        let text = tab.ask(about).as_str().unwrap().to_owned();
+        println!("{text}");
+        let name = tab.ask("dashboard.state.settings[0].name").as_str().unwrap().to_owned();
+        assert!(text.contains(&format!("times the inertia of a bare {name}")), "{text}");
+        tab.resize(1366, 768);
+        in_sight(tab, "an identified motor");
         tab.click("#panel-learn .row button:nth-child(2)");
         tab.wait("dashboard.state.settings[0].undoable === 1");
+        // The proposed acceleration is in force too.
+        let limit =
+            tab.ask(&format!("Number({about}.match(/proposed ([0-9 ]+) counts/)[1].replaceAll(' ', ''))"));
+        assert_eq!(tab.ask("dashboard.state.settings[0].acceleration"), limit);
+        assert_eq!(tab.ask("dashboard.state.settings[0].dynamics.gain > 0"), true);
         assert_eq!(tab.ask(&motor(0, "enabled")), false);
     });
 }
@@ -420,15 +434,27 @@ fn motors_plots_and_the_panel_in_use_are_in_sight_at_1366_by_768() {
         tab.resize(1366, 768);
         for panel in PANELS {
             tab.click(&format!("#tab-{panel}"));
-            std::thread::sleep(Duration::from_millis(200));
-            let hidden = tab.ask(
-                "[...document.querySelectorAll('.card, .chart, #panel button, #panel input')] \
-                    .filter((e) => e.checkVisibility() && e.getBoundingClientRect().bottom > innerHeight).length",
-            );
-            assert_eq!(hidden, 0, "{panel}");
-            assert_eq!(tab.ask("document.documentElement.scrollHeight <= innerHeight"), true, "{panel}");
+            in_sight(tab, panel);
+        }
+        for (panel, parts) in [("group", 3), ("hub", 5)] {
+            tab.click(&format!("#tab-{panel}"));
+            for part in (1..=parts).rev() {
+                tab.click(&format!("#panel-{panel} .parts > details:nth-child({part}) > summary"));
+                in_sight(tab, panel);
+            }
         }
     });
+}
+
+/// Checks that motors, plots and the panel in use are whole in the window.
+fn in_sight(tab: &mut Tab<'_>, panel: &str) {
+    std::thread::sleep(Duration::from_millis(200));
+    let hidden = tab.ask(
+                "[...document.querySelectorAll('.card, .chart, #panel button, #panel input, #panel tr, .parts p')] \
+                    .filter((e) => e.checkVisibility() && e.getBoundingClientRect().bottom > innerHeight).length",
+            );
+    assert_eq!(hidden, 0, "{panel}");
+    assert_eq!(tab.ask("document.documentElement.scrollHeight <= innerHeight"), true, "{panel}");
 }
 
 #[test]

@@ -1,12 +1,14 @@
 //! The panels of `motor-hub dashboard` in a real browser.
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-use crate::browser::page::{drive, live, motor, off, pictures};
+use crate::browser::page::{drive, live, motor, mouse, off, pictures, point};
 use crate::browser::{Browser, Tab, find};
-use crate::client_update_told::{RUNS, SLOT, good, image, serve};
+use crate::client_update_told::{KEY, RUNS, SIGNATURE, SLOT, good, image, serve};
 use crate::common::alone;
 use crate::dashboard_browser::{ESCAPE, with_page};
 use crate::page::Dashboard;
+use motor_hub::update::{Slot, public_key};
+use serde_json::json;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
@@ -92,6 +94,7 @@ fn saved(tab: &mut Tab<'_>) -> String {
 fn settings_are_exported_changed_and_imported() {
     with_page("settings-file", |tab| {
         tab.click("#tab-hub");
+        open(tab, "Settings of all motors");
         tab.ask(CATCH);
         press(tab, "Export to a file");
         let text = saved(tab);
@@ -102,6 +105,13 @@ fn settings_are_exported_changed_and_imported() {
         choose(tab, "#settings-file", "wrong.toml", "schema_version = 99");
         tab.wait("document.querySelector('#notice').textContent.includes('schema_version is 99')");
     });
+}
+
+/// Opens a part of the panel in use.
+fn open(tab: &mut Tab<'_>, words: &str) {
+    tab.ask(&format!(
+        "[...document.querySelectorAll('#panel summary')].find((one) => one.checkVisibility() && one.textContent === '{words}').click(); 0"
+    ));
 }
 
 /// Clicks the button with these words.
@@ -117,13 +127,14 @@ fn press(tab: &mut Tab<'_>, words: &str) {
 fn faults_are_listed_with_their_explanation() {
     with_page("faults", |tab| {
         tab.click("#tab-hub");
+        open(tab, "Faults and resets");
         press(tab, "Show faults");
-        tab.wait("document.querySelector('#panel-hub [role=status]').textContent.startsWith('No faults')");
+        tab.wait("document.querySelector('#hub-faults').textContent.startsWith('No faults')");
         drive(tab, 1, 600);
         tab.ask("dashboard.link.order('world', { encoder: { motor: 1, is: 'unplugged' } })");
         tab.wait(&motor(1, "fault"));
         press(tab, "Show faults");
-        let first = "document.querySelector('#panel-hub details')";
+        let first = "document.querySelector('#hub-faults details')";
         tab.wait(&format!("{first}?.textContent.includes('2 no counts although driven, motor 1')"));
         assert!(tab.ask(&format!("{first}.textContent.includes('Look at the shaft first')")) == true);
     });
@@ -148,12 +159,17 @@ fn a_position_and_its_set_point_are_plotted() {
     with_page("position", |tab| {
         tab.click("#curves-button");
         tab.click("#curves .row:nth-child(1) button:nth-of-type(2)");
+        tab.fill("#motion-speed", "400");
+        tab.fill("#motion-zero", "float");
         tab.fill("#motors .card:nth-child(1) [aria-label^=Mode]", "position");
         tab.fill("#motors .card:nth-child(1) input[type=number]", "600");
+        tab.ask("(() => { window.fastest = 0; const { hear } = dashboard.link; dashboard.link.hear = (message) => { hear(message); if (message.kind === 'frame') fastest = Math.max(fastest, message.motors[0].velocity); }; })()");
         tab.click("#motors .card:nth-child(1) .run");
         tab.wait(&format!("Math.abs({} - 600) < 12", motor(0, "position")));
         let label = "document.querySelector('.chart[aria-label^=Position]').getAttribute('aria-label')";
         tab.wait(&format!("{label}.includes('set-point 600')"));
+        let fastest = tab.ask("fastest").as_f64().unwrap();
+        assert!((300.0..450.0).contains(&fastest), "{fastest} counts/s with a limit of 400");
     });
 }
 
@@ -286,7 +302,7 @@ fn every_setting_has_a_field_that_changes_it_and_undo_restores_it() {
 }
 
 #[test]
-fn the_hub_panel_says_what_the_hub_is_and_sets_its_lamp() {
+fn the_hub_panel_says_what_the_hub_is_and_sets_its_lamp_and_its_address() {
     with_page("status", |tab| {
         tab.click("#tab-hub");
         tab.wait("/version.*HW: 20.*address.*2/.test(document.querySelector('#panel-hub').textContent)");
@@ -296,6 +312,11 @@ fn the_hub_panel_says_what_the_hub_is_and_sets_its_lamp() {
         tab.ask("document.querySelector('#hub-lamp').value = '#000000'");
         tab.click("#tab-hub");
         tab.wait("document.querySelector('#hub-lamp').value === '#102030'");
+        tab.fill("#hub-address", "9");
+        press(tab, "Set");
+        tab.wait("document.querySelector('#notice').textContent.startsWith('The hub has address 9 ')");
+        tab.wait("/address.*9/.test(document.querySelector('#panel-hub table').textContent)");
+        open(tab, "Faults and resets");
         press(tab, "Clear");
         tab.wait("document.querySelector('#notice').textContent === 'The record of faults is cleared.'");
     });
@@ -305,12 +326,14 @@ fn the_hub_panel_says_what_the_hub_is_and_sets_its_lamp() {
 fn new_firmware_is_chosen_as_a_file_and_its_progress_is_shown() {
     let Some(program) = find() else { return };
     let _alone = alone();
-    let server = serve(SLOT, good);
+    // Once restarted, this hub has no key.
+    let server = serve(Slot { signer: public_key(KEY), ..SLOT }, good);
     let dashboard = Dashboard::start(&["--tcp", &server.address]);
     let mut browser = Browser::start(&program, "firmware");
     let mut tab = browser.open(&dashboard.url, 1280, 1000);
     live(&mut tab);
     tab.click("#tab-hub");
+    open(&mut tab, "New firmware");
     let says = "document.querySelector('#firmware-file').closest('.stack').querySelector('[role=status]').textContent";
     choose(&mut tab, "#firmware-file", "hub.bin", "no firmware");
     tab.wait(&format!("{says}.startsWith('hub.bin: it is no motor-hub firmware')"));
@@ -323,13 +346,28 @@ fn new_firmware_is_chosen_as_a_file_and_its_progress_is_shown() {
         [b"\x7FELF\x01\x01\x01".as_slice(), &[0; 9], &words(&[0x28_0002, 1, 0, 52, 0, 0, 0x20_0034, 1])]
             .concat();
     let segment = words(&[1, 84, SLOT.origin, SLOT.origin, length, length, 5, 4]);
-    let image = [&*header, &[0; 4], &segment, &image].concat();
+    let elf = [&*header, &[0; 4], &segment, &image].concat();
+    let give = |tab: &mut Tab<'_>, field: &str, bytes: &[u8]| {
+        tab.ask(&format!(
+            "(() => {{ const field = document.querySelector('{field}'); const kept = new DataTransfer(); \
+             kept.items.add(new File([new Uint8Array({bytes:?})], 'given')); field.files = kept.files; field.dispatchEvent(new Event('change')); }})()"
+        ));
+    };
+    give(&mut tab, "#firmware-signature", &SIGNATURE);
+    give(&mut tab, "#firmware-file", &image);
+    tab.wait(&format!("{says}.endsWith('choose the key too.')"));
+    give(&mut tab, "#firmware-key", KEY);
+    give(&mut tab, "#firmware-file", &elf);
+    tab.wait(&format!("{says}.includes('a signature needs raw bytes')"));
+    give(&mut tab, "#firmware-file", &image);
+    tab.wait(&format!("{says}.startsWith('The update is done: the hub runs HW')"));
+    press(&mut tab, "Neither");
     tab.ask(&format!(
         "(() => {{ window.seen = []; new MutationObserver(() => seen.push({says})).observe(document.querySelector('#firmware-file').closest('.stack'), {{ childList: true, subtree: true, characterData: true }}); \
-         const field = document.querySelector('#firmware-file'); const kept = new DataTransfer(); \
-         kept.items.add(new File([new Uint8Array({image:?})], 'hub.bin')); field.files = kept.files; field.dispatchEvent(new Event('change')); }})()"
+         }})()"
     ));
-    tab.wait(&format!("{says}.startsWith('The update is done: the hub runs HW')"));
+    give(&mut tab, "#firmware-file", &elf);
+    tab.wait(&format!("seen.length && {says}.startsWith('The update is done: the hub runs HW')"));
     tab.wait("seen.some((text) => /^The firmware is sent. [1-9][0-9] %$/.test(text))");
     assert_eq!(
         tab.ask("document.querySelector('#firmware-file').closest('.stack').querySelector('progress').value"),
@@ -339,12 +377,70 @@ fn new_firmware_is_chosen_as_a_file_and_its_progress_is_shown() {
 }
 
 #[test]
+fn a_held_button_drives_and_everything_that_releases_it_stops() {
+    with_page("jog", |tab| {
+        tab.click("#tab-group");
+        let turns = format!("{} > 250", motor(0, "velocity"));
+        tab.fill("#jog-level", "400");
+        let at = point(tab, "#panel-group .jog:last-child", "b.width / 2", "b.height / 2");
+        // Released, or with the pointer beside the button, the motor is regulated to a stop.
+        for end in ["mouseReleased", "mouseMoved"] {
+            mouse(tab, "mousePressed", at);
+            tab.wait(&turns);
+            mouse(tab, end, (at.0, at.1 + if end == "mouseMoved" { 100.0 } else { 0.0 }));
+            tab.wait(&format!("{} === 0 && {} === 0", motor(0, "target"), motor(0, "velocity")));
+            assert_eq!(tab.ask(&motor(0, "enabled")), true, "{end}");
+            mouse(tab, "mouseReleased", (at.0, at.1 + 100.0));
+        }
+        // A cancelled touch stops too.
+        mouse(tab, "mousePressed", at);
+        tab.wait(&turns);
+        tab.ask("document.querySelector('#panel-group .jog:last-child').dispatchEvent(new PointerEvent('pointercancel'))");
+        tab.wait(&format!("{} === 0", motor(0, "velocity")));
+        mouse(tab, "mouseReleased", at);
+        // STOP, and a window without the focus, switch the motor off. Releasing the button starts nothing.
+        for end in ["STOP", "blur"] {
+            mouse(tab, "mousePressed", at);
+            tab.wait(&turns);
+            if end == "STOP" {
+                tab.press(ESCAPE);
+            } else {
+                tab.ask("dispatchEvent(new Event('blur'))");
+            }
+            off(tab, Instant::now());
+            mouse(tab, "mouseReleased", at);
+            std::thread::sleep(Duration::from_millis(200));
+            assert_eq!(tab.ask(&motor(0, "enabled")), false, "{end}");
+        }
+        // Backward, by the key Enter, with all motors.
+        tab.fill("#jog-motors", "all");
+        tab.ask("document.querySelector('#panel-group .jog').focus()");
+        let key = |tab: &mut Tab<'_>, kind: &str| {
+            tab.call(
+                "Input.dispatchKeyEvent",
+                json!({ "type": kind, "key": "Enter", "code": "Enter", "windowsVirtualKeyCode": 13 }),
+            );
+        };
+        key(tab, "rawKeyDown");
+        tab.wait(&format!("{} < -250 && {} < -250", motor(0, "velocity"), motor(3, "velocity")));
+        key(tab, "keyUp");
+        tab.wait(&format!("{} === 0 && {} === 0", motor(0, "velocity"), motor(3, "velocity")));
+        // A hidden page switches the motors off.
+        key(tab, "rawKeyDown");
+        tab.wait(&format!("{} < -250", motor(0, "velocity")));
+        tab.hide();
+        off(tab, Instant::now());
+    });
+}
+
+#[test]
 fn motors_turn_together_at_speeds() {
     with_page("turn", |tab| {
         tab.click("#tab-group");
         for (motor, cps) in [(0, "600"), (1, "-300")] {
             tab.fill(&format!("[aria-label=\"Turn motor {motor} at, counts/s\"]"), cps);
         }
+        open(tab, "Several motors in step");
         press(tab, "Turn together");
         tab.wait(&format!("Math.abs({} - 600) < 30", motor(0, "velocity")));
         tab.wait(&format!("Math.abs({} + 300) < 30", motor(1, "velocity")));

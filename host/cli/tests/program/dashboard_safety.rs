@@ -1,7 +1,7 @@
 //! `motor-hub dashboard` in a real browser: nothing moves by accident, STOP always stops, and the page shows what runs.
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-use crate::browser::page::{card, drive, live, motor, off, point};
+use crate::browser::page::{card, drive, live, motor, mouse, off, point};
 use crate::browser::{Browser, Tab, find, wait_for};
 use crate::common::{alone, folder};
 use crate::dashboard_browser::{ESCAPE, SPACE, with_page, with_two_pages};
@@ -45,14 +45,6 @@ fn swipe(tab: &mut Tab<'_>, (x, y): (f64, f64), (by_x, by_y): (f64, f64), end: &
         std::thread::sleep(Duration::from_millis(12));
     }
     touch(tab, end, json!([]));
-}
-
-fn mouse(tab: &mut Tab<'_>, kind: &str, (x, y): (f64, f64)) {
-    let buttons = i32::from(kind != "mouseReleased");
-    tab.call(
-        "Input.dispatchMouseEvent",
-        json!({ "type": kind, "x": x, "y": y, "button": "left", "buttons": buttons, "clickCount": 1 }),
-    );
 }
 
 fn as_phone(tab: &mut Tab<'_>) {

@@ -6,7 +6,7 @@ use motor_hub::extension::INTERFACE;
 use motor_hub::hub::Snapshot;
 use motor_hub::motor::Settings;
 use motor_hub::protocol::requests::{FIRST_FUNCTION, MOTOR_INTERFACE};
-use motor_hub::protocol::{Address, Decoder, frame};
+use motor_hub::protocol::{Address, Decoder, Packet, frame};
 use motor_hub::responder::Responder;
 use motor_hub::units::{Micros, Millivolts};
 use motor_hub::update::{Done, Outcome, UpdateRequest};
@@ -34,6 +34,8 @@ pub(crate) struct Hub {
     pub(crate) first: u16,
     /// Another host asks for fail-safe before each bulk read.
     pub(crate) fail_safe_at_bulk: bool,
+    /// Changes requests before the hub reads them.
+    pub(crate) change: fn(&mut Packet),
     /// True for a hub without this project's own interface.
     pub(crate) foreign: bool,
     /// Keeper of the slot for new firmware, which also restarts the hub.
@@ -56,6 +58,7 @@ impl Hub {
             lost_replies: 0,
             first: FIRST_FUNCTION,
             fail_safe_at_bulk: false,
+            change: |_| (),
             foreign: false,
             flash: |responder, _| responder.update_done(Done::Finished(Outcome::Done)),
             requests: Arc::default(),
@@ -77,6 +80,7 @@ impl Hub {
             if self.foreign && packet.payload.starts_with(INTERFACE) {
                 packet.payload[0] = b'?';
             }
+            (self.change)(&mut packet);
             let is_bulk = packet.id == self.first;
             if packet.id < 0x7F00 {
                 packet.id =

@@ -20,6 +20,12 @@ export function h(tag, attributes = {}, ...children) {
 /** @param {string} id @returns {any} */
 export const by = (id) => document.getElementById(id);
 
+/**
+ * A part of a panel that can be closed. Of parts with the same name one is open at a time, so that the panel fits beside the plots.
+ * @param {string} name @param {string} words @param {boolean} open @param {...(Node|string)} children @returns {any} an element
+ */
+export const part = (name, words, open, ...children) => h("details", { name, open }, h("summary", {}, words), h("div", { class: "stack" }, ...children));
+
 /** Matches windows with larger type, as in the style sheet. */
 export const LARGE = matchMedia("(min-width: 2600px)");
 /** Factor of the type in drawings. */

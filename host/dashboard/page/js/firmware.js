@@ -38,31 +38,57 @@ function versionOf(/** @type {Uint8Array} */ bytes) {
   return text.slice(at, end);
 }
 
+const hexOf = (/** @type {Uint8Array} */ bytes) => [...bytes].map((byte) => byte.toString(16).padStart(2, "0")).join("");
+
+/** A button that asks for a file, and calls `take` with it. */
+function chooser(/** @type {string} */ words, /** @type {string} */ id, /** @type {(file: File) => void} */ take) {
+  const field = h("input", { type: "file", id, hidden: true, onchange: () => {
+    const [chosen] = field.files;
+    field.value = "";
+    if (chosen) take(chosen);
+  } });
+  return [h("button", { type: "button", id: `${id}-choose`, onclick: () => field.click() }, words), field];
+}
+
 /** @param {any} link */
 export function firmwareForm(link) {
   const says = h("p", { role: "status" }, "The hub must have a bootloader. All motors must be disabled.");
   const progress = h("progress", { max: 100, value: 0, "aria-label": "Progress of the new firmware" });
   let running = false;
-  const file = h("input", { type: "file", id: "firmware-file", hidden: true, onchange: async () => {
-    const [chosen] = file.files;
-    file.value = "";
-    if (!chosen) return;
+  /** @type {{signature: File|null, key: File|null}} the files that sign the next image */
+  const seal = { signature: null, key: null };
+
+  async function send(/** @type {File} */ chosen) {
     try {
-      const bytes = flashOf(new Uint8Array(await chosen.arrayBuffer()));
+      const file = new Uint8Array(await chosen.arrayBuffer());
+      const bytes = flashOf(file);
       const version = versionOf(bytes);
-      for (let offset = 0; offset < bytes.length; offset += PART) {
-        const hex = [...bytes.subarray(offset, offset + PART)].map((byte) => byte.toString(16).padStart(2, "0")).join("");
-        link.order("firmware", { offset, hex });
-      }
-      link.order("update", { version });
+      const { signature, key } = seal;
+      if (Boolean(signature) !== Boolean(key)) throw new Error(`a signed image needs a signature and a key: choose the ${signature ? "key" : "signature"} too`);
+      if (signature && bytes !== file) throw new Error("it is an ELF file, but a signature needs raw bytes: make them by llvm-objcopy -O binary, then sign and send them");
+      const hex = async (/** @type {File|null} */ one) => (one ? hexOf(new Uint8Array(await one.arrayBuffer())) : "");
+      const sealed = signature && { signature: await hex(signature), key: await hex(key) };
+      for (let offset = 0; offset < bytes.length; offset += PART) link.order("firmware", { offset, hex: hexOf(bytes.subarray(offset, offset + PART)) });
+      link.order("update", { version, seal: sealed });
     } catch (error) {
       say(says, `${chosen.name}: ${/** @type {Error} */ (error).message}.`);
     }
-  } });
-  const send = h("button", { type: "button", id: "firmware-send", onclick: () => file.click() }, "Send new firmware");
+  }
+  const [image, imageField] = chooser("Send new firmware", "firmware-file", send);
+  image.classList.add("primary");
+  const names = h("span", { class: "muted" });
+  function sign(/** @type {"signature"|"key"|null} */ what, /** @type {File|null} */ file = null) {
+    if (what) seal[what] = file;
+    else [seal.signature, seal.key] = [null, null];
+    say(names, `Signature: ${seal.signature?.name ?? "none"}. Key: ${seal.key?.name ?? "none"}.`);
+  }
+  sign(null);
+  const [signature, signatureField] = chooser("Signature …", "firmware-signature", (file) => sign("signature", file));
+  const [key, keyField] = chooser("Public key …", "firmware-key", (file) => sign("key", file));
+  const unsigned = h("button", { type: "button", onclick: () => sign(null) }, "Neither");
 
   function allow() {
-    send.disabled = running || !(inControl() && state.connected && state.reports);
+    image.disabled = running || !(inControl() && state.connected && state.reports);
   }
   on("update", ({ state: is, percent, text }) => {
     running = is === "running";
@@ -71,5 +97,8 @@ export function firmwareForm(link) {
     allow();
   });
   for (const what of ["control", "open", "line"]) on(what, allow);
-  return h("div", { class: "stack" }, h("h3", {}, "New firmware"), says, progress, h("div", { class: "row" }, send, file));
+  return h("div", { class: "stack" },
+    says, progress, h("div", { class: "row" }, image, imageField),
+    h("p", { class: "muted" }, "A hub that was built with a key takes only firmware that the key's owner has signed. Choose signature and public key first, then the firmware as raw bytes."),
+    h("div", { class: "row" }, signature, key, unsigned, signatureField, keyField), names);
 }

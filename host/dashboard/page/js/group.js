@@ -1,6 +1,10 @@
-// Panel for motors that move in step: to positions, or at speeds.
+// Panel for motors that are driven by a held button, or that move in step: to positions, or at speeds. It also has what the
+// set-points of the cards have besides their values.
 
-import { h } from "./dom.js";
+import { h, part } from "./dom.js";
+import { jogForm } from "./jog.js";
+import { select } from "./list.js";
+import { motion } from "./motors.js";
 import { inControl, on, state } from "./state.js";
 
 /** @param {any} link */
@@ -21,10 +25,26 @@ export function groupPanel(link) {
     for (const element of [...places, ...speeds, turn, speed, acceleration, go]) element.disabled = !(inControl() && state.connected && state.reports);
   }
   for (const what of ["control", "open", "line"]) on(what, allow);
-  return h("div", { class: "columns" },
-    h("div", { class: "stack" },
+  return h("div", { class: "parts" },
+    part("move", "Drive while a button is held", true, jogForm(link)),
+    part("move", "Several motors in step", false,
       h("div", { class: "grid4" }, h("span", {}), ...[0, 1, 2, 3].map((motor) => h("span", { class: "head" }, `motor ${motor}`)), h("span", {}, "Move by, counts"), ...places, h("span", {}, "Turn at, counts/s"), ...speeds),
       h("div", { class: "pair" }, h("label", { for: "group-speed" }, "Speed, counts/s"), speed, h("label", { for: "group-acceleration" }, "Acceleration, counts/s²"), acceleration),
-      h("div", { class: "row" }, go, turn)),
-    h("p", { class: "muted" }, "All motors travel in proportion and arrive at the same time. If a motor lags, the others wait for it. Motors that turn together keep their speeds in proportion until the next request. The speed applies to moves, the acceleration to both. Choose a motor above to see its motion in the plots."));
+      h("div", { class: "row" }, go, turn),
+      h("p", { class: "muted" }, "The motors travel in proportion and arrive at the same time; if one lags, the others wait. The speed is for moves, the acceleration for both.")),
+    part("move", "Limits of set-points", false, ...limits()));
+}
+
+/** Fields for what a set-point has besides its value. */
+function limits() {
+  const zero = select([["brake", "brakes"], ["float", "coasts"]], { id: "motion-zero", onchange: () => { motion.zero = zero.value; } });
+  const field = (/** @type {"speed"|"tolerance"|"current"} */ name, /** @type {string} */ words, /** @type {number} */ most) => {
+    const input = h("input", { type: "number", id: `motion-${name}`, min: 1, max: most, step: 1, placeholder: "no limit", value: motion[name], onchange: () => { motion[name] = input.value === "" ? null : Math.round(Number(input.value)); } });
+    return [h("label", { for: input.id }, words), input];
+  };
+  return [
+    h("div", { class: "pair" }, h("label", { for: "motion-zero" }, "At power or speed 0 a motor"), zero,
+      ...field("speed", "Speed to a position, counts/s", 32767), ...field("tolerance", "Tolerance of a position, counts", 65535), ...field("current", "Speed limit of a constant current, counts/s", 32767)),
+    h("p", { class: "muted" }, "These hold for all motors, from the next set-point on."),
+  ];
 }

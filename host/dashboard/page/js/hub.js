@@ -1,6 +1,6 @@
-// Panel for the hub: what it is, its faults and what they mean, its settings, and the keys of this page.
+// Panel for the hub: what it is, its settings, its firmware, its faults and what they mean, and the keys of this page.
 
-import { by, h, say } from "./dom.js";
+import { by, h, part, say } from "./dom.js";
 import { firmwareForm } from "./firmware.js";
 import { inControl, on, state } from "./state.js";
 import { number } from "./units.js";
@@ -10,17 +10,20 @@ const KEYS = [
   ["Space", "stops all motors, outside of input fields"],
   ["0 to 3", "choose a motor"],
   ["Enter", "in a field: sends its value"],
+  ["Enter", "held on Backward or Forward: drives"],
   ["← →", "on a slider: change the set-point; on the tabs: the next panel"],
   ["Gamepad", "while A is held, the left stick drives the chosen motor"],
 ];
 
 /** @param {any} link */
 export function hubPanel(link) {
-  const faults = h("div", { class: "stack", role: "status" });
+  const faults = h("div", { class: "stack", role: "status", id: "hub-faults" });
   const look = h("button", { type: "button", onclick: () => link.order("faults") }, "Show faults");
   const save = h("button", { type: "button", id: "hub-save", onclick: () => link.order("save") }, "Save settings");
   const clear = h("button", { type: "button", onclick: () => { link.order("clear-faults"); link.order("faults"); } }, "Clear");
   const about = h("tbody", {});
+  const address = h("input", { type: "number", id: "hub-address", min: 1, max: 254, step: 1 });
+  const setAddress = h("button", { type: "button", onclick: () => link.order("address", { new: Math.round(Number(address.value)) }) }, "Set");
   const lamp = h("input", { type: "color", id: "hub-lamp", onchange: () => link.order("led", { colour: [1, 3, 5].map((at) => parseInt(lamp.value.slice(at, at + 2), 16)) }) });
   const fetchStored = h("button", { type: "button", id: "hub-load", onclick: () => link.order("load") }, "Load saved");
   const reset = h("button", { type: "button", id: "hub-reset", onclick: () => link.order("reset") }, "Reset to defaults");
@@ -33,9 +36,10 @@ export function hubPanel(link) {
   const give = h("button", { type: "button", onclick: () => file.click() }, "Import a file");
 
   const ask = () => { if (state.open && state.connected && !by("panel-hub").hidden) link.order("status"); };
-  on("status", ({ address, version, led, stored, differs }) => {
-    const rows = [["version", version], ["address", String(address)], ["saved settings", stored === null ? "this hub saves none" : `${stored}${differs ? "; they differ from the settings in force" : ""}`]];
+  on("status", ({ address: hub, version, led, stored, differs }) => {
+    const rows = [["version", version], ["address", String(hub)], ["saved settings", stored === null ? "this hub saves none" : `${stored}${differs ? "; they differ from the settings in force" : ""}`]];
     about.replaceChildren(...rows.map(([name, value]) => h("tr", {}, h("th", {}, name), h("td", {}, value))));
+    if (document.activeElement !== address) address.value = String(hub);
     if (document.activeElement !== lamp) lamp.value = `#${led.map((/** @type {number} */ part) => part.toString(16).padStart(2, "0")).join("")}`;
   });
   for (const what of ["tab", "line", "settings", "notice"]) on(what, ask);
@@ -54,16 +58,20 @@ export function hubPanel(link) {
   function allow() {
     for (const button of [look, take]) button.disabled = !(state.open && state.connected && state.reports);
     give.disabled = !(inControl() && state.connected && state.reports);
-    lamp.disabled = !(inControl() && state.connected);
+    for (const element of [lamp, address, setAddress]) element.disabled = !(inControl() && state.connected);
     clear.disabled = give.disabled;
     for (const button of [save, fetchStored, reset]) button.disabled = give.disabled || !state.stores;
   }
   for (const what of ["control", "open", "line"]) on(what, allow);
-  return h("div", { class: "columns" },
-    h("div", { class: "stack" },
-      h("table", {}, about), h("div", { class: "pair" }, h("label", { for: "hub-lamp" }, "Colour of the lamp"), lamp),
-      h("h3", {}, "Faults and resets"), h("div", { class: "row" }, look, clear), faults,
-      h("h3", {}, "Settings of all motors"), h("div", { class: "row" }, take, give, save, fetchStored, reset, file),
-      firmwareForm(link)),
-    h("div", { class: "stack" }, h("p", { class: "muted" }, "The program's command line also changes addresses, drives child hubs, and sends signed firmware: see motor-hub client."), h("h3", {}, "Keys"), h("table", {}, h("tbody", {}, ...KEYS.map(([key, does]) => h("tr", {}, h("th", {}, key), h("td", {}, does)))))));
+  return h("div", { class: "parts" },
+    part("hub", "This hub", true,
+      h("table", {}, about),
+      h("div", { class: "pair" }, h("label", { for: "hub-lamp" }, "Colour of the lamp"), lamp, h("label", { for: "hub-address" }, "Address, 1 to 254"), h("div", { class: "slider" }, address, setAddress)),
+      h("p", { class: "muted" }, "The hub stores its address at once, and keeps the stored settings of its motors.")),
+    part("hub", "Settings of all motors", false,
+      h("div", { class: "row" }, take, give, file), h("div", { class: "row" }, save, fetchStored, reset),
+      h("p", { class: "muted" }, "A file is put in force as a whole, or not at all. Undo in Set up takes it back, motor by motor.")),
+    part("hub", "New firmware", false, firmwareForm(link)),
+    part("hub", "Faults and resets", false, h("div", { class: "row" }, look, clear), faults),
+    part("hub", "Keys", false, h("table", {}, h("tbody", {}, ...KEYS.map(([key, does]) => h("tr", {}, h("th", {}, key), h("td", {}, does)))))));
 }

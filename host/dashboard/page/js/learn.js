@@ -46,7 +46,8 @@ export function learnPanel(link) {
   const progress = h("progress", { max: 100, value: 0, "aria-label": "Progress of the identification" });
   const says = h("p", { role: "status" }, "The motor turns both ways for some 3 s. It must stand before, and be free to turn.");
   const found = h("tbody", {});
-  const plot = new SmallPlot("Measured and predicted, counts/s", [{ words: "measured", colour: "speed" }, { words: "predicted by the result", colour: "target", dash: [7, 5] }]);
+  const about = h("p", { class: "muted", id: "learn-about" });
+  const plot = new SmallPlot("Measured and predicted, counts/s", [{ words: "measured", colour: "speed" }, { words: "predicted by the result", colour: "target", dash: [7, 5] }], 140);
   /** @type {{at: number, cps: number, volts: number}[]} */
   let seen = [];
   let motor = -1;
@@ -97,17 +98,21 @@ export function learnPanel(link) {
     const is = of?.found;
     apply.disabled = !inControl() || !is;
     found.replaceChildren();
+    say(about, "");
     if (!of) return plot.show([[0, 3], [null, null], [null, null]]);
     say(says, is ? `Motor ${of.motor} is identified.` : `Motor ${of.motor} is not identified: ${of.why}.`);
     if (!is) return plot.show([[0, 3], [null, null], [null, null]]);
+    const bare = is.catalogue;
     const rows = [
-      ["acceleration per volt", `${number(is.gain)} counts/s²/V`, `± ${number(100 * is.gain_error, 1)} %`],
-      ["decay", `${number(is.decay, 2)} /s`, `± ${number(100 * is.decay_error, 1)} %`],
-      ["friction", `${number(is.friction_v, 2)} V`, ""],
-      ["back EMF with drag", `${number(is.emf_mv_s_per_count, 3)} mV s/count`, ""],
-      ["residual", `${number(100 * is.residual, 1)} %`, "of the changes of speed are not explained"],
+      ["", "found", "error", bare?.name ?? ""],
+      ["counts/s² per V", number(is.gain), `± ${number(100 * is.gain_error, 1)} %`, bare ? number(bare.gain) : ""],
+      ["decay, 1/s", number(is.decay, 2), `± ${number(100 * is.decay_error, 1)} %`, bare ? number(bare.decay, 2) : ""],
+      ["EMF, mV s/count", number(is.emf_mv_s_per_count, 3), "", bare ? number((1000 * bare.decay) / bare.gain, 3) : ""],
+      ["friction, V", number(is.friction_v, 2), "", bare ? number(bare.friction_v, 2) : ""],
     ];
-    found.append(...rows.map(([name, value, note]) => h("tr", {}, h("th", {}, name), h("td", { class: "n" }, value), h("td", { class: "muted" }, note))));
+    found.append(...rows.map(([name, ...cells]) => h("tr", {}, h("th", {}, name), ...cells.map((cell) => h("td", { class: "n" }, cell)))));
+    const limit = is.acceleration.map((/** @type {number|null} */ cps2) => (cps2 === null ? "none" : `${number(cps2)} counts/s²`));
+    say(about, `${bare ? `With its load the motor has ${number(bare.inertia_ratio, 2)} times the inertia of a bare ${bare.name}` : "The catalogue has no motor with the configured constants"}. ${number(100 * is.residual, 1)} % of the changes of speed are not explained. Use these values also limits the acceleration: now ${limit[0]}, proposed ${limit[1]}.`);
     const start = of.seen[0]?.at ?? 0;
     const measured = of.seen.map((/** @type {any} */ one) => one.cps);
     const predicted = predict(of.seen, is);
@@ -122,6 +127,6 @@ export function learnPanel(link) {
   for (const what of ["control", "open", "line"]) on(what, allow);
   on("chosen", show);
   return h("div", { class: "columns" },
-    h("div", { class: "stack" }, says, h("div", { class: "pair" }, h("span", {}, "Longest travel, counts"), travel), h("div", { class: "row" }, begin, apply), progress, h("table", {}, found)),
+    h("div", { class: "stack" }, says, h("div", { class: "pair" }, h("span", {}, "Longest travel, counts"), travel), h("div", { class: "row" }, begin, apply), progress, h("table", {}, found), about),
     plot.element);
 }

@@ -16,6 +16,9 @@ const SAID_MS = 8000;
 /** Highest speed of a motor that counts as standing, as in the client. */
 const STANDS_CPS = 3;
 
+/** What set-points have besides their value: at zero, speed limits in counts/s, and a tolerance in counts. */
+export const motion = { zero: "brake", speed: /** @type {number|null} */ (1000), tolerance: /** @type {number|null} */ (10), current: /** @type {number|null} */ (null) };
+
 /** @type {{order: (order: string, fields?: any) => boolean}} */
 let link;
 /** @type {any[]} */
@@ -52,8 +55,8 @@ const of = (/** @type {any} */ card) => scale(card.mode.value, state.settings[ca
 /** Sends the set-point. */
 function drive(/** @type {any} */ card) {
   card.orderedAt = performance.now();
-  if (card.mode.value === "current") link.order("current", { motor: card.motor, amperes: card.target });
-  else link.order("drive", { motor: card.motor, mode: card.mode.value, value: card.target });
+  if (card.mode.value === "current") link.order("current", { motor: card.motor, amperes: card.target, speed: motion.current });
+  else link.order("drive", { motor: card.motor, mode: card.mode.value, value: card.target, zero: motion.zero, speed: motion.speed, tolerance: motion.tolerance });
 }
 
 /** Takes a value in the unit of the card, limits it to what the motor can, and sends it. */

@@ -17,7 +17,7 @@ export function startPanels(link) {
     ["tune", "Tune", tunePanel(link)],
     ["learn", "Identify", learnPanel(link)],
     ["setup", "Set up", setupPanel(link)],
-    ["group", "Group", groupPanel(link)],
+    ["group", "Move", groupPanel(link)],
     ["record", "Record", recordPanel()],
     ["regimes", "S T Z G", regimesPanel(link)],
     ["hub", "Hub", hubPanel(link)],

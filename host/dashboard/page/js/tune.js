@@ -74,7 +74,7 @@ export function tunePanel(link) {
     const [low, high] = ends;
     if (low === high) return say(says, "Enter two different speeds for a step.");
     const now = state.frame.at_s;
-    running = { motor: state.chosen, low, high, phase: "rest", begun: now, near: null, times: [], speeds: [] };
+    running = { motor: state.chosen, low, high, phase: "rest", begun: now, near: null };
     order("drive", { mode: "velocity", value: low });
     order("enable", { on: true });
     say(says, "Reaching the first speed …");
@@ -100,7 +100,7 @@ export function tunePanel(link) {
     if (Math.abs(velocity - low) > Math.max(NEAR_CPS, NEAR * Math.abs(low))) running.near = null;
     else running.near ??= now;
     if (running.near !== null && now - running.near >= HELD_S) {
-      Object.assign(running, { phase: "step", start: now });
+      Object.assign(running, { phase: "step", start: now, times: [0], speeds: [velocity] });
       link.order("drive", { motor, mode: "velocity", value: high });
       say(says, "Recording the step …");
     } else if (now - running.begun > REACHED_S) {

@@ -40,12 +40,6 @@ impl Image {
         let version = version_of(&bytes).ok_or("is not a motor-hub firmware: it has no version text")?;
         Ok(Self { origin, bytes, version })
     }
-
-    /// Address of the first instruction, by the image's second vector.
-    pub(super) fn entry(&self) -> Option<u32> {
-        let word = self.bytes.get(4..8)?;
-        Some(u32::from_le_bytes(word.try_into().ok()?))
-    }
 }
 
 /// Address and bytes of an ELF file in flash, from the lowest address on. Gaps are filled with 0xFF.
@@ -97,7 +91,7 @@ mod tests {
         assert!(Image::read(bytes.clone()).unwrap_err().contains("no version"));
         bytes.extend(TEXT);
         let image = Image::read(bytes.clone()).unwrap();
-        assert_eq!((image.origin, image.entry()), (None, Some(0x0802_0041)));
+        assert_eq!(image.origin, None);
         assert_eq!((image.bytes, &*image.version), (bytes, "HW: 20, Maj: 1, Min: 8, Eng: 2, mh1.2.3"));
     }
 

@@ -1,6 +1,7 @@
 //! The page of `motor-hub dashboard` in a browser: what its tests do again and again.
 
 use super::Tab;
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -27,6 +28,15 @@ pub(crate) fn point(tab: &mut Tab<'_>, selector: &str, x: &str, y: &str) -> (f64
         "(() => {{ const e = document.querySelector('{selector}'); e.scrollIntoView({{block: 'nearest'}}); const b = e.getBoundingClientRect(); return [b.x + {x}, b.y + {y}] }})()"
     ));
     (at[0].as_f64().unwrap_or_default(), at[1].as_f64().unwrap_or_default())
+}
+
+/// An event of the mouse's left button.
+pub(crate) fn mouse(tab: &mut Tab<'_>, kind: &str, (x, y): (f64, f64)) {
+    let buttons = i32::from(kind != "mouseReleased");
+    tab.call(
+        "Input.dispatchMouseEvent",
+        json!({ "type": kind, "x": x, "y": y, "button": "left", "buttons": buttons, "clickCount": 1 }),
+    );
 }
 
 /// Waits until motor 0 is disabled, and returns the time since `since`.
