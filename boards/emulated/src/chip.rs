@@ -203,6 +203,11 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// The battery's converter takes commands but converts nothing, or works again.
     fn set_dead(&mut self, dead: bool);
 
+    /// The operation of the flash that runs never ends, until a reset; false if the bench cannot do so to this chip.
+    fn hold_flash(&mut self) -> bool {
+        false
+    }
+
     /// Another revision of the chip, REV_ID. Nothing happens on a chip whose revision the bench does not model.
     fn set_revision(&mut self, at: VirtualNanos, revision: u16);
 

@@ -139,6 +139,15 @@ impl Bench {
         self.at_stop(move |_, session, _| session.board_mut().chip.set_power_dead(dead));
     }
 
+    /// The flash stays busy until the chip is reset.
+    ///
+    /// # Panics
+    /// On another chip than the H743.
+    pub fn hold_flash(&mut self) {
+        let held = self.at_stop(|_, session, _| session.board_mut().chip.hold_flash());
+        assert!(held, "only the flash of the H743 has faults");
+    }
+
     /// The core's next access to this range fails with a bus error.
     pub fn fail_next_access(&mut self, addresses: std::ops::Range<u64>) {
         self.at_stop(move |_, session, _| session.fail_next(addresses.start, addresses.end));

@@ -278,6 +278,11 @@ impl Part for Chip {
         true
     }
 
+    fn hold_flash(&mut self) -> bool {
+        self.flash.never_ends = true;
+        true
+    }
+
     fn set_dead(&mut self, dead: bool) {
         self.converter.dead = dead;
     }

@@ -7,7 +7,7 @@ use crate::common::{am60, ms, on, setup};
 use crate::store::{self, Pages};
 use embassy_futures::block_on;
 use emulated::host_link::HostLink;
-use emulated::{Bench, Board, FlashFaults, Setup};
+use emulated::{Bench, Board, FlashFaults, Mpu, Setup};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::store::{Outcome as Saved, Stored};
@@ -24,6 +24,7 @@ const LATE: FlashFaults = FlashFaults { errors_every: 0, late_reads: 5 };
 /// Offsets from the flash's start, in bytes (`boot_h743zi2::layout`): the slot that is booted, the other one, and the
 /// bootloader's state.
 const ACTIVE: usize = 0x2_0000;
+const ORIGIN: u32 = 0x0802_0000;
 const DOWNLOAD: usize = 0x10_0000;
 const STATE: usize = 0x1A_0000;
 const PAGE: usize = 0x2_0000;
@@ -160,6 +161,59 @@ fn a_fault_in_the_middle_of_a_swap_is_a_reset_and_the_swap_goes_on() {
     bench.fail_next_access(INTERFACE);
     boots(&mut bench, &new);
     assert_eq!(bench.resets().len(), 1);
+}
+
+/// ODR of GPIOB: PB14 is the red lamp.
+const LAMPS: u64 = 0x5802_0414;
+
+/// The bootloader's clock has 64 MHz, at which the lamp changes every 250 ms. The emulated core has 400 MHz from the start.
+const BLINKS_EVERY: Duration = Duration::from_millis(250 * 64 / 400);
+
+#[test]
+fn the_red_lamp_blinks_during_a_swap() {
+    let mut bench = powered_on(armed().flash, FlashFaults::default());
+    let mut lit = Vec::new();
+    bench.run_while(ms(4), 20 * BLINKS_EVERY, |bench| {
+        lit.push(bench.register(LAMPS) >> 14 & 1 == 1);
+        false
+    });
+    let changes = lit.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    assert!((19..=20).contains(&changes), "{changes} changes in {:?}", bench.now());
+}
+
+#[test]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
+fn an_operation_that_never_ends_in_a_swap_is_ended_by_the_watchdog_and_the_swap_goes_on() {
+    let Armed { flash, new, .. } = armed();
+    let mut bench = powered_on(flash, FlashFaults::default());
+    bench.run(ms(3_000));
+    bench.hold_flash();
+    assert!(bench.run_while(ms(500), ms(34_000), |bench| !bench.resets().is_empty()), "it hangs for ever");
+    println!("reset after {:?}: {:?}", bench.now(), bench.resets());
+    boots(&mut bench, &new);
+    assert_eq!(bench.resets().len(), 1, "{:?}", bench.resets());
+}
+
+/// The bootloader jumps to the reset vector of the slot, wherever that is.
+#[test]
+fn from_the_bootloader_on_nothing_is_executed_in_the_second_bank_and_in_the_system_memory() {
+    const SPIN: [u8; 2] = 0xE7FE_u16.to_le_bytes();
+    let handler = ORIGIN + 0x200;
+    for entry in [0x0810_0000_u32, 0x1FF0_0000] {
+        let mut flash = armed().flash;
+        flash[STATE..STATE + PAGE].fill(0xFF);
+        // Stack, reset, NMI, HardFault; the handler spins, and so would the second bank.
+        let vectors = [0x2002_0000, entry + 1, handler + 1, handler + 1].map(u32::to_le_bytes);
+        flash[ACTIVE..ACTIVE + 16].copy_from_slice(vectors.as_flattened());
+        flash[ACTIVE + 0x200..ACTIVE + 0x202].copy_from_slice(&SPIN);
+        flash[DOWNLOAD..DOWNLOAD + 2].copy_from_slice(&SPIN);
+        let stand = Setup { flash, bootloader: true, mpu: Mpu::Emulated, ..setup(vec![am60()]) };
+        let mut bench = on(BOARD, || Bench::new(Setup { board: BOARD, ..stand }));
+        bench.watch(vec![entry.into(), handler.into()]);
+        bench.run(ms(20));
+        let arrivals: Vec<u64> = bench.take_hits().into_iter().map(|(address, _)| address).take(2).collect();
+        assert_eq!(arrivals.last(), Some(&handler.into()), "{entry:#x}: {arrivals:#x?}");
+    }
 }
 
 #[test]
