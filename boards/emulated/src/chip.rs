@@ -203,6 +203,9 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// The battery's converter takes commands but converts nothing, or works again.
     fn set_dead(&mut self, dead: bool);
 
+    /// Other faults of the flash. Nothing happens on a chip whose flash has none on the bench.
+    fn set_flash_faults(&mut self, _: FlashFaults) {}
+
     /// The operation of the flash that runs never ends, until a reset; false if the bench cannot do so to this chip.
     fn hold_flash(&mut self) -> bool {
         false

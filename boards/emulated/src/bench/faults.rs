@@ -13,6 +13,7 @@ use simulated::current_line::CurrentLine;
 use simulated::encoder::Encoder;
 
 use super::Bench;
+use crate::chip::FlashFaults;
 use crate::elf;
 use crate::faulty_code::FaultyCode;
 use crate::wiring;
@@ -137,6 +138,11 @@ impl Bench {
     /// The chip's power controller says nothing, as a broken regulator would, so the clocks never start; or it works again.
     pub fn kill_power(&mut self, dead: bool) {
         self.at_stop(move |_, session, _| session.board_mut().chip.set_power_dead(dead));
+    }
+
+    /// Other faults of the flash, from now on. The flash of the F427 has none.
+    pub fn set_flash_faults(&mut self, faults: FlashFaults) {
+        self.at_stop(move |_, session, _| session.board_mut().chip.set_flash_faults(faults));
     }
 
     /// The flash stays busy until the chip is reset.

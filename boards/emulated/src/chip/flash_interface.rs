@@ -33,7 +33,7 @@ struct Store {
 #[derive(Debug)]
 pub(super) struct Interface {
     flash: Flash,
-    faults: FlashFaults,
+    pub(super) faults: FlashFaults,
     accesses: u32,
     late: Option<Store>,
     /// The operation that runs ends with the next reset of the chip.

@@ -278,6 +278,10 @@ impl Part for Chip {
         true
     }
 
+    fn set_flash_faults(&mut self, faults: FlashFaults) {
+        self.flash.faults = faults;
+    }
+
     fn hold_flash(&mut self) -> bool {
         self.flash.never_ends = true;
         true

@@ -64,6 +64,12 @@ fn faults_of_every_kind_end_as_they_should() {
             "a task hangs",
             "bus error",
             "reset",
+            "nothing connected to the battery's pin",
+            "the chip's supply falls",
+            "the core locks up",
+            "reset, and the clocks do not start",
+            "settings are saved, and the flash shows errors that nobody made",
+            "settings are saved, and words arrive late",
         ]);
     });
 }

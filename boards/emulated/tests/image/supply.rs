@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::common::{am60, board, booted, four_loads, log, ms, on, setup, time_to_safe, turning};
+use crate::common::{am60, board, booted, four_loads, log, ms, on, setup, time_to_safe, too_low, turning};
 use emulated::host_link::HostLink;
 use emulated::{Bench, Board, Lines};
 
@@ -90,15 +90,6 @@ fn a_line_that_no_host_drives_is_pulled_up() {
         Board::NucleoH743zi2 => 0x5802_0C0C,
     };
     assert_eq!(bits(bench.register(pulls), 19, 18), 0b01, "PD9, RX");
-}
-
-/// Below what the voltage detector watches for, mV. On the F429 above 2.7 V, where 168 MHz and 5 wait states end; the
-/// H743 runs on to 1.62 V.
-fn too_low() -> u32 {
-    match board() {
-        Board::NucleoF429zi => 2_800,
-        Board::NucleoH743zi2 => 2_740,
-    }
 }
 
 #[test]
