@@ -194,6 +194,24 @@ fn an_operation_that_never_ends_in_a_swap_is_ended_by_the_watchdog_and_the_swap_
     assert_eq!(bench.resets().len(), 1, "{:?}", bench.resets());
 }
 
+#[test]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
+fn firmware_on_trial_drives_its_motors_while_the_flash_does_not_take_the_confirmation() {
+    let mut bench = powered_on(armed().flash, FlashFaults::default());
+    assert!(bench.run_while(ms(100), ms(20_000), |bench| !bench.log().is_empty()), "nothing is swapped in");
+    bench.hold_flash();
+    // The confirmation is due after 2 s.
+    bench.run(ms(4_000));
+    let mut host = HostLink::default();
+    host.velocity(&mut bench, 0, 1_000);
+    bench.run(ms(1_500));
+    let report: UpdateReport = host.question(&mut bench, HubFunction::Update);
+    assert_eq!(report.booted, Booted::OnTrial);
+    let speed = bench.look(0).counts_per_second;
+    assert!((speed - 1_000.0).abs() < 30.0, "{speed} counts/s");
+    assert_eq!(bench.resets(), []);
+}
+
 /// The bootloader jumps to the reset vector of the slot, wherever that is.
 #[test]
 fn from_the_bootloader_on_nothing_is_executed_in_the_second_bank_and_in_the_system_memory() {
