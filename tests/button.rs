@@ -15,21 +15,21 @@ struct Bench {
     button: Button,
     now: u64,
     battery_good: bool,
-    host_spoke: bool,
+    permitted: bool,
 }
 
 impl Bench {
     /// Powered on with the button up.
     fn new() -> Self {
-        let mut bench = Self { button: Button::new(), now: 0, battery_good: true, host_spoke: false };
+        let mut bench = Self { button: Button::new(), now: 0, battery_good: true, permitted: true };
         bench.look(false);
         bench
     }
 
     fn look(&mut self, down: bool) -> Setpoint {
         self.now += STEP;
-        let (battery_good, host_spoke) = (self.battery_good, self.host_spoke);
-        self.button.step(ButtonInputs { down, host_spoke, battery_good, now: Micros::new(self.now) })
+        let (battery_good, permitted) = (self.battery_good, self.permitted);
+        self.button.step(ButtonInputs { down, permitted, battery_good, now: Micros::new(self.now) })
     }
 
     /// Holds the button for this time in us. Returns the set-point at the end.
@@ -91,6 +91,16 @@ fn a_button_that_is_pressed_while_the_battery_is_low_or_unknown_has_no_effect() 
 }
 
 #[test]
+fn a_button_that_is_pressed_before_it_is_permitted_has_no_effect_until_it_is_pressed_again() {
+    let mut bench = Bench { permitted: false, ..Bench::new() };
+    assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled);
+    bench.permitted = true;
+    assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled, "held until it was permitted");
+    bench.look(false);
+    assert_eq!(bench.keep(true, 100_000), TURN, "pressed anew");
+}
+
+#[test]
 fn turning_motors_continue_when_the_battery_becomes_low() {
     let mut bench = Bench::turning();
     bench.battery_good = false;
@@ -100,13 +110,13 @@ fn turning_motors_continue_when_the_battery_becomes_low() {
 #[test]
 fn the_first_packet_of_a_host_disables_the_motors_and_the_button() {
     let mut bench = Bench::turning();
-    bench.host_spoke = true;
+    bench.permitted = false;
     assert_eq!(bench.look(true), Setpoint::Disabled);
     assert_eq!(bench.keep(false, 100_000), Setpoint::Disabled);
     assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled);
 
     let mut bench = Bench::turning();
     assert_eq!(bench.keep(false, 100_000), HALT);
-    bench.host_spoke = true;
+    bench.permitted = false;
     assert_eq!(bench.look(false), Setpoint::Disabled);
 }

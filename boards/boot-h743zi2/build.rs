@@ -1,6 +1,7 @@
-//! Tells the linker where the bootloader's sections go: the first sector of the flash, and the core's own RAM.
+//! Tells the linker where the bootloader's sections go, the first sector of the flash and the core's own RAM, and names the key
+//! of signed firmware.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Of the RAM all but the hub's record of what happened: a reset leaves that alone, and so does this.
 const MEMORY: &str = "MEMORY {
@@ -19,4 +20,21 @@ fn main() {
     println!("cargo:rustc-link-arg-bins=--nmagic");
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
     println!("cargo:rerun-if-changed=build.rs");
+    if std::env::var_os("CARGO_FEATURE_SIGNED").is_some() {
+        name_key();
+    }
+}
+
+/// Passes the file of the public key to `include_bytes`. A relative name starts at the repository's root.
+fn name_key() {
+    println!("cargo:rerun-if-env-changed=UPDATE_KEY");
+    let Some(name) = std::env::var_os("UPDATE_KEY") else {
+        panic!(
+            "the feature `signed` needs UPDATE_KEY, the file of a public key: openssl pkey -pubout -outform DER"
+        );
+    };
+    let file = Path::new("../..").join(name);
+    let file = file.canonicalize().unwrap_or_else(|error| panic!("UPDATE_KEY: {}: {error}", file.display()));
+    println!("cargo:rerun-if-changed={}", file.display());
+    println!("cargo:rustc-env=UPDATE_KEY={}", file.display());
 }

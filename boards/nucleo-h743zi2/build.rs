@@ -1,4 +1,4 @@
-//! The memory map of this board, and the key of signed firmware.
+//! The memory map of this board.
 
 include!("../stm32/link.rs");
 
@@ -17,21 +17,4 @@ const RAM: &str = "
 fn main() {
     let flash = if std::env::var_os("CARGO_FEATURE_BOOTLOADER").is_some() { SLOT } else { FLASH };
     link(&format!("MEMORY {{\n    FLASH : {flash}{RAM}}}\n"));
-    if std::env::var_os("CARGO_FEATURE_SIGNED").is_some() {
-        name_key();
-    }
-}
-
-/// Passes the file of the public key to `include_bytes`. A relative name starts at the repository's root.
-fn name_key() {
-    println!("cargo:rerun-if-env-changed=UPDATE_KEY");
-    let Some(name) = std::env::var_os("UPDATE_KEY") else {
-        panic!(
-            "the feature `signed` needs UPDATE_KEY, the file of a public key: openssl pkey -pubout -outform DER"
-        );
-    };
-    let file = std::path::Path::new("../..").join(name);
-    let file = file.canonicalize().unwrap_or_else(|error| panic!("UPDATE_KEY: {}: {error}", file.display()));
-    println!("cargo:rerun-if-changed={}", file.display());
-    println!("cargo:rustc-env=UPDATE_KEY={}", file.display());
 }

@@ -9,7 +9,7 @@ codes!(Stored { 0 = Nothing, 1 = Whole, 2 = OneCopy, 3 = Later, 4 = Damaged });
 codes!(store::Outcome { 0 = None, 1 = Done, 2 = NeedsErase, 3 = Refused, 4 = Lost });
 codes!(Phase { 0 = Nothing, 1 = Receiving, 2 = Checking, 3 = Armed, 4 = Disarming });
 codes!(Booted { 0 = Unknown, 1 = Confirmed, 2 = OnTrial, 3 = WentBack, 4 = Unconfirmable });
-codes!(update::Outcome { 0 = None, 1 = Done, 2 = Refused, 3 = Mismatch, 4 = WrongSignature });
+codes!(update::Outcome { 0 = None, 1 = Done, 2 = Refused, 3 = Mismatch, 4 = WrongSignature, 5 = Older });
 
 fields_in_order!(Equipment { digital, servos, analog, i2c, rail, temperature });
 

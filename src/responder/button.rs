@@ -7,6 +7,7 @@
 //! | pressed while the battery is low or unknown | no effect |
 //! | pressed since before the reset, or since the battery was low | no effect until the button is released and pressed again |
 //! | pressed after a host has sent a packet | no effect until a reset |
+//! | pressed before the stored settings are restored | no effect until the button is released and pressed again |
 //!
 //! The first packet of a host disables motors that the button has started.
 //!
@@ -17,7 +18,7 @@
 //!
 //! let mut button = Button::new();
 //! let mut step = |down, ms: u64| {
-//!     button.step(ButtonInputs { down, host_spoke: false, battery_good: true, now: Micros::new(1000 * ms) })
+//!     button.step(ButtonInputs { down, permitted: true, battery_good: true, now: Micros::new(1000 * ms) })
 //! };
 //! step(false, 0);
 //! // The contact may bounce at first.
@@ -44,8 +45,8 @@ const TURN: Setpoint = Setpoint::Velocity(CountsPerSecond::new(1000));
 pub struct ButtonInputs {
     /// True if the contact is closed.
     pub down: bool,
-    /// True if a host has sent a packet since reset.
-    pub host_spoke: bool,
+    /// True if no host has sent a packet since reset, and the stored settings are restored.
+    pub permitted: bool,
     /// True if the battery voltage is known and not low.
     pub battery_good: bool,
     /// Present time.
@@ -93,7 +94,7 @@ impl Button {
     pub fn step(&mut self, inputs: ButtonInputs) -> Setpoint {
         let pressed = self.pressed(inputs.down, inputs.now);
         self.motion = match self.motion {
-            _ if inputs.host_spoke => Motion::Off,
+            _ if !inputs.permitted => Motion::Off,
             _ if pressed && inputs.battery_good => Motion::Turning,
             Motion::Turning if self.contact == Contact::Up => Motion::Stopping(inputs.now),
             Motion::Stopping(since) if inputs.now.since(since) >= HOLD_MICROS => Motion::Off,

@@ -217,9 +217,10 @@ impl<const N: usize> Responder<N> {
         self.channels.each_ref().map(MotorChannel::enabled)
     }
 
-    /// True if a packet for this hub has arrived since reset.
-    pub const fn host_spoke(&self) -> bool {
-        self.keep_alive.host_spoke()
+    /// True while the board's button may drive motors: no packet for this hub has arrived since reset, and the hub does not wait
+    /// for stored settings. The memory may be erased until then.
+    pub const fn permits_button(&self) -> bool {
+        !self.keep_alive.host_spoke() && !self.awaits_store()
     }
 
     /// Returns the command to the digital pins.

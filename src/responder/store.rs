@@ -94,9 +94,16 @@ impl Memory {
 
 impl<const N: usize> Responder<N> {
     /// Restores settings and address from the contents of the memory. Must be called once after the hub has started.
+    ///
+    /// After the first packet of a host, settings and address in force stay. The hub reports that they differ from the memory, and
+    /// the host may load them.
     pub fn restore(&mut self, found: Found) {
-        self.address = self.boot_address(&found.record);
-        self.restore_settings(&found.record);
+        if self.keep_alive.host_spoke() {
+            self.changed = true;
+        } else {
+            self.address = self.boot_address(&found.record);
+            self.restore_settings(&found.record);
+        }
         let (unknown, refused) = count(&found.record, &self.channels);
         self.memory = Some(Memory { unknown, refused, ..Memory::new(found) });
     }
@@ -116,7 +123,7 @@ impl<const N: usize> Responder<N> {
     /// immediately. The address in force stays until the next start of the hub.
     ///
     /// # Errors
-    /// Refuses the request if the hub has no memory, or while another access is running. A save is refused if the stored
+    /// Refuses the request if the hub has no memory, while another access is running, or before the memory has reported. A save is refused if the stored
     /// record is damaged or has a later format version, or if the settings do not fit. Load and reset are refused while a motor is
     /// enabled.
     pub(super) fn access_store(
@@ -124,7 +131,7 @@ impl<const N: usize> Responder<N> {
         request: &HubFunction,
         snapshot: &Snapshot<N>,
     ) -> Result<Reply, Nack> {
-        let memory = self.memory.as_ref().ok_or(Nack::UNSUPPORTED)?;
+        let memory = self.memory.as_ref().ok_or(self.no_memory())?;
         if memory.phase != Phase::Idle {
             return Err(Nack::STORE_BUSY);
         }
@@ -201,7 +208,13 @@ impl<const N: usize> Responder<N> {
     /// `found` is the contents of the memory after the access. `None` if the memory could not be read before all motors are off;
     /// the contents have not changed then.
     pub fn store_done(&mut self, found: Option<Found>, outcome: Outcome) {
-        let Some(before) = &self.memory else { return };
+        let Some(before) = &self.memory else {
+            // The first report, after the hub has ceased to wait for it.
+            if let Some(found) = found {
+                self.restore(found);
+            }
+            return;
+        };
         let load = before.phase == Phase::Busy(Access::Load);
         let found = found.unwrap_or_else(|| before.found.clone());
         // A host may have changed the address during the access: then the address must still be stored. If the memory has failed,
@@ -215,6 +228,11 @@ impl<const N: usize> Responder<N> {
         self.memory = Some(Memory { outcome, unknown, refused, address_due, ..Memory::new(found) });
     }
 
+    /// The refusal of a request that needs a memory, while there is none or it has not reported.
+    const fn no_memory(&self) -> Nack {
+        if self.expects_store { Nack::STORE_BUSY } else { Nack::UNSUPPORTED }
+    }
+
     /// True if no host has enabled a motor, and all motors are disabled in the snapshot.
     pub(super) fn is_off(&self, snapshot: &Snapshot<N>) -> bool {
         !self.channels.iter().any(MotorChannel::enabled) && snapshot.all_disabled()
@@ -223,9 +241,9 @@ impl<const N: usize> Responder<N> {
     /// Reports the state of the memory.
     ///
     /// # Errors
-    /// Returns [`Nack::UNSUPPORTED`] if the hub has no memory.
+    /// Returns [`Nack::UNSUPPORTED`] if the hub has no memory, and [`Nack::STORE_BUSY`] before the memory has reported.
     pub(super) fn store_report(&self) -> Result<StoreReport, Nack> {
-        let memory = self.memory.as_ref().ok_or(Nack::UNSUPPORTED)?;
+        let memory = self.memory.as_ref().ok_or(self.no_memory())?;
         let Memory { found: Found { stored, version, record }, outcome, unknown, refused, .. } = memory;
         let is_busy = memory.phase != Phase::Idle;
         let coefficients = |channel: &MotorChannel| channel.settings().motor.coefficients.is_some();

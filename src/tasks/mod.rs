@@ -25,7 +25,7 @@
 //! | update | two [`Signal`]s: request and result | one request at a time |
 //! | i2c | for each I2C bus, two [`Signal`]s: request and result | one transfer at a time |
 //! | chain | two [`Channel`]s of packets, to and from the chain line, and two [`Signal`]s: see [`ChainWires`] | a packet that finds its channel full is dropped; the sender repeats it |
-//! | host spoke | a flag | set when the first packet for this hub has arrived; stays set until the next start of the hub |
+//! | button permitted | a flag | set when the stored settings are restored; cleared by the first packet for this hub |
 //!
 //! A [*direct* command](crate::hub::Action::is_direct) needs no regulator, so a motor can execute the command between two ticks.
 //!
@@ -163,8 +163,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub i2c: [RequestChannel<M, Transfer, I2cRead>; I2C_BUSES],
     /// Packets between the responder and the chain line.
     pub chain: ChainWires<M>,
-    /// True once a packet for this hub has arrived since the start of the hub, from the responder to all tasks.
-    pub host_spoke: Mutex<M, Cell<bool>>,
+    /// True while the button may drive motors, from the responder to the button's task.
+    pub button_permitted: Mutex<M, Cell<bool>>,
 }
 
 impl<M: RawMutex, const N: usize> Wires<M, N> {
@@ -186,7 +186,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             update: RequestChannel::new(),
             i2c: [const { RequestChannel::new() }; I2C_BUSES],
             chain: ChainWires::new(),
-            host_spoke: Mutex::new(Cell::new(false)),
+            button_permitted: Mutex::new(Cell::new(false)),
         }
     }
 }

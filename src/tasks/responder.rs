@@ -165,7 +165,7 @@ const STORE_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Waits until the stored settings are restored, or for [`STORE_TIMEOUT`]. A hub without a memory does not wait.
 ///
-/// Settings that are read after the time-out are ignored. The hub then works like a hub without a memory until the next reset.
+/// The hub then answers hosts, and refuses requests that need the memory, until the task of the memory reports.
 async fn await_store<M: RawMutex, const N: usize>(
     responder: &mut Responder<N>,
     wires: &Wires<M, N>,
@@ -235,7 +235,7 @@ fn poll<M: RawMutex, const N: usize>(
             channel.request.signal(transfer);
         }
     }
-    wires.host_spoke.lock(|spoke| spoke.set(responder.host_spoke()));
+    wires.button_permitted.lock(|permitted| permitted.set(responder.permits_button()));
     while let Some(command) = responder.pending() {
         let Ok(number) = wires.try_send(command) else { break };
         responder.sent(number);

@@ -32,6 +32,8 @@ mod signature;
 mod swap;
 
 pub use blocking_flash::BlockingFlash;
+#[cfg(feature = "signed")]
+pub use signature::discard_refused_swap;
 pub use swap::discard_stale_swap;
 
 use super::{Health, Wires};
@@ -196,8 +198,9 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
 
     /// Checks the written image. If the image is valid, writes the swap mark.
     ///
-    /// The image must read back with this CRC-32. If there is a seal, the seal must have a valid signature of the image. The check
-    /// of a signature blocks the processor for some 10 ms, so the method awaits `motors_off` before.
+    /// The image must read back with this CRC-32. If there is a seal, the seal must have a valid signature of the image, and the
+    /// image must not be older than the present firmware. The check of a signature blocks the processor for some 10 ms, so the
+    /// method awaits `motors_off` before.
     pub async fn arm(
         &mut self,
         length: u32,
@@ -216,7 +219,8 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
                 return genuine;
             }
         }
-        if swap::mark(&mut self.active, &mut self.download, &mut self.state).await.is_err() {
+        let seal = seal.map(|seal| (length, seal.signature));
+        if swap::mark(&mut self.active, &mut self.download, &mut self.state, seal).await.is_err() {
             // The host gets an error, so a swap mark that was written only in part must not start the image.
             self.confirm().await;
             return Outcome::Refused;

@@ -55,6 +55,10 @@ use heapless::Vec;
 /// Algorithm of an image's checksum: the CRC-32 of Ethernet (IEEE 802.3).
 pub const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
+/// Position in an image of its *rollback version*, a little-endian number: vector 8, which is reserved and 0 on a Cortex-M
+/// (ARMv7-M ARM, B1.5.2). A shorter image has version 0. A hub that checks signatures accepts no image with a lower number than the present firmware.
+pub const ROLLBACK_VERSION_AT: u32 = 0x20;
+
 /// Length of each chunk except the last, in bytes. It is a multiple of the longest word that a flash writes, 32 bytes.
 pub const CHUNK: usize = 96;
 
@@ -153,6 +157,8 @@ pub enum Outcome {
     Mismatch,
     /// The signature is not valid for this image.
     WrongSignature,
+    /// The image is signed, and its [rollback version](ROLLBACK_VERSION_AT) is lower than that of the present firmware.
+    Older,
 }
 
 /// A request to the slot task.

@@ -8,9 +8,11 @@ use embassy_time::{Duration, Instant, MockDriver};
 use embedded_hal_async::i2c::{self, I2c, NoAcknowledgeSource, Operation};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use motor_hub::board::{AnalogReading, AnalogReadings, Devices, Equipment, I2cBus, SERVOS, ServoPulse};
+use motor_hub::extension::state::StoreReport;
 use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::Setpoint;
-use motor_hub::protocol::{Address, Colour};
+use motor_hub::protocol::payload::{Field, Fields};
+use motor_hub::protocol::{Address, Colour, Nack};
 use motor_hub::responder::Responder;
 use motor_hub::store::{Found, Outcome, SettingsRecord, Stored};
 use motor_hub::tasks::store::Done;
@@ -224,21 +226,21 @@ fn a_reply_comes_without_any_time_passing() {
 }
 
 #[test]
-fn host_spoke_is_true_from_the_first_packet_to_this_hub_on() {
+fn the_button_is_permitted_until_the_first_packet_to_this_hub() {
     let world = World::new();
     let mut task = pin!(world.task());
     run_ms(&mut task, 5);
-    let spoke = || world.wires.host_spoke.lock(Cell::get);
+    let permitted = || world.wires.button_permitted.lock(Cell::get);
     world.send(b"noise");
     world.send(&frame_to(HUB + 1, 1, 0x7F04, &[]));
     run_ms(&mut task, 1000);
-    assert!(!spoke());
+    assert!(permitted());
     world.send(&frame_to(HUB, 1, 0x7F04, &[]));
     run_ms(&mut task, 1);
-    assert!(spoke());
+    assert!(!permitted());
     // Even when it has been silent for long.
     run_ms(&mut task, 3000);
-    assert!(spoke());
+    assert!(!permitted());
 }
 
 #[test]
@@ -615,10 +617,7 @@ fn a_hub_with_a_memory_reads_packets_once_the_memory_has_reported() {
     world.call(13, &[2]);
     run_ms(&mut task, 400);
     assert_eq!((world.replies(), world.new_commands()), (vec![], vec![]));
-    let mut record = SettingsRecord::new(1);
-    record.push(0x100C, &[2, 7, 0]).expect("room");
-    let found = Some(Found { stored: Stored::Whole, version: 1, record });
-    world.wires.store.done.signal(Done { found, outcome: Outcome::None });
+    world.wires.store.done.signal(alert_of_motor_2());
     run_ms(&mut task, 2);
     assert_eq!(world.replies(), [(0x900D, 7)]);
     assert!(world.new_commands().iter().all(|command| matches!(command.action, Action::Configure(_))));
@@ -643,7 +642,68 @@ fn a_memory_that_never_reports_does_not_block_the_hub() {
     assert_eq!(world.replies(), []);
     run_ms(&mut task, 200);
     assert_eq!(world.replies(), [(0x7F01, 1)]);
+    // The memory is there, and a save must wait for it.
     world.send(&frame_to(HUB, 2, 0x4D0E, &[]));
     run_ms(&mut task, 2);
-    assert_eq!(world.replies(), [(0x7F02, 253)]);
+    assert_eq!(world.replies(), [(0x7F02, Nack::STORE_BUSY.0)]);
+}
+
+/// A memory with a current alert for motor 2.
+fn alert_of_motor_2() -> Done {
+    let mut record = SettingsRecord::new(1);
+    record.push(0x100C, &[2, 7, 0]).expect("room");
+    Done { found: Some(Found { stored: Stored::Whole, version: 1, record }), outcome: Outcome::None }
+}
+
+#[test]
+fn the_button_waits_until_the_memory_has_reported() {
+    let world = World::new();
+    let mut responder = responder().expecting_store();
+    let mut task =
+        pin!(tasks::responder::run(&world.to_hub, &world.line, (), &mut responder, &world.wires, |_| ()));
+    let permitted = || world.wires.button_permitted.lock(Cell::get);
+    // Longer than hosts wait.
+    run_ms(&mut task, 6_000);
+    assert!(!permitted(), "the memory may be erased");
+    world.wires.store.done.signal(alert_of_motor_2());
+    run_ms(&mut task, 60);
+    assert!(permitted());
+}
+
+#[test]
+fn a_memory_that_reports_after_the_time_out_is_restored_if_no_host_has_spoken() {
+    let world = World::new();
+    let mut responder = responder().expecting_store();
+    let mut task =
+        pin!(tasks::responder::run(&world.to_hub, &world.line, (), &mut responder, &world.wires, |_| ()));
+    run_ms(&mut task, 6_000);
+    world.wires.store.done.signal(alert_of_motor_2());
+    run_ms(&mut task, 60);
+    world.call(13, &[2]);
+    run_ms(&mut task, 2);
+    assert_eq!(world.replies(), [(0x900D, 7)]);
+}
+
+#[test]
+fn a_memory_that_reports_after_a_host_has_spoken_changes_nothing_and_is_reported() {
+    let world = World::new();
+    let mut responder = responder().expecting_store();
+    let mut task =
+        pin!(tasks::responder::run(&world.to_hub, &world.line, (), &mut responder, &world.wires, |_| ()));
+    run_ms(&mut task, 6_000);
+    world.send(&frame_to(HUB, 1, 0x7F04, &[]));
+    run_ms(&mut task, 2);
+    world.wires.store.done.signal(alert_of_motor_2());
+    run_ms(&mut task, 60);
+    world.replies();
+    world.call(13, &[2]);
+    run_ms(&mut task, 2);
+    let alert = world.replies();
+    assert!(matches!(alert[..], [(0x900D, alert)] if alert != 7), "{alert:?}");
+    // The report of the memory.
+    world.send(&frame_to(HUB, 3, 0x4D11, &[]));
+    run_ms(&mut task, 2);
+    let report = world.line.writes.take();
+    let report = StoreReport::read(&mut Fields::new(&decode(&report[0]).payload)).expect("a report");
+    assert_eq!((report.stored, report.number, report.differs), (Stored::Whole, 1, true));
 }

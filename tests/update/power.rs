@@ -13,8 +13,8 @@ use std::ops::Range;
 
 /// The word of an STM32H743 in bytes. Pages are smaller than on the chip: they have as many words as the state of the
 /// slots needs, in whole buffers.
-const WORD: usize = 32;
-const PAGE: usize = 18 * WORD;
+pub(crate) const WORD: usize = 32;
+const PAGE: usize = 20 * WORD;
 
 /// Pages of the booted slot, of the written slot, and of the state.
 pub(crate) const ACTIVE: Range<usize> = 0..3 * PAGE;
@@ -65,6 +65,16 @@ impl Chip {
         let mut bytes = vec![0xFF; STATE.end];
         bytes[ACTIVE][..LENGTH].copy_from_slice(&image(1));
         RefCell::new(Self { bytes, torn: vec![false; STATE.end / WORD], code, steps: 0, cut: None })
+    }
+
+    /// Puts bytes into the flash, as a fault or a probe may.
+    pub(crate) fn put(&mut self, at: usize, bytes: &[u8]) {
+        self.bytes[at..at + bytes.len()].copy_from_slice(bytes);
+    }
+
+    /// Turns the lowest bit of a byte.
+    pub(crate) fn turn_bit(&mut self, at: usize) {
+        self.bytes[at] ^= 1;
     }
 
     fn alive(&self) -> Result<(), NoPower> {

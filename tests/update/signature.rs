@@ -1,11 +1,12 @@
 //! Signed images are armed if the signature is valid. Signatures are made by OpenSSL and by our own code.
 
-use crate::power::{Chip, Code, slots};
+use crate::power::{ACTIVE, Chip, Code, DOWNLOAD, Part, STATE, WORD, slots};
 use embassy_futures::block_on;
-use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Seal, public_key};
+use motor_hub::tasks::update::{StateFlash, discard_refused_swap};
+use motor_hub::update::{Booted, CHUNK, CRC, Outcome, ROLLBACK_VERSION_AT, Seal, public_key};
 use proptest::prelude::*;
 use salty::{Keypair, Sha512};
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::future::{Future, poll_fn, ready};
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};
@@ -19,16 +20,27 @@ fn image() -> Vec<u8> {
     (0..1000_u32).map(|byte| byte as u8).collect()
 }
 
-/// Sends an image with a seal. Returns the outcome, and what the bootloader would start.
-fn sent(image: &[u8], seal: Option<Seal>) -> (Outcome, Booted) {
+/// A chip whose firmware has this rollback version.
+fn chip(version: u32) -> RefCell<Chip> {
     let chip = Chip::new(Code::Detects);
-    let mut slots = slots(&chip);
+    chip.borrow_mut().put(ACTIVE.start + ROLLBACK_VERSION_AT as usize, &version.to_le_bytes());
+    chip
+}
+
+/// Sends an image with a seal. Returns the outcome, and what the bootloader would start.
+fn sent_to(chip: &RefCell<Chip>, image: &[u8], seal: Option<Seal>) -> (Outcome, Booted) {
+    let mut slots = slots(chip);
     for (at, bytes) in (0..).step_by(CHUNK).zip(image.chunks(CHUNK)) {
         assert_eq!(block_on(slots.write(at, bytes)), Outcome::Done);
     }
     let outcome = block_on(slots.arm(image.len() as u32, CRC.checksum(image), seal, ready(())));
     // An armed image is on trial after a reset.
     (outcome, block_on(slots.booted()))
+}
+
+/// Sends an image to a chip whose firmware is not newer.
+fn sent(image: &[u8], seal: Option<Seal>) -> (Outcome, Booted) {
+    sent_to(&chip(0), image, seal)
 }
 
 fn seal(signature: [u8; 64]) -> Seal {
@@ -61,12 +73,8 @@ fn an_image_or_signature_with_a_bit_turned_is_not_armed() {
 
 #[test]
 fn another_key_signs_nothing() {
-    let other = Keypair::from(&[3; 32]);
-    let mut hash = Sha512::new();
-    hash.update(&image());
-    let signature = other.sign(&hash.finalize()).to_bytes();
+    let Seal { key, signature } = sealed(&image());
     assert_eq!(sent(&image(), Some(seal(signature))), REFUSED);
-    let key = other.public.to_bytes();
     assert_eq!(sent(&image(), Some(Seal { key, signature })), ARMED, "it is that one's own");
     // The key is no point of the curve.
     assert_eq!(sent(&image(), Some(Seal { key: [2; 32], signature })), REFUSED);
@@ -74,7 +82,7 @@ fn another_key_signs_nothing() {
 
 #[test]
 fn nothing_is_armed_before_it_is_calm() {
-    let chip = Chip::new(Code::Detects);
+    let chip = chip(0);
     let mut slots = slots(&chip);
     for (at, bytes) in (0..).step_by(CHUNK).zip(image().chunks(CHUNK)) {
         assert_eq!(block_on(slots.write(at, bytes)), Outcome::Done);
@@ -90,6 +98,89 @@ fn nothing_is_armed_before_it_is_calm() {
         assert_eq!(block_on(arm), Outcome::Done);
     }
     assert_eq!(block_on(slots.booted()), Booted::OnTrial);
+}
+
+/// Signs an image by a key of our own.
+fn sealed(image: &[u8]) -> Seal {
+    let keys = Keypair::from(&[3; 32]);
+    let mut hash = Sha512::new();
+    hash.update(image);
+    Seal { key: keys.public.to_bytes(), signature: keys.sign(&hash.finalize()).to_bytes() }
+}
+
+/// A signed image with this rollback version.
+fn versioned(version: u32) -> (Vec<u8>, Seal) {
+    let mut image = image();
+    image[ROLLBACK_VERSION_AT as usize..][..4].copy_from_slice(&version.to_le_bytes());
+    let seal = sealed(&image);
+    (image, seal)
+}
+
+/// What a bootloader with this key would start.
+fn checked(chip: &RefCell<Chip>, key: [u8; 32]) -> Booted {
+    let [mut active, mut download] = [ACTIVE, DOWNLOAD].map(|part| Part(chip, part));
+    let mut state = StateFlash(Part(chip, STATE));
+    block_on(discard_refused_swap(&mut active, &mut download, &mut state, key)).expect("a flash");
+    block_on(slots(chip).booted())
+}
+
+#[test]
+fn a_signed_image_that_is_older_than_the_firmware_is_not_armed() {
+    for (present, new, armed) in
+        [(0, 0, true), (0, 7, true), (7, 7, true), (7, 6, false), (u32::MAX, 0, false)]
+    {
+        let (image, seal) = versioned(new);
+        let expected = if armed { ARMED } else { (Outcome::Older, Booted::Confirmed) };
+        assert_eq!(sent_to(&chip(present), &image, Some(seal)), expected, "{new} over {present}");
+    }
+    // What lies behind the signed bytes is no version.
+    let short = &image()[..32];
+    assert_eq!(sent_to(&chip(1), short, Some(sealed(short))), (Outcome::Older, Booted::Confirmed));
+    // Bytes with a wrong signature have no version.
+    let (image, _) = versioned(6);
+    assert_eq!(sent_to(&chip(7), &image, Some(seal(*SIGNATURE))), REFUSED);
+}
+
+#[test]
+fn a_bootloader_with_a_key_swaps_in_only_what_the_key_has_signed() {
+    let (image, seal) = versioned(7);
+    let armed = || {
+        let chip = chip(7);
+        assert_eq!(sent_to(&chip, &image, Some(seal)), ARMED);
+        chip
+    };
+    assert_eq!(checked(&armed(), seal.key), Booted::OnTrial);
+    assert_eq!(checked(&armed(), public_key(KEY).expect("a key")), Booted::Confirmed, "another key");
+    // A hub that asks for no signatures has armed it.
+    let unsigned = chip(7);
+    assert_eq!(sent_to(&unsigned, &image, None), ARMED);
+    assert_eq!(checked(&unsigned, seal.key), Booted::Confirmed);
+    // Firmware that has changed since, and firmware that has become older than the present one.
+    for at in [0, 40, 999] {
+        let turned = armed();
+        turned.borrow_mut().turn_bit(DOWNLOAD.start + at);
+        assert_eq!(checked(&turned, seal.key), Booted::Confirmed, "byte {at}");
+    }
+    let newer = armed();
+    newer.borrow_mut().put(ACTIVE.start + ROLLBACK_VERSION_AT as usize, &8_u32.to_le_bytes());
+    assert_eq!(checked(&newer, seal.key), Booted::Confirmed);
+}
+
+#[test]
+fn a_swap_that_has_begun_is_not_checked_again() {
+    let (image, seal) = versioned(7);
+    let chip = chip(7);
+    assert_eq!(sent_to(&chip, &image, Some(seal)), ARMED);
+    // The first step is done, and the next ones overwrite the new firmware in the slot that it was written to.
+    chip.borrow_mut().put(STATE.start + 2 * WORD, &[0; WORD]);
+    chip.borrow_mut().turn_bit(DOWNLOAD.start + 40);
+    assert_eq!(checked(&chip, seal.key), Booted::OnTrial);
+}
+
+#[test]
+fn a_chip_without_a_marked_swap_boots_what_it_has() {
+    let chip = chip(7);
+    assert_eq!(checked(&chip, seal(*SIGNATURE).key), Booted::Confirmed);
 }
 
 proptest! {

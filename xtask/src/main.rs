@@ -14,6 +14,7 @@ mod python;
 mod results;
 mod ros;
 mod second;
+mod sign;
 mod size;
 mod tool;
 mod try_page;
@@ -44,7 +45,7 @@ pub(crate) const IMAGES: [&str; 11] = [
     "--test=emulated",
 ];
 
-const TASKS: [Task; 17] = [
+const TASKS: [Task; 18] = [
     Task {
         name: "check",
         arguments: "",
@@ -116,6 +117,12 @@ const TASKS: [Task; 17] = [
         arguments: "[BOARD]",
         does: "builds an image as the USB drive of a NUCLEO takes it",
         start: board::image,
+    },
+    Task {
+        name: "sign",
+        arguments: "ELF SECRET [VERSION]",
+        does: "raw bytes of an image with a rollback version, and their signature by OpenSSL",
+        start: sign::task,
     },
     Task {
         name: "flash",

@@ -1,5 +1,5 @@
 //! What the bootloader of the NUCLEO-H743ZI2 shares with the hub that it boots: the layout of the flash, the driver of the
-//! flash, and the memory that nothing is executed from.
+//! flash, the memory that nothing is executed from, and the key of signed firmware.
 #![no_std]
 
 mod bank;
@@ -11,3 +11,13 @@ mod mpu;
 
 pub use bank::{Bank, Error};
 pub use memory::execute_first_bank_only;
+
+/// Public key (Ed25519) that must have signed new firmware. `None` if no signature is needed.
+#[cfg(not(feature = "signed"))]
+pub const SIGNER: Option<[u8; 32]> = None;
+/// Public key (Ed25519) that must have signed new firmware.
+#[cfg(feature = "signed")]
+pub const SIGNER: Option<[u8; 32]> = match motor_hub::update::public_key(include_bytes!(env!("UPDATE_KEY"))) {
+    None => panic!("UPDATE_KEY is no public key of Ed25519 in DER: openssl pkey -pubout -outform DER"),
+    key => key,
+};

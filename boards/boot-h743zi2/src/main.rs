@@ -1,11 +1,12 @@
 //! The bootloader of a NUCLEO-H743ZI2: `embassy-boot`'s, over the slots of [`layout`].
 //!
 //! It swaps the slots if the hub has armed new firmware. It swaps them back if the new firmware was started and has not
-//! confirmed itself. Then it jumps. After a power cut the swap goes on at its last step. Every fault ends in a reset, after
+//! confirmed itself. Then it jumps. If it was built with a public key, it swaps in only firmware that the key has signed and
+//! that is not older. After a power cut the swap goes on at its last step. Every fault ends in a reset, after
 //! which the swap goes on too.
 //!
 //! ```text
-//! reset -> watchdog, 32 s -> discard a stale swap -> swap, if armed or on trial -> watchdog, 4 s -> jump
+//! reset -> watchdog, 32 s -> discard a stale or refused swap -> swap, if armed or on trial -> watchdog, 4 s -> jump
 //!   ^          |                |                      |   fed before each erasure      |
 //!   +----------+----------------+----------------------+--------------------------------+  fault, panic, failing flash
 //! ```
@@ -33,6 +34,8 @@ use embassy_stm32::{Peri, pac, peripherals, rcc};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
 use embedded_storage_async::nor_flash::NorFlash;
+#[cfg(feature = "signed")]
+use motor_hub::tasks::update::discard_refused_swap;
 use motor_hub::tasks::update::{BlockingFlash, StateFlash, discard_stale_swap};
 
 /// Watchdog time until a swap reaches its next erasure: the watchdog's longest. The LSI is exact to 8 %.
@@ -63,11 +66,19 @@ fn main() -> ! {
     tick(&mut core.SYST, true);
     let [first, second] = Bank::both(p.FLASH, yield_now).map(Mutex::<NoopRawMutex, _>::new);
     let mut state = StateFlash(part(&second, layout::STATE));
-    if block_on(discard_stale_swap(&mut part(&first, layout::ACTIVE), &mut state)).is_err() {
+    let mut active = part(&first, layout::ACTIVE);
+    if block_on(discard_stale_swap(&mut active, &mut state)).is_err() {
         SCB::sys_reset()
     }
+    #[cfg(feature = "signed")]
+    if let Some(key) = boot_h743zi2::SIGNER {
+        let mut download = part(&second, layout::DOWNLOAD);
+        if block_on(discard_refused_swap(&mut active, &mut download, &mut state, key)).is_err() {
+            SCB::sys_reset()
+        }
+    }
     let config = BootLoaderConfig {
-        active: blocking(part(&first, layout::ACTIVE)),
+        active: blocking(active),
         dfu: blocking(part(&second, layout::DOWNLOAD)),
         state: blocking(state),
     };

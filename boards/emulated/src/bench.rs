@@ -7,7 +7,7 @@ mod probe;
 
 pub use devices::ServoPulse;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -49,6 +49,8 @@ pub struct Setup {
     pub stored: Vec<u8>,
     /// The board's bootloader comes first, and starts the image that is built for it.
     pub bootloader: bool,
+    /// File of the public key that the bootloader is built with, if it is to check signatures.
+    pub bootloader_key: Option<PathBuf>,
     /// Content of the whole flash, [`Board::flash`], in place of images, as [`Bench::flash`] returns it. If it is
     /// empty, the flash holds the images.
     pub flash: Vec<u8>,
@@ -74,6 +76,7 @@ impl Setup {
             battery,
             stored: Vec::new(),
             bootloader: false,
+            bootloader_key: None,
             flash: Vec::new(),
             flash_faults: FlashFaults::default(),
             pwm: Pwm::default(),
@@ -153,7 +156,7 @@ impl Bench {
             images.push(faulty_code::image(divides_by_zero).expect("an image"));
             images.push(Image::new(image, bytes, None).expect("an image"));
             if setup.bootloader {
-                let place = elf::bootloader(setup.board);
+                let place = elf::bootloader(setup.board, setup.bootloader_key.as_deref());
                 let bytes =
                     std::fs::read(&place).unwrap_or_else(|error| panic!("{}: {error}", place.display()));
                 images.push(Image::new(&place, bytes, None).expect("an image"));

@@ -149,6 +149,7 @@ use crate::processor::{self, Code, Mpu};
 use crate::pwm::Registers;
 use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
+use crate::system_break::Connections;
 pub use flash_interface::FlashFaults;
 pub(crate) use servo_timer::Edge;
 
@@ -251,6 +252,14 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// The battery's converter takes commands but converts nothing, or works again.
     fn set_dead(&mut self, dead: bool);
 
+    /// Other faults of the flash. Nothing happens on a chip whose flash has none on the bench.
+    fn set_flash_faults(&mut self, _: FlashFaults) {}
+
+    /// The operation of the flash that runs never ends, until a reset; false if the bench cannot do so to this chip.
+    fn hold_flash(&mut self) -> bool {
+        false
+    }
+
     /// Another revision of the chip, REV_ID. Nothing happens on a chip whose revision the bench does not model.
     fn set_revision(&mut self, at: VirtualNanos, revision: u16);
 
@@ -283,6 +292,11 @@ pub(crate) trait Part: Mcu + Debug + Send {
 
     /// The far end of a line of the host, 0 or 1.
     fn terminal(&mut self, line: usize) -> Option<&mut Terminal>;
+
+    /// What of the chip breaks TIM1. On the F427 nothing does: its SYSCFG has no such register (RM0090 9.2).
+    fn connections(&self) -> Connections {
+        Connections::default()
+    }
 
     /// What becomes of words on their way to the chip, on line 0.
     fn line_errors(&mut self) -> &mut Errors;
@@ -340,8 +354,9 @@ impl Machine for Nucleo {
     }
 
     fn targets(&mut self) -> Vec<Target<'_>> {
+        let connections = self.chip.connections();
         let mut target = self.chip.target(self.code.mpu());
-        processor::keep(&mut target.core, self.code);
+        processor::keep(&mut target.core, self.code, &connections);
         vec![target]
     }
 }

@@ -90,13 +90,16 @@ pub fn hub_that_asks_for_signatures(board: Board, key: &Path) -> PathBuf {
     build_as(&format!("{board}-signed"), board.name(), &["--features", "signed"], &[("UPDATE_KEY", &key)])
 }
 
-/// A board's bootloader.
+/// A board's bootloader. With the file of a public key it swaps in only firmware that is signed with this key.
 ///
 /// # Panics
 /// If it has none, or that does not build.
 #[must_use]
-pub fn bootloader(board: Board) -> PathBuf {
-    build(board.bootloader().unwrap_or_else(|| panic!("{board} has no bootloader")))
+pub fn bootloader(board: Board, key: Option<&Path>) -> PathBuf {
+    let package = board.bootloader().unwrap_or_else(|| panic!("{board} has no bootloader"));
+    let Some(key) = key else { return build(package) };
+    let key = key.display().to_string();
+    build_as(&format!("{package}-signed"), package, &["--features", "signed"], &[("UPDATE_KEY", &key)])
 }
 
 /// Why there is no image to run.

@@ -17,6 +17,8 @@ pub(crate) enum FaultyCode {
     /// The code calls the image's function that panics after a division by zero. The panic names line 77, column 7 of
     /// "bench.rs".
     Panics = 12,
+    /// The code loops with all interrupts masked.
+    LoopsMasked = 28,
 }
 
 impl FaultyCode {
@@ -29,8 +31,8 @@ impl FaultyCode {
 /// Makes a flash image with all faulty codes. `division_panic` is the address of the firmware's function
 /// `panic_const_div_by_zero`. Section A7.7 of the ARMv7-M manual defines the instructions.
 pub(crate) fn image(division_panic: u64) -> Result<Image, Error> {
-    let [location, name] = [28, 44].map(|offset| AT as u32 + offset);
-    let words: [u32; 11] = [
+    let [location, name] = [32, 48].map(|offset| AT as u32 + offset);
+    let words: [u32; 12] = [
         0xE7FD_BF00, // NOP, then a branch to this NOP; the firmware's fault handlers end in the same loop
         0xF7FF_B500, // PUSH {LR}, then a call of this PUSH
         0xBF00_FFFD,
@@ -39,6 +41,7 @@ pub(crate) fn image(division_panic: u64) -> Result<Image, Error> {
         0xBF00_4708,
         location,
         division_panic as u32 | 1,
+        0xE7FE_B672, // CPSID I, then a branch to itself
         // The location has four words: address and length of the file name, line, column. The length includes the zero at the
         // end of the name.
         name,

@@ -33,6 +33,7 @@ mod serial;
 pub mod serve;
 mod shafts;
 mod surroundings;
+mod system_break;
 mod wiring;
 
 pub use bench::{Bench, Reset, SerialByte, ServoPulse, Setup};

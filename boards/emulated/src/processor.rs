@@ -23,6 +23,7 @@ use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
 
 use crate::board::Board;
+use crate::system_break::Connections;
 
 /// How much of the memory protection unit is emulated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -85,7 +86,8 @@ fn shelf() -> std::sync::MutexGuard<'static, Vec<(Code, Translator)>> {
 
 /// Makes a run take its core from the shelf, if a core there has run `code`. After the run the core goes back, if it has run
 /// nothing else.
-pub(crate) fn keep(spec: &mut CoreSpec, code: Code) {
+pub(crate) fn keep(spec: &mut CoreSpec, code: Code, connections: &Connections) {
+    let connections = connections.clone();
     let make = Arc::clone(&spec.processor);
     spec.processor = Arc::new(move |endian| {
         let waiting = {
@@ -116,6 +118,8 @@ pub(crate) fn keep(spec: &mut CoreSpec, code: Code) {
             placing: Some(translated),
             as_new: code.lasts,
             breakpoints: Vec::new(),
+            connections: connections.clone(),
+            locked_up: false,
         };
         Ok(Box::new(core))
     });
@@ -133,6 +137,9 @@ struct Kept {
     as_new: bool,
     /// Where it stops, as often as that was asked: taken back when the run is over.
     breakpoints: Vec<u64>,
+    connections: Connections,
+    /// The core has locked up, and was not reset since.
+    locked_up: bool,
 }
 
 impl Kept {
@@ -171,10 +178,15 @@ impl Drop for Kept {
 impl Processor for Kept {
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
         self.placing = None;
-        match self.code.mpu {
-            Mpu::Emulated => self.processor_mut().run(budget, bus),
-            Mpu::Registers => self.processor_mut().run(budget, &mut WithoutMpu(bus)),
+        let (connections, mpu) = (self.connections.clone(), self.code.mpu);
+        let (exit, ran) =
+            self.processor_mut().run(budget, &mut Outside { bus, mpu, connections: &connections });
+        let locks_up = exit == Exit::Lockup && !self.locked_up;
+        self.locked_up = exit == Exit::Lockup;
+        if locks_up {
+            connections.locked_up(self.retired(), bus);
         }
+        (exit, ran)
     }
 
     fn ask(&mut self, queued: Queued) {
@@ -341,46 +353,54 @@ impl Processor for Kept {
     }
 }
 
-/// The bus, with an MPU whose registers work but which protects nothing. Who reads gets 0: the firmware does not.
-struct WithoutMpu<'a>(&'a mut dyn CoreBus);
+/// The bus, with a register that the emulator lacks. If the MPU's registers only remember, they protect nothing, and who
+/// reads them gets 0: the firmware does not.
+struct Outside<'a> {
+    bus: &'a mut dyn CoreBus,
+    mpu: Mpu,
+    connections: &'a Connections,
+}
 
-impl CoreBus for WithoutMpu<'_> {
+impl CoreBus for Outside<'_> {
     fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
-        if MPU.contains(&access.address) {
+        if self.mpu == Mpu::Registers && MPU.contains(&access.address) {
             return Some(if access.kind == AccessKind::Write { access.value } else { 0 });
         }
-        self.0.access(access, from_code)
+        match self.connections.access(&access) {
+            None => self.bus.access(access, from_code),
+            answer => answer,
+        }
     }
 
     fn time(&self, instructions: u64) -> VirtualNanos {
-        self.0.time(instructions)
+        self.bus.time(instructions)
     }
 
     fn queued(&mut self) -> Vec<Queued> {
-        self.0.queued()
+        self.bus.queued()
     }
 
     fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
-        self.0.carry_on(instructions, event)
+        self.bus.carry_on(instructions, event)
     }
 
     fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
-        self.0.acknowledge(line, instructions)
+        self.bus.acknowledge(line, instructions)
     }
 
     fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked> {
-        self.0.read_checked(access, report)
+        self.bus.read_checked(access, report)
     }
 
     fn write_checked(&mut self, access: Access) -> Option<bool> {
-        self.0.write_checked(access)
+        self.bus.write_checked(access)
     }
 
     fn stops_before(&mut self, access: &Access) -> bool {
-        self.0.stops_before(access)
+        self.bus.stops_before(access)
     }
 
     fn send_trace(&mut self, bytes: &[u8]) {
-        self.0.send_trace(bytes);
+        self.bus.send_trace(bytes);
     }
 }

@@ -133,7 +133,7 @@ impl Surroundings {
     }
 
     /// The chip may have changed its pins at `at`.
-    fn follow_pins(&mut self, session: &mut Session<Nucleo>, at: u64, by_reset: bool) {
+    pub(crate) fn follow_pins(&mut self, session: &mut Session<Nucleo>, at: u64, by_reset: bool) {
         let chip = &mut session.board_mut().chip;
         let before = self.timer.grid();
         let [pwm, direction] = [wiring::PWM_PORT, wiring::LINE_PORT].map(|port| chip.port(port));

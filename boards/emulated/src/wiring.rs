@@ -72,6 +72,14 @@ pub(crate) const fn power_at(board: Board) -> u64 {
     }
 }
 
+/// RCC_APB2ENR, by which TIM1 has its clock (RM0090 6.3.14, RM0433 8.7.44).
+pub(crate) const fn pwm_clock_at(board: Board) -> u64 {
+    match board {
+        Board::NucleoF429zi => 0x4002_3844,
+        Board::NucleoH743zi2 => 0x5802_44F0,
+    }
+}
+
 /// Offsets of a timer's registers.
 pub(crate) const SR: u64 = 0x10;
 pub(crate) const EGR: u64 = 0x14;

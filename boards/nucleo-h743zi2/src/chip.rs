@@ -1,6 +1,9 @@
 //! The chip's own set-up, in addition to the HAL's: clocks, caches, the debugger, the cause of a reset, and the supply's limit.
 
 use boot_h743zi2::execute_first_bank_only;
+use core::ptr::with_exposed_provenance_mut;
+use embassy_stm32::pac::common::{RW, Reg};
+use embassy_stm32::pac::timer::vals::Bkp;
 use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
 use motor_hub_stm32::{record, stack, start, supply};
@@ -8,6 +11,11 @@ use motor_hub_stm32::{record, stack, start, supply};
 /// 2.86 V rising, 2.76 V falling (DS12110 table 116): the chip itself runs on to 1.62 V, but not what
 /// hangs on its pins.
 const PVD_LEVEL: u8 = 0b110;
+
+/// SYSCFG_CFGR, with its bits CM7L and PVDL (RM0433 12.3.6). The peripheral access crate does not have the register.
+const SYSCFG_CFGR: usize = 0x5800_0418;
+const LOCK_UP_BREAKS: u32 = 1 << 6;
+const SUPPLY_BREAKS: u32 = 1 << 2;
 
 /// Divisor of HSI before all PLLs, which multiply 8 MHz.
 const PREDIV: rcc::PllPreDiv = rcc::PllPreDiv::DIV8;
@@ -68,6 +76,31 @@ pub(crate) fn set_up() {
     }
     pac::RCC.cr().modify(|w| w.set_pllon(2, false));
     pac::DBGMCU.apb2fzr1().modify(|w| w.set_tim1(true));
+}
+
+/// From here on the chip switches all PWM off without any code when the core locks up, and when the supply falls. To be called
+/// after the set-up of TIM1. Before revision V the timer ignores both (ES0392 2.2.2).
+///
+/// Double ECC errors are not connected. The core takes each as a bus fault, whose handler opens the bridges at once; if the
+/// handler fails too, the core locks up. The connection of the flash would also fire at words that a power cut has torn, which
+/// the store reads as empty, and the connection of the DTCM at stack that has not been written since power-on.
+pub(crate) fn break_pwm() {
+    const REVISION_V: u16 = 0x2003;
+    if pac::DBGMCU.idc().read().rev_id() < REVISION_V {
+        return;
+    }
+    #[expect(unsafe_code, reason = "the peripheral access crate has no name for this register")]
+    // SAFETY: a register of SYSCFG, which the HAL has given its clock, and no other code has the register.
+    let connections = unsafe { Reg::<u32, RW>::from_ptr(with_exposed_provenance_mut(SYSCFG_CFGR)) };
+    connections.write_value(LOCK_UP_BREAKS | SUPPLY_BREAKS);
+    // The pin BKIN, which no driver sets up, is no source: its input is low then, and the timer waits for a high one.
+    pac::TIM1.af1().modify(|w| w.set_bkine(false));
+    pac::TIM1.bdtr().modify(|w| {
+        w.set_bkp(0, Bkp::ACTIVE_HIGH);
+        w.set_bke(0, true);
+    });
+    // The change of polarity may have passed for a break.
+    pac::TIM1.bdtr().modify(|w| w.set_moe(true));
 }
 
 /// Why the chip was reset.

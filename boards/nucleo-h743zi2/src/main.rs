@@ -12,7 +12,7 @@ mod current;
 mod i2c;
 
 use adc::BatteryAdc;
-use boot_h743zi2::{Bank, layout};
+use boot_h743zi2::{Bank, SIGNER, layout};
 use core::ops::Range;
 use current::CurrentLines;
 use defmt::unwrap;
@@ -57,15 +57,6 @@ const SLOT: Option<Slot> = if cfg!(feature = "bootloader") {
     })
 } else {
     None
-};
-
-/// Public key that must have signed new firmware, if signatures are needed.
-#[cfg(not(feature = "signed"))]
-const SIGNER: Option<[u8; 32]> = None;
-#[cfg(feature = "signed")]
-const SIGNER: Option<[u8; 32]> = match motor_hub::update::public_key(include_bytes!(env!("UPDATE_KEY"))) {
-    None => panic!("UPDATE_KEY is no public key of Ed25519 in DER: openssl pkey -pubout -outform DER"),
-    key => key,
 };
 
 motor_hub_stm32::hub! {
@@ -118,6 +109,7 @@ async fn main(spawner: Spawner) {
     chip::watch_supply();
 
     let pwm = Pwm::new(p.TIM1);
+    chip::break_pwm();
     let bridges = [
         pwm.bridge(p.PE9, low(p.PD0), low(p.PD1)),
         pwm.bridge(p.PE11, low(p.PD2), low(p.PD3)),

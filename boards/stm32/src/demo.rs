@@ -20,7 +20,7 @@ pub async fn run<M: RawMutex, const N: usize>(input: Input<'static>, wires: &Wir
         ticker.next().await;
         let wanted = button.step(ButtonInputs {
             down: input.is_high(),
-            host_spoke: wires.host_spoke.lock(|spoke| spoke.get()),
+            permitted: wires.button_permitted.lock(|permitted| permitted.get()),
             battery_good: wires.snapshot.try_get().is_some_and(|snapshot| snapshot.good_battery().is_some()),
             now: Micros::new(Instant::now().as_micros()),
         });

@@ -3,7 +3,7 @@
 //! The stack is at RAM's low end (`sections.x`), and the memory protection unit forbids its lowest part. The unit is off while
 //! a HardFault is handled (HFNMIENA is 0; PM0214 and PM0253 4.2), so the handler has the guard for its own stack. A frame
 //! larger than the guard could reach past the end of RAM. The core then locks up in its first fault, and the watchdog resets
-//! the chip.
+//! the chip. The H743 switches its PWM off at once then.
 
 use crate::mpu::{FULL_ACCESS, NEVER_EXECUTED, WRITTEN_THROUGH, protect, region};
 use core::ops::Range;

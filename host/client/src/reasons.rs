@@ -70,6 +70,9 @@ pub const fn why_not_armed(report: &UpdateReport) -> Option<&'static str> {
         (Phase::Armed, _) => None,
         (_, update::Outcome::Mismatch) => Some("the hub's flash reads back other bytes than were sent"),
         (_, update::Outcome::WrongSignature) => Some("the signature is not of this file by the hub's key"),
+        (_, update::Outcome::Older) => {
+            Some("the image is older than the hub's firmware: its rollback version is lower")
+        }
         (_, update::Outcome::Refused) => Some("the hub's flash refused the write"),
         _ => Some(
             "the hub has not finished the check; it checks a signature only while all motors are disabled",

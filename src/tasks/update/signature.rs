@@ -1,31 +1,85 @@
-//! Checks the signature of an image: Ed25519 (RFC 8032) of the image's SHA-512 hash.
+//! Checks signed images: the signature, Ed25519 (RFC 8032) of the image's SHA-512 hash, and the rollback version.
 //!
 //! The check of [`embassy_boot`] is not used, because that check reads two bytes at a time and does not let other tasks run.
 
-use super::{Outcome, Slots, each_chunk};
-use crate::update::Seal;
-use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
+use super::swap::{discard, progress, seal};
+use super::{Outcome, Slots, StateFlash, WORD, each_chunk};
+use crate::update::{ROLLBACK_VERSION_AT, Seal};
+use core::future::ready;
+use embedded_storage_async::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 use salty::{PublicKey, Sha512, Signature};
 
 impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
-    /// Checks that the seal has a valid signature of the written image by the seal's key. The arithmetic blocks the processor, so
-    /// the method awaits `motors_off` before.
+    /// Checks that the seal has a valid signature of the written image by the seal's key, and that the image is not older than
+    /// the present firmware. The arithmetic blocks the processor, so the method awaits `motors_off` before.
     pub(super) async fn verify(
         &mut self,
         length: u32,
         seal: &Seal,
         motors_off: impl Future<Output = ()>,
     ) -> Outcome {
-        let mut hash = Sha512::new();
-        if each_chunk(&mut self.download, 0, length, |chunk| hash.update(chunk)).await.is_err() {
-            return Outcome::Refused;
-        }
-        let hash = hash.finalize();
-        motors_off.await;
-        let signature = Signature::from(&seal.signature);
-        match PublicKey::try_from(&seal.key) {
-            Ok(key) if key.verify(&hash, &signature).is_ok() => Outcome::Done,
-            _ => Outcome::WrongSignature,
-        }
+        check(&mut self.active, &mut self.download, length, seal, motors_off)
+            .await
+            .unwrap_or(Outcome::Refused)
     }
+}
+
+/// Checks the new firmware in the download slot against its seal and the present firmware.
+async fn check<A: ReadNorFlash, D: ReadNorFlash>(
+    active: &mut A,
+    download: &mut D,
+    length: u32,
+    seal: &Seal,
+    motors_off: impl Future<Output = ()>,
+) -> Result<Outcome, NorFlashErrorKind> {
+    let mut hash = Sha512::new();
+    each_chunk(download, 0, length, |chunk| hash.update(chunk)).await.map_err(|error| error.kind())?;
+    let hash = hash.finalize();
+    let present = rollback_version(active, active.capacity() as u32).await.map_err(|error| error.kind())?;
+    let new = rollback_version(download, length).await.map_err(|error| error.kind())?;
+    motors_off.await;
+    let signature = Signature::from(&seal.signature);
+    Ok(match PublicKey::try_from(&seal.key) {
+        Ok(key) if key.verify(&hash, &signature).is_ok() => {
+            if new < present {
+                Outcome::Older
+            } else {
+                Outcome::Done
+            }
+        }
+        _ => Outcome::WrongSignature,
+    })
+}
+
+/// Returns the rollback version of the firmware in a slot. Firmware that is too short for a version has version 0.
+async fn rollback_version<F: ReadNorFlash>(slot: &mut F, length: u32) -> Result<u32, F::Error> {
+    if length < ROLLBACK_VERSION_AT + 4 {
+        return Ok(0);
+    }
+    let mut word = [0; WORD];
+    slot.read(ROLLBACK_VERSION_AT, &mut word).await?;
+    Ok(word.first_chunk().map_or(0, |number| u32::from_le_bytes(*number)))
+}
+
+/// Discards a swap that is marked and has not begun, unless the new firmware has a valid signature by this key and is not older
+/// than the present firmware. A bootloader with a key calls this function before it begins a swap.
+///
+/// # Errors
+/// Returns the kind of the flash's error.
+pub async fn discard_refused_swap<A: NorFlash, D: NorFlash, S: NorFlash>(
+    active: &mut A,
+    download: &mut D,
+    state: &mut StateFlash<S>,
+    key: [u8; 32],
+) -> Result<(), NorFlashErrorKind> {
+    let capacity = active.capacity() as u32;
+    let pages = capacity / A::ERASE_SIZE as u32;
+    if progress(state, pages).await.map_err(|error| error.kind())? != Some(0) {
+        return Ok(());
+    }
+    let (length, signature) = seal(state, pages).await.map_err(|error| error.kind())?;
+    // The length of unsigned firmware is blank, and too long.
+    let accepted = length <= capacity
+        && check(active, download, length, &Seal { key, signature }, ready(())).await? == Outcome::Done;
+    if accepted { Ok(()) } else { discard(state).await }
 }

@@ -21,6 +21,7 @@
 //! | 1 | blank; 0 while the bootloader erases the progress, after it has restored the previous firmware |
 //! | 4 N | progress: the number of words without a blank byte, from the first word on |
 //! | rest | unused |
+//! | 96 bytes | length and signature of the new firmware; blank if it is not signed |
 //! | N | [`PageSums`] of the pages, in descending order: page 0 is last |
 
 use super::{BLANK, StateFlash, WORD, checksum};
@@ -73,18 +74,47 @@ fn sums_at<S: NorFlash>(state: &StateFlash<S>, page: u32) -> u32 {
     (state.capacity() as u32).saturating_sub((page + 1) * S::WRITE_SIZE as u32)
 }
 
-/// Stores the checksums of the slots' pages, and then the swap mark.
+/// Size of length and signature in the state, in bytes: a multiple of each possible word.
+const SEAL_BYTES: usize = 96;
+
+/// Returns the address of the new firmware's length and signature in the state.
+fn seal_at<S: NorFlash>(state: &StateFlash<S>, pages: u32) -> u32 {
+    sums_at(state, pages.saturating_sub(1)).saturating_sub(SEAL_BYTES as u32)
+}
+
+/// Reads length and signature of the new firmware. Both are all ones if the firmware was not signed.
+#[cfg(feature = "signed")]
+pub(super) async fn seal<S: NorFlash>(
+    state: &mut StateFlash<S>,
+    pages: u32,
+) -> Result<(u32, [u8; 64]), S::Error> {
+    let (mut bytes, mut signature) = ([0; SEAL_BYTES], [0; 64]);
+    state.read(seal_at(state, pages), &mut bytes).await?;
+    let (length, rest) = bytes.split_first_chunk().unwrap_or((&[0; 4], &[]));
+    signature.iter_mut().zip(rest).for_each(|(to, byte)| *to = *byte);
+    Ok((u32::from_le_bytes(*length), signature))
+}
+
+/// Stores length and signature of signed firmware, the checksums of the slots' pages, and then the swap mark.
 pub(super) async fn mark<A: ReadNorFlash, D: NorFlash, S: NorFlash>(
     active: &mut A,
     download: &mut D,
     state: &mut StateFlash<S>,
+    seal: Option<(u32, [u8; 64])>,
 ) -> Result<(), NorFlashErrorKind> {
     let kind = |error: S::Error| error.kind();
     let mut buffer = [0; WORD];
     let word = buffer.get_mut(..S::WRITE_SIZE).unwrap_or_default();
     state.erase(0, state.capacity() as u32).await.map_err(kind)?;
     let length = D::ERASE_SIZE as u32;
-    for page in 0..active.capacity() as u32 / length {
+    let pages = active.capacity() as u32 / length;
+    if let Some((length, signature)) = seal {
+        let mut bytes = [BLANK; SEAL_BYTES];
+        let stored = length.to_le_bytes().into_iter().chain(signature);
+        bytes.iter_mut().zip(stored).for_each(|(to, byte)| *to = byte);
+        state.write(seal_at(state, pages), &bytes).await.map_err(kind)?;
+    }
+    for page in 0..pages {
         let previous = checksum(active, page * length, length).await?;
         let new = checksum(download, page * length, length).await?;
         let sums = [previous, new].map(u32::to_le_bytes);
@@ -105,29 +135,46 @@ pub async fn discard_stale_swap<A: NorFlash, S: NorFlash>(
     state: &mut StateFlash<S>,
 ) -> Result<(), NorFlashErrorKind> {
     let kind = |error: S::Error| error.kind();
-    let mut buffer = [0; WORD];
-    let word = buffer.get_mut(..S::WRITE_SIZE).unwrap_or_default();
-    state.read(0, word).await.map_err(kind)?;
-    if word.iter().any(|byte| *byte != SWAP) {
-        return Ok(());
-    }
     let length = A::ERASE_SIZE as u32;
     let pages = active.capacity() as u32 / length;
+    let Some(progress) = progress(state, pages).await.map_err(kind)? else { return Ok(()) };
+    let mut buffer = [0; WORD];
+    let word = buffer.get_mut(..S::WRITE_SIZE).unwrap_or_default();
+    for page in 0..pages {
+        let sum = checksum(active, page * length, length).await?;
+        state.read(sums_at(state, page), word).await.map_err(kind)?;
+        if !PageSums::read(word).is_some_and(|sums| sums.fits(sum, page, pages, progress)) {
+            return discard(state).await;
+        }
+    }
+    Ok(())
+}
+
+/// Returns the progress of the marked swap, with this number of pages in the active slot. `None` if no swap is marked.
+pub(super) async fn progress<S: NorFlash>(
+    state: &mut StateFlash<S>,
+    pages: u32,
+) -> Result<Option<u32>, S::Error> {
+    let mut buffer = [0; WORD];
+    let word = buffer.get_mut(..S::WRITE_SIZE).unwrap_or_default();
+    state.read(0, word).await?;
+    if word.iter().any(|byte| *byte != SWAP) {
+        return Ok(None);
+    }
     let mut progress = 0;
     while progress < 4 * pages {
-        state.read((PROGRESS_AT + progress) * S::WRITE_SIZE as u32, word).await.map_err(kind)?;
+        state.read((PROGRESS_AT + progress) * S::WRITE_SIZE as u32, word).await?;
         if word.contains(&BLANK) {
             break;
         }
         progress += 1;
     }
-    for page in 0..pages {
-        let sum = checksum(active, page * length, length).await?;
-        state.read(sums_at(state, page), word).await.map_err(kind)?;
-        if !PageSums::read(word).is_some_and(|sums| sums.fits(sum, page, pages, progress)) {
-            let done = FirmwareState::new(state, word).mark_booted().await;
-            return done.map_err(|_| NorFlashErrorKind::Other);
-        }
-    }
-    Ok(())
+    Ok(Some(progress))
+}
+
+/// Discards the marked swap: the firmware in the active slot is started.
+pub(super) async fn discard<S: NorFlash>(state: &mut StateFlash<S>) -> Result<(), NorFlashErrorKind> {
+    let mut buffer = [0; WORD];
+    let word = buffer.get_mut(..S::WRITE_SIZE).unwrap_or_default();
+    FirmwareState::new(state, word).mark_booted().await.map_err(|_| NorFlashErrorKind::Other)
 }

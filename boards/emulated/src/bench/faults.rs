@@ -13,6 +13,7 @@ use simulated::current_line::CurrentLine;
 use simulated::encoder::Encoder;
 
 use super::Bench;
+use crate::chip::FlashFaults;
 use crate::elf;
 use crate::faulty_code::FaultyCode;
 use crate::wiring;
@@ -112,8 +113,10 @@ impl Bench {
 
     /// Another rail of the chip, in millivolts, from now on.
     pub fn set_rail(&mut self, millivolts: u32) {
-        self.at_stop(move |lab, session, _| {
-            session.board_mut().chip.set_rail(VirtualNanos(lab.now), millivolts);
+        self.at_stop(move |surroundings, session, _| {
+            let at = surroundings.now;
+            session.board_mut().chip.set_rail(VirtualNanos(at), millivolts);
+            surroundings.follow_pins(session, at, false);
         });
     }
 
@@ -139,6 +142,20 @@ impl Bench {
         self.at_stop(move |_, session, _| session.board_mut().chip.set_power_dead(dead));
     }
 
+    /// Other faults of the flash, from now on. The flash of the F427 has none.
+    pub fn set_flash_faults(&mut self, faults: FlashFaults) {
+        self.at_stop(move |_, session, _| session.board_mut().chip.set_flash_faults(faults));
+    }
+
+    /// The flash stays busy until the chip is reset.
+    ///
+    /// # Panics
+    /// On another chip than the H743.
+    pub fn hold_flash(&mut self) {
+        let held = self.at_stop(|_, session, _| session.board_mut().chip.hold_flash());
+        assert!(held, "only the flash of the H743 has faults");
+    }
+
     /// The core's next access to this range fails with a bus error.
     pub fn fail_next_access(&mut self, addresses: std::ops::Range<u64>) {
         self.at_stop(move |_, session, _| session.fail_next(addresses.start, addresses.end));
@@ -149,6 +166,22 @@ impl Bench {
         self.at(at, |lab, session, host| {
             session.reset_by_pin(VirtualNanos(lab.now), lab.instructions, host);
         });
+    }
+
+    /// The core locks up: its next access to this range fails with a bus error, and so does the first access of the fault
+    /// handler, which reads whether TIM1 has a clock.
+    pub fn lock_up(&mut self, addresses: std::ops::Range<u64>) {
+        let clocks = wiring::pwm_clock_at(self.board);
+        self.fail_next_access(addresses);
+        self.fail_next_access(clocks..clocks + 4);
+    }
+
+    /// Makes a task loop without end, with all interrupts masked, when the task is next polled.
+    ///
+    /// # Panics
+    /// If there is no such task.
+    pub fn hang_masked(&mut self, task: &str) {
+        self.lead(task, FaultyCode::LoopsMasked);
     }
 
     /// Makes a task loop without end when it is next polled.

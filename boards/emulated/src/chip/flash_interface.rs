@@ -1,5 +1,6 @@
-//! The flash interface of the STM32H743 (RM0433 4), with two faults of a real one that the emulator lacks. It shows
-//! errors that no access has caused. The last store of a word arrives after the core has read the status register.
+//! The flash interface of the STM32H743 (RM0433 4), with faults of a real one that the emulator lacks. It shows
+//! errors that no access has caused. The last store of a word arrives after the core has read the status register. An
+//! operation never ends.
 
 use rigless::device::{Device, DeviceContext, RegisterFile};
 use rigless::soc::Width;
@@ -32,14 +33,16 @@ struct Store {
 #[derive(Debug)]
 pub(super) struct Interface {
     flash: Flash,
-    faults: FlashFaults,
+    pub(super) faults: FlashFaults,
     accesses: u32,
     late: Option<Store>,
+    /// The operation that runs ends with the next reset of the chip.
+    pub(super) never_ends: bool,
 }
 
 impl Interface {
     pub(super) fn new(faults: FlashFaults) -> Self {
-        Self { flash: Flash::new(), faults, accesses: 0, late: None }
+        Self { flash: Flash::new(), faults, accesses: 0, late: None, never_ends: false }
     }
 
     /// Shows errors, if it is time to.
@@ -84,7 +87,12 @@ impl Device for Interface {
                 None => self.arrive(registers, context),
             }
         }
-        self.flash.read(register, registers, context)
+        let value = self.flash.read(register, registers, context);
+        match register {
+            Register::Sr1 if self.never_ends => Some(sr1::BSY1.set(registers.get(register), 1)),
+            Register::Sr2 if self.never_ends => Some(sr2::BSY2.set(registers.get(register), 1)),
+            _ => value,
+        }
     }
 
     fn write(
@@ -134,6 +142,6 @@ impl Device for Interface {
 
     fn reset(&mut self) {
         Device::reset(&mut self.flash);
-        (self.accesses, self.late) = (0, None);
+        (self.accesses, self.late, self.never_ends) = (0, None, false);
     }
 }

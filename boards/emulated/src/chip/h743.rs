@@ -41,6 +41,7 @@ use crate::processor::Mpu;
 use crate::pwm::Registers;
 use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
+use crate::system_break::{Connections, Source};
 use crate::wiring;
 
 /// TS_CAL1, TS_CAL2 and VREFIN_CAL (DS12110, tables 118 and 181).
@@ -100,6 +101,7 @@ pub(super) struct Chip {
     /// ADC2.
     currents: Late,
     identity_slot: usize,
+    connections: Connections,
     power_dead: bool,
     plain_power: Remembers<pwr::Register>,
     power_slot: usize,
@@ -166,6 +168,7 @@ impl Chip {
             flash: Interface::new(faults),
             currents,
             identity_slot,
+            connections: Connections::default(),
             power_dead: false,
             plain_power: Remembers::default(),
             power_slot,
@@ -193,6 +196,7 @@ impl Mcu for Chip {
 
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
+        self.connections.reset();
         Device::reset(&mut self.watchdog);
         Device::reset(&mut self.converter);
         Device::reset(&mut self.flash);
@@ -280,7 +284,17 @@ impl Part for Chip {
         self.supply_low = low;
         if fell {
             self.write(at, EXTI_SWIER1, Width::W32, DETECTOR_LINE).expect("the EXTI's register");
+            let slots = self.bus().slots();
+            let [identity] = words(slots[self.identity_slot].registers(), [dbgmcu::Register::Idc]);
+            if let Some(outputs) = self.connections.broken(Source::Detector, identity, self.pwm().bdtr) {
+                let (registers, _) = self.part.bus_mut().drive(at, self.timer_slot);
+                registers.set(Tim1::Bdtr, outputs.into());
+            }
         }
+    }
+
+    fn connections(&self) -> Connections {
+        self.connections.clone()
     }
 
     fn pwm_hz(&mut self) -> u64 {
@@ -317,6 +331,15 @@ impl Part for Chip {
 
     fn delay_currents(&mut self, nanos: u64) -> bool {
         self.currents.next_is_late_by = Some(nanos);
+        true
+    }
+
+    fn set_flash_faults(&mut self, faults: FlashFaults) {
+        self.flash.faults = faults;
+    }
+
+    fn hold_flash(&mut self) -> bool {
+        self.flash.never_ends = true;
         true
     }
 

@@ -172,3 +172,9 @@ pub(crate) fn time_to_safe(bench: &mut Bench, motor: usize, since: Duration) -> 
 pub(crate) fn log(bench: &mut Bench) -> String {
     bench.log().iter().map(|line| format!("{} {line}\n", line.boot)).collect()
 }
+
+/// Below what the voltage detector watches for, mV. On the F429 above 2.7 V, where 168 MHz and 5 wait states end; the
+/// H743 runs on to 1.62 V.
+pub(crate) fn too_low() -> u32 {
+    by_board(2_800, 2_740)
+}

@@ -7,12 +7,13 @@ use crate::common::{am60, booted_as, ms, on, setup};
 use crate::store::{self, Pages};
 use embassy_futures::block_on;
 use emulated::host_link::HostLink;
-use emulated::{Bench, Board, FlashFaults, Setup};
+use emulated::{Bench, Board, FlashFaults, Mpu, Setup};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::store::{Outcome as Saved, Stored};
 use motor_hub::tasks::update::Slots;
-use motor_hub::update::{Booted, CHUNK, CRC, Outcome};
+use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Seal};
+use salty::{Keypair, Sha512};
 
 const BOARD: Board = Board::NucleoH743zi2;
 
@@ -23,9 +24,13 @@ const LATE: FlashFaults = FlashFaults { errors_every: 0, late_reads: 5 };
 /// Offsets from the flash's start, in bytes (`boot_h743zi2::layout`): the slot that is booted, the other one, and the
 /// bootloader's state.
 const ACTIVE: usize = 0x2_0000;
+const ORIGIN: u32 = 0x0802_0000;
 const DOWNLOAD: usize = 0x10_0000;
 const STATE: usize = 0x1A_0000;
 const PAGE: usize = 0x2_0000;
+
+/// Offset of the state's word that is 0 once the first step of a swap is done.
+const FIRST_STEP: usize = STATE + 2 * 32;
 
 /// Each byte of the bootloader's state while a swap is ordered (`SWAP_MAGIC` of embassy-boot).
 const ORDERED: u8 = 0xF0;
@@ -64,7 +69,13 @@ struct Armed {
 }
 
 fn armed() -> Armed {
-    let mut flash = on(BOARD, || Bench::new(Setup { bootloader: true, ..setup(vec![am60()]) })).flash();
+    armed_with(setup(vec![am60()]), |_| None)
+}
+
+/// The same, with another bootloader, and with a seal that is made of the new image.
+fn armed_with(setup: Setup, seal: impl FnOnce(&[u8]) -> Option<Seal>) -> Armed {
+    let setup = Setup { board: BOARD, bootloader: true, ..setup };
+    let mut flash = Bench::new(setup).flash();
     let slot = &flash[ACTIVE..ACTIVE + 4 * PAGE];
     let end = slot.iter().rposition(|byte| *byte != 0xFF).expect("a hub");
     let before = slot[..(end + 1).next_multiple_of(CHUNK)].to_vec();
@@ -78,7 +89,7 @@ fn armed() -> Armed {
         assert_eq!(block_on(slots.write(at, bytes)), Outcome::Done);
     }
     let crc = CRC.checksum(&new);
-    let done = block_on(slots.arm(new.len() as u32, crc, None, std::future::ready(())));
+    let done = block_on(slots.arm(new.len() as u32, crc, seal(&new), std::future::ready(())));
     assert_eq!(done, Outcome::Done);
     flash[DOWNLOAD..DOWNLOAD + 5 * PAGE].copy_from_slice(&download.0);
     flash[STATE..STATE + PAGE].copy_from_slice(&state.0);
@@ -152,6 +163,77 @@ fn a_fault_in_the_middle_of_a_swap_is_a_reset_and_the_swap_goes_on() {
     assert_eq!(bench.resets().len(), 1);
 }
 
+/// ODR of GPIOB: PB14 is the red lamp.
+const LAMPS: u64 = 0x5802_0414;
+
+/// The bootloader's clock has 64 MHz, at which the lamp changes every 250 ms. The emulated core has 400 MHz from the start.
+const BLINKS_EVERY: Duration = Duration::from_millis(250 * 64 / 400);
+
+#[test]
+fn the_red_lamp_blinks_during_a_swap() {
+    let mut bench = powered_on(armed().flash, FlashFaults::default());
+    let mut lit = Vec::new();
+    bench.run_while(ms(4), 20 * BLINKS_EVERY, |bench| {
+        lit.push(bench.register(LAMPS) >> 14 & 1 == 1);
+        false
+    });
+    let changes = lit.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    assert!((19..=20).contains(&changes), "{changes} changes in {:?}", bench.now());
+}
+
+#[test]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
+fn an_operation_that_never_ends_in_a_swap_is_ended_by_the_watchdog_and_the_swap_goes_on() {
+    let Armed { flash, new, .. } = armed();
+    let mut bench = powered_on(flash, FlashFaults::default());
+    bench.run(ms(3_000));
+    bench.hold_flash();
+    assert!(bench.run_while(ms(500), ms(34_000), |bench| !bench.resets().is_empty()), "it hangs for ever");
+    println!("reset after {:?}: {:?}", bench.now(), bench.resets());
+    boots(&mut bench, &new);
+    assert_eq!(bench.resets().len(), 1, "{:?}", bench.resets());
+}
+
+#[test]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
+fn firmware_on_trial_drives_its_motors_while_the_flash_does_not_take_the_confirmation() {
+    let mut bench = powered_on(armed().flash, FlashFaults::default());
+    assert!(bench.run_while(ms(100), ms(20_000), |bench| !bench.log().is_empty()), "nothing is swapped in");
+    bench.hold_flash();
+    // The confirmation is due after 2 s.
+    bench.run(ms(4_000));
+    let mut host = HostLink::default();
+    host.velocity(&mut bench, 0, 1_000);
+    bench.run(ms(1_500));
+    let report: UpdateReport = host.question(&mut bench, HubFunction::Update);
+    assert_eq!(report.booted, Booted::OnTrial);
+    let speed = bench.look(0).counts_per_second;
+    assert!((speed - 1_000.0).abs() < 30.0, "{speed} counts/s");
+    assert_eq!(bench.resets(), []);
+}
+
+/// The bootloader jumps to the reset vector of the slot, wherever that is.
+#[test]
+fn from_the_bootloader_on_nothing_is_executed_in_the_second_bank_and_in_the_system_memory() {
+    const SPIN: [u8; 2] = 0xE7FE_u16.to_le_bytes();
+    let handler = ORIGIN + 0x200;
+    for entry in [0x0810_0000_u32, 0x1FF0_0000] {
+        let mut flash = armed().flash;
+        flash[STATE..STATE + PAGE].fill(0xFF);
+        // Stack, reset, NMI, HardFault; the handler spins, and so would the second bank.
+        let vectors = [0x2002_0000, entry + 1, handler + 1, handler + 1].map(u32::to_le_bytes);
+        flash[ACTIVE..ACTIVE + 16].copy_from_slice(vectors.as_flattened());
+        flash[ACTIVE + 0x200..ACTIVE + 0x202].copy_from_slice(&SPIN);
+        flash[DOWNLOAD..DOWNLOAD + 2].copy_from_slice(&SPIN);
+        let stand = Setup { flash, bootloader: true, mpu: Mpu::Emulated, ..setup(vec![am60()]) };
+        let mut bench = on(BOARD, || Bench::new(Setup { board: BOARD, ..stand }));
+        bench.watch(vec![entry.into(), handler.into()]);
+        bench.run(ms(20));
+        let arrivals: Vec<u64> = bench.take_hits().into_iter().map(|(address, _)| address).take(2).collect();
+        assert_eq!(arrivals.last(), Some(&handler.into()), "{entry:#x}: {arrivals:#x?}");
+    }
+}
+
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn what_a_probe_has_written_boots_though_other_firmware_was_armed() {
@@ -162,6 +244,34 @@ fn what_a_probe_has_written_boots_though_other_firmware_was_armed() {
     let mut bench = powered_on(flash, FlashFaults::default());
     boots(&mut bench, &probed);
     assert_eq!(bench.resets(), []);
+}
+
+#[test]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
+fn a_bootloader_with_a_key_begins_to_swap_only_what_the_key_has_signed() {
+    let keys = Keypair::from(&[3; 32]);
+    let key = keys.public.to_bytes();
+    // The file as OpenSSL writes it.
+    let head = [0x30, 0x2A, 0x30, 0x05, 0x06, 0x03, 0x2B, 0x65, 0x70, 0x03, 0x21, 0x00];
+    let file = std::env::temp_dir().join(format!("motor-hub-{}.der", std::process::id()));
+    std::fs::write(&file, [&head[..], &key].concat()).expect("a file for the key");
+    let with_key = || Setup { bootloader_key: Some(file.clone()), ..setup(vec![am60()]) };
+    let sign = |image: &[u8]| {
+        let mut hash = Sha512::new();
+        hash.update(image);
+        Some(Seal { key, signature: keys.sign(&hash.finalize()).to_bytes() })
+    };
+    let (unsigned, signed) = (armed_with(with_key(), |_| None), armed_with(with_key(), sign));
+    std::fs::remove_file(&file).expect("the file of the key");
+    for (Armed { flash, .. }, swaps) in [(signed, true), (unsigned, false)] {
+        let mut bench = powered_on(flash, FlashFaults::default());
+        // The first step of a swap erases a page and writes another.
+        bench.run(ms(3_000));
+        let left = bench.flash();
+        assert_eq!(left[STATE] == ORDERED, swaps);
+        assert_eq!(left[FIRST_STEP] == 0, swaps, "the first step of the swap");
+        assert_eq!(bench.resets(), []);
+    }
 }
 
 /// Time between two cuts: each page is erased for 1.1 s, and written for up to 0.53 s.

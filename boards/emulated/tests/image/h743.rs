@@ -1,9 +1,11 @@
 //! The tests that run on the NUCLEO-H743ZI2 too, each time `cargo xtask test emulated` runs. `cargo xtask test
 //! nucleo-h743zi2` runs all tests on that board.
 
-use crate::common::{am60, bits, booted, log, ms, on, setup};
+use std::time::Duration;
+
+use crate::common::{COUNTER, am60, bits, booted, log, ms, on, setup};
 use crate::{boot, currents, devices, faults, link, matrix, record, running, stack, supply};
-use emulated::{Bench, Board};
+use emulated::{Bench, Board, Output};
 
 macro_rules! on_h743 {
     ($($(#[$attribute:meta])* $room:ident::$test:ident),+ $(,)?) => {
@@ -59,6 +61,12 @@ fn faults_of_every_kind_end_as_they_should() {
             "a task hangs",
             "bus error",
             "reset",
+            "nothing connected to the battery's pin",
+            "the chip's supply falls",
+            "the core locks up",
+            "reset, and the clocks do not start",
+            "settings are saved, and the flash shows errors that nobody made",
+            "settings are saved, and words arrive late",
         ]);
     });
 }
@@ -110,6 +118,70 @@ fn flash_has_its_wait_states_and_data_are_where_no_cache_is() {
     let ram = Board::NucleoH743zi2.ram();
     let statics: Vec<_> = bench.symbols().iter().filter(|s| s.address >= ram.start).cloned().collect();
     assert!(statics.len() > 5 && statics.iter().all(|s| ram.contains(&s.address)), "{statics:?}");
+}
+
+/// TIM1's registers BDTR and AF1 (RM0433 38.4.20, 38.4.25).
+const TIM1_BDTR: u64 = 0x4001_0044;
+const TIM1_AF1: u64 = 0x4001_0060;
+
+/// Two motors drive, on a chip of this revision.
+fn driving(revision: u16) -> Bench {
+    let mut bench = on(Board::NucleoH743zi2, || Bench::new(setup(vec![am60(); 2])));
+    bench.set_revision(revision);
+    bench.run(ms(300));
+    bench.press(true);
+    bench.run(ms(500));
+    assert!((0..2).all(|motor| !bench.lines(motor).open()));
+    bench
+}
+
+/// Watches both bridges, and returns the time from now until no PWM is on for good. A break leaves the direction lines as they are: with PWM low the low sides are
+/// off, and nothing is driven.
+fn time_to_low(bench: &mut Bench, watched: Duration) -> Duration {
+    let at = bench.now();
+    bench.press(false);
+    bench.run(watched);
+    let mut low = [None; 2];
+    for transition in bench.transitions().into_iter().filter(|t| t.motor < 2) {
+        let is_low = transition.lines.pwm == Output::Level(false);
+        low[transition.motor] = is_low.then(|| low[transition.motor].unwrap_or(transition.at));
+    }
+    low.map(|since| since.expect("PWM is low")).into_iter().max().expect("motors").saturating_sub(at)
+}
+
+/// Before revision V nothing breaks the timer (ES0392 2.2.2), and the watchdog ends it.
+#[test]
+fn a_core_that_locks_up_leaves_no_pwm_on_from_revision_v_on() {
+    for (revision, limit) in [(0x2003, Duration::from_micros(1_100)), (0x1003, ms(600))] {
+        let mut bench = driving(revision);
+        bench.lock_up(COUNTER);
+        let time = time_to_low(&mut bench, ms(700));
+        println!("revision {revision:#x}: PWM low after {time:?}");
+        assert!(time < limit, "revision {revision:#x}: {time:?}");
+        assert_eq!(bench.resets().len(), 1, "a locked core is reset by the watchdog");
+    }
+}
+
+#[test]
+fn a_supply_that_falls_leaves_no_pwm_on_though_a_hung_core_takes_no_interrupt() {
+    let mut bench = driving(0x2003);
+    bench.hang_masked("capture");
+    bench.run(ms(5));
+    assert!((0..2).all(|motor| !bench.lines(motor).open()), "a hung core drives on");
+    bench.set_rail(2_740);
+    let time = time_to_low(&mut bench, ms(1));
+    println!("PWM low after {time:?}");
+    assert!(time < Duration::from_micros(10), "{time:?}");
+}
+
+/// An open pin BKIN is no source, and nothing asserts an input that is active high.
+#[test]
+fn no_pin_breaks_the_timer() {
+    let mut bench = driving(0x2003);
+    let [breaks, sources] = [TIM1_BDTR, TIM1_AF1].map(|at| bench.register(at));
+    assert_eq!(bits(breaks, 13, 12), 0b11, "BKP, BKE");
+    assert_eq!(bits(sources, 0, 0), 0, "BKINE");
+    bench.assert_sound();
 }
 
 /// Revision Y has one bit for the current of a converter, and does not halve the converter's clock of 32 MHz (ES0392).

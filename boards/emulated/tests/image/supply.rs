@@ -3,9 +3,10 @@
 use std::time::Duration;
 
 use crate::common::{
-    am60, bits, booted, by_board, four_loads, log, ms, on, set_speeds, setup, time_to_safe, turning,
-    with_host,
+    am60, bits, booted, by_board, four_loads, log, ms, on, set_speeds, setup, time_to_safe, too_low,
+    turning, with_host,
 };
+use emulated::host_link::HostLink;
 use emulated::{Bench, Board, Lines};
 
 // RM0090 and RM0433, memory maps and register descriptions.
@@ -78,12 +79,6 @@ fn a_line_that_no_host_drives_is_pulled_up() {
     // GPIOD_PUPDR.
     let pulls = by_board(0x4002_0C0C, 0x5802_0C0C);
     assert_eq!(bits(bench.register(pulls), 19, 18), 0b01, "PD9, RX");
-}
-
-/// A supply below the level of the voltage detector, in mV. The F429 needs 2.7 V for 168 MHz with 5 wait states; the H743
-/// needs 1.62 V.
-fn too_low() -> u32 {
-    by_board(2_800, 2_740)
 }
 
 #[test]

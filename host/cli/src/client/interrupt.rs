@@ -1,5 +1,5 @@
-//! Signals that end a command which drives motors: Ctrl-C, SIGTERM, SIGQUIT, a closed terminal, Ctrl-Z. The command ends as
-//! after any error: it disables the motors that it has enabled. Further signals do not interrupt that.
+//! Signals that end a command which drives motors: Ctrl-C, SIGTERM, SIGQUIT, a closed terminal, Ctrl-Z, and on Windows a closed
+//! console and the end of the session. The command ends as after any error: it disables the motors that it has enabled. Further signals do not interrupt that.
 //!
 //! Ctrl-Z would suspend the command: its motors would turn until the hub's keep-alive has ended, and turn again when the
 //! command continues.
@@ -51,6 +51,9 @@ pub(super) fn listen() -> Result<(), Failure> {
         register_usize(*signal, Arc::clone(&raised), place)
             .map_err(|error| Failure::Work(format!("no handler for signals could be installed: {error}")))?;
     }
+    #[cfg(windows)]
+    console::listen()
+        .map_err(|error| Failure::Work(format!("no handler for the console could be installed: {error}")))?;
     thread::spawn(move || watch(&raised));
     Ok(())
 }
@@ -61,7 +64,10 @@ fn watch(raised: &AtomicUsize) {
         thread::sleep(LOOK);
         let place = raised.swap(0, Ordering::Relaxed);
         let mut signals = SIGNALS.iter().chain(SUSPENDS);
-        let Some((_, name)) = place.checked_sub(1).and_then(|place| signals.nth(place)) else { continue };
+        let signal = place.checked_sub(1).and_then(|place| signals.nth(place)).map(|(_, name)| *name);
+        #[cfg(windows)]
+        let signal = signal.or_else(console::ended);
+        let Some(name) = signal else { continue };
         match first {
             None => {
                 first = Some(Instant::now());
@@ -70,6 +76,45 @@ fn watch(raised: &AtomicUsize) {
             }
             Some(first) if first.elapsed() > HANGS => std::process::exit(1),
             Some(_) => (),
+        }
+    }
+}
+
+/// The console of Windows: its window is closed, its user logs off, or the computer shuts down.
+#[cfg(windows)]
+mod console {
+    use std::io;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use windows_sys::Win32::System::Console::{
+        CTRL_CLOSE_EVENT, CTRL_LOGOFF_EVENT, CTRL_SHUTDOWN_EVENT, SetConsoleCtrlHandler,
+    };
+    use windows_sys::core::BOOL;
+
+    static ENDS: AtomicBool = AtomicBool::new(false);
+
+    /// Makes the end of the console end the command in good order.
+    #[expect(unsafe_code, reason = "the standard library has no handler of the console")]
+    pub(super) fn listen() -> io::Result<()> {
+        // SAFETY: the handler is a function of the program, and touches one atomic.
+        let done = unsafe { SetConsoleCtrlHandler(Some(handle), 1) };
+        if done == 0 { Err(io::Error::last_os_error()) } else { Ok(()) }
+    }
+
+    /// What has ended the console, once.
+    pub(super) fn ended() -> Option<&'static str> {
+        ENDS.swap(false, Ordering::Relaxed).then_some("the end of the console")
+    }
+
+    /// Windows calls this in a thread of its own, and ends the program when it returns, or after 5 s. So it does not return: the
+    /// program ends when it has disabled its motors.
+    #[expect(unsafe_code, reason = "the type that Windows asks for")]
+    unsafe extern "system" fn handle(event: u32) -> BOOL {
+        if !matches!(event, CTRL_CLOSE_EVENT | CTRL_LOGOFF_EVENT | CTRL_SHUTDOWN_EVENT) {
+            return 0;
+        }
+        ENDS.store(true, Ordering::Relaxed);
+        loop {
+            std::thread::park();
         }
     }
 }

@@ -37,7 +37,10 @@ Sign the SHA-512 of each image as raw bytes (llvm-objcopy -O binary hub.elf hub.
 
     openssl dgst -sha512 -binary -out hub.sha512 hub.bin
     openssl pkeyutl -sign -rawin -inkey secret.pem -in hub.sha512 -out hub.sig
-    motor-hub client update hub.bin --signature hub.sig --key public.der";
+    motor-hub client update hub.bin --signature hub.sig --key public.der
+
+An image may have a rollback version: a number in its bytes 32 to 35, lowest byte first. Such a hub refuses an image whose \
+number is lower than its firmware's.";
 
 /// Time-out for the hub to answer after the restart. It swaps slots and may swap back: 8 erasures of up to 4 s each way, and
 /// the watchdog's time.

@@ -18,6 +18,9 @@ pub(crate) const KEY: &[u8] = include_bytes!("../../../../tests/update/signed/pu
 /// Bytes that the fake flash accepts as the owner's signature of any image.
 pub(crate) const SIGNATURE: [u8; 64] = [7; 64];
 
+/// The signature of an image that is older than the hub's firmware.
+const SIGNATURE_OF_OLDER: [u8; 64] = [6; 64];
+
 /// Protocol code of a hub that was started in this way, with this slot.
 fn started(slot: Slot, booted: Booted) -> Responder<4> {
     let mut responder = responder().with_slot(slot);
@@ -43,6 +46,9 @@ fn carry_out(responder: &mut Responder<4>, order: UpdateRequest, restarted: Boot
     let wrong = |seal: Seal| seal.signature != SIGNATURE;
     match order {
         UpdateRequest::Restart => *responder = started(SLOT, restarted),
+        UpdateRequest::Arm { seal: Some(seal), .. } if seal.signature == SIGNATURE_OF_OLDER => {
+            responder.update_done(Done::Finished(Outcome::Older));
+        }
         UpdateRequest::Arm { seal: Some(seal), .. } if wrong(seal) => {
             responder.update_done(Done::Finished(Outcome::WrongSignature));
         }
@@ -113,6 +119,11 @@ fn a_hub_with_a_key_refuses_what_its_owner_has_not_signed_and_says_why() {
         "the signature is by another key than the hub's (NACK 79)",
     );
     refused(&["--signature", &wrong, "--key", &key], "the signature is not of this file by the hub's key");
+    let older = write(&folder, "older.sig", &SIGNATURE_OF_OLDER);
+    refused(
+        &["--signature", &older, "--key", &key],
+        "older than the hub's firmware: its rollback version is lower",
+    );
     let told = out(&client(&server, &["update", &file, "--signature", &signature, "--key", &key]));
     assert!(told.contains("confirmed"), "{told}");
 }

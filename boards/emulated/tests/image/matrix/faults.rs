@@ -4,9 +4,11 @@ use std::num::NonZeroU32;
 use std::time::Duration;
 
 use emulated::host_link::HostLink;
-use emulated::{Bench, Encoder, Wire};
+use emulated::{Bench, Encoder, FlashFaults, Wire};
+use motor_hub::store::Outcome;
 
-use crate::common::{COUNTER, ms};
+use crate::common::{COUNTER, ms, too_low};
+use crate::store;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Fault {
@@ -25,9 +27,20 @@ pub(crate) enum Fault {
     TaskHangs(&'static str),
     BusError,
     ResetPin,
+    /// Nothing is connected to the battery's pin.
+    BatteryPinOpen,
+    /// The chip's supply falls, and comes back.
+    SupplyFalls,
+    LockUp,
+    /// A reset, after which the clocks do not start.
+    ClocksDoNotStart,
+    /// The host saves settings, while the flash has these faults.
+    FlashFaulty(FlashFaults),
 }
 
 const NOMINAL: f64 = 12.0;
+/// The watchdog's time-out, and the start of the hub.
+const UNTIL_STARTED: Duration = ms(700);
 const REQUEST_INTERVAL: Duration = ms(20);
 
 pub(crate) const fn glitches(per_second: u32) -> Fault {
@@ -55,6 +68,14 @@ impl Fault {
             Self::TaskHangs(task) => bench.hang(task),
             Self::BusError => bench.fail_next_access(COUNTER),
             Self::ResetPin => bench.pull_reset(bench.now()),
+            Self::BatteryPinOpen => bench.open_battery_pin(true),
+            Self::SupplyFalls => bench.set_rail(too_low()),
+            Self::LockUp => bench.lock_up(COUNTER),
+            Self::ClocksDoNotStart => {
+                bench.kill_power(true);
+                bench.pull_reset(bench.now());
+            }
+            Self::FlashFaulty(faults) => bench.set_flash_faults(faults),
         }
     }
 
@@ -65,6 +86,8 @@ impl Fault {
             Self::HostSilent => ms(3_500),
             // Longer than the hub waits for its host, or its log's buffer lasts.
             Self::HostGarbled(_) | Self::LogAbandoned => ms(3_000),
+            // The hub is off, or has been reset.
+            Self::SupplyFalls | Self::ClocksDoNotStart | Self::LockUp => ms(600),
             // Until a motor that brakes a load is found out, and a second.
             Self::Encoder(Encoder::Unplugged | Encoder::Stuck { .. }) => ms(2_100),
             // Until an unknown motor that may be heavy is found out, and a second.
@@ -93,6 +116,11 @@ impl Fault {
                     bench.run(ms(500));
                 }
             }
+            Self::FlashFaulty(_) => {
+                let (report, _) = store::save(bench, host);
+                assert_eq!(report.outcome, Outcome::Done);
+                bench.run_until(end);
+            }
             _ => bench.run_until(end),
         }
     }
@@ -109,8 +137,18 @@ impl Fault {
                 bench.run(ms(60));
             }
             Self::LogAbandoned => bench.abandon_log(false),
+            Self::BatteryPinOpen => bench.open_battery_pin(false),
+            Self::SupplyFalls => {
+                bench.set_rail(3_300);
+                bench.run(UNTIL_STARTED);
+            }
+            Self::ClocksDoNotStart => {
+                bench.kill_power(false);
+                bench.run(UNTIL_STARTED);
+            }
+            Self::FlashFaulty(_) => bench.set_flash_faults(FlashFaults::default()),
             // They are over by themselves.
-            Self::HostSilent | Self::TaskHangs(_) | Self::BusError | Self::ResetPin => {}
+            Self::HostSilent | Self::TaskHangs(_) | Self::BusError | Self::ResetPin | Self::LockUp => {}
         }
     }
 }

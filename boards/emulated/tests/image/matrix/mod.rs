@@ -13,8 +13,9 @@ use std::ops::RangeInclusive;
 use std::sync::Mutex;
 
 use crate::common::{board, ms, on, publish};
+use emulated::Board;
 use modes::{MODES, Setup};
-use rows::{CONFIGURED_AND_BRAKE, Cell, During, ROWS, Row};
+use rows::{CONFIGURED_AND_BRAKE, Cell, During, ROWS, ROWS_OF_H743, Row};
 use run::{Run, Seen};
 
 /// Run side by side.
@@ -60,9 +61,12 @@ fn faults_of_motors_that_are_configured_and_brake_end_as_they_should() {
 }
 
 /// The rows with these names.
-pub(crate) fn rows_end_as_they_should(names: &[&str]) {
-    let row =
-        |name: &&str| ROWS.iter().find(|row| row.name == *name).unwrap_or_else(|| panic!("no row {name}"));
+pub(crate) fn rows_end_as_they_should(names: &[&'static str]) {
+    let of_board: &[Row] = if board() == Board::NucleoH743zi2 { &ROWS_OF_H743 } else { &[] };
+    let row = |name: &&'static str| {
+        let mut rows = of_board.iter().chain(&ROWS);
+        rows.find(|row| row.name == *name).unwrap_or_else(|| panic!("no row {name}"))
+    };
     run_rows(Setup::AsTheyCome, &names.iter().map(row).collect::<Vec<_>>());
 }
 

@@ -1,6 +1,6 @@
 //! Every fault, and what is expected of it in every mode.
 
-use emulated::{Encoder, Wire};
+use emulated::{Encoder, FlashFaults, Wire};
 
 use super::faults::{Fault, SLOT_MISSING, glitches, stuck};
 
@@ -95,7 +95,7 @@ const BLIND: [Cell; 4] = [Cell {
 const BRIDGE: &[&str] = &["bridge too hot", "bridge off"];
 
 /// All of them.
-pub(crate) const ROWS: [Row; 24] = [
+pub(crate) const ROWS: [Row; 28] = [
     row("encoder unplugged", Fault::Encoder(Encoder::Unplugged), &[], SILENT_ENCODER),
     row("A low for ever", stuck(Wire::A, false), &[], SILENT_ENCODER),
     row("A high", stuck(Wire::A, true), &[], SILENT_ENCODER),
@@ -143,6 +143,44 @@ pub(crate) const ROWS: [Row; 24] = [
         [off(2, &[]); 4],
     ),
     row("reset", Fault::ResetPin, &["device reset"], [off(1, &[]); 4]),
+    row(
+        "nothing connected to the battery's pin",
+        Fault::BatteryPinOpen,
+        &["battery low", "battery reads 0 V", "bus: too low"],
+        BLIND,
+    ),
+    row(
+        "the chip's supply falls",
+        Fault::SupplyFalls,
+        &["device reset", "log: supply fell", "log: started by the watchdog"],
+        [off(1, &[]); 4],
+    ),
+    // PWM may be low long before: see `h743`.
+    row(
+        "the core locks up",
+        Fault::LockUp,
+        &["device reset", "log: started by the watchdog"],
+        [off(515, &[]); 4],
+    ),
+    row("reset, and the clocks do not start", Fault::ClocksDoNotStart, &["device reset"], [off(1, &[]); 4]),
+];
+
+/// Rows that end otherwise on the H743, or that it has alone.
+pub(crate) const ROWS_OF_H743: [Row; 3] = [
+    // ADC1 converts the battery alone, so the pin keeps its charge.
+    row("nothing connected to the battery's pin", Fault::BatteryPinOpen, &[], [WORKS; 4]),
+    row(
+        "settings are saved, and the flash shows errors that nobody made",
+        Fault::FlashFaulty(FlashFaults { errors_every: 7, late_reads: 0 }),
+        &[],
+        [WORKS; 4],
+    ),
+    row(
+        "settings are saved, and words arrive late",
+        Fault::FlashFaulty(FlashFaults { errors_every: 0, late_reads: 5 }),
+        &[],
+        [WORKS; 4],
+    ),
 ];
 
 /// Rows that end otherwise, or may, where motors are configured and brake at faults. Without a battery's voltage, or a

@@ -62,7 +62,8 @@ const BUS: [(BusState, &str); 3] = [
     (BusState::TooHigh, "bus: too high"),
 ];
 /// And of the hub.
-const OF_HUB: [(&str, &str); 3] = [
+const OF_HUB: [(&str, &str); 4] = [
+    ("supply fell", "log: supply fell"),
     ("started by the watchdog", "log: started by the watchdog"),
     ("HardFault", "log: HardFault"),
     ("malformed", "log: malformed"),
@@ -202,6 +203,6 @@ fn longest_open(transitions: &[Transition], motor: usize, from: Duration, to: Du
 impl Fault {
     /// The host may ask something without changing what comes of the fault.
     const fn host_is_there(self) -> bool {
-        !matches!(self, Self::HostSilent | Self::HostGarbled(_))
+        !matches!(self, Self::HostSilent | Self::HostGarbled(_) | Self::SupplyFalls | Self::ClocksDoNotStart)
     }
 }
