@@ -139,7 +139,8 @@ impl Chain {
 
     /// Returns what is known of the chain line.
     pub fn report(&self) -> ChainReport {
-        let discovering = self.discovery.is_some() || self.question.is_some_and(|question| question.discovery);
+        let discovering =
+            self.discovery.is_some() || self.question.is_some_and(|question| question.discovery);
         ChainReport { discovering, ..self.report }
     }
 

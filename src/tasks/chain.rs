@@ -24,25 +24,25 @@ pub async fn run<M: RawMutex, const N: usize>(mut rx: impl Read, mut tx: impl Wr
     let mut decoder = Decoder::new();
     let mut chunk = [0; CHUNK];
     loop {
-        let length =
-            match select3(rx.read(&mut chunk), chain.send.receive(), until(decoder.deadline())).await {
-                Either3::First(Ok(0)) => return,
-                Either3::First(Ok(length)) => length,
-                Either3::First(Err(_)) => {
-                    chain.disturbed.signal(());
-                    Timer::after(RECOVERY).await;
-                    continue;
+        let length = match select3(rx.read(&mut chunk), chain.send.receive(), until(decoder.deadline())).await
+        {
+            Either3::First(Ok(0)) => return,
+            Either3::First(Ok(length)) => length,
+            Either3::First(Err(_)) => {
+                chain.disturbed.signal(());
+                Timer::after(RECOVERY).await;
+                continue;
+            }
+            Either3::Second(packet) => {
+                // Whoever waits for a packet that could not be sent repeats its request.
+                if tx.write_all(&frame::encode(&packet)).await.is_ok() {
+                    let _ = tx.flush().await;
                 }
-                Either3::Second(packet) => {
-                    // Whoever waits for a packet that could not be sent repeats its request.
-                    if tx.write_all(&frame::encode(&packet)).await.is_ok() {
-                        let _ = tx.flush().await;
-                    }
-                    chain.sent.signal(());
-                    continue;
-                }
-                Either3::Third(()) => 0,
-            };
+                chain.sent.signal(());
+                continue;
+            }
+            Either3::Third(()) => 0,
+        };
         let mut input = chunk.get(..length).unwrap_or_default();
         if length > 0 {
             chain.disturbed.signal(());

@@ -68,20 +68,20 @@ pub use health::{Health, Task};
 use crate::bridge::{BridgeFeedback, Drive};
 use crate::devices::I2C_BUSES;
 use crate::hub::{Command, Snapshot};
-use crate::protocol::Packet;
 use crate::motion::Newest;
+use crate::protocol::Packet;
 use crate::protocol::answers::I2cRead;
 use crate::record::{CrashReport, Fault, Record, SIZE};
 use crate::responder::i2c::Transfer;
 use crate::supply::{Battery, BusReading};
 use crate::units::Micros;
 use core::cell::{Cell, RefCell};
+use core::future::pending;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::blocking_mutex::{CriticalSectionMutex, Mutex};
 use embassy_sync::channel::{Channel, TrySendError};
 use embassy_sync::signal::Signal;
 use embassy_sync::watch::Watch;
-use core::future::pending;
 use embassy_time::{Instant, TICK_HZ, Timer};
 
 /// Number of commands that can wait in the queue.
@@ -120,12 +120,7 @@ pub struct ChainWires<M: RawMutex> {
 impl<M: RawMutex> ChainWires<M> {
     /// Creates empty channels.
     const fn new() -> Self {
-        Self {
-            received: Channel::new(),
-            send: Channel::new(),
-            sent: Signal::new(),
-            disturbed: Signal::new(),
-        }
+        Self { received: Channel::new(), send: Channel::new(), sent: Signal::new(), disturbed: Signal::new() }
     }
 }
 

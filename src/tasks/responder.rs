@@ -8,8 +8,8 @@ use super::{Wires, instant, micros, until};
 use crate::board::Devices;
 use crate::hub::Snapshot;
 use crate::protocol::{Colour, Decoder, HOST, Packet, frame};
-use crate::responder::{Line, Responder};
 use crate::responder::outputs::DigitalLines;
+use crate::responder::{Line, Responder};
 use crate::units::Micros;
 use core::cell::Cell;
 use core::future::pending;
@@ -82,7 +82,9 @@ pub async fn run<M: RawMutex, const N: usize>(
                 Some(packet) => {
                     // The parent asks one question at a time, so there is room for the answer.
                     let reply = answer(&packet, Line::Chain, responder, &mut devices, wires, &mut show).await;
-                    let _ = reply.map(|reply| wires.chain.send.try_send(reply));
+                    if let Some(reply) = reply {
+                        let _ = wires.chain.send.try_send(reply);
+                    }
                     None
                 }
                 None => match decoder.next(&mut input, received_at) {

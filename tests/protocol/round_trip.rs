@@ -3,6 +3,7 @@
 use crate::schemes::any_scheme;
 use core::num::NonZeroU16;
 use motor_hub::board::Equipment;
+use motor_hub::chain::{Addresses, ChainReport};
 use motor_hub::braking::{DutyRule, Regime, Winding};
 use motor_hub::bridge::{Drive, Mode, Timing};
 use motor_hub::extension::group::{GroupCourse, GroupState};
@@ -502,6 +503,7 @@ fn group_functions() -> Vec<BoxedStrategy<Case>> {
 fn hub_functions() -> Vec<BoxedStrategy<Case>> {
     let mut all = update_functions();
     all.extend([
+        plain(HubFunction::Chain),
         plain(HubFunction::Equipment),
         with(&[1, 1], any::<(u8, bool)>(), |(from, clear)| HubFunction::Entries { from, clear }),
         with(&[2, 1], any::<(u16, u8)>(), |(number, from)| HubFunction::Ticks { number, from }),
@@ -608,7 +610,7 @@ fn these_tests_leave_out_no_request() {
         assert_eq!(tried(strategies), numbers.iter().copied().collect());
     }
     let extension = [of_settings(), motor_functions(), hub_functions()].concat();
-    assert_eq!(tried(extension), (0..31).chain([32]).collect());
+    assert_eq!(tried(extension), (0..33).collect());
 }
 
 /// What the other end finds.
@@ -689,6 +691,12 @@ proptest! {
             digital, servos: minor, analog: major, i2c: hardware_minor, rail: flag, temperature: !flag,
         };
         prop_assert_eq!(read_back(&equipment), Ok(equipment));
+        let mut addresses = [Addresses::default(); 2];
+        addresses[0].set(digital, flag);
+        addresses[1].set(minor, true);
+        let [heard, clashing] = addresses;
+        let chain = ChainReport { discovering: flag, heard, clashing };
+        prop_assert_eq!(read_back(&chain), Ok(chain));
         prop_assert_eq!(read_back(&half), Ok(half));
         prop_assert_eq!(read_back(&word), Ok(word));
         prop_assert_eq!(read_back(&words.0), Ok(words.0));

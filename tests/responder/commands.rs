@@ -499,11 +499,14 @@ fn a_new_address_is_in_force_from_the_next_packet_on() {
 }
 
 #[test]
-fn packets_to_other_hubs_and_broadcasts_without_discovery_are_ignored() {
+fn packets_to_other_hubs_and_broadcasts_but_discovery_and_fail_safe_are_ignored() {
     let mut host = TestHost::settled();
     let others = (0..=255).filter(|address| *address != HUB);
     for address in others {
-        assert!(host.send(&frame_to(address, 1, 0x7F05, &[])).is_empty());
+        assert!(host.send(&frame_to(address, 1, 0x7F04, &[])).is_empty());
+        if address != 255 {
+            assert!(host.send(&frame_to(address, 1, 0x7F05, &[])).is_empty());
+        }
         let heard = host.send(&frame_to(address, 1, 0x7F0F, &[])).len();
         assert_eq!(heard, usize::from(address == 255));
     }

@@ -8,8 +8,8 @@ use motor_hub::hub::Snapshot;
 use motor_hub::motor::{Report, Setpoint};
 use motor_hub::protocol::Packet;
 use motor_hub::protocol::payload::{Field, Fields};
-use motor_hub::responder::Line;
 use motor_hub::record::{Fault, Head, Record, SIZE, Tick};
+use motor_hub::responder::Line;
 use motor_hub::units::{Control, Voltage};
 
 #[test]
@@ -22,8 +22,10 @@ fn a_hub_without_a_record_reports_none() {
 fn ask<A: Field>(host: &mut TestHost, record: &mut Record<'_>, request: HubFunction) -> A {
     let request = Request::from(request);
     let packet: Packet = request.packet(crate::host::HUB, 1, request.id());
-    let reply =
-        host.responder.receive_with(&packet, Line::Host, host.now, &host.snapshot, Some(record)).expect("a reply");
+    let reply = host
+        .responder
+        .receive_with(&packet, Line::Host, host.now, &host.snapshot, Some(record))
+        .expect("a reply");
     assert_eq!(reply.id, request.id() | 0x8000, "{reply:?}");
     A::read(&mut Fields::new(&reply.payload)).expect("an answer")
 }

@@ -41,8 +41,15 @@ impl Chain {
             let scenario = Scenario::to_serve().expect("it is valid");
             serve::steps(&scenario, &hubs, end, None, &mut |_| (), &mut |_| true).await.expect("it runs");
         };
-        let mut chain =
-            Self { hubs: Box::pin(served), line, host, decoder: Decoder::new(), number: 0, ms: 0, _clock: clock };
+        let mut chain = Self {
+            hubs: Box::pin(served),
+            line,
+            host,
+            decoder: Decoder::new(),
+            number: 0,
+            ms: 0,
+            _clock: clock,
+        };
         chain.pass(AWAKE_MS);
         chain
     }
@@ -76,14 +83,18 @@ impl Chain {
         let (number, begun) = (self.send(request, address), self.ms);
         (0..100).find_map(|_| {
             let packets = self.step();
-            let answer = packets.into_iter().find(|packet| packet.source == address && packet.reference == number);
+            let answer =
+                packets.into_iter().find(|packet| packet.source == address && packet.reference == number);
             answer.map(|packet| (packet, self.ms - begun))
         })
     }
 
     fn obeys(&mut self, request: impl Into<Request>, address: u8) -> bool {
         let answer = self.ask(request, address);
-        matches!(answer.and_then(|(packet, _)| Reply::read(&packet, packet.id & 0x7FFF)), Some(Reply::Ack { .. }))
+        matches!(
+            answer.and_then(|(packet, _)| Reply::read(&packet, packet.id & 0x7FFF)),
+            Some(Reply::Ack { .. })
+        )
     }
 
     fn is_enabled(&mut self, address: u8) -> bool {
@@ -114,11 +125,10 @@ fn a_discovery_finds_the_parent_at_once_and_every_child_within_a_second() {
     assert_eq!((parent.source, &*parent.payload), (PARENT, &[1][..]));
     let number = chain.number;
     assert!(children.iter().all(|packet| packet.reference == number && packet.id == DISCOVERY | 0x8000));
-    assert_eq!(children.iter().map(|packet| (packet.source, packet.payload[0])).collect::<Vec<_>>(), [
-        (1, 0),
-        (130, 0),
-        (254, 0)
-    ]);
+    assert_eq!(
+        children.iter().map(|packet| (packet.source, packet.payload[0])).collect::<Vec<_>>(),
+        [(1, 0), (130, 0), (254, 0)]
+    );
     let report = chain.report();
     assert!(!report.discovering);
     assert_eq!(report.heard.iter().collect::<Vec<_>>(), [1, 130, 254]);
@@ -159,7 +169,8 @@ fn the_parent_answers_within_two_milliseconds_whatever_its_child_does() {
             chain.send(Standard::Status { clear: false }, 3);
             let (_, ms) = chain.ask(Standard::KeepAlive, PARENT).expect("an answer");
             assert!(ms <= 2, "{fault:?}: {ms} ms");
-            answers_of_other_child += u32::from(chain.ask(Standard::KeepAlive, 4).is_some_and(|(_, ms)| ms <= 30));
+            answers_of_other_child +=
+                u32::from(chain.ask(Standard::KeepAlive, 4).is_some_and(|(_, ms)| ms <= 30));
             chain.pass(10);
         }
         if fault != Some(LineFault::Babbles(1)) {

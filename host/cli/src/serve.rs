@@ -102,7 +102,9 @@ impl Options {
         let addresses = (0..self.hubs).map(|hub| self.address.get().checked_add(hub).and_then(Address::new));
         addresses.collect::<Option<_>>().map(Hubs::chain).ok_or_else(|| {
             let (hubs, address) = (self.hubs, self.address.get());
-            Failure::Input(format!("--hubs: {hubs} hubs from address {address} on go beyond 254; give a smaller --address"))
+            Failure::Input(format!(
+                "--hubs: {hubs} hubs from address {address} on go beyond 254; give a smaller --address"
+            ))
         })
     }
 

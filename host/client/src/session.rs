@@ -154,7 +154,9 @@ impl<L: Read + Write> Session<L> {
     /// [`Error::NoHub`] if none answers within the timeout.
     pub fn discover(&mut self) -> Result<Vec<Found>, Error> {
         let first = self.discover_for(Duration::ZERO)?;
-        let &[Found { address, parent: true, .. }] = first.as_slice() else { return self.discover_for(CHAIN) };
+        let &[Found { address, parent: true, .. }] = first.as_slice() else {
+            return self.discover_for(CHAIN);
+        };
         match self.wait_for_chain(address)? {
             Some(ChainReport { heard, clashing, .. }) => {
                 let children = (1..BROADCAST).filter(|&address| heard.has(address) || clashing.has(address));
@@ -174,7 +176,8 @@ impl<L: Read + Write> Session<L> {
     pub fn stop_all(&mut self) -> Result<Vec<u8>, Error> {
         self.count();
         self.transmit(&Standard::FailSafe.into(), BROADCAST, FAIL_SAFE)?;
-        let found: Vec<u8> = self.discover()?.iter().filter(|hub| !hub.clashing).map(|hub| hub.address).collect();
+        let found: Vec<u8> =
+            self.discover()?.iter().filter(|hub| !hub.clashing).map(|hub| hub.address).collect();
         let before = self.address;
         let stopped = found.iter().map(|&address| {
             self.address = address;
@@ -218,7 +221,9 @@ impl<L: Read + Write> Session<L> {
             match self.chain() {
                 Ok(Some(report)) if report.discovering && Instant::now() < end => thread::sleep(CHAIN_POLL),
                 Ok(report) => break Ok(report),
-                Err(Error::Refused { reason: Nack::UNSUPPORTED, .. }) => break Ok(Some(ChainReport::default())),
+                Err(Error::Refused { reason: Nack::UNSUPPORTED, .. }) => {
+                    break Ok(Some(ChainReport::default()));
+                }
                 Err(error) => break Err(error),
             }
         };

@@ -153,7 +153,8 @@ fn bulk_input_tells_motors_apart_and_may_lack_its_last_byte() {
 
 #[test]
 fn other_replies_and_stray_bytes_before_a_reply_are_ignored() {
-    let before: [fn(&[u8]) -> Vec<u8>; 5] = [
+    type Before = fn(&[u8]) -> Vec<u8>;
+    let before: [Before; 5] = [
         // Replies of another hub, and to another request.
         |reply| with(reply, &[(5, 9), (10, 0)]),
         |reply| with(reply, &[(7, 99), (10, 0)]),

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use crate::common::{
-    am60, bits, booted, by_board, four_loads, log, ms, on, set_speeds, setup, time_to_safe, too_low,
-    turning, with_host,
+    am60, bits, booted, by_board, four_loads, log, ms, on, set_speeds, setup, time_to_safe, too_low, turning,
+    with_host,
 };
 use emulated::host_link::HostLink;
 use emulated::{Bench, Board, Lines};

@@ -81,12 +81,17 @@ impl Options {
             let Coefficients { p, i, d, f, terms: _ } = pidf;
             let (p, i) = (self.p.unwrap_or(p), self.i.unwrap_or(i));
             let (d, f) = (self.d.unwrap_or(d), self.f.unwrap_or(f));
-            session.set_coefficients(self.motor.number, of, Coefficients { p, i, d, f, terms: Terms::Pidf })?;
+            session.set_coefficients(
+                self.motor.number,
+                of,
+                Coefficients { p, i, d, f, terms: Terms::Pidf },
+            )?;
             pidf = session.coefficients(self.motor.number, of)?;
         }
         let [p, i, d, f] = [pidf.p, pidf.i, pidf.d, pidf.f].map(decimal);
         if self.json {
-            let document = json!({ "motor": self.motor.number, "loop": self.of, "p": p, "i": i, "d": d, "f": f });
+            let document =
+                json!({ "motor": self.motor.number, "loop": self.of, "p": p, "i": i, "d": d, "f": f });
             return Ok(print_json(&document)?);
         }
         let mut table = table::new(&["P", "I", "D", "F"], 0);

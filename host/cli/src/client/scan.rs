@@ -55,7 +55,9 @@ struct Found {
 /// A hub's place on its line.
 pub(super) const fn kind(hub: &motor_hub_client::session::Found) -> &'static str {
     match hub {
-        _ if hub.clashing => "several hubs with this address: connect each alone, and give it another by set-address",
+        _ if hub.clashing => {
+            "several hubs with this address: connect each alone, and give it another by set-address"
+        }
         _ if hub.parent => "parent",
         _ => "child",
     }

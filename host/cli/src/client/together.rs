@@ -9,8 +9,8 @@ use crate::parse::{MotorName, common_hub, whole, within_a_day};
 use motor_hub::extension::group::{GroupCourse, GroupState};
 use motor_hub::group::{GroupCommand, Halt, TOLERANCE};
 use motor_hub::motor::ZeroPower;
-use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub::protocol::motor::RunMode;
+use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub::units::{Acceleration, Control, CountsPerSecond};
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
@@ -68,7 +68,8 @@ const FASTEST_CPS: i32 = 1_000_000;
 impl Options {
     /// The hub of the motors, if it is given.
     pub(super) fn hub(&self) -> Result<Option<Address>, String> {
-        common_hub(self.members.iter().map(|(motor, _)| *motor)).map_err(|why| format!("{why}, and so is a group"))
+        common_hub(self.members.iter().map(|(motor, _)| *motor))
+            .map_err(|why| format!("{why}, and so is a group"))
     }
 
     /// Checks the options before anything is sent.
