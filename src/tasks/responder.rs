@@ -217,14 +217,17 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
             command = responder.pending();
         }
         (self.show)(responder.led(now));
-        self.exchange();
+        if let Some(servos) = responder.new_servo_pulses() {
+            self.devices.set_servos(&servos);
+        }
+        self.exchange_pins();
         command
     }
 
     /// Executes the request of a packet, and returns the reply.
     async fn answer(&mut self, packet: &Packet, from: Line) -> Option<Packet> {
         self.await_transfer(packet).await;
-        self.exchange();
+        self.exchange_pins();
         self.update_snapshot();
         let Self { responder, devices, wires, snapshot, .. } = self;
         responder.sense_analog(devices.analog());
@@ -256,13 +259,10 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
         }
     }
 
-    /// Drives the digital and servo outputs, and reads the levels of all pins.
-    fn exchange(&mut self) {
+    /// Drives the digital outputs, and reads the levels of all pins.
+    fn exchange_pins(&mut self) {
         let DigitalLines { driven, levels } = self.responder.digital_lines();
         self.responder.sense_pins(self.devices.exchange(driven, levels));
-        if let Some(servos) = self.responder.new_servo_pulses() {
-            self.devices.set_servos(&servos);
-        }
     }
 
     /// Takes the newest snapshot. A motor whose encoder has a newer sample gets position and velocity of the sample.
