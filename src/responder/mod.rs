@@ -353,11 +353,10 @@ impl<const N: usize> Responder<N> {
         self.keep_alive.packet(now);
         let answer = Request::read(packet, N.min(CHANNELS))
             .and_then(|request| self.answer(request, from, now, snapshot, record));
-        let reply = match answer {
-            Ok(Reply::Ack { .. }) => Reply::Ack { attention: self.keep_alive.attention() },
-            Ok(reply) => reply,
-            Err(nack) => Reply::Nack(nack),
-        };
+        let mut reply = answer.unwrap_or_else(Reply::Nack);
+        if let Reply::Ack { attention } = &mut reply {
+            *attention = self.keep_alive.attention();
+        }
         self.number = self.number.checked_add(1).unwrap_or(1);
         // If the request has changed the address, the reply still has the old one.
         Some(reply.packet(packet, address, self.number))
@@ -405,7 +404,7 @@ impl<const N: usize> Responder<N> {
     /// Returns the motor whose command is the next to send.
     fn next_channel(&self) -> Option<usize> {
         let urgent = self.channels.iter().position(MotorChannel::urgent);
-        urgent.or_else(|| self.channels.iter().position(|channel| channel.pending().is_some()))
+        urgent.or_else(|| self.channels.iter().position(MotorChannel::is_pending))
     }
 
     /// Disables all motors and outputs at a host's request.

@@ -276,6 +276,11 @@ impl MotorChannel {
         }
     }
 
+    /// True if a command to the motor is pending.
+    pub(super) const fn is_pending(&self) -> bool {
+        self.has_new_target() || self.pending.configure
+    }
+
     /// Returns the next command to the motor. After sending the command, call [`sent`](Self::sent).
     pub fn pending(&self) -> Option<Action> {
         if let Some(release) = self.pending.release {

@@ -4,9 +4,9 @@
 //! Whether or not bytes arrive, the task also runs the keep-alive timer, digital pins and servo outputs, and the status LED.
 
 use super::store::Done;
-use super::{Wires, instant, micros, until};
+use super::{OBSERVERS, Wires, instant, micros, until};
 use crate::board::Devices;
-use crate::hub::Snapshot;
+use crate::hub::{Command, Snapshot};
 use crate::protocol::{Colour, Decoder, HOST, Packet, frame};
 use crate::responder::outputs::DigitalLines;
 use crate::responder::{Line, Responder};
@@ -16,6 +16,7 @@ use core::future::pending;
 use embassy_futures::select::{Either, Either3, Either4, select, select3, select4};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
+use embassy_sync::watch::AnonReceiver;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
 
@@ -47,29 +48,31 @@ const RECOVERY: Duration = Duration::from_millis(1);
 pub async fn run<M: RawMutex, const N: usize>(
     mut rx: impl Read,
     mut tx: impl Write,
-    mut devices: impl Devices,
+    devices: impl Devices,
     responder: &mut Responder<N>,
     wires: &Wires<M, N>,
-    mut show: impl FnMut(Colour),
+    show: impl FnMut(Colour),
 ) {
     responder.equip(devices.equipment());
-    await_store(responder, wires, &mut show).await;
+    let mut service = Service::new(responder, devices, wires, show);
+    service.await_store().await;
     let mut decoder = Decoder::new();
     let mut chunk = [0; CHUNK];
     loop {
-        let work = attend(responder, &mut devices, wires, &mut show);
+        // The work comes first, so that it is also done if bytes wait already.
         let from_chain = wires.chain.received.receive();
-        let next = select4(rx.read(&mut chunk), until(decoder.deadline()), from_chain, work).await;
+        let next =
+            select4(service.attend(), rx.read(&mut chunk), until(decoder.deadline()), from_chain).await;
         let mut from_chain = None;
         let length = match next {
-            Either4::First(Ok(0)) => return,
-            Either4::First(Ok(length)) => length,
-            Either4::First(Err(_)) => {
-                select(Timer::after(RECOVERY), attend(responder, &mut devices, wires, &mut show)).await;
+            Either4::Second(Ok(0)) => return,
+            Either4::Second(Ok(length)) => length,
+            Either4::Second(Err(_)) => {
+                select(service.attend(), Timer::after(RECOVERY)).await;
                 0
             }
-            Either4::Second(()) => 0,
-            Either4::Third(packet) => {
+            Either4::Third(()) => 0,
+            Either4::Fourth(packet) => {
                 from_chain = Some(packet);
                 0
             }
@@ -78,24 +81,20 @@ pub async fn run<M: RawMutex, const N: usize>(
         let mut received_at = now();
         loop {
             let packet = match from_chain.take() {
-                Some(packet) if packet.destination == HOST => responder.pass_up(packet),
+                Some(packet) if packet.destination == HOST => service.responder.pass_up(packet),
                 Some(packet) => {
                     // The parent asks one question at a time, so there is room for the answer.
-                    let reply = answer(&packet, Line::Chain, responder, &mut devices, wires, &mut show).await;
-                    if let Some(reply) = reply {
+                    if let Some(reply) = service.answer(&packet, Line::Chain).await {
                         let _ = wires.chain.send.try_send(reply);
                     }
                     None
                 }
                 None => match decoder.next(&mut input, received_at) {
-                    Some(packet) => {
-                        answer(&packet, Line::Host, responder, &mut devices, wires, &mut show).await
-                    }
+                    Some(packet) => service.answer(&packet, Line::Host).await,
                     None => break,
                 },
             };
             let Some(packet) = packet else { continue };
-            poll(responder, &mut devices, wires, &mut show);
             let frame = frame::encode(&packet);
             let write = async {
                 // A host that gets no reply repeats its request. A flush after a failed write may never end.
@@ -103,85 +102,22 @@ pub async fn run<M: RawMutex, const N: usize>(
                     let _ = tx.flush().await;
                 }
             };
-            select(write, attend(responder, &mut devices, wires, &mut show)).await;
+            // The work comes first: what a request has changed is in force before the reply leaves.
+            select(service.attend(), write).await;
             // The rest of `input` has waited for the write. The time-out of an unfinished frame must not include this wait.
             received_at = now();
         }
-        poll(responder, &mut devices, wires, &mut show);
         // A host that sends without pauses must not keep other tasks from running.
         yield_now().await;
     }
-}
-
-/// Executes the request of a packet, and returns the reply.
-async fn answer<M: RawMutex, const N: usize>(
-    packet: &Packet,
-    from: Line,
-    responder: &mut Responder<N>,
-    devices: &mut impl Devices,
-    wires: &Wires<M, N>,
-    show: impl FnMut(Colour),
-) -> Option<Packet> {
-    await_transfer(packet, responder, devices, wires, show).await;
-    exchange(responder, devices);
-    responder.sense_analog(devices.analog());
-    responder.sense_supply_currents(devices.supply_currents());
-    responder.sense_bus(wires.bus.lock(Cell::get));
-    take_update_result(responder, wires);
-    wires.record.lock(|record| {
-        // No task keeps the borrow across an await, so the borrow succeeds.
-        let mut record = record.try_borrow_mut().ok();
-        let record = record.as_mut().and_then(|record| record.as_mut());
-        responder.receive_with(packet, from, now(), &snapshot(wires), record)
-    })
 }
 
 /// Longest time that the answer to a request waits for a running I2C transfer. Many hosts start a transfer immediately after another
 /// one, or poll only once. Most transfers end within this time.
 const TRANSFER_WAIT: Duration = Duration::from_millis(5);
 
-/// Takes the results of I2C transfers. If the answer to a packet depends on a transfer that is still running, first waits for the end
-/// of the transfer, or for [`TRANSFER_WAIT`].
-async fn await_transfer<M: RawMutex, const N: usize>(
-    packet: &Packet,
-    responder: &mut Responder<N>,
-    devices: &mut impl Devices,
-    wires: &Wires<M, N>,
-    show: impl FnMut(Colour),
-) {
-    for (bus, channel) in wires.i2c.iter().enumerate() {
-        if let Some(result) = channel.done.try_take() {
-            responder.transfer_done(bus, result);
-        }
-    }
-    let Some(bus) = responder.awaited_transfer(packet) else { return };
-    let Some(channel) = wires.i2c.get(bus) else { return };
-    let work = attend(responder, devices, wires, show);
-    if let Either3::First(result) = select3(channel.done.wait(), Timer::after(TRANSFER_WAIT), work).await {
-        responder.transfer_done(bus, result);
-    }
-}
-
 /// Longest wait for the stored settings after a reset. An interrupted erasure is repeated first, which takes at most 4 s.
 const STORE_TIMEOUT: Duration = Duration::from_secs(5);
-
-/// Waits until the stored settings are restored, or for [`STORE_TIMEOUT`]. A hub without a memory does not wait.
-///
-/// The hub then answers hosts, and refuses requests that need the memory, until the task of the memory reports.
-async fn await_store<M: RawMutex, const N: usize>(
-    responder: &mut Responder<N>,
-    wires: &Wires<M, N>,
-    mut show: impl FnMut(Colour),
-) {
-    let end = Instant::now() + STORE_TIMEOUT;
-    while responder.awaits_store() && Instant::now() < end {
-        show(responder.led(now()));
-        let result = select(wires.store.done.wait(), Timer::after(REFRESH)).await;
-        if let Either::First(Done { found: Some(found), .. }) = result {
-            responder.restore(found);
-        }
-    }
-}
 
 /// Runs the responder while no bytes arrive. Sends pending commands and requests to the other tasks, and updates keep-alive
 /// timer, pins and LED.
@@ -189,61 +125,162 @@ async fn await_store<M: RawMutex, const N: usize>(
 /// Never returns. The future may be dropped at any time, and no command is lost or sent twice.
 pub async fn attend<M: RawMutex, const N: usize>(
     responder: &mut Responder<N>,
-    mut devices: impl Devices,
+    devices: impl Devices,
     wires: &Wires<M, N>,
-    mut show: impl FnMut(Colour),
+    show: impl FnMut(Colour),
 ) -> ! {
-    loop {
-        poll(responder, &mut devices, wires, &mut show);
-        let refresh = Instant::now() + REFRESH;
-        let due = responder.deadline().map_or(refresh, |deadline| instant(deadline).min(refresh));
-        let command = responder.pending();
-        let send = async {
-            match command {
-                Some(command) => wires.send(command).await,
-                None => pending().await,
-            }
-        };
-        match select3(send, wires.chain.sent.wait(), Timer::at(due)).await {
-            Either3::First(number) => responder.sent(number),
-            Either3::Second(()) => note_sent_on_chain(responder),
-            Either3::Third(()) => (),
-        }
-    }
+    Service::new(responder, devices, wires, show).attend().await
 }
 
-/// Does all work of the responder that needs no wait.
-fn poll<M: RawMutex, const N: usize>(
-    responder: &mut Responder<N>,
-    devices: &mut impl Devices,
-    wires: &Wires<M, N>,
-    mut show: impl FnMut(Colour),
-) {
-    let (now, snapshot) = (now(), snapshot(wires));
-    responder.tick(now, &snapshot);
-    attend_chain(now, responder, wires);
-    if let Some(Done { found, outcome }) = wires.store.done.try_take() {
-        responder.store_done(found, outcome);
+/// The responder with its devices, the other tasks and the LED.
+struct Service<'a, M: RawMutex, const N: usize, D, S> {
+    responder: &'a mut Responder<N>,
+    devices: D,
+    wires: &'a Wires<M, N>,
+    /// Receives the colour of the status LED.
+    show: S,
+    snapshots: AnonReceiver<'a, M, Snapshot<N>, OBSERVERS>,
+    /// The newest snapshot. The initial snapshot before the first tick.
+    snapshot: Snapshot<N>,
+}
+
+impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, M, N, D, S> {
+    fn new(responder: &'a mut Responder<N>, devices: D, wires: &'a Wires<M, N>, show: S) -> Self {
+        let snapshots = wires.snapshot.anon_receiver();
+        Self { responder, devices, wires, show, snapshots, snapshot: Snapshot::INITIAL }
     }
-    if let Some(request) = responder.store_request(&snapshot) {
-        wires.store.request.signal(request);
-    }
-    take_update_result(responder, wires);
-    if let Some(request) = responder.update_request() {
-        wires.update.request.signal(request);
-    }
-    for (bus, channel) in wires.i2c.iter().enumerate() {
-        if let Some(transfer) = responder.next_transfer(bus) {
-            channel.request.signal(transfer);
+
+    /// Waits until the stored settings are restored, or for [`STORE_TIMEOUT`]. A hub without a memory does not wait.
+    ///
+    /// The hub then answers hosts, and refuses requests that need the memory, until the task of the memory reports.
+    async fn await_store(&mut self) {
+        let end = Instant::now() + STORE_TIMEOUT;
+        while self.responder.awaits_store() && Instant::now() < end {
+            (self.show)(self.responder.led(now()));
+            let result = select(self.wires.store.done.wait(), Timer::after(REFRESH)).await;
+            if let Either::First(Done { found: Some(found), .. }) = result {
+                self.responder.restore(found);
+            }
         }
     }
-    wires.button_permitted.lock(|permitted| permitted.set(responder.permits_button()));
-    while let Some(command) = responder.pending() {
-        let Ok(number) = wires.try_send(command) else { break };
-        responder.sent(number);
+
+    /// Runs the responder, see [`attend`].
+    async fn attend(&mut self) -> ! {
+        loop {
+            let command = self.poll();
+            let refresh = Instant::now() + REFRESH;
+            let due = self.responder.deadline().map_or(refresh, |deadline| instant(deadline).min(refresh));
+            let send = async {
+                match command {
+                    Some(command) => self.wires.send(command).await,
+                    None => pending().await,
+                }
+            };
+            match select3(send, self.wires.chain.sent.wait(), Timer::at(due)).await {
+                Either3::First(number) => self.responder.sent(number),
+                Either3::Second(()) => note_sent_on_chain(self.responder),
+                Either3::Third(()) => (),
+            }
+        }
     }
-    exchange(responder, devices);
-    show(responder.led(now));
+
+    /// Does all work of the responder that needs no wait. Returns the next command if the queue of commands is full.
+    fn poll(&mut self) -> Option<Command> {
+        let Self { responder, wires, .. } = self;
+        let now = now();
+        if let Some(newer) = self.snapshots.try_changed() {
+            self.snapshot = newer;
+        }
+        responder.tick(now, &self.snapshot);
+        attend_chain(now, responder, wires);
+        if let Some(Done { found, outcome }) = wires.store.done.try_take() {
+            responder.store_done(found, outcome);
+        }
+        if let Some(request) = responder.store_request(&self.snapshot) {
+            wires.store.request.signal(request);
+        }
+        take_update_result(responder, wires);
+        if let Some(request) = responder.update_request() {
+            wires.update.request.signal(request);
+        }
+        for (bus, channel) in wires.i2c.iter().enumerate() {
+            if let Some(transfer) = responder.next_transfer(bus) {
+                channel.request.signal(transfer);
+            }
+        }
+        wires.button_permitted.lock(|permitted| permitted.set(responder.permits_button()));
+        let mut command = responder.pending();
+        while let Some(next) = command
+            && let Ok(number) = wires.try_send(next)
+        {
+            responder.sent(number);
+            command = responder.pending();
+        }
+        (self.show)(responder.led(now));
+        if let Some(servos) = responder.new_servo_pulses() {
+            self.devices.set_servos(&servos);
+        }
+        self.exchange_pins();
+        command
+    }
+
+    /// Executes the request of a packet, and returns the reply.
+    async fn answer(&mut self, packet: &Packet, from: Line) -> Option<Packet> {
+        self.await_transfer(packet).await;
+        self.exchange_pins();
+        self.update_snapshot();
+        let Self { responder, devices, wires, snapshot, .. } = self;
+        responder.sense_analog(devices.analog());
+        responder.sense_supply_currents(devices.supply_currents());
+        responder.sense_bus(wires.bus.lock(Cell::get));
+        take_update_result(responder, wires);
+        wires.record.lock(|record| {
+            // No task keeps the borrow across an await, so the borrow succeeds.
+            let mut record = record.try_borrow_mut().ok();
+            let record = record.as_mut().and_then(|record| record.as_mut());
+            responder.receive_with(packet, from, now(), snapshot, record)
+        })
+    }
+
+    /// Takes the results of I2C transfers. If the answer to a packet depends on a transfer that is still running, first waits for the
+    /// end of the transfer, or for [`TRANSFER_WAIT`].
+    async fn await_transfer(&mut self, packet: &Packet) {
+        let wires = self.wires;
+        for (bus, channel) in wires.i2c.iter().enumerate() {
+            if let Some(result) = channel.done.try_take() {
+                self.responder.transfer_done(bus, result);
+            }
+        }
+        let Some(bus) = self.responder.awaited_transfer(packet) else { return };
+        let Some(channel) = wires.i2c.get(bus) else { return };
+        let result = select3(self.attend(), channel.done.wait(), Timer::after(TRANSFER_WAIT)).await;
+        if let Either3::Second(result) = result {
+            self.responder.transfer_done(bus, result);
+        }
+    }
+
+    /// Drives the digital outputs, and reads the levels of all pins.
+    fn exchange_pins(&mut self) {
+        let DigitalLines { driven, levels } = self.responder.digital_lines();
+        self.responder.sense_pins(self.devices.exchange(driven, levels));
+    }
+
+    /// Takes the newest snapshot. A motor whose encoder has a newer sample gets position and velocity of the sample.
+    fn update_snapshot(&mut self) {
+        let snapshot = &mut self.snapshot;
+        if let Some(newer) = self.snapshots.try_changed() {
+            *snapshot = newer;
+        }
+        self.wires.newest.lock(|newest| {
+            let Ok(newest) = newest.try_borrow() else { return };
+            for (motor, report) in snapshot.motors.iter_mut().enumerate() {
+                if let Some((position, velocity)) = newest.look(motor, snapshot.at) {
+                    report.position = position;
+                    report.velocity = velocity.unwrap_or(report.velocity);
+                }
+            }
+        });
+    }
 }
 
 /// Passes events of the chain line to the responder, and sends the next question when the line is free.
@@ -275,31 +312,6 @@ fn take_update_result<M: RawMutex, const N: usize>(responder: &mut Responder<N>,
     if let Some(done) = wires.update.done.try_take() {
         responder.update_done(done);
     }
-}
-
-/// Drives the digital and servo outputs, and reads the levels of all pins.
-fn exchange<const N: usize>(responder: &mut Responder<N>, devices: &mut impl Devices) {
-    let DigitalLines { driven, levels } = responder.digital_lines();
-    responder.sense_pins(devices.exchange(driven, levels));
-    if let Some(servos) = responder.new_servo_pulses() {
-        devices.set_servos(&servos);
-    }
-}
-
-/// Returns the newest snapshot, or the initial snapshot before the first tick. If a motor has an encoder sample that is newer than
-/// the snapshot, the snapshot gets position and velocity of the sample.
-fn snapshot<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> Snapshot<N> {
-    let mut snapshot = wires.snapshot.try_get().unwrap_or(Snapshot::INITIAL);
-    wires.newest.lock(|newest| {
-        let Ok(newest) = newest.try_borrow() else { return };
-        for (motor, report) in snapshot.motors.iter_mut().enumerate() {
-            if let Some((position, velocity)) = newest.look(motor, snapshot.at) {
-                report.position = position;
-                report.velocity = velocity.unwrap_or(report.velocity);
-            }
-        }
-    });
-    snapshot
 }
 
 fn now() -> Micros {

@@ -5,12 +5,15 @@
 mod bank;
 pub mod layout;
 mod memory;
-// The same source, not the same package: the drivers of a hub have no place in a bootloader of 16 kB.
+// The same sources, not the same package: the drivers of a hub have no place in a bootloader of 16 kB.
 #[path = "../../stm32/src/mpu.rs"]
 mod mpu;
+#[path = "../../stm32/src/start.rs"]
+mod start;
 
 pub use bank::{Bank, Error};
 pub use memory::execute_first_bank_only;
+pub use start::before_clocks;
 
 /// Public key (Ed25519) that must have signed new firmware. `None` if no signature is needed.
 #[cfg(not(feature = "signed"))]

@@ -11,12 +11,13 @@
 //!   +----------+----------------+----------------------+--------------------------------+  fault, panic, failing flash
 //! ```
 //!
-//! It drives one pin: the red lamp blinks during a swap. The bridges' pull-downs keep the bridges open.
+//! It drives one pin: the red lamp is on until the clocks run, and blinks during a swap. The bridges' pull-downs keep the
+//! bridges open.
 #![no_std]
 #![no_main]
 #![deny(unsafe_code)]
 
-use boot_h743zi2::{Bank, execute_first_bank_only, layout};
+use boot_h743zi2::{Bank, before_clocks, execute_first_bank_only, layout};
 use core::ops::Range;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -58,6 +59,8 @@ const LAMP: usize = 14;
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
+    pac::RCC.ahb4enr().modify(|w| w.set_gpioben(true));
+    before_clocks(pac::IWDG1, pac::GPIOB, LAMP);
     let mut p = embassy_stm32::init(clocks());
     watch(p.IWDG1.reborrow(), SWAP_MICROS);
     let lamp = Output::new(p.PB14, Level::Low, Speed::Low);

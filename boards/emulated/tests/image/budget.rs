@@ -176,7 +176,7 @@ fn report_of_the_hub() {
 }
 
 /// Prints how often instructions ran, by several views, in multiples of `unit`.
-fn report(image: &Path, symbols: &[Symbol], counts: &BTreeMap<u64, u64>, unit: f64) {
+pub(crate) fn report(image: &Path, symbols: &[Symbol], counts: &BTreeMap<u64, u64>, unit: f64) {
     let image = std::fs::read(image).expect("the image");
     let lines = lines(&image);
     let (mut by_room, mut by_symbol, mut by_function, mut by_line) =

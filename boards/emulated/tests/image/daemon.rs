@@ -1,7 +1,8 @@
 //! A robot controller's daemon: a cycle of 18 requests every 12 ms with at most 8 unanswered, the first cycle of 38
 //! (wpilibsuite/scservices, commit 4c3d7bd).
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
+use std::path::Path;
 use std::time::Duration;
 
 use crate::common::{board, booted, four_loads, ms};
@@ -25,6 +26,19 @@ struct Daemon {
 }
 
 impl Daemon {
+    /// The daemon of a hub that runs four motors and six servos.
+    fn with_all_devices(image: &Path) -> Self {
+        let bench = crate::boot::at_speed(image, Knowledge::Configured);
+        let mut daemon = Self { bench, host: HostLink::default(), power: 0 };
+        let [width, period] = [1_500_u16, 20_000].map(u16::to_le_bytes);
+        for (id, rest) in [(0x1021, &width[..]), (0x101F, &period), (0x1023, &[1])] {
+            for (id, payload) in Self::of_channel(id, 0..6, rest) {
+                daemon.host.ask(&mut daemon.bench, id, &payload);
+            }
+        }
+        daemon
+    }
+
     fn of_channel(id: u16, channels: std::ops::Range<u8>, rest: &[u8]) -> impl Iterator<Item = Request> {
         channels.map(move |channel| (id, [&[channel], rest].concat()))
     }
@@ -106,18 +120,8 @@ fn a_daemons_cycle_takes_at_most_9_ms() {
 /// and with a read of eight bytes from an I2C device in each cycle.
 fn loads() -> [f64; 3] {
     const CYCLES: u32 = 40;
-    let mut daemon = Daemon {
-        bench: crate::boot::at_speed(&elf::build(board().name()), Knowledge::Configured),
-        host: HostLink::default(),
-        power: 0,
-    };
+    let mut daemon = Daemon::with_all_devices(&elf::build(board().name()));
     daemon.bench.attach(0, RegisterDevice::bno055());
-    let [width, period] = [1_500_u16, 20_000].map(u16::to_le_bytes);
-    for (id, rest) in [(0x1021, &width[..]), (0x101F, &period), (0x1023, &[1])] {
-        for (id, payload) in Daemon::of_channel(id, 0..6, rest) {
-            daemon.host.ask(&mut daemon.bench, id, &payload);
-        }
-    }
     [0, 1, 2].map(|host| {
         let (start, before) = (daemon.bench.now(), daemon.bench.instructions());
         for _ in 0..CYCLES {
@@ -155,4 +159,24 @@ fn report_of_10000_cycles() {
         percentile(&times, 99),
         percentile(&times, 100)
     );
+}
+
+/// `cargo test --test image daemon::report_of_a_request -- --ignored --nocapture`: where the instructions of a request go. Those
+/// of the hub without requests are among them.
+#[test]
+#[ignore = "a report, not a test"]
+fn report_of_a_request() {
+    const CYCLES: usize = 10;
+    let image = elf::build(board().name());
+    let mut daemon = Daemon::with_all_devices(&image);
+    daemon.bench.watch_all();
+    daemon.bench.take_hits();
+    for _ in 0..CYCLES {
+        daemon.cycle(false);
+    }
+    let mut counts = BTreeMap::new();
+    for (address, _) in daemon.bench.take_hits() {
+        *counts.entry(address).or_default() += 1;
+    }
+    crate::budget::report(&image, daemon.bench.symbols(), &counts, (CYCLES * 18) as f64);
 }

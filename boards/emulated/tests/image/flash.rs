@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use crate::common::{am60, booted_as, ms, on, setup};
 use crate::store::{self, Pages};
+use crate::supply;
 use embassy_futures::block_on;
 use emulated::host_link::HostLink;
 use emulated::{Bench, Board, FlashFaults, Mpu, Setup};
@@ -161,6 +162,11 @@ fn a_fault_in_the_middle_of_a_swap_is_a_reset_and_the_swap_goes_on() {
     bench.fail_next_access(INTERFACE);
     boots(&mut bench, &new);
     assert_eq!(bench.resets().len(), 1);
+}
+
+#[test]
+fn clocks_that_never_start_before_the_bootloader_leave_the_red_lamp_on_and_the_watchdog_tries_again() {
+    on(BOARD, || supply::clocks_never_start(Setup { bootloader: true, ..setup(vec![am60()]) }));
 }
 
 /// ODR of GPIOB: PB14 is the red lamp.

@@ -6,7 +6,7 @@ use crate::common::{
     am60, bits, booted, by_board, four_loads, log, ms, on, set_speeds, setup, time_to_safe, too_low, turning,
     with_host,
 };
-use emulated::{Bench, Board, Lines};
+use emulated::{Bench, Board, Lines, Setup};
 
 // RM0090 and RM0433, memory maps and register descriptions.
 const RCC_CR: u64 = 0x4002_3800;
@@ -231,7 +231,12 @@ fn a_log_that_nobody_ever_reads_stops_nothing() {
 /// The HAL waits without a time-out for the over-drive (F429) or the voltage scaling (H743).
 #[test]
 pub(crate) fn clocks_that_never_start_leave_the_red_lamp_on_and_the_watchdog_tries_again() {
-    let mut bench = Bench::new(setup(vec![am60()]));
+    clocks_never_start(setup(vec![am60()]));
+}
+
+/// Expects a red lamp and resets while the regulator is not ready, and a hub once it is.
+pub(crate) fn clocks_never_start(setup: Setup) {
+    let mut bench = Bench::new(setup);
     bench.kill_power(true);
     bench.run(ms(1_700));
     let causes: Vec<String> = bench.resets().into_iter().map(|reset| reset.cause).collect();
