@@ -219,6 +219,11 @@ impl Command {
         self.modulation.drive == Drive::COAST
     }
 
+    /// Current in A that a voltage drives through this resistance of winding and bridge, at the back EMF of the command.
+    fn amperes(&self, voltage: Voltage, ohms: f32) -> f32 {
+        (voltage.to_volts() - self.request.at.emf_volts()) / ohms
+    }
+
     /// True if the limits change the request.
     fn is_limited(&self) -> bool {
         self.limited != self.request.modulation
@@ -445,11 +450,8 @@ impl Motor {
     /// command; none while the bridge is open.
     pub(crate) fn returned(&self) -> Returned {
         match &self.command {
-            Some(Command { request: Request { at, .. }, modulation, .. })
-                if modulation.drive != Drive::COAST =>
-            {
-                let applied = self.modulator.applied(*at, *modulation);
-                self.modulator.returned(*at, *modulation, applied, self.settings.ohms())
+            Some(Command { request, modulation, applied, .. }) if modulation.drive != Drive::COAST => {
+                self.modulator.returned(request.at, *modulation, *applied, self.settings.ohms())
             }
             _ => Returned::NONE,
         }
@@ -686,8 +688,8 @@ impl Motor {
         let (Some(command), Some(limit)) = (&self.command, self.settings.current_limit_amperes()) else {
             return false;
         };
-        let current = (command.voltage.to_volts() - command.request.at.emf_volts()) / self.settings.ohms();
-        command.is_limited() && current.abs() > 0.98 * limit
+        let amperes = command.amperes(command.voltage, self.settings.ohms());
+        command.is_limited() && amperes.abs() > 0.98 * limit
     }
 
     /// Begins or continues a burn pulse, and replaces the modulation of the command by this pulse.
@@ -731,19 +733,13 @@ impl Motor {
         Voltage::from_volts(emf + left * (command.applied.to_volts() - emf))
     }
 
-    /// The current that a voltage drives through winding and bridge against the back EMF of a speed.
-    fn current(&self, voltage: Voltage, speed: CountsPerSecond) -> Milliamperes {
-        let emf = self.settings.winding.emf.emf(speed).to_volts();
-        Milliamperes::from_amperes((voltage.to_volts() - emf) / self.settings.ohms())
-    }
-
     /// The mean current of the winding by the motor's constants; 0 while the bridge is open.
     fn modelled_current(&self) -> Milliamperes {
         match &self.command {
             Some(command) if !command.is_open() => {
                 // The mean voltage of burn pulses is the voltage within the limits.
                 let voltage = if self.pulses.are_active() { command.voltage } else { command.applied };
-                self.current(voltage, self.regulator.velocity())
+                Milliamperes::from_amperes(command.amperes(voltage, self.settings.ohms()))
             }
             _ => Milliamperes::ZERO,
         }
@@ -781,7 +777,10 @@ impl Motor {
             heat: (1000.0 * self.thermal.heat(self.settings.thermal)) as u16,
             derated: self.thermal.ceiling(self.settings.thermal).is_some(),
             current_limited,
-            load: self.regulator.load().map(|voltage| self.current(voltage, CountsPerSecond::ZERO)),
+            load: self
+                .regulator
+                .load()
+                .map(|voltage| Milliamperes::from_amperes(voltage.to_volts() / self.settings.ohms())),
             at: self.command.map(|command| command.request.at),
             voltage: self.command.map_or(Voltage::ZERO, |command| command.voltage),
             requested: self.command.and_then(|command| command.requested_control()),
