@@ -31,7 +31,6 @@ use crate::motion::Reading;
 use crate::motor::{Motor, Report, Setpoint, Settings};
 use crate::supply::{Battery, DrawStage};
 use crate::units::{Micros, Millivolts, Period, RangeError, Share, is_included};
-use bus::EnergyMeter;
 use groups::Groups;
 
 pub use bus::Bus;
@@ -155,7 +154,9 @@ pub struct Hub<const N: usize> {
     missed: u32,
     /// Number of the newest command that was applied.
     commands: u32,
-    energy: EnergyMeter,
+    bus: Bus,
+    /// Time up to which the bus has the energy of the motors; `None` before the first addition.
+    energy_until: Option<Micros>,
     /// The newest [`Battery::draw`] that the motors were limited to.
     draw: Share,
     /// The newest [`Battery::dissipate`] that the motors were limited to.
@@ -173,7 +174,8 @@ impl<const N: usize> Hub<N> {
             tick: 0,
             missed: 0,
             commands: 0,
-            energy: EnergyMeter::new(period),
+            bus: Bus::INITIAL,
+            energy_until: None,
             draw: Share::ALL,
             dissipate: Share::NONE,
         }
@@ -275,9 +277,12 @@ impl<const N: usize> Hub<N> {
         self.motors.iter_mut().fold(false, limit)
     }
 
-    /// Adds the energy of all motors from the last addition until `now`.
+    /// Adds the energy of all motors from the last addition until `now`, by their present commands. Runs before any command of a
+    /// bridge changes.
     fn update_energy(&mut self, now: Micros) {
-        self.energy.add(now, self.motors.iter().map(Motor::returned));
+        let passed_us = self.energy_until.map_or(0, |until| now.since(until)) as u32;
+        self.energy_until = self.energy_until.max(Some(now));
+        self.bus.add(passed_us, self.motors.iter().map(Motor::returned));
     }
 
     /// Runs one tick of all motors, and returns the state after the tick.
@@ -286,11 +291,9 @@ impl<const N: usize> Hub<N> {
     /// circuit to dissipate energy.
     pub fn step(&mut self, inputs: &Inputs<N>) -> Snapshot<N> {
         let battery = inputs.battery.filter(|battery| battery.is_fresh(inputs.now));
+        self.update_energy(inputs.now);
         if let Some(battery) = battery.filter(|battery| self.needs_limits(battery)) {
             self.limit_supply(&battery, inputs.now);
-        }
-        if self.energy.is_due(self.tick) {
-            self.update_energy(inputs.now);
         }
         self.tick = self.tick.wrapping_add(1);
         self.groups.step(inputs, self.period, &mut self.motors);
@@ -299,9 +302,9 @@ impl<const N: usize> Hub<N> {
             *report = motor.step(inputs.now, reading, battery);
         }
         self.groups.review(&mut motors, &mut self.motors, self.period);
-        let bus = self.energy.report(battery.as_ref());
+        self.bus.update(battery.as_ref());
         let battery = battery.map(|battery| battery.voltage);
-        let Self { tick, missed, commands, .. } = *self;
+        let Self { tick, missed, commands, bus, .. } = *self;
         Snapshot { tick, at: inputs.now, missed, commands, battery, bus, motors }
     }
 }

@@ -316,6 +316,16 @@ fn a_tick_whose_writing_a_reset_interrupted_is_in_no_entry() {
     }
 }
 
+#[test]
+fn a_record_of_firmware_0_1_0_whose_ticks_have_control_values_is_cleared() {
+    let mut memory = [0; SIZE];
+    run(&mut Record::open(&mut memory, Fault::PowerOn).0, 20);
+    assert_eq!(heads(&memory, Fault::Watchdog).len(), 1);
+    // Memory of this firmware begins with "MHR2", memory of firmware 0.1.0 with "MHR1".
+    memory[3] = b'1';
+    assert_eq!(heads(&memory, Fault::Watchdog), []);
+}
+
 proptest! {
     #[test]
     fn any_bytes_are_opened_read_and_written_without_a_panic(
@@ -325,8 +335,8 @@ proptest! {
     ) {
         let mut memory: Memory = bytes.try_into().expect("as many");
         if magic {
-            // A valid beginning, so that the rest is read: "MHR1", run 7.
-            memory[..12].copy_from_slice(&[0x4D, 0x48, 0x52, 0x31, 7, 0, 0, 0, 0xF8, 0xFF, 0xFF, 0xFF]);
+            // A valid beginning, so that the rest is read: "MHR2", run 7.
+            memory[..12].copy_from_slice(&[0x4D, 0x48, 0x52, 0x32, 7, 0, 0, 0, 0xF8, 0xFF, 0xFF, 0xFF]);
         }
         let (mut record, mut crash_report) = Record::open(&mut memory, Fault::Watchdog);
         for head in record.heads() {

@@ -38,7 +38,7 @@ pub const INTERFACE: &[u8] = b"MOTOR_HUB";
 pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// The packet types of the interface, on hubs of this project.
-pub const FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 33 };
+pub const FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 34 };
 
 requests! {
     /// A function for one motor, except for settings. The first field of the request is the motor's number.
@@ -78,7 +78,10 @@ requests! {
         /// deleted.
         18 Entries { from: u8, clear: bool },
         /// The answer is [`Ticks`](record::Ticks) of the entry with this number, without the oldest `from` ticks.
-        19 Ticks { number: u16, from: u8 },
+        ///
+        /// Firmware 0.1.0 answers function 19 with control values instead of voltages, so no request of this interface has
+        /// number 19.
+        33 Ticks { number: u16, from: u8 },
         /// The answer is a [`HubReport`](report::HubReport).
         20 Report,
         /// Announces new firmware with its length in bytes, its CRC-32 (IEEE 802.3) and its version.

@@ -70,6 +70,7 @@
 //! Constants without a stated source have none on record. `motor-hub soak --sweep` finds false alarms of the constants
 //! (see `docs/concepts/faults.md`), and `tests/guard.rs` checks the times.
 
+use super::Activity;
 use super::expected::{Expected, LOAD, Tick};
 use super::last_motion::{LastMotion, SteadyRun};
 use crate::braking::{Regime, Scheme};
@@ -258,21 +259,6 @@ impl Tick<'_> {
     }
 }
 
-/// Instruction of the check: what the motor has to do at this tick.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Instruction {
-    /// Follow the regulator.
-    Regulate,
-    /// Brake, and wait for a motion.
-    Release,
-    /// Apply this control value in open loop.
-    Probe(Control),
-    /// Apply full reverse, in every scheme. The control value is the end of the range.
-    FullReverse(Control),
-    /// End the regulation: the encoder is at fault.
-    Fault(EncoderFault),
-}
-
 /// The encoder check of one motor.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EncoderCheck {
@@ -283,8 +269,7 @@ pub(super) struct EncoderCheck {
     trusted: bool,
 }
 
-/// States of the check. The top of the file has their transitions. The state Faulty is no value: the check returns
-/// [`Instruction::Fault`] and ends.
+/// States of the check. The top of the file has their transitions.
 #[derive(Clone, Copy, Debug)]
 enum State {
     /// The regulator drives the motor. The expectation covers the present silence.
@@ -297,6 +282,8 @@ enum State {
     Probing(Suspect, Expected),
     /// The regulator drives the motor against a stop.
     Stalled(Stall),
+    /// The encoder is at fault. The motor latches the fault and takes no further step of this check.
+    Faulty(EncoderFault),
 }
 
 impl EncoderCheck {
@@ -325,12 +312,20 @@ impl EncoderCheck {
         examining || self.is_stalled()
     }
 
-    /// Takes a tick of a regulated motor: enters the next state, and returns what the motor has to do.
-    pub(super) fn step(&mut self, last_motion: &mut LastMotion, tick: &Tick<'_>) -> Instruction {
+    /// Takes a tick of a regulated motor, and enters the next state. Returns what the motor has to do in this state in place
+    /// of its regulation; `None` if the regulator drives the motor.
+    ///
+    /// # Errors
+    /// Returns the fault of the encoder if the check has found one.
+    pub(super) fn step(
+        &mut self,
+        last_motion: &mut LastMotion,
+        tick: &Tick<'_>,
+    ) -> Result<Option<Activity>, EncoderFault> {
         let moved = last_motion.take_moved();
         self.trusted |= tick.regulator.trusts_encoder();
         let turns = last_motion.silent_us() < WATCH.quiet_us;
-        let (state, instruction) = match self.state {
+        self.state = match self.state {
             State::Watching(_) if turns && tick.runs_away() => {
                 Runaway::new(tick, None, self.trusted).step(tick)
             }
@@ -348,23 +343,30 @@ impl EncoderCheck {
             State::Releasing(suspect, _) | State::Probing(suspect, _) if moved => suspect.stall(),
             State::Releasing(suspect, ms) => suspect.release(ms + tick.period_ms()),
             State::Probing(suspect, expected) => suspect.probe(expected, last_motion.may_creep(), tick),
+            State::Faulty(fault) => State::Faulty(fault),
         };
-        self.state = state;
-        instruction
+        match &self.state {
+            State::Watching(_) | State::Stalled(_) => Ok(None),
+            State::RunningAway(runaway) => Ok(runaway.full_reverse.then_some(Activity::FullReverse)),
+            State::Releasing(..) => Ok(Some(Activity::Brake)),
+            // The speed is in doubt, so the probe is in open loop.
+            State::Probing(suspect, _) => Ok(Some(Activity::Power(suspect.probe_control()))),
+            State::Faulty(fault) => Err(*fault),
+        }
     }
 }
 
 /// Takes a tick in Watching: extends the expected distance in a silence, and releases or probes a motor with too few
 /// counts.
-fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> (State, Instruction) {
+fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> State {
     let silent_us = last_motion.silent_us();
     if silent_us < WATCH.quiet_us {
-        return (State::Watching(expected), Instruction::Regulate);
+        return State::Watching(expected);
     }
     let requested = tick.target.to_f32().abs();
     if requested < WATCH.least_speed_cps {
         last_motion.forget();
-        return (State::Watching(Expected::NONE), Instruction::Regulate);
+        return State::Watching(Expected::NONE);
     }
     let clockwise = tick.target > CountsPerSecond::ZERO;
     let drive_volts = along(clockwise, tick.command.voltage.to_volts());
@@ -378,9 +380,7 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> (
     let least_gain = tick.regulator.least_gain();
     let (mut expected, counts) = match run {
         Some(run) => (expected.keep_turning(ms, &run, drive_volts, tick), WATCH.turning_counts),
-        None if drive_volts <= LOAD.friction_volts => {
-            return (State::Watching(Expected::NONE), Instruction::Regulate);
-        }
+        None if drive_volts <= LOAD.friction_volts => return State::Watching(Expected::NONE),
         None => {
             let acceleration = least_gain.unwrap_or(0.0) * (drive_volts - LOAD.friction_volts);
             let speed = along(clockwise, tick.commanded_at_speed());
@@ -392,15 +392,15 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> (
     let too_few = expected.ms >= WATCH.silence_ms && expected.distance_counts >= counts;
     let timed_out = least_gain.is_none() && expected.driven_ms >= time_out_ms(last_motion, clockwise, tick);
     if !too_few && !timed_out {
-        return (State::Watching(expected), Instruction::Regulate);
+        return State::Watching(expected);
     }
     let suspect = Suspect::new(clockwise, run, tick);
     // The time-out of an unknown motor from rest leaves no time for a release.
     let known = least_gain.is_some() || run.is_some();
     if known && 4 * tick.period_ms() + WATCH.silence_ms <= PROBE.decided_ms {
-        (State::Releasing(suspect, 0), Instruction::Release)
+        State::Releasing(suspect, 0)
     } else {
-        suspect.begin_probe()
+        State::Probing(suspect, Expected::NONE)
     }
 }
 
@@ -456,31 +456,22 @@ impl Suspect {
 
     /// Takes a tick in Releasing without a motion, `ms` after the release began. Begins the probe when the release is
     /// over.
-    fn release(self, ms: u32) -> (State, Instruction) {
-        if ms < PROBE.release_ms {
-            (State::Releasing(self, ms), Instruction::Release)
-        } else {
-            self.begin_probe()
-        }
-    }
-
-    /// Begins the probe.
-    fn begin_probe(self) -> (State, Instruction) {
-        (State::Probing(self, Expected::NONE), Instruction::Probe(self.probe_control()))
+    fn release(self, ms: u32) -> State {
+        if ms < PROBE.release_ms { State::Releasing(self, ms) } else { State::Probing(self, Expected::NONE) }
     }
 
     /// Takes a tick in Probing without a motion. The encoder is at fault when the expected distance is long enough.
     /// An unknown motor that `may_creep` is probed for the longest time, because the motor may be heavy.
-    fn probe(self, expected: Expected, may_creep: bool, tick: &Tick<'_>) -> (State, Instruction) {
+    fn probe(self, expected: Expected, may_creep: bool, tick: &Tick<'_>) -> State {
         let volts = PROBE.drive_share * tick.context.at.battery_volts() - self.resisting_volts;
         let expected = expected.accelerate(tick.period_ms(), self.gain_cps2_per_volt * volts, 0.0);
         let shortest_ms = if self.may_be_heavy && may_creep { PROBE.longest_ms } else { PROBE.probe_ms };
         if expected.ms >= shortest_ms && expected.distance_counts >= PROBE.counts {
-            (State::Watching(Expected::NONE), Instruction::Fault(EncoderFault::Stuck))
+            State::Faulty(EncoderFault::Stuck)
         } else if expected.ms >= PROBE.longest_ms || volts <= 0.0 && expected.ms >= PROBE.probe_ms {
             self.stall()
         } else {
-            (State::Probing(self, expected), Instruction::Probe(self.probe_control()))
+            State::Probing(self, expected)
         }
     }
 
@@ -491,9 +482,9 @@ impl Suspect {
     }
 
     /// Begins a stall at the position where the examination began.
-    const fn stall(self) -> (State, Instruction) {
+    const fn stall(self) -> State {
         let Self { clockwise, position, .. } = self;
-        (State::Stalled(Stall { clockwise, position, free_ms: 0 }), Instruction::Regulate)
+        State::Stalled(Stall { clockwise, position, free_ms: 0 })
     }
 }
 
@@ -510,7 +501,7 @@ struct Stall {
 
 impl Stall {
     /// Takes a tick in Stalled. Ends the stall if the motor is free, or if the requested direction has changed.
-    fn step(mut self, tick: &Tick<'_>) -> (State, Instruction) {
+    fn step(mut self, tick: &Tick<'_>) -> State {
         let moved = tick.position.wrapping_sub(self.position);
         let beyond = if self.clockwise { moved } else { moved.saturating_neg() };
         let requested = along(self.clockwise, tick.target.to_f32());
@@ -518,9 +509,9 @@ impl Stall {
         let free = speed >= STALL.speed_share * requested && beyond >= STALL.counts;
         self.free_ms = if free { self.free_ms.saturating_add(tick.period_ms()) } else { 0 };
         if requested < 0.0 || (requested > 0.0 && self.free_ms >= STALL.free_ms) {
-            (State::Watching(Expected::NONE), Instruction::Regulate)
+            State::Watching(Expected::NONE)
         } else {
-            (State::Stalled(self), Instruction::Regulate)
+            State::Stalled(self)
         }
     }
 }
@@ -624,7 +615,7 @@ impl Runaway {
 
     /// Takes a tick in RunningAway. If the motor has reversed, has become slower or is too slow to be compared, the
     /// comparison begins again.
-    fn step(mut self, tick: &Tick<'_>) -> (State, Instruction) {
+    fn step(mut self, tick: &Tick<'_>) -> State {
         // A motor that reversed has followed its drive voltage, even if the motor swings back later.
         let clockwise = tick.regulator.velocity() >= CountsPerSecond::ZERO;
         if clockwise != self.clockwise {
@@ -632,7 +623,6 @@ impl Runaway {
         }
         let counts = i64::from(tick.moved) * if clockwise { 1 } else { -1 };
         let span = Span { ms: tick.period_ms(), counts };
-        let end = if tick.control() < Control::ZERO { Control::MIN } else { Control::MAX };
         let before_full_reverse = tick.ends_before_full_reverse() && !self.full_reverse;
         let extension_ms = if tick.ends_before_full_reverse() {
             0
@@ -641,7 +631,7 @@ impl Runaway {
         };
         if self.early.ms < RUNAWAY.early_ms + extension_ms {
             self.early = self.early.plus(span);
-            return (State::RunningAway(self), Instruction::Regulate);
+            return State::RunningAway(self);
         }
         self.late = self.late.plus(span);
         let late_ms = if before_full_reverse {
@@ -650,21 +640,17 @@ impl Runaway {
             RUNAWAY.late_ms + self.span_extension_ms()
         };
         let too_slow = 50 * self.early.counts < RUNAWAY.counts_in_50_ms * i64::from(self.early.ms);
-        let instruction =
-            if self.full_reverse { Instruction::FullReverse(end) } else { Instruction::Regulate };
+        let both = Self { early: self.early.plus(self.late), late: Span::default(), ..self };
         if self.late.ms < late_ms {
-            (State::RunningAway(self), instruction)
+            State::RunningAway(self)
         } else if !self.long && !before_full_reverse && self.is_uncertain() {
-            let early = self.early.plus(self.late);
-            (State::RunningAway(Self { early, late: Span::default(), long: true, ..self }), instruction)
+            State::RunningAway(Self { long: true, ..both })
         } else if too_slow || self.late.is_slower_than(self.early) {
-            (State::RunningAway(self.again(clockwise)), Instruction::Regulate)
+            State::RunningAway(self.again(clockwise))
         } else if before_full_reverse {
-            let early = self.early.plus(self.late);
-            let next = Self { early, late: Span::default(), full_reverse: true, ..self };
-            (State::RunningAway(next), Instruction::FullReverse(end))
+            State::RunningAway(Self { full_reverse: true, ..both })
         } else {
-            (State::Watching(Expected::NONE), Instruction::Fault(EncoderFault::Reversed))
+            State::Faulty(EncoderFault::Reversed)
         }
     }
 

@@ -80,7 +80,7 @@ use crate::units::{Control, CountsPerSecond, Duty, Micros, Milliamperes, Period,
 use back_emf::Configured;
 use burn_pulses::{BurnPulses, Pulse, Voltages};
 use core::mem::discriminant;
-use encoder_check::{EncoderCheck, Instruction};
+use encoder_check::EncoderCheck;
 use expected::Tick;
 use last_motion::LastMotion;
 use limits::VoltageLimits;
@@ -91,17 +91,12 @@ use thermal::Thermal;
 /// every millisecond.
 pub const ENCODER_STALE_MICROS: u64 = 20_000;
 
-/// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF. The share grows with
-/// [`Battery::dissipate`], which says how strongly braking motors must dissipate energy.
-struct ForwardPulse {
-    /// Share at the least dissipation. At the end of a short circuit the winding returns energy to the bus. A forward pulse
-    /// with this share draws about the same energy from the bus.
-    least: f32,
-    /// Share at full dissipation.
-    most: f32,
-}
-
-const FORWARD_PULSE: ForwardPulse = ForwardPulse { least: 0.1, most: 0.3 };
+/// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF, at the least dissipation. At the end of a
+/// short circuit the winding returns energy to the bus. A forward pulse with this share draws about the same energy from the
+/// bus. The share grows with [`Battery::dissipate`], which says how strongly braking motors must dissipate energy.
+const LEAST_FORWARD_SHARE: f32 = 0.1;
+/// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF, at full dissipation.
+const LARGEST_FORWARD_SHARE: f32 = 0.3;
 
 /// The reading; `None` if the reading is older than [`ENCODER_STALE_MICROS`].
 pub(crate) fn fresh(reading: Option<Reading>, now: Micros) -> Option<Reading> {
@@ -181,6 +176,8 @@ enum Activity {
     Brake,
     /// The bridge drives the motor in open loop, at this share of the control range.
     Power(Control),
+    /// The bridge drives against the motion with its full voltage, in every scheme. Only the encoder check asks for this.
+    FullReverse,
     /// The motor has a constant current, and a limit of the speed.
     Current { current: Milliamperes, speed_limit: CountsPerSecond },
     /// The regulator drives the motor.
@@ -220,6 +217,11 @@ impl Command {
     /// True if the bridge is open all the time.
     fn is_open(&self) -> bool {
         self.modulation.drive == Drive::COAST
+    }
+
+    /// Current in A that a voltage drives through this resistance of winding and bridge, at the back EMF of the command.
+    fn amperes(&self, voltage: Voltage, ohms: f32) -> f32 {
+        (voltage.to_volts() - self.request.at.emf_volts()) / ohms
     }
 
     /// True if the limits change the request.
@@ -448,11 +450,8 @@ impl Motor {
     /// command; none while the bridge is open.
     pub(crate) fn returned(&self) -> Returned {
         match &self.command {
-            Some(Command { request: Request { at, .. }, modulation, .. })
-                if modulation.drive != Drive::COAST =>
-            {
-                let applied = self.modulator.applied(*at, *modulation);
-                self.modulator.returned(*at, *modulation, applied, self.settings.ohms())
+            Some(Command { request, modulation, applied, .. }) if modulation.drive != Drive::COAST => {
+                self.modulator.returned(request.at, *modulation, *applied, self.settings.ohms())
             }
             _ => Returned::NONE,
         }
@@ -523,60 +522,66 @@ impl Motor {
         {
             self.end_identification(Identification::Refused(Refusal::Interrupted));
         }
-        let mut instruction = Instruction::Regulate;
+        let mut target = None;
         match (activity, at, moved) {
-            (Activity::Regulate(_), Some(at), Some(moved)) => {
-                instruction = self.check_encoder(at, moved);
-                if self.encoder_fault.is_some() {
-                    activity = self.on_fault();
-                }
+            (Activity::Regulate(demand), Some(at), Some(moved)) => {
+                target = Some(self.regulator.demanded_speed(demand));
+                activity = self.check_encoder(demand, at, moved);
             }
             _ if self.setpoint.is_regulated() => _ = self.end_examination(),
             _ => self.last_motion.forget(),
         }
-        self.request_of(activity, at?, moved, instruction)
+        self.request_of(activity, at?, moved, target)
     }
 
-    /// Checks the encoder of a regulated motor, and latches a fault. Returns what the motor has to do.
-    fn check_encoder(&mut self, at: OperatingPoint, moved: i32) -> Instruction {
-        let MotorState::Regulated(check) = &mut self.state else { return Instruction::Regulate };
-        let Some(command) = &self.command else { return Instruction::Regulate };
-        let Some(target) = command.request.target else { return Instruction::Regulate };
+    /// Steps the encoder check of a regulated motor, and latches a fault. Returns the activity of this tick.
+    fn check_encoder(&mut self, demand: Demand, at: OperatingPoint, moved: i32) -> Activity {
+        let regulate = Activity::Regulate(demand);
+        let MotorState::Regulated(check) = &mut self.state else { return regulate };
+        let Some(command) = &self.command else { return regulate };
+        let Some(target) = command.request.target else { return regulate };
         let context =
             Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
         let (regulator, position) = (&self.regulator, self.position);
         let tick = Tick { context: &context, regulator, command, target, position, moved };
-        let instruction = check.step(&mut self.last_motion, &tick);
-        if let Instruction::Fault(fault) = instruction {
-            self.encoder_fault = Some(fault);
+        match check.step(&mut self.last_motion, &tick) {
+            Ok(activity) => activity.unwrap_or(regulate),
+            Err(fault) => {
+                self.encoder_fault = Some(fault);
+                self.on_fault()
+            }
         }
-        instruction
     }
 
-    /// Computes the request of an activity; `None` for an open bridge. `instruction` is from the encoder check.
+    /// Computes the request of an activity; `None` for an open bridge. `moved` is as in [`activity`](Self::activity). `target`
+    /// is the demanded speed of a regulated motor. If the regulator drives the motor, its output replaces this speed.
     fn request_of(
         &mut self,
         activity: Activity,
         at: OperatingPoint,
         moved: Option<i32>,
-        instruction: Instruction,
+        target: Option<CountsPerSecond>,
     ) -> Option<Request> {
         let (control, modulation) = match activity {
             Activity::Coast => return None,
             Activity::Brake => (Some(Control::ZERO), Modulation::full_braking(at)),
             Activity::Power(power) => (Some(power), self.modulator.open_loop(at, power)),
+            Activity::FullReverse => {
+                let end = if at.counter_clockwise() { Control::MAX } else { Control::MIN };
+                (Some(end), Modulation::full_reverse(at))
+            }
             Activity::Current { current, speed_limit } => {
                 let volts = at.emf_volts() + current.to_amperes() * self.settings.ohms();
                 let voltage = self.regulator.limit_speed(Voltage::from_volts(volts), speed_limit, at);
                 (None, self.modulator.for_voltage(at, voltage))
             }
-            Activity::Regulate(demand) => return Some(self.regulate(demand, at, moved?, instruction)),
+            Activity::Regulate(demand) => return Some(self.regulate(demand, at, moved?)),
             Activity::Identify => {
                 let voltage = self.identify(at)?;
                 (None, self.modulator.for_voltage(at, voltage))
             }
         };
-        Some(Request { at, modulation, control, target: None })
+        Some(Request { at, modulation, control, target })
     }
 
     /// Steps an identification. Returns its voltage; `None` for an open bridge, also when the identification ends.
@@ -590,37 +595,23 @@ impl Motor {
         })
     }
 
-    /// Computes the request of the regulator, or of the encoder check if its instruction is not to regulate. Lowers
-    /// the back EMF constant in force if the speed oscillates because this constant is too high.
-    fn regulate(
-        &mut self,
-        demand: Demand,
-        at: OperatingPoint,
-        moved: i32,
-        instruction: Instruction,
-    ) -> Request {
-        let (mut speed, mut hunts) = (self.regulator.demanded_speed(demand), false);
-        let (control, modulation) = match instruction {
-            Instruction::FullReverse(control) => (Some(control), Modulation::full_reverse(at)),
-            Instruction::Release => (Some(Control::ZERO), Modulation::full_braking(at)),
-            // The speed is in doubt, so the probe is in open loop.
-            Instruction::Probe(control) => (Some(control), self.modulator.open_loop(at, control)),
-            Instruction::Regulate | Instruction::Fault(_) => {
-                let context =
-                    Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
-                let output = self.regulator.step(demand, moved, &context);
-                (speed, hunts) = (output.speed, output.hunts);
-                match output.effort {
-                    Effort::Voltage(voltage) => (None, self.modulator.for_voltage(at, voltage)),
-                    Effort::Control(control) => (Some(control), self.modulator.for_control(at, control)),
-                }
-            }
+    /// Computes the request of the regulator. Lowers the back EMF constant in force if the speed oscillates because this
+    /// constant is too high.
+    fn regulate(&mut self, demand: Demand, at: OperatingPoint, moved: i32) -> Request {
+        let context =
+            Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
+        let output = self.regulator.step(demand, moved, &context);
+        let (control, modulation) = match output.effort {
+            Effort::Voltage(voltage) => (None, self.modulator.for_voltage(at, voltage)),
+            Effort::Control(control) => (Some(control), self.modulator.for_control(at, control)),
         };
-        if hunts && let Some(settings) = self.configured.lowered(&self.settings) {
+        if output.hunts
+            && let Some(settings) = self.configured.lowered(&self.settings)
+        {
             self.settings = settings;
             self.regulator.correct_emf(&self.settings, self.period);
         }
-        Request { at, modulation, control, target: Some(speed) }
+        Request { at, modulation, control, target: Some(output.speed) }
     }
 
     /// Computes a request, and commands the bridge within all limits. `moved` is as in [`activity`](Self::activity); `None`
@@ -697,8 +688,8 @@ impl Motor {
         let (Some(command), Some(limit)) = (&self.command, self.settings.current_limit_amperes()) else {
             return false;
         };
-        let current = (command.voltage.to_volts() - command.request.at.emf_volts()) / self.settings.ohms();
-        command.is_limited() && current.abs() > 0.98 * limit
+        let amperes = command.amperes(command.voltage, self.settings.ohms());
+        command.is_limited() && amperes.abs() > 0.98 * limit
     }
 
     /// Begins or continues a burn pulse, and replaces the modulation of the command by this pulse.
@@ -707,7 +698,7 @@ impl Motor {
         let at = OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery.newest)
             .unwrap_or(command.request.at);
         let emf = at.emf_volts();
-        let ForwardPulse { least, most } = FORWARD_PULSE;
+        let (least, most) = (LEAST_FORWARD_SHARE, LARGEST_FORWARD_SHARE);
         let beyond = least + (most - least) * battery.dissipate.to_f32();
         let room = at.battery_volts() - emf.abs();
         self.pulses.integrate(now);
@@ -742,19 +733,13 @@ impl Motor {
         Voltage::from_volts(emf + left * (command.applied.to_volts() - emf))
     }
 
-    /// The current that a voltage drives through winding and bridge against the back EMF of a speed.
-    fn current(&self, voltage: Voltage, speed: CountsPerSecond) -> Milliamperes {
-        let emf = self.settings.winding.emf.emf(speed).to_volts();
-        Milliamperes::from_amperes((voltage.to_volts() - emf) / self.settings.ohms())
-    }
-
     /// The mean current of the winding by the motor's constants; 0 while the bridge is open.
     fn modelled_current(&self) -> Milliamperes {
         match &self.command {
             Some(command) if !command.is_open() => {
                 // The mean voltage of burn pulses is the voltage within the limits.
                 let voltage = if self.pulses.are_active() { command.voltage } else { command.applied };
-                self.current(voltage, self.regulator.velocity())
+                Milliamperes::from_amperes(command.amperes(voltage, self.settings.ohms()))
             }
             _ => Milliamperes::ZERO,
         }
@@ -792,7 +777,10 @@ impl Motor {
             heat: (1000.0 * self.thermal.heat(self.settings.thermal)) as u16,
             derated: self.thermal.ceiling(self.settings.thermal).is_some(),
             current_limited,
-            load: self.regulator.load().map(|voltage| self.current(voltage, CountsPerSecond::ZERO)),
+            load: self
+                .regulator
+                .load()
+                .map(|voltage| Milliamperes::from_amperes(voltage.to_volts() / self.settings.ohms())),
             at: self.command.map(|command| command.request.at),
             voltage: self.command.map_or(Voltage::ZERO, |command| command.voltage),
             requested: self.command.and_then(|command| command.requested_control()),

@@ -25,27 +25,25 @@ pub const fn within_tolerance(target: i32, position: i32, tolerance: u16) -> boo
 /// Detects whether a motor, or a group of motors, has settled.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SettleDetector {
-    /// Time in ms for which the motor has been within tolerance and slow at every tick; `None` if the motor was not
-    /// within tolerance and slow at the last tick.
-    settling_ms: Option<u32>,
+    /// Duration in ms of the last ticks without interruption at which the motor was within tolerance and slow.
+    settling_ms: u32,
 }
 
 impl SettleDetector {
     /// Restarts the dwell, because the target has changed.
     pub const fn reset(&mut self) {
-        self.settling_ms = None;
+        self.settling_ms = 0;
     }
 
     /// Takes a tick: whether the motor is within tolerance, and its speed. Returns true if the motor has settled. The
     /// dwell is 50 ms, or one period if the period is longer.
     pub fn step(&mut self, within_tolerance: bool, velocity: CountsPerSecond, period: Period) -> bool {
         let slow = velocity.to_bits().unsigned_abs() <= SLOW.to_bits().unsigned_abs();
-        self.settling_ms = match self.settling_ms {
-            _ if !(within_tolerance && slow) => None,
-            None => Some(0),
-            Some(ms) => Some(ms.saturating_add(period.as_millis())),
-        };
-        self.settling_ms.is_some_and(|ms| ms >= DWELL_MS)
+        let tick_ms = period.as_millis();
+        self.settling_ms =
+            if within_tolerance && slow { self.settling_ms.saturating_add(tick_ms) } else { 0 };
+        // The dwell begins with the first of these ticks.
+        self.settling_ms >= DWELL_MS + tick_ms
     }
 }
 
@@ -56,17 +54,10 @@ mod tests {
     /// Pairs of a period in milliseconds and the number of ticks until the dwell is over.
     const TICKS: [(u32, usize); 4] = [(1, 50), (30, 2), (50, 1), (100, 1)];
 
-    /// A detector with the control period.
-    struct Detector(SettleDetector, Period);
-
-    impl Detector {
-        fn new(ms: u32) -> Self {
-            Self(SettleDetector::default(), Period::from_millis(ms).unwrap_or_default())
-        }
-
-        fn step(&mut self, within_tolerance: bool, speed: i32) -> bool {
-            self.0.step(within_tolerance, CountsPerSecond::new(speed), self.1)
-        }
+    /// Takes a tick at a control period of this number of milliseconds, with a speed in counts/s.
+    fn step(detector: &mut SettleDetector, ms: u32, within_tolerance: bool, speed: i32) -> bool {
+        let period = Period::from_millis(ms).unwrap_or_default();
+        detector.step(within_tolerance, CountsPerSecond::new(speed), period)
     }
 
     #[test]
@@ -93,9 +84,9 @@ mod tests {
     fn a_slow_motor_within_tolerance_has_settled_after_the_dwell() {
         for (ms, ticks) in TICKS {
             for speed in [0, 40, -40] {
-                let mut detector = Detector::new(ms);
-                assert!((0..ticks).all(|_| !detector.step(true, speed)), "{ms} ms, {speed}");
-                assert!((0..200).all(|_| detector.step(true, speed)), "{ms} ms, {speed}");
+                let mut detector = SettleDetector::default();
+                assert!((0..ticks).all(|_| !step(&mut detector, ms, true, speed)), "{ms} ms, {speed}");
+                assert!((0..200).all(|_| step(&mut detector, ms, true, speed)), "{ms} ms, {speed}");
             }
         }
     }
@@ -104,8 +95,8 @@ mod tests {
     fn a_motor_that_passes_its_target_at_speed_has_not_settled() {
         for (ms, _) in TICKS {
             for speed in [41, -41, 3_000] {
-                let mut detector = Detector::new(ms);
-                assert!((0..200).all(|_| !detector.step(true, speed)), "{ms} ms, {speed}");
+                let mut detector = SettleDetector::default();
+                assert!((0..200).all(|_| !step(&mut detector, ms, true, speed)), "{ms} ms, {speed}");
             }
         }
     }
@@ -114,16 +105,16 @@ mod tests {
     fn a_motor_that_is_displaced_or_gets_another_target_settles_again_after_the_dwell() {
         for (ms, ticks) in TICKS {
             for disturb in [
-                |detector: &mut Detector| assert!(!detector.step(false, 0)),
-                |detector: &mut Detector| assert!(!detector.step(true, -500)),
-                |detector: &mut Detector| detector.0.reset(),
+                |detector: &mut SettleDetector, ms| assert!(!step(detector, ms, false, 0)),
+                |detector: &mut SettleDetector, ms| assert!(!step(detector, ms, true, -500)),
+                |detector: &mut SettleDetector, _| detector.reset(),
             ] {
-                let mut detector = Detector::new(ms);
-                assert!((0..ticks).all(|_| !detector.step(true, 0)), "{ms} ms");
-                assert!(detector.step(true, 0), "{ms} ms");
-                disturb(&mut detector);
-                assert!((0..ticks).all(|_| !detector.step(true, 0)), "{ms} ms");
-                assert!(detector.step(true, 0), "{ms} ms");
+                let mut detector = SettleDetector::default();
+                assert!((0..ticks).all(|_| !step(&mut detector, ms, true, 0)), "{ms} ms");
+                assert!(step(&mut detector, ms, true, 0), "{ms} ms");
+                disturb(&mut detector, ms);
+                assert!((0..ticks).all(|_| !step(&mut detector, ms, true, 0)), "{ms} ms");
+                assert!(step(&mut detector, ms, true, 0), "{ms} ms");
             }
         }
     }

@@ -6,8 +6,8 @@ use motor_hub::extension::Request;
 use motor_hub::extension::record::{Entries, Ticks};
 use motor_hub::hub::Snapshot;
 use motor_hub::motor::{Report, Setpoint};
-use motor_hub::protocol::Packet;
 use motor_hub::protocol::payload::{Field, Fields};
+use motor_hub::protocol::{Nack, Packet};
 use motor_hub::record::{Fault, Head, Record, SIZE, Tick};
 use motor_hub::responder::Line;
 use motor_hub::units::{Control, Voltage};
@@ -16,7 +16,12 @@ use motor_hub::units::{Control, Voltage};
 fn a_hub_without_a_record_reports_none() {
     let mut host = TestHost::settled();
     assert_eq!(host.ask(0x4D12, &[0, 0]), Said::Data(vec![0; 5]));
-    assert_eq!(host.ask(0x4D13, &[1, 0, 0]), Said::Nack(0));
+    assert_eq!(host.ask(0x4D21, &[1, 0, 0]), Said::Nack(0));
+}
+
+#[test]
+fn ticks_with_control_values_as_in_firmware_0_1_0_are_refused_as_an_unknown_function() {
+    assert_eq!(TestHost::settled().ask(0x4D13, &[1, 0, 0]), Said::Nack(Nack::UNKNOWN.0));
 }
 
 fn ask<A: Field>(host: &mut TestHost, record: &mut Record<'_>, request: HubFunction) -> A {

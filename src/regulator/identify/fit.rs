@@ -12,14 +12,18 @@ pub(super) const UNKNOWNS: usize = 5;
 /// unknown's weights in all rows that the unknowns before do not explain.
 const LEAST_PIVOT: f32 = 1e-4;
 
+/// Number of elements of the triangle, with the right sides.
+const TRIANGLE: usize = UNKNOWNS * (UNKNOWNS + 3) / 2;
+
 /// One equation: the weight of each unknown, then the right side.
 pub(super) type Row = [f32; UNKNOWNS + 1];
 
 /// The rows so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Fit {
-    /// Upper triangle of the decomposition, with the rotated right sides.
-    triangle: [Row; UNKNOWNS],
+    /// Upper triangle of the decomposition, with the rotated right sides, without the zeros: row n begins with its diagonal
+    /// element, and has 6 - n elements.
+    triangle: [f32; TRIANGLE],
     /// Sum of the squared residuals with all unknowns.
     residual_squares: f32,
     /// Sum of the squared right sides.
@@ -35,15 +39,19 @@ impl Fit {
         let [.., right] = row;
         self.right_squares += right * right;
         self.rows = self.rows.saturating_add(1);
-        for (n, pivot) in self.triangle.iter_mut().enumerate() {
-            let (Some(&a), Some(&b)) = (pivot.get(n), row.get(n)) else { continue };
+        let mut triangle = self.triangle.as_mut_slice();
+        for n in 0..UNKNOWNS {
+            let rest = row.get_mut(n..).unwrap_or_default();
+            let Some((pivot, below)) = triangle.split_at_mut_checked(rest.len()) else { break };
+            let (Some(&a), Some(&b)) = (pivot.first(), rest.first()) else { break };
             let length = sqrtf(a * a + b * b);
             if length > 0.0 {
                 let (cos, sin) = (a / length, b / length);
-                for (p, r) in pivot.iter_mut().zip(&mut row) {
+                for (p, r) in pivot.iter_mut().zip(rest) {
                     (*p, *r) = (cos * *p + sin * *r, cos * *r - sin * *p);
                 }
             }
+            triangle = below;
         }
         let [.., innovation] = row;
         self.residual_squares += innovation * innovation;
@@ -63,29 +71,38 @@ impl Fit {
     /// Solves for the first `unknowns` unknowns, with all other unknowns at 0; `None` if the rows do not determine
     /// the solution.
     pub(super) fn solve(&self, unknowns: usize) -> Option<Solution> {
-        let values = self.substitute(unknowns, |_, [.., sum]| *sum)?;
+        let right_side = |n| self.row(n).last().copied().unwrap_or_default();
+        let values = self.substitute(unknowns, right_side)?;
         let mut inverse = [[0.0; UNKNOWNS]; UNKNOWNS];
         for (of, column) in inverse.iter_mut().enumerate().take(unknowns) {
-            *column = self.substitute(unknowns, |n, _| if n == of { 1.0 } else { 0.0 })?;
+            *column = self.substitute(unknowns, |n| if n == of { 1.0 } else { 0.0 })?;
         }
-        let others: f32 = self.triangle.iter().skip(unknowns).map(|[.., sum]| sum * sum).sum();
+        let others: f32 = (unknowns..UNKNOWNS).map(|n| right_side(n) * right_side(n)).sum();
         let freedom = usize::from(self.rows).saturating_sub(unknowns).max(1);
         let residual = sqrtf((self.residual_squares + others) / freedom as f32);
         Some(Solution { values, inverse, residual })
     }
 
     /// Solves the triangle's first rows with these right sides by back substitution.
-    fn substitute(&self, unknowns: usize, right: impl Fn(usize, &Row) -> f32) -> Option<[f32; UNKNOWNS]> {
+    fn substitute(&self, unknowns: usize, right: impl Fn(usize) -> f32) -> Option<[f32; UNKNOWNS]> {
         let mut values = [0.0; UNKNOWNS];
-        for (n, row) in self.triangle.iter().enumerate().take(unknowns).rev() {
-            let solved: f32 = row.iter().zip(&values).map(|(weight, value)| weight * value).sum();
-            let pivot = *row.get(n)?;
+        for n in (0..unknowns).rev() {
+            let row = self.row(n);
+            let solved: f32 = row.iter().zip(values.get(n..)?).map(|(weight, value)| weight * value).sum();
+            let pivot = *row.first()?;
             if pivot < LEAST_PIVOT {
                 return None;
             }
-            *values.get_mut(n)? = (right(n, row) - solved) / pivot;
+            *values.get_mut(n)? = (right(n) - solved) / pivot;
         }
         Some(values)
+    }
+
+    /// The row of the triangle with this index, from its diagonal element to its right side.
+    fn row(&self, n: usize) -> &[f32] {
+        // The rows before have 6, 5, 4, ... elements.
+        let start = n * (2 * UNKNOWNS + 3 - n) / 2;
+        self.triangle.get(start..start + UNKNOWNS + 1 - n).unwrap_or_default()
     }
 }
 
