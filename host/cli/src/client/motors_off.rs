@@ -125,7 +125,6 @@ pub(super) fn stop_abandoned(session: &mut Session<impl Read + Write>) -> Result
 }
 
 #[cfg(test)]
-#[expect(clippy::unwrap_used, clippy::panic, reason = "a failed access is a failed test")]
 mod tests {
     use super::*;
     use motor_hub::units::{Control, Millivolts};

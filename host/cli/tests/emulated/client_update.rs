@@ -1,7 +1,6 @@
 //! `motor-hub client update` over a pseudo-terminal, against the bootloader and the hub behind it on the emulated
 //! H743.
 #![cfg(unix)]
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use crate::common::{PROGRAM, alone, folder, motor_hub};
 use crate::conformance::Hub;

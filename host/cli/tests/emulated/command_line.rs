@@ -1,5 +1,4 @@
 //! Commands about images, run as a program.
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use crate::common::{folder, motor_hub};
 use crate::output::{err, fails, out};

@@ -1,5 +1,4 @@
 //! `motor-hub client servo`, `analog`, `digital` and `i2c` against a served hub.
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use crate::common::folder;
 use crate::conformance::{Ack, Data, Host, Hub, Nack};

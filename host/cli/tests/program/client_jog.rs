@@ -1,6 +1,5 @@
 //! `motor-hub client jog` on a pseudo-terminal, against the served simulated hub.
 #![cfg(unix)]
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use crate::common::{PROGRAM, client, signal};
 use crate::conformance::Hub;

@@ -1,10 +1,4 @@
 //! `motor-hub client` against the hub's own side of the protocol, over TCP.
-#![expect(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::indexing_slicing,
-    reason = "a failed access is a failed test"
-)]
 
 use crate::common::{PROGRAM, motor_hub};
 use crate::hub_support::{Hub, Server};

@@ -1,5 +1,4 @@
 //! `motor-hub client` against the served simulated hub, whose motors turn.
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use crate::common::{self, PROGRAM, folder, signal};
 use crate::conformance::Hub;

@@ -1,5 +1,4 @@
 //! `motor-hub client settings` against a served hub that keeps its settings in a file.
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use crate::common::{self, PROGRAM, folder, motor_hub};
 use crate::conformance::{Hub, conforms};

@@ -1,5 +1,4 @@
 //! Messages of `motor-hub client update` about the result of an update, against the hub's protocol code with a fake flash.
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use crate::common::{folder, motor_hub};
 use crate::hub_support::{Hub, Server, responder};

@@ -1,10 +1,4 @@
 //! `motor-hub compare`: that the tasks tell the variants apart, and how.
-#![expect(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::indexing_slicing,
-    reason = "a failed access is a failed test"
-)]
 
 use crate::common::{folder, motor_hub};
 use crate::output::{fails, json};

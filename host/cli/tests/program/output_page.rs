@@ -1,10 +1,4 @@
 //! The page docs/reference/output.md names every field of the JSON output, and no other field.
-#![expect(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::indexing_slicing,
-    reason = "a failed access is a failed test"
-)]
 
 use crate::common::{self, PROGRAM, folder, motor_hub};
 use crate::conformance::Hub;

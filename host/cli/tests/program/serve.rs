@@ -1,10 +1,4 @@
 //! A host uses the served hub over a serial port and over TCP.
-#![expect(
-    clippy::unwrap_used,
-    clippy::indexing_slicing,
-    clippy::panic,
-    reason = "a failed access is a failed test"
-)]
 
 use crate::common::{PROGRAM, client, motor_hub, signal};
 use crate::conformance::{Data, HUB, Hub, KEEP_ALIVE, conforms, drive, packet};
