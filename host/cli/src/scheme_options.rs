@@ -1,40 +1,26 @@
-//! Options that choose how motors are controlled: scheme, blend, duty rule.
+//! Options of how motors are controlled: scheme, blend, duty rule.
 
 use crate::output::Failure;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use motor_hub::braking::{DutyRule, Scheme};
 use simulated::scheme::{BlendChoice, BlendError, SchemeName};
 
-/// A scheme's name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum SchemeOption {
-    /// No braking regime: forward and reverse driving only
-    None,
-    /// Control is an equivalent voltage
-    #[value(name = "A")]
-    A,
-    /// Control is a current
-    #[value(name = "B")]
-    B,
-    /// As B, with braking as steep as driving
-    #[value(name = "C")]
-    C,
-    /// Between B and C: see --blend
-    #[value(name = "D")]
-    D,
+/// A parser of a scheme's name, in either case.
+pub(crate) fn scheme_name() -> impl TypedValueParser<Value = SchemeName> {
+    let names = [
+        ("none", "No braking regime: forward and reverse driving only"),
+        ("A", "Control is an equivalent voltage"),
+        ("B", "Control is a current"),
+        ("C", "As B, with braking as steep as driving"),
+        ("D", "Between B and C: see --blend"),
+    ];
+    PossibleValuesParser::new(names.map(|(name, help)| PossibleValue::new(name).help(help)))
+        .try_map(|name| name.parse())
 }
 
-impl SchemeOption {
-    /// The scheme that the firmware is set to.
-    pub(crate) fn with_blend(self, blend: Option<BlendChoice>) -> Result<Scheme, Failure> {
-        let name = match self {
-            Self::None => SchemeName::None,
-            Self::A => SchemeName::A,
-            Self::B => SchemeName::B,
-            Self::C => SchemeName::C,
-            Self::D => SchemeName::D,
-        };
-        name.with_blend(blend).map_err(without_d)
-    }
+/// The scheme with its blend.
+pub(crate) fn scheme(name: SchemeName, blend: Option<BlendChoice>) -> Result<Scheme, Failure> {
+    name.with_blend(blend).map_err(without_d)
 }
 
 fn without_d(error: BlendError) -> Failure {
@@ -50,12 +36,12 @@ enum DutyOption {
     LinearDuty,
 }
 
-/// What is chosen.
+/// Scheme, blend and duty rule, each if it is given.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(crate) struct SchemeOptions {
     /// Scheme: the meaning of control values
-    #[arg(long, ignore_case = true)]
-    scheme: Option<SchemeOption>,
+    #[arg(long, ignore_case = true, value_parser = scheme_name())]
+    scheme: Option<SchemeName>,
     /// Blend of scheme D: 0 (as B) to 1 (as C), or auto
     #[arg(long, value_name = "0..1|auto")]
     blend: Option<BlendChoice>,
@@ -65,15 +51,15 @@ pub(crate) struct SchemeOptions {
 }
 
 impl SchemeOptions {
-    /// The scheme, if one is chosen.
+    /// The scheme, if it is given.
     pub(crate) fn scheme(&self) -> Result<Option<Scheme>, Failure> {
         match self.scheme {
             None if self.blend.is_some() => Err(without_d(BlendError::NotD)),
-            name => name.map(|name| name.with_blend(self.blend)).transpose(),
+            name => name.map(|name| scheme(name, self.blend)).transpose(),
         }
     }
 
-    /// The duty rule, if one is chosen.
+    /// The duty rule, if it is given.
     pub(crate) fn duty(&self) -> Option<DutyRule> {
         self.duty.map(|duty| match duty {
             DutyOption::LinearCurrent => DutyRule::LinearCurrent,
@@ -81,7 +67,7 @@ impl SchemeOptions {
         })
     }
 
-    /// True if nothing is chosen.
+    /// True if no option is given.
     pub(crate) const fn is_empty(&self) -> bool {
         self.scheme.is_none() && self.blend.is_none() && self.duty.is_none()
     }
