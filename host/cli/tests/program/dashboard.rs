@@ -6,7 +6,7 @@
     reason = "a failed access is a failed test"
 )]
 
-use crate::client_update_told::{KEY, RUNS, SIGNATURE, SLOT, goes_back, good, image, serve};
+use crate::client_update::{KEY, RUNS, SIGNATURE, SLOT, goes_back, good, image, serve};
 use crate::conformance::Hub;
 use crate::hub_support::{Hub as FakeHub, Server};
 use crate::page::Dashboard;

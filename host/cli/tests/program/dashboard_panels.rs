@@ -3,7 +3,7 @@
 
 use crate::browser::page::{drive, live, motor, mouse, off, pictures, point};
 use crate::browser::{Browser, Tab, find};
-use crate::client_update_told::{KEY, RUNS, SIGNATURE, SLOT, good, image, serve};
+use crate::client_update::{KEY, RUNS, SIGNATURE, SLOT, good, image, serve};
 use crate::common::alone;
 use crate::dashboard_browser::{ESCAPE, with_page};
 use crate::page::Dashboard;
