@@ -2,11 +2,13 @@
 
 mod client_update;
 mod command_line;
+#[expect(dead_code, reason = "the tests of the program use more of it")]
 #[path = "../program/common/mod.rs"]
 mod common;
 #[expect(dead_code, reason = "the tests of the program use more of it")]
 #[path = "../program/conformance/mod.rs"]
 mod conformance;
+#[expect(dead_code, reason = "the tests of the program use more of it")]
 #[path = "../program/output/mod.rs"]
 mod output;
 mod overlay;

@@ -13,7 +13,6 @@ pub(crate) fn motor_hub(arguments: &[&str]) -> Output {
 }
 
 /// The simulated hub, served over TCP.
-#[allow(dead_code, reason = "the tests of images serve images")]
 pub(crate) fn served() -> Hub {
     Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"])
 }
@@ -26,7 +25,6 @@ pub(crate) fn client(hub: &Hub, arguments: &[&str]) -> Output {
 
 /// Sends a signal, such as `-INT`, to a process.
 #[cfg(unix)]
-#[allow(dead_code, reason = "the tests of images send none")]
 pub(crate) fn signal(process: u32, signal: &str) {
     assert!(Command::new("kill").args([signal, &process.to_string()]).status().expect("kill").success());
 }
