@@ -1,4 +1,4 @@
-//! Scenario files with mistakes are refused: the error says where, what is given, and what is allowed.
+//! Scenario files with mistakes are refused: the error gives the position, the value, and what is allowed.
 
 use motor_hub::group::{Course, GroupCommand, Halt, TOLERANCE, usual_lag};
 use motor_hub::hub::{Action, Command};
