@@ -1,10 +1,4 @@
 //! The server of `motor-hub dashboard`, by sockets without a browser: which page may move motors, and when motors stop.
-#![expect(
-    clippy::unwrap_used,
-    clippy::indexing_slicing,
-    clippy::panic,
-    reason = "a failed access is a failed test"
-)]
 
 use crate::client_update::{KEY, RUNS, SIGNATURE, SLOT, goes_back, good, image, serve};
 use crate::conformance::Hub;
