@@ -2,8 +2,8 @@
 
 use crate::constants::Constants;
 use crate::output::Failure;
-use crate::parse::{battery_mv, whole};
-use crate::scheme_options::{scheme, scheme_name};
+use crate::parse::{battery_mv, named, whole};
+use crate::scheme_options::{SCHEMES, scheme};
 use motor_hub::model::catalogue::characterised;
 use simulated::scheme::{BlendChoice, SchemeName};
 use studies::points::OperatingReport;
@@ -12,7 +12,7 @@ use studies::points::OperatingReport;
 #[derive(clap::Args)]
 pub(crate) struct OperatingOptions {
     /// Scheme: the meaning of control values
-    #[arg(long, ignore_case = true, value_parser = scheme_name())]
+    #[arg(long, ignore_case = true, value_parser = named(SCHEMES))]
     scheme: SchemeName,
     /// Blend of scheme D: 0 (as B) to 1 (as C), or auto
     #[arg(long, value_name = "0..1|auto")]

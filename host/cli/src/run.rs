@@ -60,7 +60,7 @@ impl Options {
         if let Some(scheme) = self.scheme.scheme()? {
             scenario.motors.iter_mut().for_each(|motor| motor.scheme = scheme);
         }
-        if let Some(duty) = self.scheme.duty() {
+        if let Some(duty) = self.scheme.duty {
             scenario.motors.iter_mut().for_each(|motor| motor.duty = duty);
         }
         scenario.duration_s = self.time.unwrap_or(scenario.duration_s);

@@ -3,7 +3,7 @@
 use super::hub::HubOptions;
 use super::interrupt;
 use crate::output::{Failure, print, print_as};
-use crate::parse::{whole, within_a_day};
+use crate::parse::{byte_in, whole, within_a_day};
 use motor_hub::board::{DIGITAL_PINS, Equipment, SERVOS};
 use motor_hub::protocol::answers::I2cStatus;
 use motor_hub::protocol::payload::{Text, WordFrom};
@@ -93,7 +93,7 @@ fn keep_alive(session: &mut Session<Line>, length: Option<Duration>) -> Result<(
 #[derive(clap::Args)]
 pub(super) struct ServoOptions {
     /// Servo output, 0 to 5 [default: lists all servo outputs]
-    #[arg(value_parser = servo)]
+    #[arg(value_parser = byte_in("a servo output", ServoOutput::new))]
     servo: Option<ServoOutput>,
     /// Length of the pulses in microseconds, 1 to 65535; servos usually take 500 to 2500
     #[arg(value_name = "US", requires = "servo", value_parser = whole("a pulse", 1..=u16::MAX, "us"))]
@@ -108,11 +108,6 @@ pub(super) struct ServoOptions {
     /// JSON instead of a table
     #[arg(long)]
     json: bool,
-}
-
-fn servo(text: &str) -> Result<ServoOutput, String> {
-    let servo = text.parse().ok().and_then(ServoOutput::new);
-    servo.ok_or_else(|| format!("a servo output is 0 to {}", SERVOS - 1))
 }
 
 impl ServoOptions {
@@ -208,7 +203,7 @@ impl AnalogOptions {
 #[derive(clap::Args)]
 pub(super) struct DigitalOptions {
     /// Digital pin, 0 to 7 [default: lists all digital pins]
-    #[arg(value_parser = pin)]
+    #[arg(value_parser = byte_in("a digital pin", Pin::new))]
     pin: Option<Pin>,
     /// Drives the pin high or low, until the command ends
     #[arg(requires = "pin")]
@@ -226,11 +221,6 @@ pub(super) struct DigitalOptions {
 enum Level {
     High,
     Low,
-}
-
-fn pin(text: &str) -> Result<Pin, String> {
-    let pin = text.parse().ok().and_then(Pin::new);
-    pin.ok_or_else(|| format!("a digital pin is 0 to {}", DIGITAL_PINS - 1))
 }
 
 impl DigitalOptions {
@@ -273,7 +263,7 @@ pub(super) enum I2c {
     /// Lists the devices that acknowledge their address, by a read of one byte from each address 0x08 to 0x77
     Scan {
         /// Bus, 0 to 3 [default: all buses]
-        #[arg(value_parser = bus)]
+        #[arg(value_parser = byte_in("an I2C bus", I2cBus::new))]
         bus: Option<I2cBus>,
         /// JSON instead of a table
         #[arg(long)]
@@ -282,13 +272,13 @@ pub(super) enum I2c {
     /// Reads bytes from a device
     Read {
         /// Bus, 0 to 3
-        #[arg(value_parser = bus)]
+        #[arg(value_parser = byte_in("an I2C bus", I2cBus::new))]
         bus: I2cBus,
         /// Address of the device, 0 to 127, as 40 or 0x28
         #[arg(value_name = "ADDRESS", value_parser = device)]
         device: I2cAddress,
         /// Number of bytes, 1 to 100
-        #[arg(default_value = "1", value_parser = count)]
+        #[arg(default_value = "1", value_parser = byte_in("a number of bytes", I2cCount::new))]
         count: I2cCount,
         /// Register to read from: its number is written first, and the read follows after a repeated start
         #[arg(long, value_name = "R", value_parser = byte)]
@@ -303,7 +293,7 @@ pub(super) enum I2c {
     /// Writes bytes to a device
     Write {
         /// Bus, 0 to 3
-        #[arg(value_parser = bus)]
+        #[arg(value_parser = byte_in("an I2C bus", I2cBus::new))]
         bus: I2cBus,
         /// Address of the device, 0 to 127, as 40 or 0x28
         #[arg(value_name = "ADDRESS", value_parser = device)]
@@ -317,10 +307,6 @@ pub(super) enum I2c {
     },
 }
 
-fn bus(text: &str) -> Result<I2cBus, String> {
-    text.parse().ok().and_then(I2cBus::new).ok_or_else(|| "an I2C bus is 0 to 3".to_owned())
-}
-
 fn byte(text: &str) -> Result<u8, String> {
     let number = match text.strip_prefix("0x") {
         Some(hex) => u8::from_str_radix(hex, 16).ok(),
@@ -332,11 +318,6 @@ fn byte(text: &str) -> Result<u8, String> {
 fn device(text: &str) -> Result<I2cAddress, String> {
     let address = byte(text).ok().and_then(I2cAddress::new);
     address.ok_or_else(|| "an I2C address is 0 to 127, or 0x00 to 0x7f".to_owned())
-}
-
-fn count(text: &str) -> Result<I2cCount, String> {
-    let count = text.parse().ok().and_then(I2cCount::new);
-    count.ok_or_else(|| "a number of bytes is 1 to 100".to_owned())
 }
 
 /// Fails if a transfer had an error.

@@ -4,7 +4,7 @@ use super::hub::HubOptions;
 use super::identify;
 use crate::constants::Constants;
 use crate::output::{Failure, print, print_json};
-use crate::parse::{MotorName, motor};
+use crate::parse::{MotorName, motor, named};
 use crate::scheme_options::SchemeOptions;
 use motor_hub::bridge::Timing;
 use motor_hub::extension::report::Condition;
@@ -34,8 +34,8 @@ pub(crate) struct Options {
     #[arg(long, value_name = "WORD", ignore_case = true, value_parser = words("on_fault"))]
     on_fault: Option<String>,
     /// Timing of the motor's bridge, which limits its duties
-    #[arg(long, value_name = "WORD", ignore_case = true)]
-    bridge: Option<BridgeWord>,
+    #[arg(long, value_name = "WORD", ignore_case = true, value_parser = named(BRIDGES))]
+    bridge: Option<Timing>,
     /// Current that the winding tolerates continuously; 0 for no limit [default with --type: a third of the stall current]
     #[arg(long = "continuous-current-a", alias = "continuous-current", value_name = "A")]
     #[arg(value_parser = limit_ma("a continuous current"))]
@@ -65,23 +65,11 @@ fn words(name: &str) -> Vec<&'static str> {
     }
 }
 
-/// Timing of a bridge, as a value of `--bridge`.
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum BridgeWord {
-    /// Switches without delay, with any duty
-    Ideal,
-    /// Switches like a VNH5019
-    Vnh5019,
-}
-
-impl From<BridgeWord> for Timing {
-    fn from(word: BridgeWord) -> Self {
-        match word {
-            BridgeWord::Ideal => Self::IDEAL,
-            BridgeWord::Vnh5019 => Self::VNH5019,
-        }
-    }
-}
+/// Timings of bridges with their descriptions.
+const BRIDGES: [(&str, &str, Timing); 2] = [
+    ("ideal", "Switches without delay, with any duty", Timing::IDEAL),
+    ("vnh5019", "Switches like a VNH5019", Timing::VNH5019),
+];
 
 impl Options {
     /// Checks the options before anything is sent.
@@ -131,9 +119,9 @@ impl Options {
         constants.resistance = self.constants.resistance()?.unwrap_or(constants.resistance);
         constants.inductance = self.constants.inductance()?.or(constants.inductance);
         *scheme = self.scheme.scheme()?.unwrap_or(*scheme);
-        *duty = self.scheme.duty().unwrap_or(*duty);
-        if let Some(word) = self.bridge {
-            *bridge = bridge.with_timing(word.into());
+        *duty = self.scheme.duty.unwrap_or(*duty);
+        if let Some(timing) = self.bridge {
+            *bridge = bridge.with_timing(timing);
         }
         if let Some(word) = &self.on_fault {
             let values = Values::collect(Group::Protection, |field| match field.name {
@@ -158,11 +146,8 @@ impl Options {
         let amperes = known("thermal.continuous_current_ma").map(|ma| ma / 1e3);
         let limit = known("current_limit_ma").map(|ma| ma / 1e3);
         let Settings { scheme, bridge, .. } = settings.motor;
-        let bridge = match bridge.timing() {
-            Timing::IDEAL => "ideal",
-            Timing::VNH5019 => "vnh5019",
-            _ => "other",
-        };
+        let bridge = BRIDGES.iter().find(|(.., timing)| *timing == bridge.timing());
+        let bridge = bridge.map_or("other", |(name, ..)| *name);
         let heat = amperes.map(|_| f64::from(condition.heat) / 10.0);
         let state = match condition {
             Condition { bridge_fault: true, .. } => "off: the bridge switched itself off",
