@@ -59,9 +59,8 @@ pub(crate) fn motor(text: &str) -> Result<MotorName, String> {
         None => (None, text),
     };
     let number = number.parse().ok().filter(|number| usize::from(*number) < CHANNELS);
-    let number = number.ok_or_else(|| {
-        format!("a motor is 0 to {}, or as 3:0 motor 0 of the hub at address 3", CHANNELS - 1)
-    })?;
+    let number = number
+        .ok_or_else(|| format!("a motor is 0 to {}; motor 0 of the hub at address 3 is 3:0", CHANNELS - 1))?;
     Ok(MotorName { hub, number })
 }
 

@@ -6,7 +6,6 @@ use crate::common::{
     am60, bits, booted, by_board, four_loads, log, ms, on, set_speeds, setup, time_to_safe, too_low, turning,
     with_host,
 };
-use emulated::host_link::HostLink;
 use emulated::{Bench, Board, Lines};
 
 // RM0090 and RM0433, memory maps and register descriptions.

@@ -58,7 +58,7 @@ fn motors(text: &str) -> Result<Motors, String> {
         .split(',')
         .map(motor)
         .collect::<Result<_, _>>()
-        .map_err(|why| format!("{why}, several as 0,2, or all"))?;
+        .map_err(|why| format!("{why}; several motors are given as 0,2, all motors as all"))?;
     let hub = common_hub(names.iter().copied())?;
     let numbers: BTreeSet<u8> = names.iter().map(|name| name.number).collect();
     Ok(Motors { hub, numbers: numbers.into_iter().collect() })

@@ -328,7 +328,7 @@ fn wrong_options_are_refused_before_anything_is_sent() {
         (&["power", "0", "nan"], "-1 to 1"),
         (&["current", "0", "-70"], "a current is -65.535 to 65.535 A"),
         (&["current", "0", "1", "--speed-limit-cps", "0"], "from 1 to 32767 counts/s"),
-        (&["power", "4", "0"], "or as 3:0 motor 0 of the hub at address 3, several as 0,2, or all"),
+        (&["power", "4", "0"], "several motors are given as 0,2, all motors as all"),
         (&["power", "0,", "0"], "0 to 3"),
         (&["velocity", "0", "32768"], "32768"),
         (&["velocity", "0", "1.5"], "whole number"),
