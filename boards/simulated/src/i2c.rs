@@ -34,7 +34,7 @@ pub enum Fault {
     NoAcknowledge,
     /// In the first transfer a device begins to hold SDA low, until the bus is freed.
     StuckData,
-    /// A device holds SCL low without end.
+    /// A device holds SCL low for ever.
     StuckClock,
     /// The devices stretch the clock for 30 ms in each transfer.
     Stretching,
