@@ -22,12 +22,11 @@ mod try_page;
 use std::process::ExitCode;
 use tool::{Failed, REPORTS, cargo, cargo_command, run};
 
-/// A task: its name, its arguments, its description, its function.
+/// A task: its name with its arguments, its function, its description.
 struct Task {
-    name: &'static str,
-    arguments: &'static str,
-    does: &'static str,
+    call: &'static str,
     start: fn(&[String]) -> Result<(), Failed>,
+    does: &'static str,
 }
 
 /// Tests of images on emulated chips. Both packages are in one command, so that shared crates are built once.
@@ -46,110 +45,53 @@ pub(crate) const IMAGES: [&str; 11] = [
 ];
 
 const TASKS: [Task; 18] = [
-    Task {
-        name: "check",
-        arguments: "",
-        does: "format, lints of host, chips and core, documentation",
-        start: check::task,
-    },
-    Task {
-        name: "test",
-        arguments: "[emulated|BOARD]",
-        does: "`cargo test`; or the short tests of images; or all tests of a board's image",
-        start: test,
-    },
-    Task {
-        name: "long",
-        arguments: "",
-        does: "the tests that `cargo test` leaves out because they take minutes",
-        start: long,
-    },
-    Task {
-        name: "figures",
-        arguments: "[--check]",
-        does: "draws docs/pictures, or says which are stale",
-        start: figures::task,
-    },
-    Task {
-        name: "results",
-        arguments: "[--check]",
-        does: "writes docs/results, or says which are stale",
-        start: results::task,
-    },
-    Task {
-        name: "python",
-        arguments: "",
-        does: "builds the Python package and tests it as installed",
-        start: python::task,
-    },
-    Task {
-        name: "ros",
-        arguments: "[measure]",
-        does: "checks and builds the ROS 2 package and tests it against programs of others; or measures what fleets cost",
-        start: ros::task,
-    },
-    Task {
-        name: "second",
-        arguments: "",
-        does: "boots the image of the NUCLEO-F429ZI on a second emulator, if it can be installed",
-        start: second::task,
-    },
-    Task {
-        name: "try",
-        arguments: "[--check]",
-        does: "makes docs/try/index.html, the dashboard without a server, or says whether it is stale",
-        start: try_page::task,
-    },
-    Task {
-        name: "build-time",
-        arguments: "",
-        does: "crates of the default build; seconds that the README's commands build",
-        start: build_time::task,
-    },
-    Task {
-        name: "size",
-        arguments: "[BOARD]",
-        does: "builds an image, or all: flash and static RAM against their limits",
-        start: size::task,
-    },
-    Task {
-        name: "image",
-        arguments: "[BOARD]",
-        does: "builds an image as the USB drive of a NUCLEO takes it",
-        start: board::image,
-    },
-    Task {
-        name: "sign",
-        arguments: "ELF SECRET [VERSION]",
-        does: "raw bytes of an image with a rollback version, and their signature by OpenSSL",
-        start: sign::task,
-    },
-    Task {
-        name: "flash",
-        arguments: "[BOARD]",
-        does: "builds an image, flashes it with probe-rs and shows its log",
-        start: flash::task,
-    },
-    Task {
-        name: "dist",
-        arguments: "",
-        does: "the files that a release carries, in target/dist",
-        start: dist::task,
-    },
-    Task {
-        name: "package",
-        arguments: "",
-        does: "the two published packages, built as their users build them",
-        start: package,
-    },
-    Task {
-        name: "fuzz",
-        arguments: "",
-        does: "random bytes into the host link for a minute; needs a C++ compiler",
-        start: fuzz::task,
-    },
-    Task { name: "ci", arguments: "", does: "everything that must hold: .ci/run", start: ci },
+    task("check", check::task, "format, lints of host, chips and core, documentation"),
+    task(
+        "test [emulated|BOARD]",
+        test,
+        "`cargo test`; or the short tests of images; or all tests of a board's image",
+    ),
+    task("long", long, "the tests that `cargo test` leaves out because they take minutes"),
+    task("figures [--check]", figures::task, "draws docs/pictures, or says which are stale"),
+    task("results [--check]", results::task, "writes docs/results, or says which are stale"),
+    task("python", python::task, "builds the Python package and tests it as installed"),
+    task(
+        "ros [measure]",
+        ros::task,
+        "checks and builds the ROS 2 package and tests it against programs of others; or measures what fleets cost",
+    ),
+    task(
+        "second",
+        second::task,
+        "boots the image of the NUCLEO-F429ZI on a second emulator, if it can be installed",
+    ),
+    task(
+        "try [--check]",
+        try_page::task,
+        "makes docs/try/index.html, the dashboard without a server, or says whether it is stale",
+    ),
+    task(
+        "build-time",
+        build_time::task,
+        "crates of the default build; seconds that the README's commands build",
+    ),
+    task("size [BOARD]", size::task, "builds an image, or all: flash and static RAM against their limits"),
+    task("image [BOARD]", board::image, "builds an image as the USB drive of a NUCLEO takes it"),
+    task(
+        "sign ELF SECRET [VERSION]",
+        sign::task,
+        "raw bytes of an image with a rollback version, and their signature by OpenSSL",
+    ),
+    task("flash [BOARD]", flash::task, "builds an image, flashes it with probe-rs and shows its log"),
+    task("dist", dist::task, "the files that a release carries, in target/dist"),
+    task("package", package, "the two published packages, built as their users build them"),
+    task("fuzz", fuzz::task, "random bytes into the host link for a minute; needs a C++ compiler"),
+    task("ci", ci, "everything that must hold: .ci/run"),
 ];
+
+const fn task(call: &'static str, start: fn(&[String]) -> Result<(), Failed>, does: &'static str) -> Task {
+    Task { call, start, does }
+}
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -157,7 +99,7 @@ fn main() -> ExitCode {
         print!("{}", list());
         return ExitCode::SUCCESS;
     };
-    let Some(task) = TASKS.iter().find(|task| task.name == name) else {
+    let Some(task) = TASKS.iter().find(|task| task.call.split(' ').next() == Some(name)) else {
         eprintln!("error: there is no task {name}\n\n{}", list().trim_end());
         return ExitCode::from(2);
     };
@@ -171,10 +113,7 @@ fn main() -> ExitCode {
 }
 
 fn list() -> String {
-    let row = |task: &Task| {
-        let call = format!("{} {}", task.name, task.arguments);
-        format!("  {call:24}{}\n", task.does)
-    };
+    let row = |task: &Task| format!("  {:27}{}\n", task.call, task.does);
     let boards: Vec<&str> = board::ALL.iter().map(|board| board.name).collect();
     let tasks: String = TASKS.iter().map(row).collect();
     format!(

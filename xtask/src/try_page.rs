@@ -1,5 +1,6 @@
 //! `cargo xtask try`: the dashboard without a server, in one file that any browser opens: `docs/try/index.html`.
 
+use crate::board::target_folder;
 use crate::tool::{Failed, cargo_command, command, root, run};
 use std::fmt::Write;
 use std::fs;
@@ -76,8 +77,7 @@ fn collect(place: &Path, files: &mut Vec<PathBuf>) -> Result<(), Failed> {
 fn make() -> Result<(), Failed> {
     run(command("rustup").args(["target", "add", TARGET]))?;
     run(&mut cargo_command(&["build", "--package", PACKAGE, "--target", TARGET, "--profile", "tab"]))?;
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
-    let relay = target.join(TARGET).join("tab/tab.wasm");
+    let relay = target_folder().join(TARGET).join("tab/tab.wasm");
     let packed = command("gzip").args(["-9", "-n", "-c"]).arg(&relay).stderr(Stdio::inherit()).output();
     let packed = packed.map_err(|error| Failed(format!("gzip: {error}")))?.stdout;
     let page = format!("{}{}\n", page(&packed)?, mark()?);

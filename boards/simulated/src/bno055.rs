@@ -17,7 +17,7 @@
 
 use std::f64::consts::TAU;
 
-/// Registers. Those of 16 bits are named by their first byte.
+/// Registers. A register of 16 bits has the number of its first byte.
 mod register {
     pub(super) const PAGE: u8 = 0x07;
     pub(super) const ACCELERATION: u8 = 0x08;
@@ -174,7 +174,7 @@ impl Bno055 {
         }
     }
 
-    /// Returns the contents of all registers with measured values. All are 0 in the configuration mode, and those of the fusion are 0
+    /// Returns the contents of all registers with measured values. All are 0 in the configuration mode, and results of the fusion are 0
     /// in modes without fusion.
     fn measured(&self) -> [u8; 128] {
         let mut registers = [0; 128];

@@ -100,7 +100,7 @@ impl Encoder {
     /// Returns random disturbances of the wires, from a time in nanoseconds on.
     #[must_use]
     pub fn disturbances(self, seed: u64) -> Disturbances {
-        Disturbances { encoder: self, lot: fastrand::Rng::with_seed(seed), disturbed: None, at_ns: 0 }
+        Disturbances { encoder: self, random: fastrand::Rng::with_seed(seed), disturbed: None, at_ns: 0 }
     }
 }
 
@@ -109,7 +109,7 @@ impl Encoder {
 #[derive(Clone, Debug)]
 pub struct Disturbances {
     encoder: Encoder,
-    lot: fastrand::Rng,
+    random: fastrand::Rng,
     disturbed: Option<Wire>,
     at_ns: u64,
 }
@@ -123,12 +123,12 @@ impl Iterator for Disturbances {
             Encoder::Loose { wire } => (if begins { MADE_NS } else { BROKEN_NS }, wire),
             Encoder::Glitches { per_second } => {
                 let mean = SECOND_NS / u64::from(per_second.get());
-                let wire = if self.lot.bool() { Wire::A } else { Wire::B };
+                let wire = if self.random.bool() { Wire::A } else { Wire::B };
                 (if begins { (mean / 2, mean / 2 * 3) } else { GLITCH_NS }, wire)
             }
             _ => return None,
         };
-        self.at_ns += self.lot.u64(least..=most).max(1);
+        self.at_ns += self.random.u64(least..=most).max(1);
         self.disturbed = begins.then_some(wire);
         Some((self.at_ns, self.disturbed))
     }
@@ -235,7 +235,6 @@ impl Counter {
 }
 
 #[cfg(test)]
-#[expect(clippy::expect_used, reason = "a failed expectation is a failed test")]
 mod tests {
     use super::*;
 

@@ -12,13 +12,12 @@
 //! ```
 
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
-use serde::de::{Deserialize, Deserializer, Error, Visitor};
+use serde::Deserialize;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
-use std::fmt;
 use std::str::FromStr;
 
 /// A scheme's name. It is read in either case.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub enum SchemeName {
     /// No braking regime: forward and reverse driving only.
@@ -34,7 +33,8 @@ pub enum SchemeName {
 }
 
 /// The blend of scheme D.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "NumberOrAuto")]
 pub struct BlendChoice(Blend);
 
 /// What is wrong with a blend.
@@ -113,29 +113,22 @@ impl FromStr for BlendChoice {
     }
 }
 
-impl<'de> Deserialize<'de> for BlendChoice {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        struct NumberOrAuto;
-        impl Visitor<'_> for NumberOrAuto {
-            type Value = BlendChoice;
+/// A blend as files have it.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "a blend is a number from 0 to 1, or \"auto\"")]
+enum NumberOrAuto {
+    Number(f64),
+    Auto(String),
+}
 
-            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str("a number from 0 to 1, or \"auto\"")
-            }
-            fn visit_f64<E: Error>(self, blend: f64) -> Result<BlendChoice, E> {
-                BlendChoice::fixed(blend).map_err(E::custom)
-            }
-            fn visit_i64<E: Error>(self, blend: i64) -> Result<BlendChoice, E> {
-                self.visit_f64(blend as f64)
-            }
-            fn visit_u64<E: Error>(self, blend: u64) -> Result<BlendChoice, E> {
-                self.visit_f64(blend as f64)
-            }
-            fn visit_str<E: Error>(self, text: &str) -> Result<BlendChoice, E> {
-                text.parse().map_err(E::custom)
-            }
+impl TryFrom<NumberOrAuto> for BlendChoice {
+    type Error = BlendError;
+
+    fn try_from(blend: NumberOrAuto) -> Result<Self, Self::Error> {
+        match blend {
+            NumberOrAuto::Number(blend) => Self::fixed(blend),
+            NumberOrAuto::Auto(text) => text.parse(),
         }
-        from.deserialize_any(NumberOrAuto)
     }
 }
 
@@ -168,7 +161,7 @@ fn share(fraction: BlendFraction) -> f64 {
 }
 
 /// A [`DutyRule`]'s name in files: `#[serde(with = "DutyWord")]`.
-#[derive(serde::Deserialize, serde::Serialize)]
+#[derive(Deserialize, serde::Serialize)]
 #[serde(remote = "DutyRule", rename_all = "kebab-case")]
 pub enum DutyWord {
     /// `linear-current`.

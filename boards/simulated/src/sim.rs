@@ -9,7 +9,7 @@
 //!
 //! let scenario = Scenario { duration_s: 0.5, ..Scenario::default_one()? };
 //! let trace = sim::run(&scenario, &mut |_| ())?;
-//! // A control tick every 50 ms, the first at 50 ms; that of 500 ms would be the next to come.
+//! // A control tick every 50 ms, the first at 50 ms; the tick of 500 ms would be the next.
 //! assert_eq!(trace.ticks.len(), 9);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

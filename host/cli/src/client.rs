@@ -3,8 +3,8 @@
 mod coefficients;
 mod devices;
 mod drive;
-mod error;
 mod faults;
+mod hub;
 mod identify;
 pub(crate) mod interrupt;
 mod jog;
@@ -22,16 +22,14 @@ mod together;
 mod update;
 mod watch;
 
-use crate::output::{Failure, print, print_json};
-use crate::parse::{MotorName, address, host_and_port, motor, whole};
-use clap::builder::NonEmptyStringValueParser;
-use error::ClientError;
+use crate::output::{Failure, print, print_as};
+use crate::parse::{MotorName, address, motor, whole};
+use hub::HubOptions;
 use motor_hub::protocol::{Address, Colour};
+use motor_hub_client::Session;
 use motor_hub_client::line::Line;
-use motor_hub_client::{Error, Session};
 use motors_off::stop_abandoned;
 use serde_json::json;
-use std::time::Duration;
 use studies::table;
 
 /// Text of the long help.
@@ -51,29 +49,11 @@ finds enabled, and reports that. A line has one host at a time, so the host that
 
 Exit codes: 0 done; 1 no answer, a refusal, or a position or velocity that was not reached; 2 wrong options.";
 
-/// Line and address of the hub, and the command.
+/// The hub, and the command.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Serial port of the hub, or a pseudo-terminal (460800 baud, 8N1)
-    #[arg(long, value_name = "PATH", global = true, help_heading = "Hub", value_parser = NonEmptyStringValueParser::new())]
-    port: Option<String>,
-    /// TCP address of the hub, instead of --port
-    #[arg(long, value_name = "HOST:PORT", global = true, help_heading = "Hub", value_parser = host_and_port)]
-    tcp: Option<String>,
-    /// Address of the hub, 1 to 254 [default: found by discovery]
-    #[arg(long, value_name = "N", global = true, help_heading = "Hub", value_parser = address)]
-    address: Option<Address>,
-    /// Time-out for an answer in milliseconds; within it a request is sent up to three times
-    #[arg(
-        long = "timeout-ms",
-        alias = "timeout",
-        value_name = "MS",
-        global = true,
-        help_heading = "Hub",
-        default_value_t = 1000
-    )]
-    #[arg(value_parser = whole("a timeout", 10..=60_000_u64, "ms"))]
-    timeout: u64,
+    #[command(flatten)]
+    hub: HubOptions,
     #[command(subcommand)]
     command: Command,
 }
@@ -162,139 +142,68 @@ enum Command {
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
-        match &self.command {
-            Command::Ports(options) => return options.execute(),
-            Command::Scan(options) => {
-                let named = self.port.iter().chain(&self.tcp).cloned();
-                return options.execute(named, Duration::from_millis(self.timeout));
-            }
-            _ => (),
-        }
-        // Check the options before anything is sent.
-        match &self.command {
-            Command::Drive(drive) => drop(drive.order()?),
-            Command::Record(options) => options.check()?,
-            Command::Together(options) => options.check()?,
-            Command::Coefficients(options) => options.check()?,
-            Command::Setup(options) => options.check()?,
-            Command::Settings(options) => options.check()?,
-            Command::Update(options) => options.check()?,
-            _ => (),
-        }
-        let hub = self.hub()?;
-        let timeout = Duration::from_millis(self.timeout);
-        let (name, line) = match (&self.port, &self.tcp) {
-            (Some(path), None) => (path, Line::serial(path)),
-            (None, Some(address)) => (address, Line::tcp(address, timeout)),
-            (Some(_), Some(_)) => return Err(Failure::Input("--port and --tcp exclude each other".into())),
-            (None, None) => {
-                let found = ports::list().unwrap_or_default();
-                let text = format!("no hub given: give --port PATH or --tcp HOST:PORT\n{found}");
-                return Err(Failure::Input(text.trim_end().to_owned()));
-            }
-        };
-        let line = line.map_err(|error| Failure::Work(ports::unopened(name, &error)))?;
-        self.command.execute(line, hub, timeout).map_err(|trouble| match trouble {
-            ClientError::Hub(error @ Error::Parents { .. }) => {
-                Failure::Work(format!("{name}: {error}; choose a hub by --address"))
-            }
-            ClientError::Hub(error) if self.tcp.is_some() && error.is_hung_up() => Failure::Work(format!(
-                "{name}: {error}; a served hub accepts one host at a time: check that no other host uses it, and that it still runs"
-            )),
-            ClientError::Hub(error) => Failure::Work(format!("{name}: {error}")),
-            ClientError::Other(failure) => failure,
-        })
-    }
-}
-
-impl Options {
-    /// The hub that is meant: the one of --address, or the one of the motors. `None` for the hub on the line.
-    fn hub(&self) -> Result<Option<Address>, Failure> {
-        let of_motors = match &self.command {
-            Command::Drive(drive) => drive.hub(),
-            Command::Record(options) => options.hub()?,
-            Command::Together(options) => options.hub().map_err(Failure::Input)?,
-            Command::Coefficients(options) => options.motor.hub,
-            Command::Setup(options) => options.motor.hub,
-            Command::Identify(options) => options.motor.hub,
-            Command::ResetEncoder { motor } => motor.hub,
-            _ => None,
-        };
-        match (self.address, of_motors) {
-            (Some(given), Some(named)) if given != named => Err(Failure::Input(format!(
-                "--address {} and a motor of the hub at address {} exclude each other",
-                given.get(),
-                named.get()
-            ))),
-            (given, named) => Ok(given.or(named)),
-        }
+        let Self { hub, command } = self;
+        command.execute(&hub).map_err(|failure| hub.explain(failure))
     }
 }
 
 impl Command {
-    fn execute(self, line: Line, address: Option<Address>, timeout: Duration) -> Result<(), ClientError> {
-        if let Self::Discover { json } = self {
-            return discover(Session::new(line, Address::DEFAULT, timeout), json);
-        }
-        if matches!(self, Self::Stop) && address.is_none() {
-            let stopped = Session::new(line, Address::DEFAULT, timeout).stop_all()?;
-            let stopped: Vec<String> = stopped.iter().map(u8::to_string).collect();
-            return Ok(match stopped.as_slice() {
-                [_] => print("all motors are disabled\n"),
-                _ => print(&format!("all motors of the hubs {} are disabled\n", stopped.join(", "))),
-            }?);
-        }
-        let mut session = match address {
-            Some(address) => Session::new(line, address, timeout),
-            None => Session::with_parent(line, timeout)?,
-        };
-        if !matches!(self, Self::Stop) {
-            stop_abandoned(&mut session)?;
-        }
+    /// Each command checks its options before it opens the session.
+    fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
         let done = match self {
-            // These commands need no session and returned above.
-            Self::Ports(_) | Self::Scan(_) | Self::Discover { .. } => return Ok(()),
-            Self::Status(options) => return options.execute(&mut session),
-            Self::Faults(options) => return options.execute(&mut session),
-            Self::Drive(drive) => return drive.execute(&mut session),
-            Self::Record(options) => return options.execute(&mut session),
-            Self::Jog(options) => return options.execute(&mut session),
-            Self::Together(options) => return options.execute(&mut session),
-            Self::Coefficients(options) => return options.execute(&mut session),
-            Self::Setup(options) => return options.execute(&mut session),
-            Self::Settings(options) => return options.execute(&mut session),
-            Self::Update(options) => return options.execute(&mut session),
-            Self::Identify(options) => return options.execute(&mut session),
-            Self::Watch(options) => return options.execute(&mut session),
-            Self::Servo(options) => return options.execute(&mut session),
-            Self::Analog(options) => return options.execute(&mut session),
-            Self::Digital(options) => return options.execute(&mut session),
-            Self::I2c { what } => return what.execute(&mut session),
-            Self::Stop => {
-                session.fail_safe()?;
+            Self::Ports(options) => return options.execute(),
+            Self::Scan(options) => return options.execute(hub.places(), hub.timeout()),
+            Self::Discover { json } => return discover(hub.session_of_line()?, json),
+            Self::Status(options) => return options.execute(hub),
+            Self::Faults(options) => return options.execute(hub),
+            Self::Drive(drive) => return drive.execute(hub),
+            Self::Record(options) => return options.execute(hub),
+            Self::Jog(options) => return options.execute(hub),
+            Self::Together(options) => return options.execute(hub),
+            Self::Coefficients(options) => return options.execute(hub),
+            Self::Setup(options) => return options.execute(hub),
+            Self::Settings(options) => return options.execute(hub),
+            Self::Update(options) => return options.execute(hub),
+            Self::Identify(options) => return options.execute(hub),
+            Self::Watch(options) => return options.execute(hub),
+            Self::Servo(options) => return options.execute(hub),
+            Self::Analog(options) => return options.execute(hub),
+            Self::Digital(options) => return options.execute(hub),
+            Self::I2c { what } => return what.execute(hub),
+            Self::Stop if hub.address.is_some() => {
+                hub.session(None)?.fail_safe()?;
                 "all motors are disabled".to_owned()
             }
-            Self::ResetEncoder { motor: MotorName { number: motor, .. } } => {
-                session.reset_encoder(motor)?;
+            Self::Stop => {
+                let stopped = hub.session_of_line()?.stop_all()?;
+                let stopped: Vec<String> = stopped.iter().map(u8::to_string).collect();
+                match stopped.as_slice() {
+                    [_] => "all motors are disabled".to_owned(),
+                    _ => format!("all motors of the hubs {} are disabled", stopped.join(", ")),
+                }
+            }
+            Self::ResetEncoder { motor: MotorName { hub: named, number: motor } } => {
+                hub.open(named)?.reset_encoder(motor)?;
                 format!("motor {motor} is at 0 counts")
             }
             Self::Led { red, green, blue } => {
-                session.set_led(Colour { red, green, blue })?;
+                hub.open(None)?.set_led(Colour { red, green, blue })?;
                 format!("the LED is {red} {green} {blue}")
             }
             Self::SetAddress { new } => {
+                let session = &mut hub.open(None)?;
                 session.set_address(new)?;
-                let until = settings::why_address_is_lost(&mut session)?;
+                let until = settings::why_address_is_lost(session)?;
                 let until = until.map_or_else(String::new, |why| format!(" until the next reset: {why}"));
                 format!("the hub's address is {}{until}", new.get())
             }
         };
-        Ok(print(&format!("{done}\n"))?)
+        print(&format!("{done}\n"))
     }
 }
 
 /// Lists all hubs on the line, and disables the motors that they have enabled.
-fn discover(mut session: Session<Line>, json: bool) -> Result<(), ClientError> {
+fn discover(mut session: Session<Line>, json: bool) -> Result<(), Failure> {
     let mut table = table::new(&["address", "hub"], 0);
     let mut hubs = Vec::new();
     for hub in session.discover()? {
@@ -306,5 +215,5 @@ fn discover(mut session: Session<Line>, json: bool) -> Result<(), ClientError> {
         table.add_row([hub.address.to_string(), kind.to_owned()]);
         hubs.push(json!({ "address": hub.address, "kind": kind }));
     }
-    Ok(if json { print_json(&json!({ "hubs": hubs })) } else { print(&format!("{table}\n")) }?)
+    print_as(json, &json!({ "hubs": hubs }), table)
 }

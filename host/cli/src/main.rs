@@ -131,7 +131,6 @@ fn main() -> ExitCode {
 }
 
 #[cfg(test)]
-#[expect(clippy::expect_used, reason = "a failed access is a failed test")]
 mod tests {
     use super::*;
     use clap::{Arg, Command as Clap};

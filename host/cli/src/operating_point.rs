@@ -2,18 +2,18 @@
 
 use crate::constants::Constants;
 use crate::output::Failure;
-use crate::parse::{battery_mv, whole};
-use crate::scheme_options::SchemeOption;
+use crate::parse::{battery_mv, named, whole};
+use crate::scheme_options::{SCHEMES, scheme};
 use motor_hub::model::catalogue::characterised;
-use simulated::scheme::BlendChoice;
+use simulated::scheme::{BlendChoice, SchemeName};
 use studies::points::OperatingReport;
 
 /// A motor at a speed on a battery, and the scheme of control values.
 #[derive(clap::Args)]
 pub(crate) struct OperatingOptions {
     /// Scheme: the meaning of control values
-    #[arg(long, ignore_case = true)]
-    scheme: SchemeOption,
+    #[arg(long, ignore_case = true, value_parser = named(SCHEMES))]
+    scheme: SchemeName,
     /// Blend of scheme D: 0 (as B) to 1 (as C), or auto
     #[arg(long, value_name = "0..1|auto")]
     blend: Option<BlendChoice>,
@@ -36,7 +36,7 @@ pub(crate) struct OperatingOptions {
 impl OperatingOptions {
     /// The points that the core computes.
     pub(crate) fn report(&self) -> Result<OperatingReport, Failure> {
-        let scheme = self.scheme.with_blend(self.blend)?;
+        let scheme = scheme(self.scheme, self.blend)?;
         let motor = match &self.motor {
             Some(name) => characterised(name).map_err(Failure::input)?,
             None => self.constants.motor()?,

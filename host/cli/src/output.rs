@@ -1,6 +1,7 @@
 //! Output: standard output, files, and the messages of commands that fail.
 
 use indicatif::{ProgressBar, ProgressStyle};
+use motor_hub_client::Error;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::fmt;
@@ -17,6 +18,8 @@ pub(crate) enum Failure {
     Input(String),
     /// Something went wrong during the work.
     Work(String),
+    /// A hub does not answer, or refuses. The command adds the place of the hub.
+    Hub(Error),
     /// Standard output is closed, as by `head`. There is no message.
     Unread,
 }
@@ -25,6 +28,7 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Input(text) | Self::Work(text) => f.write_str(text),
+            Self::Hub(error) => error.fmt(f),
             Self::Unread => f.write_str("standard output is closed"),
         }
     }
@@ -43,13 +47,16 @@ impl Failure {
 
     /// Prints the message on standard error, and returns the process's exit code.
     pub(crate) fn report(self) -> ExitCode {
-        let (text, code) = match self {
-            Self::Input(text) => (text, 2),
-            Self::Work(text) => (text, 1),
-            Self::Unread => return ExitCode::from(1),
-        };
-        say(&format!("error: {text}"));
-        ExitCode::from(code)
+        if !matches!(self, Self::Unread) {
+            say(&format!("error: {self}"));
+        }
+        ExitCode::from(if matches!(self, Self::Input(_)) { 2 } else { 1 })
+    }
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Self {
+        Self::Hub(error)
     }
 }
 
@@ -79,6 +86,15 @@ fn terminal_columns() -> Option<u16> {
 /// Prints a JSON document on standard output, with the version of its schema.
 pub(crate) fn print_json(document: &impl Serialize) -> Result<(), Failure> {
     print(&format!("{:#}\n", versioned(document)?))
+}
+
+/// Prints the document as JSON, or the text and the end of its line.
+pub(crate) fn print_as(
+    json: bool,
+    document: &impl Serialize,
+    text: impl fmt::Display,
+) -> Result<(), Failure> {
+    if json { print_json(document) } else { print(&format!("{text}\n")) }
 }
 
 /// The document with the version of its schema.
@@ -139,11 +155,6 @@ pub(crate) fn drawn(figures: &[NamedFigure]) -> Files {
     figures.iter().map(|(name, figure)| (format!("{name}.svg"), figure.svg().into_bytes())).collect()
 }
 
-/// Sorts files as people count: "9.svg" before "10.svg".
-pub(crate) fn sort_by_name(files: &mut [PathBuf]) {
-    files.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
-}
-
 /// A folder for output that can be written to.
 pub(crate) struct Folder(PathBuf);
 
@@ -165,7 +176,7 @@ impl Folder {
         tried.map(|()| Self(path.to_owned())).map_err(failed)
     }
 
-    /// Writes files to it; returns their paths.
+    /// Writes files to it. Returns their paths, sorted as people count: "9.svg" before "10.svg".
     pub(crate) fn write_all(&self, files: Files) -> Result<Vec<PathBuf>, Failure> {
         let mut written = Vec::with_capacity(files.len());
         for (name, bytes) in files {
@@ -174,7 +185,7 @@ impl Folder {
             done.map_err(|e| Failure::Work(format!("{}: {e}", path.display())))?;
             written.push(path);
         }
-        sort_by_name(&mut written);
+        written.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
         Ok(written)
     }
 }

@@ -1,6 +1,8 @@
 //! Parsers for the values of options.
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Arg, Command};
+use motor_hub::protocol::payload::ByteIn;
 use motor_hub::protocol::pins::Pin;
 use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub_client::line::is_tcp;
@@ -102,6 +104,25 @@ pub(crate) fn whole<T: FromStr + PartialOrd + Display + Clone>(
             format!("{what} is a whole number from {low} to {high} {unit}").trim_end().to_owned()
         })
     }
+}
+
+/// A parser of a whole number by its type: `what` names the number ("a servo output").
+pub(crate) fn byte_in<const LOW: u8, const HIGH: u8>(
+    what: &'static str,
+    new: fn(u8) -> Option<ByteIn<LOW, HIGH>>,
+) -> impl Fn(&str) -> Result<ByteIn<LOW, HIGH>, String> + Clone {
+    move |text| text.parse().ok().and_then(new).ok_or_else(|| format!("{what} is {LOW} to {HIGH}"))
+}
+
+/// A parser of names, in either case. Each name has its description for the help, and its value.
+pub(crate) fn named<T: Copy + Send + Sync + 'static, const N: usize>(
+    values: [(&'static str, &'static str, T); N],
+) -> impl TypedValueParser<Value = T> {
+    let names = values.map(|(name, help, _)| PossibleValue::new(name).help(help));
+    PossibleValuesParser::new(names).try_map(move |given| {
+        let found = values.iter().find(|(name, ..)| name.eq_ignore_ascii_case(&given));
+        found.map(|(.., value)| *value).ok_or("this name is unknown")
+    })
 }
 
 /// A parser of numbers: `what` names the quantity ("a resistance").

@@ -1,6 +1,6 @@
 //! `motor-hub run`.
 
-use crate::output::{Failure, Folder, drawn, print, print_json, progress, sort_by_name};
+use crate::output::{Failure, Folder, drawn, print, print_json, progress};
 use crate::parse::{run_seconds, whole};
 use crate::scenario_options::ScenarioOptions;
 use crate::scheme_options::SchemeOptions;
@@ -19,7 +19,7 @@ pub(crate) struct Options {
     time: Option<f64>,
     /// How all motors are controlled
     #[command(flatten)]
-    choice: SchemeOptions,
+    scheme: SchemeOptions,
     /// Seed of the measurement noise
     #[arg(long, value_parser = whole("a seed", 0..=u32::MAX, ""))]
     seed: Option<u32>,
@@ -36,18 +36,15 @@ impl Options {
         let scenario = self.scenario()?;
         let folder = Folder::new(&self.out)?;
         let comparison = simulate(scenario).map_err(Failure::work)?;
-        let write = || {
-            let traces = comparison.traces().map(|(name, text)| (name.to_owned(), text.into_bytes()));
-            let mut files = folder.write_all(traces.into())?;
-            files.extend(folder.write_all(drawn(&comparison.figures()))?);
-            sort_by_name(&mut files);
-            Ok(files)
-        };
-        if self.json {
-            print_json(&comparison.json(&write()?))?;
-        } else {
+        let mut files = drawn(&comparison.figures());
+        files.extend(comparison.traces().map(|(name, text)| (name.to_owned(), text.into_bytes())));
+        if !self.json {
             print(&comparison.tables())?;
-            write()?;
+        }
+        let files = folder.write_all(files)?;
+        if self.json {
+            print_json(&comparison.json(&files))?;
+        } else {
             print(&format!("\nCharts (SVG) and traces (CSV) are in {folder}\n"))?;
         }
         let verdicts = comparison.verdicts();
@@ -60,10 +57,10 @@ impl Options {
     /// The scenario with all options applied.
     fn scenario(&self) -> Result<Scenario, Failure> {
         let mut scenario = self.source.scenario(|default| default)?;
-        if let Some(scheme) = self.choice.scheme()? {
+        if let Some(scheme) = self.scheme.scheme()? {
             scenario.motors.iter_mut().for_each(|motor| motor.scheme = scheme);
         }
-        if let Some(duty) = self.choice.duty() {
+        if let Some(duty) = self.scheme.duty {
             scenario.motors.iter_mut().for_each(|motor| motor.duty = duty);
         }
         scenario.duration_s = self.time.unwrap_or(scenario.duration_s);

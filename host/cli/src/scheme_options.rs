@@ -1,87 +1,62 @@
-//! Options that choose how motors are controlled: scheme, blend, duty rule.
+//! Options of how motors are controlled: scheme, blend, duty rule.
 
 use crate::output::Failure;
+use crate::parse::named;
 use motor_hub::braking::{DutyRule, Scheme};
 use simulated::scheme::{BlendChoice, BlendError, SchemeName};
 
-/// A scheme's name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum SchemeOption {
-    /// No braking regime: forward and reverse driving only
-    None,
-    /// Control is an equivalent voltage
-    #[value(name = "A")]
-    A,
-    /// Control is a current
-    #[value(name = "B")]
-    B,
-    /// As B, with braking as steep as driving
-    #[value(name = "C")]
-    C,
-    /// Between B and C: see --blend
-    #[value(name = "D")]
-    D,
-}
+/// Scheme names with their descriptions.
+pub(crate) const SCHEMES: [(&str, &str, SchemeName); 5] = [
+    ("none", "No braking regime: forward and reverse driving only", SchemeName::None),
+    ("A", "Control is an equivalent voltage", SchemeName::A),
+    ("B", "Control is a current", SchemeName::B),
+    ("C", "As B, with braking as steep as driving", SchemeName::C),
+    ("D", "Between B and C: see --blend", SchemeName::D),
+];
 
-impl SchemeOption {
-    /// The scheme that the firmware is set to.
-    pub(crate) fn with_blend(self, blend: Option<BlendChoice>) -> Result<Scheme, Failure> {
-        let name = match self {
-            Self::None => SchemeName::None,
-            Self::A => SchemeName::A,
-            Self::B => SchemeName::B,
-            Self::C => SchemeName::C,
-            Self::D => SchemeName::D,
-        };
-        name.with_blend(blend).map_err(without_d)
-    }
+/// Duty rules with their descriptions.
+const DUTY_RULES: [(&str, &str, DutyRule); 2] = [
+    (
+        "linear-current",
+        "The mean current is linear between the points, by the motor's winding",
+        DutyRule::LinearCurrent,
+    ),
+    ("linear-duty", "The duty is linear between the points, as in the paper", DutyRule::LinearDuty),
+];
+
+/// The scheme with its blend.
+pub(crate) fn scheme(name: SchemeName, blend: Option<BlendChoice>) -> Result<Scheme, Failure> {
+    name.with_blend(blend).map_err(without_d)
 }
 
 fn without_d(error: BlendError) -> Failure {
     Failure::Input(format!("--blend: {error}; give --scheme D"))
 }
 
-/// How the duty is found within a regime.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum DutyOption {
-    /// The mean current is linear between the points, by the motor's winding
-    LinearCurrent,
-    /// The duty is linear between the points, as in the paper
-    LinearDuty,
-}
-
-/// What is chosen.
+/// Scheme, blend and duty rule, each if it is given.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(crate) struct SchemeOptions {
     /// Scheme: the meaning of control values
-    #[arg(long, ignore_case = true)]
-    scheme: Option<SchemeOption>,
+    #[arg(long, ignore_case = true, value_parser = named(SCHEMES))]
+    scheme: Option<SchemeName>,
     /// Blend of scheme D: 0 (as B) to 1 (as C), or auto
     #[arg(long, value_name = "0..1|auto")]
     blend: Option<BlendChoice>,
     /// Rule for duties within a regime
-    #[arg(long, ignore_case = true)]
-    duty: Option<DutyOption>,
+    #[arg(long, ignore_case = true, value_parser = named(DUTY_RULES))]
+    pub(crate) duty: Option<DutyRule>,
 }
 
 impl SchemeOptions {
-    /// The scheme, if one is chosen.
+    /// The scheme, if it is given.
     pub(crate) fn scheme(&self) -> Result<Option<Scheme>, Failure> {
         match self.scheme {
             None if self.blend.is_some() => Err(without_d(BlendError::NotD)),
-            name => name.map(|name| name.with_blend(self.blend)).transpose(),
+            name => name.map(|name| scheme(name, self.blend)).transpose(),
         }
     }
 
-    /// The duty rule, if one is chosen.
-    pub(crate) fn duty(&self) -> Option<DutyRule> {
-        self.duty.map(|duty| match duty {
-            DutyOption::LinearCurrent => DutyRule::LinearCurrent,
-            DutyOption::LinearDuty => DutyRule::LinearDuty,
-        })
-    }
-
-    /// True if nothing is chosen.
+    /// True if no option is given.
     pub(crate) const fn is_empty(&self) -> bool {
         self.scheme.is_none() && self.blend.is_none() && self.duty.is_none()
     }

@@ -144,7 +144,6 @@ mod unix {
 }
 
 #[cfg(all(test, unix))]
-#[expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 mod tests {
     use super::unix::{Note, all_in};
     use super::*;

@@ -13,7 +13,6 @@
 //! ```
 
 mod case;
-mod error;
 mod firmware;
 mod physics;
 
@@ -22,8 +21,10 @@ use case::Case;
 use motor_hub::model::catalogue::characterised;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
+use std::error::Error;
 
-pub use error::CaseError;
+/// Why a case could not be answered. The document gets its text.
+type CaseError = Box<dyn Error>;
 
 /// The answers to a document.
 #[derive(Clone, Debug, PartialEq)]

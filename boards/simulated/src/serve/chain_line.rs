@@ -15,7 +15,7 @@ pub enum LineFault {
     Cut(usize),
     /// The hub with this index sends bytes without end, which damage all packets.
     Babbles(usize),
-    /// The hub with this index sends each answer so many milliseconds late.
+    /// The hub with this index sends each answer late, by this number of milliseconds.
     Late(usize, u64),
 }
 

@@ -48,7 +48,7 @@ impl Interventions {
     /// Returns the external torques on the output shafts in newton metres, at a time of the scenario in seconds.
     pub(super) fn torques(&self, scenario: &Scenario, at_s: f64) -> Vec<f64> {
         let motors = scenario.motors.iter().zip(&self.motors);
-        motors.map(|(motor, hand)| hand.torque_nm.unwrap_or_else(|| motor.torque_at(at_s))).collect()
+        motors.map(|(motor, wanted)| wanted.torque_nm.unwrap_or_else(|| motor.torque_at(at_s))).collect()
     }
 
     /// Replaces battery voltage and encoders, which the scenario sets at each step.
@@ -56,8 +56,8 @@ impl Interventions {
         if let Some(volts) = self.emf_v {
             board.set_emf(Volts(volts));
         }
-        for (index, hand) in self.motors.iter().enumerate() {
-            if let Some(encoder) = hand.encoder {
+        for (index, wanted) in self.motors.iter().enumerate() {
+            if let Some(encoder) = wanted.encoder {
                 board.set_encoder(index, encoder);
             }
         }
@@ -65,16 +65,16 @@ impl Interventions {
 
     /// Changes inertias and friction of the shafts where they differ from the interventions `before`.
     pub(super) fn set_loads(&self, before: &Self, scenario: &Scenario, board: &Board) {
-        let hands = self.motors.iter().zip(&before.motors).enumerate();
-        for ((index, (hand, before)), motor) in hands.zip(&scenario.motors) {
-            if hand.inertia_kg_m2 != before.inertia_kg_m2 {
-                let inertia_after = hand.inertia_kg_m2.map_or(motor.load.inertia_after, KgM2);
+        let pairs = self.motors.iter().zip(&before.motors).enumerate();
+        for ((index, (wanted, before)), motor) in pairs.zip(&scenario.motors) {
+            if wanted.inertia_kg_m2 != before.inertia_kg_m2 {
+                let inertia_after = wanted.inertia_kg_m2.map_or(motor.load.inertia_after, KgM2);
                 board.set_load(index, Load { inertia_after, ..motor.load });
             }
-            if hand.held != before.held {
+            if wanted.held != before.held {
                 let stall = motor.constants.stall_torque(Volts(NOMINAL_V));
                 let held = Friction::with_coulomb(NewtonMetres(HELD * stall.0));
-                board.set_friction(index, if hand.held { held } else { motor.constants.friction });
+                board.set_friction(index, if wanted.held { held } else { motor.constants.friction });
             }
         }
     }

@@ -22,14 +22,14 @@ pub(super) struct Pty {
     theirs: OwnedFd,
     path: String,
     /// Time of the last bytes of a host; `None` if the host has closed the port since.
-    heard: Option<Instant>,
+    last_byte: Option<Instant>,
     /// True if the port was closed, and neither opened nor written to since. Replies are then dropped.
     shut: bool,
     /// True if bytes may be left from before the port was closed.
     backlog: bool,
     /// Notifications of opening and closing the port; `None` if the system has none.
     #[cfg(target_os = "linux")]
-    comings: Option<OwnedFd>,
+    notifications: Option<OwnedFd>,
 }
 
 impl Pty {
@@ -49,9 +49,9 @@ impl Pty {
             ours,
             theirs,
             #[cfg(target_os = "linux")]
-            comings: watch(&path).ok(),
+            notifications: watch(&path).ok(),
             path,
-            heard: None,
+            last_byte: None,
             shut: false,
             backlog: false,
         })
@@ -59,12 +59,12 @@ impl Pty {
 
     /// Discards replies that a host left unread when it closed the port. A host that shares the port with another host
     /// may miss a reply. Systems other than Linux keep the replies.
-    fn forget_what_was_left(&mut self) {
+    fn discard_unread_replies(&mut self) {
         #[cfg(target_os = "linux")]
-        if let Some(comings) = &self.comings {
+        if let Some(notifications) = &self.notifications {
             // Several notifications may come together; only the last one counts.
             let mut buffer = [MaybeUninit::uninit(); 512];
-            let mut events = inotify::Reader::new(comings, &mut buffer);
+            let mut events = inotify::Reader::new(notifications, &mut buffer);
             let mut last = None;
             while let Ok(event) = events.next() {
                 last = Some(event.events());
@@ -83,7 +83,7 @@ impl Pty {
 
     /// Reads bytes that have arrived. Returns their number, 0 if there are none.
     pub(super) fn receive(&mut self, bytes: &mut [u8]) -> usize {
-        self.forget_what_was_left();
+        self.discard_unread_replies();
         // A host that was killed while it had exclusive use of the port would lock out the next host.
         let _ = termios::ioctl_tiocnxcl(&self.theirs);
         let received = rustix::io::read(&self.ours, bytes).unwrap_or(0);
@@ -92,16 +92,16 @@ impl Pty {
         } else if !self.backlog {
             // Another host has the port open, and has sent these bytes.
             self.shut = false;
-            self.heard = Some(Instant::now());
+            self.last_byte = Some(Instant::now());
         }
         if self.shut {
-            self.heard = None;
+            self.last_byte = None;
         }
         received
     }
 
     pub(super) fn is_taken(&self) -> bool {
-        self.heard.is_some_and(|heard| heard.elapsed() < KEEP_ALIVE)
+        self.last_byte.is_some_and(|last_byte| last_byte.elapsed() < KEEP_ALIVE)
     }
 
     /// Sends bytes. Returns the number of accepted bytes, 0 if the line is busy. Without a host all bytes are dropped.
@@ -115,7 +115,7 @@ impl Pty {
 
 #[cfg(target_os = "linux")]
 fn watch(path: &str) -> Result<OwnedFd, Errno> {
-    let comings = inotify::init(inotify::CreateFlags::NONBLOCK | inotify::CreateFlags::CLOEXEC)?;
-    inotify::add_watch(&comings, path, inotify::WatchFlags::OPEN | inotify::WatchFlags::CLOSE)?;
-    Ok(comings)
+    let notifications = inotify::init(inotify::CreateFlags::NONBLOCK | inotify::CreateFlags::CLOEXEC)?;
+    inotify::add_watch(&notifications, path, inotify::WatchFlags::OPEN | inotify::WatchFlags::CLOSE)?;
+    Ok(notifications)
 }

@@ -30,9 +30,9 @@ pub(super) struct Tcp {
     /// True if the host sends nothing more.
     at_end: bool,
     /// Time of the host's last bytes, or of its connection.
-    heard: Instant,
+    last_byte: Instant,
     /// True if the host takes no more replies. Its last bytes are still read: they may stop motors.
-    deaf: bool,
+    takes_no_replies: bool,
     /// A second host, and the time since when it waits.
     waiting: Option<(TcpStream, Instant)>,
     turned_away: u32,
@@ -47,8 +47,8 @@ impl Tcp {
             host: None,
             inbox: VecDeque::new(),
             at_end: false,
-            heard: Instant::now(),
-            deaf: false,
+            last_byte: Instant::now(),
+            takes_no_replies: false,
             waiting: None,
             turned_away: 0,
         })
@@ -64,14 +64,14 @@ impl Tcp {
     }
 
     pub(super) fn is_taken(&self) -> bool {
-        self.host.is_some() && self.heard.elapsed() < IDLE
+        self.host.is_some() && self.last_byte.elapsed() < IDLE
     }
 
     /// Reads bytes that have arrived. Returns their number, 0 if there are none.
     pub(super) fn receive(&mut self, bytes: &mut [u8]) -> usize {
         if self.host.is_none() {
             self.host = self.waiting.take().map(|(stream, _)| stream).or_else(|| self.accept());
-            self.heard = Instant::now();
+            self.last_byte = Instant::now();
         }
         let received = self.read(bytes);
         if self.host.is_some() {
@@ -95,9 +95,9 @@ impl Tcp {
 
     /// Sends bytes. Returns the number of accepted bytes, 0 if the line is busy. Without a host all bytes are dropped.
     pub(super) fn send(&mut self, bytes: &[u8]) -> usize {
-        let Some(stream) = self.host.as_mut().filter(|_| !self.deaf) else { return bytes.len() };
+        let Some(stream) = self.host.as_mut().filter(|_| !self.takes_no_replies) else { return bytes.len() };
         moved(stream.write(bytes)).unwrap_or_else(|| {
-            self.deaf = true;
+            self.takes_no_replies = true;
             bytes.len()
         })
     }
@@ -129,7 +129,7 @@ impl Tcp {
             match moved(stream.read(&mut chunk)) {
                 Some(0) => return,
                 Some(length) => {
-                    self.heard = Instant::now();
+                    self.last_byte = Instant::now();
                     let room = INBOX - self.inbox.len();
                     self.inbox.extend(chunk.iter().take(length.min(room)));
                 }
@@ -142,7 +142,7 @@ impl Tcp {
     }
 
     fn forget_host(&mut self) {
-        (self.host, self.deaf, self.at_end) = (None, false, false);
+        (self.host, self.takes_no_replies, self.at_end) = (None, false, false);
         self.inbox.clear();
     }
 }

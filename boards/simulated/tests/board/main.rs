@@ -1,5 +1,4 @@
 //! The host as a board.
-#![expect(clippy::expect_used, reason = "a failed expectation is a failed test")]
 
 mod bus;
 mod coefficients;

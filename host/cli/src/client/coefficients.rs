@@ -1,12 +1,10 @@
 //! `motor-hub client coefficients`.
 
-use super::error::ClientError;
-use crate::output::{Failure, print, print_json, say};
+use super::hub::HubOptions;
+use crate::output::{Failure, print_as, say};
 use crate::parse::{MotorName, motor};
 use motor_hub::protocol::motor::{Coefficients, Loop, Terms};
 use motor_hub::units::Coefficient;
-use motor_hub_client::Session;
-use motor_hub_client::line::Line;
 use serde_json::json;
 use studies::table;
 
@@ -15,7 +13,7 @@ use studies::table;
 pub(crate) struct Options {
     /// Motor 0 to 3
     #[arg(value_parser = motor)]
-    pub(super) motor: MotorName,
+    motor: MotorName,
     /// Loop to read or set
     #[arg(value_name = "LOOP", ignore_case = true)]
     of: LoopName,
@@ -58,21 +56,16 @@ fn decimal(coefficient: Coefficient) -> f64 {
 }
 
 impl Options {
-    /// Checks the options before anything is sent.
-    pub(super) fn check(&self) -> Result<(), Failure> {
-        match (&self.of, self.f) {
-            (LoopName::Position, Some(f)) if f != Coefficient::ZERO => {
-                Err(Failure::input("--f: a position has no feed-forward; give --f with velocity only"))
-            }
-            _ => Ok(()),
-        }
-    }
-
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
+    pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
         let of = match self.of {
             LoopName::Velocity => Loop::Velocity,
             LoopName::Position => Loop::Position,
         };
+        if of == Loop::Position && self.f.is_some_and(|f| f != Coefficient::ZERO) {
+            let why = "--f: a position has no feed-forward; give --f with velocity only";
+            return Err(Failure::input(why));
+        }
+        let session = &mut hub.open(self.motor.hub)?;
         let mut pidf = session.coefficients(self.motor.number, of)?;
         if [self.p, self.i, self.d, self.f].iter().any(Option::is_some) {
             if [self.p, self.i].iter().flatten().any(|coefficient| coefficient.to_bits() < 0) {
@@ -89,13 +82,9 @@ impl Options {
             pidf = session.coefficients(self.motor.number, of)?;
         }
         let [p, i, d, f] = [pidf.p, pidf.i, pidf.d, pidf.f].map(decimal);
-        if self.json {
-            let document =
-                json!({ "motor": self.motor.number, "loop": self.of, "p": p, "i": i, "d": d, "f": f });
-            return Ok(print_json(&document)?);
-        }
+        let document = json!({ "motor": self.motor.number, "loop": self.of, "p": p, "i": i, "d": d, "f": f });
         let mut table = table::new(&["P", "I", "D", "F"], 0);
         table.add_row([p, i, d, f].map(|value| format!("{value:.6}")));
-        Ok(print(&format!("{table}\n"))?)
+        print_as(self.json, &document, table)
     }
 }

@@ -1,9 +1,9 @@
 //! `motor-hub client servo`, `analog`, `digital` and `i2c`: what a hub has besides motors.
 
-use super::error::ClientError;
+use super::hub::HubOptions;
 use super::interrupt;
-use crate::output::{Failure, print, print_json};
-use crate::parse::{whole, within_a_day};
+use crate::output::{Failure, print, print_as};
+use crate::parse::{byte_in, whole, within_a_day};
 use motor_hub::board::{DIGITAL_PINS, Equipment, SERVOS};
 use motor_hub::protocol::answers::I2cStatus;
 use motor_hub::protocol::payload::{Text, WordFrom};
@@ -63,8 +63,21 @@ fn or_reason<T>(answer: Result<T, Error>) -> Result<Result<T, String>, Error> {
     }
 }
 
-/// Keeps servos and outputs on until the length is over, or until a signal.
-fn keep_on(session: &mut Session<Line>, length: Option<Duration>) -> Result<(), ClientError> {
+/// Prints a line, keeps an output on until the length is over or until a signal, and then releases it. It is released
+/// also after an error.
+fn keep_on(
+    session: &mut Session<Line>,
+    line: &str,
+    length: Option<Duration>,
+    release: impl FnOnce(&mut Session<Line>) -> Result<(), Error>,
+) -> Result<(), Failure> {
+    let kept = print(&format!("{line}\n")).and_then(|()| keep_alive(session, length));
+    let released = release(session);
+    kept?;
+    Ok(released?)
+}
+
+fn keep_alive(session: &mut Session<Line>, length: Option<Duration>) -> Result<(), Failure> {
     let end = length.map(|length| Instant::now() + length);
     loop {
         let next = Instant::now() + KEEP_ON;
@@ -80,7 +93,7 @@ fn keep_on(session: &mut Session<Line>, length: Option<Duration>) -> Result<(), 
 #[derive(clap::Args)]
 pub(super) struct ServoOptions {
     /// Servo output, 0 to 5 [default: lists all servo outputs]
-    #[arg(value_parser = servo)]
+    #[arg(value_parser = byte_in("a servo output", ServoOutput::new))]
     servo: Option<ServoOutput>,
     /// Length of the pulses in microseconds, 1 to 65535; servos usually take 500 to 2500
     #[arg(value_name = "US", requires = "servo", value_parser = whole("a pulse", 1..=u16::MAX, "us"))]
@@ -97,13 +110,9 @@ pub(super) struct ServoOptions {
     json: bool,
 }
 
-fn servo(text: &str) -> Result<ServoOutput, String> {
-    let servo = text.parse().ok().and_then(ServoOutput::new);
-    servo.ok_or_else(|| format!("a servo output is 0 to {}", SERVOS - 1))
-}
-
 impl ServoOptions {
-    pub(super) fn execute(&self, session: &mut Session<Line>) -> Result<(), ClientError> {
+    pub(super) fn execute(&self, hub: &HubOptions) -> Result<(), Failure> {
+        let session = &mut hub.open(None)?;
         if let (Some(servo), Some(width)) = (self.servo, self.width) {
             return self.drive(session, servo, width);
         }
@@ -124,11 +133,11 @@ impl ServoOptions {
                 "servo": number, "period_us": of.period_us, "width_us": of.width_us, "enabled": of.enabled,
             }));
         }
-        Ok(if self.json { print_json(&json!({ "servos": servos })) } else { print(&format!("{table}\n")) }?)
+        print_as(self.json, &json!({ "servos": servos }), table)
     }
 
     /// Gives a servo pulses, and ends them however the command ends.
-    fn drive(&self, session: &mut Session<Line>, servo: ServoOutput, width: u16) -> Result<(), ClientError> {
+    fn drive(&self, session: &mut Session<Line>, servo: ServoOutput, width: u16) -> Result<(), Failure> {
         interrupt::listen()?;
         // The parsers have checked the ranges.
         if let (Some(period), Some(width)) = (WordFrom::new(self.period), WordFrom::new(width)) {
@@ -136,14 +145,8 @@ impl ServoOptions {
             session.set_servo_width(servo, width)?;
         }
         session.enable_servo(servo, true)?;
-        let done =
-            match print(&format!("servo {}: pulses of {width} us every {} us\n", servo.get(), self.period)) {
-                Ok(()) => keep_on(session, self.length),
-                Err(failure) => Err(failure.into()),
-            };
-        let ended = session.enable_servo(servo, false);
-        done?;
-        Ok(ended?)
+        let line = format!("servo {}: pulses of {width} us every {} us", servo.get(), self.period);
+        keep_on(session, &line, self.length, |session| session.enable_servo(servo, false))
     }
 }
 
@@ -170,7 +173,8 @@ const CHANNELS: [(u8, &str, &str, &str, f64); 10] = [
 ];
 
 impl AnalogOptions {
-    pub(super) fn execute(&self, session: &mut Session<Line>) -> Result<(), ClientError> {
+    pub(super) fn execute(&self, hub: &HubOptions) -> Result<(), Failure> {
+        let session = &mut hub.open(None)?;
         let mut table = table::new(&["channel", "value", "raw"], 0);
         let mut document = serde_json::Map::new();
         for (channel, name, key, unit, scale) in CHANNELS {
@@ -191,7 +195,7 @@ impl AnalogOptions {
                 }
             }
         }
-        Ok(if self.json { print_json(&document) } else { print(&format!("{table}\n")) }?)
+        print_as(self.json, &document, table)
     }
 }
 
@@ -199,7 +203,7 @@ impl AnalogOptions {
 #[derive(clap::Args)]
 pub(super) struct DigitalOptions {
     /// Digital pin, 0 to 7 [default: lists all digital pins]
-    #[arg(value_parser = pin)]
+    #[arg(value_parser = byte_in("a digital pin", Pin::new))]
     pin: Option<Pin>,
     /// Drives the pin high or low, until the command ends
     #[arg(requires = "pin")]
@@ -219,13 +223,9 @@ enum Level {
     Low,
 }
 
-fn pin(text: &str) -> Result<Pin, String> {
-    let pin = text.parse().ok().and_then(Pin::new);
-    pin.ok_or_else(|| format!("a digital pin is 0 to {}", DIGITAL_PINS - 1))
-}
-
 impl DigitalOptions {
-    pub(super) fn execute(&self, session: &mut Session<Line>) -> Result<(), ClientError> {
+    pub(super) fn execute(&self, hub: &HubOptions) -> Result<(), Failure> {
+        let session = &mut hub.open(None)?;
         if let (Some(pin), Some(level)) = (self.pin, self.level) {
             return self.drive(session, pin, level);
         }
@@ -244,21 +244,16 @@ impl DigitalOptions {
             let known = Some(direction).filter(|direction| !direction.is_empty());
             found.push(json!({ "pin": pin.get(), "direction": known, "high": high }));
         }
-        Ok(if self.json { print_json(&json!({ "pins": found })) } else { print(&format!("{table}\n")) }?)
+        print_as(self.json, &json!({ "pins": found }), table)
     }
 
     /// Drives a pin, and releases it however the command ends.
-    fn drive(&self, session: &mut Session<Line>, pin: Pin, level: Level) -> Result<(), ClientError> {
+    fn drive(&self, session: &mut Session<Line>, pin: Pin, level: Level) -> Result<(), Failure> {
         interrupt::listen()?;
         session.drive_pin(pin, level == Level::High)?;
         let level = if level == Level::High { "high" } else { "low" };
-        let done = match print(&format!("digital pin {} is {level}\n", pin.get())) {
-            Ok(()) => keep_on(session, self.length),
-            Err(failure) => Err(failure.into()),
-        };
-        let released = session.release_pin(pin);
-        done?;
-        Ok(released?)
+        let line = format!("digital pin {} is {level}", pin.get());
+        keep_on(session, &line, self.length, |session| session.release_pin(pin))
     }
 }
 
@@ -268,7 +263,7 @@ pub(super) enum I2c {
     /// Lists the devices that acknowledge their address, by a read of one byte from each address 0x08 to 0x77
     Scan {
         /// Bus, 0 to 3 [default: all buses]
-        #[arg(value_parser = bus)]
+        #[arg(value_parser = byte_in("an I2C bus", I2cBus::new))]
         bus: Option<I2cBus>,
         /// JSON instead of a table
         #[arg(long)]
@@ -277,13 +272,13 @@ pub(super) enum I2c {
     /// Reads bytes from a device
     Read {
         /// Bus, 0 to 3
-        #[arg(value_parser = bus)]
+        #[arg(value_parser = byte_in("an I2C bus", I2cBus::new))]
         bus: I2cBus,
         /// Address of the device, 0 to 127, as 40 or 0x28
         #[arg(value_name = "ADDRESS", value_parser = device)]
         device: I2cAddress,
         /// Number of bytes, 1 to 100
-        #[arg(default_value = "1", value_parser = count)]
+        #[arg(default_value = "1", value_parser = byte_in("a number of bytes", I2cCount::new))]
         count: I2cCount,
         /// Register to read from: its number is written first, and the read follows after a repeated start
         #[arg(long, value_name = "R", value_parser = byte)]
@@ -298,7 +293,7 @@ pub(super) enum I2c {
     /// Writes bytes to a device
     Write {
         /// Bus, 0 to 3
-        #[arg(value_parser = bus)]
+        #[arg(value_parser = byte_in("an I2C bus", I2cBus::new))]
         bus: I2cBus,
         /// Address of the device, 0 to 127, as 40 or 0x28
         #[arg(value_name = "ADDRESS", value_parser = device)]
@@ -312,10 +307,6 @@ pub(super) enum I2c {
     },
 }
 
-fn bus(text: &str) -> Result<I2cBus, String> {
-    text.parse().ok().and_then(I2cBus::new).ok_or_else(|| "an I2C bus is 0 to 3".to_owned())
-}
-
 fn byte(text: &str) -> Result<u8, String> {
     let number = match text.strip_prefix("0x") {
         Some(hex) => u8::from_str_radix(hex, 16).ok(),
@@ -327,11 +318,6 @@ fn byte(text: &str) -> Result<u8, String> {
 fn device(text: &str) -> Result<I2cAddress, String> {
     let address = byte(text).ok().and_then(I2cAddress::new);
     address.ok_or_else(|| "an I2C address is 0 to 127, or 0x00 to 0x7f".to_owned())
-}
-
-fn count(text: &str) -> Result<I2cCount, String> {
-    let count = text.parse().ok().and_then(I2cCount::new);
-    count.ok_or_else(|| "a number of bytes is 1 to 100".to_owned())
 }
 
 /// Fails if a transfer had an error.
@@ -348,20 +334,18 @@ fn check(status: I2cStatus, bus: I2cBus, address: I2cAddress) -> Result<(), Fail
 }
 
 impl I2c {
-    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
+    pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
+        let session = &mut hub.open(None)?;
         match self {
             Self::Scan { bus, json } => scan(session, bus, json),
             Self::Read { bus, device: address, count, register, fast, json } => {
                 session.set_i2c_speed(bus, fast)?;
                 let read = session.read_i2c(bus, address, register, count)?;
                 check(read.status, bus, address)?;
-                if json {
-                    let bytes = read.bytes.as_slice();
-                    let document = json!({ "bus": bus.get(), "address": address.get(), "bytes": bytes });
-                    return Ok(print_json(&document)?);
-                }
-                let bytes: Vec<String> = read.bytes.iter().map(|byte| format!("{byte:02x}")).collect();
-                Ok(print(&format!("{}\n", bytes.join(" ")))?)
+                let bytes = read.bytes.as_slice();
+                let document = json!({ "bus": bus.get(), "address": address.get(), "bytes": bytes });
+                let bytes: Vec<String> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+                print_as(json, &document, bytes.join(" "))
             }
             Self::Write { bus, device: address, bytes, fast } => {
                 session.set_i2c_speed(bus, fast)?;
@@ -369,41 +353,41 @@ impl I2c {
                     Text::from_slice(&bytes).map_err(|_| Failure::Input("give 1 to 100 bytes".into()))?;
                 let written = session.write_i2c(bus, address, bytes)?;
                 check(written.status, bus, address)?;
-                Ok(print(&format!("{} bytes written\n", written.count))?)
+                print(&format!("{} bytes written\n", written.count))
             }
         }
     }
 }
 
 /// Lists the devices on one bus or on all buses.
-fn scan(session: &mut Session<Line>, only: Option<I2cBus>, json: bool) -> Result<(), ClientError> {
+fn scan(session: &mut Session<Line>, only: Option<I2cBus>, json: bool) -> Result<(), Failure> {
     let mut table = table::new(&["bus", "devices"], 1);
     let mut buses = Vec::new();
     let one = I2cCount::new(1);
     for bus in (0..4).filter_map(I2cBus::new).filter(|bus| only.is_none_or(|only| only == *bus)) {
         let mut devices = Vec::new();
-        let mut trouble = None;
+        let mut error = None;
         for address in (ADDRESSES.0..=ADDRESSES.1).filter_map(I2cAddress::new) {
             let Some(one) = one else { continue };
             match or_reason(session.read_i2c(bus, address, None, one))? {
                 Ok(read) if read.status == I2cStatus::default() => devices.push(address.get()),
                 Ok(read) if read.status == I2cStatus::NO_ADDRESS => (),
-                Ok(read) => trouble = read.status.error().map(str::to_owned),
-                Err(reason) => trouble = Some(reason),
+                Ok(read) => error = read.status.error().map(str::to_owned),
+                Err(reason) => error = Some(reason),
             }
             // An error that concerns the whole bus.
-            if trouble.is_some() {
+            if error.is_some() {
                 break;
             }
         }
         let found: Vec<String> = devices.iter().map(|address| format!("{address:#04x}")).collect();
-        let text = match &trouble {
-            Some(trouble) => trouble.clone(),
+        let text = match &error {
+            Some(error) => error.clone(),
             None if found.is_empty() => "none".to_owned(),
             None => found.join(" "),
         };
         table.add_row([bus.get().to_string(), text]);
-        buses.push(json!({ "bus": bus.get(), "devices": devices, "reason": trouble }));
+        buses.push(json!({ "bus": bus.get(), "devices": devices, "reason": error }));
     }
-    Ok(if json { print_json(&json!({ "buses": buses })) } else { print(&format!("{table}\n")) }?)
+    print_as(json, &json!({ "buses": buses }), table)
 }

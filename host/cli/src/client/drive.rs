@@ -1,6 +1,6 @@
 //! `motor-hub client power`, `current`, `velocity` and `position`: motors run while the command runs.
 
-use super::error::ClientError;
+use super::hub::HubOptions;
 use super::motion::{Motion, Progress, Setpoint};
 use super::motors_off::DrivingSession;
 use super::readings::{Live, Reading, repeat};
@@ -165,10 +165,10 @@ impl Drive {
     }
 
     /// The requested motion, and the encoder counts in a turn if known.
-    pub(super) fn order(&self) -> Result<(Motion, Option<f64>), Failure> {
+    pub(super) fn motion(&self) -> Result<(Motion, Option<f64>), Failure> {
         let common = self.common();
         let turn = common.turn.counts()?;
-        let course = match self {
+        let setpoint = match self {
             Self::Power(options) => Setpoint::Power(options.value),
             Self::Current(options) => Setpoint::Current { ma: options.ma, speed: options.speed_limit },
             Self::Velocity(options) => Setpoint::Velocity(options.speed.cps(turn)?),
@@ -184,20 +184,21 @@ impl Drive {
             }
         };
         let zero = if common.float { ZeroPower::Float } else { ZeroPower::Brake };
-        Ok((Motion { motors: common.motors.numbers.clone(), course, zero, length: common.length }, turn))
+        Ok((Motion { motors: common.motors.numbers.clone(), setpoint, zero, length: common.length }, turn))
     }
 
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
-        let (order, turn) = self.order()?;
-        let mut progress = Progress::new(&order, INTERVAL);
+    pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
+        let (motion, turn) = self.motion()?;
+        let session = &mut hub.open(self.hub())?;
+        let mut progress = Progress::new(&motion, INTERVAL);
         let settled = DrivingSession::run(session, |driven| {
-            order.begin(driven)?;
-            let settled = follow(driven, &order.motors, turn, order.length, |session, reading| {
-                order.check(session)?;
+            motion.begin(driven)?;
+            let settled = follow(driven, &motion.motors, turn, motion.length, |session, reading| {
+                motion.check(session)?;
                 Ok(progress.observe(reading.at, &reading.bulk, reading.report.as_ref()))
             })?;
             if !settled {
-                progress.judge(order.length)?;
+                progress.judge(motion.length)?;
             }
             Ok(settled)
         })?;
@@ -214,8 +215,8 @@ pub(super) fn follow(
     motors: &[u8],
     turn: Option<f64>,
     length: Option<Duration>,
-    mut settled: impl FnMut(&mut Session<Line>, &Reading) -> Result<bool, ClientError>,
-) -> Result<bool, ClientError> {
+    mut settled: impl FnMut(&mut Session<Line>, &Reading) -> Result<bool, Failure>,
+) -> Result<bool, Failure> {
     let mut live = Live::new();
     let mut readings = 0u32;
     let mut unsaid = None;

@@ -1,12 +1,10 @@
 //! `motor-hub client faults`.
 
-use super::error::ClientError;
+use super::hub::HubOptions;
 use crate::output::{Failure, print, print_json};
 use crate::parse::whole;
 use motor_hub::bridge::Drive;
 use motor_hub::record::{Fault, Head, Tick};
-use motor_hub_client::Session;
-use motor_hub_client::line::Line;
 use serde_json::{Value, json};
 use studies::table;
 
@@ -35,9 +33,10 @@ pub(crate) struct Options {
 }
 
 impl Options {
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
+    pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
+        let session = &mut hub.open(None)?;
         let Some((run, heads)) = session.recorded()? else {
-            return Err(Failure::Work("this hub keeps no record of faults".to_owned()).into());
+            return Err(Failure::Work("this hub keeps no record of faults".to_owned()));
         };
         match self.entry {
             Some(number) => {
@@ -63,7 +62,7 @@ impl Options {
     }
 }
 
-fn no_ticks(number: u16, heads: &[Head]) -> ClientError {
+fn no_ticks(number: u16, heads: &[Head]) -> Failure {
     let with: Vec<String> =
         heads.iter().filter(|head| head.ticks > 0).map(|head| head.number.to_string()).collect();
     let with = if with.is_empty() {
@@ -71,7 +70,7 @@ fn no_ticks(number: u16, heads: &[Head]) -> ClientError {
     } else {
         format!("entries with ticks: {}", with.join(", "))
     };
-    Failure::Work(format!("the hub has no ticks of entry {number}; {with}")).into()
+    Failure::Work(format!("the hub has no ticks of entry {number}; {with}"))
 }
 
 fn list(run: u32, heads: &[Head]) -> String {

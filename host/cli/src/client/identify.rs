@@ -1,7 +1,7 @@
 //! `motor-hub client identify`.
 
 use super::drive::{INTERVAL, LINE};
-use super::error::ClientError;
+use super::hub::HubOptions;
 use super::interrupt;
 use super::motors_off::DrivingSession;
 use super::readings::Live;
@@ -14,7 +14,6 @@ use motor_hub::motor::Settings;
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified};
 use motor_hub::units::Acceleration;
-use motor_hub_client::Session;
 use motor_hub_client::identification::{Identifying, Progress};
 use motor_hub_client::line::Line;
 use serde_json::{Value, json};
@@ -41,7 +40,7 @@ const LONGEST: Duration = Duration::from_secs(30);
 pub(crate) struct Options {
     /// Motor 0 to 3
     #[arg(value_parser = motor)]
-    pub(super) motor: MotorName,
+    motor: MotorName,
     /// Longest travel either way, in counts; a small limit makes the motion shorter [default: no limit]
     #[arg(long = "travel-counts", alias = "travel", value_name = "COUNTS", default_value_t = u32::MAX)]
     #[arg(hide_default_value = true, value_parser = whole("a travel", 0..=u32::MAX, "counts"))]
@@ -55,7 +54,8 @@ pub(crate) struct Options {
 }
 
 impl Options {
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
+    pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
+        let session = &mut hub.open(self.motor.hub)?;
         let motor = self.motor.number;
         let (before, battery) = (session.settings(motor)?, session.battery()?);
         let outcome = DrivingSession::run(session, |driven| self.identify(driven))?;
@@ -68,7 +68,7 @@ impl Options {
                 }
                 print_json(&document)?;
             }
-            return Err(Failure::Work(format!("motor {motor} was not identified: {}", words(outcome))).into());
+            return Err(Failure::Work(format!("motor {motor} was not identified: {}", words(outcome))));
         };
         let proposed = proposal(&before, &found.dynamics, battery);
         if self.apply {
@@ -76,13 +76,13 @@ impl Options {
         }
         let catalogue = catalogue_motor(&before.motor);
         if self.json {
-            return Ok(print_json(&self.document(&found, catalogue.as_ref(), &before, &proposed))?);
+            return print_json(&self.document(&found, catalogue.as_ref(), &before, &proposed));
         }
-        Ok(print(&self.text(&found, catalogue.as_ref(), &before, &proposed))?)
+        print(&self.text(&found, catalogue.as_ref(), &before, &proposed))
     }
 
     /// Identifies the motor, and shows the progress.
-    fn identify(&self, driven: &mut DrivingSession<'_, Line>) -> Result<Identification, ClientError> {
+    fn identify(&self, driven: &mut DrivingSession<'_, Line>) -> Result<Identification, Failure> {
         let motor = self.motor.number;
         let mut identifying = Identifying::begin(driven, motor, self.travel)?;
         driven.enable(motor)?;
@@ -111,7 +111,7 @@ impl Options {
             interrupt::wait(Instant::now() + INTERVAL)?;
         }
         let seconds = LONGEST.as_secs();
-        Err(Failure::Work(format!("motor {motor} was not identified within {seconds} s")).into())
+        Err(Failure::Work(format!("motor {motor} was not identified within {seconds} s")))
     }
 
     /// Prints a text, unless the output is JSON.

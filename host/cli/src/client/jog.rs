@@ -5,10 +5,10 @@ mod keys;
 mod terminal;
 
 use super::drive::{ALL, power};
-use super::error::ClientError;
+use super::hub::HubOptions;
 use super::interrupt;
 use super::motion::{check_enabled, warn_of};
-use super::motors_off::{DrivingSession, tell};
+use super::motors_off::{DrivingSession, report};
 use super::readings::{Live, motors_of};
 use crate::output::{Failure, print};
 use crate::parse::whole;
@@ -17,8 +17,8 @@ use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::units::Control;
+use motor_hub_client::Error;
 use motor_hub_client::line::Line;
-use motor_hub_client::{Error, Session};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 use studies::table;
@@ -67,29 +67,30 @@ fn hold(text: &str) -> Result<Duration, String> {
 const LOOK: Duration = Duration::from_millis(50);
 
 impl Options {
-    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
+    pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
+        let session = &mut hub.open(None)?;
         let level = self.power.map_or(self.speed, Control::get);
         let mut jog = Jog::new(level, self.hold);
-        let stopped = DrivingSession::run(session, |driven| {
+        let stopped = DrivingSession::run(session, |session| {
             if self.power.is_none() {
                 let speed = u32::from(self.speed.unsigned_abs());
-                warn_of(driven, &ALL.map(|motor| (motor, speed)))?;
+                warn_of(session, &ALL.map(|motor| (motor, speed)))?;
             }
             print(&format!("{KEYS}\n\n{}\n\n", table::paragraph(WORDS)))?;
             let (_raw, keys) = open()?;
-            self.follow(driven, &mut jog, &keys)?;
-            Ok(driven.stop()?)
+            self.follow(session, &mut jog, &keys)?;
+            session.stop()
         })?;
-        tell(Ok(stopped));
+        report(Ok(stopped));
         Ok(())
     }
 
     fn follow(
         &self,
-        driven: &mut DrivingSession<'_, Line>,
+        session: &mut DrivingSession<'_, Line>,
         jog: &mut Jog,
         keys: &Receiver<Vec<u8>>,
-    ) -> Result<(), ClientError> {
+    ) -> Result<(), Failure> {
         let mut sent = [None; ALL.len()];
         let mut live = Live::new();
         loop {
@@ -111,35 +112,35 @@ impl Options {
             let wanted = jog.at(Instant::now());
             for ((motor, sent), wanted) in ALL.into_iter().zip(&mut sent).zip(wanted) {
                 if *sent != wanted {
-                    self.send(driven, motor, *sent, wanted)?;
+                    self.send(session, motor, *sent, wanted)?;
                     *sent = wanted;
                 } else if sent.is_some() {
-                    check_enabled(driven, motor)?;
+                    check_enabled(session, motor)?;
                 }
             }
             // A raw terminal does not add a carriage return to a line feed.
-            live.redraw(&self.text(jog, &driven.bulk()?).replace('\n', "\r\n"))?;
+            live.redraw(&self.text(jog, &session.bulk()?).replace('\n', "\r\n"))?;
         }
     }
 
     /// Sends a motor its new level, or disables it if `wanted` is `None`.
     fn send(
         &self,
-        driven: &mut DrivingSession<'_, Line>,
+        session: &mut DrivingSession<'_, Line>,
         motor: u8,
         before: Option<i16>,
         wanted: Option<i16>,
     ) -> Result<(), Error> {
-        let Some(level) = wanted else { return driven.disable(motor) };
+        let Some(level) = wanted else { return session.disable(motor) };
         let mode = if self.power.is_some() { RunMode::Power } else { RunMode::Velocity };
         if before.is_none() {
-            driven.set_mode(motor, mode, ZeroPower::Brake)?;
+            session.set_mode(motor, mode, ZeroPower::Brake)?;
         }
         match mode {
-            RunMode::Power => driven.set_power(motor, Control::new(level))?,
-            _ => driven.set_velocity(motor, level)?,
+            RunMode::Power => session.set_power(motor, Control::new(level))?,
+            _ => session.set_velocity(motor, level)?,
         }
-        if before.is_none() { driven.enable(motor) } else { Ok(()) }
+        if before.is_none() { session.enable(motor) } else { Ok(()) }
     }
 
     /// Text with a line for the level, and a line for each chosen motor.
@@ -148,8 +149,8 @@ impl Options {
             Some(_) => format!("power {:.2}", f64::from(jog.level()) / f64::from(Control::MAX.get())),
             None => format!("{} counts/s", jog.level()),
         };
-        let driven = jog.motors();
-        let motors = motors_of(bulk, &driven);
+        let chosen = jog.motors();
+        let motors = motors_of(bulk, &chosen);
         let motors =
             motors.map(|(motor, counts, cps, _)| format!("motor {motor}: {counts} counts, {cps} counts/s\n"));
         format!("{level}\n{}", motors.collect::<String>())

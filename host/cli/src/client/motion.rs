@@ -1,6 +1,5 @@
 //! Set-points of `power`, `current`, `velocity` and `position`, and whether motors reach them.
 
-use super::error::ClientError;
 use super::motors_off::DrivingSession;
 use super::readings::motors_of;
 use crate::output::{Failure, say};
@@ -63,29 +62,29 @@ impl Setpoint {
 /// Motors, their common set-point, and how long it lasts.
 pub(super) struct Motion {
     pub(super) motors: Vec<u8>,
-    pub(super) course: Setpoint,
+    pub(super) setpoint: Setpoint,
     pub(super) zero: ZeroPower,
     pub(super) length: Option<Duration>,
 }
 
 impl Motion {
     /// Sets mode and set-point of all motors, then enables them.
-    pub(super) fn begin(&self, driven: &mut DrivingSession<'_, Line>) -> Result<(), ClientError> {
-        if matches!(self.course, Setpoint::Current { .. }) && driven.report()?.is_none() {
-            return Err(Failure::work(NO_CURRENT).into());
+    pub(super) fn begin(&self, driven: &mut DrivingSession<'_, Line>) -> Result<(), Failure> {
+        if matches!(self.setpoint, Setpoint::Current { .. }) && driven.report()?.is_none() {
+            return Err(Failure::work(NO_CURRENT));
         }
-        if let Some(speed) = self.course.speed() {
+        if let Some(speed) = self.setpoint.speed() {
             let speeds: Vec<_> = self.motors.iter().map(|motor| (*motor, speed)).collect();
             warn_of(driven, &speeds)?;
         }
         for &motor in &self.motors {
-            driven.set_mode(motor, self.course.mode(), self.zero)?;
-            self.course.set(driven, motor)?;
+            driven.set_mode(motor, self.setpoint.mode(), self.zero)?;
+            self.setpoint.set(driven, motor)?;
         }
         for &motor in &self.motors {
             driven.enable(motor)?;
         }
-        if let Setpoint::Current { ma, speed } = self.course {
+        if let Setpoint::Current { ma, speed } = self.setpoint {
             for &motor in &self.motors {
                 driven.set_current(motor, ma, speed)?;
             }
@@ -94,18 +93,18 @@ impl Motion {
     }
 
     /// Fails if the hub has disabled a motor.
-    pub(super) fn check(&self, session: &mut Session<Line>) -> Result<(), ClientError> {
+    pub(super) fn check(&self, session: &mut Session<Line>) -> Result<(), Failure> {
         self.motors.iter().try_for_each(|motor| check_enabled(session, *motor))
     }
 }
 
 /// Fails if the hub has disabled a motor: after a fail-safe, a reset or a fault.
-pub(super) fn check_enabled(session: &mut Session<Line>, motor: u8) -> Result<(), ClientError> {
+pub(super) fn check_enabled(session: &mut Session<Line>, motor: u8) -> Result<(), Failure> {
     if session.enabled(motor)? {
         return Ok(());
     }
     let words = session.status(false)?.words().join(", ");
-    Err(Failure::Work(format!("the hub has disabled motor {motor}; hub status: {words}")).into())
+    Err(Failure::Work(format!("the hub has disabled motor {motor}; hub status: {words}")))
 }
 
 /// Answer to a constant current for a hub of another maker.
@@ -155,7 +154,7 @@ const VELOCITY_CPS: f64 = 40.0;
 
 /// Progress of motors towards their set-point.
 pub(super) struct Progress {
-    course: Setpoint,
+    setpoint: Setpoint,
     motors: Vec<u8>,
     /// Detects whether motors have settled whose hub does not report it.
     settle_detector: SettleDetector,
@@ -166,12 +165,12 @@ pub(super) struct Progress {
 
 impl Progress {
     /// `interval` is the time between two readings.
-    pub(super) fn new(order: &Motion, interval: Duration) -> Self {
-        let Motion { course, ref motors, .. } = *order;
+    pub(super) fn new(motion: &Motion, interval: Duration) -> Self {
+        let Motion { setpoint, ref motors, .. } = *motion;
         let millis = u32::try_from(interval.as_millis()).unwrap_or(u32::MAX);
         let interval = Period::from_millis(millis.clamp(1, LONGEST_PERIOD_MS)).unwrap_or_default();
         Self {
-            course,
+            setpoint,
             motors: motors.clone(),
             settle_detector: SettleDetector::default(),
             interval,
@@ -186,7 +185,7 @@ impl Progress {
         while self.velocities.front().is_some_and(|(then, _)| at.saturating_sub(*then) > VELOCITY_TIME) {
             self.velocities.pop_front();
         }
-        if !matches!(self.course, Setpoint::Position { .. }) {
+        if !matches!(self.setpoint, Setpoint::Position { .. }) {
             return false;
         }
         if let Some(report) = report {
@@ -202,7 +201,7 @@ impl Progress {
     /// Judges the motion when its time is over: fails, and names the motors that did not reach the set-point.
     pub(super) fn judge(&self, length: Option<Duration>) -> Result<(), Failure> {
         let seconds = length.unwrap_or_default().as_secs_f64();
-        match self.course {
+        match self.setpoint {
             Setpoint::Power(_) | Setpoint::Current { .. } => Ok(()),
             Setpoint::Position { .. } => Err(Failure::Work(format!("target not reached after {seconds} s"))),
             Setpoint::Velocity(wanted) => {
@@ -233,9 +232,9 @@ mod tests {
     use super::*;
     use motor_hub::extension::report::MotorReport;
 
-    fn progress(course: Setpoint, velocities: &[i16]) -> Progress {
-        let order = Motion { motors: vec![0], course, zero: ZeroPower::Brake, length: None };
-        let mut progress = Progress::new(&order, Duration::from_millis(50));
+    fn progress(setpoint: Setpoint, velocities: &[i16]) -> Progress {
+        let motion = Motion { motors: vec![0], setpoint, zero: ZeroPower::Brake, length: None };
+        let mut progress = Progress::new(&motion, Duration::from_millis(50));
         for (n, cps) in (0u64..).zip(velocities) {
             let bulk = Bulk { velocities: [*cps, 0, 0, 0], within_tolerance: [true; 4], ..Bulk::default() };
             progress.observe(Duration::from_millis(100 * n), &bulk, None);

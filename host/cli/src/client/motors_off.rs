@@ -1,7 +1,6 @@
 //! Disables motors that a command has enabled, however the command ends. Also disables motors that a former host left
 //! enabled, before a command does anything else.
 
-use super::error::ClientError;
 use super::interrupt;
 use crate::output::{Failure, say};
 use motor_hub_client::{Error, KEEP_ALIVE, Session};
@@ -24,17 +23,17 @@ impl<'a, L: Read + Write> DrivingSession<'a, L> {
     /// notices a signal by `interrupt::wait`. After anything but success, standard error names the disabled motors.
     pub(super) fn run<T>(
         session: &'a mut Session<L>,
-        work: impl FnOnce(&mut Self) -> Result<T, ClientError>,
-    ) -> Result<T, ClientError> {
+        work: impl FnOnce(&mut Self) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
         interrupt::listen()?;
         let mut driven = Self { session, motors: Vec::new() };
         let done = work(&mut driven);
         match (done, driven.stop()) {
             (Ok(done), Ok(_)) => Ok(done),
-            (Ok(_), Err(failure)) => Err(failure.into()),
-            (Err(trouble), stopped) => {
-                tell(stopped);
-                Err(trouble)
+            (Ok(_), Err(failure)) => Err(failure),
+            (Err(failure), stopped) => {
+                report(stopped);
+                Err(failure)
             }
         }
     }
@@ -78,7 +77,7 @@ impl<'a, L: Read + Write> DrivingSession<'a, L> {
 }
 
 /// Prints which motors were disabled, or that they could not be disabled.
-pub(super) fn tell(stopped: Result<Vec<u8>, Failure>) {
+pub(super) fn report(stopped: Result<Vec<u8>, Failure>) {
     match stopped {
         Ok(motors) if motors.is_empty() => (),
         Ok(motors) => say(&format!("disabled {}", names(&motors))),
@@ -96,7 +95,7 @@ impl<L: Read + Write> Drop for DrivingSession<'_, L> {
     fn drop(&mut self) {
         // Motors remain only if the work panicked.
         if !self.motors.is_empty() {
-            tell(self.stop());
+            report(self.stop());
         }
     }
 }
@@ -125,7 +124,6 @@ pub(super) fn stop_abandoned(session: &mut Session<impl Read + Write>) -> Result
 }
 
 #[cfg(test)]
-#[expect(clippy::unwrap_used, clippy::panic, reason = "a failed access is a failed test")]
 mod tests {
     use super::*;
     use motor_hub::units::{Control, Millivolts};
@@ -143,7 +141,7 @@ mod tests {
     fn a_panic_disables_what_was_enabled() {
         let mut session = session();
         let panicked = catch_unwind(AssertUnwindSafe(|| {
-            DrivingSession::run(&mut session, |driven| -> Result<(), ClientError> {
+            DrivingSession::run(&mut session, |driven| -> Result<(), Failure> {
                 driven.set_power(1, Control::MAX)?;
                 driven.enable(1)?;
                 assert!(driven.enabled(1)?);

@@ -1,6 +1,5 @@
 //! Repeated readings of a hub: on a terminal a table that is redrawn, elsewhere lines.
 
-use super::error::ClientError;
 use super::interrupt;
 use super::shaft_speed::shaft_speed;
 use crate::output::{Failure, print};
@@ -189,8 +188,8 @@ pub(crate) fn repeat(
     session: &mut Session<Line>,
     interval: Duration,
     length: Option<Duration>,
-    mut each: impl FnMut(&mut Session<Line>, &Reading) -> Result<bool, ClientError>,
-) -> Result<bool, ClientError> {
+    mut each: impl FnMut(&mut Session<Line>, &Reading) -> Result<bool, Failure>,
+) -> Result<bool, Failure> {
     let mut schedule = Schedule::new(interval, length);
     loop {
         let reading = Reading::take(session, schedule.since)?;

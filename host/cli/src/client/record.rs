@@ -1,7 +1,7 @@
 //! `motor-hub client record`: drives motors and records the hub's values.
 
 use super::drive::Drive;
-use super::error::ClientError;
+use super::hub::HubOptions;
 use super::motion::{Motion, Progress, Setpoint};
 use super::motors_off::DrivingSession;
 use super::readings::{Schedule, motors_of};
@@ -9,7 +9,6 @@ use crate::output::{Failure, Folder, drawn, print};
 use crate::parse::{whole, with_negative_numbers};
 use clap::{CommandFactory, FromArgMatches};
 use motor_hub::extension::report::{HubReport, ReportedSetpoint};
-use motor_hub::protocol::Address;
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::units::Milliamperes;
 use motor_hub_client::line::Line;
@@ -70,36 +69,23 @@ impl Options {
         Ok(parsed.drive)
     }
 
-    /// The drive to record.
-    fn order(&self) -> Result<Motion, Failure> {
-        Ok(self.parsed()?.order()?.0)
-    }
-
-    /// The hub of the motors, if it is given.
-    pub(super) fn hub(&self) -> Result<Option<Address>, Failure> {
-        Ok(self.parsed()?.hub())
-    }
-
-    /// Checks the drive, and that the folder is writable, before anything is sent.
-    pub(super) fn check(&self) -> Result<(), Failure> {
-        self.order()?;
-        Folder::new(&self.out).map(drop)
-    }
-
-    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
-        let order = self.order()?;
-        let mut progress = Progress::new(&order, Duration::from_secs(1) / self.rate);
+    pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
+        let drive = self.parsed()?;
+        let (motion, _) = drive.motion()?;
+        let folder = Folder::new(&self.out)?;
+        let session = &mut hub.open(drive.hub())?;
+        let mut progress = Progress::new(&motion, Duration::from_secs(1) / self.rate);
         let words = format!("motor-hub client record -- {}", self.drive.join(" "));
-        let mut recorder = Recorder::new(&self.out, &words, &order)?;
+        let mut recorder = Recorder::new(&self.out, &words, &motion)?;
         let interval = Duration::from_secs(1) / self.rate;
         let done = DrivingSession::run(session, |driven| {
-            order.begin(driven)?;
-            if !recorder.run(driven, &order, &mut progress, interval)? {
-                progress.judge(order.length)?;
+            motion.begin(driven)?;
+            if !recorder.run(driven, &motion, &mut progress, interval)? {
+                progress.judge(motion.length)?;
             }
             Ok(())
         });
-        recorder.finish(&self.out)?;
+        recorder.finish(&folder)?;
         done
     }
 }
@@ -116,13 +102,12 @@ struct Recorder {
 }
 
 impl Recorder {
-    fn new(folder: &Path, words: &str, order: &Motion) -> Result<Self, Failure> {
+    fn new(folder: &Path, words: &str, motion: &Motion) -> Result<Self, Failure> {
         let path = folder.join("record.csv");
         let failed = |e| Failure::Work(format!("{}: {e}", path.display()));
-        std::fs::create_dir_all(folder).map_err(failed)?;
         let mut file = File::create(&path).map_err(failed)?;
         file.write_all(HEADINGS.as_bytes()).map_err(failed)?;
-        let requested = match order.course {
+        let requested = match motion.setpoint {
             Setpoint::Power(power) => ReportedSetpoint::Power(power),
             Setpoint::Current { ma, .. } => ReportedSetpoint::Current(Milliamperes::new(ma)),
             Setpoint::Velocity(cps) => ReportedSetpoint::Velocity(cps.into()),
@@ -143,20 +128,20 @@ impl Recorder {
     fn run(
         &mut self,
         session: &mut Session<Line>,
-        order: &Motion,
+        motion: &Motion,
         progress: &mut Progress,
         interval: Duration,
-    ) -> Result<bool, ClientError> {
-        let mut schedule = Schedule::new(interval, order.length);
+    ) -> Result<bool, Failure> {
+        let mut schedule = Schedule::new(interval, motion.length);
         let mut checked = schedule.since;
         loop {
             let begun = Instant::now();
-            if self.read(session, order, schedule.since, progress)? {
+            if self.read(session, motion, schedule.since, progress)? {
                 return Ok(true);
             }
             self.slowest = self.slowest.max(begun.elapsed());
             if checked.elapsed() > CHECK {
-                order.check(session)?;
+                motion.check(session)?;
                 checked = Instant::now();
             }
             if !schedule.wait()? {
@@ -168,10 +153,10 @@ impl Recorder {
     fn read(
         &mut self,
         session: &mut Session<Line>,
-        order: &Motion,
+        motion: &Motion,
         since: Instant,
         progress: &mut Progress,
-    ) -> Result<bool, ClientError> {
+    ) -> Result<bool, Failure> {
         let report = session.report()?;
         let bulk = match &report {
             Some(report) => bulk_of(report),
@@ -184,7 +169,7 @@ impl Recorder {
         };
         let battery_v = f64::from(battery.get()) / 1e3;
         let mut rows = String::new();
-        for (motor, position, cps, _) in motors_of(&bulk, &order.motors) {
+        for (motor, position, cps, _) in motors_of(&bulk, &motion.motors) {
             let of = report.as_ref().and_then(|report| report.motors.get(usize::from(motor)));
             let settled = of.map(|of| of.settled);
             let (control, current_a) = match of {
@@ -218,8 +203,8 @@ impl Recorder {
     }
 
     /// Draws the charts, and prints a summary.
-    fn finish(&self, folder: &Path) -> Result<(), Failure> {
-        let charts = Folder::new(folder)?.write_all(drawn(&self.recording.figures()))?;
+    fn finish(&self, folder: &Folder) -> Result<(), Failure> {
+        let charts = folder.write_all(drawn(&self.recording.figures()))?;
         let rate = f64::from(self.readings.saturating_sub(1)) / self.length.as_secs_f64().max(1e-3);
         let slowest = self.slowest.as_secs_f64() * 1e3;
         print(&format!(

@@ -1,6 +1,6 @@
 //! `motor-hub client settings`.
 
-use super::error::ClientError;
+use super::hub::HubOptions;
 use crate::output::{Failure, print, print_json};
 use dashboard::settings_file;
 use motor_hub::extension::HubFunction;
@@ -65,15 +65,12 @@ enum Command {
 }
 
 impl Options {
-    /// Checks the options before anything is sent.
-    pub(super) fn check(&self) -> Result<(), Failure> {
-        match &self.command {
-            Command::Import { file, .. } => read(file).map(drop),
-            _ => Ok(()),
-        }
-    }
-
-    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
+    pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
+        let imported = match &self.command {
+            Command::Import { file, .. } => read(file)?,
+            _ => Vec::new(),
+        };
+        let session = &mut hub.open(None)?;
         let done = match self.command {
             Command::Show { json } => return show(&session.stored()?, json),
             Command::Save => saved(session)?,
@@ -90,12 +87,12 @@ impl Options {
                 // Only the store's report says which coefficients a host has set; without it they would be lost.
                 session.stored()?;
                 let text = settings_file::export(session)?;
-                let Some(file) = file.filter(|file| file != Path::new("-")) else { return Ok(print(&text)?) };
+                let Some(file) = file.filter(|file| file != Path::new("-")) else { return print(&text) };
                 std::fs::write(&file, text).map_err(|error| at(&file, error))?;
                 format!("wrote {}", file.display())
             }
             Command::Import { file, save } => {
-                for (motor, values) in read(&file)? {
+                for (motor, values) in imported {
                     for values in values {
                         session.order(Request::Set(motor, values))?;
                     }
@@ -104,11 +101,11 @@ impl Options {
                 if save { format!("{in_force}\n{}", saved(session)?) } else { in_force }
             }
         };
-        Ok(print(&format!("{done}\n"))?)
+        print(&format!("{done}\n"))
     }
 }
 
-fn saved(session: &mut Session<Line>) -> Result<String, ClientError> {
+fn saved(session: &mut Session<Line>) -> Result<String, Failure> {
     let report = session.store(HubFunction::Save)?;
     ended(&report)?;
     Ok(format!("stored: {}", describe(&report)))
@@ -160,7 +157,7 @@ fn describe(report: &StoreReport) -> String {
     }
 }
 
-fn show(report: &StoreReport, json: bool) -> Result<(), ClientError> {
+fn show(report: &StoreReport, json: bool) -> Result<(), Failure> {
     let StoreReport { stored, version, number, at_work, outcome, differs, unknown, refused, .. } = *report;
     if json {
         let stored = match stored {
@@ -187,7 +184,7 @@ fn show(report: &StoreReport, json: bool) -> Result<(), ClientError> {
             "unknown_entries": unknown,
             "refused_entries": refused,
         });
-        return Ok(print_json(&document)?);
+        return print_json(&document);
     }
     let mut table = table::new(&["stored", &describe(report)], 1);
     let in_force = match stored {
@@ -208,5 +205,5 @@ fn show(report: &StoreReport, json: bool) -> Result<(), ClientError> {
     if let Err(Failure::Work(why) | Failure::Input(why)) = ended(report) {
         table.add_row(["last result", &why]);
     }
-    Ok(print(&format!("{table}\n"))?)
+    print(&format!("{table}\n"))
 }

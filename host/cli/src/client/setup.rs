@@ -1,18 +1,16 @@
 //! `motor-hub client setup`.
 
-use super::error::ClientError;
+use super::hub::HubOptions;
 use super::identify;
 use crate::constants::Constants;
 use crate::output::{Failure, print, print_json};
-use crate::parse::{MotorName, motor};
+use crate::parse::{MotorName, motor, named};
 use crate::scheme_options::SchemeOptions;
 use motor_hub::bridge::Timing;
 use motor_hub::extension::report::Condition;
 use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values};
 use motor_hub::model::catalogue::characterised;
 use motor_hub::motor::{SenseLine, Settings, ThermalLimit};
-use motor_hub_client::Session;
-use motor_hub_client::line::Line;
 use serde_json::json;
 use simulated::hardware::{thermal_limit, winding};
 use simulated::scheme::{SchemeWords, describe};
@@ -24,20 +22,20 @@ use studies::table;
 pub(crate) struct Options {
     /// Motor 0 to 3
     #[arg(value_parser = motor)]
-    pub(super) motor: MotorName,
+    motor: MotorName,
     /// Connected motor by its name in the catalogue, such as "NeveRest 60"; see `motor-hub motors`
     #[arg(long = "type", value_name = "NAME", conflicts_with_all = ["ke", "resistance_ohm", "inductance_mh"])]
     name: Option<String>,
     #[command(flatten)]
     constants: Constants,
     #[command(flatten)]
-    choice: SchemeOptions,
+    scheme: SchemeOptions,
     /// Behaviour of the motor at a fault, and when its host is silent
     #[arg(long, value_name = "WORD", ignore_case = true, value_parser = words("on_fault"))]
     on_fault: Option<String>,
     /// Timing of the motor's bridge, which limits its duties
-    #[arg(long, value_name = "WORD", ignore_case = true)]
-    bridge: Option<BridgeWord>,
+    #[arg(long, value_name = "WORD", ignore_case = true, value_parser = named(BRIDGES))]
+    bridge: Option<Timing>,
     /// Current that the winding tolerates continuously; 0 for no limit [default with --type: a third of the stall current]
     #[arg(long = "continuous-current-a", alias = "continuous-current", value_name = "A")]
     #[arg(value_parser = limit_ma("a continuous current"))]
@@ -67,40 +65,30 @@ fn words(name: &str) -> Vec<&'static str> {
     }
 }
 
-/// Timing of a bridge, as a value of `--bridge`.
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum BridgeWord {
-    /// Switches without delay, with any duty
-    Ideal,
-    /// Switches like a VNH5019
-    Vnh5019,
-}
-
-impl From<BridgeWord> for Timing {
-    fn from(word: BridgeWord) -> Self {
-        match word {
-            BridgeWord::Ideal => Self::IDEAL,
-            BridgeWord::Vnh5019 => Self::VNH5019,
-        }
-    }
-}
+/// Timings of bridges with their descriptions.
+const BRIDGES: [(&str, &str, Timing); 2] = [
+    ("ideal", "Switches without delay, with any duty", Timing::IDEAL),
+    ("vnh5019", "Switches like a VNH5019", Timing::VNH5019),
+];
 
 impl Options {
     /// Checks the options before anything is sent.
-    pub(super) fn check(&self) -> Result<(), Failure> {
+    fn check(&self) -> Result<(), Failure> {
         if let Some(name) = &self.name {
             characterised(name).map_err(Failure::input)?;
         }
-        self.choice.scheme()?;
+        self.scheme.scheme()?;
         self.constants.emf().map(drop)
     }
 
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
+    pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
+        self.check()?;
+        let session = &mut hub.open(self.motor.hub)?;
         let before = session.settings(self.motor.number)?;
         // All settings are checked before the first one is written.
         let wanted = self.changed(&before)?;
         // A set-up that was given is written also if it changes nothing: it deletes motion and coefficients.
-        let given = self.name.is_some() || !self.choice.is_empty() || !self.constants.is_empty();
+        let given = self.name.is_some() || !self.scheme.is_empty() || !self.constants.is_empty();
         for group in [Group::Protection, Group::CurrentLimit, Group::Timing, Group::SetUp] {
             let differs = Values::of(group, &wanted) != Values::of(group, &before);
             if differs || group == Group::SetUp && given {
@@ -130,10 +118,10 @@ impl Options {
         constants.emf = self.constants.emf()?.unwrap_or(constants.emf);
         constants.resistance = self.constants.resistance()?.unwrap_or(constants.resistance);
         constants.inductance = self.constants.inductance()?.or(constants.inductance);
-        *scheme = self.choice.scheme()?.unwrap_or(*scheme);
-        *duty = self.choice.duty().unwrap_or(*duty);
-        if let Some(word) = self.bridge {
-            *bridge = bridge.with_timing(word.into());
+        *scheme = self.scheme.scheme()?.unwrap_or(*scheme);
+        *duty = self.scheme.duty.unwrap_or(*duty);
+        if let Some(timing) = self.bridge {
+            *bridge = bridge.with_timing(timing);
         }
         if let Some(word) = &self.on_fault {
             let values = Values::collect(Group::Protection, |field| match field.name {
@@ -147,7 +135,7 @@ impl Options {
         Ok(settings)
     }
 
-    fn show(&self, settings: &MotorSettings, condition: Condition) -> Result<(), ClientError> {
+    fn show(&self, settings: &MotorSettings, condition: Condition) -> Result<(), Failure> {
         let field = |name: &str| Field::named(name).map(|field| (field, field.get(settings)));
         let number = |name: &str| field(name).map_or(0.0, |(field, raw)| field.number_of(raw));
         let word = |name: &str| field(name).and_then(|(field, raw)| field.word_of(raw)).unwrap_or_default();
@@ -158,11 +146,8 @@ impl Options {
         let amperes = known("thermal.continuous_current_ma").map(|ma| ma / 1e3);
         let limit = known("current_limit_ma").map(|ma| ma / 1e3);
         let Settings { scheme, bridge, .. } = settings.motor;
-        let bridge = match bridge.timing() {
-            Timing::IDEAL => "ideal",
-            Timing::VNH5019 => "vnh5019",
-            _ => "other",
-        };
+        let bridge = BRIDGES.iter().find(|(.., timing)| *timing == bridge.timing());
+        let bridge = bridge.map_or("other", |(name, ..)| *name);
         let heat = amperes.map(|_| f64::from(condition.heat) / 10.0);
         let state = match condition {
             Condition { bridge_fault: true, .. } => "off: the bridge switched itself off",
@@ -192,7 +177,7 @@ impl Options {
                 "current_limit_a": limit,
                 "motion": identify::motion_json(settings),
             });
-            return Ok(print_json(&document)?);
+            return print_json(&document);
         }
         let inductance = millihenries.map_or_else(|| "not configured".to_owned(), |mh| format!("{mh:.3} mH"));
         let mut table = table::new(&["motor", &self.motor.number.to_string()], 2);
@@ -220,7 +205,7 @@ impl Options {
         for (name, value) in identify::rows(settings) {
             table.add_row([name, &value]);
         }
-        Ok(print(&format!("{table}\n"))?)
+        print(&format!("{table}\n"))
     }
 }
 

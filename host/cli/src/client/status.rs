@@ -1,8 +1,8 @@
 //! `motor-hub client status`.
 
-use super::error::ClientError;
+use super::hub::HubOptions;
 use super::readings::alert_words;
-use crate::output::{print, print_json};
+use crate::output::{Failure, print_as};
 use motor_hub::extension::report::BusReport;
 use motor_hub::extension::report::Condition;
 use motor_hub::motor::{SenseLine, ZeroPower};
@@ -47,10 +47,9 @@ struct Everything {
 }
 
 impl Options {
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
-        let hub = Everything::read(session, self.clear)?;
-        let printed = if self.json { print_json(&hub.json()) } else { print(&hub.text()) };
-        Ok(printed?)
+    pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
+        let shown = Everything::read(&mut hub.open(None)?, self.clear)?;
+        print_as(self.json, &shown.json(), shown.text())
     }
 }
 
@@ -124,7 +123,7 @@ impl Everything {
         for row in rest {
             motors.add_row(row);
         }
-        format!("{head}\nVelocities in counts/s, positions in counts\n{motors}\n")
+        format!("{head}\nVelocities in counts/s, positions in counts\n{motors}")
     }
 
     fn json(&self) -> Value {

@@ -1,7 +1,7 @@
 //! `motor-hub client together`: moves motors in step.
 
 use super::drive;
-use super::error::ClientError;
+use super::hub::HubOptions;
 use super::motion::warn_of;
 use super::motors_off::DrivingSession;
 use crate::output::{Failure, print};
@@ -9,8 +9,8 @@ use crate::parse::{MotorName, common_hub, whole, within_a_day};
 use motor_hub::extension::group::{GroupCourse, GroupState};
 use motor_hub::group::{GroupCommand, Halt, TOLERANCE};
 use motor_hub::motor::ZeroPower;
+use motor_hub::protocol::CHANNELS;
 use motor_hub::protocol::motor::RunMode;
-use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub::units::{Acceleration, Control, CountsPerSecond};
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
@@ -66,32 +66,24 @@ fn acceleration(text: &str) -> Result<Acceleration, String> {
 const FASTEST_CPS: i32 = 1_000_000;
 
 impl Options {
-    /// The hub of the motors, if it is given.
-    pub(super) fn hub(&self) -> Result<Option<Address>, String> {
-        common_hub(self.members.iter().map(|(motor, _)| *motor))
-            .map_err(|why| format!("{why}, and so is a group"))
-    }
-
-    /// Checks the options before anything is sent.
-    pub(super) fn check(&self) -> Result<(), Failure> {
-        self.values().map(drop)
-    }
-
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
+    pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
         let values = self.values()?;
+        let of_motors = common_hub(self.members.iter().map(|(motor, _)| *motor))
+            .map_err(|why| Failure::Input(format!("{why}, and so is a group")))?;
+        let session = &mut hub.open(of_motors)?;
         let motors: Vec<u8> = drive::ALL.into_iter().zip(values).filter_map(|(m, v)| v.map(|_| m)).collect();
-        let settled = DrivingSession::run(session, |driven| {
+        let settled = DrivingSession::run(session, |session| {
             if self.on {
                 let speeds = drive::ALL.into_iter().zip(values);
                 let speeds = speeds.filter_map(|(motor, cps)| Some((motor, cps?.unsigned_abs())));
-                warn_of(driven, &speeds.collect::<Vec<_>>())?;
+                warn_of(session, &speeds.collect::<Vec<_>>())?;
             }
-            let wanted = self.wanted(driven, values)?;
-            stand(driven, &motors)?;
-            let settled = self.lead(driven, &motors, wanted)?;
+            let wanted = self.wanted(session, values)?;
+            stand(session, &motors)?;
+            let settled = self.lead(session, &motors, wanted)?;
             if !settled && !self.on {
                 let seconds = self.length.unwrap_or_default().as_secs_f64();
-                return Err(Failure::Work(format!("targets not reached after {seconds} s")).into());
+                return Err(Failure::Work(format!("targets not reached after {seconds} s")));
             }
             Ok(settled)
         })?;
@@ -122,7 +114,7 @@ impl Options {
         &self,
         session: &mut Session<Line>,
         values: [Option<i32>; CHANNELS],
-    ) -> Result<GroupCommand<GroupCourse>, ClientError> {
+    ) -> Result<GroupCommand<GroupCourse>, Failure> {
         let mut speed = CountsPerSecond::new(self.speed);
         let course = if self.on {
             let fastest = values.iter().flatten().map(|cps| cps.abs()).max();
@@ -153,7 +145,7 @@ impl Options {
         session: &mut Session<Line>,
         motors: &[u8],
         wanted: GroupCommand<GroupCourse>,
-    ) -> Result<bool, ClientError> {
+    ) -> Result<bool, Failure> {
         let Some(&first) = motors.first() else { return Ok(false) };
         session.move_together(first, wanted)?;
         drive::follow(session, motors, None, self.length, |session, reading| {
@@ -161,7 +153,7 @@ impl Options {
                 GroupState::Alone => {
                     let words = reading.status.words().join(", ");
                     let why = format!("the hub has ended the group of motor {first}; hub status: {words}");
-                    Err(Failure::Work(why).into())
+                    Err(Failure::Work(why))
                 }
                 state => Ok(state == GroupState::Settled),
             }
@@ -170,11 +162,11 @@ impl Options {
 }
 
 /// Enables motors with power 0, so that they brake.
-fn stand(driven: &mut DrivingSession<'_, Line>, motors: &[u8]) -> Result<(), ClientError> {
+fn stand(session: &mut DrivingSession<'_, Line>, motors: &[u8]) -> Result<(), Failure> {
     for &motor in motors {
-        driven.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
-        driven.set_power(motor, Control::ZERO)?;
-        driven.enable(motor)?;
+        session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
+        session.set_power(motor, Control::ZERO)?;
+        session.enable(motor)?;
     }
     Ok(())
 }

@@ -3,7 +3,7 @@
 mod image;
 mod signature;
 
-use super::error::ClientError;
+use super::hub::HubOptions;
 use super::interrupt;
 use crate::output::{Failure, print, progress};
 use image::Image;
@@ -68,11 +68,6 @@ pub(crate) struct Options {
 }
 
 impl Options {
-    /// Checks the files before anything is sent.
-    pub(super) fn check(&self) -> Result<(), Failure> {
-        self.read().map(drop)
-    }
-
     fn read(&self) -> Result<(Image, Option<Seal>), Failure> {
         let image = Image::open(&self.file).map_err(Failure::Input)?;
         let (Some(signature), Some(key)) = (&self.signature, &self.key) else { return Ok((image, None)) };
@@ -86,8 +81,9 @@ impl Options {
         Ok((image, Some(seal)))
     }
 
-    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
+    pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
         let (image, seal) = self.read()?;
+        let session = &mut hub.open(None)?;
         let report = session.update_state().map_err(no_bootloader)?;
         fits(&image, &report)?;
         if report.phase == Phase::Armed {
@@ -103,17 +99,17 @@ impl Options {
             _ => why_not_started(after.booted, &image.version, &now),
         };
         match why {
-            None => Ok(print(&format!("before: {before}\nnow:    {now}, confirmed\n"))?),
-            Some(why) => Err(Failure::Work(why).into()),
+            None => print(&format!("before: {before}\nnow:    {now}, confirmed\n")),
+            Some(why) => Err(Failure::Work(why)),
         }
     }
 }
 
 /// Message for a hub that does not support updates.
-fn no_bootloader(error: Error) -> ClientError {
+fn no_bootloader(error: Error) -> Failure {
     match error {
         Error::Refused { reason: Nack::UNSUPPORTED | Nack::UNKNOWN, .. } | Error::TooOld { .. } => {
-            Failure::work("the hub has no bootloader: flash new firmware through its debug probe").into()
+            Failure::work("the hub has no bootloader: flash new firmware through its debug probe")
         }
         error => error.into(),
     }
@@ -130,20 +126,20 @@ fn fits(image: &Image, report: &UpdateReport) -> Result<(), Failure> {
     why_unfit(&image.bytes, report).map_or(Ok(()), |why| Err(Failure::Input(why)))
 }
 
-fn send(session: &mut Session<Line>, image: &Image, seal: Option<Seal>) -> Result<(), ClientError> {
+fn send(session: &mut Session<Line>, image: &Image, seal: Option<Seal>) -> Result<(), Failure> {
     // After a signal the transfer is abandoned, so that the hub does not wait for the rest.
     interrupt::listen()?;
     let bar = progress(Some(image.bytes.len() as u64), "bytes");
     let report = session.send_image(&image.bytes, &image.version, seal, |sent| {
         bar.set_position(sent as u64);
-        interrupt::wait(Instant::now()).map_err(ClientError::from)
+        interrupt::wait(Instant::now())
     });
     bar.finish_and_clear();
-    why_not_armed(&report?).map_or(Ok(()), |why| Err(Failure::work(why).into()))
+    why_not_armed(&report?).map_or(Ok(()), |why| Err(Failure::work(why)))
 }
 
 /// Waits until the hub answers again, and has confirmed the new firmware or returned to the former one.
-fn returned(session: &mut Session<Line>) -> Result<UpdateReport, ClientError> {
+fn returned(session: &mut Session<Line>) -> Result<UpdateReport, Failure> {
     let (begun, mut answered) = (Instant::now(), None);
     let bar = ProgressBar::new_spinner().with_message("the hub swaps its firmware");
     loop {

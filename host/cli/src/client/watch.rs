@@ -1,14 +1,12 @@
 //! `motor-hub client watch`.
 
 use super::drive;
-use super::error::ClientError;
+use super::hub::HubOptions;
 use super::motors_off::stop_abandoned;
 use super::readings::{Live, repeat};
 use super::shaft_speed::ShaftOptions;
-use crate::output::{print, versioned};
+use crate::output::{Failure, print, versioned};
 use crate::parse::{whole, within_a_day};
-use motor_hub_client::Session;
-use motor_hub_client::line::Line;
 use std::time::{Duration, Instant};
 
 /// Interval between two checks for motors that another host has enabled; shorter than the hub's keep-alive of 2.5 s.
@@ -32,8 +30,9 @@ pub(crate) struct Options {
 }
 
 impl Options {
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
+    pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
         let turn = self.turn.counts()?;
+        let session = &mut hub.open(None)?;
         let mut live = Live::new();
         let interval = Duration::from_millis(self.interval);
         let mut checked = Instant::now();

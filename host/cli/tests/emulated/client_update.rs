@@ -1,14 +1,12 @@
 //! `motor-hub client update` over a pseudo-terminal, against the bootloader and the hub behind it on the emulated
 //! H743.
 #![cfg(unix)]
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-use crate::common::{PROGRAM, alone, folder, motor_hub};
+use crate::common::{PROGRAM, alone, client, folder, motor_hub, write};
 use crate::conformance::Hub;
 use crate::output::{err, fails, out};
 use emulated::{Board, elf};
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
 use std::time::Instant;
 
 const BOARD: Board = Board::NucleoH743zi2;
@@ -17,13 +15,6 @@ const SLOT: u32 = 0x0802_0000;
 /// Version text of the present image.
 const OLD: &[u8] = concat!("mh", env!("CARGO_PKG_VERSION"), "\0").as_bytes();
 const NEW: &[u8] = b"mh9.9.9\0";
-
-fn write(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
-    std::fs::create_dir_all(folder).unwrap();
-    let file = folder.join(name);
-    std::fs::write(&file, bytes).unwrap();
-    file
-}
 
 /// The hub's image with another version.
 fn newer() -> Vec<u8> {
@@ -36,16 +27,12 @@ fn newer() -> Vec<u8> {
     image
 }
 
-fn client(hub: &Hub, arguments: &[&str]) -> Output {
-    Command::new(PROGRAM).args(["client", "--port", &hub.place]).args(arguments).output().unwrap()
-}
-
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_hub_is_given_new_firmware_over_its_line_and_says_so() {
     let _alone = alone();
     let folder = folder("client-update");
-    let file = write(&folder, "newer.elf", &newer()).display().to_string();
+    let file = write(&folder, "newer.elf", newer());
     let link = folder.join("hub").display().to_string();
     let board = ["--emulated", "--board", "nucleo-h743zi2", "--bootloader", "--pty", "--link", &link];
     let hub = Hub::start(PROGRAM, &board);
@@ -56,7 +43,7 @@ fn a_hub_is_given_new_firmware_over_its_line_and_says_so() {
     assert!(err(&refused).contains(why), "{}", err(&refused));
     let mut other = [0x2003_0000_u32, 0x0800_0199].map(u32::to_le_bytes).concat();
     other.extend(b"HW: 20, Maj: 1, Min: 8, Eng: 2, mh1.0.0\0");
-    let other = write(&folder, "other.bin", &other).display().to_string();
+    let other = write(&folder, "other.bin", other);
     let refused = client(&hub, &["update", &other]);
     assert!(err(&refused).contains("the image is for another chip"), "{}", err(&refused));
     other_stack_is_refused_by_the_hub(&hub, &folder);
@@ -73,7 +60,7 @@ fn a_hub_is_given_new_firmware_over_its_line_and_says_so() {
 fn other_stack_is_refused_by_the_hub(hub: &Hub, folder: &Path) {
     let mut image = [0x2003_0000_u32, SLOT + 0x199].map(u32::to_le_bytes).concat();
     image.extend(b"HW: 20, Maj: 1, Min: 8, Eng: 2, mh1.0.0\0");
-    let file = write(folder, "stack.bin", &image).display().to_string();
+    let file = write(folder, "stack.bin", image);
     let refused = client(hub, &["update", &file]);
     assert!(err(&refused).contains("the image is not for this chip"), "{}", err(&refused));
 }
@@ -83,7 +70,7 @@ fn other_stack_is_refused_by_the_hub(hub: &Hub, folder: &Path) {
 fn a_hub_without_a_bootloader_says_so() {
     let _alone = alone();
     let folder = folder("client-update-none");
-    let file = write(&folder, "newer.elf", &newer()).display().to_string();
+    let file = write(&folder, "newer.elf", newer());
     let hub = Hub::start(PROGRAM, &["--pty", "--link", &folder.join("hub").display().to_string()]);
     fails(&client(&hub, &["update", &file]), 1, "the hub has no bootloader");
 }
@@ -93,7 +80,7 @@ fn a_hub_without_a_bootloader_says_so() {
 fn a_file_that_is_no_firmware_is_refused_before_a_hub_is_asked() {
     let _alone = alone();
     let folder = folder("client-update-file");
-    let file = write(&folder, "a.bin", b"nothing").display().to_string();
+    let file = write(&folder, "a.bin", b"nothing");
     for (file, why) in [(&*file, "not a motor-hub firmware"), ("/does/not/exist", "No such file")] {
         fails(&motor_hub(&["client", "--port", "nowhere", "update", file]), 2, why);
     }

@@ -1,7 +1,6 @@
 //! Commands about images, run as a program.
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-use crate::common::{folder, motor_hub};
+use crate::common::{folder, motor_hub, write};
 use crate::output::{err, fails, out};
 
 #[test]
@@ -42,12 +41,11 @@ fn elsewhere_than_in_its_sources_an_image_is_taken_and_not_built() {
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn the_image_of_either_board_runs_a_scenario_over_the_simulation() {
     let folder = folder("emulated");
-    let scenario = folder.with_extension("toml");
     let text = "name = \"a moment\"\nduration_s = 0.4\n[battery]\nemf_v = 12\nresistance_ohm = 0.1\n\
                 [[motors]]\nlabel = \"one\"\nmotor = \"AM 60 A\"\nsetpoints = [{ at_s = 0, power = 0.5 }]\n";
-    std::fs::write(&scenario, text).unwrap();
+    let scenario = write(&folder, "moment.toml", text);
     for (board, chip) in [("nucleo-f429zi", "STM32F427"), ("nucleo-h743zi2", "STM32H743")] {
-        let run = ["emulate", "--board", board, "--scenario", scenario.to_str().unwrap(), "--out"];
+        let run = ["emulate", "--board", board, "--scenario", &scenario, "--out"];
         let tables = out(&motor_hub(&[&run[..], &[folder.to_str().unwrap()]].concat()));
         let apart = tables.split_once("Apart by at most ").expect("how far apart they are").1;
         let apart: f64 = apart.split(' ').next().unwrap().parse().unwrap();

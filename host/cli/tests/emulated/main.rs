@@ -2,6 +2,7 @@
 
 mod client_update;
 mod command_line;
+#[expect(dead_code, reason = "the tests of the program use more of it")]
 #[path = "../program/common/mod.rs"]
 mod common;
 #[expect(dead_code, reason = "the tests of the program use more of it")]

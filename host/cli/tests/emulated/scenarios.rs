@@ -1,5 +1,5 @@
 //! Runs the scenarios in `tests/scenarios` with `emulated = true` by the flashed image on the emulated chip, and checks
-//! their expectations. The board is that of `MOTOR_HUB_BOARD`, or the first.
+//! their expectations. `MOTOR_HUB_BOARD` names the board; the default is the first.
 
 use crate::scenario_files;
 use emulated::{Board, replay};

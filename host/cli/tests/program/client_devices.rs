@@ -1,36 +1,25 @@
 //! `motor-hub client servo`, `analog`, `digital` and `i2c` against a served hub.
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-use crate::common::folder;
+use crate::common::{self, PROGRAM, client, folder, write};
 use crate::conformance::{Ack, Data, Host, Hub, Nack};
-use crate::output::{err, out};
+use crate::output::{self, fails, out};
 use serde_json::{Value, json};
 use std::io::{Read, Write};
-use std::process::{Command, Output};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
-
 /// A served hub with devices.
 fn served(test: &str, attached: &str) -> Hub {
-    let folder = folder(test);
-    std::fs::create_dir_all(&folder).unwrap();
-    let file = folder.join("attached.toml");
     let text = format!(
         "name = \"devices\"\nduration_s = 1\nbattery = {{ emf_v = 12, resistance_ohm = 0.1 }}\n\
          [attached]\n{attached}\n[[motors]]\nlabel = \"a\"\nmotor = \"NeveRest 60\"\nscheme = \"A\"\n"
     );
-    std::fs::write(&file, text).unwrap();
-    Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--scenario", file.to_str().unwrap()])
-}
-
-fn client(hub: &Hub, arguments: &[&str]) -> Output {
-    Command::new(PROGRAM).args(["client", "--tcp", &hub.place]).args(arguments).output().unwrap()
+    let scenario = write(&folder(test), "attached.toml", text);
+    Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--scenario", &scenario])
 }
 
 fn document(hub: &Hub, arguments: &[&str]) -> Value {
-    serde_json::from_str(&out(&client(hub, &[arguments, &["--json"]].concat()))).unwrap()
+    output::json(&client(hub, &[arguments, &["--json"]].concat()))
 }
 
 #[test]
@@ -74,8 +63,7 @@ fn a_servo_and_an_output_are_on_while_their_commands_run() {
         (&["i2c", "read", "0", "0x28", "101"], "a number of bytes is 1 to 100"),
         (&["i2c", "write", "0", "0x28", "256"], "a byte is 0 to 255, or 0x00 to 0xff"),
     ] {
-        let refused = client(&hub, wrong);
-        assert!(refused.status.code() == Some(2) && err(&refused).contains(says), "{}", err(&refused));
+        fails(&client(&hub, wrong), 2, says);
     }
 }
 
@@ -102,8 +90,7 @@ fn i2c_devices_are_found_read_and_written() {
     for (address, bus, says) in
         [("0x29", "0", "no device acknowledges this address"), ("0x28", "2", "time-out")]
     {
-        let failed = client(&hub, &["i2c", "read", bus, address]);
-        assert!(failed.status.code() == Some(1) && err(&failed).contains(says), "{}", err(&failed));
+        fails(&client(&hub, &["i2c", "read", bus, address]), 1, says);
     }
 }
 
@@ -142,7 +129,7 @@ fn set(host: &mut Host<impl Read + Write>, register: u8, value: u8, polls: bool)
 /// The start of the competition's software: each step in its order, without a reset of the sensor.
 #[test]
 fn the_inertial_sensor_starts_as_the_competition_starts_it_and_turns_with_the_drive_base() {
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let hub = common::served();
     let mut host = hub.tcp();
     sleep(Duration::from_millis(700));
     assert_eq!(registers(&mut host, 0x00, 1), [0xA0]);

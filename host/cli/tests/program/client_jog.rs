@@ -1,8 +1,7 @@
 //! `motor-hub client jog` on a pseudo-terminal, against the served simulated hub.
 #![cfg(unix)]
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-use crate::common::{PROGRAM, client, signal};
+use crate::common::{PROGRAM, client, served, signal};
 use crate::conformance::Hub;
 use crate::output::{err, fails, json};
 use rustix::fs::{Mode, OFlags};
@@ -67,7 +66,7 @@ impl Terminal {
 }
 
 fn motors(hub: &Hub) -> Vec<(i64, bool)> {
-    let asked = client(&hub.place, &["status", "--json"]);
+    let asked = client(hub, &["status", "--json"]);
     assert_eq!(err(&asked), "", "every motor was off");
     let status = json(&asked);
     let motors = status["motors"].as_array().unwrap();
@@ -76,7 +75,7 @@ fn motors(hub: &Hub) -> Vec<(i64, bool)> {
 
 #[test]
 fn a_key_drives_a_motor_while_it_is_held_and_not_longer() {
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let hub = served();
     let mut terminal = Terminal::jog(&hub, &["--speed", "400", "--hold", "0.3"]);
     let begin = Instant::now();
     for _ in 0..10 {
@@ -103,7 +102,7 @@ fn a_key_drives_a_motor_while_it_is_held_and_not_longer() {
 
 #[test]
 fn the_terminal_is_put_back_and_motors_stopped_however_it_ends() {
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let hub = served();
     for end in ["-TERM", "-HUP", "Ctrl-C"] {
         let mut terminal = Terminal::jog(&hub, &["--power", "0.3", "--hold", "5"]);
         terminal.keys("k");
@@ -121,7 +120,7 @@ fn the_terminal_is_put_back_and_motors_stopped_however_it_ends() {
 
 #[test]
 fn without_a_terminal_nothing_is_driven() {
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let hub = served();
     let mut command = Command::new(PROGRAM);
     let output = command.args(["client", "--tcp", &hub.place, "jog"]).stdin(Stdio::null()).output().unwrap();
     fails(&output, 1, "not a terminal");

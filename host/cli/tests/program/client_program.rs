@@ -1,5 +1,4 @@
 //! `motor-hub client` against the hub's own side of the protocol, over TCP.
-#![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
 
 use crate::common::{PROGRAM, motor_hub};
 use crate::hub_support::{Hub, Server};
@@ -10,7 +9,7 @@ use serde_json::Value;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-fn client(server: &Server, arguments: &[&str]) -> Output {
+pub(crate) fn client(server: &Server, arguments: &[&str]) -> Output {
     program(&[&["--tcp", &server.address, "--address", "3"], arguments].concat())
 }
 

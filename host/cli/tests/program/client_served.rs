@@ -1,20 +1,11 @@
 //! `motor-hub client` against the served simulated hub, whose motors turn.
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-use crate::common::{self, PROGRAM, folder, signal};
+use crate::common::{PROGRAM, client, folder, served, signal};
 use crate::conformance::Hub;
 use crate::output::{err, fails, json, out};
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
-use std::process::{Child, ChildStdout, Command, Output, Stdio};
-
-fn served() -> Hub {
-    Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"])
-}
-
-fn client(hub: &Hub, arguments: &[&str]) -> Output {
-    common::client(&hub.place, arguments)
-}
+use std::process::{Child, ChildStdout, Command, Stdio};
 
 fn status(hub: &Hub) -> Value {
     json(&client(hub, &["status", "--json"]))
@@ -213,16 +204,8 @@ fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
     let left = || std::fs::read_dir(notes.join("motor-hub")).unwrap().count();
     let link = notes.join("hub");
     let link = link.to_str().unwrap();
-    let mut tcp = Command::new(PROGRAM)
-        .args(["serve", "--tcp", "127.0.0.1:0"])
-        .env("XDG_RUNTIME_DIR", &notes)
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let (mut place, mut says) = (String::new(), tcp.stderr.take().unwrap());
-    BufReader::new(tcp.stdout.take().unwrap()).read_line(&mut place).unwrap();
-    let tcp = Hub::of(tcp, &place);
+    let (tcp, mut says) = Hub::start_heard(&notes, PROGRAM);
+    let place = tcp.place.clone();
     let mut pty = Hub::start_in(&notes, PROGRAM, &["--pty", "--link", link]);
     let scan = |more: &[&str]| {
         let mut scan = Command::new(PROGRAM);

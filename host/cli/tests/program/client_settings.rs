@@ -1,12 +1,11 @@
 //! `motor-hub client settings` against a served hub that keeps its settings in a file.
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-use crate::common::{self, PROGRAM, folder, motor_hub};
+use crate::common::{self, PROGRAM, client, folder, motor_hub, write};
 use crate::conformance::{Hub, conforms};
 use crate::output::{fails, json, out};
 use serde_json::Value;
 use std::path::PathBuf;
-use std::process::{Command, Output};
+use std::process::Command;
 
 /// An empty folder, and a hub that stores its settings in it.
 fn store(test: &str) -> (PathBuf, String) {
@@ -18,10 +17,6 @@ fn store(test: &str) -> (PathBuf, String) {
 
 fn served(store: &str) -> Hub {
     Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--store", store])
-}
-
-fn client(hub: &Hub, arguments: &[&str]) -> Output {
-    common::client(&hub.place, arguments)
 }
 
 fn settings(hub: &Hub, arguments: &[&str]) -> String {
@@ -157,7 +152,7 @@ fn all_of_a_file_is_checked_before_anything_is_written() {
 
 #[test]
 fn a_hub_without_a_store_says_so() {
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let hub = common::served();
     for what in ["show", "save", "load", "reset", "export"] {
         fails(&client(&hub, &["settings", what]), 1, "this hub does not have it");
     }
@@ -165,12 +160,9 @@ fn a_hub_without_a_store_says_so() {
 
 #[test]
 fn a_file_that_is_no_store_is_refused_and_left_alone() {
-    let (folder, _) = store("settings-no-store");
-    let file = folder.join("letter.txt");
-    std::fs::write(&file, "Dear hub,").unwrap();
-    let path = file.display().to_string();
+    let file = write(&folder("settings-no-store"), "letter.txt", "Dear hub,");
     for (path, says) in
-        [(path.as_str(), "is not a store of a hub's settings"), ("/nowhere/store", "/nowhere/store: ")]
+        [(file.as_str(), "is not a store of a hub's settings"), ("/nowhere/store", "/nowhere/store: ")]
     {
         fails(&motor_hub(&["serve", "--tcp", "127.0.0.1:0", "--store", path]), 2, says);
     }
@@ -211,7 +203,6 @@ fn an_address_that_a_later_firmwares_settings_keep_from_being_stored_is_told_so(
 #[test]
 fn settings_are_exported_to_standard_output_by_a_dash() {
     let (folder, store) = store("settings-dash");
-    std::fs::create_dir_all(&folder).unwrap();
     let hub = served(&store);
     let exported = settings(&hub, &["export"]);
     let client = Command::new(PROGRAM)

@@ -1,10 +1,4 @@
 //! The command line: exit codes, outputs, and what a run shows.
-#![expect(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::indexing_slicing,
-    reason = "a failed access is a failed test"
-)]
 
 use crate::common::{folder, motor_hub};
 use crate::output::{err, fails, json, out};

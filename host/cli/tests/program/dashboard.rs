@@ -1,12 +1,6 @@
 //! The server of `motor-hub dashboard`, by sockets without a browser: which page may move motors, and when motors stop.
-#![expect(
-    clippy::unwrap_used,
-    clippy::indexing_slicing,
-    clippy::panic,
-    reason = "a failed access is a failed test"
-)]
 
-use crate::client_update_told::{KEY, RUNS, SIGNATURE, SLOT, goes_back, good, image, serve};
+use crate::client_update::{KEY, RUNS, SIGNATURE, SLOT, goes_back, good, image, serve};
 use crate::conformance::Hub;
 use crate::hub_support::{Hub as FakeHub, Server};
 use crate::page::Dashboard;

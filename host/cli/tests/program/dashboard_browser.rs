@@ -1,5 +1,4 @@
 //! `motor-hub dashboard` in a real browser: what a user sees and does.
-#![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
 
 use crate::browser::page::{drive, live, motor, off, pictures, unobstructed};
 use crate::browser::{Browser, Tab, find, wait_for};
@@ -16,18 +15,25 @@ pub(crate) const SPACE: (&str, u32) = (" ", 32);
 
 /// Runs a test with a page of a simulated hub, in desktop size. The browser's console must have no errors at the end.
 pub(crate) fn with_page(name: &str, test: impl FnOnce(&mut Tab<'_>)) {
+    with_page_of(name, &[], |_, tab| {
+        test(tab);
+        assert_eq!(tab.complaints(), Vec::<String>::new());
+    });
+}
+
+/// Runs a test with a page of a dashboard that is started with these arguments, in desktop size.
+pub(crate) fn with_page_of(name: &str, arguments: &[&str], test: impl FnOnce(&mut Dashboard, &mut Tab<'_>)) {
     let Some(program) = find() else { return };
     let _alone = alone();
-    let dashboard = Dashboard::start(&[]);
+    let mut dashboard = Dashboard::start(arguments);
     let mut browser = Browser::start(&program, name);
     let mut tab = browser.open(&dashboard.url, 1280, 1000);
     live(&mut tab);
-    test(&mut tab);
-    assert_eq!(tab.complaints(), Vec::<String>::new());
+    test(&mut dashboard, &mut tab);
 }
 
-/// Opens two pages of one hub, ends the first page, and checks in the second page that the motors are disabled.
-pub(crate) fn with_two_pages(name: &str, end: impl FnOnce(Tab<'_>), says: &str, most: Duration) {
+/// Runs a test with two pages of one hub. The first page drives motor 0 at 900 counts/s.
+pub(crate) fn with_driver_and_viewer(name: &str, test: impl FnOnce(Tab<'_>, Tab<'_>)) {
     let Some(program) = find() else { return };
     let _alone = alone();
     let dashboard = Dashboard::start(&[]);
@@ -39,21 +45,31 @@ pub(crate) fn with_two_pages(name: &str, end: impl FnOnce(Tab<'_>), says: &str, 
     let mut viewer = second.open(&dashboard.url, 1280, 1000);
     live(&mut viewer);
     drive(&mut driver, 0, 900);
-    assert_eq!(viewer.ask("document.querySelector('#control').textContent"), "Another page is in control");
-    let since = Instant::now();
-    end(driver);
-    let took = wait_for("a motor that is off", || {
-        (viewer.ask(&motor(0, "enabled")) == false).then(|| since.elapsed())
+    test(driver, viewer);
+}
+
+/// Ends the page that drives a motor, and checks in a second page that the motors are disabled.
+pub(crate) fn with_two_pages(name: &str, end: impl FnOnce(Tab<'_>), says: &str, most: Duration) {
+    with_driver_and_viewer(name, |driver, mut viewer| {
+        assert_eq!(
+            viewer.ask("document.querySelector('#control').textContent"),
+            "Another page is in control"
+        );
+        let since = Instant::now();
+        end(driver);
+        let took = wait_for("a motor that is off", || {
+            (viewer.ask(&motor(0, "enabled")) == false).then(|| since.elapsed())
+        });
+        println!("{name}: off after {:.0} ms", took.as_secs_f64() * 1e3);
+        assert!(took < most, "{took:?}");
+        viewer.wait(&format!("document.querySelector('#notice').textContent.includes('{says}')"));
+        // A coasting motor has control 0 and current 0.
+        viewer.wait(&format!("{} === 0 && {} === 0", motor(0, "control"), motor(0, "current_a")));
+        viewer.wait("document.querySelector('#take').checkVisibility()");
+        viewer.click("#take");
+        viewer.wait("document.querySelector('#control').textContent.startsWith('You are in control')");
+        assert_eq!(viewer.complaints(), Vec::<String>::new());
     });
-    println!("{name}: off after {:.0} ms", took.as_secs_f64() * 1e3);
-    assert!(took < most, "{took:?}");
-    viewer.wait(&format!("document.querySelector('#notice').textContent.includes('{says}')"));
-    // A coasting motor has control 0 and current 0.
-    viewer.wait(&format!("{} === 0 && {} === 0", motor(0, "control"), motor(0, "current_a")));
-    viewer.wait("document.querySelector('#take').checkVisibility()");
-    viewer.click("#take");
-    viewer.wait("document.querySelector('#control').textContent.startsWith('You are in control')");
-    assert_eq!(viewer.complaints(), Vec::<String>::new());
 }
 
 #[test]
@@ -384,26 +400,22 @@ fn report_of_drawing_full_plots() {
 #[test]
 #[ignore = "a report, not a test: times are this machine's"]
 fn report_of_stop_with_eight_viewers() {
-    let Some(program) = find() else { return };
-    let _alone = alone();
-    let dashboard = Dashboard::start(&[]);
-    let mut browser = Browser::start(&program, "stop-times");
-    let mut tab = browser.open(&dashboard.url, 1280, 1000);
-    live(&mut tab);
-    let ended = AtomicBool::new(false);
-    std::thread::scope(|scope| {
-        for _ in 0..8 {
-            scope.spawn(|| {
-                let mut viewer = Page::open(&dashboard);
-                while !ended.load(Ordering::Relaxed) {
-                    viewer.stay(Duration::from_millis(100));
-                }
-            });
-        }
-        tab.wait("dashboard.state.pages === 9");
-        let mut times: Vec<f64> = Vec::new();
-        for _ in 0..20 {
-            let ten = tab.ask(
+    with_page_of("stop-times", &[], |dashboard, tab| {
+        let dashboard = &*dashboard;
+        let ended = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            for _ in 0..8 {
+                scope.spawn(|| {
+                    let mut viewer = Page::open(dashboard);
+                    while !ended.load(Ordering::Relaxed) {
+                        viewer.stay(Duration::from_millis(100));
+                    }
+                });
+            }
+            tab.wait("dashboard.state.pages === 9");
+            let mut times: Vec<f64> = Vec::new();
+            for _ in 0..20 {
+                let ten = tab.ask(
                 "(async () => { const { link, state } = dashboard; const times = []; \
                     window.hear ??= link.hear; let heard = () => {}; link.hear = (message) => { window.hear(message); heard(); }; \
                     const until = (is) => new Promise((done) => { heard = () => is() && done(); heard(); }); \
@@ -415,16 +427,17 @@ fn report_of_stop_with_eight_viewers() {
                         await until(() => !state.frame.motors[0].enabled); times.push(performance.now() - begun); \
                     } return times; })()",
             );
-            times.extend(ten.as_array().unwrap().iter().filter_map(serde_json::Value::as_f64));
-        }
-        ended.store(true, Ordering::Relaxed);
-        times.sort_by(f64::total_cmp);
-        println!(
-            "off after STOP, {} tries with 8 viewers: p50 {:.0} ms, max {:.0} ms",
-            times.len(),
-            times[times.len() / 2],
-            times[times.len() - 1]
-        );
+                times.extend(ten.as_array().unwrap().iter().filter_map(serde_json::Value::as_f64));
+            }
+            ended.store(true, Ordering::Relaxed);
+            times.sort_by(f64::total_cmp);
+            println!(
+                "off after STOP, {} tries with 8 viewers: p50 {:.0} ms, max {:.0} ms",
+                times.len(),
+                times[times.len() / 2],
+                times[times.len() - 1]
+            );
+        });
     });
 }
 
@@ -511,16 +524,12 @@ fn a_click_on_release_gives_control_to_the_page_that_asked_with_motors_off() {
 
 #[test]
 fn a_page_of_a_program_that_was_started_again_says_so() {
-    let Some(program) = find() else { return };
-    let _alone = alone();
-    let mut dashboard = Dashboard::start(&[]);
-    let mut browser = Browser::start(&program, "restart");
-    let mut tab = browser.open(&dashboard.url, 1280, 1000);
-    live(&mut tab);
-    let line = "document.querySelector('#line').textContent";
-    let address = dashboard.url.trim_start_matches("http://").split('/').next().unwrap().to_owned();
-    dashboard.end();
-    tab.wait(&format!("{line}.startsWith('No connection')"));
-    let _again = Dashboard::start(&["--http", &address]);
-    tab.wait(&format!("{line}.includes('started again: open the URL')"));
+    with_page_of("restart", &[], |dashboard, tab| {
+        let line = "document.querySelector('#line').textContent";
+        let address = dashboard.url.trim_start_matches("http://").split('/').next().unwrap().to_owned();
+        dashboard.end();
+        tab.wait(&format!("{line}.startsWith('No connection')"));
+        let _again = Dashboard::start(&["--http", &address]);
+        tab.wait(&format!("{line}.includes('started again: open the URL')"));
+    });
 }

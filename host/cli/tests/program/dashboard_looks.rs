@@ -1,5 +1,4 @@
 //! How the page of `motor-hub dashboard` looks in a real browser: accessibility by axe-core, and pictures to look at.
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use crate::browser::Tab;
 use crate::browser::page::{drive, motor, pictures};

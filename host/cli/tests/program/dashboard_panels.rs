@@ -1,12 +1,9 @@
 //! The panels of `motor-hub dashboard` in a real browser.
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-use crate::browser::page::{drive, live, motor, mouse, off, pictures, point};
-use crate::browser::{Browser, Tab, find};
-use crate::client_update_told::{KEY, RUNS, SIGNATURE, SLOT, good, image, serve};
-use crate::common::alone;
-use crate::dashboard_browser::{ESCAPE, with_page};
-use crate::page::Dashboard;
+use crate::browser::Tab;
+use crate::browser::page::{drive, motor, mouse, off, pictures, point};
+use crate::client_update::{KEY, RUNS, SIGNATURE, SLOT, good, image, serve};
+use crate::dashboard_browser::{ESCAPE, with_page, with_page_of};
 use motor_hub::update::{Slot, public_key};
 use serde_json::json;
 use std::process::Command;
@@ -324,50 +321,48 @@ fn the_hub_panel_says_what_the_hub_is_and_sets_its_lamp_and_its_address() {
 
 #[test]
 fn new_firmware_is_chosen_as_a_file_and_its_progress_is_shown() {
-    let Some(program) = find() else { return };
-    let _alone = alone();
     // Once restarted, this hub has no key.
     let server = serve(Slot { signer: public_key(KEY), ..SLOT }, good);
-    let dashboard = Dashboard::start(&["--tcp", &server.address]);
-    let mut browser = Browser::start(&program, "firmware");
-    let mut tab = browser.open(&dashboard.url, 1280, 1000);
-    live(&mut tab);
-    tab.click("#tab-hub");
-    open(&mut tab, "New firmware");
-    let says = "document.querySelector('#firmware-file').closest('.stack').querySelector('[role=status]').textContent";
-    choose(&mut tab, "#firmware-file", "hub.bin", "no firmware");
-    tab.wait(&format!("{says}.startsWith('hub.bin: it is no motor-hub firmware')"));
-    let mut image = image(RUNS);
-    image.resize(20_000, 0xA5);
-    // An ELF file (32 bits, ARM) with one segment that is loaded to the slot.
-    let words = |all: &[u32]| all.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
-    let length = u32::try_from(image.len()).unwrap();
-    let header =
-        [b"\x7FELF\x01\x01\x01".as_slice(), &[0; 9], &words(&[0x28_0002, 1, 0, 52, 0, 0, 0x20_0034, 1])]
-            .concat();
-    let segment = words(&[1, 84, SLOT.origin, SLOT.origin, length, length, 5, 4]);
-    let elf = [&*header, &[0; 4], &segment, &image].concat();
-    choose(&mut tab, "#firmware-signature", "hub.sig", SIGNATURE);
-    choose(&mut tab, "#firmware-file", "hub.bin", &image);
-    tab.wait(&format!("{says}.endsWith('choose the key too.')"));
-    choose(&mut tab, "#firmware-key", "public.der", KEY);
-    choose(&mut tab, "#firmware-file", "hub.elf", &elf);
-    tab.wait(&format!("{says}.includes('a signature needs raw bytes')"));
-    choose(&mut tab, "#firmware-file", "hub.bin", &image);
-    tab.wait(&format!("{says}.startsWith('The update is done: the hub runs HW')"));
-    press(&mut tab, "Neither");
-    tab.ask(&format!(
+    with_page_of("firmware", &["--tcp", &server.address], |_, tab| {
+        tab.click("#tab-hub");
+        open(tab, "New firmware");
+        let says = "document.querySelector('#firmware-file').closest('.stack').querySelector('[role=status]').textContent";
+        choose(tab, "#firmware-file", "hub.bin", "no firmware");
+        tab.wait(&format!("{says}.startsWith('hub.bin: it is no motor-hub firmware')"));
+        let mut image = image(RUNS);
+        image.resize(20_000, 0xA5);
+        // An ELF file (32 bits, ARM) with one segment that is loaded to the slot.
+        let words = |all: &[u32]| all.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
+        let length = u32::try_from(image.len()).unwrap();
+        let header =
+            [b"\x7FELF\x01\x01\x01".as_slice(), &[0; 9], &words(&[0x28_0002, 1, 0, 52, 0, 0, 0x20_0034, 1])]
+                .concat();
+        let segment = words(&[1, 84, SLOT.origin, SLOT.origin, length, length, 5, 4]);
+        let elf = [&*header, &[0; 4], &segment, &image].concat();
+        choose(tab, "#firmware-signature", "hub.sig", SIGNATURE);
+        choose(tab, "#firmware-file", "hub.bin", &image);
+        tab.wait(&format!("{says}.endsWith('choose the key too.')"));
+        choose(tab, "#firmware-key", "public.der", KEY);
+        choose(tab, "#firmware-file", "hub.elf", &elf);
+        tab.wait(&format!("{says}.includes('a signature needs raw bytes')"));
+        choose(tab, "#firmware-file", "hub.bin", &image);
+        tab.wait(&format!("{says}.startsWith('The update is done: the hub runs HW')"));
+        press(tab, "Neither");
+        tab.ask(&format!(
         "(() => {{ window.seen = []; new MutationObserver(() => seen.push({says})).observe(document.querySelector('#firmware-file').closest('.stack'), {{ childList: true, subtree: true, characterData: true }}); \
          }})()"
     ));
-    choose(&mut tab, "#firmware-file", "hub.elf", &elf);
-    tab.wait(&format!("seen.length && {says}.startsWith('The update is done: the hub runs HW')"));
-    tab.wait("seen.some((text) => /^The firmware is sent. [1-9][0-9] %$/.test(text))");
-    assert_eq!(
-        tab.ask("document.querySelector('#firmware-file').closest('.stack').querySelector('progress').value"),
-        100
-    );
-    assert_eq!(tab.complaints(), Vec::<String>::new());
+        choose(tab, "#firmware-file", "hub.elf", &elf);
+        tab.wait(&format!("seen.length && {says}.startsWith('The update is done: the hub runs HW')"));
+        tab.wait("seen.some((text) => /^The firmware is sent. [1-9][0-9] %$/.test(text))");
+        assert_eq!(
+            tab.ask(
+                "document.querySelector('#firmware-file').closest('.stack').querySelector('progress').value"
+            ),
+            100
+        );
+        assert_eq!(tab.complaints(), Vec::<String>::new());
+    });
 }
 
 #[test]

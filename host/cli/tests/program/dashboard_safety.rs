@@ -1,10 +1,11 @@
 //! `motor-hub dashboard` in a real browser: nothing moves by accident, STOP always stops, and the page shows what runs.
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use crate::browser::page::{card, drive, live, motor, mouse, off, point};
 use crate::browser::{Browser, Tab, find, wait_for};
 use crate::common::{alone, folder};
-use crate::dashboard_browser::{ESCAPE, SPACE, with_page, with_two_pages};
+use crate::dashboard_browser::{
+    ESCAPE, SPACE, with_driver_and_viewer, with_page, with_page_of, with_two_pages,
+};
 use crate::page::Dashboard;
 use serde_json::{Value, json};
 use std::os::unix::fs::PermissionsExt;
@@ -218,46 +219,34 @@ fn run_after_stop_asks_for_a_speed_anew() {
 
 #[test]
 fn a_page_that_only_watches_shows_the_speed_that_runs() {
-    let Some(program) = find() else { return };
-    let _alone = alone();
-    let dashboard = Dashboard::start(&[]);
-    let mut first = Browser::start(&program, "mirror-driver");
-    let mut second = Browser::start(&program, "mirror-viewer");
-    let mut driver = first.open(&dashboard.url, 1280, 1000);
-    live(&mut driver);
-    let mut viewer = second.open(&dashboard.url, 1280, 1000);
-    live(&mut viewer);
-    drive(&mut driver, 0, 900);
-    let shows = |tab: &mut Tab<'_>, what: &str, value: &str| {
-        tab.wait(&format!("document.querySelector('{}').value === '{value}'", card(0, what)));
-    };
-    shows(&mut viewer, "input[type=number]", "900");
-    shows(&mut viewer, "input[type=range]", "900");
-    driver.fill(&card(0, "[aria-label^=Mode]"), "power");
-    driver.fill(&card(0, "input[type=number]"), "25");
-    shows(&mut viewer, "[aria-label^=Mode]", "power");
-    shows(&mut viewer, "input[type=number]", "25");
-    driver.click("#stop");
-    shows(&mut viewer, "input[type=number]", "0");
-    shows(&mut driver, "input[type=number]", "0");
+    with_driver_and_viewer("mirror", |mut driver, mut viewer| {
+        let shows = |tab: &mut Tab<'_>, what: &str, value: &str| {
+            tab.wait(&format!("document.querySelector('{}').value === '{value}'", card(0, what)));
+        };
+        shows(&mut viewer, "input[type=number]", "900");
+        shows(&mut viewer, "input[type=range]", "900");
+        driver.fill(&card(0, "[aria-label^=Mode]"), "power");
+        driver.fill(&card(0, "input[type=number]"), "25");
+        shows(&mut viewer, "[aria-label^=Mode]", "power");
+        shows(&mut viewer, "input[type=number]", "25");
+        driver.click("#stop");
+        shows(&mut viewer, "input[type=number]", "0");
+        shows(&mut driver, "input[type=number]", "0");
+    });
 }
 
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn a_scenario_that_plays_is_shown_in_the_cards() {
-    let Some(program) = find() else { return };
-    let _alone = alone();
     let winch = concat!(env!("CARGO_MANIFEST_DIR"), "/../../boards/simulated/scenarios/winch.toml");
-    let dashboard = Dashboard::start(&["--scenario", winch]);
-    let mut browser = Browser::start(&program, "scenario");
-    let mut tab = browser.open(&dashboard.url, 1280, 1000);
-    live(&mut tab);
-    tab.click("#tab-world");
-    tab.click("#world-play");
-    tab.wait(&motor(0, "enabled"));
-    let field = |part: &str| format!("document.querySelector('{}').value", card(0, part));
-    tab.wait(&format!("{} === {}", field("[aria-label^=Mode]"), motor(0, "told")));
-    tab.wait(&format!("Number({}) !== 0", field("input[type=number]")));
+    with_page_of("scenario", &["--scenario", winch], |_, tab| {
+        tab.click("#tab-world");
+        tab.click("#world-play");
+        tab.wait(&motor(0, "enabled"));
+        let field = |part: &str| format!("document.querySelector('{}').value", card(0, part));
+        tab.wait(&format!("{} === {}", field("[aria-label^=Mode]"), motor(0, "told")));
+        tab.wait(&format!("Number({}) !== 0", field("input[type=number]")));
+    });
 }
 
 #[test]

@@ -1,6 +1,5 @@
 //! `docs/try/index.html`, the dashboard without a server, in a real browser: with its simulated hub, and with a served hub on a
 //! serial port. A stand-in for the browser's serial port passes bytes to the served hub.
-#![expect(clippy::unwrap_used, clippy::panic, reason = "a failed access is a failed test")]
 
 use crate::browser::page::{drive, motor, off};
 use crate::browser::{Browser, Tab, find};

@@ -1,10 +1,4 @@
 //! `motor-hub eval` on the reference values, and on documents with mistakes.
-#![expect(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::indexing_slicing,
-    reason = "a failed access is a failed test"
-)]
 
 use crate::common::PROGRAM;
 use crate::output::fails;

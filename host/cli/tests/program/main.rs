@@ -7,7 +7,7 @@ mod client_jog;
 mod client_program;
 mod client_served;
 mod client_settings;
-mod client_update_told;
+mod client_update;
 mod command_line;
 mod common;
 mod compare;

@@ -1,10 +1,4 @@
 //! The page docs/reference/output.md names every field of the JSON output, and no other field.
-#![expect(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::indexing_slicing,
-    reason = "a failed access is a failed test"
-)]
 
 use crate::common::{self, PROGRAM, folder, motor_hub};
 use crate::conformance::Hub;
@@ -92,9 +86,9 @@ fn studies_print_what_the_page_says() {
     assert_agree("compare", &[with(&["compare", "--quick"])]);
 }
 
-/// A served hub with a store.
-fn served(options: &[&str]) -> Hub {
-    let store = folder("page-store");
+/// A served hub with a store in a folder of its own.
+fn served(test: &str, options: &[&str]) -> Hub {
+    let store = folder(test);
     std::fs::create_dir_all(&store).unwrap();
     let store = store.join("store").display().to_string();
     Hub::start(PROGRAM, &[&["--tcp", "127.0.0.1:0", "--store", &store], options].concat())
@@ -102,7 +96,7 @@ fn served(options: &[&str]) -> Hub {
 
 #[test]
 fn the_client_prints_what_the_page_says() {
-    let served = served(&[]);
+    let served = served("page-client", &[]);
     let client = |arguments: &[&str]| {
         json(&[&["client", "--tcp", &served.place][..], arguments, &["--json"]].concat())
     };
@@ -129,8 +123,8 @@ fn the_client_prints_what_the_page_says() {
 fn what_happened_is_printed_as_the_page_says() {
     // The encoder of its first motor falls silent after two seconds.
     let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/scenarios/broken-encoders.toml");
-    let served = served(&["--scenario", scenario.to_str().unwrap()]);
-    let client = |arguments: &[&str]| common::client(&served.place, arguments);
+    let served = served("page-faults", &["--scenario", scenario.to_str().unwrap()]);
+    let client = |arguments: &[&str]| common::client(&served, arguments);
     client(&["velocity", "0", "1000", "--for-s", "3.5"]);
     let document: Value = serde_json::from_slice(&client(&["faults", "--json"]).stdout).unwrap();
     assert_agree("client faults", std::slice::from_ref(&document));

@@ -1,7 +1,6 @@
 //! How often a hub can be asked what all its motors do.
 //!
 //! `cargo test --test program report_of_four -- --ignored --nocapture`
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use crate::common::{PROGRAM, alone};
 use crate::conformance::Hub;

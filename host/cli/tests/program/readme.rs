@@ -1,10 +1,4 @@
 //! The README's table of the winch is what `run` prints today. `UPDATE_SNAPSHOTS=1` writes the table.
-#![expect(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::indexing_slicing,
-    reason = "a failed access is a failed test"
-)]
 
 use crate::common::{folder, motor_hub};
 use crate::output::json;

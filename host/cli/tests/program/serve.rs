@@ -1,16 +1,17 @@
 //! A host uses the served hub over a serial port and over TCP.
-#![expect(
-    clippy::unwrap_used,
-    clippy::indexing_slicing,
-    clippy::panic,
-    reason = "a failed access is a failed test"
-)]
 
-use crate::common::{PROGRAM, client, motor_hub, signal};
-use crate::conformance::{Data, HUB, Hub, KEEP_ALIVE, conforms, drive, packet};
+use crate::common::{PROGRAM, client, folder, motor_hub, served, signal, write};
+use crate::conformance::{Data, HUB, Hub, KEEP_ALIVE, conforms, drive, notes, packet};
 use crate::output::{fails, out};
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Output};
 use std::time::{Duration, Instant};
+
+/// Path of a store that does not exist yet, in a folder of its own.
+fn store(test: &str) -> String {
+    let folder = folder(test);
+    std::fs::create_dir_all(&folder).unwrap();
+    folder.join("store").display().to_string()
+}
 
 /// Runs `serve` to its end.
 fn serve(arguments: &[&str]) -> Output {
@@ -19,7 +20,7 @@ fn serve(arguments: &[&str]) -> Output {
 
 #[test]
 fn the_hub_conforms_over_tcp() {
-    conforms(&mut Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]).tcp());
+    conforms(&mut served().tcp());
 }
 
 #[cfg(unix)]
@@ -30,7 +31,7 @@ fn the_hub_conforms_over_a_serial_port() {
 
 #[test]
 fn hosts_come_and_go_while_time_goes_on() {
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let hub = served();
     drive(&mut hub.tcp());
     // The first host has closed the connection. Its motor turns until the keep-alive of 2.5 s has ended.
     let mut second = hub.tcp();
@@ -44,7 +45,7 @@ fn hosts_come_and_go_while_time_goes_on() {
 #[test]
 fn what_a_host_sent_before_it_hung_up_is_done_though_it_takes_no_replies() {
     use std::io::Write;
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let hub = served();
     drive(&mut hub.tcp());
     let mut host = std::net::TcpStream::connect(&hub.place).unwrap();
     signal(hub.id(), "-STOP");
@@ -59,18 +60,8 @@ fn what_a_host_sent_before_it_hung_up_is_done_though_it_takes_no_replies() {
 
 #[test]
 fn a_second_host_is_hung_up_on_and_the_first_goes_on() {
-    use std::io::{BufRead, BufReader, Read};
-    let mut process = Command::new(PROGRAM)
-        .args(["serve", "--tcp", "127.0.0.1:0"])
-        .env("XDG_RUNTIME_DIR", crate::conformance::notes())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut place = String::new();
-    BufReader::new(process.stdout.take().unwrap()).read_line(&mut place).unwrap();
-    let mut says = BufReader::new(process.stderr.take().unwrap());
-    let hub = Hub::of(process, &place);
+    use std::io::{BufRead, Read};
+    let (hub, mut says) = Hub::start_heard(&notes(), PROGRAM);
     let mut first = hub.tcp();
     drive(&mut first);
     let mut second = std::net::TcpStream::connect(&hub.place).unwrap();
@@ -80,7 +71,7 @@ fn a_second_host_is_hung_up_on_and_the_first_goes_on() {
     says.read_line(&mut line).unwrap();
     assert_eq!(line, "the hub accepts one host at a time: closed 1 further connection\n");
     assert!(first.enabled());
-    fails(&client(&hub.place, &["status"]), 1, "one host at a time: check that no other host uses it");
+    fails(&client(&hub, &["status"]), 1, "one host at a time: check that no other host uses it");
 }
 
 #[test]
@@ -104,7 +95,7 @@ fn a_wire_connects_two_digital_pins() {
 #[cfg(unix)]
 #[test]
 fn a_link_names_the_port_until_the_program_ends() {
-    use std::fs::{read_link, remove_file, write};
+    use std::fs::{read_link, remove_file};
     let link = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("serve-link");
     let path = link.to_str().unwrap();
     let _ = remove_file(&link);
@@ -126,7 +117,7 @@ fn a_link_names_the_port_until_the_program_ends() {
     // The link of a killed program is replaced.
     drop(Hub::start(PROGRAM, &["--pty", "--link", path]));
     remove_file(&link).unwrap();
-    write(&link, "somebody's").unwrap();
+    std::fs::write(&link, "somebody's").unwrap();
     refused("not a link");
     assert_eq!(std::fs::read(&link).unwrap(), b"somebody's");
     remove_file(&link).unwrap();
@@ -153,11 +144,10 @@ fn what_one_host_leaves_unread_is_not_for_the_next() {
 
 #[test]
 fn a_scenario_without_set_points_is_served() {
-    let path = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("served.toml");
     let text = "name = \"n\"\nduration_s = 1\n[battery]\nemf_v = 12\nresistance_ohm = 0.1\n\
                 [[motors]]\nlabel = \"one\"\nmotor = \"AM 60 A\"\n";
-    std::fs::write(&path, text).unwrap();
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--scenario", path.to_str().unwrap()]);
+    let scenario = write(&folder("served"), "served.toml", text);
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--scenario", &scenario]);
     assert!(!hub.tcp().enabled());
 }
 
@@ -219,7 +209,7 @@ fn wrong_options_are_refused() {
 #[test]
 fn noise_as_fast_as_a_host_can_send_does_not_keep_the_hub_from_its_work() {
     use std::io::Write;
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let hub = served();
     let mut host = hub.tcp();
     drive(&mut host);
     drop(host);
@@ -238,7 +228,7 @@ fn noise_as_fast_as_a_host_can_send_does_not_keep_the_hub_from_its_work() {
 #[test]
 fn a_host_that_is_silent_gives_way_to_another() {
     use std::io::Read;
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let hub = served();
     let mut silent = std::net::TcpStream::connect(&hub.place).unwrap();
     std::thread::sleep(Duration::from_millis(5200));
     assert!(!hub.tcp().enabled());
@@ -248,9 +238,7 @@ fn a_host_that_is_silent_gives_way_to_another() {
 
 #[test]
 fn a_store_is_one_hubs_alone() {
-    let store = crate::common::folder("store-of-one");
-    std::fs::create_dir_all(&store).unwrap();
-    let store = store.join("store").display().to_string();
+    let store = store("store-of-one");
     let options = ["--tcp", "127.0.0.1:0", "--for-s", "0.1", "--store", &store];
     let first = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--store", &store]);
     fails(&serve(&options), 2, "another served hub");
@@ -261,9 +249,7 @@ fn a_store_is_one_hubs_alone() {
 #[cfg(unix)]
 #[test]
 fn a_store_that_a_full_disk_has_cut_short_is_completed_later() {
-    let store = crate::common::folder("store-cut-short");
-    std::fs::create_dir_all(&store).unwrap();
-    let store = store.join("store").display().to_string();
+    let store = store("store-cut-short");
     let arguments = ["serve", "--tcp", "127.0.0.1:0", "--for-s", "0.1", "--store", &store];
     // No file of this shell may be longer than 8 kB: a write beyond that fails, as on a full disk.
     let limited = Command::new("bash")

@@ -1,6 +1,6 @@
 //! One case of the document, and checked access to its inputs.
 
-use super::error::CaseError;
+use super::CaseError;
 use motor_hub::bridge::Mode;
 use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::model::friction::{Cogging, Friction};
@@ -110,9 +110,7 @@ impl<'a> Case<'a> {
         let constant = |key: &str| if named { constants.get(key) } else { self.input(key).ok() };
         let number = |key: &str| {
             let value = constant(key).and_then(Value::as_f64);
-            value.ok_or_else(|| {
-                CaseError::Input(format!("motor constant {key} is missing, or is not a number"))
-            })
+            value.ok_or_else(|| format!("motor constant {key} is missing, or is not a number").into())
         };
         let positive = |key: &str| number(key).and_then(|value| above_zero(value, key));
         // A motor without a gearbox needs no ratio, and a formula without time needs no inertia.
@@ -138,7 +136,7 @@ impl<'a> Case<'a> {
     /// The values of a table's first column: from the inputs, else from the case's own outputs, else `None`.
     pub(super) fn column(&self, key: &str) -> Result<Option<Vec<f64>>, CaseError> {
         let numbers = |values: Option<Vec<f64>>| {
-            values.ok_or_else(|| CaseError::Input(format!("{key} must be a list of numbers")))
+            values.ok_or_else(|| CaseError::from(format!("{key} must be a list of numbers")))
         };
         if let Ok(given) = self.input(key) {
             let list = given.as_array().map(|list| list.iter().map(Value::as_f64).collect());

@@ -1,7 +1,7 @@
 //! Formulas that the firmware computes, answered by the code that it runs.
 
+use super::CaseError;
 use super::case::{Case, table};
-use super::error::CaseError;
 use motor_hub::braking::{
     self, Abscissa, LinearCurrent, Location, OperatingPoint, Points, Regime, Scheme, Winding,
 };

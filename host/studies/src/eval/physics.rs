@@ -1,7 +1,7 @@
 //! Formulas of motor, load and bridge, answered by the model in double precision.
 
+use super::CaseError;
 use super::case::{Case, table};
-use super::error::CaseError;
 use super::firmware::current_drive;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;

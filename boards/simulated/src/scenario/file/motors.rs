@@ -42,8 +42,8 @@ pub(super) struct MotorTable {
     #[serde(default)]
     load: LoadTable,
     pub(super) train: Option<Spanned<TrainTable>>,
-    #[serde(default, alias = "told")]
-    configured: Configured,
+    #[serde(default = "exact", alias = "told", deserialize_with = "factors_or_nothing")]
+    configured: Configuration,
     scheme: Option<SchemeName>,
     blend: Option<BlendChoice>,
     #[serde(default, with = "DutyWord")]
@@ -126,13 +126,8 @@ pub(super) struct TrainTable {
     damping_nms_per_rad: Option<OfLoad>,
 }
 
-/// Configuration of a motor in the hub: factors of the true constants, or the word "nothing".
-enum Configured {
-    Nothing,
-    Factors(FactorsTable),
-}
-
-#[derive(Default, Deserialize)]
+/// Configured constants of a motor, divided by its true constants.
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FactorsTable {
     resistance: Option<Factor>,
@@ -246,7 +241,7 @@ impl MotorTable {
             constants,
             train: self.train.as_ref().map(|table| table.get_ref().check(&load).at(table)).transpose()?,
             load,
-            configuration: self.configured.check(),
+            configuration: self.configured,
             scheme: match (self.scheme, self.blend) {
                 (None, Some(_)) => Err("blend is allowed with scheme = \"D\" only".to_owned()).at(whole)?,
                 (scheme, blend) => scheme
@@ -342,18 +337,13 @@ impl From<&ConstantsTable> for catalogue::Motor {
     }
 }
 
-impl Default for Configured {
-    fn default() -> Self {
-        Self::Factors(FactorsTable::default())
-    }
+const fn exact() -> Configuration {
+    Configuration::EXACT
 }
 
-impl Configured {
-    fn check(&self) -> Configuration {
-        let Self::Factors(factors) = self else {
-            return Configuration { motion: None, ..Configuration::EXACT };
-        };
-        Configuration {
+impl From<FactorsTable> for Configuration {
+    fn from(factors: FactorsTable) -> Self {
+        Self {
             of: None,
             resistance: or(factors.resistance, 1.0),
             emf: or(factors.emf, 1.0),
@@ -366,29 +356,28 @@ impl Configured {
     }
 }
 
-impl<'de> Deserialize<'de> for Configured {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        struct Either;
-        impl<'de> Visitor<'de> for Either {
-            type Value = Configured;
+/// Reads the configuration of a motor in the hub: a table of factors, or the word "nothing".
+fn factors_or_nothing<'de, D: Deserializer<'de>>(from: D) -> Result<Configuration, D::Error> {
+    struct FactorsOrNothing;
+    impl<'de> Visitor<'de> for FactorsOrNothing {
+        type Value = Configuration;
 
-            fn expecting(&self, f: &mut Formatter<'_>) -> fmt::Result {
-                f.write_str("\"nothing\" or a table of factors")
-            }
+        fn expecting(&self, f: &mut Formatter<'_>) -> fmt::Result {
+            f.write_str("\"nothing\" or a table of factors")
+        }
 
-            fn visit_str<E: Error>(self, word: &str) -> Result<Configured, E> {
-                match word {
-                    "nothing" => Ok(Configured::Nothing),
-                    _ => Err(E::invalid_value(Unexpected::Str(word), &self)),
-                }
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Configured, A::Error> {
-                FactorsTable::deserialize(MapAccessDeserializer::new(map)).map(Configured::Factors)
+        fn visit_str<E: Error>(self, word: &str) -> Result<Configuration, E> {
+            match word {
+                "nothing" => Ok(Configuration { motion: None, ..Configuration::EXACT }),
+                _ => Err(E::invalid_value(Unexpected::Str(word), &self)),
             }
         }
-        from.deserialize_any(Either)
+
+        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Configuration, A::Error> {
+            FactorsTable::deserialize(MapAccessDeserializer::new(map)).map(Configuration::from)
+        }
     }
+    from.deserialize_any(FactorsOrNothing)
 }
 
 impl ThermalTable {

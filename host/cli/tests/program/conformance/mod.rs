@@ -4,7 +4,7 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStderr, Command, ExitStatus, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -40,16 +40,22 @@ impl Hub {
 
     /// A hub that leaves its note in a folder.
     pub(crate) fn start_in(notes: &Path, program: &str, arguments: &[&str]) -> Self {
-        let mut served = Command::new(program);
-        served.arg("serve").args(arguments).env("XDG_RUNTIME_DIR", notes);
-        let mut process = served.stdout(Stdio::piped()).spawn().unwrap();
-        let mut place = String::new();
-        BufReader::new(process.stdout.take().unwrap()).read_line(&mut place).unwrap();
-        Self::of(process, &place)
+        Self::start_as(notes, program, arguments, Stdio::inherit())
     }
 
-    /// A hub with other options.
-    pub(crate) fn of(process: Child, place: &str) -> Self {
+    /// A hub on a TCP port that leaves its note in a folder, and its standard error.
+    pub(crate) fn start_heard(notes: &Path, program: &str) -> (Self, BufReader<ChildStderr>) {
+        let mut hub = Self::start_as(notes, program, &["--tcp", "127.0.0.1:0"], Stdio::piped());
+        let errors = hub.process.stderr.take().unwrap();
+        (hub, BufReader::new(errors))
+    }
+
+    fn start_as(notes: &Path, program: &str, arguments: &[&str], errors: Stdio) -> Self {
+        let mut served = Command::new(program);
+        served.arg("serve").args(arguments).env("XDG_RUNTIME_DIR", notes);
+        let mut process = served.stdout(Stdio::piped()).stderr(errors).spawn().unwrap();
+        let mut place = String::new();
+        BufReader::new(process.stdout.take().unwrap()).read_line(&mut place).unwrap();
         Self { process, place: place.trim().to_owned() }
     }
 

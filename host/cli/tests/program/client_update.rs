@@ -1,13 +1,11 @@
 //! Messages of `motor-hub client update` about the result of an update, against the hub's protocol code with a fake flash.
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-use crate::common::{folder, motor_hub};
+use crate::client_program::client;
+use crate::common::{folder, motor_hub, write};
 use crate::hub_support::{Hub, Server, responder};
 use crate::output::{err, fails, out};
 use motor_hub::responder::Responder;
 use motor_hub::update::{Booted, Done, Outcome, Seal, Slot, UpdateRequest, public_key};
-use std::path::{Path, PathBuf};
-use std::process::Output;
 
 pub(crate) const SLOT: Slot =
     Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
@@ -32,19 +30,19 @@ pub(crate) fn serve(slot: Slot, flash: fn(&mut Responder<4>, UpdateRequest)) -> 
     Server::start(Hub { responder: started(slot, Booted::Confirmed), flash, ..Hub::new() })
 }
 
-/// A fake flash that executes all orders; a restart starts the new firmware, which confirms itself.
-pub(crate) fn good(responder: &mut Responder<4>, order: UpdateRequest) {
-    carry_out(responder, order, Booted::Confirmed);
+/// A fake flash that executes all requests; a restart starts the new firmware, which confirms itself.
+pub(crate) fn good(responder: &mut Responder<4>, request: UpdateRequest) {
+    carry_out(responder, request, Booted::Confirmed);
 }
 
 /// A fake flash whose restart ends with the former firmware.
-pub(crate) fn goes_back(responder: &mut Responder<4>, order: UpdateRequest) {
-    carry_out(responder, order, Booted::WentBack);
+pub(crate) fn goes_back(responder: &mut Responder<4>, request: UpdateRequest) {
+    carry_out(responder, request, Booted::WentBack);
 }
 
-fn carry_out(responder: &mut Responder<4>, order: UpdateRequest, restarted: Booted) {
+fn carry_out(responder: &mut Responder<4>, request: UpdateRequest, restarted: Booted) {
     let wrong = |seal: Seal| seal.signature != SIGNATURE;
-    match order {
+    match request {
         UpdateRequest::Restart => *responder = started(SLOT, restarted),
         UpdateRequest::Arm { seal: Some(seal), .. } if seal.signature == SIGNATURE_OF_OLDER => {
             responder.update_done(Done::Finished(Outcome::Older));
@@ -54,17 +52,6 @@ fn carry_out(responder: &mut Responder<4>, order: UpdateRequest, restarted: Boot
         }
         _ => responder.update_done(Done::Finished(Outcome::Done)),
     }
-}
-
-fn client(server: &Server, arguments: &[&str]) -> Output {
-    motor_hub(&[&["client", "--tcp", &server.address, "--address", "3"], arguments].concat())
-}
-
-fn write(folder: &Path, name: &str, bytes: &[u8]) -> String {
-    std::fs::create_dir_all(folder).unwrap();
-    let file: PathBuf = folder.join(name);
-    std::fs::write(&file, bytes).unwrap();
-    file.display().to_string()
 }
 
 /// Raw bytes for the slot, with this version text.
@@ -78,37 +65,37 @@ pub(crate) const RUNS: &str = concat!("mh", env!("CARGO_PKG_VERSION"));
 
 #[test]
 fn an_update_that_was_rolled_back_says_so() {
-    let file = write(&folder("client-update-told-back"), "newer.bin", &image("mh9.9.9"));
+    let file = write(&folder("client-update-back"), "newer.bin", image("mh9.9.9"));
     let server = serve(SLOT, goes_back);
-    let told = client(&server, &["update", &file]);
-    assert_eq!(told.status.code(), Some(1));
+    let output = client(&server, &["update", &file]);
+    assert_eq!(output.status.code(), Some(1));
     let (new, old) = ("Eng: 2, mh9.9.9", format!("Eng: 2, {RUNS}"));
-    let why = err(&told);
+    let why = err(&output);
     let says = why.split_once(" did not confirm itself, and the hub returned to ");
     assert!(says.is_some_and(|(before, after)| before.contains(new) && after.contains(&old)), "{why}");
     // It also fails if the hub confirms, but runs the former firmware.
     let server = serve(SLOT, good);
-    let told = client(&server, &["update", &file]);
-    assert!(err(&told).contains(&format!("{RUNS}, but the image sent is HW")), "{}", err(&told));
+    let output = client(&server, &["update", &file]);
+    assert!(err(&output).contains(&format!("{RUNS}, but the image sent is HW")), "{}", err(&output));
 }
 
 #[test]
 fn an_update_that_stays_says_so() {
-    let file = write(&folder("client-update-told-stays"), "same.bin", &image(RUNS));
-    let told = out(&client(&serve(SLOT, good), &["update", &file]));
-    assert!(told.contains(&format!("Eng: 2, {RUNS}, confirmed")), "{told}");
+    let file = write(&folder("client-update-stays"), "same.bin", image(RUNS));
+    let output = out(&client(&serve(SLOT, good), &["update", &file]));
+    assert!(output.contains(&format!("Eng: 2, {RUNS}, confirmed")), "{output}");
 }
 
 #[test]
 fn a_hub_with_a_key_refuses_what_its_owner_has_not_signed_and_says_why() {
-    let folder = folder("client-update-told-signed");
-    let file = write(&folder, "same.bin", &image(RUNS));
-    let signature = write(&folder, "same.sig", &SIGNATURE);
-    let wrong = write(&folder, "wrong.sig", &[8; 64]);
+    let folder = folder("client-update-signed");
+    let file = write(&folder, "same.bin", image(RUNS));
+    let signature = write(&folder, "same.sig", SIGNATURE);
+    let wrong = write(&folder, "wrong.sig", [8; 64]);
     let key = write(&folder, "public.der", KEY);
     let mut other = KEY.to_vec();
     other.iter_mut().skip(12).for_each(|byte| *byte ^= 1);
-    let other = write(&folder, "other.der", &other);
+    let other = write(&folder, "other.der", other);
     let server = serve(Slot { signer: public_key(KEY), ..SLOT }, good);
     let refused = |arguments: &[&str], why: &str| {
         fails(&client(&server, &[&["update", &*file], arguments].concat()), 1, why);
@@ -119,31 +106,35 @@ fn a_hub_with_a_key_refuses_what_its_owner_has_not_signed_and_says_why() {
         "the signature is by another key than the hub's (NACK 79)",
     );
     refused(&["--signature", &wrong, "--key", &key], "the signature is not of this file by the hub's key");
-    let older = write(&folder, "older.sig", &SIGNATURE_OF_OLDER);
+    let older = write(&folder, "older.sig", SIGNATURE_OF_OLDER);
     refused(
         &["--signature", &older, "--key", &key],
         "older than the hub's firmware: its rollback version is lower",
     );
-    let told = out(&client(&server, &["update", &file, "--signature", &signature, "--key", &key]));
-    assert!(told.contains("confirmed"), "{told}");
+    let output = out(&client(&server, &["update", &file, "--signature", &signature, "--key", &key]));
+    assert!(output.contains("confirmed"), "{output}");
 }
 
 #[test]
 fn a_hub_without_a_key_refuses_signatures() {
-    let folder = folder("client-update-told-keyless");
-    let file = write(&folder, "same.bin", &image(RUNS));
-    let signature = write(&folder, "same.sig", &SIGNATURE);
+    let folder = folder("client-update-keyless");
+    let file = write(&folder, "same.bin", image(RUNS));
+    let signature = write(&folder, "same.sig", SIGNATURE);
     let key = write(&folder, "public.der", KEY);
-    let told = client(&serve(SLOT, good), &["update", &file, "--signature", &signature, "--key", &key]);
-    assert!(err(&told).contains("built without a key, and checks no signatures (NACK 80)"), "{}", err(&told));
+    let output = client(&serve(SLOT, good), &["update", &file, "--signature", &signature, "--key", &key]);
+    assert!(
+        err(&output).contains("built without a key, and checks no signatures (NACK 80)"),
+        "{}",
+        err(&output)
+    );
 }
 
 #[test]
 fn files_that_are_no_signature_and_no_key_are_refused_before_a_hub_is_asked() {
-    let folder = folder("client-update-told-files");
-    let file = write(&folder, "same.bin", &image(RUNS));
-    let signature = write(&folder, "same.sig", &SIGNATURE);
-    let short = write(&folder, "short.sig", &[7; 63]);
+    let folder = folder("client-update-files");
+    let file = write(&folder, "same.bin", image(RUNS));
+    let signature = write(&folder, "same.sig", SIGNATURE);
+    let short = write(&folder, "short.sig", [7; 63]);
     let key = write(&folder, "public.der", KEY);
     let pem = write(&folder, "public.pem", b"-----BEGIN PUBLIC KEY-----\nMCowBQYDK2VwAyEA");
     for (signature, key, why) in [

@@ -1,0 +1,106 @@
+//! The hub of a command: the options that name it, and the session with it.
+
+use super::motors_off::stop_abandoned;
+use super::ports;
+use crate::output::Failure;
+use crate::parse::{address, host_and_port, whole};
+use clap::builder::NonEmptyStringValueParser;
+use motor_hub::protocol::Address;
+use motor_hub_client::line::Line;
+use motor_hub_client::{Error, Session};
+use std::time::Duration;
+
+/// Line and address of the hub.
+#[derive(clap::Args)]
+pub(super) struct HubOptions {
+    /// Serial port of the hub, or a pseudo-terminal (460800 baud, 8N1)
+    #[arg(long, value_name = "PATH", global = true, help_heading = "Hub", value_parser = NonEmptyStringValueParser::new())]
+    port: Option<String>,
+    /// TCP address of the hub, instead of --port
+    #[arg(long, value_name = "HOST:PORT", global = true, help_heading = "Hub", value_parser = host_and_port)]
+    tcp: Option<String>,
+    /// Address of the hub, 1 to 254 [default: found by discovery]
+    #[arg(long, value_name = "N", global = true, help_heading = "Hub", value_parser = address)]
+    pub(super) address: Option<Address>,
+    /// Time-out for an answer in milliseconds; within it a request is sent up to three times
+    #[arg(
+        long = "timeout-ms",
+        alias = "timeout",
+        value_name = "MS",
+        global = true,
+        help_heading = "Hub",
+        default_value_t = 1000
+    )]
+    #[arg(value_parser = whole("a timeout", 10..=60_000_u64, "ms"))]
+    timeout: u64,
+}
+
+impl HubOptions {
+    /// The places of `--port` and `--tcp`.
+    pub(super) fn places(&self) -> impl Iterator<Item = String> {
+        self.port.iter().chain(&self.tcp).cloned()
+    }
+
+    pub(super) fn timeout(&self) -> Duration {
+        Duration::from_millis(self.timeout)
+    }
+
+    fn line(&self) -> Result<Line, Failure> {
+        let (name, line) = match (&self.port, &self.tcp) {
+            (Some(path), None) => (path, Line::serial(path)),
+            (None, Some(address)) => (address, Line::tcp(address, self.timeout())),
+            (Some(_), Some(_)) => return Err(Failure::input("--port and --tcp exclude each other")),
+            (None, None) => {
+                let found = ports::list().unwrap_or_default();
+                let text = format!("no hub given: give --port PATH or --tcp HOST:PORT\n{found}");
+                return Err(Failure::input(text.trim_end()));
+            }
+        };
+        line.map_err(|error| Failure::Work(ports::unopened(name, &error)))
+    }
+
+    /// A session on the line for requests to all hubs.
+    pub(super) fn session_of_line(&self) -> Result<Session<Line>, Failure> {
+        Ok(Session::new(self.line()?, Address::DEFAULT, self.timeout()))
+    }
+
+    /// A session with the hub of `--address`, or else with the hub that the motors of the command name, or else with the
+    /// parent on the line.
+    pub(super) fn session(&self, of_motors: Option<Address>) -> Result<Session<Line>, Failure> {
+        let address = match (self.address, of_motors) {
+            (Some(given), Some(named)) if given != named => {
+                return Err(Failure::Input(format!(
+                    "--address {} and a motor of the hub at address {} exclude each other",
+                    given.get(),
+                    named.get()
+                )));
+            }
+            (given, named) => given.or(named),
+        };
+        let line = self.line()?;
+        match address {
+            Some(address) => Ok(Session::new(line, address, self.timeout())),
+            None => Ok(Session::with_parent(line, self.timeout())?),
+        }
+    }
+
+    /// A session as [`Self::session`]. Motors that another host has left enabled are disabled.
+    pub(super) fn open(&self, of_motors: Option<Address>) -> Result<Session<Line>, Failure> {
+        let mut session = self.session(of_motors)?;
+        stop_abandoned(&mut session)?;
+        Ok(session)
+    }
+
+    /// The failure with the place of the hub, if it is an error of the hub.
+    pub(super) fn explain(&self, failure: Failure) -> Failure {
+        let Failure::Hub(error) = failure else { return failure };
+        let name: String = self.places().collect();
+        Failure::Work(match error {
+            Error::Parents { .. } => format!("{name}: {error}; choose a hub by --address"),
+            _ if self.tcp.is_some() && error.is_hung_up() => format!(
+                "{name}: {error}; a served hub accepts one host at a time: check that no other host uses it, and that it still runs"
+            ),
+            _ => format!("{name}: {error}"),
+        })
+    }
+}
