@@ -64,7 +64,7 @@ impl State {
 }
 
 /// A switching mode x/y: state x during the duty, state y during the rest of the period (paper, section 1.2).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Mode {
     /// Mode 9/8 drives CW, then freewheels.
@@ -72,6 +72,7 @@ pub enum Mode {
     /// Mode 6/2 drives CCW, then freewheels.
     Ccw62,
     /// Mode 5/0 shorts the motor, then opens the bridge. This is proportional braking.
+    #[default]
     Brake50,
 }
 
@@ -114,8 +115,9 @@ impl Mode {
     }
 }
 
-/// A command to one bridge. The bridge repeats the command every PWM period until it gets another one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A command to one bridge. The bridge repeats the command every PWM period until it gets another one. The default is
+/// [`COAST`](Self::COAST).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Drive {
     /// The pair of states that alternates.

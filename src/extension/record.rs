@@ -3,7 +3,7 @@
 use super::report::battery;
 use crate::bridge::Drive;
 use crate::protocol::Nack;
-use crate::protocol::payload::{Field, Fields, Payload, fields_in_order, payload};
+use crate::protocol::payload::{Field, Fields, Payload, codec, fields_in_order, payload};
 use crate::record::{Fault, Head, NOBODY, Record, Tick, drive_bits, drive_of};
 use heapless::Vec;
 
@@ -85,30 +85,14 @@ impl Field for Fault {
     }
 }
 
-/// Codec of an optional motor. [`NOBODY`] stands for `None`.
-mod motor {
-    use super::{Field, Fields, NOBODY, Nack, Payload};
-
-    pub(super) fn read(fields: &mut Fields<'_>) -> Result<Option<u8>, Nack> {
-        Ok(Some(u8::read(fields)?).filter(|motor| *motor != NOBODY))
-    }
-
-    pub(super) fn write(motor: &Option<u8>, payload: &mut Payload) {
-        motor.unwrap_or(NOBODY).write(payload);
-    }
+codec! {
+    /// Codec of an optional motor. [`NOBODY`] stands for `None`.
+    motor: Option<u8> as u8, |motor| (motor != NOBODY).then_some(motor), |motor| motor.unwrap_or(NOBODY)
 }
 
-/// Codec of a command to a bridge in 16 bits, see [`drive_bits`].
-mod drive {
-    use super::{Drive, Field, Fields, Nack, Payload, drive_bits, drive_of};
-
-    pub(super) fn read(fields: &mut Fields<'_>) -> Result<Drive, Nack> {
-        u16::read(fields).map(drive_of)
-    }
-
-    pub(super) fn write(drive: &Drive, payload: &mut Payload) {
-        drive_bits(*drive).write(payload);
-    }
+codec! {
+    /// Codec of a command to a bridge in 16 bits, see [`drive_bits`].
+    drive: Drive as u16, drive_of, drive_bits
 }
 
 fields_in_order!(Head {

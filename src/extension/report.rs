@@ -20,13 +20,15 @@
 
 use crate::braking::Regime;
 use crate::bridge::{Drive, Mode};
-use crate::motor::EncoderFault;
 use crate::motor::{Faults, SenseLine, best_current};
-use crate::protocol::payload::{ByteIn, Field, Fields, Payload, bits, byte, codes, payload};
+use crate::protocol::payload::{
+    ByteIn, Field, Fields, Payload, bits, byte, codec, codes, fields_in_order, payload,
+};
 use crate::protocol::{CHANNELS, Nack};
+use crate::record::Fault;
 use crate::regulator::Kind;
 use crate::supply::BusState;
-use crate::units::{Control, Duty, Milliamperes, Millivolts, is_included};
+use crate::units::{Control, Milliamperes, Millivolts, is_included};
 use heapless::Vec;
 
 /// Version of the [`HubReport`] that this firmware sends. A higher version has more fields after all motors.
@@ -37,11 +39,6 @@ const WITH_COMMANDS: u8 = 2;
 
 /// Size of one motor's fields in bytes. The report of newer firmware may have a larger size.
 const STRIDE: u8 = 36;
-
-/// Stands for the measured current of a motor whose current is not measured.
-const NOT_MEASURED: u16 = u16::MAX;
-/// Stands for an unknown load.
-const UNKNOWN: i16 = i16::MIN;
 
 codes!(Mode { 0 = Cw98, 1 = Ccw62, 2 = Brake50 });
 // `None` stands for an open bridge.
@@ -106,17 +103,66 @@ mod measured {
     }
 }
 
-/// Codec of a battery voltage. 0 stands for an unknown voltage.
-pub(super) mod battery {
-    use super::{Field, Fields, Millivolts, Nack, Payload};
+codec! {
+    /// Codec of a battery voltage. 0 stands for an unknown voltage.
+    battery: Option<Millivolts> as Millivolts,
+    |voltage| Some(voltage).filter(|voltage| voltage.get() != 0),
+    Option::unwrap_or_default
+}
 
-    pub(crate) fn read(fields: &mut Fields<'_>) -> Result<Option<Millivolts>, Nack> {
-        Ok(Some(Millivolts::read(fields)?).filter(|voltage| voltage.get() != 0))
-    }
+/// Converts a current to 16 bits, limited to 32 767 mA in both directions.
+fn milliamperes(current: Milliamperes) -> i16 {
+    current.get().clamp(-i32::from(i16::MAX), i16::MAX.into()) as i16
+}
 
-    pub(crate) fn write(voltage: &Option<Millivolts>, payload: &mut Payload) {
-        voltage.unwrap_or_default().write(payload);
-    }
+codec! {
+    /// Codec of a current in 16 bits, limited to 32 767 mA in both directions.
+    current: Milliamperes as i16,
+    |ma| Milliamperes::new(ma.into()),
+    milliamperes
+}
+
+codec! {
+    /// Codec of an optional [`current`]. -32 768, which no current is, stands for `None`.
+    load: Option<Milliamperes> as i16,
+    |ma| (ma != i16::MIN).then_some(Milliamperes::new(ma.into())),
+    |load| load.map_or(i16::MIN, milliamperes)
+}
+
+codec! {
+    /// Codec of the magnitude of a measured current, limited to 65 534 mA. 65 535 stands for a current that is not measured.
+    magnitude: Option<u16> as u16,
+    |ma| (ma != u16::MAX).then_some(ma),
+    |ma| ma.map_or(u16::MAX, |ma| ma.min(u16::MAX - 1))
+}
+
+/// Faults of a motor in a report, by the bits of a byte.
+const FAULTS: [Fault; 6] = [
+    Fault::BatteryUnknown,
+    Fault::EncoderSilent,
+    Fault::EncoderStuck,
+    Fault::EncoderReversed,
+    Fault::Overheated,
+    Fault::BridgeOff,
+];
+
+codec! {
+    /// Codec of the [`FAULTS`] of a motor.
+    faults: Faults as u8,
+    |byte| {
+        let mut faults = Faults::NONE;
+        let present = bits(byte).into_iter().zip(FAULTS).filter(|(present, _)| *present);
+        present.for_each(|(_, fault)| fault.add_to(&mut faults));
+        faults
+    },
+    |faults| byte(FAULTS.map(|fault| fault.is_in(faults)))
+}
+
+codec! {
+    /// Codec of the points of a scheme. Four zeros stand for `None`.
+    points: Option<[Control; 4]> as [i16; 4],
+    |points| (points != [0; 4]).then_some(points.map(Control::new)),
+    |points| points.map_or([0; 4], |points| points.map(Control::get))
 }
 
 /// State of all motors and of the bus.
@@ -154,8 +200,8 @@ impl HubReport {
     }
 }
 
-/// State of one motor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// State of one motor. The default is the state of a disabled motor after a reset.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MotorReport {
     /// The set-point in force.
     pub setpoint: ReportedSetpoint,
@@ -255,32 +301,6 @@ impl ReportedSetpoint {
     }
 }
 
-impl Default for MotorReport {
-    /// The state of a disabled motor after a reset.
-    fn default() -> Self {
-        Self {
-            setpoint: ReportedSetpoint::Off,
-            position: 0,
-            velocity: 0,
-            regulator: Kind::Model,
-            control: Control::ZERO,
-            regime: None,
-            drive: Drive::COAST,
-            current: Milliamperes::ZERO,
-            measured_ma: None,
-            load: None,
-            heat: 0,
-            enabled: false,
-            settled: false,
-            stalled: false,
-            derated: false,
-            current_limited: false,
-            faults: Faults::default(),
-            points: None,
-        }
-    }
-}
-
 impl Field for HubReport {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let version = ByteIn::<1, { u8::MAX }>::read(fields)?.get();
@@ -315,61 +335,24 @@ impl Field for HubReport {
     }
 }
 
-impl Field for MotorReport {
-    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        let setpoint = ReportedSetpoint::read(fields)?;
-        let (position, velocity) = (i32::read(fields)?, i16::read(fields)?);
-        let regulator = Kind::read(fields)?;
-        let control = Control::read(fields)?;
-        let regime = Field::read(fields)?;
-        let drive = Drive { mode: Mode::read(fields)?, duty: Duty::read(fields)? };
-        let current = Milliamperes::new(i16::read(fields)?.into());
-        let measured_ma = Some(u16::read(fields)?).filter(|ma| *ma != NOT_MEASURED);
-        let load = Some(i16::read(fields)?).filter(|ma| *ma != UNKNOWN);
-        let heat = u16::read(fields)?;
-        let [enabled, settled, stalled, derated, current_limited, ..] = bits(u8::read(fields)?);
-        let faults = faults(u8::read(fields)?);
-        let points: [i16; 4] = Field::read(fields)?;
-        Ok(Self {
-            setpoint,
-            position,
-            velocity,
-            regulator,
-            control,
-            regime,
-            drive,
-            current,
-            measured_ma,
-            load: load.map(|ma| Milliamperes::new(ma.into())),
-            heat,
-            enabled,
-            settled,
-            stalled,
-            derated,
-            current_limited,
-            faults,
-            points: (points != [0; 4]).then_some(points.map(Control::new)),
-        })
-    }
+fields_in_order!(Drive { mode, duty });
 
-    fn write(&self, payload: &mut Payload) {
-        self.setpoint.write(payload);
-        self.position.write(payload);
-        self.velocity.write(payload);
-        self.regulator.write(payload);
-        self.control.write(payload);
-        self.regime.write(payload);
-        self.drive.mode.write(payload);
-        self.drive.duty.write(payload);
-        milliamperes(self.current).write(payload);
-        self.measured_ma.map_or(NOT_MEASURED, |ma| ma.min(NOT_MEASURED - 1)).write(payload);
-        self.load.map_or(UNKNOWN, milliamperes).write(payload);
-        self.heat.write(payload);
-        byte([self.enabled, self.settled, self.stalled, self.derated, self.current_limited]).write(payload);
-        fault_bits(self.faults).write(payload);
-        self.points.map_or([0; 4], |points| points.map(Control::get)).write(payload);
-    }
-}
+fields_in_order!(MotorReport {
+    setpoint,
+    position,
+    velocity,
+    regulator,
+    control,
+    regime,
+    drive,
+    current: current,
+    measured_ma: magnitude,
+    load: load,
+    heat,
+    [enabled, settled, stalled, derated, current_limited],
+    faults: faults,
+    points: points
+});
 
 impl Field for ReportedSetpoint {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
@@ -401,25 +384,4 @@ impl Field for ReportedSetpoint {
         code.write(payload);
         value.write(payload);
     }
-}
-
-/// Converts a current to 16 bits, limited to 32 767 mA in both directions. So the result is never [`UNKNOWN`], which is -32 768.
-fn milliamperes(current: Milliamperes) -> i16 {
-    current.get().clamp(-i32::from(i16::MAX), i16::MAX.into()) as i16
-}
-
-fn fault_bits(faults: Faults) -> u8 {
-    let Faults { battery_unknown, encoder_stale, encoder, overheated, bridge } = faults;
-    let [stuck, reversed] = [EncoderFault::Stuck, EncoderFault::Reversed].map(|fault| encoder == Some(fault));
-    byte([battery_unknown, encoder_stale, stuck, reversed, overheated, bridge])
-}
-
-fn faults(byte: u8) -> Faults {
-    let [battery_unknown, encoder_stale, stuck, reversed, overheated, bridge, ..] = bits(byte);
-    let encoder = match (stuck, reversed) {
-        (true, _) => Some(EncoderFault::Stuck),
-        (false, true) => Some(EncoderFault::Reversed),
-        (false, false) => None,
-    };
-    Faults { battery_unknown, encoder_stale, encoder, overheated, bridge }
 }

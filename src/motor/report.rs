@@ -28,9 +28,18 @@ pub struct Faults {
 }
 
 impl Faults {
+    /// No fault.
+    pub const NONE: Self = Self {
+        battery_unknown: false,
+        encoder_stale: false,
+        encoder: None,
+        overheated: false,
+        bridge: false,
+    };
+
     /// True if there is a fault.
-    pub const fn any(self) -> bool {
-        self.battery_unknown || self.encoder_stale || self.encoder.is_some() || self.overheated || self.bridge
+    pub fn any(self) -> bool {
+        self != Self::NONE
     }
 }
 
@@ -145,12 +154,6 @@ impl Report {
         settled: false,
         stalled: false,
         identification: Identification::None,
-        faults: Faults {
-            battery_unknown: false,
-            encoder_stale: false,
-            encoder: None,
-            overheated: false,
-            bridge: false,
-        },
+        faults: Faults::NONE,
     };
 }

@@ -97,6 +97,8 @@ impl<'a> Fields<'a> {
 }
 
 /// Appends as many bytes as fit in the payload.
+// Copies of this loop in all writers of answers would take 2 kB of an image's flash.
+#[inline(never)]
 pub(super) fn append(payload: &mut Payload, bytes: &[u8]) {
     for &byte in bytes {
         let _ = payload.push(byte);
@@ -265,20 +267,52 @@ macro_rules! codes {
 }
 pub(crate) use codes;
 
+/// Defines a *codec*: a module with functions that read and write a value as a field of another type.
+macro_rules! codec {
+    ($(#[$about:meta])* $name:ident: $value:ty as $field:ty, $from_field:expr, $to_field:expr) => {
+        $(#[$about])*
+        pub(crate) mod $name {
+            #[allow(unused_imports, reason = "the conversions may need nothing of the module")]
+            use super::*;
+
+            pub(crate) fn read(
+                fields: &mut $crate::protocol::payload::Fields<'_>,
+            ) -> Result<$value, $crate::protocol::Nack> {
+                let convert: fn($field) -> $value = $from_field;
+                <$field as $crate::protocol::payload::Field>::read(fields).map(convert)
+            }
+
+            pub(crate) fn write(value: &$value, payload: &mut $crate::protocol::payload::Payload) {
+                let convert: fn($value) -> $field = $to_field;
+                $crate::protocol::payload::Field::write(&convert(*value), payload);
+            }
+        }
+    };
+}
+pub(crate) use codec;
+
 /// Implements [`Field`] for a struct, whose fields are read and written in the stated order.
 ///
-/// A field whose type is not itself a [`Field`] states a *codec*: a module with functions `read` and `write`.
+/// A field whose type is not itself a [`Field`] states a [`codec`]. Bools in brackets are bits of one byte, beginning with bit
+/// 0.
 macro_rules! fields_in_order {
-    ($type:ty { $($field:ident $(: $codec:ident)?),+ $(,)? }) => {
+    ($type:ty { $($([$($bit:ident),+])? $($field:ident $(: $codec:ident)?)?),+ $(,)? }) => {
         impl $crate::protocol::payload::Field for $type {
             fn read(
                 fields: &mut $crate::protocol::payload::Fields<'_>,
             ) -> Result<Self, $crate::protocol::Nack> {
-                Ok(Self { $($field: $crate::protocol::payload::fields_in_order!(@read fields $($codec)?)?),+ })
+                $(
+                    $(let [$($bit,)+ ..] = $crate::protocol::payload::bits(Field::read(fields)?);)?
+                    $(let $field = $crate::protocol::payload::fields_in_order!(@read fields $($codec)?)?;)?
+                )+
+                Ok(Self { $($($($bit,)+)? $($field,)?)+ })
             }
 
             fn write(&self, payload: &mut $crate::protocol::payload::Payload) {
-                $($crate::protocol::payload::fields_in_order!(@write self.$field, payload, $($codec)?);)+
+                $(
+                    $($crate::protocol::payload::byte([$(self.$bit),+]).write(payload);)?
+                    $($crate::protocol::payload::fields_in_order!(@write self.$field, payload, $($codec)?);)?
+                )+
             }
         }
     };
@@ -307,17 +341,9 @@ macro_rules! payload {
 }
 pub(crate) use payload;
 
-/// Codec of a bool as one byte. True is written as 1 and false as 0. Every byte except 0 is read as true.
-pub(crate) mod flag {
-    use super::{Field, Fields, Nack, Payload};
-
-    pub(crate) fn read(fields: &mut Fields<'_>) -> Result<bool, Nack> {
-        u8::read(fields).map(|byte| byte != 0)
-    }
-
-    pub(crate) fn write(flag: &bool, payload: &mut Payload) {
-        flag.write(payload);
-    }
+codec! {
+    /// Codec of a bool as one byte. True is written as 1 and false as 0. Every byte except 0 is read as true.
+    flag: bool as u8, |byte| byte != 0, u8::from
 }
 
 /// Returns the bits of a byte, beginning with bit 0.

@@ -3,8 +3,10 @@
 use crate::motor::EncoderFault;
 use crate::motor::Faults;
 
+/// Defines all faults. Each line has the number, the fault, its name for users, and for a fault of a motor the field of
+/// [`Faults`] with the value that means the fault.
 macro_rules! faults {
-    ($($number:literal $fault:ident $name:literal,)+) => {
+    ($($number:literal $fault:ident $name:literal $($field:ident == $value:expr)?,)+) => {
         /// A fault, or the cause of a reset. `docs/reference/fault-numbers.md` has a section for each.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -32,18 +34,39 @@ macro_rules! faults {
                     $(Self::$fault => $name,)+
                 }
             }
+
+            /// Returns the faults of a motor as bits. Bit n stands for the fault with the number n.
+            pub(super) fn bits_of(faults: Faults) -> u8 {
+                0 $($(| u8::from(faults.$field == $value) << $number)?)+
+            }
+
+            /// True if the motor with these faults has this fault.
+            pub fn is_in(self, faults: Faults) -> bool {
+                match self {
+                    $($(Self::$fault => faults.$field == $value,)?)+
+                    _ => false,
+                }
+            }
+
+            /// Adds this fault to the faults of a motor. Does nothing for a fault of the hub.
+            pub fn add_to(self, faults: &mut Faults) {
+                match self {
+                    $($(Self::$fault => faults.$field = $value,)?)+
+                    _ => (),
+                }
+            }
         }
     };
 }
 
 // A number never changes its meaning. The number of a removed fault is not used again.
 faults! {
-    1 EncoderSilent "encoder gives no reading",
-    2 EncoderStuck "no counts although driven",
-    3 EncoderReversed "counts against the drive voltage",
-    4 Overheated "winding too hot",
-    5 BridgeOff "bridge switched itself off",
-    6 BatteryUnknown "battery unknown",
+    1 EncoderSilent "encoder gives no reading" encoder_stale == true,
+    2 EncoderStuck "no counts although driven" encoder == Some(EncoderFault::Stuck),
+    3 EncoderReversed "counts against the drive voltage" encoder == Some(EncoderFault::Reversed),
+    4 Overheated "winding too hot" overheated == true,
+    5 BridgeOff "bridge switched itself off" bridge == true,
+    6 BatteryUnknown "battery unknown" battery_unknown == true,
     16 Watchdog "watchdog",
     17 HardFault "hard fault",
     18 StackOverflow "stack overflow",
@@ -64,32 +87,8 @@ impl Fault {
         self as u8
     }
 
-    /// Returns the faults of a motor as bits. Bit n stands for the fault with the number n.
-    pub(super) const fn bits_of(faults: Faults) -> u8 {
-        let encoder = match faults.encoder {
-            None => 0,
-            Some(EncoderFault::Stuck) => bit(Self::EncoderStuck),
-            Some(EncoderFault::Reversed) => bit(Self::EncoderReversed),
-        };
-        encoder
-            | when(faults.encoder_stale, Self::EncoderSilent)
-            | when(faults.overheated, Self::Overheated)
-            | when(faults.bridge, Self::BridgeOff)
-            | when(faults.battery_unknown, Self::BatteryUnknown)
-    }
-
     /// Iterates over the faults of a motor whose bits are set.
     pub(super) fn in_bits(bits: u8) -> impl Iterator<Item = Self> {
         (1..8).filter(move |number| bits & 1 << number != 0).filter_map(Self::from_number)
     }
-}
-
-/// Returns the bit of a motor's fault, in which bit n is set for the fault number n. The number must be 1 to 7.
-const fn bit(fault: Fault) -> u8 {
-    1 << (fault.number() & 7)
-}
-
-/// Returns the bit of `fault` if the fault is present, otherwise 0.
-const fn when(present: bool, fault: Fault) -> u8 {
-    if present { bit(fault) } else { 0 }
 }

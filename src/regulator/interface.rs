@@ -5,10 +5,11 @@ use crate::settings::Settings;
 use crate::units::{Control, CountsPerSecond, Period, Voltage};
 
 /// Kind of a regulator.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Kind {
     /// Regulation by the motor's own equation.
+    #[default]
     Model,
     /// Regulation by proportional, integral and derivative action.
     Pid,

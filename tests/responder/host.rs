@@ -27,6 +27,10 @@ pub(crate) fn settings() -> Settings {
     Settings::new(Winding::NEVEREST_60)
 }
 
+pub(crate) fn responder_with(settings: Settings) -> Responder<N> {
+    Responder::new(Address::new(HUB).expect("an address"), [settings; N])
+}
+
 pub(crate) fn bytes_of(hex: &str) -> Vec<u8> {
     hex.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).expect("hex")).collect()
 }
@@ -68,8 +72,7 @@ impl TestHost {
     /// At a hub with everything just after its reset, whose battery has 12.345 V.
     pub(crate) fn new() -> Self {
         let snapshot = Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL };
-        let address = Address::new(HUB).expect("an address");
-        let mut responder = Responder::new(address, [settings(); N]);
+        let mut responder = responder_with(settings());
         responder.equip(FULL);
         Self {
             responder,

@@ -1,16 +1,14 @@
 //! A host says which motor is on a channel and what its control values mean.
 
-use crate::host::{HUB, N, Said, TestHost, settings};
+use crate::host::{Said, TestHost, responder_with, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, OperatingPoint, Points, Regime, Scheme, Winding};
 use motor_hub::bridge::{BridgeConstants, Drive, Mode};
 use motor_hub::extension::FIRST_FUNCTION;
 use motor_hub::hub::{Action, Bus, Command};
 use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, OnFault, Report, SenseLine, Setpoint, Settings, ThermalLimit, ZeroPower};
-use motor_hub::protocol::Address;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
 use motor_hub::regulator::{Dynamics, Kind};
-use motor_hub::responder::Responder;
 use motor_hub::supply::{BusReading, BusState, DrawStage};
 use motor_hub::units::{
     AccelerationPerVolt, Control, CountsPerSecond, DecayRate, Duty, EmfConstant, Inductance, Microjoules,
@@ -93,10 +91,7 @@ fn the_motor_that_the_hub_starts_with_reads_back() {
 fn choosing_linear_duty_forgets_neither_winding_nor_bridge() {
     let bridge = BridgeConstants::new(900, 80, 10_000).expect("in range");
     let started = Settings { bridge, ..settings() };
-    let mut host = TestHost {
-        responder: Responder::new(Address::new(HUB).expect("an address"), [started; N]),
-        ..TestHost::new()
-    };
+    let mut host = TestHost { responder: responder_with(started), ..TestHost::new() };
     assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![2, 0]));
 
     // With a resistance of 0 only the back EMF of the winding changes.

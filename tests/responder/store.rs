@@ -1,6 +1,6 @@
 //! What a host finds again after power was gone.
 
-use crate::host::{HUB, N, Said, TestHost, bytes_of, settings};
+use crate::host::{HUB, N, Said, TestHost, bytes_of, responder_with, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use motor_hub::bridge::Timing;
 use motor_hub::extension::FIRST_FUNCTION;
@@ -8,10 +8,9 @@ use motor_hub::extension::state::StoreReport;
 use motor_hub::hub::{Action, Command};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, Setpoint, Settings, ThermalLimit, ZeroPower};
+use motor_hub::protocol::Packet;
 use motor_hub::protocol::payload::{Field, Fields};
-use motor_hub::protocol::{Address, Packet};
 use motor_hub::regulator::{Coefficients, Dynamics};
-use motor_hub::responder::Responder;
 use motor_hub::store::{Found, Outcome, SettingsRecord, StoreRequest, Stored};
 use motor_hub::units::{
     Acceleration, AccelerationPerVolt, Coefficient, Control, CountsPerSecond, DecayRate, EmfConstant,
@@ -152,10 +151,8 @@ fn a_stored_set_up_that_changes_nothing_deletes_no_motion() {
         });
         Settings { coefficients: None, ..commands.next_back().expect("configured") }
     };
-    let mut responder = Responder::new(Address::new(HUB).expect("an address"), [known; N]);
     let mut record = SettingsRecord::new(1);
-    let mut host = TestHost::new();
-    std::mem::swap(&mut host.responder, &mut responder);
+    let mut host = TestHost { responder: responder_with(known), ..TestHost::new() };
     let Said::Data(setup) = host.ask(FIRST_FUNCTION + 1, &[1]) else { panic!("no set-up") };
     record.push(FIRST_FUNCTION, &[&[1], &setup[..]].concat()).expect("room");
     let before = all(&mut host);
@@ -539,13 +536,8 @@ fn settings_stored_by_firmware_0_1_0_are_restored_and_stored_again_as_the_same_b
     ];
     assert_eq!(configured, expected);
 
-    host.responder = {
-        let mut responder = host.responder;
-        let save = FIRST_FUNCTION + 14;
-        let packet = Packet { destination: 9, id: save, ..Packet::default() };
-        responder.receive(&packet, host.now, &host.snapshot).expect("a reply");
-        responder
-    };
+    let packet = Packet { destination: 9, id: SAVE, ..Packet::default() };
+    host.responder.receive(&packet, host.now, &host.snapshot).expect("a reply");
     let again = carried_out(&mut host);
     assert!(again.entries().eq(stored.entries()), "{again:02x?}");
 }

@@ -1,6 +1,6 @@
 //! The responder task between in-memory pipes, under virtual time.
 
-use crate::host::{HUB, N, bytes_of, decode, frame_to, settings};
+use crate::host::{HUB, N, bytes_of, decode, frame_to, responder_with, settings};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::pipe::Pipe;
 use embassy_time::Timer;
@@ -12,7 +12,7 @@ use motor_hub::extension::state::StoreReport;
 use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::Setpoint;
 use motor_hub::protocol::payload::{Field, Fields};
-use motor_hub::protocol::{Address, Colour, Nack};
+use motor_hub::protocol::{Colour, Nack};
 use motor_hub::responder::Responder;
 use motor_hub::store::{Found, Outcome, SettingsRecord, Stored};
 use motor_hub::tasks::store::Done;
@@ -110,7 +110,7 @@ impl Read for Rough<'_> {
 }
 
 fn responder() -> Responder<N> {
-    Responder::new(Address::new(HUB).expect("an address"), [settings(); N])
+    responder_with(settings())
 }
 
 struct World {
@@ -118,12 +118,18 @@ struct World {
     line: Line,
     wires: Wires<NoopRawMutex, N>,
     shown: Cell<Colour>,
+    times_shown: Cell<u32>,
     pins: Pins,
+    responder: Cell<Option<Responder<N>>>,
     _clock: MutexGuard<'static, ()>,
 }
 
 impl World {
     fn new() -> Self {
+        Self::with(responder())
+    }
+
+    fn with(responder: Responder<N>) -> Self {
         let clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
         MockDriver::get().reset();
         let wires = Wires::new();
@@ -136,17 +142,20 @@ impl World {
             line: Line::default(),
             wires,
             shown: Cell::default(),
+            times_shown: Cell::default(),
             pins: Pins::default(),
+            responder: Cell::new(Some(responder)),
             _clock: clock,
         }
     }
 
     async fn task(&self) {
-        let mut responder = responder();
-        tasks::responder::run(&self.to_hub, &self.line, &self.pins, &mut responder, &self.wires, |c| {
-            self.shown.set(c)
-        })
-        .await;
+        let mut responder = self.responder.take().expect("one task");
+        let show = |colour| {
+            self.shown.set(colour);
+            self.times_shown.set(self.times_shown.get() + 1);
+        };
+        tasks::responder::run(&self.to_hub, &self.line, &self.pins, &mut responder, &self.wires, show).await;
     }
 
     fn send(&self, mut bytes: &[u8]) {
@@ -606,13 +615,8 @@ fn between_connections_the_timer_runs_on() {
 
 #[test]
 fn a_hub_with_a_memory_reads_packets_once_the_memory_has_reported() {
-    let world = World::new();
-    let mut responder = responder().expecting_store();
-    let shown = Cell::new(0);
-    let mut task =
-        pin!(tasks::responder::run(&world.to_hub, &world.line, (), &mut responder, &world.wires, |_| {
-            shown.set(shown.get() + 1)
-        }));
+    let world = World::with(responder().expecting_store());
+    let mut task = pin!(world.task());
     // The current alert of motor 2.
     world.call(13, &[2]);
     run_ms(&mut task, 400);
@@ -628,15 +632,13 @@ fn a_hub_with_a_memory_reads_packets_once_the_memory_has_reported() {
     assert_eq!(order.record.map(|record| record.number()), Some(2));
     assert_eq!(world.replies(), [(0x7F01, 1)]);
     // The task of the LED feeds the watchdog meanwhile.
-    assert!(shown.get() >= 8, "{shown:?}");
+    assert!(world.times_shown.get() >= 8, "{:?}", world.times_shown);
 }
 
 #[test]
 fn a_memory_that_never_reports_does_not_block_the_hub() {
-    let world = World::new();
-    let mut responder = responder().expecting_store();
-    let mut task =
-        pin!(tasks::responder::run(&world.to_hub, &world.line, (), &mut responder, &world.wires, |_| ()));
+    let world = World::with(responder().expecting_store());
+    let mut task = pin!(world.task());
     world.send(&frame_to(HUB, 1, 0x7F04, &[]));
     run_ms(&mut task, 4_900);
     assert_eq!(world.replies(), []);
@@ -657,10 +659,8 @@ fn alert_of_motor_2() -> Done {
 
 #[test]
 fn the_button_waits_until_the_memory_has_reported() {
-    let world = World::new();
-    let mut responder = responder().expecting_store();
-    let mut task =
-        pin!(tasks::responder::run(&world.to_hub, &world.line, (), &mut responder, &world.wires, |_| ()));
+    let world = World::with(responder().expecting_store());
+    let mut task = pin!(world.task());
     let permitted = || world.wires.button_permitted.lock(Cell::get);
     // Longer than hosts wait.
     run_ms(&mut task, 6_000);
@@ -672,10 +672,8 @@ fn the_button_waits_until_the_memory_has_reported() {
 
 #[test]
 fn a_memory_that_reports_after_the_time_out_is_restored_if_no_host_has_spoken() {
-    let world = World::new();
-    let mut responder = responder().expecting_store();
-    let mut task =
-        pin!(tasks::responder::run(&world.to_hub, &world.line, (), &mut responder, &world.wires, |_| ()));
+    let world = World::with(responder().expecting_store());
+    let mut task = pin!(world.task());
     run_ms(&mut task, 6_000);
     world.wires.store.done.signal(alert_of_motor_2());
     run_ms(&mut task, 60);
@@ -686,10 +684,8 @@ fn a_memory_that_reports_after_the_time_out_is_restored_if_no_host_has_spoken() 
 
 #[test]
 fn a_memory_that_reports_after_a_host_has_spoken_changes_nothing_and_is_reported() {
-    let world = World::new();
-    let mut responder = responder().expecting_store();
-    let mut task =
-        pin!(tasks::responder::run(&world.to_hub, &world.line, (), &mut responder, &world.wires, |_| ()));
+    let world = World::with(responder().expecting_store());
+    let mut task = pin!(world.task());
     run_ms(&mut task, 6_000);
     world.send(&frame_to(HUB, 1, 0x7F04, &[]));
     run_ms(&mut task, 2);

@@ -2,11 +2,14 @@
 
 use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
-use motor_hub_stm32::{record, stack, start, supply};
+use motor_hub_stm32::{record, stack, start};
 
 /// 2.93 V falling, 2.85 V at the least (DS9405 table 22): at 168 MHz with 5 wait states the flash needs 2.7 V
 /// (RM0090 table 12).
-const PVD_LEVEL: u8 = 0b110;
+pub(crate) const PVD_LEVEL: u8 = 0b110;
+
+/// RAM can be read before the first write.
+pub(crate) const RAM_HAS_ERROR_CODE: bool = false;
 
 /// Lights the red lamp, PB14, and starts the watchdog.
 pub(crate) fn before_clocks() {
@@ -71,16 +74,6 @@ pub(crate) fn reset_cause() -> Fault {
         (flags.lpwrrstf(), Fault::OtherReset),
         (flags.padrstf(), Fault::ResetPin),
     ])
-}
-
-/// From here on the supply is watched: below 2.9 V its interrupt ends the run.
-pub(crate) fn watch_supply() {
-    supply::watch(pac::Interrupt::PVD, || {
-        pac::PWR.cr1().modify(|w| {
-            w.set_pls(PVD_LEVEL);
-            w.set_pvde(true);
-        });
-    });
 }
 
 /// False on chips whose second bank may be read wrongly, depending on the level of PA12, which is USB's here: those before

@@ -5,12 +5,9 @@
 use embassy_stm32::pac::i2c::I2c;
 use embassy_stm32::pac::i2c::regs::Sr1;
 use embassy_stm32::pac::i2c::vals::{Duty, FS, Pos};
-use embassy_stm32::pac::{self, Interrupt};
-use embassy_stm32::rcc;
-use embassy_stm32::{interrupt, peripherals};
 use embassy_time::Timer;
 use motor_hub_stm32::i2c_bus::{self, Error};
-use motor_hub_stm32::supply::{Watcher, unmask};
+use motor_hub_stm32::supply::Watcher;
 
 /// Clock of the controllers, PCLK1, in MHz.
 const CLOCK_MHZ: u16 = 42;
@@ -18,48 +15,10 @@ const CLOCK_MHZ: u16 = 42;
 /// Time between two looks at a stop condition that is on its way: a period of a slow bus, in microseconds.
 const STOP_MICROS: u64 = 10;
 
-static WATCHERS: [Watcher; 3] = [const { Watcher::new() }; 3];
-
-/// A controller.
-pub(crate) struct Controller {
-    registers: I2c,
-    watcher: &'static Watcher,
-    fast: bool,
-    /// The speed that the registers are set for.
-    set: bool,
-}
-
-/// The type of a bus with such a controller.
-pub(crate) type Bus = i2c_bus::Bus<Controller>;
-
-macro_rules! controllers {
-    ($($new:ident: $peripheral:ident, $number:literal, $event:ident, $error:ident;)+) => {
-        $(
-            /// The controller of this peripheral, with its clock.
-            pub(crate) fn $new() -> Controller {
-                rcc::enable_and_reset::<peripherals::$peripheral>();
-                unmask(Interrupt::$event);
-                unmask(Interrupt::$error);
-                Controller { registers: pac::$peripheral, watcher: &WATCHERS[$number], fast: false, set: false }
-            }
-
-            #[interrupt]
-            fn $event() {
-                interrupted(pac::$peripheral, &WATCHERS[$number]);
-            }
-
-            #[interrupt]
-            fn $error() {
-                interrupted(pac::$peripheral, &WATCHERS[$number]);
-            }
-        )+
-    };
-}
-
-controllers! {
-    i2c1: I2C1, 0, I2C1_EV, I2C1_ER;
-    i2c2: I2C2, 1, I2C2_EV, I2C2_ER;
-    i2c3: I2C3, 2, I2C3_EV, I2C3_ER;
+motor_hub_stm32::i2c_controllers! {
+    i2c1: I2C1, I2C1_EV, I2C1_ER;
+    i2c2: I2C2, I2C2_EV, I2C2_ER;
+    i2c3: I2C3, I2C3_EV, I2C3_ER;
 }
 
 /// The flags stay raised for the task, which is woken once. A bus error means nothing: the transfer goes on (ES0206 2.9.6).

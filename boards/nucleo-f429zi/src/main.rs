@@ -18,11 +18,11 @@ use defmt::unwrap;
 use defmt_rtt as _;
 use embassy_executor::Spawner;
 use embassy_stm32::flash::{self, Async, Bank2Region1, Flash};
-use embassy_stm32::gpio::{Flex, Input, Pull};
+use embassy_stm32::gpio::{Input, Pull};
 use embassy_stm32::interrupt::typelevel;
 use embassy_stm32::peripherals::{I2C1, I2C2, I2C3, USART3, USART6};
 use embassy_stm32::usart::BufferedInterruptHandler;
-use embassy_stm32::{bind_interrupts, interrupt, pac};
+use embassy_stm32::{bind_interrupts, pac};
 use motor_hub::tasks::store::Keeper;
 use motor_hub_stm32::bridge_faults::{DiagLines, line};
 use motor_hub_stm32::connectors::Connectors;
@@ -32,7 +32,7 @@ use motor_hub_stm32::lamp::Lamp;
 use motor_hub_stm32::pins::{DigitalLines, low};
 use motor_hub_stm32::servo::Servo;
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
-use motor_hub_stm32::{record, serial, status};
+use motor_hub_stm32::{pins, serial};
 use static_cell::StaticCell;
 
 /// Where settings are stored, from the start of the second bank: its first two sectors. The code is in the first bank, so it
@@ -47,6 +47,7 @@ motor_hub_stm32::hub! {
     pwm: TIM1,
     encoders: [TIM2, TIM3, TIM4, TIM8],
     watchdog: IWDG,
+    detector: PVD, cr1,
     battery: BatteryAdc,
     currents: CurrentLines,
     slot: None,
@@ -68,21 +69,13 @@ fn open_all_bridges() {
     pac::GPIOD.bsrr().write(|w| (0..8).for_each(|pin| w.set_br(pin, true)));
 }
 
-#[interrupt]
-fn PVD() {
-    END.supply_fell()
-}
-
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
     chip::before_clocks();
     let p = embassy_stm32::init(chip::clocks());
     chip::set_up();
-    status::started("nucleo-f429zi");
     // Before anything that could hang, and before a bridge can be anything but open.
-    let watchdog = Watchdog::start(p.IWDG);
-    record::open(&WIRES, unwrap!(record::memory()), chip::reset_cause());
-    chip::watch_supply();
+    let watchdog = begin(p.IWDG);
 
     let pwm = Pwm::new(p.TIM1);
     let bridges = [
@@ -99,8 +92,7 @@ async fn main(spawner: Spawner) {
     ));
     let diag = DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]);
     let battery = unwrap!(BatteryAdc::new(p.ADC1, p.PA3, p.PC2));
-    let currents =
-        CurrentLines::new(p.ADC3, [Flex::new(p.PC0), Flex::new(p.PC3), Flex::new(p.PF3), Flex::new(p.PF5)]);
+    let currents = CurrentLines::new(p.ADC3, pins!(p.PC0, p.PC3, p.PF3, p.PF5));
     static BUFFERS: StaticCell<[serial::Buffers; 2]> = StaticCell::new();
     let [first, second] = BUFFERS.init([const { serial::Buffers::new() }; 2]);
     let link = serial::host_link(
@@ -108,10 +100,7 @@ async fn main(spawner: Spawner) {
         Some(unwrap!(serial::open(p.USART6, p.PG14, p.PG9, Irqs, second, Some(transmission::ADAPTER)))),
     );
     let lamp = Lamp { red: low(p.PB14), green: low(p.PB0), blue: low(p.PB7) };
-    analog::set_up(
-        p.ADC2,
-        [Flex::new(p.PA4), Flex::new(p.PA5), Flex::new(p.PA6), Flex::new(p.PA0), Flex::new(p.PB1)],
-    );
+    analog::set_up(p.ADC2, pins!(p.PA4, p.PA5, p.PA6, p.PA0, p.PB1));
     let servos = [
         Servo::new(p.TIM10, p.PF6),
         Servo::new(p.TIM11, p.PF7),
@@ -125,16 +114,7 @@ async fn main(spawner: Spawner) {
         Bus::new::<I2C2>(i2c::i2c2(), p.PF1, p.PF0),
         Bus::new::<I2C3>(i2c::i2c3(), p.PA8, p.PC9),
     ];
-    let digital = DigitalLines::new([
-        Flex::new(p.PF14),
-        Flex::new(p.PF15),
-        Flex::new(p.PE7),
-        Flex::new(p.PE8),
-        Flex::new(p.PE10),
-        Flex::new(p.PE12),
-        Flex::new(p.PE15),
-        Flex::new(p.PE0),
-    ]);
+    let digital = DigitalLines::new(pins!(p.PF14, p.PF15, p.PE7, p.PE8, p.PE10, p.PE12, p.PE15, p.PE0));
     let connectors = Connectors { digital, servos, analog: Some(analog::read), i2c: 3 };
     let button = Input::new(p.PC13, Pull::None);
     let region = Flash::new(p.FLASH, Irqs).into_regions().bank2_region1;

@@ -2,11 +2,14 @@
 
 use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
-use motor_hub_stm32::{record, stack, start, supply};
+use motor_hub_stm32::{record, stack, start};
 
 /// About 2.9 V falling (DS12288, embedded reset and power control block): the chip runs on to 1.71 V, but not what hangs
 /// on its pins.
-const PVD_LEVEL: u8 = 0b110;
+pub(crate) const PVD_LEVEL: u8 = 0b110;
+
+/// RAM can be read before the first write.
+pub(crate) const RAM_HAS_ERROR_CODE: bool = false;
 
 /// Lights the red lamp, PC10, and starts the watchdog.
 pub(crate) fn before_clocks() {
@@ -67,14 +70,4 @@ pub(crate) fn reset_cause() -> Fault {
         (flags.lpwrrstf(), Fault::OtherReset),
         (flags.pinrstf(), Fault::ResetPin),
     ])
-}
-
-/// From here on the supply is watched: below 2.9 V its interrupt ends the run.
-pub(crate) fn watch_supply() {
-    supply::watch(pac::Interrupt::PVD_PVM, || {
-        pac::PWR.cr2().modify(|w| {
-            w.set_pls(PVD_LEVEL);
-            w.set_pvde(true);
-        });
-    });
 }

@@ -12,17 +12,17 @@ use adc::BatteryAdc;
 use defmt::unwrap;
 use defmt_rtt as _;
 use embassy_executor::Spawner;
-use embassy_stm32::gpio::{Flex, Input, Pull};
+use embassy_stm32::gpio::{Input, Pull};
 use embassy_stm32::peripherals::LPUART1;
 use embassy_stm32::usart::BufferedInterruptHandler;
-use embassy_stm32::{bind_interrupts, interrupt, pac};
+use embassy_stm32::{bind_interrupts, pac};
 use motor_hub_stm32::bridge_faults::{DiagLines, line};
 use motor_hub_stm32::connectors::Connectors;
 use motor_hub_stm32::encoders::{Counter, QuadratureCounters};
 use motor_hub_stm32::lamp::Lamp;
 use motor_hub_stm32::pins::{DigitalLines, low};
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
-use motor_hub_stm32::{record, serial, status};
+use motor_hub_stm32::{pins, serial};
 use static_cell::StaticCell;
 
 motor_hub_stm32::hub! {
@@ -32,6 +32,7 @@ motor_hub_stm32::hub! {
     pwm: TIM1,
     encoders: [TIM2, TIM3, TIM4, TIM8],
     watchdog: IWDG,
+    detector: PVD_PVM, cr2,
     battery: BatteryAdc,
     currents: (),
     slot: None,
@@ -52,21 +53,13 @@ fn open_all_bridges() {
     pac::GPIOC.bsrr().write(|w| (0..4).for_each(|pin| w.set_br(pin, true)));
 }
 
-#[interrupt]
-fn PVD_PVM() {
-    END.supply_fell()
-}
-
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
     chip::before_clocks();
     let p = embassy_stm32::init(chip::clocks());
     chip::set_up();
-    status::started("nucleo-g474re");
     // Before anything that could hang, and before a bridge can be anything but open.
-    let watchdog = Watchdog::start(p.IWDG);
-    record::open(&WIRES, unwrap!(record::memory()), chip::reset_cause());
-    chip::watch_supply();
+    let watchdog = begin(p.IWDG);
 
     let pwm = Pwm::new(p.TIM1);
     let bridges = [
@@ -88,7 +81,7 @@ async fn main(spawner: Spawner) {
         unwrap!(serial::open(p.LPUART1, p.PA2, p.PA3, Irqs, BUFFERS.init(serial::Buffers::new()), None));
     let link = serial::host_link(line, None);
     let lamp = Lamp { red: low(p.PC10), green: low(p.PA5), blue: low(p.PC11) };
-    let digital = DigitalLines::new([Flex::new(p.PC8), Flex::new(p.PC9)]);
+    let digital = DigitalLines::new(pins!(p.PC8, p.PC9));
     let connectors = Connectors { digital, servos: [], analog: None, i2c: 0 };
     let button = Input::new(p.PC13, Pull::None);
     let bridges = Vnh5019::new(pwm, bridges);

@@ -6,11 +6,11 @@ use embassy_stm32::pac::common::{RW, Reg};
 use embassy_stm32::pac::timer::vals::Bkp;
 use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
-use motor_hub_stm32::{record, stack, start, supply};
+use motor_hub_stm32::{record, stack, start};
 
 /// 2.86 V rising, 2.76 V falling (DS12110 table 116): the chip itself runs on to 1.62 V, but not what
 /// hangs on its pins.
-const PVD_LEVEL: u8 = 0b110;
+pub(crate) const PVD_LEVEL: u8 = 0b110;
 
 /// SYSCFG_CFGR, with its bits CM7L and PVDL (RM0433 12.3.6). The peripheral access crate does not have the register.
 const SYSCFG_CFGR: usize = 0x5800_0418;
@@ -19,6 +19,9 @@ const SUPPLY_BREAKS: u32 = 1 << 2;
 
 /// Divisor of HSI before all PLLs, which multiply 8 MHz.
 const PREDIV: rcc::PllPreDiv = rcc::PllPreDiv::DIV8;
+
+/// RAM has an error code, which fits nothing before the first write. Reading RAM before could be a bus error.
+pub(crate) const RAM_HAS_ERROR_CODE: bool = true;
 
 /// Lights the red lamp, PB14, and starts the watchdog.
 pub(crate) fn before_clocks() {
@@ -116,14 +119,4 @@ pub(crate) fn reset_cause() -> Fault {
         (flags.lpwrrstf(), Fault::OtherReset),
         (flags.pinrstf(), Fault::ResetPin),
     ])
-}
-
-/// From here on the supply is watched: below 2.76 V its interrupt ends the run.
-pub(crate) fn watch_supply() {
-    supply::watch(pac::Interrupt::PVD_AVD, || {
-        pac::PWR.cr1().modify(|w| {
-            w.set_pls(PVD_LEVEL);
-            w.set_pvde(true);
-        });
-    });
 }

@@ -5,13 +5,8 @@
 use embassy_stm32::pac::i2c::I2c;
 use embassy_stm32::pac::i2c::regs::Isr;
 use embassy_stm32::pac::i2c::vals::{Addmode, Autoend, Dir};
-use embassy_stm32::pac::{self, Interrupt};
-use embassy_stm32::rcc;
-use embassy_stm32::{interrupt, peripherals};
 use motor_hub_stm32::i2c_bus::{self, Error};
-use motor_hub_stm32::supply::{Watcher, unmask};
-
-static WATCHERS: [Watcher; 4] = [const { Watcher::new() }; 4];
+use motor_hub_stm32::supply::Watcher;
 
 /// Phases of the clock in units of `prescaler` + 1 periods of the controller's clock of 100 MHz (RM0433 47.4.10).
 struct Timing {
@@ -27,47 +22,11 @@ const SLOW: Timing = Timing { prescaler: 9, low: 49, high: 49, data_hold: 3, dat
 /// At most 400 kHz: the low phase has 1.35 us, the high phase 1.15 us, and a line may rise for 300 ns.
 const FAST: Timing = Timing { prescaler: 4, low: 26, high: 22, data_hold: 5, data_setup: 7 };
 
-/// A controller.
-pub(crate) struct Controller {
-    registers: I2c,
-    watcher: &'static Watcher,
-    fast: bool,
-    /// The speed that the registers are set for.
-    set: bool,
-}
-
-/// The type of a bus with such a controller.
-pub(crate) type Bus = i2c_bus::Bus<Controller>;
-
-macro_rules! controllers {
-    ($($new:ident: $peripheral:ident, $number:literal, $event:ident, $error:ident;)+) => {
-        $(
-            /// The controller of this peripheral, with its clock.
-            pub(crate) fn $new() -> Controller {
-                rcc::enable_and_reset::<peripherals::$peripheral>();
-                unmask(Interrupt::$event);
-                unmask(Interrupt::$error);
-                Controller { registers: pac::$peripheral, watcher: &WATCHERS[$number], fast: false, set: false }
-            }
-
-            #[interrupt]
-            fn $event() {
-                interrupted(pac::$peripheral, &WATCHERS[$number]);
-            }
-
-            #[interrupt]
-            fn $error() {
-                interrupted(pac::$peripheral, &WATCHERS[$number]);
-            }
-        )+
-    };
-}
-
-controllers! {
-    i2c1: I2C1, 0, I2C1_EV, I2C1_ER;
-    i2c2: I2C2, 1, I2C2_EV, I2C2_ER;
-    i2c3: I2C3, 2, I2C3_EV, I2C3_ER;
-    i2c4: I2C4, 3, I2C4_EV, I2C4_ER;
+motor_hub_stm32::i2c_controllers! {
+    i2c1: I2C1, I2C1_EV, I2C1_ER;
+    i2c2: I2C2, I2C2_EV, I2C2_ER;
+    i2c3: I2C3, I2C3_EV, I2C3_ER;
+    i2c4: I2C4, I2C4_EV, I2C4_ER;
 }
 
 /// The flags stay raised for the task, which is woken once. A bus error means nothing: the transfer goes on (ES0392 2.19.4).

@@ -19,14 +19,13 @@ use defmt::unwrap;
 use defmt_rtt as _;
 use embassy_embedded_hal::flash::partition::Partition;
 use embassy_executor::Spawner;
-use embassy_stm32::gpio::{Flex, Input, Pull};
+use embassy_stm32::gpio::{Input, Pull};
 use embassy_stm32::peripherals::{I2C1, I2C2, I2C3, I2C4, USART3, USART6};
 use embassy_stm32::usart::BufferedInterruptHandler;
-use embassy_stm32::{bind_interrupts, interrupt, pac};
+use embassy_stm32::{bind_interrupts, pac};
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::mutex::Mutex;
 use embassy_time::{Duration, Timer};
-use motor_hub::record::Fault;
 use motor_hub::tasks::store::Keeper;
 use motor_hub::tasks::{self, update::Slots};
 use motor_hub::update::Slot;
@@ -38,7 +37,7 @@ use motor_hub_stm32::lamp::Lamp;
 use motor_hub_stm32::pins::{DigitalLines, low};
 use motor_hub_stm32::servo::Servo;
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
-use motor_hub_stm32::{record, serial, status};
+use motor_hub_stm32::{pins, serial};
 use static_cell::StaticCell;
 
 /// A part of a bank.
@@ -67,6 +66,7 @@ motor_hub_stm32::hub! {
     pwm: TIM1,
     encoders: [TIM2, TIM3, TIM4, TIM8],
     watchdog: IWDG1,
+    detector: PVD_AVD, cr1,
     battery: BatteryAdc,
     currents: CurrentLines,
     slot: SLOT,
@@ -87,26 +87,13 @@ fn open_all_bridges() {
     pac::GPIOD.bsrr().write(|w| (0..8).for_each(|pin| w.set_br(pin, true)));
 }
 
-#[interrupt]
-fn PVD_AVD() {
-    END.supply_fell()
-}
-
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
     chip::before_clocks();
     let p = embassy_stm32::init(chip::clocks());
     chip::set_up();
-    status::started("nucleo-h743zi2");
     // Before anything that could hang, and before a bridge can be anything but open.
-    let watchdog = Watchdog::start(p.IWDG1);
-    let (memory, cause) = (unwrap!(record::memory()), chip::reset_cause());
-    if cause == Fault::PowerOn {
-        // RAM has an error code, which fits nothing before the first write. Reading it could be a bus error.
-        memory.fill(0);
-    }
-    record::open(&WIRES, memory, cause);
-    chip::watch_supply();
+    let watchdog = begin(p.IWDG1);
 
     let pwm = Pwm::new(p.TIM1);
     chip::break_pwm();
@@ -124,8 +111,7 @@ async fn main(spawner: Spawner) {
     ));
     let diag = DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]);
     let battery = unwrap!(adc::battery((p.ADC1, p.ADC3), p.PA3));
-    let currents =
-        CurrentLines::new(p.ADC2, [Flex::new(p.PC0), Flex::new(p.PB1), Flex::new(p.PA6), Flex::new(p.PA5)]);
+    let currents = CurrentLines::new(p.ADC2, pins!(p.PC0, p.PB1, p.PA6, p.PA5));
     static BUFFERS: StaticCell<[serial::Buffers; 2]> = StaticCell::new();
     let [first, second] = BUFFERS.init([const { serial::Buffers::new() }; 2]);
     let link = serial::host_link(
@@ -133,13 +119,7 @@ async fn main(spawner: Spawner) {
         Some(unwrap!(serial::open(p.USART6, p.PG14, p.PG9, Irqs, second, None))),
     );
     let lamp = Lamp { red: low(p.PB14), green: low(p.PB0), blue: low(p.PE1) };
-    analog::connect([
-        Flex::new(p.PF3),
-        Flex::new(p.PF4),
-        Flex::new(p.PF5),
-        Flex::new(p.PF10),
-        Flex::new(p.PC2),
-    ]);
+    analog::connect(pins!(p.PF3, p.PF4, p.PF5, p.PF10, p.PC2));
     let servos = [
         Servo::new(p.TIM16, p.PF6),
         Servo::new(p.TIM17, p.PF7),
@@ -154,16 +134,7 @@ async fn main(spawner: Spawner) {
         Bus::new::<I2C3>(i2c::i2c3(), p.PA8, p.PC9),
         Bus::new::<I2C4>(i2c::i2c4(), p.PB6, p.PB7),
     ];
-    let digital = DigitalLines::new([
-        Flex::new(p.PF14),
-        Flex::new(p.PF15),
-        Flex::new(p.PE7),
-        Flex::new(p.PE8),
-        Flex::new(p.PE10),
-        Flex::new(p.PE12),
-        Flex::new(p.PE15),
-        Flex::new(p.PE0),
-    ]);
+    let digital = DigitalLines::new(pins!(p.PF14, p.PF15, p.PE7, p.PE8, p.PE10, p.PE12, p.PE15, p.PE0));
     let connectors = Connectors { digital, servos, analog: Some(analog::read), i2c: 4 };
     let button = Input::new(p.PC13, Pull::None);
     static BANKS: StaticCell<[Mutex<ThreadModeRawMutex, Bank<Timer>>; 2]> = StaticCell::new();

@@ -2,15 +2,16 @@
 
 /// Makes the program of a hub: statics, tasks, `Parts` and `start`.
 ///
-/// A board adds its pins, its clocks, `open_all_bridges`, the interrupt of its voltage detector, and `main`. `main` makes
-/// the `Parts` and calls `start`. The board's crate needs `cortex-m-rt`, `defmt`,
-/// `embassy-executor`, `embassy-stm32`, `embassy-sync`, `motor-hub` and `static_cell`.
+/// A board adds its pins, its module `chip`, `open_all_bridges`, and `main`. `main` starts the clocks, calls `begin`, makes the
+/// `Parts`, and calls `start`. The board's crate needs `cortex-m-rt`, `defmt`, `embassy-executor`, `embassy-stm32`,
+/// `embassy-sync`, `motor-hub` and `static_cell`.
 ///
 /// | name | what it is |
 /// |---|---|
 /// | `motors`, `pins`, `servos` | number of motors, and of digital pins and servo outputs for a host |
 /// | `i2c` | type and number of the I2C buses for a host; left out on a board that has none |
 /// | `pwm`, `encoders`, `watchdog` | peripherals: timer of the bridges, timers of the encoders by motor, watchdog |
+/// | `detector` | interrupt of the chip's voltage detector, and the register of PWR that sets the detector |
 /// | `battery` | type of the converter of the battery |
 /// | `currents` | type of the converter that measures the currents of the bridges; `()` on a board without such a converter |
 /// | `slot` | where a bootloader starts this image from: an `Option<Slot>` |
@@ -25,6 +26,7 @@ macro_rules! hub {
         pwm: $pwm:ident,
         encoders: [$($encoder:ident),+],
         watchdog: $watchdog:ident,
+        detector: $detector:ident, $control:ident,
         battery: $battery:ty,
         currents: $currents:ty,
         slot: $slot:expr,
@@ -72,6 +74,32 @@ macro_rules! hub {
             lamp: $crate::lamp::Lamp,
             button: ::embassy_stm32::gpio::Input<'static>,
             $(store: Option<::motor_hub::tasks::store::Keeper<$store>>,)?
+        }
+
+        /// Starts the watchdog, opens the record, and watches the supply: below the detector's level its interrupt ends the run.
+        fn begin(watchdog: ::embassy_stm32::Peri<'static, ::embassy_stm32::peripherals::$watchdog>) -> Watchdog {
+            use ::embassy_stm32::pac;
+            $crate::status::started(env!("CARGO_PKG_NAME"));
+            let watchdog = Watchdog::start(watchdog);
+            let (memory, cause) = (::defmt::unwrap!($crate::record::memory()), chip::reset_cause());
+            if chip::RAM_HAS_ERROR_CODE && cause == ::motor_hub::record::Fault::PowerOn {
+                memory.fill(0);
+            }
+            $crate::record::open(&WIRES, memory, cause);
+            $crate::supply::watch(pac::Interrupt::$detector, || {
+                pac::PWR.$control().modify(|w| {
+                    w.set_pls(chip::PVD_LEVEL);
+                    w.set_pvde(true);
+                });
+            });
+            watchdog
+        }
+
+        use ::embassy_stm32::interrupt;
+
+        #[interrupt]
+        fn $detector() {
+            END.supply_fell()
         }
 
         /// Starts all tasks.

@@ -81,6 +81,52 @@ pub trait Controller {
     async fn read(&mut self, address: u8, into: &mut [u8]) -> Result<(), Error>;
 }
 
+/// Defines the controllers of a chip. A row has the name of the function that makes a controller, its peripheral, and its two
+/// interrupts. The board's module has the function `interrupted`, and implements [`Controller`] for the struct `Controller`.
+#[macro_export]
+macro_rules! i2c_controllers {
+    ($($new:ident: $peripheral:ident, $event:ident, $error:ident;)+) => {
+        /// A controller.
+        pub(crate) struct Controller {
+            registers: ::embassy_stm32::pac::i2c::I2c,
+            watcher: &'static Watcher,
+            fast: bool,
+            /// The speed that the registers are set for.
+            set: bool,
+        }
+
+        /// The type of a bus with such a controller.
+        pub(crate) type Bus = $crate::i2c_bus::Bus<Controller>;
+
+        use ::embassy_stm32::interrupt;
+        use ::embassy_stm32::pac::{self, Interrupt};
+
+        $(
+            /// The controller of this peripheral, with its clock.
+            pub(crate) fn $new() -> Controller {
+                ::embassy_stm32::rcc::enable_and_reset::<::embassy_stm32::peripherals::$peripheral>();
+                $crate::supply::unmask(Interrupt::$event);
+                $crate::supply::unmask(Interrupt::$error);
+                Controller { registers: pac::$peripheral, watcher: &$new::WATCHER, fast: false, set: false }
+            }
+
+            mod $new {
+                pub(super) static WATCHER: super::Watcher = super::Watcher::new();
+            }
+
+            #[interrupt]
+            fn $event() {
+                interrupted(pac::$peripheral, &$new::WATCHER);
+            }
+
+            #[interrupt]
+            fn $error() {
+                interrupted(pac::$peripheral, &$new::WATCHER);
+            }
+        )+
+    };
+}
+
 /// A bus with its lines.
 pub struct Bus<C> {
     controller: C,

@@ -9,6 +9,12 @@ pub fn low(pin: Peri<'static, impl Pin>) -> Output<'static> {
     Output::new(pin, Level::Low, Speed::Low)
 }
 
+/// Makes an array of [`Flex`] of these pins, which have different types.
+#[macro_export]
+macro_rules! pins {
+    ($($pin:expr),+) => { [$(::embassy_stm32::gpio::Flex::new($pin)),+] };
+}
+
 /// The first P digital pins of the protocol. This board has no others.
 pub struct DigitalLines<const P: usize> {
     lines: [Flex<'static>; P],
