@@ -21,6 +21,21 @@ pub struct Pose {
     pub heading_degrees: f64,
 }
 
+/// State of a drive base's gyro.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum GyroState {
+    /// The base does not use a gyro.
+    #[default]
+    Unused,
+    /// The gyro has given no reading yet. The base holds its heading by the encoders.
+    Waiting,
+    /// The base holds the heading of the gyro.
+    Good,
+    /// The gyro gives no readings any more. The base holds its heading by the encoders.
+    Lost,
+}
+
 /// Position and heading of a drive base, step by step.
 ///
 /// ```

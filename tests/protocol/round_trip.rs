@@ -6,6 +6,7 @@ use motor_hub::board::Equipment;
 use motor_hub::braking::{DutyRule, Regime, Winding};
 use motor_hub::bridge::{Drive, Mode, Timing};
 use motor_hub::chain::{Addresses, ChainReport};
+use motor_hub::extension::base::OdometryReport;
 use motor_hub::extension::group::{GroupCourse, GroupState};
 use motor_hub::extension::record::{Entries, Ticks};
 use motor_hub::extension::report::{
@@ -14,7 +15,7 @@ use motor_hub::extension::report::{
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::extension::state::StoreReport;
 use motor_hub::extension::{HubFunction, INTERFACE, MotorFunction, Request};
-use motor_hub::group::{GroupCommand, Halt};
+use motor_hub::group::{BaseSettings, GroupCommand, GyroState, Halt};
 use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, OnFault, SenseLine, Settings, ThermalLimit};
 use motor_hub::protocol::answers::{Bulk, Functions, I2cRead, I2cStatus, I2cWritten, Status, Version};
@@ -500,11 +501,28 @@ fn group_functions() -> Vec<BoxedStrategy<Case>> {
     ]
 }
 
+fn base_settings() -> impl Strategy<Value = BaseSettings> {
+    let wheels = (any::<u8>(), 1..=u8::MAX).prop_map(|(left, more)| [left, left.wrapping_add(more)]);
+    let length = || BaseSettings::LENGTHS_UM;
+    let counts = || prop_oneof![i32::MIN..=-1_000, 1_000..=i32::MAX];
+    (wheels, length(), length(), [counts(), counts()], any::<bool>()).prop_map(
+        |(wheels, wheel_diameter_um, track_um, counts_per_turn_thousandths, use_gyro)| BaseSettings {
+            wheels,
+            wheel_diameter_um,
+            track_um,
+            counts_per_turn_thousandths,
+            use_gyro,
+        },
+    )
+}
+
 fn hub_functions() -> Vec<BoxedStrategy<Case>> {
     let mut all = update_functions();
     all.extend([
         plain(HubFunction::Chain),
         plain(HubFunction::Equipment),
+        plain(HubFunction::Odometry),
+        with(&[1, 1, 4, 4, 4, 4, 1], base_settings(), |base| HubFunction::SetBase { base }),
         with(&[1, 1], any::<(u8, bool)>(), |(from, clear)| HubFunction::Entries { from, clear }),
         with(&[2, 1], any::<(u16, u8)>(), |(number, from)| HubFunction::Ticks { number, from }),
     ]);
@@ -610,7 +628,7 @@ fn these_tests_leave_out_no_request() {
         assert_eq!(tried(strategies), numbers.iter().copied().collect());
     }
     let extension = [of_settings(), motor_functions(), hub_functions()].concat();
-    assert_eq!(tried(extension), (0..33).collect());
+    assert_eq!(tried(extension), (0..35).collect());
 }
 
 /// What the other end finds.
@@ -697,6 +715,12 @@ proptest! {
         let [heard, clashing] = addresses;
         let chain = ChainReport { discovering: flag, heard, clashing };
         prop_assert_eq!(read_back(&chain), Ok(chain));
+        let odometry = OdometryReport {
+            x_um: encoders[0], y_um: encoders[1], heading_millidegrees: encoders[2], counts: [encoders[3], encoders[0]],
+            gyro: [GyroState::Unused, GyroState::Waiting, GyroState::Good, GyroState::Lost][usize::from(digital % 4)],
+            losses: words.0,
+        };
+        prop_assert_eq!(read_back(&odometry), Ok(odometry));
         prop_assert_eq!(read_back(&half), Ok(half));
         prop_assert_eq!(read_back(&word), Ok(word));
         prop_assert_eq!(read_back(&words.0), Ok(words.0));

@@ -285,7 +285,7 @@ fn observe(bench: &mut Bench, scenario: &Scenario, at_s: f64, trace: &mut Trace)
     }
     let (battery_v, _) = bench.battery();
     trace.push_motion(at_s, motors.iter().map(|sample| (sample.speed_cps, sample.counts)));
-    trace.ticks.push(Tick { at_s, battery_v, measured_v: None, motors });
+    trace.ticks.push(Tick { at_s, battery_v, measured_v: None, base: None, motors });
 }
 
 /// Faults as the log tells them, once a second: each holds from the line that names it to the next second's.

@@ -10,6 +10,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use motor_hub::group::Pose;
+use motor_hub::hub::BaseState;
 use motor_hub::model::plant::Flow;
 use motor_hub::motor::Report;
 use motor_hub::units::Control;
@@ -22,6 +24,8 @@ pub struct Trace {
     /// True motion of each motor by time: at every millisecond on the simulated board, at every control tick on an
     /// emulated chip.
     pub motion: Vec<Vec<Point>>,
+    /// Where the drive base truly is at the end. The origin on an emulated chip.
+    pub end: Pose,
 }
 
 /// The true motion of a motor at one moment.
@@ -44,6 +48,8 @@ pub struct Tick {
     pub battery_v: f64,
     /// Voltage that the hub has measured; `None` without a measurement.
     pub measured_v: Option<f64>,
+    /// The hub's drive base; `None` without one, and on an emulated chip.
+    pub base: Option<BaseState>,
     /// Samples of the motors.
     pub motors: Vec<Sample>,
 }
