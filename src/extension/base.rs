@@ -18,7 +18,7 @@ use crate::group::{BaseSettings, GyroState};
 use crate::protocol::Nack;
 use crate::protocol::payload::{Field, Fields, Payload, codes, payload};
 
-codes!(GyroState { 0 = Unused, 1 = Waiting, 2 = Good, 3 = Lost });
+codes!(GyroState { 0 = Unused, 1 = Waiting, 2 = Good, 3 = Lost, 4 = Implausible });
 
 impl Field for BaseSettings {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {

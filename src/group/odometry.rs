@@ -34,6 +34,9 @@ pub enum GyroState {
     Good,
     /// The gyro gives no readings any more. The base holds its heading by the encoders.
     Lost,
+    /// The gyro has not turned with the wheels: the gyro is mounted upside down, or the wheels spin and do not turn the base. The base
+    /// holds its heading by the encoders until it is configured again.
+    Implausible,
 }
 
 /// Position and heading of a drive base, step by step.

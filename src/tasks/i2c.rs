@@ -29,6 +29,9 @@ pub const GYRO_BUS: usize = 0;
 /// Time between two readings of the gyro. A BNO055 has new angles 100 times a second.
 pub const GYRO_INTERVAL: Duration = Duration::from_millis(10);
 
+/// Time between two looks whether a drive base uses the gyro, while none does.
+const IDLE_INTERVAL: Duration = Duration::from_millis(100);
+
 /// Runs the transfers of the bus with this number.
 pub async fn run<M: RawMutex, const N: usize>(mut bus: impl I2cBus, number: usize, wires: &Wires<M, N>) -> ! {
     let Some(channel) = wires.i2c.get(number) else { pending().await };
@@ -48,8 +51,9 @@ pub async fn run<M: RawMutex, const N: usize>(mut bus: impl I2cBus, number: usiz
                 channel.done.signal(result);
             }
             Either::Second(()) => {
+                let interval = if wires.gyro_wanted.lock(Cell::get) { GYRO_INTERVAL } else { IDLE_INTERVAL };
                 read_gyro(&mut bus, &mut sensor, wires).await;
-                due = Instant::now().max(due + GYRO_INTERVAL);
+                due = Instant::now().max(due + interval);
             }
         }
     }

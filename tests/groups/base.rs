@@ -21,6 +21,8 @@ const COUNT_DEGREES: f64 = 0.065;
 struct Robot {
     bench: common::Bench<2>,
     gyro_works: bool,
+    /// Angle of the gyro by which the base turns 1 degree to the left: -1 for a gyro that is mounted upside down.
+    gyro_gain: f64,
 }
 
 impl Robot {
@@ -28,7 +30,7 @@ impl Robot {
         let motor = motor("NeveRest 60");
         let settings = [configured(&motor, &WHEEL); 2];
         let bench = common::Bench::new(settings, [0, 1].map(|_| common::plant(motor, WHEEL)), period_ms);
-        let mut robot = Self { bench, gyro_works: true };
+        let mut robot = Self { bench, gyro_works: true, gyro_gain: 1.0 };
         robot.configure(BaseSettings::new([0, 1], &BASE, use_gyro).expect("in range")).expect("both wheels");
         robot.run_ms(200);
         robot
@@ -50,7 +52,7 @@ impl Robot {
             if !self.gyro_works {
                 self.bench.hub.sense_gyro(None);
             } else if self.bench.ms.is_multiple_of(10) {
-                let left_degrees = (self.heading() + 123.0).rem_euclid(360.0) as f32;
+                let left_degrees = (self.gyro_gain * self.heading() + 123.0).rem_euclid(360.0) as f32;
                 let at = Micros::new(1_000 * self.bench.ms);
                 self.bench.hub.sense_gyro(Some(GyroReading { left_degrees, at }));
             }
@@ -146,6 +148,50 @@ fn a_standing_base_that_is_pushed_turns_back_to_its_heading() {
         robot.bench.run_ms(10);
     }
     assert!((robot.heading() - 87.0).abs() < 5.0 * COUNT_DEGREES, "{}", robot.heading());
+}
+
+#[test]
+fn a_gyro_that_does_not_turn_with_the_wheels_is_not_used() {
+    // Upside down, and on a base that wheels do not turn.
+    for gyro_gain in [-1.0, 0.0, 0.2] {
+        for period_ms in [1, 50, 100] {
+            let mut robot = Robot::new(true, period_ms);
+            robot.gyro_gain = gyro_gain;
+            robot.turn(180.0);
+            assert_eq!(robot.state().gyro, GyroState::Implausible, "{gyro_gain} {period_ms}");
+            let turned = robot.heading();
+            robot.run_ms(5_000);
+            assert!((robot.heading() - turned).abs() < 1.0, "{gyro_gain} {period_ms}: the base stands");
+            // What the gyro has turned the base too far.
+            assert!(turned < 180.0 + 60.0, "{gyro_gain} {period_ms} {turned}");
+        }
+    }
+    // A gyro that is off by a fifth is used.
+    let mut robot = Robot::new(true, 50);
+    robot.gyro_gain = 0.8;
+    robot.turn(180.0);
+    assert_eq!(robot.state().gyro, GyroState::Good);
+}
+
+#[test]
+fn a_base_that_is_turned_by_hand_turns_back_slowly() {
+    let mut robot = Robot::new(true, 10);
+    robot.turn(90.0);
+    let before = robot.heading();
+    // The heading jumps by 60 degrees while the wheels stand.
+    let mut fastest = 0.0_f64;
+    for _ in 0..300 {
+        let last = robot.heading();
+        let left_degrees = (robot.heading() + 123.0 + 60.0) as f32;
+        robot
+            .bench
+            .hub
+            .sense_gyro(Some(GyroReading { left_degrees, at: Micros::new(1_000 * robot.bench.ms) }));
+        robot.bench.run_ms(10);
+        fastest = fastest.max((robot.heading() - last).abs() / 0.01);
+    }
+    assert!((robot.heading() - before + 60.0).abs() < 1.0, "{}", robot.heading());
+    assert!(fastest < 90.0, "{fastest} degrees per second");
 }
 
 #[test]

@@ -717,7 +717,7 @@ proptest! {
         prop_assert_eq!(read_back(&chain), Ok(chain));
         let odometry = OdometryReport {
             x_um: encoders[0], y_um: encoders[1], heading_millidegrees: encoders[2], counts: [encoders[3], encoders[0]],
-            gyro: [GyroState::Unused, GyroState::Waiting, GyroState::Good, GyroState::Lost][usize::from(digital % 4)],
+            gyro: [GyroState::Unused, GyroState::Waiting, GyroState::Good, GyroState::Lost, GyroState::Implausible][usize::from(digital % 5)],
             losses: words.0,
         };
         prop_assert_eq!(read_back(&odometry), Ok(odometry));

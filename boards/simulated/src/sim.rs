@@ -211,7 +211,6 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
             progress(now_s);
         }
     }
-    trace.end = board.pose();
     if board.starved() { Err(RunError::Starved) } else { Ok(trace) }
 }
 
@@ -275,6 +274,7 @@ fn observe(
         battery_v: view.battery_v,
         measured_v: snapshot.battery.map(|mv| f64::from(mv.get()) * 1e-3),
         base: snapshot.base,
+        pose: board.pose(),
         motors: motors
             .map(|((((speed_cps, counts), report), settings), &torque_nm)| Sample {
                 report: *report,

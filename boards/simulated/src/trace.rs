@@ -24,8 +24,6 @@ pub struct Trace {
     /// True motion of each motor by time: at every millisecond on the simulated board, at every control tick on an
     /// emulated chip.
     pub motion: Vec<Vec<Point>>,
-    /// Where the drive base truly is at the end. The origin on an emulated chip.
-    pub end: Pose,
 }
 
 /// The true motion of a motor at one moment.
@@ -50,6 +48,8 @@ pub struct Tick {
     pub measured_v: Option<f64>,
     /// The hub's drive base; `None` without one, and on an emulated chip.
     pub base: Option<BaseState>,
+    /// Where the drive base truly is; the origin on an emulated chip.
+    pub pose: Pose,
     /// Samples of the motors.
     pub motors: Vec<Sample>,
 }

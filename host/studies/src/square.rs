@@ -97,12 +97,13 @@ pub fn drive(base: DriveBase, left: f64, use_gyro: bool) -> Result<End, StudyErr
         ..Scenario::new("square", at_s, battery, vec![Motor::new(motor, WHEEL); 2])
     };
     let trace = sim::run(&scenario, &mut |_| ())?;
-    let Pose { x_mm, y_mm, heading_degrees } = trace.end;
-    let reported = trace.ticks.last().and_then(|tick| tick.base);
+    let end = trace.ticks.last().ok_or(StudyError::NoEvent)?;
+    let Pose { x_mm, y_mm, heading_degrees } = end.pose;
     Ok(End {
         distance_mm: x_mm.hypot(y_mm),
         heading_degrees: heading_degrees - 360.0 * left,
-        odometry_mm: reported
+        odometry_mm: end
+            .base
             .map(|base| (f64::from(base.x_um) / 1e3 - x_mm).hypot(f64::from(base.y_um) / 1e3 - y_mm)),
     })
 }
