@@ -88,7 +88,7 @@ impl Options {
             }
             let wanted = self.wanted(driven, values)?;
             stand(driven, &motors)?;
-            let settled = self.lead(driven, &motors, wanted)?;
+            let settled = lead(driven, &motors, wanted, self.length)?;
             if !settled && !self.on {
                 let seconds = self.length.unwrap_or_default().as_secs_f64();
                 return Err(Failure::Work(format!("targets not reached after {seconds} s")).into());
@@ -146,31 +146,29 @@ impl Options {
             ..usual
         })
     }
+}
 
-    /// Starts the group and shows its motion; true if all motors have settled, false if the time is over.
-    fn lead(
-        &self,
-        session: &mut Session<Line>,
-        motors: &[u8],
-        wanted: GroupCommand<GroupCourse>,
-    ) -> Result<bool, ClientError> {
-        let Some(&first) = motors.first() else { return Ok(false) };
-        session.move_together(first, wanted)?;
-        drive::follow(session, motors, None, self.length, |session, reading| {
-            match session.group_state(first)? {
-                GroupState::Alone => {
-                    let words = reading.status.words().join(", ");
-                    let why = format!("the hub has ended the group of motor {first}; hub status: {words}");
-                    Err(Failure::Work(why).into())
-                }
-                state => Ok(state == GroupState::Settled),
-            }
-        })
-    }
+/// Starts a group and shows its motion; true if all motors have settled, false if the time is over.
+pub(super) fn lead(
+    session: &mut Session<Line>,
+    motors: &[u8],
+    wanted: GroupCommand<GroupCourse>,
+    length: Option<Duration>,
+) -> Result<bool, ClientError> {
+    let Some(&first) = motors.first() else { return Ok(false) };
+    session.move_together(first, wanted)?;
+    drive::follow(session, motors, None, length, |session, reading| match session.group_state(first)? {
+        GroupState::Alone => {
+            let words = reading.status.words().join(", ");
+            let why = format!("the hub has ended the group of motor {first}; hub status: {words}");
+            Err(Failure::Work(why).into())
+        }
+        state => Ok(state == GroupState::Settled),
+    })
 }
 
 /// Enables motors with power 0, so that they brake.
-fn stand(driven: &mut DrivingSession<'_, Line>, motors: &[u8]) -> Result<(), ClientError> {
+pub(super) fn stand(driven: &mut DrivingSession<'_, Line>, motors: &[u8]) -> Result<(), ClientError> {
     for &motor in motors {
         driven.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
         driven.set_power(motor, Control::ZERO)?;
