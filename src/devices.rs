@@ -13,6 +13,8 @@
 //! assert!(reading.counts < 4_096);
 //! ```
 
+pub mod bno055;
+
 use crate::units::Millivolts;
 
 /// Number of digital pins in REV's protocol.

@@ -22,17 +22,20 @@
 //! # Ok::<(), motor_hub::units::RangeError>(())
 //! ```
 
+mod base;
 mod bus;
 mod groups;
 
 use crate::bridge::{BridgeFeedback, Drive};
-use crate::group::{GroupCommand, Halt};
+use crate::group::{BaseSettings, GroupCommand, Halt};
 use crate::motion::Reading;
-use crate::motor::{Motor, Report, Setpoint, Settings};
+use crate::motor::{self, Motor, Report, Setpoint, Settings};
 use crate::supply::{Battery, DrawStage};
 use crate::units::{Micros, Millivolts, Period, RangeError, Share, is_included};
+use base::Base;
 use groups::Groups;
 
+pub use base::{BaseState, GyroReading};
 pub use bus::Bus;
 
 /// A command to one motor, or to the group that the motor belongs to.
@@ -58,6 +61,8 @@ pub enum Action {
     /// If a group with exactly these members is moving already, its references continue without a step on the new
     /// course. Otherwise the members leave their other groups and form a new group.
     Lead(GroupCommand),
+    /// Configures the drive base. [`Command::motor`] is any motor. The base starts at the origin, and both wheels leave their groups.
+    Base(BaseSettings),
 }
 
 /// The inputs of a tick.
@@ -88,6 +93,8 @@ pub struct Snapshot<const N: usize> {
     pub battery: Option<Millivolts>,
     /// Limits of the supply, and the energy of braking motors.
     pub bus: Bus,
+    /// State of the drive base. `None` until a base is configured.
+    pub base: Option<BaseState>,
     /// Report of each motor.
     pub motors: [Report; N],
 }
@@ -109,6 +116,7 @@ impl<const N: usize> Snapshot<N> {
         commands: 0,
         battery: None,
         bus: Bus::INITIAL,
+        base: None,
         motors: [Report::INITIAL; N],
     };
 
@@ -149,6 +157,10 @@ impl<const N: usize> Snapshot<N> {
 pub struct Hub<const N: usize> {
     motors: [Motor; N],
     groups: Groups<N>,
+    /// The drive base. `None` until a base is configured.
+    base: Option<Base>,
+    /// Newest reading of the gyro.
+    gyro: Option<GyroReading>,
     period: Period,
     tick: u32,
     missed: u32,
@@ -170,6 +182,8 @@ impl<const N: usize> Hub<N> {
         Self {
             motors,
             groups: Groups::new(),
+            base: None,
+            gyro: None,
             period,
             tick: 0,
             missed: 0,
@@ -206,6 +220,15 @@ impl<const N: usize> Hub<N> {
             }
             Action::Configure(settings) => motor.configure(settings),
             Action::Lead(group) => groups.lead(index, group, motors)?,
+            Action::Base(settings) => {
+                let [left, right] = settings.wheels;
+                if left == right || settings.wheels.iter().any(|wheel| usize::from(*wheel) >= N) {
+                    return Err(RangeError::Motor);
+                }
+                let base = Base::new(settings);
+                groups.release(base.wheels(), motors);
+                self.base = Some(base);
+            }
         }
         Ok(())
     }
@@ -223,6 +246,16 @@ impl<const N: usize> Hub<N> {
     /// Returns the estimated speed of each motor at its newest sample, in counts/s.
     pub fn speeds_cps(&self) -> impl Iterator<Item = f32> {
         self.motors.iter().map(Motor::speed_cps)
+    }
+
+    /// True if the drive base uses a gyro.
+    pub fn uses_gyro(&self) -> bool {
+        self.base.as_ref().is_some_and(Base::uses_gyro)
+    }
+
+    /// Stores the newest reading of the gyro, of any age. `None` without a gyro that works.
+    pub const fn sense_gyro(&mut self, reading: Option<GyroReading>) {
+        self.gyro = reading;
     }
 
     /// Adds `ticks` to [`Snapshot::missed`].
@@ -296,15 +329,28 @@ impl<const N: usize> Hub<N> {
             self.limit_supply(&battery, inputs.now);
         }
         self.tick = self.tick.wrapping_add(1);
-        self.groups.step(inputs, self.period, &mut self.motors);
+        self.step_base(inputs);
+        self.groups.step(inputs, self.period, self.base.as_ref(), &mut self.motors);
         let mut motors = [Report::INITIAL; N];
         for ((motor, &reading), report) in self.motors.iter_mut().zip(&inputs.readings).zip(&mut motors) {
             *report = motor.step(inputs.now, reading, battery);
         }
-        self.groups.review(&mut motors, &mut self.motors, self.period);
+        self.groups.review(&mut motors, &mut self.motors, self.base.as_ref(), self.period);
         self.bus.update(battery.as_ref());
         let battery = battery.map(|battery| battery.voltage);
+        let base = self.base.as_ref().map(Base::state);
         let Self { tick, missed, commands, bus, .. } = *self;
-        Snapshot { tick, at: inputs.now, missed, commands, battery, bus, motors }
+        Snapshot { tick, at: inputs.now, missed, commands, battery, bus, base, motors }
+    }
+
+    /// Updates the odometry of the drive base. A wheel without a fresh reading counts as standing still.
+    fn step_base(&mut self, inputs: &Inputs<N>) {
+        let Some(base) = &mut self.base else { return };
+        let mut positions =
+            inputs.readings.map(|reading| motor::fresh(reading, inputs.now).map(|reading| reading.position));
+        for ((position, motor), reading) in positions.iter_mut().zip(&self.motors).zip(&inputs.readings) {
+            *position = position.or_else(|| reading.map(|_| motor.position()));
+        }
+        base.step(inputs.now, &positions, self.gyro);
     }
 }

@@ -1,5 +1,5 @@
 //! The *extension*: the hub's own interface, with functions that REV's protocol lacks. They are about settings, reports, groups,
-//! constant current, identification, the record of faults, stored settings, and new firmware.
+//! drive bases, constant current, identification, the record of faults, stored settings, and new firmware.
 //!
 //! A host finds the interface by its name, [`INTERFACE`]. Hosts that do not query this name are not affected. Settings last until
 //! the next start of the hub, unless they are stored. `docs/reference/extension.md` describes each function with its fields and
@@ -13,6 +13,7 @@
 //! assert_eq!((request.id(), &*request.payload()), (0x4D16, &[96, 0, 0, 0, 2, 7, 8][..]));
 //! ```
 
+pub mod base;
 pub mod group;
 pub mod identification;
 pub mod record;
@@ -20,7 +21,7 @@ pub mod report;
 pub mod settings;
 pub mod state;
 
-use crate::group::GroupCommand;
+use crate::group::{BaseSettings, GroupCommand};
 use crate::protocol::answers::Functions;
 use crate::protocol::motor::ToMotor;
 use crate::protocol::payload::{Field, Fields, Payload, Text};
@@ -38,7 +39,7 @@ pub const INTERFACE: &[u8] = b"MOTOR_HUB";
 pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// The packet types of the interface, on hubs of this project.
-pub const FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 34 };
+pub const FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 36 };
 
 requests! {
     /// A function for one motor, except for settings. The first field of the request is the motor's number.
@@ -102,6 +103,10 @@ requests! {
         32 Equipment,
         /// The answer is a [`ChainReport`](crate::chain::ChainReport). A board without a chain line refuses the request.
         31 Chain,
+        /// Configures the drive base, which then starts at the origin.
+        34 SetBase { base: BaseSettings },
+        /// The answer is an [`OdometryReport`](base::OdometryReport).
+        35 Odometry,
     }
 }
 

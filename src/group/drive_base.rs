@@ -2,6 +2,7 @@
 
 use crate::units::{CountsPerSecond, RangeError, nearest};
 use core::f64::consts::PI;
+use core::ops::RangeInclusive;
 
 /// A drive base with a driven wheel on the left and one on the right.
 ///
@@ -102,6 +103,77 @@ impl DriveBase {
         let [left_per_turn, right_per_turn] = self.counts_per_turn;
         let circumference_mm = PI * self.wheel_diameter_mm;
         [left as f64 / left_per_turn * circumference_mm, right as f64 / right_per_turn * circumference_mm]
+    }
+}
+
+/// A drive base as a hub is configured for it.
+///
+/// ```
+/// use motor_hub::group::{BaseSettings, DriveBase};
+///
+/// let base = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0, -1680.0] };
+/// let settings = BaseSettings::new([0, 1], &base, true)?;
+/// assert_eq!((settings.track_um, settings.counts_per_turn_thousandths[1]), (300_000, -1_680_000));
+/// assert_eq!(settings.geometry(), base);
+/// # Ok::<(), motor_hub::units::RangeError>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct BaseSettings {
+    /// Motors of the left and the right wheel.
+    pub wheels: [u8; 2],
+    /// Diameter of both wheels in micrometres, 1 mm to 10 m.
+    pub wheel_diameter_um: u32,
+    /// Distance between the centres of the wheels in micrometres, 1 mm to 10 m.
+    pub track_um: u32,
+    /// Encoder counts per turn of the left and of the right wheel, in 1/1000, at least a count. Negative for a motor that counts down
+    /// while its wheel drives forward.
+    pub counts_per_turn_thousandths: [i32; 2],
+    /// True if the base holds the heading of a gyro.
+    pub use_gyro: bool,
+}
+
+impl BaseSettings {
+    /// Allowed lengths in micrometres.
+    pub const LENGTHS_UM: RangeInclusive<u32> = 1_000..=10_000_000;
+    /// Smallest magnitude of the counts per turn, in 1/1000.
+    pub const LEAST_COUNTS_THOUSANDTHS: u32 = 1_000;
+
+    /// Rounds the dimensions of a base.
+    ///
+    /// # Errors
+    /// [`RangeError::Motor`] if both wheels have the same motor, [`RangeError::Distance`] if a dimension is out of range.
+    pub fn new(wheels: [u8; 2], base: &DriveBase, use_gyro: bool) -> Result<Self, RangeError> {
+        let [left, right] = wheels;
+        if left == right {
+            return Err(RangeError::Motor);
+        }
+        let length = |mm: f64| {
+            let um = nearest(1e3 * mm).and_then(|um| u32::try_from(um).ok());
+            um.filter(|um| Self::LENGTHS_UM.contains(um)).ok_or(RangeError::Distance)
+        };
+        let counts = |counts: f64| {
+            let thousandths = nearest(1e3 * counts).and_then(|counts| i32::try_from(counts).ok());
+            let least = Self::LEAST_COUNTS_THOUSANDTHS;
+            thousandths.filter(|counts| counts.unsigned_abs() >= least).ok_or(RangeError::Distance)
+        };
+        let [left, right] = base.counts_per_turn;
+        Ok(Self {
+            wheels,
+            wheel_diameter_um: length(base.wheel_diameter_mm)?,
+            track_um: length(base.track_mm)?,
+            counts_per_turn_thousandths: [counts(left)?, counts(right)?],
+            use_gyro,
+        })
+    }
+
+    /// Returns the dimensions.
+    pub fn geometry(&self) -> DriveBase {
+        DriveBase {
+            wheel_diameter_mm: f64::from(self.wheel_diameter_um) / 1e3,
+            track_mm: f64::from(self.track_um) / 1e3,
+            counts_per_turn: self.counts_per_turn_thousandths.map(|counts| f64::from(counts) / 1e3),
+        }
     }
 }
 

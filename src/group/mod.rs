@@ -33,8 +33,8 @@ mod drive_base;
 mod odometry;
 mod trajectory;
 
-pub use drive_base::DriveBase;
-pub use odometry::{Odometry, Pose};
+pub use drive_base::{BaseSettings, DriveBase};
+pub use odometry::{GyroState, Odometry, Pose};
 
 use crate::regulator::Reference;
 use crate::units::{Acceleration, CountsPerSecond, Period, RangeError};

@@ -12,6 +12,7 @@
 //! [`Halt::Coast`]. A group stays `Moving` after the end of its course, and holds the positions of its members.
 
 use super::Inputs;
+use super::base::Base;
 use crate::group::{Group, GroupCommand, Halt, MOTORS};
 use crate::motor::{self, Motor, Report, Setpoint, SettleDetector};
 use crate::units::{CountsPerSecond, Period, RangeError};
@@ -62,13 +63,18 @@ impl<const N: usize> Groups<N> {
                 return Ok(());
             }
         }
-        let left = self.leave(core::array::from_fn(is_new_member), None, motors);
-        // Until the new group starts the speed is 0: the motor is held or floats, as its setting `ZeroPower` says.
-        members_of(&left, motors).for_each(|motor| motor.set(Setpoint::Velocity(CountsPerSecond::ZERO)));
+        self.release(core::array::from_fn(is_new_member), motors);
         if let Some(free) = self.states.iter_mut().find(|state| state.is_none()) {
             *free = Some(State::Waiting(command));
         }
         Ok(())
+    }
+
+    /// Removes these motors from their groups. The members that stay halt by the setting of their group. Until a motor that has left a
+    /// moving group gets another command its speed is 0: the motor is held or floats, as its setting `ZeroPower` says.
+    pub(super) fn release(&mut self, leaving: [bool; N], motors: &mut [Motor; N]) {
+        let left = self.leave(leaving, None, motors);
+        members_of(&left, motors).for_each(|motor| motor.set(Setpoint::Velocity(CountsPerSecond::ZERO)));
     }
 
     /// Removes these motors from their groups. The members that stay in a moving group halt according to `halt`; `None` stands
@@ -106,8 +112,14 @@ impl<const N: usize> Groups<N> {
     }
 
     /// Starts the waiting groups whose members all have a fresh reading. Sets the set-points of all members of moving
-    /// groups for this tick.
-    pub(super) fn step(&mut self, inputs: &Inputs<N>, period: Period, motors: &mut [Motor; N]) {
+    /// groups for this tick. A group of the wheels of a drive base moves in corrected positions.
+    pub(super) fn step(
+        &mut self,
+        inputs: &Inputs<N>,
+        period: Period,
+        base: Option<&Base>,
+        motors: &mut [Motor; N],
+    ) {
         if self.states.iter().all(Option::is_none) {
             return;
         }
@@ -121,13 +133,18 @@ impl<const N: usize> Groups<N> {
                 let members = command.course.members();
                 if members.iter().zip(&fresh).all(|(member, reading)| !member || reading.is_some()) {
                     let speeds = motors.each_ref().map(|motor| motor.velocity());
+                    let is_member = core::array::from_fn(|motor| members.get(motor) == Some(&true));
+                    let positions = minus(&positions, &corrections_of(base, &is_member));
                     let group = Group::new(*command, positions, speeds, period);
                     *state = State::Moving(group, SettleDetector::default());
                 }
             }
             let State::Moving(group, _) = state else { continue };
-            for (motor, reference) in motors.iter_mut().zip(group.step(&positions)) {
-                if let Some(reference) = reference {
+            let corrections = corrections_of(base, group.members());
+            let references = group.step(&minus(&positions, &corrections));
+            for ((motor, reference), correction) in motors.iter_mut().zip(references).zip(corrections) {
+                if let Some(mut reference) = reference {
+                    reference.position = reference.position.wrapping_add(correction);
                     motor.set(Setpoint::Together(reference));
                 }
             }
@@ -136,12 +153,19 @@ impl<const N: usize> Groups<N> {
 
     /// Finishes a tick of all moving groups. Sets `settled` in the members' reports: true for all members if the whole
     /// group has settled. Removes members with a fault from their group, and halts the other members.
-    pub(super) fn review(&mut self, reports: &mut [Report; N], motors: &mut [Motor; N], period: Period) {
+    pub(super) fn review(
+        &mut self,
+        reports: &mut [Report; N],
+        motors: &mut [Motor; N],
+        base: Option<&Base>,
+        period: Period,
+    ) {
         for slot in &mut self.states {
             let Some(State::Moving(group, settle_detector)) = slot else { continue };
             let members = *group.members();
+            let positions = reports.each_ref().map(|report| report.position);
             let within_tolerance =
-                group.is_within_tolerance(&reports.each_ref().map(|report| report.position));
+                group.is_within_tolerance(&minus(&positions, &corrections_of(base, &members)));
             let settled = settle_detector.step(within_tolerance, fastest(&members, reports), period);
             for (index, (report, motor)) in reports.iter_mut().zip(motors.iter_mut()).enumerate() {
                 if members.get(index) != Some(&true) {
@@ -159,6 +183,20 @@ impl<const N: usize> Groups<N> {
             }
         }
     }
+}
+
+/// Returns the correction of each motor for a group with these members; 0 without a drive base.
+fn corrections_of<const N: usize>(base: Option<&Base>, members: &[bool; N]) -> [i32; N] {
+    base.map_or([0; N], |base| base.corrections(members))
+}
+
+/// Returns the corrected positions. Positions wrap.
+fn minus<const N: usize>(positions: &[i32; N], corrections: &[i32; N]) -> [i32; N] {
+    core::array::from_fn(|motor| {
+        let [position, correction] =
+            [positions, corrections].map(|of| of.get(motor).copied().unwrap_or_default());
+        position.wrapping_sub(correction)
+    })
 }
 
 /// Returns the velocity of the member that moves fastest.

@@ -61,6 +61,7 @@ reasons! {{
     UPDATE_OTHER_KEY = 79 "the signature is by another key than the hub's",
     UPDATE_NO_SIGNER = 80 "the hub was built without a key, and checks no signatures",
     NOT_MEASURED = 81 "not measured at the moment",
+    NO_BASE = 82 "no drive base is configured",
     UNSUPPORTED = 253 "this hub does not have it",
     UNKNOWN = 255 "unknown command",
 } others {

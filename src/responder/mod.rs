@@ -42,6 +42,7 @@
 //! assert_eq!((reply.source, reply.payload.as_slice()), (2, &[1][..]));
 //! ```
 
+mod base;
 pub mod button;
 pub mod converter;
 mod group;
@@ -77,6 +78,7 @@ use crate::record::Record;
 use crate::supply::BusReading;
 use crate::units::{CountsPerSecond, Microjoules, Micros, Milliamperes, Share};
 use crate::update::Update;
+use base::BaseCommand;
 use converter::Converter;
 use group::Courses;
 use i2c::{Buses, Transfer};
@@ -151,6 +153,7 @@ pub struct Responder<const N: usize> {
     /// The hubs behind this hub. `None` on a board without a chain line.
     chain: Option<Chain>,
     courses: Courses<N>,
+    base: BaseCommand,
     /// Number of the newest sent command. `None` before the first command, and once a snapshot includes the command.
     awaited: Option<u32>,
     outputs: Outputs,
@@ -179,6 +182,7 @@ impl<const N: usize> Responder<N> {
             announced_version: Text::new(),
             chain: None,
             courses: Courses::NONE,
+            base: BaseCommand::default(),
             awaited: None,
             outputs: Outputs::default(),
             converter: Converter::default(),
@@ -299,6 +303,7 @@ impl<const N: usize> Responder<N> {
         self.keep_alive.battery(snapshot.battery_low());
         self.awaited.take_if(|number| snapshot.includes(*number));
         self.channels.iter_mut().for_each(|channel| channel.note_snapshot(snapshot.commands));
+        self.base.note_snapshot(snapshot.commands);
         if self.keep_alive.ran_out(now) {
             self.channels.iter_mut().for_each(MotorChannel::fail_safe);
             self.release_groups_and_outputs();
@@ -365,11 +370,14 @@ impl<const N: usize> Responder<N> {
     /// Returns the next command to the motors. `None` if no command is pending. After sending the command, call
     /// [`sent`](Self::sent).
     ///
-    /// Commands that disable motors come first, courses of groups last.
+    /// Commands that disable motors come first, courses of groups last. A drive base is configured before courses are sent.
     pub fn pending(&self) -> Option<Command> {
         if let Some(motor) = self.next_channel() {
             let action = self.channels.get(motor)?.pending()?;
             return Some(Command { motor, action });
+        }
+        if let Some(base) = self.base.pending() {
+            return Some(Command { motor: 0, action: Action::Base(base) });
         }
         self.courses.next().map(|(motor, command)| Command { motor, action: Action::Lead(command) })
     }
@@ -380,6 +388,8 @@ impl<const N: usize> Responder<N> {
         self.awaited = Some(number);
         if let Some(channel) = self.next_channel().and_then(|motor| self.channels.get_mut(motor)) {
             channel.sent(number);
+        } else if self.base.pending().is_some() {
+            self.base.sent(number);
         } else if let Some(command) = self.courses.sent() {
             for (channel, member) in self.channels.iter_mut().zip(command.course.members()) {
                 if member {
@@ -506,6 +516,8 @@ impl<const N: usize> Responder<N> {
                 let ticks = record.and_then(|record| Ticks::of(record, number, from));
                 ticks.map(|ticks| Reply::data(&ticks)).ok_or(Nack::parameter(0))
             }
+            HubFunction::SetBase { base } => self.set_base(base),
+            HubFunction::Odometry => self.odometry(snapshot).map(|report| Reply::data(&report)),
             function => self.receive_update(function, snapshot),
         }
     }

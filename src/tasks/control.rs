@@ -11,6 +11,7 @@ use super::capture::CAPTURE_INTERVAL;
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::hub::{Hub, Inputs};
 use crate::motion::Newest;
+use core::cell::Cell;
 use core::future::{Future, poll_fn};
 use core::pin::{Pin, pin};
 use core::task::Poll;
@@ -65,6 +66,8 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
         if wires.battery.signaled() {
             inputs.battery = wires.battery.try_take();
         }
+        wires.gyro_wanted.lock(|wanted| wanted.set(hub.uses_gyro()));
+        hub.sense_gyro(wires.gyro.lock(Cell::get));
         let snapshot = hub.step(&inputs);
         wires.drives.signal(snapshot.drives());
         wires.record.lock(|record| {

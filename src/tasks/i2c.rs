@@ -2,30 +2,87 @@
 //!
 //! The task takes a transfer from the responder, runs it, and returns its result. Each transfer ends within [`TIME_OUT`], also on a
 //! bus with a stuck line. After a time-out and after an error of the bus the task frees the bus.
+//!
+//! On bus [`GYRO_BUS`] the task also reads the gyro of a drive base, between the transfers of the host.
 
-use super::Wires;
+use super::{Wires, micros};
 use crate::board::I2cBus;
+use crate::devices::bno055::{self, Access, Bno055};
+use crate::hub::GyroReading;
 use crate::protocol::answers::{I2cRead, I2cStatus};
-use crate::protocol::payload::TEXT;
+use crate::protocol::payload::{TEXT, Text};
 use crate::responder::i2c::Transfer;
+use core::cell::Cell;
 use core::future::pending;
+use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::RawMutex;
-use embassy_time::{Duration, with_timeout};
+use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_hal_async::i2c::{Error, ErrorKind, NoAcknowledgeSource};
 
 /// Longest time of a transfer. The longest transfer without clock stretching, 101 bytes at 100 kbit/s, takes 9.4 ms. A device may
 /// stretch the clock for 30 ms.
 pub const TIME_OUT: Duration = Duration::from_millis(50);
 
+/// Number of the bus with the gyro of a drive base.
+pub const GYRO_BUS: usize = 0;
+
+/// Time between two readings of the gyro. A BNO055 has new angles 100 times a second.
+pub const GYRO_INTERVAL: Duration = Duration::from_millis(10);
+
+/// Time between two looks whether a drive base uses the gyro, while none does.
+const IDLE_INTERVAL: Duration = Duration::from_millis(100);
+
 /// Runs the transfers of the bus with this number.
 pub async fn run<M: RawMutex, const N: usize>(mut bus: impl I2cBus, number: usize, wires: &Wires<M, N>) -> ! {
     let Some(channel) = wires.i2c.get(number) else { pending().await };
     // A reset of the hub may have interrupted a transfer.
     bus.free().await;
+    let (mut sensor, mut due) = (Bno055::default(), Instant::now());
     loop {
-        let transfer = channel.request.wait().await;
-        let result = transfer_on(&mut bus, &transfer).await;
-        channel.done.signal(result);
+        let reading = async {
+            match number {
+                GYRO_BUS => Timer::at(due).await,
+                _ => pending().await,
+            }
+        };
+        match select(channel.request.wait(), reading).await {
+            Either::First(transfer) => {
+                let result = transfer_on(&mut bus, &transfer).await;
+                channel.done.signal(result);
+            }
+            Either::Second(()) => {
+                let interval = if wires.gyro_wanted.lock(Cell::get) { GYRO_INTERVAL } else { IDLE_INTERVAL };
+                read_gyro(&mut bus, &mut sensor, wires).await;
+                due = Instant::now().max(due + interval);
+            }
+        }
+    }
+}
+
+/// Does the next access to the gyro, and publishes its angle. Without a use for the gyro the bus belongs to the host alone.
+async fn read_gyro<M: RawMutex, const N: usize>(
+    bus: &mut impl I2cBus,
+    sensor: &mut Bno055,
+    wires: &Wires<M, N>,
+) {
+    if !wires.gyro_wanted.lock(Cell::get) {
+        *sensor = Bno055::default();
+        wires.gyro.lock(|gyro| gyro.set(None));
+        return;
+    }
+    let now = || micros(Instant::now());
+    let Some(Access { write, read }) = sensor.next(now()) else { return };
+    let write = Text::from_slice(write).unwrap_or_default();
+    let transfer = Transfer { address: bno055::ADDRESS, fast: true, write, read };
+    let I2cRead { status, bytes } = transfer_on(bus, &transfer).await;
+    let answer = (status == I2cStatus::default()).then_some(bytes.as_slice());
+    match sensor.receive(now(), answer) {
+        Some(left_degrees) => {
+            wires.gyro.lock(|gyro| gyro.set(Some(GyroReading { left_degrees, at: now() })));
+        }
+        None if !sensor.is_measuring() => wires.gyro.lock(|gyro| gyro.set(None)),
+        // A single failed access. The last angle stays valid for some time.
+        None => (),
     }
 }
 

@@ -24,6 +24,8 @@
 //! | store | two [`Signal`]s: request and result | one request at a time |
 //! | update | two [`Signal`]s: request and result | one request at a time |
 //! | i2c | for each I2C bus, two [`Signal`]s: request and result | one transfer at a time |
+//! | gyro | the newest angle of the gyro, in a cell | overwritten; without a new angle for 100 ms the gyro counts as lost |
+//! | gyro wanted | a flag | set while a drive base uses the gyro |
 //! | chain | two [`Channel`]s of packets, to and from the chain line, and two [`Signal`]s: see [`ChainWires`] | a packet that finds its channel full is dropped; the sender repeats it |
 //! | button permitted | a flag | set when the stored settings are restored; cleared by the first packet for this hub |
 //!
@@ -67,7 +69,7 @@ pub use health::{Health, Task};
 
 use crate::bridge::{BridgeFeedback, Drive};
 use crate::devices::I2C_BUSES;
-use crate::hub::{Command, Snapshot};
+use crate::hub::{Command, GyroReading, Snapshot};
 use crate::motion::Newest;
 use crate::protocol::Packet;
 use crate::protocol::answers::I2cRead;
@@ -156,6 +158,10 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub update: RequestChannel<M, crate::update::UpdateRequest, crate::update::Done>,
     /// Transfers of the responder to the task of each I2C bus, and their results.
     pub i2c: [RequestChannel<M, Transfer, I2cRead>; I2C_BUSES],
+    /// Newest angle of the gyro, from the task of its bus to control. `None` without a gyro that works.
+    pub gyro: Mutex<M, Cell<Option<GyroReading>>>,
+    /// True while a drive base uses the gyro, from control to the task of the gyro's bus.
+    pub gyro_wanted: Mutex<M, Cell<bool>>,
     /// Packets between the responder and the chain line.
     pub chain: ChainWires<M>,
     /// True while the button may drive motors, from the responder to the button's task.
@@ -180,6 +186,8 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             store: RequestChannel::new(),
             update: RequestChannel::new(),
             i2c: [const { RequestChannel::new() }; I2C_BUSES],
+            gyro: Mutex::new(Cell::new(None)),
+            gyro_wanted: Mutex::new(Cell::new(false)),
             chain: ChainWires::new(),
             button_permitted: Mutex::new(Cell::new(false)),
         }

@@ -6,6 +6,7 @@ use motor_hub::board::Equipment;
 use motor_hub::braking::{DutyRule, Winding};
 use motor_hub::bridge::Timing;
 use motor_hub::chain::ChainReport;
+use motor_hub::extension::base::OdometryReport;
 use motor_hub::extension::group::GroupState;
 use motor_hub::extension::record::{Entries, Ticks};
 use motor_hub::extension::report::{
@@ -80,7 +81,7 @@ const TO_MOTOR: Sizes = &[
 ];
 
 const EXTENSION: Sizes = &[
-    (&[], &[13, 14, 15, 16, 17, 20, 23, 24, 25, 26, 31, 32]),
+    (&[], &[13, 14, 15, 16, 17, 20, 23, 24, 25, 26, 31, 32, 35]),
     (&[1], &[1, 3, 5, 7, 9, 10, 12, 29]),
     (&[1, 4, 2, 2, 1, 2, 1], &[0]),
     (&[1, 4, 4, 2, 4], &[2]),
@@ -95,6 +96,7 @@ const EXTENSION: Sizes = &[
     (&[1; 96], &[27]),
     (&[1, 2], &[28]),
     (&[1, 4, 2], &[30]),
+    (&[1, 1, 4, 4, 4, 4, 1], &[34]),
 ];
 
 /// The packet type of each request in a table, with the sizes of its fields.
@@ -117,7 +119,7 @@ fn these_tests_leave_out_no_request() {
         .collect();
     assert_eq!(numbers(EXTENSION), defined(&[MotorFunction::NUMBERS, HubFunction::NUMBERS, &groups]));
     // Only firmware 0.1.0 has function 19.
-    assert_eq!(numbers(EXTENSION), (0..34).filter(|number| *number != 19).collect());
+    assert_eq!(numbers(EXTENSION), (0..36).filter(|number| *number != 19).collect());
 }
 
 /// Bytes of fields. Codes and small numbers are frequent.
@@ -310,6 +312,7 @@ fn an_answer_is_read_as_it_was_written() {
         I2cWritten,
         Equipment,
         ChainReport,
+        OdometryReport,
         ChannelMode,
         Target,
         Coefficients,

@@ -1,5 +1,6 @@
 //! The hub's end of the protocol, as hosts find it.
 
+mod base;
 mod commands;
 mod devices;
 mod examples;

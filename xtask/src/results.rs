@@ -19,7 +19,7 @@ struct Page {
     parts: &'static [&'static str],
 }
 
-const PAGES: [Page; 4] = [
+const PAGES: [Page; 5] = [
     Page {
         file: "comparison.md",
         head: "# Comparison of schemes, duty rules and regulators\n\nMade by `motor-hub compare`.",
@@ -29,6 +29,11 @@ const PAGES: [Page; 4] = [
         file: "survey.md",
         head: "# How well motors are regulated\n\nMade by `motor-hub survey --seed 20261121`.",
         parts: &["survey/tables.md"],
+    },
+    Page {
+        file: "square.md",
+        head: "# Heading of a drive base\n\nMade by `cargo test -p studies --test square -- --include-ignored`.",
+        parts: &["square.md"],
     },
     Page {
         file: "fault-matrix.md",
@@ -58,6 +63,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     for (command, out) in [(&["compare"][..], "compare"), (&["survey", "--seed", "20261121"], "survey")] {
         motor_hub(&[command, &["--out", &format!("{MADE}/{out}")]].concat())?;
     }
+    cargo(&["test", "-p", "studies", "--test", "square", "--", "--include-ignored"])?;
     crate::size::task(&[])?;
     let measured =
         ["every_fault_in", "faults_of_motors", "within_the_budget", "by_itself_takes", "little_of_the_core"];

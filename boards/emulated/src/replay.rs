@@ -20,6 +20,7 @@ use motor_hub::braking::Regime;
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::extension::{MotorFunction, Request};
+use motor_hub::group::Pose;
 use motor_hub::model::plant::Flow;
 use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, OnFault, Report, Setpoint, ZeroPower};
@@ -285,7 +286,7 @@ fn observe(bench: &mut Bench, scenario: &Scenario, at_s: f64, trace: &mut Trace)
     }
     let (battery_v, _) = bench.battery();
     trace.push_motion(at_s, motors.iter().map(|sample| (sample.speed_cps, sample.counts)));
-    trace.ticks.push(Tick { at_s, battery_v, measured_v: None, motors });
+    trace.ticks.push(Tick { at_s, battery_v, measured_v: None, base: None, pose: Pose::default(), motors });
 }
 
 /// Faults as the log tells them, once a second: each holds from the line that names it to the next second's.

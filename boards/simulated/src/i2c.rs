@@ -34,6 +34,8 @@ pub enum Fault {
     NoAcknowledge,
     /// In the first transfer a device begins to hold SDA low, until the bus is freed.
     StuckData,
+    /// A reset of the hub has interrupted a transfer: a device holds SDA low until the bus is freed.
+    Interrupted,
     /// A device holds SCL low for ever.
     StuckClock,
     /// The devices stretch the clock for 30 ms in each transfer.
@@ -72,7 +74,7 @@ impl I2cDevices {
 
     fn free_data(&mut self, bus: usize) {
         if let (Some(held), Some(fault)) = (self.data_held.get_mut(bus), self.faults.get_mut(bus))
-            && std::mem::take(held)
+            && (std::mem::take(held) || *fault == Fault::Interrupted)
         {
             *fault = Fault::None;
         }
@@ -129,7 +131,7 @@ impl I2c for SimulatedBus {
         match self.board.i2c_fault(self.bus) {
             Fault::None => (),
             Fault::NoAcknowledge => return Err(ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address)),
-            Fault::StuckData => {
+            Fault::StuckData | Fault::Interrupted => {
                 self.board.with_i2c(|devices| devices.hold_data(self.bus));
                 return Err(ErrorKind::ArbitrationLoss);
             }

@@ -12,6 +12,7 @@
 //! | [`current_line`] | sound and broken current-sense lines |
 //! | [`encoder`] | sound and broken encoders |
 //! | [`world`] | the board's traits over plants on a battery |
+//! | [`ground`] | where a drive base truly is |
 //! | [`i2c`], [`bno055`] | I2C buses with their devices and faults |
 //! | [`scheme`] | names of schemes, blends and duty rules |
 //! | [`scenario`] | motors with their loads, commands and expectations over time |
@@ -25,6 +26,7 @@ pub mod bno055;
 pub mod current_line;
 pub mod direct;
 pub mod encoder;
+pub mod ground;
 pub mod hardware;
 pub mod i2c;
 pub mod scenario;

@@ -25,7 +25,8 @@ use std::path::Path;
 
 pub use error::{ScenarioError, line_and_column};
 pub use types::{
-    Attached, Bus, Configuration, ConfiguredMotion, Group, LONGEST_S, Motor, Scenario, Timed, UNLIMITED,
+    Attached, Bus, Change, Configuration, ConfiguredMotion, Group, LONGEST_S, Motor, Scenario, Timed,
+    UNLIMITED,
 };
 
 /// Dry friction of motors that are served, of their stall torque at 12 V.

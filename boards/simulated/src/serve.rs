@@ -36,18 +36,17 @@ use crate::scenario::Scenario;
 use crate::sim::{self, Executor, RunError, Wires};
 use crate::world::Board;
 use chain_line::ChainEnd;
-use embassy_futures::join::{join_array, join5};
+use embassy_futures::join::join4;
 use embassy_futures::{poll_once, yield_now};
 use embassy_time::MockDriver;
 use embedded_io_async::{ErrorType, Read, Write};
-use motor_hub::board::I2C_BUSES;
 use motor_hub::bridge::Drive;
 use motor_hub::hub::Snapshot;
 use motor_hub::model::si::Seconds;
 use motor_hub::protocol::{Address, BAUD, Colour};
 use motor_hub::record::{Fault, SIZE};
 use motor_hub::responder::Responder;
-use motor_hub::tasks::{Health, Task, chain, i2c, responder, store};
+use motor_hub::tasks::{Health, Task, chain, responder, store};
 use std::cell::{Cell, RefCell};
 use std::convert::Infallible;
 use std::future::{pending, poll_fn};
@@ -222,10 +221,8 @@ impl Served {
                 None => pending().await,
             }
         };
-        let buses: [usize; I2C_BUSES] = std::array::from_fn(|bus| bus);
-        let transfers = join_array(buses.map(|bus| i2c::run(self.board.i2c(bus), bus, &self.wires)));
         Ok(Box::pin(async move {
-            join5(tasks, serve, keep, transfers, chain).await;
+            join4(tasks, serve, keep, chain).await;
         }))
     }
 }

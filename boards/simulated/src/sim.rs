@@ -15,12 +15,13 @@
 //! ```
 
 use crate::hardware::MOTORS;
-use crate::scenario::{Attached, Motor, Scenario, Timed};
+use crate::scenario::{Attached, Change, Motor, Scenario, Timed};
 use crate::trace::{Sample, Tick, Trace};
 use crate::world::Board;
-use embassy_futures::join::{join, join5};
+use embassy_futures::join::{join, join_array, join3, join5};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver, Timer};
+use motor_hub::board::{DIGITAL_PINS, I2C_BUSES};
 use motor_hub::hub::{Hub, Snapshot};
 use motor_hub::model::bus::Bus;
 use motor_hub::model::plant::Flow;
@@ -119,7 +120,9 @@ pub(crate) fn tasks<'a>(
             tasks::output::run(board.clone(), period, wires, health),
             tasks::health::run(board.clone(), health),
         );
-        join(bridges, others).await
+        let buses: [usize; I2C_BUSES] = std::array::from_fn(|bus| bus);
+        let transfers = join_array(buses.map(|bus| tasks::i2c::run(board.i2c(bus), bus, wires)));
+        join3(bridges, others, transfers).await
     })
 }
 
@@ -136,7 +139,7 @@ pub(crate) fn pass(board: &Board, torques: &[f64]) -> Vec<Flow> {
     flows
 }
 
-/// Sets battery and encoders as the scenario has them at a time.
+/// Sets battery, encoders and connected devices as the scenario has them at a time.
 pub(crate) fn change(scenario: &Scenario, board: &Board, now_s: f64) {
     board.set_emf(scenario.emf_at(now_s));
     if scenario.bus.is_some_and(|bus| bus.opens_at_s.is_some_and(|at_s| now_s >= at_s)) {
@@ -144,6 +147,27 @@ pub(crate) fn change(scenario: &Scenario, board: &Board, now_s: f64) {
     }
     for (index, motor) in scenario.motors.iter().enumerate() {
         board.set_encoder(index, motor.encoder_at(now_s));
+    }
+    let step = |at_s: f64| (at_s / STEP_S).round();
+    for Timed { at_s, value } in &scenario.attached.over_time {
+        if step(*at_s) == step(now_s) {
+            connect(board, value);
+        }
+    }
+}
+
+/// Connects something else to the pins and the I2C buses.
+fn connect(board: &Board, change: &Change) {
+    for (input, volts) in change.analog_v.iter().enumerate() {
+        board.set_analog(input, *volts);
+    }
+    if let Some(low_pins) = &change.low_pins {
+        for pin in 0..DIGITAL_PINS as u8 {
+            board.press(pin, low_pins.iter().any(|low| low.get() == pin));
+        }
+    }
+    for (bus, fault) in change.i2c_faults.iter().enumerate() {
+        board.set_i2c_fault(bus, *fault);
     }
 }
 
@@ -213,19 +237,12 @@ pub(crate) fn board(scenario: &Scenario) -> Board {
         bus.one_way = known.one_way;
         board.set_bus(bus);
     }
+    board.set_floor(scenario.floor);
     if let Some(pins) = scenario.wire {
         board.wire(pins.map(|pin| pin.get()));
     }
-    let Attached { analog_v, low_pins, i2c_faults } = &scenario.attached;
-    for (input, volts) in analog_v.iter().enumerate() {
-        board.set_analog(input, *volts);
-    }
-    for pin in low_pins {
-        board.press(pin.get(), true);
-    }
-    for (bus, fault) in i2c_faults.iter().enumerate() {
-        board.set_i2c_fault(bus, *fault);
-    }
+    let Attached { analog_v, low_pins, i2c_faults, .. } = scenario.attached.clone();
+    connect(&board, &Change { analog_v, low_pins: Some(low_pins), i2c_faults });
     for (index, motor) in scenario.motors.iter().enumerate() {
         board.set_current_line(index, motor.current_line);
         if let Some(train) = motor.train {
@@ -256,6 +273,8 @@ fn observe(
         at_s: snapshot.at.get() as f64 / 1e6,
         battery_v: view.battery_v,
         measured_v: snapshot.battery.map(|mv| f64::from(mv.get()) * 1e-3),
+        base: snapshot.base,
+        pose: board.pose(),
         motors: motors
             .map(|((((speed_cps, counts), report), settings), &torque_nm)| Sample {
                 report: *report,

@@ -10,6 +10,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use motor_hub::group::Pose;
+use motor_hub::hub::BaseState;
 use motor_hub::model::plant::Flow;
 use motor_hub::motor::Report;
 use motor_hub::units::Control;
@@ -44,6 +46,10 @@ pub struct Tick {
     pub battery_v: f64,
     /// Voltage that the hub has measured; `None` without a measurement.
     pub measured_v: Option<f64>,
+    /// The hub's drive base; `None` without one, and on an emulated chip.
+    pub base: Option<BaseState>,
+    /// Where the drive base truly is; the origin on an emulated chip.
+    pub pose: Pose,
     /// Samples of the motors.
     pub motors: Vec<Sample>,
 }

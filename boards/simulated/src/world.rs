@@ -19,7 +19,8 @@
 use crate::bno055::Bno055;
 use crate::current_line::CurrentLine;
 use crate::encoder::{Counter, Encoder};
-use crate::hardware::{BRIDGE, MOTORS, TRACK_MM, WHEEL_DIAMETER_MM};
+use crate::ground::{Floor, Ground};
+use crate::hardware::{BRIDGE, MOTORS};
 use crate::i2c::{self, I2cDevices, SimulatedBus};
 use embassy_time::Timer;
 use motor_hub::board::{
@@ -27,6 +28,7 @@ use motor_hub::board::{
     Equipment, I2C_BUSES, SERVOS, ServoPulse, SupplyAdc, Watchdog,
 };
 use motor_hub::bridge::{BridgeConstants, Drive, SenseScale};
+use motor_hub::group::Pose;
 use motor_hub::model::battery::Battery;
 use motor_hub::model::bus::{Bus, Shutdown};
 use motor_hub::model::catalogue::Motor;
@@ -93,6 +95,8 @@ pub struct World {
     /// Voltages at the analog inputs, in volts. An open input is pulled down.
     analog_v: [f64; ANALOG_INPUTS],
     i2c: I2cDevices,
+    /// The drive base with the inertial sensor.
+    ground: Ground,
     noise: fastrand::Rng,
     unfed_s: f64,
     starved: bool,
@@ -140,6 +144,7 @@ impl Board {
             servos: [None; SERVOS],
             analog_v: [0.0; ANALOG_INPUTS],
             i2c: I2cDevices::default(),
+            ground: Ground::new(Floor::default()),
             noise: fastrand::Rng::with_seed(seed),
             unfed_s: 0.0,
             starved: false,
@@ -223,6 +228,16 @@ impl Board {
         }
     }
 
+    /// Puts the drive base on another floor, at the origin. Its wheels have not turned yet.
+    pub fn set_floor(&self, floor: Floor) {
+        self.0.borrow_mut().ground = Ground::new(floor);
+    }
+
+    /// Returns where the drive base is.
+    pub fn pose(&self) -> Pose {
+        self.0.borrow().ground.pose()
+    }
+
     /// Returns a copy of the inertial sensor on I2C bus 0.
     pub fn imu(&self) -> Bno055 {
         self.0.borrow().i2c.imu.clone()
@@ -275,8 +290,7 @@ impl Board {
         for (counter, plant) in counters.iter_mut().zip(&rig.plants) {
             counter.turn(plant.counts(), (1e9 * time.0).round() as u64);
         }
-        let (turned_rad, rate_rad_s) = world.turn_of_base();
-        world.i2c.imu.run(time.0, turned_rad, rate_rad_s);
+        world.move_base(time.0);
         flows
     }
 
@@ -306,13 +320,17 @@ impl Board {
 }
 
 impl World {
-    /// Angle by which the drive base has turned left, in radians, and its speed in radians per second. 0 with less than two motors.
-    fn turn_of_base(&self) -> (f64, f64) {
-        let [left, right, ..] = self.rig.plants.as_slice() else { return (0.0, 0.0) };
-        let by_wheels = |left: f64, right: f64| (right - left) * 0.5 * WHEEL_DIAMETER_MM / TRACK_MM;
-        let output = |plant: &Plant, of_motor: f64| of_motor / plant.motor().gear_ratio;
-        let angle = by_wheels(output(left, left.angle()), output(right, right.angle()));
-        (angle, by_wheels(output(left, left.speed().0), output(right, right.speed().0)))
+    /// Moves the drive base, on which the inertial sensor stands. Motor 0 drives the left wheel, motor 1 the right one. A board with
+    /// less than two motors has no base.
+    fn move_base(&mut self, time_s: f64) {
+        let before = self.ground.pose().heading_degrees;
+        if let [left, right, ..] = self.rig.plants.as_slice() {
+            let output = |plant: &Plant| plant.angle() / plant.motor().gear_ratio;
+            self.ground.turn([output(left), output(right)]);
+        }
+        let after = self.ground.pose().heading_degrees;
+        let rate = if time_s > 0.0 { (after - before) / time_s } else { 0.0 };
+        self.i2c.imu.run(time_s, after.to_radians(), rate.to_radians());
     }
 
     /// A conversion of a pin voltage.

@@ -1,5 +1,6 @@
 //! `motor-hub client`: a command line for a real or simulated hub.
 
+mod base;
 mod coefficients;
 mod devices;
 mod drive;
@@ -88,6 +89,11 @@ enum Command {
     ///
     /// All motors travel in proportion. If a motor lags, the others wait for it.
     Together(together::Options),
+    /// Drives a base with two wheels along straight lines and through turns, then disables its motors, on hubs of this project
+    #[command(name = "drive", long_about = base::HELP)]
+    DriveBase(base::Options),
+    /// Shows where the drive base is: position and heading since `drive` has begun, on hubs of this project
+    Odometry(base::OdometryOptions),
     /// Disables all motors of all hubs on the line immediately (fail-safe); with --address, of one hub
     Stop,
     /// Reads a loop's coefficients, or sets the given ones and keeps the others
@@ -160,6 +166,8 @@ impl Command {
             Self::Record(options) => return options.execute(hub),
             Self::Jog(options) => return options.execute(hub),
             Self::Together(options) => return options.execute(hub),
+            Self::DriveBase(options) => return options.execute(hub),
+            Self::Odometry(options) => return options.execute(hub),
             Self::Coefficients(options) => return options.execute(hub),
             Self::Setup(options) => return options.execute(hub),
             Self::Settings(options) => return options.execute(hub),

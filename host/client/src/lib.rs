@@ -10,7 +10,7 @@
 //! |---|---|
 //! | [`mod@line`] | serial port or TCP connection, as bytes with timeouts |
 //! | [`session`] | one request at a time: waiting, retransmission, discovery |
-//! | [`hub`], [`motor`], [`devices`] | the protocol's commands, as methods of [`Session`] |
+//! | [`hub`], [`motor`], [`base`], [`devices`] | the protocol's commands, as methods of [`Session`] |
 //! | [`motor_values`] | the reported values of a motor, for people and programs |
 //! | [`identification`] | identifying a motor, step by step |
 //! | [`clock`] | the clock of sessions |
@@ -50,6 +50,7 @@
 #[doc = include_str!("../README.md")]
 pub struct Readme;
 
+pub mod base;
 pub mod clock;
 pub mod devices;
 pub mod error;

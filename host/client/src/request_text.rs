@@ -65,6 +65,8 @@ const fn of_hub(function: &HubFunction) -> &'static str {
         HubFunction::Update => "report its update",
         HubFunction::Equipment => "report its equipment",
         HubFunction::Chain => "report the hubs behind it",
+        HubFunction::SetBase { .. } => "configure its drive base",
+        HubFunction::Odometry => "report where its drive base is",
     }
 }
 

@@ -40,11 +40,31 @@ pub(crate) fn largest_heading_error(
     let mut heading = HeadingError::new(group, motors)?;
     let ticks = trace.ticks.iter().take_while(|tick| tick.at_s < window_s.end);
     let errors = ticks.filter_map(|tick| {
-        let wheel =
-            |motor: usize| tick.motors.get(motor).map(|sample| (sample.report.setpoint, sample.counts));
+        let slip = slip_counts(group, tick);
+        let wheel = |motor: usize| {
+            let sample = tick.motors.get(motor)?;
+            Some((sample.report.setpoint, sample.counts - slip.get(motor).unwrap_or(&0)))
+        };
         heading.step(tick.at_s, wheel).filter(|_| tick.at_s >= window_s.start)
     });
     errors.reduce(f64::max)
+}
+
+/// Counts of the left and the right wheel that did not turn a base with a gyro, and that the hub has not corrected yet. 0 for a base
+/// without a gyro: its wheels are all that leads it.
+fn slip_counts(group: &Group, tick: &Tick) -> [i64; 2] {
+    let none = [0; 2];
+    // The simulated gyro stands on the base of the motors 0 and 1.
+    let (Some(base), Some(state), [left, right, ..]) = (group.base, tick.base, tick.motors.as_slice()) else {
+        return none;
+    };
+    if !group.use_gyro {
+        return none;
+    }
+    let by_wheels = heading(&base, [left.counts as f64, right.counts as f64]);
+    let [left, right] = base.turn(by_wheels - tick.pose.heading_degrees).unwrap_or_default();
+    let [left_corrected, right_corrected] = state.correction;
+    [i64::from(left) - i64::from(left_corrected), i64::from(right) - i64::from(right_corrected)]
 }
 
 /// The heading error of a base, from tick to tick.

@@ -10,6 +10,7 @@
 //! | [`recording`] | what a hub reported while a host drove its motors |
 //! | [`compare`] | the same tasks under every scheme and duty rule |
 //! | [`survey`] | how well motors are regulated: reference tasks, bare motors, random scenarios |
+//! | [`square`] | where a drive base ends after a square, by encoders and by a gyro |
 //! | [`identify`] | what the hub identifies of its motors, beside their true values |
 //! | [`overlay`] | the flashed image beside the same core on the simulated board |
 //! | [`points`] | S, T, Z, G at an operating point, and the duty of a control value |
@@ -43,6 +44,7 @@ pub mod points;
 pub mod recording;
 pub mod report;
 pub mod settling;
+pub mod square;
 pub mod survey;
 pub mod table;
 

@@ -5,6 +5,8 @@ use std::time::Duration;
 use crate::common::{am60, board, booted, four_loads, ms};
 use emulated::host_link::HostLink;
 use emulated::{Bench, Board, Mounting, RegisterDevice, ServoPulse};
+use motor_hub::extension::{HubFunction, Request};
+use motor_hub::group::{BaseSettings, DriveBase};
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::answers::Reply;
 use motor_hub::protocol::requests::Standard;
@@ -311,6 +313,36 @@ fn faults_of_an_i2c_bus_end_and_neither_motors_nor_the_line_notice() {
     hub.bench.run(ms(300));
     hub.host = HostLink::default();
     works(&mut hub);
+    hub.bench.assert_sound();
+}
+
+#[test]
+fn a_base_reads_its_gyro_and_goes_on_without_it_while_motors_run() {
+    let mut hub = Devices { bench: booted(vec![am60(), am60()]), host: HostLink::default() };
+    hub.bench.attach(0, RegisterDevice::bno055());
+    let geometry = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
+    let base = BaseSettings::new([0, 1], &geometry, true).expect("in range");
+    let request = Request::from(HubFunction::SetBase { base });
+    hub.order(request.id(), &request.payload());
+    for motor in 0..2 {
+        hub.host.velocity(&mut hub.bench, motor, 600);
+    }
+    let gyro = |hub: &mut Devices| {
+        let report = hub.value(Request::from(HubFunction::Odometry).id(), &[]);
+        (report[20], report[21])
+    };
+    hub.bench.run(ms(350));
+    assert_eq!(gyro(&mut hub), (2, 0), "good");
+    // Transfers of the host go on beside those of the hub.
+    assert_eq!(hub.read_register(0, 0x00, 4).1, [0xA0, 0xFB, 0x32, 0x0F]);
+    // A held clock: each reading of the gyro ends by its time-out, and the line answers at once.
+    hub.bench.hold_scl(0, ms(400));
+    hub.bench.run(ms(300));
+    let asked = hub.bench.now();
+    assert_eq!(gyro(&mut hub), (3, 1), "lost");
+    assert!(hub.bench.now() - asked < ms(3), "{:?}", hub.bench.now() - asked);
+    let speed = hub.bench.look(0).counts_per_second;
+    assert!((speed - 600.0).abs() < 30.0, "{speed} counts/s");
     hub.bench.assert_sound();
 }
 

@@ -7,7 +7,8 @@ mod motors;
 mod numbers;
 
 use super::error::{At, Checked, Fault};
-use super::types::{Attached, Bus, Group, Motor, Scenario, Timed, UNLIMITED};
+use super::types::{Attached, Bus, Change, Group, Motor, Scenario, Timed, UNLIMITED};
+use crate::ground::Floor;
 use crate::hardware::MOTORS;
 use crate::i2c;
 use expectations::ExpectTable;
@@ -19,8 +20,8 @@ use motor_hub::supply::{Levels, Limits};
 use motor_hub::units::{Millivolts, Period};
 use motors::MotorTable;
 use numbers::{
-    AnalogVoltage, BatteryEmf, BatteryResistance, Capacitance, Duration, Name, PeriodMs, PinNumber, Seed, or,
-    out_of_range,
+    AnalogVoltage, BatteryEmf, BatteryResistance, Capacitance, Course as Way, Duration, Length, Name,
+    PeriodMs, PinNumber, Seed, Slip, or, out_of_range,
 };
 use serde::Deserialize;
 use toml::Spanned;
@@ -37,6 +38,7 @@ struct File {
     battery: BatteryTable,
     bus: Option<Spanned<BusTable>>,
     attached: Option<Spanned<AttachedTable>>,
+    floor: Option<FloorTable>,
     motors: Spanned<Vec<Spanned<MotorTable>>>,
     #[serde(default)]
     groups: Vec<Spanned<GroupTable>>,
@@ -71,6 +73,27 @@ struct AttachedTable {
     low_pins: Vec<PinNumber>,
     #[serde(default)]
     i2c_faults: Vec<i2c::Fault>,
+    #[serde(default)]
+    over_time: Vec<Spanned<ChangeTable>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ChangeTable {
+    at_s: f64,
+    #[serde(default)]
+    analog_v: Vec<AnalogVoltage>,
+    low_pins: Option<Vec<PinNumber>>,
+    #[serde(default)]
+    i2c_faults: Vec<i2c::Fault>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FloorTable {
+    wheel_diameters_mm: Option<[Way; 2]>,
+    track_mm: Option<Length>,
+    slip_in_turns: Option<Slip>,
 }
 
 #[derive(Deserialize)]
@@ -122,9 +145,10 @@ pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
         groups,
         wire: None,
         attached: match &file.attached {
-            Some(table) => table.get_ref().check().at(table)?,
+            Some(table) => table.get_ref().check(table, duration_s)?,
             None => Attached::default(),
         },
+        floor: file.floor.as_ref().map(FloorTable::floor).unwrap_or_default(),
         emulated: file.emulated,
         expectations,
     })
@@ -185,20 +209,58 @@ impl File {
 }
 
 impl AttachedTable {
-    fn check(&self) -> Result<Attached, String> {
-        for (key, count, most) in [
-            ("analog_v", self.analog_v.len(), ANALOG_INPUTS),
-            ("i2c_faults", self.i2c_faults.len(), I2C_BUSES),
-        ] {
-            if count > most {
-                return Err(format!("{key} has {count} entries; allowed are at most {most}"));
-            }
-        }
+    fn check(&self, whole: &Spanned<Self>, duration_s: f64) -> Checked<Attached> {
+        check_counts(&self.analog_v, &self.i2c_faults).at(whole)?;
         Ok(Attached {
-            analog_v: self.analog_v.iter().map(|volts| volts.0).collect(),
-            low_pins: self.low_pins.iter().filter_map(|pin| Pin::new(pin.0)).collect(),
+            analog_v: volts(&self.analog_v),
+            low_pins: pins(&self.low_pins),
+            i2c_faults: self.i2c_faults.clone(),
+            over_time: timeline(&self.over_time, duration_s, |change| change.at_s, ChangeTable::check)?,
+        })
+    }
+}
+
+impl ChangeTable {
+    fn check(&self) -> Result<Change, String> {
+        check_counts(&self.analog_v, &self.i2c_faults)?;
+        Ok(Change {
+            analog_v: volts(&self.analog_v),
+            low_pins: self.low_pins.as_deref().map(pins),
             i2c_faults: self.i2c_faults.clone(),
         })
+    }
+}
+
+/// The hub has all inputs and buses.
+fn check_counts(analog_v: &[AnalogVoltage], i2c_faults: &[i2c::Fault]) -> Result<(), String> {
+    for (key, count, most) in
+        [("analog_v", analog_v.len(), ANALOG_INPUTS), ("i2c_faults", i2c_faults.len(), I2C_BUSES)]
+    {
+        if count > most {
+            return Err(format!("{key} has {count} entries; allowed are at most {most}"));
+        }
+    }
+    Ok(())
+}
+
+fn volts(analog_v: &[AnalogVoltage]) -> Vec<f64> {
+    analog_v.iter().map(|volts| volts.0).collect()
+}
+
+fn pins(numbers: &[PinNumber]) -> Vec<Pin> {
+    numbers.iter().filter_map(|pin| Pin::new(pin.0)).collect()
+}
+
+impl FloorTable {
+    fn floor(&self) -> Floor {
+        let usual = Floor::default();
+        Floor {
+            wheel_diameters_mm: self
+                .wheel_diameters_mm
+                .map_or(usual.wheel_diameters_mm, |mm| mm.map(|mm| mm.0)),
+            track_mm: or(self.track_mm, usual.track_mm),
+            slip_in_turns: or(self.slip_in_turns, usual.slip_in_turns),
+        }
     }
 }
 

@@ -3,11 +3,12 @@
 use super::expectation::Expectation;
 use crate::current_line::CurrentLine;
 use crate::encoder::Encoder;
+use crate::ground::Floor;
 use crate::hardware::{BRIDGE, mechanics, winding};
 use crate::i2c::Fault;
 use motor_hub::braking::{DutyRule, Scheme, Winding};
 use motor_hub::bridge::BridgeConstants;
-use motor_hub::group::{DriveBase, GroupCommand};
+use motor_hub::group::{BaseSettings, DriveBase, GroupCommand};
 use motor_hub::hub::{Action, Command};
 use motor_hub::model::load::Load;
 use motor_hub::model::train::Train;
@@ -62,6 +63,8 @@ pub struct Scenario {
     pub wire: Option<[Pin; 2]>,
     /// What is connected to the hub's pins and I2C buses.
     pub attached: Attached,
+    /// The floor of the drive base whose left wheel motor 0 drives, and whose right wheel motor 1 drives.
+    pub floor: Floor,
     /// The scenario runs on the emulated chip too, as a test.
     pub emulated: bool,
     /// The expectations of a scenario that is a test.
@@ -76,6 +79,19 @@ pub struct Attached {
     /// Digital pins that are connected to ground.
     pub low_pins: Vec<Pin>,
     /// Conditions of the I2C buses from bus 0. Further buses work.
+    pub i2c_faults: Vec<Fault>,
+    /// Later changes, times ascending.
+    pub over_time: Vec<Timed<Change>>,
+}
+
+/// A change of what is connected. `None` for what stays.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Change {
+    /// Voltages at the analog inputs from input 0, in volts. Further inputs stay as they are.
+    pub analog_v: Vec<f64>,
+    /// All digital pins that are connected to ground from now on.
+    pub low_pins: Option<Vec<Pin>>,
+    /// Conditions of the I2C buses from bus 0. Further buses stay as they are.
     pub i2c_faults: Vec<Fault>,
 }
 
@@ -142,6 +158,8 @@ pub struct Group {
     pub motors: Vec<usize>,
     /// The drive base of two members that are wheels.
     pub base: Option<DriveBase>,
+    /// True if the hub holds the base's heading by its gyro.
+    pub use_gyro: bool,
     /// Courses, times ascending.
     pub courses: Vec<Timed<GroupCommand>>,
 }
@@ -168,6 +186,16 @@ pub struct ConfiguredMotion {
     pub drag: f64,
     /// Of the Coulomb friction.
     pub friction: f64,
+}
+
+impl Group {
+    /// The settings of the hub's drive base; `None` for a group without gyro, whose odometry nobody needs.
+    fn base_settings(&self) -> Option<BaseSettings> {
+        let (base, &[left, right]) = (self.base.filter(|_| self.use_gyro)?, self.motors.as_slice()) else {
+            return None;
+        };
+        BaseSettings::new([left as u8, right as u8], &base, true).ok()
+    }
 }
 
 impl Configuration {
@@ -206,6 +234,7 @@ impl Scenario {
             groups: Vec::new(),
             wire: None,
             attached: Attached::default(),
+            floor: Floor::default(),
             emulated: false,
             expectations: Vec::new(),
         }
@@ -235,6 +264,11 @@ impl Scenario {
         }
         for group in &self.groups {
             let Some(&motor) = group.motors.first() else { continue };
+            commands.extend(
+                group
+                    .base_settings()
+                    .map(|base| Timed { at_s: 0.0, value: Command { motor, action: Action::Base(base) } }),
+            );
             commands.extend(group.courses.iter().map(|&Timed { at_s, value }| Timed {
                 at_s,
                 value: Command { motor, action: Action::Lead(value) },

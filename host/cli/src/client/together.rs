@@ -80,7 +80,7 @@ impl Options {
             }
             let wanted = self.wanted(session, values)?;
             stand(session, &motors)?;
-            let settled = self.lead(session, &motors, wanted)?;
+            let settled = lead(session, &motors, wanted, self.length)?;
             if !settled && !self.on {
                 let seconds = self.length.unwrap_or_default().as_secs_f64();
                 return Err(Failure::Work(format!("targets not reached after {seconds} s")));
@@ -138,31 +138,29 @@ impl Options {
             ..usual
         })
     }
+}
 
-    /// Starts the group and shows its motion; true if all motors have settled, false if the time is over.
-    fn lead(
-        &self,
-        session: &mut Session<Line>,
-        motors: &[u8],
-        wanted: GroupCommand<GroupCourse>,
-    ) -> Result<bool, Failure> {
-        let Some(&first) = motors.first() else { return Ok(false) };
-        session.move_together(first, wanted)?;
-        drive::follow(session, motors, None, self.length, |session, reading| {
-            match session.group_state(first)? {
-                GroupState::Alone => {
-                    let words = reading.status.words().join(", ");
-                    let why = format!("the hub has ended the group of motor {first}; hub status: {words}");
-                    Err(Failure::Work(why))
-                }
-                state => Ok(state == GroupState::Settled),
-            }
-        })
-    }
+/// Starts a group and shows its motion; true if all motors have settled, false if the time is over.
+pub(super) fn lead(
+    session: &mut Session<Line>,
+    motors: &[u8],
+    wanted: GroupCommand<GroupCourse>,
+    length: Option<Duration>,
+) -> Result<bool, Failure> {
+    let Some(&first) = motors.first() else { return Ok(false) };
+    session.move_together(first, wanted)?;
+    drive::follow(session, motors, None, length, |session, reading| match session.group_state(first)? {
+        GroupState::Alone => {
+            let words = reading.status.words().join(", ");
+            let why = format!("the hub has ended the group of motor {first}; hub status: {words}");
+            Err(Failure::Work(why))
+        }
+        state => Ok(state == GroupState::Settled),
+    })
 }
 
 /// Enables motors with power 0, so that they brake.
-fn stand(session: &mut DrivingSession<'_, Line>, motors: &[u8]) -> Result<(), Failure> {
+pub(super) fn stand(session: &mut DrivingSession<'_, Line>, motors: &[u8]) -> Result<(), Failure> {
     for &motor in motors {
         session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
         session.set_power(motor, Control::ZERO)?;

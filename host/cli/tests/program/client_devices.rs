@@ -1,4 +1,4 @@
-//! `motor-hub client servo`, `analog`, `digital` and `i2c` against a served hub.
+//! `motor-hub client drive`, `odometry`, `servo`, `analog`, `digital` and `i2c` against a served hub.
 
 use crate::common::{self, PROGRAM, client, folder, write};
 use crate::conformance::{Ack, Data, Host, Hub, Nack};
@@ -41,6 +41,60 @@ fn analog_and_digital_inputs_are_shown() {
         levels,
         [true, true, true, false, true, true, true, true].map(|high| json!(high)).iter().collect::<Vec<_>>()
     );
+}
+
+/// Dimensions of the drive base of a served hub.
+const BASE: [&str; 6] = ["--wheel-diameter-mm", "90", "--track-mm", "300", "--counts-per-turn", "1680,1680"];
+
+#[test]
+fn a_base_drives_by_its_gyro_and_says_where_it_is() {
+    let motor = |label| format!("[[motors]]\nlabel = \"{label}\"\nmotor = \"NeveRest 60\"\n");
+    let hub = served("devices-base", &format!("[floor]\nslip_in_turns = 0.05\n{}", motor("left")));
+    let failed = client(&hub, &["odometry"]);
+    fails(&failed, 1, "no drive base is configured (NACK 82)");
+    let done = out(&client(&hub, &[&["drive", "turn=30", "straight=-50", "--use-gyro"], &BASE[..]].concat()));
+    assert!(done.ends_with("degrees by the gyro\n"), "{done}");
+    let at = document(&hub, &["odometry"]);
+    let value = |key: &str| at[key].as_f64().unwrap();
+    assert!((value("heading_degrees") - 30.0).abs() < 0.5 && at["gyro"] == "good", "{at}");
+    // 50 mm backward along this heading.
+    assert!((value("x_mm") + 43.3).abs() < 2.0 && (value("y_mm") + 25.0).abs() < 2.0, "{at}");
+    let wheels = at["counts"].as_array().unwrap().iter().map(|counts| counts.as_f64().unwrap());
+    // 30 degrees are 467 counts of each wheel, and 50 mm are 297.
+    for (counts, expected) in wheels.zip([-467.0 - 297.0, 467.0 - 297.0]) {
+        assert!((counts - expected).abs() < 10.0, "{at}");
+    }
+    for (wrong, says) in [
+        (&["drive", "left=3"][..], "a part is straight=MM or turn=DEGREES"),
+        (&["drive", "turn=3", "--wheels", "1,1"], "give two different motors from 0 to 3, as 0,1"),
+        (&["drive", "turn=3", "--speed-mm-per-s", "0"], "allowed is a number from 0.001 to 1000000"),
+        (&["drive", "turn=3", "--track-mm", "20000"], "a track of 1 mm to 10 m"),
+    ] {
+        let base = if wrong.contains(&"--track-mm") {
+            &["--wheel-diameter-mm", "90", "--counts-per-turn", "9,9"][..]
+        } else {
+            &BASE
+        };
+        let failed = client(&hub, &[wrong, base].concat());
+        fails(&failed, 2, says);
+    }
+}
+
+#[test]
+fn analog_inputs_pins_and_buses_change_while_a_hub_is_served() {
+    let changes = "over_time = [{ at_s = 0.6, analog_v = [0.5, 2.5], low_pins = [1], i2c_faults = [\"no-acknowledge\"] }]";
+    let hub = served("devices-over-time", &format!("analog_v = [1.25]\nlow_pins = [3]\n{changes}"));
+    let low = |hub: &Hub| {
+        document(hub, &["digital"])["pins"].as_array().unwrap().iter().position(|pin| pin["high"] == false)
+    };
+    let end = Instant::now() + Duration::from_secs(3);
+    while low(&hub) != Some(1) {
+        assert!(Instant::now() < end, "{:?}", low(&hub));
+        sleep(Duration::from_millis(50));
+    }
+    let analog = document(&hub, &["analog"]);
+    assert!((analog["input_1_v"].as_f64().unwrap() - 2.5).abs() < 0.003, "{analog}");
+    fails(&client(&hub, &["i2c", "read", "0", "0x28"]), 1, "acknowledge");
 }
 
 #[test]
@@ -191,4 +245,12 @@ fn a_stuck_data_line_is_freed_and_a_stretched_clock_is_waited_for() {
     assert_eq!(read(1, 0x50), [0, 1, 0], "nine clocks have freed SDA");
     assert_eq!(read(2, 0x50), [1, 0], "after 30 ms no device has acknowledged");
     assert_eq!(read(3, 0x50), [1, 0]);
+}
+
+#[test]
+fn a_transfer_that_a_reset_has_interrupted_leaves_no_stuck_line() {
+    // The device holds SDA when the hub starts.
+    let hub = served("devices-interrupted", "i2c_faults = [\"none\", \"interrupted\"]");
+    let read = out(&client(&hub, &["i2c", "read", "1", "0x50", "1"]));
+    assert!(read.contains("00"), "{read}");
 }

@@ -112,6 +112,9 @@ fn the_client_prints_what_the_page_says() {
     assert_agree("client digital", &[client(&["digital"])]);
     assert_agree("client i2c scan", &[client(&["i2c", "scan"])]);
     assert_agree("client i2c read", &[client(&["i2c", "read", "1", "0x50"])]);
+    let base = ["--wheel-diameter-mm", "90", "--track-mm", "300", "--counts-per-turn", "1680,1680"];
+    common::client(&served, &[&["drive", "turn=1"], &base[..]].concat());
+    assert_agree("client odometry", &[client(&["odometry"])]);
     assert_agree("client ports", &[client(&["ports"])]);
     let watch = ["client", "--tcp", &served.place, "watch", "--for-s", "0.2", "--type", "AM 60 A", "--json"];
     let lines = motor_hub(&watch).stdout;

@@ -6,7 +6,7 @@ use super::numbers::{
 use super::{find, timeline};
 use crate::scenario::error::{At, Checked};
 use crate::scenario::types::{Group, Motor};
-use motor_hub::group::{Course, DriveBase, GroupCommand, Halt};
+use motor_hub::group::{BaseSettings, Course, DriveBase, GroupCommand, Halt};
 use motor_hub::units::{Acceleration, CountsPerSecond};
 use serde::Deserialize;
 use toml::Spanned;
@@ -36,6 +36,8 @@ struct BaseTable {
     wheel_diameter_mm: Length,
     track_mm: Length,
     counts_per_turn: Option<[Way; 2]>,
+    #[serde(default)]
+    use_gyro: bool,
 }
 
 #[derive(Deserialize)]
@@ -59,6 +61,16 @@ impl GroupTable {
     pub(super) fn check(&self, whole: &Spanned<Self>, all: &[Motor], duration_s: f64) -> Checked<Group> {
         let motors = self.members(all).at(whole)?;
         let base = self.base.as_ref().map(|base| base.check(&motors, all)).transpose().at(whole)?;
+        let use_gyro = self.base.as_ref().is_some_and(|base| base.use_gyro);
+        if use_gyro && motors != [0, 1] {
+            return Err("use_gyro needs the first two motors of the file as wheels, left and right: the \
+                        simulated gyro stands on their base"
+                .to_owned())
+            .at(whole);
+        }
+        if use_gyro && base.as_ref().is_none_or(|base| BaseSettings::new([0, 1], base, true).is_err()) {
+            return Err("a base with use_gyro has wheels and a track of 1 mm to 10 m".to_owned()).at(whole);
+        }
         if self.courses.is_empty() {
             return Err("a group needs at least one course".to_owned()).at(whole);
         }
@@ -66,7 +78,7 @@ impl GroupTable {
             Ok(GroupCommand { halt: self.halt, ..table.check(&motors, base.as_ref())? })
         };
         let courses = timeline(&self.courses, duration_s, |course| course.at_s, course)?;
-        Ok(Group { label: self.label.0.clone(), motors, base, courses })
+        Ok(Group { label: self.label.0.clone(), motors, base, use_gyro, courses })
     }
 
     fn members(&self, all: &[Motor]) -> Result<Vec<usize>, String> {

@@ -136,6 +136,8 @@ numbers! {
     Slots(u32): 1, 10_000;
     /// Wheel diameter or track width of a drive base, in mm.
     Length(f64): 1.0, 1e6;
+    /// Part of a turn that wheels lose by slipping.
+    Slip(f64): 0.0, 0.9;
     /// Distance on a course in mm, turn in degrees, or counts per turn of a wheel.
     Course(f64): -1e6, 1e6;
     /// Expected speed in counts/s.

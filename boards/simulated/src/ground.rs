@@ -1,0 +1,67 @@
+//! The ground under a drive base: where the base truly is, as its wheels turn.
+//!
+//! ```
+//! use simulated::ground::{Floor, Ground};
+//!
+//! // Both wheels turn once, each 90 mm in diameter.
+//! let mut ground = Ground::new(Floor::default());
+//! ground.turn([std::f64::consts::TAU; 2]);
+//! assert!((ground.pose().x_mm - 282.743).abs() < 0.001);
+//! ```
+
+use crate::hardware::{TRACK_MM, WHEEL_DIAMETER_MM};
+use motor_hub::group::Pose;
+
+/// True dimensions of the drive base, and how the wheels slip.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Floor {
+    /// Diameters of the left and the right wheel in mm. Negative for a wheel that drives backward when its motor turns CW.
+    pub wheel_diameters_mm: [f64; 2],
+    /// Distance between the centres of the wheels in mm.
+    pub track_mm: f64,
+    /// Part of a turn that is lost because the wheels slip, 0 to 1. The distance of the base is not changed.
+    pub slip_in_turns: f64,
+}
+
+impl Default for Floor {
+    /// Equal wheels without slip, with the dimensions of the simulated board.
+    fn default() -> Self {
+        Self { wheel_diameters_mm: [WHEEL_DIAMETER_MM; 2], track_mm: TRACK_MM, slip_in_turns: 0.0 }
+    }
+}
+
+/// A drive base on its floor.
+#[derive(Clone, Debug)]
+pub struct Ground {
+    floor: Floor,
+    /// Angles of the wheels in radians.
+    wheels_rad: [f64; 2],
+    pose: Pose,
+}
+
+impl Ground {
+    /// A base at the origin.
+    pub const fn new(floor: Floor) -> Self {
+        let pose = Pose { x_mm: 0.0, y_mm: 0.0, heading_degrees: 0.0 };
+        Self { floor, wheels_rad: [0.0; 2], pose }
+    }
+
+    /// Turns the left and the right wheel to these angles, in radians.
+    pub fn turn(&mut self, wheels_rad: [f64; 2]) {
+        let Floor { wheel_diameters_mm: [left_mm, right_mm], track_mm, slip_in_turns } = self.floor;
+        let [last_left, last_right] = std::mem::replace(&mut self.wheels_rad, wheels_rad);
+        let [left, right] = wheels_rad;
+        let left_mm = 0.5 * left_mm * (left - last_left);
+        let right_mm = 0.5 * right_mm * (right - last_right);
+        let turned_rad = (right_mm - left_mm) / track_mm * (1.0 - slip_in_turns);
+        let (sin, cos) = (self.pose.heading_degrees.to_radians() + 0.5 * turned_rad).sin_cos();
+        self.pose.x_mm += 0.5 * (left_mm + right_mm) * cos;
+        self.pose.y_mm += 0.5 * (left_mm + right_mm) * sin;
+        self.pose.heading_degrees += turned_rad.to_degrees();
+    }
+
+    /// Where the base is.
+    pub const fn pose(&self) -> Pose {
+        self.pose
+    }
+}

@@ -1,0 +1,244 @@
+//! `motor-hub client drive` and `odometry`: a drive base with two wheels.
+
+use super::hub::HubOptions;
+use super::motors_off::DrivingSession;
+use super::together::{lead, stand};
+use crate::output::{Failure, print, print_json, say};
+use crate::parse::within_a_day;
+use motor_hub::extension::base::OdometryReport;
+use motor_hub::extension::group::GroupCourse;
+use motor_hub::group::{BaseSettings, DriveBase, GroupCommand, GyroState};
+use motor_hub::protocol::CHANNELS;
+use motor_hub::units::{Acceleration, RangeError};
+use motor_hub_client::Session;
+use motor_hub_client::line::Line;
+use serde_json::json;
+use std::time::{Duration, Instant};
+
+/// Text of the long help of `drive`.
+pub(super) const HELP: &str = "\
+Drives a base with two wheels along straight lines and through turns, then disables its motors, on hubs of this project
+
+The hub counts where the base is: `odometry` shows that afterwards. With --use-gyro the hub reads a BNO055 on I2C bus 0, and the \
+base holds the heading of the gyro, although wheels slip or are unlike. If the gyro fails, the base goes on by its encoders, and the \
+command says so.";
+
+/// Longest wait for the first reading of the gyro. A BNO055 answers 0.65 s after its supply is on, and the hub tries once a second.
+const GYRO_START: Duration = Duration::from_secs(3);
+const POLL: Duration = Duration::from_millis(50);
+
+/// Dimensions of the base, and its course.
+#[derive(clap::Args)]
+pub(super) struct Options {
+    /// Parts of the course in their order: straight=MM, backward if negative, or turn=DEGREES, positive to the left
+    #[arg(value_name = "PART", required = true, value_parser = part)]
+    parts: Vec<Part>,
+    /// Motors of the left and the right wheel
+    #[arg(long, value_name = "LEFT,RIGHT", default_value = "0,1", value_parser = wheels)]
+    wheels: [u8; 2],
+    /// Diameter of the wheels in mm
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    wheel_diameter_mm: f64,
+    /// Distance between the centres of the wheels in mm
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    track_mm: f64,
+    /// Encoder counts per turn of the left and the right wheel; negative if the motor counts down while its wheel drives forward
+    #[arg(long, value_name = "LEFT,RIGHT", value_parser = pair, allow_hyphen_values = true)]
+    counts_per_turn: [f64; 2],
+    /// The base holds the heading of the gyro on I2C bus 0
+    #[arg(long)]
+    use_gyro: bool,
+    /// Speed of the wheels in mm/s
+    #[arg(long, value_name = "MM/S", default_value = "200", value_parser = positive)]
+    speed_mm_per_s: f64,
+    /// Largest acceleration of the wheels in mm/s\u{b2}
+    #[arg(long, value_name = "MM/S2", default_value = "400", value_parser = positive)]
+    acceleration_mm_per_s2: f64,
+    /// Longest duration of each part in seconds [default: no limit]
+    #[arg(long = "for-s", value_name = "S", value_parser = within_a_day)]
+    length: Option<Duration>,
+}
+
+/// A part of a course.
+#[derive(Clone, Copy, Debug)]
+enum Part {
+    /// A distance in mm.
+    Straight(f64),
+    /// An angle in degrees, to the left.
+    Turn(f64),
+}
+
+fn part(text: &str) -> Result<Part, String> {
+    let of = |number: &str| number.parse().ok().filter(|number: &f64| number.abs() <= 1e6);
+    let part = match text.split_once('=') {
+        Some(("straight", mm)) => of(mm).map(Part::Straight),
+        Some(("turn", degrees)) => of(degrees).map(Part::Turn),
+        _ => None,
+    };
+    part.ok_or_else(|| "a part is straight=MM or turn=DEGREES, each -1000000 to 1000000".to_owned())
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number: &f64| (0.001..=1e6).contains(number));
+    number.ok_or_else(|| "allowed is a number from 0.001 to 1000000".to_owned())
+}
+
+fn pair(text: &str) -> Result<[f64; 2], String> {
+    let parse = |number: &str| number.parse().ok().filter(|number: &f64| number.is_finite());
+    let pair = text.split_once(',').and_then(|(left, right)| Some([parse(left)?, parse(right)?]));
+    pair.ok_or_else(|| "give two numbers, as 1680,-1680".to_owned())
+}
+
+fn wheels(text: &str) -> Result<[u8; 2], String> {
+    let parse = |motor: &str| motor.parse().ok().filter(|motor| usize::from(*motor) < CHANNELS);
+    let wheels = text.split_once(',').and_then(|(left, right)| Some([parse(left)?, parse(right)?]));
+    let wheels = wheels.filter(|[left, right]| left != right);
+    wheels.ok_or_else(|| format!("give two different motors from 0 to {}, as 0,1", CHANNELS - 1))
+}
+
+impl Options {
+    const fn geometry(&self) -> DriveBase {
+        let Self { wheel_diameter_mm, track_mm, counts_per_turn, .. } = *self;
+        DriveBase { wheel_diameter_mm, track_mm, counts_per_turn }
+    }
+
+    fn settings(&self) -> Result<BaseSettings, Failure> {
+        BaseSettings::new(self.wheels, &self.geometry(), self.use_gyro).map_err(|_| {
+            Failure::input(
+                "the base is out of range; allowed are wheels and a track of 1 mm to 10 m, and 1 to 2147483 counts per turn",
+            )
+        })
+    }
+
+    /// The course of a part that begins at these counts, and the counts at its end.
+    fn command(
+        &self,
+        from: [i32; 2],
+        part: Part,
+    ) -> Result<([i32; 2], GroupCommand<GroupCourse>), RangeError> {
+        let base = self.geometry();
+        let [left, right] = match part {
+            Part::Straight(mm) => base.straight(mm)?,
+            Part::Turn(degrees) => base.turn(degrees)?,
+        };
+        let [from_left, from_right] = from;
+        let to = [from_left.wrapping_add(left), from_right.wrapping_add(right)];
+        let mut course = [None; CHANNELS];
+        for (wheel, counts) in self.wheels.into_iter().zip(to) {
+            if let Some(slot) = course.get_mut(usize::from(wheel)) {
+                *slot = Some(counts);
+            }
+        }
+        let [speed, _] = base.speeds(self.speed_mm_per_s, 0.0)?;
+        let [acceleration, _] = base.speeds(self.acceleration_mm_per_s2, 0.0)?;
+        let acceleration = Acceleration::new(acceleration.round().unsigned_abs().max(1))?;
+        Ok((to, GroupCommand::new(GroupCourse::To(course), speed, acceleration)))
+    }
+
+    pub(super) fn execute(&self, hub: &HubOptions) -> Result<(), Failure> {
+        let settings = self.settings()?;
+        self.parts
+            .iter()
+            .try_for_each(|part| self.command([0; 2], *part).map(drop))
+            .map_err(Failure::input)?;
+        let session = &mut hub.open(None)?;
+        let end = DrivingSession::run(session, |driven| {
+            driven.set_base(settings)?;
+            let mut at = await_gyro(driven)?.counts;
+            stand(driven, &self.wheels)?;
+            let (mut losses, mut is_implausible) = (0, false);
+            for &part in &self.parts {
+                // Absolute positions: errors of the parts do not add up.
+                let (to, wanted) = self.command(at, part).map_err(Failure::input)?;
+                if !lead(driven, &self.wheels, wanted, self.length)? {
+                    let seconds = self.length.unwrap_or_default().as_secs_f64();
+                    return Err(Failure::Work(format!("{part:?} not finished after {seconds} s")));
+                }
+                at = to;
+                let report = driven.odometry()?;
+                if report.losses != losses {
+                    losses = report.losses;
+                    say("warning: the gyro was lost; the base has held its heading by its encoders");
+                }
+                if report.gyro == GyroState::Implausible && !is_implausible {
+                    is_implausible = true;
+                    say(
+                        "warning: the gyro did not turn with the wheels; the base holds its heading by its encoders. Mount the sensor \
+                         with its chip upward, and check left and right, and the signs of the counts per turn",
+                    );
+                }
+            }
+            Ok(driven.odometry()?)
+        })?;
+        Ok(print(&text(&end))?)
+    }
+}
+
+/// Waits for the first reading of the gyro, if the base uses one.
+fn await_gyro(session: &mut Session<Line>) -> Result<OdometryReport, Failure> {
+    let end = Instant::now() + GYRO_START;
+    loop {
+        let report = session.odometry()?;
+        if report.gyro != GyroState::Waiting {
+            return Ok(report);
+        }
+        if Instant::now() > end {
+            say(
+                "warning: the gyro gives no readings; the base holds its heading by its encoders. Check that a BNO055 at address \
+                 0x28 is connected to I2C bus 0: `client i2c scan`",
+            );
+            return Ok(report);
+        }
+        super::interrupt::wait(Instant::now() + POLL)?;
+    }
+}
+
+/// Output of `odometry`.
+#[derive(clap::Args)]
+pub(super) struct OdometryOptions {
+    /// JSON instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+impl OdometryOptions {
+    pub(super) fn execute(&self, hub: &HubOptions) -> Result<(), Failure> {
+        let report = hub.session(None)?.odometry()?;
+        if !self.json {
+            return Ok(print(&text(&report))?);
+        }
+        Ok(print_json(&json!({
+            "x_mm": f64::from(report.x_um) / 1e3,
+            "y_mm": f64::from(report.y_um) / 1e3,
+            "heading_degrees": f64::from(report.heading_millidegrees) / 1e3,
+            "counts": report.counts,
+            "gyro": gyro_word(report.gyro),
+            "gyro_losses": report.losses,
+        }))?)
+    }
+}
+
+fn text(report: &OdometryReport) -> String {
+    let [x, y] = [report.x_um, report.y_um].map(|um| f64::from(um) / 1e3);
+    let degrees = f64::from(report.heading_millidegrees) / 1e3;
+    let gyro = match report.gyro {
+        GyroState::Unused => "by the encoders",
+        GyroState::Waiting => "by the encoders: the gyro has given no reading yet",
+        GyroState::Good => "by the gyro",
+        GyroState::Lost => "by the encoders: the gyro is lost",
+        GyroState::Implausible => "by the encoders: the gyro did not turn with the wheels",
+    };
+    let losses =
+        if report.losses == 0 { String::new() } else { format!(", gyro lost {} times", report.losses) };
+    format!("x {x:.1} mm, y {y:.1} mm, heading {degrees:.2} degrees {gyro}{losses}\n")
+}
+
+const fn gyro_word(gyro: GyroState) -> &'static str {
+    match gyro {
+        GyroState::Unused => "unused",
+        GyroState::Waiting => "waiting",
+        GyroState::Good => "good",
+        GyroState::Lost => "lost",
+        GyroState::Implausible => "implausible",
+    }
+}

@@ -1,0 +1,34 @@
+//! A drive base comes back from the square of UMBmark. The long test writes the table of `docs/results/square.md`.
+
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+use studies::square::{self, BASE, End};
+
+/// The mock driver's clock is one for the process.
+static CLOCK: Mutex<()> = Mutex::new(());
+
+#[test]
+fn a_gyro_keeps_the_heading_of_a_square_within_half_a_degree() {
+    let _clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
+    let end = square::drive(BASE, 1.0, true).expect("the simulation runs");
+    assert!(end.heading_degrees.abs() <= 0.5 && end.distance_mm < 50.0, "{end:?}");
+}
+
+#[test]
+#[ignore = "long: cargo xtask long"]
+fn a_gyro_brings_a_base_back_from_both_squares_and_encoders_do_not() {
+    let _clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
+    let [encoders, calibrated, gyro] = square::run().expect("the simulation runs");
+    let text = square::page(&[encoders, calibrated, gyro]).markdown();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/results");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    std::fs::write(folder.join("square.md"), &text).expect("a file");
+    let worst = |ends: [End; 2], of: fn(End) -> f64| ends.map(of).into_iter().fold(0.0, f64::max);
+    let heading = |ends| worst(ends, |end| end.heading_degrees.abs());
+    let distance = |ends| worst(ends, |end| end.distance_mm);
+    assert!(heading(gyro.ends) <= 0.5, "{text}");
+    assert!(distance(gyro.ends) < 0.05 * distance(encoders.ends), "{text}");
+    assert!(gyro.ends.iter().all(|end| end.odometry_mm.is_some_and(|mm| mm < 100.0)), "{text}");
+    assert!(heading(encoders.ends) > 20.0, "the floor is hard enough: {text}");
+    assert!(heading(calibrated.ends) < 0.1 * heading(encoders.ends), "{text}");
+}

@@ -1,0 +1,177 @@
+//! Reads the heading of a BNO055, an inertial sensor with fusion (data sheet 1.4).
+//!
+//! The crate `bno055` waits for the bus and for pauses of the sensor inside its functions, which would stop all other tasks. This driver
+//! only says which registers to access next, and takes the answers.
+//!
+//! ```text
+//!            id is A0              not in IMU mode           configured
+//! Identify ----------> CheckMode ------------------> Configure -------> Measure
+//!    ^                     |  already in IMU mode                      ^   |
+//!    |                     '-------------------------------------------'   |
+//!    '---------- after RETRY_US: wrong answers, or ERRORS without one -----'
+//! ```
+//!
+//! The IMU mode fuses accelerometer and gyro, and ignores the magnetometer, which motors would disturb. The driver never resets the
+//! sensor, and leaves a sensor alone that a host has set to the IMU mode already. The sensor lies flat, with its chip upward.
+//!
+//! ```
+//! use motor_hub::devices::bno055::{Access, Bno055};
+//! use motor_hub::units::Micros;
+//!
+//! let mut sensor = Bno055::default();
+//! let mut now = Micros::new(0);
+//! // A sensor in the IMU mode that has turned left by 90 degrees. Its quaternion has the parts w, x, y and z.
+//! let answers: [&[u8]; 4] = [&[], &[0xA0], &[0x08], &[0x41, 0x2D, 0, 0, 0, 0, 0x41, 0x2D]];
+//! let mut heading = None;
+//! for answer in answers {
+//!     let Access { read, .. } = sensor.next(now).expect("nothing to wait for");
+//!     assert_eq!(usize::from(read), answer.len());
+//!     heading = sensor.receive(now, Some(answer));
+//! }
+//! assert!((heading.expect("measured") - 90.0).abs() < 0.01);
+//! ```
+
+use crate::units::Micros;
+use core::f32::consts::PI;
+
+/// Address of the sensor on its bus.
+pub const ADDRESS: u8 = 0x28;
+
+/// The contents of the register of the identification.
+const IDENTIFICATION: u8 = 0xA0;
+/// Mode with fusion of accelerometer and gyro.
+const IMU_MODE: u8 = 0x08;
+
+/// Writes that set the sensor to the IMU mode, each with the time that the sensor needs afterwards, in microseconds. A change to the
+/// configuration mode takes 19 ms, and a change to another mode 7 ms (data sheet, table 3-6).
+const CONFIGURATION: [(&[u8], u64); 3] =
+    [(&[0x3D, 0x00], 25_000), (&[0x3E, 0x00], 0), (&[0x3D, IMU_MODE], 15_000)];
+
+/// Time after which the driver begins again with a sensor that does not work, in microseconds.
+const RETRY_US: u64 = 1_000_000;
+/// Longest time from the IMU mode to the first quaternion, in microseconds. REV's host software waits as long.
+const FIRST_US: u64 = 500_000;
+/// Number of successive failed accesses after which the sensor counts as lost.
+const ERRORS: u8 = 5;
+/// Square of the length of a quaternion, whose unit is 1/16384.
+const UNIT_SQUARED: f32 = 16_384.0 * 16_384.0;
+
+/// An access to the sensor: first a write, which may be the number of a register, then a read after a repeated start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Access {
+    /// Bytes to write.
+    pub write: &'static [u8],
+    /// Number of bytes to read; 0 for a write only.
+    pub read: u8,
+}
+
+/// The next access.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Step {
+    /// Selects register page 0.
+    #[default]
+    SelectPage,
+    Identify,
+    CheckMode,
+    /// The write with this index in [`CONFIGURATION`].
+    Configure(usize),
+    /// Reads the quaternion. Holds true after the first one.
+    Measure(bool),
+}
+
+/// The driver of one sensor.
+#[derive(Clone, Debug, Default)]
+pub struct Bno055 {
+    step: Step,
+    /// Earliest time of the next access.
+    due: Micros,
+    /// Time at which the driver began to measure.
+    measures_since: Micros,
+    /// Number of successive failed accesses.
+    errors: u8,
+}
+
+impl Bno055 {
+    /// Returns the next access. `None` while the sensor needs time.
+    pub fn next(&self, now: Micros) -> Option<Access> {
+        if now < self.due {
+            return None;
+        }
+        Some(match self.step {
+            Step::SelectPage => Access { write: &[0x07, 0x00], read: 0 },
+            Step::Identify => Access { write: &[0x00], read: 1 },
+            Step::CheckMode => Access { write: &[0x3D], read: 1 },
+            Step::Configure(index) => Access { write: CONFIGURATION.get(index)?.0, read: 0 },
+            Step::Measure(_) => Access { write: &[0x20], read: 8 },
+        })
+    }
+
+    /// Takes the answer to the access of [`next`](Self::next): the bytes that were read, or `None` after an error of the bus. Returns
+    /// the angle by which the sensor has turned left since its start, in degrees from -180 to 180. `None` without a measurement.
+    pub fn receive(&mut self, now: Micros, answer: Option<&[u8]>) -> Option<f32> {
+        let Some(answer) = answer else {
+            self.errors = self.errors.saturating_add(1);
+            if self.errors >= ERRORS || !self.is_measuring() {
+                self.begin_again(now);
+            }
+            return None;
+        };
+        self.errors = 0;
+        match (self.step, answer) {
+            (Step::SelectPage, _) => self.step = Step::Identify,
+            (Step::Identify, &[IDENTIFICATION]) => self.step = Step::CheckMode,
+            (Step::CheckMode, &[mode]) if mode & 0x0F == IMU_MODE => self.measure(now),
+            (Step::CheckMode, _) => self.step = Step::Configure(0),
+            (Step::Configure(index), _) => {
+                let pause = CONFIGURATION.get(index).map_or(0, |(_, pause)| *pause);
+                self.due = Micros::new(now.get().saturating_add(pause));
+                if index + 1 < CONFIGURATION.len() {
+                    self.step = Step::Configure(index + 1);
+                } else {
+                    self.measure(now);
+                }
+            }
+            (Step::Measure(has_begun), &[w0, w1, x0, x1, y0, y1, z0, z1]) => {
+                let quaternion = [[w0, w1], [x0, x1], [y0, y1], [z0, z1]].map(i16::from_le_bytes);
+                let heading = heading_degrees(quaternion);
+                if heading.is_some() {
+                    self.step = Step::Measure(true);
+                } else if has_begun || now.since(self.measures_since) > FIRST_US {
+                    // The sensor has lost its supply, or something else answers.
+                    self.begin_again(now);
+                }
+                return heading;
+            }
+            (Step::Identify | Step::Measure(_), _) => self.begin_again(now),
+        }
+        None
+    }
+
+    /// True from the first measurement until the sensor counts as lost.
+    pub const fn is_measuring(&self) -> bool {
+        matches!(self.step, Step::Measure(true))
+    }
+
+    const fn measure(&mut self, now: Micros) {
+        (self.step, self.measures_since) = (Step::Measure(false), now);
+    }
+
+    const fn begin_again(&mut self, now: Micros) {
+        *self = Self {
+            step: Step::SelectPage,
+            due: Micros::new(now.get().saturating_add(RETRY_US)),
+            measures_since: now,
+            errors: 0,
+        };
+    }
+}
+
+/// Returns the heading of a quaternion with the parts w, x, y and z in 1/16384. `None` if the length of the quaternion is not 1 within
+/// 10 %, as for the zeros of a sensor that does not measure.
+fn heading_degrees(quaternion: [i16; 4]) -> Option<f32> {
+    let [w, x, y, z] = quaternion.map(f32::from);
+    let square = w * w + x * x + y * y + z * z;
+    let is_rotation = (0.81 * UNIT_SQUARED..1.21 * UNIT_SQUARED).contains(&square);
+    let radians = libm::atan2f(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z);
+    is_rotation.then_some(radians * (180.0 / PI))
+}

@@ -1,0 +1,222 @@
+//! The drive base of a hub: its odometry, and how its wheels hold the heading of a gyro.
+//!
+//! With a gyro the wheels of the base have *corrected positions*: the counts that the encoders would have if the wheels had turned the
+//! base exactly as the gyro says. The *correction* of a wheel is its encoder's position minus the corrected position. A group of both
+//! wheels moves in corrected positions: so a straight course stays straight, and a turn ends at its angle. Without a gyro, and for all
+//! other groups, the correction is 0.
+//!
+//! ```text
+//!         first reading       no reading for 100 ms
+//! Waiting -------------> Good <-------------------> Lost
+//!                          | does not turn with the wheels
+//!                          '----------------------------> Implausible
+//! ```
+//!
+//! While the gyro is lost or implausible the correction stays, and the base goes on by its encoders. A gyro that is mounted upside down
+//! would turn the base faster and faster. Therefore the correction has a largest speed, and the turns of gyro and wheels are compared.
+
+use crate::group::{BaseSettings, GyroState, Odometry};
+use crate::units::Micros;
+
+/// Longest age of a reading of the gyro, in microseconds: some transfers of hosts on the same bus may come first.
+const GYRO_TIMEOUT_US: u64 = 100_000;
+
+/// Largest speed at which the correction changes, in degrees of the base's heading per second. A slip of 5 % in turns of 360 degrees per
+/// second needs 18 degrees per second.
+const CORRECTION_DEGREES_PER_S: f64 = 45.0;
+
+/// Limits of the comparison of gyro and wheels.
+struct PlausibleTurns;
+
+impl PlausibleTurns {
+    /// Length of the parts of a motion that are compared, in microseconds: ten readings of the gyro.
+    const PART_US: u64 = 100_000;
+    /// Turn of the wheels in degrees from which a part counts. Wheels that are 5 % unlike seem to turn by less on a straight course.
+    const LEAST_DEGREES: f64 = 1.5;
+    /// Sum of counted turns of the wheels, in degrees, after which the gyro is judged.
+    const JUDGED_DEGREES: f64 = 30.0;
+    /// Smallest turn of the gyro, as a share of the turn of the wheels. Wheels that slip more do not move the base.
+    const LEAST_SHARE: f64 = 0.3;
+}
+
+/// A reading of a gyro.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GyroReading {
+    /// Angle by which the base has turned left since the start of the gyro, in degrees. It wraps at 360 degrees.
+    pub left_degrees: f32,
+    /// Time of the reading.
+    pub at: Micros,
+}
+
+/// State of a drive base.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct BaseState {
+    /// Distance forward from the start in micrometres, limited to the range of the type.
+    pub x_um: i32,
+    /// Distance to the left of the start in micrometres, limited to the range of the type.
+    pub y_um: i32,
+    /// Angle by which the base has turned left, in 1/1000 degree. It counts whole turns, and is limited to the range of the type.
+    pub heading_millidegrees: i32,
+    /// Correction of the left and of the right wheel in counts.
+    pub correction: [i32; 2],
+    /// State of the gyro.
+    pub gyro: GyroState,
+    /// Number of times that the gyro was lost.
+    pub losses: u16,
+}
+
+/// The drive base of a hub.
+#[derive(Clone, Debug)]
+pub(super) struct Base {
+    settings: BaseSettings,
+    /// `None` until both wheels have had a reading of their encoders.
+    odometry: Option<Odometry>,
+    gyro: GyroState,
+    losses: u16,
+    /// Time of the last reading of the gyro.
+    read_at: Option<Micros>,
+    /// Time of the last step.
+    stepped_at: Micros,
+    /// Slip that the wheels have been corrected by so far, in degrees.
+    corrected_degrees: f64,
+    turns: Turns,
+}
+
+/// Turns of gyro and wheels.
+#[derive(Clone, Copy, Debug, Default)]
+struct Turns {
+    /// Time, heading and turn of the wheels at the start of the present part.
+    start: (Micros, f64, f64),
+    /// Sum of the magnitudes of the counted turns of the wheels, in degrees.
+    wheels_degrees: f64,
+    /// Sum of the turns of the gyro in the direction of the wheels, in degrees.
+    gyro_degrees: f64,
+}
+
+impl Turns {
+    /// Compares the heading by the gyro with the turn of the wheels, both in degrees since the start of the base. Returns false if the
+    /// gyro does not turn with the wheels.
+    fn step(&mut self, now: Micros, heading: f64, by_wheels: f64) -> bool {
+        let (since, last_heading, last_by_wheels) = self.start;
+        if now.since(since) < PlausibleTurns::PART_US {
+            return true;
+        }
+        self.start = (now, heading, by_wheels);
+        let turned = by_wheels - last_by_wheels;
+        if turned.abs() >= PlausibleTurns::LEAST_DEGREES {
+            self.wheels_degrees += turned.abs();
+            self.gyro_degrees += if turned > 0.0 { heading - last_heading } else { last_heading - heading };
+        }
+        if self.wheels_degrees < PlausibleTurns::JUDGED_DEGREES {
+            return true;
+        }
+        let is_plausible = self.gyro_degrees >= PlausibleTurns::LEAST_SHARE * self.wheels_degrees;
+        (self.wheels_degrees, self.gyro_degrees) = (0.0, 0.0);
+        is_plausible
+    }
+}
+
+impl Base {
+    pub(super) const fn new(settings: BaseSettings) -> Self {
+        let gyro = if settings.use_gyro { GyroState::Waiting } else { GyroState::Unused };
+        Self {
+            settings,
+            odometry: None,
+            gyro,
+            losses: 0,
+            read_at: None,
+            stepped_at: Micros::new(0),
+            corrected_degrees: 0.0,
+            turns: Turns { start: (Micros::new(0), 0.0, 0.0), wheels_degrees: 0.0, gyro_degrees: 0.0 },
+        }
+    }
+
+    pub(super) const fn uses_gyro(&self) -> bool {
+        self.settings.use_gyro
+    }
+
+    /// Returns for each motor whether it drives a wheel of the base.
+    pub(super) fn wheels<const N: usize>(&self) -> [bool; N] {
+        core::array::from_fn(|motor| self.settings.wheels.iter().any(|wheel| usize::from(*wheel) == motor))
+    }
+
+    /// Updates the odometry. `positions` are the positions of all motors in counts, `None` before the first reading of an encoder.
+    pub(super) fn step<const N: usize>(
+        &mut self,
+        now: Micros,
+        positions: &[Option<i32>; N],
+        gyro: Option<GyroReading>,
+    ) {
+        let [left, right] =
+            self.settings.wheels.map(|wheel| positions.get(usize::from(wheel)).copied().flatten());
+        let (Some(left), Some(right)) = (left, right) else { return };
+        let geometry = self.settings.geometry();
+        let odometry = self.odometry.get_or_insert_with(|| Odometry::new(geometry, [left, right]));
+        let is_used = self.settings.use_gyro && self.gyro != GyroState::Implausible;
+        let fresh = gyro.filter(|gyro| is_used && now.since(gyro.at) <= GYRO_TIMEOUT_US);
+        match (self.gyro, fresh) {
+            (GyroState::Good, Some(_)) => (),
+            (_, Some(_)) => {
+                self.gyro = GyroState::Good;
+                let pose = odometry.pose();
+                let by_wheels = pose.heading_degrees + odometry.slip_degrees();
+                self.turns = Turns { start: (now, pose.heading_degrees, by_wheels), ..Turns::default() };
+            }
+            (GyroState::Good, None) => {
+                self.gyro = GyroState::Lost;
+                self.losses = self.losses.saturating_add(1);
+                odometry.lose_gyro();
+            }
+            (_, None) => (),
+        }
+        let new = fresh.filter(|gyro| self.read_at != Some(gyro.at));
+        self.read_at = fresh.map(|gyro| gyro.at);
+        let heading =
+            odometry.step([left, right], new.map(|gyro| f64::from(gyro.left_degrees))).heading_degrees;
+        let slip = odometry.slip_degrees();
+        if self.gyro == GyroState::Good && !self.turns.step(now, heading, heading + slip) {
+            self.gyro = GyroState::Implausible;
+            odometry.lose_gyro();
+        }
+        let step_s = now.since(self.stepped_at) as f64 / 1e6;
+        self.stepped_at = now;
+        if self.gyro == GyroState::Good {
+            let most = CORRECTION_DEGREES_PER_S * step_s;
+            self.corrected_degrees += (slip - self.corrected_degrees).clamp(-most, most);
+        }
+    }
+
+    /// Returns the corrections of the wheels in counts.
+    fn wheel_corrections(&self) -> [i32; 2] {
+        // A slip of more than 2^31 counts is not possible: a wheel has no more counts.
+        self.settings.geometry().turn(self.corrected_degrees).unwrap_or_default()
+    }
+
+    /// Returns the correction of each motor for a group with these members.
+    pub(super) fn corrections<const N: usize>(&self, members: &[bool; N]) -> [i32; N] {
+        let mut corrections = [0; N];
+        if *members == self.wheels::<N>() {
+            for (wheel, correction) in self.settings.wheels.into_iter().zip(self.wheel_corrections()) {
+                if let Some(slot) = corrections.get_mut(usize::from(wheel)) {
+                    *slot = correction;
+                }
+            }
+        }
+        corrections
+    }
+
+    pub(super) fn state(&self) -> BaseState {
+        let pose = self.odometry.map(|odometry| odometry.pose()).unwrap_or_default();
+        // The conversion saturates.
+        let thousandths = |value: f64| libm::round(1e3 * value) as i32;
+        BaseState {
+            x_um: thousandths(pose.x_mm),
+            y_um: thousandths(pose.y_mm),
+            heading_millidegrees: thousandths(pose.heading_degrees),
+            correction: self.wheel_corrections(),
+            gyro: self.gyro,
+            losses: self.losses,
+        }
+    }
+}

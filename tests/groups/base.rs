@@ -1,0 +1,228 @@
+//! A drive base whose wheels slip in turns, with and without a gyro, on simulated plants.
+
+use crate::common::{self, configured, motor};
+use motor_hub::group::{BaseSettings, Course, DriveBase, GroupCommand, GyroState};
+use motor_hub::hub::{Action, BaseState, Command, GyroReading};
+use motor_hub::model::load::Load;
+use motor_hub::model::si::KgM2;
+use motor_hub::motor::Setpoint;
+use motor_hub::units::{Acceleration, CountsPerSecond, Micros, RangeError};
+
+/// Wheels of 90 mm, 300 mm apart, each on the output of a NeveRest 60.
+const BASE: DriveBase = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
+/// Half of a robot of 6 kg at the rim of a wheel.
+const WHEEL: Load = Load { inertia_after: KgM2(3.0 * 0.045 * 0.045), ..Load::NONE };
+/// Part of each turn that the wheels lose.
+const SLIP: f64 = 0.05;
+/// A count of both wheels, in degrees.
+const COUNT_DEGREES: f64 = 0.065;
+
+/// A base on the ground, and its gyro.
+struct Robot {
+    bench: common::Bench<2>,
+    gyro_works: bool,
+    /// Angle of the gyro by which the base turns 1 degree to the left: -1 for a gyro that is mounted upside down.
+    gyro_gain: f64,
+}
+
+impl Robot {
+    fn new(use_gyro: bool, period_ms: u32) -> Self {
+        let motor = motor("NeveRest 60");
+        let settings = [configured(&motor, &WHEEL); 2];
+        let bench = common::Bench::new(settings, [0, 1].map(|_| common::plant(motor, WHEEL)), period_ms);
+        let mut robot = Self { bench, gyro_works: true, gyro_gain: 1.0 };
+        robot.configure(BaseSettings::new([0, 1], &BASE, use_gyro).expect("in range")).expect("both wheels");
+        robot.run_ms(200);
+        robot
+    }
+
+    fn configure(&mut self, base: BaseSettings) -> Result<(), RangeError> {
+        self.bench.hub.apply(Command { motor: 0, action: Action::Base(base) })
+    }
+
+    /// True angle by which the base has turned left, in degrees.
+    fn heading(&self) -> f64 {
+        let [left, right] = [0, 1].map(|wheel| self.bench.counts(wheel) - 0.5);
+        (1.0 - SLIP) * BASE.heading([left as i32, right as i32])
+    }
+
+    /// Lets time pass. The gyro is read every 10 ms.
+    fn run_ms(&mut self, ms: u64) {
+        for _ in 0..ms {
+            if !self.gyro_works {
+                self.bench.hub.sense_gyro(None);
+            } else if self.bench.ms.is_multiple_of(10) {
+                let left_degrees = (self.gyro_gain * self.heading() + 123.0).rem_euclid(360.0) as f32;
+                let at = Micros::new(1_000 * self.bench.ms);
+                self.bench.hub.sense_gyro(Some(GyroReading { left_degrees, at }));
+            }
+            self.bench.run_ms(1);
+        }
+    }
+
+    /// Turns by this angle from the present reference, and waits until the base has settled.
+    fn turn(&mut self, degrees: f64) {
+        let [left, right] = BASE.turn(degrees).expect("in range");
+        let course = Course::by(&[(0, left), (1, right)]).expect("motors of the hub");
+        let acceleration = Acceleration::new(5_000).expect("above 0");
+        let turn = GroupCommand::new(course, CountsPerSecond::new(1_500), acceleration);
+        self.bench.hub.apply(Command { motor: 0, action: Action::Lead(turn) }).expect("members");
+        self.run_ms(50);
+        for _ in 0..50 {
+            self.run_ms(100);
+            if self.bench.snapshot.motors[0].settled {
+                return;
+            }
+        }
+        panic!("never settled: {:?}", self.bench.snapshot);
+    }
+
+    fn state(&self) -> BaseState {
+        self.bench.snapshot.base.expect("configured")
+    }
+}
+
+#[test]
+fn a_base_turns_by_the_angle_of_its_gyro_although_its_wheels_slip() {
+    for period_ms in [1, 10, 50, 100] {
+        let mut robot = Robot::new(true, period_ms);
+        assert_eq!(robot.state().gyro, GyroState::Good);
+        for turns in 1..=4 {
+            robot.turn(90.0);
+            let heading = robot.heading();
+            // Five counts of tolerance at each wheel.
+            assert!((heading - 90.0 * f64::from(turns)).abs() < 5.0 * COUNT_DEGREES, "{period_ms} {heading}");
+        }
+        let state = robot.state();
+        assert!((f64::from(state.heading_millidegrees) - 1e3 * robot.heading()).abs() < 100.0, "{state:?}");
+        // The wheels have turned by 1/0.95 of the angle.
+        let slip = BASE.turn(360.0 / (1.0 - SLIP) - 360.0).expect("in range");
+        assert!(state.correction[1].abs_diff(slip[1]) < 10, "{state:?} {slip:?}");
+    }
+}
+
+#[test]
+fn without_a_gyro_the_slip_stays_unknown() {
+    let mut robot = Robot::new(false, 50);
+    robot.turn(90.0);
+    let state = robot.state();
+    assert!((robot.heading() - 90.0 * (1.0 - SLIP)).abs() < 5.0 * COUNT_DEGREES, "{}", robot.heading());
+    assert!((f64::from(state.heading_millidegrees) - 90e3).abs() < 1e3 * 5.0 * COUNT_DEGREES, "{state:?}");
+    assert_eq!((state.correction, state.gyro, state.losses), ([0, 0], GyroState::Unused, 0));
+}
+
+#[test]
+fn a_base_whose_gyro_fails_goes_on_by_its_encoders_and_says_so() {
+    let mut robot = Robot::new(true, 10);
+    robot.turn(90.0);
+    robot.gyro_works = false;
+    robot.run_ms(20);
+    let lost = robot.state();
+    assert_eq!((lost.gyro, lost.losses), (GyroState::Lost, 1));
+    robot.turn(90.0);
+    let turned = robot.heading();
+    assert!((turned - 90.0 - 90.0 * (1.0 - SLIP)).abs() < 10.0 * COUNT_DEGREES, "{turned}");
+    assert_eq!(robot.state().correction, lost.correction, "the correction stays");
+    // The gyro comes back. The heading of the base does not jump, and turns are exact again.
+    robot.gyro_works = true;
+    robot.run_ms(500);
+    assert!((robot.heading() - turned).abs() < 2.0 * COUNT_DEGREES);
+    assert_eq!((robot.state().gyro, robot.state().losses), (GyroState::Good, 1));
+    robot.turn(90.0);
+    let heading = robot.heading() - turned;
+    assert!((heading - 90.0).abs() < 10.0 * COUNT_DEGREES, "{heading}");
+}
+
+#[test]
+fn a_standing_base_that_is_pushed_turns_back_to_its_heading() {
+    let mut robot = Robot::new(true, 10);
+    robot.turn(90.0);
+    // The floor turns the base by 3 degrees, and its wheels slide.
+    let pushed = |robot: &Robot, degrees: f64| GyroReading {
+        left_degrees: (robot.heading() + 123.0 + degrees) as f32,
+        at: Micros::new(1_000 * robot.bench.ms),
+    };
+    for _ in 0..100 {
+        let reading = pushed(&robot, 3.0);
+        robot.bench.hub.sense_gyro(Some(reading));
+        robot.bench.run_ms(10);
+    }
+    assert!((robot.heading() - 87.0).abs() < 5.0 * COUNT_DEGREES, "{}", robot.heading());
+}
+
+#[test]
+fn a_gyro_that_does_not_turn_with_the_wheels_is_not_used() {
+    // Upside down, and on a base that wheels do not turn.
+    for gyro_gain in [-1.0, 0.0, 0.2] {
+        for period_ms in [1, 50, 100] {
+            let mut robot = Robot::new(true, period_ms);
+            robot.gyro_gain = gyro_gain;
+            robot.turn(180.0);
+            assert_eq!(robot.state().gyro, GyroState::Implausible, "{gyro_gain} {period_ms}");
+            let turned = robot.heading();
+            robot.run_ms(5_000);
+            assert!((robot.heading() - turned).abs() < 1.0, "{gyro_gain} {period_ms}: the base stands");
+            // What the gyro has turned the base too far.
+            assert!(turned < 180.0 + 60.0, "{gyro_gain} {period_ms} {turned}");
+        }
+    }
+    // A gyro that is off by a fifth is used.
+    let mut robot = Robot::new(true, 50);
+    robot.gyro_gain = 0.8;
+    robot.turn(180.0);
+    assert_eq!(robot.state().gyro, GyroState::Good);
+}
+
+#[test]
+fn a_base_that_is_turned_by_hand_turns_back_slowly() {
+    let mut robot = Robot::new(true, 10);
+    robot.turn(90.0);
+    let before = robot.heading();
+    // The heading jumps by 60 degrees while the wheels stand.
+    let mut fastest = 0.0_f64;
+    for _ in 0..300 {
+        let last = robot.heading();
+        let left_degrees = (robot.heading() + 123.0 + 60.0) as f32;
+        robot
+            .bench
+            .hub
+            .sense_gyro(Some(GyroReading { left_degrees, at: Micros::new(1_000 * robot.bench.ms) }));
+        robot.bench.run_ms(10);
+        fastest = fastest.max((robot.heading() - last).abs() / 0.01);
+    }
+    assert!((robot.heading() - before + 60.0).abs() < 1.0, "{}", robot.heading());
+    assert!(fastest < 90.0, "{fastest} degrees per second");
+}
+
+#[test]
+fn a_base_needs_two_motors_of_the_hub() {
+    let mut robot = Robot::new(false, 50);
+    let good = BaseSettings::new([1, 0], &BASE, true).expect("in range");
+    assert_eq!(robot.configure(good), Ok(()));
+    for wheels in [[0, 2], [1, 1]] {
+        assert_eq!(robot.configure(BaseSettings { wheels, ..good }), Err(RangeError::Motor));
+    }
+    assert_eq!(BaseSettings::new([1, 1], &BASE, true), Err(RangeError::Motor));
+    for wrong in [
+        DriveBase { wheel_diameter_mm: 0.999, ..BASE },
+        DriveBase { track_mm: 10_000.1, ..BASE },
+        DriveBase { track_mm: f64::NAN, ..BASE },
+        DriveBase { counts_per_turn: [0.9, 1_680.0], ..BASE },
+        DriveBase { counts_per_turn: [1_680.0, 3e6], ..BASE },
+    ] {
+        assert_eq!(BaseSettings::new([0, 1], &wrong, true), Err(RangeError::Distance), "{wrong:?}");
+    }
+}
+
+#[test]
+fn wheels_of_a_new_base_leave_their_group() {
+    let mut robot = Robot::new(true, 50);
+    robot.turn(90.0);
+    robot.configure(BaseSettings::new([0, 1], &BASE, true).expect("in range")).expect("both wheels");
+    robot.run_ms(100);
+    let state = robot.state();
+    // A wheel may move by some counts until it is held.
+    assert!(state.heading_millidegrees.abs() < 500 && state.x_um.abs() < 1_000, "{state:?}");
+    assert!(state.correction[0].abs() < 3, "{state:?}");
+    assert_eq!(robot.bench.snapshot.motors[0].setpoint, Setpoint::Velocity(CountsPerSecond::ZERO));
+}
