@@ -10,7 +10,7 @@
 //! let base = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0, -1680.0] };
 //! let base = BaseSettings::new([0, 1], &base, true)?;
 //! let request = Request::from(HubFunction::SetBase { base });
-//! assert_eq!((request.id(), request.payload().len()), (0x4D21, 19));
+//! assert_eq!((request.id(), request.payload().len()), (0x4D22, 19));
 //! # Ok::<(), motor_hub::units::RangeError>(())
 //! ```
 

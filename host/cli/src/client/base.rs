@@ -23,6 +23,10 @@ The hub counts where the base is: `odometry` shows that afterwards. With --use-g
 base holds the heading of the gyro, although wheels slip or are unlike. If the gyro fails, the base goes on by its encoders, and the \
 command says so.";
 
+/// Usage of `drive`, in lines of 80 columns.
+pub(super) const USAGE: &str = "motor-hub client drive [OPTIONS] --wheel-diameter-mm <MM> --track-mm <MM>
+       --counts-per-turn <LEFT,RIGHT> <PART>...";
+
 /// Longest wait for the first reading of the gyro. A BNO055 answers 0.65 s after its supply is on, and the hub tries once a second.
 const GYRO_START: Duration = Duration::from_secs(3);
 const POLL: Duration = Duration::from_millis(50);
