@@ -34,10 +34,12 @@ use libm::roundf;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct OperatingPoint {
-    /// Back EMF in steps of 2^-20 mV, positive for a motor that turns CW. The magnitude is below 2^37.
-    emf: i64,
+    /// |emf| in steps of 2^-20 mV: below 2^37.
+    e: i64,
     /// Battery voltage, above 0.
     battery: Millivolts,
+    /// True if the back EMF is negative, so that the motor turns counter-clockwise.
+    counter_clockwise: bool,
 }
 
 impl OperatingPoint {
@@ -46,12 +48,8 @@ impl OperatingPoint {
         if battery.get() == 0 {
             return None;
         }
-        Some(Self { emf: emf.to_bits(), battery })
-    }
-
-    /// |emf| in steps of 2^-20 mV: below 2^37.
-    const fn e(self) -> i64 {
-        self.emf.abs()
+        let emf = emf.to_bits();
+        Some(Self { e: emf.abs(), battery, counter_clockwise: emf < 0 })
     }
 
     /// Battery voltage in steps of 2^-20 mV: above 0, below 2^36.
@@ -61,28 +59,28 @@ impl OperatingPoint {
 
     /// True if the motor turns counter-clockwise, so that control and modes are mirrored.
     pub const fn counter_clockwise(self) -> bool {
-        self.emf < 0
+        self.counter_clockwise
     }
 
     /// |emf| and battery voltage in volts, in steps of 1/16 mV: below 132 V and 66 V.
     pub(crate) const fn volts(self) -> (f32, f32) {
-        (volts_of(self.e()), self.battery_volts())
+        (volts_of(self.e), self.battery_volts())
     }
 
     /// Back EMF in volts; positive for a motor that turns CW.
     pub(crate) const fn emf_volts(self) -> f32 {
-        let e = volts_of(self.e());
-        if self.counter_clockwise() { -e } else { e }
+        let e = volts_of(self.e);
+        if self.counter_clockwise { -e } else { e }
     }
 
     /// Battery voltage in volts.
     pub(crate) const fn battery_volts(self) -> f32 {
-        volts_of(self.v())
+        self.battery.to_volts()
     }
 
     /// True if the back EMF is at least the battery voltage: the battery drives no current in the direction of motion.
     pub const fn is_overrun(self) -> bool {
-        self.e() >= self.v()
+        self.e >= self.v()
     }
 }
 
@@ -303,18 +301,18 @@ impl Points {
 
     /// The points of Scheme A: Z is at `controlMax e / V`.
     const fn scheme_a(at: OperatingPoint) -> Self {
-        Self::on_line(Abscissa::ZERO, scaled(at.e(), at.v()))
+        Self::on_line(Abscissa::ZERO, scaled(at.e, at.v()))
     }
 
     /// The points of Scheme B: T is at `-controlMax e / (V + e)`.
     const fn scheme_b(at: OperatingPoint) -> Self {
-        let (e, v) = (at.e(), at.v());
+        let (e, v) = (at.e, at.v());
         Self::on_line(scaled(-e, v + e), Abscissa::ZERO)
     }
 
     /// The points of Scheme C by the paper's formula: S and T of Scheme B times `(V + e) / (V - e)`. `None` for e = V.
     const fn scheme_c(at: OperatingPoint) -> Option<Self> {
-        let (e, v) = (at.e(), at.v());
+        let (e, v) = (at.e, at.v());
         if e == v {
             return None;
         }
@@ -330,7 +328,7 @@ impl Points {
             Some(points) if !at.is_overrun() && points.t.to_bits() >= lowest.to_bits() => points,
             _ => {
                 // S is T (V + e) / e. Here e is at least V/2 and T above -11 controlMax, so the product is below 2^63.
-                let (e, v) = (at.e(), at.v());
+                let (e, v) = (at.e, at.v());
                 let s = Abscissa::from_bits(lowest.to_bits() + div_round(lowest.to_bits() * v, e));
                 Self { s, ..Self::on_line(lowest, Abscissa::ZERO) }
             }
@@ -419,7 +417,7 @@ const fn scaled(numerator: i64, denominator: i64) -> Abscissa {
 
 /// Lowest T of Scheme C: `-controlMax / a`, where a = 10 u - 9, limited to 0 to 1 (see [`Points::new`]).
 const fn near_overrun(at: OperatingPoint) -> Abscissa {
-    let (e, v) = (at.e(), at.v());
+    let (e, v) = (at.e, at.v());
     let part = 10 * e - 9 * v;
     if part <= 0 {
         Abscissa::from_bits(-POINT_LIMIT_BITS)

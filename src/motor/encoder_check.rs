@@ -82,7 +82,7 @@ const EXPECTED_COUNTS: f32 = 6.0;
 
 /// Limits of the state Watching.
 struct WatchLimits {
-    /// Silence in µs below which a motor turns, so that the check for missing counts waits.
+    /// A motor with a shorter silence turns, in µs. Its counts are not checked.
     quiet_us: u32,
     /// Least requested speed, in counts/s, at which counts are due.
     least_speed_cps: f32,
@@ -181,7 +181,7 @@ struct RunawayLimits {
     first_late_ms: u32,
     /// Fewest counts in 50 ms of the early span with which the spans can be compared: 160 counts/s. With fewer counts
     /// the comparison begins again.
-    counts_in_50_ms: i64,
+    counts_in_50_ms: i32,
     /// Drive voltage for which the time from rest to [`EXPECTED_COUNTS`] is computed, in volts.
     drive_volts: f32,
     /// A motor is slow if it takes more than this time from rest to [`EXPECTED_COUNTS`], in ms. The spans of a slow
@@ -195,12 +195,12 @@ struct RunawayLimits {
     trusted_ms: u32,
     /// Counts in the late span beyond the mean speed of the early span with which a trusted motor has clearly become
     /// faster. The encoder is then reversed, and no longer spans follow. Each span has an error of one count.
-    faster_counts: i64,
-    /// Counts of a late span from which on the errors of both spans are small beside the speed. With fewer counts, and no
-    /// more than `error_counts` beyond those of the early span, another late span follows.
-    exact_counts: i64,
+    faster_counts: i32,
+    /// In a late span with at least this number of counts, the errors of both spans are small beside the speed. A late span
+    /// with fewer counts must differ from the early span by more than `error_counts`, or a second comparison follows.
+    exact_counts: i32,
     /// Errors of both spans together, in counts.
-    error_counts: i64,
+    error_counts: i32,
 }
 
 const RUNAWAY: RunawayLimits = RunawayLimits {
@@ -325,21 +325,19 @@ impl EncoderCheck {
         let moved = last_motion.take_moved();
         self.trusted |= tick.regulator.trusts_encoder();
         let turns = last_motion.silent_us() < WATCH.quiet_us;
+        let runs_away = turns && tick.runs_away();
         self.state = match self.state {
-            State::Watching(_) if turns && tick.runs_away() => {
-                Runaway::new(tick, None, self.trusted).step(tick)
-            }
-            State::Stalled(stall) if turns && tick.runs_away() => {
-                Runaway::new(tick, Some(stall), self.trusted).step(tick)
-            }
-            State::RunningAway(runaway) if turns && tick.runs_away() => runaway.step(tick),
+            State::Watching(_) if runs_away => Runaway::new(tick, None, self.trusted).step(tick),
+            State::Stalled(stall) if runs_away => Runaway::new(tick, Some(stall), self.trusted).step(tick),
+            State::RunningAway(runaway) if runs_away => runaway.step(tick),
+            State::Watching(_) if turns => State::Watching(Expected::NONE),
             State::Watching(_) if moved => watch(Expected::NONE, last_motion, tick),
             State::Watching(expected) => watch(expected, last_motion, tick),
             State::RunningAway(Runaway { stall: Some(stall), .. }) | State::Stalled(stall) => {
                 last_motion.forget();
                 stall.step(tick)
             }
-            State::RunningAway(_) => watch(Expected::NONE, last_motion, tick),
+            State::RunningAway(_) => State::Watching(Expected::NONE),
             State::Releasing(suspect, _) | State::Probing(suspect, _) if moved => suspect.stall(),
             State::Releasing(suspect, ms) => suspect.release(ms + tick.period_ms()),
             State::Probing(suspect, expected) => suspect.probe(expected, last_motion.may_creep(), tick),
@@ -360,9 +358,6 @@ impl EncoderCheck {
 /// counts.
 fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> State {
     let silent_us = last_motion.silent_us();
-    if silent_us < WATCH.quiet_us {
-        return State::Watching(expected);
-    }
     let requested = tick.target.to_f32().abs();
     if requested < WATCH.least_speed_cps {
         last_motion.forget();
@@ -522,24 +517,24 @@ struct Span {
     /// Length in ms.
     ms: u32,
     /// Counts in the direction of motion.
-    counts: i64,
+    counts: i32,
 }
 
 impl Span {
     /// The sum of two spans.
     fn plus(self, other: Self) -> Self {
-        Self { ms: self.ms.saturating_add(other.ms), counts: self.counts + other.counts }
+        Self { ms: self.ms.saturating_add(other.ms), counts: self.counts.saturating_add(other.counts) }
     }
 
     /// True if the mean speed of this span is below the mean speed of the other.
     fn is_slower_than(self, other: Self) -> bool {
-        self.counts * i64::from(other.ms) < other.counts * i64::from(self.ms)
+        i64::from(self.counts) * i64::from(other.ms) < i64::from(other.counts) * i64::from(self.ms)
     }
 
     /// True if the mean speed of this span is above the mean speed of the other, even if this span has `error` counts too
     /// many.
-    fn is_faster_than(self, other: Self, error: i64) -> bool {
-        (self.counts - error) * i64::from(other.ms) > other.counts * i64::from(self.ms)
+    fn is_faster_than(self, other: Self, error: i32) -> bool {
+        other.is_slower_than(Self { counts: self.counts.saturating_sub(error), ..self })
     }
 }
 
@@ -621,7 +616,7 @@ impl Runaway {
         if clockwise != self.clockwise {
             self = self.again(clockwise);
         }
-        let counts = i64::from(tick.moved) * if clockwise { 1 } else { -1 };
+        let counts = if clockwise { tick.moved } else { tick.moved.saturating_neg() };
         let span = Span { ms: tick.period_ms(), counts };
         let before_full_reverse = tick.ends_before_full_reverse() && !self.full_reverse;
         let extension_ms = if tick.ends_before_full_reverse() {
@@ -639,7 +634,7 @@ impl Runaway {
         } else {
             RUNAWAY.late_ms + self.span_extension_ms()
         };
-        let too_slow = 50 * self.early.counts < RUNAWAY.counts_in_50_ms * i64::from(self.early.ms);
+        let too_slow = self.early.is_slower_than(Span { ms: 50, counts: RUNAWAY.counts_in_50_ms });
         let both = Self { early: self.early.plus(self.late), late: Span::default(), ..self };
         if self.late.ms < late_ms {
             State::RunningAway(self)

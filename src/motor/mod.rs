@@ -135,8 +135,8 @@ pub struct Motor {
     command: Option<Command>,
     /// Current-sense line of the bridge.
     line: Line,
-    /// Current by the motor's constants at the last tick; `None` if no reading was fresh.
-    modelled: Option<Milliamperes>,
+    /// True if the last tick had a fresh reading of an encoder without a fault, so that the modelled current is right.
+    speed_known: bool,
     /// True if the bridge has reported a fault. The fault is latched until the motor is disabled or in fail-safe.
     bridge_fault: bool,
 }
@@ -261,7 +261,7 @@ impl Motor {
             pulses: BurnPulses::NONE,
             command: None,
             line: Line::default(),
-            modelled: None,
+            speed_known: false,
             bridge_fault: false,
         }
     }
@@ -392,7 +392,8 @@ impl Motor {
     pub fn sense(&mut self, sensed: BridgeFeedback) {
         self.bridge_fault |= sensed.fault;
         let mode = (!self.pulses.are_active()).then_some(self.drive().mode);
-        self.line.step(sensed.current, mode, self.modelled);
+        let modelled = self.speed_known.then(|| self.modelled_current());
+        self.line.step(sensed.current, mode, modelled);
     }
 
     /// Takes one control tick: estimate, decide, limit, modulate, report.
@@ -755,8 +756,7 @@ impl Motor {
         let velocity = self.regulator.velocity();
         let drive = self.drive();
         let current = self.modelled_current();
-        let speed_known = moved.is_some() && self.encoder_fault.is_none();
-        self.modelled = speed_known.then_some(current);
+        self.speed_known = moved.is_some() && self.encoder_fault.is_none();
         let measured = self.line.measured(drive.mode);
         let heating = if self.pulses.are_active() {
             Milliamperes::from_amperes(self.pulses.heating() / self.settings.ohms())

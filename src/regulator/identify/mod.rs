@@ -113,7 +113,6 @@ fn full_travel(emf: f32, battery: f32) -> f32 {
 ///    └──── any reason to refuse ─────┴─────────────────────────▶ Identification::Refused
 /// ```
 #[derive(Clone, Copy, Debug)]
-#[expect(clippy::large_enum_variant, reason = "there is no heap")]
 pub enum Identifier {
     /// The bridge is open, to find out whether the motor is at rest.
     Resting {
