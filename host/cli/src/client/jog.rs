@@ -9,7 +9,7 @@ use super::hub::HubOptions;
 use super::interrupt;
 use super::motion::{check_enabled, warn_of};
 use super::motors_off::{DrivingSession, report};
-use super::readings::{Live, motors_of};
+use super::readings::{Live, MotorReading, motors_of};
 use crate::output::{Failure, print};
 use crate::parse::whole;
 use keys::{Jog, Key};
@@ -151,8 +151,9 @@ impl Options {
         };
         let chosen = jog.motors();
         let motors = motors_of(bulk, &chosen);
-        let motors =
-            motors.map(|(motor, counts, cps, _)| format!("motor {motor}: {counts} counts, {cps} counts/s\n"));
+        let motors = motors.map(|MotorReading { motor, position, velocity, .. }| {
+            format!("motor {motor}: {position} counts, {velocity} counts/s\n")
+        });
         format!("{level}\n{}", motors.collect::<String>())
     }
 }

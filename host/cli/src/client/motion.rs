@@ -192,8 +192,8 @@ impl Progress {
             let settled = |motor: &u8| report.motors.get(usize::from(*motor)).is_some_and(|of| of.settled);
             return self.motors.iter().all(settled);
         }
-        let within_tolerance = motors_of(bulk, &self.motors).all(|(_, _, _, within)| within);
-        let fastest = motors_of(bulk, &self.motors).map(|(_, _, cps, _)| i32::from(cps).abs()).max();
+        let within_tolerance = motors_of(bulk, &self.motors).all(|reading| reading.within_tolerance);
+        let fastest = motors_of(bulk, &self.motors).map(|reading| i32::from(reading.velocity).abs()).max();
         let fastest = CountsPerSecond::new(fastest.unwrap_or_default());
         self.settle_detector.step(within_tolerance, fastest, self.interval)
     }

@@ -33,10 +33,6 @@ impl Reading {
         Ok(Self { at: since.elapsed(), bulk, battery, status, report })
     }
 
-    pub(crate) fn motors(&self, motors: &[u8]) -> impl Iterator<Item = (u8, i32, i16, bool)> {
-        motors_of(&self.bulk, motors)
-    }
-
     fn reported(&self, motor: u8) -> Option<&MotorReport> {
         self.report.as_ref()?.motors.get(usize::from(motor))
     }
@@ -62,7 +58,7 @@ impl Reading {
         headings
             .extend(self.report.iter().flat_map(|_| ["control, %", "bridge", "current, A", "why it stands"]));
         let mut table = table::new(&headings, 0);
-        for (motor, position, velocity, within_tolerance) in self.motors(motors) {
+        for MotorReading { motor, position, velocity, within_tolerance } in motors_of(&self.bulk, motors) {
             let there = self.reported(motor).map_or(within_tolerance, |of| of.settled);
             let there = if there { "yes" } else { "no" };
             let shaft = turn.map(|turn| shaft_speed(velocity, turn));
@@ -89,7 +85,8 @@ impl Reading {
 
     /// One line of text.
     pub(crate) fn line(&self, motors: &[u8], turn: Option<f64>) -> String {
-        let motors = self.motors(motors).map(|(motor, position, velocity, within_tolerance)| {
+        let motors = motors_of(&self.bulk, motors).map(|reading| {
+            let MotorReading { motor, position, velocity, within_tolerance } = reading;
             let there = self.reported(motor).map_or(within_tolerance, |of| of.settled);
             let there = if there { format!(", {}", self.word()) } else { String::new() };
             let shaft = turn.map(|turn| shaft_speed(velocity, turn));
@@ -104,9 +101,8 @@ impl Reading {
 
     /// JSON for programs, in seconds, volts, counts and counts per second; with `turn`, also the shaft's speed.
     pub(crate) fn json(&self, motors: &[u8], turn: Option<f64>) -> Value {
-        let motors: Vec<Value> = self
-            .motors(motors)
-            .map(|(motor, position, velocity, within_tolerance)| {
+        let motors: Vec<Value> = motors_of(&self.bulk, motors)
+            .map(|MotorReading { motor, position, velocity, within_tolerance }| {
                 let mut of_motor = json!({
                     "motor": motor,
                     "position": position,
@@ -148,11 +144,27 @@ fn bridge(values: &MotorValues) -> String {
     format!("{regime} {mode} {:.0} %", 100.0 * values.duty)
 }
 
-/// Motor, position, velocity, and whether the motor is within tolerance, of the given motors.
-pub(super) fn motors_of(bulk: &Bulk, motors: &[u8]) -> impl Iterator<Item = (u8, i32, i16, bool)> {
+/// One motor of a bulk answer.
+pub(super) struct MotorReading {
+    pub(super) motor: u8,
+    /// In counts.
+    pub(super) position: i32,
+    /// In counts per second.
+    pub(super) velocity: i16,
+    pub(super) within_tolerance: bool,
+}
+
+/// The readings of the given motors.
+pub(super) fn motors_of(bulk: &Bulk, motors: &[u8]) -> impl Iterator<Item = MotorReading> {
     let Bulk { encoders, velocities, within_tolerance, .. } = *bulk;
     let all = (0..).zip(encoders).zip(velocities).zip(within_tolerance);
-    all.filter(|(((motor, _), _), _)| motors.contains(motor)).map(|(((m, p), v), t)| (m, p, v, t))
+    let all = all.map(|(((motor, position), velocity), within_tolerance)| MotorReading {
+        motor,
+        position,
+        velocity,
+        within_tolerance,
+    });
+    all.filter(|reading| motors.contains(&reading.motor))
 }
 
 /// The motor alerts as text.

@@ -4,7 +4,7 @@ use super::drive::Drive;
 use super::hub::HubOptions;
 use super::motion::{Motion, Progress, Setpoint};
 use super::motors_off::DrivingSession;
-use super::readings::{Schedule, motors_of};
+use super::readings::{MotorReading, Schedule, motors_of};
 use crate::output::{Failure, Folder, drawn, print};
 use crate::parse::{whole, with_negative_numbers};
 use clap::{CommandFactory, FromArgMatches};
@@ -169,7 +169,7 @@ impl Recorder {
         };
         let battery_v = f64::from(battery.get()) / 1e3;
         let mut rows = String::new();
-        for (motor, position, cps, _) in motors_of(&bulk, &motion.motors) {
+        for MotorReading { motor, position, velocity: cps, .. } in motors_of(&bulk, &motion.motors) {
             let of = report.as_ref().and_then(|report| report.motors.get(usize::from(motor)));
             let settled = of.map(|of| of.settled);
             let (control, current_a) = match of {

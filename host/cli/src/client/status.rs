@@ -1,7 +1,8 @@
 //! `motor-hub client status`.
 
+use super::drive::ALL;
 use super::hub::HubOptions;
-use super::readings::alert_words;
+use super::readings::{MotorReading, alert_words, motors_of};
 use crate::output::{Failure, print_as};
 use motor_hub::extension::report::BusReport;
 use motor_hub::extension::report::Condition;
@@ -75,15 +76,12 @@ impl Everything {
         Ok(Self { address: session.address(), status, version, battery, led, motors, bulk, bus, conditions })
     }
 
-    /// Number, mode and targets, encoder position, velocity, and whether the motor is within tolerance.
-    fn motors(&self) -> impl Iterator<Item = (usize, &MotorState, i32, i16, bool)> {
-        let Bulk { encoders, velocities, within_tolerance, .. } = self.bulk;
-        let motors = self.motors.iter().enumerate().zip(encoders).zip(velocities).zip(within_tolerance);
-        motors.map(|((((index, channel), encoder), velocity), at)| (index, channel, encoder, velocity, at))
+    fn motors(&self) -> impl Iterator<Item = (&MotorState, MotorReading)> {
+        self.motors.iter().zip(motors_of(&self.bulk, &ALL))
     }
 
-    fn condition(&self, motor: usize) -> Option<&Condition> {
-        self.conditions.get(motor)?.as_ref()
+    fn condition(&self, motor: u8) -> Option<&Condition> {
+        self.conditions.get(usize::from(motor))?.as_ref()
     }
 
     fn battery_v(&self) -> f64 {
@@ -101,19 +99,19 @@ impl Everything {
             .add_row(["bus", &self.bus.map_or_else(|| NOT_REPORTED.to_owned(), bus_words)])
             .add_row(["LED", &format!("red {red}, green {green}, blue {blue}")]);
         let mut rows = MOTOR_HEADINGS.map(|heading| vec![heading.to_owned()]);
-        for (index, channel, encoder, velocity, within_tolerance) in self.motors() {
+        for (channel, MotorReading { motor, position, velocity, within_tolerance }) in self.motors() {
             let cells = [
-                index.to_string(),
+                motor.to_string(),
                 mode(channel.mode).to_owned(),
                 zero_behaviour(channel.zero_power).to_owned(),
                 yes(channel.enabled),
                 format!("{:.4}", channel.power.to_f64()),
                 channel.velocity.to_string(),
                 format!("{} ±{}", channel.position.counts, channel.position.tolerance),
-                encoder.to_string(),
+                position.to_string(),
                 velocity.to_string(),
                 yes(within_tolerance),
-                self.condition(index).map_or_else(|| NOT_REPORTED.to_owned(), condition_words),
+                self.condition(motor).map_or_else(|| NOT_REPORTED.to_owned(), condition_words),
             ];
             rows.iter_mut().zip(cells).for_each(|(row, cell)| row.push(cell));
         }
@@ -129,9 +127,9 @@ impl Everything {
     fn json(&self) -> Value {
         let motors: Vec<Value> = self
             .motors()
-            .map(|(index, channel, encoder, velocity, within_tolerance)| {
+            .map(|(channel, MotorReading { motor, position, velocity, within_tolerance })| {
                 json!({
-                    "motor": index,
+                    "motor": motor,
                     "mode": mode(channel.mode),
                     "zero_behaviour": zero_behaviour(channel.zero_power),
                     "enabled": channel.enabled,
@@ -139,11 +137,11 @@ impl Everything {
                     "target_velocity": channel.velocity,
                     "target_position": channel.position.counts,
                     "tolerance": channel.position.tolerance,
-                    "position": encoder,
+                    "position": position,
                     "velocity": velocity,
                     "within_tolerance": within_tolerance,
-                    "heat_percent": self.condition(index).map(|is| f64::from(is.heat) / 10.0),
-                    "condition": self.condition(index).map(condition_words),
+                    "heat_percent": self.condition(motor).map(|is| f64::from(is.heat) / 10.0),
+                    "condition": self.condition(motor).map(condition_words),
                 })
             })
             .collect();

@@ -317,6 +317,25 @@ fn without_a_hub_the_program_fails_within_the_timeout() {
 }
 
 #[test]
+fn a_motor_with_the_address_of_its_hub_is_sought_at_that_hub_by_every_command() {
+    let server = Server::start(Hub::new());
+    let folder = crate::common::folder("another-hub");
+    let record = ["record", "--out", folder.to_str().unwrap(), "--", "power", "4:1", "0"];
+    for arguments in [
+        &["power", "4:1", "0"][..],
+        &["together", "4:0=1", "4:1=2"],
+        &["coefficients", "4:1", "velocity"],
+        &["setup", "4:1"],
+        &["identify", "4:1"],
+        &["reset-encoder", "4:1"],
+        &record,
+    ] {
+        let options = ["--tcp", &server.address, "--timeout-ms", "100"];
+        fails(&program(&[&options, arguments].concat()), 1, "hub 4 does not answer");
+    }
+}
+
+#[test]
 fn wrong_options_are_refused_before_anything_is_sent() {
     for (arguments, says) in [
         (&["status"][..], "--port PATH or --tcp HOST:PORT"),
@@ -330,6 +349,9 @@ fn wrong_options_are_refused_before_anything_is_sent() {
         (&["current", "0", "1", "--speed-limit-cps", "0"], "from 1 to 32767 counts/s"),
         (&["power", "4", "0"], "several motors are given as 0,2, all motors as all"),
         (&["power", "0,", "0"], "0 to 3"),
+        (&["power", "3:0,4:1", "0"], "motors belong to different hubs"),
+        (&["together", "3:0=1", "4:1=2"], "and so is a group"),
+        (&["--address", "4", "power", "3:0", "0"], "--address 4 and a motor of the hub at address 3 exclude"),
         (&["velocity", "0", "32768"], "32768"),
         (&["velocity", "0", "1.5"], "whole number"),
         (&["velocity", "0", "30rpm"], "a turn of the output shaft, which a hub does not know"),
