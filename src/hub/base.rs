@@ -80,6 +80,8 @@ pub(super) struct Base {
     stepped_at: Micros,
     /// Slip that the wheels have been corrected by so far, in degrees.
     corrected_degrees: f64,
+    /// The same in counts of the left and of the right wheel.
+    correction: [i32; 2],
     turns: Turns,
 }
 
@@ -128,6 +130,7 @@ impl Base {
             read_at: None,
             stepped_at: Micros::new(0),
             corrected_degrees: 0.0,
+            correction: [0; 2],
             turns: Turns { start: (Micros::new(0), 0.0, 0.0), wheels_degrees: 0.0, gyro_degrees: 0.0 },
         }
     }
@@ -184,20 +187,16 @@ impl Base {
         if self.gyro == GyroState::Good {
             let most = CORRECTION_DEGREES_PER_S * step_s;
             self.corrected_degrees += (slip - self.corrected_degrees).clamp(-most, most);
+            // A slip of more than 2^31 counts is not possible: a wheel has no more counts.
+            self.correction = geometry.turn(self.corrected_degrees).unwrap_or_default();
         }
-    }
-
-    /// Returns the corrections of the wheels in counts.
-    fn wheel_corrections(&self) -> [i32; 2] {
-        // A slip of more than 2^31 counts is not possible: a wheel has no more counts.
-        self.settings.geometry().turn(self.corrected_degrees).unwrap_or_default()
     }
 
     /// Returns the correction of each motor for a group with these members.
     pub(super) fn corrections<const N: usize>(&self, members: &[bool; N]) -> [i32; N] {
         let mut corrections = [0; N];
         if *members == self.wheels::<N>() {
-            for (wheel, correction) in self.settings.wheels.into_iter().zip(self.wheel_corrections()) {
+            for (wheel, correction) in self.settings.wheels.into_iter().zip(self.correction) {
                 if let Some(slot) = corrections.get_mut(usize::from(wheel)) {
                     *slot = correction;
                 }
@@ -214,7 +213,7 @@ impl Base {
             x_um: thousandths(pose.x_mm),
             y_um: thousandths(pose.y_mm),
             heading_millidegrees: thousandths(pose.heading_degrees),
-            correction: self.wheel_corrections(),
+            correction: self.correction,
             gyro: self.gyro,
             losses: self.losses,
         }

@@ -154,13 +154,13 @@ fn a_standing_base_that_is_pushed_turns_back_to_its_heading() {
 fn a_gyro_that_does_not_turn_with_the_wheels_is_not_used() {
     // Upside down, and on a base that wheels do not turn.
     for gyro_gain in [-1.0, 0.0, 0.2] {
-        for period_ms in [1, 50, 100] {
+        for period_ms in [1, 100] {
             let mut robot = Robot::new(true, period_ms);
             robot.gyro_gain = gyro_gain;
             robot.turn(180.0);
             assert_eq!(robot.state().gyro, GyroState::Implausible, "{gyro_gain} {period_ms}");
             let turned = robot.heading();
-            robot.run_ms(5_000);
+            robot.run_ms(2_000);
             assert!((robot.heading() - turned).abs() < 1.0, "{gyro_gain} {period_ms}: the base stands");
             // What the gyro has turned the base too far.
             assert!(turned < 180.0 + 60.0, "{gyro_gain} {period_ms} {turned}");

@@ -23,6 +23,26 @@ fn document(hub: &Hub, arguments: &[&str]) -> Value {
 }
 
 #[test]
+fn a_scan_says_what_a_hub_has() {
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let scan = |more: &[&str]| {
+        let mut scan = Command::new(PROGRAM);
+        scan.args(["client", "scan", "--only", &hub.place]).args(more).env("COLUMNS", "300");
+        out(&scan.output().unwrap())
+    };
+    let text = scan(&[]);
+    for has in ["6 servos", "4 analog inputs", "8 digital pins", "4 I2C buses"] {
+        assert!(text.contains(has), "{text}");
+    }
+    let document: Value = serde_json::from_str(&scan(&["--json"])).unwrap();
+    let expected = json!({
+        "servos": 6, "analog_inputs": 4, "digital_pins": [0, 1, 2, 3, 4, 5, 6, 7], "i2c_buses": 4,
+        "measures_rail": true, "measures_temperature": true,
+    });
+    assert_eq!(document["places"][0]["hubs"][0]["has"], expected, "{document}");
+}
+
+#[test]
 fn analog_and_digital_inputs_are_shown() {
     let hub = served("devices-inputs", "analog_v = [1.25]\nlow_pins = [3]");
     let analog = document(&hub, &["analog"]);
