@@ -1,11 +1,12 @@
 //! Where the energy of a braking motor goes.
 
+mod common;
+
+use common::{BATTERY, inertia, neverest_60, plant};
 use motor_hub::braking::{DutyRule, Modulation, Modulator, OperatingPoint, Regime, Scheme, Winding};
 use motor_hub::bridge::{BridgeConstants, Drive, Mode};
-use motor_hub::model::catalogue::characterised;
-use motor_hub::model::load::Load;
-use motor_hub::model::plant::{Plant, PlantInput};
-use motor_hub::model::si::{Amps, Hertz, KgM2, RadPerSec, Seconds, Volts};
+use motor_hub::model::plant::PlantInput;
+use motor_hub::model::si::{Amps, RadPerSec, Seconds, Volts};
 use motor_hub::units::{CountsPerSecond, Duty, Millivolts};
 
 const OHMS: f32 = 3.4;
@@ -22,7 +23,6 @@ fn modulator() -> Modulator {
 
 #[test]
 fn returned_and_dissipated_power_are_those_of_the_model() {
-    let motor = characterised("AM 60 A").expect("known").with_measured_rotor_inertia();
     for cps in [800, 1505, 2500] {
         for percent in [10, 30, 50, 70, 90, 100] {
             let drive = Drive { mode: Mode::Brake50, duty: Duty::ratio(percent, 100) };
@@ -30,13 +30,12 @@ fn returned_and_dissipated_power_are_those_of_the_model() {
             let flows = modulator().applied(at(cps), braking);
             let computed = modulator().returned(at(cps), braking, flows, OHMS);
             // A flywheel so heavy that the speed stays.
-            let load = Load { inertia_after: KgM2(100.0), ..Load::NONE };
-            let mut plant = Plant::new(motor, load, BridgeConstants::IDEAL.into(), Hertz(20_000.0));
+            let mut plant = plant(neverest_60(), inertia(100.0));
             let speed = f64::from(cps) / 28.0 * std::f64::consts::TAU;
             plant.place(Amps(0.0), RadPerSec(speed), 0.0);
             let influence = PlantInput::pwm(drive.mode, drive.duty.to_f64());
-            plant.run(Seconds(0.005), influence, Volts(12.0));
-            let flow = plant.run(Seconds(0.01), influence, Volts(12.0));
+            plant.run(Seconds(0.005), influence, Volts(BATTERY));
+            let flow = plant.run(Seconds(0.01), influence, Volts(BATTERY));
             let [returned, dissipated] = [flow.energy_to_battery.0, flow.heat.0].map(|joules| joules / 0.01);
             for (what, computed, truly) in
                 [("returned", computed.returned, returned), ("dissipated", computed.dissipated, dissipated)]

@@ -87,7 +87,7 @@ fn a_button_that_is_pressed_while_the_battery_is_low_or_unknown_has_no_effect() 
     bench.battery_good = true;
     assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled, "held until it was good");
     bench.look(false);
-    assert_eq!(bench.keep(true, 100_000), TURN, "pressed anew");
+    assert_eq!(bench.keep(true, 100_000), TURN, "pressed again");
 }
 
 #[test]
@@ -97,7 +97,7 @@ fn a_button_that_is_pressed_before_it_is_permitted_has_no_effect_until_it_is_pre
     bench.permitted = true;
     assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled, "held until it was permitted");
     bench.look(false);
-    assert_eq!(bench.keep(true, 100_000), TURN, "pressed anew");
+    assert_eq!(bench.keep(true, 100_000), TURN, "pressed again");
 }
 
 #[test]

@@ -48,7 +48,7 @@ fn line_and_current(report: &Report) -> (SenseLine, Option<i32>) {
 }
 
 #[test]
-fn a_motor_without_a_line_is_told_by_its_model() {
+fn the_current_of_a_motor_without_a_line_is_modelled() {
     let mut held = Held::new();
     held.power(HALF);
     let report = held.run(500, None);
@@ -138,7 +138,7 @@ fn nothing_where_an_ampere_is_due_is_a_broken_line_but_little_is_another_motor()
 }
 
 #[test]
-fn without_its_encoder_nobody_knows_what_is_due() {
+fn a_line_is_not_judged_without_encoder_readings() {
     let mut held = Held::new();
     held.power(HALF);
     held.0.axes[0].unread_ms = u64::MAX;
@@ -201,7 +201,7 @@ fn a_silent_line_that_is_mended_is_believed_again_by_what_it_shows() {
 }
 
 #[test]
-fn far_more_than_could_flow_is_told_and_believed() {
+fn a_current_far_above_the_modelled_one_is_used_and_reported_as_excessive() {
     let mut held = Held::new();
     held.power(HALF);
     let modelled = held.run(100, Some(1_800)).current.get();
@@ -211,7 +211,7 @@ fn far_more_than_could_flow_is_told_and_believed() {
 }
 
 #[test]
-fn a_spike_convinces_nobody() {
+fn a_single_wrong_sample_changes_no_state() {
     let mut held = Held::new();
     held.power(HALF);
     for _ in 0..10 {

@@ -289,7 +289,7 @@ fn where_motors_are_and_how_fast_is_as_new_as_the_last_sample() {
 }
 
 #[test]
-fn commands_queue_in_order_and_the_sender_is_told_when_there_is_no_room() {
+fn commands_queue_in_order_and_a_command_without_room_is_refused() {
     let parts = Parts::new(50);
     let mut board = parts.board();
     board.run_ms(200);

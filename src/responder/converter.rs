@@ -26,13 +26,15 @@
 //! use motor_hub::units::Millivolts;
 //!
 //! let settings = [Settings::new(Winding::NEVEREST_60); 4];
+//! let snapshot = Snapshot::<4>::INITIAL;
 //! let mut converter = Converter::default();
-//! let read = |converter: &Converter, raw| converter.read(RAIL, raw, &Snapshot::<4>::INITIAL, settings.iter());
-//! assert_eq!(read(&converter, false), Err(Nack::UNSUPPORTED));
-//! converter.equipment = Equipment { rail: true, ..Equipment::default() };
-//! assert_eq!(read(&converter, false), Err(Nack::NOT_MEASURED));
+//! let mut equipment = Equipment::default();
+//! assert_eq!(converter.read(RAIL, false, &equipment, &snapshot, settings.iter()), Err(Nack::UNSUPPORTED));
+//! equipment.rail = true;
+//! assert_eq!(converter.read(RAIL, false, &equipment, &snapshot, settings.iter()), Err(Nack::NOT_MEASURED));
 //! converter.readings = AnalogReadings { rail: Some(Millivolts::new(5_016)), ..AnalogReadings::default() };
-//! assert_eq!((read(&converter, false), read(&converter, true)), (Ok(5_016), Ok(627)));
+//! assert_eq!(converter.read(RAIL, false, &equipment, &snapshot, settings.iter()), Ok(5_016));
+//! assert_eq!(converter.read(RAIL, true, &equipment, &snapshot, settings.iter()), Ok(627));
 //! ```
 
 use crate::devices::{ANALOG_INPUTS, AnalogReadings, Equipment};
@@ -50,8 +52,6 @@ pub const RAW_COUNT: i32 = 8;
 /// The board's converters for hosts.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Converter {
-    /// What the board has.
-    pub equipment: Equipment,
     /// The newest readings.
     pub readings: AnalogReadings,
     /// Currents of the supplies for digital pins, I2C buses and servos. `None` on a board that does not measure them.
@@ -64,7 +64,7 @@ impl Converter {
         self.readings.inputs.map(|input| clamped(input.map_or(0, |input| input.voltage.get().into())))
     }
 
-    /// Returns the value of a channel according to the table above. `settings` are the settings of all motors in their order.
+    /// Returns the value of a channel according to the table above. `equipment` is what the board has, `settings` are the settings of all motors in their order.
     ///
     /// # Errors
     /// [`Nack::UNSUPPORTED`] for a channel that the board does not have, [`Nack::NOT_MEASURED`] for a channel without a reading.
@@ -72,10 +72,11 @@ impl Converter {
         &self,
         channel: AdcChannel,
         raw: bool,
+        equipment: &Equipment,
         snapshot: &Snapshot<N>,
         settings: impl Iterator<Item = &'a Settings>,
     ) -> Result<i16, Nack> {
-        let Self { equipment, readings, supply_currents } = self;
+        let Self { readings, supply_currents } = self;
         let measured = |has: bool, reading: Option<i32>| {
             if has { reading.ok_or(Nack::NOT_MEASURED) } else { Err(Nack::UNSUPPORTED) }
         };

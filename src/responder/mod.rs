@@ -240,8 +240,7 @@ impl<const N: usize> Responder<N> {
     /// Stores what the board has besides motors. Before the first call the hub has nothing else, and refuses requests to pins,
     /// outputs, analog inputs and I2C buses.
     pub const fn equip(&mut self, equipment: Equipment) {
-        self.outputs.equip(equipment);
-        self.converter.equipment = equipment;
+        self.outputs.equipment = equipment;
     }
 
     /// Returns the pulses of all servo outputs if they have changed since the last call.
@@ -495,7 +494,7 @@ impl<const N: usize> Responder<N> {
     ) -> Result<Reply, Nack> {
         match function {
             HubFunction::Bus => Ok(Reply::data(&self.bus_report(now, &snapshot.bus))),
-            HubFunction::Equipment => Ok(Reply::data(&self.converter.equipment)),
+            HubFunction::Equipment => Ok(Reply::data(&self.outputs.equipment)),
             HubFunction::Report => Ok(Reply::data(&self.report(now, snapshot))),
             HubFunction::Chain => {
                 self.chain.as_ref().map(|chain| Reply::data(&chain.report())).ok_or(Nack::UNSUPPORTED)
@@ -563,7 +562,7 @@ impl<const N: usize> Responder<N> {
                 let settings = self.channels.iter().map(|channel| &channel.settings().motor);
                 return self
                     .converter
-                    .read(channel, raw, snapshot, settings)
+                    .read(channel, raw, &self.outputs.equipment, snapshot, settings)
                     .map(|value| Reply::data(&value));
             }
             ToHub::PhoneCharge => return Ok(Reply::data(&self.phone_charge)),
@@ -578,7 +577,7 @@ impl<const N: usize> Responder<N> {
 
     fn pin(&mut self, request: &ToPin, snapshot: &Snapshot<N>) -> Result<Reply, Nack> {
         match i2c::bus_of(request) {
-            Some(bus) if bus.get() >= self.converter.equipment.i2c => Err(Nack::UNSUPPORTED),
+            Some(bus) if bus.get() >= self.outputs.equipment.i2c => Err(Nack::UNSUPPORTED),
             Some(_) => self.i2c.receive(request),
             None => self.outputs.receive(request, snapshot.good_battery().is_some()),
         }

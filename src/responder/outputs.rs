@@ -19,7 +19,7 @@
 //! use motor_hub::responder::outputs::Outputs;
 //!
 //! let mut outputs = Outputs::default();
-//! outputs.equip(Equipment { digital: 0xFF, servos: 6, ..Equipment::default() });
+//! outputs.equipment = Equipment { digital: 0xFF, servos: 6, ..Equipment::default() };
 //! let servo = ServoOutput::new(5).expect("0 to 5");
 //! let enable = ToPin::SetServoEnable { servo, on: true };
 //! assert_eq!(outputs.receive(&enable, true), Err(Nack::SERVO_NOT_CONFIGURED));
@@ -76,7 +76,7 @@ pub struct Outputs {
     /// Bit i is set if pin i was high when the board last read the pins.
     sensed: u8,
     /// What the board has.
-    equipment: Equipment,
+    pub equipment: Equipment,
     servos: [Servo; SERVOS],
     /// The pulses that the board has been given last.
     last_pulses: [Option<ServoPulse>; SERVOS],
@@ -110,11 +110,6 @@ impl Outputs {
     /// Returns the levels of the inputs. The bits of outputs, and of pins that the board does not have, are 0.
     pub const fn inputs(&self) -> u8 {
         self.sensed & !self.outputs & self.equipment.digital
-    }
-
-    /// Stores what the board has.
-    pub const fn equip(&mut self, equipment: Equipment) {
-        self.equipment = equipment;
     }
 
     /// Returns the pulses of all servo outputs. `None` for an output that is not enabled.

@@ -239,7 +239,7 @@ fn a_fault_of_one_stops_all_or_lets_all_go() {
 }
 
 #[test]
-fn a_member_that_is_told_something_else_leaves_and_the_others_halt() {
+fn a_member_with_a_new_set_point_leaves_and_the_others_halt() {
     let alone = velocity(300);
     for period in PERIODS {
         for (halt, setpoint) in [(Halt::Stop, alone), (Halt::Coast, alone), (Halt::Stop, Setpoint::Disabled)]

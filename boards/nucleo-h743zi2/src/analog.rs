@@ -1,6 +1,6 @@
-//! The host's analog inputs (PF3, PF4, PF5, PF10), the divider of the 5 V rail (PC2, of which the package has the pad PC2_C), the temperature sensor and VREFINT on ADC3,
-//! one sequence for each sample of the battery. The FIFO of the data register has room for eight words (RM0433 25.4.27), so there
-//! is no DMA.
+//! Readings on ADC3: the host's analog inputs (PF3, PF4, PF5, PF10), the divider of the 5 V rail (PC2), the temperature sensor,
+//! and VREFINT. The package has the pad PC2_C of PC2. Each sample of the battery starts one sequence of these readings. The FIFO of
+//! the data register has room for eight words (RM0433 25.4.27), so there is no DMA.
 
 use embassy_stm32::gpio::Flex;
 use embassy_stm32::pac;
