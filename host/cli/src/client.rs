@@ -19,6 +19,7 @@ mod setup;
 mod shaft_speed;
 mod status;
 mod together;
+mod tune;
 mod update;
 mod watch;
 
@@ -124,8 +125,11 @@ enum Command {
     #[command(long_about = update::HELP)]
     Update(update::Options),
     /// Identifies a motor, compares it with the catalogue, and proposes settings, on hubs of this project
-    #[command(alias = "tune", long_about = identify::HELP)]
+    #[command(long_about = identify::HELP)]
     Identify(identify::Options),
+    /// Configures a new motor: sets it up, identifies it, applies and stores the result, on hubs of this project
+    #[command(long_about = tune::HELP)]
+    Tune(tune::Options),
     /// Shows the servo outputs, or gives a servo pulses until the command ends
     Servo(devices::ServoOptions),
     /// Shows the analog inputs, the 5 V rail, the battery and the temperature
@@ -178,6 +182,7 @@ impl Options {
             Command::Coefficients(options) => options.check()?,
             Command::Setup(options) => options.check()?,
             Command::Settings(options) => options.check()?,
+            Command::Tune(options) => options.check()?,
             Command::Update(options) => options.check()?,
             _ => (),
         }
@@ -217,6 +222,7 @@ impl Options {
             Command::Coefficients(options) => options.motor.hub,
             Command::Setup(options) => options.motor.hub,
             Command::Identify(options) => options.motor.hub,
+            Command::Tune(options) => options.motor.hub,
             Command::ResetEncoder { motor } => motor.hub,
             _ => None,
         };
@@ -265,6 +271,7 @@ impl Command {
             Self::Settings(options) => return options.execute(&mut session),
             Self::Update(options) => return options.execute(&mut session),
             Self::Identify(options) => return options.execute(&mut session),
+            Self::Tune(options) => return options.execute(&mut session),
             Self::Watch(options) => return options.execute(&mut session),
             Self::Servo(options) => return options.execute(&mut session),
             Self::Analog(options) => return options.execute(&mut session),

@@ -58,7 +58,7 @@ impl Options {
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         let motor = self.motor.number;
         let (before, battery) = (session.settings(motor)?, session.battery()?);
-        let outcome = DrivingSession::run(session, |driven| self.identify(driven))?;
+        let outcome = identify(session, motor, self.travel, !self.json)?;
         let Identification::Found(found) = outcome else {
             if self.json {
                 let mut document = identify::json(outcome);
@@ -79,44 +79,6 @@ impl Options {
             return Ok(print_json(&self.document(&found, catalogue.as_ref(), &before, &proposed))?);
         }
         Ok(print(&self.text(&found, catalogue.as_ref(), &before, &proposed))?)
-    }
-
-    /// Identifies the motor, and shows the progress.
-    fn identify(&self, driven: &mut DrivingSession<'_, Line>) -> Result<Identification, ClientError> {
-        let motor = self.motor.number;
-        let mut identifying = Identifying::begin(driven, motor, self.travel)?;
-        driven.enable(motor)?;
-        let mut live = Live::new();
-        let end = Instant::now() + LONGEST;
-        let mut look = 0u32;
-        while Instant::now() < end {
-            match identifying.step(driven)? {
-                Progress::Braking => (),
-                Progress::Started(travel) => {
-                    self.say(&format!(
-                        "motor {motor}: turns at most {travel} counts either way, for some 3 s\n"
-                    ))?;
-                }
-                Progress::Turning(percent) => {
-                    let progress = format!("{percent} %\n");
-                    look += 1;
-                    if live.terminal && !self.json {
-                        live.redraw(&progress)?;
-                    } else if look.is_multiple_of(LINE) {
-                        self.say(&progress)?;
-                    }
-                }
-                Progress::Ended(outcome) => return Ok(outcome),
-            }
-            interrupt::wait(Instant::now() + INTERVAL)?;
-        }
-        let seconds = LONGEST.as_secs();
-        Err(Failure::Work(format!("motor {motor} was not identified within {seconds} s")).into())
-    }
-
-    /// Prints a text, unless the output is JSON.
-    fn say(&self, text: &str) -> Result<(), Failure> {
-        if self.json { Ok(()) } else { print(text) }
     }
 
     fn text(
@@ -170,6 +132,52 @@ impl Options {
         }
         document
     }
+}
+
+/// Identifies a motor within a travel limit, and disables the motor. Prints the progress if `aloud`.
+pub(super) fn identify(
+    session: &mut Session<Line>,
+    motor: u8,
+    travel: u32,
+    aloud: bool,
+) -> Result<Identification, ClientError> {
+    DrivingSession::run(session, |driven| turn(driven, motor, travel, aloud))
+}
+
+/// Turns the motor until its identification ends.
+fn turn(
+    driven: &mut DrivingSession<'_, Line>,
+    motor: u8,
+    travel: u32,
+    aloud: bool,
+) -> Result<Identification, ClientError> {
+    let say = |text: &str| if aloud { print(text) } else { Ok(()) };
+    let mut identifying = Identifying::begin(driven, motor, travel)?;
+    driven.enable(motor)?;
+    let mut live = Live::new();
+    let end = Instant::now() + LONGEST;
+    let mut look = 0u32;
+    while Instant::now() < end {
+        match identifying.step(driven)? {
+            Progress::Braking => (),
+            Progress::Started(travel) => {
+                say(&format!("motor {motor}: turns at most {travel} counts either way, for some 3 s\n"))?;
+            }
+            Progress::Turning(percent) => {
+                let progress = format!("{percent} %\n");
+                look += 1;
+                if live.terminal && aloud {
+                    live.redraw(&progress)?;
+                } else if look.is_multiple_of(LINE) {
+                    say(&progress)?;
+                }
+            }
+            Progress::Ended(outcome) => return Ok(outcome),
+        }
+        interrupt::wait(Instant::now() + INTERVAL)?;
+    }
+    let seconds = LONGEST.as_secs();
+    Err(Failure::Work(format!("motor {motor} was not identified within {seconds} s")).into())
 }
 
 /// A motion as rows of a table.

@@ -108,7 +108,8 @@ impl Options {
     }
 }
 
-fn saved(session: &mut Session<Line>) -> Result<String, ClientError> {
+/// Stores the settings in force, and says so.
+pub(super) fn saved(session: &mut Session<Line>) -> Result<String, ClientError> {
     let report = session.store(HubFunction::Save)?;
     ended(&report)?;
     Ok(format!("stored: {}", describe(&report)))

@@ -6,6 +6,7 @@ use crate::constants::Constants;
 use crate::output::{Failure, print, print_json};
 use crate::parse::{MotorName, motor};
 use crate::scheme_options::SchemeOptions;
+use motor_hub::braking::Winding;
 use motor_hub::bridge::Timing;
 use motor_hub::extension::report::Condition;
 use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values};
@@ -85,6 +86,39 @@ impl From<BridgeWord> for Timing {
     }
 }
 
+/// The winding and the thermal limit of a motor of the catalogue.
+fn of_type(name: &str) -> Result<(Winding, Option<ThermalLimit>), Failure> {
+    let motor = characterised(name).map_err(Failure::input)?;
+    let limit = thermal_limit(&motor).map_err(Failure::input)?;
+    Ok((winding(&motor).map_err(Failure::input)?, Some(limit)))
+}
+
+/// Writes the settings that differ. With `set_up` the winding is written also if it does not differ: that deletes motion
+/// and coefficients.
+fn write(
+    session: &mut Session<Line>,
+    motor: u8,
+    before: &MotorSettings,
+    wanted: &MotorSettings,
+    set_up: bool,
+) -> Result<(), ClientError> {
+    for group in [Group::Protection, Group::CurrentLimit, Group::Timing, Group::SetUp] {
+        let differs = Values::of(group, wanted) != Values::of(group, before);
+        if differs || group == Group::SetUp && set_up {
+            session.set(motor, group, wanted)?;
+        }
+    }
+    Ok(())
+}
+
+/// Configures a motor as a motor of the catalogue.
+pub(super) fn write_type(session: &mut Session<Line>, motor: u8, name: &str) -> Result<(), ClientError> {
+    let before = session.settings(motor)?;
+    let mut wanted = before;
+    (wanted.motor.winding, wanted.motor.thermal) = of_type(name)?;
+    write(session, motor, &before, &wanted, true)
+}
+
 impl Options {
     /// Checks the options before anything is sent.
     pub(super) fn check(&self) -> Result<(), Failure> {
@@ -99,14 +133,8 @@ impl Options {
         let before = session.settings(self.motor.number)?;
         // All settings are checked before the first one is written.
         let wanted = self.changed(&before)?;
-        // A set-up that was given is written also if it changes nothing: it deletes motion and coefficients.
         let given = self.name.is_some() || !self.choice.is_empty() || !self.constants.is_empty();
-        for group in [Group::Protection, Group::CurrentLimit, Group::Timing, Group::SetUp] {
-            let differs = Values::of(group, &wanted) != Values::of(group, &before);
-            if differs || group == Group::SetUp && given {
-                session.set(self.motor.number, group, &wanted)?;
-            }
-        }
+        write(session, self.motor.number, &before, &wanted, given)?;
         let settings = session.settings(self.motor.number)?;
         self.show(&settings, session.condition(self.motor.number)?)
     }
@@ -117,9 +145,7 @@ impl Options {
         let Settings { winding: constants, scheme, duty, thermal, current_limit, bridge, .. } =
             &mut settings.motor;
         if let Some(name) = &self.name {
-            let motor = characterised(name).map_err(Failure::input)?;
-            *constants = winding(&motor).map_err(Failure::input)?;
-            *thermal = Some(thermal_limit(&motor).map_err(Failure::input)?);
+            (*constants, *thermal) = of_type(name)?;
         }
         if let Some(ma) = self.continuous_current {
             *thermal = ThermalLimit::new(ma, ThermalLimit::USUAL_WINDING_S, ThermalLimit::USUAL_CASE_S).ok();
