@@ -1,14 +1,15 @@
 //! A motor that has become hot since it was configured keeps its speed: the regulator notices by its hunting that the
-//! configured back EMF is too high.
+//! configured back EMF is too high, and follows the temperature of a motor with a thermal limit.
 
 mod common;
 
-use common::{Bench, configured, free_cps, inertia, motor, plant, velocity};
+use common::{BATTERY, Bench, configured, free_cps, inertia, motor, plant, velocity};
 use motor_hub::braking::Scheme;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
+use motor_hub::model::plant::Temperatures;
 use motor_hub::model::si::{EmfConstant, Ohms, TorqueConstant};
-use motor_hub::motor::Settings;
+use motor_hub::motor::{Settings, ThermalLimit};
 
 /// The motor after minutes of work: copper 62 K warmer, magnets weaker by a tenth.
 fn hot(motor: &Motor) -> Motor {
@@ -61,4 +62,83 @@ fn a_hot_motor_keeps_its_speed_within_1_percent() {
         }
     }
     assert!(worst.is_empty(), "{} bad:\n{}", worst.len(), worst.join("\n"));
+}
+
+/// Temperatures of a real motor, which need not be those that the hub computes: a winding on a case, in steps of 1 ms.
+struct Heat {
+    /// Continuous current in A, at which the winding becomes `rise_k` warmer.
+    continuous: f64,
+    rise_k: f64,
+    winding: f64,
+    case: f64,
+}
+
+/// Time constants of winding and case in s. They are shorter than those of a real motor, so that the test is short.
+const WINDING_S: f64 = 5.0;
+const CASE_S: f64 = 10.0;
+
+impl Heat {
+    fn step(&mut self, amperes: f64) -> Temperatures {
+        let square = (amperes / self.continuous).powi(2);
+        self.winding += (square - self.winding) * 1e-3 / WINDING_S;
+        self.case += (square - self.case) * 1e-3 / CASE_S;
+        let magnets_k = 0.75 * self.rise_k * self.case;
+        Temperatures { winding_k: magnets_k + 0.25 * self.rise_k * self.winding, magnets_k }
+    }
+}
+
+/// Drives a motor with a torque until it is hot, takes the torque away, and demands three speeds one after the other.
+/// Returns the largest error of each speed in %, from 0.6 s on. With `limited` the hub has a thermal limit.
+fn worked(name: &str, load: Load, limited: bool, rise_k: f64) -> [f64; 3] {
+    let cold = motor(name);
+    let continuous = BATTERY / cold.r.0 / 3.0;
+    let mut settings = configured(&cold, &load);
+    if limited {
+        let ma = (1e3 * continuous) as u16;
+        settings.thermal = ThermalLimit::new(ma, WINDING_S as u16, CASE_S as u16).ok();
+    }
+    let mut bench = Bench::one(settings, plant(cold, load), 50);
+    let mut heat = Heat { continuous, rise_k, winding: 0.0, case: 0.0 };
+    let mut step = |bench: &mut Bench<1>| {
+        let [amperes] = bench.run_ms(1);
+        bench.rig.plants[0].set_temperatures(heat.step(amperes));
+    };
+    let free = free_cps(&cold);
+    bench.set(0, velocity((0.4 * free) as i32));
+    (0..2_000).for_each(|_| step(&mut bench));
+    // This torque takes 0.6 times the continuous current.
+    bench.axes[0].torque = -0.6 * continuous * cold.kt.0 * cold.gear_ratio * cold.eta;
+    (0..20_000).for_each(|_| step(&mut bench));
+    bench.axes[0].torque = 0.0;
+    [0.4, 0.5, 0.25].map(|share| {
+        let cps = (share * free) as i32;
+        bench.set(0, velocity(cps));
+        (0..600).for_each(|_| step(&mut bench));
+        let mut worst: f64 = 0.0;
+        for _ in 0..1_000 {
+            step(&mut bench);
+            worst = worst.max((bench.speed(0) - f64::from(cps)).abs());
+        }
+        100.0 * worst / f64::from(cps)
+    })
+}
+
+#[test]
+fn a_motor_with_a_thermal_limit_keeps_its_speed_better_when_it_has_become_hot() {
+    let (mut with, mut without, mut worst) = (0.0, 0.0, Vec::new());
+    for (name, load) in [("AM 60 A", inertia(0.05)), ("AM 20 A", Load::NONE), ("AM 40 C", Load::NONE)] {
+        // The hub assumes that the winding becomes 100 K warmer at the continuous current. Real motors differ.
+        for rise_k in [60.0, 100.0, 130.0] {
+            let [limited, not_limited] = [true, false].map(|limited| worked(name, load, limited, rise_k));
+            with += limited.iter().sum::<f64>();
+            without += not_limited.iter().sum::<f64>();
+            if limited.iter().any(|percent| *percent > 1.5) {
+                worst.push(format!(
+                    "{name}, {rise_k} K: {limited:.1?} %, without a limit {not_limited:.1?} %"
+                ));
+            }
+        }
+    }
+    assert!(worst.is_empty(), "{}", worst.join("\n"));
+    assert!(with < 0.6 * without, "errors of {with:.1} % in all, without thermal limits {without:.1} %");
 }

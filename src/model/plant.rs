@@ -131,10 +131,38 @@ impl Flow {
     }
 }
 
+/// Temperatures of a motor above those of its constants in the catalogue.
+///
+/// Copper gains 0.39 % of its resistance a kelvin. Ferrite magnets lose 0.2 % of their field a kelvin, and with it back
+/// EMF and torque.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Temperatures {
+    /// Of the winding, in K.
+    pub winding_k: f64,
+    /// Of the magnets, in K; below 500 K.
+    pub magnets_k: f64,
+}
+
+impl Temperatures {
+    /// Resistance, as a share of the resistance in the catalogue.
+    #[must_use]
+    pub fn resistance_share(&self) -> f64 {
+        1.0 + 0.0039 * self.winding_k
+    }
+
+    /// Back EMF and torque constants, as a share of the constants in the catalogue.
+    #[must_use]
+    pub fn field_share(&self) -> f64 {
+        1.0 - 0.002 * self.magnets_k
+    }
+}
+
 /// A motor with its load and its bridge, and their present state.
 #[derive(Clone, Debug)]
 pub struct Plant {
+    /// Constants of the motor at `temperatures`.
     motor: Motor,
+    temperatures: Temperatures,
     load: Load,
     shaft: Shaft,
     circuit: Circuit,
@@ -197,6 +225,7 @@ impl Plant {
         let longest_window = longest_window(&motor, &shaft, period);
         Self {
             motor,
+            temperatures: Temperatures::default(),
             load,
             shaft,
             circuit,
@@ -248,13 +277,28 @@ impl Plant {
         self.coefficients = Mechanics::new(&self.shaft, &self.circuit, self.longest_window);
     }
 
+    /// Changes the temperatures of the motor, and so its resistance, back EMF and torque. The present current stays.
+    pub fn set_temperatures(&mut self, temperatures: Temperatures) {
+        if temperatures == self.temperatures {
+            return;
+        }
+        self.motor.r.0 *= temperatures.resistance_share() / self.temperatures.resistance_share();
+        let field = temperatures.field_share() / self.temperatures.field_share();
+        self.motor.ke.0 *= field;
+        self.motor.kt.0 *= field;
+        self.temperatures = temperatures;
+        self.circuit = Circuit::new(&self.motor, self.circuit.bridge);
+        self.longest_window = longest_window(&self.motor, &self.shaft, self.period);
+        self.coefficients = Mechanics::new(&self.shaft, &self.circuit, self.longest_window);
+    }
+
     /// Changes the dry friction of the motor.
     pub fn set_friction(&mut self, friction: Friction) {
         self.motor.friction = friction;
         self.has_friction = friction != Friction::NONE || self.motor.cogging != Cogging::NONE;
     }
 
-    /// Returns the constants of the motor.
+    /// Returns the constants of the motor at its present temperatures.
     #[must_use]
     pub const fn motor(&self) -> &Motor {
         &self.motor

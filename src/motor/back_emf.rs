@@ -1,78 +1,205 @@
-//! Corrects a configured back EMF constant that is too high for the motor.
+//! Corrects the configured constants of a motor that has become warm.
 //!
-//! Magnets lose some 0.2 % of their field a kelvin, so a warm motor has less back EMF than a cold motor. While the
-//! speed [hunts](crate::regulator::Output::hunts), the constant in force is lowered in steps, down to the largest
-//! correction. The constant is not raised again before another back EMF or other dynamics are configured.
+//! Copper gains 0.39 % of its resistance a kelvin, and magnets lose some 0.2 % of their field. Two things correct the
+//! constants in force:
+//!
+//! * The [thermal model](super::thermal) computes the temperatures of a motor with a thermal limit. Back EMF constant,
+//!   dynamics and duty rule follow these temperatures.
+//! * While the speed [hunts](crate::regulator::Output::hunts), the back EMF constant in force is lowered in steps, down
+//!   to the largest correction. This correction ends when another back EMF or other dynamics are configured.
+//!
+//! The back EMF constant in force is the lower of both. The configured resistance and back EMF belong to a cold motor,
+//! as data sheets state them. The configured dynamics belong to the temperatures at which they were configured, because
+//! a motor is identified while it is connected. Currents for reports and limits are still computed with the cold
+//! resistance. The motor may be colder than the model says, and the cold resistance gives the higher current.
 
+use super::thermal::Temperatures;
+use crate::braking::{Modulator, Winding};
 use crate::settings::{Dynamics, Settings};
-use crate::units::{DecayRate, EmfConstant};
+use crate::units::{AccelerationPerVolt, DecayRate, EmfConstant, Millivolts, Resistance};
 
-/// Step of the constant in force, in % of the configured constant.
-const STEP_PERCENT: i32 = 1;
-/// Largest correction, in % of the configured constant. The magnets of a motor lose that much in 75 K.
-const LARGEST_PERCENT: i32 = 15;
+/// Step of a correction by hunting, in % of the configured constant.
+const STEP_PERCENT: u8 = 1;
+/// Largest correction by hunting, in % of the configured constant. The magnets of a motor lose that much in 75 K.
+const LARGEST_PERCENT: u8 = 15;
+/// Change of the winding's temperature, in K, that the constants in force follow: some 1 % of the resistance.
+const STEP_K: u8 = 3;
 
-/// The configured back EMF constant and dynamics. The motor's settings have the values in force, which may be lower.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The configured constants of a motor, and what has changed since they were configured. The motor's settings have the
+/// constants in force.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Configured {
     emf: EmfConstant,
     dynamics: Option<Dynamics>,
+    /// Temperatures for which the dynamics are configured.
+    dynamics_at: Temperatures,
+    /// Temperatures of the constants in force.
+    temperatures: Temperatures,
+    /// Correction of the back EMF constant by hunting, in % of the configured constant.
+    lowered_percent: u8,
 }
 
 impl Configured {
-    /// Takes the configured values from settings that are not corrected.
+    /// Takes the configured constants of a cold motor from settings that are not corrected.
     pub(super) const fn new(settings: &Settings) -> Self {
-        Self { emf: settings.winding.emf, dynamics: settings.dynamics }
+        Self {
+            emf: settings.winding.emf,
+            dynamics: settings.dynamics,
+            dynamics_at: Temperatures::COLD,
+            temperatures: Temperatures::COLD,
+            lowered_percent: 0,
+        }
     }
 
-    /// The settings in force with the back EMF constant lowered by one step; `None` if the correction has reached its
-    /// limit.
-    pub(super) fn lowered(&self, in_force: &Settings) -> Option<Settings> {
-        let percent = self.emf.to_bits() / 100;
-        let bits = in_force.winding.emf.to_bits() - STEP_PERCENT * percent;
-        if bits < self.emf.to_bits() - LARGEST_PERCENT * percent {
-            return None;
+    /// Takes the constants of new settings that are not corrected. A correction by hunting stays for the same back EMF
+    /// and the same dynamics.
+    pub(super) fn configure(&mut self, settings: &Settings) {
+        if self.emf != settings.winding.emf || self.dynamics != settings.dynamics {
+            let temperatures = self.temperatures;
+            *self = Self { dynamics_at: temperatures, temperatures, ..Self::new(settings) };
         }
-        let mut settings = *in_force;
-        settings.winding.emf = EmfConstant::from_bits(bits).ok()?;
-        if let Some(dynamics) = &mut settings.dynamics {
-            // The share of back EMF in the decay falls with the constant. The share of drag stays.
-            let less = in_force.winding.emf.to_volts() - settings.winding.emf.to_volts();
-            let steps = (65_536.0 * dynamics.gain.to_f32() * less) as u32;
-            dynamics.decay = DecayRate::from_bits(dynamics.decay.to_bits().saturating_sub(steps));
-        }
-        Some(settings)
     }
+
+    /// Lowers the back EMF constant in force by a step. Returns false if the correction has reached its limit.
+    pub(super) fn lower(&mut self) -> bool {
+        let lowered = 100.0 * (1.0 - self.emf_share());
+        // A warm motor hunts with the constant of its temperature, so the step begins there.
+        let percent = (lowered as u8).max(self.lowered_percent) + STEP_PERCENT;
+        let allowed = percent <= LARGEST_PERCENT;
+        if allowed {
+            self.lowered_percent = percent;
+        }
+        allowed
+    }
+
+    /// Takes the temperatures of the motor. Returns true if the constants in force have to follow them.
+    pub(super) fn warm(&mut self, temperatures: Temperatures) -> bool {
+        let changes = temperatures.winding_k.abs_diff(self.temperatures.winding_k) >= STEP_K;
+        if changes {
+            self.temperatures = temperatures;
+        }
+        changes
+    }
+
+    /// Back EMF constant in force, as a share of the configured constant.
+    pub(super) fn emf_share(&self) -> f32 {
+        let lowered = 1.0 - f32::from(self.lowered_percent) / 100.0;
+        lowered.min(self.temperatures.field_share())
+    }
+
+    /// These settings with the constants in force.
+    pub(super) fn in_force(&self, settings: &Settings) -> Settings {
+        let mut corrected = *settings;
+        let less = self.emf.to_bits() as f32 * (1.0 - self.emf_share());
+        corrected.winding.emf = EmfConstant::from_bits(self.emf.to_bits() - less as i32).unwrap_or(self.emf);
+        let changed = self.temperatures != self.dynamics_at || self.lowered_percent > 0;
+        corrected.dynamics = self.dynamics;
+        if let Some(dynamics) = corrected.dynamics.as_mut().filter(|_| changed) {
+            self.correct_dynamics(dynamics, &corrected.winding, settings.bridge.switch_mohm());
+        }
+        corrected
+    }
+
+    /// The modulator of a motor with these settings in force. Its duty rule is for the warm winding.
+    pub(super) fn modulator(&self, in_force: &Settings) -> Modulator {
+        let mut warm = *in_force;
+        let milliohms = warm_milliohms(&in_force.winding, &self.temperatures);
+        warm.winding.resistance =
+            Resistance::from_milliohms(milliohms as u16).unwrap_or(in_force.winding.resistance);
+        warm.modulator()
+    }
+
+    /// Converts the configured dynamics to the present temperatures and to the back EMF constant in force. The torque of
+    /// drag and friction stays. `winding` has the cold resistance and the back EMF constant in force. `switch_mohm` is the
+    /// resistance of one of the two switches of the bridge, in milliohms.
+    fn correct_dynamics(&self, dynamics: &mut Dynamics, winding: &Winding, switch_mohm: u16) {
+        let Self { dynamics_at: then, temperatures: now, .. } = self;
+        let milliohms = |at| warm_milliohms(winding, at) + 2.0 * f32::from(switch_mohm);
+        let resistance = milliohms(now) / milliohms(then);
+        let volts_per_torque = resistance * then.field_share() / now.field_share();
+        let old_gain = dynamics.gain.to_f32();
+        let gain = old_gain / volts_per_torque;
+        let drag = dynamics.decay.to_f32() - old_gain * self.emf.to_volts() * then.field_share();
+        let decay = drag + gain * winding.emf.to_volts();
+        let friction = f32::from(dynamics.friction.get()) * volts_per_torque;
+        dynamics.gain = AccelerationPerVolt::from_bits((256.0 * gain) as u32).unwrap_or(dynamics.gain);
+        dynamics.decay = DecayRate::from_bits((65_536.0 * decay) as u32);
+        dynamics.friction = Millivolts::new(friction as u16);
+    }
+}
+
+/// Resistance of a winding at these temperatures, in milliohms.
+fn warm_milliohms(winding: &Winding, at: &Temperatures) -> f32 {
+    f32::from(winding.resistance.as_milliohms()) * at.resistance_share()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::braking::Winding;
-    use crate::units::{AccelerationPerVolt, Millivolts};
 
-    #[test]
-    fn the_back_emf_is_lowered_by_at_most_15_percent_and_the_drag_stays() {
+    /// A motor with dynamics.
+    fn settings() -> Settings {
         let mut settings = Settings::new(Winding::NEVEREST_60);
         settings.dynamics = Some(Dynamics {
             gain: AccelerationPerVolt::from_f64(2_000.0).unwrap_or_else(|error| unreachable!("{error}")),
             decay: DecayRate::from_f64(9.0).unwrap_or_else(|error| unreachable!("{error}")),
-            friction: Millivolts::new(0),
+            friction: Millivolts::new(500),
         });
-        let configured = Configured::new(&settings);
-        let emf = settings.winding.emf.to_volts();
-        let drag = |settings: &Settings| {
-            settings.dynamics.map_or(f32::NAN, |dynamics| {
-                dynamics.decay.to_f32() - dynamics.gain.to_f32() * settings.winding.emf.to_volts()
-            })
-        };
-        let before = drag(&settings);
+        settings
+    }
+
+    /// Decay by drag, in 1/s.
+    fn drag(settings: &Settings) -> f32 {
+        settings.dynamics.map_or(f32::NAN, |dynamics| {
+            dynamics.decay.to_f32() - dynamics.gain.to_f32() * settings.winding.emf.to_volts()
+        })
+    }
+
+    #[test]
+    fn the_back_emf_is_lowered_by_at_most_15_percent_and_the_drag_stays() {
+        let settings = settings();
+        let mut configured = Configured::new(&settings);
+        assert_eq!(configured.in_force(&settings), settings);
         let mut steps = 0;
-        while let Some(lowered) = configured.lowered(&settings) {
-            (settings, steps) = (lowered, steps + 1);
+        while configured.lower() {
+            steps += 1;
         }
-        let share = settings.winding.emf.to_volts() / emf;
+        let lowered = configured.in_force(&settings);
+        let share = lowered.winding.emf.to_volts() / settings.winding.emf.to_volts();
         assert!(steps == 15 && (share - 0.85).abs() < 1e-4, "{steps} steps to {share}");
-        assert!((drag(&settings) - before).abs() < 1e-2, "{} 1/s, before {before}", drag(&settings));
+        let [before, after] = [&settings, &lowered].map(drag);
+        assert!((before - after).abs() < 1e-2, "{after} 1/s, before {before}");
+    }
+
+    #[test]
+    fn a_hot_motor_has_more_resistance_less_field_and_the_same_drag() {
+        let settings = settings();
+        let mut configured = Configured::new(&settings);
+        assert!(!configured.warm(Temperatures { winding_k: 2, magnets_k: 2 }));
+        assert!(configured.warm(Temperatures { winding_k: 62, magnets_k: 50 }));
+        let hot = configured.in_force(&settings);
+        let share = |of: fn(&Settings) -> f32| of(&hot) / of(&settings);
+        let gain =
+            |settings: &Settings| settings.dynamics.map_or(f32::NAN, |dynamics| dynamics.gain.to_f32());
+        assert!((share(|settings| settings.winding.emf.to_volts()) - 0.9).abs() < 1e-3);
+        assert_eq!(hot.winding.resistance, settings.winding.resistance);
+        let switches = 2.0 * f32::from(settings.bridge.switch_mohm()) / 1e3;
+        assert!((share(gain) * (3.3 * 1.2418 + switches) / (3.3 + switches) - 0.9).abs() < 1e-3);
+        assert!((drag(&hot) - drag(&settings)).abs() < 1e-2);
+        let friction = hot.dynamics.map(|dynamics| dynamics.friction.get());
+        assert!(friction.is_some_and(|mv| (500.0 / share(gain) - f32::from(mv)).abs() < 2.0), "{friction:?}");
+
+        // Dynamics that are configured now are those of the hot motor.
+        let identified = Settings { dynamics: hot.dynamics, ..settings };
+        configured.configure(&identified);
+        let in_force = configured.in_force(&identified);
+        assert_eq!(in_force.dynamics, hot.dynamics);
+        assert_eq!(in_force.winding, hot.winding);
+        // A motor that hunts in spite of its temperature has a lower constant.
+        assert!(
+            configured.lower() && (configured.emf_share() - 0.89).abs() < 1e-3,
+            "{}",
+            configured.emf_share()
+        );
     }
 }

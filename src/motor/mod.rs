@@ -106,10 +106,9 @@ pub(crate) fn fresh(reading: Option<Reading>, now: Micros) -> Option<Reading> {
 /// Settings, set-point and state of one motor.
 #[derive(Clone, Debug)]
 pub struct Motor {
-    /// Settings in force. They differ from the configured settings if `back_emf` has lowered the back EMF constant,
-    /// and with it the decay.
+    /// Settings in force. They differ from the configured settings if `configured` has corrected winding and dynamics.
     settings: Settings,
-    /// Configured values of the settings that may be corrected.
+    /// Configured constants, and their corrections for a warm motor.
     configured: Configured,
     /// Maps voltages and control values to commands, by the settings.
     modulator: Modulator,
@@ -272,18 +271,13 @@ impl Motor {
     /// The regulator and the limits use the new settings immediately. The request of the motor follows at the next
     /// tick, or between ticks with a direct set-point. A lowered back EMF constant stays if the
     /// new settings have the same configured back EMF constant and the same configured dynamics.
-    pub fn configure(&mut self, mut settings: Settings) {
-        if Configured::new(&settings) == self.configured {
-            // The same motor: a correction of its back EMF stays.
-            settings.winding.emf = self.settings.winding.emf;
-            settings.dynamics = self.settings.dynamics;
-        } else {
-            self.configured = Configured::new(&settings);
-        }
+    pub fn configure(&mut self, settings: Settings) {
+        self.configured.configure(&settings);
+        let settings = self.configured.in_force(&settings);
         self.regulator.configure(&self.settings, &settings, self.period);
         self.settings = settings;
         self.changed = true;
-        self.modulator = settings.modulator();
+        self.modulator = self.configured.modulator(&settings);
         if settings.thermal.is_none() {
             self.thermal.clear(None);
         }
@@ -405,6 +399,7 @@ impl Motor {
         // Estimate position, speed and load.
         let moved = fresh(reading, now).map(|reading| self.take_reading(reading));
         self.regulator.predict_until(now);
+        self.follow_temperatures();
         // Decide, limit, modulate.
         self.apply(now, battery, moved);
         self.report(battery, moved)
@@ -606,13 +601,26 @@ impl Motor {
             Effort::Voltage(voltage) => (None, self.modulator.for_voltage(at, voltage)),
             Effort::Control(control) => (Some(control), self.modulator.for_control(at, control)),
         };
-        if output.hunts
-            && let Some(settings) = self.configured.lowered(&self.settings)
-        {
-            self.settings = settings;
-            self.regulator.correct_emf(&self.settings, self.period);
+        if output.hunts && self.configured.lower() {
+            self.correct_constants();
         }
         Request { at, modulation, control, target: Some(output.speed) }
+    }
+
+    /// Follows the motor's temperatures with the constants in force, except during an identification, which compares
+    /// voltages.
+    fn follow_temperatures(&mut self) {
+        let temperatures = self.thermal.temperatures(self.settings.thermal);
+        if !matches!(self.state, MotorState::Identifying(_)) && self.configured.warm(temperatures) {
+            self.correct_constants();
+        }
+    }
+
+    /// Uses the corrected constants from now on.
+    fn correct_constants(&mut self) {
+        self.settings = self.configured.in_force(&self.settings);
+        self.modulator = self.configured.modulator(&self.settings);
+        self.regulator.correct_constants(&self.settings, self.period);
     }
 
     /// Computes a request, and commands the bridge within all limits. `moved` is as in [`activity`](Self::activity); `None`

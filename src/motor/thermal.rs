@@ -10,8 +10,9 @@
 //!                                                      case'    = (current² - case) / case_s
 //! ```
 //!
-//! The heat is 1 when the continuous current has flowed for long. The model has no temperatures, neither of the motor
-//! nor of the room: the limit is the continuous current of the motor's data sheet. Without a measured current the hub
+//! The heat is 1 when the continuous current has flowed for long: the limit is the continuous current of the motor's
+//! data sheet. The model assumes that the winding is then 100 K warmer than the room, and takes the magnets to be as
+//! warm as the case. The regulator's constants follow these [`Temperatures`]. Without a measured current the hub
 //! computes the current with the configured resistance of a cold winding. A hot winding has more resistance, and so
 //! less current than computed.
 //!
@@ -39,6 +40,38 @@ const COOL: f32 = 1.0;
 /// Time in s over which squares of the current are averaged before the filters are stepped. A filter with a time constant
 /// of minutes that is stepped every millisecond would lose small squares in rounding.
 const AVERAGING_S: f32 = 0.05;
+
+/// Temperature of the winding above that of the room at the heat 1, in K. Windings of small brushed motors tolerate 120
+/// to 150 degrees Celsius. This is an assumption.
+const RISE_K: f32 = 100.0;
+/// Growth of the resistance of copper a kelvin, as a share of the cold resistance.
+const COPPER_PER_K: f32 = 0.0039;
+/// Loss of the field of ferrite magnets a kelvin, as a share of the field of cold magnets.
+const FERRITE_PER_K: f32 = 0.002;
+
+/// Temperatures of a motor above those of a cold motor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Temperatures {
+    /// Of the winding, in K.
+    pub(super) winding_k: u8,
+    /// Of the magnets, in K.
+    pub(super) magnets_k: u8,
+}
+
+impl Temperatures {
+    /// A cold motor.
+    pub(super) const COLD: Self = Self { winding_k: 0, magnets_k: 0 };
+
+    /// Resistance of the winding, as a share of the cold resistance.
+    pub(super) fn resistance_share(&self) -> f32 {
+        1.0 + COPPER_PER_K * f32::from(self.winding_k)
+    }
+
+    /// Field of the magnets, which makes back EMF and torque, as a share of the field of cold magnets.
+    pub(super) fn field_share(&self) -> f32 {
+        1.0 - FERRITE_PER_K * f32::from(self.magnets_k)
+    }
+}
 
 /// State of the thermal model of one motor. The default is a cold motor.
 #[derive(Clone, Copy, Debug, Default)]
@@ -79,6 +112,16 @@ impl Thermal {
             let mean = WINDING_SHARE * self.winding + (1.0 - WINDING_SHARE) * self.case;
             mean / (limit.continuous_amperes() * limit.continuous_amperes())
         })
+    }
+
+    /// The temperatures of the motor; those of a cold motor without a limit.
+    pub(super) fn temperatures(&self, limit: Option<ThermalLimit>) -> Temperatures {
+        let Some(limit) = limit else { return Temperatures::COLD };
+        let per_square = RISE_K / (limit.continuous_amperes() * limit.continuous_amperes());
+        let magnets_k = (1.0 - WINDING_SHARE) * self.case * per_square;
+        let winding_k = magnets_k + WINDING_SHARE * self.winding * per_square;
+        // A motor that becomes much hotter than its limit has been switched off before.
+        Temperatures { winding_k: winding_k as u8, magnets_k: magnets_k as u8 }
     }
 
     /// Largest current in A that may drive the motor; `None` if no thermal limit is configured, or if the motor is

@@ -323,12 +323,12 @@ impl Regulator {
         }
     }
 
-    /// Uses the back EMF constant and the decay of these settings from now on. The acceleration per volt, the
-    /// estimated position and speed, and the present acceleration are kept.
-    pub fn correct_emf(&mut self, settings: &Settings, period: Period) {
+    /// Uses the back EMF constant and the dynamics of these settings from now on, which are corrected for a warm motor. The
+    /// learned gain of an unknown motor, the estimated position and speed, and the present acceleration are kept.
+    pub fn correct_constants(&mut self, settings: &Settings, period: Period) {
         let Motion { plant, observer, state, .. } = self.motion;
         let mut motion = Motion { state, ..Motion::new(settings, plant.b, period, observer) };
-        motion.observer.add_load(plant.b * (motion.plant.kappa - plant.kappa) * observer.speed());
+        motion.observer.keep_acceleration(&plant, &motion.plant, self.volts());
         motion.observer.set_voltage(&motion.plant, self.volts());
         self.motion = motion;
     }

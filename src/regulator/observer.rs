@@ -284,6 +284,12 @@ impl Observer {
         self.d *= new.b / old.b;
     }
 
+    /// Changes the load so that new constants give the same acceleration at this voltage.
+    pub(super) fn keep_acceleration(&mut self, old: &Plant, new: &Plant, voltage: Option<f32>) {
+        let of = |plant: &Plant| plant.acceleration(voltage, self.w) - plant.drag * self.w;
+        self.d += of(old) - of(new);
+    }
+
     /// Adds a change to speed and load, because they were estimated with another gain.
     pub(super) fn shift(&mut self, by: &Sensitivity) {
         self.w = within(self.w + by.speed, FASTEST_CPS);

@@ -58,7 +58,7 @@ impl<const N: usize> Responder<N> {
                 return Err(Nack::MOTOR_ENABLED);
             }
         }
-        if base.use_gyro && self.converter.equipment.i2c == 0 {
+        if base.use_gyro && self.outputs.equipment.i2c == 0 {
             return Err(Nack::UNSUPPORTED);
         }
         self.base = BaseCommand { settings: Some(base), state: State::Pending };

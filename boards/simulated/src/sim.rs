@@ -139,13 +139,14 @@ pub(crate) fn pass(board: &Board, torques: &[f64]) -> Vec<Flow> {
     flows
 }
 
-/// Sets battery, encoders and connected devices as the scenario has them at a time.
+/// Sets battery, temperatures, encoders and connected devices as the scenario has them at a time.
 pub(crate) fn change(scenario: &Scenario, board: &Board, now_s: f64) {
     board.set_emf(scenario.emf_at(now_s));
     if scenario.bus.is_some_and(|bus| bus.opens_at_s.is_some_and(|at_s| now_s >= at_s)) {
         board.open_contactor();
     }
     for (index, motor) in scenario.motors.iter().enumerate() {
+        board.set_temperatures(index, motor.temperatures_at(now_s));
         board.set_encoder(index, motor.encoder_at(now_s));
     }
     let step = |at_s: f64| (at_s / STEP_S).round();

@@ -34,7 +34,7 @@ use motor_hub::model::bus::{Bus, Shutdown};
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::friction::Friction;
 use motor_hub::model::load::Load;
-use motor_hub::model::plant::{Flow, Plant, PlantInput};
+use motor_hub::model::plant::{Flow, Plant, PlantInput, Temperatures};
 use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
 use motor_hub::model::train::Train;
@@ -194,6 +194,13 @@ impl Board {
     pub fn set_train(&self, motor: usize, train: Train) {
         if let Some(plant) = self.0.borrow_mut().rig.plants.get_mut(motor) {
             *plant = plant.clone().with_train(train);
+        }
+    }
+
+    /// Gives a motor other temperatures, from now on.
+    pub fn set_temperatures(&self, motor: usize, temperatures: Temperatures) {
+        if let Some(plant) = self.0.borrow_mut().rig.plants.get_mut(motor) {
+            plant.set_temperatures(temperatures);
         }
     }
 

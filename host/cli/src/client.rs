@@ -20,6 +20,7 @@ mod setup;
 mod shaft_speed;
 mod status;
 mod together;
+mod tune;
 mod update;
 mod watch;
 
@@ -110,8 +111,11 @@ enum Command {
     #[command(long_about = update::HELP)]
     Update(update::Options),
     /// Identifies a motor, compares it with the catalogue, and proposes settings, on hubs of this project
-    #[command(alias = "tune", long_about = identify::HELP)]
+    #[command(long_about = identify::HELP)]
     Identify(identify::Options),
+    /// Configures a new motor: sets it up, identifies it, applies and stores the result, on hubs of this project
+    #[command(long_about = tune::HELP)]
+    Tune(tune::Options),
     /// Shows the servo outputs, or gives a servo pulses until the command ends
     Servo(devices::ServoOptions),
     /// Shows the analog inputs, the 5 V rail, the battery and the temperature
@@ -173,6 +177,7 @@ impl Command {
             Self::Settings(options) => return options.execute(hub),
             Self::Update(options) => return options.execute(hub),
             Self::Identify(options) => return options.execute(hub),
+            Self::Tune(options) => return options.execute(hub),
             Self::Watch(options) => return options.execute(hub),
             Self::Servo(options) => return options.execute(hub),
             Self::Analog(options) => return options.execute(hub),

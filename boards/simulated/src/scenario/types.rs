@@ -11,6 +11,7 @@ use motor_hub::bridge::BridgeConstants;
 use motor_hub::group::{BaseSettings, DriveBase, GroupCommand};
 use motor_hub::hub::{Action, Command};
 use motor_hub::model::load::Load;
+use motor_hub::model::plant::Temperatures;
 use motor_hub::model::train::Train;
 use motor_hub::model::{battery::Battery, catalogue, si};
 use motor_hub::motion::Pidf;
@@ -145,6 +146,9 @@ pub struct Motor {
     pub setpoints: Vec<Timed<Setpoint>>,
     /// External torque on the output shaft in newton metres, times ascending, from 0 s on.
     pub torques: Vec<Timed<f64>>,
+    /// Temperatures of the motor, times ascending: in straight lines from a cold motor at 0 s to the first and to the
+    /// next; the last ones hold.
+    pub heat: Vec<Timed<Temperatures>>,
     /// States of the encoder, times ascending; sound before the first.
     pub encoder: Vec<Timed<Encoder>>,
 }
@@ -242,15 +246,8 @@ impl Scenario {
 
     /// Voltage of the battery without load at a time in seconds.
     pub fn emf_at(&self, at_s: f64) -> si::Volts {
-        let (mut from, mut emf) = (0.0, self.battery.emf.0);
-        for &Timed { at_s: to, value } in &self.emf_over_time {
-            if at_s < to {
-                let way = (at_s - from) / (to - from);
-                return si::Volts(emf + way * (value - emf));
-            }
-            (from, emf) = (to, value);
-        }
-        si::Volts(emf)
+        let emf = self.emf_over_time.iter().map(|timed| (timed.at_s, timed.value));
+        si::Volts(on_lines(self.battery.emf.0, emf, at_s))
     }
 
     /// The hub's commands by time; at the same time by motor, groups last.
@@ -318,6 +315,7 @@ impl Motor {
             position: None,
             setpoints: Vec::new(),
             torques: vec![Timed { at_s: 0.0, value: 0.0 }],
+            heat: Vec::new(),
             encoder: Vec::new(),
         }
     }
@@ -382,10 +380,30 @@ impl Motor {
         latest(&self.torques, at_s).unwrap_or_default()
     }
 
+    /// The temperatures of the motor at a time in seconds.
+    pub fn temperatures_at(&self, at_s: f64) -> Temperatures {
+        let of = |part: fn(&Temperatures) -> f64| {
+            on_lines(0.0, self.heat.iter().map(|timed| (timed.at_s, part(&timed.value))), at_s)
+        };
+        Temperatures { winding_k: of(|heat| heat.winding_k), magnets_k: of(|heat| heat.magnets_k) }
+    }
+
     /// The state of the encoder at a time in seconds.
     pub fn encoder_at(&self, at_s: f64) -> Encoder {
         latest(&self.encoder, at_s).unwrap_or_default()
     }
+}
+
+/// The value at `at_s` on straight lines from `first` at 0 s through these times and values; the last value holds.
+fn on_lines(first: f64, points: impl Iterator<Item = (f64, f64)>, at_s: f64) -> f64 {
+    let (mut from, mut value) = (0.0, first);
+    for (to, next) in points {
+        if at_s < to {
+            return value + (at_s - from) / (to - from) * (next - value);
+        }
+        (from, value) = (to, next);
+    }
+    value
 }
 
 /// The last value that has begun by `at_s`.

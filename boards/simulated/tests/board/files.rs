@@ -138,6 +138,8 @@ fn numbers_out_of_range_name_the_range() {
     rough("friction = { coulomb_percent = nan }", "0 to 100");
     rough("friction = { coulomb_percent = 5.0, breakaway_percent = 4.0 }", "5 to 100");
     rough("friction = { breakaway_percent = 4.0 }", "`coulomb_percent`");
+    rough("heat = [{ at_s = 1.0, winding_k = 201, magnets_k = 0 }]", "0 to 200");
+    rough("heat = [{ at_s = 1.0, winding_k = 20 }]", "`magnets_k`");
     rough("cogging = { amplitude_percent = 101.0, per_turn = 6 }", "0 to 100");
     rough("cogging = { amplitude_percent = 1.0, per_turn = 0 }", "1 to 1000");
     rough("cogging = { amplitude_percent = 1.0 }", "`per_turn`");

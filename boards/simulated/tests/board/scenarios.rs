@@ -1,5 +1,6 @@
 //! What scenarios hold, and what holds when.
 
+use motor_hub::model::plant::Temperatures;
 use motor_hub::model::si;
 use motor_hub::motor::Setpoint;
 use motor_hub::units::Control;
@@ -22,6 +23,16 @@ fn a_battery_runs_down_in_straight_lines() {
     scenario.battery.emf = si::Volts(13.0);
     scenario.emf_over_time = vec![Timed { at_s: 2.0, value: 13.0 }, Timed { at_s: 4.0, value: 8.0 }];
     assert_eq!([0.0, 2.0, 3.0, 4.0, 9.0].map(|at| scenario.emf_at(at).0), [13.0, 13.0, 10.5, 8.0, 8.0]);
+}
+
+#[test]
+fn a_motor_becomes_warm_in_straight_lines_and_stays_so() {
+    let mut motor = Scenario::default_one().expect("it is valid").motors.remove(0);
+    assert_eq!(motor.temperatures_at(1.0), Temperatures::default());
+    let hot = Temperatures { winding_k: 60.0, magnets_k: 50.0 };
+    motor.heat = vec![Timed { at_s: 2.0, value: hot }];
+    assert_eq!(motor.temperatures_at(1.0), Temperatures { winding_k: 30.0, magnets_k: 25.0 });
+    assert_eq!([2.0, 9.0].map(|at_s| motor.temperatures_at(at_s)), [hot; 2]);
 }
 
 #[test]

@@ -14,6 +14,7 @@ use motor_hub::motor::Settings;
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified};
 use motor_hub::units::Acceleration;
+use motor_hub_client::Session;
 use motor_hub_client::identification::{Identifying, Progress};
 use motor_hub_client::line::Line;
 use serde_json::{Value, json};
@@ -58,7 +59,7 @@ impl Options {
         let session = &mut hub.open(self.motor.hub)?;
         let motor = self.motor.number;
         let (before, battery) = (session.settings(motor)?, session.battery()?);
-        let outcome = DrivingSession::run(session, |driven| self.identify(driven))?;
+        let outcome = identify(session, motor, self.travel, !self.json)?;
         let Identification::Found(found) = outcome else {
             if self.json {
                 let mut document = identify::json(outcome);
@@ -79,44 +80,6 @@ impl Options {
             return print_json(&self.document(&found, catalogue.as_ref(), &before, &proposed));
         }
         print(&self.text(&found, catalogue.as_ref(), &before, &proposed))
-    }
-
-    /// Identifies the motor, and shows the progress.
-    fn identify(&self, driven: &mut DrivingSession<'_, Line>) -> Result<Identification, Failure> {
-        let motor = self.motor.number;
-        let mut identifying = Identifying::begin(driven, motor, self.travel)?;
-        driven.enable(motor)?;
-        let mut live = Live::new();
-        let end = Instant::now() + LONGEST;
-        let mut look = 0u32;
-        while Instant::now() < end {
-            match identifying.step(driven)? {
-                Progress::Braking => (),
-                Progress::Started(travel) => {
-                    self.say(&format!(
-                        "motor {motor}: turns at most {travel} counts either way, for some 3 s\n"
-                    ))?;
-                }
-                Progress::Turning(percent) => {
-                    let progress = format!("{percent} %\n");
-                    look += 1;
-                    if live.terminal && !self.json {
-                        live.redraw(&progress)?;
-                    } else if look.is_multiple_of(LINE) {
-                        self.say(&progress)?;
-                    }
-                }
-                Progress::Ended(outcome) => return Ok(outcome),
-            }
-            interrupt::wait(Instant::now() + INTERVAL)?;
-        }
-        let seconds = LONGEST.as_secs();
-        Err(Failure::Work(format!("motor {motor} was not identified within {seconds} s")))
-    }
-
-    /// Prints a text, unless the output is JSON.
-    fn say(&self, text: &str) -> Result<(), Failure> {
-        if self.json { Ok(()) } else { print(text) }
     }
 
     fn text(
@@ -170,6 +133,52 @@ impl Options {
         }
         document
     }
+}
+
+/// Identifies a motor within a travel limit, and disables the motor. Prints the progress if `aloud`.
+pub(super) fn identify(
+    session: &mut Session<Line>,
+    motor: u8,
+    travel: u32,
+    aloud: bool,
+) -> Result<Identification, Failure> {
+    DrivingSession::run(session, |driven| turn(driven, motor, travel, aloud))
+}
+
+/// Turns the motor until its identification ends.
+fn turn(
+    driven: &mut DrivingSession<'_, Line>,
+    motor: u8,
+    travel: u32,
+    aloud: bool,
+) -> Result<Identification, Failure> {
+    let say = |text: &str| if aloud { print(text) } else { Ok(()) };
+    let mut identifying = Identifying::begin(driven, motor, travel)?;
+    driven.enable(motor)?;
+    let mut live = Live::new();
+    let end = Instant::now() + LONGEST;
+    let mut look = 0u32;
+    while Instant::now() < end {
+        match identifying.step(driven)? {
+            Progress::Braking => (),
+            Progress::Started(travel) => {
+                say(&format!("motor {motor}: turns at most {travel} counts either way, for some 3 s\n"))?;
+            }
+            Progress::Turning(percent) => {
+                let progress = format!("{percent} %\n");
+                look += 1;
+                if live.terminal && aloud {
+                    live.redraw(&progress)?;
+                } else if look.is_multiple_of(LINE) {
+                    say(&progress)?;
+                }
+            }
+            Progress::Ended(outcome) => return Ok(outcome),
+        }
+        interrupt::wait(Instant::now() + INTERVAL)?;
+    }
+    let seconds = LONGEST.as_secs();
+    Err(Failure::Work(format!("motor {motor} was not identified within {seconds} s")))
 }
 
 /// A motion as rows of a table.

@@ -105,7 +105,8 @@ impl Options {
     }
 }
 
-fn saved(session: &mut Session<Line>) -> Result<String, Failure> {
+/// Stores the settings in force, and says so.
+pub(super) fn saved(session: &mut Session<Line>) -> Result<String, Failure> {
     let report = session.store(HubFunction::Save)?;
     ended(&report)?;
     Ok(format!("stored: {}", describe(&report)))

@@ -6,11 +6,14 @@ use crate::constants::Constants;
 use crate::output::{Failure, print, print_json};
 use crate::parse::{MotorName, motor, named};
 use crate::scheme_options::SchemeOptions;
+use motor_hub::braking::Winding;
 use motor_hub::bridge::Timing;
 use motor_hub::extension::report::Condition;
 use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values};
 use motor_hub::model::catalogue::characterised;
 use motor_hub::motor::{SenseLine, Settings, ThermalLimit};
+use motor_hub_client::Session;
+use motor_hub_client::line::Line;
 use serde_json::json;
 use simulated::hardware::{thermal_limit, winding};
 use simulated::scheme::{SchemeWords, describe};
@@ -71,6 +74,39 @@ const BRIDGES: [(&str, &str, Timing); 2] = [
     ("vnh5019", "Switches like a VNH5019", Timing::VNH5019),
 ];
 
+/// The winding and the thermal limit of a motor of the catalogue.
+fn of_type(name: &str) -> Result<(Winding, Option<ThermalLimit>), Failure> {
+    let motor = characterised(name).map_err(Failure::input)?;
+    let limit = thermal_limit(&motor).map_err(Failure::input)?;
+    Ok((winding(&motor).map_err(Failure::input)?, Some(limit)))
+}
+
+/// Writes the settings that differ. With `set_up` the winding is written also if it does not differ: that deletes motion
+/// and coefficients.
+fn write(
+    session: &mut Session<Line>,
+    motor: u8,
+    before: &MotorSettings,
+    wanted: &MotorSettings,
+    set_up: bool,
+) -> Result<(), Failure> {
+    for group in [Group::Protection, Group::CurrentLimit, Group::Timing, Group::SetUp] {
+        let differs = Values::of(group, wanted) != Values::of(group, before);
+        if differs || group == Group::SetUp && set_up {
+            session.set(motor, group, wanted)?;
+        }
+    }
+    Ok(())
+}
+
+/// Configures a motor as a motor of the catalogue.
+pub(super) fn write_type(session: &mut Session<Line>, motor: u8, name: &str) -> Result<(), Failure> {
+    let before = session.settings(motor)?;
+    let mut wanted = before;
+    (wanted.motor.winding, wanted.motor.thermal) = of_type(name)?;
+    write(session, motor, &before, &wanted, true)
+}
+
 impl Options {
     /// Checks the options before anything is sent.
     fn check(&self) -> Result<(), Failure> {
@@ -87,14 +123,9 @@ impl Options {
         let before = session.settings(self.motor.number)?;
         // All settings are checked before the first one is written.
         let wanted = self.changed(&before)?;
-        // A set-up that was given is written also if it changes nothing: it deletes motion and coefficients.
+        // A set-up that was given is written also if it changes nothing.
         let given = self.name.is_some() || !self.scheme.is_empty() || !self.constants.is_empty();
-        for group in [Group::Protection, Group::CurrentLimit, Group::Timing, Group::SetUp] {
-            let differs = Values::of(group, &wanted) != Values::of(group, &before);
-            if differs || group == Group::SetUp && given {
-                session.set(self.motor.number, group, &wanted)?;
-            }
-        }
+        write(session, self.motor.number, &before, &wanted, given)?;
         let settings = session.settings(self.motor.number)?;
         self.show(&settings, session.condition(self.motor.number)?)
     }
@@ -105,9 +136,7 @@ impl Options {
         let Settings { winding: constants, scheme, duty, thermal, current_limit, bridge, .. } =
             &mut settings.motor;
         if let Some(name) = &self.name {
-            let motor = characterised(name).map_err(Failure::input)?;
-            *constants = winding(&motor).map_err(Failure::input)?;
-            *thermal = Some(thermal_limit(&motor).map_err(Failure::input)?);
+            (*constants, *thermal) = of_type(name)?;
         }
         if let Some(ma) = self.continuous_current {
             *thermal = ThermalLimit::new(ma, ThermalLimit::USUAL_WINDING_S, ThermalLimit::USUAL_CASE_S).ok();

@@ -5,6 +5,7 @@ use crate::conformance::{Ack, Data, Host, Hub, Nack};
 use crate::output::{self, fails, out};
 use serde_json::{Value, json};
 use std::io::{Read, Write};
+use std::process::Command;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 

@@ -3,8 +3,8 @@
 use super::numbers::{
     AccelerationLimit, Backlash, CoefficientValue, Counts, CountsPerRev, Current, CurrentLimit, Distance,
     DragFactor, Efficiency, FASTEST_CPS, Factor, GearRatio, Glitches, MotorConstant, MotorDrag, Name, OfLoad,
-    Percent, Power, RestPositions, RotorInertia, Seconds, Slots, Speed, SpeedLimit, Stiffness, Torque,
-    WindingConstant, or, out_of_range,
+    Percent, Power, RestPositions, RotorInertia, Seconds, Slots, Speed, SpeedLimit, Stiffness,
+    TemperatureRise, Torque, WindingConstant, or, out_of_range,
 };
 use super::timeline;
 use crate::current_line::CurrentLine;
@@ -17,6 +17,7 @@ use motor_hub::braking::DutyRule;
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::model::catalogue::{self, characterised};
 use motor_hub::model::friction::{Cogging, Friction};
+use motor_hub::model::plant::Temperatures;
 use motor_hub::model::train::Train;
 use motor_hub::model::{load::Load, si};
 use motor_hub::motion::Pidf;
@@ -65,6 +66,8 @@ pub(super) struct MotorTable {
     pub(super) setpoints: Vec<Spanned<SetPointTable>>,
     #[serde(default)]
     torques: Vec<Spanned<TorqueTable>>,
+    #[serde(default)]
+    heat: Vec<Spanned<HeatTable>>,
     #[serde(default)]
     encoder: Vec<Spanned<EncoderTable>>,
 }
@@ -207,6 +210,14 @@ struct TorqueTable {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+struct HeatTable {
+    at_s: f64,
+    winding_k: TemperatureRise,
+    magnets_k: TemperatureRise,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct EncoderTable {
     at_s: f64,
     is: Option<EncoderWord>,
@@ -262,6 +273,7 @@ impl MotorTable {
             position: self.coefficients.position.map(Pidf::from),
             setpoints: timeline(&self.setpoints, duration_s, |s| s.at_s, SetPointTable::check)?,
             torques: self.torques(duration_s)?,
+            heat: timeline(&self.heat, duration_s, |h| h.at_s, HeatTable::check)?,
             encoder: timeline(&self.encoder, duration_s, |e| e.at_s, EncoderTable::check)?,
         })
     }
@@ -300,6 +312,12 @@ impl MotorTable {
         let first = Timed { at_s: 0.0, value: or(self.load.torque_nm, 0.0) };
         let changes = timeline(&self.torques, duration_s, |t| t.at_s, |t| Ok(t.torque_nm.0))?;
         Ok(std::iter::once(first).chain(changes).collect())
+    }
+}
+
+impl HeatTable {
+    fn check(&self) -> Result<Temperatures, String> {
+        Ok(Temperatures { winding_k: self.winding_k.0, magnets_k: self.magnets_k.0 })
     }
 }
 
