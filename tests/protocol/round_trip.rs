@@ -3,9 +3,9 @@
 use crate::schemes::any_scheme;
 use core::num::NonZeroU16;
 use motor_hub::board::Equipment;
-use motor_hub::chain::{Addresses, ChainReport};
 use motor_hub::braking::{DutyRule, Regime, Winding};
 use motor_hub::bridge::{Drive, Mode, Timing};
+use motor_hub::chain::{Addresses, ChainReport};
 use motor_hub::extension::group::{GroupCourse, GroupState};
 use motor_hub::extension::record::{Entries, Ticks};
 use motor_hub::extension::report::{

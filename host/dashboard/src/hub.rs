@@ -2,6 +2,7 @@
 
 #[cfg(feature = "server")]
 use motor_hub::protocol::Address;
+use motor_hub_client::kept_settings::ImportError;
 use motor_hub_client::{Error, Session};
 use std::fmt;
 use std::io::{Read, Write};
@@ -67,6 +68,15 @@ impl From<Error> for RequestError {
                 Self::Refused(error.to_string())
             }
             error => Self::Hub(error),
+        }
+    }
+}
+
+impl From<ImportError> for RequestError {
+    fn from(error: ImportError) -> Self {
+        match error {
+            ImportError::Lost(error) => error.into(),
+            refused @ ImportError::Refused { .. } => Self::Refused(refused.to_string()),
         }
     }
 }

@@ -429,9 +429,6 @@ impl Relay {
         let Some(session) = &mut self.session else { return Ok(false) };
         let number = self.frame.number;
         if let Some(report) = session.report()? {
-            for (of, motor) in self.executor.motors.iter_mut().zip(&report.motors) {
-                of.regulator = Some(motor.regulator);
-            }
             self.frame = Frame { number, ..Frame::of(&report) };
             return Ok(true);
         }

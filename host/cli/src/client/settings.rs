@@ -4,7 +4,6 @@ use super::error::ClientError;
 use crate::output::{Failure, print, print_json};
 use dashboard::settings_file;
 use motor_hub::extension::HubFunction;
-use motor_hub::extension::Request;
 use motor_hub::extension::settings::Values;
 use motor_hub::extension::state::StoreReport;
 use motor_hub::store::{Outcome, Stored};
@@ -54,7 +53,7 @@ enum Command {
         #[arg(value_name = "FILE")]
         file: Option<PathBuf>,
     },
-    /// Puts the settings of a file in force, after checking all of them; the address is not changed
+    /// Puts all settings of a file in force, or none if the hub refuses one; the address is not changed
     Import {
         #[arg(value_name = "FILE")]
         file: PathBuf,
@@ -95,11 +94,7 @@ impl Options {
                 format!("wrote {}", file.display())
             }
             Command::Import { file, save } => {
-                for (motor, values) in read(&file)? {
-                    for values in values {
-                        session.order(Request::Set(motor, values))?;
-                    }
-                }
+                session.put_in_force(read(&file)?).map_err(Failure::work)?;
                 let in_force = format!("the settings of {} are in force", file.display());
                 if save { format!("{in_force}\n{}", saved(session)?) } else { in_force }
             }
