@@ -153,10 +153,9 @@ fn simulate(
     stop: &Arc<AtomicBool>,
 ) -> Result<(Place, Simulation), Failure> {
     let scenario = match file {
-        Some(file) => Scenario::load_for_a_host(file),
+        Some(file) => Scenario::load_for_a_host(file).map_err(Failure::input)?,
         None => Scenario::to_serve(),
     };
-    let scenario = scenario.map_err(Failure::input)?;
     // The served default scenario has no set-points to play.
     let script = file.and_then(|_| Script::of(&scenario));
     let line = serve::Line::tcp("127.0.0.1:0").map_err(Failure::work)?;

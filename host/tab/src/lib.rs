@@ -152,9 +152,8 @@ impl Simulation {
     fn new(world: World) -> Self {
         let (line, host) = serve::Line::within_process();
         let hub = async move {
-            let Ok(scenario) = Scenario::to_serve() else { return };
+            let scenario = Scenario::to_serve();
             let mut change = |now: &mut _| *now = world.interventions();
-            // The scenario of the program itself has no errors, as its tests make sure.
             let hubs = Hubs::one(Address::DEFAULT);
             let _ = serve::steps(&scenario, &hubs, line, None, &mut change, &mut |_| true).await;
         };
