@@ -8,7 +8,7 @@ use motor_hub::extension::settings::Values;
 use motor_hub::extension::state::StoreReport;
 use motor_hub::store::{Outcome, Stored};
 use motor_hub_client::line::Line;
-use motor_hub_client::reasons::why_unsaved;
+use motor_hub_client::reasons::{stored_text, why_unsaved};
 use motor_hub_client::{Error, Session};
 use serde_json::json;
 use simulated::scenario::line_and_column;
@@ -79,7 +79,7 @@ impl Options {
             Command::Load => {
                 let report = session.store(HubFunction::Load)?;
                 ended(&report)?;
-                format!("the stored settings are in force: {}", describe(&report))
+                format!("the stored settings are in force: {}", stored_text(&report))
             }
             Command::Reset => {
                 ended(&session.store(HubFunction::Reset)?)?;
@@ -106,14 +106,14 @@ impl Options {
 fn saved(session: &mut Session<Line>) -> Result<String, ClientError> {
     let report = session.store(HubFunction::Save)?;
     ended(&report)?;
-    Ok(format!("stored: {}", describe(&report)))
+    Ok(format!("stored: {}", stored_text(&report)))
 }
 
 /// Why a hub that stores settings does not keep its new address; `None` if it does, or if it stores nothing.
 pub(super) fn why_address_is_lost(session: &mut Session<Line>) -> Result<Option<String>, Error> {
     let report = session.stored_if_reported()?;
     let lost = report.filter(|report| matches!(report.stored, Stored::Later | Stored::Damaged));
-    Ok(lost.map(|report| format!("the memory has {}", describe(&report))))
+    Ok(lost.map(|report| format!("the memory has {}", stored_text(&report))))
 }
 
 /// The settings of a file for each motor.
@@ -140,19 +140,6 @@ fn ended(report: &StoreReport) -> Result<(), Failure> {
         None => return Ok(()),
     };
     Err(Failure::work(why))
-}
-
-fn describe(report: &StoreReport) -> String {
-    let StoreReport { number, version, .. } = report;
-    match report.stored {
-        Stored::Nothing => "nothing".to_owned(),
-        Stored::Whole => format!("save {number}"),
-        Stored::OneCopy => format!("save {number}; one of its two copies is damaged or older: save again"),
-        Stored::Later => format!(
-            "settings of a later firmware (version {version}), kept but not in force; `reset` erases them"
-        ),
-        Stored::Damaged => "damaged data; `reset` erases it".to_owned(),
-    }
 }
 
 fn show(report: &StoreReport, json: bool) -> Result<(), ClientError> {
@@ -184,7 +171,7 @@ fn show(report: &StoreReport, json: bool) -> Result<(), ClientError> {
         });
         return Ok(print_json(&document)?);
     }
-    let mut table = table::new(&["stored", &describe(report)], 1);
+    let mut table = table::new(&["stored", &stored_text(report)], 1);
     let in_force = match stored {
         _ if differs => "other settings, until the next reset",
         Stored::Whole | Stored::OneCopy => "the stored settings",
