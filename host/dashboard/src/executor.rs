@@ -1,6 +1,6 @@
 //! Executes orders by requests to the hub. Values out of range are refused before anything is sent.
 
-use crate::frame::{SettingsOf, scheme};
+use crate::frame::{CONFIGURABLE, SettingsOf, scheme};
 use crate::hub::{Hub, RequestError};
 use crate::requests::Order;
 use crate::settings_file::{self, shown};
@@ -77,10 +77,6 @@ pub(crate) enum Changed {
     /// The world of a simulated hub.
     World,
 }
-
-/// Groups of settings that a page changes by the names of their fields. Mode and coefficients have orders of their own.
-pub(crate) const CONFIGURABLE: [Group; 6] =
-    [Group::SetUp, Group::Timing, Group::Protection, Group::CurrentLimit, Group::Motion, Group::CurrentAlert];
 
 const LOOPS: [Loop; 2] = [Loop::Velocity, Loop::Position];
 

@@ -1,15 +1,14 @@
 //! Messages to pages: JSON objects with a `kind`. Control values and duties are shares of full control and of full duty, from
 //! -1 to 1. All other fields have their unit in the name, or are in counts and seconds.
 
-use crate::executor::CONFIGURABLE;
+use crate::chain::HubOfChain;
+use crate::devices::{Has, PinIs, Reading, Seen, ServoIs, Transfer};
 use crate::hub::Hub;
 use crate::proposal::{catalogue_motor, inertia_ratio};
 use crate::update::Progress;
-use crate::world::WorldIs;
 use motor_hub::braking::{OperatingPoint, Points, Scheme, Winding};
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
-use motor_hub::extension::settings::{Field, Form, MotorSettings, Zero};
-use motor_hub::extension::state::StoreReport;
+use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Zero};
 use motor_hub::model::catalogue::motors;
 use motor_hub::model::paper;
 use motor_hub::model::si::{Ohms, Volts};
@@ -18,12 +17,11 @@ use motor_hub::protocol::Colour;
 use motor_hub::protocol::motor::Coefficients;
 use motor_hub::record::Head;
 use motor_hub::regulator::identify::Identified;
-use motor_hub::store::Stored;
 use motor_hub::units::{Acceleration, Control, CountsPerSecond, Millivolts};
 use motor_hub_client::Error;
 use motor_hub_client::explanations::explanation;
 use motor_hub_client::motor_values::MotorValues;
-use motor_hub_client::reasons::why_still;
+use motor_hub_client::reasons::{stored_text, why_still};
 use serde::Serialize;
 use serde_json::Value;
 use simulated::scheme::SchemeWords;
@@ -34,6 +32,10 @@ const MOST_CPS: f64 = 1e6;
 
 /// Highest battery voltage for which points are computed, in volts: the range of [`Millivolts`] is 65.5 V.
 const MOST_VOLTS: f64 = 60.0;
+
+/// Groups of settings that a page changes by the names of their fields. Mode and coefficients have orders of their own.
+pub(crate) const CONFIGURABLE: [Group; 6] =
+    [Group::SetUp, Group::Timing, Group::Protection, Group::CurrentLimit, Group::Motion, Group::CurrentAlert];
 
 /// All messages to pages.
 #[derive(Clone, Debug, Serialize)]
@@ -64,7 +66,31 @@ pub(crate) enum Message {
         reports: bool,
         /// True if the hub can store its settings.
         stores: bool,
+        /// What the hub has besides motors; `None` if the hub does not report it.
+        has: Option<Has>,
     },
+    /// Sent when the hubs of a chain, or what they do, have changed.
+    Hubs {
+        /// The hubs, the parent first.
+        hubs: Vec<HubOfChain>,
+    },
+    /// State of the servo outputs.
+    Servos {
+        /// By number.
+        servos: Vec<ServoIs>,
+    },
+    /// What the hub measures.
+    Analog {
+        /// All channels.
+        channels: Vec<Reading>,
+    },
+    /// State of the digital pins.
+    Pins {
+        /// The pins that the hub has.
+        pins: Vec<PinIs>,
+    },
+    /// Result of a transfer on an I2C bus.
+    Transfer(Transfer),
     /// A notice for the user.
     Notice {
         /// Text of the notice.
@@ -98,7 +124,7 @@ pub(crate) enum Message {
     /// Sent while new firmware is sent to the hub, and at its end.
     Update(Progress),
     /// Sent when a simulated hub's world has changed.
-    World(WorldIs),
+    World(Value),
 }
 
 /// What a hub is, and what it has stored.
@@ -111,7 +137,7 @@ pub(crate) struct HubStatus {
     /// Colour of the lamp: red, green and blue.
     pub(crate) led: [u8; 3],
     /// What is stored; `None` if the hub stores nothing.
-    pub(crate) stored: Option<&'static str>,
+    pub(crate) stored: Option<String>,
     /// True if the stored settings differ from the settings in force.
     pub(crate) differs: bool,
 }
@@ -124,20 +150,9 @@ impl HubStatus {
             address: session.address(),
             version: session.version()?,
             led: [red, green, blue],
-            stored: report.as_ref().map(stored_words),
+            stored: report.as_ref().map(stored_text),
             differs: report.is_some_and(|report| report.differs),
         })
-    }
-}
-
-/// What the hub has stored, in words.
-pub(crate) const fn stored_words(report: &StoreReport) -> &'static str {
-    match report.stored {
-        Stored::Nothing => "nothing",
-        Stored::Whole => "settings, in two copies",
-        Stored::OneCopy => "settings; one of the two copies is damaged or older: save again",
-        Stored::Later => "settings of a later firmware, which are not in force; Reset deletes them",
-        Stored::Damaged => "damaged data; Reset deletes it",
     }
 }
 
@@ -375,6 +390,16 @@ impl Message {
     pub(crate) fn text(&self) -> Arc<str> {
         // Serializing plain data cannot fail.
         serde_json::to_string(self).unwrap_or_default().into()
+    }
+}
+
+impl From<Seen> for Message {
+    fn from(seen: Seen) -> Self {
+        match seen {
+            Seen::Servos(servos) => Self::Servos { servos },
+            Seen::Analog(channels) => Self::Analog { channels },
+            Seen::Pins(pins) => Self::Pins { pins },
+        }
     }
 }
 

@@ -31,7 +31,7 @@ fn axe() -> Option<String> {
 }
 
 /// Chooses a theme with the page's own button.
-fn theme(tab: &mut Tab<'_>, wanted: &str) {
+pub(crate) fn theme(tab: &mut Tab<'_>, wanted: &str) {
     for _ in 0..3 {
         if tab.ask("document.querySelector('#theme').dataset.chosen") == wanted {
             return;

@@ -4,7 +4,7 @@
 import { h, say } from "./dom.js";
 import { select } from "./list.js";
 import { limited, scale } from "./motors.js";
-import { inControl, on, state } from "./state.js";
+import { inControl, on, onLeave, state } from "./state.js";
 
 /** @param {any} link */
 export function jogForm(link) {
@@ -48,8 +48,7 @@ export function jogForm(link) {
       oncontextmenu: (/** @type {Event} */ event) => event.preventDefault(),
     }, words);
   });
-  addEventListener("blur", leave);
-  document.addEventListener("visibilitychange", leave);
+  onLeave(leave);
   // STOP, and whatever else has switched the motors off.
   on("notice", ({ grave }) => { if (grave) driven = []; });
 
