@@ -1,7 +1,8 @@
 //! The hubs on one line: a parent, and the hubs of the chain behind it. One hub is shown in full. The others are asked in turn
 //! what they do, which also keeps their motors enabled.
 //!
-//! A hub that does not answer is not asked again until a page chooses it, so that a lost hub delays no other hub.
+//! A hub that does not answer is not asked again until a page chooses it, so that a lost hub delays no other hub. If it was shown,
+//! the first hub is shown instead.
 
 use crate::hub::Hub;
 use motor_hub::protocol::{Address, CHANNELS};
@@ -55,6 +56,19 @@ impl Chain {
     /// True if a motor of a hub that is not shown was enabled when it was asked last.
     pub(crate) fn others_run(&self) -> bool {
         self.hubs.iter().any(|hub| !hub.shown && !hub.running.is_empty())
+    }
+
+    /// Continues the session with the first hub, because the hub that is shown does not answer.
+    pub(crate) fn give_up(&mut self, session: &mut Hub) {
+        let Some(first) = self.hubs.first().and_then(|hub| Address::new(hub.address)) else { return };
+        session.talk_to(first);
+        for hub in &mut self.hubs {
+            if hub.shown {
+                (hub.shown, hub.lost) = (false, true);
+                hub.running.clear();
+            }
+            hub.shown = hub.address == first.get();
+        }
     }
 
     /// Continues the session with another hub of the chain.
@@ -117,12 +131,14 @@ impl Chain {
     ///
     /// # Errors
     /// A hub does not confirm.
-    pub(crate) fn stop(&self, session: &mut Hub) -> Result<(), Error> {
+    pub(crate) fn stop(&mut self, session: &mut Hub) -> Result<(), Error> {
         if self.hubs.len() < 2 {
             return session.fail_safe();
         }
         let known: Vec<u8> = self.hubs.iter().filter(|hub| !hub.lost).map(|hub| hub.address).collect();
-        session.stop_hubs(&known)
+        session.stop_hubs(&known)?;
+        self.hubs.iter_mut().for_each(|hub| hub.running.clear());
+        Ok(())
     }
 
     /// The hubs, if there is more than one.

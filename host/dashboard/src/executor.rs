@@ -1,6 +1,6 @@
 //! Executes orders by requests to the hub. Values out of range are refused before anything is sent.
 
-use crate::frame::{CONFIGURABLE, SettingsOf, scheme};
+use crate::frame::{CONFIGURABLE, scheme, settings_of};
 use crate::hub::{Hub, RequestError};
 use crate::requests::Order;
 use crate::settings_file::{self, shown};
@@ -231,12 +231,12 @@ impl Executor {
     }
 
     /// Settings of a motor, as a message to pages.
-    pub(crate) fn settings(&mut self, session: &mut Hub, motor: u8) -> Result<SettingsOf, Error> {
+    pub(crate) fn settings(&mut self, session: &mut Hub, motor: u8) -> Result<Value, Error> {
         let settings = session.settings(motor)?;
         let loops = [session.coefficients(motor, LOOPS[0])?, session.coefficients(motor, LOOPS[1])?];
         let index = usize::from(motor);
         let undoable = self.motors.get(index).map_or(0, |of| of.undo.len());
-        Ok(SettingsOf::new(index, &settings, loops, undoable))
+        Ok(settings_of(index, &settings, loops, undoable))
     }
 }
 

@@ -5,7 +5,7 @@ use crate::chain::Chain;
 use crate::devices::{Devices, Has};
 use crate::executor::{Changed, Executor, channel};
 use crate::frame::{
-    FaultEntry, Found, Frame, HubStatus, Learned, Message, MotorState, PointsAt, Welcome, refused,
+    Found, Frame, Learned, Message, MotorState, PointsAt, Welcome, fault_entry, refused, status,
 };
 use crate::hub::{Hub, Opened, RequestError};
 use crate::outbox::Outbox;
@@ -239,9 +239,9 @@ impl Relay {
             }
             Order::Faults => {
                 let (_, heads) = session.recorded()?.ok_or("this hub keeps no record of faults")?;
-                Message::Faults { entries: heads.iter().map(FaultEntry::of).collect() }
+                Message::Faults { entries: heads.iter().map(fault_entry).collect() }
             }
-            Order::Status => Message::Status(HubStatus::read(session)?),
+            Order::Status => Message::Status(status(session)?),
             Order::Look(at) => self.devices.look(session, at)?.into(),
             _ => Message::File { name: "motor-hub-settings.toml", text: settings_file::export(session)? },
         })
@@ -277,6 +277,11 @@ impl Relay {
                 _ => Err("there is no scenario to play: start the dashboard with --scenario FILE".into()),
             },
             Order::Firmware { offset, ref hex } => self.collect(offset, hex),
+            // A hub that restarts is silent, and counts as lost in a chain.
+            Order::Update { .. } if !self.chain.shows_the_first() => {
+                Err("a hub behind another one is updated by a dashboard that is started with its --address"
+                    .into())
+            }
             Order::Update { ref version, ref seal } => {
                 let image = std::mem::take(&mut self.firmware);
                 Update::begin(session, image, version, seal.as_ref()).map(|update| {
@@ -406,6 +411,9 @@ impl Relay {
         match self.look() {
             Ok(true) => (),
             Ok(false) => return,
+            Err(error @ Error::Silent { .. }) if !self.chain.shows_the_first() => {
+                return self.give_up(&error);
+            }
             Err(error) => return self.lose(&error.to_string()),
         }
         let now = Instant::now();
@@ -442,6 +450,17 @@ impl Relay {
         let found = found.map(Message::Transfer);
         found.into_iter().chain(news).for_each(|message| self.tell(&message.text()));
         Ok(())
+    }
+
+    /// Shows the first hub instead of one behind it that does not answer. The keep-alive of that hub disables its motors.
+    fn give_up(&mut self, silent: &Error) {
+        let Some(session) = &mut self.session else { return };
+        self.chain.give_up(session);
+        (self.learning, self.playing, self.saving) = (None, None, None);
+        match self.meet() {
+            Ok(()) => self.tell(&Message::Notice { text: silent.to_string(), grave: false }.text()),
+            Err(error) => self.lose(&error.to_string()),
+        }
     }
 
     /// Shows another hub of the chain.

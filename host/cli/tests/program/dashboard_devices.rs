@@ -15,7 +15,7 @@ fn look(tab: &mut Tab<'_>, name: &str) {
         tab.resize(width, height);
         for wanted in ["light", "dark"] {
             theme(tab, wanted);
-            std::thread::sleep(Duration::from_millis(300));
+            std::thread::sleep(Duration::from_millis(200));
             assert_eq!(unobstructed(tab), Vec::<String>::new(), "{name} at {width}x{height}");
             tab.picture(&pictures().join(format!("{name}-{width}-{wanted}.png")), width < 500);
         }
@@ -32,19 +32,18 @@ fn servos_run_until_stop() {
         tab.wait(&format!("document.querySelector('{run}').checkVisibility()"));
         tab.click(run);
         tab.wait(&is(true));
-        look(tab, "servos");
         tab.press(ESCAPE);
         tab.wait(&is(false));
     });
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn analog_inputs_are_shown_and_pins_are_outputs_until_stop() {
     with_page("pins", |tab| {
         tab.click("#tab-devices");
         open(tab, "Analog inputs");
         tab.wait("document.querySelector('#analog').textContent.includes('analog input 3')");
-        look(tab, "analog");
         open(tab, "Digital pins");
         tab.wait("document.querySelector('#pin-3')?.parentElement.textContent.includes('reads high')");
         tab.fill("#pin-3", "low");
@@ -56,6 +55,7 @@ fn analog_inputs_are_shown_and_pins_are_outputs_until_stop() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn devices_on_an_i2c_bus_are_found_read_and_written() {
     with_page("i2c", |tab| {
         tab.click("#tab-devices");
@@ -79,6 +79,7 @@ fn devices_on_an_i2c_bus_are_found_read_and_written() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn a_chain_shows_what_each_hub_does_and_has_one_stop() {
     let Some(program) = find() else { return };
     let _alone = alone();
@@ -91,8 +92,6 @@ fn a_chain_shows_what_each_hub_does_and_has_one_stop() {
     tab.click("#hubs button:nth-child(2)");
     tab.wait("document.querySelector('#motors .card').textContent.startsWith('Motor 3:0')");
     drive(&mut tab, 0, 600);
-    // The motor of the first hub has the hub's keep-alive, which ends 2.5 s after the last request.
-    std::thread::sleep(Duration::from_secs(3));
     tab.wait(
         "dashboard.state.hubs[0].running.join() === '1' && dashboard.state.hubs[1].running.join() === '0'",
     );

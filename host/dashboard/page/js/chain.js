@@ -1,7 +1,7 @@
 // The hubs of a chain: one is shown in full, and the others with what their motors do. STOP stops the motors of all.
 
 import { by, h } from "./dom.js";
-import { inControl, on, state, tell } from "./state.js";
+import { inControl, on, onControl, state, tell } from "./state.js";
 
 /** What a hub does, in words. */
 function does(/** @type {any} */ { lost, running, fault }) {
@@ -25,5 +25,5 @@ export function startChain(link) {
     }, `Hub ${hub.address}${index ? "" : ", parent"}`, h("small", {}, does(hub)))));
   }
   on("hubs", show);
-  for (const what of ["control", "open", "line"]) on(what, show);
+  onControl(show);
 }

@@ -4,7 +4,7 @@
 import { by, h, part, say } from "./dom.js";
 import { select } from "./list.js";
 import { labelled } from "./slider.js";
-import { inControl, on, state } from "./state.js";
+import { mayOrder, on, state } from "./state.js";
 import { number } from "./units.js";
 
 /** Interval between two looks at devices in sight, in milliseconds. */
@@ -44,7 +44,7 @@ export function devicesPanel(link) {
     look();
   }
   function allow() {
-    const may = inControl() && state.connected;
+    const may = mayOrder();
     for (const { allow } of Object.values(parts)) allow(may);
   }
   on("line", fit);

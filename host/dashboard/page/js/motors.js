@@ -4,7 +4,7 @@
 import { by, h, say } from "./dom.js";
 import { select } from "./list.js";
 import { slider } from "./slider.js";
-import { choose, inControl, motorName, on, state } from "./state.js";
+import { choose, mayOrder, motorName, on, onControl, state } from "./state.js";
 import { freeSpeed, fromCps, number, speed, speedUnit, toCps } from "./units.js";
 
 /** Shortest interval between two set-points of a dragged slider, in milliseconds. */
@@ -213,7 +213,7 @@ function show(/** @type {any} */ card, /** @type {any} */ motor) {
 }
 
 function allow() {
-  const may = inControl() && state.connected;
+  const may = mayOrder();
   for (const card of cards) for (const element of [card.run, card.mode, card.slider.input, card.number]) element.disabled = !may;
 }
 
@@ -236,6 +236,6 @@ export function startMotors(/** @type {any} */ to) {
     card.element.classList.toggle("chosen", card.motor === state.chosen);
     card.choose.setAttribute("aria-pressed", String(card.motor === state.chosen));
   }));
-  for (const what of ["control", "open", "line"]) on(what, allow);
+  onControl(allow);
   allow();
 }

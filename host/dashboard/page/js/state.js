@@ -54,6 +54,14 @@ export function onLeave(leave) {
 
 export const inControl = () => state.open && state.controller === state.you;
 
+/** True if this page may give orders to the hub. */
+export const mayOrder = () => inControl() && state.connected;
+
+/** Calls `allow` when {@link mayOrder} may have changed. @param {() => void} allow */
+export function onControl(allow) {
+  for (const what of ["control", "open", "line"]) on(what, allow);
+}
+
 /** @param {number} motor */
 export function choose(motor) {
   state.chosen = motor;
