@@ -500,7 +500,14 @@ fn motors_of_a_hub_that_is_not_shown_stop_with_the_page() {
     runs(&mut page, [&[0], &[3]]);
     assert_eq!(page.refused("hub", json!({ "address": 9 })), "there is no hub 9 on this line");
     drop(page);
-    runs(&mut Page::open(&dashboard), [&[], &[]]);
+    let mut page = Page::open(&dashboard);
+    runs(&mut page, [&[], &[]]);
+    // Each hub is asked again what it does.
+    let end = Instant::now() + Duration::from_secs(1);
+    while Instant::now() < end {
+        let message = page.hear().unwrap_or_default();
+        assert!((0..2).all(|hub| message["kind"] != "hubs" || message["hubs"][hub]["running"] == json!([])));
+    }
 }
 
 #[test]
