@@ -41,7 +41,7 @@ const LONGEST: usize = 192;
 /// # Errors
 /// None, as a test makes sure.
 pub fn scenario() -> Result<Scenario, ScenarioError> {
-    let mut scenario = Scenario::to_serve()?;
+    let mut scenario = Scenario::to_serve();
     if let Ok(motor) = characterised("AM 60 A") {
         let motor = motor.with_measured_rotor_inertia();
         scenario.motors.iter_mut().for_each(|plan| *plan = plan.with_constants(motor));

@@ -17,10 +17,11 @@ mod file;
 mod other_motor;
 mod types;
 
-use motor_hub::braking::Scheme;
-use motor_hub::model::catalogue::characterised;
+use motor_hub::model::battery::Battery;
+use motor_hub::model::catalogue::{self, characterised};
 use motor_hub::model::friction::Friction;
-use motor_hub::model::si::{NewtonMetres, Volts};
+use motor_hub::model::load::Load;
+use motor_hub::model::si::{Drag, KgM2, NewtonMetres, Ohms, Volts};
 use std::path::Path;
 
 pub use error::{ScenarioError, line_and_column};
@@ -70,19 +71,32 @@ impl Scenario {
     /// The served scenario without a file: motors and loads of the default scenario, without torques, all under Scheme A.
     /// Dry friction stops the motors about as soon as real gear motors. A NeveRest 20 drives the fan.
     ///
-    /// # Errors
-    /// None, as a test makes sure.
-    pub fn to_serve() -> Result<Self, ScenarioError> {
-        let mut scenario = Self::default_one()?.undisturbed();
-        if let (Some(fan), Ok(motor)) = (scenario.motors.last_mut(), characterised(SERVED_FAN)) {
-            *fan = fan.with_constants(motor.with_measured_rotor_inertia());
-        }
-        for motor in &mut scenario.motors {
-            motor.scheme = Scheme::A;
+    /// The scenario is not read from a file, so that a program that only serves it holds no parser of scenario files.
+    #[must_use]
+    pub fn to_serve() -> Self {
+        let constants = |name: &str| characterised(name).map(catalogue::Motor::with_measured_rotor_inertia);
+        let served = |(label, name, inertia, drag): (&str, &str, f64, f64)| {
+            let load = Load {
+                inertia_after: KgM2(inertia),
+                drag_after: Drag(drag),
+                torque_after: NewtonMetres(0.0),
+            };
+            let motor = Motor::new(constants(name).ok()?, load);
+            let mut motor =
+                if label == "fan" { motor.with_constants(constants(SERVED_FAN).ok()?) } else { motor };
+            (motor.label, motor.torques) = (label.to_owned(), Vec::new());
             let stall = motor.constants.stall_torque(Volts(12.0));
             motor.constants.friction = Friction::with_coulomb(NewtonMetres(SERVED_FRICTION * stall.0));
-        }
-        Ok(scenario)
+            Some(motor)
+        };
+        let motors = [
+            ("flywheel", "AM 20 A", 0.006, 0.0),
+            ("winch", "AM 60 A", 0.05, 0.0),
+            ("arm", "AM 40 C", 0.02, 0.005),
+            ("fan", "AM 3.7 B", 0.0004, 0.0005),
+        ];
+        let battery = Battery { emf: Volts(12.6), resistance: Ohms(0.05) };
+        Self::new("Four motors", LONGEST_S, battery, motors.into_iter().filter_map(served).collect())
     }
 
     /// The program's own scenario.

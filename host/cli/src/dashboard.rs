@@ -1,7 +1,7 @@
 //! `motor-hub dashboard`: shows a hub in a browser.
 
 use crate::output::{Failure, print, say};
-use crate::parse::{address, host_and_port};
+use crate::parse::{address, host_and_port, whole};
 use crate::serve::stop_flag;
 use dashboard::admission::PublicUrl;
 use dashboard::scenario_player::Script;
@@ -47,6 +47,10 @@ pub(crate) struct Options {
     /// Scenario file (TOML) with motors, loads and battery of the simulated hub; the page can play its set-points
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
+    /// Number of simulated hubs in a chain, 1 to 4, with the addresses from 2; the page shows one in full, and what the others do
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with_all = ["port", "tcp"])]
+    #[arg(value_parser = whole("a number of hubs", 1..=4_u8, ""))]
+    hubs: u8,
     /// File for the simulated hub's stored settings, which outlast the program; created if it does not exist
     #[arg(long, value_name = "FILE", conflicts_with_all = ["port", "tcp"])]
     store: Option<PathBuf>,
@@ -83,7 +87,8 @@ impl Options {
             Some(place) => (real(place, self.address), None),
             None => {
                 let memory = self.store.as_deref().map(Memory::open).transpose().map_err(Failure::input)?;
-                let (place, simulation) = simulate(self.scenario.as_deref(), self.address, memory, &stop)?;
+                let (place, simulation) =
+                    simulate(self.scenario.as_deref(), self.hubs, self.address, memory, &stop)?;
                 (place, Some(simulation))
             }
         };
@@ -148,15 +153,15 @@ type Simulation = JoinHandle<Result<(), simulated::sim::RunError>>;
 /// Runs a simulated hub in its own thread, on a TCP port of this machine.
 fn simulate(
     file: Option<&Path>,
+    hubs: u8,
     address: Option<Address>,
     memory: Option<Memory>,
     stop: &Arc<AtomicBool>,
 ) -> Result<(Place, Simulation), Failure> {
     let scenario = match file {
-        Some(file) => Scenario::load_for_a_host(file),
+        Some(file) => Scenario::load_for_a_host(file).map_err(Failure::input)?,
         None => Scenario::to_serve(),
     };
-    let scenario = scenario.map_err(Failure::input)?;
     // The served default scenario has no set-points to play.
     let script = file.and_then(|_| Script::of(&scenario));
     let line = serve::Line::tcp("127.0.0.1:0").map_err(Failure::work)?;
@@ -165,9 +170,10 @@ fn simulate(
     let (changes, stop) = (world.clone(), Arc::clone(stop));
     let name = if file.is_some() { scenario.name.clone() } else { DEFAULT_NAME.to_owned() };
     let simulation = std::thread::spawn(move || {
+        let addresses = (Address::DEFAULT.get()..).take(hubs.into()).filter_map(Address::new);
         serve::run(
             &scenario,
-            &Hubs::one(Address::DEFAULT),
+            &Hubs::chain(addresses.collect()),
             line,
             memory,
             &mut |now| *now = changes.interventions(),

@@ -93,9 +93,10 @@ impl Options {
         }
         let hubs = self.hubs()?;
         let memory = self.store.as_deref().map(Memory::open).transpose().map_err(Failure::input)?;
-        self.serving.execute(Scenario::to_serve, |scenario, line, show| {
-            serve::run(scenario, &hubs, line, memory, &mut |_| (), show)
-        })
+        self.serving.execute(
+            || Ok(Scenario::to_serve()),
+            |scenario, line, show| serve::run(scenario, &hubs, line, memory, &mut |_| (), show),
+        )
     }
 
     fn hubs(&self) -> Result<Hubs, Failure> {

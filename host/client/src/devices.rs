@@ -26,15 +26,52 @@ use crate::{Error, Session};
 use motor_hub::board::Equipment;
 use motor_hub::extension::HubFunction;
 use motor_hub::protocol::Nack;
-use motor_hub::protocol::answers::{I2cRead, I2cWritten};
+use motor_hub::protocol::answers::{I2cRead, I2cStatus, I2cWritten};
 use motor_hub::protocol::payload::{Text, WordFrom};
 use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput, ToPin};
-use motor_hub::protocol::requests::{AdcChannel, ToHub};
+use motor_hub::protocol::requests::{AdcChannel, BATTERY, RAIL, TEMPERATURE, ToHub};
 use std::io::{Read, Write};
 use std::time::Duration;
 
 /// Time-out of an I2C transfer. A hub of this project ends every transfer within 50 ms.
 const TRANSFER: Duration = Duration::from_millis(500);
+
+/// Lowest and highest address of a device on an I2C bus; the others are reserved.
+pub const I2C_ADDRESSES: (u8, u8) = (0x08, 0x77);
+
+/// A channel of the hub's ADC.
+#[derive(Clone, Copy, Debug)]
+pub struct Channel {
+    /// Number of the channel.
+    pub number: AdcChannel,
+    /// Name for people.
+    pub name: &'static str,
+    /// Key for programs, with the unit.
+    pub key: &'static str,
+    /// Unit of the value.
+    pub unit: &'static str,
+    /// Value of one unit of the protocol, in `unit`.
+    pub scale: f64,
+}
+
+/// The channels that the hub's inputs, its supplies and its temperature have.
+pub fn channels() -> impl Iterator<Item = Channel> {
+    let channels = [
+        (0, "analog input 0", "input_0_v", "V", 1e-3),
+        (1, "analog input 1", "input_1_v", "V", 1e-3),
+        (2, "analog input 2", "input_2_v", "V", 1e-3),
+        (3, "analog input 3", "input_3_v", "V", 1e-3),
+        (4, "current of digital pins", "digital_a", "A", 1e-3),
+        (5, "current of I2C buses", "i2c_a", "A", 1e-3),
+        (6, "current of servos", "servos_a", "A", 1e-3),
+        (RAIL.get(), "5 V rail", "rail_v", "V", 1e-3),
+        (BATTERY.get(), "battery", "battery_v", "V", 1e-3),
+        (TEMPERATURE.get(), "temperature", "temperature_c", "\u{b0}C", 0.1),
+    ];
+    channels.into_iter().filter_map(|(number, name, key, unit, scale)| {
+        Some(Channel { number: AdcChannel::new(number)?, name, key, unit, scale })
+    })
+}
 
 /// Settings of a servo output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,6 +166,20 @@ impl<L: Read + Write> Session<L> {
             None => ToPin::ReadI2c { bus, address, count },
         };
         self.transfer(start, |session| session.ask(ToPin::PollI2cRead { bus }))
+    }
+
+    /// True if a device acknowledges its address, by a read of one byte. A text instead says what is wrong with the whole bus.
+    ///
+    /// # Errors
+    /// See [`Session::ask`], as for all commands.
+    pub fn finds_i2c(&mut self, bus: I2cBus, address: I2cAddress) -> Result<Result<bool, String>, Error> {
+        let Some(one) = I2cCount::new(1) else { return Ok(Ok(false)) };
+        match self.read_i2c(bus, address, None, one) {
+            Ok(read) if read.status == I2cStatus::NO_ADDRESS => Ok(Ok(false)),
+            Ok(read) => Ok(read.status.error().map_or(Ok(true), |error| Err(error.to_owned()))),
+            Err(Error::Refused { reason, .. }) => Ok(Err(reason.to_string())),
+            Err(error) => Err(error),
+        }
     }
 
     /// Writes 1 to 100 bytes to a device. The status of the result says whether the transfer had an error.

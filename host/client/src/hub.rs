@@ -146,13 +146,13 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// See [`Session::ask`], as for all commands.
     pub fn report(&mut self) -> Result<Option<HubReport>, Error> {
-        if self.reports_nothing {
+        if self.interfaces.reports_nothing {
             return Ok(None);
         }
         match self.ask(HubFunction::Report) {
             Ok(report) => Ok(Some(report)),
             Err(Error::Refused { .. } | Error::TooOld { .. }) => {
-                self.reports_nothing = true;
+                self.interfaces.reports_nothing = true;
                 Ok(None)
             }
             Err(error) => Err(error),
@@ -195,6 +195,7 @@ impl<L: Read + Write> Session<L> {
         let before = self.address;
         let done = self.order(Standard::SetAddress { address });
         self.address = address.get();
+        self.forget(address);
         match done {
             // The answer may be lost, or come from the new address: then the hub answers at the new address.
             Err(Error::Silent { .. }) if self.status(false).is_ok() => Ok(()),

@@ -13,6 +13,7 @@
 //! | [`hub`], [`motor`], [`base`], [`devices`] | the protocol's commands, as methods of [`Session`] |
 //! | [`motor_values`] | the reported values of a motor, for people and programs |
 //! | [`identification`] | identifying a motor, step by step |
+//! | [`kept_settings`] | settings of motors, all of them put in force or none, and restored |
 //! | [`clock`] | the clock of sessions |
 //! | [`update`] | sending and starting new firmware |
 //! | [`memory`] | a hub in memory, for tests of host programs |
@@ -57,6 +58,7 @@ pub mod error;
 pub mod explanations;
 pub mod hub;
 pub mod identification;
+pub mod kept_settings;
 pub mod line;
 pub mod memory;
 pub mod motor;

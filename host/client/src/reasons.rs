@@ -24,7 +24,7 @@ use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
 use motor_hub::extension::state::{StoreReport, UpdateReport};
 use motor_hub::motor::EncoderFault;
 use motor_hub::motor::Faults;
-use motor_hub::store::Outcome;
+use motor_hub::store::{Outcome, Stored};
 use motor_hub::supply::BusState;
 use motor_hub::units::{Control, Milliamperes};
 use motor_hub::update::{self, Booted, Phase};
@@ -42,6 +42,22 @@ pub const fn why_unsaved(report: &StoreReport) -> Option<&'static str> {
         }
         Outcome::Refused => Some("the hub's memory refused the write, or has no room for it"),
         Outcome::Lost => Some("the written data does not read back: the hub's memory is worn or missing"),
+    }
+}
+
+/// What a hub has stored.
+#[must_use]
+pub fn stored_text(StoreReport { stored, number, version, .. }: &StoreReport) -> String {
+    match stored {
+        Stored::Nothing => "nothing".to_owned(),
+        Stored::Whole => format!("save {number}"),
+        Stored::OneCopy => format!("save {number}; one of its two copies is damaged or older: save again"),
+        Stored::Later => {
+            format!(
+                "settings of a later firmware (version {version}), kept but not in force; a reset erases them"
+            )
+        }
+        Stored::Damaged => "damaged data; a reset erases it".to_owned(),
     }
 }
 

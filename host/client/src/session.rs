@@ -23,7 +23,7 @@ use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::protocol::requests::{DISCOVERY, FAIL_SAFE, InterfaceName, Standard};
 use motor_hub::protocol::{Address, BROADCAST, Decoder, HOST, Nack, Packet, Reply, frame};
 use motor_hub::units::Micros;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::io::{ErrorKind, Read, Write};
 use std::thread;
 use std::time::Duration;
@@ -68,6 +68,14 @@ pub struct Session<L> {
     /// Message number of the last request.
     number: u8,
     pub(crate) address: u8,
+    pub(crate) interfaces: Interfaces,
+    /// The interfaces of the other hubs with which the session has talked, by address.
+    others: BTreeMap<u8, Interfaces>,
+}
+
+/// What is known of a hub's interfaces.
+#[derive(Debug, Default)]
+pub(crate) struct Interfaces {
     /// Packet types of the motor interface; `None` until the hub was asked.
     motors: Option<Functions>,
     /// Packet types of the extension; `None` until the hub was asked.
@@ -108,9 +116,8 @@ impl<L: Read + Write> Session<L> {
             timeout,
             number: 0,
             address: address.get(),
-            motors: None,
-            extension: None,
-            reports_nothing: false,
+            interfaces: Interfaces::default(),
+            others: BTreeMap::new(),
         }
     }
 
@@ -120,14 +127,23 @@ impl<L: Read + Write> Session<L> {
     /// Not exactly one hub answers as parent.
     pub fn with_parent(line: L, timeout: Duration) -> Result<Self, Error> {
         let mut session = Self::new(line, Address::DEFAULT, timeout);
-        let found = session.discover()?;
+        session.find_parent()?;
+        Ok(session)
+    }
+
+    /// Discovers all hubs on the line, and continues with the hub that answers as parent.
+    ///
+    /// # Errors
+    /// Not exactly one hub answers as parent.
+    pub fn find_parent(&mut self) -> Result<Vec<Found>, Error> {
+        let found = self.discover()?;
         let parents: Vec<u8> = found.iter().filter(|hub| hub.parent).map(|hub| hub.address).collect();
         let [parent] = parents.as_slice() else {
             let addresses = Addresses(found.iter().map(|hub| hub.address).collect());
             return Err(Error::Parents { found: parents.len(), addresses });
         };
-        session.address = *parent;
-        Ok(session)
+        self.address = *parent;
+        Ok(found)
     }
 
     /// The hub's address.
@@ -143,8 +159,14 @@ impl<L: Read + Write> Session<L> {
     /// Continues with another hub on the same line.
     pub fn talk_to(&mut self, address: Address) {
         // Another hub may number its functions differently.
-        (self.address, self.motors, self.extension) = (address.get(), None, None);
-        self.reports_nothing = false;
+        let other = self.others.remove(&address.get()).unwrap_or_default();
+        self.others.insert(self.address, std::mem::replace(&mut self.interfaces, other));
+        self.address = address.get();
+    }
+
+    /// Forgets what another hub has said, whose address is given to this hub.
+    pub(crate) fn forget(&mut self, address: Address) {
+        self.others.remove(&address.get());
     }
 
     /// All hubs on the line, in the order of their answers. A hub of this project says how long to wait for hubs behind it:
@@ -178,14 +200,29 @@ impl<L: Read + Write> Session<L> {
         self.transmit(&Standard::FailSafe.into(), BROADCAST, FAIL_SAFE)?;
         let found: Vec<u8> =
             self.discover()?.iter().filter(|hub| !hub.clashing).map(|hub| hub.address).collect();
+        self.confirm_stop(&found).map(|()| found)
+    }
+
+    /// Disables the motors of all hubs on the line, of which these are known. No hub is looked for, so that the call is fast.
+    ///
+    /// # Errors
+    /// [`Error::Silent`] for the first known hub that does not confirm, after all others were stopped.
+    pub fn stop_hubs(&mut self, known: &[u8]) -> Result<(), Error> {
+        self.count();
+        self.transmit(&Standard::FailSafe.into(), BROADCAST, FAIL_SAFE)?;
+        self.confirm_stop(known)
+    }
+
+    /// Has each of these hubs confirm that its motors are disabled.
+    fn confirm_stop(&mut self, hubs: &[u8]) -> Result<(), Error> {
         let before = self.address;
-        let stopped = found.iter().map(|&address| {
+        let stopped = hubs.iter().map(|&address| {
             self.address = address;
             self.fail_safe()
         });
         let all = stopped.fold(Ok(()), Result::and);
         self.address = before;
-        all.map(|()| found)
+        all
     }
 
     /// The hubs that answer a discovery, until this time after the first answer.
@@ -290,7 +327,7 @@ impl<L: Read + Write> Session<L> {
     /// Packet type of a request. Each hub numbers its functions as it likes.
     fn id(&mut self, request: &Request) -> Result<u16, Error> {
         let Some(interface) = request.interface() else { return Ok(request.id()) };
-        let known = if interface == INTERFACE { self.extension } else { self.motors };
+        let known = if interface == INTERFACE { self.interfaces.extension } else { self.interfaces.motors };
         let functions = match known {
             Some(functions) => functions,
             None => {
@@ -298,7 +335,8 @@ impl<L: Read + Write> Session<L> {
                 self.ask(Standard::QueryInterface { name })?
             }
         };
-        *(if interface == INTERFACE { &mut self.extension } else { &mut self.motors }) = Some(functions);
+        let of = &mut self.interfaces;
+        *(if interface == INTERFACE { &mut of.extension } else { &mut of.motors }) = Some(functions);
         functions.id(request.number()).ok_or_else(|| Error::TooOld { request: Box::new(request.clone()) })
     }
 

@@ -38,6 +38,8 @@ pub const ALL: &[Asset] = assets! {
     "/vendor/uPlot.iife.min.js" JS "vendor/uPlot.iife.min.js"
     "/js/app.js" JS "js/app.js"
     "/js/bands.js" JS "js/bands.js"
+    "/js/chain.js" JS "js/chain.js"
+    "/js/devices.js" JS "js/devices.js"
     "/js/dom.js" JS "js/dom.js"
     "/js/fields.js" JS "js/fields.js"
     "/js/firmware.js" JS "js/firmware.js"

@@ -1,6 +1,6 @@
 //! Executes orders by requests to the hub. Values out of range are refused before anything is sent.
 
-use crate::frame::{SettingsOf, scheme};
+use crate::frame::{CONFIGURABLE, scheme, settings_of};
 use crate::hub::{Hub, RequestError};
 use crate::requests::Order;
 use crate::settings_file::{self, shown};
@@ -17,6 +17,7 @@ use motor_hub::protocol::{CHANNELS, Colour};
 use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
 use motor_hub_client::Error;
+use motor_hub_client::kept_settings::KeptSettings;
 use serde_json::{Map, Value};
 use simulated::hardware::winding;
 
@@ -38,24 +39,24 @@ const NO_SPEED_LIMIT: f64 = 32_767.0;
 /// Number of changes of a motor's settings that can be undone.
 const UNDOABLE: usize = 20;
 
-/// Settings of a motor before a change.
-#[derive(Clone, Debug)]
-struct Before {
-    settings: MotorSettings,
-    /// Coefficients of velocity and position loop; `None` if the model regulated the motor.
-    loops: Option<[Coefficients; 2]>,
-}
-
 /// What the server keeps of each motor.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MotorMemory {
-    undo: Vec<Before>,
+    undo: Vec<KeptSettings>,
     /// Dynamics and acceleration limit that the last identification proposes, until another motor is configured.
     pub(crate) proposed: Option<(Dynamics, Option<Acceleration>)>,
-    /// Regulator that the hub reported last.
-    pub(crate) regulator: Option<Kind>,
     /// Dynamics that were configured last, for a return to the model.
     known: Option<Dynamics>,
+}
+
+impl MotorMemory {
+    fn keep(&mut self, kept: KeptSettings) {
+        self.known = kept.settings.motor.dynamics.or(self.known);
+        self.undo.push(kept);
+        if self.undo.len() > UNDOABLE {
+            self.undo.remove(0);
+        }
+    }
 }
 
 /// Executes orders.
@@ -76,10 +77,6 @@ pub(crate) enum Changed {
     /// The world of a simulated hub.
     World,
 }
-
-/// Groups of settings that a page changes by the names of their fields. Mode and coefficients have orders of their own.
-pub(crate) const CONFIGURABLE: [Group; 6] =
-    [Group::SetUp, Group::Timing, Group::Protection, Group::CurrentLimit, Group::Motion, Group::CurrentAlert];
 
 const LOOPS: [Loop; 2] = [Loop::Velocity, Loop::Position];
 
@@ -166,7 +163,7 @@ impl Executor {
             }
             Order::Undo { motor } => {
                 let before = self.of(motor)?.undo.pop().ok_or("there is nothing to undo")?;
-                restore(session, motor, &before)?;
+                session.restore_settings(motor, &before)?;
                 motor
             }
             _ => return Err("this order is not for a motor".into()),
@@ -181,19 +178,8 @@ impl Executor {
 
     /// Keeps the present settings of a motor for undo.
     fn keep(&mut self, session: &mut Hub, motor: u8) -> Result<(), RequestError> {
-        let settings = session.settings(channel(motor)?)?;
-        let of = self.of(motor)?;
-        let loops = match of.regulator {
-            None | Some(Kind::Model) => None,
-            Some(Kind::Pid) => {
-                Some([session.coefficients(motor, LOOPS[0])?, session.coefficients(motor, LOOPS[1])?])
-            }
-        };
-        of.known = settings.motor.dynamics.or(of.known);
-        of.undo.push(Before { settings, loops });
-        if of.undo.len() > UNDOABLE {
-            of.undo.remove(0);
-        }
+        let kept = session.keep_settings(channel(motor)?)?;
+        self.of(motor)?.keep(kept);
         Ok(())
     }
 
@@ -201,44 +187,12 @@ impl Executor {
     /// restored by an undo.
     fn import(&mut self, session: &mut Hub, text: &str) -> Result<(), RequestError> {
         let document = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
-        let mut changed: Vec<u8> = Vec::new();
-        for (motor, values) in settings_file::read(document)? {
-            self.keep(session, motor)?;
-            changed.push(motor);
-            for values in values {
-                if let Err(error) = session.order(Request::Set(motor, values)) {
-                    let why = match RequestError::from(error) {
-                        RequestError::Refused(why) => why,
-                        lost => return Err(lost),
-                    };
-                    let restored = self.take_back(session, &changed)?;
-                    return Err(format!("motor {motor}: {why}; {restored}").into());
-                }
-            }
-        }
-        for motor in changed {
+        for (motor, kept) in session.put_in_force(settings_file::read(document)?)? {
             let of = self.of(motor)?;
+            of.keep(kept);
             (of.proposed, of.known) = (None, None);
         }
         Ok(())
-    }
-
-    /// Restores the settings of motors before an import, and says of which motors that failed.
-    fn take_back(&mut self, session: &mut Hub, motors: &[u8]) -> Result<String, RequestError> {
-        let mut failed = String::new();
-        for &motor in motors {
-            let Some(before) = self.of(motor)?.undo.pop() else { continue };
-            let restored = restore(session, motor, &before)
-                .and_then(|()| Ok(session.set(motor, Group::Mode, &before.settings)?));
-            match restored {
-                Ok(()) => (),
-                Err(RequestError::Refused(why)) => {
-                    failed.push_str(&format!("; motor {motor} could not be restored: {why}"));
-                }
-                Err(lost) => return Err(lost),
-            }
-        }
-        Ok(format!("the settings before the import are in force{failed}"))
     }
 
     /// Configures a motor. If `other` is false, the motor is the same one, and its motion is kept.
@@ -277,12 +231,12 @@ impl Executor {
     }
 
     /// Settings of a motor, as a message to pages.
-    pub(crate) fn settings(&mut self, session: &mut Hub, motor: u8) -> Result<SettingsOf, Error> {
+    pub(crate) fn settings(&mut self, session: &mut Hub, motor: u8) -> Result<Value, Error> {
         let settings = session.settings(motor)?;
         let loops = [session.coefficients(motor, LOOPS[0])?, session.coefficients(motor, LOOPS[1])?];
         let index = usize::from(motor);
         let undoable = self.motors.get(index).map_or(0, |of| of.undo.len());
-        Ok(SettingsOf::new(index, &settings, loops, undoable))
+        Ok(settings_of(index, &settings, loops, undoable))
     }
 }
 
@@ -483,19 +437,4 @@ fn begin_group(
         session.enable(motor, true)?;
     }
     Ok(session.move_together(first, GroupCommand::new(course, speed, limit))?)
-}
-
-fn restore(session: &mut Hub, motor: u8, before: &Before) -> Result<(), RequestError> {
-    let present = session.settings(motor)?;
-    for group in CONFIGURABLE {
-        // Coefficients override the model; a set-up drops them.
-        let always = matches!(group, Group::SetUp | Group::Motion);
-        if always || Values::of(group, &present) != Values::of(group, &before.settings) {
-            session.set(motor, group, &before.settings)?;
-        }
-    }
-    for (of, pidf) in LOOPS.into_iter().zip(before.loops.into_iter().flatten()) {
-        session.set_coefficients(motor, of, pidf)?;
-    }
-    Ok(())
 }

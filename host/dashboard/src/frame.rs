@@ -1,15 +1,14 @@
 //! Messages to pages: JSON objects with a `kind`. Control values and duties are shares of full control and of full duty, from
 //! -1 to 1. All other fields have their unit in the name, or are in counts and seconds.
 
-use crate::executor::CONFIGURABLE;
+use crate::chain::HubOfChain;
+use crate::devices::{Has, PinIs, Reading, Seen, ServoIs, Transfer};
 use crate::hub::Hub;
 use crate::proposal::{catalogue_motor, inertia_ratio};
 use crate::update::Progress;
-use crate::world::WorldIs;
 use motor_hub::braking::{OperatingPoint, Points, Scheme, Winding};
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
-use motor_hub::extension::settings::{Field, Form, MotorSettings, Zero};
-use motor_hub::extension::state::StoreReport;
+use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Zero};
 use motor_hub::model::catalogue::motors;
 use motor_hub::model::paper;
 use motor_hub::model::si::{Ohms, Volts};
@@ -18,14 +17,13 @@ use motor_hub::protocol::Colour;
 use motor_hub::protocol::motor::Coefficients;
 use motor_hub::record::Head;
 use motor_hub::regulator::identify::Identified;
-use motor_hub::store::Stored;
 use motor_hub::units::{Acceleration, Control, CountsPerSecond, Millivolts};
 use motor_hub_client::Error;
 use motor_hub_client::explanations::explanation;
 use motor_hub_client::motor_values::MotorValues;
-use motor_hub_client::reasons::why_still;
+use motor_hub_client::reasons::{stored_text, why_still};
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 use simulated::scheme::SchemeWords;
 use std::sync::Arc;
 
@@ -34,6 +32,10 @@ const MOST_CPS: f64 = 1e6;
 
 /// Highest battery voltage for which points are computed, in volts: the range of [`Millivolts`] is 65.5 V.
 const MOST_VOLTS: f64 = 60.0;
+
+/// Groups of settings that a page changes by the names of their fields. Mode and coefficients have orders of their own.
+pub(crate) const CONFIGURABLE: [Group; 6] =
+    [Group::SetUp, Group::Timing, Group::Protection, Group::CurrentLimit, Group::Motion, Group::CurrentAlert];
 
 /// All messages to pages.
 #[derive(Clone, Debug, Serialize)]
@@ -44,7 +46,7 @@ pub(crate) enum Message {
     /// Sent 50 times per second.
     Frame(Frame),
     /// Sent when the settings of a motor have changed.
-    Settings(SettingsOf),
+    Settings(Value),
     /// Sent when the page in control, the number of pages, or a request for control has changed.
     Control {
         /// Number of the page in control.
@@ -64,7 +66,31 @@ pub(crate) enum Message {
         reports: bool,
         /// True if the hub can store its settings.
         stores: bool,
+        /// What the hub has besides motors; `None` if the hub does not report it.
+        has: Option<Has>,
     },
+    /// Sent when the hubs of a chain, or what they do, have changed.
+    Hubs {
+        /// The hubs, the parent first.
+        hubs: Vec<HubOfChain>,
+    },
+    /// State of the servo outputs.
+    Servos {
+        /// By number.
+        servos: Vec<ServoIs>,
+    },
+    /// What the hub measures.
+    Analog {
+        /// All channels.
+        channels: Vec<Reading>,
+    },
+    /// State of the digital pins.
+    Pins {
+        /// The pins that the hub has.
+        pins: Vec<PinIs>,
+    },
+    /// Result of a transfer on an I2C bus.
+    Transfer(Transfer),
     /// A notice for the user.
     Notice {
         /// Text of the notice.
@@ -84,7 +110,7 @@ pub(crate) enum Message {
     /// Answer to a page that has asked for the hub's record of faults, newest first.
     Faults {
         /// Entries of the record.
-        entries: Vec<FaultEntry>,
+        entries: Vec<Value>,
     },
     /// Answer to a page that has asked for a file.
     File {
@@ -94,114 +120,51 @@ pub(crate) enum Message {
         text: String,
     },
     /// Answer to a page that has asked for the hub's status.
-    Status(HubStatus),
+    Status(Value),
     /// Sent while new firmware is sent to the hub, and at its end.
     Update(Progress),
     /// Sent when a simulated hub's world has changed.
-    World(WorldIs),
+    World(Value),
 }
 
-/// What a hub is, and what it has stored.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct HubStatus {
-    /// Address on the line.
-    pub(crate) address: u8,
-    /// Hardware and firmware.
-    pub(crate) version: String,
-    /// Colour of the lamp: red, green and blue.
-    pub(crate) led: [u8; 3],
-    /// What is stored; `None` if the hub stores nothing.
-    pub(crate) stored: Option<&'static str>,
-    /// True if the stored settings differ from the settings in force.
-    pub(crate) differs: bool,
+/// What a hub is: address, version, colour of the lamp, and what is stored, which is `null` for a hub that stores nothing.
+pub(crate) fn status(session: &mut Hub) -> Result<Value, Error> {
+    let Colour { red, green, blue } = session.led()?;
+    let report = session.stored_if_reported()?;
+    Ok(json!({
+        "address": session.address(),
+        "version": session.version()?,
+        "led": [red, green, blue],
+        "stored": report.as_ref().map(stored_text),
+        "differs": report.is_some_and(|report| report.differs),
+    }))
 }
 
-impl HubStatus {
-    pub(crate) fn read(session: &mut Hub) -> Result<Self, Error> {
-        let Colour { red, green, blue } = session.led()?;
-        let report = session.stored_if_reported()?;
-        Ok(Self {
-            address: session.address(),
-            version: session.version()?,
-            led: [red, green, blue],
-            stored: report.as_ref().map(stored_words),
-            differs: report.is_some_and(|report| report.differs),
-        })
-    }
+/// A setting of a motor, as a form shows it: a number with a range, or one of some words. The value is `null` if the setting is not
+/// configured, which only an optional one can be.
+fn field_of(field: &'static Field, settings: &MotorSettings) -> Value {
+    let raw = field.get(settings);
+    let (words, value) = match field.form {
+        Form::Words(words) => (words, field.word_of(raw).map(Value::from)),
+        Form::Steps(1) => (&[][..], Some(Value::from(raw))),
+        Form::Steps(_) => (&[][..], Some(Value::from(field.number_of(raw)))),
+    };
+    let optional = field.zero == Zero::NotConfigured;
+    let value = value.filter(|_| !(optional && raw == 0));
+    json!({ "name": field.name, "value": value, "words": words, "range": field.range(), "optional": optional })
 }
 
-/// What the hub has stored, in words.
-pub(crate) const fn stored_words(report: &StoreReport) -> &'static str {
-    match report.stored {
-        Stored::Nothing => "nothing",
-        Stored::Whole => "settings, in two copies",
-        Stored::OneCopy => "settings; one of the two copies is damaged or older: save again",
-        Stored::Later => "settings of a later firmware, which are not in force; Reset deletes them",
-        Stored::Damaged => "damaged data; Reset deletes it",
-    }
-}
-
-/// A setting of a motor, as a form shows it.
-#[derive(Clone, Debug, Serialize)]
-struct FieldOf {
-    /// Name in a settings file.
-    name: &'static str,
-    /// Number or word; `None` if the setting is not configured.
-    value: Option<Value>,
-    /// Allowed words; empty for a number.
-    words: &'static [&'static str],
-    /// Smallest and largest number.
-    range: (f64, f64),
-    /// True if the setting may be left empty.
-    optional: bool,
-}
-
-impl FieldOf {
-    fn of(field: &'static Field, settings: &MotorSettings) -> Self {
-        let raw = field.get(settings);
-        let (words, value) = match field.form {
-            Form::Words(words) => (words, field.word_of(raw).map(Value::from)),
-            Form::Steps(1) => (&[][..], Some(Value::from(raw))),
-            Form::Steps(_) => (&[][..], Some(Value::from(field.number_of(raw)))),
-        };
-        let optional = field.zero == Zero::NotConfigured;
-        Self {
-            name: field.name,
-            value: value.filter(|_| !(optional && raw == 0)),
-            words,
-            range: field.range(),
-            optional,
-        }
-    }
-}
-
-/// An entry of the hub's record of faults.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct FaultEntry {
-    fault: u8,
-    name: &'static str,
-    motor: Option<u8>,
-    /// Number of the run, counted by resets.
-    run: u16,
-    /// Time since the run's start.
-    after_s: f64,
-    times: u16,
-    /// Paragraphs: meaning, reaction of the hub, what to check.
-    explanation: [String; 3],
-}
-
-impl FaultEntry {
-    pub(crate) fn of(head: &Head) -> Self {
-        Self {
-            fault: head.fault.number(),
-            name: head.fault.name(),
-            motor: head.motor,
-            run: head.run,
-            after_s: f64::from(head.uptime_ms) / 1e3,
-            times: head.times.into(),
-            explanation: explanation(head.fault).sentences(),
-        }
-    }
+/// An entry of the hub's record of faults. The explanation has paragraphs: meaning, reaction of the hub, what to check.
+pub(crate) fn fault_entry(head: &Head) -> Value {
+    json!({
+        "fault": head.fault.number(),
+        "name": head.fault.name(),
+        "motor": head.motor,
+        "run": head.run,
+        "after_s": f64::from(head.uptime_ms) / 1e3,
+        "times": u16::from(head.times),
+        "explanation": explanation(head.fault).sentences(),
+    })
 }
 
 /// The points S, T, Z and G of a motor at a speed and a battery voltage.
@@ -228,20 +191,8 @@ pub(crate) struct Welcome {
     pub(crate) simulated: bool,
     /// True if the hub's scenario can be played.
     pub(crate) playable: bool,
-    /// All motors of the catalogue.
-    pub(crate) catalogue: Vec<Known>,
-}
-
-/// A motor of the catalogue.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Known {
-    name: &'static str,
-    /// Encoder counts in a turn of the output shaft.
-    counts_per_turn: f64,
-    /// Free speed at 12 V, in counts/s.
-    free_cps: f64,
-    emf_mv_s_per_count: f64,
-    resistance_ohm: f64,
+    /// All motors of the catalogue. A free speed is that at 12 V.
+    pub(crate) catalogue: Vec<Value>,
 }
 
 /// State of the hub at one instant.
@@ -291,40 +242,6 @@ pub(crate) struct MotorState {
     pub(crate) values: Option<MotorValues>,
 }
 
-/// Settings of a motor.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct SettingsOf {
-    /// Motor, 0 to 3.
-    pub(crate) motor: usize,
-    /// Name in the catalogue; `None` for other constants.
-    pub(crate) name: Option<&'static str>,
-    /// Encoder counts in a turn of the output shaft; `None` for a motor that is not in the catalogue.
-    pub(crate) counts_per_turn: Option<f64>,
-    emf_mv_s_per_count: f64,
-    resistance_ohm: Option<f64>,
-    scheme: SchemeWords,
-    duty: &'static str,
-    dynamics: Option<Dynamics>,
-    acceleration: Option<u32>,
-    velocity: [f64; 4],
-    position: [f64; 4],
-    /// All settings but mode and coefficients, for a form.
-    fields: Vec<FieldOf>,
-    /// Number of changes that can be undone.
-    pub(crate) undoable: usize,
-}
-
-/// Response of a motor to a voltage.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub(crate) struct Dynamics {
-    /// Acceleration per volt, in counts/s² per volt.
-    gain: f64,
-    /// Decay in 1/s.
-    decay: f64,
-    /// Friction in volts.
-    friction_v: f64,
-}
-
 /// Progress or result of an identification.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Learned {
@@ -338,6 +255,17 @@ pub(crate) struct Learned {
     pub(crate) why: Option<String>,
     /// Result of a successful identification.
     pub(crate) found: Option<Found>,
+}
+
+/// Response of a motor to a voltage.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(crate) struct Dynamics {
+    /// Acceleration per volt, in counts/s² per volt.
+    gain: f64,
+    /// Decay in 1/s.
+    decay: f64,
+    /// Friction in volts.
+    friction_v: f64,
 }
 
 /// Result of an identification.
@@ -378,6 +306,16 @@ impl Message {
     }
 }
 
+impl From<Seen> for Message {
+    fn from(seen: Seen) -> Self {
+        match seen {
+            Seen::Servos(servos) => Self::Servos { servos },
+            Seen::Analog(channels) => Self::Analog { channels },
+            Seen::Pins(pins) => Self::Pins { pins },
+        }
+    }
+}
+
 /// Message to a page whose order was not executed.
 #[must_use]
 pub(crate) fn refused(why: &str) -> Arc<str> {
@@ -388,12 +326,14 @@ impl Welcome {
     /// A welcome with all motors of the catalogue.
     #[must_use]
     pub(crate) fn new(you: u32, place: &str, simulated: bool, playable: bool) -> Self {
-        let known = motors().map(|motor| Known {
-            name: motor.name,
-            counts_per_turn: motor.counts_per_rev_output(),
-            free_cps: 12_000.0 / motor.ke_fw(),
-            emf_mv_s_per_count: motor.ke_fw(),
-            resistance_ohm: motor.r.0,
+        let known = motors().map(|motor| {
+            json!({
+                "name": motor.name,
+                "counts_per_turn": motor.counts_per_rev_output(),
+                "free_cps": 12_000.0 / motor.ke_fw(),
+                "emf_mv_s_per_count": motor.ke_fw(),
+                "resistance_ohm": motor.r.0,
+            })
         });
         Self { you, place: place.to_owned(), simulated, playable, catalogue: known.collect() }
     }
@@ -437,42 +377,35 @@ impl MotorState {
     }
 }
 
-impl SettingsOf {
-    /// The settings as the hub reports them.
-    #[must_use]
-    pub(crate) fn new(
-        motor: usize,
-        settings: &MotorSettings,
-        loops: [Coefficients; 2],
-        undoable: usize,
-    ) -> Self {
-        let number = |name| Field::named(name).map_or(0.0, |field| field.number_of(field.get(settings)));
-        let (emf, ohms) = (number("emf_mv_s_per_count"), number("resistance_ohm"));
-        let known = catalogue_motor(&settings.motor).map(|(known, _)| known);
-        let [velocity, position] = loops.map(|Coefficients { p, i, d, f, .. }| {
-            [p, i, d, f].map(|coefficient| f64::from(coefficient.to_bits()) / f64::from(1 << 16))
-        });
-        let duty = Field::named("duty").and_then(|field| field.word_of(field.get(settings)));
-        Self {
-            motor,
-            name: known.map(|known| known.name),
-            counts_per_turn: known.map(|known| known.counts_per_rev_output()),
-            emf_mv_s_per_count: emf,
-            resistance_ohm: Some(ohms),
-            scheme: SchemeWords(settings.motor.scheme),
-            duty: duty.unwrap_or_default(),
-            dynamics: settings.motor.dynamics.map(Dynamics::of),
-            acceleration: settings.motor.acceleration.map(Acceleration::get),
-            velocity,
-            position,
-            fields: CONFIGURABLE
-                .iter()
-                .flat_map(|group| group.fields())
-                .map(|field| FieldOf::of(field, settings))
-                .collect(),
-            undoable,
-        }
-    }
+/// The settings of a motor as the hub reports them. Name and counts are `null` for a motor that is not in the catalogue.
+pub(crate) fn settings_of(
+    motor: usize,
+    settings: &MotorSettings,
+    loops: [Coefficients; 2],
+    undoable: usize,
+) -> Value {
+    let number = |name| Field::named(name).map_or(0.0, |field| field.number_of(field.get(settings)));
+    let known = catalogue_motor(&settings.motor).map(|(known, _)| known);
+    let [velocity, position] = loops.map(|Coefficients { p, i, d, f, .. }| {
+        [p, i, d, f].map(|coefficient| f64::from(coefficient.to_bits()) / f64::from(1 << 16))
+    });
+    let duty = Field::named("duty").and_then(|field| field.word_of(field.get(settings)));
+    let fields = CONFIGURABLE.iter().flat_map(|group| group.fields()).map(|field| field_of(field, settings));
+    json!({
+        "motor": motor,
+        "name": known.map(|known| known.name),
+        "counts_per_turn": known.map(|known| known.counts_per_rev_output()),
+        "emf_mv_s_per_count": number("emf_mv_s_per_count"),
+        "resistance_ohm": number("resistance_ohm"),
+        "scheme": SchemeWords(settings.motor.scheme),
+        "duty": duty,
+        "dynamics": settings.motor.dynamics.map(Dynamics::of),
+        "acceleration": settings.motor.acceleration.map(Acceleration::get),
+        "velocity": velocity,
+        "position": position,
+        "fields": fields.collect::<Vec<_>>(),
+        "undoable": undoable,
+    })
 }
 
 impl Dynamics {

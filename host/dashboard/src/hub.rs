@@ -1,10 +1,11 @@
 //! A session with a hub, and errors of its requests.
 
-#[cfg(feature = "server")]
 use motor_hub::protocol::Address;
+use motor_hub_client::kept_settings::ImportError;
 use motor_hub_client::{Error, Session};
 use std::fmt;
 use std::io::{Read, Write};
+use std::time::Duration;
 
 /// Bytes to and from a hub. A read without bytes fails soon as `WouldBlock` or `TimedOut`.
 pub trait Port: Read + Write + Send + fmt::Debug {}
@@ -14,19 +15,50 @@ impl<T: Read + Write + Send + fmt::Debug> Port for T {}
 /// A session with a hub on any kind of line.
 pub type Hub = Session<Box<dyn Port>>;
 
+/// A session that is open, and the hubs on its line.
+#[derive(Debug)]
+pub struct Opened {
+    /// The session, with the hub that is shown first.
+    pub session: Hub,
+    /// Addresses of the hubs, the first one first.
+    pub hubs: Vec<u8>,
+}
+
+impl Opened {
+    /// Finds the parent on a line, and the hubs behind the parent.
+    ///
+    /// # Errors
+    /// Not exactly one hub answers as parent.
+    pub fn with_parent(line: Box<dyn Port>, timeout: Duration) -> Result<Self, Error> {
+        let mut session = Session::new(line, Address::DEFAULT, timeout);
+        let found = session.find_parent()?;
+        let mut found: Vec<_> = found.iter().filter(|hub| !hub.clashing).collect();
+        found.sort_by_key(|hub| (!hub.parent, hub.address));
+        let hubs = found.iter().map(|hub| hub.address).collect();
+        Ok(Self { session, hubs })
+    }
+}
+
+impl From<Hub> for Opened {
+    /// A session with the only hub.
+    fn from(session: Hub) -> Self {
+        Self { hubs: vec![session.address()], session }
+    }
+}
+
 /// Opens a session with a hub at `HOST:PORT` or on a serial port, as [`Session::open`]: with the hub that has this address, or
 /// with the parent.
 ///
 /// # Errors
 /// The line cannot be opened, or without an address not exactly one hub answers as parent.
 #[cfg(feature = "server")]
-pub fn open(place: &str, address: Option<Address>) -> Result<Hub, motor_hub_client::OpenError> {
+pub fn open(place: &str, address: Option<Address>) -> Result<Opened, motor_hub_client::OpenError> {
     /// Time-out of answers.
-    const TIMEOUT: std::time::Duration = std::time::Duration::from_secs(1);
+    const TIMEOUT: Duration = Duration::from_secs(1);
     let line: Box<dyn Port> = Box::new(motor_hub_client::Line::open(place, TIMEOUT)?);
     Ok(match address {
-        Some(address) => Session::new(line, address, TIMEOUT),
-        None => Session::with_parent(line, TIMEOUT)?,
+        Some(address) => Session::new(line, address, TIMEOUT).into(),
+        None => Opened::with_parent(line, TIMEOUT)?,
     })
 }
 
@@ -67,6 +99,15 @@ impl From<Error> for RequestError {
                 Self::Refused(error.to_string())
             }
             error => Self::Hub(error),
+        }
+    }
+}
+
+impl From<ImportError> for RequestError {
+    fn from(error: ImportError) -> Self {
+        match error {
+            ImportError::Lost(error) => error.into(),
+            refused @ ImportError::Refused { .. } => Self::Refused(refused.to_string()),
         }
     }
 }

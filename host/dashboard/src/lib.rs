@@ -9,7 +9,9 @@
 //! | module | contents |
 //! |---|---|
 //! | [`relay`] | owns the hub: sends 50 frames per second and executes orders |
-//! | [`hub`] | a session with a hub, and errors of its requests |
+//! | [`hub`] | a session with the hubs on a line, and errors of its requests |
+//! | `chain` | which hub of a chain is shown, and what the others do |
+//! | `devices` | servos, analog inputs, digital pins and I2C buses of a hub |
 //! | [`pages`] | which page is in control, and whether that page is still open |
 //! | [`requests`], `executor` | orders of pages, and their execution |
 //! | `frame`, [`mod@outbox`] | messages to pages, and messages that wait for a page |
@@ -42,6 +44,8 @@
 #[cfg(feature = "server")]
 pub mod admission;
 pub mod assets;
+mod chain;
+mod devices;
 mod executor;
 mod frame;
 #[cfg(feature = "server")]
@@ -61,7 +65,7 @@ pub mod settings_file;
 mod update;
 pub mod world;
 
-pub use hub::{Hub, Port};
+pub use hub::{Hub, Opened, Port};
 pub use relay::Place;
 #[cfg(feature = "server")]
 pub use server::{BindError, Server};

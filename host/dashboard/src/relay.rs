@@ -1,12 +1,13 @@
 //! The thread that owns the hub. It reads the motors' state 50 times per second, sends frames to all pages, and executes
 //! orders as they arrive. Motors run only while the page in control is open: see [`pages`](crate::pages).
 
+use crate::chain::Chain;
+use crate::devices::{Devices, Has};
 use crate::executor::{Changed, Executor, channel};
 use crate::frame::{
-    FaultEntry, Found, Frame, HubStatus, Learned, Message, MotorState, PointsAt, Welcome, refused,
-    stored_words,
+    Found, Frame, Learned, Message, MotorState, PointsAt, Welcome, fault_entry, refused, status,
 };
-use crate::hub::{Hub, RequestError};
+use crate::hub::{Hub, Opened, RequestError};
 use crate::outbox::Outbox;
 use crate::pages::{Gone, Pages, Taken};
 use crate::proposal::proposal;
@@ -24,7 +25,7 @@ use motor_hub::store::Stored;
 use motor_hub_client::Error;
 use motor_hub_client::clock::Instant;
 use motor_hub_client::identification::{Identifying, Progress};
-use motor_hub_client::reasons::why_unsaved;
+use motor_hub_client::reasons::{stored_text, why_unsaved};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
@@ -48,9 +49,9 @@ const SAVING: Duration = Duration::from_millis(100);
 /// Interval between questions whether motors are enabled, to a hub without reports.
 const ENABLED: Duration = Duration::from_millis(200);
 
-type Opener = Box<dyn FnMut() -> Result<Hub, String> + Send>;
+type Opener = Box<dyn FnMut() -> Result<Opened, String> + Send>;
 
-/// A hub, and how to open a session with it.
+/// A hub or a chain of hubs, and how to open a session.
 pub struct Place {
     name: String,
     world: Option<World>,
@@ -60,7 +61,7 @@ pub struct Place {
 
 impl Place {
     /// A hub on a serial port or TCP connection.
-    pub fn real(name: &str, open: impl FnMut() -> Result<Hub, String> + Send + 'static) -> Self {
+    pub fn real(name: &str, open: impl FnMut() -> Result<Opened, String> + Send + 'static) -> Self {
         Self { name: name.to_owned(), world: None, script: None, open: Box::new(open) }
     }
 
@@ -69,7 +70,7 @@ impl Place {
         name: &str,
         world: World,
         script: Option<Script>,
-        open: impl FnMut() -> Result<Hub, String> + Send + 'static,
+        open: impl FnMut() -> Result<Opened, String> + Send + 'static,
     ) -> Self {
         Self { name: name.to_owned(), world: Some(world), script, open: Box::new(open) }
     }
@@ -108,7 +109,9 @@ pub struct Relay {
     senders: BTreeMap<u32, Outbox>,
     pages: Pages,
     session: Option<Hub>,
+    chain: Chain,
     executor: Executor,
+    devices: Devices,
     learning: Option<Learning>,
     playing: Option<Playing>,
     /// Time of the last question about a running save, load or reset of settings; `None` without one.
@@ -138,7 +141,9 @@ impl Relay {
             senders: BTreeMap::new(),
             pages: Pages::new(),
             session: None,
+            chain: Chain::default(),
             executor: Executor::default(),
+            devices: Devices::default(),
             learning: None,
             playing: None,
             saving: None,
@@ -174,6 +179,7 @@ impl Relay {
         let welcome =
             Welcome::new(id, &self.place.name, self.place.world.is_some(), self.place.script.is_some());
         let mut first = vec![Message::Welcome(welcome).text(), self.line.text()];
+        first.extend(self.chain.several().map(|hubs| Message::Hubs { hubs: hubs.to_vec() }.text()));
         first.extend(self.settings.values().cloned());
         first.extend(self.place.world.iter().map(|world| Message::World(world.is()).text()));
         for text in first {
@@ -201,7 +207,7 @@ impl Relay {
                 }
                 return self.tell_control();
             }
-            Order::Points { .. } | Order::Faults | Order::Export | Order::Status => {
+            Order::Points { .. } | Order::Faults | Order::Export | Order::Status | Order::Look(_) => {
                 let answer = match self.look_up(order) {
                     Ok(message) => Answer::Message(message),
                     Err(why) => Answer::Refused(why.to_string()),
@@ -233,9 +239,10 @@ impl Relay {
             }
             Order::Faults => {
                 let (_, heads) = session.recorded()?.ok_or("this hub keeps no record of faults")?;
-                Message::Faults { entries: heads.iter().map(FaultEntry::of).collect() }
+                Message::Faults { entries: heads.iter().map(fault_entry).collect() }
             }
-            Order::Status => Message::Status(HubStatus::read(session)?),
+            Order::Status => Message::Status(status(session)?),
+            Order::Look(at) => self.devices.look(session, at)?.into(),
             _ => Message::File { name: "motor-hub-settings.toml", text: settings_file::export(session)? },
         })
     }
@@ -258,6 +265,9 @@ impl Relay {
                     Changed::Nothing
                 })
             }
+            Order::Play if !self.chain.shows_the_first() => {
+                Err("the scenario is one of the first hub: show that hub".into())
+            }
             Order::Play => match (&self.place.world, &self.place.script) {
                 (Some(world), Some(_)) => {
                     world.restart();
@@ -267,6 +277,11 @@ impl Relay {
                 _ => Err("there is no scenario to play: start the dashboard with --scenario FILE".into()),
             },
             Order::Firmware { offset, ref hex } => self.collect(offset, hex),
+            // A hub that restarts is silent, and counts as lost in a chain.
+            Order::Update { .. } if !self.chain.shows_the_first() => {
+                Err("a hub behind another one is updated by a dashboard that is started with its --address"
+                    .into())
+            }
             Order::Update { ref version, ref seal } => {
                 let image = std::mem::take(&mut self.firmware);
                 Update::begin(session, image, version, seal.as_ref()).map(|update| {
@@ -275,6 +290,18 @@ impl Relay {
                 })
             }
             Order::Address { new } => self.set_address(new),
+            Order::Hub { address } => self.show(address),
+            Order::World(_) if !self.chain.shows_the_first() => {
+                Err("only motors and battery of the first hub can be changed: show that hub".into())
+            }
+            Order::Device(ref order) => match self.devices.execute(session, order) {
+                Ok(None) => Ok(Changed::Nothing),
+                Ok(Some(transfer)) => {
+                    self.tell(&Message::Transfer(transfer).text());
+                    Ok(Changed::Nothing)
+                }
+                Err(error) => Err(error),
+            },
             Order::Save => self.store(HubFunction::Save),
             Order::Load => self.store(HubFunction::Load),
             Order::Reset => self.store(HubFunction::Reset),
@@ -348,10 +375,11 @@ impl Relay {
         let address = u8::try_from(new).ok().and_then(Address::new);
         let address = address.ok_or_else(|| format!("an address is {new}; allowed is 1 to 254"))?;
         session.set_address(address)?;
+        self.chain.rename(address.get());
         let kept = match session.stored_if_reported()? {
             Some(report) => match report.stored {
                 Stored::Later | Stored::Damaged => {
-                    format!("until the hub's next reset, because its memory has {}", stored_words(&report))
+                    format!("until the hub's next reset, because its memory has {}", stored_text(&report))
                 }
                 _ => "also after a reset; the stored settings of the motors are kept".to_owned(),
             },
@@ -383,6 +411,9 @@ impl Relay {
         match self.look() {
             Ok(true) => (),
             Ok(false) => return,
+            Err(error @ Error::Silent { .. }) if !self.chain.shows_the_first() => {
+                return self.give_up(&error);
+            }
             Err(error) => return self.lose(&error.to_string()),
         }
         let now = Instant::now();
@@ -392,13 +423,66 @@ impl Relay {
         let text = Message::Frame(self.frame.clone()).text();
         self.senders.retain(|_, outbox| outbox.show(text.clone()));
         // Without a page in control no motor may run.
-        if self.pages.controller().is_none() && self.frame.motors.iter().any(|motor| motor.enabled) {
+        if self.pages.controller().is_none() && self.motors_run() {
             self.switch_off("motors ran, but no page was in control");
         }
-        if let Err(RequestError::Hub(error)) = self.learn().and_then(|()| self.follow_save()) {
+        let done = self.learn().and_then(|()| self.follow_save()).and_then(|()| self.follow_chain());
+        if let Err(RequestError::Hub(error)) = done {
             self.lose(&error.to_string());
         }
         self.play();
+    }
+
+    /// True if a motor of any hub is enabled.
+    fn motors_run(&self) -> bool {
+        self.frame.motors.iter().any(|motor| motor.enabled) || self.chain.others_run()
+    }
+
+    /// Continues a scan of an I2C bus, and asks another hub of the chain what it does.
+    fn follow_chain(&mut self) -> Result<(), RequestError> {
+        let Some(session) = &mut self.session else { return Ok(()) };
+        let found = self.devices.go_on(session)?;
+        self.chain.ask_another(session, self.frame.number)?;
+        let motors = || (0..).zip(&self.frame.motors).filter(|(_, motor)| motor.enabled);
+        let fault = motors().any(|(_, motor)| motor.fault == Some(true));
+        self.chain.note(motors().map(|(motor, _)| motor).collect(), fault);
+        let news = self.chain.news().map(|hubs| Message::Hubs { hubs });
+        let found = found.map(Message::Transfer);
+        found.into_iter().chain(news).for_each(|message| self.tell(&message.text()));
+        Ok(())
+    }
+
+    /// Shows the first hub instead of one behind it that does not answer. The keep-alive of that hub disables its motors.
+    fn give_up(&mut self, silent: &Error) {
+        let Some(session) = &mut self.session else { return };
+        self.chain.give_up(session);
+        (self.learning, self.playing, self.saving) = (None, None, None);
+        match self.meet() {
+            Ok(()) => self.tell(&Message::Notice { text: silent.to_string(), grave: false }.text()),
+            Err(error) => self.lose(&error.to_string()),
+        }
+    }
+
+    /// Shows another hub of the chain.
+    fn show(&mut self, address: u8) -> Result<Changed, RequestError> {
+        let Some(session) = &mut self.session else { return Ok(Changed::Nothing) };
+        if self.learning.is_some() || self.playing.is_some() || self.saving.is_some() || self.update.is_some()
+        {
+            return Err(
+                "an identification, a scenario, a save or an update is running: wait for its end".into()
+            );
+        }
+        let before = session.address();
+        self.chain.show(session, address)?;
+        if let Err(error) = self.meet() {
+            let Some(session) = &mut self.session else { return Ok(Changed::Nothing) };
+            self.chain.show(session, before)?;
+            return Err(match error {
+                Error::Silent { .. } => error.to_string().into(),
+                error => RequestError::Hub(error),
+            });
+        }
+        Ok(Changed::Nothing)
     }
 
     /// Sends the set-points of a played scenario that are due.
@@ -429,9 +513,6 @@ impl Relay {
         let Some(session) = &mut self.session else { return Ok(false) };
         let number = self.frame.number;
         if let Some(report) = session.report()? {
-            for (of, motor) in self.executor.motors.iter_mut().zip(&report.motors) {
-                of.regulator = Some(motor.regulator);
-            }
             self.frame = Frame { number, ..Frame::of(&report) };
             return Ok(true);
         }
@@ -460,24 +541,31 @@ impl Relay {
 
     fn connect(&mut self) {
         self.connect_at = Instant::now() + AGAIN;
-        let opened = (self.place.open)().and_then(|mut session| {
+        let met = (self.place.open)().and_then(|Opened { mut session, hubs }| {
             session.hurry(PATIENCE);
-            let reports = session.report().map_err(|error| error.to_string())?.is_some();
-            let stores = session.stored_if_reported().map_err(|error| error.to_string())?.is_some();
-            Ok((session, reports, stores))
+            self.chain = Chain::new(&hubs, session.address());
+            self.session = Some(session);
+            self.meet().map_err(|error| error.to_string())
         });
-        match opened {
-            Ok((session, reports, stores)) => {
-                self.session = Some(session);
-                self.looked_at = Instant::now();
-                self.frame.motors.clear();
-                self.tell_line(Message::Line { connected: true, why: String::new(), reports, stores });
-                self.tell_all_settings();
-            }
-            Err(why) => {
-                self.tell_line(gone(why));
-            }
+        if let Err(why) = met {
+            self.session = None;
+            self.tell_line(gone(why));
         }
+    }
+
+    /// Asks the hub with which the session has begun to talk what it is, and tells the pages.
+    fn meet(&mut self) -> Result<(), Error> {
+        let Some(session) = &mut self.session else { return Ok(()) };
+        let reports = session.report()?.is_some();
+        let stores = session.stored_if_reported()?.is_some();
+        let has = session.equipment()?.map(Has::from);
+        self.looked_at = Instant::now();
+        self.frame.motors.clear();
+        (self.executor, self.devices) = Default::default();
+        self.settings.clear();
+        self.tell_line(Message::Line { connected: true, why: String::new(), reports, stores, has });
+        self.tell_all_settings();
+        Ok(())
     }
 
     /// Drops the session with a hub that no longer answers. The hub's keep-alive disables its motors.
@@ -502,13 +590,13 @@ impl Relay {
     fn switch_off_if_any(&mut self, why: &str) {
         // Neither an identification nor a scenario may enable a motor again.
         (self.learning, self.playing) = (None, None);
-        let ran = self.frame.motors.iter().any(|motor| motor.enabled);
-        if ran {
+        if self.motors_run() {
             self.switch_off(why);
-        } else if let Some(session) = &mut self.session
-            && let Err(error) = session.fail_safe()
-        {
-            self.lose(&error.to_string());
+        } else if let Some(session) = &mut self.session {
+            self.devices.stopped();
+            if let Err(error) = self.chain.stop(session) {
+                self.lose(&error.to_string());
+            }
         }
     }
 
@@ -521,7 +609,8 @@ impl Relay {
             );
             return self.tell(&Message::Notice { text, grave: true }.text());
         };
-        match session.fail_safe() {
+        self.devices.stopped();
+        match self.chain.stop(session) {
             Ok(()) => {
                 let text = format!("all motors are disabled: {why}");
                 self.tell(&Message::Notice { text, grave: true }.text());
@@ -698,7 +787,7 @@ fn done(order: &Order) -> Option<String> {
 
 /// Message about a hub that does not answer.
 const fn gone(why: String) -> Message {
-    Message::Line { connected: false, why, reports: true, stores: false }
+    Message::Line { connected: false, why, reports: true, stores: false, has: None }
 }
 
 /// The motor whose settings an order changes.

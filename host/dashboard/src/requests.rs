@@ -184,6 +184,15 @@ pub enum Order {
     ClearFaults,
     /// Asks for address, version, lamp and stored settings of the hub.
     Status,
+    /// Shows another hub of the chain.
+    Hub {
+        /// Address of the hub.
+        address: u8,
+    },
+    /// Asks for the state of devices.
+    Look(Look),
+    /// Changes a servo or a digital pin, or uses an I2C bus.
+    Device(DeviceOrder),
     /// Gives the hub another address.
     Address {
         /// Address, 1 to 254.
@@ -236,9 +245,75 @@ impl Order {
                 | Self::Points { .. }
                 | Self::Faults
                 | Self::Status
+                | Self::Look(_)
                 | Self::Export
         )
     }
+}
+
+/// Devices whose state a page asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Look {
+    /// Servo outputs.
+    Servos,
+    /// Analog inputs, and what else the hub measures.
+    Analog,
+    /// Digital pins.
+    Pins,
+}
+
+/// An order to what a hub has besides motors.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum DeviceOrder {
+    /// Starts or ends the pulses of a servo.
+    Servo {
+        /// Servo output, 0 to 5.
+        servo: u8,
+        /// Time between the starts of two pulses, in microseconds.
+        period_us: u16,
+        /// Length of the pulses in microseconds.
+        width_us: u16,
+        /// True for pulses.
+        on: bool,
+    },
+    /// Sets a digital pin.
+    Pin {
+        /// Digital pin, 0 to 7.
+        pin: u8,
+        /// Level of an output; `None` makes the pin an input.
+        level: Option<bool>,
+    },
+    /// Looks for the devices on an I2C bus.
+    Scan {
+        /// Bus, 0 to 3.
+        bus: u8,
+    },
+    /// Reads bytes of a device on an I2C bus.
+    Read {
+        /// Bus, 0 to 3.
+        bus: u8,
+        /// Address of the device, 0 to 127.
+        address: u8,
+        /// Register to read from; `None` for a plain read.
+        register: Option<u8>,
+        /// Number of bytes, 1 to 100.
+        count: u8,
+        /// 400 kbit/s instead of 100 kbit/s.
+        fast: bool,
+    },
+    /// Writes bytes to a device on an I2C bus.
+    Write {
+        /// Bus, 0 to 3.
+        bus: u8,
+        /// Address of the device, 0 to 127.
+        address: u8,
+        /// 1 to 100 bytes.
+        bytes: Vec<u8>,
+        /// 400 kbit/s instead of 100 kbit/s.
+        fast: bool,
+    },
 }
 
 /// The files that sign new firmware, as hexadecimal digits.

@@ -10,6 +10,7 @@
 //! ```
 
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 use simulated::encoder::{Encoder, Wire};
 use simulated::serve::interventions::{Interventions, OnMotor};
 use std::ops::RangeInclusive;
@@ -92,21 +93,6 @@ impl From<EncoderIs> for Encoder {
     }
 }
 
-/// State of the world, as sent to pages.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct WorldIs {
-    volts: Option<f64>,
-    motors: Vec<MotorIs>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-struct MotorIs {
-    nm: Option<f64>,
-    kg_m2: Option<f64>,
-    held: bool,
-    encoder: EncoderIs,
-}
-
 impl World {
     /// The changes in force.
     #[must_use]
@@ -116,21 +102,18 @@ impl World {
 
     /// State of the world, as sent to pages.
     #[must_use]
-    pub fn is(&self) -> WorldIs {
+    pub fn is(&self) -> Value {
         let Interventions { emf_v, motors, .. } = self.interventions();
-        let encoder = |encoder| match encoder {
-            Some(Encoder::Unplugged) => EncoderIs::Unplugged,
-            Some(Encoder::Reversed) => EncoderIs::Reversed,
-            Some(Encoder::Loose { .. }) => EncoderIs::Loose,
-            _ => EncoderIs::Sound,
+        let motor = |OnMotor { torque_nm, inertia_kg_m2, encoder, held }| {
+            let encoder = match encoder {
+                Some(Encoder::Unplugged) => EncoderIs::Unplugged,
+                Some(Encoder::Reversed) => EncoderIs::Reversed,
+                Some(Encoder::Loose { .. }) => EncoderIs::Loose,
+                _ => EncoderIs::Sound,
+            };
+            json!({ "nm": torque_nm, "kg_m2": inertia_kg_m2, "held": held, "encoder": encoder })
         };
-        let motor = |OnMotor { torque_nm, inertia_kg_m2, encoder: of, held }: &OnMotor| MotorIs {
-            nm: *torque_nm,
-            kg_m2: *inertia_kg_m2,
-            held: *held,
-            encoder: encoder(*of),
-        };
-        WorldIs { volts: emf_v, motors: motors.iter().map(motor).collect() }
+        json!({ "volts": emf_v, "motors": motors.map(motor) })
     }
 
     /// Restarts the scenario and drops all changes.

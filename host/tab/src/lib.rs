@@ -20,7 +20,7 @@ use dashboard::relay::Event;
 use dashboard::relay::Relay;
 use dashboard::requests::Order;
 use dashboard::world::World;
-use dashboard::{Place, Port};
+use dashboard::{Opened, Place, Port};
 use motor_hub::protocol::Address;
 use motor_hub_client::{Session, line};
 use simulated::scenario::Scenario;
@@ -66,7 +66,7 @@ pub extern "C" fn start(serial: bool) {
     let place = if serial {
         Place::real("a hub on a serial port of this computer", || {
             let port: Box<dyn Port> = Box::new(SerialPort);
-            Session::with_parent(port, TIMEOUT).map_err(|error| error.to_string())
+            Opened::with_parent(port, TIMEOUT).map_err(|error| error.to_string())
         })
     } else {
         let world = World::default();
@@ -75,7 +75,7 @@ pub extern "C" fn start(serial: bool) {
             let port: Box<dyn Port> = Box::new(SimulatedHub);
             let mut session = Session::new(port, Address::DEFAULT, TIMEOUT);
             session.keep_alive().map_err(|error| error.to_string())?;
-            Ok(session)
+            Ok(session.into())
         })
     };
     let mut relay = Relay::new(place);
@@ -152,9 +152,8 @@ impl Simulation {
     fn new(world: World) -> Self {
         let (line, host) = serve::Line::within_process();
         let hub = async move {
-            let Ok(scenario) = Scenario::to_serve() else { return };
+            let scenario = Scenario::to_serve();
             let mut change = |now: &mut _| *now = world.interventions();
-            // The scenario of the program itself has no errors, as its tests make sure.
             let hubs = Hubs::one(Address::DEFAULT);
             let _ = serve::steps(&scenario, &hubs, line, None, &mut change, &mut |_| true).await;
         };

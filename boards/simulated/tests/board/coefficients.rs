@@ -22,7 +22,7 @@ fn free_speed(motor: &Motor) -> f64 {
 
 /// The served motors, with a set-point from the first tick on.
 fn served(scheme: Scheme, duty: DutyRule, period_ms: u32, setpoint: impl Fn(&Motor) -> Setpoint) -> Scenario {
-    let mut scenario = Scenario::to_serve().expect("it is valid");
+    let mut scenario = Scenario::to_serve();
     scenario.period = Period::from_millis(period_ms).expect("in range");
     scenario.duration_s = 6.0;
     for motor in &mut scenario.motors {

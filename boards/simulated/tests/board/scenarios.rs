@@ -1,11 +1,12 @@
 //! What scenarios hold, and what holds when.
 
+use motor_hub::braking::Scheme;
 use motor_hub::model::plant::Temperatures;
-use motor_hub::model::si;
+use motor_hub::model::{catalogue, si};
 use motor_hub::motor::Setpoint;
 use motor_hub::units::Control;
 use simulated::direct;
-use simulated::scenario::{Scenario, Timed};
+use simulated::scenario::{Motor, Scenario, Timed};
 
 #[test]
 fn the_shipped_scenarios_are_valid() {
@@ -43,8 +44,25 @@ fn a_value_holds_until_the_next() {
 }
 
 #[test]
+fn the_served_battery_motors_and_loads_are_those_of_the_default_scenario() {
+    let (served, default) = (Scenario::to_serve(), Scenario::default_one().expect("it is valid"));
+    assert_eq!((served.battery, served.period), (default.battery, default.period));
+    assert_eq!(served.motors.len(), default.motors.len());
+    for (served, default) in served.motors.into_iter().zip(default.motors) {
+        let fan = catalogue::characterised("NeveRest 20").expect("it is in the catalogue");
+        let same = match &*default.label {
+            "fan" => default.with_constants(fan.with_measured_rotor_inertia()),
+            _ => default,
+        };
+        let constants = catalogue::Motor { friction: served.constants.friction, ..same.constants };
+        let (setpoints, torques) = (Vec::new(), Vec::new());
+        assert_eq!(served, Motor { scheme: Scheme::A, constants, setpoints, torques, ..same });
+    }
+}
+
+#[test]
 fn motors_that_are_served_stop_as_soon_as_real_ones() {
-    let mut scenario = Scenario::to_serve().expect("it is valid");
+    let mut scenario = Scenario::to_serve();
     scenario.duration_s = 6.0;
     let power = |share: f64| Setpoint::ConstantPower(Control::new((32_767.0 * share) as i16));
     for (release, within_s) in [(Setpoint::Disabled, 0.4..=1.6), (power(0.0), 0.0..=0.6)] {

@@ -8,7 +8,7 @@ use motor_hub::board::{DIGITAL_PINS, Equipment, SERVOS};
 use motor_hub::protocol::answers::I2cStatus;
 use motor_hub::protocol::payload::{Text, WordFrom};
 use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput};
-use motor_hub::protocol::requests::{AdcChannel, BATTERY, RAIL, TEMPERATURE};
+use motor_hub_client::devices::{Channel, I2C_ADDRESSES, channels};
 use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
@@ -17,9 +17,6 @@ use studies::table;
 
 /// Interval between two packets that keep servos and digital outputs on.
 const KEEP_ON: Duration = Duration::from_millis(500);
-
-/// Lowest and highest address of a device on an I2C bus; the others are reserved.
-const ADDRESSES: (u8, u8) = (0x08, 0x77);
 
 /// Text about what a hub has, such as "6 servos, 4 analog inputs, 8 digital pins, 4 I2C buses".
 pub(super) fn equipment_text(equipment: Equipment) -> String {
@@ -158,32 +155,17 @@ pub(super) struct AnalogOptions {
     json: bool,
 }
 
-/// Channels of `client analog`: name, key for programs, unit, and units in one unit of the protocol.
-const CHANNELS: [(u8, &str, &str, &str, f64); 10] = [
-    (0, "analog input 0", "input_0_v", "V", 1e-3),
-    (1, "analog input 1", "input_1_v", "V", 1e-3),
-    (2, "analog input 2", "input_2_v", "V", 1e-3),
-    (3, "analog input 3", "input_3_v", "V", 1e-3),
-    (4, "current of digital pins", "digital_a", "A", 1e-3),
-    (5, "current of I2C buses", "i2c_a", "A", 1e-3),
-    (6, "current of servos", "servos_a", "A", 1e-3),
-    (RAIL.get(), "5 V rail", "rail_v", "V", 1e-3),
-    (BATTERY.get(), "battery", "battery_v", "V", 1e-3),
-    (TEMPERATURE.get(), "temperature", "temperature_c", "\u{b0}C", 0.1),
-];
-
 impl AnalogOptions {
     pub(super) fn execute(&self, hub: &HubOptions) -> Result<(), Failure> {
         let session = &mut hub.open(None)?;
         let mut table = table::new(&["channel", "value", "raw"], 0);
         let mut document = serde_json::Map::new();
-        for (channel, name, key, unit, scale) in CHANNELS {
-            let Some(channel) = AdcChannel::new(channel) else { continue };
-            let value = or_reason(session.adc(channel, false))?;
+        for Channel { number, name, key, unit, scale } in channels() {
+            let value = or_reason(session.adc(number, false))?;
             match value {
                 Ok(value) => {
                     let value = f64::from(value) * scale;
-                    let raw = session.adc(channel, true)?;
+                    let raw = session.adc(number, true)?;
                     let digits = if scale < 0.01 { 3 } else { 1 };
                     table.add_row([name.to_owned(), format!("{value:.digits$} {unit}"), raw.to_string()]);
                     document.insert(key.to_owned(), json!(value));
@@ -363,17 +345,14 @@ impl I2c {
 fn scan(session: &mut Session<Line>, only: Option<I2cBus>, json: bool) -> Result<(), Failure> {
     let mut table = table::new(&["bus", "devices"], 1);
     let mut buses = Vec::new();
-    let one = I2cCount::new(1);
     for bus in (0..4).filter_map(I2cBus::new).filter(|bus| only.is_none_or(|only| only == *bus)) {
         let mut devices = Vec::new();
         let mut error = None;
-        for address in (ADDRESSES.0..=ADDRESSES.1).filter_map(I2cAddress::new) {
-            let Some(one) = one else { continue };
-            match or_reason(session.read_i2c(bus, address, None, one))? {
-                Ok(read) if read.status == I2cStatus::default() => devices.push(address.get()),
-                Ok(read) if read.status == I2cStatus::NO_ADDRESS => (),
-                Ok(read) => error = read.status.error().map(str::to_owned),
-                Err(reason) => error = Some(reason),
+        for address in (I2C_ADDRESSES.0..=I2C_ADDRESSES.1).filter_map(I2cAddress::new) {
+            match session.finds_i2c(bus, address)? {
+                Ok(true) => devices.push(address.get()),
+                Ok(false) => (),
+                Err(why) => error = Some(why),
             }
             // An error that concerns the whole bus.
             if error.is_some() {

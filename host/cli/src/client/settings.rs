@@ -4,12 +4,11 @@ use super::hub::HubOptions;
 use crate::output::{Failure, print, print_json};
 use dashboard::settings_file;
 use motor_hub::extension::HubFunction;
-use motor_hub::extension::Request;
 use motor_hub::extension::settings::Values;
 use motor_hub::extension::state::StoreReport;
 use motor_hub::store::{Outcome, Stored};
 use motor_hub_client::line::Line;
-use motor_hub_client::reasons::why_unsaved;
+use motor_hub_client::reasons::{stored_text, why_unsaved};
 use motor_hub_client::{Error, Session};
 use serde_json::json;
 use simulated::scenario::line_and_column;
@@ -54,7 +53,7 @@ enum Command {
         #[arg(value_name = "FILE")]
         file: Option<PathBuf>,
     },
-    /// Puts the settings of a file in force, after checking all of them; the address is not changed
+    /// Puts all settings of a file in force, or none if the hub refuses one; the address is not changed
     Import {
         #[arg(value_name = "FILE")]
         file: PathBuf,
@@ -77,7 +76,7 @@ impl Options {
             Command::Load => {
                 let report = session.store(HubFunction::Load)?;
                 ended(&report)?;
-                format!("the stored settings are in force: {}", describe(&report))
+                format!("the stored settings are in force: {}", stored_text(&report))
             }
             Command::Reset => {
                 ended(&session.store(HubFunction::Reset)?)?;
@@ -92,11 +91,7 @@ impl Options {
                 format!("wrote {}", file.display())
             }
             Command::Import { file, save } => {
-                for (motor, values) in imported {
-                    for values in values {
-                        session.order(Request::Set(motor, values))?;
-                    }
-                }
+                session.put_in_force(imported).map_err(Failure::work)?;
                 let in_force = format!("the settings of {} are in force", file.display());
                 if save { format!("{in_force}\n{}", saved(session)?) } else { in_force }
             }
@@ -109,14 +104,14 @@ impl Options {
 pub(super) fn saved(session: &mut Session<Line>) -> Result<String, Failure> {
     let report = session.store(HubFunction::Save)?;
     ended(&report)?;
-    Ok(format!("stored: {}", describe(&report)))
+    Ok(format!("stored: {}", stored_text(&report)))
 }
 
 /// Why a hub that stores settings does not keep its new address; `None` if it does, or if it stores nothing.
 pub(super) fn why_address_is_lost(session: &mut Session<Line>) -> Result<Option<String>, Error> {
     let report = session.stored_if_reported()?;
     let lost = report.filter(|report| matches!(report.stored, Stored::Later | Stored::Damaged));
-    Ok(lost.map(|report| format!("the memory has {}", describe(&report))))
+    Ok(lost.map(|report| format!("the memory has {}", stored_text(&report))))
 }
 
 /// The settings of a file for each motor.
@@ -143,19 +138,6 @@ fn ended(report: &StoreReport) -> Result<(), Failure> {
         None => return Ok(()),
     };
     Err(Failure::work(why))
-}
-
-fn describe(report: &StoreReport) -> String {
-    let StoreReport { number, version, .. } = report;
-    match report.stored {
-        Stored::Nothing => "nothing".to_owned(),
-        Stored::Whole => format!("save {number}"),
-        Stored::OneCopy => format!("save {number}; one of its two copies is damaged or older: save again"),
-        Stored::Later => format!(
-            "settings of a later firmware (version {version}), kept but not in force; `reset` erases them"
-        ),
-        Stored::Damaged => "damaged data; `reset` erases it".to_owned(),
-    }
 }
 
 fn show(report: &StoreReport, json: bool) -> Result<(), Failure> {
@@ -187,7 +169,7 @@ fn show(report: &StoreReport, json: bool) -> Result<(), Failure> {
         });
         return print_json(&document);
     }
-    let mut table = table::new(&["stored", &describe(report)], 1);
+    let mut table = table::new(&["stored", &stored_text(report)], 1);
     let in_force = match stored {
         _ if differs => "other settings, until the next reset",
         Stored::Whole | Stored::OneCopy => "the stored settings",

@@ -171,6 +171,8 @@ fn one_page_is_in_control_and_anyone_may_stop() {
         ("world", json!({ "battery": { "volts": 7 } })),
         ("set-up", json!({ "motor": 0, "scheme": "B", "duty": "linear-duty" })),
         ("identify", json!({ "motor": 0 })),
+        ("hub", json!({ "address": 3 })),
+        ("device", json!({ "servo": { "servo": 0, "period_us": 20000, "width_us": 1500, "on": true } })),
     ] {
         assert_eq!(viewer.refused(order, fields), "this page is not in control", "{order}");
     }
@@ -296,6 +298,19 @@ fn what_is_out_of_range_is_refused_with_what_is_allowed() {
             "a battery of 99 V is out of range; allowed is 0 to 16 V",
         ),
         ("world", json!({ "hold": { "motor": 9, "held": true } }), "there is no motor 9"),
+        (
+            "device",
+            json!({ "servo": { "servo": 6, "period_us": 20000, "width_us": 1500, "on": true } }),
+            "a servo output is 0 to 5, and not 6",
+        ),
+        (
+            "device",
+            json!({ "servo": { "servo": 0, "period_us": 1000, "width_us": 1500, "on": true } }),
+            "a pulse of 1500 us is longer than its period of 1000 us",
+        ),
+        ("device", json!({ "pin": { "pin": 8, "level": null } }), "a digital pin is 0 to 7, and not 8"),
+        ("device", json!({ "write": { "bus": 0, "address": 40, "bytes": [], "fast": false } }), "1 to 100"),
+        ("device", json!({ "scan": { "bus": 4 } }), "an I2C bus is 0 to 3, and not 4"),
         ("explode", Value::Null, "unknown variant `explode`"),
     ] {
         let why = page.refused(order, fields);
@@ -459,6 +474,34 @@ fn an_import_that_the_hub_refuses_half_way_changes_nothing_and_says_which_motor_
         [after.rsplit_once("\n[[motor]]").unwrap().0, before.rsplit_once("\n[[motor]]").unwrap().1]
             .join("\n[[motor]]")
     );
+}
+
+#[test]
+fn motors_of_a_hub_that_is_not_shown_stop_with_the_page() {
+    let dashboard = Dashboard::start(&["--hubs", "2"]);
+    let mut page = Page::ready(&dashboard);
+    page.run(0);
+    page.order("hub", json!({ "address": 3 }));
+    let runs = |page: &mut Page, motors: [&[u8]; 2]| {
+        page.until("the hubs' motors", |_, message| {
+            message["kind"] == "hubs"
+                && (0..2).all(|hub| message["hubs"][hub]["running"] == json!(motors[hub]))
+        });
+    };
+    page.until("the other hub", |page, message| message["kind"] == "line" && !page.enabled(3));
+    page.order("drive", json!({ "motor": 3, "mode": "power", "value": 0.3 }));
+    page.order("enable", json!({ "motor": 3, "on": true }));
+    runs(&mut page, [&[0], &[3]]);
+    assert_eq!(page.refused("hub", json!({ "address": 9 })), "there is no hub 9 on this line");
+    drop(page);
+    let mut page = Page::open(&dashboard);
+    runs(&mut page, [&[], &[]]);
+    // Each hub is asked again what it does.
+    let end = Instant::now() + Duration::from_secs(1);
+    while Instant::now() < end {
+        let message = page.hear().unwrap_or_default();
+        assert!((0..2).all(|hub| message["kind"] != "hubs" || message["hubs"][hub]["running"] == json!([])));
+    }
 }
 
 #[test]

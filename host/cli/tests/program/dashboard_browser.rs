@@ -10,7 +10,8 @@ use std::time::{Duration, Instant};
 
 pub(crate) const ESCAPE: (&str, u32) = ("Escape", 27);
 /// Names of all panels.
-pub(crate) const PANELS: [&str; 8] = ["tune", "learn", "setup", "group", "record", "regimes", "hub", "world"];
+pub(crate) const PANELS: [&str; 9] =
+    ["tune", "learn", "setup", "group", "record", "regimes", "devices", "hub", "world"];
 pub(crate) const SPACE: (&str, u32) = (" ", 32);
 
 /// Runs a test with a page of a simulated hub, in desktop size. The browser's console must have no errors at the end.

@@ -105,14 +105,14 @@ fn settings_are_exported_changed_and_imported() {
 }
 
 /// Opens a part of the panel in use.
-fn open(tab: &mut Tab<'_>, words: &str) {
+pub(crate) fn open(tab: &mut Tab<'_>, words: &str) {
     tab.ask(&format!(
         "[...document.querySelectorAll('#panel summary')].find((one) => one.checkVisibility() && one.textContent === '{words}').click(); 0"
     ));
 }
 
 /// Clicks the button with these words.
-fn press(tab: &mut Tab<'_>, words: &str) {
+pub(crate) fn press(tab: &mut Tab<'_>, words: &str) {
     tab.ask(&format!(
         "document.querySelectorAll('[data-test]').forEach((one) => delete one.dataset.test); \
          [...document.querySelectorAll('#panel button, #curves button')].find((one) => one.checkVisibility() && one.textContent === '{words}').dataset.test = ''; 0"

@@ -14,6 +14,7 @@ mod compare;
 mod conformance;
 mod dashboard;
 mod dashboard_browser;
+mod dashboard_devices;
 mod dashboard_looks;
 mod dashboard_panels;
 #[cfg(unix)]

@@ -1,5 +1,6 @@
 // The page: passes messages of the server to their listeners, and actions of the user to the server.
 
+import { startChain } from "./chain.js";
 import { by, say } from "./dom.js";
 import { startGamepad } from "./gamepad.js";
 import { learned } from "./learn.js";
@@ -20,6 +21,9 @@ const STALE_MS = 500;
 let noticeUntil = 0;
 let heardAt = 0;
 
+/** The address of the hub that is shown. */
+const shown = (/** @type {any[]} */ hubs) => hubs.find((hub) => hub.shown)?.address;
+
 /** @param {import("./link.js").Message} message */
 function hear(message) {
   switch (message.kind) {
@@ -27,7 +31,8 @@ function hear(message) {
       Object.assign(state, { you: message.you, place: message.place, simulated: message.simulated, playable: message.playable, catalogue: message.catalogue });
       break;
     case "line":
-      Object.assign(state, { connected: message.connected, why: message.why, reports: message.reports, stores: message.stores });
+      Object.assign(state, { connected: message.connected, why: message.why, reports: message.reports, stores: message.stores, has: message.has });
+      if (!message.connected) state.hubs = [];
       break;
     case "control":
       state.controller = message.controller;
@@ -41,6 +46,10 @@ function hear(message) {
       state.frame = message;
       state.history.push(message);
       heardAt = performance.now();
+      break;
+    case "hubs":
+      if (shown(message.hubs) !== shown(state.hubs)) state.history.clear();
+      state.hubs = message.hubs;
       break;
     case "world":
       state.world = message;
@@ -163,6 +172,7 @@ units.chosen = unit.value = kept("unit", "cps");
 by("theme").addEventListener("click", () => theme(THEMES[(THEMES.indexOf(by("theme").dataset.chosen) + 1) % THEMES.length]));
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => theme(by("theme").dataset.chosen));
 
+startChain(link);
 startMotors(link);
 startPlots();
 startPanels(link);

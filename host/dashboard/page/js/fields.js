@@ -2,7 +2,7 @@
 
 import { h } from "./dom.js";
 import { select } from "./list.js";
-import { inControl, on, state } from "./state.js";
+import { mayOrder, on, onControl, state } from "./state.js";
 
 /** Text of a setting's value; empty if the setting is not configured. */
 const shown = (/** @type {any} */ value) => (value === null ? "" : typeof value === "number" ? String(Number(value.toPrecision(7))) : value);
@@ -34,11 +34,11 @@ export function settingsForm(link) {
     allow();
   }
   function allow() {
-    for (const element of [apply, again, ...inputs.map(({ input }) => input)]) element.disabled = !(inControl() && state.connected);
+    for (const element of [apply, again, ...inputs.map(({ input }) => input)]) element.disabled = !mayOrder();
   }
   on("settings", ({ motor }) => { if (motor === state.chosen) fill(); });
   on("chosen", fill);
-  for (const what of ["control", "open", "line"]) on(what, allow);
+  onControl(allow);
   return h("details", { id: "all-settings" }, h("summary", {}, "All settings of the motor"),
     h("div", { class: "stack" },
       h("p", { class: "muted" }, "The names are those of a settings file; each ends with its unit. An empty field is not configured."),

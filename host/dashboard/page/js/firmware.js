@@ -1,7 +1,7 @@
 // New firmware for a hub with a bootloader: sends a file to the server in parts, and shows the progress.
 
 import { h, say } from "./dom.js";
-import { inControl, on, state } from "./state.js";
+import { mayOrder, on, onControl, state } from "./state.js";
 
 /** Bytes of a part. An order has at most 16 KiB. */
 const PART = 6000;
@@ -88,7 +88,7 @@ export function firmwareForm(link) {
   const unsigned = h("button", { type: "button", onclick: () => sign(null) }, "Neither");
 
   function allow() {
-    image.disabled = running || !(inControl() && state.connected && state.reports);
+    image.disabled = running || !(mayOrder() && state.reports);
   }
   on("update", ({ state: is, percent, text }) => {
     running = is === "running";
@@ -96,7 +96,7 @@ export function firmwareForm(link) {
     say(says, is === "failed" ? `The update failed: ${text}.` : is === "done" ? `The update is done: ${text}.` : `${text} ${percent} %`);
     allow();
   });
-  for (const what of ["control", "open", "line"]) on(what, allow);
+  onControl(allow);
   return h("div", { class: "stack" },
     says, progress, h("div", { class: "row" }, image, imageField),
     h("p", { class: "muted" }, "A hub that was built with a key takes only firmware that the key's owner has signed. Choose signature and public key first, then the firmware as raw bytes."),

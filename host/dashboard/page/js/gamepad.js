@@ -1,7 +1,7 @@
 // A gamepad drives the chosen motor while its button A is held: the left stick, forward and back, sets the speed. Released,
 // without the gamepad, or in a page that is hidden or without the focus, the motor is off.
 
-import { inControl, on, state } from "./state.js";
+import { inControl, on, onLeave, state } from "./state.js";
 import { freeSpeed } from "./units.js";
 
 const BUTTON = 0;
@@ -53,7 +53,6 @@ export function startGamepad(link) {
     [driven, stopped] = [null, true];
   });
   // A hidden page looks at no gamepad: nothing calls `look`.
-  document.addEventListener("visibilitychange", leave);
-  addEventListener("blur", leave);
+  onLeave(leave);
   look();
 }

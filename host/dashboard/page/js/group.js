@@ -5,7 +5,7 @@ import { h, part } from "./dom.js";
 import { jogForm } from "./jog.js";
 import { select } from "./list.js";
 import { motion } from "./motors.js";
-import { inControl, on, state } from "./state.js";
+import { mayOrder, onControl, state } from "./state.js";
 
 /** @param {any} link */
 export function groupPanel(link) {
@@ -22,9 +22,9 @@ export function groupPanel(link) {
     link.order("turn", { at, acceleration: Math.round(Number(acceleration.value)) });
   } }, "Turn together");
   function allow() {
-    for (const element of [...places, ...speeds, turn, speed, acceleration, go]) element.disabled = !(inControl() && state.connected && state.reports);
+    for (const element of [...places, ...speeds, turn, speed, acceleration, go]) element.disabled = !(mayOrder() && state.reports);
   }
-  for (const what of ["control", "open", "line"]) on(what, allow);
+  onControl(allow);
   return h("div", { class: "parts" },
     part("move", "Drive while a button is held", true, jogForm(link)),
     part("move", "Several motors in step", false,

@@ -2,7 +2,7 @@
 
 import { by, h, part, say } from "./dom.js";
 import { firmwareForm } from "./firmware.js";
-import { inControl, on, state } from "./state.js";
+import { mayOrder, on, onControl, state } from "./state.js";
 import { number } from "./units.js";
 
 const KEYS = [
@@ -57,12 +57,12 @@ export function hubPanel(link) {
   });
   function allow() {
     for (const button of [look, take]) button.disabled = !(state.open && state.connected && state.reports);
-    give.disabled = !(inControl() && state.connected && state.reports);
-    for (const element of [lamp, address, setAddress]) element.disabled = !(inControl() && state.connected);
+    give.disabled = !(mayOrder() && state.reports);
+    for (const element of [lamp, address, setAddress]) element.disabled = !mayOrder();
     clear.disabled = give.disabled;
     for (const button of [save, fetchStored, reset]) button.disabled = give.disabled || !state.stores;
   }
-  for (const what of ["control", "open", "line"]) on(what, allow);
+  onControl(allow);
   return h("div", { class: "parts" },
     part("hub", "This hub", true,
       h("table", {}, about),

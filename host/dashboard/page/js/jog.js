@@ -4,7 +4,7 @@
 import { h, say } from "./dom.js";
 import { select } from "./list.js";
 import { limited, scale } from "./motors.js";
-import { inControl, on, state } from "./state.js";
+import { mayOrder, on, onControl, onLeave, state } from "./state.js";
 
 /** @param {any} link */
 export function jogForm(link) {
@@ -48,8 +48,7 @@ export function jogForm(link) {
       oncontextmenu: (/** @type {Event} */ event) => event.preventDefault(),
     }, words);
   });
-  addEventListener("blur", leave);
-  document.addEventListener("visibilitychange", leave);
+  onLeave(leave);
   // STOP, and whatever else has switched the motors off.
   on("notice", ({ grave }) => { if (grave) driven = []; });
 
@@ -60,11 +59,11 @@ export function jogForm(link) {
     say(unit, words);
   }
   function allow() {
-    const may = inControl() && state.connected;
+    const may = mayOrder();
     if (!may) driven = [];
     for (const element of [which, mode, level, ...buttons]) element.disabled = !may;
   }
-  for (const what of ["control", "open", "line"]) on(what, allow);
+  onControl(allow);
   for (const what of ["unit", "chosen", "settings"]) on(what, show);
   return h("div", { class: "stack" },
     h("div", { class: "row" }, which, mode), h("label", { class: "field" }, "at", level, unit), h("div", { class: "row" }, ...buttons));

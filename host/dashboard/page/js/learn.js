@@ -3,7 +3,7 @@
 
 import { h, say } from "./dom.js";
 import { SmallPlot } from "./small.js";
-import { inControl, on, state } from "./state.js";
+import { inControl, mayOrder, on, onControl, state } from "./state.js";
 import { number } from "./units.js";
 
 /**
@@ -121,10 +121,10 @@ export function learnPanel(link) {
   }
 
   function allow() {
-    begin.disabled = travel.disabled = !(inControl() && state.connected && state.reports);
+    begin.disabled = travel.disabled = !(mayOrder() && state.reports);
     show();
   }
-  for (const what of ["control", "open", "line"]) on(what, allow);
+  onControl(allow);
   on("chosen", show);
   return h("div", { class: "columns" },
     h("div", { class: "stack" }, says, h("div", { class: "pair" }, h("span", {}, "Longest travel, counts"), travel), h("div", { class: "row" }, begin, apply), progress, h("table", {}, found), about),

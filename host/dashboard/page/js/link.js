@@ -50,7 +50,7 @@ export class Link {
     [this.acknowledged, this.acknowledgedAt] = [number, now];
   }
 
-  /** @param {string} order @param {Record<string, any>|null} [fields] @returns {boolean} true if the order was sent */
+  /** @param {string} order @param {any} [fields] @returns {boolean} true if the order was sent */
   order(order, fields = null) {
     return this.send(JSON.stringify({ [order]: fields }));
   }

@@ -4,7 +4,7 @@
 import { by, h, say } from "./dom.js";
 import { select } from "./list.js";
 import { slider } from "./slider.js";
-import { choose, inControl, on, state } from "./state.js";
+import { choose, mayOrder, motorName, on, onControl, state } from "./state.js";
 import { freeSpeed, fromCps, number, speed, speedUnit, toCps } from "./units.js";
 
 /** Shortest interval between two set-points of a dragged slider, in milliseconds. */
@@ -97,7 +97,8 @@ function build(/** @type {number} */ motor) {
   /** @type {any} */
   const card = { motor, target: 0, sent: 0, orderedAt: -Infinity };
   card.name = h("small", {});
-  card.choose = h("button", { class: "choose", type: "button", "aria-pressed": "false", onclick: () => choose(motor) }, h("span", {}, `Motor ${motor}`), card.name);
+  card.title = h("span", {}, `Motor ${motor}`);
+  card.choose = h("button", { class: "choose", type: "button", "aria-pressed": "false", onclick: () => choose(motor) }, card.title, card.name);
   card.pill = h("span", { class: "pill" }, "Off (coasting)");
   card.run = h("button", { class: "run", type: "button", role: "switch", "aria-checked": "false", "aria-label": `Enable motor ${motor}`, onclick: () => run(card) }, "Run");
   card.speed = h("b", {}, "–");
@@ -212,7 +213,7 @@ function show(/** @type {any} */ card, /** @type {any} */ motor) {
 }
 
 function allow() {
-  const may = inControl() && state.connected;
+  const may = mayOrder();
   for (const card of cards) for (const element of [card.run, card.mode, card.slider.input, card.number]) element.disabled = !may;
 }
 
@@ -230,10 +231,11 @@ export function startMotors(/** @type {any} */ to) {
     fit(cards[motor]);
   });
   on("unit", () => cards.forEach(fit));
+  for (const what of ["hubs", "line"]) on(what, () => cards.forEach((card) => say(card.title, motorName(card.motor))));
   on("chosen", () => cards.forEach((card) => {
     card.element.classList.toggle("chosen", card.motor === state.chosen);
     card.choose.setAttribute("aria-pressed", String(card.motor === state.chosen));
   }));
-  for (const what of ["control", "open", "line"]) on(what, allow);
+  onControl(allow);
   allow();
 }

@@ -1,6 +1,7 @@
 // Tabs below the plots. All panels are built at the start and only hidden, so that typed values are kept.
 
 import { by, h } from "./dom.js";
+import { devicesPanel } from "./devices.js";
 import { groupPanel } from "./group.js";
 import { hubPanel } from "./hub.js";
 import { learnPanel } from "./learn.js";
@@ -20,6 +21,7 @@ export function startPanels(link) {
     ["group", "Move", groupPanel(link)],
     ["record", "Record", recordPanel()],
     ["regimes", "S T Z G", regimesPanel(link)],
+    ["devices", "Devices", devicesPanel(link)],
     ["hub", "Hub", hubPanel(link)],
     ["world", "Simulate", worldPanel(link)],
   ];
@@ -48,6 +50,11 @@ export function startPanels(link) {
     next.click();
   });
   open("tune");
+  // Only motors and battery of the first hub are simulated by orders of a page.
+  on("hubs", ({ hubs }) => {
+    by("tab-world").hidden = !(state.simulated && hubs[0].shown);
+    if (by("tab-world").hidden && !by("panel-world").hidden) open("tune");
+  });
   let first = true;
   on("welcome", () => {
     by("tab-world").hidden = !state.simulated;
@@ -56,6 +63,6 @@ export function startPanels(link) {
     first = false;
     const usual = state.simulated ? "world" : "tune";
     const last = kept("tab", usual);
-    open(panels.some(([name]) => name === last) && (state.simulated || last !== "world") ? last : usual);
+    open(panels.some(([name]) => name === last) && !by(`tab-${last}`).hidden ? last : usual);
   });
 }

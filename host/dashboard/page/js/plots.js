@@ -4,7 +4,7 @@
 import { drawBands, nameBands } from "./bands.js";
 import { by, h, LARGE, say, typeScale } from "./dom.js";
 import { select } from "./list.js";
-import { keep, kept, on, state } from "./state.js";
+import { keep, kept, motorName, on, state } from "./state.js";
 import { fromCps, number, speedUnit } from "./units.js";
 
 /** @typedef {{name: string, words: string, colour: string, dash?: number[], digits: number, of?: number}} Line `of` is a motor, where it is not the chosen one */
@@ -216,7 +216,7 @@ export function draw() {
 
 function titles() {
   const settings = state.settings[state.chosen];
-  say(by("plots-of"), `Motor ${state.chosen}${settings?.name ? `, ${settings.name}` : ""}`);
+  say(by("plots-of"), `${motorName(state.chosen)}${settings?.name ? `, ${settings.name}` : ""}`);
   const title = (/** @type {string} */ name, /** @type {string} */ words) => say(charts.get(name)?.legend.querySelector("h3"), words);
   title("speed", `Speed, ${speedUnit(settings)}`);
   title("current", chosen.torque && torquePerAmpere() !== null ? "Torque of the shaft, N m" : "Current, A");
@@ -342,6 +342,7 @@ export function startPlots() {
     pause(view.paused);
   });
   for (const what of ["chosen", "settings", "unit"]) on(what, arrange);
+  on("hubs", titles);
   on("theme", () => { colours = new Map(); draw(); });
   on("line", () => { by("untold").hidden = state.reports; });
   on("frame", (frame) => say(by("bus"), frame.bus ? `${BUS[/** @type {keyof typeof BUS} */ (frame.bus)] ?? frame.bus}${frame.burning ? `, ${number(100 * frame.burning)} %` : ""}` : ""));

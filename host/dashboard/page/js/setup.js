@@ -3,7 +3,7 @@
 import { h, say } from "./dom.js";
 import { settingsForm } from "./fields.js";
 import { select } from "./list.js";
-import { inControl, on, state } from "./state.js";
+import { inControl, mayOrder, on, onControl, state } from "./state.js";
 import { number } from "./units.js";
 
 const SCHEMES = [["A", "A: control is an equivalent voltage"], ["B", "B: control is a current"], ["C", "C: as B, with braking as steep as driving"], ["D", "D: between B and C"], ["none", "No braking regime"]];
@@ -33,7 +33,7 @@ export function setupPanel(link) {
     say(facts, `Back EMF ${number(settings.emf_mv_s_per_count, 3)} mV s/count, winding ${settings.resistance_ohm === null ? "not configured" : `${number(settings.resistance_ohm, 2)} Ω`}${settings.counts_per_turn ? `, ${number(settings.counts_per_turn)} counts per turn` : ""}.`);
   }
   function allow() {
-    const may = inControl() && state.connected;
+    const may = mayOrder();
     for (const element of [name, scheme, duty, apply, zero]) element.disabled = !may;
     save.disabled = !may || !state.stores;
     say(saving, state.stores || !state.connected ? "Settings of all motors last until the hub restarts, unless they are saved." : "This hub cannot store settings: they last until it restarts.");
@@ -41,7 +41,7 @@ export function setupPanel(link) {
   }
   on("welcome", () => { name.options = [...UNCHANGED, ...state.catalogue.map((/** @type {any} */ motor) => [motor.name, motor.name])]; });
   for (const what of ["settings", "chosen"]) on(what, fill);
-  for (const what of ["control", "open", "line"]) on(what, allow);
+  onControl(allow);
   return h("div", { class: "columns" },
     h("div", { class: "stack" },
       h("div", { class: "pair" }, h("label", { for: "setup-name" }, "Motor"), name, h("label", { for: "setup-scheme" }, "Scheme"), scheme, h("label", { for: "setup-duty" }, "Duty"), duty),

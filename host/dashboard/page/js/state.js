@@ -12,6 +12,8 @@ export const state = {
   connected: false,
   reports: true,
   /** The hub can store its settings. */ stores: false,
+  /** What the hub has besides motors; null if it does not report it. @type {any} */ has: null,
+  /** The hubs of a chain, the parent first; empty for one hub. @type {any[]} */ hubs: [],
   why: "",
   place: "",
   simulated: false,
@@ -37,7 +39,28 @@ export function tell(what, message) {
   for (const listener of listeners.get(what) ?? []) listener(message);
 }
 
+/** A motor's name: in a chain, with the address of its hub. @param {number} motor */
+export function motorName(motor) {
+  const hub = state.hubs.find(({ shown }) => shown);
+  return hub ? `Motor ${hub.address}:${motor}` : `Motor ${motor}`;
+}
+
+/** Calls `leave` when somebody can no longer see or use this page, or chooses another hub. @param {() => void} leave */
+export function onLeave(leave) {
+  on("leave", leave);
+  addEventListener("blur", leave);
+  document.addEventListener("visibilitychange", leave);
+}
+
 export const inControl = () => state.open && state.controller === state.you;
+
+/** True if this page may give orders to the hub. */
+export const mayOrder = () => inControl() && state.connected;
+
+/** Calls `allow` when {@link mayOrder} may have changed. @param {() => void} allow */
+export function onControl(allow) {
+  for (const what of ["control", "open", "line"]) on(what, allow);
+}
 
 /** @param {number} motor */
 export function choose(motor) {

@@ -3,7 +3,7 @@
 import { h, say } from "./dom.js";
 import { limited, scale } from "./motors.js";
 import { SmallPlot } from "./small.js";
-import { inControl, on, state } from "./state.js";
+import { inControl, mayOrder, on, onControl, state } from "./state.js";
 import { fromCps, number, speed, speedUnit } from "./units.js";
 
 /** Time for which a step is recorded, in seconds. */
@@ -163,7 +163,7 @@ export function tunePanel(link) {
     say(model, known ? `Dynamics: ${number(known.gain)} counts/s² per volt, decay ${number(known.decay, 2)} /s, friction ${number(known.friction_v, 2)} V` : "Dynamics are not configured: the motor model learns the acceleration per volt. Identify measures all three.");
   }
   function allow() {
-    const may = inControl() && state.connected;
+    const may = mayOrder();
     for (const element of [byModel, byPid, setLimit, begin, limit, ...apply]) element.disabled = !may;
     fill();
   }
@@ -175,7 +175,7 @@ export function tunePanel(link) {
   });
   on("unit", () => { showEnds(); lay(); });
   on("chosen", () => { runs = []; results.replaceChildren(); plot.show([[0, WATCHED_S], [null, null], [null, null], [null, null]]); });
-  for (const what of ["control", "open", "line"]) on(what, allow);
+  onControl(allow);
 
   return h("div", { class: "columns" },
     h("div", { class: "stack" },

@@ -1,0 +1,103 @@
+//! Servos, sensors, pins, I2C buses and the hubs of a chain on the page of `motor-hub dashboard`, in a real browser.
+
+use crate::browser::page::{drive, live, off, pictures, unobstructed};
+use crate::browser::{Browser, Tab, find};
+use crate::common::alone;
+use crate::dashboard_browser::{ESCAPE, with_page};
+use crate::dashboard_looks::theme;
+use crate::dashboard_panels::{open, press};
+use crate::page::Dashboard;
+use std::time::{Duration, Instant};
+
+/// Leaves pictures of a phone and a laptop in two themes in `target/dashboard`.
+fn look(tab: &mut Tab<'_>, name: &str) {
+    for (width, height) in [(390, 844), (1366, 768)] {
+        tab.resize(width, height);
+        for wanted in ["light", "dark"] {
+            theme(tab, wanted);
+            std::thread::sleep(Duration::from_millis(200));
+            assert_eq!(unobstructed(tab), Vec::<String>::new(), "{name} at {width}x{height}");
+            tab.picture(&pictures().join(format!("{name}-{width}-{wanted}.png")), width < 500);
+        }
+    }
+}
+
+#[test]
+fn servos_run_until_stop() {
+    with_page("servos", |tab| {
+        tab.click("#tab-devices");
+        let run = "#panel-devices [aria-label=\"Pulses of servo 2\"]";
+        let is =
+            |on: bool| format!("document.querySelector('{run}').getAttribute('aria-checked') === '{on}'");
+        tab.wait(&format!("document.querySelector('{run}').checkVisibility()"));
+        tab.click(run);
+        tab.wait(&is(true));
+        tab.press(ESCAPE);
+        tab.wait(&is(false));
+    });
+}
+
+#[test]
+#[ignore = "long: cargo xtask long"]
+fn analog_inputs_are_shown_and_pins_are_outputs_until_stop() {
+    with_page("pins", |tab| {
+        tab.click("#tab-devices");
+        open(tab, "Analog inputs");
+        tab.wait("document.querySelector('#analog').textContent.includes('analog input 3')");
+        open(tab, "Digital pins");
+        tab.wait("document.querySelector('#pin-3')?.parentElement.textContent.includes('reads high')");
+        tab.fill("#pin-3", "low");
+        tab.wait("document.querySelector('#pin-3').value === 'low' && !document.querySelector('#pin-3').parentElement.textContent.includes('reads')");
+        look(tab, "pins");
+        tab.press(ESCAPE);
+        tab.wait("document.querySelector('#pin-3').value === 'released'");
+    });
+}
+
+#[test]
+#[ignore = "long: cargo xtask long"]
+fn devices_on_an_i2c_bus_are_found_read_and_written() {
+    with_page("i2c", |tab| {
+        tab.click("#tab-devices");
+        open(tab, "I2C buses");
+        let says = |tab: &mut Tab<'_>, text: &str| {
+            tab.wait(&format!("document.querySelector('#i2c-result').textContent.includes('{text}')"));
+        };
+        press(tab, "Scan");
+        says(tab, "devices at 0x28");
+        // The register 0 of a BNO055 is its number.
+        press(tab, "Read");
+        says(tab, "read a0");
+        tab.fill("#i2c-bytes", "0x3d 0");
+        press(tab, "Write");
+        says(tab, "wrote 3d 00");
+        tab.fill("#i2c-address", "0x29");
+        press(tab, "Read");
+        says(tab, "no device acknowledges this address");
+        look(tab, "i2c");
+    });
+}
+
+#[test]
+#[ignore = "long: cargo xtask long"]
+fn a_chain_shows_what_each_hub_does_and_has_one_stop() {
+    let Some(program) = find() else { return };
+    let _alone = alone();
+    let dashboard = Dashboard::start(&["--hubs", "3"]);
+    let mut browser = Browser::start(&program, "chain");
+    let mut tab = browser.open(&dashboard.url, 1366, 768);
+    live(&mut tab);
+    drive(&mut tab, 1, 600);
+    tab.wait("document.querySelector('#hubs button').textContent === 'Hub 2, parentmotor 1 runs'");
+    tab.click("#hubs button:nth-child(2)");
+    tab.wait("document.querySelector('#motors .card').textContent.startsWith('Motor 3:0')");
+    drive(&mut tab, 0, 600);
+    tab.wait(
+        "dashboard.state.hubs[0].running.join() === '1' && dashboard.state.hubs[1].running.join() === '0'",
+    );
+    look(&mut tab, "chain");
+    tab.press(ESCAPE);
+    off(&mut tab, Instant::now());
+    tab.wait("dashboard.state.hubs.every(({ running, lost }) => !running.length && !lost)");
+    assert_eq!(tab.complaints(), Vec::<String>::new());
+}

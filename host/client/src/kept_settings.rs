@@ -1,0 +1,137 @@
+//! Settings of motors that are kept before a change, and restored after it.
+//!
+//! ```
+//! use motor_hub_client::motor_hub::extension::settings::{Group, Values};
+//! use motor_hub_client::motor_hub::protocol::Address;
+//! use motor_hub_client::{Session, memory::MemoryHub};
+//! use std::time::Duration;
+//!
+//! let mut session = Session::new(MemoryHub::default(), Address::DEFAULT, Duration::from_secs(1));
+//! let values = Values::of(Group::Timing, &session.settings(1)?);
+//! let kept = session.put_in_force(vec![(1, vec![values])]).expect("own settings are accepted");
+//! let [(motor, before)] = kept.as_slice() else { panic!("one motor was changed") };
+//! session.restore_settings(*motor, before)?;
+//! # Ok::<(), motor_hub_client::Error>(())
+//! ```
+
+use crate::{Error, Session};
+use motor_hub::extension::Request;
+use motor_hub::extension::settings::{Group, MotorSettings, Values};
+use motor_hub::protocol::motor::{Coefficients, Loop};
+use motor_hub::regulator::Kind;
+use std::io::{Read, Write};
+
+/// All settings of a motor.
+#[derive(Clone, Debug)]
+pub struct KeptSettings {
+    /// All settings but coefficients.
+    pub settings: MotorSettings,
+    /// Coefficients of velocity and position loop; `None` if the model regulated the motor.
+    loops: Option<[Coefficients; 2]>,
+}
+
+/// Settings that were not put in force.
+#[derive(Debug, thiserror::Error)]
+pub enum ImportError {
+    /// The hub refuses a setting. The settings before the import are in force again.
+    #[error("motor {motor}: {error}; the settings before the import are in force{failed}")]
+    Refused {
+        /// The motor.
+        motor: u8,
+        /// The refusal.
+        error: Error,
+        /// For each motor whose settings could not be restored: `; motor 0 could not be restored: `, and why.
+        failed: String,
+    },
+    /// The exchange with the hub failed.
+    #[error("{0}; some of the settings may be in force until the hub's next reset")]
+    Lost(Error),
+}
+
+impl<L: Read + Write> Session<L> {
+    /// Reads all settings of a motor, for [`restore_settings`](Self::restore_settings).
+    ///
+    /// # Errors
+    /// See [`Session::ask`], as for all commands.
+    pub fn keep_settings(&mut self, motor: u8) -> Result<KeptSettings, Error> {
+        let settings = self.settings(motor)?;
+        let report = self.report()?;
+        let of = report.as_ref().and_then(|report| report.motors.get(usize::from(motor)));
+        let loops = match of {
+            Some(of) if of.regulator == Kind::Pid => {
+                Some([self.coefficients(motor, Loop::Velocity)?, self.coefficients(motor, Loop::Position)?])
+            }
+            _ => None,
+        };
+        Ok(KeptSettings { settings, loops })
+    }
+
+    /// Restores all settings of a motor, except its mode.
+    ///
+    /// # Errors
+    /// See [`Session::ask`], as for all commands.
+    pub fn restore_settings(&mut self, motor: u8, kept: &KeptSettings) -> Result<(), Error> {
+        let present = self.settings(motor)?;
+        for group in Group::ALL {
+            let restored = match group {
+                Group::Mode | Group::VelocityLoop | Group::PositionLoop => false,
+                // A set-up drops coefficients, which override the model, and the motion.
+                Group::SetUp | Group::Motion => true,
+                _ => Values::of(group, &present) != Values::of(group, &kept.settings),
+            };
+            if restored {
+                self.set(motor, group, &kept.settings)?;
+            }
+        }
+        for (of, pidf) in [Loop::Velocity, Loop::Position].into_iter().zip(kept.loops.into_iter().flatten()) {
+            self.set_coefficients(motor, of, pidf)?;
+        }
+        Ok(())
+    }
+
+    /// Puts settings of motors in force: all of them, or none if the hub refuses one. Returns the settings before. All motors
+    /// must be disabled, because a mode may bring an old set-point in force.
+    ///
+    /// # Errors
+    /// The hub refuses a setting, or the exchange fails.
+    pub fn put_in_force(
+        &mut self,
+        settings: Vec<(u8, Vec<Values>)>,
+    ) -> Result<Vec<(u8, KeptSettings)>, ImportError> {
+        let mut kept: Vec<(u8, KeptSettings)> = Vec::new();
+        for (motor, values) in settings {
+            kept.push((motor, self.keep_settings(motor).map_err(ImportError::Lost)?));
+            for values in values {
+                match self.order(Request::Set(motor, values)) {
+                    Ok(()) => (),
+                    Err(
+                        error @ (Error::Refused { .. } | Error::TooOld { .. } | Error::Unexpected { .. }),
+                    ) => {
+                        let failed = self.take_back(&kept)?;
+                        return Err(ImportError::Refused { motor, error, failed });
+                    }
+                    Err(error) => return Err(ImportError::Lost(error)),
+                }
+            }
+        }
+        Ok(kept)
+    }
+
+    /// Restores the settings of motors with their modes, and says for which motors that failed.
+    fn take_back(&mut self, kept: &[(u8, KeptSettings)]) -> Result<String, ImportError> {
+        let mut failed = String::new();
+        for (motor, before) in kept {
+            let restored = self
+                .restore_settings(*motor, before)
+                .and_then(|()| self.set(*motor, Group::Mode, &before.settings));
+            match restored {
+                Ok(()) => (),
+                Err(why @ Error::Refused { .. }) => {
+                    failed.push_str(&format!("; motor {motor} could not be restored: {why}"));
+                }
+                Err(error) => return Err(ImportError::Lost(error)),
+            }
+        }
+        Ok(failed)
+    }
+}

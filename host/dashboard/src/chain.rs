@@ -1,0 +1,176 @@
+//! The hubs on one line: a parent, and the hubs of the chain behind it. One hub is shown in full. The others are asked in turn
+//! what they do, which also keeps their motors enabled.
+//!
+//! A hub that does not answer is not asked again until a page chooses it, so that a lost hub delays no other hub. If it was shown,
+//! the first hub is shown instead.
+
+use crate::hub::Hub;
+use motor_hub::protocol::{Address, CHANNELS};
+use motor_hub_client::Error;
+use serde::Serialize;
+
+/// Largest number of hubs that are shown.
+const MOST: usize = 4;
+
+/// Number of frames of the shown hub for each question to another hub. With three others, each is asked every 0.3 s.
+const FRAMES: u64 = 5;
+
+/// A hub of a chain, for pages.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct HubOfChain {
+    /// Address on the line.
+    pub(crate) address: u8,
+    /// True for the hub that is shown in full.
+    shown: bool,
+    /// Motors that are enabled.
+    running: Vec<u8>,
+    /// True if an enabled motor has a fault.
+    fault: bool,
+    /// True if the hub does not answer.
+    lost: bool,
+}
+
+/// The hubs on the line.
+#[derive(Debug, Default)]
+pub(crate) struct Chain {
+    hubs: Vec<HubOfChain>,
+    /// The hubs as pages know them.
+    shown: Vec<HubOfChain>,
+}
+
+impl Chain {
+    /// The hubs with these addresses, of which this one is shown.
+    pub(crate) fn new(addresses: &[u8], shown: u8) -> Self {
+        let hub = |&address: &u8| {
+            let (running, shown) = (Vec::new(), address == shown);
+            HubOfChain { address, shown, running, fault: false, lost: false }
+        };
+        Self { hubs: addresses.iter().take(MOST).map(hub).collect(), shown: Vec::new() }
+    }
+
+    /// True if the first hub is shown, whose motors and battery a page can change in a simulation.
+    pub(crate) fn shows_the_first(&self) -> bool {
+        self.hubs.first().is_none_or(|hub| hub.shown)
+    }
+
+    /// True if a motor of a hub that is not shown was enabled when it was asked last.
+    pub(crate) fn others_run(&self) -> bool {
+        self.hubs.iter().any(|hub| !hub.shown && !hub.running.is_empty())
+    }
+
+    /// Continues the session with the first hub, because the hub that is shown does not answer.
+    pub(crate) fn give_up(&mut self, session: &mut Hub) {
+        let Some(first) = self.hubs.first().and_then(|hub| Address::new(hub.address)) else { return };
+        session.talk_to(first);
+        for hub in &mut self.hubs {
+            if hub.shown {
+                (hub.shown, hub.lost) = (false, true);
+                hub.running.clear();
+            }
+            hub.shown = hub.address == first.get();
+        }
+    }
+
+    /// Continues the session with another hub of the chain.
+    ///
+    /// # Errors
+    /// The line has no hub with this address.
+    pub(crate) fn show(&mut self, session: &mut Hub, address: u8) -> Result<(), String> {
+        let known = self.hubs.iter().any(|hub| hub.address == address);
+        let Some(hub) = Address::new(address).filter(|_| known) else {
+            return Err(format!("there is no hub {address} on this line"));
+        };
+        session.talk_to(hub);
+        for hub in &mut self.hubs {
+            hub.shown = hub.address == address;
+            hub.lost &= !hub.shown;
+        }
+        Ok(())
+    }
+
+    /// Notes the new address of the shown hub.
+    pub(crate) fn rename(&mut self, address: u8) {
+        if let Some(hub) = self.hubs.iter_mut().find(|hub| hub.shown) {
+            hub.address = address;
+        }
+    }
+
+    /// Notes what the shown hub does.
+    pub(crate) fn note(&mut self, running: Vec<u8>, fault: bool) {
+        if let Some(hub) = self.hubs.iter_mut().find(|hub| hub.shown) {
+            (hub.running, hub.fault) = (running, fault);
+        }
+    }
+
+    /// Asks one of the other hubs what it does, at some frames.
+    ///
+    /// # Errors
+    /// The line fails.
+    pub(crate) fn ask_another(&mut self, session: &mut Hub, frame: u64) -> Result<(), Error> {
+        let shown = Address::new(session.address());
+        let mut others: Vec<_> = self.hubs.iter_mut().filter(|hub| !hub.shown && !hub.lost).collect();
+        let turn = (frame / FRAMES) as usize % others.len().max(1);
+        let (true, Some(other), Some(shown)) = (frame.is_multiple_of(FRAMES), others.get_mut(turn), shown)
+        else {
+            return Ok(());
+        };
+        let Some(address) = Address::new(other.address) else { return Ok(()) };
+        session.talk_to(address);
+        let asked = ask(session);
+        session.talk_to(shown);
+        match asked {
+            Ok((running, fault)) => (other.running, other.fault) = (running, fault),
+            // The hub's keep-alive disables its motors.
+            Err(Error::Silent { .. }) => (other.running, other.fault, other.lost) = (Vec::new(), false, true),
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
+
+    /// Disables the motors of all hubs.
+    ///
+    /// # Errors
+    /// A hub does not confirm.
+    pub(crate) fn stop(&mut self, session: &mut Hub) -> Result<(), Error> {
+        if self.hubs.len() < 2 {
+            return session.fail_safe();
+        }
+        let known: Vec<u8> = self.hubs.iter().filter(|hub| !hub.lost).map(|hub| hub.address).collect();
+        session.stop_hubs(&known)?;
+        self.hubs.iter_mut().for_each(|hub| hub.running.clear());
+        Ok(())
+    }
+
+    /// The hubs, if there is more than one.
+    pub(crate) fn several(&self) -> Option<&[HubOfChain]> {
+        (self.hubs.len() > 1).then_some(&self.hubs)
+    }
+
+    /// The hubs, if there is more than one, and if something has changed since the last call.
+    pub(crate) fn news(&mut self) -> Option<Vec<HubOfChain>> {
+        if self.several().is_none() || self.shown == self.hubs {
+            return None;
+        }
+        self.shown.clone_from(&self.hubs);
+        Some(self.hubs.clone())
+    }
+}
+
+/// The enabled motors of a hub, and whether one of them has a fault.
+fn ask(session: &mut Hub) -> Result<(Vec<u8>, bool), Error> {
+    if let Some(report) = session.report()? {
+        let motors = || (0..).zip(&report.motors).filter(|(_, motor)| motor.enabled);
+        return Ok((
+            motors().map(|(motor, _)| motor).collect(),
+            motors().any(|(_, motor)| motor.faults.any()),
+        ));
+    }
+    // Another maker's hub.
+    let mut running = Vec::new();
+    for motor in 0..CHANNELS as u8 {
+        if session.enabled(motor)? {
+            running.push(motor);
+        }
+    }
+    Ok((running, false))
+}

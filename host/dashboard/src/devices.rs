@@ -1,0 +1,237 @@
+//! What a hub has besides motors: servos, analog inputs, digital pins and I2C buses.
+//!
+//! The hub ends the pulses of all servos and releases all digital outputs when its motors are stopped together: at STOP, when the
+//! page in control is gone, and when its host is silent.
+
+use crate::hub::{Hub, RequestError};
+use crate::requests::{DeviceOrder, Look};
+use motor_hub::board::{DIGITAL_PINS, Equipment, SERVOS};
+use motor_hub::protocol::answers::I2cStatus;
+use motor_hub::protocol::payload::{ByteIn, Text, WordFrom};
+use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput};
+use motor_hub_client::Error;
+use motor_hub_client::devices::{Channel, I2C_ADDRESSES, channels};
+use serde::Serialize;
+
+/// Number of I2C addresses that are asked between two frames.
+const ADDRESSES_A_FRAME: usize = 4;
+
+/// What a hub has.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Has {
+    servos: u8,
+    analog: u8,
+    pins: Vec<u8>,
+    buses: u8,
+}
+
+impl From<Equipment> for Has {
+    fn from(Equipment { digital, servos, analog, i2c, .. }: Equipment) -> Self {
+        let pins = (0..DIGITAL_PINS as u8).filter(|pin| digital >> pin & 1 != 0).collect();
+        Self { servos, analog, pins, buses: i2c }
+    }
+}
+
+/// State of a servo output.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(crate) struct ServoIs {
+    period_us: u16,
+    /// 0 until a host has set the width.
+    width_us: u16,
+    enabled: bool,
+}
+
+/// A channel of the hub's ADC.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Reading {
+    name: &'static str,
+    unit: &'static str,
+    /// `None` if the hub refuses.
+    value: Option<f64>,
+    /// Why the hub refuses.
+    why: Option<String>,
+}
+
+/// State of a digital pin.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(crate) struct PinIs {
+    pin: u8,
+    output: bool,
+    /// Level of an input, or of an output that was set since the last stop; `None` for a released output.
+    high: Option<bool>,
+}
+
+/// State of the devices for which a page has asked.
+#[derive(Debug)]
+pub(crate) enum Seen {
+    Servos(Vec<ServoIs>),
+    Analog(Vec<Reading>),
+    Pins(Vec<PinIs>),
+}
+
+/// Result of a transfer on an I2C bus, or of a scan.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Transfer {
+    bus: u8,
+    /// `scan`, `read` or `write`.
+    what: &'static str,
+    /// Addresses of the devices that were found, or the bytes that were read or written.
+    bytes: Vec<u8>,
+    /// What went wrong.
+    why: Option<String>,
+}
+
+/// What the server keeps of the devices.
+#[derive(Debug, Default)]
+pub(crate) struct Devices {
+    /// Levels of digital outputs that were set since the last stop. A hub does not report them.
+    levels: [Option<bool>; DIGITAL_PINS],
+    scan: Option<Scan>,
+}
+
+/// A running scan of an I2C bus.
+#[derive(Debug)]
+struct Scan {
+    bus: I2cBus,
+    next: u8,
+    found: Vec<u8>,
+}
+
+impl Devices {
+    /// Notes that the hub has released its outputs.
+    pub(crate) fn stopped(&mut self) {
+        self.levels = Default::default();
+    }
+
+    /// Reads the state of devices.
+    pub(crate) fn look(&self, session: &mut Hub, at: Look) -> Result<Seen, RequestError> {
+        let has = session.equipment()?.unwrap_or_default();
+        match at {
+            Look::Servos => {
+                let all = (0..SERVOS.min(has.servos.into()) as u8).filter_map(ServoOutput::new);
+                let servos = all.map(|servo| {
+                    let is = session.servo(servo)?;
+                    Ok(ServoIs { period_us: is.period_us, width_us: is.width_us, enabled: is.enabled })
+                });
+                Ok(Seen::Servos(servos.collect::<Result<_, Error>>()?))
+            }
+            Look::Analog => {
+                let channels = channels().map(|Channel { number, name, unit, scale, .. }| {
+                    let (value, why) = match session.adc(number, false) {
+                        Ok(value) => (Some(f64::from(value) * scale), None),
+                        Err(Error::Refused { reason, .. }) => (None, Some(reason.to_string())),
+                        Err(error) => return Err(error),
+                    };
+                    Ok(Reading { name, unit, value, why })
+                });
+                Ok(Seen::Analog(channels.collect::<Result<_, Error>>()?))
+            }
+            Look::Pins => {
+                let mut pins = Vec::new();
+                let all = (0..).filter_map(Pin::new).take(DIGITAL_PINS);
+                for (pin, level) in all.zip(self.levels).filter(|(pin, _)| has.digital >> pin.get() & 1 != 0)
+                {
+                    let output = session.is_output(pin)?;
+                    let high = if output { level } else { Some(session.read_pin(pin)?) };
+                    pins.push(PinIs { pin: pin.get(), output, high });
+                }
+                Ok(Seen::Pins(pins))
+            }
+        }
+    }
+
+    /// Executes an order to devices; returns the result of a transfer.
+    pub(crate) fn execute(
+        &mut self,
+        session: &mut Hub,
+        order: &DeviceOrder,
+    ) -> Result<Option<Transfer>, RequestError> {
+        match *order {
+            DeviceOrder::Servo { servo, period_us, width_us, on } => {
+                let servo: ServoOutput = number("a servo output", servo)?;
+                if !on {
+                    return Ok(session.enable_servo(servo, false).map(|()| None)?);
+                }
+                let pulses = (WordFrom::new(period_us), WordFrom::new(width_us));
+                let (Some(period), Some(width)) = pulses else {
+                    return Err("a pulse is 1 to 65535 us long, and its period 2 to 65535 us".into());
+                };
+                if width_us > period_us {
+                    return Err(format!(
+                        "a pulse of {width_us} us is longer than its period of {period_us} us"
+                    )
+                    .into());
+                }
+                session.set_servo_period(servo, period)?;
+                session.set_servo_width(servo, width)?;
+                session.enable_servo(servo, true)?;
+            }
+            DeviceOrder::Pin { pin, level } => {
+                let pin: Pin = number("a digital pin", pin)?;
+                match level {
+                    Some(high) => session.drive_pin(pin, high)?,
+                    None => session.release_pin(pin)?,
+                }
+                if let Some(kept) = self.levels.get_mut(usize::from(pin.get())) {
+                    *kept = level;
+                }
+            }
+            DeviceOrder::Scan { bus } => {
+                let bus = number("an I2C bus", bus)?;
+                self.scan = Some(Scan { bus, next: I2C_ADDRESSES.0, found: Vec::new() });
+            }
+            DeviceOrder::Read { bus, address, register, count, fast } => {
+                let (at, address) = device(bus, address)?;
+                let count: I2cCount = number("a number of bytes", count)?;
+                session.set_i2c_speed(at, fast)?;
+                let read = session.read_i2c(at, address, register, count)?;
+                return Ok(Some(transfer(bus, "read", &read.bytes, read.status)));
+            }
+            DeviceOrder::Write { bus, address, ref bytes, fast } => {
+                let (at, address) = device(bus, address)?;
+                let text = Text::from_slice(bytes).ok().filter(|text| (1..=100).contains(&text.len()));
+                let text =
+                    text.ok_or_else(|| format!("a write of {} bytes; allowed is 1 to 100", bytes.len()))?;
+                session.set_i2c_speed(at, fast)?;
+                let written = session.write_i2c(at, address, text)?;
+                return Ok(Some(transfer(bus, "write", bytes, written.status)));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Continues a running scan; returns its result at its end.
+    pub(crate) fn go_on(&mut self, session: &mut Hub) -> Result<Option<Transfer>, Error> {
+        let Some(Scan { bus, mut next, mut found }) = self.scan.take() else { return Ok(None) };
+        let bytes = |found| Transfer { bus: bus.get(), what: "scan", bytes: found, why: None };
+        for _ in 0..ADDRESSES_A_FRAME {
+            let Some(address) = I2cAddress::new(next).filter(|_| next <= I2C_ADDRESSES.1) else {
+                return Ok(Some(bytes(found)));
+            };
+            match session.finds_i2c(bus, address)? {
+                Ok(true) => found.push(next),
+                Ok(false) => (),
+                Err(why) => return Ok(Some(Transfer { why: Some(why), ..bytes(found) })),
+            }
+            next += 1;
+        }
+        self.scan = Some(Scan { bus, next, found });
+        Ok(None)
+    }
+}
+
+fn number<const LEAST: u8, const MOST: u8>(
+    what: &str,
+    given: u8,
+) -> Result<ByteIn<LEAST, MOST>, RequestError> {
+    ByteIn::new(given).ok_or_else(|| format!("{what} is {LEAST} to {MOST}, and not {given}").into())
+}
+
+fn device(bus: u8, address: u8) -> Result<(I2cBus, I2cAddress), RequestError> {
+    Ok((number("an I2C bus", bus)?, number("an I2C address", address)?))
+}
+
+fn transfer(bus: u8, what: &'static str, bytes: &[u8], status: I2cStatus) -> Transfer {
+    let why = status.error().map(str::to_owned);
+    Transfer { bus, what, bytes: bytes.to_owned(), why }
+}
