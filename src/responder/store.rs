@@ -110,8 +110,9 @@ impl<const N: usize> Responder<N> {
 
     /// Makes the responder wait for [`restore`](Self::restore): [`awaits_store`](Self::awaits_store) returns true until then.
     #[must_use]
-    pub fn expecting_store(self) -> Self {
-        Self { expects_store: true, ..self }
+    pub const fn expecting_store(mut self) -> Self {
+        self.expects_store = true;
+        self
     }
 
     /// True if the responder expects stored settings that are not restored yet.

@@ -14,8 +14,9 @@ const LONGEST_VERSION: usize = 40;
 impl<const N: usize> Responder<N> {
     /// Makes the responder accept firmware updates, on a hub whose bootloader starts images from this active slot.
     #[must_use]
-    pub fn with_slot(self, slot: Slot) -> Self {
-        Self { update: Some(Update::new(slot)), ..self }
+    pub fn with_slot(mut self, slot: Slot) -> Self {
+        self.update = Some(Update::new(slot));
+        self
     }
 
     /// Executes a request about new firmware.

@@ -135,7 +135,8 @@ macro_rules! hub {
                 }
             )?
             let (tx, rx) = parts.link;
-            spawner.spawn(unwrap!(responder(rx, tx, parts.connectors, parts.lamp, settings, has_store)));
+            let state = new_responder(settings, has_store);
+            spawner.spawn(unwrap!(responder(rx, tx, parts.connectors, parts.lamp, state)));
             spawner.spawn(unwrap!(button(parts.button)));
         }
 
@@ -180,16 +181,15 @@ macro_rules! hub {
             $crate::status::run(&WIRES).await
         }
 
-        /// Ends only if the serial line ends, which it never does.
-        #[::embassy_executor::task]
-        async fn responder(
-            rx: $crate::serial::HostReceiver,
-            tx: $crate::serial::HostSender,
-            connectors: $crate::connectors::Connectors<$pins, $servos>,
-            mut lamp: $crate::lamp::Lamp,
+        /// Makes the responder in static memory. Inlined into a task, the function would take room for one or two responders from
+        /// the stack at each poll of the task.
+        #[inline(never)]
+        fn new_responder(
             settings: ::motor_hub::motor::Settings,
             has_store: bool,
-        ) {
+        ) -> &'static mut ::motor_hub::responder::Responder<MOTORS> {
+            static RESPONDER: ::static_cell::StaticCell<::motor_hub::responder::Responder<MOTORS>> =
+                ::static_cell::StaticCell::new();
             let address = ::motor_hub::protocol::Address::DEFAULT;
             let mut responder = ::motor_hub::responder::Responder::new(address, [settings; MOTORS]);
             if has_store {
@@ -199,12 +199,25 @@ macro_rules! hub {
             if let Some(slot) = slot {
                 responder = responder.with_slot(slot);
             }
+            RESPONDER.init(responder)
+        }
+
+        /// Ends only if the serial line ends, which it never does.
+        #[::embassy_executor::task]
+        async fn responder(
+            mut rx: $crate::serial::HostReceiver,
+            mut tx: $crate::serial::HostSender,
+            mut connectors: $crate::connectors::Connectors<$pins, $servos>,
+            mut lamp: $crate::lamp::Lamp,
+            responder: &'static mut ::motor_hub::responder::Responder<MOTORS>,
+        ) {
             // The lamp is shown at least every 100 ms, whatever the line does.
             let show = |colour| {
                 lamp.show(colour);
                 HEALTH.check_in(::motor_hub::tasks::Task::Responder);
             };
-            ::motor_hub::tasks::responder::run(rx, tx, connectors, &mut responder, &WIRES, show).await;
+            // An async function keeps two copies of an owned argument, so the arguments are borrowed.
+            ::motor_hub::tasks::responder::run(&mut rx, &mut tx, &mut connectors, responder, &WIRES, show).await;
         }
 
         $(

@@ -35,12 +35,14 @@ const EAGER: usize = 16;
 pub struct Buffers {
     received: [u8; RECEIVED],
     sent: [u8; SENT],
+    /// Looks for the first packet on the line.
+    decoder: Decoder,
 }
 
 impl Buffers {
     /// Empty.
     pub const fn new() -> Self {
-        Self { received: [0; RECEIVED], sent: [0; SENT] }
+        Self { received: [0; RECEIVED], sent: [0; SENT], decoder: Decoder::new() }
     }
 }
 
@@ -51,7 +53,7 @@ impl Default for Buffers {
 }
 
 /// A line: its sending and its receiving half.
-pub type Line = (Sender, BufferedUartRx<'static>);
+pub type Line = (Sender, Receiver);
 
 /// 460 800 baud, 8 data bits, no parity, one stop bit; RX pulled up.
 ///
@@ -70,9 +72,15 @@ pub fn open<T: Instance>(
     // Without power the ST-LINK does not drive the line, which must then be idle, not noise.
     config.rx_pull = Pull::Up;
     config.eager_reads = Some(EAGER);
-    let line = BufferedUart::new(usart, rx, tx, &mut buffers.sent, &mut buffers.received, irqs, config)?;
-    let (sender, receiver) = line.split();
-    Ok((Sender { line: sender, end }, receiver))
+    let Buffers { received, sent, decoder } = buffers;
+    let (sender, receiver) = BufferedUart::new(usart, rx, tx, sent, received, irqs, config)?.split();
+    Ok((Sender { line: sender, end }, Receiver { line: receiver, decoder }))
+}
+
+/// The line's receiving half.
+pub struct Receiver {
+    line: BufferedUartRx<'static>,
+    decoder: &'static mut Decoder,
 }
 
 /// The line's sending half. A write to embassy's half that is longer than its buffer is refused, and each later flush waits
@@ -123,17 +131,14 @@ pub fn host_link((sender, receiver): Line, second: Option<Line>) -> (HostSender,
     if second_receiver.is_none() {
         HOST.store(0, Ordering::Relaxed);
     }
-    let decoders = [const { Decoder::new() }; 2];
-    let receiver = HostReceiver { first: receiver, second: second_receiver, decoders, packet: Frame::new() };
+    let receiver = HostReceiver { first: receiver, second: second_receiver, packet: Frame::new() };
     (HostSender { first: sender, second: second_sender }, receiver)
 }
 
 /// The host link's receiving half.
 pub struct HostReceiver {
-    first: BufferedUartRx<'static>,
-    second: Option<BufferedUartRx<'static>>,
-    /// Look for the first packet on each line.
-    decoders: [Decoder; 2],
+    first: Receiver,
+    second: Option<Receiver>,
     /// What the caller has not read of the first packet.
     packet: Frame,
 }
@@ -150,21 +155,22 @@ impl Read for HostReceiver {
                 into.iter_mut().zip(self.packet.drain(..count)).for_each(|(place, byte)| *place = byte);
                 return Ok(count);
             }
-            let Some(second) = &mut self.second else { return self.first.read(into).await };
+            let first = &mut self.first;
+            let Some(second) = &mut self.second else { return first.line.read(into).await };
             match HOST.load(Ordering::Relaxed) {
-                0 => return self.first.read(into).await,
-                1 => return second.read(into).await,
+                0 => return first.line.read(into).await,
+                1 => return second.line.read(into).await,
                 _ => {}
             }
             // One byte at a time: what follows the first packet stays in its line.
             let (mut a, mut b) = ([0], [0]);
-            let (line, byte) = match select(self.first.read(&mut a), second.read(&mut b)).await {
-                Either::First(result) => result.map(|_| (0, a))?,
-                Either::Second(result) => result.map(|_| (1, b))?,
+            let (line, decoder, byte) = match select(first.line.read(&mut a), second.line.read(&mut b)).await
+            {
+                Either::First(result) => result.map(|_| (0, &mut first.decoder, a))?,
+                Either::Second(result) => result.map(|_| (1, &mut second.decoder, b))?,
             };
             let now = Micros::new(Instant::now().as_micros());
-            let decoder = self.decoders.get_mut(usize::from(line));
-            if let Some(packet) = decoder.and_then(|decoder| decoder.next(&mut &byte[..], now)) {
+            if let Some(packet) = decoder.next(&mut &byte[..], now) {
                 HOST.store(line, Ordering::Relaxed);
                 self.packet = frame::encode(&packet);
             }
