@@ -15,6 +15,7 @@
 /// | `currents` | type of the converter that measures the currents of the bridges; `()` on a board without such a converter |
 /// | `slot` | where a bootloader starts this image from: an `Option<Slot>` |
 /// | `store` | flash that stores settings; left out on a board that stores none |
+/// | `chain` | type of the line between the hubs of a chain; left out on a board that has none |
 #[macro_export]
 macro_rules! hub {
     (
@@ -29,6 +30,7 @@ macro_rules! hub {
         currents: $currents:ty,
         slot: $slot:expr,
         $(store: $store:ty,)?
+        $(chain: $chain:ty,)?
     ) => {
         /// Number of motors on this board.
         const MOTORS: usize = $motors;
@@ -72,6 +74,14 @@ macro_rules! hub {
             lamp: $crate::lamp::Lamp,
             button: ::embassy_stm32::gpio::Input<'static>,
             $(store: Option<::motor_hub::tasks::store::Keeper<$store>>,)?
+            /// `None` without a transceiver.
+            $(chain: Option<$chain>,)?
+        }
+
+        /// What the responder has besides motors and connectors.
+        struct Has {
+            store: bool,
+            chain: bool,
         }
 
         /// Starts all tasks.
@@ -106,8 +116,19 @@ macro_rules! hub {
                     spawner.spawn(unwrap!(i2c(bus, number)));
                 }
             )?
+            #[allow(unused_mut, reason = "a board without a chain line has none to start")]
+            let mut has_chain = false;
+            $(
+                let line: Option<$chain> = parts.chain;
+                if let Some(line) = line {
+                    has_chain = true;
+                    ::defmt::info!("a chain line");
+                    spawner.spawn(unwrap!(chain(line)));
+                }
+            )?
             let (tx, rx) = parts.link;
-            spawner.spawn(unwrap!(responder(rx, tx, parts.connectors, parts.lamp, settings, has_store)));
+            let has = Has { store: has_store, chain: has_chain };
+            spawner.spawn(unwrap!(responder(rx, tx, parts.connectors, parts.lamp, settings, has)));
             spawner.spawn(unwrap!(button(parts.button)));
         }
 
@@ -160,12 +181,15 @@ macro_rules! hub {
             connectors: $crate::connectors::Connectors<$pins, $servos>,
             mut lamp: $crate::lamp::Lamp,
             settings: ::motor_hub::motor::Settings,
-            has_store: bool,
+            has: Has,
         ) {
             let address = ::motor_hub::protocol::Address::DEFAULT;
             let mut responder = ::motor_hub::responder::Responder::new(address, [settings; MOTORS]);
-            if has_store {
+            if has.store {
                 responder = responder.expecting_store();
+            }
+            if has.chain {
+                responder = responder.with_chain();
             }
             let slot: Option<::motor_hub::update::Slot> = $slot;
             if let Some(slot) = slot {
@@ -190,6 +214,15 @@ macro_rules! hub {
             #[::embassy_executor::task(pool_size = $buses)]
             async fn i2c(bus: $bus, number: usize) -> ! {
                 ::motor_hub::tasks::i2c::run(bus, number, &WIRES).await
+            }
+        )?
+
+        $(
+            /// Ends only if the serial line ends, which it never does.
+            #[::embassy_executor::task]
+            async fn chain(line: $chain) {
+                let (tx, rx) = line;
+                ::motor_hub::tasks::chain::run(rx, tx, &WIRES).await;
             }
         )?
 
