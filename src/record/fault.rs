@@ -64,6 +64,11 @@ impl Fault {
         self as u8
     }
 
+    /// Iterates over the faults of a motor, in the order of their numbers. The ROS 2 package, a workspace of its own, uses this.
+    pub fn of_motor(faults: Faults) -> impl Iterator<Item = Self> {
+        Self::in_bits(Self::bits_of(faults))
+    }
+
     /// Returns the faults of a motor as bits. Bit n stands for the fault with the number n.
     pub(super) const fn bits_of(faults: Faults) -> u8 {
         let encoder = match faults.encoder {
