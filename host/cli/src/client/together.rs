@@ -74,6 +74,7 @@ impl Options {
 
     /// Checks the options before anything is sent.
     pub(super) fn check(&self) -> Result<(), Failure> {
+        self.hub().map_err(Failure::Input)?;
         self.values().map(drop)
     }
 
