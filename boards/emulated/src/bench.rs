@@ -1,10 +1,12 @@
 //! The test bench: an image on the emulated chip with motors, battery, serial line, log and faults round
 //! it, advanced as a test says.
 
+mod chain;
 mod devices;
 mod faults;
 mod probe;
 
+pub use chain::{ChainBench, LineFault};
 pub use devices::ServoPulse;
 
 use std::path::{Path, PathBuf};
@@ -56,6 +58,8 @@ pub struct Setup {
     pub flash: Vec<u8>,
     /// What the interface of an STM32H743's flash does beyond its manual. The emulated F427 has no such faults.
     pub flash_faults: FlashFaults,
+    /// A transceiver connects the chip to the line of a chain.
+    pub transceiver: bool,
     /// How TIM1 is emulated.
     pub pwm: Pwm,
     /// How the memory protection unit is emulated.
@@ -79,6 +83,7 @@ impl Setup {
             bootloader_key: None,
             flash: Vec::new(),
             flash_faults: FlashFaults::default(),
+            transceiver: false,
             pwm: Pwm::default(),
             mpu: Mpu::default(),
             gdb: None,
@@ -239,13 +244,17 @@ impl Bench {
     /// Runs until this much virtual time has passed since power-on.
     pub fn run_until(&mut self, at: Duration) {
         let target = nanos(at);
-        if target <= self.now {
-            return;
+        if target > self.now {
+            self.begin_to_run(target);
+            self.wait();
         }
+    }
+
+    /// Runs until this instant, ns, which is to come, beside its caller. [`wait`](Self::wait) waits for the end.
+    fn begin_to_run(&mut self, target: u64) {
         if self.orders.send(Order::Run(target)).is_err() {
             self.fail();
         }
-        self.wait();
         self.now = target;
     }
 
@@ -419,8 +428,11 @@ fn run(
     board.chip.attach();
     surroundings::pull_up_buses(&mut board, VirtualNanos(0));
     let shafts = Shafts::new(setup.battery, setup.motors);
-    let surroundings =
+    let mut surroundings =
         Surroundings::new(setup.board, shafts, setup.current_lines, log_ring, (orders, reached));
+    if setup.transceiver {
+        surroundings.connect_transceiver(&mut board);
+    }
     let session = Session::new(Box::new(board), 0, VirtualNanos(0))?;
     let listener = setup.gdb.map(|port| std::net::TcpListener::bind(("127.0.0.1", port))).transpose()?;
     let mut start = Start::new(images);

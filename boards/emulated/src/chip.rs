@@ -57,17 +57,17 @@ macro_rules! same_on_every_chip {
         }
 
         fn attach(&mut self) {
-            for line in wiring::host_links(BOARD) {
+            for line in wiring::lines(BOARD) {
                 self.part.usart[line].attach(Terminal::default());
             }
         }
 
         fn terminal(&mut self, line: usize) -> Option<&mut Terminal> {
-            self.part.usart[wiring::host_links(BOARD)[line]].chip_mut()
+            self.part.usart[wiring::lines(BOARD)[line]].chip_mut()
         }
 
         fn line_errors(&mut self) -> &mut Errors {
-            self.part.usart[wiring::host_links(BOARD)[0]].errors_mut()
+            self.part.usart[wiring::lines(BOARD)[0]].errors_mut()
         }
     };
 }
@@ -287,10 +287,10 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// The pulse that the emulator's own TIM1 makes: high time and period, ns.
     fn pulse(&mut self, channel: Channel) -> Option<(u64, u64)>;
 
-    /// Connects the far ends of the host's two lines.
+    /// Connects the far ends of the host's two lines and of the chain line.
     fn attach(&mut self);
 
-    /// The far end of a line of the host, 0 or 1.
+    /// The far end of a line of the host, 0 or 1, or of the chain line, 2.
     fn terminal(&mut self, line: usize) -> Option<&mut Terminal>;
 
     /// What of the chip breaks TIM1. On the F427 nothing does: its SYSCFG has no such register (RM0090 9.2).

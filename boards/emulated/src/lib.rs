@@ -36,7 +36,7 @@ mod surroundings;
 mod system_break;
 mod wiring;
 
-pub use bench::{Bench, Reset, SerialByte, ServoPulse, Setup};
+pub use bench::{Bench, ChainBench, LineFault, Reset, SerialByte, ServoPulse, Setup};
 pub use board::{Board, UnknownBoard};
 pub use bridge_lines::{Lines, Transition};
 pub use chip::{FlashFaults, Pwm};

@@ -55,6 +55,10 @@ pub(crate) struct Surroundings {
     pub(crate) current_lines: Vec<CurrentLine>,
     pub(crate) rtt: Rtt,
     pub(crate) button: bool,
+    /// A transceiver connects the chip to the chain line.
+    transceiver: bool,
+    /// Since when the transceiver sends, or does not send, in ns; of the F427 alone.
+    pub(crate) directions: Vec<(u64, bool)>,
     /// Digital pins 0 and 1 are connected to each other.
     wired: bool,
     /// An I2C bus whose SDA a device holds low, the clocks after which the device releases SDA, and the level of SCL.
@@ -96,6 +100,8 @@ impl Surroundings {
             current_lines,
             rtt: Rtt::new(rtt),
             button: false,
+            transceiver: false,
+            directions: Vec::new(),
             wired: false,
             stuck: None,
             hits: Vec::new(),
@@ -217,6 +223,23 @@ impl Surroundings {
         session.board_mut().chip.drive_pin(at, wiring::BUTTON.0, pin, level);
     }
 
+    /// Connects a transceiver of the chain line. An idle line is high.
+    pub(crate) fn connect_transceiver(&mut self, board: &mut Nucleo) {
+        self.transceiver = true;
+        let (port, pin) = wiring::chain_input(self.board);
+        let pin = Pin::new(pin).expect("a pin of a port");
+        board.chip.drive_pin(VirtualNanos(self.now), port, pin, Some(Level::High));
+    }
+
+    /// The chip may have switched the transceiver.
+    fn follow_transceiver(&mut self, session: &mut Session<Nucleo>, at: u64) {
+        let (port, pin) = wiring::CHAIN_DIRECTION;
+        let sends = session.board_mut().chip.port(port).drives(pin) == Some(true);
+        if self.directions.last().is_some_and(|&(_, sent)| sent) != sends {
+            self.directions.push((at, sends));
+        }
+    }
+
     /// Connects the digital pins to each other.
     pub(crate) fn wire_pins(&mut self, session: &mut Session<Nucleo>) {
         self.wired = true;
@@ -280,6 +303,10 @@ impl Surroundings {
         let pressed = self.button;
         self.press(session, pressed);
         self.follow_wire(session, at);
+        self.follow_transceiver(session, at);
+        if self.transceiver {
+            self.connect_transceiver(session.board_mut());
+        }
         pull_up_buses(session.board_mut(), VirtualNanos(at));
         for motor in 0..self.shafts.len() {
             self.show(session, motor, at);
@@ -340,6 +367,8 @@ impl Driver<Nucleo> for Surroundings {
                 } else if self.stuck.is_some_and(|(bus, ..)| is_port(wiring::BUSES[bus][0].0)) {
                     self.now = at;
                     self.follow_clock(session);
+                } else if self.transceiver && is_port(wiring::CHAIN_DIRECTION.0) {
+                    self.follow_transceiver(session, at);
                 } else if is_port(wiring::DIGITAL[0].0) {
                     self.follow_wire(session, at);
                 } else if access.address == wiring::power_at(self.board) {

@@ -105,13 +105,28 @@ pub(crate) const SERVOS: [(usize, u8); 6] = [(F, 6), (F, 7), (F, 8), (F, 9), (B,
 pub(crate) const BUSES: [[(usize, u8); 2]; 4] =
     [[(B, 8), (B, 9)], [(F, 1), (F, 0)], [(A, 8), (C, 9)], [(B, 6), (B, 7)]];
 
-/// USART3 and USART6, the host's two lines, in the emulator's list.
-pub(crate) const fn host_links(board: Board) -> [usize; 2] {
+/// USART3 and USART6, the host's two lines, and UART4 or UART5, the chain line, in the emulator's list.
+pub(crate) const fn lines(board: Board) -> [usize; 3] {
     match board {
-        Board::NucleoF429zi => [2, 3],
-        Board::NucleoH743zi2 => [2, 5],
+        Board::NucleoF429zi => [2, 3, 6],
+        Board::NucleoH743zi2 => [2, 5, 4],
     }
 }
+
+/// The chain line in [`lines`].
+pub(crate) const CHAIN: usize = 2;
+
+/// Where the transceiver of the chain line shows what it receives: port and pin.
+pub(crate) const fn chain_input(board: Board) -> (usize, u8) {
+    match board {
+        Board::NucleoF429zi => (C, 11),
+        Board::NucleoH743zi2 => (B, 12),
+    }
+}
+
+/// Where the chip switches the transceiver of the chain line to sending: port and pin. The H743 does so by the pin DE of its USART,
+/// which the emulator does not drive.
+pub(crate) const CHAIN_DIRECTION: (usize, u8) = (C, 12);
 
 /// 82 kohm to the battery, 10 kohm to ground: the soldered divider, independent of the firmware.
 pub(crate) const DIVIDER: f64 = 10.0 / 92.0;

@@ -20,7 +20,7 @@ use embassy_executor::Spawner;
 use embassy_stm32::flash::{self, Async, Bank2Region1, Flash};
 use embassy_stm32::gpio::{Input, Pull};
 use embassy_stm32::interrupt::typelevel;
-use embassy_stm32::peripherals::{I2C1, I2C2, I2C3, USART3, USART6};
+use embassy_stm32::peripherals::{I2C1, I2C2, I2C3, UART4, USART3, USART6};
 use embassy_stm32::usart::BufferedInterruptHandler;
 use embassy_stm32::{bind_interrupts, pac};
 use motor_hub::tasks::store::Keeper;
@@ -52,12 +52,14 @@ motor_hub_stm32::hub! {
     currents: CurrentLines,
     slot: None,
     store: Bank2Region1<'static, Async>,
+    chain: serial::Line,
 }
 
 bind_interrupts!(struct Irqs {
     FLASH => flash::InterruptHandler;
     USART3 => transmission::End<typelevel::USART3>, BufferedInterruptHandler<USART3>;
     USART6 => transmission::End<typelevel::USART6>, BufferedInterruptHandler<USART6>;
+    UART4 => transmission::End<typelevel::UART4>, BufferedInterruptHandler<UART4>;
 });
 
 /// Opens all bridges until a reset, from any context: PWM low first, then all direction lines, PD0 to PD7.
@@ -72,7 +74,7 @@ fn open_all_bridges() {
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
     chip::before_clocks();
-    let p = embassy_stm32::init(chip::clocks());
+    let mut p = embassy_stm32::init(chip::clocks());
     chip::set_up();
     // Before anything that could hang, and before a bridge can be anything but open.
     let watchdog = begin(p.IWDG);
@@ -93,12 +95,16 @@ async fn main(spawner: Spawner) {
     let diag = DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]);
     let battery = unwrap!(BatteryAdc::new(p.ADC1, p.PA3, p.PC2));
     let currents = CurrentLines::new(p.ADC3, pins!(p.PC0, p.PC3, p.PF3, p.PF5));
-    static BUFFERS: StaticCell<[serial::Buffers; 2]> = StaticCell::new();
-    let [first, second] = BUFFERS.init([const { serial::Buffers::new() }; 2]);
+    static BUFFERS: StaticCell<[serial::Buffers; 3]> = StaticCell::new();
+    let [first, second, third] = BUFFERS.init([const { serial::Buffers::new() }; 3]);
     let link = serial::host_link(
         unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, first, Some(transmission::ST_LINK))),
         Some(unwrap!(serial::open(p.USART6, p.PG14, p.PG9, Irqs, second, Some(transmission::ADAPTER)))),
     );
+    // The transceiver drives nothing until the first transmission.
+    core::mem::forget(low(p.PC12));
+    let chain = serial::has_transceiver(p.PC11.reborrow())
+        .then(|| unwrap!(serial::open(p.UART4, p.PC10, p.PC11, Irqs, third, Some(transmission::CHAIN))));
     let lamp = Lamp { red: low(p.PB14), green: low(p.PB0), blue: low(p.PB7) };
     analog::set_up(p.ADC2, pins!(p.PA4, p.PA5, p.PA6, p.PA0, p.PB1));
     let servos = [
@@ -135,6 +141,7 @@ async fn main(spawner: Spawner) {
             lamp,
             button,
             store,
+            chain,
         },
     );
 }

@@ -1,4 +1,5 @@
-//! The end of a transmission of the host's lines.
+//! The end of a transmission of the host's lines and of the chain line. The USARTs of this chip do not switch an RS-485 transceiver,
+//! so the same handler releases the chain line: PC12 is high while this hub sends.
 //!
 //! At the end embassy's handler clears the flag TC by reading and writing the status register. A byte that arrives between the two
 //! loses its flag RXNE by this, and is never read. So these handlers come first. They disable the interrupt of TC, and wake the
@@ -14,18 +15,19 @@ use motor_hub_stm32::supply::Watcher;
 pub(crate) struct End<I>(PhantomData<I>);
 
 macro_rules! lines {
-    ($($name:ident: $usart:ident;)+) => {
+    ($($name:ident: $usart:ident, $begin:path, $released:path;)+) => {
         $(
             /// The end of this line's transmissions.
             pub(crate) const $name: TransmissionEnd = {
                 static WATCHER: Watcher = Watcher::new();
-                TransmissionEnd { watcher: &WATCHER, ended: || ended(pac::$usart) }
+                TransmissionEnd { begin: $begin, watcher: &WATCHER, ended: || ended(pac::$usart) }
             };
 
             impl Handler<typelevel::$usart> for End<typelevel::$usart> {
                 #[allow(unsafe_code, reason = "embassy asks for an unsafe fn; nothing in it is")]
                 unsafe fn on_interrupt() {
                     if end(pac::$usart) {
+                        $released();
                         $name.watcher.wake();
                     }
                 }
@@ -35,9 +37,26 @@ macro_rules! lines {
 }
 
 lines! {
-    ST_LINK: USART3;
-    ADAPTER: USART6;
+    ST_LINK: USART3, nothing, nothing;
+    ADAPTER: USART6, nothing, nothing;
+    CHAIN: UART4, drive_chain, release_chain;
 }
+
+/// The lines of hosts have no transceiver.
+fn nothing() {}
+
+/// Sets PC12, the transceiver's DE and RE. The driver drives the line within 0.1 us, before the start bit, which is 2 us long.
+fn drive_chain() {
+    pac::GPIOC.bsrr().write(|w| w.set_bs(DIRECTION, true));
+}
+
+/// Clears PC12 when the last stop bit has left.
+fn release_chain() {
+    pac::GPIOC.bsrr().write(|w| w.set_br(DIRECTION, true));
+}
+
+/// The pin of port C that switches the transceiver.
+const DIRECTION: usize = 12;
 
 /// True if nothing is being sent: embassy enables one of these interrupts while it sends.
 fn ended(usart: Usart) -> bool {

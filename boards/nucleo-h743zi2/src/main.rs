@@ -20,7 +20,7 @@ use defmt_rtt as _;
 use embassy_embedded_hal::flash::partition::Partition;
 use embassy_executor::Spawner;
 use embassy_stm32::gpio::{Input, Pull};
-use embassy_stm32::peripherals::{I2C1, I2C2, I2C3, I2C4, USART3, USART6};
+use embassy_stm32::peripherals::{I2C1, I2C2, I2C3, I2C4, UART5, USART3, USART6};
 use embassy_stm32::usart::BufferedInterruptHandler;
 use embassy_stm32::{bind_interrupts, pac};
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
@@ -71,11 +71,13 @@ motor_hub_stm32::hub! {
     currents: CurrentLines,
     slot: SLOT,
     store: Part,
+    chain: serial::Line,
 }
 
 bind_interrupts!(struct Irqs {
     USART3 => BufferedInterruptHandler<USART3>;
     USART6 => BufferedInterruptHandler<USART6>;
+    UART5 => BufferedInterruptHandler<UART5>;
 });
 
 /// Opens all bridges until a reset, from any context: PWM low first, then all direction lines, PD0 to PD7.
@@ -90,7 +92,7 @@ fn open_all_bridges() {
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
     chip::before_clocks();
-    let p = embassy_stm32::init(chip::clocks());
+    let mut p = embassy_stm32::init(chip::clocks());
     chip::set_up();
     // Before anything that could hang, and before a bridge can be anything but open.
     let watchdog = begin(p.IWDG1);
@@ -112,12 +114,14 @@ async fn main(spawner: Spawner) {
     let diag = DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]);
     let battery = unwrap!(adc::battery((p.ADC1, p.ADC3), p.PA3));
     let currents = CurrentLines::new(p.ADC2, pins!(p.PC0, p.PB1, p.PA6, p.PA5));
-    static BUFFERS: StaticCell<[serial::Buffers; 2]> = StaticCell::new();
-    let [first, second] = BUFFERS.init([const { serial::Buffers::new() }; 2]);
+    static BUFFERS: StaticCell<[serial::Buffers; 3]> = StaticCell::new();
+    let [first, second, third] = BUFFERS.init([const { serial::Buffers::new() }; 3]);
     let link = serial::host_link(
         unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, first, None)),
         Some(unwrap!(serial::open(p.USART6, p.PG14, p.PG9, Irqs, second, None))),
     );
+    let chain = serial::has_transceiver(p.PB12.reborrow())
+        .then(|| unwrap!(serial::open_with_driver_enable(p.UART5, p.PC12, p.PB12, p.PC8, Irqs, third)));
     let lamp = Lamp { red: low(p.PB14), green: low(p.PB0), blue: low(p.PE1) };
     analog::connect(pins!(p.PF3, p.PF4, p.PF5, p.PF10, p.PC2));
     let servos = [
@@ -164,6 +168,7 @@ async fn main(spawner: Spawner) {
             lamp,
             button,
             store,
+            chain,
         },
     );
 }

@@ -16,6 +16,7 @@
 /// | `currents` | type of the converter that measures the currents of the bridges; `()` on a board without such a converter |
 /// | `slot` | where a bootloader starts this image from: an `Option<Slot>` |
 /// | `store` | flash that stores settings; left out on a board that stores none |
+/// | `chain` | type of the line between the hubs of a chain; left out on a board that has none |
 #[macro_export]
 macro_rules! hub {
     (
@@ -31,6 +32,7 @@ macro_rules! hub {
         currents: $currents:ty,
         slot: $slot:expr,
         $(store: $store:ty,)?
+        $(chain: $chain:ty,)?
     ) => {
         /// Number of motors on this board.
         const MOTORS: usize = $motors;
@@ -74,6 +76,14 @@ macro_rules! hub {
             lamp: $crate::lamp::Lamp,
             button: ::embassy_stm32::gpio::Input<'static>,
             $(store: Option<::motor_hub::tasks::store::Keeper<$store>>,)?
+            /// `None` without a transceiver.
+            $(chain: Option<$chain>,)?
+        }
+
+        /// What the responder has besides motors and connectors.
+        struct Has {
+            store: bool,
+            chain: bool,
         }
 
         /// Starts the watchdog, opens the record, and watches the supply: below the detector's level its interrupt ends the run.
@@ -134,8 +144,18 @@ macro_rules! hub {
                     spawner.spawn(unwrap!(i2c(bus, number)));
                 }
             )?
+            #[allow(unused_mut, reason = "a board without a chain line has none to start")]
+            let mut has_chain = false;
+            $(
+                let line: Option<$chain> = parts.chain;
+                if let Some(line) = line {
+                    has_chain = true;
+                    ::defmt::info!("a chain line");
+                    spawner.spawn(unwrap!(chain(line)));
+                }
+            )?
             let (tx, rx) = parts.link;
-            let state = new_responder(settings, has_store);
+            let state = new_responder(settings, Has { store: has_store, chain: has_chain });
             spawner.spawn(unwrap!(responder(rx, tx, parts.connectors, parts.lamp, state)));
             spawner.spawn(unwrap!(button(parts.button)));
         }
@@ -186,14 +206,17 @@ macro_rules! hub {
         #[inline(never)]
         fn new_responder(
             settings: ::motor_hub::motor::Settings,
-            has_store: bool,
+            has: Has,
         ) -> &'static mut ::motor_hub::responder::Responder<MOTORS> {
             static RESPONDER: ::static_cell::StaticCell<::motor_hub::responder::Responder<MOTORS>> =
                 ::static_cell::StaticCell::new();
             let address = ::motor_hub::protocol::Address::DEFAULT;
             let mut responder = ::motor_hub::responder::Responder::new(address, [settings; MOTORS]);
-            if has_store {
+            if has.store {
                 responder = responder.expecting_store();
+            }
+            if has.chain {
+                responder = responder.with_chain();
             }
             let slot: Option<::motor_hub::update::Slot> = $slot;
             if let Some(slot) = slot {
@@ -231,6 +254,15 @@ macro_rules! hub {
             #[::embassy_executor::task(pool_size = $buses)]
             async fn i2c(bus: $bus, number: usize) -> ! {
                 ::motor_hub::tasks::i2c::run(bus, number, &WIRES).await
+            }
+        )?
+
+        $(
+            /// Ends only if the serial line ends, which it never does.
+            #[::embassy_executor::task]
+            async fn chain(line: $chain) {
+                let (tx, rx) = line;
+                ::motor_hub::tasks::chain::run(rx, tx, &WIRES).await;
             }
         )?
 

@@ -1,5 +1,8 @@
-//! The host link's lines: a USART each, with a buffer each way. A hub with two lines has one host: that on the line from which the
-//! first whole packet has come. The other line is then deaf until the next start of the hub.
+//! Serial lines: a USART each, with a buffer each way. The host link has one or two lines, and the chain of hubs has a line of its
+//! own, behind an RS-485 transceiver.
+//!
+//! A hub with two lines to hosts has one host: that on the line from which the first whole packet has come. The other line is then
+//! deaf until the next start of the hub.
 //!
 //! Bytes are received by interrupt, not by a circular DMA stream. After a line error embassy restarts the stream at the start
 //! of its buffer, but goes on reading at the old place. Old packets would then be executed again. At 460 800 baud there is at
@@ -9,13 +12,13 @@ use crate::supply::Watcher;
 use core::sync::atomic::{AtomicU8, Ordering};
 use embassy_futures::select::{Either, select};
 use embassy_stm32::Peri;
-use embassy_stm32::gpio::Pull;
+use embassy_stm32::gpio::{Flex, Pin, Pull};
 use embassy_stm32::interrupt::typelevel::Binding;
 use embassy_stm32::usart::{
     BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config, ConfigError, Error,
     Instance, RxPin, TxPin,
 };
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant, block_for};
 use embedded_io_async::{ErrorType, Read, Write};
 use motor_hub::protocol::frame::{self, Frame};
 use motor_hub::protocol::{BAUD, Decoder};
@@ -67,20 +70,79 @@ pub fn open<T: Instance>(
     buffers: &'static mut Buffers,
     end: Option<TransmissionEnd>,
 ) -> Result<Line, ConfigError> {
+    let Buffers { received, sent, decoder } = buffers;
+    let (sender, receiver) = BufferedUart::new(usart, rx, tx, sent, received, irqs, config())?.split();
+    Ok((Sender { line: sender, end }, Receiver { line: receiver, decoder }))
+}
+
+/// Opens a line like [`open`]. The USART itself switches the line's transceiver to sending, by its pin DE: for each transmission,
+/// and one bit longer at both ends.
+///
+/// # Errors
+/// If the clocks cannot make that speed.
+#[cfg(feature = "driver-enable")]
+pub fn open_with_driver_enable<T: Instance>(
+    usart: Peri<'static, T>,
+    tx: Peri<'static, impl TxPin<T>>,
+    rx: Peri<'static, impl RxPin<T>>,
+    de: Peri<'static, impl embassy_stm32::usart::DePin<T>>,
+    irqs: impl Binding<T::Interrupt, BufferedInterruptHandler<T>> + 'static,
+    buffers: &'static mut Buffers,
+) -> Result<Line, ConfigError> {
+    let mut config = config();
+    // In sixteenths of a bit. The HAL takes the first for both.
+    config.de_assertion_time = 16;
+    config.de_deassertion_time = 16;
+    let Buffers { received, sent, decoder } = buffers;
+    let (sender, receiver) =
+        BufferedUart::new_with_de(usart, rx, tx, de, irqs, sent, received, config)?.split();
+    Ok((Sender { line: sender, end: None }, Receiver { line: receiver, decoder }))
+}
+
+fn config() -> Config {
     let mut config = Config::default();
     config.baudrate = BAUD;
-    // Without power the ST-LINK does not drive the line, which must then be idle, not noise.
+    // Without power the ST-LINK does not drive the line, which must then be idle, not noise. Nor does a transceiver that sends.
     config.rx_pull = Pull::Up;
     config.eager_reads = Some(EAGER);
-    let Buffers { received, sent, decoder } = buffers;
-    let (sender, receiver) = BufferedUart::new(usart, rx, tx, sent, received, irqs, config)?.split();
-    Ok((Sender { line: sender, end }, Receiver { line: receiver, decoder }))
+    config
+}
+
+/// Time after which a pull-down has discharged an open pin with its wire: 40 kohm and 100 pF need 4 us.
+const DISCHARGE: Duration = Duration::from_micros(20);
+
+/// Time of five bytes, each of which has a stop bit.
+const FIVE_BYTES: Duration = Duration::from_micros(110);
+
+/// Returns true if a transceiver drives the pin RX of the chain line. An idle line is high, and a busy line is high at each stop bit.
+/// Without a transceiver the pin's pull-down keeps the pin low.
+pub fn has_transceiver(rx: Peri<'_, impl Pin>) -> bool {
+    let mut rx = Flex::new(rx);
+    rx.set_as_input(Pull::Down);
+    block_for(DISCHARGE);
+    let end = Instant::now() + FIVE_BYTES;
+    while rx.is_low() {
+        if Instant::now() > end {
+            return false;
+        }
+    }
+    true
 }
 
 /// The line's receiving half.
 pub struct Receiver {
     line: BufferedUartRx<'static>,
     decoder: &'static mut Decoder,
+}
+
+impl ErrorType for Receiver {
+    type Error = Error;
+}
+
+impl Read for Receiver {
+    async fn read(&mut self, into: &mut [u8]) -> Result<usize, Error> {
+        Read::read(&mut self.line, into).await
+    }
 }
 
 /// The line's sending half. A write to embassy's half that is longer than its buffer is refused, and each later flush waits
@@ -94,6 +156,8 @@ pub struct Sender {
 /// How a board waits for the end of a transmission, in place of embassy.
 #[derive(Clone, Copy)]
 pub struct TransmissionEnd {
+    /// Called before each transmission. Switches the line's transceiver to sending, if there is one.
+    pub begin: fn(),
     /// Woken at the end.
     pub watcher: &'static Watcher,
     /// True if nothing is being sent.
@@ -107,13 +171,16 @@ impl ErrorType for Sender {
 impl Write for Sender {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Error> {
         self.flush().await?;
+        if let Some(TransmissionEnd { begin, .. }) = self.end {
+            begin();
+        }
         Write::write(&mut self.line, bytes.get(..SENT).unwrap_or(bytes)).await
     }
 
     async fn flush(&mut self) -> Result<(), Error> {
         match self.end {
             None => Write::flush(&mut self.line).await,
-            Some(TransmissionEnd { watcher, ended }) => {
+            Some(TransmissionEnd { watcher, ended, .. }) => {
                 watcher.wait(ended, || ()).await;
                 Ok(())
             }
@@ -156,16 +223,15 @@ impl Read for HostReceiver {
                 return Ok(count);
             }
             let first = &mut self.first;
-            let Some(second) = &mut self.second else { return first.line.read(into).await };
+            let Some(second) = &mut self.second else { return first.read(into).await };
             match HOST.load(Ordering::Relaxed) {
-                0 => return first.line.read(into).await,
-                1 => return second.line.read(into).await,
+                0 => return first.read(into).await,
+                1 => return second.read(into).await,
                 _ => {}
             }
             // One byte at a time: what follows the first packet stays in its line.
             let (mut a, mut b) = ([0], [0]);
-            let (line, decoder, byte) = match select(first.line.read(&mut a), second.line.read(&mut b)).await
-            {
+            let (line, decoder, byte) = match select(first.read(&mut a), second.read(&mut b)).await {
                 Either::First(result) => result.map(|_| (0, &mut first.decoder, a))?,
                 Either::Second(result) => result.map(|_| (1, &mut second.decoder, b))?,
             };

@@ -2,6 +2,7 @@
 
 mod boot;
 mod budget;
+mod chain;
 mod common;
 mod currents;
 mod daemon;

@@ -141,7 +141,10 @@ fn text(scanned: Vec<(&str, Result<Vec<Found>, Silence>)>) -> String {
         match asked {
             Ok(hubs) => {
                 for Found { address, kind, version, equipment } in hubs {
-                    let hub = if version.is_empty() { kind.to_owned() } else { format!("{kind}, {version}") };
+                    // A child hangs on the line of its parent, whose row is above.
+                    let branch = if kind == "parent" { "" } else { "└ " };
+                    let version = if version.is_empty() { version } else { format!(", {version}") };
+                    let hub = format!("{branch}{kind}{version}");
                     let has = equipment.map(equipment_text).unwrap_or_default();
                     table.add_row([name, &address.to_string(), &hub, &has]);
                 }

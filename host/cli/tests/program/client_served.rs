@@ -195,6 +195,26 @@ fn a_scan_finds_hubs_where_they_are_and_says_why_it_finds_none() {
     fails(&scan(&["/no/such/port"]), 1, "no hub found at 1 place\n");
 }
 
+#[test]
+fn a_scan_draws_children_below_their_parent_and_one_address_for_two_hubs_is_told_and_resolved() {
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--hubs", "3"]);
+    let mut scan = Command::new(PROGRAM);
+    scan.args(["client", "--timeout-ms", "1000", "scan", "--only", &hub.place]).env("COLUMNS", "300");
+    let found = out(&scan.env("XDG_RUNTIME_DIR", folder("chain-notes")).output().unwrap());
+    let found = found.split_whitespace().collect::<Vec<_>>().join(" ");
+    for row in ["2 ┆ parent, ", "3 ┆ └ child, ", "4 ┆ └ child, "] {
+        assert!(found.contains(row), "{row}: {found}");
+    }
+    let refused = client(&hub, &["together", "3:0=100", "4:0=100"]);
+    fails(&refused, 2, "the motors belong to different hubs; a command is for motors of one hub");
+    out(&client(&hub, &["set-address", "3"]));
+    let found = out(&client(&hub, &["discover"]));
+    assert!(found.contains("several hubs with this address"), "{found}");
+    out(&client(&hub, &["set-address", "9"]));
+    let found = out(&client(&hub, &["discover"]));
+    assert!(!found.contains("several hubs") && found.contains('9') && found.contains('3'), "{found}");
+}
+
 #[cfg(unix)]
 #[test]
 fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {

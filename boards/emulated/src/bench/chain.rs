@@ -1,0 +1,178 @@
+//! A chain of hubs: emulated chips, each with its own motors, on one half-duplex line.
+
+use std::time::Duration;
+
+use motor_hub::extension::Request;
+use motor_hub::protocol::{Packet, frame};
+
+use super::{Bench, Setup, nanos};
+use crate::host_link::{Arrival, HostLink};
+use crate::surroundings::terminal;
+use crate::wiring;
+
+/// Time by which a byte arrives later than on a wire, at most, ns. The chips advance side by side for this time.
+const STEP: u64 = 100_000;
+
+/// Time of a byte, ns: ten bits at 460 800 baud.
+const BYTE: u64 = 21_701;
+
+/// Mean time between two bytes of noise, in steps.
+const NOISE_PERIOD: u64 = 7;
+
+/// A fault of the line, or of a hub on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LineFault {
+    /// The line is cut between the first hub and the others.
+    Cut,
+    /// A wire of the line is shorted, so that all receivers read low.
+    Shorted,
+    /// Every sixteenth byte is damaged, and there are bytes that no hub has sent.
+    Noise,
+    /// A transceiver sends bytes without end: the start of a packet that never ends.
+    Babble,
+}
+
+/// Hubs on one line. The first hub has the host.
+pub struct ChainBench {
+    /// The hubs.
+    pub hubs: Vec<Bench>,
+    host: HostLink,
+    fault: Option<LineFault>,
+    /// Number of bytes of each hub that have passed the line.
+    passed: Vec<usize>,
+    random: u64,
+    number: u8,
+}
+
+impl ChainBench {
+    /// These boards with their motors, just powered on.
+    #[must_use]
+    pub fn new(setups: Vec<Setup>) -> Self {
+        let hubs: Vec<Bench> =
+            setups.into_iter().map(|setup| Bench::new(Setup { transceiver: true, ..setup })).collect();
+        let passed = vec![0; hubs.len()];
+        Self { hubs, host: HostLink::default(), fault: None, passed, random: 1, number: 0 }
+    }
+
+    /// Begins a fault of the line, or ends it.
+    pub fn set_fault(&mut self, fault: Option<LineFault>) {
+        self.fault = fault;
+        if fault == Some(LineFault::Shorted) {
+            // A receiver takes the edge for a start bit, and waits for the next edge.
+            (0..self.hubs.len()).for_each(|hub| self.deliver(hub, &[0]));
+        }
+    }
+
+    /// Virtual time since power-on.
+    #[must_use]
+    pub fn now(&self) -> Duration {
+        self.hubs.first().map_or(Duration::ZERO, Bench::now)
+    }
+
+    /// Runs all hubs for some virtual time.
+    pub fn run(&mut self, time: Duration) {
+        let end = nanos(self.now() + time);
+        while let now = nanos(self.now())
+            && now < end
+        {
+            let target = end.min(now + STEP);
+            self.hubs.iter_mut().for_each(|hub| hub.begin_to_run(target));
+            self.hubs.iter_mut().for_each(Bench::wait);
+            self.pass_bytes();
+        }
+    }
+
+    /// Passes on what the hubs have sent on the line.
+    fn pass_bytes(&mut self) {
+        for from in 0..self.hubs.len() {
+            let passed = self.passed[from];
+            let sent: Vec<u8> = self.hubs[from].at_stop(move |_, session, _| {
+                let incoming = &terminal(session, wiring::CHAIN).incoming;
+                incoming.iter().skip(passed).map(|&(_, byte)| byte).collect()
+            });
+            self.passed[from] += sent.len();
+            if sent.is_empty() {
+                continue;
+            }
+            let arrived: Vec<u8> = match self.fault {
+                None => sent,
+                Some(LineFault::Cut | LineFault::Shorted) => continue,
+                Some(LineFault::Noise) => sent
+                    .into_iter()
+                    .map(|byte| if self.draw().is_multiple_of(16) { byte ^ 0x10 } else { byte })
+                    .collect(),
+                Some(LineFault::Babble) => sent.into_iter().map(|byte| byte ^ 0x55).collect(),
+            };
+            (0..self.hubs.len()).filter(|&to| to != from).for_each(|to| self.deliver(to, &arrived));
+        }
+        let drawn = self.draw();
+        let disturbance = match self.fault {
+            Some(LineFault::Noise) if drawn.is_multiple_of(NOISE_PERIOD) => vec![drawn.to_le_bytes()[1]],
+            Some(LineFault::Babble) => vec![0x44, 0x4B, 0x20, 0, 0],
+            _ => return,
+        };
+        (0..self.hubs.len()).for_each(|to| self.deliver(to, &disturbance));
+    }
+
+    /// Puts bytes on the input of a hub. A hub that has not received the bytes of the last step gets no more.
+    fn deliver(&mut self, hub: usize, bytes: &[u8]) {
+        let bytes = bytes.to_vec();
+        self.hubs[hub].at_stop(move |surroundings, session, _| {
+            let now = surroundings.now;
+            let outgoing = &mut terminal(session, wiring::CHAIN).outgoing;
+            if outgoing.len() < 2 * usize::try_from(STEP / BYTE).expect("a few bytes") {
+                outgoing.extend(bytes.into_iter().map(|byte| (now, byte)));
+            }
+        });
+    }
+
+    /// A number from a sequence that is the same in each run (xorshift).
+    fn draw(&mut self) -> u64 {
+        self.random ^= self.random << 13;
+        self.random ^= self.random >> 7;
+        self.random ^= self.random << 17;
+        self.random
+    }
+
+    /// Sends a request to the hub at an address, on the line of the host. Returns the number of the request, and the time at which its
+    /// last byte has arrived.
+    pub fn send(&mut self, request: impl Into<Request>, address: u8) -> (u8, Duration) {
+        self.number = self.number.checked_add(1).unwrap_or(1);
+        let request = request.into();
+        let bytes = frame::encode(&request.packet(address, self.number, request.id()));
+        self.hubs[0].send(&bytes);
+        (self.number, self.now() + Duration::from_nanos(BYTE * bytes.len() as u64))
+    }
+
+    /// Every packet that the host has got since the last call.
+    pub fn arrivals(&mut self) -> Vec<Arrival> {
+        self.host.arrivals(&mut self.hubs[0])
+    }
+
+    /// Sends a request, and returns its answer with the time from the end of the request to the end of the answer. `None` after 50 ms.
+    pub fn ask(&mut self, request: impl Into<Request>, address: u8) -> Option<(Packet, Duration)> {
+        let (number, sent) = self.send(request, address);
+        (0..100).find_map(|_| {
+            self.run(Duration::from_micros(500));
+            let mut arrivals = self.arrivals().into_iter();
+            let arrival = arrivals
+                .find(|Arrival { packet, .. }| packet.source == address && packet.reference == number)?;
+            Some((arrival.packet, arrival.at.saturating_sub(sent)))
+        })
+    }
+
+    /// The times in which a hub of the first board has its transceiver switched to sending.
+    pub fn sending(&mut self, hub: usize) -> Vec<(Duration, Duration)> {
+        let directions = self.hubs[hub].at_stop(|surroundings, _, _| surroundings.directions.clone());
+        let (pairs, _) = directions.as_chunks::<2>();
+        pairs.iter().map(|[from, to]| (Duration::from_nanos(from.0), Duration::from_nanos(to.0))).collect()
+    }
+
+    /// The times at which the bytes that a hub has sent on the line begin and end.
+    pub fn sent(&mut self, hub: usize) -> Vec<(Duration, Duration)> {
+        let ends: Vec<u64> = self.hubs[hub].at_stop(|_, session, _| {
+            terminal(session, wiring::CHAIN).incoming.iter().map(|&(at, _)| at).collect()
+        });
+        ends.into_iter().map(|at| (Duration::from_nanos(at - BYTE), Duration::from_nanos(at))).collect()
+    }
+}
