@@ -53,7 +53,7 @@ fn collect() {
             temperature: adc::temperature(),
             vrefint: adc::vrefint(),
         };
-        NEWEST.ended(sequence, factory());
+        NEWEST.ended(sequence);
     }
 }
 
@@ -67,7 +67,7 @@ pub(crate) fn next() {
 /// The newest readings.
 pub(crate) fn read() -> AnalogReadings {
     collect();
-    NEWEST.readings()
+    NEWEST.readings(factory())
 }
 
 fn factory() -> Factory {

@@ -67,7 +67,7 @@ fn collect() {
         if converter.isr().read().eoc() {
             drain();
         } else {
-            NEWEST.ended(Sequence { inputs: [a, b, c, d], rail, temperature, vrefint }, factory());
+            NEWEST.ended(Sequence { inputs: [a, b, c, d], rail, temperature, vrefint });
         }
     }
 }
@@ -99,7 +99,7 @@ pub(crate) fn next() {
 /// The newest readings.
 pub(crate) fn read() -> AnalogReadings {
     collect();
-    NEWEST.readings()
+    NEWEST.readings(factory())
 }
 
 fn factory() -> Factory {

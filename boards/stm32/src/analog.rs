@@ -65,8 +65,7 @@ impl Factory {
 #[derive(Clone, Copy)]
 struct Measured {
     at: Instant,
-    readings: AnalogReadings,
-    vrefint: u16,
+    sequence: Sequence,
 }
 
 /// The newest readings, and when the last sequence was started. Used by tasks only.
@@ -87,25 +86,26 @@ impl Newest {
     }
 
     /// The sequence that was started last has ended.
-    pub fn ended(&self, sequence: Sequence, factory: Factory) {
-        let (readings, vrefint) = (factory.convert(sequence), sequence.vrefint);
+    pub fn ended(&self, sequence: Sequence) {
         let at = self.started.lock(Cell::get);
-        self.measured.lock(|measured| measured.set(Some(Measured { at, readings, vrefint })));
+        self.measured.lock(|measured| measured.set(Some(Measured { at, sequence })));
     }
 
-    fn get(&self) -> Option<Measured> {
+    fn get(&self) -> Option<Sequence> {
         let measured = self.measured.lock(Cell::get);
-        measured.filter(|measured| Instant::now().saturating_duration_since(measured.at) <= STALE)
+        let measured =
+            measured.filter(|measured| Instant::now().saturating_duration_since(measured.at) <= STALE);
+        measured.map(|measured| measured.sequence)
     }
 
     /// Returns the newest readings, unless they are too old.
-    pub fn readings(&self) -> AnalogReadings {
-        self.get().map_or_else(AnalogReadings::default, |measured| measured.readings)
+    pub fn readings(&self, factory: Factory) -> AnalogReadings {
+        self.get().map_or_else(AnalogReadings::default, |sequence| factory.convert(sequence))
     }
 
     /// Returns the newest reading of the internal reference, unless it is too old.
     pub fn vrefint(&self) -> Option<u16> {
-        self.get().map(|measured| measured.vrefint)
+        self.get().map(|sequence| sequence.vrefint)
     }
 }
 

@@ -76,8 +76,10 @@ macro_rules! hub {
             lamp: $crate::lamp::Lamp,
             button: ::embassy_stm32::gpio::Input<'static>,
             $(store: Option<::motor_hub::tasks::store::Keeper<$store>>,)?
-            /// `None` without a transceiver.
-            $(chain: Option<$chain>,)?
+            $(
+                /// `None` without a transceiver.
+                chain: Option<$chain>,
+            )?
         }
 
         /// What the responder has besides motors and connectors.

@@ -174,7 +174,7 @@ impl Options {
             }
             Ok(driven.odometry()?)
         })?;
-        Ok(print(&text(&end))?)
+        print(&text(&end))
     }
 }
 
@@ -209,16 +209,16 @@ impl OdometryOptions {
     pub(super) fn execute(&self, hub: &HubOptions) -> Result<(), Failure> {
         let report = hub.session(None)?.odometry()?;
         if !self.json {
-            return Ok(print(&text(&report))?);
+            return print(&text(&report));
         }
-        Ok(print_json(&json!({
+        print_json(&json!({
             "x_mm": f64::from(report.x_um) / 1e3,
             "y_mm": f64::from(report.y_um) / 1e3,
             "heading_degrees": f64::from(report.heading_millidegrees) / 1e3,
             "counts": report.counts,
             "gyro": gyro_word(report.gyro),
             "gyro_losses": report.losses,
-        }))?)
+        }))
     }
 }
 
