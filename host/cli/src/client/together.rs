@@ -67,9 +67,9 @@ const FASTEST_CPS: i32 = 1_000_000;
 
 impl Options {
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
-        let values = self.values()?;
         let of_motors = common_hub(self.members.iter().map(|(motor, _)| *motor))
             .map_err(|why| Failure::Input(format!("{why}, and so is a group")))?;
+        let values = self.values()?;
         let session = &mut hub.open(of_motors)?;
         let motors: Vec<u8> = drive::ALL.into_iter().zip(values).filter_map(|(m, v)| v.map(|_| m)).collect();
         let settled = DrivingSession::run(session, |session| {
