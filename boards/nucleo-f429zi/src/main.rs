@@ -33,7 +33,7 @@ use motor_hub_stm32::pins::{DigitalLines, low};
 use motor_hub_stm32::servo::Servo;
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
 use motor_hub_stm32::{pins, serial};
-use static_cell::StaticCell;
+use static_cell::ConstStaticCell;
 
 /// Where settings are stored, from the start of the second bank: its first two sectors. The code is in the first bank, so it
 /// runs on while these sectors are written and erased (RM0090 3.6.5).
@@ -95,8 +95,9 @@ async fn main(spawner: Spawner) {
     let diag = DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]);
     let battery = unwrap!(BatteryAdc::new(p.ADC1, p.PA3, p.PC2));
     let currents = CurrentLines::new(p.ADC3, pins!(p.PC0, p.PC3, p.PF3, p.PF5));
-    static BUFFERS: StaticCell<[serial::Buffers; 3]> = StaticCell::new();
-    let [first, second, third] = BUFFERS.init([const { serial::Buffers::new() }; 3]);
+    static BUFFERS: ConstStaticCell<[serial::Buffers; 3]> =
+        ConstStaticCell::new([const { serial::Buffers::new() }; 3]);
+    let [first, second, third] = BUFFERS.take();
     let link = serial::host_link(
         unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, first, Some(transmission::ST_LINK))),
         Some(unwrap!(serial::open(p.USART6, p.PG14, p.PG9, Irqs, second, Some(transmission::ADAPTER)))),

@@ -23,7 +23,7 @@ use motor_hub_stm32::lamp::Lamp;
 use motor_hub_stm32::pins::{DigitalLines, low};
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
 use motor_hub_stm32::{pins, serial};
-use static_cell::StaticCell;
+use static_cell::ConstStaticCell;
 
 motor_hub_stm32::hub! {
     motors: 4,
@@ -76,9 +76,8 @@ async fn main(spawner: Spawner) {
     ));
     let diag = DiagLines([line(p.PB11), line(p.PB12), line(p.PB13), line(p.PB14)]);
     let battery = unwrap!(adc::battery((p.ADC1, p.ADC3), p.PA0));
-    static BUFFERS: StaticCell<serial::Buffers> = StaticCell::new();
-    let line =
-        unwrap!(serial::open(p.LPUART1, p.PA2, p.PA3, Irqs, BUFFERS.init(serial::Buffers::new()), None));
+    static BUFFERS: ConstStaticCell<serial::Buffers> = ConstStaticCell::new(serial::Buffers::new());
+    let line = unwrap!(serial::open(p.LPUART1, p.PA2, p.PA3, Irqs, BUFFERS.take(), None));
     let link = serial::host_link(line, None);
     let lamp = Lamp { red: low(p.PC10), green: low(p.PA5), blue: low(p.PC11) };
     let digital = DigitalLines::new(pins!(p.PC8, p.PC9));

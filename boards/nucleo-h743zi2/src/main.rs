@@ -38,7 +38,7 @@ use motor_hub_stm32::pins::{DigitalLines, low};
 use motor_hub_stm32::servo::Servo;
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
 use motor_hub_stm32::{pins, serial};
-use static_cell::StaticCell;
+use static_cell::{ConstStaticCell, StaticCell};
 
 /// A part of a bank.
 type Part = Partition<'static, ThreadModeRawMutex, Bank<Timer>>;
@@ -114,8 +114,9 @@ async fn main(spawner: Spawner) {
     let diag = DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]);
     let battery = unwrap!(adc::battery((p.ADC1, p.ADC3), p.PA3));
     let currents = CurrentLines::new(p.ADC2, pins!(p.PC0, p.PB1, p.PA6, p.PA5));
-    static BUFFERS: StaticCell<[serial::Buffers; 3]> = StaticCell::new();
-    let [first, second, third] = BUFFERS.init([const { serial::Buffers::new() }; 3]);
+    static BUFFERS: ConstStaticCell<[serial::Buffers; 3]> =
+        ConstStaticCell::new([const { serial::Buffers::new() }; 3]);
+    let [first, second, third] = BUFFERS.take();
     let link = serial::host_link(
         unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, first, None)),
         Some(unwrap!(serial::open(p.USART6, p.PG14, p.PG9, Irqs, second, None))),

@@ -115,6 +115,7 @@ macro_rules! hub {
         }
 
         /// Starts all tasks.
+        #[inline(never)]
         fn start(spawner: ::embassy_executor::Spawner, parts: Parts) {
             use ::defmt::unwrap;
             let hz = ::embassy_stm32::rcc::frequency::<::embassy_stm32::peripherals::$pwm>().0;
@@ -180,12 +181,17 @@ macro_rules! hub {
             ::motor_hub::tasks::supply::run(battery, supply, &WIRES, &HEALTH).await
         }
 
-        /// Makes the hub in this task. An async function keeps a copy of an owned argument: if the hub were an argument, the RAM
-        /// would hold the hub twice.
+        /// Makes the hub in static memory. As part of a task, the hub would take room from the stack while the task is started, and
+        /// at each poll of the task.
+        #[inline(never)]
+        fn new_hub(settings: ::motor_hub::motor::Settings) -> &'static mut ::motor_hub::hub::Hub<MOTORS> {
+            static HUB: ::static_cell::StaticCell<::motor_hub::hub::Hub<MOTORS>> = ::static_cell::StaticCell::new();
+            HUB.init_with(|| ::motor_hub::hub::Hub::new([settings; MOTORS], PERIOD))
+        }
+
         #[::embassy_executor::task]
         async fn control(settings: ::motor_hub::motor::Settings) -> ! {
-            let mut hub = ::motor_hub::hub::Hub::new([settings; MOTORS], PERIOD);
-            ::motor_hub::tasks::control::run(&mut hub, &WIRES, &HEALTH).await
+            ::motor_hub::tasks::control::run(new_hub(settings), &WIRES, &HEALTH).await
         }
 
         #[::embassy_executor::task]
