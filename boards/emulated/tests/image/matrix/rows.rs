@@ -95,7 +95,7 @@ const BLIND: [Cell; 4] = [Cell {
 const BRIDGE: &[&str] = &["bridge too hot", "bridge off"];
 
 /// All of them.
-pub(crate) const ROWS: [Row; 28] = [
+pub(crate) static ROWS: [Row; 28] = [
     row("encoder unplugged", Fault::Encoder(Encoder::Unplugged), &[], SILENT_ENCODER),
     row("A low for ever", stuck(Wire::A, false), &[], SILENT_ENCODER),
     row("A high", stuck(Wire::A, true), &[], SILENT_ENCODER),
@@ -166,7 +166,7 @@ pub(crate) const ROWS: [Row; 28] = [
 ];
 
 /// Rows that end otherwise on the H743, or that it has alone.
-pub(crate) const ROWS_OF_H743: [Row; 3] = [
+pub(crate) static ROWS_OF_H743: [Row; 3] = [
     // ADC1 converts the battery alone, so the pin keeps its charge.
     row("nothing connected to the battery's pin", Fault::BatteryPinOpen, &[], [WORKS; 4]),
     row(
