@@ -20,6 +20,8 @@ use std::time::{Duration, Instant};
 
 /// Interval between two tries to reach a lost hub.
 const AGAIN: Duration = Duration::from_secs(1);
+/// Longest time in which a hub that has just started makes its first ticks.
+const FIRST_TICKS: Duration = Duration::from_millis(500);
 /// Interval of battery and diagnostics.
 const SLOW: Duration = Duration::from_secs(1);
 
@@ -129,6 +131,7 @@ impl HubThread {
     fn serve(&mut self, hub: &mut Connected) -> Result<(), Error> {
         // A former host may have left motors enabled: every packet prolongs their motion.
         hub.disable()?;
+        hub.await_battery()?;
         let (mut next, mut slow) = (Instant::now(), Instant::now());
         while !self.ends.load(Ordering::Relaxed) {
             let wait = next.saturating_duration_since(Instant::now());
@@ -292,6 +295,16 @@ fn told(published: zenoh::Result<()>) {
 }
 
 impl Connected {
+    /// Waits until the hub knows its battery. A hub that has just started does not before its first tick, and would refuse to
+    /// enable motors.
+    fn await_battery(&mut self) -> Result<(), Error> {
+        let end = Instant::now() + FIRST_TICKS;
+        while self.session.report()?.is_some_and(|report| report.battery.is_none()) && Instant::now() < end {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        Ok(())
+    }
+
     /// Disables all motors, with one packet.
     fn disable(&mut self) -> Result<(), Error> {
         self.sent = [Sent::default(); CHANNELS];

@@ -323,7 +323,8 @@ impl Robot {
         let mut all = vec![Status { level, name: name.clone(), message, values }];
         for (joint, command) in self.config.joints.iter().zip(&self.commands) {
             let Some(motor) = motor(&self.report, joint) else { continue };
-            let faults: Vec<Fault> = Fault::ALL.into_iter().filter(|fault| fault.is_in(motor.faults)).collect();
+            let faults: Vec<Fault> =
+                Fault::ALL.iter().copied().filter(|fault| fault.is_in(motor.faults)).collect();
             let report = self.report.as_ref();
             let why = report.and_then(|report| why_still(report, joint.motor.into()));
             let (level, message) = match (&command.off, faults.first()) {
