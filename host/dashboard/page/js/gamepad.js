@@ -17,8 +17,8 @@ const EVERY_MS = 50;
 export function startGamepad(link) {
   /** @type {number|null} the motor that is driven */
   let driven = null;
-  /** STOP was pressed, or the page was left: the button must be released first. */
-  let stopped = false;
+  /** STOP was pressed, or the page could not drive: the button must be seen released first. */
+  let stopped = true;
   let [sent, speed] = [0, 0];
 
   function off() {
@@ -27,7 +27,7 @@ export function startGamepad(link) {
   }
 
   function leave() {
-    stopped ||= driven !== null;
+    stopped = true;
     off();
   }
 
