@@ -16,6 +16,8 @@ export function select(options, attributes = {}) {
   const element = h("button", { type: "button", role: "combobox", class: "select", "aria-haspopup": "listbox", "aria-expanded": "false", ...attributes }, words);
   /** @type {any} the list while it is open */
   let open = null;
+  /** Where the button was when the list opened. */
+  let top = 0;
   let [pairs, value, active] = [options, options[0]?.[0] ?? "", 0];
 
   const labels = () => say(words, pairs.find(([key]) => key === value)?.[1] ?? "–");
@@ -44,6 +46,7 @@ export function select(options, attributes = {}) {
     const [box, size] = [element.getBoundingClientRect(), open.getBoundingClientRect()];
     const below = box.bottom + size.height <= innerHeight || box.top < size.height;
     Object.assign(open.style, { minWidth: `${box.width}px`, left: `${Math.max(4, Math.min(box.left, innerWidth - size.width - 4))}px`, top: `${below ? Math.max(4, Math.min(box.bottom, innerHeight - size.height - 4)) : box.top - size.height}px` });
+    top = box.top;
     element.setAttribute("aria-expanded", "true");
     element.setAttribute("aria-controls", name);
     mark(Math.max(0, pairs.findIndex(([key]) => key === value)));
@@ -66,7 +69,8 @@ export function select(options, attributes = {}) {
     value: { get: () => value, set: (next) => { value = String(next ?? ""); labels(); } },
     options: { get: () => pairs, set: (next) => { pairs = next; close(); labels(); } },
   });
-  addEventListener("scroll", () => open && close(), { passive: true });
+  // An event of scrolling that was over before the list opened may arrive late.
+  addEventListener("scroll", () => open && element.getBoundingClientRect().top !== top && close(), { passive: true });
   labels();
   return element;
 }
