@@ -145,7 +145,7 @@ impl Modulator {
             DutyRule::LinearCurrent => points::share(regime, w, at),
             DutyRule::LinearDuty => self.current.duty(regime, w, at).to_f32(),
         };
-        clockwise(at, points::control(&Points::new(self.scheme, at), (regime, share)))
+        clockwise(at, points::control(&Points::new(self.scheme, at), regime, share))
     }
 
     /// Largest mean current in forward driving that is [discontinuous](mod@linear_current), as a voltage beyond the

@@ -1,15 +1,19 @@
 //! The four points S, T, Z and G: the control values at which reverse driving, proportional braking and forward driving
-//! begin and end. They depend on the scheme, the speed and the battery voltage. A point may lie outside the control
-//! range.
+//! begin and end. They depend on the speed, the battery voltage, and the [`Scheme`] that divides the control range among
+//! the three. A point may lie outside the control range.
 //!
 //! ```text
 //!   S ---- reverse, 6/2 ---- T ---- braking, 5/0 ---- Z ---- forward, 9/8 ---- G
 //! ```
 //!
+//! 6/2, 5/0 and 9/8 are the paper's names of switching modes: the states of the bridge, as numbers of four bits, in the on
+//! part and in the off part of a PWM period (see [`Mode`]). *The paper* is R. Atkinson, *On Proportional Braking in H
+//! Bridges*, 2018.
+//!
 //! All formulas assume clockwise motion. The [modulator](super::Modulator) mirrors counter-clockwise motion. Points are
-//! computed in integers. A *step* is a difference of 1 between control values. A point that is computed from the back
-//! EMF e and the battery voltage V has an error below 1/512 step. A point that is computed from other points, such as a
-//! blend, has an error below 1/100 step.
+//! computed in integers. A *control step* is a difference of 1 between control values. A point that is computed from the
+//! back EMF e and the battery voltage V has an error below 1/512 control step. A point that is computed from other points,
+//! such as a blend, has an error below 1/100 control step.
 //!
 //! ```
 //! use motor_hub::braking::{OperatingPoint, Points, Regime, Scheme, Winding};
@@ -34,7 +38,7 @@ use libm::roundf;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct OperatingPoint {
-    /// |emf| in steps of 2^-20 mV: below 2^37.
+    /// |emf| in units of 2^-20 mV: below 2^37.
     e: i64,
     /// Battery voltage, above 0.
     battery: Millivolts,
@@ -52,7 +56,7 @@ impl OperatingPoint {
         Some(Self { e: emf.abs(), battery, counter_clockwise: emf < 0 })
     }
 
-    /// Battery voltage in steps of 2^-20 mV: above 0, below 2^36.
+    /// Battery voltage in units of 2^-20 mV: above 0, below 2^36.
     const fn v(self) -> i64 {
         (self.battery.get() as i64) << 20
     }
@@ -62,7 +66,7 @@ impl OperatingPoint {
         self.counter_clockwise
     }
 
-    /// |emf| and battery voltage in volts, in steps of 1/16 mV: below 132 V and 66 V.
+    /// |emf| and battery voltage in volts, with a resolution of 1/16 mV: below 132 V and 66 V.
     pub(crate) const fn volts(self) -> (f32, f32) {
         (volts_of(self.e), self.battery_volts())
     }
@@ -84,8 +88,8 @@ impl OperatingPoint {
     }
 }
 
-/// Converts steps of 2^-20 mV to volts. In steps of 1/16 mV the voltage has at most 21 bits, so an `f32` with its 24
-/// bits holds the steps exactly.
+/// Converts units of 2^-20 mV to volts. The voltage is first cut to units of 1/16 mV, of which an `f32` holds every number
+/// up to 2^21 exactly. So only the division to volts rounds.
 const fn volts_of(bits: i64) -> f32 {
     (bits >> 16) as i32 as f32 / 16_000.0
 }
@@ -101,7 +105,7 @@ impl Abscissa {
     /// Lower end of the control range.
     const CONTROL_MIN: Self = Self::from_bits((Control::MIN.get() as i64) << 8);
 
-    /// Converts from 1/256 steps.
+    /// Converts from 1/256 control steps.
     pub const fn from_bits(bits: i64) -> Self {
         Self(I56F8::from_bits(bits))
     }
@@ -111,23 +115,23 @@ impl Abscissa {
         Self::from_bits((control.get() as i64) << 8)
     }
 
-    /// The abscissa in 1/256 steps.
+    /// The abscissa in 1/256 control steps.
     const fn to_bits(self) -> i64 {
         self.0.to_bits()
     }
 
-    /// Steps in single precision, limited to 2^22 steps, far beyond the control range.
+    /// Control steps in single precision, limited to 2^22, far beyond the control range.
     fn to_f32(self) -> f32 {
         const LIMIT_BITS: i64 = 1 << 30;
         self.to_bits().clamp(-LIMIT_BITS, LIMIT_BITS) as i32 as f32 / 256.0
     }
 
-    /// The nearest step.
+    /// The nearest control step.
     pub const fn round(self) -> i64 {
         (self.to_bits() + 128) >> 8
     }
 
-    /// Steps, in double precision for reports.
+    /// Control steps, in double precision for reports.
     pub fn to_f64(self) -> f64 {
         self.0.to_num()
     }
@@ -178,7 +182,7 @@ pub struct Location {
 
 impl Location {
     /// The mean current that this location requests, as the voltage `w` of [`mod@super::linear_current`]: current times
-    /// resistance, in V, positive in the regime's direction. Full forward is `V - e`, full braking `e`, full reverse
+    /// the resistance of winding and switches, in V, positive in the regime's direction. Full forward is `V - e`, full braking `e`, full reverse
     /// `V + e`.
     pub(super) const fn current(self, at: OperatingPoint) -> f32 {
         let (e, v) = at.volts();
@@ -191,7 +195,7 @@ impl Location {
     }
 }
 
-/// Fraction of a regime: 0 to 1 in steps of 2^-30, rounded down.
+/// Fraction of a regime: 0 to 1 in units of 2^-30.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Fraction(U2F30);
 
@@ -201,7 +205,8 @@ impl Fraction {
     /// The fraction at the end of most torque.
     pub const ONE: Self = Self(U2F30::ONE);
 
-    /// The ratio `part / whole`; 0 if `part <= 0` or `whole <= 0`, otherwise 1 if `part >= whole`.
+    /// The ratio `part / whole`; 0 if `part <= 0` or `whole <= 0`, otherwise 1 if `part >= whole`. Rounded down for a `whole`
+    /// of up to 33 bits. For a longer one the result may be one unit too high.
     const fn ratio(part: i64, whole: i64) -> Self {
         if part <= 0 || whole <= 0 {
             Self::ZERO
@@ -245,8 +250,8 @@ pub struct Points {
 }
 
 impl Points {
-    /// The points that the firmware uses. They are the paper's, except that Schemes C and D keep braking within the
-    /// control range near and in overrun.
+    /// The points that the firmware uses. They are those of the paper's formulas, except that Schemes C and D keep braking
+    /// within the control range near and in overrun.
     ///
     /// In the paper's formula for Schemes C and D, T goes to minus infinity as |emf| approaches the battery voltage.
     /// Then no control value within the control range brakes noticeably. In *overrun*, where |emf| is at least the
@@ -257,7 +262,8 @@ impl Points {
     ///   the control range then requests at least the share a of full dynamic braking.
     /// * Scheme D with a fixed blend: the points are blended from Scheme B and this limited Scheme C.
     /// * Scheme D with the automatic blend: T is limited as for Scheme C, but with a = 1 at all speeds. Below overrun
-    ///   this limit equals the paper's blend of `min(1, (1 - u) / (2 u^2))`.
+    ///   this limit equals a blend of Schemes B and C (0 is B, 1 is C) with the paper's automatic weight
+    ///   `min(1, (1 - u) / (2 u^2))`.
     ///
     /// The limited points are continuous in the speed. They equal the paper's points up to u = 0.9, and with the
     /// automatic blend up to u = 1.
@@ -279,7 +285,8 @@ impl Points {
 
     /// The points that the paper's formula gives, without the limits of [`new`](Self::new). In overrun the points of
     /// Scheme C describe no braking. A fixed blend of Scheme D mixes these points with those of Scheme B. The automatic
-    /// blend is 0 in overrun. `None` for Schemes C and D if |emf| equals the battery voltage, where the formula of
+    /// blend is 0 in overrun; below overrun it needs no formula of its own, because there [`new`](Self::new) gives the same
+    /// points. `None` for Schemes C and D if |emf| equals the battery voltage, where the formula of
     /// Scheme C is infinite.
     pub const fn from_formula(scheme: Scheme, at: OperatingPoint) -> Option<Self> {
         match scheme {
@@ -327,7 +334,8 @@ impl Points {
         match Self::scheme_c(at) {
             Some(points) if !at.is_overrun() && points.t.to_bits() >= lowest.to_bits() => points,
             _ => {
-                // S is T (V + e) / e. Here e is at least V/2 and T above -11 controlMax, so the product is below 2^63.
+                // S is T (V + e) / e. The formula's T is below `lowest` only from u = 0.5 on, and from there `lowest` is at
+                // least -11 controlMax where it binds. So the product is below 2^63.
                 let (e, v) = (at.e, at.v());
                 let s = Abscissa::from_bits(lowest.to_bits() + div_round(lowest.to_bits() * v, e));
                 Self { s, ..Self::on_line(lowest, Abscissa::ZERO) }
@@ -358,8 +366,8 @@ impl Points {
     }
 }
 
-/// The regime of a voltage, and the mean current that the voltage requests, as the voltage `w` of
-/// [`mod@super::linear_current`], in V. The voltage is in V and for CW motion. In overrun the battery cannot drive a
+/// The regime of a requested mean voltage at the motor's terminals, and the mean current that it requests, as the voltage
+/// `w` of [`mod@super::linear_current`], in V. The voltage is in V and for CW motion. In overrun the battery cannot drive a
 /// current: the current in forward driving is then at most 0.
 pub(super) fn current(voltage: f32, at: OperatingPoint) -> (Regime, f32) {
     let (e, v) = at.volts();
@@ -382,12 +390,12 @@ pub(super) fn share(regime: Regime, w: f32, at: OperatingPoint) -> f32 {
     if most > least { (w - least) / (most - least) } else { 0.0 }
 }
 
-/// The control value that requests this share of a regime. The error is at most about one step, from rounding and from
+/// The control value that requests this share of a regime. The error is at most about one control step, from rounding and from
 /// the resolution of `f32`.
 ///
 /// A control value beyond the control range is limited to the range. In a scheme without a braking regime, T equals Z:
 /// every share of braking becomes the control value at Z, which requests no current.
-pub(super) fn control(points: &Points, (regime, share): (Regime, f32)) -> Control {
+pub(super) fn control(points: &Points, regime: Regime, share: f32) -> Control {
     let (from, to) = match regime {
         Regime::Forward => (points.z, points.g),
         Regime::Braking => (points.z, points.t),
@@ -397,11 +405,11 @@ pub(super) fn control(points: &Points, (regime, share): (Regime, f32)) -> Contro
     Control::saturating((roundf(from + share * (to - from)) as i32).into())
 }
 
-/// Limit of the magnitude of a computed point, in steps of 1/256: 4 million times the control range. With this limit
+/// Limit of the magnitude of a computed point, in 1/256 control steps: 4 million times the control range. With this limit
 /// the products of a blend fit into 64 bits.
 const POINT_LIMIT_BITS: i64 = 1 << 45;
 
-/// `controlMax * numerator / denominator`, rounded to 1/256 step.
+/// `controlMax * numerator / denominator`, rounded to 1/256 control step.
 ///
 /// |numerator| must be below 2^38, so that the product stays below 2^61.
 const fn scaled(numerator: i64, denominator: i64) -> Abscissa {

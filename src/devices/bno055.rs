@@ -4,15 +4,18 @@
 //! only says which registers to access next, and takes the answers.
 //!
 //! ```text
-//!            id is A0              not in IMU mode           configured
-//! Identify ----------> CheckMode ------------------> Configure -------> Measure
-//!    ^                     |  already in IMU mode                      ^   |
-//!    |                     '-------------------------------------------'   |
-//!    '---------- after RETRY_US: wrong answers, or ERRORS without one -----'
+//!                          id is A0              not in IMU mode           configured
+//! SelectPage --> Identify ----------> CheckMode ------------------> Configure -------> Measure
+//!     ^                                   |  already in IMU mode                      ^   |
+//!     |                                   '-------------------------------------------'   |
+//!     '-------------------- after RETRY_US, from every state, see below ------------------'
 //! ```
 //!
+//! The driver begins again after a wrong answer, and after an access that failed. Only while the sensor measures, up to
+//! `ERRORS` - 1 accesses in a row may fail.
+//!
 //! The IMU mode fuses accelerometer and gyro, and ignores the magnetometer, which motors would disturb. The driver never resets the
-//! sensor, and leaves a sensor alone that a host has set to the IMU mode already. The sensor lies flat, with its chip upward.
+//! sensor, and leaves a sensor alone that a host has set to the IMU mode already. The sensor must lie flat, with its chip upward.
 //!
 //! ```
 //! use motor_hub::devices::bno055::{Access, Bno055};
@@ -37,23 +40,41 @@ use core::f32::consts::PI;
 /// Address of the sensor on its bus.
 pub const ADDRESS: u8 = 0x28;
 
-/// The contents of the register of the identification.
+/// Register with the number of the register page.
+const PAGE_ID: u8 = 0x07;
+/// Register with the kind of chip.
+const CHIP_ID: u8 = 0x00;
+/// Register with the mode of operation.
+const OPR_MODE: u8 = 0x3D;
+/// Register with the power mode.
+const PWR_MODE: u8 = 0x3E;
+/// First of the eight registers of the quaternion.
+const QUATERNION: u8 = 0x20;
+
+/// Value of [`CHIP_ID`] of a BNO055.
 const IDENTIFICATION: u8 = 0xA0;
+/// Mode in which the sensor can be configured.
+const CONFIGURATION_MODE: u8 = 0x00;
+/// Power mode without pauses of the sensor.
+const NORMAL_POWER: u8 = 0x00;
 /// Mode with fusion of accelerometer and gyro.
 const IMU_MODE: u8 = 0x08;
 
 /// Writes that set the sensor to the IMU mode, each with the time that the sensor needs afterwards, in microseconds. A change to the
-/// configuration mode takes 19 ms, and a change to another mode 7 ms (data sheet, table 3-6).
-const CONFIGURATION: [(&[u8], u64); 3] =
-    [(&[0x3D, 0x00], 25_000), (&[0x3E, 0x00], 0), (&[0x3D, IMU_MODE], 15_000)];
+/// configuration mode takes 19 ms, and a change to another mode 7 ms (data sheet, table 3-6). The times have a margin.
+const CONFIGURATION: [(&[u8], u64); 3] = [
+    (&[OPR_MODE, CONFIGURATION_MODE], 25_000),
+    (&[PWR_MODE, NORMAL_POWER], 0),
+    (&[OPR_MODE, IMU_MODE], 15_000),
+];
 
 /// Time after which the driver begins again with a sensor that does not work, in microseconds.
 const RETRY_US: u64 = 1_000_000;
 /// Longest time from the IMU mode to the first quaternion, in microseconds. REV's host software waits as long.
-const FIRST_US: u64 = 500_000;
-/// Number of successive failed accesses after which the sensor counts as lost.
+const FIRST_QUATERNION_US: u64 = 500_000;
+/// Number of successive failed accesses after which a sensor that measures counts as lost.
 const ERRORS: u8 = 5;
-/// Square of the length of a quaternion, whose unit is 1/16384.
+/// Square of the length of a rotation's quaternion, in the sensor's unit of 1/16384.
 const UNIT_SQUARED: f32 = 16_384.0 * 16_384.0;
 
 /// An access to the sensor: first a write, which may be the number of a register, then a read after a repeated start.
@@ -75,7 +96,7 @@ enum Step {
     CheckMode,
     /// The write with this index in [`CONFIGURATION`].
     Configure(usize),
-    /// Reads the quaternion. Holds true after the first one.
+    /// Reads the quaternion. Holds true once a valid one has been read.
     Measure(bool),
 }
 
@@ -98,11 +119,11 @@ impl Bno055 {
             return None;
         }
         Some(match self.step {
-            Step::SelectPage => Access { write: &[0x07, 0x00], read: 0 },
-            Step::Identify => Access { write: &[0x00], read: 1 },
-            Step::CheckMode => Access { write: &[0x3D], read: 1 },
+            Step::SelectPage => Access { write: &[PAGE_ID, 0], read: 0 },
+            Step::Identify => Access { write: &[CHIP_ID], read: 1 },
+            Step::CheckMode => Access { write: &[OPR_MODE], read: 1 },
             Step::Configure(index) => Access { write: CONFIGURATION.get(index)?.0, read: 0 },
-            Step::Measure(_) => Access { write: &[0x20], read: 8 },
+            Step::Measure(_) => Access { write: &[QUATERNION], read: 8 },
         })
     }
 
@@ -120,7 +141,7 @@ impl Bno055 {
         match (self.step, answer) {
             (Step::SelectPage, _) => self.step = Step::Identify,
             (Step::Identify, &[IDENTIFICATION]) => self.step = Step::CheckMode,
-            (Step::CheckMode, &[mode]) if mode & 0x0F == IMU_MODE => self.measure(now),
+            (Step::CheckMode, &[mode]) if mode & 0x0F == IMU_MODE => self.start_measuring(now),
             (Step::CheckMode, _) => self.step = Step::Configure(0),
             (Step::Configure(index), _) => {
                 let pause = CONFIGURATION.get(index).map_or(0, |(_, pause)| *pause);
@@ -128,7 +149,7 @@ impl Bno055 {
                 if index + 1 < CONFIGURATION.len() {
                     self.step = Step::Configure(index + 1);
                 } else {
-                    self.measure(now);
+                    self.start_measuring(now);
                 }
             }
             (Step::Measure(has_begun), &[w0, w1, x0, x1, y0, y1, z0, z1]) => {
@@ -136,7 +157,7 @@ impl Bno055 {
                 let heading = heading_degrees(quaternion);
                 if heading.is_some() {
                     self.step = Step::Measure(true);
-                } else if has_begun || now.since(self.measures_since) > FIRST_US {
+                } else if has_begun || now.since(self.measures_since) > FIRST_QUATERNION_US {
                     // The sensor has lost its supply, or something else answers.
                     self.begin_again(now);
                 }
@@ -152,7 +173,7 @@ impl Bno055 {
         matches!(self.step, Step::Measure(true))
     }
 
-    const fn measure(&mut self, now: Micros) {
+    const fn start_measuring(&mut self, now: Micros) {
         (self.step, self.measures_since) = (Step::Measure(false), now);
     }
 

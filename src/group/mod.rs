@@ -5,7 +5,7 @@
 //!   progress are limited.
 //! * A [`Reference`] is the position and the speed that a member should have now. Each tick the progress gives a reference for
 //!   each member, and the member's own regulator follows the reference.
-//! * The *lag* is how far a member is behind its reference. If the largest lag exceeds half of the permitted lag, the
+//! * The *lag* is how far a member is behind its reference, or, for a member that should stand still, how far it is from it. If the largest lag exceeds half of the permitted lag, the
 //!   progress slows down, and all members with it. The larger the lag, the slower the progress. At the full permitted
 //!   lag the group waits. This slowing has no limit of acceleration.
 //!
@@ -118,8 +118,8 @@ pub enum Halt {
     Coast,
 }
 
-/// A command to a group. `C` is the type of the course: a hub uses [`Course`], and hosts use a type with positions in
-/// their own counts.
+/// A command to a group. `C` is the type of the course. The hub's regulators use [`Course`]. Hosts use
+/// [`GroupCourse`](crate::extension::group::GroupCourse), whose positions count from where the host last reset the encoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct GroupCommand<C = Course> {
@@ -150,14 +150,13 @@ impl<C> GroupCommand<C> {
 pub const TOLERANCE: u16 = 5;
 /// Time in ms in which a member at full speed covers the usual lag.
 const LAG_MS: u32 = 100;
-/// Smallest usual lag in counts, for slow groups: twice the largest lag that [`usual_lag`] names for the model-based
-/// regulator.
+/// Smallest usual lag in counts, for slow groups: twice the 12 counts by which a healthy member lags, see [`usual_lag`].
 const MIN_LAG_COUNTS: u32 = 24;
 
 /// Returns the default lag for members with this maximum speed: the distance of 0.1 s, and at least 24 counts.
 ///
 /// A group slows down if a member lags by more than half of the permitted lag. Half of the permitted lag should
-/// therefore be at least the lag of a healthy member. For a wheel of a 6 kg robot the largest lags are:
+/// therefore be at least the lag of a healthy member. For a wheel of a simulated 6 kg robot the largest lags are:
 ///
 /// * 12 counts with the model-based regulator, at control periods of 1 to 100 ms.
 /// * The distance of 52 ms with PID and guessed coefficients, at control periods up to 50 ms. This is more than half of
@@ -213,7 +212,8 @@ impl<const N: usize> Group<N> {
     }
 
     /// Changes the course. The references continue from their present positions and speeds without a step. The members
-    /// of the course must be the members of the group.
+    /// of the group stay as they are: a motor that only the course names gets no reference, and a member that the course
+    /// does not name stops.
     pub fn redirect(&mut self, command: GroupCommand) {
         let GroupCommand { course, speed, acceleration, lag, tolerance, halt } = command;
         (self.acceleration, self.lag, self.tolerance, self.halt) = (acceleration, lag, tolerance, halt);
@@ -294,8 +294,8 @@ impl<const N: usize> Group<N> {
         all
     }
 
-    /// Returns the factor of the progress's speed: 1 up to half of the permitted lag, then falling linearly to 0 at the
-    /// permitted lag.
+    /// Returns the rate at which the trajectory's time passes: 1 up to half of the permitted lag, then falling linearly to 0
+    /// at the permitted lag.
     fn time_scale(&self, positions: &[i32; N], speeds_cps: &[f32; N]) -> f32 {
         let lags = self.errors(positions).into_iter().zip(speeds_cps).map(|(error, speed)| {
             // A member that is ahead of its reference does not lag. For a member that should stand still every error is a lag.

@@ -10,16 +10,18 @@
 //! * The *base* is the position at progress 0, after the drift. The *start offset* is the signed distance from the
 //!   nearest whole count to the base.
 //! * A *share* is the signed distance that a member moves along the whole trajectory. A motor that is not a member has
-//!   the share 0. `length` is the magnitude of the largest share.
+//!   the share 0. `length` is the magnitude of the largest share. In a trajectory without end the shares are the speeds in
+//!   1/256 counts/s: only their ratios matter.
 //! * *Progress* is the distance that the member with the largest share has moved along the trajectory. The code stores
 //!   progress, base, start offset and drift in steps of 2^-16 counts.
-//! * *Drift* is motion from before a trajectory that the trajectory cannot continue: in another direction, or too fast
-//!   to stop at the end. The drift is braked to 0 while the progress begins. `drift[i]` is the distance that member i
-//!   will still drift.
+//! * *Drift* is motion from before a trajectory that the trajectory cannot continue. A trajectory without end continues the
+//!   part of the old speeds that points in its direction, and lets the rest drift. A trajectory to positions continues the
+//!   old speeds only if they point in its direction and it can stop at its end; otherwise all of them drift. The drift is
+//!   braked to 0 while the progress begins. `drift[i]` is the distance that member i will still drift.
 //!
-//! Progress and positions are integers, so the references of all members fit together to within one count. A trajectory
-//! without end consists of *rounds*. At the end of a round the base moves by the shares, and the progress starts again
-//! at 0. Rounding errors therefore do not accumulate.
+//! Progress and positions are integers, and all members have the same progress, so no rounding error grows with the
+//! distance. A trajectory without end consists of *rounds*: whenever the progress has covered `length`, the base moves by the
+//! shares, and the progress starts again at 0.
 
 use super::Reference;
 use crate::units::{Acceleration, CountsPerSecond};
@@ -52,8 +54,8 @@ pub(super) struct Trajectory<const N: usize> {
     base: [i64; N],
     /// Distance that a motor moves while the progress covers `length`, in counts.
     share: [i32; N],
-    /// Distance from the nearest whole count to the base, in steps. The trajectory removes this distance in proportion
-    /// to the progress.
+    /// Distance from the nearest whole count to the base, in steps. The trajectory removes this distance bit by bit along
+    /// its length, so that it ends at a whole count.
     start_offset: [i32; N],
     /// Magnitude of the largest share, at least 1.
     length: i64,
@@ -76,7 +78,8 @@ pub(super) struct Trajectory<const N: usize> {
 }
 
 impl<const N: usize> Trajectory<N> {
-    /// Creates a trajectory that brakes from these positions and speeds (in counts/s) to a stop.
+    /// Creates a trajectory that brakes from these positions and speeds (in counts/s) to a stop. It uses half of the
+    /// acceleration, and is meant to be [redirected](Self::redirect) at once.
     pub(super) fn new(positions: [i32; N], speeds_cps: [f32; N], acceleration: Acceleration) -> Self {
         let mut trajectory = Self {
             base: positions.map(|position| i64::from(position) << 16),
@@ -110,19 +113,20 @@ impl<const N: usize> Trajectory<N> {
                 self.update_length();
                 // A share is the bits of a speed: steps of 1/256 counts/s.
                 self.speed_limit_cps = if self.is_still() { 0.0 } else { self.length as f32 / 256.0 };
-                let (along, across) = split(&speeds_cps, &self.direction());
+                let (along, sideways) = split(&speeds_cps, &self.direction());
                 self.speed_cps = along;
                 self.stopping = self.is_still();
-                self.start_drift(across);
+                self.start_drift(sideways);
             }
             Target::Positions { counts, speed_cps } => {
                 (self.endless, self.speed_limit_cps, self.stopping) = (false, speed_cps.abs(), false);
                 self.head_for(&counts);
-                let (along, across) = split(&speeds_cps, &self.direction());
+                let (along, sideways) = split(&speeds_cps, &self.direction());
                 let stoppable = along * along <= 2.0 * self.acceleration_cps2 * self.length as f32;
-                // A small drift is neglected: if no speed is above a quarter of the largest speed change in a tick.
-                if along == 0.0 || !stoppable || largest(&across) > self.acceleration_cps2 * tick_s / 4.0 {
+                // A small drift is neglected: if no sideways speed is above a quarter of the largest speed change in a tick.
+                if along == 0.0 || !stoppable || largest(&sideways) > self.acceleration_cps2 * tick_s / 4.0 {
                     self.start_drift(speeds_cps);
+                    // The drift has moved the base.
                     self.head_for(&counts);
                 } else {
                     self.start_drift([0.0; N]);
@@ -226,7 +230,8 @@ impl<const N: usize> Trajectory<N> {
         let end = self.length << 16;
         let mut target_cps = self.speed_limit_cps;
         if !self.endless {
-            // Distance to the end, minus half of the distance that the old speed covers in this step.
+            // The speed v after this step may be at most such that v^2 / (2 a), and the distance that v adds in this step, fit
+            // into the rest: the distance to the end without what the old speed covers in this step.
             let rest = (end - self.progress) as f32 / STEPS_PER_COUNT - before * seconds / 2.0;
             let half_change = speed_change / 2.0;
             let stoppable =
@@ -275,9 +280,9 @@ fn split<const N: usize>(speeds: &[f32; N], direction: &[f32; N]) -> (f32, [f32;
     let product = |a: &[f32; N]| a.iter().zip(direction).map(|(a, b)| a * b).sum::<f32>();
     let square = product(direction);
     let along = if square > 0.0 { product(speeds) / square } else { 0.0 };
-    let mut across = *speeds;
-    for (speed, direction) in across.iter_mut().zip(direction) {
+    let mut sideways = *speeds;
+    for (speed, direction) in sideways.iter_mut().zip(direction) {
         *speed -= along * direction;
     }
-    (along, across)
+    (along, sideways)
 }

@@ -41,8 +41,8 @@ impl<const N: usize> Groups<N> {
 
     /// Changes the course of the moving group that has exactly the members of `command`. If there is no such group, each
     /// member leaves its old group, and a new group waits to start. The other members of a moving old group halt by the setting
-    /// of the old group. A waiting old group is discarded. Fails if `leader` is not a member, or if the hub
-    /// does not have all members.
+    /// of the old group. A waiting old group is discarded. Fails if `leader`, the motor to which the host has sent the
+    /// command, is not a member, or if the hub does not have all members.
     pub(super) fn lead(
         &mut self,
         leader: usize,
@@ -71,14 +71,14 @@ impl<const N: usize> Groups<N> {
     }
 
     /// Removes these motors from their groups. The members that stay halt by the setting of their group. Until a motor that has left a
-    /// moving group gets another command its speed is 0: the motor is held or floats, as its setting `ZeroPower` says.
+    /// moving group gets another command its speed is 0: the motor is braked or coasts, as its setting `ZeroPower` says.
     pub(super) fn release(&mut self, leaving: [bool; N], motors: &mut [Motor; N]) {
         let left = self.leave(leaving, None, motors);
         members_of(&left, motors).for_each(|motor| motor.set(Setpoint::Velocity(CountsPerSecond::ZERO)));
     }
 
     /// Removes these motors from their groups. The members that stay in a moving group halt according to `halt`; `None` stands
-    /// for the group's own setting. A waiting group is discarded. Returns the motors that were in a moving group.
+    /// for the group's own setting. A waiting group is discarded. Returns those of `leaving` that were in a moving group.
     pub(super) fn leave(
         &mut self,
         leaving: [bool; N],
@@ -112,7 +112,8 @@ impl<const N: usize> Groups<N> {
     }
 
     /// Starts the waiting groups whose members all have a fresh reading. Sets the set-points of all members of moving
-    /// groups for this tick. A group of the wheels of a drive base moves in corrected positions.
+    /// groups for this tick. The positions of a drive base's wheels are first corrected by what the gyro has measured, and
+    /// the corrections are added to the set-points again.
     pub(super) fn step(
         &mut self,
         inputs: &Inputs<N>,
@@ -185,12 +186,13 @@ impl<const N: usize> Groups<N> {
     }
 }
 
-/// Returns the correction of each motor for a group with these members; 0 without a drive base.
+/// Returns the correction of each motor's position by the gyro, in counts, for a group with these members; 0 without a drive
+/// base.
 fn corrections_of<const N: usize>(base: Option<&Base>, members: &[bool; N]) -> [i32; N] {
     base.map_or([0; N], |base| base.corrections(members))
 }
 
-/// Returns the corrected positions. Positions wrap.
+/// Returns the positions without their corrections. Positions wrap.
 fn minus<const N: usize>(positions: &[i32; N], corrections: &[i32; N]) -> [i32; N] {
     core::array::from_fn(|motor| {
         let [position, correction] =

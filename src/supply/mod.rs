@@ -13,15 +13,17 @@
 //! * The [`DrawStage`] has hysteresis. The stage `Full` lasts until the filtered voltage is below `derate`. The stage `Derated`
 //!   lasts until the filtered voltage reaches `recover`. The stage `Cut` lasts until the filtered voltage is back at `derate`.
 //! * Braking motors *dissipate* energy when their bridges turn energy to heat instead of returning it to the bus. The bridge
-//!   then alternates between two pulses. One pulse shorts the winding, which turns the energy to heat. The other pulse drives
-//!   the motor slightly above its back EMF, and takes back what the end of the short has returned to the bus.
-//! * Dissipation begins when the predicted voltage passes `dissipate`. It is complete halfway to `ceiling`.
+//!   then alternates between two pulses, some periods each. The first pulse shorts the winding: the motor's energy becomes
+//!   heat. When the short ends, the winding's current flows back into the bus for a moment. The second pulse drives the motor
+//!   slightly above its back EMF, and so takes about as much from the bus again.
+//! * Dissipation begins when the voltage that a rising bus will have soon passes `dissipate`. It is complete halfway to
+//!   `ceiling`.
 //! * The *quiet range* is the range from `derate` to `dissipate`. The bus is *quiet* if its voltage is in this range and the
 //!   supply limits no motor. A quiet bus is sampled every 10 ms only. An analog watchdog reports when the voltage leaves the
 //!   range.
 //!
-//! [`VrefintScale`] converts ADC readings to millivolts, on chips that also measure their own reference. Boards with another
-//! converter have their own conversion.
+//! [`VrefintScale`] converts ADC readings to millivolts, on chips that also measure VREFINT, a reference voltage inside of
+//! them. Boards with another converter have their own conversion.
 //!
 //! ```
 //! use motor_hub::supply::{Limits, DrawStage, Supply};
@@ -176,9 +178,9 @@ impl Supply {
     /// `voltage` is `None` if the converter did not answer. A voltage below [`Levels::min`] is not plausible. In both cases
     /// the result is `None` except in a collapse, and the next plausible sample restarts the filter.
     ///
-    /// The bus has *collapsed* if two or more voltages in a row are below [`Levels::min`], also after a failed conversion. The
-    /// result is then the last state with its old time, a draw of 0 and no dissipation. The stage `Full` becomes `Derated`.
-    /// Without a last state the result is `None`.
+    /// The bus has *collapsed* if two or more voltages in a row are below [`Levels::min`]. A failed conversion before them does
+    /// not matter; one between them begins the row anew. The result is then the last state with its old time, a draw of 0, no
+    /// dissipation, and at least the stage `Derated`. Without a last state the result is `None`.
     ///
     /// A voltage above [`Levels::max`] enters the filter as [`Levels::max`]. Motors then draw nothing, and braking motors
     /// dissipate. If such a voltage were not plausible, a converter at the end of its range would make braking motors coast.
@@ -198,13 +200,15 @@ impl Supply {
         match voltage {
             Some(measured) if measured >= self.limits.levels().min => Some(self.accept(measured, now)),
             _ => {
-                let collapses = voltage.is_some() && self.last_reading.state == BusState::TooLow;
                 self.filter = None;
                 self.overvoltage = Overvoltage::IDLE;
-                self.last_battery.filter(|_| collapses).map(|last| {
-                    let (stage, draw) = self.derating.cut_after_collapse();
-                    Battery { stage, draw, dissipate: Share::NONE, ..last }
-                })
+                let collapsed = voltage.is_some() && self.last_reading.state == BusState::TooLow;
+                if !collapsed {
+                    return None;
+                }
+                let last = self.last_battery?;
+                let (stage, draw) = self.derating.cut_after_collapse();
+                Some(Battery { stage, draw, dissipate: Share::NONE, ..last })
             }
         }
     }
