@@ -5,9 +5,11 @@
 //! 2. The mechanical part is exact under a constant torque, which belongs to the mean current of the window.
 //! 3. Both parts are iterated until they agree. The method is second-order accurate and stable for every motor.
 //!
-//! The relative error of a change is about `(w h)² / 24`. Here `h` is the length of the window and `w` is the undamped
-//! frequency `sqrt(Ke Kt / (L Jt))`, to which cogging adds its stiffness. Windows are so short that `w h` is at most
-//! 0.15. The mean current over a few periods is then within 0.1 % of `Vbat/R`. The ripple of the speed within a window
+//! When the command changes, the changes of current and speed that follow have a relative error of about `(w h)² / 24`. Here
+//! `h` is the length of the window and `w` the frequency at which back EMF and inductance would swing without losses,
+//! `sqrt((Ke Kt / L + k) / J)`, with the motor's constants Ke, Kt and inductance L, the inertia J of everything that turns, and
+//! the largest stiffness k of cogging. Windows are so short that `w h` is at most 0.15. The mean current over a few periods is
+//! then within 0.1 % of the current at standstill. The ripple of the speed within a window
 //! does not act on the current.
 //!
 //! [Friction and cogging](super::friction) are exact for the mean torque of a window. A shaft can stop within a window.
@@ -41,8 +43,7 @@ use super::switching::{Bridge, Circuit, Conditions, Integrals, Part};
 use super::train::{Driver, Motion, Output, Train, WindowEnd};
 use crate::bridge::{Mode, State};
 
-/// Largest product of undamped frequency (rad/s) and window length (s), without unit. At this product the relative
-/// error of a change is about 0.1 %.
+/// Largest product of the module's frequency `w` (rad/s) and window length (s), without unit.
 const WINDOW_LIMIT: f64 = 0.15;
 
 /// Inputs of a plant: the command to its bridge, and an external torque.
@@ -95,9 +96,9 @@ pub struct Flow {
     pub shaft_work: Joules,
     /// Heat of dry friction, at least 0. The heat of viscous drag is not included.
     pub friction_heat: Joules,
-    /// Heat of the damping of a [train](super::train), at least 0.
+    /// Heat of the damping of a gear [train](super::train) that is not rigid, at least 0.
     pub train_heat: Joules,
-    /// Energy that changes of the inertia put into the motion: a load that becomes heavier takes the speed of the shaft.
+    /// Energy that changes of the inertia put into the motion: the inertia that is added has the speed of the shaft at once.
     pub load_work: Joules,
 }
 
@@ -131,7 +132,7 @@ impl Flow {
     }
 }
 
-/// Temperatures of a motor above those of its constants in the catalogue.
+/// How much warmer a motor is than the motors that the catalogue's constants were measured on.
 ///
 /// Copper gains 0.39 % of its resistance a kelvin. Ferrite magnets lose 0.2 % of their field a kelvin, and with it back
 /// EMF and torque.
@@ -170,7 +171,8 @@ pub struct Plant {
     period: f64,
     /// Longest window of this plant, s.
     longest_window: f64,
-    coefficients: Mechanics,
+    /// Mechanics of the last window's length.
+    mechanics: Mechanics,
     /// True if the motor has dry friction or cogging.
     has_friction: bool,
     /// Time since the beginning of the present PWM period, s.
@@ -183,13 +185,13 @@ pub struct Plant {
     angle: f64,
     /// Mean current of the last window, A. It is the first estimate of the next window's mean current.
     last_mean: f64,
-    /// Off state of the present mode, by which a change of the mode is found: no two modes have the same off state.
+    /// Off state of the present mode, by which a change of the mode is found. The modes 9/8, 6/2 and 5/0 differ in it. An
+    /// open bridge has that of 5/0: no pause comes between these two.
     mode: State,
     /// Time for which the bridge still stays open for the change to `mode`, s.
     open_s: f64,
-    /// The load behind a train; `None` if the load is fixed to the motor.
+    /// The load behind a gear train that is not rigid; `None` if the load is fixed to the motor, or has no inertia.
     output: Option<Output>,
-    /// Train of `output`.
     train: Option<Train>,
     /// Energy of changes of the inertia since the last run, J.
     load_work: f64,
@@ -231,7 +233,7 @@ impl Plant {
             circuit,
             period,
             longest_window,
-            coefficients: Mechanics::new(&shaft, &circuit, longest_window),
+            mechanics: Mechanics::new(&shaft, &circuit, longest_window),
             has_friction: motor.friction != Friction::NONE || motor.cogging != Cogging::NONE,
             phase: 0.0,
             current: 0.0,
@@ -246,7 +248,7 @@ impl Plant {
         }
     }
 
-    /// Puts a train between motor and load. A load without inertia has none.
+    /// Puts a gear train that is not rigid between motor and load. A load without inertia is moved as before.
     #[must_use]
     pub fn with_train(mut self, train: Train) -> Self {
         self.train = Some(train);
@@ -255,8 +257,8 @@ impl Plant {
         self
     }
 
-    /// Connects another load, which has the speed of the old one immediately. The next run has the change of the kinetic
-    /// energy in [`Flow::load_work`].
+    /// Connects another load, which has the speed of the old one immediately. The change of the kinetic energy is added to the
+    /// next run's [`Flow::load_work`].
     pub fn set_load(&mut self, load: Load) {
         let before = self.motion_energy().0;
         self.load = load;
@@ -268,13 +270,12 @@ impl Plant {
         self.output = self.train.and_then(|train| Output::new(&self.motor, &load, &train));
         if let Some(output) = &mut self.output {
             output.state = state;
-            // The motor is a body of its own.
+            // The shaft is then the motor's alone, without the inertia of the load.
             self.shaft =
                 Shaft { torque_ratio: self.shaft.torque_ratio, ..Shaft::new(&self.motor, &Load::NONE) };
         }
         self.load_work += self.motion_energy().0 - before;
-        self.longest_window = longest_window(&self.motor, &self.shaft, self.period);
-        self.coefficients = Mechanics::new(&self.shaft, &self.circuit, self.longest_window);
+        self.prepare_windows();
     }
 
     /// Changes the temperatures of the motor, and so its resistance, back EMF and torque. The present current stays.
@@ -288,8 +289,13 @@ impl Plant {
         self.motor.kt.0 *= field;
         self.temperatures = temperatures;
         self.circuit = Circuit::new(&self.motor, self.circuit.bridge);
+        self.prepare_windows();
+    }
+
+    /// Computes what windows need of motor, shaft and circuit.
+    fn prepare_windows(&mut self) {
         self.longest_window = longest_window(&self.motor, &self.shaft, self.period);
-        self.coefficients = Mechanics::new(&self.shaft, &self.circuit, self.longest_window);
+        self.mechanics = Mechanics::new(&self.shaft, &self.circuit, self.longest_window);
     }
 
     /// Changes the dry friction of the motor.
@@ -412,12 +418,12 @@ impl Plant {
 
     /// Advances by one window and adds its result to `flow`.
     fn window(&mut self, window: f64, run: &Run, flow: &mut Flow) {
-        if (window - self.coefficients.window).abs() > 1e-9 * window {
-            self.coefficients = Mechanics::new(&self.shaft, &self.circuit, window);
+        if (window - self.mechanics.window).abs() > 1e-9 * window {
+            self.mechanics = Mechanics::new(&self.shaft, &self.circuit, window);
         }
-        let m = self.coefficients;
+        let m = self.mechanics;
         let (ke, kt) = (self.motor.ke.0, self.motor.kt.0);
-        // Behind a train the external torque is the load's, and `moves` accounts for it.
+        // Behind a train the external torque acts on the load: the closure `moves` passes it on.
         let external = if self.output.is_some() { 0.0 } else { run.torque };
         let torque = |mean_current: f64| kt * mean_current + external;
         let moves = |mean_current: f64, sticks: bool| match &self.output {
@@ -428,6 +434,7 @@ impl Plant {
             }
         };
         let tolerance = 1e-6 * (run.battery.0 + 1.0);
+        // How much the error below falls for each volt that is added to `emf`.
         let slope = 1.0 + ke * kt * m.mean_gain * m.admittance;
         // A shaft at rest is assumed to stay at rest first, because the current at standstill decides whether it breaks
         // away.
@@ -489,9 +496,9 @@ impl Plant {
     }
 
     /// Returns the motion of the shaft from its present speed, under `torque` (N m), through the window of
-    /// `coefficients`.
+    /// `mechanics`.
     fn shaft_motion(&self, torque: f64, sticks: bool) -> ShaftMotion {
-        let m = &self.coefficients;
+        let m = &self.mechanics;
         if !self.has_friction {
             return m.without_friction(self.speed, torque);
         }
@@ -524,8 +531,8 @@ impl Plant {
     }
 }
 
-/// Returns the part of a charge that flows forward through the high-side switch that a mode keeps closed. `state` is
-/// the off state of the mode.
+/// Returns the part of a charge that flows forward through the high-side switch that a mode keeps closed. `state` is the off
+/// state of the mode, or of a bridge that is driven without a pause.
 const fn sensed_charge(state: State, charge: f64) -> f64 {
     match state {
         State::HighLeft | State::DriveCw => charge.max(0.0),

@@ -24,10 +24,11 @@ use motor_hub::protocol::frame::{self, Frame};
 use motor_hub::protocol::{BAUD, Decoder};
 use motor_hub::units::Micros;
 
-/// Several of the longest requests that hosts send (112 bytes).
+/// Size of the buffer for received bytes: several of the longest requests that hosts send (112 bytes).
 const RECEIVED: usize = 512;
 
-/// Every answer of REV's protocol fits, and leaves in one burst. This hub's own reports leave in two.
+/// Size of the buffer for bytes to send. Every answer of REV's protocol fits. The longest reports of this hub's own interface
+/// are sent in two parts.
 const SENT: usize = 128;
 
 /// Bytes after which the reader is woken while a line is busy. Otherwise it is woken when the line falls idle, or when half the
@@ -43,7 +44,7 @@ pub struct Buffers {
 }
 
 impl Buffers {
-    /// Empty.
+    /// Creates empty buffers.
     pub const fn new() -> Self {
         Self { received: [0; RECEIVED], sent: [0; SENT], decoder: Decoder::new() }
     }
@@ -58,7 +59,8 @@ impl Default for Buffers {
 /// A line: its sending and its receiving half.
 pub type Line = (Sender, Receiver);
 
-/// 460 800 baud, 8 data bits, no parity, one stop bit; RX pulled up.
+/// Opens a line of 460 800 baud, 8 data bits, no parity and one stop bit, with RX pulled up. `end` says how to wait for the end
+/// of a transmission, where embassy's own way does not work.
 ///
 /// # Errors
 /// If the clocks cannot make that speed.
@@ -90,7 +92,7 @@ pub fn open_with_driver_enable<T: Instance>(
     buffers: &'static mut Buffers,
 ) -> Result<Line, ConfigError> {
     let mut config = config();
-    // In sixteenths of a bit. The HAL takes the first for both.
+    // In sixteenths of a bit. The HAL uses the first of them for both times.
     config.de_assertion_time = 16;
     config.de_deassertion_time = 16;
     let Buffers { received, sent, decoder } = buffers;
@@ -102,7 +104,7 @@ pub fn open_with_driver_enable<T: Instance>(
 fn config() -> Config {
     let mut config = Config::default();
     config.baudrate = BAUD;
-    // Without power the ST-LINK does not drive the line, which must then be idle, not noise. Nor does a transceiver that sends.
+    // An ST-LINK without power does not drive the line, nor does a transceiver while it sends. The line must then read as idle.
     config.rx_pull = Pull::Up;
     config.eager_reads = Some(EAGER);
     config
@@ -153,7 +155,7 @@ pub struct Sender {
     end: Option<TransmissionEnd>,
 }
 
-/// How a board waits for the end of a transmission, in place of embassy.
+/// How a board switches a transceiver, and waits for the end of a transmission, where embassy's flush cannot be used.
 #[derive(Clone, Copy)]
 pub struct TransmissionEnd {
     /// Called before each transmission. Switches the line's transceiver to sending, if there is one.
@@ -195,9 +197,6 @@ const UNDECIDED: u8 = 2;
 /// Makes one host link of one or two lines.
 pub fn host_link((sender, receiver): Line, second: Option<Line>) -> (HostSender, HostReceiver) {
     let (second_sender, second_receiver) = second.unzip();
-    if second_receiver.is_none() {
-        HOST.store(0, Ordering::Relaxed);
-    }
     let receiver = HostReceiver { first: receiver, second: second_receiver, packet: Frame::new() };
     (HostSender { first: sender, second: second_sender }, receiver)
 }
@@ -206,7 +205,7 @@ pub fn host_link((sender, receiver): Line, second: Option<Line>) -> (HostSender,
 pub struct HostReceiver {
     first: Receiver,
     second: Option<Receiver>,
-    /// What the caller has not read of the first packet.
+    /// The part of the first packet that the caller has not read yet.
     packet: Frame,
 }
 
@@ -238,6 +237,7 @@ impl Read for HostReceiver {
             let now = Micros::new(Instant::now().as_micros());
             if let Some(packet) = decoder.next(&mut &byte[..], now) {
                 HOST.store(line, Ordering::Relaxed);
+                // The decoder has consumed the packet's bytes. The caller gets them again.
                 self.packet = frame::encode(&packet);
             }
         }

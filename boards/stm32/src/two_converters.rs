@@ -1,11 +1,12 @@
-//! Battery and VREFINT on a converter each, as the STM32G4 and the STM32H7 have them.
+//! Battery and VREFINT, each on an ADC (*converter*) of its own, as on the STM32G4 and the STM32H7.
 //!
 //! The battery's converter converts without end, so its newest reading can always be read. Its analog watchdog wakes the core
-//! when the battery leaves its quiet range. The reference's converter does the same, unless the chip has other channels there
-//! too: then it converts a sequence for each sample of the battery.
+//! when the battery leaves its quiet range. The reference's converter converts without end too, unless the chip converts other
+//! channels there: then it converts VREFINT and those channels once for each sample of the battery.
 //!
-//! The HAL has neither of these, and its calibration blocks the core. Each converter has a data register, so there is no
-//! DMA. A converter that has stopped raises no new flag, which shows.
+//! The HAL has neither conversions without end nor the analog watchdog, and its calibration blocks the core. Each converter
+//! needs no more than its data register, so there is no DMA. A converter that has stopped is found because it does not set its
+//! flag EOC (end of conversion) again.
 
 use crate::Calibrate;
 use crate::supply::{FactoryWord, Watcher, unmask};
@@ -37,7 +38,7 @@ pub trait Kind {
     /// Longest time of a calibration, in milliseconds.
     const CALIBRATION_MS: u32;
 
-    /// Chooses the mode of a calibration.
+    /// Sets the calibration to that of single-ended inputs.
     fn prepare_calibration(converter: Adc);
 
     /// Connects a channel to a converter, with the longest sampling time.
@@ -58,7 +59,7 @@ pub trait Kind {
         new.then(|| converter.dr().read().rdata())
     }
 
-    /// Starts the next sequence of the reference's converter. This default does nothing: the converter runs.
+    /// Starts the next conversions of the reference's converter. This default does nothing: the converter runs without end.
     fn next_reference(_converter: Adc) {}
 }
 
@@ -67,7 +68,7 @@ pub struct TwoConverters<K> {
     scale: VrefintScale,
     /// Newest reading of VREFINT, and when it was taken.
     vrefint: u16,
-    referenced: Option<Instant>,
+    vrefint_at: Option<Instant>,
     /// Converter and channel of the battery.
     battery: (Adc, u8),
     /// Converter and channel of VREFINT.
@@ -95,7 +96,7 @@ impl<K: Kind> TwoConverters<K> {
             power_up(converter);
         }
         let vrefint = calibration.reading;
-        Ok(Self { scale, vrefint, referenced: None, battery, reference, _pin: pin, _kind: PhantomData })
+        Ok(Self { scale, vrefint, vrefint_at: None, battery, reference, _pin: pin, _kind: PhantomData })
     }
 
     fn converters(&self) -> [(Adc, u8); 2] {
@@ -105,10 +106,9 @@ impl<K: Kind> TwoConverters<K> {
     /// Takes a new reading of the battery, if the reading of the reference is not too old.
     fn take(&mut self) -> Option<u16> {
         if let Some(vrefint) = K::take_reference(self.reference.0) {
-            (self.vrefint, self.referenced) = (vrefint, Some(Instant::now()));
+            (self.vrefint, self.vrefint_at) = (vrefint, Some(Instant::now()));
         }
-        let referenced = self.referenced?;
-        let known = Instant::now().saturating_duration_since(referenced) <= REFERENCE_STALE;
+        let known = Instant::now().saturating_duration_since(self.vrefint_at?) <= REFERENCE_STALE;
         let (converter, _) = self.battery;
         // Reading clears the flag.
         (known && converter.isr().read().eoc()).then(|| converter.dr().read().rdata())
@@ -168,11 +168,12 @@ pub async fn calibrate<K: Kind>(converters: &[Adc]) {
             break;
         }
     }
-    // At least four cycles after the calibration (RM0440 21.4.9, RM0433 25.4.9), and before the first conversion.
+    // A converter may be enabled four cycles after its calibration (RM0440 21.4.9, RM0433 25.4.9).
     Timer::after_micros(1).await;
     for converter in converters {
         converter.cr().modify(|w| w.set_aden(true));
     }
+    // Longer than a converter needs to become ready. One that does not become ready has no readings, and is restarted later.
     Timer::after_micros(20).await;
 }
 
@@ -201,6 +202,7 @@ impl<K: Kind> SupplyAdc for TwoConverters<K> {
             battery = self.take();
         }
         if battery.is_none() {
+            // A converter has stopped by itself, for example because of a disturbance of its supply.
             for (converter, _) in self.converters() {
                 stop(converter);
                 start(converter);

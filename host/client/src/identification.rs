@@ -45,7 +45,8 @@ pub struct Identifying {
 pub enum Progress {
     /// The motor brakes until it stands.
     Braking,
-    /// The hub has accepted the identification. The motor will turn at most this number of counts in either direction.
+    /// The hub has accepted the identification. The motor will turn at most this number of counts in either direction: the
+    /// limit that was asked for, or less if the hub permits less.
     Started(u32),
     /// The identification runs. The number is the progress in percent.
     Turning(u8),
@@ -73,8 +74,8 @@ impl Identifying {
     /// identification, and later steps ask the hub for the progress. To be called some ten times a second.
     ///
     /// # Errors
-    /// The errors of all commands. The hub refuses to start if the battery is low, or if the motor is not enabled in mode
-    /// power with power 0. A motor that still turns is no error: a later step returns [`Progress::Ended`].
+    /// The errors of all commands. The hub refuses to start if the battery is low, or if the motor is not enabled in the
+    /// mode `Power` with power 0. A motor that still turns is no error: a later step returns [`Progress::Ended`].
     pub fn step<L: Read + Write>(&mut self, session: &mut Session<L>) -> Result<Progress, Error> {
         if self.started {
             return Ok(match session.identification(self.motor)? {

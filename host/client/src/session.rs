@@ -28,12 +28,12 @@ use std::io::{ErrorKind, Read, Write};
 use std::thread;
 use std::time::Duration;
 
-/// Transmissions of a request before the hub counts as silent. A hub may have executed a request whose
-/// answer was lost. Executing any of these requests again has no further effect.
+/// Transmissions of a request before the hub counts as silent. A hub may have executed a request whose answer was lost. That
+/// does no harm: requests set values or ask for values, and none says *by* how much, so a second execution changes nothing.
 pub const TRIES: u32 = 3;
 
-/// Time for further hubs to answer a discovery, after the first hub's answer. The parent of a chain asks each of 254 addresses for
-/// 2 ms.
+/// Time for further hubs to answer a discovery, after the first hub's answer. The parent of a chain waits 2 ms for each of 254
+/// addresses.
 pub const CHAIN: Duration = Duration::from_millis(650);
 
 /// Interval between two questions to a hub that is busy with a discovery.
@@ -164,7 +164,7 @@ impl<L: Read + Write> Session<L> {
         self.address = address.get();
     }
 
-    /// Forgets what another hub has said, whose address is given to this hub.
+    /// Forgets the interfaces of the hub at an address, because this session's hub takes over that address.
     pub(crate) fn forget(&mut self, address: Address) {
         self.others.remove(&address.get());
     }
@@ -190,8 +190,8 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// Disables the motors of all hubs on the line, and returns the hubs. Hubs of this project obey within milliseconds, before
-    /// any hub is looked for.
+    /// Disables the motors of all hubs on the line, and returns the hubs. Hubs of this project obey within milliseconds, because
+    /// the request goes to all addresses before the hubs are discovered.
     ///
     /// # Errors
     /// [`Error::NoHub`] if no hub answers. [`Error::Silent`] for the first hub that does not confirm, after all others were stopped.
@@ -203,7 +203,8 @@ impl<L: Read + Write> Session<L> {
         self.confirm_stop(&found).map(|()| found)
     }
 
-    /// Disables the motors of all hubs on the line, of which these are known. No hub is looked for, so that the call is fast.
+    /// Disables the motors of all hubs on the line, and waits until the hubs at the `known` addresses have confirmed it. Without a
+    /// discovery the call is fast.
     ///
     /// # Errors
     /// [`Error::Silent`] for the first known hub that does not confirm, after all others were stopped.
@@ -213,7 +214,7 @@ impl<L: Read + Write> Session<L> {
         self.confirm_stop(known)
     }
 
-    /// Has each of these hubs confirm that its motors are disabled.
+    /// Has each of these hubs confirm that its motors are disabled. All are asked; the first error is the result.
     fn confirm_stop(&mut self, hubs: &[u8]) -> Result<(), Error> {
         let before = self.address;
         let stopped = hubs.iter().map(|&address| {
@@ -225,7 +226,7 @@ impl<L: Read + Write> Session<L> {
         all
     }
 
-    /// The hubs that answer a discovery, until this time after the first answer.
+    /// The hubs that answer a discovery, the last of them up to `chain` after the first.
     fn discover_for(&mut self, chain: Duration) -> Result<Vec<Found>, Error> {
         let end = Instant::now() + self.timeout;
         self.count();
@@ -247,7 +248,8 @@ impl<L: Read + Write> Session<L> {
         if found.is_empty() { Err(Error::NoHub) } else { Ok(found) }
     }
 
-    /// Waits until the hub at `parent` has asked all addresses of its chain line. The report is empty if the hub has no chain line;
+    /// Waits until the hub at `parent` has asked all addresses of its chain line, for [`CHAIN`] at most, and returns what it has
+    /// found until then. The report is empty if the hub has no chain line;
     /// `None` for a hub of another maker, or with older firmware.
     fn wait_for_chain(&mut self, parent: u8) -> Result<Option<ChainReport>, Error> {
         let Some(parent) = Address::new(parent) else { return Ok(None) };
@@ -332,11 +334,12 @@ impl<L: Read + Write> Session<L> {
             Some(functions) => functions,
             None => {
                 let name = InterfaceName::from_slice(interface).expect("a short name");
-                self.ask(Standard::QueryInterface { name })?
+                let functions = self.ask(Standard::QueryInterface { name })?;
+                let Interfaces { motors, extension, .. } = &mut self.interfaces;
+                *(if interface == INTERFACE { extension } else { motors }) = Some(functions);
+                functions
             }
         };
-        let of = &mut self.interfaces;
-        *(if interface == INTERFACE { &mut of.extension } else { &mut of.motors }) = Some(functions);
         functions.id(request.number()).ok_or_else(|| Error::TooOld { request: Box::new(request.clone()) })
     }
 
