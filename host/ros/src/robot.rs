@@ -8,8 +8,8 @@
 //! * A command is valid for 0.5 s. Then its joint stops, unless another command follows.
 //! * After `stop` the motors are off until `enable`. After a loss of the hub, too. A joint with a fault, or whose motor the
 //!   hub has switched off, is off until `enable`.
-//! * Of two commanders, which are processes, the one that appeared later drives, as long as it has sent a command within the
-//!   last 5 s.
+//! * One commander (a process) drives at a time. One that was never heard before takes over at once. One that was heard before
+//!   drives again once the present one has sent nothing for 5 s.
 
 use crate::config::{Hub, Joint};
 use crate::messages::{JointCommands, Level, Pose, Status};
@@ -24,7 +24,7 @@ use std::time::Duration;
 pub(crate) const VALID: Duration = Duration::from_millis(500);
 /// Time without commands after which an earlier commander may drive again.
 const SILENT: Duration = Duration::from_secs(5);
-/// The most commanders that are remembered.
+/// The most commanders that are remembered. One that has been forgotten counts as never heard.
 const REMEMBERED: usize = 64;
 /// Fastest set-point, in counts/s: the protocol has 16 bits for it.
 const FASTEST: f64 = i16::MAX as f64;
@@ -60,7 +60,7 @@ struct Commander {
     known: Vec<Source>,
     /// The one that drives, and when its last command came.
     driving: Option<(Source, Duration)>,
-    /// The one whose command was ignored last, and when.
+    /// The one that was displaced or whose command was ignored last, and when.
     ignored: Option<(Source, Duration)>,
     /// Which publishers belong to one process.
     publishers: Publishers,
