@@ -298,7 +298,8 @@ impl Robot {
         states.collect()
     }
 
-    /// Voltage in V, if the hub knows it, and the current in A that leaves the battery for the motors, by their duties.
+    /// Voltage in V, if the hub knows it, and the current in A by the duties of the motors, negative while it leaves the battery,
+    /// as ROS 2 has it.
     pub(crate) fn battery(&self) -> Option<(Option<f32>, f32)> {
         let report = self.report.as_ref()?;
         let volts = report.battery.map(|battery| f32::from(battery.get()) / 1e3);
