@@ -289,7 +289,7 @@ impl Board {
             .collect();
         world.unfed_s += time.0;
         world.starved |= world.unfed_s > WATCHDOG_S;
-        let flows = world.rig.run(time, &commands).flows;
+        let flows = world.rig.run(time, &commands);
         let World { counters, rig, lines, .. } = &mut *world;
         for ((_, sensed), flow) in lines.iter_mut().zip(&flows) {
             *sensed = if flow.time.0 > 0.0 { flow.charge_shown.0 / flow.time.0 } else { 0.0 };
