@@ -56,6 +56,7 @@ mod store;
 mod update;
 
 use crate::chain::Chain;
+use crate::devices::I2C_BUSES;
 use crate::extension::group::{GroupCourse, GroupState};
 use crate::extension::record::{Entries, Ticks};
 use crate::extension::report::{BusReport, Commands, HubReport};
@@ -78,7 +79,7 @@ use crate::units::{CountsPerSecond, Microjoules, Micros, Milliamperes, Share};
 use crate::update::Update;
 use converter::Converter;
 use group::Courses;
-use i2c::Buses;
+use i2c::Transfers;
 use keep_alive::KeepAlive;
 use led::Led;
 use motor::MotorChannel;
@@ -164,7 +165,7 @@ pub struct Responder<const N: usize> {
     /// The newest readings of the board's converters.
     pub converter: Converter,
     /// The I2C buses, with the transfers for their tasks.
-    pub i2c: Buses,
+    pub i2c: [Transfers; I2C_BUSES],
     /// The newest reading of the bus that battery and bridges share.
     pub bus: BusReading,
     led: Led,
@@ -195,7 +196,7 @@ impl<const N: usize> Responder<N> {
             awaited: None,
             outputs: Outputs::default(),
             converter: Converter::default(),
-            i2c: Buses::default(),
+            i2c: Default::default(),
             bus: BusReading::INITIAL,
             led: Led::default(),
             phone_charge: false,
@@ -233,13 +234,13 @@ impl<const N: usize> Responder<N> {
 
     /// Returns the I2C bus whose running transfer the answer to a packet depends on. `None` if there is no such transfer.
     pub fn awaited_transfer(&self, packet: &Packet) -> Option<usize> {
-        if packet.destination != self.address.get() || !self.i2c.any_running() {
+        if packet.destination != self.address.get() || !self.i2c.iter().any(Transfers::is_running) {
             return None;
         }
-        match Request::read(packet, N.min(CHANNELS)) {
-            Ok(Request::ToPin(request)) => self.i2c.awaited(&request),
-            _ => None,
-        }
+        let Ok(Request::ToPin(request)) = Request::read(packet, N.min(CHANNELS)) else { return None };
+        let sets_speed = matches!(request, ToPin::SetI2cSpeed { .. } | ToPin::I2cSpeed { .. });
+        let bus = usize::from(i2c::bus_of(&request).filter(|_| !sets_speed)?.get());
+        self.i2c.get(bus).filter(|transfers| transfers.is_running()).map(|_| bus)
     }
 
     /// Returns the colour of the status LED.
@@ -536,7 +537,7 @@ impl<const N: usize> Responder<N> {
     fn pin(&mut self, request: &ToPin, snapshot: &Snapshot<N>) -> Result<Reply, Nack> {
         match i2c::bus_of(request) {
             Some(bus) if bus.get() >= self.outputs.equipment.i2c => Err(Nack::UNSUPPORTED),
-            Some(_) => self.i2c.receive(request),
+            Some(bus) => self.i2c.get_mut(usize::from(bus.get())).ok_or(Nack::parameter(0))?.receive(request),
             None => self.outputs.receive(request, snapshot.good_battery().is_some()),
         }
     }

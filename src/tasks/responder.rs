@@ -203,8 +203,8 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
         if let Some(request) = responder.update_request() {
             wires.update.request.signal(request);
         }
-        for (bus, channel) in wires.i2c.iter().enumerate() {
-            if let Some(transfer) = responder.i2c.take_request(bus) {
+        for (bus, channel) in responder.i2c.iter_mut().zip(&wires.i2c) {
+            if let Some(transfer) = bus.take_request() {
                 channel.request.signal(transfer);
             }
         }
@@ -246,16 +246,16 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
     /// end of the transfer, or for [`TRANSFER_WAIT`].
     async fn await_transfer(&mut self, packet: &Packet) {
         let wires = self.wires;
-        for (bus, channel) in wires.i2c.iter().enumerate() {
+        for (bus, channel) in self.responder.i2c.iter_mut().zip(&wires.i2c) {
             if let Some(result) = channel.done.try_take() {
-                self.responder.i2c.done(bus, result);
+                bus.done(result);
             }
         }
         let Some(bus) = self.responder.awaited_transfer(packet) else { return };
         let Some(channel) = wires.i2c.get(bus) else { return };
         let result = select3(self.attend(), channel.done.wait(), Timer::after(TRANSFER_WAIT)).await;
-        if let Either3::Second(result) = result {
-            self.responder.i2c.done(bus, result);
+        if let (Either3::Second(result), Some(bus)) = (result, self.responder.i2c.get_mut(bus)) {
+            bus.done(result);
         }
     }
 

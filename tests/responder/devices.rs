@@ -39,8 +39,8 @@ fn an_i2c_bus_answers_each_request_by_its_state() {
         // Before and after the task of the bus has taken the transfer.
         for taken in [false, true] {
             if taken {
-                assert_eq!(host.responder.i2c.take_request(2).as_ref(), Some(&transfer), "{function}");
-                assert_eq!(host.responder.i2c.take_request(2), None);
+                assert_eq!(host.responder.i2c[2].take_request().as_ref(), Some(&transfer), "{function}");
+                assert_eq!(host.responder.i2c[2].take_request(), None);
             }
             for (start, payload, _) in starts() {
                 assert_eq!(host.call(start, payload), Said::Nack(40), "{function} {start} {taken}");
@@ -51,7 +51,7 @@ fn an_i2c_bus_answers_each_request_by_its_state() {
         }
         let bytes: Vec<u8> = (0..transfer.read).collect();
         let result = I2cRead { status: I2cStatus::default(), bytes: text(&bytes) };
-        host.responder.i2c.done(2, result);
+        host.responder.i2c[2].done(result);
         let count = if reads { transfer.read } else { transfer.write.len() as u8 };
         // The result is kept, because an answer may be lost on the way.
         for _ in 0..2 {
@@ -62,8 +62,8 @@ fn an_i2c_bus_answers_each_request_by_its_state() {
         // The next transfer drops the result, fetched or not.
         for (start, payload, transfer) in starts() {
             assert_eq!(host.call(start, payload), ACK);
-            assert_eq!(host.responder.i2c.take_request(2), Some(transfer));
-            host.responder.i2c.done(2, I2cRead::default());
+            assert_eq!(host.responder.i2c[2].take_request(), Some(transfer));
+            host.responder.i2c[2].done(I2cRead::default());
         }
     }
 }
@@ -74,9 +74,9 @@ fn a_transfer_with_an_error_has_a_status_and_no_bytes() {
         let mut host = TestHost::settled();
         for (start, poll) in [(&[2, 0x28, 1][..], 42), (&[2, 0x28, 4, 0][..], 41)] {
             host.do_all(&[(if poll == 42 { 37 } else { 52 }, start)]);
-            host.responder.i2c.take_request(2).expect("a transfer");
+            host.responder.i2c[2].take_request().expect("a transfer");
             let status = I2cStatus { bits: status };
-            host.responder.i2c.done(2, I2cRead { status, ..I2cRead::default() });
+            host.responder.i2c[2].done(I2cRead { status, ..I2cRead::default() });
             assert_eq!(host.call(poll, &[2]), Said::Data(vec![status.bits, 0]));
         }
     }
@@ -86,10 +86,10 @@ fn a_transfer_with_an_error_has_a_status_and_no_bytes() {
 fn the_speed_of_a_bus_counts_for_the_next_transfer_also_while_one_runs() {
     let mut host = TestHost::settled();
     host.do_all(&[(39, &[2, 1]), (43, &[2, 1])]);
-    assert_eq!(host.responder.i2c.take_request(2).map(|transfer| transfer.fast), Some(false));
-    host.responder.i2c.done(2, I2cRead::default());
+    assert_eq!(host.responder.i2c[2].take_request().map(|transfer| transfer.fast), Some(false));
+    host.responder.i2c[2].done(I2cRead::default());
     host.do_all(&[(39, &[2, 1])]);
-    assert_eq!(host.responder.i2c.take_request(2).map(|transfer| transfer.fast), Some(true));
+    assert_eq!(host.responder.i2c[2].take_request().map(|transfer| transfer.fast), Some(true));
 }
 
 #[test]
