@@ -72,7 +72,7 @@ impl Bridge {
     /// Creates the bridge that the firmware is configured for.
     #[must_use]
     pub const fn new(constants: BridgeConstants) -> Self {
-        let timing = constants.timing();
+        let timing = constants.timing;
         Self {
             vd: Volts(constants.diode_mv() as f64 / 1e3),
             ron: Ohms(constants.switch_mohm() as f64 / 1e3),
