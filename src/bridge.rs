@@ -237,7 +237,8 @@ pub struct BridgeConstants {
     diode_mv: u16,
     switch_mohm: u16,
     pwm_hz: u32,
-    timing: Timing,
+    /// The timing.
+    pub timing: Timing,
 }
 
 impl BridgeConstants {
@@ -281,11 +282,6 @@ impl BridgeConstants {
     /// Returns the on-resistance of one closed switch in milliohms, 0 to 4095.
     pub const fn switch_mohm(&self) -> u16 {
         self.switch_mohm
-    }
-
-    /// Returns the timing.
-    pub const fn timing(&self) -> Timing {
-        self.timing
     }
 
     /// Returns the PWM frequency in hertz, 100 to 200 000.

@@ -105,19 +105,12 @@ struct Question {
     disturbed: bool,
 }
 
-/// A discovery that has not asked all addresses.
-#[derive(Clone, Debug)]
-struct Discovery {
-    /// The host's request.
-    request: Packet,
-    next: Address,
-}
-
 /// The parent's end of the chain line: which packet is the next on the line, and which packets go up to the host.
 #[derive(Clone, Debug, Default)]
 pub struct Chain {
     requests: Deque<Packet, WAITING>,
-    discovery: Option<Discovery>,
+    /// The next question of a discovery. `None` once a discovery has asked all addresses.
+    discovery: Option<Packet>,
     question: Option<Question>,
     /// The addresses that this hub has sent a request to.
     asked: Addresses,
@@ -163,9 +156,7 @@ impl Chain {
     /// Begins a discovery on the chain line, in place of a discovery that is not finished. `request` is the host's packet, to
     /// which the children's answers refer.
     pub fn discover(&mut self, request: &Packet) {
-        if let Some(next) = Address::new(1) {
-            self.discovery = Some(Discovery { request: request.clone(), next });
-        }
+        self.discovery = Some(Packet { destination: 1, id: DISCOVERY, ..request.clone() });
     }
 
     /// Notes that bytes have arrived, whether or not they are a packet.
@@ -220,13 +211,9 @@ impl Chain {
 
     /// Returns the question to the next address of a discovery.
     fn next_of_discovery(&mut self) -> Option<Packet> {
-        let Discovery { request, next } = self.discovery.as_ref()?;
-        let packet = Packet { destination: next.get(), id: DISCOVERY, ..request.clone() };
-        let after = next.get().checked_add(1).and_then(Address::new);
-        match (after, &mut self.discovery) {
-            (Some(after), Some(discovery)) => discovery.next = after,
-            _ => self.discovery = None,
-        }
+        let packet = self.discovery.take()?;
+        let next = packet.destination.checked_add(1).filter(|next| *next != BROADCAST);
+        self.discovery = next.map(|destination| Packet { destination, ..packet.clone() });
         Some(packet)
     }
 

@@ -187,7 +187,7 @@ fn duty_is_within_half_a_percent_of_the_exact_inverse() {
                         // At an exact boundary either mode is right. Below a thousandth of Vbat/R the
                         // duty goes as the root of a voltage that is rounded to 1/16 mV.
                         let small = asked.abs() < 1e-3 * battery / motor.r.0;
-                        if exact.mode == placement.drive.mode && !small {
+                        if exact.on == placement.drive.mode.on() && !small {
                             worst = worst.max((placement.drive.duty.to_f64() - exact.duty).abs());
                         }
                     }

@@ -1,6 +1,6 @@
 //! Battery voltage from ADC readings.
 
-use motor_hub::supply::{Battery, Limits, Supply, VrefintCalibration, VrefintSample as Sample, VrefintScale};
+use motor_hub::supply::{Battery, Limits, Supply, VrefintCalibration, VrefintScale};
 use motor_hub::units::{Micros, Millivolts, RangeError};
 
 const CALIBRATION: u16 = 1500;
@@ -14,6 +14,13 @@ fn scale() -> VrefintScale {
     VrefintScale::new(47_000, 10_000, calibration(CALIBRATION)).expect("divider")
 }
 
+/// A pair of readings: of the battery's divider and of the reference.
+#[derive(Clone, Copy)]
+struct Sample {
+    battery: u16,
+    vrefint: u16,
+}
+
 /// A converter and the filter behind it.
 struct Measured {
     scale: VrefintScale,
@@ -22,7 +29,7 @@ struct Measured {
 
 impl Measured {
     fn step(&mut self, sample: Sample, now: Micros) -> Option<Battery> {
-        self.supply.step(self.scale.battery(sample), now)
+        self.supply.step(self.scale.battery(sample.battery, sample.vrefint), now)
     }
 }
 
@@ -146,9 +153,9 @@ fn a_reference_calibrated_at_another_rail_and_resolution_gives_the_same_voltage(
         // 1.21 V, and 12 V behind the divider, on a rail of 3.27 V.
         let reading = (1_210.0 / f64::from(rail.get()) * full_scale).round() as u16;
         let convert = |mv: f64| (mv / 3_270.0 * full_scale).round() as u16;
-        let sample = Sample { battery: convert(12_000.0 / 5.7), vrefint: convert(1_210.0) };
         let scale = VrefintScale::new(47_000, 10_000, VrefintCalibration { reading, rail, bits });
-        let voltage = scale.expect("sound").battery(sample).expect("a rail").get();
+        let voltage =
+            scale.expect("sound").battery(convert(12_000.0 / 5.7), convert(1_210.0)).expect("a rail").get();
         assert!((11_985..=12_015).contains(&voltage), "{bits} bits at {rail:?}: {voltage}");
     }
 }

@@ -96,7 +96,7 @@ struct TimingShares {
 impl TimingShares {
     fn new(bridge: &BridgeConstants) -> Self {
         let share = |ns: u16| f32::from(ns) * 1e-9 * bridge.pwm_hz() as f32;
-        let Timing { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, .. } = bridge.timing();
+        let Timing { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, .. } = bridge.timing;
         Self {
             least_off: share(least_off_ns),
             least_on: share(least_on_ns),

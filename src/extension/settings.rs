@@ -36,7 +36,6 @@
 
 use super::FIRST_FUNCTION;
 use crate::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
-use crate::bridge::Timing;
 use crate::motion::Pidf;
 use crate::motor::{OnFault, Settings, ThermalLimit, ZeroPower};
 use crate::protocol::motor::{ChannelMode, Coefficients, Loop, RunMode, Terms};
@@ -418,7 +417,8 @@ impl Values {
 /// Defines a list of fields.
 ///
 /// A number has the parts `name, integer type in a packet / steps per unit, get, set`. `limits` replaces the limits of the
-/// integer type. `zero` is the meaning of 0 if that is not the number 0.
+/// integer type. `zero` is the meaning of 0 if that is not the number 0. A number whose setting has the integer type and every
+/// value states the place in the settings instead of `get` and `set`.
 ///
 /// A choice has the parts `name, each word with its value; place in the settings`. `up to` replaces the largest raw value;
 /// values beyond the last word set the same as the last word, but have no word.
@@ -442,6 +442,12 @@ macro_rules! fields {
                 Some(())
             },
         }
+    };
+    (@ { $name:literal, $type:ident / $steps:expr; $($place:ident).+ }) => {
+        fields!(@ {
+            $name, $type / $steps,
+            |settings| settings.$($place).+, |settings, value| settings.$($place).+ = value
+        })
     };
     (@ { $name:literal, $($word:literal $value:expr),+; $($place:ident).+ $(, up to $most:literal)? }) => {
         Field {
@@ -517,32 +523,12 @@ const SET_UP: &[Field] = fields! {
 };
 
 const TIMING: &[Field] = fields! {
-    {
-        "bridge.least_off_ns", u16 / 1, |settings| settings.motor.bridge.timing().least_off_ns,
-        |settings, least_off_ns| set_timing(settings, |timing| Timing { least_off_ns, ..timing })
-    }
-    {
-        "bridge.least_on_ns", u16 / 1, |settings| settings.motor.bridge.timing().least_on_ns,
-        |settings, least_on_ns| set_timing(settings, |timing| Timing { least_on_ns, ..timing })
-    }
-    {
-        "bridge.turn_on_ns", u16 / 1, |settings| settings.motor.bridge.timing().turn_on_ns,
-        |settings, turn_on_ns| set_timing(settings, |timing| Timing { turn_on_ns, ..timing })
-    }
-    {
-        "bridge.turn_off_ns", u16 / 1, |settings| settings.motor.bridge.timing().turn_off_ns,
-        |settings, turn_off_ns| set_timing(settings, |timing| Timing { turn_off_ns, ..timing })
-    }
-    {
-        "bridge.change_us", u16 / 1, |settings| settings.motor.bridge.timing().change_us,
-        |settings, change_us| set_timing(settings, |timing| Timing { change_us, ..timing })
-    }
+    { "bridge.least_off_ns", u16 / 1; motor.bridge.timing.least_off_ns }
+    { "bridge.least_on_ns", u16 / 1; motor.bridge.timing.least_on_ns }
+    { "bridge.turn_on_ns", u16 / 1; motor.bridge.timing.turn_on_ns }
+    { "bridge.turn_off_ns", u16 / 1; motor.bridge.timing.turn_off_ns }
+    { "bridge.change_us", u16 / 1; motor.bridge.timing.change_us }
 };
-
-fn set_timing(settings: &mut MotorSettings, change: impl FnOnce(Timing) -> Timing) {
-    let bridge = settings.motor.bridge;
-    settings.motor.bridge = bridge.with_timing(change(bridge.timing()));
-}
 
 /// Fields of [`Group::Protection`]. The time constants depend on `thermal.continuous_current_ma`.
 const PROTECTION: &[Field] = fields! {
@@ -616,10 +602,7 @@ const MODE: &[Field] = fields! {
 };
 
 const CURRENT_ALERT: &[Field] = fields! {
-    {
-        "current_alert_ma", u16 / 1,
-        |settings| settings.current_alert_ma, |settings, ma| settings.current_alert_ma = ma
-    }
+    { "current_alert_ma", u16 / 1; current_alert_ma }
 };
 
 /// Defines the fields of one loop: its coefficients, and then its terms.

@@ -25,20 +25,6 @@ const GYRO_TIMEOUT_US: u64 = 100_000;
 /// second needs 18 degrees per second.
 const CORRECTION_DEGREES_PER_S: f64 = 45.0;
 
-/// Limits of the comparison of gyro and wheels.
-struct PlausibleTurns;
-
-impl PlausibleTurns {
-    /// Length of the parts of a motion that are compared, in microseconds: ten readings of the gyro.
-    const PART_US: u64 = 100_000;
-    /// Turn of the wheels in degrees from which a part counts. Wheels that are 5 % unlike seem to turn by less on a straight course.
-    const LEAST_DEGREES: f64 = 1.5;
-    /// Sum of counted turns of the wheels, in degrees, after which the gyro is judged.
-    const JUDGED_DEGREES: f64 = 30.0;
-    /// Smallest turn of the gyro, as a share of the turn of the wheels. Wheels that slip more do not move the base.
-    const LEAST_SHARE: f64 = 0.3;
-}
-
 /// A reading of a gyro.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GyroReading {
@@ -85,11 +71,15 @@ pub(super) struct Base {
     turns: Turns,
 }
 
-/// Turns of gyro and wheels.
-#[derive(Clone, Copy, Debug, Default)]
+/// Comparison of the turns of gyro and wheels.
+#[derive(Clone, Copy, Debug)]
 struct Turns {
-    /// Time, heading and turn of the wheels at the start of the present part.
-    start: (Micros, f64, f64),
+    /// Time at the start of the present part.
+    since: Micros,
+    /// Heading at the start of the present part, in degrees.
+    heading: f64,
+    /// Turn of the wheels at the start of the present part, in degrees.
+    by_wheels: f64,
     /// Sum of the magnitudes of the counted turns of the wheels, in degrees.
     wheels_degrees: f64,
     /// Sum of the turns of the gyro in the direction of the wheels, in degrees.
@@ -97,23 +87,36 @@ struct Turns {
 }
 
 impl Turns {
+    /// Length of the parts of a motion that are compared, in microseconds: ten readings of the gyro.
+    const PART_US: u64 = 100_000;
+    /// Smallest turn of the wheels, in degrees, in a part that counts. Wheels that differ by 5 % seem to turn by less on a straight
+    /// course.
+    const LEAST_DEGREES: f64 = 1.5;
+    /// Sum of counted turns of the wheels, in degrees, after which the gyro is judged.
+    const JUDGED_DEGREES: f64 = 30.0;
+    /// Smallest turn of the gyro, as a share of the turn of the wheels. Wheels that slip more do not move the base.
+    const LEAST_SHARE: f64 = 0.3;
+
+    /// The state before the first turn.
+    const NONE: Self =
+        Self { since: Micros::new(0), heading: 0.0, by_wheels: 0.0, wheels_degrees: 0.0, gyro_degrees: 0.0 };
+
     /// Compares the heading by the gyro with the turn of the wheels, both in degrees since the start of the base. Returns false if the
     /// gyro does not turn with the wheels.
     fn step(&mut self, now: Micros, heading: f64, by_wheels: f64) -> bool {
-        let (since, last_heading, last_by_wheels) = self.start;
-        if now.since(since) < PlausibleTurns::PART_US {
+        if now.since(self.since) < Self::PART_US {
             return true;
         }
-        self.start = (now, heading, by_wheels);
-        let turned = by_wheels - last_by_wheels;
-        if turned.abs() >= PlausibleTurns::LEAST_DEGREES {
+        let (turned_by_gyro, turned) = (heading - self.heading, by_wheels - self.by_wheels);
+        (self.since, self.heading, self.by_wheels) = (now, heading, by_wheels);
+        if turned.abs() >= Self::LEAST_DEGREES {
             self.wheels_degrees += turned.abs();
-            self.gyro_degrees += if turned > 0.0 { heading - last_heading } else { last_heading - heading };
+            self.gyro_degrees += turned_by_gyro * turned.signum();
         }
-        if self.wheels_degrees < PlausibleTurns::JUDGED_DEGREES {
+        if self.wheels_degrees < Self::JUDGED_DEGREES {
             return true;
         }
-        let is_plausible = self.gyro_degrees >= PlausibleTurns::LEAST_SHARE * self.wheels_degrees;
+        let is_plausible = self.gyro_degrees >= Self::LEAST_SHARE * self.wheels_degrees;
         (self.wheels_degrees, self.gyro_degrees) = (0.0, 0.0);
         is_plausible
     }
@@ -131,7 +134,7 @@ impl Base {
             stepped_at: Micros::new(0),
             corrected_degrees: 0.0,
             correction: [0; 2],
-            turns: Turns { start: (Micros::new(0), 0.0, 0.0), wheels_degrees: 0.0, gyro_degrees: 0.0 },
+            turns: Turns::NONE,
         }
     }
 
@@ -164,7 +167,8 @@ impl Base {
                 self.gyro = GyroState::Good;
                 let pose = odometry.pose();
                 let by_wheels = pose.heading_degrees + odometry.slip_degrees();
-                self.turns = Turns { start: (now, pose.heading_degrees, by_wheels), ..Turns::default() };
+                let heading = pose.heading_degrees;
+                self.turns = Turns { since: now, heading, by_wheels, ..Turns::NONE };
             }
             (GyroState::Good, None) => {
                 self.gyro = GyroState::Lost;

@@ -21,17 +21,6 @@ use crate::bridge::State;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct SwitchPattern(u8);
 
-/// Connection of one motor terminal while current flows through it.
-#[derive(Clone, Copy)]
-enum Connection {
-    /// A closed switch to the battery.
-    HighSwitch,
-    /// A closed switch to ground.
-    LowSwitch,
-    /// A catch diode, which carries the current because both switches are open.
-    Diode,
-}
-
 /// Sign of the motor current.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CurrentSign {
@@ -119,8 +108,8 @@ impl SwitchPattern {
         let [s1, s2, s3, s4] = self.switches();
         let positive = matches!(sign, CurrentSign::Positive);
         // Positive current flows from the left node into the motor and from the motor into the right node.
-        let (left_battery, left_diode, left_switch) = node(connection(s1, s2), !positive);
-        let (right_battery, right_diode, right_switch) = node(connection(s3, s4), positive);
+        let (left_battery, left_diode, left_switch) = node(s1, s2, !positive);
+        let (right_battery, right_diode, right_switch) = node(s3, s4, positive);
         Some(TerminalVoltage {
             battery: left_battery - right_battery,
             diode: left_diode - right_diode,
@@ -162,25 +151,17 @@ impl SwitchPattern {
     }
 }
 
-/// Returns the connection of a terminal whose leg has these switches closed.
-const fn connection(high: bool, low: bool) -> Connection {
+/// Returns the potential of a terminal while current flows through it, as coefficients of battery voltage and diode drop, and
+/// the number of closed switches in the current's path. The leg of the terminal has these switches closed. A catch diode
+/// carries the current if both switches are open.
+const fn node(high: bool, low: bool, current_enters: bool) -> (i8, i8, u8) {
     match (high, low) {
-        (true, _) => Connection::HighSwitch,
-        (_, true) => Connection::LowSwitch,
-        _ => Connection::Diode,
-    }
-}
-
-/// Returns the potential of a node as coefficients of battery voltage and diode drop, and the number of closed switches
-/// in its path.
-const fn node(connection: Connection, current_enters: bool) -> (i8, i8, u8) {
-    match connection {
-        Connection::HighSwitch => (1, 0, 1),
-        Connection::LowSwitch => (0, 0, 1),
+        (true, _) => (1, 0, 1),
+        (_, true) => (0, 0, 1),
         // A current into the node flows through the high diode to the battery.
-        Connection::Diode if current_enters => (1, 1, 0),
+        _ if current_enters => (1, 1, 0),
         // A current out of the node comes from ground through the low diode.
-        Connection::Diode => (0, -1, 0),
+        _ => (0, -1, 0),
     }
 }
 

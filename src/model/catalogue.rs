@@ -114,22 +114,14 @@ pub struct CatalogueEntry {
 /// Text of the data file.
 const TABLE: &str = include_str!("motors.csv");
 
-/// Headings of the data file's columns, in their order.
-struct Columns<'a>(Vec<&'a str>);
+/// Returns the text of a row in the column with this heading. `headings` are those of all columns in their order.
+fn text<'r>(headings: &[&str], row: &[&'r str], heading: &str) -> Option<&'r str> {
+    row.get(headings.iter().position(|&known| known == heading)?).copied()
+}
 
-impl Columns<'_> {
-    /// Returns the text of a row in the column with this heading. `None` if there is no such column, or if the row is
-    /// too short.
-    fn text<'r>(&self, row: &[&'r str], heading: &str) -> Option<&'r str> {
-        let index = self.0.iter().position(|&h| h == heading)?;
-        row.get(index).copied()
-    }
-
-    /// Returns the number of a row in the column with this heading. `None` if there is no text in this column, or if
-    /// the text is not a number.
-    fn number(&self, row: &[&str], heading: &str) -> Option<f64> {
-        self.text(row, heading)?.parse().ok()
-    }
+/// Returns the number of a row in the column with this heading.
+fn number(headings: &[&str], row: &[&str], heading: &str) -> Option<f64> {
+    text(headings, row, heading)?.parse().ok()
 }
 
 /// Splits a line of comma-separated values. A field in double quotes may contain commas. The data file has no doubled
@@ -153,10 +145,10 @@ fn fields(line: &str) -> Vec<&str> {
 }
 
 /// Reads the constants of a motor from a row. `None` if a value is missing.
-fn motor(columns: &Columns<'_>, row: &[&'static str]) -> Option<Motor> {
-    let number = |heading| columns.number(row, heading);
+fn motor(headings: &[&str], row: &[&'static str]) -> Option<Motor> {
+    let number = |heading| number(headings, row, heading);
     Some(Motor {
-        name: columns.text(row, "sold_as")?,
+        name: text(headings, row, "sold_as")?,
         r: Ohms(number("R_ohm")?),
         l: Henries(number("L_H")?),
         gear_ratio: number("N_gear_ratio")?,
@@ -173,16 +165,16 @@ fn motor(columns: &Columns<'_>, row: &[&'static str]) -> Option<Motor> {
 }
 
 /// Reads an entry from a row. `None` if a value is missing, except for the constants of the motor.
-fn entry(columns: &Columns<'_>, row: &[&'static str]) -> Option<CatalogueEntry> {
+fn entry(headings: &[&str], row: &[&'static str]) -> Option<CatalogueEntry> {
     Some(CatalogueEntry {
-        name: columns.text(row, "sold_as")?,
-        specimen: columns.text(row, "name")?,
-        part_number: columns.text(row, "model")?,
-        counts_per_rev_motor: columns.number(row, "encoder_counts_per_rev_motor")?,
-        gear_ratio: columns.number(row, "N_gear_ratio")?,
-        motor: motor(columns, row),
-        source: columns.text(row, "source")?,
-        caveats: columns.text(row, "notes")?,
+        name: text(headings, row, "sold_as")?,
+        specimen: text(headings, row, "name")?,
+        part_number: text(headings, row, "model")?,
+        counts_per_rev_motor: number(headings, row, "encoder_counts_per_rev_motor")?,
+        gear_ratio: number(headings, row, "N_gear_ratio")?,
+        motor: motor(headings, row),
+        source: text(headings, row, "source")?,
+        caveats: text(headings, row, "notes")?,
     })
 }
 
@@ -191,8 +183,8 @@ fn entry(columns: &Columns<'_>, row: &[&'static str]) -> Option<CatalogueEntry> 
 pub fn catalogue() -> &'static [CatalogueEntry] {
     static ENTRIES: LazyLock<Vec<CatalogueEntry>> = LazyLock::new(|| {
         let mut lines = TABLE.lines().filter(|line| !line.is_empty() && !line.starts_with('#'));
-        let columns = Columns(lines.next().map(fields).unwrap_or_default());
-        lines.filter_map(|line| entry(&columns, &fields(line))).collect()
+        let headings = lines.next().map(fields).unwrap_or_default();
+        lines.filter_map(|line| entry(&headings, &fields(line))).collect()
     });
     &ENTRIES
 }

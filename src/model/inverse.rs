@@ -9,9 +9,9 @@
 //! // A current of 0.5 A against the rotation is a part of the current of full dynamic braking, so mode 5/0 is chosen.
 //! let circuit = Circuit::new(&characterised("AM 60 A")?, Bridge::IDEAL);
 //! let at = Conditions { battery: Volts(12.0), emf: Volts(6.0) };
-//! let choice = circuit.duty_for_current(Amps(-0.5), Hertz(20_000.0), at);
-//! assert_eq!(choice.mode, Mode::Brake50);
-//! assert!(0.0 < choice.duty && choice.duty < 1.0);
+//! let pwm = circuit.duty_for_current(Amps(-0.5), Hertz(20_000.0), at);
+//! assert_eq!((pwm.on, pwm.off), (Mode::Brake50.on(), Mode::Brake50.off()));
+//! assert!(0.0 < pwm.duty && pwm.duty < 1.0);
 //! # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())
 //! ```
 
@@ -19,15 +19,6 @@ use super::numeric::bracketed_zero;
 use super::si::{Amps, Hertz};
 use super::switching::{Circuit, Conditions, Pwm};
 use crate::bridge::Mode;
-
-/// A mode with its duty.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Choice {
-    /// Mode of the bridge.
-    pub mode: Mode,
-    /// Duty of the on state of the mode, 0 to 1.
-    pub duty: f64,
-}
 
 impl Circuit {
     /// Returns the mode for a mean current.
@@ -49,17 +40,17 @@ impl Circuit {
         }
     }
 
-    /// Returns mode and duty whose periodic mean current is `requested`, to the precision of `f64`.
+    /// Returns the modulation whose periodic mean current is `requested`, to the precision of `f64`.
     ///
     /// If the mode cannot make this current, the duty is the nearest end of 0 to 1.
     #[must_use]
-    pub fn duty_for_current(&self, requested: Amps, frequency: Hertz, at: Conditions) -> Choice {
+    pub fn duty_for_current(&self, requested: Amps, frequency: Hertz, at: Conditions) -> Pwm {
         let mode = self.mode_for_current(requested, at);
         let error = |duty: f64| self.steady(Pwm::new(mode, duty, frequency), at).mean.0 - requested.0;
-        Choice { mode, duty: bracketed_zero(0.0, 1.0, error) }
+        Pwm::new(mode, bracketed_zero(0.0, 1.0, error), frequency)
     }
 
-    /// Returns mode and duty for a mean current by a formula, without simulation of the bridge.
+    /// Returns the modulation for a mean current by a formula, without simulation of the bridge.
     ///
     /// For each motor of the catalogue the duty is within 0.001 of the exact duty from 15 kHz on, and within 0.01 from
     /// 1 kHz on. `|emf|` must be below the battery voltage.
@@ -69,14 +60,14 @@ impl Circuit {
     /// The charge of this pulse is `a x - c ln(1 + (a/c)(1 - exp(-x)))`. Here `a` is the voltage that raises the
     /// current and `c` the voltage that lowers it.
     #[must_use]
-    pub fn duty_for_current_formula(&self, requested: Amps, frequency: Hertz, at: Conditions) -> Choice {
+    pub fn duty_for_current_formula(&self, requested: Amps, frequency: Hertz, at: Conditions) -> Pwm {
+        let mode = self.mode_for_current(requested, at);
         if at.emf.0 < 0.0 {
-            let choice = self.duty_for_current_formula(Amps(-requested.0), frequency, mirrored(at));
-            return Choice { mode: choice.mode.mirrored(), ..choice };
+            let mirrored = self.duty_for_current_formula(Amps(-requested.0), frequency, mirrored(at));
+            return Pwm::new(mode, mirrored.duty, frequency);
         }
         let (i, v, e) = (requested.0, at.battery.0, at.emf.0);
         let (r, ron, vd) = (self.r.0, self.bridge.ron.0, self.bridge.vd.0);
-        let mode = self.mode_for_current(requested, at);
         let duty = match mode {
             Mode::Cw98 => {
                 let continuous = (e + vd + i * (r + ron)) / (v + vd - i * ron);
@@ -93,7 +84,7 @@ impl Circuit {
                 self.discontinuous(i, v + e, vd - e, r + 1.5 * ron, frequency).unwrap_or(continuous)
             }
         };
-        Choice { mode, duty: duty.clamp(0.0, 1.0) }
+        Pwm::new(mode, duty.clamp(0.0, 1.0), frequency)
     }
 
     /// Returns the duty of discontinuous conduction for a mean current of magnitude `|i|`.

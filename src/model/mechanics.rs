@@ -7,7 +7,6 @@
 use super::friction::Friction;
 use super::load::Shaft;
 use super::numeric::{ln_1p_over_x, phi1, phi2};
-use super::switching::Circuit;
 
 /// Coefficients of the solution. They depend on the length of the window, not on speed or torque.
 #[derive(Clone, Copy, Debug)]
@@ -22,8 +21,6 @@ pub(super) struct Mechanics {
     gain: f64,
     /// Mean speed during the window per torque, rad/s per N m.
     pub mean_gain: f64,
-    /// Largest decrease of the mean motor current per volt of back EMF, 1/ohm.
-    pub admittance: f64,
 }
 
 /// Motion of the shaft during a window.
@@ -45,7 +42,7 @@ impl ShaftMotion {
 
 impl Mechanics {
     /// Computes the coefficients for a window of `window` seconds.
-    pub(super) fn new(shaft: &Shaft, circuit: &Circuit, window: f64) -> Self {
+    pub(super) fn new(shaft: &Shaft, window: f64) -> Self {
         let x = shaft.drag.0 * window / shaft.inertia.0;
         Self {
             window,
@@ -53,7 +50,6 @@ impl Mechanics {
             mean: phi1(x),
             gain: window / shaft.inertia.0 * phi1(x),
             mean_gain: window / shaft.inertia.0 * phi2(x),
-            admittance: (1.0 - phi1(window * circuit.r.0 / circuit.l.0)) / circuit.r.0,
         }
     }
 
@@ -116,12 +112,10 @@ fn travel(shaft: &Shaft, speed: f64, torque: f64, time: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::si::{Drag, Henries, KgM2, NewtonMetres, Ohms};
-    use super::super::switching::Bridge;
+    use super::super::si::{Drag, KgM2, NewtonMetres};
     use super::*;
 
     const FRICTION: Friction = Friction { coulomb: NewtonMetres(3e-3), breakaway: NewtonMetres(4e-3) };
-    const CIRCUIT: Circuit = Circuit { r: Ohms(3.3), l: Henries(7e-4), bridge: Bridge::IDEAL };
 
     fn shaft(drag: f64) -> Shaft {
         Shaft { inertia: KgM2(1e-5), drag: Drag(drag), torque_ratio: 1.0 }
@@ -142,7 +136,7 @@ mod tests {
     #[test]
     fn zero_friction_gives_the_bits_of_the_motion_without_friction() {
         cases(|shaft, speed, torque, _| {
-            let mechanics = Mechanics::new(shaft, &CIRCUIT, 1e-2);
+            let mechanics = Mechanics::new(shaft, 1e-2);
             let free = mechanics.without_friction(speed, torque);
             // A motion through zero is computed in two parts. A shaft at rest without torque has no direction.
             if free.end * speed > 0.0 {
@@ -158,7 +152,7 @@ mod tests {
     #[test]
     fn zero_friction_changes_no_motion_through_zero_speed() {
         cases(|shaft, speed, torque, _| {
-            let mechanics = Mechanics::new(shaft, &CIRCUIT, 1e-2);
+            let mechanics = Mechanics::new(shaft, 1e-2);
             let free = mechanics.without_friction(speed, torque);
             let turned = mechanics.with_friction(shaft, &Friction::NONE, speed, torque, false);
             let scale = speed.abs() + 1e3 * torque.abs();
@@ -174,7 +168,7 @@ mod tests {
             if shaft.drag.0 > 0.0 {
                 return;
             }
-            let mechanics = Mechanics::new(shaft, &CIRCUIT, 1e-2);
+            let mechanics = Mechanics::new(shaft, 1e-2);
             let turned = mechanics.with_friction(shaft, &FRICTION, speed, torque, sticks);
             let work = torque * turned.mean * 1e-2;
             let heat = FRICTION.coulomb.0 * turned.sliding_angle;
@@ -191,9 +185,8 @@ mod tests {
     fn one_window_equals_many_short_windows() {
         cases(|shaft, speed, torque, _| {
             let sticks = FRICTION.sticks(torque);
-            let whole =
-                Mechanics::new(shaft, &CIRCUIT, 1e-2).with_friction(shaft, &FRICTION, speed, torque, sticks);
-            let piece = Mechanics::new(shaft, &CIRCUIT, 1e-2 / 37.0);
+            let whole = Mechanics::new(shaft, 1e-2).with_friction(shaft, &FRICTION, speed, torque, sticks);
+            let piece = Mechanics::new(shaft, 1e-2 / 37.0);
             let (mut end, mut angle, mut sliding_angle) = (speed, 0.0, 0.0);
             for _ in 0..37 {
                 let turned = piece.with_friction(shaft, &FRICTION, end, torque, sticks);
@@ -212,7 +205,7 @@ mod tests {
     #[test]
     fn a_shaft_stops_at_exactly_zero_and_stays_or_turns_back() {
         let shaft = shaft(1e-5);
-        let mechanics = Mechanics::new(&shaft, &CIRCUIT, 1e-2);
+        let mechanics = Mechanics::new(&shaft, 1e-2);
         let motion = |speed, torque| {
             mechanics.with_friction(&shaft, &FRICTION, speed, torque, FRICTION.sticks(torque))
         };

@@ -96,7 +96,7 @@ impl Circuit {
     ///
     /// `None` if the current does not keep the sign, or if the edges of the bridge take time.
     fn fixed_point(&self, pwm: Pwm, at: Conditions, sign: CurrentSign) -> Option<f64> {
-        if self.bridge.edges.are_slow() {
+        if self.bridge.has_slow_edges() {
             return None;
         }
         let period = 1.0 / pwm.frequency.0;

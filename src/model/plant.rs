@@ -39,8 +39,8 @@ use super::friction::{Cogging, Friction};
 use super::load::{Load, Shaft};
 use super::mechanics::{Mechanics, ShaftMotion};
 use super::si::{Amps, Coulombs, Hertz, Joules, NewtonMetres, RadPerSec, Seconds, Volts};
-use super::switching::{Bridge, Circuit, Conditions, Integrals, Part};
-use super::train::{Driver, Motion, Output, Train, WindowEnd};
+use super::switching::{Bridge, Circuit, Conditions, Integrals, Pwm};
+use super::train::{Motion, Output, Train, WindowEnd};
 use crate::bridge::{Mode, State};
 
 /// Largest product of the module's frequency `w` (rad/s) and window length (s), without unit.
@@ -167,12 +167,16 @@ pub struct Plant {
     load: Load,
     shaft: Shaft,
     circuit: Circuit,
+    /// Frequency of the PWM.
+    frequency: Hertz,
     /// PWM period, s.
     period: f64,
     /// Longest window of this plant, s.
     longest_window: f64,
     /// Mechanics of the last window's length.
     mechanics: Mechanics,
+    /// Admittance of the circuit in the last window, 1/ohm.
+    admittance: f64,
     /// True if the motor has dry friction or cogging.
     has_friction: bool,
     /// Time since the beginning of the present PWM period, s.
@@ -195,17 +199,6 @@ pub struct Plant {
     train: Option<Train>,
     /// Energy of changes of the inertia since the last run, J.
     load_work: f64,
-}
-
-/// Inputs that are constant during a run.
-#[derive(Clone, Copy)]
-struct Run {
-    input: PlantInput,
-    /// Time spent in the on state in each PWM period, s.
-    on_time: f64,
-    battery: Volts,
-    /// External torque on the motor shaft, N m.
-    torque: f64,
 }
 
 /// Returns the longest window in seconds: the PWM period divided by a whole number, so that [`WINDOW_LIMIT`] is kept.
@@ -231,9 +224,11 @@ impl Plant {
             load,
             shaft,
             circuit,
+            frequency: pwm,
             period,
             longest_window,
-            mechanics: Mechanics::new(&shaft, &circuit, longest_window),
+            mechanics: Mechanics::new(&shaft, longest_window),
+            admittance: circuit.admittance(longest_window),
             has_friction: motor.friction != Friction::NONE || motor.cogging != Cogging::NONE,
             phase: 0.0,
             current: 0.0,
@@ -290,12 +285,6 @@ impl Plant {
         self.temperatures = temperatures;
         self.circuit = Circuit::new(&self.motor, self.circuit.bridge);
         self.prepare_windows();
-    }
-
-    /// Computes what windows need of motor, shaft and circuit.
-    fn prepare_windows(&mut self) {
-        self.longest_window = longest_window(&self.motor, &self.shaft, self.period);
-        self.mechanics = Mechanics::new(&self.shaft, &self.circuit, self.longest_window);
     }
 
     /// Changes the dry friction of the motor.
@@ -374,11 +363,11 @@ impl Plant {
     /// Advances by `dt` at a constant battery voltage.
     ///
     /// The PWM period continues from the last run. A new duty is applied immediately. Before a new mode is applied, the
-    /// bridge is open for [`Edges::change`](super::switching::Edges::change).
+    /// bridge is open for [`Bridge::change`].
     pub fn run(&mut self, dt: Seconds, input: PlantInput, battery: Volts) -> Flow {
         if input.off != self.mode {
             self.mode = input.off;
-            self.open_s = self.circuit.bridge.edges.change.0;
+            self.open_s = self.circuit.bridge.change.0;
         }
         let open_s = self.open_s.min(dt.0);
         if open_s <= 0.0 {
@@ -393,9 +382,6 @@ impl Plant {
 
     /// Advances by `dt` without a change of the mode.
     fn advance(&mut self, dt: Seconds, input: PlantInput, battery: Volts) -> Flow {
-        let torque = (self.load.torque_after.0 + input.torque_after.0) * self.shaft.torque_ratio;
-        let on_time = input.duty.clamp(0.0, 1.0) * self.period;
-        let run = Run { input, on_time, battery, torque };
         let load_work = Joules(core::mem::take(&mut self.load_work));
         let mut flow = Flow { time: Seconds(dt.0.max(0.0)), load_work, ..Flow::default() };
         let mut left = dt.0;
@@ -409,37 +395,50 @@ impl Plant {
             } else {
                 (window, self.phase + window)
             };
-            self.window(window, &run, &mut flow);
+            self.window(window, input, battery, &mut flow);
             self.phase = phase;
             left -= window;
         }
         flow
     }
 
+    /// Computes what windows need of motor, shaft and circuit.
+    fn prepare_windows(&mut self) {
+        self.longest_window = longest_window(&self.motor, &self.shaft, self.period);
+        self.set_window(self.longest_window);
+    }
+
+    /// Computes what depends on the length of a window.
+    fn set_window(&mut self, window: f64) {
+        self.mechanics = Mechanics::new(&self.shaft, window);
+        self.admittance = self.circuit.admittance(window);
+    }
+
     /// Advances by one window and adds its result to `flow`.
-    fn window(&mut self, window: f64, run: &Run, flow: &mut Flow) {
+    fn window(&mut self, window: f64, input: PlantInput, battery: Volts, flow: &mut Flow) {
         if (window - self.mechanics.window).abs() > 1e-9 * window {
-            self.mechanics = Mechanics::new(&self.shaft, &self.circuit, window);
+            self.set_window(window);
         }
         let m = self.mechanics;
         let (ke, kt) = (self.motor.ke.0, self.motor.kt.0);
+        let load_torque = (self.load.torque_after.0 + input.torque_after.0) * self.shaft.torque_ratio;
         // Behind a train the external torque acts on the load: the closure `moves` passes it on.
-        let external = if self.output.is_some() { 0.0 } else { run.torque };
+        let external = if self.output.is_some() { 0.0 } else { load_torque };
         let torque = |mean_current: f64| kt * mean_current + external;
         let moves = |mean_current: f64, sticks: bool| match &self.output {
-            Some(output) => self.train_motion(output, window, kt * mean_current, run.torque),
+            Some(output) => self.train_motion(output, window, kt * mean_current, load_torque),
             None => {
                 let motor = self.shaft_motion(torque(mean_current), sticks);
                 WindowEnd { motor, load: Motion::default(), heat: 0.0 }
             }
         };
-        let tolerance = 1e-6 * (run.battery.0 + 1.0);
+        let tolerance = 1e-6 * (battery.0 + 1.0);
         // How much the error below falls for each volt that is added to `emf`.
-        let slope = 1.0 + ke * kt * m.mean_gain * m.admittance;
+        let slope = 1.0 + ke * kt * m.mean_gain * self.admittance;
         // A shaft at rest is assumed to stay at rest first, because the current at standstill decides whether it breaks
         // away.
         let mut emf = ke * moves(self.last_mean, true).motor.mean;
-        let (mut end, mut sums, mut mean) = self.electrical(window, emf, run);
+        let (mut end, mut sums, mut mean) = self.electrical(window, emf, input, battery);
         // `sticks` is decided once in a window. Otherwise the back EMF of a shaft that broke away could make the shaft
         // stick again.
         let sticks = self.has_friction && self.sticks(torque(mean));
@@ -452,7 +451,7 @@ impl Plant {
                 break;
             }
             emf += error / slope;
-            (end, sums, mean) = self.electrical(window, emf, run);
+            (end, sums, mean) = self.electrical(window, emf, input, battery);
             end_of_window = moves(mean, sticks);
         }
         let WindowEnd { motor: motion, load, heat: train_heat } = end_of_window;
@@ -466,11 +465,11 @@ impl Plant {
         }
 
         flow.charge.0 += sums.current;
-        flow.charge_shown.0 += sensed_charge(run.input.off, sums.current);
+        flow.charge_shown.0 += sensed_charge(input.off, sums.current);
         flow.charge_from_battery.0 += sums.from_battery;
         flow.charge_to_battery.0 += sums.to_battery;
-        flow.energy_from_battery.0 += run.battery.0 * sums.from_battery;
-        flow.energy_to_battery.0 += run.battery.0 * sums.to_battery;
+        flow.energy_from_battery.0 += battery.0 * sums.from_battery;
+        flow.energy_to_battery.0 += battery.0 * sums.to_battery;
         flow.heat.0 += sums.heat;
         flow.shaft_work.0 += emf * sums.current;
         flow.friction_heat.0 += self.motor.friction.coulomb.0 * motion.sliding_angle;
@@ -481,13 +480,8 @@ impl Plant {
     /// both in N m on the motor shaft.
     fn train_motion(&self, output: &Output, window: f64, torque: f64, load_torque: f64) -> WindowEnd {
         let cogging = self.motor.cogging.mean_torque(self.angle, window * self.speed);
-        let driver = Driver {
-            shaft: &self.shaft,
-            circuit: &self.circuit,
-            friction: &self.motor.friction,
-            state: Motion { speed: self.speed, angle: self.angle },
-        };
-        output.motion(&driver, window, torque + cogging, load_torque)
+        let state = Motion { speed: self.speed, angle: self.angle };
+        output.motion(&self.shaft, &self.motor.friction, state, window, torque + cogging, load_torque)
     }
 
     /// Returns true if friction keeps the shaft at rest at its present angle, under `torque` (N m) and cogging.
@@ -520,13 +514,12 @@ impl Plant {
     }
 
     /// Returns final current (A), integrals and mean current (A) of a window from the present current and phase.
-    fn electrical(&self, window: f64, emf: f64, run: &Run) -> (f64, Integrals, f64) {
-        let at = Conditions { battery: run.battery, emf: Volts(emf) };
-        let PlantInput { on, off, .. } = run.input;
-        let part =
-            Part { on, off, on_s: run.on_time, period_s: self.period, from_s: self.phase, window_s: window };
+    fn electrical(&self, window: f64, emf: f64, input: PlantInput, battery: Volts) -> (f64, Integrals, f64) {
+        let at = Conditions { battery, emf: Volts(emf) };
+        let PlantInput { on, off, duty, .. } = input;
+        let pwm = Pwm { on, off, duty, frequency: self.frequency };
         let mut sums = Integrals::default();
-        let end = self.circuit.part_of_period(part, Amps(self.current), at, &mut sums);
+        let end = self.circuit.part_of_period(pwm, self.phase, window, Amps(self.current), at, &mut sums);
         (end.0, sums, sums.current / window)
     }
 }

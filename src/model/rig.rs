@@ -15,8 +15,8 @@
 //! let plant = Plant::new(motor, Load::NONE, Bridge::IDEAL, Hertz(20_000.0));
 //! let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.1) };
 //! let mut rig = Rig::new(battery, vec![plant.clone(), plant]);
-//! let flow = rig.run(Seconds(0.01), &[PlantInput::pwm(Mode::Cw98, 1.0); 2]);
-//! assert!(flow.current.0 > 1.0 && rig.voltage().0 < 12.0);
+//! let flows = rig.run(Seconds(0.01), &[PlantInput::pwm(Mode::Cw98, 1.0); 2]);
+//! assert!(flows[0].charge == flows[1].charge && rig.voltage().0 < 12.0);
 //! # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())
 //! ```
 
@@ -54,17 +54,6 @@ pub struct Rig {
     range: (f64, f64),
 }
 
-/// Result of a run of the whole rig.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct RigFlow {
-    /// Voltage of battery or bus at the end of the run.
-    pub voltage: Volts,
-    /// Mean net current into all bridges.
-    pub current: Amps,
-    /// Result of each plant.
-    pub flows: Vec<Flow>,
-}
-
 impl Rig {
     /// Creates a rig without bus. No current flows at the start.
     #[must_use]
@@ -99,12 +88,12 @@ impl Rig {
         &self.shutdowns
     }
 
-    /// Advances each plant by `dt`. A plant without an input coasts. So does a plant whose bridge has shut down.
-    pub fn run(&mut self, dt: Seconds, inputs: &[PlantInput]) -> RigFlow {
-        let mut total = RigFlow { flows: vec![Flow::default(); self.plants.len()], ..RigFlow::default() };
+    /// Advances each plant by `dt`, and returns the result of each plant. A plant without an input coasts. So does a plant
+    /// whose bridge has shut down.
+    pub fn run(&mut self, dt: Seconds, inputs: &[PlantInput]) -> Vec<Flow> {
+        let mut flows = vec![Flow::default(); self.plants.len()];
         if dt.0 <= 0.0 {
-            total.voltage = self.voltage();
-            return total;
+            return flows;
         }
         let longest = if self.bus.is_some() { LONGEST_BUS_STEP_S } else { LONGEST_STEP_S };
         let steps = (dt.0 / longest - 1e-9).ceil().max(1.0);
@@ -117,7 +106,7 @@ impl Rig {
             if let Some(bus) = &mut self.bus {
                 bus.wait(half, &self.battery);
             }
-            let drawn = self.step(step, inputs, &mut total.flows);
+            let drawn = self.step(step, inputs, &mut flows);
             match &mut self.bus {
                 Some(bus) => {
                     bus.draw(Coulombs(drawn));
@@ -130,10 +119,7 @@ impl Rig {
             self.range = (self.range.0.min(now), self.range.1.max(now));
             elapsed += step.0;
         }
-        let charge: f64 = total.flows.iter().map(Flow::battery_charge).sum();
-        total.current = Amps(charge / dt.0);
-        total.voltage = self.voltage();
-        total
+        flows
     }
 
     /// Advances all plants at the present voltage. Returns the net charge that they drew, C.

@@ -31,42 +31,26 @@
 
 use super::bridge_states::CurrentSign;
 use super::catalogue::Motor;
+use super::numeric::phi1;
 use super::si::{Amps, Henries, Hertz, Ohms, Seconds, Volts};
 use crate::bridge::{BridgeConstants, Mode, State};
 
 /// Losses and switching times of a bridge.
+///
+/// While current flows during an edge, the voltage across the motor changes linearly from one state to the other. The
+/// switch that makes the edge dissipates the difference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bridge {
     /// Voltage drop of a conducting catch diode, at least 0.
     pub vd: Volts,
     /// Resistance of one closed switch, at least 0.
     pub ron: Ohms,
-    /// Switching times.
-    pub edges: Edges,
-}
-
-/// Switching times of a bridge.
-///
-/// While current flows during an edge, the voltage across the motor changes linearly from one state to the other. The
-/// switch that makes the edge dissipates the difference.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Edges {
     /// Time from the rise of the PWM line until the bridge is in the on state, s.
     pub turn_on: Seconds,
     /// Time from the fall of the PWM line until the bridge is in the off state, s.
     pub turn_off: Seconds,
     /// Time for which the bridge is open when its mode changes, s.
     pub change: Seconds,
-}
-
-impl Edges {
-    /// Ideal switches, which take no time.
-    pub const NONE: Self = Self { turn_on: Seconds(0.0), turn_off: Seconds(0.0), change: Seconds(0.0) };
-
-    /// Returns true if an edge of the PWM line takes time.
-    pub(super) fn are_slow(&self) -> bool {
-        self.turn_on.0 > 0.0 || self.turn_off.0 > 0.0
-    }
 }
 
 impl Bridge {
@@ -76,20 +60,26 @@ impl Bridge {
     /// Creates a bridge with this diode drop and on-resistance, and without switching times.
     #[must_use]
     pub const fn lossy(vd: Volts, ron: Ohms) -> Self {
-        Self { vd, ron, edges: Edges::NONE }
+        let none = Seconds(0.0);
+        Self { vd, ron, turn_on: none, turn_off: none, change: none }
+    }
+
+    /// Returns true if an edge of the PWM line takes time.
+    pub(super) fn has_slow_edges(&self) -> bool {
+        self.turn_on.0 > 0.0 || self.turn_off.0 > 0.0
     }
 
     /// Creates the bridge that the firmware is configured for.
     #[must_use]
     pub const fn new(constants: BridgeConstants) -> Self {
-        let timing = constants.timing();
-        let edges = Edges {
+        let timing = constants.timing;
+        Self {
+            vd: Volts(constants.diode_mv() as f64 / 1e3),
+            ron: Ohms(constants.switch_mohm() as f64 / 1e3),
             turn_on: Seconds(timing.turn_on_ns as f64 / 1e9),
             turn_off: Seconds(timing.turn_off_ns as f64 / 1e9),
             change: Seconds(timing.change_us as f64 / 1e6),
-        };
-        let (vd, ron) = (constants.diode_mv() as f64 / 1e3, constants.switch_mohm() as f64 / 1e3);
-        Self { edges, ..Self::lossy(Volts(vd), Ohms(ron)) }
+        }
     }
 }
 
@@ -165,21 +155,6 @@ pub struct Circuit {
     pub bridge: Bridge,
 }
 
-/// A part of a PWM period. Times are in seconds from the beginning of the period.
-#[derive(Clone, Copy)]
-pub(super) struct Part {
-    pub(super) on: State,
-    pub(super) off: State,
-    /// Time when the PWM line falls, s.
-    pub(super) on_s: f64,
-    /// Length of the whole period, s.
-    pub(super) period_s: f64,
-    /// Beginning of the part, s.
-    pub(super) from_s: f64,
-    /// Length of the part, s.
-    pub(super) window_s: f64,
-}
-
 /// Number of steps of constant voltage that approximate the linear change during an edge.
 const EDGE_STEPS: usize = 8;
 
@@ -219,6 +194,11 @@ impl Circuit {
     #[must_use]
     pub const fn new(motor: &Motor, bridge: Bridge) -> Self {
         Self { r: motor.r, l: motor.l, bridge }
+    }
+
+    /// Returns the largest decrease of the mean current of a window of `window_s` seconds per volt of back EMF, 1/ohm.
+    pub(super) fn admittance(&self, window_s: f64) -> f64 {
+        (1.0 - phi1(window_s * self.r.0 / self.l.0)) / self.r.0
     }
 
     /// Returns the path of a current of this sign in `state`.
@@ -335,33 +315,31 @@ impl Circuit {
     /// Simulates one period of `pwm` from the current `start`. Adds the integrals to `sums` and returns the final
     /// current.
     pub fn period(&self, pwm: Pwm, start: Amps, at: Conditions, sums: &mut Integrals) -> Amps {
-        let period = 1.0 / pwm.frequency.0;
-        let on = pwm.duty.clamp(0.0, 1.0) * period;
-        self.part_of_period(
-            Part { on: pwm.on, off: pwm.off, on_s: on, period_s: period, from_s: 0.0, window_s: period },
-            start,
-            at,
-            sums,
-        )
+        self.part_of_period(pwm, 0.0, 1.0 / pwm.frequency.0, start, at, sums)
     }
 
-    /// Simulates a part of a period. Adds the integrals to `sums` and returns the final current.
+    /// Simulates `window_s` seconds of a period, from `from_s` seconds after its beginning. Adds the integrals to `sums` and
+    /// returns the final current.
     pub(super) fn part_of_period(
         &self,
-        part: Part,
+        pwm: Pwm,
+        from_s: f64,
+        window_s: f64,
         start: Amps,
         at: Conditions,
         sums: &mut Integrals,
     ) -> Amps {
-        let Part { on, off, on_s, period_s, from_s, window_s } = part;
+        let Pwm { on, off, duty, frequency } = pwm;
+        let period_s = 1.0 / frequency.0;
+        let on_s = duty.clamp(0.0, 1.0) * period_s;
         // At duty 0 or 1 the PWM line has no edges.
-        if !self.bridge.edges.are_slow() || on_s <= 0.0 || on_s >= period_s {
+        if !self.bridge.has_slow_edges() || on_s <= 0.0 || on_s >= period_s {
             let high_s = (on_s - from_s).clamp(0.0, window_s);
             let turn = self.dwell(on, start, at, Seconds(high_s), sums);
             return self.dwell(off, turn, at, Seconds(window_s - high_s), sums);
         }
         let to_s = from_s + window_s;
-        let Edges { turn_on, turn_off, .. } = self.bridge.edges;
+        let Bridge { turn_on, turn_off, .. } = self.bridge;
         // An edge ends early if the next edge begins before it is complete.
         let (risen_s, fallen_s) = (turn_on.0.min(on_s), (on_s + turn_off.0).min(period_s));
         let top = if turn_on.0 > 0.0 { risen_s / turn_on.0 } else { 1.0 };

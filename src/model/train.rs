@@ -29,7 +29,6 @@ use super::friction::Friction;
 use super::load::{Load, Shaft};
 use super::mechanics::{Mechanics, ShaftMotion};
 use super::si::{Drag, Joules, KgM2};
-use super::switching::Circuit;
 
 /// Largest product of the train's natural frequency (rad/s) and a step (s). It limits the error of a step.
 const STEP_LIMIT: f64 = 0.05;
@@ -68,15 +67,6 @@ pub(super) struct Output {
 pub(super) struct Motion {
     pub(super) speed: f64,
     pub(super) angle: f64,
-}
-
-/// The motor's side of the train during a window.
-pub(super) struct Driver<'a> {
-    /// Inertia and drag of the motor alone.
-    pub(super) shaft: &'a Shaft,
-    pub(super) circuit: &'a Circuit,
-    pub(super) friction: &'a Friction,
-    pub(super) state: Motion,
 }
 
 /// The end of a window.
@@ -121,24 +111,27 @@ impl Output {
         0.5 * self.stiffness * twist * twist
     }
 
-    /// Returns the end of a window in seconds, under torques in N m on the motor and on the load.
+    /// Returns the end of a window in seconds, under torques in N m on the motor and on the load. The motor alone has `shaft` and
+    /// `friction`, and begins the window in `state`.
     pub(super) fn motion(
         &self,
-        driver: &Driver<'_>,
+        shaft: &Shaft,
+        friction: &Friction,
+        state: Motion,
         window: f64,
         torque: f64,
         load_torque: f64,
     ) -> WindowEnd {
-        let compliance = 1.0 / driver.shaft.inertia.0 + 1.0 / self.body.inertia.0;
+        let compliance = 1.0 / shaft.inertia.0 + 1.0 / self.body.inertia.0;
         let steps = (window * (self.stiffness * compliance).sqrt() / STEP_LIMIT).ceil().max(1.0);
-        let (mut motor, mut load) = (driver.state, self.state);
+        let (mut motor, mut load) = (state, self.state);
         let (mut heat, mut sliding_angle, mut left) = (0.0, 0.0, window);
         while left > 1e-9 * window / steps {
             let (theta, d) = (motor.angle - load.angle, motor.speed - load.speed);
             let side = self.side(theta);
             let step = (window / steps).min(left).min(self.to_event(theta, d, side));
             let x = theta - side * self.gap;
-            let acceleration = (torque - driver.shaft.drag.0 * motor.speed) / driver.shaft.inertia.0
+            let acceleration = (torque - shaft.drag.0 * motor.speed) / shaft.inertia.0
                 - (load_torque - self.body.drag.0 * load.speed) / self.body.inertia.0;
             let k = 0.5 * step * self.stiffness + self.damping;
             let coupling = (self.stiffness * x + k * (d + 0.5 * step * acceleration))
@@ -146,16 +139,11 @@ impl Output {
             let pulls = self.gap > 0.0 && coupling * side <= 0.0;
             let coupling = if pulls { 0.0 } else { coupling };
             let net = torque - coupling;
-            let sticks = driver.friction.sticks(net);
-            let motor_moves = Mechanics::new(driver.shaft, driver.circuit, step).with_friction(
-                driver.shaft,
-                driver.friction,
-                motor.speed,
-                net,
-                sticks,
-            );
-            let load_moves = Mechanics::new(&self.body, driver.circuit, step)
-                .without_friction(load.speed, load_torque + coupling);
+            let sticks = friction.sticks(net);
+            let motor_moves =
+                Mechanics::new(shaft, step).with_friction(shaft, friction, motor.speed, net, sticks);
+            let load_moves =
+                Mechanics::new(&self.body, step).without_friction(load.speed, load_torque + coupling);
             let difference = motor_moves.mean - load_moves.mean;
             heat += if pulls {
                 // The teeth have parted, and the shaft relaxes by itself against its damping.
@@ -168,7 +156,7 @@ impl Output {
             load = Motion { speed: load_moves.end, angle: load.angle + step * load_moves.mean };
             left -= step;
         }
-        let mean = (motor.angle - driver.state.angle) / window;
+        let mean = (motor.angle - state.angle) / window;
         WindowEnd { motor: ShaftMotion { mean, end: motor.speed, sliding_angle }, load, heat }
     }
 

@@ -724,14 +724,14 @@ impl Motor {
         };
         command.applied = self.modulator.applied(at, command.modulation);
         let [requested, applied] = [command.voltage, command.applied].map(Voltage::to_volts);
-        let change_us = self.settings.bridge.timing().change_us;
+        let change_us = self.settings.bridge.timing.change_us;
         self.pulses.apply(pulse, Voltages { requested, applied, emf }, change_us);
     }
 
     /// The mean voltage that a new command applies. If the mode differs from the mode of the present command, the
     /// bridge is open for the time that the change takes.
     fn after_change(&self, command: &Command) -> Voltage {
-        let change_us = self.settings.bridge.timing().change_us;
+        let change_us = self.settings.bridge.timing.change_us;
         if command.modulation.drive.mode == self.drive().mode || change_us == 0 {
             return command.applied;
         }

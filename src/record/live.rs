@@ -17,14 +17,10 @@ const RUN_INDEX: usize = 0;
 /// The check word is the exclusive or of the two words before it and [`MAGIC`].
 const TICK_INDEX: usize = 3;
 
-/// Size of the memory that [`Live`] borrows, in bytes.
+/// Size of the memory of a [`RunState`], in bytes.
 pub(super) const LIVE_BYTES: usize = 6 * 4;
 /// Size of the memory that [`CrashReport`] borrows, in bytes.
 pub(super) const CRASH_REPORT_BYTES: usize = 4 * 4;
-
-/// Memory for the number of the present run and for the state at its last tick.
-#[derive(Debug)]
-pub(super) struct Live<'a>(pub(super) &'a mut [[u8; 4]]);
 
 /// Memory in which a fault handler reports the fault that ends the present run.
 ///
@@ -47,20 +43,20 @@ pub(super) struct RunState {
     pub(super) filled: u8,
 }
 
-impl Live<'_> {
-    /// Returns the run before the reset; `None` if the memory holds no run. If the check word is wrong, only the number of the
-    /// run is valid, and all other values are 0.
-    pub(super) fn ended_run(&self) -> Option<RunState> {
-        let [magic, run, complement] = get(self.0, RUN_INDEX);
+impl RunState {
+    /// Reads the run before the reset from its memory; `None` if the memory holds no run. If the check word is wrong, only the
+    /// number of the run is valid, and all other values are 0.
+    pub(super) fn read(memory: &[[u8; 4]]) -> Option<Self> {
+        let [magic, run, complement] = get(memory, RUN_INDEX);
         if magic != MAGIC || run != !complement {
             return None;
         }
-        let [time, packed, check] = get(self.0, TICK_INDEX);
+        let [time, packed, check] = get(memory, TICK_INDEX);
         if check != time ^ packed ^ MAGIC {
-            return Some(RunState { run, ..RunState::default() });
+            return Some(Self { run, ..Self::default() });
         }
         let [b, c, next, filled] = packed.to_le_bytes();
-        Some(RunState {
+        Some(Self {
             run,
             time,
             battery: Some(Millivolts::new(u16::from_le_bytes([b, c]))).filter(|known| known.get() != 0),
@@ -69,21 +65,22 @@ impl Live<'_> {
         })
     }
 
-    /// Begins the run with this number, and returns its state.
-    pub(super) fn begin(&mut self, run: u32) -> RunState {
-        let state = RunState { run, ..RunState::default() };
+    /// Begins the run with this number in the memory, and returns its state.
+    pub(super) fn begin(memory: &mut [[u8; 4]], run: u32) -> Self {
+        let state = Self { run, ..Self::default() };
         // The words about the run are deleted first and written last. A reset in between leaves no run, never a wrong one.
-        put(self.0, RUN_INDEX, [0; 3]);
-        self.update(state);
-        put(self.0, RUN_INDEX, [MAGIC, run, !run]);
+        put(memory, RUN_INDEX, [0; 3]);
+        state.store(memory);
+        put(memory, RUN_INDEX, [MAGIC, run, !run]);
         state
     }
 
-    /// Stores the state at the present tick, without the number of the run.
-    pub(super) fn update(&mut self, RunState { time, battery, next, filled, .. }: RunState) {
+    /// Stores the state at the present tick in the memory, without the number of the run.
+    pub(super) fn store(&self, memory: &mut [[u8; 4]]) {
+        let Self { time, battery, next, filled, .. } = *self;
         let [b, c] = battery.map_or(0, Millivolts::get).to_le_bytes();
         let packed = u32::from_le_bytes([b, c, next, filled]);
-        put(self.0, TICK_INDEX, [time, packed, time ^ packed ^ MAGIC]);
+        put(memory, TICK_INDEX, [time, packed, time ^ packed ^ MAGIC]);
     }
 }
 

@@ -48,7 +48,7 @@ use crate::bridge::{Drive, Mode};
 use crate::hub::Snapshot;
 use crate::motor::{Report, Setpoint};
 use entry::{HEAD, TICK, checksum};
-use live::{CRASH_REPORT_BYTES, LIVE_BYTES, Live, RunState};
+use live::{CRASH_REPORT_BYTES, LIVE_BYTES, RunState};
 
 /// Size of the record's memory in bytes.
 pub const SIZE: usize = 4096;
@@ -77,7 +77,7 @@ const _: () = assert!(LIVE_BYTES + CRASH_REPORT_BYTES + SLOTS * SLOT + HEADS * H
 #[derive(Debug)]
 pub struct Record<'a> {
     /// State of the present run, in memory that survives a reset.
-    live: Live<'a>,
+    live: &'a mut [[u8; 4]],
     /// Copy of the state in `live`.
     state: RunState,
     ring: &'a mut [[u8; SLOT]],
@@ -89,14 +89,6 @@ pub struct Record<'a> {
     number: u16,
     /// Faults of each motor at the last tick, as [bits](fault_bits).
     last_faults: [u8; MOTORS],
-}
-
-/// The motor that an entry describes.
-#[derive(Clone, Copy)]
-struct AffectedMotor {
-    index: usize,
-    /// Last command to the motor's bridge before the fault.
-    drive: Drive,
 }
 
 impl<'a> Record<'a> {
@@ -111,7 +103,7 @@ impl<'a> Record<'a> {
         let (ring, rest) = rest.split_at_mut(SLOTS * SLOT);
         let (heads, pages) = rest.split_at_mut(HEADS * HEAD);
         let mut record = Self {
-            live: Live(live.as_chunks_mut().0),
+            live: live.as_chunks_mut().0,
             state: RunState::default(),
             ring: ring.as_chunks_mut().0,
             heads: heads.as_chunks_mut().0,
@@ -121,16 +113,18 @@ impl<'a> Record<'a> {
         };
         let mut crash_report = CrashReport(words.as_chunks_mut().0);
         let reported = crash_report.take();
-        match record.live.ended_run() {
+        match RunState::read(record.live) {
             Some(ended) => {
                 record.state = ended;
                 record.number = record.newest().map_or(0, |(head, _)| head.number);
                 let (fault, detail) = reported.unwrap_or((cause, [0; 2]));
-                record.write(fault, detail, record.most_driven());
+                let motor = record.most_driven();
+                let drive = motor.map_or(Drive::COAST, |motor| record.drive_ago(motor, 1));
+                record.write(fault, detail, motor, drive);
             }
             None => record.clear(),
         }
-        record.state = record.live.begin(record.state.run.wrapping_add(1));
+        record.state = RunState::begin(record.live, record.state.run.wrapping_add(1));
         (record, crash_report)
     }
 
@@ -153,7 +147,7 @@ impl<'a> Record<'a> {
             next: if usize::from(self.state.next) + 1 < SLOTS { self.state.next + 1 } else { 0 },
             filled: (self.state.filled + 1).min(TICKS as u8),
         };
-        self.live.update(self.state);
+        self.state.store(self.live);
         for (motor, report) in snapshot.motors.iter().enumerate() {
             let Some(last) = self.last_faults.get_mut(motor) else { break };
             let present = fault_bits(report);
@@ -189,20 +183,22 @@ impl<'a> Record<'a> {
 
     /// Writes an entry for each new fault of a motor.
     #[cold]
-    fn record_faults(&mut self, index: usize, new: u8) {
+    fn record_faults(&mut self, motor: usize, new: u8) {
         // At this tick the fault may have changed the command already. The tick before has the command without the fault.
-        let drive = self.tick_ago(index, 2).map_or(Drive::COAST, |tick| tick.drive);
+        let drive = self.drive_ago(motor, 2);
         for fault in Fault::in_bits(new) {
-            self.write(fault, [0; 2], Some(AffectedMotor { index, drive }));
+            self.write(fault, [0; 2], Some(motor), drive);
         }
     }
 
     /// Writes an entry for a fault or a reset. A repetition of the newest entry is counted in that entry instead.
-    fn write(&mut self, fault: Fault, detail: [u32; 2], affected: Option<AffectedMotor>) {
-        let motor = affected.map(|affected| affected.index as u8);
+    ///
+    /// `drive` is the last command to the bridge of `motor` before the fault.
+    fn write(&mut self, fault: Fault, detail: [u32; 2], motor: Option<usize>, drive: Drive) {
+        let index = motor.map(|motor| motor as u8);
         if let Some((head, sum)) = self.newest().filter(|(head, _)| {
             // All motors share one battery, so an unknown battery is recorded once and not once per motor.
-            let same_motor = head.motor == motor || fault == Fault::BatteryUnknown;
+            let same_motor = head.motor == index || fault == Fault::BatteryUnknown;
             let repeated = head.fault == fault && head.detail == detail && same_motor;
             // A hub that resets again and again before its first tick fills one entry, and does not delete older ones.
             let both_without_ticks = self.state.filled == 0 && head.ticks == 0;
@@ -212,7 +208,7 @@ impl<'a> Record<'a> {
         }
         // Numbers wrap from 65 535 to 1, because 0 means that there is no entry.
         self.number = self.number.checked_add(1).unwrap_or(1);
-        let (ticks, sum) = affected.map_or((0, 0), |affected| self.copy(affected.index));
+        let (ticks, sum) = motor.map_or((0, 0), |motor| self.copy(motor));
         let RunState { time, battery, .. } = self.state;
         let head = Head {
             number: self.number,
@@ -221,8 +217,8 @@ impl<'a> Record<'a> {
             run: self.state.run as u16,
             uptime_ms: (u64::from(time) * 128 / 125) as u32,
             battery,
-            motor,
-            drive: affected.map_or(Drive::COAST, |affected| affected.drive),
+            motor: index,
+            drive,
             detail,
             ticks,
         };
@@ -284,14 +280,20 @@ impl<'a> Record<'a> {
         bytes.as_chunks().0.get(motor).map(|bytes| Tick::from_bytes(*bytes))
     }
 
+    /// Returns the command to a motor's bridge `ago` ticks ago. [`Drive::COAST`] if the run has fewer ticks than `ago`.
+    fn drive_ago(&self, motor: usize, ago: usize) -> Drive {
+        self.tick_ago(motor, ago).map_or(Drive::COAST, |tick| tick.drive)
+    }
+
     /// Returns the motor with the largest duty at the last tick; `None` if all motors coasted.
     ///
     /// A driven motor ranks above a braked motor, whatever their duties are.
-    fn most_driven(&self) -> Option<AffectedMotor> {
-        let drives = (0..MOTORS).filter_map(|index| Some((index, self.tick_ago(index, 1)?.drive)));
-        let driven = drives.filter(|(_, drive)| *drive != Drive::COAST);
-        let most = driven.max_by_key(|(_, drive)| (drive.mode != Mode::Brake50, drive.duty.to_bits()));
-        most.map(|(index, drive)| AffectedMotor { index, drive })
+    fn most_driven(&self) -> Option<usize> {
+        let driven = (0..MOTORS).filter(|motor| self.drive_ago(*motor, 1) != Drive::COAST);
+        driven.max_by_key(|motor| {
+            let Drive { mode, duty } = self.drive_ago(*motor, 1);
+            (mode != Mode::Brake50, duty.to_bits())
+        })
     }
 }
 

@@ -5,46 +5,6 @@ use crate::extension::base::OdometryReport;
 use crate::group::BaseSettings;
 use crate::hub::Snapshot;
 use crate::protocol::{Nack, Reply};
-use crate::units::is_included;
-
-/// The newest configuration of the drive base.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct BaseCommand {
-    settings: Option<BaseSettings>,
-    state: State,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum State {
-    /// The configuration must still be sent to control.
-    Pending,
-    /// Sent as the command with this number, which no snapshot includes yet.
-    Sent(u32),
-    /// The snapshot includes the configuration, if there is one.
-    #[default]
-    InForce,
-}
-
-impl BaseCommand {
-    /// Returns the configuration that must be sent.
-    pub(super) fn pending(&self) -> Option<BaseSettings> {
-        self.settings.filter(|_| self.state == State::Pending)
-    }
-
-    /// Notes that the configuration was sent as the command with this number.
-    pub(super) const fn sent(&mut self, number: u32) {
-        self.state = State::Sent(number);
-    }
-
-    /// Notes that a snapshot includes the commands up to this number.
-    pub(super) fn note_snapshot(&mut self, commands: u32) {
-        if let State::Sent(number) = self.state
-            && is_included(number, commands)
-        {
-            self.state = State::InForce;
-        }
-    }
-}
 
 impl<const N: usize> Responder<N> {
     /// Configures the drive base.
@@ -61,7 +21,7 @@ impl<const N: usize> Responder<N> {
         if base.use_gyro && self.outputs.equipment.i2c == 0 {
             return Err(Nack::UNSUPPORTED);
         }
-        self.base = BaseCommand { settings: Some(base), state: State::Pending };
+        (self.base, self.base_due) = (Some(base), true);
         Ok(Reply::ACK)
     }
 
@@ -70,8 +30,9 @@ impl<const N: usize> Responder<N> {
     /// # Errors
     /// [`Nack::NO_BASE`] if no base is configured, [`Nack::NOT_MEASURED`] until control has applied the configuration.
     pub(super) fn odometry(&self, snapshot: &Snapshot<N>) -> Result<OdometryReport, Nack> {
-        let settings = self.base.settings.ok_or(Nack::NO_BASE)?;
-        let state = snapshot.base.filter(|_| self.base.state == State::InForce).ok_or(Nack::NOT_MEASURED)?;
+        let settings = self.base.ok_or(Nack::NO_BASE)?;
+        let in_force = !self.base_due && self.base_awaited.is_none();
+        let state = snapshot.base.filter(|_| in_force).ok_or(Nack::NOT_MEASURED)?;
         let mut counts = [0; 2];
         for ((counts, wheel), correction) in counts.iter_mut().zip(settings.wheels).zip(state.correction) {
             let wheel = usize::from(wheel);

@@ -19,7 +19,6 @@
 //! A transfer always ends: a bus error or a time-out ends it with an error in [`I2cStatus`]. Hosts poll a transfer until its result
 //! comes, so errors of the bus are no refusals. The result of a transfer with an error has no bytes.
 
-use crate::devices::I2C_BUSES;
 use crate::protocol::answers::{I2cRead, I2cStatus, I2cWritten};
 use crate::protocol::payload::Text;
 use crate::protocol::pins::{I2cBus, ToPin};
@@ -58,15 +57,12 @@ enum State {
     Finished(Kind, I2cRead),
 }
 
+/// The transfers of one I2C bus.
 #[derive(Clone, Debug, Default)]
-struct Bus {
+pub struct Transfers {
     state: State,
     fast: bool,
 }
-
-/// State of all I2C buses.
-#[derive(Clone, Debug, Default)]
-pub struct Buses([Bus; I2C_BUSES]);
 
 impl Transfer {
     fn kind(&self) -> Kind {
@@ -74,30 +70,28 @@ impl Transfer {
     }
 }
 
-impl Buses {
-    /// Executes a request to a bus.
+impl Transfers {
+    /// Executes a request to the bus.
     ///
     /// # Errors
     /// Returns why the request is refused. Nothing has changed then.
     pub fn receive(&mut self, request: &ToPin) -> Result<Reply, Nack> {
-        let bus = bus_of(request).ok_or(Nack::UNSUPPORTED)?;
-        let bus = self.0.get_mut(usize::from(bus.get())).ok_or(Nack::parameter(0))?;
-        let fast = bus.fast;
+        let fast = self.fast;
         let transfer = |address: u8, write: &[u8], read| {
             let write = Text::from_slice(write).unwrap_or_default();
             Transfer { address, fast, write, read }
         };
         match *request {
-            ToPin::SetI2cSpeed { fast, .. } => bus.fast = fast,
-            ToPin::I2cSpeed { .. } => return Ok(Reply::data(&bus.fast)),
+            ToPin::SetI2cSpeed { fast, .. } => self.fast = fast,
+            ToPin::I2cSpeed { .. } => return Ok(Reply::data(&self.fast)),
             ToPin::PollI2cRead { .. } => {
-                return bus.result().and_then(|(kind, result)| match kind {
+                return self.result().and_then(|(kind, result)| match kind {
                     Kind::Read => Ok(Reply::data(result)),
                     Kind::Write(_) => Err(Nack::I2C_OTHER_TRANSFER),
                 });
             }
             ToPin::PollI2cWrite { .. } => {
-                return bus.result().and_then(|(kind, result)| match kind {
+                return self.result().and_then(|(kind, result)| match kind {
                     Kind::Read => Err(Nack::I2C_OTHER_TRANSFER),
                     Kind::Write(count) => {
                         let status = result.status;
@@ -106,52 +100,36 @@ impl Buses {
                     }
                 });
             }
-            ToPin::WriteI2cByte { address, byte, .. } => bus.start(transfer(address.get(), &[byte], 0))?,
+            ToPin::WriteI2cByte { address, byte, .. } => self.start(transfer(address.get(), &[byte], 0))?,
             ToPin::WriteI2c { ref bytes, .. } if bytes.is_empty() => return Err(Nack::parameter(2)),
-            ToPin::WriteI2c { address, ref bytes, .. } => bus.start(transfer(address.get(), bytes, 0))?,
-            ToPin::ReadI2cByte { address, .. } => bus.start(transfer(address.get(), &[], 1))?,
-            ToPin::ReadI2c { address, count, .. } => bus.start(transfer(address.get(), &[], count.get()))?,
+            ToPin::WriteI2c { address, ref bytes, .. } => self.start(transfer(address.get(), bytes, 0))?,
+            ToPin::ReadI2cByte { address, .. } => self.start(transfer(address.get(), &[], 1))?,
+            ToPin::ReadI2c { address, count, .. } => self.start(transfer(address.get(), &[], count.get()))?,
             ToPin::ReadI2cRegister { address, count, register, .. } => {
-                bus.start(transfer(address.get(), &[register], count.get()))?;
+                self.start(transfer(address.get(), &[register], count.get()))?;
             }
             _ => return Err(Nack::UNSUPPORTED),
         }
         Ok(Reply::ACK)
     }
 
-    /// Returns the next transfer for the task of a bus. `None` if no new transfer was requested.
-    pub fn take_request(&mut self, bus: usize) -> Option<Transfer> {
-        let Bus { state, .. } = self.0.get_mut(bus)?;
-        let State::Requested(transfer) = state else { return None };
+    /// Returns the next transfer for the task of the bus. `None` if no new transfer was requested.
+    pub fn take_request(&mut self) -> Option<Transfer> {
+        let State::Requested(transfer) = &self.state else { return None };
         let running = State::Running(transfer.kind());
-        let State::Requested(transfer) = mem::replace(state, running) else { return None };
+        let State::Requested(transfer) = mem::replace(&mut self.state, running) else { return None };
         Some(transfer)
     }
 
-    /// Stores the result of the transfer that runs on a bus.
-    pub fn done(&mut self, bus: usize, result: I2cRead) {
-        if let Some(Bus { state, .. }) = self.0.get_mut(bus)
-            && let State::Running(kind) = *state
-        {
-            *state = State::Finished(kind, result);
+    /// Stores the result of the running transfer.
+    pub fn done(&mut self, result: I2cRead) {
+        if let State::Running(kind) = self.state {
+            self.state = State::Finished(kind, result);
         }
     }
 
-    /// Returns the bus whose running transfer the answer to a request depends on. `None` if no such transfer is running.
-    pub fn awaited(&self, request: &ToPin) -> Option<usize> {
-        let sets_speed = matches!(request, ToPin::SetI2cSpeed { .. } | ToPin::I2cSpeed { .. });
-        let bus = usize::from(bus_of(request).filter(|_| !sets_speed)?.get());
-        self.0.get(bus).filter(|bus| bus.is_running()).map(|_| bus)
-    }
-
-    /// True while a transfer is running on any bus.
-    pub fn any_running(&self) -> bool {
-        self.0.iter().any(Bus::is_running)
-    }
-}
-
-impl Bus {
-    const fn is_running(&self) -> bool {
+    /// True while a transfer is requested or running.
+    pub(super) const fn is_running(&self) -> bool {
         matches!(self.state, State::Requested(_) | State::Running(_))
     }
 

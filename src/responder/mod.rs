@@ -56,16 +56,15 @@ mod store;
 mod update;
 
 use crate::chain::Chain;
-use crate::devices::{AnalogReadings, Equipment, SERVOS, ServoPulse};
+use crate::devices::I2C_BUSES;
 use crate::extension::group::{GroupCourse, GroupState};
 use crate::extension::record::{Entries, Ticks};
 use crate::extension::report::{BusReport, Commands, HubReport};
 use crate::extension::settings::Values;
 use crate::extension::{self, HubFunction, MotorFunction, Request};
-use crate::group::GroupCommand;
+use crate::group::{BaseSettings, GroupCommand};
 use crate::hub::{Action, Bus, Command, Snapshot};
 use crate::motor::{Report, Setpoint, Settings};
-use crate::protocol::answers::I2cRead;
 use crate::protocol::answers::{Bulk, Status, Version};
 use crate::protocol::motor::ToMotor;
 use crate::protocol::payload::{Payload, Text};
@@ -78,14 +77,13 @@ use crate::record::Record;
 use crate::supply::BusReading;
 use crate::units::{CountsPerSecond, Microjoules, Micros, Milliamperes, Share};
 use crate::update::Update;
-use base::BaseCommand;
 use converter::Converter;
 use group::Courses;
-use i2c::{Buses, Transfer};
+use i2c::Transfers;
 use keep_alive::KeepAlive;
 use led::Led;
 use motor::MotorChannel;
-use outputs::{DigitalLines, Outputs};
+use outputs::Outputs;
 use store::Memory;
 
 /// The version text. It begins with the versions of REV's hardware and firmware that the hub is compatible with. Hosts derive the
@@ -150,16 +148,26 @@ pub struct Responder<const N: usize> {
     update: Option<Update>,
     /// Version of new firmware that a host has announced last. Empty before.
     announced_version: Text,
-    /// The hubs behind this hub. `None` on a board without a chain line.
-    chain: Option<Chain>,
+    /// The hubs behind this hub, at the parent's end of the chain line. `None` on a board without a chain line.
+    pub chain: Option<Chain>,
     courses: Courses<N>,
-    base: BaseCommand,
+    /// The newest configuration of the drive base. `None` until a host configures the base.
+    base: Option<BaseSettings>,
+    /// True if the configuration of the base must still be sent to control.
+    base_due: bool,
+    /// Number of the command that configures the base. `None` once a snapshot includes the command.
+    base_awaited: Option<u32>,
     /// Number of the newest sent command. `None` before the first command, and once a snapshot includes the command.
     awaited: Option<u32>,
-    outputs: Outputs,
-    converter: Converter,
-    i2c: Buses,
-    bus: BusReading,
+    /// Digital pins, servo outputs, and what the board has besides motors. A new responder has no equipment, and refuses requests to
+    /// pins, outputs, analog inputs and I2C buses.
+    pub outputs: Outputs,
+    /// The newest readings of the board's converters.
+    pub converter: Converter,
+    /// The I2C buses, with the transfers for their tasks.
+    pub i2c: [Transfers; I2C_BUSES],
+    /// The newest reading of the bus that battery and bridges share.
+    pub bus: BusReading,
     led: Led,
     phone_charge: bool,
     ftdi_reset: bool,
@@ -182,11 +190,13 @@ impl<const N: usize> Responder<N> {
             announced_version: Text::new(),
             chain: None,
             courses: Courses::NONE,
-            base: BaseCommand::default(),
+            base: None,
+            base_due: false,
+            base_awaited: None,
             awaited: None,
             outputs: Outputs::default(),
             converter: Converter::default(),
-            i2c: Buses::default(),
+            i2c: Default::default(),
             bus: BusReading::INITIAL,
             led: Led::default(),
             phone_charge: false,
@@ -199,11 +209,6 @@ impl<const N: usize> Responder<N> {
     pub fn with_chain(mut self) -> Self {
         self.chain = Some(Chain::new());
         self
-    }
-
-    /// Returns the parent's end of the chain line. `None` on a board without a chain line.
-    pub const fn chain(&mut self) -> Option<&mut Chain> {
-        self.chain.as_mut()
     }
 
     /// Takes a packet from the chain line that is not a request to this hub. Returns the packet if it must go up to the host.
@@ -227,61 +232,15 @@ impl<const N: usize> Responder<N> {
         !self.keep_alive.host_spoke() && !self.awaits_store()
     }
 
-    /// Returns the command to the digital pins.
-    pub const fn digital_lines(&self) -> DigitalLines {
-        self.outputs.lines()
-    }
-
-    /// Stores the levels of the digital pins. Bit i stands for pin i. Before the first call all levels are 1.
-    pub const fn sense_pins(&mut self, levels: u8) {
-        self.outputs.sense(levels);
-    }
-
-    /// Stores what the board has besides motors. Before the first call the hub has nothing else, and refuses requests to pins,
-    /// outputs, analog inputs and I2C buses.
-    pub const fn equip(&mut self, equipment: Equipment) {
-        self.outputs.equipment = equipment;
-    }
-
-    /// Returns the pulses of all servo outputs if they have changed since the last call.
-    pub fn new_servo_pulses(&mut self) -> Option<[Option<ServoPulse>; SERVOS]> {
-        self.outputs.new_servo_pulses()
-    }
-
-    /// Stores the newest readings of the board's converters.
-    pub const fn sense_analog(&mut self, readings: AnalogReadings) {
-        self.converter.readings = readings;
-    }
-
-    /// Stores the newest currents of the supplies for digital pins, I2C buses and servos. `None` if the board does not measure them.
-    pub const fn sense_supply_currents(&mut self, currents: Option<[Milliamperes; 3]>) {
-        self.converter.supply_currents = currents;
-    }
-
-    /// Returns the next transfer for the task of an I2C bus. `None` if no new transfer was requested.
-    pub fn next_transfer(&mut self, bus: usize) -> Option<Transfer> {
-        self.i2c.take_request(bus)
-    }
-
-    /// Stores the result of the transfer that runs on an I2C bus.
-    pub fn transfer_done(&mut self, bus: usize, result: I2cRead) {
-        self.i2c.done(bus, result);
-    }
-
     /// Returns the I2C bus whose running transfer the answer to a packet depends on. `None` if there is no such transfer.
     pub fn awaited_transfer(&self, packet: &Packet) -> Option<usize> {
-        if packet.destination != self.address.get() || !self.i2c.any_running() {
+        if packet.destination != self.address.get() || !self.i2c.iter().any(Transfers::is_running) {
             return None;
         }
-        match Request::read(packet, N.min(CHANNELS)) {
-            Ok(Request::ToPin(request)) => self.i2c.awaited(&request),
-            _ => None,
-        }
-    }
-
-    /// Stores the newest reading of the bus.
-    pub const fn sense_bus(&mut self, bus: BusReading) {
-        self.bus = bus;
+        let Ok(Request::ToPin(request)) = Request::read(packet, N.min(CHANNELS)) else { return None };
+        let sets_speed = matches!(request, ToPin::SetI2cSpeed { .. } | ToPin::I2cSpeed { .. });
+        let bus = usize::from(i2c::bus_of(&request).filter(|_| !sets_speed)?.get());
+        self.i2c.get(bus).filter(|transfers| transfers.is_running()).map(|_| bus)
     }
 
     /// Returns the colour of the status LED.
@@ -302,7 +261,7 @@ impl<const N: usize> Responder<N> {
         self.keep_alive.battery(snapshot.battery_low());
         self.awaited.take_if(|number| snapshot.includes(*number));
         self.channels.iter_mut().for_each(|channel| channel.note_snapshot(snapshot.commands));
-        self.base.note_snapshot(snapshot.commands);
+        self.base_awaited.take_if(|number| snapshot.includes(*number));
         if self.keep_alive.ran_out(now) {
             self.channels.iter_mut().for_each(MotorChannel::fail_safe);
             self.release_groups_and_outputs();
@@ -375,7 +334,7 @@ impl<const N: usize> Responder<N> {
             let action = self.channels.get(motor)?.pending()?;
             return Some(Command { motor, action });
         }
-        if let Some(base) = self.base.pending() {
+        if let Some(base) = self.base.filter(|_| self.base_due) {
             return Some(Command { motor: 0, action: Action::Base(base) });
         }
         self.courses.next().map(|(motor, command)| Command { motor, action: Action::Lead(command) })
@@ -387,8 +346,8 @@ impl<const N: usize> Responder<N> {
         self.awaited = Some(number);
         if let Some(channel) = self.next_channel().and_then(|motor| self.channels.get_mut(motor)) {
             channel.sent(number);
-        } else if self.base.pending().is_some() {
-            self.base.sent(number);
+        } else if self.base_due {
+            (self.base_due, self.base_awaited) = (false, Some(number));
         } else if let Some(command) = self.courses.sent() {
             for (channel, member) in self.channels.iter_mut().zip(command.course.members()) {
                 if member {
@@ -578,7 +537,7 @@ impl<const N: usize> Responder<N> {
     fn pin(&mut self, request: &ToPin, snapshot: &Snapshot<N>) -> Result<Reply, Nack> {
         match i2c::bus_of(request) {
             Some(bus) if bus.get() >= self.outputs.equipment.i2c => Err(Nack::UNSUPPORTED),
-            Some(_) => self.i2c.receive(request),
+            Some(bus) => self.i2c.get_mut(usize::from(bus.get())).ok_or(Nack::parameter(0))?.receive(request),
             None => self.outputs.receive(request, snapshot.good_battery().is_some()),
         }
     }

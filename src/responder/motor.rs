@@ -66,18 +66,13 @@ pub struct MotorChannel {
     offset: i32,
     /// The motor's counts at the last request of REV's protocol to this motor. A target is converted to a distance from here.
     last_position: i32,
-    pending: Pending,
-}
-
-/// Commands that must still be sent to the motor, in this order.
-#[derive(Clone, Copy, Debug, Default)]
-struct Pending {
-    /// The set-point of a release. A release is sent also to a disabled motor, because a release clears latched faults.
-    release: Option<Setpoint>,
-    /// True if the settings must be sent.
-    configure: bool,
+    /// The set-point of a release that must be sent, before the settings. A release is sent also to a disabled motor, because a
+    /// release clears latched faults.
+    release_due: Option<Setpoint>,
+    /// True if the settings must be sent, before the motor's own set-point.
+    settings_due: bool,
     /// True if the motor's own set-point must be sent. Its present value is sent, also if it has changed meanwhile.
-    set: bool,
+    target_due: bool,
 }
 
 impl MotorChannel {
@@ -94,7 +89,9 @@ impl MotorChannel {
             awaited: None,
             offset: 0,
             last_position: 0,
-            pending: Pending { release: None, configure: false, set: false },
+            release_due: None,
+            settings_due: false,
+            target_due: false,
         }
     }
 
@@ -107,7 +104,7 @@ impl MotorChannel {
         match request {
             ToMotor::SetMode { mode } => {
                 self.settings.set_channel_mode(mode);
-                self.pending.configure = true;
+                self.settings_due = true;
                 self.retarget();
             }
             ToMotor::SetEnable { on: false } => self.disable(),
@@ -132,11 +129,11 @@ impl MotorChannel {
             ToMotor::SetPid { of, p, i, d } => {
                 let terms = Terms::Pid;
                 self.settings.set_coefficients(of, Coefficients { p, i, d, f: Coefficient::ZERO, terms });
-                self.pending.configure = true;
+                self.settings_due = true;
             }
             ToMotor::SetPidf { of, coefficients } => {
                 self.settings.set_coefficients(of, coefficients);
-                self.pending.configure = true;
+                self.settings_due = true;
             }
             ToMotor::Mode => return Ok(Reply::data(&self.settings.channel_mode())),
             ToMotor::Enable => return Ok(Reply::data(&self.enabled)),
@@ -166,7 +163,7 @@ impl MotorChannel {
     /// Refuses values that do not fit the other settings, see [`Values::apply_to`].
     pub fn set(&mut self, values: &Values) -> Result<(), Nack> {
         self.settings = values.apply_to(&self.settings)?;
-        self.pending.configure = true;
+        self.settings_due = true;
         Ok(())
     }
 
@@ -242,8 +239,8 @@ impl MotorChannel {
     const fn release(&mut self, setpoint: Setpoint) {
         self.function = None;
         self.in_group = false;
-        self.pending.release = Some(setpoint);
-        self.pending.set = false;
+        self.release_due = Some(setpoint);
+        self.target_due = false;
     }
 
     /// Ends an identification, a constant current or a group's course. For an enabled motor, makes the target of its mode
@@ -251,7 +248,7 @@ impl MotorChannel {
     const fn retarget(&mut self) {
         self.function = None;
         self.in_group = false;
-        self.pending.set = self.enabled;
+        self.target_due = self.enabled;
     }
 
     /// Returns the motor's own set-point: the identification, the constant current, or the target of the present mode. `None` if
@@ -278,16 +275,16 @@ impl MotorChannel {
 
     /// True if a command to the motor is pending.
     pub(super) const fn is_pending(&self) -> bool {
-        self.has_new_target() || self.pending.configure
+        self.has_new_target() || self.settings_due
     }
 
     /// Returns the next command to the motor. After sending the command, call [`sent`](Self::sent).
     pub fn pending(&self) -> Option<Action> {
-        if let Some(release) = self.pending.release {
+        if let Some(release) = self.release_due {
             Some(Action::Set(release))
-        } else if self.pending.configure {
+        } else if self.settings_due {
             Some(Action::Configure(self.settings.motor))
-        } else if self.pending.set {
+        } else if self.target_due {
             // An enabled motor whose new mode has no target coasts until a host sets one.
             Some(Action::Set(self.target().unwrap_or_default()))
         } else {
@@ -297,13 +294,13 @@ impl MotorChannel {
 
     /// Removes the command that [`pending`](Self::pending) returns, because it was sent with this number.
     pub const fn sent(&mut self, number: u32) {
-        if self.pending.release.is_some() {
-            self.pending.release = None;
+        if self.release_due.is_some() {
+            self.release_due = None;
             self.awaited = Some(number);
-        } else if self.pending.configure {
-            self.pending.configure = false;
+        } else if self.settings_due {
+            self.settings_due = false;
         } else {
-            self.pending.set = false;
+            self.target_due = false;
             self.awaited = Some(number);
         }
     }
@@ -331,19 +328,19 @@ impl MotorChannel {
 
     /// True if a release is pending. A release is sent before the commands of all other motors.
     pub const fn urgent(&self) -> bool {
-        self.pending.release.is_some()
+        self.release_due.is_some()
     }
 
     /// Replaces the motor's own set-point by a group's course.
     pub(super) const fn join(&mut self) {
         self.function = None;
-        self.pending.set = false;
+        self.target_due = false;
         self.in_group = true;
     }
 
     /// True if a release or the motor's own set-point is pending.
     pub(super) const fn has_new_target(&self) -> bool {
-        self.pending.set || self.urgent()
+        self.target_due || self.urgent()
     }
 
     /// Converts a target from the host's counts to the motor's counts. The motor is at `position` in its own counts.
@@ -369,7 +366,7 @@ impl MotorChannel {
     /// Replaces all settings. Targets and the offset of the host's counts do not change. The motor must be disabled.
     pub(super) const fn restore(&mut self, settings: MotorSettings) {
         self.settings = settings;
-        self.pending.configure = true;
+        self.settings_due = true;
     }
 
     /// True from a valid *set enable* until a host or fail-safe disables the motor.

@@ -72,9 +72,9 @@ pub struct Outputs {
     /// Bit i is set if pin i is an output, released or not.
     outputs: u8,
     /// The command to the pins.
-    lines: DigitalLines,
-    /// Bit i is set if pin i was high when the board last read the pins.
-    sensed: u8,
+    pub lines: DigitalLines,
+    /// Levels of the pins when the board last read them. Bit i is set if pin i was high. After a reset all bits are set.
+    pub sensed: u8,
     /// What the board has.
     pub equipment: Equipment,
     servos: [Servo; SERVOS],
@@ -97,16 +97,6 @@ impl Default for Outputs {
 }
 
 impl Outputs {
-    /// Stores the levels of all pins. Bit i stands for pin i.
-    pub const fn sense(&mut self, levels: u8) {
-        self.sensed = levels;
-    }
-
-    /// Returns the command to the pins.
-    pub const fn lines(&self) -> DigitalLines {
-        self.lines
-    }
-
     /// Returns the levels of the inputs. The bits of outputs, and of pins that the board does not have, are 0.
     pub const fn inputs(&self) -> u8 {
         self.sensed & !self.outputs & self.equipment.digital

@@ -44,10 +44,6 @@ pub(super) struct Memory {
     /// Result of the last access.
     outcome: Outcome,
     phase: Phase,
-    /// Number of entries in the record that this firmware does not know.
-    unknown: u8,
-    /// Number of entries in the record that this firmware refuses.
-    refused: u8,
     /// True if the address in force must still be stored.
     address_due: bool,
 }
@@ -78,8 +74,7 @@ enum Access {
 
 impl Memory {
     fn new(found: Found) -> Self {
-        let (outcome, phase) = (Outcome::None, Phase::Idle);
-        Self { found, outcome, phase, unknown: 0, refused: 0, address_due: false }
+        Self { found, outcome: Outcome::None, phase: Phase::Idle, address_due: false }
     }
 
     /// Returns why the contents of the memory prevent a save. `None` if a save is possible. The contents never prevent a reset.
@@ -104,8 +99,7 @@ impl<const N: usize> Responder<N> {
             self.address = self.boot_address(&found.record);
             self.restore_settings(&found.record);
         }
-        let (unknown, refused) = count(&found.record, &self.channels);
-        self.memory = Some(Memory { unknown, refused, ..Memory::new(found) });
+        self.memory = Some(Memory::new(found));
     }
 
     /// Makes the responder wait for [`restore`](Self::restore): [`awaits_store`](Self::awaits_store) returns true until then.
@@ -139,7 +133,7 @@ impl<const N: usize> Responder<N> {
         let access = match request {
             HubFunction::Save => {
                 memory.refusal().map_or(Ok(()), Err)?;
-                self.record(&memory.found.record).map_err(|_| Nack::STORE_FULL)?;
+                self.record(&memory.found.record, Access::Save).map_err(|_| Nack::STORE_FULL)?;
                 Access::Save
             }
             _ if !self.is_off(snapshot) => return Err(Nack::MOTOR_ENABLED),
@@ -187,12 +181,7 @@ impl<const N: usize> Responder<N> {
             Phase::Idle if may_erase || memory.outcome != Outcome::NeedsErase => Access::SaveAddress,
             Phase::Idle => return None,
         };
-        let record = match access {
-            Access::Load => Ok(None),
-            Access::Save => self.record(stored).map(Some),
-            Access::SaveAddress => self.record_with_address(stored).map(Some),
-            Access::Reset => Ok(Some(SettingsRecord::new(stored.number().wrapping_add(1)))),
-        };
+        let record = self.record(stored, access);
         let erase_first = memory.found.stored == Stored::Damaged && access == Access::Reset;
         let memory = self.memory.as_mut()?;
         let Ok(record) = record else {
@@ -225,8 +214,7 @@ impl<const N: usize> Responder<N> {
         if load {
             self.restore_settings(&found.record);
         }
-        let (unknown, refused) = count(&found.record, &self.channels);
-        self.memory = Some(Memory { outcome, unknown, refused, address_due, ..Memory::new(found) });
+        self.memory = Some(Memory { outcome, address_due, ..Memory::new(found) });
     }
 
     /// The refusal of a request that needs a memory, while there is none or it has not reported.
@@ -245,7 +233,11 @@ impl<const N: usize> Responder<N> {
     /// Returns [`Nack::UNSUPPORTED`] if the hub has no memory, and [`Nack::STORE_BUSY`] before the memory has reported.
     pub(super) fn store_report(&self) -> Result<StoreReport, Nack> {
         let memory = self.memory.as_ref().ok_or(self.no_memory())?;
-        let Memory { found: Found { stored, version, record }, outcome, unknown, refused, .. } = memory;
+        let Memory { found: Found { stored, version, record }, outcome, .. } = memory;
+        let count = |wanted: Option<bool>| {
+            let entries = record.entries().filter(|entry| is_accepted(entry, &self.channels) == wanted);
+            u8::try_from(entries.count()).unwrap_or(u8::MAX)
+        };
         let is_busy = memory.phase != Phase::Idle;
         let coefficients = |channel: &MotorChannel| channel.settings().motor.coefficients.is_some();
         let motors = self.channels.iter().take(CHANNELS).enumerate();
@@ -256,8 +248,8 @@ impl<const N: usize> Responder<N> {
             at_work: is_busy,
             outcome: *outcome,
             differs: self.changed && (is_busy || self.differs(record)),
-            unknown: *unknown,
-            refused: *refused,
+            unknown: count(None),
+            refused: count(Some(false)),
             coefficients: motors
                 .fold(0, |bits, (motor, channel)| bits | u8::from(coefficients(channel)) << motor),
         })
@@ -277,14 +269,23 @@ impl<const N: usize> Responder<N> {
             })
     }
 
-    /// Builds the next record from the settings in force. Stored entries that this firmware does not know are copied.
+    /// Builds the record that an access writes. `None` for a load.
     ///
     /// # Errors
     /// Returns [`CapacityError`] if the record has no room.
-    fn record(&self, stored: &SettingsRecord) -> Result<SettingsRecord, CapacityError> {
+    fn record(
+        &self,
+        stored: &SettingsRecord,
+        access: Access,
+    ) -> Result<Option<SettingsRecord>, CapacityError> {
         let mut record = SettingsRecord::new(stored.number().wrapping_add(1));
-        record.push(ADDRESS, &[self.address.get()])?;
-        for (motor, channel) in (0..).zip(&self.channels) {
+        match access {
+            Access::Load => return Ok(None),
+            Access::Reset => return Ok(Some(record)),
+            Access::Save | Access::SaveAddress => record.push(ADDRESS, &[self.address.get()])?,
+        }
+        let all = access == Access::Save;
+        for (motor, channel) in (0..).zip(&self.channels).filter(|_| all) {
             let settings = channel.settings();
             for group in Group::ALL.into_iter().filter(|group| group.is_configured(settings)) {
                 let fields = payload(motor, &Values::of(group, settings));
@@ -296,23 +297,14 @@ impl<const N: usize> Responder<N> {
                 record.push(group.set_id(), &entry)?;
             }
         }
-        for entry in stored.entries().filter(|entry| is_accepted(entry, &self.channels).is_none()) {
+        let is_kept = |entry: &Entry<'_>| match all {
+            true => is_accepted(entry, &self.channels).is_none(),
+            false => entry.id != ADDRESS,
+        };
+        for entry in stored.entries().filter(is_kept) {
             record.push(entry.id, entry.payload)?;
         }
-        Ok(record)
-    }
-
-    /// Builds the next record from the stored entries and the address in force.
-    ///
-    /// # Errors
-    /// Returns [`CapacityError`] if the record has no room.
-    fn record_with_address(&self, stored: &SettingsRecord) -> Result<SettingsRecord, CapacityError> {
-        let mut record = SettingsRecord::new(stored.number().wrapping_add(1));
-        record.push(ADDRESS, &[self.address.get()])?;
-        for entry in stored.entries().filter(|entry| entry.id != ADDRESS) {
-            record.push(entry.id, entry.payload)?;
-        }
-        Ok(record)
+        Ok(Some(record))
     }
 
     /// Puts in force the settings that the motors would have after a restart with this record.
@@ -392,13 +384,4 @@ fn is_accepted(entry: &Entry<'_>, channels: &[MotorChannel]) -> Option<bool> {
     let settings = channels.get(usize::from(motor))?.settings();
     let group = Group::ALL.into_iter().find(|group| sets(entry, motor, *group))?;
     Some(values_of(entry, motor, group, settings).is_ok())
-}
-
-/// Counts the entries that this firmware does not know, and the entries that it refuses.
-fn count(record: &SettingsRecord, channels: &[MotorChannel]) -> (u8, u8) {
-    record.entries().fold((0u8, 0u8), |(unknown, refused), entry| match is_accepted(&entry, channels) {
-        None => (unknown.saturating_add(1), refused),
-        Some(false) => (unknown, refused.saturating_add(1)),
-        Some(true) => (unknown, refused),
-    })
 }

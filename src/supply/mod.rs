@@ -46,7 +46,7 @@ pub use bus_state::{BusReading, BusState};
 pub use limits::{Levels, Limits};
 pub use thermometer::Thermometer;
 pub use undervoltage::DrawStage;
-pub use vrefint::{VrefintCalibration, VrefintSample, VrefintScale};
+pub use vrefint::{VrefintCalibration, VrefintScale};
 
 use crate::units::{Micros, Millivolts, Share};
 use core::ops::RangeInclusive;

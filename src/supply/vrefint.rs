@@ -10,16 +10,6 @@ use crate::units::{Millivolts, RangeError};
 /// V. A VREFINT reading that means another rail voltage is invalid.
 const RAIL_MV: core::ops::RangeInclusive<i64> = 1700..=3700;
 
-/// One pair of ADC readings, right-aligned.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct VrefintSample {
-    /// Reading of the battery's voltage divider.
-    pub battery: u16,
-    /// Reading of the internal reference.
-    pub vrefint: u16,
-}
-
 /// Factory calibration of a chip's internal reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VrefintCalibration {
@@ -77,11 +67,12 @@ impl VrefintScale {
         Ok(Self { calibration, ratio, counts_per_mv })
     }
 
-    /// Returns the battery's voltage. `None` if the reading of the reference is 0 or means a rail that the chip cannot
+    /// Returns the battery's voltage from the readings of the voltage divider and of the internal reference, both
+    /// right-aligned. `None` if the reading of the reference is 0 or means a rail that the chip cannot
     /// run from, or if the battery's voltage exceeds 65.535 V.
-    pub fn battery(self, sample: VrefintSample) -> Option<Millivolts> {
+    pub fn battery(self, divider: u16, vrefint: u16) -> Option<Millivolts> {
         let full_scale = (1_i64 << self.calibration.bits) - 1;
-        let reference = i64::from(sample.vrefint).min(full_scale);
+        let reference = i64::from(vrefint).min(full_scale);
         if reference == 0 {
             return None;
         }
@@ -92,7 +83,7 @@ impl VrefintScale {
         }
         // The product of three 16-bit factors and a ratio of up to 42 bits can exceed 64 bits. A saturated product means a
         // voltage above 65.535 V, which is refused.
-        let pin = i64::from(sample.battery).min(full_scale) * calibration_product;
+        let pin = i64::from(divider).min(full_scale) * calibration_product;
         let mv = (pin.saturating_mul(self.ratio) / (full_scale * reference)) >> 10;
         u16::try_from(mv).ok().map(Millivolts::new)
     }

@@ -53,7 +53,7 @@ pub async fn run<M: RawMutex, const N: usize>(
     wires: &Wires<M, N>,
     show: impl FnMut(Colour),
 ) {
-    responder.equip(devices.equipment());
+    responder.outputs.equipment = devices.equipment();
     let mut service = Service::new(responder, devices, wires, show);
     service.await_store().await;
     let mut decoder = Decoder::new();
@@ -203,8 +203,8 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
         if let Some(request) = responder.update_request() {
             wires.update.request.signal(request);
         }
-        for (bus, channel) in wires.i2c.iter().enumerate() {
-            if let Some(transfer) = responder.next_transfer(bus) {
+        for (bus, channel) in responder.i2c.iter_mut().zip(&wires.i2c) {
+            if let Some(transfer) = bus.take_request() {
                 channel.request.signal(transfer);
             }
         }
@@ -217,7 +217,7 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
             command = responder.pending();
         }
         (self.show)(responder.led(now));
-        if let Some(servos) = responder.new_servo_pulses() {
+        if let Some(servos) = responder.outputs.new_servo_pulses() {
             self.devices.set_servos(&servos);
         }
         self.exchange_pins();
@@ -230,9 +230,9 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
         self.exchange_pins();
         self.update_snapshot();
         let Self { responder, devices, wires, snapshot, .. } = self;
-        responder.sense_analog(devices.analog());
-        responder.sense_supply_currents(devices.supply_currents());
-        responder.sense_bus(wires.bus.lock(Cell::get));
+        responder.converter.readings = devices.analog();
+        responder.converter.supply_currents = devices.supply_currents();
+        responder.bus = wires.bus.lock(Cell::get);
         take_update_result(responder, wires);
         wires.record.lock(|record| {
             // No task keeps the borrow across an await, so the borrow succeeds.
@@ -246,23 +246,23 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
     /// end of the transfer, or for [`TRANSFER_WAIT`].
     async fn await_transfer(&mut self, packet: &Packet) {
         let wires = self.wires;
-        for (bus, channel) in wires.i2c.iter().enumerate() {
+        for (bus, channel) in self.responder.i2c.iter_mut().zip(&wires.i2c) {
             if let Some(result) = channel.done.try_take() {
-                self.responder.transfer_done(bus, result);
+                bus.done(result);
             }
         }
         let Some(bus) = self.responder.awaited_transfer(packet) else { return };
         let Some(channel) = wires.i2c.get(bus) else { return };
         let result = select3(self.attend(), channel.done.wait(), Timer::after(TRANSFER_WAIT)).await;
-        if let Either3::Second(result) = result {
-            self.responder.transfer_done(bus, result);
+        if let (Either3::Second(result), Some(bus)) = (result, self.responder.i2c.get_mut(bus)) {
+            bus.done(result);
         }
     }
 
     /// Drives the digital outputs, and reads the levels of all pins.
     fn exchange_pins(&mut self) {
-        let DigitalLines { driven, levels } = self.responder.digital_lines();
-        self.responder.sense_pins(self.devices.exchange(driven, levels));
+        let DigitalLines { driven, levels } = self.responder.outputs.lines;
+        self.responder.outputs.sensed = self.devices.exchange(driven, levels);
     }
 
     /// Takes the newest snapshot. A motor whose encoder has a newer sample gets position and velocity of the sample.
@@ -288,7 +288,7 @@ fn attend_chain<M: RawMutex, const N: usize>(now: Micros, responder: &mut Respon
     if wires.chain.sent.try_take().is_some() {
         note_sent_on_chain(responder);
     }
-    let Some(chain) = responder.chain() else { return };
+    let Some(chain) = &mut responder.chain else { return };
     // An answer that has arrived must be taken before its time is over.
     if !wires.chain.received.is_empty() || wires.chain.send.is_full() {
         return;
@@ -302,7 +302,7 @@ fn attend_chain<M: RawMutex, const N: usize>(now: Micros, responder: &mut Respon
 }
 
 fn note_sent_on_chain<const N: usize>(responder: &mut Responder<N>) {
-    if let Some(chain) = responder.chain() {
+    if let Some(chain) = &mut responder.chain {
         chain.sent(now());
     }
 }

@@ -144,26 +144,27 @@ impl<F: NorFlash> Keeper<F> {
     /// The map cannot recognise a page that is erased in part. It would treat the page as blank, or as one of the two pages of an
     /// interrupted move.
     async fn repair(&mut self) -> Result<(), FlashError<F::Error>> {
-        // Marks of the pages in use; `None` for a page that is blank or has been erased here.
+        // For each page in use, true if the page is full; `None` for a page that is blank or has been erased here.
         let mut in_use = [None; 2];
         let pages = self.pages();
         for (in_use, page) in in_use.iter_mut().zip(&pages) {
             let flash = &mut self.flash;
-            let marks = flash.marks(page).await?;
-            if marks.begun {
-                *in_use = Some(marks);
-            } else if marks.full || !flash.is_blank(page).await? {
+            let begun = flash.is_marked(page.start).await?;
+            let full = flash.is_marked(page.end - F::READ_SIZE as u32).await?;
+            if begun {
+                *in_use = Some(full);
+            } else if full || !flash.is_blank(page).await? {
                 flash.erase(page.start, page.end).await?;
             }
         }
         // If both pages are in use, a move or an erasure was interrupted. The page with the older save is erased. If both have
         // the same save, the page with fewer copies is erased. If these numbers are equal too, the full page is erased.
-        let ([first, second], [Some(first_marks), Some(second_marks)]) = (&pages, in_use) else {
+        let ([first, second], [Some(first_full), Some(second_full)]) = (&pages, in_use) else {
             return Ok(());
         };
         let contents = (self.content(first).await, self.content(second).await);
         let (Some(first_content), Some(second_content)) = contents else { return Ok(()) };
-        let second_has_less = (second_content, first_marks.full) < (first_content, second_marks.full);
+        let second_has_less = (second_content, first_full) < (first_content, second_full);
         let less = if second_has_less { second } else { first };
         self.flash.erase(less.start, less.end).await
     }
@@ -301,27 +302,11 @@ struct SharedFlash<F> {
     visible: Option<Range<u32>>,
 }
 
-/// The marks that the map writes to the first and to the last word of a page.
-#[derive(Clone, Copy)]
-struct PageMarks {
-    /// True if the first word is marked: the page is in use.
-    begun: bool,
-    /// True if the last word is marked: the page is full.
-    full: bool,
-}
-
 /// The map treats a word with at least this number of zero bits as marked. A mark is a byte of zeros, and half of its bits are
-/// enough.
+/// enough. The map marks the first word of a page in use, and the last word of a full page.
 const MARK_BITS: u32 = 4;
 
 impl<F: NorFlash> SharedFlash<F> {
-    /// Reads the marks of a page.
-    async fn marks(&mut self, page: &Range<u32>) -> Result<PageMarks, FlashError<F::Error>> {
-        let begun = self.is_marked(page.start).await?;
-        let full = self.is_marked(page.end - F::READ_SIZE as u32).await?;
-        Ok(PageMarks { begun, full })
-    }
-
     /// True if the word at this address is marked.
     async fn is_marked(&mut self, address: u32) -> Result<bool, FlashError<F::Error>> {
         let mut word = [0xFF; WORD_BYTES];

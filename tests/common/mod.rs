@@ -305,8 +305,8 @@ impl<const N: usize> Bench<N> {
         });
         let before: [f64; N] = std::array::from_fn(|motor| self.counts(motor));
         if self.axes.iter().any(|axis| axis.turned.is_none()) {
-            let flow = self.rig.run(Seconds(1e-3), &influences);
-            for (axis, flow) in self.axes.iter_mut().zip(flow.flows) {
+            let flows = self.rig.run(Seconds(1e-3), &influences);
+            for (axis, flow) in self.axes.iter_mut().zip(flows) {
                 axis.charge = flow.charge.0;
             }
         }

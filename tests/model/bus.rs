@@ -50,7 +50,7 @@ fn source_capacitor_winding_shaft_and_heat_balance_to_1e_9() {
         {
             let mut rig = spinning(0.7, kind);
             let before = rig.bus.expect("there").stored().0;
-            let flow = rig.run(Seconds(0.02), &[PlantInput::pwm(mode, duty)]).flows[0];
+            let flow = rig.run(Seconds(0.02), &[PlantInput::pwm(mode, duty)])[0];
             let bus = rig.bus.expect("there");
             // What left the source is in the capacitor and the winding, or became heat and motion.
             let found =
@@ -96,13 +96,13 @@ fn a_bridge_opens_on_over_voltage_and_stays_open_until_its_lines_change() {
     rig.run(Seconds(0.5), &braking);
     assert_eq!(rig.shutdowns(), [Shutdown::Over(State::BrakeLow, State::Coast)]);
     assert!(rig.range().1.0 < Protection::VNH5019.over.0 + 1.0, "{}", rig.range().1);
-    let coasting = rig.run(Seconds(0.1), &braking).flows[0];
+    let coasting = rig.run(Seconds(0.1), &braking)[0];
     assert!(coasting.shaft_work.0.abs() < 1e-6, "it brakes no more");
     // Other lines close it again, once the bus is down.
     rig.bus = Some(Bus::new(SOURCE, 1e-3));
     rig.run(Seconds(1e-3), &braking);
     assert_ne!(rig.shutdowns(), [Shutdown::None], "the same lines do not");
-    let driving = rig.run(Seconds(1e-3), &[PlantInput::pwm(Mode::Cw98, 1.0)]).flows[0];
+    let driving = rig.run(Seconds(1e-3), &[PlantInput::pwm(Mode::Cw98, 1.0)])[0];
     assert_eq!(rig.shutdowns(), [Shutdown::None]);
     assert!(driving.charge.0 > 0.0);
 }
@@ -122,7 +122,7 @@ fn a_bridge_opens_on_under_voltage_and_comes_back_with_hysteresis() {
 fn a_capacitor_that_is_drawn_on_recovers_by_its_source() {
     let mut rig = spinning(0.0, |_| ());
     let driving = [PlantInput::pwm(Mode::Cw98, 1.0)];
-    let flow: Flow = rig.run(Seconds(0.05), &driving).flows[0];
+    let flow: Flow = rig.run(Seconds(0.05), &driving)[0];
     let sag = 12.0 - rig.voltage().0;
     let drawn = flow.battery_charge() / 0.05;
     assert!(sag > 0.05 && (sag - drawn * 0.05).abs() < 0.1 * sag, "{sag} V at {drawn} A");

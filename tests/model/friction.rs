@@ -201,10 +201,14 @@ fn under_pulses_the_mean_torque_breaks_away() {
     for (percent, moves) in [(6.4, false), (6.6, true)] {
         let current = Amps(percent / 100.0 * BATTERY.0 / motor.r.0);
         let at = Conditions { battery: BATTERY, emf: Volts(0.0) };
-        let choice = circuit.duty_for_current(current, PWM, at);
-        assert!(choice.duty < 0.5, "pulses");
+        let pwm = circuit.duty_for_current(current, PWM, at);
+        assert!(pwm.duty < 0.5, "pulses");
         let mut plant = bare(motor);
-        plant.run(Seconds(0.1), PlantInput::pwm(choice.mode, choice.duty), BATTERY);
+        plant.run(
+            Seconds(0.1),
+            PlantInput { on: pwm.on, off: pwm.off, duty: pwm.duty, ..PlantInput::COAST },
+            BATTERY,
+        );
         assert_eq!(plant.speed().0 > 0.0, moves, "{percent} %");
     }
 }

@@ -82,7 +82,7 @@ fn a_base_is_refused_if_it_does_not_fit() {
     host.do_all(&[(15, &[1, 0, 0]), (10, &[1, 1])]);
     assert_eq!(set(&mut host, base([0, 1], true)), Said::Nack(60), "motor 1 is enabled");
     assert_eq!(set(&mut host, base([0, 2], true)), Said::Ack(0));
-    host.responder.equip(Equipment::default());
+    host.responder.outputs.equipment = Equipment::default();
     assert_eq!(set(&mut host, base([0, 2], true)), Said::Nack(253), "no bus for a gyro");
     assert_eq!(set(&mut host, base([0, 2], false)), Said::Ack(0));
 }

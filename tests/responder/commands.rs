@@ -164,9 +164,9 @@ fn host() -> TestHost {
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 1, 0, 0, 0, 5, 0]), (8, &[1, 1, 0]), (3, &[6, 1])]);
     host.do_all(&[(33, &[5, 220, 5]), (39, &[1, 40]), (37, &[2, 40, 9])]);
     for (bus, bytes) in [(1, &[7][..]), (2, &[])] {
-        host.responder.next_transfer(bus).expect("a transfer");
+        host.responder.i2c[bus].take_request().expect("a transfer");
         let bytes = bytes.iter().copied().collect();
-        host.responder.transfer_done(bus, I2cRead { bytes, ..I2cRead::default() });
+        host.responder.i2c[bus].done(I2cRead { bytes, ..I2cRead::default() });
     }
     host.new_commands();
     host
@@ -281,12 +281,12 @@ fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
     }
     host.snapshot.motors[3].measured = Some(current(1_234));
     let input = |mv, counts| Some(AnalogReading { voltage: Millivolts::new(mv), counts });
-    host.responder.sense_analog(AnalogReadings {
+    host.responder.converter.readings = AnalogReadings {
         inputs: [input(0, 0), input(1_650, 2_048), input(3_300, 4_095), input(40_000, 5)],
         rail: Some(Millivolts::new(5_016)),
         temperature_decidegrees: Some(-123),
-    });
-    host.responder.sense_supply_currents(Some([0, 12, 40_000].map(Milliamperes::new)));
+    };
+    host.responder.converter.supply_currents = Some([0, 12, 40_000].map(Milliamperes::new));
     // The analog inputs; the supplies' currents and the battery's, saturated; motors', one of them too; rail, battery,
     // temperature.
     let of_8 = |value: i16| (value, value / 8);
@@ -333,7 +333,7 @@ fn an_input_without_a_connection_is_high() {
     assert_eq!(host.call(6, &[]), Said::Data(vec![0xFF]));
     assert_eq!(bulk(&mut host), 0xFF);
     // A touch sensor on pin 2 is pressed; pin 7 is an output.
-    host.responder.sense_pins(0b1111_1011);
+    host.responder.outputs.sensed = 0b1111_1011;
     host.do_all(&[(3, &[7, 1])]);
     for pin in 0..7 {
         assert_eq!(host.call(5, &[pin]), Said::Data(vec![u8::from(pin != 2)]), "{pin}");
@@ -345,7 +345,7 @@ fn an_input_without_a_connection_is_high() {
 #[test]
 fn pins_are_refused_by_their_direction() {
     let mut host = TestHost::settled();
-    let lines = |host: &TestHost| host.responder.digital_lines();
+    let lines = |host: &TestHost| host.responder.outputs.lines;
     assert_eq!(host.call(2, &[0xFF]), Said::Nack(18), "no output");
     for pin in 0..8 {
         assert_eq!(host.call(1, &[pin, 1]), Said::Nack(10 + pin));
@@ -368,10 +368,10 @@ fn fail_safe_releases_outputs_until_they_are_set_again() {
     let mut host = TestHost::settled();
     host.do_all(&[(3, &[0, 1]), (3, &[1, 1]), (1, &[1, 1])]);
     host.ask(0x7F05, &[]);
-    assert_eq!(host.responder.digital_lines().driven, 0);
+    assert_eq!(host.responder.outputs.lines.driven, 0);
     assert_eq!([host.call(4, &[1]), host.call(4, &[2])], [Said::Data(vec![1]), Said::Data(vec![0])]);
     host.do_all(&[(1, &[0, 1])]);
-    assert_eq!(host.responder.digital_lines(), DigitalLines { driven: 1, levels: 3 });
+    assert_eq!(host.responder.outputs.lines, DigitalLines { driven: 1, levels: 3 });
 }
 
 #[test]

@@ -39,8 +39,8 @@ fn an_i2c_bus_answers_each_request_by_its_state() {
         // Before and after the task of the bus has taken the transfer.
         for taken in [false, true] {
             if taken {
-                assert_eq!(host.responder.next_transfer(2).as_ref(), Some(&transfer), "{function}");
-                assert_eq!(host.responder.next_transfer(2), None);
+                assert_eq!(host.responder.i2c[2].take_request().as_ref(), Some(&transfer), "{function}");
+                assert_eq!(host.responder.i2c[2].take_request(), None);
             }
             for (start, payload, _) in starts() {
                 assert_eq!(host.call(start, payload), Said::Nack(40), "{function} {start} {taken}");
@@ -51,7 +51,7 @@ fn an_i2c_bus_answers_each_request_by_its_state() {
         }
         let bytes: Vec<u8> = (0..transfer.read).collect();
         let result = I2cRead { status: I2cStatus::default(), bytes: text(&bytes) };
-        host.responder.transfer_done(2, result);
+        host.responder.i2c[2].done(result);
         let count = if reads { transfer.read } else { transfer.write.len() as u8 };
         // The result is kept, because an answer may be lost on the way.
         for _ in 0..2 {
@@ -62,8 +62,8 @@ fn an_i2c_bus_answers_each_request_by_its_state() {
         // The next transfer drops the result, fetched or not.
         for (start, payload, transfer) in starts() {
             assert_eq!(host.call(start, payload), ACK);
-            assert_eq!(host.responder.next_transfer(2), Some(transfer));
-            host.responder.transfer_done(2, I2cRead::default());
+            assert_eq!(host.responder.i2c[2].take_request(), Some(transfer));
+            host.responder.i2c[2].done(I2cRead::default());
         }
     }
 }
@@ -74,9 +74,9 @@ fn a_transfer_with_an_error_has_a_status_and_no_bytes() {
         let mut host = TestHost::settled();
         for (start, poll) in [(&[2, 0x28, 1][..], 42), (&[2, 0x28, 4, 0][..], 41)] {
             host.do_all(&[(if poll == 42 { 37 } else { 52 }, start)]);
-            host.responder.next_transfer(2).expect("a transfer");
+            host.responder.i2c[2].take_request().expect("a transfer");
             let status = I2cStatus { bits: status };
-            host.responder.transfer_done(2, I2cRead { status, ..I2cRead::default() });
+            host.responder.i2c[2].done(I2cRead { status, ..I2cRead::default() });
             assert_eq!(host.call(poll, &[2]), Said::Data(vec![status.bits, 0]));
         }
     }
@@ -86,10 +86,10 @@ fn a_transfer_with_an_error_has_a_status_and_no_bytes() {
 fn the_speed_of_a_bus_counts_for_the_next_transfer_also_while_one_runs() {
     let mut host = TestHost::settled();
     host.do_all(&[(39, &[2, 1]), (43, &[2, 1])]);
-    assert_eq!(host.responder.next_transfer(2).map(|transfer| transfer.fast), Some(false));
-    host.responder.transfer_done(2, I2cRead::default());
+    assert_eq!(host.responder.i2c[2].take_request().map(|transfer| transfer.fast), Some(false));
+    host.responder.i2c[2].done(I2cRead::default());
     host.do_all(&[(39, &[2, 1])]);
-    assert_eq!(host.responder.next_transfer(2).map(|transfer| transfer.fast), Some(true));
+    assert_eq!(host.responder.i2c[2].take_request().map(|transfer| transfer.fast), Some(true));
 }
 
 #[test]
@@ -110,18 +110,18 @@ fn what_a_board_lacks_is_refused() {
     let of_i2c = [(43, 0, 1, &[1][..]), (47, 0, 1, &[]), (39, 0, 1, &[40])];
     let mut host = TestHost::settled();
     for (function, has, lacks, rest) in of_pins.into_iter().chain(of_servos).chain(of_i2c) {
-        host.responder.equip(small);
+        host.responder.outputs.equipment = small;
         let mut call = |number: u8| host.call(function, &[&[number], rest].concat());
         assert!(!matches!(call(has), Said::Nack(_)), "{function}");
         assert_eq!(call(lacks), UNSUPPORTED, "{function}");
-        host.responder.equip(Equipment::default());
+        host.responder.outputs.equipment = Equipment::default();
         assert_eq!(host.call(function, &[&[has], rest].concat()), UNSUPPORTED, "{function}");
     }
     for channel in [0, 1, 2, 3, 4, 5, 6, 12, 14] {
         assert_eq!(host.call(7, &[channel, 0]), UNSUPPORTED, "{channel}");
     }
     assert_eq!([host.call(2, &[1]), host.call(6, &[])], [UNSUPPORTED, UNSUPPORTED]);
-    host.responder.equip(small);
+    host.responder.outputs.equipment = small;
     assert_eq!(host.call(6, &[]), Said::Data(vec![0b101]));
     host.do_all(&[(3, &[0, 1]), (3, &[2, 1])]);
     assert_eq!(host.call(6, &[]), Said::Nack(28));
@@ -132,7 +132,7 @@ fn the_hub_says_what_its_board_has() {
     let mut host = TestHost::settled();
     let equipment = Request::from(HubFunction::Equipment).id();
     assert_eq!(host.ask(equipment, &[]), Said::Data(vec![0xFF, 6, 4, 4, 1, 1]));
-    host.responder.equip(Equipment { servos: 0, rail: false, ..FULL });
+    host.responder.outputs.equipment = Equipment { servos: 0, rail: false, ..FULL };
     assert_eq!(host.ask(equipment, &[]), Said::Data(vec![0xFF, 0, 4, 4, 0, 1]));
 }
 
@@ -144,7 +144,7 @@ fn a_servo_needs_a_width_and_a_good_battery_and_has_a_period_of_20_ms() {
     assert_eq!(host.call(35, &[5, 1]), Said::Nack(30));
     // A width alone enables nothing.
     host.do_all(&[(33, &[5, 0xDC, 5])]);
-    assert_eq!(host.responder.new_servo_pulses(), None);
+    assert_eq!(host.responder.outputs.new_servo_pulses(), None);
     for (millivolts, stage) in [(Some(6_900), DrawStage::Derated), (None, DrawStage::Full)] {
         host.set_battery(millivolts, stage);
         assert_eq!(host.call(35, &[5, 1]), Said::Nack(31));
@@ -154,15 +154,15 @@ fn a_servo_needs_a_width_and_a_good_battery_and_has_a_period_of_20_ms() {
     host.do_all(&[(35, &[5, 1])]);
     let mut expected = [None; 6];
     expected[5] = Some(ServoPulse { period_us: 20_000, width_us: 1_500 });
-    assert_eq!(host.responder.new_servo_pulses(), Some(expected));
-    assert_eq!(host.responder.new_servo_pulses(), None, "nothing has changed");
+    assert_eq!(host.responder.outputs.new_servo_pulses(), Some(expected));
+    assert_eq!(host.responder.outputs.new_servo_pulses(), None, "nothing has changed");
 }
 
 #[test]
 fn a_width_longer_than_its_period_is_stored_and_the_pulse_lasts_the_period() {
     let mut host = TestHost::settled();
     host.do_all(&[(33, &[0, 0xFF, 0xFF]), (31, &[0, 2, 0]), (35, &[0, 1])]);
-    let width_us = |host: &mut TestHost| host.responder.new_servo_pulses().and_then(|all| all[0]);
+    let width_us = |host: &mut TestHost| host.responder.outputs.new_servo_pulses().and_then(|all| all[0]);
     assert_eq!(width_us(&mut host), Some(ServoPulse { period_us: 2, width_us: 2 }));
     assert_eq!(host.call(34, &[0]), Said::Data(vec![0xFF, 0xFF]));
     host.do_all(&[(31, &[0, 0xFF, 0xFF])]);
@@ -179,16 +179,16 @@ fn fail_safe_silence_and_a_low_battery_end_the_pulses_and_keep_the_values() {
     for event in events {
         let mut host = TestHost::settled();
         host.do_all(&[(31, &[3, 0x10, 0x27]), (33, &[3, 0xDC, 5]), (35, &[3, 1])]);
-        assert!(host.responder.new_servo_pulses().is_some());
+        assert!(host.responder.outputs.new_servo_pulses().is_some());
         event(&mut host);
         host.responder.tick(host.now, &host.snapshot);
-        assert_eq!(host.responder.new_servo_pulses(), Some([None; 6]));
+        assert_eq!(host.responder.outputs.new_servo_pulses(), Some([None; 6]));
         let values = [31 + 1, 33 + 1, 35 + 1].map(|function| host.call(function, &[3]));
         assert_eq!(values, [vec![0x10, 0x27], vec![0xDC, 5], vec![0]].map(Said::Data));
         // No event enables a servo again.
         host.set_battery(Some(12_000), DrawStage::Full);
         host.call(33, &[3, 1, 1]);
-        assert_eq!(host.responder.new_servo_pulses(), None);
+        assert_eq!(host.responder.outputs.new_servo_pulses(), None);
     }
 }
 
@@ -197,7 +197,7 @@ fn an_analog_input_without_a_reading_is_refused_and_reads_0_in_bulk() {
     let mut host = TestHost::settled();
     let input = Some(AnalogReading { voltage: Millivolts::new(1_234), counts: 1_531 });
     let readings = AnalogReadings { inputs: [None, input, None, None], ..AnalogReadings::default() };
-    host.responder.sense_analog(readings);
+    host.responder.converter.readings = readings;
     for channel in [0, 2, 3, 12, 14] {
         assert_eq!(host.call(7, &[channel, 0]), Said::Nack(81), "{channel}");
     }

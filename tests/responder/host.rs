@@ -73,7 +73,7 @@ impl TestHost {
     pub(crate) fn new() -> Self {
         let snapshot = Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL };
         let mut responder = responder_with(settings());
-        responder.equip(FULL);
+        responder.outputs.equipment = FULL;
         Self {
             responder,
             decoder: Decoder::new(),

@@ -295,7 +295,7 @@ fn the_bus_is_reported_as_measured_last_until_the_measurement_is_too_old() {
     for (mv, state) in
         [(19_000, BusState::TooHigh), (14_600, BusState::Dissipating), (4_500, BusState::TooLow)]
     {
-        host.responder.sense_bus(BusReading { measured: Some(Millivolts::new(mv)), state, at });
+        host.responder.bus = BusReading { measured: Some(Millivolts::new(mv)), state, at };
         let code = [(BusState::TooHigh, 6), (BusState::Dissipating, 5), (BusState::TooLow, 1)]
             .into_iter()
             .find_map(|(known, code)| (known == state).then_some(code));

@@ -21,7 +21,7 @@ use embassy_stm32::peripherals::{ADC1, PA3, PC2};
 use embassy_stm32::{interrupt, pac};
 use embassy_time::Timer;
 use motor_hub::board::SupplyAdc;
-use motor_hub::supply::{VrefintSample, VrefintScale};
+use motor_hub::supply::VrefintScale;
 use motor_hub::units::{Millivolts, RangeError};
 use motor_hub_stm32::Calibrate;
 use motor_hub_stm32::supply::{DIVIDER_OHMS, FactoryWord, Watcher, unmask};
@@ -141,7 +141,7 @@ impl SupplyAdc for BatteryAdc {
             }
         }
         self.vrefint = vrefint();
-        self.scale.battery(VrefintSample { battery: pac::ADC1.dr().read().data(), vrefint: self.vrefint })
+        self.scale.battery(pac::ADC1.dr().read().data(), self.vrefint)
     }
 
     async fn leaves(&mut self, quiet: RangeInclusive<Millivolts>) {

@@ -38,7 +38,7 @@ use motor_hub::model::plant::{Flow, Plant, PlantInput, Temperatures};
 use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
 use motor_hub::model::train::Train;
-use motor_hub::supply::{VrefintCalibration, VrefintSample, VrefintScale};
+use motor_hub::supply::{VrefintCalibration, VrefintScale};
 use motor_hub::tasks::supply::WATCH_INTERVAL;
 use motor_hub::units::{Duty, Milliamperes, Millivolts, constant};
 use std::cell::RefCell;
@@ -289,7 +289,7 @@ impl Board {
             .collect();
         world.unfed_s += time.0;
         world.starved |= world.unfed_s > WATCHDOG_S;
-        let flows = world.rig.run(time, &commands).flows;
+        let flows = world.rig.run(time, &commands);
         let World { counters, rig, lines, .. } = &mut *world;
         for ((_, sensed), flow) in lines.iter_mut().zip(&flows) {
             *sensed = if flow.time.0 > 0.0 { flow.charge_shown.0 / flow.time.0 } else { 0.0 };
@@ -373,8 +373,8 @@ impl SupplyAdc for Board {
         let mut world = self.0.borrow_mut();
         let (top, bottom) = (f64::from(DIVIDER_OHMS.0), f64::from(DIVIDER_OHMS.1));
         let pin = world.rig.voltage().0 * bottom / (top + bottom);
-        let sample = VrefintSample { battery: world.convert(pin), vrefint: world.convert(VREFINT_V) };
-        SCALE.battery(sample)
+        let divider = world.convert(pin);
+        SCALE.battery(divider, world.convert(VREFINT_V))
     }
 
     async fn leaves(&mut self, quiet: RangeInclusive<Millivolts>) {
@@ -418,7 +418,7 @@ fn takes_for_a_short_circuit(bridge: &BridgeConstants, duty: Duty) -> bool {
     let low_ns = 1e9 * (1.0 - duty.to_f64()) / f64::from(bridge.pwm_hz());
     // A duty has 15 bits.
     let rounding_ns = 1e9 / 32_768.0 / f64::from(bridge.pwm_hz());
-    low_ns > 0.0 && low_ns + rounding_ns < f64::from(bridge.timing().least_off_ns)
+    low_ns > 0.0 && low_ns + rounding_ns < f64::from(bridge.timing.least_off_ns)
 }
 
 /// The board has everything. An open analog input is pulled down.
@@ -442,13 +442,12 @@ impl Devices for Board {
         let vrefint = convert_exactly(VREFINT_V);
         let inputs = self.0.borrow().analog_v.map(|volts| {
             let counts = convert_exactly(volts);
-            let voltage = PIN_SCALE.battery(VrefintSample { battery: counts, vrefint })?;
+            let voltage = PIN_SCALE.battery(counts, vrefint)?;
             Some(AnalogReading { voltage, counts })
         });
-        let sample = VrefintSample { battery: convert_exactly(0.5 * FIVE_VOLTS), vrefint };
         AnalogReadings {
             inputs,
-            rail: FIVE_VOLT_SCALE.battery(sample),
+            rail: FIVE_VOLT_SCALE.battery(convert_exactly(0.5 * FIVE_VOLTS), vrefint),
             temperature_decidegrees: Some(TEMPERATURE_DECIDEGREES),
         }
     }

@@ -9,7 +9,7 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_time::{Duration, Instant};
 use motor_hub::board::{ANALOG_INPUTS, AnalogReading, AnalogReadings};
-use motor_hub::supply::{Thermometer, VrefintCalibration, VrefintSample, VrefintScale};
+use motor_hub::supply::{Thermometer, VrefintCalibration, VrefintScale};
 
 /// Resistances of the divider of the 5 V rail, to the rail and to ground. 5 V give 2.5 V at the pin.
 const RAIL_OHMS: (u32, u32) = (10_000, 10_000);
@@ -53,10 +53,10 @@ impl Factory {
         let rail = VrefintScale::new(RAIL_OHMS.0, RAIL_OHMS.1, reference).ok();
         AnalogReadings {
             inputs: sequence.inputs.map(|reading| {
-                let voltage = at_pin?.battery(VrefintSample { battery: reading, vrefint })?;
+                let voltage = at_pin?.battery(reading, vrefint)?;
                 Some(AnalogReading { voltage, counts: reading >> reference.bits.saturating_sub(12) })
             }),
-            rail: rail.and_then(|scale| scale.battery(VrefintSample { battery: sequence.rail, vrefint })),
+            rail: rail.and_then(|scale| scale.battery(sequence.rail, vrefint)),
             temperature_decidegrees: thermometer.decidegrees(sequence.temperature, vrefint, reference),
         }
     }

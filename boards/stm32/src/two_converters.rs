@@ -18,7 +18,7 @@ use embassy_stm32::pac::adc::Adc;
 use embassy_stm32::pac::adc::vals::{Adstp, Awd1sgl, Ovrmod};
 use embassy_time::{Duration, Instant, Timer};
 use motor_hub::board::SupplyAdc;
-use motor_hub::supply::{VrefintSample, VrefintScale};
+use motor_hub::supply::VrefintScale;
 use motor_hub::units::{Millivolts, RangeError};
 
 /// Number of reads of a register, some microseconds, after which a converter that has not stopped never stops.
@@ -209,7 +209,7 @@ impl<K: Kind> SupplyAdc for TwoConverters<K> {
             }
         }
         K::next_reference(self.reference.0);
-        self.scale.battery(VrefintSample { battery: battery?, vrefint: self.vrefint })
+        self.scale.battery(battery?, self.vrefint)
     }
 
     async fn leaves(&mut self, quiet: RangeInclusive<Millivolts>) {

@@ -45,7 +45,7 @@ impl Default for MemoryHub {
         // Transfers need a task, so the hub has no I2C bus.
         let (servos, analog) = (SERVOS as u8, ANALOG_INPUTS as u8);
         let equipment = Equipment { digital: u8::MAX, servos, analog, i2c: 0, rail: true, temperature: true };
-        responder.equip(equipment);
+        responder.outputs.equipment = equipment;
         Self { snapshot: Snapshot::INITIAL, responder, decoder: Decoder::new(), replies: VecDeque::new() }
     }
 }

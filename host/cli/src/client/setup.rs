@@ -175,7 +175,7 @@ impl Options {
         let amperes = known("thermal.continuous_current_ma").map(|ma| ma / 1e3);
         let limit = known("current_limit_ma").map(|ma| ma / 1e3);
         let Settings { scheme, bridge, .. } = settings.motor;
-        let bridge = BRIDGES.iter().find(|(.., timing)| *timing == bridge.timing());
+        let bridge = BRIDGES.iter().find(|(.., timing)| *timing == bridge.timing);
         let bridge = bridge.map_or("other", |(name, ..)| *name);
         let heat = amperes.map(|_| f64::from(condition.heat) / 10.0);
         let state = match condition {

@@ -169,14 +169,15 @@ pub(super) fn duty_for_current(case: &Case) -> Result<Value, CaseError> {
     let resistance = motor.r.0 + 2.0 * circuit.bridge.ron.0;
     let target = |share: f64| share * if share > 0.0 { v - e } else { v + e } / resistance;
     let row = |wanted: f64| {
+        let mode = circuit.mode_for_current(Amps(wanted), at).name();
         let exact = circuit.duty_for_current(Amps(wanted), frequency, at);
         let formula = circuit.duty_for_current_formula(Amps(wanted), frequency, at);
         let firmware = current_drive(&motor, circuit.bridge, frequency, at, wanted)?;
         Ok(json!([
             wanted,
-            exact.mode.name(),
+            mode,
             exact.duty,
-            formula.mode.name(),
+            mode,
             formula.duty,
             firmware.mode.name(),
             firmware.duty.to_f64(),
