@@ -38,7 +38,7 @@ pub use odometry::{GyroState, Odometry, Pose};
 
 use crate::regulator::Reference;
 use crate::units::{Acceleration, CountsPerSecond, Period, RangeError};
-use trajectory::{Target, Trajectory};
+use trajectory::Trajectory;
 
 /// Number of motors that may be members of groups: the motors 0 to 7.
 pub const MOTORS: usize = 8;
@@ -217,27 +217,26 @@ impl<const N: usize> Group<N> {
     pub fn redirect(&mut self, command: GroupCommand) {
         let GroupCommand { course, speed, acceleration, lag, tolerance, halt } = command;
         (self.acceleration, self.lag, self.tolerance, self.halt) = (acceleration, lag, tolerance, halt);
-        let references = self.trajectory.references().map(|reference| (reference >> 16) as i32);
-        let positions = |values: ByMotor<i32>, target: fn(i32, i32) -> i32| {
-            let mut counts = references;
-            for (count, value) in counts.iter_mut().zip(values) {
-                *count = value.map_or(*count, |value| target(*count, value));
-            }
-            Target::Positions { counts, speed_cps: speed.to_f32() }
-        };
-        let target = match course {
-            Course::By(distances) => positions(distances, i32::wrapping_add),
-            Course::To(counts) => positions(counts, |_, count| count),
+        let (values, are_distances) = match course {
+            Course::By(distances) => (distances, true),
+            Course::To(positions) => (positions, false),
             Course::On(speeds) => {
-                Target::Speeds(to_hub_motors(speeds.map(Option::unwrap_or_default), CountsPerSecond::ZERO))
+                let speeds = to_hub_motors(speeds.map(Option::unwrap_or_default), CountsPerSecond::ZERO);
+                return self.trajectory.turn_at(speeds, acceleration);
             }
         };
-        self.trajectory.redirect(target, acceleration, self.tick_s);
+        let mut targets = self.trajectory.references().map(|reference| (reference >> 16) as i32);
+        for (target, value) in targets.iter_mut().zip(values) {
+            if let Some(value) = value {
+                *target = if are_distances { target.wrapping_add(value) } else { value };
+            }
+        }
+        self.trajectory.move_to(targets, speed.to_f32(), acceleration, self.tick_s);
     }
 
     /// Brakes all members together. The members hold the positions where they stop.
     pub fn stop(&mut self) {
-        self.trajectory.redirect(Target::Speeds([CountsPerSecond::ZERO; N]), self.acceleration, self.tick_s);
+        self.trajectory.turn_at([CountsPerSecond::ZERO; N], self.acceleration);
     }
 
     /// Returns for each motor whether it is a member.

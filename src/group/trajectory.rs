@@ -32,20 +32,6 @@ const STEPS_PER_COUNT: f32 = 65_536.0;
 /// Distance from the end, in steps, below which a trajectory is finished: 1/1024 count.
 const END_TOLERANCE_STEPS: i64 = 64;
 
-/// Where a trajectory goes.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Target<const N: usize> {
-    /// The members move to positions and stop there.
-    Positions {
-        /// Position of each motor in counts. A motor that is no member stays where it is.
-        counts: [i32; N],
-        /// Speed of the member that moves farthest, in counts/s.
-        speed_cps: f32,
-    },
-    /// The members move at these speeds without end.
-    Speeds([CountsPerSecond; N]),
-}
-
 /// A trajectory of N motors. Arrays are by motor.
 #[derive(Clone, Debug)]
 pub(super) struct Trajectory<const N: usize> {
@@ -79,7 +65,7 @@ pub(super) struct Trajectory<const N: usize> {
 
 impl<const N: usize> Trajectory<N> {
     /// Creates a trajectory that brakes from these positions and speeds (in counts/s) to a stop. It uses half of the
-    /// acceleration, and is meant to be [redirected](Self::redirect) at once.
+    /// acceleration, and is meant to be given a [motion](Self::turn_at) at once.
     pub(super) fn new(positions: [i32; N], speeds_cps: [f32; N], acceleration: Acceleration) -> Self {
         let mut trajectory = Self {
             base: positions.map(|position| i64::from(position) << 16),
@@ -99,41 +85,54 @@ impl<const N: usize> Trajectory<N> {
         trajectory
     }
 
-    /// Changes the target, starting from the present references and speeds. `tick_s` is a tick in seconds.
-    pub(super) fn redirect(&mut self, target: Target<N>, acceleration: Acceleration, tick_s: f32) {
-        let speeds_cps = self.speeds_cps();
-        let references = self.references();
-        self.acceleration_cps2 = acceleration.get() as f32;
-        self.base = references;
-        (self.progress, self.speed_cps, self.start_offset) = (0, 0.0, [0; N]);
-        match target {
-            Target::Speeds(speeds) => {
-                self.endless = true;
-                self.share = speeds.map(CountsPerSecond::to_bits);
-                self.update_length();
-                // A share is the bits of a speed: steps of 1/256 counts/s.
-                self.speed_limit_cps = if self.is_still() { 0.0 } else { self.length as f32 / 256.0 };
-                let (along, sideways) = split(&speeds_cps, &self.direction());
-                self.speed_cps = along;
-                self.stopping = self.is_still();
-                self.start_drift(sideways);
-            }
-            Target::Positions { counts, speed_cps } => {
-                (self.endless, self.speed_limit_cps, self.stopping) = (false, speed_cps.abs(), false);
-                self.head_for(&counts);
-                let (along, sideways) = split(&speeds_cps, &self.direction());
-                let stoppable = along * along <= 2.0 * self.acceleration_cps2 * self.length as f32;
-                // A small drift is neglected: if no sideways speed is above a quarter of the largest speed change in a tick.
-                if along == 0.0 || !stoppable || largest(&sideways) > self.acceleration_cps2 * tick_s / 4.0 {
-                    self.start_drift(speeds_cps);
-                    // The drift has moved the base.
-                    self.head_for(&counts);
-                } else {
-                    self.start_drift([0.0; N]);
-                    self.speed_cps = along;
-                }
-            }
+    /// Makes the motors turn at these speeds without end, starting from the present references and speeds. If all speeds are 0,
+    /// the group brakes to a stop.
+    pub(super) fn turn_at(&mut self, speeds: [CountsPerSecond; N], acceleration: Acceleration) {
+        let present_cps = self.restart(acceleration);
+        self.endless = true;
+        self.share = speeds.map(CountsPerSecond::to_bits);
+        self.update_length();
+        // A share is the bits of a speed: steps of 1/256 counts/s.
+        self.speed_limit_cps = if self.is_still() { 0.0 } else { self.length as f32 / 256.0 };
+        let (along, sideways) = split(&present_cps, &self.direction());
+        self.speed_cps = along;
+        self.stopping = self.is_still();
+        self.start_drift(sideways);
+    }
+
+    /// Makes the motors move to these positions in counts and stop there, starting from the present references and speeds. A motor
+    /// that is no member has its present position as target. `speed_cps` is the speed of the member that moves farthest, in
+    /// counts/s. `tick_s` is a tick in seconds.
+    pub(super) fn move_to(
+        &mut self,
+        targets: [i32; N],
+        speed_cps: f32,
+        acceleration: Acceleration,
+        tick_s: f32,
+    ) {
+        let present_cps = self.restart(acceleration);
+        (self.endless, self.speed_limit_cps, self.stopping) = (false, speed_cps.abs(), false);
+        self.head_for(&targets);
+        let (along, sideways) = split(&present_cps, &self.direction());
+        let stoppable = along * along <= 2.0 * self.acceleration_cps2 * self.length as f32;
+        // A small drift is neglected: if no sideways speed is above a quarter of the largest speed change in a tick.
+        if along == 0.0 || !stoppable || largest(&sideways) > self.acceleration_cps2 * tick_s / 4.0 {
+            self.start_drift(present_cps);
+            // The drift has moved the base.
+            self.head_for(&targets);
+        } else {
+            self.start_drift([0.0; N]);
+            self.speed_cps = along;
         }
+    }
+
+    /// Moves the base to the present references, at progress 0. Returns the present speeds in counts/s.
+    fn restart(&mut self, acceleration: Acceleration) -> [f32; N] {
+        let speeds_cps = self.speeds_cps();
+        self.base = self.references();
+        self.acceleration_cps2 = acceleration.get() as f32;
+        (self.progress, self.speed_cps, self.start_offset) = (0, 0.0, [0; N]);
+        speeds_cps
     }
 
     /// Sets shares and start offsets for a movement from the base to these positions. Positions wrap, and each motor takes

@@ -37,9 +37,9 @@
 //! assert_eq!(converter.read(RAIL, true, &equipment, &snapshot, settings.iter()), Ok(627));
 //! ```
 
-use crate::devices::{ANALOG_INPUTS, AnalogReadings, Equipment};
+use crate::devices::{ANALOG_INPUTS, AnalogReading, AnalogReadings, Equipment};
 use crate::hub::Snapshot;
-use crate::motor::{Report, Settings};
+use crate::motor::Settings;
 use crate::protocol::requests::{
     AdcChannel, BATTERY, BATTERY_CURRENT, FIRST_CURRENT, FIRST_SUPPLY_CURRENT, RAIL, TEMPERATURE,
 };
@@ -77,50 +77,40 @@ impl Converter {
         settings: impl Iterator<Item = &'a Settings>,
     ) -> Result<i16, Nack> {
         let Self { readings, supply_currents } = self;
-        let measured = |has: bool, reading: Option<i32>| {
-            if has { reading.ok_or(Nack::NOT_MEASURED) } else { Err(Nack::UNSUPPORTED) }
-        };
-        let value = match channel {
+        let number = usize::from(channel.get());
+        let after = |first: AdcChannel| number.checked_sub(first.get().into());
+        // `None` for a channel that the board does not have, and a reading of `None` for a channel without a reading.
+        let reading = match channel {
             BATTERY_CURRENT => {
                 let battery = snapshot.battery.unwrap_or_default();
                 let drawn =
                     settings.zip(&snapshot.motors).map(|(settings, report)| report.drawn(settings, battery));
-                drawn.fold(0, |sum: i32, drawn| sum.saturating_add(drawn.get()))
+                Some(Some(drawn.fold(0, |sum: i32, drawn| sum.saturating_add(drawn.get()))))
             }
-            RAIL => measured(equipment.rail, readings.rail.map(|rail| rail.get().into()))?,
+            RAIL => equipment.rail.then_some(readings.rail.map(|rail| rail.get().into())),
             // An unknown voltage reads 0.
-            BATTERY => snapshot.battery.unwrap_or_default().get().into(),
-            TEMPERATURE => measured(equipment.temperature, readings.temperature_decidegrees.map(i32::from))?,
+            BATTERY => Some(Some(snapshot.battery.unwrap_or_default().get().into())),
+            TEMPERATURE => equipment.temperature.then_some(readings.temperature_decidegrees.map(i32::from)),
             _ => {
-                match (readings.inputs.get(usize::from(channel.get())), current_of(channel, &snapshot.motors))
-                {
-                    (Some(input), _) => {
-                        let input = input.as_ref();
-                        let counts = input.map(|input| i32::from(input.counts) * RAW_COUNT);
-                        let voltage = input.map(|input| input.voltage.get().into());
-                        measured(channel.get() < equipment.analog, if raw { counts } else { voltage })?
-                    }
-                    (None, Some(current)) => current.magnitude().into(),
-                    // Currents of the supplies, and of motors that the hub does not have.
-                    (None, None) => {
-                        let supply = channel.get().checked_sub(FIRST_SUPPLY_CURRENT.get());
-                        let current = supply.zip(supply_currents.as_ref());
-                        let current = current.and_then(|(supply, all)| all.get(usize::from(supply)));
-                        current.ok_or(Nack::UNSUPPORTED)?.get()
-                    }
+                if let Some(input) = readings.inputs.get(number) {
+                    let counts = |input: AnalogReading| i32::from(input.counts) * RAW_COUNT;
+                    let millivolts = |input: AnalogReading| input.voltage.get().into();
+                    let reading = if raw { input.map(counts) } else { input.map(millivolts) };
+                    (channel.get() < equipment.analog).then_some(reading)
+                } else if let Some(motor) = after(FIRST_CURRENT) {
+                    let report = snapshot.motors.iter().take(CHANNELS).nth(motor);
+                    report.map(|report| Some(report.best_current().magnitude().into()))
+                } else {
+                    let supply = after(FIRST_SUPPLY_CURRENT).zip(supply_currents.as_ref());
+                    supply.and_then(|(supply, all)| all.get(supply)).map(|current| Some(current.get()))
                 }
             }
         };
-        Ok(if raw { clamped(value) / RAW_COUNT as i16 } else { clamped(value) })
+        let value = clamped(reading.ok_or(Nack::UNSUPPORTED)?.ok_or(Nack::NOT_MEASURED)?);
+        Ok(if raw { value / RAW_COUNT as i16 } else { value })
     }
 }
 
 fn clamped(value: i32) -> i16 {
     value.clamp(i16::MIN.into(), i16::MAX.into()) as i16
-}
-
-/// Returns the current of the motor that the channel belongs to. `None` for a channel of no motor.
-fn current_of(channel: AdcChannel, motors: &[Report]) -> Option<Milliamperes> {
-    let motor = channel.get().checked_sub(FIRST_CURRENT.get())?;
-    motors.iter().take(CHANNELS).nth(motor.into()).map(Report::best_current)
 }

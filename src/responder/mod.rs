@@ -67,7 +67,7 @@ use crate::hub::{Action, Bus, Command, Snapshot};
 use crate::motor::{Report, Setpoint, Settings};
 use crate::protocol::answers::{Bulk, Status, Version};
 use crate::protocol::motor::ToMotor;
-use crate::protocol::payload::{Payload, Text};
+use crate::protocol::payload::{Payload, Text, byte};
 use crate::protocol::pins::ToPin;
 use crate::protocol::requests::{
     DISCOVERY, FAIL_SAFE, InterfaceName, MOTOR_FUNCTIONS, MOTOR_INTERFACE, Standard, ToHub,
@@ -496,7 +496,7 @@ impl<const N: usize> Responder<N> {
             Standard::SetLedColour { colour } => self.led.set_colour(colour),
             Standard::SetLedPattern { pattern } => self.led.set_pattern(pattern, now),
             Standard::Status { clear } => {
-                let motor_alerts = motor_alerts(&snapshot.motors);
+                let motor_alerts = self.motor_alerts(snapshot);
                 let reply = Reply::data(&Status { status: self.keep_alive.status(), motor_alerts });
                 if clear {
                     self.keep_alive.clear();
@@ -630,19 +630,36 @@ impl<const N: usize> Responder<N> {
 
     /// Returns all values of REV's bulk input. An analog input that is not measured reads 0.
     fn bulk(&self, snapshot: &Snapshot<N>) -> Bulk {
-        let (digital, attention) = (self.outputs.inputs(), Some(self.keep_alive.attention()));
-        let analog = self.converter.analog_mv();
-        let mut bulk = Bulk { digital, analog, attention, ..Bulk::default() };
-        let slots = bulk.encoders.iter_mut().zip(&mut bulk.velocities);
-        let slots = slots.zip(&mut bulk.within_tolerance).zip(&mut bulk.over_current);
-        for ((channel, report), slots) in self.channels.iter().zip(&snapshot.motors).zip(slots) {
-            let (((encoder, velocity), within_tolerance), over_current) = slots;
-            *encoder = channel.counts(report);
-            *velocity = report.velocity.round_to_i16();
-            *within_tolerance = channel.within_tolerance(report);
-            *over_current = channel.is_over_current(report);
+        Bulk {
+            digital: self.outputs.inputs(),
+            encoders: self.of_motors(snapshot, MotorChannel::counts),
+            over_current: self.of_motors(snapshot, MotorChannel::is_over_current),
+            within_tolerance: self.of_motors(snapshot, MotorChannel::within_tolerance),
+            velocities: self.of_motors(snapshot, |_, report| report.velocity.round_to_i16()),
+            analog: self.converter.analog_mv(),
+            attention: Some(self.keep_alive.attention()),
         }
-        bulk
+    }
+
+    /// Returns the motor alerts of REV's module status. Bit i is set if the encoder of motor i is silent or has a fault. Bit 4 + i
+    /// is set if the bridge of motor i has switched itself off.
+    fn motor_alerts(&self, snapshot: &Snapshot<N>) -> u8 {
+        let lost = |_: &_, report: &Report| report.faults.encoder_stale || report.faults.encoder.is_some();
+        let off = |_: &_, report: &Report| report.faults.bridge;
+        byte(self.of_motors(snapshot, lost).into_iter().chain(self.of_motors(snapshot, off)))
+    }
+
+    /// Returns a value of each motor of REV's protocol. A motor that the hub does not have has the default value.
+    fn of_motors<T: Copy + Default>(
+        &self,
+        snapshot: &Snapshot<N>,
+        value: impl Fn(&MotorChannel, &Report) -> T,
+    ) -> [T; CHANNELS] {
+        let mut all = [T::default(); CHANNELS];
+        for (slot, (channel, report)) in all.iter_mut().zip(self.channels.iter().zip(&snapshot.motors)) {
+            *slot = value(channel, report);
+        }
+        all
     }
 }
 
@@ -656,14 +673,4 @@ fn interface(name: &InterfaceName) -> Result<Reply, Nack> {
 
 fn per_mille(share: Share) -> u16 {
     (1_000.0 * share.to_f32()) as u16
-}
-
-/// Returns the motor alerts of REV's module status. Bit i is set if the encoder of motor i is silent or has a fault. Bit 4 + i is
-/// set if the bridge of motor i has switched itself off.
-fn motor_alerts(motors: &[Report]) -> u8 {
-    let bits = motors.iter().take(CHANNELS).enumerate();
-    bits.fold(0, |alerts, (index, motor)| {
-        let lost = motor.faults.encoder_stale || motor.faults.encoder.is_some();
-        alerts | u8::from(lost) << index | u8::from(motor.faults.bridge) << (index + CHANNELS)
-    })
 }

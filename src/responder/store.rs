@@ -25,7 +25,7 @@ use crate::extension::settings::{Group, MotorSettings, Values};
 use crate::extension::state::StoreReport;
 use crate::hub::Snapshot;
 use crate::motor::Settings;
-use crate::protocol::payload::{Field, Fields, Payload};
+use crate::protocol::payload::{Field, Fields, Payload, byte};
 use crate::protocol::{Address, CHANNELS, Nack, Reply};
 use crate::store::{Entry, Found, Outcome, SettingsRecord, StoreRequest, Stored};
 use heapless::{CapacityError, Vec};
@@ -239,8 +239,7 @@ impl<const N: usize> Responder<N> {
             u8::try_from(entries.count()).unwrap_or(u8::MAX)
         };
         let is_busy = memory.phase != Phase::Idle;
-        let coefficients = |channel: &MotorChannel| channel.settings().motor.coefficients.is_some();
-        let motors = self.channels.iter().take(CHANNELS).enumerate();
+        let motors = self.channels.iter().take(CHANNELS);
         Ok(StoreReport {
             stored: *stored,
             version: *version,
@@ -250,8 +249,7 @@ impl<const N: usize> Responder<N> {
             differs: self.changed && (is_busy || self.differs(record)),
             unknown: count(None),
             refused: count(Some(false)),
-            coefficients: motors
-                .fold(0, |bits, (motor, channel)| bits | u8::from(coefficients(channel)) << motor),
+            coefficients: byte(motors.map(|channel| channel.settings().motor.coefficients.is_some())),
         })
     }
 
