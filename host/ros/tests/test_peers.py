@@ -601,17 +601,32 @@ class Fleet(WithRobot):
         self.assertAlmostEqual(self.speed("/hub1 "), -0.1, delta=0.02)
 
 
-class CutLine(Relay):
-    """A line to a chain of hubs. Requests to some addresses are lost."""
+class ChainLine(Relay):
+    """A line to a chain of hubs. Requests to some addresses are lost, or go to another hub."""
 
     def __init__(self) -> None:
         self.lost: set[int] = set()
+        self.others: dict[int, Relay] = {}
         super().__init__()
 
     def request(self, data: bytes) -> None:
-        # A request is one packet, whose fifth byte is its destination. A stop to all does not reach a lost hub either.
-        if data[4] not in self.lost:
+        # A request is one packet, whose fifth byte is its destination.
+        if data[4] in self.others:
+            self.others[data[4]].request(data)
+        elif data[4] not in self.lost:
             super().request(data)
+
+    def replace(self, address: int, port: int) -> None:
+        """Puts another hub with this address in the place of one."""
+        other = Relay()
+        other.connect(port)
+        other.host, self.others[address] = self.host, other
+
+    def close(self) -> None:
+        for other in self.others.values():
+            other.host = None
+            other.close()
+        super().close()
 
 
 class Chain(WithRobot):
@@ -623,7 +638,7 @@ class Chain(WithRobot):
         return hub
 
     def start_node(self, places: list[str] | None = None) -> None:
-        self.line = CutLine()
+        self.line = ChainLine()
         self.addCleanup(self.line.close)
         self.line.connect(self.hub_port)
         behind = ("lift", 3), ("grip", 4)
@@ -675,6 +690,23 @@ class Chain(WithRobot):
         self.drive_all(2.0)
         self.assertAlmostEqual(self.speed(), 0.0, delta=0.01)
         self.expect(lift=0.0)
+
+    def test_a_child_that_is_reset_is_off_until_enable(self) -> None:
+        port = free_port()
+        self.start([os.environ["MOTOR_HUB"], "serve", "--address", "3", "--tcp", f"127.0.0.1:{port}"])
+        self.wait_for(lambda: {"lift", "grip"} <= set(self.newest[STATE].name), "joints of the children", 3)
+        self.drive_all(1.0)
+        self.expect(lift=2.0, grip=-3.0)
+        # A hub that was started later has the clock and the state of a hub after a reset.
+        self.line.replace(3, port)
+        self.drive_all(1.5)
+        self.expect(lift=0.0, grip=-3.0)
+        self.assertAlmostEqual(self.speed(), 0.2, delta=0.02)
+        told = {status.name: status.message for status in self.newest[DIAGNOSTICS].status}
+        self.assertEqual(told["hub0: lift"], "the hub at address 3 was reset; call enable")
+        self.assertTrue(self.commander.call("enable", True)[0])
+        self.drive_all(1.0)
+        self.expect(lift=2.0, grip=-3.0)
 
 
 class TwoMachines(unittest.TestCase):
