@@ -303,7 +303,8 @@ impl Robot {
         (self.config.base.is_some() && self.reports.contains_key(&None)).then_some((self.pose, self.twist))
     }
 
-    /// Name, position in rad, velocity in rad/s and effort in N m of each joint whose hub can be reached. The effort is NaN if it is unknown.
+    /// Name, position in rad, velocity in rad/s and effort in N m of each joint whose hub can be reached. The effort is NaN if it is
+    /// unknown.
     pub(crate) fn joint_states(&self) -> Vec<(&str, f64, f64, f64)> {
         let states = self.config.joints.iter().filter_map(|joint| {
             let (motor, scale) = (motor(&self.reports, joint)?, joint.counts_per_radian());
