@@ -156,6 +156,11 @@ impl<L: Read + Write> Session<L> {
         self.timeout = self.timeout.min(timeout);
     }
 
+    /// Sets the time-out of later requests.
+    pub fn set_timeout(&mut self, timeout: Duration) {
+        self.timeout = timeout;
+    }
+
     /// Continues with another hub on the same line.
     pub fn talk_to(&mut self, address: Address) {
         // Another hub may number its functions differently.

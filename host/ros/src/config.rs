@@ -1,7 +1,7 @@
 //! The configuration file: hubs, their joints, and their drive bases. `docs/guides/ros2.md` has an example.
 
 use motor_hub_client::motor_hub::group::DriveBase;
-use motor_hub_client::motor_hub::protocol::CHANNELS;
+use motor_hub_client::motor_hub::protocol::{Address, CHANNELS};
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
@@ -44,7 +44,7 @@ pub(crate) enum Distribution {
     Lyrical,
 }
 
-/// One hub, which becomes one node.
+/// One hub, which becomes one node with the hubs that are chained behind it.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Hub {
@@ -65,6 +65,8 @@ pub(crate) struct Hub {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Joint {
     pub(crate) name: String,
+    /// Address of the hub that has the motor, if that hub is behind the hub at `place`.
+    pub(crate) address: Option<u8>,
     /// Motor 0 to 3.
     pub(crate) motor: u8,
     /// Encoder counts per turn of the joint. A negative number turns the direction round.
@@ -107,6 +109,11 @@ fn base_link() -> String {
 }
 
 impl Hub {
+    /// Addresses of the hubs behind this hub.
+    pub(crate) fn children(&self) -> BTreeSet<u8> {
+        self.joints.iter().filter_map(|joint| joint.address).collect()
+    }
+
     /// The drive base with the indices of its joints, left and right; `None` without a base.
     pub(crate) fn drive_base(&self) -> Option<(DriveBase, [usize; 2])> {
         let base = self.base.as_ref()?;
@@ -135,10 +142,12 @@ impl Hub {
             ));
         }
         let (mut motors, mut names) = (BTreeSet::new(), BTreeSet::new());
-        for Joint { name, motor, counts_per_turn, torque_per_ampere, speed } in &self.joints {
-            let wrong = if usize::from(*motor) >= CHANNELS {
+        for Joint { name, address, motor, counts_per_turn, torque_per_ampere, speed } in &self.joints {
+            let wrong = if let Some(address) = address.filter(|&address| Address::new(address).is_none()) {
+                format!("address is {address}; allowed are 1 to 254")
+            } else if usize::from(*motor) >= CHANNELS {
                 format!("motor is {motor}; allowed are 0 to {}", CHANNELS - 1)
-            } else if !motors.insert(motor) {
+            } else if !motors.insert((address, motor)) {
                 format!("motor {motor} has another joint already; give each motor one joint")
             } else if name.is_empty() || !names.insert(name) {
                 "the name is empty or used twice; give each joint a name of its own".to_owned()
@@ -165,6 +174,13 @@ impl Hub {
                     base.left, base.right
                 ));
             }
+            let is_behind =
+                |joint: &Joint| [&base.left, &base.right].contains(&&joint.name) && joint.address.is_some();
+            if self.joints.iter().any(is_behind) {
+                return Err(format!(
+                    "hub {at}: base: both wheels must be motors of the hub at this place; give their joints no address"
+                ));
+            }
         }
         Ok(())
     }
@@ -183,9 +199,15 @@ impl Config {
         if config.hubs.is_empty() {
             return Err("there is no hub; give at least one table [[hub]]".to_owned());
         }
-        let mut namespaces = BTreeSet::new();
+        let (mut places, mut namespaces) = (BTreeSet::new(), BTreeSet::new());
         for hub in &config.hubs {
             hub.check()?;
+            if !places.insert(&hub.place) {
+                return Err(format!(
+                    "two hubs have the place {:?}; give the joints of a hub behind another hub its address",
+                    hub.place
+                ));
+            }
             if !namespaces.insert(&hub.namespace) {
                 return Err(format!(
                     "two hubs have the namespace {:?}; give each hub one of its own",
@@ -238,6 +260,8 @@ pub(crate) mod tests {
         for (from, to, message) in [
             ("motor = 1", "motor = 4", "motor is 4; allowed are 0 to 3"),
             ("motor = 1", "motor = 0", "motor 0 has another joint already"),
+            ("motor = 1", "address = 255, motor = 1", "address is 255; allowed are 1 to 254"),
+            ("motor = 1", "address = 3, motor = 0", "both wheels must be motors of the hub at this place"),
             ("\"right\", motor", "\"left\", motor", "empty or used twice"),
             ("1680, torque", "0, torque", "counts_per_turn is 0; allowed is every number but 0"),
             (
@@ -257,7 +281,8 @@ pub(crate) mod tests {
             let error = Config::read(&EXAMPLE.replace(from, to)).unwrap_err();
             assert!(error.contains(message), "{message}: {error}");
         }
-        let twice = format!("{EXAMPLE}{EXAMPLE}");
-        assert!(Config::read(&twice).unwrap_err().contains("two hubs have the namespace"));
+        let twice = |other: &str| Config::read(&format!("{EXAMPLE}{other}")).unwrap_err();
+        assert!(twice(EXAMPLE).contains("two hubs have the place"));
+        assert!(twice(&EXAMPLE.replace("7070", "7071")).contains("two hubs have the namespace"));
     }
 }

@@ -1,5 +1,8 @@
 //! The thread of one hub: passes commands to the hub and its reports to the topics, and connects again after a loss.
+//!
+//! A *child* is a hub behind this hub, on the same line. A lost child is asked once a second. The other hubs go on.
 
+use crate::config::Joint;
 use crate::messages::{battery_state, diagnostics, joint_state, odometry, transform};
 use crate::node::{Answer, Arrived, Call, Event, Topics, now};
 use crate::robot::{Robot, Setpoint, VALID};
@@ -7,12 +10,12 @@ use motor_hub_client::line::Line;
 use motor_hub_client::motor_hub::extension::HubFunction;
 use motor_hub_client::motor_hub::extension::report::HubReport;
 use motor_hub_client::motor_hub::motor::ZeroPower;
-use motor_hub_client::motor_hub::protocol::CHANNELS;
+use motor_hub_client::motor_hub::protocol::Address;
 use motor_hub_client::motor_hub::protocol::motor::RunMode;
 use motor_hub_client::motor_hub::regulator::identify::Identification;
 use motor_hub_client::motor_hub::units::Control;
 use motor_hub_client::{Error, Session, reasons};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
@@ -20,6 +23,12 @@ use std::time::{Duration, Instant};
 
 /// Interval between two tries to reach a lost hub.
 const AGAIN: Duration = Duration::from_secs(1);
+/// Time-out of requests to a hub, as the client has it.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Time-out of requests to a child. A child answers within 20 ms, and the other hubs wait meanwhile.
+const CHILD_PATIENCE: Duration = Duration::from_millis(150);
+/// Time-out of the request to a lost child.
+const LOST_PATIENCE: Duration = Duration::from_millis(20);
 /// Longest time in which a hub that has just started makes its first ticks.
 const FIRST_TICKS: Duration = Duration::from_millis(500);
 /// Interval of battery and diagnostics.
@@ -44,29 +53,33 @@ pub(crate) struct HubThread {
     pub(crate) start: Instant,
 }
 
-/// What the hub's motors are set to, so that only changes are sent.
+/// What a joint's motor is set to, so that only changes are sent.
 #[derive(Clone, Copy, Default)]
 struct Sent {
     enabled: bool,
     mode: Option<RunMode>,
 }
 
-/// A connected hub.
+/// A connected hub, with its children.
 struct Connected {
     session: Session<Line>,
-    sent: [Sent; CHANNELS],
+    /// The address of the hub that is no child.
+    parent: Address,
+    /// The children that are lost, and when each is asked again.
+    lost: BTreeMap<u8, Instant>,
+    joints: Vec<(Joint, Sent)>,
     identification: Option<Identifying>,
-    /// Positions of the next report do not continue those of the last one.
+    /// Positions of the parent's next report do not continue those of the last one.
     positions_jump: bool,
-    /// When the last report was asked for, and the hub's time in this report.
-    clock: Option<(Instant, u32)>,
+    /// When each hub was asked for its last report, and the hub's time in this report.
+    clocks: BTreeMap<Option<u8>, (Instant, u32)>,
 }
 
 /// An identification of all joints, one after the other.
 struct Identifying {
     answer: Answer,
-    /// The motor under way, and motors that follow.
-    motors: VecDeque<u8>,
+    /// The joint under way, and joints that follow.
+    joints: VecDeque<Joint>,
     started: bool,
 }
 
@@ -80,18 +93,9 @@ impl HubThread {
                 Ok(session) => {
                     println!("{place}: connected");
                     reached = true;
-                    let mut hub = Connected {
-                        session,
-                        sent: [Sent::default(); CHANNELS],
-                        identification: None,
-                        positions_jump: true,
-                        clock: None,
-                    };
-                    let ended = self.serve(&mut hub);
-                    hub.give_up_identification("the hub was lost");
-                    match ended {
-                        Ok(()) => return hub.stop(),
-                        Err(error) => error.to_string(),
+                    match self.connect(session) {
+                        Ok(()) => return,
+                        Err(error) => error,
                     }
                 }
                 Err(error) => error.to_string(),
@@ -102,6 +106,39 @@ impl HubThread {
             }
             self.wait_for_hub();
         }
+    }
+
+    /// Works with a hub until the program ends, or until the hub is lost.
+    ///
+    /// # Errors
+    /// Why the hub cannot be used.
+    fn connect(&mut self, session: Session<Line>) -> Result<(), String> {
+        let children = self.robot.config().children();
+        let parent = Address::new(session.address()).filter(|parent| !children.contains(&parent.get()));
+        let Some(parent) = parent else {
+            return Err(format!(
+                "the hub itself has the address {}; give its joints no address",
+                session.address()
+            ));
+        };
+        let joints = self.robot.config().joints.iter().map(|joint| (joint.clone(), Sent::default()));
+        let mut hub = Connected {
+            session,
+            parent,
+            // Each child is asked at once.
+            lost: children.into_iter().map(|child| (child, Instant::now())).collect(),
+            joints: joints.collect(),
+            identification: None,
+            positions_jump: true,
+            clocks: BTreeMap::new(),
+        };
+        let ended = self.serve(&mut hub);
+        hub.give_up_identification("the hub was lost");
+        match ended {
+            Ok(()) => hub.stop(),
+            Err(error) => return Err(error.to_string()),
+        }
+        Ok(())
     }
 
     fn now(&self) -> Duration {
@@ -146,12 +183,10 @@ impl HubThread {
                 self.take(hub, one)?;
                 event = self.events.try_recv().ok();
             }
-            for (motor, setpoint) in self.robot.due(self.now()) {
-                match hub.set(motor, setpoint) {
-                    Err(error @ (Error::Refused { .. } | Error::TooOld { .. })) => {
-                        self.robot.refuse(motor, &error.to_string());
-                    }
-                    done => done?,
+            for (joint, setpoint) in self.robot.due(self.now()) {
+                if let Err(error) = hub.set(joint, setpoint) {
+                    let why = self.go_on_after(hub, error)?;
+                    self.robot.refuse(joint, &why);
                 }
             }
             if Instant::now() >= next {
@@ -165,6 +200,23 @@ impl HubThread {
             }
         }
         Ok(())
+    }
+
+    /// Returns the text of an error after which the connection goes on: a refusal, or a child that does not answer, which is lost
+    /// then.
+    fn go_on_after(&mut self, hub: &mut Connected, error: Error) -> Result<String, Error> {
+        let text = error.to_string();
+        match error {
+            Error::Refused { .. } | Error::TooOld { .. } => (),
+            Error::Silent { address } if address != hub.parent.get() => {
+                if hub.lose(address) {
+                    eprintln!("warning: {}: {text}", self.robot.config().place);
+                }
+                self.robot.lose_child(address);
+            }
+            error => return Err(error),
+        }
+        Ok(text)
     }
 
     fn take(&mut self, hub: &mut Connected, (arrived, event): Arrived) -> Result<(), Error> {
@@ -194,32 +246,36 @@ impl HubThread {
                 Ok("motors accept commands".to_owned())
             }
             Call::ResetEncoders => {
-                for joint in &self.robot.config().joints {
-                    hub.session.reset_encoder(joint.motor)?;
-                }
                 hub.positions_jump = true;
-                Ok("all encoders are at 0".to_owned())
+                let mut done = Ok("all encoders are at 0".to_owned());
+                for joint in self.robot.config().joints.clone() {
+                    if let Err(error) = hub.reset_encoder(&joint) {
+                        done = Err(self.go_on_after(hub, error)?);
+                    }
+                }
+                done
             }
             Call::SaveSettings => {
-                let report = hub.session.store(HubFunction::Save);
-                match report {
-                    Ok(report) => match reasons::why_unsaved(&report) {
-                        None => Ok("settings are stored".to_owned()),
-                        Some(why) => Err(why.to_owned()),
-                    },
-                    Err(error @ (Error::Refused { .. } | Error::TooOld { .. })) => Err(error.to_string()),
-                    Err(error) => return Err(error),
+                let mut done = Ok("settings are stored".to_owned());
+                for address in hub.addresses() {
+                    match hub.save(address) {
+                        Ok(None) => (),
+                        Ok(Some(why)) => done = Err(why.to_owned()),
+                        Err(error) => done = Err(self.go_on_after(hub, error)?),
+                    }
                 }
+                done
             }
-            Call::Identify => match (self.robot.off(), &hub.identification) {
-                (Some(why), _) => Err(format!("motors are off: {why}")),
-                (_, Some(_)) => Err("an identification is under way".to_owned()),
-                (None, None) => {
+            Call::Identify => match (self.robot.off(), &hub.identification, hub.lost.keys().next()) {
+                (Some(why), ..) => Err(format!("motors are off: {why}")),
+                (_, Some(_), _) => Err("an identification is under way".to_owned()),
+                (.., Some(&address)) => Err(Error::Silent { address }.to_string()),
+                (None, None, None) => {
                     // Set-points in force end here, without a stop that follows later.
                     hub.disable()?;
                     self.robot.enable();
-                    let motors = self.robot.config().joints.iter().map(|joint| joint.motor).collect();
-                    hub.identification = Some(Identifying { answer, motors, started: false });
+                    let joints = self.robot.config().joints.iter().cloned().collect();
+                    hub.identification = Some(Identifying { answer, joints, started: false });
                     return Ok(());
                 }
             },
@@ -228,26 +284,13 @@ impl HubThread {
         Ok(())
     }
 
-    /// Publishes the newest report of the hub.
+    /// Publishes the newest reports of the hub and its children.
     fn report(&mut self, hub: &mut Connected) -> Result<(), Error> {
-        let asked = Instant::now();
-        let Some(report) = hub.session.report()? else {
-            eprintln!(
-                "error: {}: the hub's firmware is not of this project, or too old",
-                self.robot.config().place
-            );
-            return Err(Error::NoHub);
-        };
-        if hub.was_reset(asked, report.at_ms) {
-            eprintln!("warning: {}: the hub was reset", self.robot.config().place);
-            self.robot.stop("the hub was reset; call enable");
-            hub.disable()?;
-            hub.give_up_identification("the hub was reset");
-            hub.positions_jump = true;
+        for address in hub.addresses() {
+            if let Err(error) = self.ask(hub, address) {
+                self.go_on_after(hub, error)?;
+            }
         }
-        hub.identify(&report)?;
-        hub.note_disabled(&report);
-        self.robot.observe(report, std::mem::take(&mut hub.positions_jump));
         let at = now();
         let states = self.robot.joint_states();
         let names: Vec<&str> = states.iter().map(|state| state.0).collect();
@@ -270,6 +313,50 @@ impl HubThread {
             told(odom.put(odometry(at, frames, pose, twist), at));
             told(tf.put(transform(at, frames, pose), at));
         }
+        Ok(())
+    }
+
+    /// Takes the newest report of the hub, or of a child.
+    fn ask(&mut self, hub: &mut Connected, address: Option<u8>) -> Result<(), Error> {
+        let asked = Instant::now();
+        if hub.find(address)? {
+            println!(
+                "{}: connected to the hub at address {}",
+                self.robot.config().place,
+                hub.session.address()
+            );
+        }
+        let Some(report) = hub.session.report()? else {
+            eprintln!(
+                "error: {}: the firmware of the hub at address {} is not of this project, or too old",
+                self.robot.config().place,
+                hub.session.address()
+            );
+            return Err(address.map_or(Error::NoHub, |address| Error::Silent { address }));
+        };
+        if hub.was_reset(address, asked, report.at_ms) {
+            eprintln!(
+                "warning: {}: the hub at address {} was reset",
+                self.robot.config().place,
+                hub.session.address()
+            );
+            match address {
+                None => {
+                    self.robot.stop("the hub was reset; call enable");
+                    hub.disable()?;
+                    hub.give_up_identification("the hub was reset");
+                    hub.positions_jump = true;
+                }
+                Some(child) => {
+                    self.robot.refuse_all_of(address, &format!("the hub at address {child} was reset"));
+                    hub.disable_child(child)?;
+                }
+            }
+        }
+        hub.identify(address, &report)?;
+        hub.note_disabled(address, &report);
+        let positions_jump = address.is_none() && std::mem::take(&mut hub.positions_jump);
+        self.robot.observe(address, report, positions_jump);
         Ok(())
     }
 
@@ -305,10 +392,82 @@ impl Connected {
         Ok(())
     }
 
-    /// Disables all motors, with one packet.
-    fn disable(&mut self) -> Result<(), Error> {
-        self.sent = [Sent::default(); CHANNELS];
+    /// Addresses of the hub and its children, as joints have them.
+    fn addresses(&self) -> Vec<Option<u8>> {
+        let mut addresses: Vec<_> = self.joints.iter().map(|(joint, _)| joint.address).collect();
+        addresses.push(None);
+        addresses.sort_unstable();
+        addresses.dedup();
+        addresses
+    }
+
+    /// Continues with the hub, or with a child.
+    ///
+    /// # Errors
+    /// [`Error::Silent`] for a lost child, which is not asked.
+    fn turn_to(&mut self, address: Option<u8>) -> Result<(), Error> {
+        if let Some(address) = address.filter(|address| self.lost.contains_key(address)) {
+            return Err(Error::Silent { address });
+        }
+        self.session.talk_to(address.and_then(Address::new).unwrap_or(self.parent));
+        self.session.set_timeout(if address.is_some() { CHILD_PATIENCE } else { PATIENCE });
+        Ok(())
+    }
+
+    /// Continues with the hub or a child, and looks for a lost child from time to time. Returns true if the child is found.
+    fn find(&mut self, address: Option<u8>) -> Result<bool, Error> {
+        let lost = address.and_then(|child| Some((child, *self.lost.get(&child)?)));
+        let found = lost.is_some_and(|(_, again)| Instant::now() >= again);
+        if let Some((child, _)) = lost.filter(|_| found) {
+            self.lost.insert(child, Instant::now() + AGAIN);
+            self.session.talk_to(Address::new(child).unwrap_or(self.parent));
+            self.session.set_timeout(LOST_PATIENCE);
+            self.disable_child(child)?;
+            self.lost.remove(&child);
+        }
+        self.turn_to(address)?;
+        Ok(found)
+    }
+
+    /// Notes that a child does not answer. Returns false if that was known.
+    fn lose(&mut self, address: u8) -> bool {
+        let identifies = |of: &Identifying| of.joints.iter().any(|joint| joint.address == Some(address));
+        if self.identification.as_ref().is_some_and(identifies) {
+            self.give_up_identification("a hub of the chain was lost");
+        }
+        self.clocks.remove(&Some(address));
+        let is_new = !self.lost.contains_key(&address);
+        self.lost.entry(address).or_insert_with(|| Instant::now() + AGAIN);
+        is_new
+    }
+
+    /// Disables all motors of a child, with which the session has continued.
+    fn disable_child(&mut self, address: u8) -> Result<(), Error> {
+        for (_, sent) in self.joints.iter_mut().filter(|(joint, _)| joint.address == Some(address)) {
+            *sent = Sent::default();
+        }
         self.session.fail_safe()
+    }
+
+    /// Disables all motors. One packet reaches all hubs of a chain; a child that does not confirm it is lost.
+    fn disable(&mut self) -> Result<(), Error> {
+        for (_, sent) in &mut self.joints {
+            *sent = Sent::default();
+        }
+        self.turn_to(None)?;
+        let children = self.addresses().into_iter().flatten();
+        let known: Vec<u8> = children.filter(|child| !self.lost.contains_key(child)).collect();
+        if known.is_empty() && self.lost.is_empty() {
+            return self.session.fail_safe();
+        }
+        self.session.stop_hubs(&[self.parent.get()])?;
+        for child in known {
+            self.turn_to(Some(child))?;
+            if let Err(Error::Silent { address }) = self.session.fail_safe() {
+                self.lose(address);
+            }
+        }
+        self.turn_to(None)
     }
 
     /// Disables all motors at the end of the program.
@@ -320,9 +479,21 @@ impl Connected {
         }
     }
 
+    fn reset_encoder(&mut self, joint: &Joint) -> Result<(), Error> {
+        self.turn_to(joint.address)?;
+        self.session.reset_encoder(joint.motor)
+    }
+
+    /// Has a hub store its settings. Returns why the hub did not.
+    fn save(&mut self, address: Option<u8>) -> Result<Option<&'static str>, Error> {
+        self.turn_to(address)?;
+        Ok(reasons::why_unsaved(&self.session.store(HubFunction::Save)?))
+    }
+
     /// Sends a set-point, and enables the motor with it. A target precedes its mode, so that no former target is in force.
-    fn set(&mut self, motor: u8, setpoint: Setpoint) -> Result<(), Error> {
-        let sent = self.sent.get(usize::from(motor)).copied().unwrap_or_default();
+    fn set(&mut self, joint: usize, setpoint: Setpoint) -> Result<(), Error> {
+        let Some(&(Joint { address, motor, .. }, sent)) = self.joints.get(joint) else { return Ok(()) };
+        self.turn_to(address)?;
         let mode = match setpoint {
             Setpoint::Velocity(cps) => {
                 self.session.set_velocity(motor, cps)?;
@@ -349,7 +520,7 @@ impl Connected {
         if let Setpoint::Current { ma, speed } = setpoint {
             self.session.set_current(motor, ma, speed)?;
         }
-        if let Some(sent) = self.sent.get_mut(usize::from(motor)) {
+        if let Some((_, sent)) = self.joints.get_mut(joint) {
             *sent = Sent { enabled: true, mode: Some(mode) };
         }
         Ok(())
@@ -360,17 +531,16 @@ impl Connected {
     }
 
     /// Notes motors that the hub has disabled by itself, so that the next set-point enables them.
-    fn note_disabled(&mut self, report: &HubReport) {
-        if report.is_up_to_date() {
-            for (sent, motor) in self.sent.iter_mut().zip(&report.motors) {
-                sent.enabled &= motor.enabled;
-            }
+    fn note_disabled(&mut self, address: Option<u8>, report: &HubReport) {
+        for (joint, sent) in self.joints.iter_mut().filter(|(joint, _)| joint.address == address) {
+            let motor = report.motors.get(usize::from(joint.motor)).filter(|_| report.is_up_to_date());
+            sent.enabled &= motor.is_none_or(|motor| motor.enabled);
         }
     }
 
-    /// True if the hub was reset since the last report: its clock has begun again, so it does not go on with this machine's.
-    fn was_reset(&mut self, asked: Instant, at_ms: u32) -> bool {
-        self.clock.replace((asked, at_ms)).is_some_and(|(before, before_ms)| {
+    /// True if a hub was reset since its last report: its clock has begun again, so it does not go on with this machine's.
+    fn was_reset(&mut self, address: Option<u8>, asked: Instant, at_ms: u32) -> bool {
+        self.clocks.insert(address, (asked, at_ms)).is_some_and(|(before, before_ms)| {
             Duration::from_millis(at_ms.wrapping_sub(before_ms).into()) > before.elapsed() + AHEAD
         })
     }
@@ -383,11 +553,14 @@ impl Connected {
     }
 
     /// Goes on with an identification. Motors are braked until they stand, and identified one after the other.
-    fn identify(&mut self, report: &HubReport) -> Result<(), Error> {
-        let Some(Identifying { motors, started, .. }) = &self.identification else { return Ok(()) };
-        let Some(&motor) = motors.front() else {
+    fn identify(&mut self, address: Option<u8>, report: &HubReport) -> Result<(), Error> {
+        let Some(Identifying { joints, started, .. }) = &self.identification else { return Ok(()) };
+        let Some(Joint { name, address: of, motor, .. }) = joints.front().cloned() else {
             return self.identified(Ok("all joints are identified; their constants are in force".to_owned()));
         };
+        if of != address {
+            return Ok(());
+        }
         if !started {
             self.session.set_power(motor, Control::ZERO)?;
             self.session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
@@ -397,7 +570,7 @@ impl Connected {
             if stands {
                 match self.session.identify(motor, u32::MAX) {
                     Err(Error::Refused { reason, .. }) => {
-                        return self.identified(Err(format!("motor {motor}: the hub refuses: {reason}")));
+                        return self.identified(Err(format!("{name}: the hub refuses: {reason}")));
                     }
                     done => drop(done?),
                 }
@@ -412,14 +585,14 @@ impl Connected {
             Identification::Found(found) => {
                 self.session.set_dynamics(motor, Some(found.dynamics))?;
             }
-            Identification::Refused(why) => return self.identified(Err(format!("motor {motor}: {why}"))),
+            Identification::Refused(why) => return self.identified(Err(format!("{name}: {why}"))),
             Identification::None => {
-                return self.identified(Err(format!("motor {motor}: the identification did not start")));
+                return self.identified(Err(format!("{name}: the identification did not start")));
             }
         }
         self.session.enable(motor, false)?;
-        if let Some(Identifying { motors, started, .. }) = &mut self.identification {
-            motors.pop_front();
+        if let Some(Identifying { joints, started, .. }) = &mut self.identification {
+            joints.pop_front();
             *started = false;
         }
         Ok(())

@@ -7,7 +7,7 @@
 //!
 //! * A command is valid for 0.5 s. Then its joint stops, unless another command follows.
 //! * After `stop` the motors are off until `enable`. After a loss of the hub, too. A joint with a fault, or whose motor the
-//!   hub has switched off, is off until `enable`.
+//!   hub has switched off, is off until `enable`. So are the joints of a hub that was lost behind this hub.
 //! * One commander (a process) drives at a time. One that was never heard before takes over at once. One that was heard before
 //!   drives again once the present one has sent nothing for 5 s.
 
@@ -18,6 +18,7 @@ use motor_hub_client::motor_hub::extension::report::{HubReport, MotorReport};
 use motor_hub_client::motor_hub::record::Fault;
 use motor_hub_client::motor_hub::units::CountsPerSecond;
 use motor_hub_client::reasons::why_still;
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 /// Time for which a command is valid.
@@ -98,7 +99,10 @@ impl Commander {
     }
 }
 
-/// The motors of one hub.
+/// The newest reports of the hubs that can be reached, by address. `None` is the hub at the port.
+type Reports = BTreeMap<Option<u8>, HubReport>;
+
+/// The motors of one hub, and of the hubs behind it.
 #[derive(Debug)]
 pub(crate) struct Robot {
     config: Hub,
@@ -106,7 +110,7 @@ pub(crate) struct Robot {
     commander: Commander,
     /// Why all commands are ignored until `enable`.
     off: Option<&'static str>,
-    report: Option<HubReport>,
+    reports: Reports,
     pose: Pose,
     /// Forward speed in m/s and turning speed in rad/s.
     twist: (f64, f64),
@@ -119,7 +123,7 @@ impl Robot {
             config,
             commander: Commander { publishers, ..Commander::default() },
             off: None,
-            report: None,
+            reports: Reports::new(),
             pose: Pose::default(),
             twist: (0.0, 0.0),
         }
@@ -177,13 +181,13 @@ impl Robot {
         }
     }
 
-    /// Set-points that the hub does not have yet, by motor. Joints whose command is no longer valid stop: a position becomes
+    /// Set-points that the hubs do not have yet, by the joint's index. Joints whose command is no longer valid stop: a position becomes
     /// the present one, everything else speed 0.
-    pub(crate) fn due(&mut self, now: Duration) -> Vec<(u8, Setpoint)> {
+    pub(crate) fn due(&mut self, now: Duration) -> Vec<(usize, Setpoint)> {
         let mut due = Vec::new();
-        for (joint, command) in self.config.joints.iter().zip(&mut self.commands) {
+        for (index, (joint, command)) in self.config.joints.iter().zip(&mut self.commands).enumerate() {
             if command.until.is_some_and(|until| now >= until) {
-                let present = motor(&self.report, joint).map(|motor| motor.position);
+                let present = motor(&self.reports, joint).map(|motor| motor.position);
                 let stop = match (command.setpoint, present) {
                     (Some(Setpoint::Position { speed, .. }), Some(counts)) => {
                         Setpoint::Position { counts, speed }
@@ -194,7 +198,7 @@ impl Robot {
                 (command.setpoint, command.until) = (Some(stop), None);
             }
             if let Some(setpoint) = command.setpoint.filter(|_| std::mem::take(&mut command.is_new)) {
-                due.push((joint.motor, setpoint));
+                due.push((index, setpoint));
             }
         }
         due
@@ -216,7 +220,23 @@ impl Robot {
     /// The hub cannot be reached any more.
     pub(crate) fn lose(&mut self) {
         self.stop("the hub was lost; call enable");
-        self.report = None;
+        self.reports.clear();
+    }
+
+    /// The hub at this address, which is behind the hub at the port, cannot be reached.
+    pub(crate) fn lose_child(&mut self, address: u8) {
+        if self.reports.remove(&Some(address)).is_some() {
+            self.refuse_all_of(Some(address), &format!("the hub at address {address} was lost"));
+        }
+    }
+
+    /// The joints of one hub are off until [`enable`](Self::enable).
+    pub(crate) fn refuse_all_of(&mut self, address: Option<u8>, why: &str) {
+        for joint in 0..self.config.joints.len() {
+            if self.config.joints.get(joint).is_some_and(|joint| joint.address == address) {
+                self.refuse(joint, why);
+            }
+        }
     }
 
     /// Accepts commands again, of joints with a fault too.
@@ -227,12 +247,10 @@ impl Robot {
         }
     }
 
-    /// The hub has refused the set-point of a motor, or has switched the motor off.
-    pub(crate) fn refuse(&mut self, of: u8, why: &str) {
-        for (joint, command) in self.config.joints.iter().zip(&mut self.commands) {
-            if joint.motor == of {
-                *command = Command { off: Some(format!("{why}; call enable")), ..Command::default() };
-            }
+    /// The hub has refused the set-point of a joint, or has switched the motor off.
+    pub(crate) fn refuse(&mut self, joint: usize, why: &str) {
+        if let Some(command) = self.commands.get_mut(joint) {
+            *command = Command { off: Some(format!("{why}; call enable")), ..Command::default() };
         }
     }
 
@@ -241,20 +259,23 @@ impl Robot {
         self.off
     }
 
-    /// Takes a report of the hub. Encoders may have been reset since the last one if `positions_jump` is true.
-    pub(crate) fn observe(&mut self, report: HubReport, positions_jump: bool) {
-        let up_to_date = report.is_up_to_date();
-        for joint in self.config.joints.clone() {
+    /// Takes a report of the hub at an address. Encoders may have been reset since the last one if `positions_jump` is true.
+    pub(crate) fn observe(&mut self, address: Option<u8>, report: HubReport, positions_jump: bool) {
+        for index in 0..self.config.joints.len() {
+            let (Some(joint), Some(command)) = (self.config.joints.get(index), self.commands.get(index))
+            else {
+                continue;
+            };
             let Some(motor) = report.motors.get(usize::from(joint.motor)) else { continue };
-            let driven = self.commands.iter().zip(&self.config.joints).any(|(command, other)| {
-                other.motor == joint.motor && command.setpoint.is_some() && !command.is_new
-            });
-            if driven && up_to_date && (motor.faults.any() || !motor.enabled) {
+            let driven = joint.address == address && command.setpoint.is_some() && !command.is_new;
+            if driven && report.is_up_to_date() && (motor.faults.any() || !motor.enabled) {
                 let why = why_still(&report, joint.motor.into()).unwrap_or("the hub has disabled the motor");
-                self.refuse(joint.motor, why);
+                self.refuse(index, why);
             }
         }
-        if let Some((base, joints)) = self.config.drive_base() {
+        if address.is_none()
+            && let Some((base, joints)) = self.config.drive_base()
+        {
             let of = |report: &HubReport, value: fn(&MotorReport) -> i32| {
                 let at = |joint: usize| {
                     self.config.joints.get(joint).map_or(usize::MAX, |joint| joint.motor.into())
@@ -263,7 +284,7 @@ impl Robot {
             };
             let speeds = of(&report, |motor| motor.velocity.into());
             self.twist = (base.distance(speeds) / 1e3, base.heading(speeds).to_radians());
-            if let Some(before) = self.report.as_ref().filter(|_| !positions_jump) {
+            if let Some(before) = self.reports.get(&None).filter(|_| !positions_jump) {
                 let (now, then) = (of(&report, |motor| motor.position), of(before, |motor| motor.position));
                 let moved = [now[0].wrapping_sub(then[0]), now[1].wrapping_sub(then[1])];
                 let (forward, turned) = (base.distance(moved) / 1e3, base.heading(moved).to_radians());
@@ -274,18 +295,19 @@ impl Robot {
                 self.pose.heading += turned;
             }
         }
-        self.report = Some(report);
+        self.reports.insert(address, report);
     }
 
     /// Place and twist of the drive base; `None` without a base or a report.
     pub(crate) fn odometry(&self) -> Option<(Pose, (f64, f64))> {
-        (self.config.base.is_some() && self.report.is_some()).then_some((self.pose, self.twist))
+        (self.config.base.is_some() && self.reports.contains_key(&None)).then_some((self.pose, self.twist))
     }
 
-    /// Name, position in rad, velocity in rad/s and effort in N m of each joint. The effort is NaN if it is unknown.
+    /// Name, position in rad, velocity in rad/s and effort in N m of each joint whose hub can be reached. The effort is NaN if it is
+    /// unknown.
     pub(crate) fn joint_states(&self) -> Vec<(&str, f64, f64, f64)> {
         let states = self.config.joints.iter().filter_map(|joint| {
-            let (motor, scale) = (motor(&self.report, joint)?, joint.counts_per_radian());
+            let (motor, scale) = (motor(&self.reports, joint)?, joint.counts_per_radian());
             let amperes = f64::from(motor.best_current().get()) / 1e3 * scale.signum();
             let effort = joint.torque_per_ampere.map_or(f64::NAN, |torque| torque * amperes);
             Some((
@@ -301,11 +323,11 @@ impl Robot {
     /// Voltage in V, if the hub knows it, and the current in A by the duties of the motors, negative while it leaves the battery,
     /// as ROS 2 has it.
     pub(crate) fn battery(&self) -> Option<(Option<f32>, f32)> {
-        let report = self.report.as_ref()?;
-        let volts = report.battery.map(|battery| f32::from(battery.get()) / 1e3);
-        let drawn = report
-            .motors
-            .iter()
+        let volts = self.reports.get(&None)?.battery.map(|battery| f32::from(battery.get()) / 1e3);
+        let drawn = self
+            .reports
+            .values()
+            .flat_map(|report| &report.motors)
             .map(|motor| motor.best_current().get().unsigned_abs() as f32 / 1e3 * drawn(motor));
         Some((volts, -drawn.sum::<f32>()))
     }
@@ -314,7 +336,7 @@ impl Robot {
     pub(crate) fn diagnostics(&self, malformed: u64, now: Duration) -> Vec<Status> {
         let name = self.config.namespace.trim_start_matches('/').replace('/', " ");
         let name = if name.is_empty() { "hub".to_owned() } else { name };
-        let (level, message) = match (&self.report, self.off, self.commander.conflict(now)) {
+        let (level, message) = match (self.reports.get(&None), self.off, self.commander.conflict(now)) {
             (None, ..) => (Level::Stale, "the hub cannot be reached".to_owned()),
             (_, Some(why), _) => (Level::Warn, why.to_owned()),
             (.., Some(conflict)) => (Level::Warn, conflict),
@@ -323,10 +345,22 @@ impl Robot {
         let values = vec![("malformed messages", malformed.to_string())];
         let mut all = vec![Status { level, name: name.clone(), message, values }];
         for (joint, command) in self.config.joints.iter().zip(&self.commands) {
-            let Some(motor) = motor(&self.report, joint) else { continue };
+            let (hub, of) = match joint.address {
+                Some(address) => {
+                    (format!("the hub at address {address}"), format!("{address}:{}", joint.motor))
+                }
+                None => ("the hub".to_owned(), joint.motor.to_string()),
+            };
+            let mut values = vec![("motor", of)];
+            let name = format!("{name}: {}", joint.name);
+            let Some(motor) = motor(&self.reports, joint) else {
+                let message = format!("{hub} cannot be reached");
+                all.push(Status { level: Level::Stale, name, message, values });
+                continue;
+            };
             let faults: Vec<Fault> =
                 Fault::ALL.iter().copied().filter(|fault| fault.is_in(motor.faults)).collect();
-            let report = self.report.as_ref();
+            let report = self.reports.get(&joint.address);
             let why = report.and_then(|report| why_still(report, joint.motor.into()));
             let (level, message) = match (&command.off, faults.first()) {
                 (Some(off), _) => (Level::Error, off.clone()),
@@ -336,18 +370,17 @@ impl Robot {
                 }
                 _ => (Level::Ok, why.unwrap_or("turning").to_owned()),
             };
-            let mut values = vec![("motor", joint.motor.to_string())];
             values
                 .extend(faults.iter().map(|fault| ("fault", format!("{} {}", fault.number(), fault.name()))));
             values.push(("heat", format!("{:.0} %", f64::from(motor.heat) / 10.0)));
-            all.push(Status { level, name: format!("{name}: {}", joint.name), message, values });
+            all.push(Status { level, name, message, values });
         }
         all
     }
 }
 
-fn motor<'a>(report: &'a Option<HubReport>, joint: &Joint) -> Option<&'a MotorReport> {
-    report.as_ref()?.motors.get(usize::from(joint.motor))
+fn motor<'a>(reports: &'a Reports, joint: &Joint) -> Option<&'a MotorReport> {
+    reports.get(&joint.address)?.motors.get(usize::from(joint.motor))
 }
 
 /// Share of a motor's current that comes from the battery: the duty while the motor is driven, nothing while it brakes.
@@ -486,7 +519,7 @@ mod tests {
         };
         robot.joints(A, &to, ms(0));
         robot.due(ms(0));
-        robot.observe(report([700, 0]), false);
+        robot.observe(None, report([700, 0]), false);
         assert_eq!(robot.due(ms(600)), [(0, Setpoint::Position { counts: 700, speed: 1604 })]);
     }
 
@@ -508,7 +541,7 @@ mod tests {
     #[test]
     fn the_newest_commander_drives_and_the_conflict_is_told() {
         let mut robot = robot();
-        robot.observe(report([0, 0]), false);
+        robot.observe(None, report([0, 0]), false);
         robot.twist(A, (0.1, 0.0), ms(0));
         robot.twist(B, (0.2, 0.0), ms(10));
         robot.due(ms(10));
@@ -533,7 +566,7 @@ mod tests {
         robot.due(ms(0));
         let mut faulty = report([0, 0]);
         faulty.motors[0].faults = Faults { bridge: true, ..Faults::default() };
-        robot.observe(faulty, false);
+        robot.observe(None, faulty, false);
         let left = robot.diagnostics(0, ms(0)).remove(1);
         assert_eq!((left.level, left.name.as_str()), (Level::Error, "hub0: left"));
         assert!(left.values.contains(&("fault", "5 bridge switched itself off".to_owned())), "{left:?}");
@@ -547,13 +580,54 @@ mod tests {
     #[test]
     fn a_lost_hub_reports_nothing_old_and_stays_off() {
         let mut robot = robot();
-        robot.observe(report([10, 10]), false);
+        robot.observe(None, report([10, 10]), false);
         robot.lose();
         assert!(robot.joint_states().is_empty() && robot.odometry().is_none() && robot.battery().is_none());
         assert_eq!(robot.diagnostics(0, ms(0)).remove(0).level, Level::Stale);
-        robot.observe(report([10, 10]), true);
+        robot.observe(None, report([10, 10]), true);
         robot.twist(A, (0.5, 0.0), ms(0));
         assert_eq!(robot.due(ms(0)), []);
+    }
+
+    #[test]
+    fn of_a_chain_a_lost_hub_takes_its_own_joints_alone() {
+        let chain = EXAMPLE.replace(
+            "        ]",
+            r#"    { name = "lift", address = 3, motor = 0, counts_per_turn = 1680, speed = 6 },
+        ]"#,
+        );
+        let mut robot = Robot::new(Config::read(&chain).unwrap().hubs.remove(0), Publishers::default());
+        robot.observe(None, report([100, 200]), false);
+        robot.observe(Some(3), report([300, 400]), false);
+        let names =
+            |robot: &Robot| robot.joint_states().iter().map(|joint| joint.0.to_owned()).collect::<Vec<_>>();
+        assert_eq!(names(&robot), ["left", "right", "lift"]);
+        assert_eq!(robot.joint_states()[2].1, 300.0 / 1680.0 * TAU);
+        let all = velocities(&["left", "lift"], &[1.0, 1.0]);
+        robot.joints(A, &all, ms(0));
+        assert_eq!(robot.due(ms(0)), [(0, Setpoint::Velocity(267)), (2, Setpoint::Velocity(267))]);
+        // Motor 0 of the other hub is disabled, which is no matter of this joint.
+        let mut disabled = report([0, 0]);
+        disabled.motors[0].enabled = false;
+        robot.observe(Some(3), disabled, false);
+        robot.joints(A, &velocities(&["left", "lift"], &[2.0, 2.0]), ms(10));
+        assert_eq!(robot.due(ms(10)), [(0, Setpoint::Velocity(535))]);
+        robot.lose_child(3);
+        assert_eq!(names(&robot), ["left", "right"]);
+        let told = robot.diagnostics(0, ms(10));
+        assert_eq!(
+            told.iter().map(|status| status.level).collect::<Vec<_>>(),
+            [Level::Ok, Level::Ok, Level::Ok, Level::Stale]
+        );
+        assert_eq!(told[3].message, "the hub at address 3 cannot be reached");
+        assert_eq!(told[3].values, [("motor", "3:0".to_owned())]);
+        // The hub is back.
+        robot.observe(Some(3), report([0, 0]), false);
+        robot.joints(A, &all, ms(20));
+        assert_eq!(robot.due(ms(20)), [(0, Setpoint::Velocity(267))]);
+        robot.enable();
+        robot.joints(A, &all, ms(30));
+        assert_eq!(robot.due(ms(30)).len(), 2);
     }
 
     #[test]
@@ -565,7 +639,7 @@ mod tests {
         };
         for degree in 0..=90 {
             let degree = f64::from(degree);
-            robot.observe(report([counts(0.85, degree), -counts(1.15, degree)]), false);
+            robot.observe(None, report([counts(0.85, degree), -counts(1.15, degree)]), false);
         }
         let (pose, _) = robot.odometry().unwrap();
         assert!((pose.x - 1.0).abs() < 2e-3 && (pose.y - 1.0).abs() < 2e-3, "{pose:?}");
@@ -575,8 +649,8 @@ mod tests {
     #[test]
     fn a_reset_of_the_encoders_moves_no_base() {
         let mut robot = robot();
-        robot.observe(report([5000, -5000]), false);
-        robot.observe(report([0, 0]), true);
+        robot.observe(None, report([5000, -5000]), false);
+        robot.observe(None, report([0, 0]), true);
         assert_eq!(robot.odometry().unwrap().0, Pose::default());
     }
 

@@ -601,6 +601,114 @@ class Fleet(WithRobot):
         self.assertAlmostEqual(self.speed("/hub1 "), -0.1, delta=0.02)
 
 
+class ChainLine(Relay):
+    """A line to a chain of hubs. Requests to some addresses are lost, or go to another hub."""
+
+    def __init__(self) -> None:
+        self.lost: set[int] = set()
+        self.others: dict[int, Relay] = {}
+        super().__init__()
+
+    def request(self, data: bytes) -> None:
+        # A request is one packet, whose fifth byte is its destination.
+        if data[4] in self.others:
+            self.others[data[4]].request(data)
+        elif data[4] not in self.lost:
+            super().request(data)
+
+    def replace(self, address: int, port: int) -> None:
+        """Puts another hub with this address in the place of one."""
+        other = Relay()
+        other.connect(port)
+        other.host, self.others[address] = self.host, other
+
+    def close(self) -> None:
+        for other in self.others.values():
+            other.host = None
+            other.close()
+        super().close()
+
+
+class Chain(WithRobot):
+    """Three hubs on one line: the base on the parent, two more joints behind it."""
+
+    def start_hub(self, port: int) -> subprocess.Popen:
+        hub = self.start([os.environ["MOTOR_HUB"], "serve", "--hubs", "3", "--tcp", f"127.0.0.1:{port}"])
+        self.wait_for_port(port)
+        return hub
+
+    def start_node(self, places: list[str] | None = None) -> None:
+        self.line = ChainLine()
+        self.addCleanup(self.line.close)
+        self.line.connect(self.hub_port)
+        behind = ("lift", 3), ("grip", 4)
+        joints = [f'{{{{ name = "{name}", address = {at}, motor = 0, counts_per_turn = 1680, speed = 6 }}}},' for name, at in behind]
+        with unittest.mock.patch.object(sys.modules[__name__], "HUB", HUB.replace("\n]", "\n" + "\n".join(joints) + "\n]")):
+            super().start_node([f"127.0.0.1:{self.line.port}"])
+
+    def drive_all(self, seconds: float) -> None:
+        none, names = numpy.array([]), ["lift", "grip"]
+        for _ in range(round(50 * seconds)):
+            self.commander.twist(0.2)
+            state = STORE.types[STATE](header(), names, none, numpy.array([2.0, -3.0]), none)
+            self.commander.put("/hub0/joint_commands", state, STATE)
+            time.sleep(0.02)
+
+    def expect(self, **speeds: float) -> None:
+        self.assertEqual({"left", "right", "arm", *speeds}, set(self.newest[STATE].name))
+        for name, speed in speeds.items():
+            self.assertAlmostEqual(self.joint(name)[1], speed, delta=0.2, msg=name)
+
+    def test_joints_of_all_hubs_are_driven_and_a_lost_hub_takes_its_own_alone(self) -> None:
+        self.wait_for(lambda: {"lift", "grip"} <= set(self.newest[STATE].name), "joints of the children", 3)
+        self.drive_all(1.5)
+        self.assertAlmostEqual(self.speed(), 0.2, delta=0.02)
+        self.expect(lift=2.0, grip=-3.0)
+        # The wire behind the parent is cut: the states of the other hubs go on.
+        lost = len(self.raw)
+        self.line.lost = {3}
+        self.drive_all(2.5)
+        self.assertAlmostEqual(self.speed(), 0.2, delta=0.02)
+        self.expect(grip=-3.0)
+        times = [at for where, _, at, _ in self.raw[lost:] if where == "/hub0/joint_states"]
+        self.assertLess(max(b - a for a, b in zip(times, times[1:])) / 1e9, 0.4)
+        told = {status.name: (status.level, status.message) for status in self.newest[DIAGNOSTICS].status}
+        self.assertEqual(told["hub0"], (0, "ready"))
+        self.assertEqual(told["hub0: lift"], (3, "the hub at address 3 cannot be reached"))
+        self.assertEqual({level for name, (level, _) in told.items() if name != "hub0: lift"}, {0})
+        # Its own keep-alive has stopped the motor. The joint is off until enable.
+        self.line.lost = set()
+        self.wait_for(lambda: "lift" in self.newest[STATE].name, "the joint of the hub that is back", 3)
+        self.drive_all(0.5)
+        self.expect(lift=0.0, grip=-3.0)
+        self.assertTrue(self.commander.call("enable", True)[0])
+        self.drive_all(1.5)
+        self.expect(lift=2.0, grip=-3.0)
+        # One stop reaches all hubs, also beside a lost one.
+        self.line.lost = {4}
+        self.assertTrue(self.commander.call("stop")[0])
+        self.drive_all(2.0)
+        self.assertAlmostEqual(self.speed(), 0.0, delta=0.01)
+        self.expect(lift=0.0)
+
+    def test_a_child_that_is_reset_is_off_until_enable(self) -> None:
+        port = free_port()
+        self.start([os.environ["MOTOR_HUB"], "serve", "--address", "3", "--tcp", f"127.0.0.1:{port}"])
+        self.wait_for(lambda: {"lift", "grip"} <= set(self.newest[STATE].name), "joints of the children", 3)
+        self.drive_all(1.0)
+        self.expect(lift=2.0, grip=-3.0)
+        # A hub that was started later has the clock and the state of a hub after a reset.
+        self.line.replace(3, port)
+        self.drive_all(1.5)
+        self.expect(lift=0.0, grip=-3.0)
+        self.assertAlmostEqual(self.speed(), 0.2, delta=0.02)
+        told = {status.name: status.message for status in self.newest[DIAGNOSTICS].status}
+        self.assertEqual(told["hub0: lift"], "the hub at address 3 was reset; call enable")
+        self.assertTrue(self.commander.call("enable", True)[0])
+        self.drive_all(1.0)
+        self.expect(lift=2.0, grip=-3.0)
+
+
 class TwoMachines(unittest.TestCase):
     """Robot and operator in network namespaces of their own, which one cable connects."""
 
@@ -725,7 +833,7 @@ if __name__ == "__main__":
         sdk_peer(int(sys.argv[2]), Path(sys.argv[3]))
     elif len(sys.argv) == 1:
         # The tests wait most of the time: some classes run side by side.
-        groups = [Losses, Services, Commands, Graph, Fleet, TwoMachines, NoHubYet, OthersCode]
+        groups = [Losses, Services, Chain, Commands, Graph, Fleet, TwoMachines, NoHubYet, OthersCode]
 
         def run(group: type) -> subprocess.CompletedProcess:
             return subprocess.run([sys.executable, __file__, "-v", group.__name__], stderr=subprocess.PIPE, text=True)

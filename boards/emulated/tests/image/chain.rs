@@ -1,10 +1,11 @@
-//! Two chips on one chain line, each with a motor of its own: the parent on the board of the test, the child on the other board.
+//! Two chips on one chain line, each with motors of its own: the parent on the board of the test, the child on the other board.
 
 use std::time::Duration;
 
 use crate::common::{am60, board, by_board, expect_speed, ms, open_since, setup};
-use emulated::{Bench, Board, ChainBench, LineFault, Setup};
+use emulated::{Bench, Board, ChainBench, Encoder, LineFault, Setup, Wire};
 use motor_hub::chain::ChainReport;
+use motor_hub::extension::report::HubReport;
 use motor_hub::extension::{HubFunction, Request};
 use motor_hub::protocol::motor::{ChannelMode, RunMode, ToMotor};
 use motor_hub::protocol::payload::{Field, Fields};
@@ -17,17 +18,17 @@ const CHILD: u8 = Address::DEFAULT.get();
 const PARENT: u8 = 9;
 
 /// Two hubs that were powered on 300 ms ago.
-fn booted_pair() -> ChainBench {
+fn booted_pair(motors: usize) -> ChainBench {
     let child = by_board(Board::NucleoH743zi2, Board::NucleoF429zi);
-    let hub = |board| Setup { board, ..setup(vec![am60()]) };
+    let hub = |board| Setup { board, ..setup(vec![am60(); motors]) };
     let mut chain = ChainBench::new(vec![hub(board()), hub(child)]);
     chain.run(ms(300));
     chain
 }
 
 /// The same with different addresses.
-fn pair() -> ChainBench {
-    let mut chain = booted_pair();
+fn pair(motors: usize) -> ChainBench {
+    let mut chain = booted_pair(motors);
     readdress(&mut chain);
     chain
 }
@@ -46,17 +47,22 @@ fn obeys(chain: &mut ChainBench, request: impl Into<Request>, address: u8) {
     );
 }
 
-/// Has both motors turn at 1000 counts/s.
-fn turning_pair() -> ChainBench {
-    let mut chain = pair();
+/// Has a motor turn at 1000 counts/s.
+fn turn(chain: &mut ChainBench, address: u8, motor: u8) {
+    let mode = ChannelMode { mode: RunMode::Velocity, floats: false };
+    obeys(chain, ToMotor::SetMode { mode }.to(motor), address);
+    obeys(chain, ToMotor::SetVelocity { cps: 1000 }.to(motor), address);
+    obeys(chain, ToMotor::SetEnable { on: true }.to(motor), address);
+}
+
+/// A parent and a child, whose motors all turn at 1000 counts/s.
+fn turning(motors: usize) -> ChainBench {
+    let mut chain = pair(motors);
     for address in [PARENT, CHILD] {
-        let mode = ChannelMode { mode: RunMode::Velocity, floats: false };
-        obeys(&mut chain, ToMotor::SetMode { mode }.to(0), address);
-        obeys(&mut chain, ToMotor::SetVelocity { cps: 1000 }.to(0), address);
-        obeys(&mut chain, ToMotor::SetEnable { on: true }.to(0), address);
+        (0..motors as u8).for_each(|motor| turn(&mut chain, address, motor));
     }
     chain.run(ms(700));
-    chain.hubs.iter_mut().for_each(|hub| expect_speed(hub, [0], 100.0));
+    chain.hubs.iter_mut().for_each(|hub| expect_speed(hub, 0..motors, 100.0));
     chain
 }
 
@@ -67,8 +73,8 @@ fn report(chain: &mut ChainBench, parent: u8) -> ChainReport {
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
-pub(crate) fn two_hubs_with_one_address_are_told_and_both_obey_after_set_address() {
-    let mut chain = booted_pair();
+fn two_hubs_with_one_address_are_told_and_both_obey_after_set_address() {
+    let mut chain = booted_pair(1);
     chain.send(Standard::Discovery, BROADCAST);
     // 254 questions of 11 bytes, and 2 ms for each answer. The client waits for 650 ms.
     chain.run(ms(630));
@@ -78,6 +84,12 @@ pub(crate) fn two_hubs_with_one_address_are_told_and_both_obey_after_set_address
     assert!(!discovering);
     assert_eq!(clashing.iter().collect::<Vec<_>>(), [CHILD]);
     readdress(&mut chain);
+    // Now a discovery finds the child, the second address that the parent asks.
+    chain.send(Standard::Discovery, BROADCAST);
+    chain.run(ms(30));
+    let found: Vec<_> = chain.arrivals().into_iter().map(|arrival| arrival.packet).collect();
+    let found: Vec<_> = found.iter().map(|packet| (packet.source, &packet.payload[..])).collect();
+    assert_eq!(found, [(PARENT, &[1][..]), (CHILD, &[0])]);
     for address in [PARENT, CHILD] {
         obeys(&mut chain, Standard::KeepAlive, address);
     }
@@ -87,7 +99,7 @@ pub(crate) fn two_hubs_with_one_address_are_told_and_both_obey_after_set_address
 
 #[test]
 pub(crate) fn both_motors_turn_and_the_parent_answers_in_time_whatever_the_line_does() {
-    let mut chain = turning_pair();
+    let mut chain = turning(1);
     for fault in [LineFault::Cut, LineFault::Shorted, LineFault::Noise, LineFault::Babble] {
         chain.set_fault(Some(fault));
         let mut slowest = Duration::ZERO;
@@ -109,28 +121,71 @@ pub(crate) fn both_motors_turn_and_the_parent_answers_in_time_whatever_the_line_
     chain.hubs.iter_mut().for_each(Bench::assert_sound);
 }
 
+/// A fault of one hub must not reach the other. The limits are those of the fault matrix.
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
-pub(crate) fn a_child_that_is_reset_leaves_the_parents_motor_turning_and_comes_back() {
-    let mut chain = turning_pair();
+fn faults_of_one_hub_end_as_in_the_matrix_and_leave_the_other_turning() {
+    let mut chain = turning(4);
+    // Faults of motors, in both hubs at once. Motor 3 goes on.
+    let at = chain.now();
+    for hub in &mut chain.hubs {
+        hub.set_encoder(0, Encoder::Unplugged);
+        hub.set_encoder(1, Encoder::Stuck { wire: Wire::A, high: true });
+        hub.pull_diag(2, true);
+    }
+    chain.run(ms(260));
+    for hub in &mut chain.hubs {
+        let transitions = hub.transitions();
+        for (motor, within) in [(0, ms(250)), (1, ms(250)), (2, ms(85))] {
+            let opened = open_since(&transitions, motor, at).expect("the bridge is open") - at;
+            assert!(opened <= within, "motor {motor}: {opened:?}");
+        }
+        expect_speed(hub, [3], 100.0);
+        hub.pull_diag(2, false);
+    }
+    for address in [PARENT, CHILD] {
+        let (answer, _) = chain.ask(HubFunction::Report, address).expect("an answer");
+        let report = HubReport::read(&mut Fields::new(&answer.payload)).expect("a report");
+        let faults: Vec<_> =
+            report.motors.iter().map(|motor| (motor.faults.encoder.is_some(), motor.faults.bridge)).collect();
+        assert_eq!(faults, [(true, false), (true, false), (false, true), (false, false)], "hub {address}");
+    }
+    // The child's converter fails.
+    let at = chain.now();
+    chain.hubs[1].kill_adc(true);
+    chain.run(ms(170));
+    let opened = open_since(&chain.hubs[1].transitions(), 3, at).expect("the bridge is open") - at;
+    assert!(opened <= ms(165), "{opened:?}");
+    expect_speed(&mut chain.hubs[0], [3], 100.0);
+    chain.hubs[1].kill_adc(false);
+    // The child is reset. Nobody has asked for a motion since.
     let at = chain.now() + ms(1);
     chain.hubs[1].pull_reset(at);
-    chain.run(ms(5));
-    let transitions = chain.hubs[1].transitions();
-    assert_eq!(open_since(&transitions, 0, at), Some(at), "the child's bridge opens with the reset");
     for _ in 0..3 {
         let (_, time) = chain.ask(Standard::KeepAlive, PARENT).expect("an answer");
         assert!(time <= ms(2), "{time:?}");
         chain.run(ms(100));
     }
+    let transitions = chain.hubs[1].transitions();
+    assert_eq!(open_since(&transitions, 3, at), Some(at), "the child's bridges open with the reset");
+    expect_speed(&mut chain.hubs[0], [3], 100.0);
+    // The child is back at once, and turns while its parent is reset. The H743 has stored its address.
+    turn(&mut chain, CHILD, 3);
+    chain.run(ms(400));
+    let at = chain.now() + ms(1);
+    chain.hubs[0].pull_reset(at);
+    chain.run(ms(300));
+    assert_eq!(open_since(&chain.hubs[0].transitions(), 3, at), Some(at));
+    if board() == Board::NucleoF429zi {
+        readdress(&mut chain);
+    }
     obeys(&mut chain, Standard::KeepAlive, CHILD);
-    expect_speed(&mut chain.hubs[0], [0], 100.0);
-    assert!(open_since(&chain.hubs[1].transitions(), 0, at).is_some(), "nobody has asked for a motion");
+    expect_speed(&mut chain.hubs[1], [3], 100.0);
 }
 
 #[test]
-pub(crate) fn a_stop_to_all_opens_every_bridge_within_fifty_milliseconds() {
-    let mut chain = turning_pair();
+fn a_stop_to_all_opens_every_bridge_within_fifty_milliseconds() {
+    let mut chain = turning(1);
     // Requests to a hub that does not exist wait for the line.
     for _ in 0..8 {
         chain.send(Standard::KeepAlive, 77);
@@ -146,7 +201,7 @@ pub(crate) fn a_stop_to_all_opens_every_bridge_within_fifty_milliseconds() {
 
 #[test]
 fn a_hub_drives_the_line_for_its_own_bytes_and_a_byte_longer_at_most() {
-    let mut chain = pair();
+    let mut chain = pair(1);
     for _ in 0..4 {
         obeys(&mut chain, Standard::KeepAlive, CHILD);
         chain.ask(ToHub::Bulk, CHILD).expect("an answer of several bytes");

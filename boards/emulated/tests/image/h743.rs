@@ -25,12 +25,6 @@ on_h743!(
     running::four_motors_with_different_loads_reach_their_speed_and_stand_still_again,
     running::what_the_chip_measures_is_what_the_physics_does,
     chain::both_motors_turn_and_the_parent_answers_in_time_whatever_the_line_does,
-    #[ignore = "long: cargo xtask test nucleo-f429zi"]
-    chain::a_child_that_is_reset_leaves_the_parents_motor_turning_and_comes_back,
-    #[ignore = "long: cargo xtask test nucleo-f429zi"]
-    chain::a_stop_to_all_opens_every_bridge_within_fifty_milliseconds,
-    #[ignore = "long: cargo xtask test nucleo-f429zi"]
-    chain::two_hubs_with_one_address_are_told_and_both_obey_after_set_address,
     currents::a_host_gets_the_currents_that_flow_also_of_a_motor_whose_constants_are_wrong,
     currents::a_line_that_is_broken_is_named_and_not_believed_and_another_one_is,
     devices::analog_inputs_rail_and_temperature_are_measured_and_never_old,
