@@ -48,12 +48,15 @@ impl Daemon {
     fn drive_base(&mut self) {
         let geometry = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
         let base = BaseSettings::new([0, 1], &geometry, true).expect("in range");
+        (0..2).for_each(|motor| self.host.enable(&mut self.bench, motor, false));
+        self.bench.run(ms(100));
         self.host.order(&mut self.bench, HubFunction::SetBase { base });
+        (0..2).for_each(|motor| self.host.velocity(&mut self.bench, motor, 1_000));
         let speed = CountsPerSecond::new(1_000);
         let course = GroupCourse::On([Some(speed), Some(speed), None, None]);
         let wanted = GroupCommand::new(course, speed, Acceleration::new(5_000).expect("in range"));
         self.host.order(&mut self.bench, MotorFunction::Move { wanted }.to(0));
-        self.bench.run(ms(600));
+        self.bench.run(ms(1_500));
         self.host.keep_alive(&mut self.bench);
     }
 
