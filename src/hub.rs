@@ -268,7 +268,7 @@ impl<const N: usize> Hub<N> {
     pub fn sample(&mut self, readings: &[Option<Reading>; N]) {
         for (motor, reading) in self.motors.iter_mut().zip(readings) {
             if let Some(reading) = reading {
-                motor.sample(*reading);
+                motor.sample(reading);
             }
         }
     }

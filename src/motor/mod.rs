@@ -45,7 +45,7 @@
 //!     let newest = reading(ms, (ms as i32 - 50) * 3 / 10);
 //!     match ms % 50 {
 //!         0 => turning = motor.step(newest.at, Some(newest), battery(newest.at)),
-//!         _ => motor.sample(newest),
+//!         _ => motor.sample(&newest),
 //!     }
 //! }
 //! assert!((290..310).contains(&turning.velocity.round()), "{:?}", turning.velocity);
@@ -374,12 +374,12 @@ impl Motor {
     }
 
     /// Takes a sample of the encoder between two ticks, best every millisecond. With more samples the estimate is better.
-    pub fn sample(&mut self, reading: Reading) {
+    pub fn sample(&mut self, reading: &Reading) {
         if let MotorState::Identifying(identifier) = &mut self.state {
-            identifier.sample(&reading);
+            identifier.sample(reading);
         }
-        self.regulator.sample(reading);
-        self.last_motion.sample(&reading, &self.regulator, self.command.as_ref());
+        self.regulator.sample(*reading);
+        self.last_motion.sample(reading, &self.regulator, self.command.as_ref());
     }
 
     /// Takes the feedback of the bridge, on a board that can read the feedback.
@@ -457,7 +457,7 @@ impl Motor {
     fn take_reading(&mut self, reading: Reading) -> i32 {
         let moved = reading.position.wrapping_sub(self.position);
         self.position = reading.position;
-        self.sample(reading);
+        self.sample(&reading);
         self.regulator.tick();
         // An identification compares voltages, so the estimated gain must not change. The gain stays while the set-point is
         // an identification, also after the end of the identification.

@@ -9,7 +9,7 @@
 //!                    | reset
 //!                    v
 //!              +-----------+
-//!              | went back | the bootloader has restored the previous firmware
+//!              | went back | the bootloader has restored the previous firmware, or has refused the new one
 //!              +-----------+
 //! ```
 //!

@@ -135,7 +135,7 @@ pub enum Booted {
     /// The present firmware is new and on trial. The next reset restores the previous firmware, unless the present firmware
     /// confirms itself first.
     OnTrial,
-    /// Newer firmware did not confirm itself, so the bootloader restored the present firmware.
+    /// The present firmware was started instead of new firmware, which did not confirm itself or which the bootloader refused.
     WentBack,
     /// The present firmware is new and runs, but its confirmation cannot be written to the flash. The next reset restores
     /// the previous firmware.

@@ -379,7 +379,7 @@ impl Puppet {
         let unmoved = self.reading.filter(|last| last.position == position);
         let reading = Reading { position, edge_at: unmoved.map_or(at, |last| last.edge_at), at };
         (self.at, self.reading) = (at, Some(reading));
-        self.motor.sample(reading);
+        self.motor.sample(&reading);
     }
 
     /// Takes a tick at the time of the last sample. The battery's voltage is in mV.

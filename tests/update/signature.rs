@@ -150,20 +150,20 @@ fn a_bootloader_with_a_key_swaps_in_only_what_the_key_has_signed() {
         chip
     };
     assert_eq!(checked(&armed(), seal.key), Booted::OnTrial);
-    assert_eq!(checked(&armed(), public_key(KEY).expect("a key")), Booted::Confirmed, "another key");
+    assert_eq!(checked(&armed(), public_key(KEY).expect("a key")), Booted::WentBack, "another key");
     // A hub that asks for no signatures has armed it.
     let unsigned = chip(7);
     assert_eq!(sent_to(&unsigned, &image, None), ARMED);
-    assert_eq!(checked(&unsigned, seal.key), Booted::Confirmed);
+    assert_eq!(checked(&unsigned, seal.key), Booted::WentBack);
     // Firmware that has changed since, and firmware that has become older than the present one.
     for at in [0, 40, 999] {
         let turned = armed();
         turned.borrow_mut().turn_bit(DOWNLOAD.start + at);
-        assert_eq!(checked(&turned, seal.key), Booted::Confirmed, "byte {at}");
+        assert_eq!(checked(&turned, seal.key), Booted::WentBack, "byte {at}");
     }
     let newer = armed();
     newer.borrow_mut().put(ACTIVE.start + ROLLBACK_VERSION_AT as usize, &8_u32.to_le_bytes());
-    assert_eq!(checked(&newer, seal.key), Booted::Confirmed);
+    assert_eq!(checked(&newer, seal.key), Booted::WentBack);
 }
 
 #[test]

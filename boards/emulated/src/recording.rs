@@ -199,7 +199,7 @@ impl Recording {
                 let now = Micros::new(tick as u64 * period.as_micros() + ms * 1000);
                 reading = tracker.step(plant.counts() as u16, now);
                 if ms < u64::from(period.as_millis()) {
-                    motor.sample(reading);
+                    motor.sample(&reading);
                     recording.inputs.push(Input { reading, tick: None });
                 }
             }

@@ -18,10 +18,14 @@ pub async fn run<M: RawMutex, const N: usize>(input: Input<'static>, wires: &Wir
     let mut current = Setpoint::Disabled;
     loop {
         ticker.next().await;
+        let down = input.is_high();
+        // To look at a snapshot is to copy all of it, so only a pressed button does.
+        let battery_good =
+            down && wires.snapshot.try_get().is_some_and(|snapshot| snapshot.good_battery().is_some());
         let wanted = button.step(ButtonInputs {
-            down: input.is_high(),
+            down,
             permitted: wires.button_permitted.lock(|permitted| permitted.get()),
-            battery_good: wires.snapshot.try_get().is_some_and(|snapshot| snapshot.good_battery().is_some()),
+            battery_good,
             now: Micros::new(Instant::now().as_micros()),
         });
         if wanted != current {

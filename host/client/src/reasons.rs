@@ -101,7 +101,9 @@ pub const fn why_not_armed(report: &UpdateReport) -> Option<&'static str> {
 #[must_use]
 pub fn why_not_started(booted: Booted, sent: &str, now: &str) -> Option<String> {
     match booted {
-        Booted::WentBack => Some(format!("{sent} did not confirm itself, and the hub returned to {now}")),
+        Booted::WentBack => Some(format!(
+            "{sent} was refused by the bootloader or did not confirm itself, and the hub returned to the former firmware, {now}"
+        )),
         Booted::OnTrial | Booted::Unknown => Some("the new firmware runs, but has not confirmed itself".to_owned()),
         Booted::Unconfirmable => Some(
             "the new firmware runs, but the flash of the hub refuses its confirmation: the next reset restores the firmware before"

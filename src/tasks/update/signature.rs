@@ -2,7 +2,7 @@
 //!
 //! The check of [`embassy_boot`] is not used, because that check reads two bytes at a time and does not let other tasks run.
 
-use super::swap::{discard, progress, seal};
+use super::swap::{progress, refuse, seal};
 use super::{Outcome, Slots, StateFlash, WORD, each_chunk};
 use crate::update::{ROLLBACK_VERSION_AT, Seal};
 use core::future::ready;
@@ -62,7 +62,8 @@ async fn rollback_version<F: ReadNorFlash>(slot: &mut F, length: u32) -> Result<
 }
 
 /// Discards a swap that is marked and has not begun, unless the new firmware has a valid signature by this key and is not older
-/// than the present firmware. A bootloader with a key calls this function before it begins a swap.
+/// than the present firmware. The present firmware then finds [`Booted::WentBack`](crate::update::Booted::WentBack). A bootloader
+/// with a key calls this function before it begins a swap.
 ///
 /// # Errors
 /// Returns the kind of the flash's error.
@@ -81,5 +82,5 @@ pub async fn discard_refused_swap<A: NorFlash, D: NorFlash, S: NorFlash>(
     // The length of unsigned firmware is blank, and too long.
     let accepted = length <= capacity
         && check(active, download, length, &Seal { key, signature }, ready(())).await? == Outcome::Done;
-    if accepted { Ok(()) } else { discard(state).await }
+    if accepted { Ok(()) } else { refuse(state).await }
 }

@@ -31,6 +31,11 @@ use embedded_storage_async::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKi
 /// Value of each byte of the swap mark. It is `SWAP_MAGIC` of embassy-boot, which is not public.
 const SWAP: u8 = 0xF0;
 
+/// Value of each byte of the first word when the previous firmware runs instead of new firmware. It is `REVERT_MAGIC` of
+/// embassy-boot, which is not public.
+#[cfg(feature = "signed")]
+const REVERTED: u8 = 0xC0;
+
 /// Index of the first word of the progress.
 const PROGRESS_AT: u32 = 2;
 
@@ -173,8 +178,18 @@ pub(super) async fn progress<S: NorFlash>(
 }
 
 /// Discards the marked swap: the firmware in the active slot is started.
-pub(super) async fn discard<S: NorFlash>(state: &mut StateFlash<S>) -> Result<(), NorFlashErrorKind> {
+async fn discard<S: NorFlash>(state: &mut StateFlash<S>) -> Result<(), NorFlashErrorKind> {
     let mut buffer = [0; WORD];
     let word = buffer.get_mut(..S::WRITE_SIZE).unwrap_or_default();
     FirmwareState::new(state, word).mark_booted().await.map_err(|_| NorFlashErrorKind::Other)
+}
+
+/// Discards the marked swap because the new firmware is refused. The firmware in the active slot is started, and finds in the
+/// state that new firmware was not.
+#[cfg(feature = "signed")]
+pub(super) async fn refuse<S: NorFlash>(state: &mut StateFlash<S>) -> Result<(), NorFlashErrorKind> {
+    let kind = |error: S::Error| error.kind();
+    state.erase(0, state.capacity() as u32).await.map_err(kind)?;
+    let word = [REVERTED; WORD];
+    state.write(0, word.get(..S::WRITE_SIZE).unwrap_or_default()).await.map_err(kind)
 }

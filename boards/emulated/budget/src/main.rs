@@ -70,7 +70,7 @@ const SAMPLE: u32 = 4;
 /// The count of a sample begins at the first instruction of this function.
 #[inline(never)]
 fn sample_motor(motor: &mut Motor, reading: Reading) {
-    motor.sample(reading);
+    motor.sample(&reading);
 }
 
 /// The count of a sample ends at the first instruction of this function.

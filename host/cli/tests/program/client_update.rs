@@ -80,6 +80,17 @@ fn an_update_that_was_rolled_back_says_so() {
 }
 
 #[test]
+fn an_image_that_the_bootloader_refuses_is_no_update_though_it_has_the_version_of_the_firmware() {
+    let file = write(&folder("client-update-refused"), "same.bin", image(RUNS));
+    let output = client(&serve(SLOT, goes_back), &["update", &file]);
+    fails(
+        &output,
+        1,
+        "was refused by the bootloader or did not confirm itself, and the hub returned to the former firmware",
+    );
+}
+
+#[test]
 fn an_update_that_stays_says_so() {
     let file = write(&folder("client-update-stays"), "same.bin", image(RUNS));
     let output = out(&client(&serve(SLOT, good), &["update", &file]));
