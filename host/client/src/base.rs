@@ -15,7 +15,10 @@
 //! assert_eq!(refused, "the hub refuses to report where its drive base is: no drive base is configured (NACK 82)");
 //!
 //! let base = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0, -1680.0] };
-//! session.set_base(BaseSettings::new([0, 1], &base, false)?)?;
+//! assert_eq!(session.base_if_reported()?, None);
+//! let settings = BaseSettings::new([0, 1], &base, false)?;
+//! session.set_base(settings)?;
+//! assert_eq!(session.base_if_reported()?, Some(settings));
 //! let report = session.odometry()?;
 //! assert_eq!((report.x_um, report.gyro), (0, GyroState::Unused));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -27,6 +30,10 @@ use motor_hub::extension::base::OdometryReport;
 use motor_hub::group::BaseSettings;
 use std::io::{Read, Write};
 
+/// What is allowed of a base, for hosts that refuse one.
+pub const BASE_LIMITS: &str = "the base is out of range; allowed are wheels and a track of 1 mm to 10 m, and counts per turn from 1 to \
+                               2147483, negative for a motor that counts down while its wheel drives forward";
+
 impl<L: Read + Write> Session<L> {
     /// Configures the drive base, which then starts at the origin, and waits until the hub has applied the settings. Both motors must be
     /// disabled. Needs this project's firmware.
@@ -36,6 +43,18 @@ impl<L: Read + Write> Session<L> {
     pub fn set_base(&mut self, base: BaseSettings) -> Result<(), Error> {
         self.order(HubFunction::SetBase { base })?;
         self.catch_up()
+    }
+
+    /// The drive base in force. `None` if no base is configured, and for firmware that does not report the base.
+    ///
+    /// # Errors
+    /// See [`Session::ask`].
+    pub fn base_if_reported(&mut self) -> Result<Option<BaseSettings>, Error> {
+        match self.ask(HubFunction::Base) {
+            Ok(base) => Ok(Some(base)),
+            Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
+            Err(error) => Err(error),
+        }
     }
 
     /// Where the drive base is, and the state of its gyro. Needs this project's firmware.

@@ -262,9 +262,10 @@ impl Scenario {
         for group in &self.groups {
             let Some(&motor) = group.motors.first() else { continue };
             commands.extend(
-                group
-                    .base_settings()
-                    .map(|base| Timed { at_s: 0.0, value: Command { motor, action: Action::Base(base) } }),
+                group.base_settings().map(|base| Timed {
+                    at_s: 0.0,
+                    value: Command { motor, action: Action::Base(Some(base)) },
+                }),
             );
             commands.extend(group.courses.iter().map(|&Timed { at_s, value }| Timed {
                 at_s,

@@ -11,6 +11,7 @@ use motor_hub::group::{BaseSettings, DriveBase, GroupCommand, GyroState};
 use motor_hub::protocol::CHANNELS;
 use motor_hub::units::{Acceleration, RangeError};
 use motor_hub_client::Session;
+use motor_hub_client::base::BASE_LIMITS;
 use motor_hub_client::line::Line;
 use serde_json::json;
 use std::time::{Duration, Instant};
@@ -107,11 +108,8 @@ impl Options {
     }
 
     fn settings(&self) -> Result<BaseSettings, Failure> {
-        BaseSettings::new(self.wheels, &self.geometry(), self.use_gyro).map_err(|_| {
-            Failure::input(
-                "the base is out of range; allowed are wheels and a track of 1 mm to 10 m, and 1 to 2147483 counts per turn",
-            )
-        })
+        BaseSettings::new(self.wheels, &self.geometry(), self.use_gyro)
+            .map_err(|_| Failure::input(BASE_LIMITS))
     }
 
     /// The course of a part that begins at these counts, and the counts at its end.
