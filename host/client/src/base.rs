@@ -27,8 +27,53 @@
 use crate::{Error, Session};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::base::OdometryReport;
-use motor_hub::group::BaseSettings;
+use motor_hub::extension::group::GroupCourse;
+use motor_hub::group::{BaseSettings, GroupCommand};
+use motor_hub::protocol::CHANNELS;
+use motor_hub::units::{Acceleration, RangeError};
 use std::io::{Read, Write};
+
+/// A part of a base's course.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Part {
+    /// A distance in mm, negative backward.
+    Straight(f64),
+    /// An angle in degrees, to the left.
+    Turn(f64),
+}
+
+impl Part {
+    /// Returns the course of a part that begins at these corrected positions of the wheels, and the positions at its end. Speed and
+    /// acceleration are those of the wheels, in mm/s and mm/s².
+    ///
+    /// # Errors
+    /// A distance, a speed or an acceleration is out of range.
+    pub fn command(
+        self,
+        base: &BaseSettings,
+        from: [i32; 2],
+        speed_mm_per_s: f64,
+        acceleration_mm_per_s2: f64,
+    ) -> Result<([i32; 2], GroupCommand<GroupCourse>), RangeError> {
+        let geometry = base.geometry();
+        let [left, right] = match self {
+            Self::Straight(mm) => geometry.straight(mm)?,
+            Self::Turn(degrees) => geometry.turn(degrees)?,
+        };
+        let [from_left, from_right] = from;
+        let to = [from_left.wrapping_add(left), from_right.wrapping_add(right)];
+        let mut course = [None; CHANNELS];
+        for (wheel, counts) in base.wheels.into_iter().zip(to) {
+            if let Some(slot) = course.get_mut(usize::from(wheel)) {
+                *slot = Some(counts);
+            }
+        }
+        let [speed, _] = geometry.speeds(speed_mm_per_s, 0.0)?;
+        let [acceleration, _] = geometry.speeds(acceleration_mm_per_s2, 0.0)?;
+        let acceleration = Acceleration::new(acceleration.round().unsigned_abs().max(1))?;
+        Ok((to, GroupCommand::new(GroupCourse::To(course), speed, acceleration)))
+    }
+}
 
 /// What is allowed of a base, for hosts that refuse one.
 pub const BASE_LIMITS: &str = "the base is out of range; allowed are wheels and a track of 1 mm to 10 m, and counts per turn from 1 to \
