@@ -5,7 +5,9 @@ use crate::node::{Answer, Arrived, Call, Event, Topics, now};
 use crate::robot::{Robot, Setpoint, VALID};
 use motor_hub_client::line::Line;
 use motor_hub_client::motor_hub::extension::HubFunction;
+use motor_hub_client::motor_hub::extension::base::OdometryReport;
 use motor_hub_client::motor_hub::extension::report::HubReport;
+use motor_hub_client::motor_hub::group::BaseSettings;
 use motor_hub_client::motor_hub::motor::ZeroPower;
 use motor_hub_client::motor_hub::protocol::CHANNELS;
 use motor_hub_client::motor_hub::protocol::motor::RunMode;
@@ -56,8 +58,8 @@ struct Connected {
     session: Session<Line>,
     sent: [Sent; CHANNELS],
     identification: Option<Identifying>,
-    /// Positions of the next report do not continue those of the last one.
-    positions_jump: bool,
+    /// True if the hub has taken the configuration of the drive base.
+    has_base: bool,
     /// When the last report was asked for, and the hub's time in this report.
     clock: Option<(Instant, u32)>,
 }
@@ -84,7 +86,7 @@ impl HubThread {
                         session,
                         sent: [Sent::default(); CHANNELS],
                         identification: None,
-                        positions_jump: true,
+                        has_base: false,
                         clock: None,
                     };
                     let ended = self.serve(&mut hub);
@@ -132,6 +134,7 @@ impl HubThread {
         // A former host may have left motors enabled: every packet prolongs their motion.
         hub.disable()?;
         hub.await_battery()?;
+        hub.start_base(&mut self.robot)?;
         let (mut next, mut slow) = (Instant::now(), Instant::now());
         while !self.ends.load(Ordering::Relaxed) {
             let wait = next.saturating_duration_since(Instant::now());
@@ -197,7 +200,6 @@ impl HubThread {
                 for joint in &self.robot.config().joints {
                     hub.session.reset_encoder(joint.motor)?;
                 }
-                hub.positions_jump = true;
                 Ok("all encoders are at 0".to_owned())
             }
             Call::SaveSettings => {
@@ -243,11 +245,12 @@ impl HubThread {
             self.robot.stop("the hub was reset; call enable");
             hub.disable()?;
             hub.give_up_identification("the hub was reset");
-            hub.positions_jump = true;
+            hub.start_base(&mut self.robot)?;
         }
         hub.identify(&report)?;
         hub.note_disabled(&report);
-        self.robot.observe(report, std::mem::take(&mut hub.positions_jump));
+        let placed = hub.odometry()?;
+        self.robot.observe(report, placed);
         let at = now();
         let states = self.robot.joint_states();
         let names: Vec<&str> = states.iter().map(|state| state.0).collect();
@@ -303,6 +306,37 @@ impl Connected {
             std::thread::sleep(Duration::from_millis(10));
         }
         Ok(())
+    }
+
+    /// Configures the drive base, which then starts at the origin. A board without I2C has no gyro.
+    fn start_base(&mut self, robot: &mut Robot) -> Result<(), Error> {
+        robot.start_base();
+        self.has_base = false;
+        let Some(Ok(base)) = robot.config().base_settings() else { return Ok(()) };
+        let mut done = self.session.set_base(base);
+        if base.use_gyro && matches!(done, Err(Error::Refused { .. })) {
+            done = self.session.set_base(BaseSettings { use_gyro: false, ..base });
+        }
+        match done {
+            Err(error @ (Error::Refused { .. } | Error::TooOld { .. })) => {
+                eprintln!("warning: {}: {error}; its odometry is not published", robot.config().place);
+                return Ok(());
+            }
+            done => done?,
+        }
+        self.has_base = true;
+        Ok(())
+    }
+
+    /// Where the drive base is. `None` without a base, and after a reset of the hub that the next report shows.
+    fn odometry(&mut self) -> Result<Option<OdometryReport>, Error> {
+        if !self.has_base {
+            return Ok(None);
+        }
+        match self.session.odometry() {
+            Err(Error::Refused { .. }) => Ok(None),
+            report => report.map(Some),
+        }
     }
 
     /// Disables all motors, with one packet.
