@@ -44,6 +44,22 @@ fn a_scan_says_what_a_hub_has() {
 }
 
 #[test]
+fn a_pulse_that_is_longer_than_its_period_is_refused_with_what_is_allowed() {
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    for (wrong, says) in [
+        (
+            &["servo", "0", "25000"][..],
+            "a pulse of 25000 us is longer than its period of 20000 us; allowed are 1 to 20000 us",
+        ),
+        (&["servo", "0", "1500", "--period-us", "1000"], "allowed are 1 to 1000 us, or a longer --period-us"),
+        (&["servo", "6", "1500"], "a servo output is 0 to 5"),
+    ] {
+        fails(&client(&hub, wrong), 2, says);
+    }
+    assert_eq!(document(&hub, &["servo", "0"])["servos"][0]["width_us"], 0);
+}
+
+#[test]
 fn analog_and_digital_inputs_are_shown() {
     let hub = served("devices-inputs", "analog_v = [1.25]\nlow_pins = [3]");
     let analog = document(&hub, &["analog"]);
@@ -73,6 +89,7 @@ fn a_base_drives_by_its_gyro_and_says_where_it_is() {
     let hub = served("devices-base", &format!("[floor]\nslip_in_turns = 0.05\n{}", motor("left")));
     let failed = client(&hub, &["odometry"]);
     fails(&failed, 1, "no drive base is configured (NACK 82)");
+    fails(&client(&hub, &["drive", "turn=30"]), 2, "the hub has no drive base; give --wheel-diameter-mm");
     let done = out(&client(&hub, &[&["drive", "turn=30", "straight=-50", "--use-gyro"], &BASE[..]].concat()));
     assert!(done.ends_with("degrees by the gyro\n"), "{done}");
     let at = document(&hub, &["odometry"]);
@@ -85,6 +102,12 @@ fn a_base_drives_by_its_gyro_and_says_where_it_is() {
     for (counts, expected) in wheels.zip([-467.0 - 297.0, 467.0 - 297.0]) {
         assert!((counts - expected).abs() < 10.0, "{at}");
     }
+    // The hub's base goes on.
+    let done = out(&client(&hub, &["drive", "turn=-30"]));
+    assert!(done.ends_with("degrees by the gyro\n"), "{done}");
+    let heading = document(&hub, &["odometry"])["heading_degrees"].as_f64().unwrap();
+    assert!(heading.abs() < 0.5, "{heading}");
+    fails(&client(&hub, &["drive", "turn=1", "--track-mm", "300"]), 2, "--wheel-diameter-mm");
     for (wrong, says) in [
         (&["drive", "left=3"][..], "a part is straight=MM or turn=DEGREES"),
         (&["drive", "turn=3", "--wheels", "1,1"], "give two different motors from 0 to 3, as 0,1"),
