@@ -62,7 +62,8 @@ pub enum Action {
     /// course. Otherwise the members leave their other groups and form a new group.
     Lead(GroupCommand),
     /// Configures the drive base. [`Command::motor`] is any motor. The base starts at the origin, and both wheels leave their groups.
-    Base(BaseSettings),
+    /// `None` removes the drive base.
+    Base(Option<BaseSettings>),
 }
 
 /// The inputs of a tick.
@@ -220,7 +221,8 @@ impl<const N: usize> Hub<N> {
             }
             Action::Configure(settings) => motor.configure(settings),
             Action::Lead(group) => groups.lead(index, group, motors)?,
-            Action::Base(settings) => {
+            Action::Base(None) => self.base = None,
+            Action::Base(Some(settings)) => {
                 let [left, right] = settings.wheels;
                 if left == right || settings.wheels.iter().any(|wheel| usize::from(*wheel) >= N) {
                     return Err(RangeError::Motor);

@@ -39,7 +39,7 @@ pub const INTERFACE: &[u8] = b"MOTOR_HUB";
 pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// The packet types of the interface, on hubs of this project.
-pub const FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 36 };
+pub const FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 37 };
 
 requests! {
     /// A function for one motor, except for settings. The first field of the request is the motor's number.
@@ -107,6 +107,8 @@ requests! {
         34 SetBase { base: BaseSettings },
         /// The answer is an [`OdometryReport`](base::OdometryReport).
         35 Odometry,
+        /// The answer is the [`BaseSettings`] in force. The request is refused if no drive base is configured.
+        36 Base,
     }
 }
 

@@ -1,9 +1,10 @@
 //! The drive base: its configuration by a host, and the report of its odometry.
 
 use super::Responder;
+use super::motor::MotorChannel;
 use crate::extension::base::OdometryReport;
 use crate::group::BaseSettings;
-use crate::hub::Snapshot;
+use crate::hub::{Action, Snapshot};
 use crate::protocol::{Nack, Reply};
 use crate::units::is_included;
 
@@ -20,15 +21,20 @@ enum State {
     Pending,
     /// Sent as the command with this number, which no snapshot includes yet.
     Sent(u32),
-    /// The snapshot includes the configuration, if there is one.
+    /// The snapshot includes the configuration.
     #[default]
     InForce,
 }
 
 impl BaseCommand {
-    /// Returns the configuration that must be sent.
-    pub(super) fn pending(&self) -> Option<BaseSettings> {
-        self.settings.filter(|_| self.state == State::Pending)
+    /// Returns the action that must be sent.
+    pub(super) fn pending(&self) -> Option<Action> {
+        (self.state == State::Pending).then_some(Action::Base(self.settings))
+    }
+
+    /// Returns the newest configuration. `None` without a drive base.
+    pub(super) const fn settings(&self) -> Option<BaseSettings> {
+        self.settings
     }
 
     /// Notes that the configuration was sent as the command with this number.
@@ -52,17 +58,36 @@ impl<const N: usize> Responder<N> {
     /// # Errors
     /// Refuses a wheel that the hub does not have, a wheel whose motor is enabled, and a gyro on a board without I2C.
     pub(super) fn set_base(&mut self, base: BaseSettings) -> Result<Reply, Nack> {
+        self.check_base(&base)?;
+        let is_enabled =
+            |wheel: &u8| self.channels.get(usize::from(*wheel)).is_some_and(MotorChannel::enabled);
+        if base.wheels.iter().any(is_enabled) {
+            return Err(Nack::MOTOR_ENABLED);
+        }
+        self.changed = true;
+        self.command_base(Some(base));
+        Ok(Reply::ACK)
+    }
+
+    /// Checks that the hub has what a drive base needs.
+    ///
+    /// # Errors
+    /// Refuses a wheel that the hub does not have, and a gyro on a board without I2C.
+    pub(super) fn check_base(&self, base: &BaseSettings) -> Result<(), Nack> {
         for (index, wheel) in (0..).zip(base.wheels) {
-            let channel = self.channels.get(usize::from(wheel)).ok_or(Nack::parameter(index))?;
-            if channel.enabled() {
-                return Err(Nack::MOTOR_ENABLED);
+            if usize::from(wheel) >= N {
+                return Err(Nack::parameter(index));
             }
         }
         if base.use_gyro && self.outputs.equipment.i2c == 0 {
             return Err(Nack::UNSUPPORTED);
         }
-        self.base = BaseCommand { settings: Some(base), state: State::Pending };
-        Ok(Reply::ACK)
+        Ok(())
+    }
+
+    /// Replaces the drive base, which then starts at the origin. `None` removes the drive base.
+    pub(super) const fn command_base(&mut self, settings: Option<BaseSettings>) {
+        self.base = BaseCommand { settings, state: State::Pending };
     }
 
     /// Returns the odometry of the drive base.

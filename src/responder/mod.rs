@@ -375,8 +375,8 @@ impl<const N: usize> Responder<N> {
             let action = self.channels.get(motor)?.pending()?;
             return Some(Command { motor, action });
         }
-        if let Some(base) = self.base.pending() {
-            return Some(Command { motor: 0, action: Action::Base(base) });
+        if let Some(action) = self.base.pending() {
+            return Some(Command { motor: 0, action });
         }
         self.courses.next().map(|(motor, command)| Command { motor, action: Action::Lead(command) })
     }
@@ -516,6 +516,7 @@ impl<const N: usize> Responder<N> {
                 ticks.map(|ticks| Reply::data(&ticks)).ok_or(Nack::parameter(0))
             }
             HubFunction::SetBase { base } => self.set_base(base),
+            HubFunction::Base => self.base.settings().map(|base| Reply::data(&base)).ok_or(Nack::NO_BASE),
             HubFunction::Odometry => self.odometry(snapshot).map(|report| Reply::data(&report)),
             function => self.receive_update(function, snapshot),
         }

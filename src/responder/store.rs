@@ -2,7 +2,7 @@
 //!
 //! * The *memory* keeps settings without power. The task `tasks::store` accesses the memory.
 //! * A *record* that was saved has an entry for the address, and an entry for each configured [`Group`] of each motor's
-//!   settings. An entry has the type and the payload of the request that would set the group. Of two entries for one group,
+//!   settings, and an entry for a configured drive base. An entry has the type and the payload of the request that would set the group. Of two entries for one group,
 //!   the last one counts. The record after a reset has no entries.
 //! * An *access* writes a record to the memory, or reads the record from it.
 //!
@@ -20,21 +20,22 @@
 
 use super::Responder;
 use super::motor::MotorChannel;
-use crate::extension::HubFunction;
 use crate::extension::settings::{Group, MotorSettings, Values};
 use crate::extension::state::StoreReport;
+use crate::extension::{FIRST_FUNCTION, HubFunction};
+use crate::group::BaseSettings;
 use crate::hub::Snapshot;
 use crate::motor::Settings;
 use crate::protocol::payload::{Field, Fields, Payload};
 use crate::protocol::{Address, CHANNELS, Nack, Reply};
 use crate::store::{Entry, Found, Outcome, SettingsRecord, StoreRequest, Stored};
-use heapless::{CapacityError, Vec};
+use heapless::CapacityError;
 
 /// Type of the entry with the address: the packet type of REV's *set address*.
 const ADDRESS: u16 = 0x7F06;
 
-/// Largest payload of an entry in bytes. One byte of the record holds the length of the payload.
-const LONGEST_ENTRY: usize = u8::MAX as usize;
+/// Type of the entry with the drive base: the packet type of the extension's function 34.
+const BASE: u16 = FIRST_FUNCTION + 34;
 
 /// Contents and state of the memory.
 #[derive(Clone, Debug)]
@@ -104,7 +105,7 @@ impl<const N: usize> Responder<N> {
             self.address = self.boot_address(&found.record);
             self.restore_settings(&found.record);
         }
-        let (unknown, refused) = count(&found.record, &self.channels);
+        let (unknown, refused) = self.count(&found.record);
         self.memory = Some(Memory { unknown, refused, ..Memory::new(found) });
     }
 
@@ -225,7 +226,7 @@ impl<const N: usize> Responder<N> {
         if load {
             self.restore_settings(&found.record);
         }
-        let (unknown, refused) = count(&found.record, &self.channels);
+        let (unknown, refused) = self.count(&found.record);
         self.memory = Some(Memory { outcome, unknown, refused, address_due, ..Memory::new(found) });
     }
 
@@ -270,6 +271,7 @@ impl<const N: usize> Responder<N> {
         };
         let mut motors = (0..).zip(&self.channels).zip(self.factory);
         self.boot_address(record) != self.address
+            || self.base_differs(record)
             || motors.any(|((motor, channel), factory)| {
                 let restored = restored(motor, factory, record);
                 let differs = |&group| stored(&restored, group) != stored(channel.settings(), group);
@@ -288,15 +290,17 @@ impl<const N: usize> Responder<N> {
             let settings = channel.settings();
             for group in Group::ALL.into_iter().filter(|group| group.is_configured(settings)) {
                 let fields = payload(motor, &Values::of(group, settings));
-                // A later firmware may have stored more fields at the end of the entry. These fields are copied too.
-                let before = entries_of(stored, motor, group).last();
-                let more = before.and_then(|entry| entry.payload.get(fields.len()..)).unwrap_or_default();
-                let entry: Vec<u8, LONGEST_ENTRY> =
-                    fields.iter().chain(more).copied().take(LONGEST_ENTRY).collect();
-                record.push(group.set_id(), &entry)?;
+                let older = entries_of(stored, motor, group).last().map(|entry| entry.payload);
+                record.push_over(group.set_id(), &fields, older.unwrap_or_default())?;
             }
         }
-        for entry in stored.entries().filter(|entry| is_accepted(entry, &self.channels).is_none()) {
+        if let Some(base) = self.base.settings() {
+            let mut fields = Payload::new();
+            base.write(&mut fields);
+            let older = newest_base(stored).map(|entry| entry.payload);
+            record.push_over(BASE, &fields, older.unwrap_or_default())?;
+        }
+        for entry in stored.entries().filter(|entry| self.is_accepted(entry).is_none()) {
             record.push(entry.id, entry.payload)?;
         }
         Ok(record)
@@ -315,10 +319,54 @@ impl<const N: usize> Responder<N> {
         Ok(record)
     }
 
-    /// Puts in force the settings that the motors would have after a restart with this record.
+    /// Returns the drive base that the hub would have after a restart with this record.
+    fn stored_base(&self, record: &SettingsRecord) -> Option<BaseSettings> {
+        newest_base(record).and_then(|entry| self.base_of(&entry))
+    }
+
+    /// True if the drive base in force would change in a restart with this record.
+    fn base_differs(&self, record: &SettingsRecord) -> bool {
+        self.stored_base(record) != self.base.settings()
+    }
+
+    /// Reads a drive base from an entry. `None` if a value is out of range, or if the hub lacks a wheel or a bus for the gyro.
+    fn base_of(&self, entry: &Entry<'_>) -> Option<BaseSettings> {
+        let base = BaseSettings::read(&mut Fields::new(entry.payload)).ok()?;
+        self.check_base(&base).ok().map(|()| base)
+    }
+
+    /// `Some(true)` if this firmware accepts the entry, `Some(false)` if the firmware refuses the entry. `None` if the firmware does
+    /// not know the entry, or has no such motor.
+    fn is_accepted(&self, entry: &Entry<'_>) -> Option<bool> {
+        if entry.id == ADDRESS {
+            return Some(address_of(entry).is_some());
+        }
+        if entry.id == BASE {
+            return Some(self.base_of(entry).is_some());
+        }
+        let motor = *entry.payload.first()?;
+        let settings = self.channels.get(usize::from(motor))?.settings();
+        let group = Group::ALL.into_iter().find(|group| sets(entry, motor, *group))?;
+        Some(values_of(entry, motor, group, settings).is_ok())
+    }
+
+    /// Counts the entries that this firmware does not know, and the entries that it refuses.
+    fn count(&self, record: &SettingsRecord) -> (u8, u8) {
+        record.entries().fold((0u8, 0u8), |(unknown, refused), entry| match self.is_accepted(&entry) {
+            None => (unknown.saturating_add(1), refused),
+            Some(false) => (unknown, refused.saturating_add(1)),
+            Some(true) => (unknown, refused),
+        })
+    }
+
+    /// Puts in force the settings that the hub would have after a restart with this record. A drive base that does not change stays
+    /// where the base is.
     fn restore_settings(&mut self, record: &SettingsRecord) {
         for ((motor, channel), factory) in (0..).zip(&mut self.channels).zip(self.factory) {
             channel.restore(restored(motor, factory, record));
+        }
+        if self.base_differs(record) {
+            self.command_base(self.stored_base(record));
         }
     }
 }
@@ -377,28 +425,12 @@ fn values_of(entry: &Entry<'_>, motor: u8, group: Group, settings: &MotorSetting
     values.apply_to(settings).map(|_| values)
 }
 
+/// Returns the last entry with a drive base.
+fn newest_base(record: &SettingsRecord) -> Option<Entry<'_>> {
+    record.entries().filter(|entry| entry.id == BASE).last()
+}
+
 /// Reads an address from an entry. `None` if the payload is not a valid address.
 fn address_of(entry: &Entry<'_>) -> Option<Address> {
     Address::read(&mut Fields::new(entry.payload)).ok()
-}
-
-/// `Some(true)` if this firmware accepts the entry, `Some(false)` if the firmware refuses the entry. `None` if the firmware does
-/// not know the entry, or has no such motor.
-fn is_accepted(entry: &Entry<'_>, channels: &[MotorChannel]) -> Option<bool> {
-    if entry.id == ADDRESS {
-        return Some(address_of(entry).is_some());
-    }
-    let motor = *entry.payload.first()?;
-    let settings = channels.get(usize::from(motor))?.settings();
-    let group = Group::ALL.into_iter().find(|group| sets(entry, motor, *group))?;
-    Some(values_of(entry, motor, group, settings).is_ok())
-}
-
-/// Counts the entries that this firmware does not know, and the entries that it refuses.
-fn count(record: &SettingsRecord, channels: &[MotorChannel]) -> (u8, u8) {
-    record.entries().fold((0u8, 0u8), |(unknown, refused), entry| match is_accepted(&entry, channels) {
-        None => (unknown.saturating_add(1), refused),
-        Some(false) => (unknown, refused.saturating_add(1)),
-        Some(true) => (unknown, refused),
-    })
 }

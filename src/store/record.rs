@@ -5,8 +5,8 @@ use heapless::{CapacityError, Vec};
 /// Version of the format that this firmware writes, and highest version that it reads.
 pub const VERSION: u8 = 1;
 
-/// Largest size of a record in bytes. All settings of four motors take 493 bytes.
-pub const CAPACITY: usize = 511;
+/// Largest size of a record in bytes. All settings of four motors and of a drive base take 515 bytes.
+pub const CAPACITY: usize = 543;
 
 /// Size of the record's version and number in bytes.
 const HEAD: usize = 5;
@@ -90,14 +90,25 @@ impl SettingsRecord {
     /// # Errors
     /// Returns [`CapacityError`] if there is no room for the whole entry. The record does not change then.
     pub fn push(&mut self, id: u16, payload: &[u8]) -> Result<(), CapacityError> {
-        let length = u8::try_from(payload.len()).map_err(|_| CapacityError::default())?;
-        if self.bytes.len() + ENTRY_HEAD + payload.len() > CAPACITY {
+        self.push_over(id, payload, &[])
+    }
+
+    /// Appends an entry with these fields. If the payload of an older entry has more fields at its end, which a later firmware has
+    /// stored, these fields are copied too.
+    ///
+    /// # Errors
+    /// See [`push`](Self::push).
+    pub fn push_over(&mut self, id: u16, fields: &[u8], older: &[u8]) -> Result<(), CapacityError> {
+        let more = older.get(fields.len()..).unwrap_or_default();
+        let length = fields.len() + more.len();
+        if self.bytes.len() + ENTRY_HEAD + length > CAPACITY {
             return Err(CapacityError::default());
         }
-        let [low, high] = id.to_le_bytes();
-        self.bytes.extend([low, high, length]);
-        self.bytes.extend(payload.iter().copied());
-        Ok(())
+        let ([low, high], length) =
+            (id.to_le_bytes(), u8::try_from(length).map_err(|_| CapacityError::default())?);
+        self.bytes.extend_from_slice(&[low, high, length])?;
+        self.bytes.extend_from_slice(fields)?;
+        self.bytes.extend_from_slice(more)
     }
 }
 

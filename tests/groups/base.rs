@@ -37,7 +37,7 @@ impl Robot {
     }
 
     fn configure(&mut self, base: BaseSettings) -> Result<(), RangeError> {
-        self.bench.hub.apply(Command { motor: 0, action: Action::Base(base) })
+        self.bench.hub.apply(Command { motor: 0, action: Action::Base(Some(base)) })
     }
 
     /// True angle by which the base has turned left, in degrees.

@@ -81,7 +81,7 @@ const TO_MOTOR: Sizes = &[
 ];
 
 const EXTENSION: Sizes = &[
-    (&[], &[13, 14, 15, 16, 17, 20, 23, 24, 25, 26, 31, 32, 35]),
+    (&[], &[13, 14, 15, 16, 17, 20, 23, 24, 25, 26, 31, 32, 35, 36]),
     (&[1], &[1, 3, 5, 7, 9, 10, 12, 29]),
     (&[1, 4, 2, 2, 1, 2, 1], &[0]),
     (&[1, 4, 4, 2, 4], &[2]),
@@ -119,7 +119,7 @@ fn these_tests_leave_out_no_request() {
         .collect();
     assert_eq!(numbers(EXTENSION), defined(&[MotorFunction::NUMBERS, HubFunction::NUMBERS, &groups]));
     // Only firmware 0.1.0 has function 19.
-    assert_eq!(numbers(EXTENSION), (0..36).filter(|number| *number != 19).collect());
+    assert_eq!(numbers(EXTENSION), (0..37).filter(|number| *number != 19).collect());
 }
 
 /// Bytes of fields. Codes and small numbers are frequent.

@@ -27,14 +27,19 @@ fn odometry(host: &mut TestHost) -> Said {
 #[test]
 fn a_base_is_sent_to_control_once_and_its_odometry_is_reported_in_the_hosts_counts() {
     let mut host = TestHost::settled();
-    assert_eq!(odometry(&mut host), Said::Nack(82), "no base yet");
+    let configured = Request::from(HubFunction::Base).id();
+    for id in [configured, Request::from(HubFunction::Odometry).id()] {
+        assert_eq!(host.ask(id, &[]), Said::Nack(82), "no base yet");
+    }
     host.snapshot.motors[2].position = 70;
     host.do_all(&[(14, &[2])]);
     host.new_commands();
     let wanted = base([0, 2], true);
     assert_eq!(set(&mut host, wanted), Said::Ack(0));
     assert_eq!(odometry(&mut host), Said::Nack(81), "not sent yet");
-    assert_eq!(host.new_commands(), [Command { motor: 0, action: Action::Base(wanted) }]);
+    let fields = Request::from(HubFunction::SetBase { base: wanted }).payload();
+    assert_eq!(host.ask(configured, &[]), Said::Data(fields.to_vec()));
+    assert_eq!(host.new_commands(), [Command { motor: 0, action: Action::Base(Some(wanted)) }]);
     assert_eq!(host.new_commands(), []);
     assert_eq!(odometry(&mut host), Said::Nack(81), "in no snapshot yet");
     host.tick();

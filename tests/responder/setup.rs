@@ -45,7 +45,7 @@ fn set_up(host: &mut TestHost, motor: u8, fields: &[u8]) {
 #[test]
 fn the_interface_is_found_by_its_name() {
     let mut host = TestHost::settled();
-    assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Said::Data(vec![0x00, 0x4D, 36, 0]));
+    assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Said::Data(vec![0x00, 0x4D, 37, 0]));
 }
 
 #[test]

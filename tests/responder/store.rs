@@ -22,6 +22,12 @@ const SAVE: u16 = FIRST_FUNCTION + 14;
 const LOAD: u16 = FIRST_FUNCTION + 15;
 const RESET: u16 = FIRST_FUNCTION + 16;
 const STATE: u16 = FIRST_FUNCTION + 17;
+const SET_BASE: u16 = FIRST_FUNCTION + 34;
+const BASE_IN_FORCE: u16 = FIRST_FUNCTION + 36;
+
+/// Motors 0 and 2 drive wheels of 90 mm at a distance of 300 mm, with 1680 counts per turn, by the gyro.
+const BASE: [u8; 19] =
+    [0, 2, 0x90, 0x5F, 1, 0, 0xE0, 0x93, 4, 0, 0x80, 0xA2, 0x19, 0, 0x80, 0xA2, 0x19, 0, 1];
 
 fn found(record: &SettingsRecord) -> Found {
     Found { stored: Stored::Whole, version: 1, record: record.clone() }
@@ -219,6 +225,7 @@ fn additional_bytes_of_an_entry_are_kept_or_the_save_is_refused() {
         let mut longer = vec![2, 1, 0, 0, 0, 0, 0, 0];
         longer.resize(length, 77);
         let mut record = SettingsRecord::new(6);
+        record.push(0x4D55, &[7; 29]).expect("room");
         record.push(FIRST_FUNCTION + 8, &longer).expect("room");
         let mut host = powered_on(found(&record));
         let said = host.ask(SAVE, &[]);
@@ -236,6 +243,7 @@ fn additional_bytes_of_an_entry_are_kept_or_the_save_is_refused() {
 fn settings_that_leave_no_room_for_unknown_entries_are_not_saved() {
     let mut record = SettingsRecord::new(1);
     record.push(0x4D55, &[7; 240]).expect("room");
+    record.push(0x4D56, &[7; 29]).expect("room");
     let mut host = powered_on(found(&record));
     assert_eq!(host.ask(SAVE, &[]), Said::Nack(64));
     assert_eq!(host.responder.store_request(&host.snapshot), None);
@@ -249,8 +257,63 @@ fn all_motors_with_all_settings_fit() {
         host.do_all(&[(51, &pidf(motor, 1)), (51, &pidf(motor, 2))]);
         assert!(matches!(host.ask(0x4D00 + 28, &[motor, 0x20, 0x03]), Said::Ack(_)));
     }
+    assert!(matches!(host.ask(SET_BASE, &BASE), Said::Ack(_)));
     host.ask(SAVE, &[]);
-    assert_eq!(carried_out(&mut host).bytes().len(), 493);
+    assert_eq!(carried_out(&mut host).bytes().len(), 515);
+}
+
+#[test]
+fn a_drive_base_is_stored_and_restored_and_a_reset_removes_it() {
+    let mut host = empty();
+    assert!(matches!(host.ask(SET_BASE, &BASE), Said::Ack(_)));
+    assert!(report(&mut host).differs);
+    host.ask(SAVE, &[]);
+    let record = carried_out(&mut host);
+    assert!(!report(&mut host).differs);
+
+    let mut again = TestHost::new();
+    again.responder.restore(found(&record));
+    assert_eq!(again.ask(BASE_IN_FORCE, &[]), Said::Data(BASE.to_vec()));
+    let is_base =
+        |command: &Command| matches!(command.action, Action::Base(Some(base)) if base.wheels == [0, 2]);
+    assert!(again.new_commands().iter().any(is_base));
+    again.tick();
+    assert!(!report(&mut again).differs);
+    // A base that stays the same stays where it is.
+    again.ask(LOAD, &[]);
+    order(&mut again);
+    again.responder.store_done(Some(found(&record)), Outcome::Done);
+    let commands = again.new_commands();
+    assert!(!commands.iter().any(|command| matches!(command.action, Action::Base(_))), "{commands:?}");
+
+    again.tick();
+    assert!(matches!(again.ask(RESET, &[]), Said::Ack(_)));
+    let removed = |command: &Command| command.action == Action::Base(None);
+    assert!(again.new_commands().iter().any(removed));
+    assert_eq!(again.ask(BASE_IN_FORCE, &[]), Said::Nack(82));
+}
+
+#[test]
+fn a_stored_base_that_the_hub_cannot_have_is_refused_and_reported() {
+    let (mut wheel, mut track) = (BASE, BASE);
+    wheel[1] = N as u8;
+    track[6..10].fill(0);
+    for base in [&wheel[..], &track, &BASE[..18]] {
+        let mut record = SettingsRecord::new(1);
+        record.push(SET_BASE, base).expect("room");
+        let mut host = powered_on(found(&record));
+        assert_eq!(host.ask(BASE_IN_FORCE, &[]), Said::Nack(82));
+        let StoreReport { unknown, refused, .. } = report(&mut host);
+        assert_eq!((unknown, refused), (0, 1), "{base:?}");
+    }
+    // Fields of a later firmware are kept.
+    let longer = [&BASE[..], &[7, 8]].concat();
+    let mut record = SettingsRecord::new(1);
+    record.push(SET_BASE, &longer).expect("room");
+    let mut host = powered_on(found(&record));
+    host.ask(SAVE, &[]);
+    let saved = carried_out(&mut host);
+    assert!(saved.entries().any(|entry| (entry.id, entry.payload) == (SET_BASE, &longer[..])), "{saved:?}");
 }
 
 #[test]

@@ -28,6 +28,7 @@ fn an_entry_without_room_is_left_out_whole() {
     let mut record = SettingsRecord::new(1);
     assert!(record.push(1, &[0; 256]).is_err());
     record.push(1, &[0; 255]).expect("room");
+    record.push(1, &[0; 29]).expect("room");
     let rest = CAPACITY - record.bytes().len() - 3;
     let before = record.clone();
     assert!(record.push(2, &vec![0; rest + 1]).is_err());

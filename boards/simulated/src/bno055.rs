@@ -51,9 +51,20 @@ const GRAVITY: i16 = 981;
 /// Temperature in degrees Celsius.
 const TEMPERATURE: u8 = 25;
 
+/// Errors of the sensor's gyro.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GyroErrors {
+    /// Angle by which a resting base seems to turn left, in degrees per minute.
+    pub drift_degrees_per_min: f64,
+    /// Share by which a turn seems larger than it is.
+    pub scale_error: f64,
+}
+
 /// The sensor.
 #[derive(Clone, Debug)]
 pub struct Bno055 {
+    /// Errors of the gyro.
+    pub errors: GyroErrors,
     /// Registers of both pages that are stored as written.
     stored: [[u8; 128]; 2],
     page: usize,
@@ -66,11 +77,11 @@ pub struct Bno055 {
     /// Time at which the sensor answers, after a reset.
     answers_at_s: f64,
     now_s: f64,
-    /// Angle by which the base had turned left when the fusion started, in radians.
+    /// Measured angle when the fusion started, in radians.
     start_rad: f64,
-    /// Angle by which the base has turned left, in radians.
+    /// Angle by which the base seems to have turned left, in radians.
     turned_rad: f64,
-    /// Speed at which the base turns left, in radians per second.
+    /// Speed at which the base seems to turn left, in radians per second.
     rate_rad_s: f64,
 }
 
@@ -81,6 +92,7 @@ impl Default for Bno055 {
         stored[0][usize::from(register::UNITS)] = 0x80;
         stored[0][0x41] = 0x24;
         Self {
+            errors: GyroErrors::default(),
             stored,
             page: 0,
             next: 0,
@@ -100,11 +112,14 @@ impl Bno055 {
     /// `rate_rad_s`.
     pub fn run(&mut self, time_s: f64, turned_rad: f64, rate_rad_s: f64) {
         self.now_s += time_s;
-        (self.turned_rad, self.rate_rad_s) = (turned_rad, rate_rad_s);
+        let GyroErrors { drift_degrees_per_min, scale_error } = self.errors;
+        let drift_rad_s = drift_degrees_per_min.to_radians() / 60.0;
+        self.turned_rad = turned_rad * (1.0 + scale_error) + drift_rad_s * self.now_s;
+        self.rate_rad_s = rate_rad_s * (1.0 + scale_error) + drift_rad_s;
         let requested = self.requested_mode();
         if requested != self.mode && self.now_s >= self.mode_at_s {
             self.mode = requested;
-            self.start_rad = turned_rad;
+            self.start_rad = self.turned_rad;
         }
     }
 
@@ -141,8 +156,9 @@ impl Bno055 {
         match (self.page, register) {
             (_, register::PAGE) => self.page = usize::from(byte & 1),
             (0, register::TRIGGER) if byte & 0x20 != 0 => {
-                let now_s = self.now_s;
-                *self = Self { now_s, mode_at_s: now_s, answers_at_s: now_s + RESET_S, ..Self::default() };
+                let Self { now_s, errors, .. } = *self;
+                let answers_at_s = now_s + RESET_S;
+                *self = Self { errors, now_s, mode_at_s: now_s, answers_at_s, ..Self::default() };
             }
             (0, register::MODE) => {
                 let leaves = byte & 0x0F != CONFIGURATION;

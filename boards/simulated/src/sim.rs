@@ -239,6 +239,7 @@ pub(crate) fn board(scenario: &Scenario) -> Board {
         board.set_bus(bus);
     }
     board.set_floor(scenario.floor);
+    board.set_gyro_errors(scenario.gyro);
     if let Some(pins) = scenario.wire {
         board.wire(pins.map(|pin| pin.get()));
     }

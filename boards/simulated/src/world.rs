@@ -16,7 +16,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::bno055::Bno055;
+use crate::bno055::{Bno055, GyroErrors};
 use crate::current_line::CurrentLine;
 use crate::encoder::{Counter, Encoder};
 use crate::ground::{Floor, Ground};
@@ -238,6 +238,11 @@ impl Board {
     /// Puts the drive base on another floor, at the origin. Its wheels have not turned yet.
     pub fn set_floor(&self, floor: Floor) {
         self.0.borrow_mut().ground = Ground::new(floor);
+    }
+
+    /// Sets the errors of the gyro on I2C bus 0.
+    pub fn set_gyro_errors(&self, errors: GyroErrors) {
+        self.0.borrow_mut().i2c.imu.errors = errors;
     }
 
     /// Returns where the drive base is.

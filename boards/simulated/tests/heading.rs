@@ -61,6 +61,18 @@ fn a_base_holds_the_heading_of_its_gyro_and_knows_where_it_is() {
 }
 
 #[test]
+fn a_base_turns_by_its_gyros_drift_and_scale_error() {
+    let trace = run(&turns(", use_gyro = true", "[gyro]\ndrift_degrees_per_min = 30.0\nscale_error = 0.01"));
+    // The gyro drifts by 0.5 degrees a second. From its first turn at 3 s to 13 s the base turns back by that angle.
+    let expected = (270.0 - 0.5 * 10.0) / 1.01;
+    assert!((end_degrees(&trace) - expected).abs() < 0.6, "{} {expected}", end_degrees(&trace));
+    // The hub cannot know. The sensor measures from 0.7 s on.
+    let measured = end_degrees(&trace) * 1.01 + 0.5 * 12.3;
+    let base = trace.ticks.last().and_then(|tick| tick.base).expect("a base");
+    assert!((f64::from(base.heading_millidegrees) / 1e3 - measured).abs() < 0.5, "{measured} {base:?}");
+}
+
+#[test]
 fn faults_of_the_gyros_bus_stop_neither_motors_nor_ticks() {
     for (fault, is_lost) in [
         ("no-acknowledge", true),
@@ -103,6 +115,8 @@ fn a_base_with_a_gyro_needs_the_wheels_of_the_simulated_ground() {
     );
     let wide = text.replace("[\"b\", \"a\"]", "[\"a\", \"b\"]").replace("300", "10001");
     assert!(refused(&wide).contains("wheels and a track of 1 mm to 10 m"), "{}", refused(&wide));
+    let scaled = text.replace("[[groups]]", "[gyro]\nscale_error = 0.2\n[[groups]]");
+    assert!(refused(&scaled).contains("0.2 is out of range; allowed is -0.1 to 0.1"), "{}", refused(&scaled));
     let slips = text.replace("[[groups]]", "[floor]\nslip_in_turns = 1.0\n[[groups]]");
     assert!(refused(&slips).contains("1 is out of range; allowed is 0 to 0.9"), "{}", refused(&slips));
 }

@@ -91,7 +91,7 @@ enum Command {
     /// All motors travel in proportion. If a motor lags, the others wait for it.
     Together(together::Options),
     /// Drives a base with two wheels along straight lines and through turns, then disables its motors, on hubs of this project
-    #[command(name = "drive", long_about = base::HELP, override_usage = base::USAGE)]
+    #[command(name = "drive", long_about = base::HELP)]
     DriveBase(base::Options),
     /// Shows where the drive base is: position and heading since `drive` has begun, on hubs of this project
     Odometry(base::OdometryOptions),

@@ -15,7 +15,10 @@
 //! assert_eq!(refused, "the hub refuses to report where its drive base is: no drive base is configured (NACK 82)");
 //!
 //! let base = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0, -1680.0] };
-//! session.set_base(BaseSettings::new([0, 1], &base, false)?)?;
+//! assert_eq!(session.base_if_reported()?, None);
+//! let settings = BaseSettings::new([0, 1], &base, false)?;
+//! session.set_base(settings)?;
+//! assert_eq!(session.base_if_reported()?, Some(settings));
 //! let report = session.odometry()?;
 //! assert_eq!((report.x_um, report.gyro), (0, GyroState::Unused));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -24,8 +27,57 @@
 use crate::{Error, Session};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::base::OdometryReport;
-use motor_hub::group::BaseSettings;
+use motor_hub::extension::group::GroupCourse;
+use motor_hub::group::{BaseSettings, GroupCommand};
+use motor_hub::protocol::CHANNELS;
+use motor_hub::units::{Acceleration, RangeError};
 use std::io::{Read, Write};
+
+/// A part of a base's course.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Part {
+    /// A distance in mm, negative backward.
+    Straight(f64),
+    /// An angle in degrees, to the left.
+    Turn(f64),
+}
+
+impl Part {
+    /// Returns the course of a part that begins at these corrected positions of the wheels, and the positions at its end. Speed and
+    /// acceleration are those of the wheels, in mm/s and mm/s².
+    ///
+    /// # Errors
+    /// A distance, a speed or an acceleration is out of range.
+    pub fn command(
+        self,
+        base: &BaseSettings,
+        from: [i32; 2],
+        speed_mm_per_s: f64,
+        acceleration_mm_per_s2: f64,
+    ) -> Result<([i32; 2], GroupCommand<GroupCourse>), RangeError> {
+        let geometry = base.geometry();
+        let [left, right] = match self {
+            Self::Straight(mm) => geometry.straight(mm)?,
+            Self::Turn(degrees) => geometry.turn(degrees)?,
+        };
+        let [from_left, from_right] = from;
+        let to = [from_left.wrapping_add(left), from_right.wrapping_add(right)];
+        let mut course = [None; CHANNELS];
+        for (wheel, counts) in base.wheels.into_iter().zip(to) {
+            if let Some(slot) = course.get_mut(usize::from(wheel)) {
+                *slot = Some(counts);
+            }
+        }
+        let [speed, _] = geometry.speeds(speed_mm_per_s, 0.0)?;
+        let [acceleration, _] = geometry.speeds(acceleration_mm_per_s2, 0.0)?;
+        let acceleration = Acceleration::new(acceleration.round().unsigned_abs().max(1))?;
+        Ok((to, GroupCommand::new(GroupCourse::To(course), speed, acceleration)))
+    }
+}
+
+/// What is allowed of a base, for hosts that refuse one.
+pub const BASE_LIMITS: &str = "the base is out of range; allowed are wheels and a track of 1 mm to 10 m, and counts per turn from 1 to \
+                               2147483, negative for a motor that counts down while its wheel drives forward";
 
 impl<L: Read + Write> Session<L> {
     /// Configures the drive base, which then starts at the origin, and waits until the hub has applied the settings. Both motors must be
@@ -36,6 +88,18 @@ impl<L: Read + Write> Session<L> {
     pub fn set_base(&mut self, base: BaseSettings) -> Result<(), Error> {
         self.order(HubFunction::SetBase { base })?;
         self.catch_up()
+    }
+
+    /// The drive base in force. `None` if no base is configured, and for firmware that does not report the base.
+    ///
+    /// # Errors
+    /// See [`Session::ask`].
+    pub fn base_if_reported(&mut self) -> Result<Option<BaseSettings>, Error> {
+        match self.ask(HubFunction::Base) {
+            Ok(base) => Ok(Some(base)),
+            Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
+            Err(error) => Err(error),
+        }
     }
 
     /// Where the drive base is, and the state of its gyro. Needs this project's firmware.

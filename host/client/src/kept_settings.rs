@@ -8,7 +8,7 @@
 //!
 //! let mut session = Session::new(MemoryHub::default(), Address::DEFAULT, Duration::from_secs(1));
 //! let values = Values::of(Group::Timing, &session.settings(1)?);
-//! let kept = session.put_in_force(vec![(1, vec![values])]).expect("own settings are accepted");
+//! let kept = session.put_in_force(vec![(1, vec![values])], None).expect("own settings are accepted");
 //! let [(motor, before)] = kept.as_slice() else { panic!("one motor was changed") };
 //! session.restore_settings(*motor, before)?;
 //! # Ok::<(), motor_hub_client::Error>(())
@@ -17,6 +17,7 @@
 use crate::{Error, Session};
 use motor_hub::extension::Request;
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
+use motor_hub::group::BaseSettings;
 use motor_hub::protocol::motor::{Coefficients, Loop};
 use motor_hub::regulator::Kind;
 use std::io::{Read, Write};
@@ -34,10 +35,10 @@ pub struct KeptSettings {
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
     /// The hub refuses a setting. The settings before the import are in force again.
-    #[error("motor {motor}: {error}; the settings before the import are in force{failed}")]
+    #[error("{part}: {error}; the settings before the import are in force{failed}")]
     Refused {
-        /// The motor.
-        motor: u8,
+        /// What the setting belongs to: a motor with its number, or the drive base.
+        part: String,
         /// The refusal.
         error: Error,
         /// For each motor whose settings could not be restored: `; motor 0 could not be restored: `, and why.
@@ -89,32 +90,39 @@ impl<L: Read + Write> Session<L> {
         Ok(())
     }
 
-    /// Puts settings of motors in force: all of them, or none if the hub refuses one. Returns the settings before. All motors
-    /// must be disabled, because a mode may bring an old set-point in force.
+    /// Puts settings of motors and of the drive base in force: all of them, or none if the hub refuses one. `None` leaves the base as
+    /// it is. Returns the motors' settings before. All motors must be disabled, because a mode may bring an old set-point in force.
     ///
     /// # Errors
     /// The hub refuses a setting, or the exchange fails.
     pub fn put_in_force(
         &mut self,
         settings: Vec<(u8, Vec<Values>)>,
+        base: Option<BaseSettings>,
     ) -> Result<Vec<(u8, KeptSettings)>, ImportError> {
         let mut kept: Vec<(u8, KeptSettings)> = Vec::new();
         for (motor, values) in settings {
             kept.push((motor, self.keep_settings(motor).map_err(ImportError::Lost)?));
             for values in values {
-                match self.order(Request::Set(motor, values)) {
-                    Ok(()) => (),
-                    Err(
-                        error @ (Error::Refused { .. } | Error::TooOld { .. } | Error::Unexpected { .. }),
-                    ) => {
-                        let failed = self.take_back(&kept)?;
-                        return Err(ImportError::Refused { motor, error, failed });
-                    }
-                    Err(error) => return Err(ImportError::Lost(error)),
+                if let Err(error) = self.order(Request::Set(motor, values)) {
+                    return Err(self.refused(format!("motor {motor}"), error, &kept));
                 }
             }
         }
+        if let Some(Err(error)) = base.map(|base| self.set_base(base)) {
+            return Err(self.refused("the drive base".to_owned(), error, &kept));
+        }
         Ok(kept)
+    }
+
+    /// Restores the settings of motors after a failure to set a part.
+    fn refused(&mut self, part: String, error: Error, kept: &[(u8, KeptSettings)]) -> ImportError {
+        match error {
+            Error::Refused { .. } | Error::TooOld { .. } | Error::Unexpected { .. } => self
+                .take_back(kept)
+                .map_or_else(|lost| lost, |failed| ImportError::Refused { part, error, failed }),
+            error => ImportError::Lost(error),
+        }
     }
 
     /// Restores the settings of motors with their modes, and says for which motors that failed.

@@ -66,6 +66,7 @@ const fn of_hub(function: &HubFunction) -> &'static str {
         HubFunction::Equipment => "report its equipment",
         HubFunction::Chain => "report the hubs behind it",
         HubFunction::SetBase { .. } => "configure its drive base",
+        HubFunction::Base => "report the settings of its drive base",
         HubFunction::Odometry => "report where its drive base is",
     }
 }

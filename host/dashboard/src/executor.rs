@@ -187,7 +187,8 @@ impl Executor {
     /// restored by an undo.
     fn import(&mut self, session: &mut Hub, text: &str) -> Result<(), RequestError> {
         let document = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
-        for (motor, kept) in session.put_in_force(settings_file::read(document)?)? {
+        let file = settings_file::read(document)?;
+        for (motor, kept) in session.put_in_force(file.motors, file.base)? {
             let of = self.of(motor)?;
             of.keep(kept);
             (of.proposed, of.known) = (None, None);

@@ -2,9 +2,12 @@
 
 use motor_hub::braking::{Blend, BlendFraction, Scheme, Winding};
 use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values, Zero};
+use motor_hub::group::{BaseSettings, DriveBase};
 use motor_hub::motor::Settings;
 use motor_hub::protocol::CHANNELS;
+use motor_hub_client::base::BASE_LIMITS;
 use motor_hub_client::{Error, Session};
+use serde::{Deserialize, Serialize};
 use simulated::scheme::{BlendChoice, SchemeName};
 use std::io::{Read, Write};
 use toml::{Table, Value};
@@ -30,6 +33,9 @@ pub fn export<L: Read + Write>(session: &mut Session<L>) -> Result<String, Error
             0
         }
     };
+    if let Some(base) = session.base_if_reported()? {
+        text.push_str(&BaseTable::of(&base).text());
+    }
     for motor in 0..CHANNELS as u8 {
         let mut settings = session.settings(motor)?;
         if set_by_host >> motor & 1 != 0 {
@@ -40,6 +46,40 @@ pub fn export<L: Read + Write>(session: &mut Session<L>) -> Result<String, Error
         text.push_str(&motor_text(motor, &settings));
     }
     Ok(text)
+}
+
+/// The drive base.
+#[derive(Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+struct BaseTable {
+    wheels: [u8; 2],
+    wheel_diameter_mm: f64,
+    track_mm: f64,
+    counts_per_turn: [f64; 2],
+    use_gyro: bool,
+}
+
+impl BaseTable {
+    fn of(base: &BaseSettings) -> Self {
+        let DriveBase { wheel_diameter_mm, track_mm, counts_per_turn } = base.geometry();
+        Self { wheels: base.wheels, wheel_diameter_mm, track_mm, counts_per_turn, use_gyro: base.use_gyro }
+    }
+
+    fn text(&self) -> String {
+        toml::to_string(self).map(|fields| format!("\n[base]\n{fields}")).unwrap_or_default()
+    }
+
+    fn settings(&self) -> Result<BaseSettings, String> {
+        let &Self { wheels, wheel_diameter_mm, track_mm, counts_per_turn, use_gyro } = self;
+        let most = CHANNELS - 1;
+        if wheels[0] == wheels[1] || wheels.iter().any(|wheel| usize::from(*wheel) > most) {
+            return Err(format!(
+                "base: wheels are {wheels:?}; allowed are two different motors of 0 to {most}"
+            ));
+        }
+        let base = DriveBase { wheel_diameter_mm, track_mm, counts_per_turn };
+        BaseSettings::new(wheels, &base, use_gyro).map_err(|_| format!("base: {BASE_LIMITS}"))
+    }
 }
 
 /// The settings of one motor. Keys of the motor itself come before the motor's tables, as TOML requires.
@@ -91,15 +131,26 @@ fn value(field: &Field, settings: &MotorSettings) -> Option<Value> {
     }
 }
 
-/// The settings of a document for each motor, if all values are in range. A hub puts them in force in this order.
+/// Settings of a document.
+#[derive(Default)]
+pub struct SettingsFile {
+    /// The settings for each motor. A hub puts them in force in this order.
+    pub motors: Vec<(u8, Vec<Values>)>,
+    /// The drive base. `None` leaves the base of the hub as it is.
+    pub base: Option<BaseSettings>,
+}
+
+/// The settings of a document, if all values are in range.
 ///
 /// # Errors
-/// A text that names motor and key, the given value, and the allowed values.
-pub fn read(mut document: Table) -> Result<Vec<(u8, Vec<Values>)>, String> {
+/// A text that names motor or base and key, the given value, and the allowed values.
+pub fn read(mut document: Table) -> Result<SettingsFile, String> {
     let version = document.remove("schema_version").ok_or("schema_version is missing")?;
     if version.as_integer() != Some(SCHEMA_VERSION) {
         return Err(format!("schema_version is {version}; this program reads {SCHEMA_VERSION}"));
     }
+    let base = document.remove("base").map(Value::try_into::<BaseTable>).transpose();
+    let base = base.map_err(|error| format!("base: {}", error.message()))?;
     let motors = match document.remove("motor") {
         Some(Value::Array(motors)) => motors,
         _ => return Err("there is no [[motor]]".to_owned()),
@@ -107,6 +158,7 @@ pub fn read(mut document: Table) -> Result<Vec<(u8, Vec<Values>)>, String> {
     if let Some(key) = document.keys().next() {
         return Err(format!("{key} is no key of a settings file"));
     }
+    let base = base.as_ref().map(BaseTable::settings).transpose()?;
     let mut read: Vec<(u8, Vec<Values>)> = Vec::new();
     for motor in motors {
         let Value::Table(mut motor) = motor else { return Err("motor is no table".to_owned()) };
@@ -118,7 +170,7 @@ pub fn read(mut document: Table) -> Result<Vec<(u8, Vec<Values>)>, String> {
             number.ok_or_else(|| format!("a motor's number is 0 to {most}, and each number occurs once"))?;
         read.push((number, values_of(motor).map_err(|why| format!("motor {number}: {why}"))?));
     }
-    Ok(read)
+    Ok(SettingsFile { motors: read, base })
 }
 
 /// The settings of one motor, in the order of the groups.

@@ -35,10 +35,12 @@ from .native import CHANNELS, HubError, Link, Refused, Unreachable, usb_ports
 
 __all__ = [
     "CHANNELS",
+    "Base",
     "Hub",
     "HubError",
     "Identified",
     "Motor",
+    "Odometry",
     "Reading",
     "Recording",
     "Refused",
@@ -53,6 +55,8 @@ _POLL_S = 0.05
 _KEPT_S = 0.2
 # Longest time in seconds for a braked motor to stand before an identification.
 _REST_S = 5.0
+# Longest time in seconds to the first reading of a gyro: a BNO055 answers 0.65 s after its supply is on.
+_GYRO_S = 3.0
 
 
 @dataclass(frozen=True)
@@ -118,6 +122,22 @@ class Identified:
     """Error of the decay, as a share of it."""
     residual: float
     """Changes of speed that the constants do not explain, as a share of all changes (root mean square)."""
+
+
+@dataclass(frozen=True)
+class Odometry:
+    """Where a drive base is, by the hub's own count, since the base was configured."""
+
+    x_mm: float
+    """Distance forward from the start, in mm."""
+    y_mm: float
+    """Distance to the left of the start, in mm."""
+    heading_degrees: float
+    """Angle by which the base has turned left, in degrees, with whole turns."""
+    gyro: str
+    """State of the gyro: unused, waiting, good, lost or implausible. The heading is by the encoders unless it is good."""
+    gyro_losses: int
+    """Number of times that the gyro was lost."""
 
 
 def connect(place: str | None = None) -> Hub:
@@ -267,13 +287,16 @@ class Hub:
         self._check(*targets)
         arguments = (dict(targets), False, speed, acceleration, tolerance)
         await asyncio.to_thread(self._link.together, *arguments)
-        first = min(targets)
+        await self._group_settled(tuple(targets), timeout, f"motors {sorted(targets)} have not settled")
+
+    async def _group_settled(self, members: tuple[int, ...], timeout: float | None, failure: str) -> None:
+        """Waits until all members of a group have settled."""
 
         async def settled() -> bool:
-            self._raise_fault(await self.read(), *targets)
-            return await asyncio.to_thread(self._link.group_settled, first)
+            self._raise_fault(await self.read(), *members)
+            return await asyncio.to_thread(self._link.group_settled, members[0])
 
-        await _until(settled, timeout, f"motors {sorted(targets)} have not settled")
+        await _until(settled, timeout, failure)
 
     async def together_at(self, speeds: Mapping[int, int], *, acceleration: int = 2000) -> None:
         """Turns motors in step at speeds in counts/s, until another command follows."""
@@ -281,6 +304,43 @@ class Hub:
         fastest = max((abs(speed) for speed in speeds.values()), default=0)
         arguments = (dict(speeds), True, max(1, fastest), acceleration, None)
         await asyncio.to_thread(self._link.together, *arguments)
+
+    async def set_base(
+        self,
+        left: int,
+        right: int,
+        *,
+        wheel_diameter_mm: float,
+        track_mm: float,
+        counts_per_turn: tuple[float, float],
+        use_gyro: bool = False,
+    ) -> Base:
+        """Configures the drive base with the motors of its left and right wheel. The base then starts at the origin.
+
+        ``counts_per_turn`` is for a turn of the left and the right wheel, negative for a motor that counts down while its wheel
+        drives forward. With ``use_gyro`` the base holds the heading of a BNO055 on I2C bus 0. ``Hub.save`` stores the base.
+
+        Raises ``Refused`` while one of the motors is enabled, and ``TimeoutError`` if the gyro gives no reading within 3 s.
+        """
+        dimensions = (wheel_diameter_mm, track_mm, counts_per_turn, use_gyro)
+        await asyncio.to_thread(self._link.set_base, (left, right), *dimensions)
+        base = await self.base()
+
+        async def has_heading() -> bool:
+            return (await base.odometry()).gyro != "waiting"
+
+        await _until(has_heading, _GYRO_S, "no BNO055 at address 0x28 on I2C bus 0 gives a reading")
+        return base
+
+    async def base(self) -> Base:
+        """The drive base in force, which a former program may have configured or stored.
+
+        Raises ``HubError`` if the hub has no base.
+        """
+        fields = await asyncio.to_thread(self._link.base)
+        if fields is None:
+            raise HubError("the hub has no drive base; configure one by hub.set_base")
+        return Base(self, **fields)
 
     @asynccontextmanager
     async def recording(self, *motors: int, every: float = _POLL_S) -> AsyncIterator[Recording]:
@@ -321,6 +381,70 @@ class Hub:
         for reading in readings:
             if reading.motor in motors and (reading.fault or reading.enabled is False):
                 raise HubError(f"motor {reading.motor} does not run: {reading.why_still or 'disabled'}")
+
+
+class Base:
+    """A drive base with two wheels, from ``Hub.set_base`` or ``Hub.base``. Its motions need ``with hub.enabled(*base.wheels)``."""
+
+    def __init__(
+        self,
+        hub: Hub,
+        *,
+        wheels: tuple[int, int],
+        wheel_diameter_mm: float,
+        track_mm: float,
+        counts_per_turn: tuple[float, float],
+        use_gyro: bool,
+    ) -> None:
+        self._hub = hub
+        # Counts of the wheels at the end of the last part: the next part begins there, so errors of the parts do not add up.
+        self._end: tuple[int, int] | None = None
+        self.wheels = wheels
+        self.wheel_diameter_mm = wheel_diameter_mm
+        self.track_mm = track_mm
+        self.counts_per_turn = counts_per_turn
+        self.use_gyro = use_gyro
+
+    def __repr__(self) -> str:
+        return f"<drive base on motors {self.wheels[0]} and {self.wheels[1]} of hub {self._hub.address}>"
+
+    async def drive(
+        self,
+        distance: float,
+        *,
+        speed: float = 200.0,
+        acceleration: float = 400.0,
+        timeout: float | None = None,
+    ) -> None:
+        """Drives straight over a distance in mm, backward if it is negative, and returns once both wheels have settled.
+
+        ``speed`` and ``acceleration`` are those of the wheels, in mm/s and mm/s².
+
+        Raises ``HubError`` if a fault stops a wheel, and ``TimeoutError`` after ``timeout`` seconds; ``None`` is no limit.
+        """
+        await self._move(False, distance, speed, acceleration, timeout)
+
+    async def turn(
+        self,
+        angle: float,
+        *,
+        speed: float = 200.0,
+        acceleration: float = 400.0,
+        timeout: float | None = None,
+    ) -> None:
+        """Turns on the spot by an angle in degrees, to the left if it is positive. All else is as for ``drive``."""
+        await self._move(True, angle, speed, acceleration, timeout)
+
+    async def odometry(self) -> Odometry:
+        """Where the base is, at the last control tick."""
+        return Odometry(**await asyncio.to_thread(self._hub._link.odometry))
+
+    async def _move(self, turns: bool, by: float, speed: float, acceleration: float, timeout: float | None) -> None:
+        hub = self._hub
+        hub._check(*self.wheels)
+        self._end = await asyncio.to_thread(hub._link.drive, self._end, turns, by, speed, acceleration)
+        what = f"the base has not {'turned by' if turns else 'driven'} {by} {'degrees' if turns else 'mm'}"
+        await hub._group_settled(self.wheels, timeout, what)
 
 
 class Motor:

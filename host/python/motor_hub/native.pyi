@@ -48,4 +48,22 @@ class Link:
         acceleration: int,
         tolerance: int | None,
     ) -> None: ...
+    def set_base(
+        self,
+        wheels: tuple[int, int],
+        wheel_diameter_mm: float,
+        track_mm: float,
+        counts_per_turn: tuple[float, float],
+        use_gyro: bool,
+    ) -> None: ...
+    def base(self) -> dict[str, Any] | None: ...
+    def odometry(self) -> dict[str, Any]: ...
+    def drive(
+        self,
+        start: tuple[int, int] | None,
+        turns: bool,
+        by: float,
+        speed: float,
+        acceleration: float,
+    ) -> tuple[int, int]: ...
     def group_settled(self, motor: int) -> bool: ...

@@ -5,10 +5,11 @@
 
 mod reading;
 
+use motor_hub_client::base::{BASE_LIMITS, Part};
 use motor_hub_client::line::{Line, ports};
 use motor_hub_client::motor_hub::extension::HubFunction;
 use motor_hub_client::motor_hub::extension::group::{GroupCourse, GroupState};
-use motor_hub_client::motor_hub::group::{GroupCommand, TOLERANCE};
+use motor_hub_client::motor_hub::group::{BaseSettings, DriveBase, GroupCommand, TOLERANCE};
 use motor_hub_client::motor_hub::motor::ZeroPower;
 use motor_hub_client::motor_hub::protocol::CHANNELS;
 use motor_hub_client::motor_hub::protocol::motor::RunMode;
@@ -266,6 +267,82 @@ impl Link {
             None => Ok(()),
             Some(why) => Err(HubError::new_err(format!("settings were not stored: {why}"))),
         }
+    }
+
+    /// Configures the drive base, which then starts at the origin.
+    fn set_base(
+        &self,
+        py: Python<'_>,
+        wheels: (i64, i64),
+        wheel_diameter_mm: f64,
+        track_mm: f64,
+        counts_per_turn: (f64, f64),
+        use_gyro: bool,
+    ) -> PyResult<()> {
+        let wheels = [channel(wheels.0)?, channel(wheels.1)?];
+        if wheels[0] == wheels[1] {
+            return Err(PyValueError::new_err(
+                "both wheels have the same motor; give each wheel a motor of its own",
+            ));
+        }
+        let base = DriveBase { wheel_diameter_mm, track_mm, counts_per_turn: counts_per_turn.into() };
+        let base =
+            BaseSettings::new(wheels, &base, use_gyro).map_err(|_| PyValueError::new_err(BASE_LIMITS))?;
+        self.run(py, |session| session.set_base(base))
+    }
+
+    /// The drive base in force: the fields of `Base`. `None` without a base.
+    fn base<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let base = self.run(py, Session::base_if_reported)?;
+        base.map(|base| reading::base(py, &base)).transpose()
+    }
+
+    /// Where the drive base is: the fields of `Odometry`.
+    fn odometry<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let report = self.run(py, |session| {
+            session.catch_up()?;
+            session.odometry()
+        })?;
+        reading::odometry(py, &report)
+    }
+
+    /// Drives the base over a distance in mm, or turns it by an angle in degrees if `turns` is true. The part begins at the end of the
+    /// last one, `start`, if the wheels are near these counts. So errors of the parts do not add up. Returns the counts at its end.
+    fn drive(
+        &self,
+        py: Python<'_>,
+        start: Option<(i32, i32)>,
+        turns: bool,
+        by: f64,
+        speed: f64,
+        acceleration: f64,
+    ) -> PyResult<(i32, i32)> {
+        /// Largest distance of each wheel from the end of the last part, in counts: the wheels have not moved otherwise since then.
+        const NEAR_COUNTS: u32 = 100;
+        for (name, value, unit) in [("speed", speed, "mm/s"), ("acceleration", acceleration, "mm/s²")] {
+            if !(0.001..=1e6).contains(&value) {
+                return Err(outside(name, value, 0.001, 1_000_000, unit));
+            }
+        }
+        let (name, unit, part) =
+            if turns { ("angle", "degrees", Part::Turn(by)) } else { ("distance", "mm", Part::Straight(by)) };
+        if !(-1e6..=1e6).contains(&by) {
+            return Err(outside(name, by, -1_000_000, 1_000_000, unit));
+        }
+        let Some(base) = self.run(py, Session::base_if_reported)? else {
+            return Err(HubError::new_err("the hub has no drive base; configure one by hub.set_base"));
+        };
+        let counts = self.run(py, Session::odometry)?.counts;
+        let is_near = |end: &[i32; 2]| {
+            end.iter().zip(counts).all(|(end, counts)| end.wrapping_sub(counts).unsigned_abs() <= NEAR_COUNTS)
+        };
+        let from = start.map(<[i32; 2]>::from).filter(is_near).unwrap_or(counts);
+        let (end, command) = part
+            .command(&base, from, speed, acceleration)
+            .map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let [left, _] = base.wheels;
+        self.run(py, |session| session.move_together(left, command))?;
+        Ok(end.into())
     }
 
     /// Moves motors in step. The group's members are the motors of `targets`, in counts, or speeds if `on` is true.

@@ -1,6 +1,8 @@
 //! What a hub reports, as dictionaries whose keys are the fields of Python's dataclasses.
 
+use motor_hub_client::motor_hub::extension::base::OdometryReport;
 use motor_hub_client::motor_hub::extension::report::{HubReport, MotorReport};
+use motor_hub_client::motor_hub::group::{BaseSettings, GyroState};
 use motor_hub_client::motor_hub::protocol::answers::Bulk;
 use motor_hub_client::motor_hub::regulator::identify::Identified;
 use motor_hub_client::motor_values::MotorValues;
@@ -66,5 +68,35 @@ pub(crate) fn identified<'py>(py: Python<'py>, found: &Identified) -> PyResult<B
     fields.set_item("acceleration_error", f64::from(found.gain_error) / 1e3)?;
     fields.set_item("decay_error", f64::from(found.decay_error) / 1e3)?;
     fields.set_item("residual", f64::from(found.residual) / 1e3)?;
+    Ok(fields)
+}
+
+/// The fields of Python's `Base`.
+pub(crate) fn base<'py>(py: Python<'py>, base: &BaseSettings) -> PyResult<Bound<'py, PyDict>> {
+    let geometry = base.geometry();
+    let fields = PyDict::new(py);
+    fields.set_item("wheels", <(u8, u8)>::from(base.wheels))?;
+    fields.set_item("wheel_diameter_mm", geometry.wheel_diameter_mm)?;
+    fields.set_item("track_mm", geometry.track_mm)?;
+    fields.set_item("counts_per_turn", <(f64, f64)>::from(geometry.counts_per_turn))?;
+    fields.set_item("use_gyro", base.use_gyro)?;
+    Ok(fields)
+}
+
+/// The fields of Python's `Odometry`.
+pub(crate) fn odometry<'py>(py: Python<'py>, report: &OdometryReport) -> PyResult<Bound<'py, PyDict>> {
+    let fields = PyDict::new(py);
+    fields.set_item("x_mm", f64::from(report.x_um) / 1e3)?;
+    fields.set_item("y_mm", f64::from(report.y_um) / 1e3)?;
+    fields.set_item("heading_degrees", f64::from(report.heading_millidegrees) / 1e3)?;
+    let gyro = match report.gyro {
+        GyroState::Unused => "unused",
+        GyroState::Waiting => "waiting",
+        GyroState::Good => "good",
+        GyroState::Lost => "lost",
+        GyroState::Implausible => "implausible",
+    };
+    fields.set_item("gyro", gyro)?;
+    fields.set_item("gyro_losses", report.losses)?;
     Ok(fields)
 }

@@ -99,6 +99,31 @@ class Commands(WithHub):
             await asyncio.sleep(1)
             self.assertAlmostEqual((await self.hub[1].read()).velocity, 400, delta=40)
 
+    async def test_a_drive_base_drives_by_its_gyro_and_reports_where_it_is(self) -> None:
+        with self.assertRaisesRegex(HubError, "no drive base; configure one by hub.set_base"):
+            await self.hub.base()
+        dimensions = {"wheel_diameter_mm": 90, "track_mm": 300, "counts_per_turn": (560, 1680)}
+        for wheels, changed, message in [
+            ((0, 4), {}, "motor is 4; allowed are 0 to 3"),
+            ((1, 1), {}, "give each wheel a motor of its own"),
+            ((0, 1), {"track_mm": 20_000}, "a track of 1 mm to 10 m"),
+        ]:
+            with self.assertRaisesRegex(ValueError, message):
+                await self.hub.set_base(*wheels, **{**dimensions, **changed})
+        base = await self.hub.set_base(0, 1, **dimensions, use_gyro=True)
+        with self.assertRaisesRegex(HubError, "motor 0 is not enabled"):
+            await base.turn(5)
+        with self.hub.enabled(*base.wheels):
+            with self.assertRaisesRegex(ValueError, "speed is 0; allowed are 0.001 to 1000000 mm/s"):
+                await base.drive(100, speed=0)
+            await base.turn(45, timeout=10)
+            await base.drive(100, timeout=10)
+        at = await (await self.hub.base()).odometry()
+        self.assertEqual((at.gyro, at.gyro_losses), ("good", 0))
+        self.assertAlmostEqual(at.heading_degrees, 45, delta=0.5)
+        self.assertAlmostEqual(at.x_mm, 70.7, delta=2)
+        self.assertAlmostEqual(at.y_mm, 70.7, delta=2)
+
     async def test_an_identification_finds_the_motor_and_applies_the_result(self) -> None:
         with self.hub.enabled(0):
             found = await self.hub[0].identify(apply=True)

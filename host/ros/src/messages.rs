@@ -128,6 +128,16 @@ pub(crate) struct Pose {
 }
 
 impl Pose {
+    /// The place that `next` has relative to this place.
+    pub(crate) fn then(self, next: Self) -> Self {
+        let (sine, cosine) = self.heading.sin_cos();
+        Self {
+            x: self.x + next.x * cosine - next.y * sine,
+            y: self.y + next.x * sine + next.y * cosine,
+            heading: self.heading + next.heading,
+        }
+    }
+
     /// A rotation about z as a quaternion x, y, z, w.
     fn quaternion(self) -> [f64; 4] {
         let (z, w) = (self.heading / 2.0).sin_cos();

@@ -2,7 +2,8 @@
 //! How far from its start does the base end, and by which angle is its heading off?
 //!
 //! The floor is worse than the hub knows: wheels 1 % unlike, a track 2 % wider, and wheels that lose 5 % of each turn. The base drives
-//! by its encoders, by encoders after a calibration by one run, and by its gyro. The hub's own tasks run on the simulated board, with the
+//! by its encoders, by encoders after a calibration by one run, by a gyro without errors, and by a gyro that drifts and whose scale is
+//! wrong. The hub's own tasks run on the simulated board, with the
 //! driver of the gyro and the simulated BNO055.
 
 use crate::StudyError;
@@ -14,6 +15,7 @@ use motor_hub::model::catalogue::characterised;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{KgM2, Ohms, Volts};
 use motor_hub::units::{Acceleration, CountsPerSecond};
+use simulated::bno055::GyroErrors;
 use simulated::ground::Floor;
 use simulated::scenario::{Group, Motor, Scenario, Timed};
 use simulated::sim;
@@ -31,6 +33,8 @@ const ACCELERATION_CPS2: u32 = 4_160;
 /// Time for a side and for a turn, in seconds. Both have ended before.
 const SIDE_S: f64 = 13.0;
 const TURN_S: f64 = 2.5;
+/// A gyro at the limits of a BNO055's data sheet for its scale, with a drift that remains after its own calibration.
+pub const WORSE_GYRO: GyroErrors = GyroErrors { drift_degrees_per_min: 0.5, scale_error: 0.01 };
 /// Half of a robot of 6 kg at the rim of a wheel.
 const WHEEL: Load = Load::inertia(KgM2(3.0 * 0.045 * 0.045));
 
@@ -55,32 +59,56 @@ pub struct Squares {
     pub ends: [End; 2],
 }
 
+/// What holds the heading.
+#[derive(Clone, Copy, Debug)]
+pub enum Heading {
+    /// The encoders.
+    Encoders,
+    /// A gyro with these errors. The angle of each turn is multiplied by `turn_scale`.
+    Gyro {
+        /// Errors of the gyro.
+        errors: GyroErrors,
+        /// Factor by which a calibration enlarges the angle of each turn.
+        turn_scale: f64,
+    },
+}
+
 /// Drives all squares.
 ///
 /// # Errors
 /// If a run does not finish.
-pub fn run() -> Result<[Squares; 3], StudyError> {
-    let both = |name, base: DriveBase, use_gyro| {
-        Ok::<_, StudyError>(Squares {
-            name,
-            ends: [drive(base, 1.0, use_gyro)?, drive(base, -1.0, use_gyro)?],
-        })
+pub fn run() -> Result<[Squares; 5], StudyError> {
+    let both = |name, base: DriveBase, heading| {
+        Ok::<_, StudyError>(Squares { name, ends: [drive(base, 1.0, heading)?, drive(base, -1.0, heading)?] })
     };
-    let encoders = both("encoders", BASE, false)?;
-    let calibrated = both("encoders, calibrated by one run", calibrated(encoders.ends), false)?;
-    Ok([encoders, calibrated, both("gyro", BASE, true)?])
+    let by_gyro = |errors, turn_scale| Heading::Gyro { errors, turn_scale };
+    let encoders = both("encoders", BASE, Heading::Encoders)?;
+    let calibrated = both("encoders, calibrated by one run", calibrated(encoders.ends), Heading::Encoders)?;
+    let gyro = both("gyro without errors", BASE, by_gyro(GyroErrors::default(), 1.0))?;
+    let worse = both("gyro with drift and scale error", BASE, by_gyro(WORSE_GYRO, 1.0))?;
+    // The drift turns both squares to the same side, and the scale error turns them to different sides.
+    let [left, right] = worse.ends.map(|end| end.heading_degrees);
+    let turn_scale = 360.0 / (360.0 + 0.5 * (left - right));
+    let scaled = both("that gyro, its scale calibrated by one run", BASE, by_gyro(WORSE_GYRO, turn_scale))?;
+    Ok([encoders, calibrated, gyro, worse, scaled])
 }
 
 /// Drives one square. `left` is 1 to the left, -1 to the right.
 ///
 /// # Errors
 /// If the run does not finish.
-pub fn drive(base: DriveBase, left: f64, use_gyro: bool) -> Result<End, StudyError> {
+pub fn drive(base: DriveBase, left: f64, heading: Heading) -> Result<End, StudyError> {
+    let (gyro, turn_scale, use_gyro) = match heading {
+        Heading::Encoders => (GyroErrors::default(), 1.0, false),
+        Heading::Gyro { errors, turn_scale } => (errors, turn_scale, true),
+    };
     let acceleration = Acceleration::new(ACCELERATION_CPS2)?;
     let mut courses = Vec::new();
     let mut at_s = 0.5;
     for _ in 0..4 {
-        for (counts, time_s) in [(base.straight(SIDE_MM)?, SIDE_S), (base.turn(90.0 * left)?, TURN_S)] {
+        for (counts, time_s) in
+            [(base.straight(SIDE_MM)?, SIDE_S), (base.turn(90.0 * left * turn_scale)?, TURN_S)]
+        {
             let [left, right] = counts;
             let course = Course::by(&[(0, left), (1, right)])?;
             let value = GroupCommand::new(course, CountsPerSecond::new(SPEED_CPS), acceleration);
@@ -93,6 +121,7 @@ pub fn drive(base: DriveBase, left: f64, use_gyro: bool) -> Result<End, StudyErr
     let group = Group { label: "base".into(), motors: vec![0, 1], base: Some(base), use_gyro, courses };
     let scenario = Scenario {
         floor: FLOOR,
+        gyro,
         groups: vec![group],
         ..Scenario::new("square", at_s, battery, vec![Motor::new(motor, WHEEL); 2])
     };
@@ -148,7 +177,10 @@ pub fn page(all: &[Squares]) -> Page {
          true distances from the start, and the true errors of the heading, at the end. The odometry is the hub's own.",
     );
     page.text(
-        "The simulated gyro has the resolution of a BNO055 and neither drift nor an error of its scale. The calibration takes the \
+        "The simulated gyro has the resolution of a BNO055. In the third row it has no other error. In the fourth row it drifts to the \
+         left by 0.5 degrees a minute, and its turns are 1 % too large. A square takes a minute and turns by 360 degrees, so the \
+         heading then misses the 0.5 degrees of the third row: no hub can see the errors of its only gyro. The last row enlarges each \
+         turn by a factor from the headings of the fourth row, which leaves the drift. The calibration of the encoders takes the \
          headings at the ends of the first row.",
     );
     page.table("The square of UMBmark", table);

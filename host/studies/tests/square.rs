@@ -1,16 +1,20 @@
 //! A drive base comes back from the square of UMBmark. The long test writes the table of `docs/results/square.md`.
 
+use simulated::bno055::GyroErrors;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
-use studies::square::{self, BASE, End};
+use studies::square::{self, BASE, End, Heading};
 
 /// The mock driver's clock is one for the process.
 static CLOCK: Mutex<()> = Mutex::new(());
 
+const GYRO: Heading =
+    Heading::Gyro { errors: GyroErrors { drift_degrees_per_min: 0.0, scale_error: 0.0 }, turn_scale: 1.0 };
+
 #[test]
 fn a_gyro_keeps_the_heading_of_a_square_within_half_a_degree() {
     let _clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
-    let end = square::drive(BASE, 1.0, true).expect("the simulation runs");
+    let end = square::drive(BASE, 1.0, GYRO).expect("the simulation runs");
     assert!(end.heading_degrees.abs() <= 0.5 && end.distance_mm < 50.0, "{end:?}");
 }
 
@@ -18,8 +22,8 @@ fn a_gyro_keeps_the_heading_of_a_square_within_half_a_degree() {
 #[ignore = "long: cargo xtask long"]
 fn a_gyro_brings_a_base_back_from_both_squares_and_encoders_do_not() {
     let _clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
-    let [encoders, calibrated, gyro] = square::run().expect("the simulation runs");
-    let text = square::page(&[encoders, calibrated, gyro]).markdown();
+    let [encoders, calibrated, gyro, worse, scaled] = square::run().expect("the simulation runs");
+    let text = square::page(&[encoders, calibrated, gyro, worse, scaled]).markdown();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/results");
     std::fs::create_dir_all(&folder).expect("a folder");
     std::fs::write(folder.join("square.md"), &text).expect("a file");
@@ -27,6 +31,10 @@ fn a_gyro_brings_a_base_back_from_both_squares_and_encoders_do_not() {
     let heading = |ends| worst(ends, |end| end.heading_degrees.abs());
     let distance = |ends| worst(ends, |end| end.distance_mm);
     assert!(heading(gyro.ends) <= 0.5, "{text}");
+    // 1 % of a whole turn, and half a degree of drift: the table says so.
+    assert!((3.0..5.0).contains(&heading(worse.ends)), "{text}");
+    assert!(heading(scaled.ends) <= 1.0, "{text}");
+    assert!(distance(worse.ends) < 0.2 * distance(encoders.ends), "{text}");
     assert!(distance(gyro.ends) < 0.05 * distance(encoders.ends), "{text}");
     assert!(gyro.ends.iter().all(|end| end.odometry_mm.is_some_and(|mm| mm < 100.0)), "{text}");
     assert!(heading(encoders.ends) > 20.0, "the floor is hard enough: {text}");

@@ -8,6 +8,7 @@ mod numbers;
 
 use super::error::{At, Checked, Fault};
 use super::types::{Attached, Bus, Change, Group, Motor, Scenario, Timed, UNLIMITED};
+use crate::bno055::GyroErrors;
 use crate::ground::Floor;
 use crate::hardware::MOTORS;
 use crate::i2c;
@@ -20,8 +21,8 @@ use motor_hub::supply::{Levels, Limits};
 use motor_hub::units::{Millivolts, Period};
 use motors::MotorTable;
 use numbers::{
-    AnalogVoltage, BatteryEmf, BatteryResistance, Capacitance, Course as Way, Duration, Length, Name,
-    PeriodMs, PinNumber, Seed, Slip, or, out_of_range,
+    AnalogVoltage, BatteryEmf, BatteryResistance, Capacitance, Course as Way, Drift, Duration, Length, Name,
+    PeriodMs, PinNumber, ScaleError, Seed, Slip, or, out_of_range,
 };
 use serde::Deserialize;
 use toml::Spanned;
@@ -39,6 +40,7 @@ struct File {
     bus: Option<Spanned<BusTable>>,
     attached: Option<Spanned<AttachedTable>>,
     floor: Option<FloorTable>,
+    gyro: Option<GyroTable>,
     motors: Spanned<Vec<Spanned<MotorTable>>>,
     #[serde(default)]
     groups: Vec<Spanned<GroupTable>>,
@@ -98,6 +100,13 @@ struct FloorTable {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+struct GyroTable {
+    drift_degrees_per_min: Option<Drift>,
+    scale_error: Option<ScaleError>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct BusTable {
     capacitance_f: Capacitance,
     #[serde(default)]
@@ -149,6 +158,7 @@ pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
             None => Attached::default(),
         },
         floor: file.floor.as_ref().map(FloorTable::floor).unwrap_or_default(),
+        gyro: file.gyro.as_ref().map(GyroTable::errors).unwrap_or_default(),
         emulated: file.emulated,
         expectations,
     })
@@ -260,6 +270,15 @@ impl FloorTable {
                 .map_or(usual.wheel_diameters_mm, |mm| mm.map(|mm| mm.0)),
             track_mm: or(self.track_mm, usual.track_mm),
             slip_in_turns: or(self.slip_in_turns, usual.slip_in_turns),
+        }
+    }
+}
+
+impl GyroTable {
+    fn errors(&self) -> GyroErrors {
+        GyroErrors {
+            drift_degrees_per_min: or(self.drift_degrees_per_min, 0.0),
+            scale_error: or(self.scale_error, 0.0),
         }
     }
 }

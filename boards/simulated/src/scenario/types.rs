@@ -1,6 +1,7 @@
 //! A checked scenario.
 
 use super::expectation::Expectation;
+use crate::bno055::GyroErrors;
 use crate::current_line::CurrentLine;
 use crate::encoder::Encoder;
 use crate::ground::Floor;
@@ -66,6 +67,8 @@ pub struct Scenario {
     pub attached: Attached,
     /// The floor of the drive base whose left wheel motor 0 drives, and whose right wheel motor 1 drives.
     pub floor: Floor,
+    /// Errors of the gyro that stands on this base.
+    pub gyro: GyroErrors,
     /// The scenario runs on the emulated chip too, as a test.
     pub emulated: bool,
     /// The expectations of a scenario that is a test.
@@ -239,6 +242,7 @@ impl Scenario {
             wire: None,
             attached: Attached::default(),
             floor: Floor::default(),
+            gyro: GyroErrors::default(),
             emulated: false,
             expectations: Vec::new(),
         }
@@ -262,9 +266,10 @@ impl Scenario {
         for group in &self.groups {
             let Some(&motor) = group.motors.first() else { continue };
             commands.extend(
-                group
-                    .base_settings()
-                    .map(|base| Timed { at_s: 0.0, value: Command { motor, action: Action::Base(base) } }),
+                group.base_settings().map(|base| Timed {
+                    at_s: 0.0,
+                    value: Command { motor, action: Action::Base(Some(base)) },
+                }),
             );
             commands.extend(group.courses.iter().map(|&Timed { at_s, value }| Timed {
                 at_s,

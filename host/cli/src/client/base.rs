@@ -9,8 +9,8 @@ use motor_hub::extension::base::OdometryReport;
 use motor_hub::extension::group::GroupCourse;
 use motor_hub::group::{BaseSettings, DriveBase, GroupCommand, GyroState};
 use motor_hub::protocol::CHANNELS;
-use motor_hub::units::{Acceleration, RangeError};
 use motor_hub_client::Session;
+use motor_hub_client::base::{BASE_LIMITS, Part};
 use motor_hub_client::line::Line;
 use serde_json::json;
 use std::time::{Duration, Instant};
@@ -19,13 +19,12 @@ use std::time::{Duration, Instant};
 pub(super) const HELP: &str = "\
 Drives a base with two wheels along straight lines and through turns, then disables its motors, on hubs of this project
 
+Options for the base configure it, and it then starts at the origin. Without them the hub's base goes on from where it is. `settings \
+save` stores the base.
+
 The hub counts where the base is: `odometry` shows that afterwards. With --use-gyro the hub reads a BNO055 on I2C bus 0, and the \
 base holds the heading of the gyro, although wheels slip or are unlike. If the gyro fails, the base goes on by its encoders, and the \
 command says so.";
-
-/// Usage of `drive`, in lines of 80 columns.
-pub(super) const USAGE: &str = "motor-hub client drive [OPTIONS] --wheel-diameter-mm <MM> --track-mm <MM>
-       --counts-per-turn <LEFT,RIGHT> <PART>...";
 
 /// Longest wait for the first reading of the gyro. A BNO055 answers 0.65 s after its supply is on, and the hub tries once a second.
 const GYRO_START: Duration = Duration::from_secs(3);
@@ -38,19 +37,19 @@ pub(super) struct Options {
     #[arg(value_name = "PART", required = true, value_parser = part)]
     parts: Vec<Part>,
     /// Motors of the left and the right wheel
-    #[arg(long, value_name = "LEFT,RIGHT", default_value = "0,1", value_parser = wheels)]
+    #[arg(long, value_name = "LEFT,RIGHT", default_value = "0,1", value_parser = wheels, requires = "wheel_diameter_mm")]
     wheels: [u8; 2],
-    /// Diameter of the wheels in mm
-    #[arg(long, value_name = "MM", value_parser = positive)]
-    wheel_diameter_mm: f64,
+    /// Diameter of the wheels in mm [default: the base that the hub has]
+    #[arg(long, value_name = "MM", value_parser = positive, requires_all = ["track_mm", "counts_per_turn"])]
+    wheel_diameter_mm: Option<f64>,
     /// Distance between the centres of the wheels in mm
-    #[arg(long, value_name = "MM", value_parser = positive)]
-    track_mm: f64,
+    #[arg(long, value_name = "MM", value_parser = positive, requires = "wheel_diameter_mm")]
+    track_mm: Option<f64>,
     /// Encoder counts per turn of the left and the right wheel; negative if the motor counts down while its wheel drives forward
-    #[arg(long, value_name = "LEFT,RIGHT", value_parser = pair, allow_hyphen_values = true)]
-    counts_per_turn: [f64; 2],
+    #[arg(long, value_name = "LEFT,RIGHT", value_parser = pair, allow_hyphen_values = true, requires = "wheel_diameter_mm")]
+    counts_per_turn: Option<[f64; 2]>,
     /// The base holds the heading of the gyro on I2C bus 0
-    #[arg(long)]
+    #[arg(long, requires = "wheel_diameter_mm")]
     use_gyro: bool,
     /// Speed of the wheels in mm/s
     #[arg(long, value_name = "MM/S", default_value = "200", value_parser = positive)]
@@ -61,15 +60,6 @@ pub(super) struct Options {
     /// Longest duration of each part in seconds [default: no limit]
     #[arg(long = "for-s", value_name = "S", value_parser = within_a_day)]
     length: Option<Duration>,
-}
-
-/// A part of a course.
-#[derive(Clone, Copy, Debug)]
-enum Part {
-    /// A distance in mm.
-    Straight(f64),
-    /// An angle in degrees, to the left.
-    Turn(f64),
 }
 
 fn part(text: &str) -> Result<Part, String> {
@@ -101,60 +91,52 @@ fn wheels(text: &str) -> Result<[u8; 2], String> {
 }
 
 impl Options {
-    const fn geometry(&self) -> DriveBase {
-        let Self { wheel_diameter_mm, track_mm, counts_per_turn, .. } = *self;
-        DriveBase { wheel_diameter_mm, track_mm, counts_per_turn }
+    /// The base of the options. `None` without its dimensions: the base in force is used.
+    fn settings(&self) -> Result<Option<BaseSettings>, Failure> {
+        let dimensions = self.wheel_diameter_mm.zip(self.track_mm).zip(self.counts_per_turn);
+        let Some(((wheel_diameter_mm, track_mm), counts_per_turn)) = dimensions else { return Ok(None) };
+        let base = DriveBase { wheel_diameter_mm, track_mm, counts_per_turn };
+        let base = BaseSettings::new(self.wheels, &base, self.use_gyro);
+        base.map(Some).map_err(|_| Failure::input(BASE_LIMITS))
     }
 
-    fn settings(&self) -> Result<BaseSettings, Failure> {
-        BaseSettings::new(self.wheels, &self.geometry(), self.use_gyro).map_err(|_| {
-            Failure::input(
-                "the base is out of range; allowed are wheels and a track of 1 mm to 10 m, and 1 to 2147483 counts per turn",
-            )
-        })
-    }
-
-    /// The course of a part that begins at these counts, and the counts at its end.
     fn command(
         &self,
+        base: &BaseSettings,
         from: [i32; 2],
         part: Part,
-    ) -> Result<([i32; 2], GroupCommand<GroupCourse>), RangeError> {
-        let base = self.geometry();
-        let [left, right] = match part {
-            Part::Straight(mm) => base.straight(mm)?,
-            Part::Turn(degrees) => base.turn(degrees)?,
-        };
-        let [from_left, from_right] = from;
-        let to = [from_left.wrapping_add(left), from_right.wrapping_add(right)];
-        let mut course = [None; CHANNELS];
-        for (wheel, counts) in self.wheels.into_iter().zip(to) {
-            if let Some(slot) = course.get_mut(usize::from(wheel)) {
-                *slot = Some(counts);
-            }
-        }
-        let [speed, _] = base.speeds(self.speed_mm_per_s, 0.0)?;
-        let [acceleration, _] = base.speeds(self.acceleration_mm_per_s2, 0.0)?;
-        let acceleration = Acceleration::new(acceleration.round().unsigned_abs().max(1))?;
-        Ok((to, GroupCommand::new(GroupCourse::To(course), speed, acceleration)))
+    ) -> Result<([i32; 2], GroupCommand<GroupCourse>), Failure> {
+        part.command(base, from, self.speed_mm_per_s, self.acceleration_mm_per_s2).map_err(Failure::input)
     }
 
     pub(super) fn execute(&self, hub: &HubOptions) -> Result<(), Failure> {
-        let settings = self.settings()?;
-        self.parts
-            .iter()
-            .try_for_each(|part| self.command([0; 2], *part).map(drop))
-            .map_err(Failure::input)?;
+        let given = self.settings()?;
+        let check = |base: &BaseSettings| {
+            self.parts.iter().try_for_each(|part| self.command(base, [0; 2], *part).map(drop))
+        };
+        given.as_ref().map_or(Ok(()), check)?;
         let session = &mut hub.open(None)?;
+        let base = match given {
+            Some(base) => base,
+            None => session.base_if_reported()?.ok_or_else(|| {
+                Failure::input(
+                    "the hub has no drive base; give --wheel-diameter-mm, --track-mm and --counts-per-turn once, and keep the base by \
+                     `settings save`",
+                )
+            })?,
+        };
+        check(&base)?;
         let end = DrivingSession::run(session, |driven| {
-            driven.set_base(settings)?;
+            if given.is_some() {
+                driven.set_base(base)?;
+            }
             let mut at = await_gyro(driven)?.counts;
-            stand(driven, &self.wheels)?;
+            stand(driven, &base.wheels)?;
             let (mut losses, mut is_implausible) = (0, false);
             for &part in &self.parts {
                 // Absolute positions: errors of the parts do not add up.
-                let (to, wanted) = self.command(at, part).map_err(Failure::input)?;
-                if !lead(driven, &self.wheels, wanted, self.length)? {
+                let (to, wanted) = self.command(&base, at, part)?;
+                if !lead(driven, &base.wheels, wanted, self.length)? {
                     let seconds = self.length.unwrap_or_default().as_secs_f64();
                     return Err(Failure::Work(format!("{part:?} not finished after {seconds} s")));
                 }

@@ -2,9 +2,8 @@
 
 use super::hub::HubOptions;
 use crate::output::{Failure, print, print_json};
-use dashboard::settings_file;
+use dashboard::settings_file::{self, SettingsFile};
 use motor_hub::extension::HubFunction;
-use motor_hub::extension::settings::Values;
 use motor_hub::extension::state::StoreReport;
 use motor_hub::store::{Outcome, Stored};
 use motor_hub_client::line::Line;
@@ -19,11 +18,11 @@ use studies::table;
 pub(super) const HELP: &str = "\
 Shows, saves, loads, resets, exports or imports the stored settings of a hub of this project
 
-Other commands (setup, coefficients, identify --apply, settings import) change settings until the next reset; \
+Other commands (setup, coefficients, identify --apply, drive, settings import) change settings until the next reset; \
 `save` stores them permanently.
 
 Stored for each motor: set-up, motion, protection, current limit, bridge timing, mode, current alert, and coefficients that a host has set. \
-Stored for the hub: its address, which set-address saves without `save`.
+Stored for the hub: its drive base, as `drive` has configured it, and its address, which set-address saves without `save`.
 
 After a power cut during a save either the old or the new settings are complete. Some saves erase flash, for which all motors \
 must be disabled; this program disables them.";
@@ -67,7 +66,7 @@ impl Options {
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
         let imported = match &self.command {
             Command::Import { file, .. } => read(file)?,
-            _ => Vec::new(),
+            _ => SettingsFile::default(),
         };
         let session = &mut hub.open(None)?;
         let done = match self.command {
@@ -91,7 +90,7 @@ impl Options {
                 format!("wrote {}", file.display())
             }
             Command::Import { file, save } => {
-                session.put_in_force(imported).map_err(Failure::work)?;
+                session.put_in_force(imported.motors, imported.base).map_err(Failure::work)?;
                 let in_force = format!("the settings of {} are in force", file.display());
                 if save { format!("{in_force}\n{}", saved(session)?) } else { in_force }
             }
@@ -114,8 +113,8 @@ pub(super) fn why_address_is_lost(session: &mut Session<Line>) -> Result<Option<
     Ok(lost.map(|report| format!("the memory has {}", stored_text(&report))))
 }
 
-/// The settings of a file for each motor.
-fn read(file: &Path) -> Result<Vec<(u8, Vec<Values>)>, Failure> {
+/// The settings of a file.
+fn read(file: &Path) -> Result<SettingsFile, Failure> {
     let text = std::fs::read_to_string(file)
         .map_err(|error| Failure::Input(format!("{}: {error}", file.display())))?;
     let document: toml::Table = toml::from_str(&text).map_err(|error| {

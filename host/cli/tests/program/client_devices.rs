@@ -73,6 +73,7 @@ fn a_base_drives_by_its_gyro_and_says_where_it_is() {
     let hub = served("devices-base", &format!("[floor]\nslip_in_turns = 0.05\n{}", motor("left")));
     let failed = client(&hub, &["odometry"]);
     fails(&failed, 1, "no drive base is configured (NACK 82)");
+    fails(&client(&hub, &["drive", "turn=30"]), 2, "the hub has no drive base; give --wheel-diameter-mm");
     let done = out(&client(&hub, &[&["drive", "turn=30", "straight=-50", "--use-gyro"], &BASE[..]].concat()));
     assert!(done.ends_with("degrees by the gyro\n"), "{done}");
     let at = document(&hub, &["odometry"]);
@@ -85,6 +86,12 @@ fn a_base_drives_by_its_gyro_and_says_where_it_is() {
     for (counts, expected) in wheels.zip([-467.0 - 297.0, 467.0 - 297.0]) {
         assert!((counts - expected).abs() < 10.0, "{at}");
     }
+    // The hub's base goes on.
+    let done = out(&client(&hub, &["drive", "turn=-30"]));
+    assert!(done.ends_with("degrees by the gyro\n"), "{done}");
+    let heading = document(&hub, &["odometry"])["heading_degrees"].as_f64().unwrap();
+    assert!(heading.abs() < 0.5, "{heading}");
+    fails(&client(&hub, &["drive", "turn=1", "--track-mm", "300"]), 2, "--wheel-diameter-mm");
     for (wrong, says) in [
         (&["drive", "left=3"][..], "a part is straight=MM or turn=DEGREES"),
         (&["drive", "turn=3", "--wheels", "1,1"], "give two different motors from 0 to 3, as 0,1"),

@@ -39,6 +39,11 @@ fn set_much(hub: &Hub) {
         &["setup", "3", "--scheme", "D", "--continuous-current-a", "1.234", "--current-limit-a", "0.9"],
         &["coefficients", "2", "velocity", "--p", "1.5", "--i", "-0.001", "--f", "7"],
         &["identify", "0", "--apply"],
+        &[
+            &["drive", "straight=1", "--wheel-diameter-mm", "90.5", "--track-mm", "301.25"][..],
+            &["--counts-per-turn", "1680,-1680.5", "--wheels", "1,3", "--use-gyro"],
+        ]
+        .concat(),
     ] {
         out(&client(hub, arguments));
     }
@@ -140,6 +145,10 @@ fn all_of_a_file_is_checked_before_anything_is_written() {
         ),
         ("p = 1.5", "p = 1e9", "velocity_loop.p is 1000000000.0; allowed is -32768 to 32767.9999847"),
         ("blend = 0.25", "blend = 1.5", "blend"),
+        ("track_mm = 301.25", "track_mm = 20000.0", "track of 1 mm to 10 m"),
+        ("wheels = [1, 3]", "wheels = [1, 4]", "two different motors of 0 to 3"),
+        ("use_gyro = true", "use_gyro = 1", "base: "),
+        ("use_gyro = true", "use_gyros = true", "base: "),
     ] {
         assert!(exported.contains(from), "{from}: {exported}");
         // The last occurrence is changed, so that all settings before it would have been written.

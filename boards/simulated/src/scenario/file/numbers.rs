@@ -140,6 +140,10 @@ numbers! {
     Length(f64): 1.0, 1e6;
     /// Part of a turn that wheels lose by slipping.
     Slip(f64): 0.0, 0.9;
+    /// Drift of a gyro in degrees per minute.
+    Drift(f64): -60.0, 60.0;
+    /// Share by which a gyro's turns are too large.
+    ScaleError(f64): -0.1, 0.1;
     /// Distance on a course in mm, turn in degrees, or counts per turn of a wheel.
     Course(f64): -1e6, 1e6;
     /// Expected speed in counts/s.
