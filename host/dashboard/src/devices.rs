@@ -158,7 +158,7 @@ impl Devices {
                 };
                 if width_us > period_us {
                     return Err(format!(
-                        "a pulse of {width_us} us is longer than its period of {period_us} us"
+                        "a pulse of {width_us} us is longer than its period of {period_us} us; allowed are 1 to {period_us} us"
                     )
                     .into());
                 }

@@ -47,9 +47,9 @@ duration_s = 10
 battery = { emf_v = 12.6, resistance_ohm = 0.05 }
 floor = { slip_in_turns = 0.05 }
 motors = [
-    { label = "left", motor = "NeveRest 60", load = { inertia_kg_m2 = 0.006 } },
-    { label = "right", motor = "NeveRest 60", load = { inertia_kg_m2 = 0.006 } },
-    { label = "arm", motor = "NeveRest 60", load = { inertia_kg_m2 = 0.006 } },
+    { label = "left", motor = "NeveRest 60", load = { inertia_kg_m2 = 0.006, drag_nms_per_rad = 0.1 } },
+    { label = "right", motor = "NeveRest 60", load = { inertia_kg_m2 = 0.006, drag_nms_per_rad = 0.1 } },
+    { label = "arm", motor = "NeveRest 60", load = { inertia_kg_m2 = 0.006, drag_nms_per_rad = 0.1 } },
 ]
 """
 HUB = """

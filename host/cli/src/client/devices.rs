@@ -109,6 +109,12 @@ pub(super) struct ServoOptions {
 
 impl ServoOptions {
     pub(super) fn execute(&self, hub: &HubOptions) -> Result<(), Failure> {
+        let period = self.period;
+        if let Some(width) = self.width.filter(|width| *width > period) {
+            return Err(Failure::Input(format!(
+                "a pulse of {width} us is longer than its period of {period} us; allowed are 1 to {period} us, or a longer --period-us"
+            )));
+        }
         let session = &mut hub.open(None)?;
         if let (Some(servo), Some(width)) = (self.servo, self.width) {
             return self.drive(session, servo, width);

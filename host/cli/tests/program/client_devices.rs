@@ -44,6 +44,22 @@ fn a_scan_says_what_a_hub_has() {
 }
 
 #[test]
+fn a_pulse_that_is_longer_than_its_period_is_refused_with_what_is_allowed() {
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    for (wrong, says) in [
+        (
+            &["servo", "0", "25000"][..],
+            "a pulse of 25000 us is longer than its period of 20000 us; allowed are 1 to 20000 us",
+        ),
+        (&["servo", "0", "1500", "--period-us", "1000"], "allowed are 1 to 1000 us, or a longer --period-us"),
+        (&["servo", "6", "1500"], "a servo output is 0 to 5"),
+    ] {
+        fails(&client(&hub, wrong), 2, says);
+    }
+    assert_eq!(document(&hub, &["servo", "0"])["servos"][0]["width_us"], 0);
+}
+
+#[test]
 fn analog_and_digital_inputs_are_shown() {
     let hub = served("devices-inputs", "analog_v = [1.25]\nlow_pins = [3]");
     let analog = document(&hub, &["analog"]);

@@ -306,7 +306,7 @@ fn what_is_out_of_range_is_refused_with_what_is_allowed() {
         (
             "device",
             json!({ "servo": { "servo": 0, "period_us": 1000, "width_us": 1500, "on": true } }),
-            "a pulse of 1500 us is longer than its period of 1000 us",
+            "a pulse of 1500 us is longer than its period of 1000 us; allowed are 1 to 1000 us",
         ),
         ("device", json!({ "pin": { "pin": 8, "level": null } }), "a digital pin is 0 to 7, and not 8"),
         ("device", json!({ "write": { "bus": 0, "address": 40, "bytes": [], "fast": false } }), "1 to 100"),

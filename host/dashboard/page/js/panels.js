@@ -50,11 +50,17 @@ export function startPanels(link) {
     next.click();
   });
   open("tune");
+  /** Leaves a panel whose tab is hidden. */
+  function leave(/** @type {string} */ name) {
+    if (by(`tab-${name}`).hidden && !by(`panel-${name}`).hidden) open("tune");
+  }
   // Only motors and battery of the first hub are simulated by orders of a page.
   on("hubs", ({ hubs }) => {
     by("tab-world").hidden = !(state.simulated && hubs[0].shown);
-    if (by("tab-world").hidden && !by("panel-world").hidden) open("tune");
+    leave("world");
   });
+  // A hub without devices may take the place of one that has some.
+  on("line", () => { if (state.connected) leave("devices"); });
   let first = true;
   on("welcome", () => {
     by("tab-world").hidden = !state.simulated;
