@@ -1,7 +1,9 @@
 //! The configuration file: hubs, their joints, and their drive bases. `docs/guides/ros2.md` has an example.
 
-use motor_hub_client::motor_hub::group::DriveBase;
+use motor_hub_client::base::BASE_LIMITS;
+use motor_hub_client::motor_hub::group::{BaseSettings, DriveBase};
 use motor_hub_client::motor_hub::protocol::{Address, CHANNELS};
+use motor_hub_client::motor_hub::units::RangeError;
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
@@ -94,10 +96,17 @@ pub(crate) struct Base {
     pub(crate) wheel_diameter_m: f64,
     /// Distance between the centres of the wheels.
     pub(crate) track_m: f64,
+    /// True if the base holds the heading of a BNO055 on I2C bus 0, as far as there is one.
+    #[serde(default = "yes")]
+    pub(crate) use_gyro: bool,
     #[serde(default = "odom")]
     pub(crate) odom_frame: String,
     #[serde(default = "base_link")]
     pub(crate) base_frame: String,
+}
+
+const fn yes() -> bool {
+    true
 }
 
 fn odom() -> String {
@@ -126,6 +135,13 @@ impl Hub {
             counts_per_turn: [counts(left)?, counts(right)?],
         };
         Some((drive, [left, right]))
+    }
+
+    /// The drive base as the hub is configured for it. `None` without a base.
+    pub(crate) fn base_settings(&self) -> Option<Result<BaseSettings, RangeError>> {
+        let (drive, joints) = self.drive_base()?;
+        let [left, right] = joints.map(|joint| self.joints.get(joint).map(|joint| joint.motor));
+        Some(BaseSettings::new([left?, right?], &drive, self.base.as_ref()?.use_gyro))
     }
 
     fn check(&self) -> Result<(), String> {
@@ -180,6 +196,9 @@ impl Hub {
                 return Err(format!(
                     "hub {at}: base: both wheels must be motors of the hub at this place; give their joints no address"
                 ));
+            }
+            if let Some(Err(_)) = self.base_settings() {
+                return Err(format!("hub {at}: base: {BASE_LIMITS}"));
             }
         }
         Ok(())
@@ -270,6 +289,7 @@ pub(crate) mod tests {
                 "speed is -1; allowed is more than 0 rad/s",
             ),
             ("track_m = 0.3", "track_m = 0", "track_m is 0; allowed is more than 0 m"),
+            ("track_m = 0.3", "track_m = 30", "a track of 1 mm to 10 m"),
             ("right = \"right\"", "right = \"arm\"", "both must be names of joints, and differ"),
             ("/hub0", "hub0", "namespace is \"hub0\"; allowed is / and letters"),
             ("/hub0", "/0hub", "namespace is \"/0hub\""),

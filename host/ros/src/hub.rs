@@ -8,7 +8,9 @@ use crate::node::{Answer, Arrived, Call, Event, Topics, now};
 use crate::robot::{Robot, Setpoint, VALID};
 use motor_hub_client::line::Line;
 use motor_hub_client::motor_hub::extension::HubFunction;
+use motor_hub_client::motor_hub::extension::base::OdometryReport;
 use motor_hub_client::motor_hub::extension::report::HubReport;
+use motor_hub_client::motor_hub::group::BaseSettings;
 use motor_hub_client::motor_hub::motor::ZeroPower;
 use motor_hub_client::motor_hub::protocol::Address;
 use motor_hub_client::motor_hub::protocol::motor::RunMode;
@@ -69,8 +71,8 @@ struct Connected {
     lost: BTreeMap<u8, Instant>,
     joints: Vec<(Joint, Sent)>,
     identification: Option<Identifying>,
-    /// Positions of the parent's next report do not continue those of the last one.
-    positions_jump: bool,
+    /// True if the hub has taken the configuration of the drive base.
+    has_base: bool,
     /// When each hub was asked for its last report, and the hub's time in this report.
     clocks: BTreeMap<Option<u8>, (Instant, u32)>,
 }
@@ -129,7 +131,7 @@ impl HubThread {
             lost: children.into_iter().map(|child| (child, Instant::now())).collect(),
             joints: joints.collect(),
             identification: None,
-            positions_jump: true,
+            has_base: false,
             clocks: BTreeMap::new(),
         };
         let ended = self.serve(&mut hub);
@@ -169,6 +171,7 @@ impl HubThread {
         // A former host may have left motors enabled: every packet prolongs their motion.
         hub.disable()?;
         hub.await_battery()?;
+        hub.start_base(&mut self.robot)?;
         let (mut next, mut slow) = (Instant::now(), Instant::now());
         while !self.ends.load(Ordering::Relaxed) {
             let wait = next.saturating_duration_since(Instant::now());
@@ -246,7 +249,6 @@ impl HubThread {
                 Ok("motors accept commands".to_owned())
             }
             Call::ResetEncoders => {
-                hub.positions_jump = true;
                 let mut done = Ok("all encoders are at 0".to_owned());
                 for joint in self.robot.config().joints.clone() {
                     if let Err(error) = hub.reset_encoder(&joint) {
@@ -345,7 +347,7 @@ impl HubThread {
                     self.robot.stop("the hub was reset; call enable");
                     hub.disable()?;
                     hub.give_up_identification("the hub was reset");
-                    hub.positions_jump = true;
+                    hub.start_base(&mut self.robot)?;
                 }
                 Some(child) => {
                     self.robot.refuse_all_of(address, &format!("the hub at address {child} was reset"));
@@ -355,8 +357,8 @@ impl HubThread {
         }
         hub.identify(address, &report)?;
         hub.note_disabled(address, &report);
-        let positions_jump = address.is_none() && std::mem::take(&mut hub.positions_jump);
-        self.robot.observe(address, report, positions_jump);
+        let placed = if address.is_none() { hub.odometry()? } else { None };
+        self.robot.observe(address, report, placed);
         Ok(())
     }
 
@@ -390,6 +392,37 @@ impl Connected {
             std::thread::sleep(Duration::from_millis(10));
         }
         Ok(())
+    }
+
+    /// Configures the drive base, which then starts at the origin. A board without I2C has no gyro.
+    fn start_base(&mut self, robot: &mut Robot) -> Result<(), Error> {
+        robot.start_base();
+        self.has_base = false;
+        let Some(Ok(base)) = robot.config().base_settings() else { return Ok(()) };
+        let mut done = self.session.set_base(base);
+        if base.use_gyro && matches!(done, Err(Error::Refused { .. })) {
+            done = self.session.set_base(BaseSettings { use_gyro: false, ..base });
+        }
+        match done {
+            Err(error @ (Error::Refused { .. } | Error::TooOld { .. })) => {
+                eprintln!("warning: {}: {error}; its odometry is not published", robot.config().place);
+                return Ok(());
+            }
+            done => done?,
+        }
+        self.has_base = true;
+        Ok(())
+    }
+
+    /// Where the drive base is. `None` without a base, and after a reset of the hub that the next report shows.
+    fn odometry(&mut self) -> Result<Option<OdometryReport>, Error> {
+        if !self.has_base {
+            return Ok(None);
+        }
+        match self.session.odometry() {
+            Err(Error::Refused { .. }) => Ok(None),
+            report => report.map(Some),
+        }
     }
 
     /// Addresses of the hub and its children, as joints have them.

@@ -1,4 +1,4 @@
-//! One hub's motors as joints of a robot: decides what commands make of them, and keeps the odometry.
+//! One hub's motors as joints of a robot: decides what commands make of them, and places the drive base.
 //!
 //! ```text
 //!  twist, joint commands --> [Robot] --set-points--> hub
@@ -14,7 +14,9 @@
 use crate::config::{Hub, Joint};
 use crate::messages::{JointCommands, Level, Pose, Status};
 use crate::names::{Publishers, Source};
+use motor_hub_client::motor_hub::extension::base::OdometryReport;
 use motor_hub_client::motor_hub::extension::report::{HubReport, MotorReport};
+use motor_hub_client::motor_hub::group::GyroState;
 use motor_hub_client::motor_hub::record::Fault;
 use motor_hub_client::motor_hub::units::CountsPerSecond;
 use motor_hub_client::reasons::why_still;
@@ -111,7 +113,10 @@ pub(crate) struct Robot {
     /// Why all commands are ignored until `enable`.
     off: Option<&'static str>,
     reports: Reports,
-    pose: Pose,
+    /// Where the hub's odometry has begun.
+    start: Pose,
+    /// The newest odometry of the hub. `None` without a base.
+    odometry: Option<OdometryReport>,
     /// Forward speed in m/s and turning speed in rad/s.
     twist: (f64, f64),
 }
@@ -124,7 +129,8 @@ impl Robot {
             commander: Commander { publishers, ..Commander::default() },
             off: None,
             reports: Reports::new(),
-            pose: Pose::default(),
+            start: Pose::default(),
+            odometry: None,
             twist: (0.0, 0.0),
         }
     }
@@ -239,6 +245,21 @@ impl Robot {
         }
     }
 
+    /// The hub's odometry begins again at the origin, where the base is now.
+    pub(crate) fn start_base(&mut self) {
+        self.start = self.pose();
+        self.odometry = None;
+    }
+
+    /// Place of the drive base.
+    fn pose(&self) -> Pose {
+        self.odometry.map_or(self.start, |odometry| {
+            let [x, y] = [odometry.x_um, odometry.y_um].map(|um| f64::from(um) / 1e6);
+            let heading = (f64::from(odometry.heading_millidegrees) / 1e3).to_radians();
+            self.start.then(Pose { x, y, heading })
+        })
+    }
+
     /// Accepts commands again, of joints with a fault too.
     pub(crate) fn enable(&mut self) {
         self.off = None;
@@ -259,8 +280,14 @@ impl Robot {
         self.off
     }
 
-    /// Takes a report of the hub at an address. Encoders may have been reset since the last one if `positions_jump` is true.
-    pub(crate) fn observe(&mut self, address: Option<u8>, report: HubReport, positions_jump: bool) {
+    /// Takes a report of the hub at an address, and the odometry of the drive base.
+    pub(crate) fn observe(
+        &mut self,
+        address: Option<u8>,
+        report: HubReport,
+        odometry: Option<OdometryReport>,
+    ) {
+        self.odometry = odometry.or(self.odometry);
         for index in 0..self.config.joints.len() {
             let (Some(joint), Some(command)) = (self.config.joints.get(index), self.commands.get(index))
             else {
@@ -276,31 +303,18 @@ impl Robot {
         if address.is_none()
             && let Some((base, joints)) = self.config.drive_base()
         {
-            let of = |report: &HubReport, value: fn(&MotorReport) -> i32| {
-                let at = |joint: usize| {
-                    self.config.joints.get(joint).map_or(usize::MAX, |joint| joint.motor.into())
-                };
-                joints.map(|joint| report.motors.get(at(joint)).map_or(0, value))
-            };
-            let speeds = of(&report, |motor| motor.velocity.into());
+            let at =
+                |joint: usize| self.config.joints.get(joint).map_or(usize::MAX, |joint| joint.motor.into());
+            let speeds =
+                joints.map(|joint| report.motors.get(at(joint)).map_or(0, |motor| motor.velocity.into()));
             self.twist = (base.distance(speeds) / 1e3, base.heading(speeds).to_radians());
-            if let Some(before) = self.reports.get(&None).filter(|_| !positions_jump) {
-                let (now, then) = (of(&report, |motor| motor.position), of(before, |motor| motor.position));
-                let moved = [now[0].wrapping_sub(then[0]), now[1].wrapping_sub(then[1])];
-                let (forward, turned) = (base.distance(moved) / 1e3, base.heading(moved).to_radians());
-                // The chord of an arc lies in the direction of its middle.
-                let (sine, cosine) = (self.pose.heading + turned / 2.0).sin_cos();
-                self.pose.x += forward * cosine;
-                self.pose.y += forward * sine;
-                self.pose.heading += turned;
-            }
         }
         self.reports.insert(address, report);
     }
 
-    /// Place and twist of the drive base; `None` without a base or a report.
+    /// Place and twist of the drive base. The place is that of the hub's last control tick. `None` without a base or a report.
     pub(crate) fn odometry(&self) -> Option<(Pose, (f64, f64))> {
-        (self.config.base.is_some() && self.reports.contains_key(&None)).then_some((self.pose, self.twist))
+        (self.odometry.is_some() && self.reports.contains_key(&None)).then(|| (self.pose(), self.twist))
     }
 
     /// Name, position in rad, velocity in rad/s and effort in N m of each joint whose hub can be reached. The effort is NaN if it is
@@ -342,7 +356,11 @@ impl Robot {
             (.., Some(conflict)) => (Level::Warn, conflict),
             _ => (Level::Ok, "ready".to_owned()),
         };
-        let values = vec![("malformed messages", malformed.to_string())];
+        let mut values = vec![("malformed messages", malformed.to_string())];
+        if let Some(OdometryReport { gyro, losses, .. }) = self.odometry {
+            values.push(("heading", heading_text(gyro).to_owned()));
+            values.push(("times the gyro was lost", losses.to_string()));
+        }
         let mut all = vec![Status { level, name: name.clone(), message, values }];
         for (joint, command) in self.config.joints.iter().zip(&self.commands) {
             let (hub, of) = match joint.address {
@@ -381,6 +399,17 @@ impl Robot {
 
 fn motor<'a>(reports: &'a Reports, joint: &Joint) -> Option<&'a MotorReport> {
     reports.get(&joint.address)?.motors.get(usize::from(joint.motor))
+}
+
+/// What the heading of a drive base is by.
+const fn heading_text(gyro: GyroState) -> &'static str {
+    match gyro {
+        GyroState::Unused => "by the encoders",
+        GyroState::Waiting => "by the encoders: there is no gyro",
+        GyroState::Good => "by the gyro",
+        GyroState::Lost => "by the encoders: the gyro is lost",
+        GyroState::Implausible => "by the encoders: the gyro did not turn with the wheels",
+    }
 }
 
 /// Share of a motor's current that comes from the battery: the duty while the motor is driven, nothing while it brakes.
@@ -519,7 +548,7 @@ mod tests {
         };
         robot.joints(A, &to, ms(0));
         robot.due(ms(0));
-        robot.observe(None, report([700, 0]), false);
+        robot.observe(None, report([700, 0]), None);
         assert_eq!(robot.due(ms(600)), [(0, Setpoint::Position { counts: 700, speed: 1604 })]);
     }
 
@@ -541,7 +570,7 @@ mod tests {
     #[test]
     fn the_newest_commander_drives_and_the_conflict_is_told() {
         let mut robot = robot();
-        robot.observe(None, report([0, 0]), false);
+        robot.observe(None, report([0, 0]), None);
         robot.twist(A, (0.1, 0.0), ms(0));
         robot.twist(B, (0.2, 0.0), ms(10));
         robot.due(ms(10));
@@ -566,7 +595,7 @@ mod tests {
         robot.due(ms(0));
         let mut faulty = report([0, 0]);
         faulty.motors[0].faults = Faults { bridge: true, ..Faults::default() };
-        robot.observe(None, faulty, false);
+        robot.observe(None, faulty, None);
         let left = robot.diagnostics(0, ms(0)).remove(1);
         assert_eq!((left.level, left.name.as_str()), (Level::Error, "hub0: left"));
         assert!(left.values.contains(&("fault", "5 bridge switched itself off".to_owned())), "{left:?}");
@@ -580,11 +609,11 @@ mod tests {
     #[test]
     fn a_lost_hub_reports_nothing_old_and_stays_off() {
         let mut robot = robot();
-        robot.observe(None, report([10, 10]), false);
+        robot.observe(None, report([10, 10]), None);
         robot.lose();
         assert!(robot.joint_states().is_empty() && robot.odometry().is_none() && robot.battery().is_none());
         assert_eq!(robot.diagnostics(0, ms(0)).remove(0).level, Level::Stale);
-        robot.observe(None, report([10, 10]), true);
+        robot.observe(None, report([10, 10]), None);
         robot.twist(A, (0.5, 0.0), ms(0));
         assert_eq!(robot.due(ms(0)), []);
     }
@@ -597,8 +626,8 @@ mod tests {
         ]"#,
         );
         let mut robot = Robot::new(Config::read(&chain).unwrap().hubs.remove(0), Publishers::default());
-        robot.observe(None, report([100, 200]), false);
-        robot.observe(Some(3), report([300, 400]), false);
+        robot.observe(None, report([100, 200]), None);
+        robot.observe(Some(3), report([300, 400]), None);
         let names =
             |robot: &Robot| robot.joint_states().iter().map(|joint| joint.0.to_owned()).collect::<Vec<_>>();
         assert_eq!(names(&robot), ["left", "right", "lift"]);
@@ -609,7 +638,7 @@ mod tests {
         // Motor 0 of the other hub is disabled, which is no matter of this joint.
         let mut disabled = report([0, 0]);
         disabled.motors[0].enabled = false;
-        robot.observe(Some(3), disabled, false);
+        robot.observe(Some(3), disabled, None);
         robot.joints(A, &velocities(&["left", "lift"], &[2.0, 2.0]), ms(10));
         assert_eq!(robot.due(ms(10)), [(0, Setpoint::Velocity(535))]);
         robot.lose_child(3);
@@ -622,7 +651,7 @@ mod tests {
         assert_eq!(told[3].message, "the hub at address 3 cannot be reached");
         assert_eq!(told[3].values, [("motor", "3:0".to_owned())]);
         // The hub is back.
-        robot.observe(Some(3), report([0, 0]), false);
+        robot.observe(Some(3), report([0, 0]), None);
         robot.joints(A, &all, ms(20));
         assert_eq!(robot.due(ms(20)), [(0, Setpoint::Velocity(267))]);
         robot.enable();
@@ -631,27 +660,21 @@ mod tests {
     }
 
     #[test]
-    fn a_quarter_circle_ends_where_geometry_says() {
+    fn the_base_is_where_the_hub_says_and_stays_there_when_the_hub_counts_from_the_origin_again() {
         let mut robot = robot();
-        // The middle drives a quarter of a circle of 1 m radius to the left, in steps of one degree.
-        let counts = |radius: f64, degrees: f64| {
-            (degrees.to_radians() * radius / (std::f64::consts::PI * 0.09) * 1680.0) as i32
+        let odometry = |x_um, heading_millidegrees| {
+            Some(OdometryReport { x_um, heading_millidegrees, ..OdometryReport::default() })
         };
-        for degree in 0..=90 {
-            let degree = f64::from(degree);
-            robot.observe(None, report([counts(0.85, degree), -counts(1.15, degree)]), false);
-        }
+        assert!(robot.odometry().is_none());
+        robot.observe(None, report([0, 0]), odometry(1_000_000, 90_000));
+        // One report without odometry moves no base.
+        robot.observe(None, report([0, 0]), None);
+        robot.start_base();
+        assert!(robot.odometry().is_none(), "nothing old is published");
+        robot.observe(None, report([0, 0]), odometry(500_000, -90_000));
         let (pose, _) = robot.odometry().unwrap();
-        assert!((pose.x - 1.0).abs() < 2e-3 && (pose.y - 1.0).abs() < 2e-3, "{pose:?}");
-        assert!((pose.heading.to_degrees() - 90.0).abs() < 0.1, "{pose:?}");
-    }
-
-    #[test]
-    fn a_reset_of_the_encoders_moves_no_base() {
-        let mut robot = robot();
-        robot.observe(None, report([5000, -5000]), false);
-        robot.observe(None, report([0, 0]), true);
-        assert_eq!(robot.odometry().unwrap().0, Pose::default());
+        assert!((pose.x - 1.0).abs() < 1e-9 && (pose.y - 0.5).abs() < 1e-9, "{pose:?}");
+        assert!(pose.heading.abs() < 1e-9, "{pose:?}");
     }
 
     use std::f64::consts::TAU;
