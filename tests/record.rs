@@ -356,3 +356,11 @@ fn a_number_is_one_fault() {
     }
     assert!(Fault::ALL.iter().all(|fault| Fault::from_number(fault.number()) == Some(*fault)));
 }
+
+#[test]
+fn a_fault_of_a_motor_has_a_word_of_its_own_and_a_fault_of_the_hub_has_none() {
+    let mut words: Vec<&str> = Fault::ALL.iter().filter_map(|fault| fault.word()).collect();
+    words.sort_unstable();
+    assert_eq!(words, ["battery_unknown", "bridge", "encoder_stale", "overheated", "reversed", "stuck"]);
+    assert_eq!((Fault::EncoderStuck.word(), Fault::Watchdog.word()), (Some("stuck"), None));
+}
