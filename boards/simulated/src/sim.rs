@@ -15,6 +15,7 @@
 //! ```
 
 use crate::hardware::MOTORS;
+use crate::i2c_bus::SimulatedBus;
 use crate::scenario::{Attached, Change, Motor, Scenario, Timed};
 use crate::trace::{Sample, Tick, Trace};
 use crate::world::Board;
@@ -121,7 +122,8 @@ pub(crate) fn tasks<'a>(
             tasks::health::run(board.clone(), health),
         );
         let buses: [usize; I2C_BUSES] = std::array::from_fn(|bus| bus);
-        let transfers = join_array(buses.map(|bus| tasks::i2c::run(board.i2c(bus), bus, wires)));
+        let transfers =
+            join_array(buses.map(|bus| tasks::i2c::run(SimulatedBus::new(board.clone(), bus), bus, wires)));
         join3(bridges, others, transfers).await
     })
 }
