@@ -13,6 +13,7 @@ use motor_hub::motor::{Faults, Report, Setpoint};
 use motor_hub::record::{Fault, HEADS, Head, PAGES, Record, SIZE, TICKS, Tick};
 use motor_hub::units::{CountsPerSecond, Duty, Micros, Millivolts, Voltage};
 use proptest::prelude::*;
+use std::collections::BTreeSet;
 
 type Memory = [u8; SIZE];
 
@@ -355,4 +356,13 @@ fn a_number_is_one_fault() {
         assert!(Fault::from_number(number).is_none_or(|fault| fault.number() == number));
     }
     assert!(Fault::ALL.iter().all(|fault| Fault::from_number(fault.number()) == Some(*fault)));
+}
+
+#[test]
+fn a_fault_of_a_motor_has_a_word_of_its_own_and_a_fault_of_the_hub_has_none() {
+    let of_motors = || Fault::ALL.iter().filter(|fault| fault.number() < 16);
+    let words: BTreeSet<&str> = of_motors().filter_map(|fault| fault.word()).collect();
+    assert_eq!(words.len(), of_motors().count(), "{words:?}");
+    assert!(Fault::ALL.iter().all(|fault| fault.number() < 16 || fault.word().is_none()));
+    assert_eq!(Fault::EncoderStuck.word(), Some("stuck"));
 }

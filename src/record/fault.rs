@@ -3,10 +3,10 @@
 use crate::motor::EncoderFault;
 use crate::motor::Faults;
 
-/// Defines all faults. Each line has the number, the fault, its name for users, and for a fault of a motor the field of
-/// [`Faults`] with the value that means the fault.
+/// Defines all faults. Each line has the number, the fault, and its name for users. A fault of a motor also has its word in
+/// documents for programs, and the field of [`Faults`] with the value that means the fault.
 macro_rules! faults {
-    ($($number:literal $fault:ident $name:literal $($field:ident == $value:expr)?,)+) => {
+    ($($number:literal $fault:ident $name:literal $($word:literal $field:ident == $value:expr)?,)+) => {
         /// A fault, or the cause of a reset. `docs/reference/fault-numbers.md` has a section for each.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -32,6 +32,15 @@ macro_rules! faults {
             pub const fn name(self) -> &'static str {
                 match self {
                     $(Self::$fault => $name,)+
+                }
+            }
+
+            /// Returns the word for a fault of a motor in documents for programs, such as `encoder_stale`. `None` for a
+            /// fault of the hub.
+            pub const fn word(self) -> Option<&'static str> {
+                match self {
+                    $($(Self::$fault => Some($word),)?)+
+                    _ => None,
                 }
             }
 
@@ -61,12 +70,12 @@ macro_rules! faults {
 
 // A number never changes its meaning. The number of a removed fault is not used again.
 faults! {
-    1 EncoderSilent "encoder gives no reading" encoder_stale == true,
-    2 EncoderStuck "no counts although driven" encoder == Some(EncoderFault::Stuck),
-    3 EncoderReversed "counts against the drive voltage" encoder == Some(EncoderFault::Reversed),
-    4 Overheated "winding too hot" overheated == true,
-    5 BridgeOff "bridge switched itself off" bridge == true,
-    6 BatteryUnknown "battery unknown" battery_unknown == true,
+    1 EncoderSilent "encoder gives no reading" "encoder_stale" encoder_stale == true,
+    2 EncoderStuck "no counts although driven" "stuck" encoder == Some(EncoderFault::Stuck),
+    3 EncoderReversed "counts against the drive voltage" "reversed" encoder == Some(EncoderFault::Reversed),
+    4 Overheated "winding too hot" "overheated" overheated == true,
+    5 BridgeOff "bridge switched itself off" "bridge" bridge == true,
+    6 BatteryUnknown "battery unknown" "battery_unknown" battery_unknown == true,
     16 Watchdog "watchdog",
     17 HardFault "hard fault",
     18 StackOverflow "stack overflow",

@@ -1,4 +1,4 @@
-//! The I2C buses of the simulated board, with their devices and their faults.
+//! The devices on the I2C buses of the simulated board, and the buses' faults.
 //!
 //! | bus | address | device |
 //! |---|---|---|
@@ -8,20 +8,14 @@
 //! The other two buses have no device.
 
 use crate::bno055::Bno055;
-use crate::world::Board;
-use embassy_time::{Duration, Timer};
-use embedded_hal_async::i2c::{ErrorKind, ErrorType, I2c, NoAcknowledgeSource, Operation};
-use motor_hub::board::{I2C_BUSES, I2cBus};
+use embedded_hal_async::i2c::{ErrorKind, NoAcknowledgeSource, Operation};
+use motor_hub::board::I2C_BUSES;
 use serde::Deserialize;
-use std::future::pending;
 
 /// Address of the inertial sensor on bus 0.
 pub const IMU_ADDRESS: u8 = 0x28;
 /// Address of the memory on bus 1.
 pub const MEMORY_ADDRESS: u8 = 0x50;
-
-/// Time that a stretching device holds the clock.
-const STRETCH: Duration = Duration::from_millis(30);
 
 /// Condition of a bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -66,13 +60,13 @@ impl Default for I2cDevices {
 }
 
 impl I2cDevices {
-    fn hold_data(&mut self, bus: usize) {
+    pub(crate) fn hold_data(&mut self, bus: usize) {
         if let Some(held) = self.data_held.get_mut(bus) {
             *held = true;
         }
     }
 
-    fn free_data(&mut self, bus: usize) {
+    pub(crate) fn free_data(&mut self, bus: usize) {
         if let (Some(held), Some(fault)) = (self.data_held.get_mut(bus), self.faults.get_mut(bus))
             && (std::mem::take(held) || *fault == Fault::Interrupted)
         {
@@ -80,7 +74,7 @@ impl I2cDevices {
         }
     }
 
-    fn transfer(
+    pub(crate) fn transfer(
         &mut self,
         bus: usize,
         address: u8,
@@ -112,50 +106,5 @@ impl I2cDevices {
             }
         }
         Ok(())
-    }
-}
-
-/// The hub's end of one bus.
-pub struct SimulatedBus {
-    pub(crate) board: Board,
-    pub(crate) bus: usize,
-    pub(crate) fast: bool,
-}
-
-impl ErrorType for SimulatedBus {
-    type Error = ErrorKind;
-}
-
-impl I2c for SimulatedBus {
-    async fn transaction(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), ErrorKind> {
-        match self.board.i2c_fault(self.bus) {
-            Fault::None => (),
-            Fault::NoAcknowledge => return Err(ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address)),
-            Fault::StuckData | Fault::Interrupted => {
-                self.board.with_i2c(|devices| devices.hold_data(self.bus));
-                return Err(ErrorKind::ArbitrationLoss);
-            }
-            Fault::StuckClock => return pending().await,
-            Fault::Stretching => Timer::after(STRETCH).await,
-        }
-        let bytes = operations.iter().map(|operation| match operation {
-            Operation::Write(bytes) => bytes.len(),
-            Operation::Read(bytes) => bytes.len(),
-        });
-        // Each operation sends the address first. A byte takes nine clocks.
-        let bits: usize = bytes.map(|bytes| 9 * (bytes + 1)).sum();
-        let tenths_us = if self.fast { 25 } else { 100 };
-        Timer::after(Duration::from_micros(bits as u64 * tenths_us / 10)).await;
-        self.board.with_i2c(|devices| devices.transfer(self.bus, address, operations))
-    }
-}
-
-impl I2cBus for SimulatedBus {
-    fn set_speed(&mut self, fast: bool) {
-        self.fast = fast;
-    }
-
-    async fn free(&mut self) {
-        self.board.with_i2c(|devices| devices.free_data(self.bus));
     }
 }

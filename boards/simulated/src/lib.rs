@@ -13,25 +13,27 @@
 //! | [`encoder`] | sound and broken encoders |
 //! | [`world`] | the board's traits over plants on a battery |
 //! | [`ground`] | where a drive base truly is |
-//! | [`i2c`], [`bno055`] | I2C buses with their devices and faults |
+//! | [`i2c`], `i2c_bus`, [`bno055`] | I2C buses with their devices and faults |
 //! | [`scheme`] | names of schemes, blends and duty rules |
 //! | [`scenario`] | motors with their loads, commands and expectations over time |
 //! | [`sim`] | a scenario's run in virtual time |
-//! | [`direct`] | a scenario's run without tasks and clock, for many threads |
+//! | [`without_tasks`] | a scenario's run without tasks and clock, for many threads |
 //! | [`trace`] | the record of a run |
 //! | [`serve`] | a hub in real time, for host software |
 #![forbid(unsafe_code)]
 
 pub mod bno055;
 pub mod current_line;
-pub mod direct;
+
 pub mod encoder;
 pub mod ground;
 pub mod hardware;
 pub mod i2c;
+mod i2c_bus;
 pub mod scenario;
 pub mod scheme;
 pub mod serve;
 pub mod sim;
 pub mod trace;
+pub mod without_tasks;
 pub mod world;

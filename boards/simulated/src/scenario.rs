@@ -26,8 +26,7 @@ use std::path::Path;
 
 pub use error::{ScenarioError, line_and_column};
 pub use types::{
-    Attached, Bus, Change, Configuration, ConfiguredMotion, Group, LONGEST_S, Motor, Scenario, Timed,
-    UNLIMITED,
+    Attached, Bus, Configuration, ConfiguredMotion, Group, LONGEST_S, Motor, Scenario, Timed, UNLIMITED,
 };
 
 /// Dry friction of motors that are served, of their stall torque at 12 V.

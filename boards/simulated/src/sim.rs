@@ -15,7 +15,8 @@
 //! ```
 
 use crate::hardware::MOTORS;
-use crate::scenario::{Attached, Change, Motor, Scenario, Timed};
+use crate::i2c_bus::SimulatedBus;
+use crate::scenario::{Attached, Motor, Scenario, Timed};
 use crate::trace::{Sample, Tick, Trace};
 use crate::world::Board;
 use embassy_futures::join::{join, join_array, join3, join5};
@@ -121,7 +122,8 @@ pub(crate) fn tasks<'a>(
             tasks::health::run(board.clone(), health),
         );
         let buses: [usize; I2C_BUSES] = std::array::from_fn(|bus| bus);
-        let transfers = join_array(buses.map(|bus| tasks::i2c::run(board.i2c(bus), bus, wires)));
+        let transfers =
+            join_array(buses.map(|bus| tasks::i2c::run(SimulatedBus::new(board.clone(), bus), bus, wires)));
         join3(bridges, others, transfers).await
     })
 }
@@ -150,7 +152,7 @@ pub(crate) fn change(scenario: &Scenario, board: &Board, now_s: f64) {
         board.set_encoder(index, motor.encoder_at(now_s));
     }
     let step = |at_s: f64| (at_s / STEP_S).round();
-    for Timed { at_s, value } in &scenario.attached.over_time {
+    for Timed { at_s, value } in &scenario.attached_over_time {
         if step(*at_s) == step(now_s) {
             connect(board, value);
         }
@@ -158,7 +160,7 @@ pub(crate) fn change(scenario: &Scenario, board: &Board, now_s: f64) {
 }
 
 /// Connects something else to the pins and the I2C buses.
-fn connect(board: &Board, change: &Change) {
+fn connect(board: &Board, change: &Attached) {
     for (input, volts) in change.analog_v.iter().enumerate() {
         board.set_analog(input, *volts);
     }
@@ -243,8 +245,7 @@ pub(crate) fn board(scenario: &Scenario) -> Board {
     if let Some(pins) = scenario.wire {
         board.wire(pins.map(|pin| pin.get()));
     }
-    let Attached { analog_v, low_pins, i2c_faults, .. } = scenario.attached.clone();
-    connect(&board, &Change { analog_v, low_pins: Some(low_pins), i2c_faults });
+    connect(&board, &scenario.attached);
     for (index, motor) in scenario.motors.iter().enumerate() {
         board.set_current_line(index, motor.current_line);
         if let Some(train) = motor.train {

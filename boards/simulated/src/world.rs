@@ -21,7 +21,7 @@ use crate::current_line::CurrentLine;
 use crate::encoder::{Counter, Encoder};
 use crate::ground::{Floor, Ground};
 use crate::hardware::{BRIDGE, MOTORS};
-use crate::i2c::{self, I2cDevices, SimulatedBus};
+use crate::i2c::{self, I2cDevices};
 use embassy_time::Timer;
 use motor_hub::board::{
     ANALOG_INPUTS, AnalogReading, AnalogReadings, BridgeFaults, Bridges, CurrentSense, Devices, Encoders,
@@ -258,11 +258,6 @@ impl Board {
     /// Replaces the inertial sensor on I2C bus 0.
     pub fn set_imu(&self, imu: Bno055) {
         self.0.borrow_mut().i2c.imu = imu;
-    }
-
-    /// Returns the hub's end of an I2C bus.
-    pub fn i2c(&self, bus: usize) -> SimulatedBus {
-        SimulatedBus { board: self.clone(), bus, fast: false }
     }
 
     /// Changes the condition of an I2C bus.

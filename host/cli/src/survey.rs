@@ -5,7 +5,7 @@ use crate::parse::whole;
 use serde_json::json;
 use std::path::PathBuf;
 use studies::survey::text::{self, Parts};
-use studies::survey::{Survey, cells, chart, random, reference, toml};
+use studies::survey::{Survey, bare_motors, chart, random, reference, toml};
 use studies::{NamedFigure, StudyError};
 
 /// The long help of the command.
@@ -77,7 +77,7 @@ impl Options {
         let wanted = |part| self.only.is_none_or(|only| only == part);
         let (reference, cells, survey) = in_steps("runs", |step| {
             let reference = wanted(Part::Reference).then(|| reference::run(step)).transpose()?;
-            let cells = wanted(Part::Cells).then(|| cells::run(step)).transpose()?;
+            let cells = wanted(Part::Cells).then(|| bare_motors::run(step)).transpose()?;
             let survey =
                 wanted(Part::Random).then(|| Survey::new(self.seed, self.scenarios, step)).transpose()?;
             Ok((reference, cells, survey))

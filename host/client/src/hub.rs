@@ -31,6 +31,9 @@ use motor_hub::units::{Milliamperes, Millivolts};
 use std::io::{Read, Write};
 use std::time::Duration;
 
+/// Highest speed of a group in counts per second. Its fields have 24 bits before the point.
+pub const FASTEST_GROUP_CPS: i32 = 1_000_000;
+
 /// Time-out of a save, which takes some seconds if flash must be erased.
 const STORING: Duration = Duration::from_secs(10);
 

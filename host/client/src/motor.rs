@@ -34,6 +34,9 @@ use motor_hub::regulator::identify::Identification;
 use motor_hub::units::Control;
 use std::io::{Read, Write};
 
+/// Largest constant current that a motor can have, in amperes, as for its current limit.
+pub const LARGEST_CURRENT_A: f64 = 65.535;
+
 /// Mode, enable and targets of one motor, as a host has set them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MotorState {

@@ -17,7 +17,9 @@ use motor_hub::protocol::{CHANNELS, Colour};
 use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
 use motor_hub_client::Error;
+use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::kept_settings::KeptSettings;
+use motor_hub_client::motor::LARGEST_CURRENT_A;
 use serde_json::{Map, Value};
 use simulated::hardware::winding;
 
@@ -28,10 +30,7 @@ const USUAL_TOLERANCE: u16 = 10;
 const USUAL_SPEED: f64 = 1_000.0;
 
 /// Highest speed of a group, in counts/s.
-const FASTEST_CPS: u32 = 1_000_000;
-
-/// Largest current that can be requested, in amperes.
-const LARGEST_A: f64 = 65.535;
+const FASTEST_CPS: u32 = FASTEST_GROUP_CPS.unsigned_abs();
 
 /// Speed limit of a constant current that no motor reaches, in counts/s.
 const NO_SPEED_LIMIT: f64 = 32_767.0;
@@ -280,7 +279,7 @@ fn drive(
 
 /// Gives an enabled motor a constant current. A disabled motor gets power 0, with which it can be enabled.
 fn current(session: &mut Hub, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), RequestError> {
-    let ma = (1e3 * within("a current in A", amperes, -LARGEST_A, LARGEST_A)?).round();
+    let ma = (1e3 * within("a current in A", amperes, -LARGEST_CURRENT_A, LARGEST_CURRENT_A)?).round();
     let limit = within("a speed limit in counts/s", speed.unwrap_or(NO_SPEED_LIMIT), 1.0, NO_SPEED_LIMIT)?;
     if session.report()?.is_none() {
         return Err(

@@ -4,7 +4,8 @@
 use crate::chain::HubOfChain;
 use crate::devices::{Has, PinIs, Reading, Seen, ServoIs, Transfer};
 use crate::hub::Hub;
-use crate::proposal::{catalogue_motor, inertia_ratio};
+use crate::identification::{Dynamics, IdentificationProgress};
+use crate::proposal::catalogue_motor;
 use crate::update::Progress;
 use motor_hub::braking::{OperatingPoint, Points, Scheme, Winding};
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
@@ -13,10 +14,9 @@ use motor_hub::model::catalogue::motors;
 use motor_hub::model::paper;
 use motor_hub::model::si::{Ohms, Volts};
 use motor_hub::model::switching::Conditions;
-use motor_hub::protocol::Colour;
-use motor_hub::protocol::motor::Coefficients;
+use motor_hub::protocol::motor::{Coefficients, RunMode};
+use motor_hub::protocol::{CHANNELS, Colour};
 use motor_hub::record::Head;
-use motor_hub::regulator::identify::Identified;
 use motor_hub::units::{Acceleration, Control, CountsPerSecond, Millivolts};
 use motor_hub_client::Error;
 use motor_hub_client::explanations::explanation;
@@ -104,7 +104,7 @@ pub(crate) enum Message {
         why: String,
     },
     /// Progress or result of an identification.
-    Identification(Learned),
+    Identification(IdentificationProgress),
     /// Answer to a page that has asked for points.
     Points(PointsAt),
     /// Answer to a page that has asked for the hub's record of faults, newest first.
@@ -242,61 +242,6 @@ pub(crate) struct MotorState {
     pub(crate) values: Option<MotorValues>,
 }
 
-/// Progress or result of an identification.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Learned {
-    /// Motor, 0 to 3.
-    pub(crate) motor: u8,
-    /// `running`, `found` or `refused`.
-    pub(crate) state: &'static str,
-    /// Progress of a running identification, 0 to 100.
-    pub(crate) percent: Option<u8>,
-    /// Why an identification was refused.
-    pub(crate) why: Option<String>,
-    /// Result of a successful identification.
-    pub(crate) found: Option<Found>,
-}
-
-/// Response of a motor to a voltage.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub(crate) struct Dynamics {
-    /// Acceleration per volt, in counts/s² per volt.
-    gain: f64,
-    /// Decay in 1/s.
-    decay: f64,
-    /// Friction in volts.
-    friction_v: f64,
-}
-
-/// Result of an identification.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub(crate) struct Found {
-    #[serde(flatten)]
-    dynamics: Dynamics,
-    /// Back EMF with drag, in mV s/count.
-    emf_mv_s_per_count: f64,
-    /// Standard error of the acceleration per volt, as a share.
-    gain_error: f64,
-    /// Standard error of the decay, as a share.
-    decay_error: f64,
-    /// Changes of speed that are not explained, as a share of all.
-    residual: f64,
-    /// Largest acceleration before and as proposed, in counts/s²; `None` for no limit.
-    acceleration: [Option<u32>; 2],
-    /// The configured motor in the catalogue; `None` for other constants.
-    catalogue: Option<Bare>,
-}
-
-/// A motor of the catalogue without a load, beside an identified motor.
-#[derive(Clone, Copy, Debug, Serialize)]
-struct Bare {
-    name: &'static str,
-    #[serde(flatten)]
-    dynamics: Dynamics,
-    /// Inertia of the identified motor with its load, divided by that of this motor.
-    inertia_ratio: f64,
-}
-
 impl Message {
     /// The message as JSON.
     #[must_use]
@@ -316,10 +261,9 @@ impl From<Seen> for Message {
     }
 }
 
-/// Message to a page whose order was not executed.
-#[must_use]
-pub(crate) fn refused(why: &str) -> Arc<str> {
-    Message::Refused { why: why.to_owned() }.text()
+/// Answer to a page whose order was not executed.
+pub(crate) const fn refused(why: String) -> Message {
+    Message::Refused { why }
 }
 
 impl Welcome {
@@ -353,9 +297,44 @@ impl Frame {
             ..Self::default()
         }
     }
+
+    /// The frame of another maker's hub, of the values that all hubs report. Whether motors are enabled, and their
+    /// set-points, are those of `before` unless `look` is true.
+    pub(crate) fn of_other_maker(
+        session: &mut Hub,
+        before: Vec<MotorState>,
+        look: bool,
+    ) -> Result<Self, Error> {
+        let (bulk, battery) = (session.bulk()?, session.battery()?);
+        let mut motors = Vec::with_capacity(CHANNELS);
+        for (index, motor) in (0..).zip(0..CHANNELS) {
+            let known = before.get(motor).cloned().filter(|_| !look);
+            motors.push(MotorState {
+                position: bulk.encoders.get(motor).copied().unwrap_or_default(),
+                velocity: bulk.velocities.get(motor).copied().unwrap_or_default(),
+                within_tolerance: bulk.within_tolerance.get(motor).copied(),
+                ..known.map_or_else(|| MotorState::of_other_maker(session, index), Ok)?
+            });
+        }
+        let battery_v = Some(f64::from(battery.get()) / 1e3).filter(|volts| *volts > 0.0);
+        Ok(Self { battery_v, motors, ..Self::default() })
+    }
 }
 
 impl MotorState {
+    /// State of a motor, as another maker's hub reports it.
+    fn of_other_maker(session: &mut Hub, motor: u8) -> Result<Self, Error> {
+        let state = session.motor(motor)?;
+        let (setpoint, target) = match (state.enabled, state.mode) {
+            (false, _) => ("off", None),
+            (true, RunMode::Power) => ("power", Some(state.power.to_f64())),
+            (true, RunMode::Velocity) => ("velocity", Some(state.velocity.into())),
+            (true, RunMode::Position) => ("position", Some(state.position.counts.into())),
+        };
+        let why = (!state.enabled).then_some("disabled");
+        Ok(Self { setpoint, target, enabled: state.enabled, why, ..Self::default() })
+    }
+
     fn of(motor: &MotorReport, why: Option<&'static str>) -> Self {
         // A page draws a target; the travel limit of an identification is none.
         let target = match motor.setpoint {
@@ -406,36 +385,6 @@ pub(crate) fn settings_of(
         "fields": fields.collect::<Vec<_>>(),
         "undoable": undoable,
     })
-}
-
-impl Dynamics {
-    fn of(known: motor_hub::regulator::Dynamics) -> Self {
-        Self {
-            gain: known.gain.to_f32().into(),
-            decay: known.decay.to_f32().into(),
-            friction_v: f64::from(known.friction.get()) / 1e3,
-        }
-    }
-}
-
-impl Found {
-    pub(crate) fn of(found: &Identified, before: &MotorSettings, proposed: &MotorSettings) -> Self {
-        let catalogue = catalogue_motor(&before.motor).map(|(motor, bare)| Bare {
-            name: motor.name,
-            dynamics: Dynamics::of(bare),
-            inertia_ratio: inertia_ratio(&bare, &found.dynamics),
-        });
-        let acceleration = |of: &MotorSettings| of.motor.acceleration.map(Acceleration::get);
-        Self {
-            dynamics: Dynamics::of(found.dynamics),
-            emf_mv_s_per_count: f64::from(found.emf.to_bits()) / f64::from(1 << 20),
-            gain_error: f64::from(found.gain_error) / 1e3,
-            decay_error: f64::from(found.decay_error) / 1e3,
-            residual: f64::from(found.residual) / 1e3,
-            acceleration: [acceleration(before), acceleration(proposed)],
-            catalogue,
-        }
-    }
 }
 
 impl PointsAt {

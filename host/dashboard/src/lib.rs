@@ -10,10 +10,12 @@
 //! |---|---|
 //! | [`relay`] | owns the hub: sends 50 frames per second and executes orders |
 //! | [`hub`] | a session with the hubs on a line, and errors of its requests |
+//! | [`place`] | where a hub is, and how to open a session with it |
 //! | `chain` | which hub of a chain is shown, and what the others do |
 //! | `devices` | servos, analog inputs, digital pins and I2C buses of a hub |
 //! | [`pages`] | which page is in control, and whether that page is still open |
 //! | [`requests`], `executor` | orders of pages, and their execution |
+//! | `identification` | a running identification, and its result |
 //! | `frame`, [`mod@outbox`] | messages to pages, and messages that wait for a page |
 //! | [`world`], [`scenario_player`] | changes to a simulated hub's motors and battery; a scenario's set-points |
 //! | [`settings_file`] | settings of a hub as TOML |
@@ -51,10 +53,12 @@ mod frame;
 #[cfg(feature = "server")]
 pub mod http;
 pub mod hub;
+mod identification;
 pub mod outbox;
 #[cfg(feature = "server")]
 mod page_socket;
 pub mod pages;
+pub mod place;
 pub mod proposal;
 pub mod relay;
 pub mod requests;
@@ -66,6 +70,6 @@ mod update;
 pub mod world;
 
 pub use hub::{Hub, Opened, Port};
-pub use relay::Place;
+pub use place::Place;
 #[cfg(feature = "server")]
 pub use server::{BindError, Server};

@@ -39,7 +39,7 @@ fn hear(socket: &mut WebSocket<TcpStream>, id: u32, events: &Sender<Event>) -> b
     match socket.read() {
         Ok(Message::Text(text)) => match Order::parse(&text) {
             Ok(order) => events.send(Event::Said(id, order)).is_ok(),
-            Err(why) => socket.send(Message::text(&*refused(&why))).is_ok(),
+            Err(why) => socket.send(Message::text(&*refused(why).text())).is_ok(),
         },
         Ok(Message::Close(_)) => false,
         Ok(_) => true,

@@ -4,30 +4,23 @@
 use crate::chain::Chain;
 use crate::devices::{Devices, Has};
 use crate::executor::{Changed, Executor, channel};
-use crate::frame::{
-    Found, Frame, Learned, Message, MotorState, PointsAt, Welcome, fault_entry, refused, status,
-};
+use crate::frame::{Frame, Message, PointsAt, Welcome, fault_entry, refused, status};
 use crate::hub::{Hub, Opened, RequestError};
+use crate::identification::Identification;
 use crate::outbox::Outbox;
 use crate::pages::{Gone, Pages, Taken};
-use crate::proposal::proposal;
+use crate::place::Place;
 use crate::requests::Order;
 use crate::scenario_player::{Playing, Script};
 use crate::settings_file;
 use crate::update::{LARGEST, Update, bytes_of};
-use crate::world::World;
 use motor_hub::extension::HubFunction;
-use motor_hub::protocol::motor::{Loop, RunMode};
 use motor_hub::protocol::{Address, CHANNELS};
-use motor_hub::regulator::Kind;
-use motor_hub::regulator::identify::Identification;
 use motor_hub::store::Stored;
 use motor_hub_client::Error;
 use motor_hub_client::clock::Instant;
-use motor_hub_client::identification::{Identifying, Progress};
 use motor_hub_client::reasons::{stored_text, why_unsaved};
 use std::collections::BTreeMap;
-use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -40,47 +33,11 @@ const PATIENCE: Duration = Duration::from_millis(300);
 /// Interval between attempts to connect to a lost hub.
 const AGAIN: Duration = Duration::from_secs(1);
 
-/// Interval between questions about a running identification.
-const LEARNING: Duration = Duration::from_millis(100);
-
 /// Interval between questions about a running save.
 const SAVING: Duration = Duration::from_millis(100);
 
 /// Interval between questions whether motors are enabled, to a hub without reports.
 const ENABLED: Duration = Duration::from_millis(200);
-
-type Opener = Box<dyn FnMut() -> Result<Opened, String> + Send>;
-
-/// A hub or a chain of hubs, and how to open a session.
-pub struct Place {
-    name: String,
-    world: Option<World>,
-    script: Option<Script>,
-    open: Opener,
-}
-
-impl Place {
-    /// A hub on a serial port or TCP connection.
-    pub fn real(name: &str, open: impl FnMut() -> Result<Opened, String> + Send + 'static) -> Self {
-        Self { name: name.to_owned(), world: None, script: None, open: Box::new(open) }
-    }
-
-    /// A simulated hub. Pages may change its world and play its scenario.
-    pub fn simulated(
-        name: &str,
-        world: World,
-        script: Option<Script>,
-        open: impl FnMut() -> Result<Opened, String> + Send + 'static,
-    ) -> Self {
-        Self { name: name.to_owned(), world: Some(world), script, open: Box::new(open) }
-    }
-}
-
-impl fmt::Debug for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Place").field("name", &self.name).finish_non_exhaustive()
-    }
-}
 
 /// An event of a page, with the page's number.
 #[derive(Debug)]
@@ -93,15 +50,6 @@ pub enum Event {
     Said(u32, Order),
 }
 
-/// A running identification.
-#[derive(Debug)]
-struct Learning {
-    motor: u8,
-    identifying: Identifying,
-    /// Time of the last step.
-    asked: Instant,
-}
-
 /// Owns the session with the hub, and sends to all pages.
 #[derive(Debug)]
 pub struct Relay {
@@ -112,7 +60,7 @@ pub struct Relay {
     chain: Chain,
     executor: Executor,
     devices: Devices,
-    learning: Option<Learning>,
+    identification: Option<Identification>,
     playing: Option<Playing>,
     /// Time of the last question about a running save, load or reset of settings; `None` without one.
     saving: Option<(Instant, HubFunction)>,
@@ -144,7 +92,7 @@ impl Relay {
             chain: Chain::default(),
             executor: Executor::default(),
             devices: Devices::default(),
-            learning: None,
+            identification: None,
             playing: None,
             saving: None,
             firmware: Vec::new(),
@@ -197,7 +145,7 @@ impl Relay {
             Order::Stop => return self.switch_off("stopped"),
             Order::Take => {
                 if self.pages.take(id, now) == Taken::Asked {
-                    self.answer(id, Answer::Done("the page in control is asked to release it".to_owned()));
+                    self.answer(id, &done("the page in control is asked to release it".to_owned()));
                 }
                 return self.tell_control();
             }
@@ -208,24 +156,21 @@ impl Relay {
                 return self.tell_control();
             }
             Order::Points { .. } | Order::Faults | Order::Export | Order::Status | Order::Look(_) => {
-                let answer = match self.look_up(order) {
-                    Ok(message) => Answer::Message(message),
-                    Err(why) => Answer::Refused(why.to_string()),
-                };
-                return self.answer(id, answer);
+                let answer = self.look_up(order);
+                return self.answer(id, &answer.unwrap_or_else(|why| refused(why.to_string())));
             }
             _ => (),
         }
         if self.pages.controller() != Some(id) {
-            return self.answer(id, Answer::Refused("this page is not in control".to_owned()));
+            return self.answer(id, &refused("this page is not in control".to_owned()));
         }
         match self.carry_out(order) {
             Ok(()) => {
-                if let Some(done) = done(order) {
-                    self.answer(id, Answer::Done(done));
+                if let Some(text) = order.done() {
+                    self.answer(id, &done(text));
                 }
             }
-            Err(why) => self.answer(id, Answer::Refused(why)),
+            Err(why) => self.answer(id, &refused(why)),
         }
     }
 
@@ -259,9 +204,8 @@ impl Relay {
                 Err("a motor is enabled: disable all motors by STOP, then import the file again".into())
             }
             Order::Identify { motor, travel } => {
-                let begun = begin_to_learn(session, motor, travel);
-                begun.map(|learning| {
-                    self.learning = Some(learning);
+                Identification::begin(session, motor, travel).map(|identification| {
+                    self.identification = Some(identification);
                     Changed::Nothing
                 })
             }
@@ -319,7 +263,7 @@ impl Relay {
                 // Part of the order may have been executed.
                 match order {
                     Order::Import { .. } => self.tell_all_settings(),
-                    order => motor_of(order).into_iter().for_each(|motor| self.tell_settings(motor)),
+                    order => order.changed_motor().into_iter().for_each(|motor| self.tell_settings(motor)),
                 }
                 return Err(why);
             }
@@ -387,9 +331,7 @@ impl Relay {
                 "at least until its next reset; it does not report whether it stores addresses".to_owned()
             }
         };
-        self.tell(
-            &Message::Notice { text: format!("the hub has address {new} {kept}"), grave: false }.text(),
-        );
+        self.notify(format!("the hub has address {new} {kept}"), false);
         Ok(Changed::Nothing)
     }
 
@@ -426,7 +368,7 @@ impl Relay {
         if self.pages.controller().is_none() && self.motors_run() {
             self.switch_off("motors ran, but no page was in control");
         }
-        let done = self.learn().and_then(|()| self.follow_save()).and_then(|()| self.follow_chain());
+        let done = self.identify().and_then(|()| self.follow_save()).and_then(|()| self.follow_chain());
         if let Err(RequestError::Hub(error)) = done {
             self.lose(&error.to_string());
         }
@@ -456,9 +398,9 @@ impl Relay {
     fn give_up(&mut self, silent: &Error) {
         let Some(session) = &mut self.session else { return };
         self.chain.give_up(session);
-        (self.learning, self.playing, self.saving) = (None, None, None);
+        (self.identification, self.playing, self.saving) = (None, None, None);
         match self.meet() {
-            Ok(()) => self.tell(&Message::Notice { text: silent.to_string(), grave: false }.text()),
+            Ok(()) => self.notify(silent.to_string(), false),
             Err(error) => self.lose(&error.to_string()),
         }
     }
@@ -466,7 +408,10 @@ impl Relay {
     /// Shows another hub of the chain.
     fn show(&mut self, address: u8) -> Result<Changed, RequestError> {
         let Some(session) = &mut self.session else { return Ok(Changed::Nothing) };
-        if self.learning.is_some() || self.playing.is_some() || self.saving.is_some() || self.update.is_some()
+        if self.identification.is_some()
+            || self.playing.is_some()
+            || self.saving.is_some()
+            || self.update.is_some()
         {
             return Err(
                 "an identification, a scenario, a save or an update is running: wait for its end".into()
@@ -516,26 +461,12 @@ impl Relay {
             self.frame = Frame { number, ..Frame::of(&report) };
             return Ok(true);
         }
-        // Another maker's hub: read the values that all hubs report.
-        let (bulk, battery) = (session.bulk()?, session.battery()?);
         let look = self.looked_at.elapsed() > ENABLED;
         let before = std::mem::take(&mut self.frame.motors);
-        let mut motors = Vec::with_capacity(CHANNELS);
-        for (index, motor) in (0..).zip(0..CHANNELS) {
-            let known = before.get(motor).cloned().unwrap_or_default();
-            let known = if look || before.is_empty() { ask_foreign(session, index)? } else { known };
-            motors.push(MotorState {
-                position: bulk.encoders.get(motor).copied().unwrap_or_default(),
-                velocity: bulk.velocities.get(motor).copied().unwrap_or_default(),
-                within_tolerance: bulk.within_tolerance.get(motor).copied(),
-                ..known
-            });
-        }
+        self.frame = Frame { number, ..Frame::of_other_maker(session, before, look)? };
         if look {
             self.looked_at = Instant::now();
         }
-        let battery_v = Some(f64::from(battery.get()) / 1e3).filter(|volts| *volts > 0.0);
-        self.frame = Frame { number, battery_v, motors, ..Frame::default() };
         Ok(true)
     }
 
@@ -571,7 +502,7 @@ impl Relay {
     /// Drops the session with a hub that no longer answers. The hub's keep-alive disables its motors.
     fn lose(&mut self, why: &str) {
         self.session = None;
-        (self.learning, self.playing) = (None, None);
+        (self.identification, self.playing) = (None, None);
         self.connect_at = Instant::now() + AGAIN;
         self.saving = None;
         // A hub that restarts is silent for a while.
@@ -589,7 +520,7 @@ impl Relay {
     /// if motors were enabled.
     fn switch_off_if_any(&mut self, why: &str) {
         // Neither an identification nor a scenario may enable a motor again.
-        (self.learning, self.playing) = (None, None);
+        (self.identification, self.playing) = (None, None);
         if self.motors_run() {
             self.switch_off(why);
         } else if let Some(session) = &mut self.session {
@@ -602,65 +533,42 @@ impl Relay {
 
     /// Disables all motors, and sends a notice to all pages.
     pub fn switch_off(&mut self, why: &str) {
-        (self.learning, self.playing) = (None, None);
+        (self.identification, self.playing) = (None, None);
         let Some(session) = &mut self.session else {
             let text = format!(
                 "motors could not be disabled ({why}): the hub is not connected; it disables them itself 2.5 s after the last packet"
             );
-            return self.tell(&Message::Notice { text, grave: true }.text());
+            return self.notify(text, true);
         };
         self.devices.stopped();
         match self.chain.stop(session) {
             Ok(()) => {
-                let text = format!("all motors are disabled: {why}");
-                self.tell(&Message::Notice { text, grave: true }.text());
+                self.notify(format!("all motors are disabled: {why}"), true);
             }
             Err(error) => {
                 let text = format!(
                     "motors could not be disabled ({why}): {error}; the hub disables them itself 2.5 s after the last packet"
                 );
-                self.tell(&Message::Notice { text, grave: true }.text());
+                self.notify(text, true);
                 self.lose(&error.to_string());
             }
         }
     }
 
     /// Continues a running identification.
-    fn learn(&mut self) -> Result<(), RequestError> {
-        let (Some(learning), Some(session)) = (&mut self.learning, &mut self.session) else { return Ok(()) };
-        if learning.asked.elapsed() < LEARNING {
+    fn identify(&mut self) -> Result<(), RequestError> {
+        let (Some(running), Some(session)) = (&mut self.identification, &mut self.session) else {
             return Ok(());
-        }
-        learning.asked = Instant::now();
-        let motor = learning.motor;
-        let outcome = match learning.identifying.step(session).map_err(RequestError::from) {
-            Ok(Progress::Braking | Progress::Started(_)) => return Ok(()),
-            Ok(Progress::Turning(percent)) => {
-                let learned =
-                    Learned { motor, state: "running", percent: Some(percent), why: None, found: None };
-                self.tell(&Message::Identification(learned).text());
-                return Ok(());
-            }
-            Ok(Progress::Ended(outcome)) => outcome,
-            Err(RequestError::Refused(why)) => {
-                self.finish_learning("refused", Some(why), None);
-                return Ok(());
-            }
-            Err(lost) => return Err(lost),
         };
-        match outcome {
-            Identification::Found(found) => {
-                let (before, battery) = (session.settings(motor)?, session.battery()?);
-                let proposed = proposal(&before, &found.dynamics, battery);
-                if let Some(of) = self.executor.motors.get_mut(usize::from(motor)) {
-                    of.proposed = Some((found.dynamics, proposed.motor.acceleration));
-                }
-                self.finish_learning("found", None, Some(Found::of(&found, &before, &proposed)));
-            }
-            Identification::Refused(why) => self.finish_learning("refused", Some(why.to_string()), None),
-            _ => self.finish_learning("refused", Some("the identification was interrupted".to_owned()), None),
-        }
-        Ok(())
+        let Some(progress) = running.step(session, &mut self.executor)? else { return Ok(()) };
+        let disabled = if progress.has_ended() {
+            self.identification = None;
+            session.enable(progress.motor, false)
+        } else {
+            Ok(())
+        };
+        self.tell(&Message::Identification(progress).text());
+        disabled.map_err(RequestError::Hub)
     }
 
     /// Asks about a running save, load or reset, and sends a notice when it has ended.
@@ -691,19 +599,8 @@ impl Relay {
             self.executor.motors = Default::default();
             self.tell_all_settings();
         }
-        self.tell(&Message::Notice { text, grave: false }.text());
+        self.notify(text, false);
         Ok(())
-    }
-
-    fn finish_learning(&mut self, state: &'static str, why: Option<String>, found: Option<Found>) {
-        let (Some(Learning { motor, .. }), Some(session)) = (self.learning.take(), &mut self.session) else {
-            return;
-        };
-        let disabled = session.enable(motor, false);
-        self.tell(&Message::Identification(Learned { motor, state, percent: None, why, found }).text());
-        if let Err(error) = disabled {
-            self.lose(&error.to_string());
-        }
     }
 
     fn tell_settings(&mut self, motor: u8) {
@@ -737,90 +634,25 @@ impl Relay {
         self.senders.retain(|_, outbox| outbox.tell(text.clone()));
     }
 
-    fn answer(&self, id: u32, answer: Answer) {
-        let Some(outbox) = self.senders.get(&id) else { return };
-        outbox.tell(match answer {
-            Answer::Done(text) => Message::Notice { text, grave: false }.text(),
-            Answer::Refused(why) => refused(&why),
-            Answer::Message(message) => message.text(),
-        });
+    /// Sends a notice to all pages.
+    fn notify(&mut self, text: String, grave: bool) {
+        self.tell(&Message::Notice { text, grave }.text());
+    }
+
+    /// Answers the page that has sent an order.
+    fn answer(&self, id: u32, answer: &Message) {
+        if let Some(outbox) = self.senders.get(&id) {
+            outbox.tell(answer.text());
+        }
     }
 }
 
-/// Answer to the page that has sent an order.
-enum Answer {
-    /// The order is executed.
-    Done(String),
-    /// The order is not executed.
-    Refused(String),
-    /// What the page has asked for.
-    Message(Message),
-}
-
-/// What an executed order has done, for orders whose effect is not in sight.
-fn done(order: &Order) -> Option<String> {
-    Some(match *order {
-        Order::Coefficients { motor, of: Loop::Velocity, .. } => {
-            format!("motor {motor}: the coefficients of the velocity loop are set, and PID regulates")
-        }
-        Order::Coefficients { motor, of: Loop::Position, .. } => {
-            format!("motor {motor}: the coefficients of the position loop are set, and PID regulates")
-        }
-        Order::Regulator { motor, kind: Kind::Model } => format!("motor {motor} is regulated by its model"),
-        Order::Regulator { motor, kind: Kind::Pid } => format!("motor {motor} is regulated by PID"),
-        Order::SetUp { motor, .. } => format!("motor {motor} is set up"),
-        Order::Acceleration { motor, limit: Some(limit) } => {
-            format!("motor {motor}: the acceleration limit is {limit} counts/s²")
-        }
-        Order::Acceleration { motor, limit: None } => format!("motor {motor} has no acceleration limit"),
-        Order::Apply { motor } => format!("motor {motor} uses the identified values"),
-        Order::Import { .. } => {
-            "the settings of the file are in force until the hub restarts, unless they are saved".to_owned()
-        }
-        Order::Configure { motor, .. } => format!("motor {motor}: the settings are in force"),
-        Order::ClearFaults => "the record of faults is cleared".to_owned(),
-        Order::Undo { motor } => format!("motor {motor}: the last change is undone"),
-        Order::ResetEncoder { motor } => format!("motor {motor}: the present position is 0"),
-        _ => return None,
-    })
+/// Answer to a page whose order is executed.
+const fn done(text: String) -> Message {
+    Message::Notice { text, grave: false }
 }
 
 /// Message about a hub that does not answer.
 const fn gone(why: String) -> Message {
     Message::Line { connected: false, why, reports: true, stores: false, has: None }
-}
-
-/// The motor whose settings an order changes.
-const fn motor_of(order: &Order) -> Option<u8> {
-    match *order {
-        Order::Coefficients { motor, .. }
-        | Order::Regulator { motor, .. }
-        | Order::SetUp { motor, .. }
-        | Order::Configure { motor, .. }
-        | Order::Acceleration { motor, .. }
-        | Order::Apply { motor }
-        | Order::Undo { motor } => Some(motor),
-        _ => None,
-    }
-}
-
-/// Starts an identification: enables the motor with power 0, so that it brakes until it stands.
-fn begin_to_learn(session: &mut Hub, motor: u8, travel: Option<u32>) -> Result<Learning, RequestError> {
-    let motor = channel(motor)?;
-    let identifying = Identifying::begin(session, motor, travel.unwrap_or(u32::MAX))?;
-    session.enable(motor, true)?;
-    Ok(Learning { motor, identifying, asked: Instant::now() })
-}
-
-/// State of a motor, as another maker's hub reports it.
-fn ask_foreign(session: &mut Hub, motor: u8) -> Result<MotorState, Error> {
-    let state = session.motor(motor)?;
-    let (setpoint, target) = match (state.enabled, state.mode) {
-        (false, _) => ("off", None),
-        (true, RunMode::Power) => ("power", Some(state.power.to_f64())),
-        (true, RunMode::Velocity) => ("velocity", Some(state.velocity.into())),
-        (true, RunMode::Position) => ("position", Some(state.position.counts.into())),
-    };
-    let why = (!state.enabled).then_some("disabled");
-    Ok(MotorState { setpoint, target, enabled: state.enabled, why, ..MotorState::default() })
 }

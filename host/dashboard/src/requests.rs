@@ -249,6 +249,51 @@ impl Order {
                 | Self::Export
         )
     }
+
+    /// What an executed order has done, for orders whose effect is not in sight.
+    pub(crate) fn done(&self) -> Option<String> {
+        Some(match *self {
+            Self::Coefficients { motor, of: Loop::Velocity, .. } => {
+                format!("motor {motor}: the coefficients of the velocity loop are set, and PID regulates")
+            }
+            Self::Coefficients { motor, of: Loop::Position, .. } => {
+                format!("motor {motor}: the coefficients of the position loop are set, and PID regulates")
+            }
+            Self::Regulator { motor, kind: Kind::Model } => {
+                format!("motor {motor} is regulated by its model")
+            }
+            Self::Regulator { motor, kind: Kind::Pid } => format!("motor {motor} is regulated by PID"),
+            Self::SetUp { motor, .. } => format!("motor {motor} is set up"),
+            Self::Acceleration { motor, limit: Some(limit) } => {
+                format!("motor {motor}: the acceleration limit is {limit} counts/s²")
+            }
+            Self::Acceleration { motor, limit: None } => format!("motor {motor} has no acceleration limit"),
+            Self::Apply { motor } => format!("motor {motor} uses the identified values"),
+            Self::Import { .. } => {
+                "the settings of the file are in force until the hub restarts, unless they are saved"
+                    .to_owned()
+            }
+            Self::Configure { motor, .. } => format!("motor {motor}: the settings are in force"),
+            Self::ClearFaults => "the record of faults is cleared".to_owned(),
+            Self::Undo { motor } => format!("motor {motor}: the last change is undone"),
+            Self::ResetEncoder { motor } => format!("motor {motor}: the present position is 0"),
+            _ => return None,
+        })
+    }
+
+    /// The motor whose settings an order changes.
+    pub(crate) const fn changed_motor(&self) -> Option<u8> {
+        match *self {
+            Self::Coefficients { motor, .. }
+            | Self::Regulator { motor, .. }
+            | Self::SetUp { motor, .. }
+            | Self::Configure { motor, .. }
+            | Self::Acceleration { motor, .. }
+            | Self::Apply { motor }
+            | Self::Undo { motor } => Some(motor),
+            _ => None,
+        }
+    }
 }
 
 /// Devices whose state a page asks for.

@@ -29,12 +29,11 @@
 use crate::groups;
 use crate::measures::regime_of;
 use crate::measures::{Measures, Response};
-use motor_hub::braking::Regime;
-use motor_hub::motor::EncoderFault;
 use motor_hub::motor::Faults;
+use motor_hub::record::Fault;
 use serde::Serialize;
 use serde_json::json;
-use simulated::scenario::expectation::{Bounds, Expectation, Expected, Quantity, RegimeName, Subject};
+use simulated::scenario::expectation::{Bounds, Expectation, Expected, Quantity, Subject, regime_name};
 use simulated::scenario::{Group, Scenario};
 use simulated::trace::{Sample, Trace};
 use std::fmt;
@@ -63,37 +62,8 @@ pub enum Measured {
     Number(f64),
     /// Lowest and highest value, in the quantity's unit.
     Between(f64, f64),
-    /// Every regime that occurred.
-    Regimes(Vec<RegimeName>),
-    /// Every fault that occurred.
-    Faults(Vec<FaultName>),
-}
-
-/// A motor's fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum FaultName {
-    /// The battery voltage is unknown.
-    BatteryUnknown,
-    /// No encoder reading.
-    EncoderStale,
-    /// The encoder does not count.
-    Stuck,
-    /// The encoder counts in the wrong direction.
-    Reversed,
-    /// The winding got too hot.
-    Overheated,
-    /// The bridge switched itself off.
-    Bridge,
-}
-
-impl From<EncoderFault> for FaultName {
-    fn from(fault: EncoderFault) -> Self {
-        match fault {
-            EncoderFault::Stuck => Self::Stuck,
-            EncoderFault::Reversed => Self::Reversed,
-        }
-    }
+    /// Words of every regime or fault that occurred.
+    Words(Vec<&'static str>),
 }
 
 /// Judges every expectation of a scenario by a run of it, in the order of the file.
@@ -160,10 +130,10 @@ fn measure(scenario: &Scenario, trace: &Trace, expectation: &Expectation) -> Opt
             Quantity::HeadingError | Quantity::Bus => return None,
         },
         Expected::Ever(_) | Expected::Never(_) => {
-            Measured::Regimes(each_once(samples.iter().map(|sample| regime(sample))))
+            Measured::Words(each_once(samples.iter().map(|sample| regime_name(regime_of(&sample.report)))))
         }
         Expected::Fault(_) => {
-            Measured::Faults(each_once(samples.iter().flat_map(|sample| faults(sample.report.faults))))
+            Measured::Words(each_once(samples.iter().flat_map(|sample| fault_words(sample.report.faults))))
         }
     })
 }
@@ -195,21 +165,10 @@ fn each_once<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
     seen
 }
 
-fn regime(sample: &Sample) -> RegimeName {
-    match regime_of(&sample.report) {
-        Some(Regime::Forward) => RegimeName::Forward,
-        Some(Regime::Braking) => RegimeName::Braking,
-        Some(Regime::Reverse) => RegimeName::Reverse,
-        None => RegimeName::Coast,
-    }
-}
-
-fn faults(faults: Faults) -> impl Iterator<Item = FaultName> {
-    let battery = faults.battery_unknown.then_some(FaultName::BatteryUnknown);
-    let stale = faults.encoder_stale.then_some(FaultName::EncoderStale);
-    let overheated = faults.overheated.then_some(FaultName::Overheated);
-    let bridge = faults.bridge.then_some(FaultName::Bridge);
-    [battery, stale, faults.encoder.map(FaultName::from), overheated, bridge].into_iter().flatten()
+/// Words for the faults of a motor, the unknown battery first.
+pub(crate) fn fault_words(faults: Faults) -> impl Iterator<Item = &'static str> {
+    let all = [Fault::BatteryUnknown].iter().chain(Fault::ALL);
+    all.filter(move |fault| fault.is_in(faults)).filter_map(|fault| fault.word())
 }
 
 impl Verdict {
@@ -223,10 +182,10 @@ impl Verdict {
             (Expected::Quantity(_, Bounds { low, high }), &Measured::Between(least, most)) => {
                 low <= least && most <= high
             }
-            (Expected::Ever(regime), Measured::Regimes(seen)) => seen.contains(&regime),
-            (Expected::Never(regime), Measured::Regimes(seen)) => !seen.contains(&regime),
-            (Expected::Fault(wanted), Measured::Faults(seen)) => {
-                seen.iter().copied().eq(wanted.map(FaultName::from))
+            (Expected::Ever(regime), Measured::Words(seen)) => seen.contains(&regime_name(regime)),
+            (Expected::Never(regime), Measured::Words(seen)) => !seen.contains(&regime_name(regime)),
+            (Expected::Fault(wanted), Measured::Words(seen)) => {
+                seen.iter().copied().eq(wanted.and_then(Fault::word))
             }
             _ => false,
         }
@@ -237,9 +196,9 @@ impl Verdict {
     pub fn json(&self) -> serde_json::Value {
         let (expected, wanted) = match self.expected {
             Expected::Quantity(quantity, Bounds { low, high }) => (quantity.key(), json!([low, high])),
-            Expected::Ever(regime) => ("ever", json!(regime)),
-            Expected::Never(regime) => ("never", json!(regime)),
-            Expected::Fault(fault) => ("fault", json!(fault.map(FaultName::from))),
+            Expected::Ever(regime) => ("ever", json!(regime_name(regime))),
+            Expected::Never(regime) => ("never", json!(regime_name(regime))),
+            Expected::Fault(fault) => ("fault", json!(fault.and_then(Fault::word))),
         };
         json!({
             "of": self.subject,
@@ -278,10 +237,10 @@ impl fmt::Display for Wanted {
                 Quantity::HeadingError => write!(f, "heading error at most {high} degrees"),
                 Quantity::Bus => write!(f, "bus {low} to {high} V"),
             },
-            Expected::Ever(regime) => write!(f, "{} at times", Name(&regime)),
-            Expected::Never(regime) => write!(f, "never {}", Name(&regime)),
+            Expected::Ever(regime) => write!(f, "{} at times", regime_name(regime)),
+            Expected::Never(regime) => write!(f, "never {}", regime_name(regime)),
             Expected::Fault(None) => f.write_str("no fault"),
-            Expected::Fault(Some(fault)) => write!(f, "fault: {}", Name(&FaultName::from(fault))),
+            Expected::Fault(Some(fault)) => write!(f, "fault: {}", fault.word().unwrap_or_default()),
         }
     }
 }
@@ -293,32 +252,8 @@ impl fmt::Display for Measured {
             Self::Number(value) if value.is_infinite() => f.write_str("never"),
             Self::Number(value) => write!(f, "{value:.2}"),
             Self::Between(low, high) => write!(f, "{low:.2} to {high:.2}"),
-            Self::Regimes(names) => list(f, names),
-            Self::Faults(names) => list(f, names),
+            Self::Words(words) if words.is_empty() => f.write_str("none"),
+            Self::Words(words) => f.write_str(&words.join(", ").replace('_', " ")),
         }
-    }
-}
-
-fn list<T: fmt::Debug>(f: &mut fmt::Formatter<'_>, names: &[T]) -> fmt::Result {
-    if names.is_empty() {
-        return f.write_str("none");
-    }
-    for (n, name) in names.iter().enumerate() {
-        write!(f, "{}{}", if n == 0 { "" } else { ", " }, Name(name))?;
-    }
-    Ok(())
-}
-
-/// A variant's name in lower case, its words apart.
-struct Name<'a, T>(&'a T);
-
-impl<T: fmt::Debug> fmt::Display for Name<'_, T> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = format!("{:?}", self.0);
-        for (n, letter) in name.char_indices() {
-            let gap = if n > 0 && letter.is_ascii_uppercase() { " " } else { "" };
-            write!(f, "{gap}{}", letter.to_ascii_lowercase())?;
-        }
-        Ok(())
     }
 }

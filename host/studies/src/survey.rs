@@ -1,5 +1,5 @@
 //! How well motors are regulated: the tasks of the [`mod@reference`], every motor of the catalogue without a load
-//! ([`cells`]), and any number of [`random`] scenarios. The hub is configured exactly, with wrong constants, or not at all
+//! ([`bare_motors`]), and any number of [`random`] scenarios. The hub is configured exactly, with wrong constants, or not at all
 //! (see [`Knowledge`]). [`soak`] runs hours of random scenarios and counts false alarms.
 //!
 //! Responses are judged by the true motion at every millisecond, see [`settling`](crate::settling). Of the random
@@ -13,29 +13,29 @@
 //! # Ok::<(), studies::StudyError>(())
 //! ```
 
-pub mod cells;
+pub mod bare_motors;
 pub mod chart;
 mod fastest;
-mod judge;
 mod parallel;
 pub mod random;
 pub mod reference;
+mod responses;
 mod scenario_file;
 pub mod soak;
 mod sweep;
 pub mod text;
 
-pub use judge::{Kind, Verdict};
+pub use responses::{Kind, Verdict};
 pub use scenario_file::toml;
 
 use crate::StudyError;
 use crate::settling::Goal;
 use fastest::settleable;
-use judge::Challenge;
 use motor_hub::braking::DutyRule;
 use motor_hub::model::catalogue;
 use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::si::Volts;
+use responses::Challenge;
 use serde::Serialize;
 use simulated::scenario::{Configuration, ConfiguredMotion, Motor, Scenario};
 use simulated::scheme::{DutyWord, SchemeWords, describe};
@@ -207,7 +207,7 @@ impl Survey {
 /// The number of all responses of a scenario, and the responses that can be settled.
 fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyError> {
     let scenario = random::scenario(seed, number);
-    let challenges = judge::challenges(&scenario);
+    let challenges = responses::challenges(&scenario);
     let possible = settleable(&scenario, &challenges)?;
     let mut verdicts: Vec<Vec<Verdict>> = vec![Vec::new(); challenges.len()];
     for knowledge in Knowledge::ALL {
@@ -216,9 +216,9 @@ fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyErro
             .motors
             .iter_mut()
             .for_each(|motor| motor.configuration = knowledge.configured(&motor.constants));
-        let tracks = judge::watch(&scenario)?;
+        let tracks = responses::watch(&scenario)?;
         for (challenge, all) in challenges.iter().zip(&mut verdicts) {
-            all.push(judge::judge(challenge, tracks.get(challenge.motor).map_or(&[], |track| track)));
+            all.push(responses::judge(challenge, tracks.get(challenge.motor).map_or(&[], |track| track)));
         }
     }
     let judged = challenges.iter().zip(possible).zip(verdicts).filter(|((_, possible), _)| *possible);

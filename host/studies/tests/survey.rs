@@ -2,7 +2,7 @@
 
 use motor_hub::braking::DutyRule;
 use studies::survey::soak::{self, Soak};
-use studies::survey::{Knowledge, Response, Survey, Verdict, cells, random, reference, toml};
+use studies::survey::{Knowledge, Response, Survey, Verdict, bare_motors, random, reference, toml};
 
 fn never(responses: &[&Response], knowledge: usize) -> f64 {
     let never = responses.iter().filter(|response| response.verdicts[knowledge].settling_s.is_none()).count();
@@ -71,13 +71,13 @@ fn the_tasks_of_the_reference_are_done_as_well_as_there() {
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn every_bare_motor_settles_at_every_period() {
-    let cells = cells::run(&mut |_, _| ()).expect("it runs");
+    let cells = bare_motors::run(&mut |_, _| ()).expect("it runs");
     let settled = |verdicts: &[Verdict; 2]| verdicts.iter().all(|verdict| verdict.settling_s.is_some());
     let failed: Vec<String> = cells
         .iter()
         .filter(|cell| !cell.paper_inertia)
         .flat_map(|cell| {
-            cells::PERIODS.iter().zip(&cell.configured).map(move |(ms, verdicts)| (cell, ms, verdicts))
+            bare_motors::PERIODS.iter().zip(&cell.configured).map(move |(ms, verdicts)| (cell, ms, verdicts))
         })
         .filter(|(_, _, verdicts)| !settled(verdicts))
         .map(|(cell, ms, verdicts)| format!("{} {} {ms} ms: {verdicts:?}", cell.motor, cell.mode))

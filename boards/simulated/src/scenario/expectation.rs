@@ -6,8 +6,9 @@
 //! assert_eq!(Quantity::SettlingTime.key(), "settles_within_s");
 //! ```
 
-use motor_hub::motor::EncoderFault;
-use serde::{Deserialize, Serialize};
+use motor_hub::braking::Regime;
+use motor_hub::record::Fault;
+use serde::Serialize;
 use std::ops::Range;
 
 /// One expectation of a run.
@@ -37,12 +38,12 @@ pub enum Subject {
 pub enum Expected {
     /// A quantity lies within limits, during the whole window if it changes.
     Quantity(Quantity, Bounds),
-    /// The motor is in this regime at one control tick or more.
-    Ever(RegimeName),
-    /// The motor is in this regime at no control tick.
-    Never(RegimeName),
+    /// The motor is in this regime at one control tick or more; with `None` its bridge is open.
+    Ever(Option<Regime>),
+    /// The motor is in this regime at no control tick; with `None` its bridge is never open.
+    Never(Option<Regime>),
     /// This fault and no other occurs; with `None` no fault occurs.
-    Fault(Option<EncoderFault>),
+    Fault(Option<Fault>),
 }
 
 /// Lowest and highest allowed value.
@@ -94,16 +95,10 @@ impl Quantity {
     }
 }
 
-/// A regime, or none.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum RegimeName {
-    /// Driven with the motion.
-    Forward,
-    /// Proportional braking.
-    Braking,
-    /// Driven against the motion.
-    Reverse,
-    /// Open bridge: disabled, floating or at fault.
-    Coast,
+/// The name of a regime in scenario files and documents; `coast` for an open bridge: disabled, floating or at fault.
+pub const fn regime_name(regime: Option<Regime>) -> &'static str {
+    match regime {
+        Some(regime) => regime.name(),
+        None => "coast",
+    }
 }

@@ -7,7 +7,7 @@ mod motors;
 mod numbers;
 
 use super::error::{At, Checked, Fault};
-use super::types::{Attached, Bus, Change, Group, Motor, Scenario, Timed, UNLIMITED};
+use super::types::{Attached, Bus, Group, Motor, Scenario, Timed, UNLIMITED};
 use crate::bno055::GyroErrors;
 use crate::ground::Floor;
 use crate::hardware::MOTORS;
@@ -71,8 +71,7 @@ struct EmfTable {
 struct AttachedTable {
     #[serde(default)]
     analog_v: Vec<AnalogVoltage>,
-    #[serde(default)]
-    low_pins: Vec<PinNumber>,
+    low_pins: Option<Vec<PinNumber>>,
     #[serde(default)]
     i2c_faults: Vec<i2c::Fault>,
     #[serde(default)]
@@ -154,8 +153,20 @@ pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
         groups,
         wire: None,
         attached: match &file.attached {
-            Some(table) => table.get_ref().check(table, duration_s)?,
+            Some(whole) => {
+                let table = whole.get_ref();
+                attached(&table.analog_v, table.low_pins.as_deref(), &table.i2c_faults).at(whole)?
+            }
             None => Attached::default(),
+        },
+        attached_over_time: match &file.attached {
+            Some(whole) => timeline(
+                &whole.get_ref().over_time,
+                duration_s,
+                |t| t.at_s,
+                |t| attached(&t.analog_v, t.low_pins.as_deref(), &t.i2c_faults),
+            )?,
+            None => Vec::new(),
         },
         floor: file.floor.as_ref().map(FloorTable::floor).unwrap_or_default(),
         gyro: file.gyro.as_ref().map(GyroTable::errors).unwrap_or_default(),
@@ -218,31 +229,12 @@ impl File {
     }
 }
 
-impl AttachedTable {
-    fn check(&self, whole: &Spanned<Self>, duration_s: f64) -> Checked<Attached> {
-        check_counts(&self.analog_v, &self.i2c_faults).at(whole)?;
-        Ok(Attached {
-            analog_v: volts(&self.analog_v),
-            low_pins: pins(&self.low_pins),
-            i2c_faults: self.i2c_faults.clone(),
-            over_time: timeline(&self.over_time, duration_s, |change| change.at_s, ChangeTable::check)?,
-        })
-    }
-}
-
-impl ChangeTable {
-    fn check(&self) -> Result<Change, String> {
-        check_counts(&self.analog_v, &self.i2c_faults)?;
-        Ok(Change {
-            analog_v: volts(&self.analog_v),
-            low_pins: self.low_pins.as_deref().map(pins),
-            i2c_faults: self.i2c_faults.clone(),
-        })
-    }
-}
-
-/// The hub has all inputs and buses.
-fn check_counts(analog_v: &[AnalogVoltage], i2c_faults: &[i2c::Fault]) -> Result<(), String> {
+/// What is connected, if the hub has all these inputs and buses.
+fn attached(
+    analog_v: &[AnalogVoltage],
+    low_pins: Option<&[PinNumber]>,
+    i2c_faults: &[i2c::Fault],
+) -> Result<Attached, String> {
     for (key, count, most) in
         [("analog_v", analog_v.len(), ANALOG_INPUTS), ("i2c_faults", i2c_faults.len(), I2C_BUSES)]
     {
@@ -250,15 +242,11 @@ fn check_counts(analog_v: &[AnalogVoltage], i2c_faults: &[i2c::Fault]) -> Result
             return Err(format!("{key} has {count} entries; allowed are at most {most}"));
         }
     }
-    Ok(())
-}
-
-fn volts(analog_v: &[AnalogVoltage]) -> Vec<f64> {
-    analog_v.iter().map(|volts| volts.0).collect()
-}
-
-fn pins(numbers: &[PinNumber]) -> Vec<Pin> {
-    numbers.iter().filter_map(|pin| Pin::new(pin.0)).collect()
+    Ok(Attached {
+        analog_v: analog_v.iter().map(|volts| volts.0).collect(),
+        low_pins: low_pins.map(|pins| pins.iter().filter_map(|pin| Pin::new(pin.0)).collect()),
+        i2c_faults: i2c_faults.to_vec(),
+    })
 }
 
 impl FloorTable {

@@ -63,8 +63,10 @@ pub struct Scenario {
     pub groups: Vec<Group>,
     /// A wire between two of the hub's digital pins, for a host that tests them.
     pub wire: Option<[Pin; 2]>,
-    /// What is connected to the hub's pins and I2C buses.
+    /// What is connected to the hub's pins and I2C buses at the start.
     pub attached: Attached,
+    /// Later changes of what is connected, times ascending.
+    pub attached_over_time: Vec<Timed<Attached>>,
     /// The floor of the drive base whose left wheel motor 0 drives, and whose right wheel motor 1 drives.
     pub floor: Floor,
     /// Errors of the gyro that stands on this base.
@@ -75,27 +77,14 @@ pub struct Scenario {
     pub expectations: Vec<Expectation>,
 }
 
-/// What is connected to the hub's pins and I2C buses.
+/// What is connected to the hub's pins and I2C buses, from a time on.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Attached {
-    /// Voltages at the analog inputs from input 0, in volts. Further inputs are open.
+    /// Voltages at the analog inputs from input 0, in volts. Further inputs stay as they are: open at the start.
     pub analog_v: Vec<f64>,
-    /// Digital pins that are connected to ground.
-    pub low_pins: Vec<Pin>,
-    /// Conditions of the I2C buses from bus 0. Further buses work.
-    pub i2c_faults: Vec<Fault>,
-    /// Later changes, times ascending.
-    pub over_time: Vec<Timed<Change>>,
-}
-
-/// A change of what is connected. `None` for what stays.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Change {
-    /// Voltages at the analog inputs from input 0, in volts. Further inputs stay as they are.
-    pub analog_v: Vec<f64>,
-    /// All digital pins that are connected to ground from now on.
+    /// All digital pins that are connected to ground. `None` for no change: no pin at the start.
     pub low_pins: Option<Vec<Pin>>,
-    /// Conditions of the I2C buses from bus 0. Further buses stay as they are.
+    /// Conditions of the I2C buses from bus 0. Further buses stay as they are: they work at the start.
     pub i2c_faults: Vec<Fault>,
 }
 
@@ -241,6 +230,7 @@ impl Scenario {
             groups: Vec::new(),
             wire: None,
             attached: Attached::default(),
+            attached_over_time: Vec::new(),
             floor: Floor::default(),
             gyro: GyroErrors::default(),
             emulated: false,

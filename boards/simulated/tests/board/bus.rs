@@ -2,9 +2,9 @@
 
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::supply::DrawStage;
-use simulated::direct;
 use simulated::hardware::MOTORS;
 use simulated::scenario::Scenario;
+use simulated::without_tasks;
 
 /// A scenario of some motors of one kind on 12 V behind 1000 uF.
 struct Run {
@@ -67,7 +67,7 @@ impl Run {
     fn see_every(&self, period_ms: u32, from_ms: u64) -> Seen {
         let mut seen = Seen { speeds: vec![Vec::new(); self.motors], ..Seen::default() };
         let mut before = [Drive::COAST; MOTORS];
-        direct::run(&self.scenario(period_ms), |moment| {
+        without_tasks::run(&self.scenario(period_ms), |moment| {
             seen.bus.push(moment.battery_v);
             for (speeds, (speed, _)) in seen.speeds.iter_mut().zip(moment.motors) {
                 speeds.push(*speed);
@@ -222,7 +222,7 @@ fn a_battery_near_its_end_is_derated_and_neither_flickers_nor_falls_to_where_bri
     );
     let scenario = Scenario::parse("low.toml", &text).expect("valid");
     let (mut stages, mut speed, mut opened) = (Vec::new(), 0.0, 0);
-    direct::run(&scenario, |moment| {
+    without_tasks::run(&scenario, |moment| {
         if moment.ms > 100 && stages.last() != Some(&moment.snapshot.bus.stage) {
             stages.push(moment.snapshot.bus.stage);
         }

@@ -5,8 +5,8 @@ use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::Setpoint;
 use motor_hub::units::{Coefficient, Control, CountsPerSecond, Period};
-use simulated::direct;
 use simulated::scenario::{Motor, Scenario, Timed};
+use simulated::without_tasks;
 use std::thread;
 
 const PERIODS_MS: [u32; 4] = [1, 10, 50, 100];
@@ -36,7 +36,7 @@ fn served(scheme: Scheme, duty: DutyRule, period_ms: u32, setpoint: impl Fn(&Mot
 fn outcome(scenario: &Scenario, position: i64) -> Vec<(f64, i64)> {
     let from = (1e3 * scenario.duration_s) as u64 - 500;
     let mut sums = vec![(0.0, 0); scenario.motors.len()];
-    direct::run(scenario, |moment| {
+    without_tasks::run(scenario, |moment| {
         if moment.ms >= from {
             for (sum, &(speed, counts)) in sums.iter_mut().zip(moment.motors) {
                 *sum = (sum.0 + speed / 500.0, sum.1.max((counts - position).abs()));

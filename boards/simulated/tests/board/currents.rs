@@ -1,8 +1,8 @@
 //! Currents of simulated motors, as a scenario's current-sense lines show them.
 
 use motor_hub::motor::{Report, SenseLine};
-use simulated::direct;
 use simulated::scenario::Scenario;
+use simulated::without_tasks;
 
 /// Last report of an AM 60 A after a second of driving a heavy flywheel, which hardly moves.
 fn driving(motor: &str) -> Report {
@@ -13,7 +13,7 @@ fn driving(motor: &str) -> Report {
     );
     let scenario = Scenario::parse("currents.toml", &text).unwrap_or_else(|error| panic!("{error}"));
     let mut last = Report::INITIAL;
-    direct::run(&scenario, |moment| last = moment.snapshot.motors[0]).expect("it runs");
+    without_tasks::run(&scenario, |moment| last = moment.snapshot.motors[0]).expect("it runs");
     last
 }
 

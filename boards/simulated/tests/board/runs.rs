@@ -1,8 +1,8 @@
 //! A scenario runs alike with and without tasks.
 
-use simulated::direct::run;
 use simulated::scenario::Scenario;
 use simulated::sim;
+use simulated::without_tasks::run;
 
 #[test]
 fn a_run_without_tasks_is_the_run_with_them() {

@@ -5,8 +5,8 @@ use motor_hub::model::plant::Temperatures;
 use motor_hub::model::{catalogue, si};
 use motor_hub::motor::Setpoint;
 use motor_hub::units::Control;
-use simulated::direct;
 use simulated::scenario::{Motor, Scenario, Timed};
+use simulated::without_tasks;
 
 #[test]
 fn the_shipped_scenarios_are_valid() {
@@ -71,7 +71,7 @@ fn motors_that_are_served_stop_as_soon_as_real_ones() {
             motor.setpoints = vec![on, Timed { at_s: 3.0, value: release }];
         }
         let mut turned_at_s = [0.0; 4];
-        direct::run(&scenario, |moment| {
+        without_tasks::run(&scenario, |moment| {
             for (at_s, (cps, _)) in turned_at_s.iter_mut().zip(moment.motors) {
                 if *cps != 0.0 {
                     *at_s = moment.ms as f64 / 1e3;

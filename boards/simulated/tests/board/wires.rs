@@ -2,9 +2,9 @@
 //! every period, at any moment between two ticks, with several loads, for configured and unknown motors.
 
 use motor_hub::units::Period;
-use simulated::direct;
 use simulated::encoder::{Encoder, Wire};
 use simulated::scenario::{Scenario, Timed};
+use simulated::without_tasks;
 use std::thread;
 
 const PERIODS_MS: [u32; 9] = [1, 2, 5, 10, 20, 50, 60, 80, 100];
@@ -82,7 +82,7 @@ impl Axis {
             motor.encoder = vec![Timed { at_s: breaks_ms as f64 / 1e3, value: broken }];
         }
         let mut known_ms = None;
-        direct::run(&scenario, |moment| {
+        without_tasks::run(&scenario, |moment| {
             let fault = moment.snapshot.motors.first().and_then(|report| report.faults.encoder);
             if fault.is_some() && known_ms.is_none() {
                 known_ms = Some(moment.ms);

@@ -12,6 +12,7 @@ use motor_hub::protocol::Address;
 use motor_hub::units::Control;
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
+use motor_hub_client::motor::LARGEST_CURRENT_A;
 use std::collections::BTreeSet;
 use std::time::Duration;
 
@@ -97,14 +98,11 @@ pub(crate) struct CurrentOptions {
 /// Largest speed limit of a constant current, which no motor reaches, in counts per second.
 const NO_SPEED_LIMIT: u16 = i16::MAX.unsigned_abs();
 
-/// Largest current that can be requested, in amperes, as for the current limit.
-const LARGEST_A: f64 = 65.535;
-
 /// Amperes as milliamperes.
 fn milliamperes(text: &str) -> Result<i32, String> {
-    let amperes = text.parse().ok().filter(|amperes: &f64| amperes.abs() <= LARGEST_A);
+    let amperes = text.parse().ok().filter(|amperes: &f64| amperes.abs() <= LARGEST_CURRENT_A);
     let ma = amperes.map(|amperes| (1e3 * amperes).round() as i32);
-    ma.ok_or_else(|| format!("a current is -{LARGEST_A} to {LARGEST_A} A"))
+    ma.ok_or_else(|| format!("a current is -{LARGEST_CURRENT_A} to {LARGEST_CURRENT_A} A"))
 }
 
 /// Options of `velocity`.

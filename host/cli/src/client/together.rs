@@ -13,6 +13,7 @@ use motor_hub::protocol::CHANNELS;
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::units::{Acceleration, Control, CountsPerSecond};
 use motor_hub_client::Session;
+use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::line::Line;
 use std::time::Duration;
 
@@ -30,7 +31,7 @@ pub(crate) struct Options {
     on: bool,
     /// Speed of the motor with the longest distance, in counts per second
     #[arg(long = "speed-cps", alias = "speed", value_name = "CPS", default_value_t = 1000)]
-    #[arg(value_parser = whole("a speed", 1..=FASTEST_CPS, "counts/s"))]
+    #[arg(value_parser = whole("a speed", 1..=FASTEST_GROUP_CPS, "counts/s"))]
     speed: i32,
     /// Largest acceleration of any motor, in counts per second squared
     #[arg(long = "acceleration-cps2", alias = "acceleration", value_name = "CPS2", default_value = "2000", value_parser = acceleration)]
@@ -61,9 +62,6 @@ fn acceleration(text: &str) -> Result<Acceleration, String> {
     let limit = text.parse().ok().and_then(|limit| Acceleration::new(limit).ok());
     limit.ok_or_else(|| "an acceleration is a whole number from 1 to 4294967295 counts/s\u{b2}".to_owned())
 }
-
-/// Highest speed of a group in counts per second; its fields have steps of 1/256.
-const FASTEST_CPS: i32 = 1_000_000;
 
 impl Options {
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
@@ -97,9 +95,9 @@ impl Options {
     fn values(&self) -> Result<[Option<i32>; CHANNELS], Failure> {
         let mut values = [None; CHANNELS];
         for &(MotorName { number: motor, .. }, value) in &self.members {
-            if self.on && !(-FASTEST_CPS..=FASTEST_CPS).contains(&value) {
+            if self.on && !(-FASTEST_GROUP_CPS..=FASTEST_GROUP_CPS).contains(&value) {
                 return Err(Failure::input(format!(
-                    "{motor}={value}: a speed is -{FASTEST_CPS} to {FASTEST_CPS} counts/s"
+                    "{motor}={value}: a speed is -{FASTEST_GROUP_CPS} to {FASTEST_GROUP_CPS} counts/s"
                 )));
             }
             let slot = values.get_mut(usize::from(motor));

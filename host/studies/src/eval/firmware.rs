@@ -216,8 +216,7 @@ fn control(value: f64) -> Result<Control, CaseError> {
 /// The document's word for a regime.
 fn name(regime: Regime) -> &'static str {
     match regime {
-        Regime::Forward => "forward",
         Regime::Braking => "brake",
-        Regime::Reverse => "reverse",
+        regime => regime.name(),
     }
 }

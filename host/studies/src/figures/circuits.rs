@@ -2,6 +2,7 @@
 //! which the motor turns.
 
 use chart::{Drawing, colour};
+use motor_hub::braking::Regime;
 use motor_hub::bridge::Mode;
 
 /// Of one circuit with its words.
@@ -35,24 +36,23 @@ pub fn circuits() -> String {
     drawing.path(&[(300.0, 60.0), (336.0, 60.0)], colour::RED, true, 9);
     drawing.words((346.0, 64.5), 14.0, "second state, for as long as a current flows");
     for (row, clockwise) in [true, false].into_iter().enumerate() {
-        let (with, against) = if clockwise { (Mode::Cw98, Mode::Ccw62) } else { (Mode::Ccw62, Mode::Cw98) };
-        let regimes = [("forward", with), ("braking", Mode::Brake50), ("reverse", against)];
-        for (column, (regime, mode)) in regimes.into_iter().enumerate() {
+        for (column, regime) in [Regime::Forward, Regime::Braking, Regime::Reverse].into_iter().enumerate() {
             let at = (WIDTH * column as f64, TITLE + HEIGHT * row as f64);
-            // Braking and reverse driving push against the motion.
-            let rightwards = clockwise == (regime == "forward");
-            let turns = if clockwise { "CW" } else { "CCW" };
-            let title = format!("motor turns {turns}: {regime}, {}", mode.name());
-            circuit(&mut drawing, at, &title, mode, rightwards);
+            circuit(&mut drawing, at, regime, clockwise);
         }
     }
     drawing.svg()
 }
 
-/// One bridge with the paths of a mode, while the current flows through the motor to the right, or to the left.
-fn circuit(drawing: &mut Drawing, (x0, y0): (f64, f64), title: &str, mode: Mode, rightwards: bool) {
+/// One bridge with the paths of a regime's mode.
+fn circuit(drawing: &mut Drawing, (x0, y0): (f64, f64), regime: Regime, clockwise: bool) {
+    let mode = regime.mode(!clockwise);
+    // Braking and reverse driving push against the motion: their current flows through the motor the other way.
+    let rightwards = clockwise == (regime == Regime::Forward);
+    let turns = if clockwise { "CW" } else { "CCW" };
     let moved = |points: &[(f64, f64)]| -> Points { points.iter().map(|(x, y)| (x + x0, y + y0)).collect() };
-    drawing.words((x0 + 40.0, y0 + 28.0), 16.0, title);
+    let title = format!("motor turns {turns}: {}, {}", regime.name(), mode.name());
+    drawing.words((x0 + 40.0, y0 + 28.0), 16.0, &title);
     let [first, second] = if mode == Mode::Brake50 { braking() } else { driving() };
     let shown = |path: Points| moved(&if rightwards { path } else { mirrored(path) });
     drawing.path(&shown(first), colour::BLUE, false, 1);
@@ -71,21 +71,22 @@ fn circuit(drawing: &mut Drawing, (x0, y0): (f64, f64), title: &str, mode: Mode,
     let (x, y) = (x0 + f64::midpoint(LEFT_X, RIGHT_X), y0 + MOTOR);
     drawing.ring((x, y), 19.0);
     drawing.centred((x, y + 5.5), 16.0, "M");
-    for (line, (state, text)) in states.into_iter().zip(words(title, rightwards)).enumerate() {
+    for (line, (state, text)) in states.into_iter().zip(words(regime, rightwards)).enumerate() {
         let y = y0 + BOTTOM + 40.0 + 20.0 * line as f64;
         drawing.words((x0 + 40.0, y), 13.5, &format!("{state}: {text}"));
     }
 }
 
-/// What a mode's two states do.
-fn words(title: &str, rightwards: bool) -> [&'static str; 2] {
-    match (title.contains("forward"), title.contains("braking"), rightwards) {
-        (true, _, true) => ["the battery drives the motor", "flows on through S1 and D3, then stops"],
-        (true, _, false) => ["the battery drives the motor", "flows on through S3 and D1, then stops"],
-        (_, true, true) => ["the back EMF is shorted by S2 and S4", "charges the battery through D3 and D2"],
-        (_, true, false) => ["the back EMF is shorted by S2 and S4", "charges the battery through D1 and D4"],
-        (.., true) => ["battery and back EMF both brake", "the back EMF is shorted by S1 and D3"],
-        (.., false) => ["battery and back EMF both brake", "the back EMF is shorted by S3 and D1"],
+/// What the two states of a regime's mode do.
+fn words(regime: Regime, rightwards: bool) -> [&'static str; 2] {
+    use Regime::{Braking, Forward, Reverse};
+    match (regime, rightwards) {
+        (Forward, true) => ["the battery drives the motor", "flows on through S1 and D3, then stops"],
+        (Forward, false) => ["the battery drives the motor", "flows on through S3 and D1, then stops"],
+        (Braking, true) => ["the back EMF is shorted by S2 and S4", "charges the battery through D3 and D2"],
+        (Braking, false) => ["the back EMF is shorted by S2 and S4", "charges the battery through D1 and D4"],
+        (Reverse, true) => ["battery and back EMF both brake", "the back EMF is shorted by S1 and D3"],
+        (Reverse, false) => ["battery and back EMF both brake", "the back EMF is shorted by S3 and D1"],
     }
 }
 

@@ -1,10 +1,10 @@
 //! A trace as comma-separated values: one row for each motor and control tick.
 
 use crate::SCHEMA_VERSION;
-use motor_hub::braking::Regime;
-use motor_hub::motor::EncoderFault;
+use crate::expectations::fault_words;
 use motor_hub::motor::{Faults, Setpoint};
 use simulated::scenario::Scenario;
+use simulated::scenario::expectation::regime_name;
 use simulated::trace::{Sample, Trace};
 use std::fmt::Write;
 
@@ -39,19 +39,11 @@ fn row(out: &mut String, sample: &Sample) {
         Setpoint::Identify { travel_limit } => ("identify", travel_limit.to_string()),
         Setpoint::Together(reference) => ("together", reference.position.to_string()),
     };
-    let fault = match report.faults {
-        Faults { battery_unknown: true, .. } => "battery unknown",
-        Faults { encoder_stale: true, .. } => "encoder stale",
-        Faults { overheated: true, .. } => "overheated",
-        Faults { bridge: true, .. } => "bridge",
-        Faults { .. } => "",
-    };
     // An encoder fault is latched, so another fault may exist beside it.
-    let encoder_fault = match report.faults.encoder {
-        Some(EncoderFault::Stuck) => "stuck",
-        Some(EncoderFault::Reversed) => "reversed",
-        None => "",
-    };
+    let others = Faults { encoder: None, ..report.faults };
+    let of_encoder = Faults { encoder: report.faults.encoder, ..Faults::NONE };
+    let [fault, encoder_fault] =
+        [others, of_encoder].map(|faults| fault_words(faults).next().unwrap_or_default().replace('_', " "));
     let load = report.load.map(|load| format!("{:.3}", f64::from(load.get()) / 1e3)).unwrap_or_default();
     let _ = writeln!(
         out,
@@ -60,7 +52,7 @@ fn row(out: &mut String, sample: &Sample) {
         sample.speed_cps,
         report.velocity.to_f64(),
         sample.control.get(),
-        report.regime.map_or("coast", Regime::name),
+        regime_name(report.regime),
         report.drive.mode.name(),
         report.drive.duty.to_f64(),
         sample.flow.mean_current().0,

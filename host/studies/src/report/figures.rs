@@ -187,15 +187,14 @@ fn regimes(scenario: &Scenario, trace: &Trace, index: usize) -> Vec<Band> {
         if let Some(last) = bands.last_mut().filter(|last| last.to > first.at_s) {
             last.to = first.at_s;
         }
-        let (colour, name) = match regime(first) {
-            Some(Regime::Forward) => (fill::FORWARD, "forward"),
-            Some(Regime::Braking) => (fill::BRAKING, "braking"),
-            Some(Regime::Reverse) => (fill::REVERSE, "reverse"),
-            None => ("#ffffff", "coast"),
+        let Some(regime) = regime(first) else { continue };
+        let colour = match regime {
+            Regime::Forward => fill::FORWARD,
+            Regime::Braking => fill::BRAKING,
+            Regime::Reverse => fill::REVERSE,
         };
-        bands.push(Band { from: first.at_s, to: scenario.duration_s, colour, name });
+        bands.push(Band { from: first.at_s, to: scenario.duration_s, colour, name: regime.name() });
     }
-    bands.retain(|band| band.name != "coast");
     bands
 }
 

@@ -9,7 +9,7 @@
 //! # Ok::<(), studies::StudyError>(())
 //! ```
 
-use super::cells::Cell;
+use super::bare_motors::BareMotor;
 use super::reference::{Figure as Asked, Row};
 use super::{Knowledge, Response, Survey, Verdict};
 use crate::NamedFigure;
@@ -35,7 +35,7 @@ pub fn reference(rows: &[Row]) -> NamedFigure {
 
 /// Motors without a load, at all periods.
 #[must_use]
-pub fn cells(cells: &[Cell]) -> NamedFigure {
+pub fn cells(cells: &[BareMotor]) -> NamedFigure {
     let of_mode = |mode: &'static str| {
         let chosen = || cells.iter().filter(move |cell| cell.mode == mode);
         let configured = times(chosen().flat_map(|cell| cell.configured.iter().flatten()));

@@ -1,6 +1,6 @@
 //! Whether a response can be settled by some regulator: the time that the battery's full voltage needs.
 
-use super::judge::{Challenge, Kind};
+use super::responses::{Challenge, Kind};
 use crate::StudyError;
 use crate::settling::{Goal, rest_s};
 use motor_hub::braking::{Modulator, OperatingPoint};

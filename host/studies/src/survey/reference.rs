@@ -3,8 +3,8 @@
 
 mod base;
 
-use super::judge::{Verdict, challenges, judge, watch};
 use super::parallel;
+use super::responses::{Verdict, challenges, judge, watch};
 use crate::StudyError;
 use motor_hub::braking::Scheme;
 use motor_hub::model::battery::Battery;

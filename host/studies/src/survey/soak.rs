@@ -20,10 +20,10 @@ use motor_hub::model::friction::Friction;
 use motor_hub::model::si::NewtonMetres;
 use motor_hub::motor::Faults;
 use serde::Serialize;
-use simulated::direct;
 use simulated::hardware::REAL_BRIDGE;
 use simulated::scenario::Scenario;
 use simulated::sim::{self, RunError};
+use simulated::without_tasks;
 use std::fmt::Write;
 
 /// The results of all scenarios.
@@ -175,7 +175,7 @@ fn looked_at(
     knowledge: Knowledge,
 ) -> Result<(Vec<Alarm>, usize), StudyError> {
     let mut first: Vec<(Option<(f64, Faults)>, bool)> = vec![(None, false); scenario.motors.len()];
-    direct::run(scenario, |moment| {
+    without_tasks::run(scenario, |moment| {
         // The battery is measured before the first tick.
         if moment.snapshot.tick == 0 {
             return;

@@ -1,6 +1,6 @@
 //! The survey as text: the result first, then the tables.
 
-use super::cells::{self, Cell};
+use super::bare_motors::{self, BareMotor};
 use super::reference::{self, Figure, Row};
 use super::{Kind, Knowledge, Response, Survey, Verdict};
 use crate::page::Page;
@@ -14,7 +14,7 @@ pub struct Parts<'a> {
     /// The reference tasks.
     pub reference: Option<&'a [Row]>,
     /// The motors without a load.
-    pub cells: Option<&'a [Cell]>,
+    pub cells: Option<&'a [BareMotor]>,
     /// The random scenarios.
     pub survey: Option<&'a Survey>,
 }
@@ -49,7 +49,8 @@ fn headline(parts: Parts<'_>) -> String {
         add("reference responses", [of(|row| &row.configured), of(|row| &row.unknown)]);
     }
     if let Some(cells) = parts.cells {
-        let of = |verdicts: fn(&Cell) -> &[[Verdict; 2]]| cells.iter().flat_map(verdicts).flatten().collect();
+        let of =
+            |verdicts: fn(&BareMotor) -> &[[Verdict; 2]]| cells.iter().flat_map(verdicts).flatten().collect();
         add("responses of bare motors", [of(|cell| &cell.configured), of(|cell| &cell.unknown)]);
     }
     if let Some(Survey { responses, .. }) = parts.survey {
@@ -157,12 +158,12 @@ fn cell(row: &Row, configured: bool, index: usize) -> Option<String> {
 }
 
 /// The motors without a load that do not settle.
-fn bare_motors(page: &mut Page, cells: &[Cell]) {
+fn bare_motors(page: &mut Page, cells: &[BareMotor]) {
     let mut table = table::new(&["configuration", "motor", "mode", "period", "responses"], 5);
     let mut failed = 0;
     for cell in cells {
         for (knowledge, all) in [(Knowledge::Exact, &cell.configured), (Knowledge::Unknown, &cell.unknown)] {
-            for (ms, verdicts) in cells::PERIODS.iter().zip(all) {
+            for (ms, verdicts) in bare_motors::PERIODS.iter().zip(all) {
                 if verdicts.iter().all(|verdict| verdict.settling_s.is_some()) {
                     continue;
                 }
@@ -177,7 +178,7 @@ fn bare_motors(page: &mut Page, cells: &[Cell]) {
             }
         }
     }
-    let all = cells.len() * cells::PERIODS.len();
+    let all = cells.len() * bare_motors::PERIODS.len();
     page.table("Bare motors that do not settle", table);
     page.text(&format!(
         "With default settings {} of {all} settle configured exactly. A response: settling time [lowest and highest error in \

@@ -4,9 +4,10 @@ use super::find;
 use super::numbers::{
     BusVoltage, Degrees, Energy, PositionBound, SettlingTime, SpeedBound, Swing, UpTo1000, out_of_range,
 };
-use crate::scenario::expectation::{Bounds, Expectation, Expected, Quantity, RegimeName, Subject};
+use crate::scenario::expectation::{Bounds, Expectation, Expected, Quantity, Subject, regime_name};
 use crate::scenario::types::{Group, Motor};
-use motor_hub::motor::EncoderFault;
+use motor_hub::braking::Regime;
+use motor_hub::record::Fault;
 use serde::Deserialize;
 use std::ops::Range;
 
@@ -27,9 +28,9 @@ pub(super) struct ExpectTable {
     heading_error_below_degrees: Option<Degrees>,
     bus_between_v: Option<[BusVoltage; 2]>,
     #[serde(default)]
-    ever: Vec<RegimeName>,
+    ever: Vec<RegimeWord>,
     #[serde(default)]
-    never: Vec<RegimeName>,
+    never: Vec<RegimeWord>,
     fault: Option<FaultWord>,
 }
 
@@ -39,6 +40,22 @@ enum FaultWord {
     None,
     Stuck,
     Reversed,
+}
+
+/// A regime by its name.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(try_from = "String")]
+struct RegimeWord(Option<Regime>);
+
+impl TryFrom<String> for RegimeWord {
+    type Error = String;
+
+    fn try_from(word: String) -> Result<Self, String> {
+        let all = [Some(Regime::Forward), Some(Regime::Braking), Some(Regime::Reverse), None];
+        let regime = all.into_iter().find(|&regime| regime_name(regime) == word);
+        let names = || all.map(|regime| format!("`{}`", regime_name(regime))).join(", ");
+        regime.map(Self).ok_or_else(|| format!("unknown variant `{word}`, expected one of {}", names()))
+    }
 }
 
 impl ExpectTable {
@@ -123,17 +140,13 @@ impl ExpectTable {
             below(self.current_step_below_a, Quantity::CurrentStep),
             between(self.energy_returned_between_j, Quantity::EnergyReturned)?,
         ];
-        let regimes = self
-            .ever
-            .iter()
-            .copied()
-            .map(Expected::Ever)
-            .chain(self.never.iter().copied().map(Expected::Never));
+        let ever = self.ever.iter().map(|regime| Expected::Ever(regime.0));
+        let regimes = ever.chain(self.never.iter().map(|regime| Expected::Never(regime.0)));
         let fault = self.fault.map(|word| {
             Expected::Fault(match word {
                 FaultWord::None => None,
-                FaultWord::Stuck => Some(EncoderFault::Stuck),
-                FaultWord::Reversed => Some(EncoderFault::Reversed),
+                FaultWord::Stuck => Some(Fault::EncoderStuck),
+                FaultWord::Reversed => Some(Fault::EncoderReversed),
             })
         });
         Ok(quantities.into_iter().flatten().chain(regimes).chain(fault).collect())

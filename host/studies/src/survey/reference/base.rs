@@ -8,8 +8,8 @@ use crate::StudyError;
 use crate::groups::HeadingError;
 use crate::survey::parallel;
 use motor_hub::motor::Setpoint;
-use simulated::direct;
 use simulated::scenario::Scenario;
+use simulated::without_tasks;
 
 /// What the base does, and its courses as a scenario file has them.
 const TASKS: [(&str, &str); 2] = [
@@ -70,7 +70,7 @@ fn degrees(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<f64,
     let group = scenario.groups.first().ok_or(StudyError::NoEvent)?;
     let mut heading = HeadingError::new(group, &scenario.motors).ok_or(StudyError::NoEvent)?;
     let mut largest = 0.0;
-    direct::run(&scenario, |moment| {
+    without_tasks::run(&scenario, |moment| {
         // Between two ticks the references are those of the last tick.
         if !moment.ms.is_multiple_of(period_ms.into()) {
             return;

@@ -1,7 +1,7 @@
 //! Every motor of the catalogue without a load, at a speed and to a position, with default settings.
 
-use super::judge::{Verdict, challenges, judge, watch};
 use super::parallel::{self, ByKnowledge};
+use super::responses::{Verdict, challenges, judge, watch};
 use super::time_constant;
 use crate::StudyError;
 use motor_hub::model::battery::Battery;
@@ -25,7 +25,7 @@ const LENGTH_S: f64 = 3.0;
 
 /// A motor in a mode, at all [`PERIODS`].
 #[derive(Clone, Debug, Serialize)]
-pub struct Cell {
+pub struct BareMotor {
     /// The motor's name.
     pub motor: &'static str,
     /// Its inertia is the paper's, not the measured one.
@@ -38,11 +38,11 @@ pub struct Cell {
     pub unknown: Vec<[Verdict; 2]>,
 }
 
-/// Runs all cells; `progress` gets the number of runs that are done, and of all.
+/// Runs all bare motors; `progress` gets the number of runs that are done, and of all.
 ///
 /// # Errors
 /// If a run fails.
-pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Cell>, StudyError> {
+pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<BareMotor>, StudyError> {
     let mut motors: Vec<catalogue::Motor> =
         catalogue::motors().map(|motor| motor.with_measured_rotor_inertia()).collect();
     // With their measured inertia the Core Hex motors take half a minute to start.
@@ -55,14 +55,15 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Cell>, StudyErr
     let scenarios: Vec<Scenario> =
         names.iter().map(|&(motor, mode)| scenario(motor, mode == "velocity")).collect();
     let verdicts = parallel::at_all_periods(&scenarios, &PERIODS, both, progress)?;
-    let cell = |((motor, mode), [configured, unknown]): ((catalogue::Motor, _), ByKnowledge<_>)| Cell {
-        motor: motor.name,
-        paper_inertia: motor.j != motor.j_rotor_measured,
-        mode,
-        configured,
-        unknown,
-    };
-    Ok(names.into_iter().zip(verdicts).map(cell).collect())
+    let bare_motor =
+        |((motor, mode), [configured, unknown]): ((catalogue::Motor, _), ByKnowledge<_>)| BareMotor {
+            motor: motor.name,
+            paper_inertia: motor.j != motor.j_rotor_measured,
+            mode,
+            configured,
+            unknown,
+        };
+    Ok(names.into_iter().zip(verdicts).map(bare_motor).collect())
 }
 
 /// From rest to half of the free speed and on to a tenth of it; or the distance of half of the free speed in a

@@ -3,9 +3,9 @@
 use crate::StudyError;
 use crate::settling::{Goal, rest_s, settling};
 use serde::Serialize;
-use simulated::direct;
 use simulated::scenario::{Motor, Scenario};
 use simulated::trace::Point;
+use simulated::without_tasks;
 
 /// Length of the end of a response in which swings are counted, in milliseconds.
 const SWING_MS: usize = 1_000;
@@ -101,7 +101,7 @@ pub(super) struct Instant {
 /// Runs a scenario; gives every millisecond of every motor.
 pub(super) fn watch(scenario: &Scenario) -> Result<Vec<Vec<Instant>>, StudyError> {
     let mut all: Vec<Vec<Instant>> = vec![Vec::new(); scenario.motors.len()];
-    direct::run(scenario, |moment| {
+    without_tasks::run(scenario, |moment| {
         let motors = moment.motors.iter().zip(&moment.snapshot.motors);
         for (track, (&(speed_cps, counts), report)) in all.iter_mut().zip(motors) {
             let fault = report.faults.encoder.is_some();

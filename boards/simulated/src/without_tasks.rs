@@ -4,10 +4,10 @@
 //! millisecond, as on a chip. The time driver of the tasks needs a whole millisecond.
 //!
 //! ```
-//! use simulated::{direct, scenario::Scenario};
+//! use simulated::{scenario::Scenario, without_tasks};
 //!
 //! let mut milliseconds = 0;
-//! direct::run(&Scenario::default_one()?, |_| milliseconds += 1)?;
+//! without_tasks::run(&Scenario::default_one()?, |_| milliseconds += 1)?;
 //! assert_eq!(milliseconds, 10_000);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

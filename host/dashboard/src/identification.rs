@@ -1,0 +1,172 @@
+//! A running identification of a motor, and its progress and result for pages.
+
+use crate::executor::{Executor, channel};
+use crate::hub::{Hub, RequestError};
+use crate::proposal::{catalogue_motor, inertia_ratio, proposal};
+use motor_hub::extension::settings::MotorSettings;
+use motor_hub::regulator::identify::{self, Identified};
+use motor_hub::units::Acceleration;
+use motor_hub_client::clock::Instant;
+use motor_hub_client::identification::{Identifying, Progress};
+use serde::Serialize;
+use std::time::Duration;
+
+/// Interval between questions about a running identification.
+const INTERVAL: Duration = Duration::from_millis(100);
+
+/// A running identification.
+#[derive(Debug)]
+pub(crate) struct Identification {
+    motor: u8,
+    identifying: Identifying,
+    /// Time of the last step.
+    asked: Instant,
+}
+
+/// Progress or result of an identification.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct IdentificationProgress {
+    /// Motor, 0 to 3.
+    pub(crate) motor: u8,
+    /// `running`, `found` or `refused`.
+    pub(crate) state: &'static str,
+    /// Progress of a running identification, 0 to 100.
+    pub(crate) percent: Option<u8>,
+    /// Why an identification was refused.
+    pub(crate) why: Option<String>,
+    /// Result of a successful identification.
+    pub(crate) found: Option<Found>,
+}
+
+/// Response of a motor to a voltage.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(crate) struct Dynamics {
+    /// Acceleration per volt, in counts/s² per volt.
+    gain: f64,
+    /// Decay in 1/s.
+    decay: f64,
+    /// Friction in volts.
+    friction_v: f64,
+}
+
+/// Result of an identification.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(crate) struct Found {
+    #[serde(flatten)]
+    dynamics: Dynamics,
+    /// Back EMF with drag, in mV s/count.
+    emf_mv_s_per_count: f64,
+    /// Standard error of the acceleration per volt, as a share.
+    gain_error: f64,
+    /// Standard error of the decay, as a share.
+    decay_error: f64,
+    /// Changes of speed that are not explained, as a share of all.
+    residual: f64,
+    /// Largest acceleration before and as proposed, in counts/s²; `None` for no limit.
+    acceleration: [Option<u32>; 2],
+    /// The configured motor in the catalogue; `None` for other constants.
+    catalogue: Option<Bare>,
+}
+
+/// A motor of the catalogue without a load, beside an identified motor.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Bare {
+    name: &'static str,
+    #[serde(flatten)]
+    dynamics: Dynamics,
+    /// Inertia of the identified motor with its load, divided by that of this motor.
+    inertia_ratio: f64,
+}
+
+impl Identification {
+    /// Starts an identification: enables the motor with power 0, so that it brakes until it stands.
+    pub(crate) fn begin(session: &mut Hub, motor: u8, travel: Option<u32>) -> Result<Self, RequestError> {
+        let motor = channel(motor)?;
+        let identifying = Identifying::begin(session, motor, travel.unwrap_or(u32::MAX))?;
+        session.enable(motor, true)?;
+        Ok(Self { motor, identifying, asked: Instant::now() })
+    }
+
+    /// Continues. Returns the progress where there is news. A result is kept for the order that applies it.
+    ///
+    /// # Errors
+    /// The hub may be gone.
+    pub(crate) fn step(
+        &mut self,
+        session: &mut Hub,
+        executor: &mut Executor,
+    ) -> Result<Option<IdentificationProgress>, RequestError> {
+        if self.asked.elapsed() < INTERVAL {
+            return Ok(None);
+        }
+        self.asked = Instant::now();
+        let outcome = match self.identifying.step(session).map_err(RequestError::from) {
+            Ok(Progress::Braking | Progress::Started(_)) => return Ok(None),
+            Ok(Progress::Turning(percent)) => {
+                let running = self.progress("running");
+                return Ok(Some(IdentificationProgress { percent: Some(percent), ..running }));
+            }
+            Ok(Progress::Ended(outcome)) => outcome,
+            Err(RequestError::Refused(why)) => return Ok(Some(self.refused(why))),
+            Err(lost) => return Err(lost),
+        };
+        Ok(Some(match outcome {
+            identify::Identification::Found(found) => {
+                let (before, battery) = (session.settings(self.motor)?, session.battery()?);
+                let proposed = proposal(&before, &found.dynamics, battery);
+                if let Some(of) = executor.motors.get_mut(usize::from(self.motor)) {
+                    of.proposed = Some((found.dynamics, proposed.motor.acceleration));
+                }
+                let found = Found::of(&found, &before, &proposed);
+                IdentificationProgress { found: Some(found), ..self.progress("found") }
+            }
+            identify::Identification::Refused(why) => self.refused(why.to_string()),
+            _ => self.refused("the identification was interrupted".to_owned()),
+        }))
+    }
+
+    const fn progress(&self, state: &'static str) -> IdentificationProgress {
+        IdentificationProgress { motor: self.motor, state, percent: None, why: None, found: None }
+    }
+
+    fn refused(&self, why: String) -> IdentificationProgress {
+        IdentificationProgress { why: Some(why), ..self.progress("refused") }
+    }
+}
+
+impl IdentificationProgress {
+    /// True if the motor is to be disabled.
+    pub(crate) fn has_ended(&self) -> bool {
+        self.state != "running"
+    }
+}
+
+impl Dynamics {
+    pub(crate) fn of(known: motor_hub::regulator::Dynamics) -> Self {
+        Self {
+            gain: known.gain.to_f32().into(),
+            decay: known.decay.to_f32().into(),
+            friction_v: f64::from(known.friction.get()) / 1e3,
+        }
+    }
+}
+
+impl Found {
+    fn of(found: &Identified, before: &MotorSettings, proposed: &MotorSettings) -> Self {
+        let catalogue = catalogue_motor(&before.motor).map(|(motor, bare)| Bare {
+            name: motor.name,
+            dynamics: Dynamics::of(bare),
+            inertia_ratio: inertia_ratio(&bare, &found.dynamics),
+        });
+        let acceleration = |of: &MotorSettings| of.motor.acceleration.map(Acceleration::get);
+        Self {
+            dynamics: Dynamics::of(found.dynamics),
+            emf_mv_s_per_count: f64::from(found.emf.to_bits()) / f64::from(1 << 20),
+            gain_error: f64::from(found.gain_error) / 1e3,
+            decay_error: f64::from(found.decay_error) / 1e3,
+            residual: f64::from(found.residual) / 1e3,
+            acceleration: [acceleration(before), acceleration(proposed)],
+            catalogue,
+        }
+    }
+}
