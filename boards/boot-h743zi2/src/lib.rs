@@ -5,7 +5,7 @@
 mod bank;
 pub mod layout;
 mod memory;
-// The same sources, not the same package: the drivers of a hub have no place in a bootloader of 16 kB.
+// The two files are shared with the package of the hub's drivers. The package itself would be too large for a bootloader of 16 kB.
 #[path = "../../stm32/src/mpu.rs"]
 mod mpu;
 #[path = "../../stm32/src/start.rs"]
