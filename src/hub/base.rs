@@ -1,9 +1,9 @@
-//! The drive base of a hub: its odometry, and how its wheels hold the heading of a gyro.
+//! The drive base of a hub, which has a left and a right wheel: its odometry, and how its wheels follow the heading of a gyro.
 //!
 //! With a gyro the wheels of the base have *corrected positions*: the counts that the encoders would have if the wheels had turned the
-//! base exactly as the gyro says. The *correction* of a wheel is its encoder's position minus the corrected position. A group of both
-//! wheels moves in corrected positions: so a straight course stays straight, and a turn ends at its angle. Without a gyro, and for all
-//! other groups, the correction is 0.
+//! base exactly as the gyro says. The *correction* of a wheel is its encoder's position minus the corrected position. The
+//! group of both wheels is controlled in corrected positions, so a straight course stays straight, and a turn ends at its angle.
+//! Without a gyro, and for all other groups, the correction is 0.
 //!
 //! ```text
 //!         first reading       no reading for 100 ms
@@ -12,30 +12,33 @@
 //!                          '----------------------------> Implausible
 //! ```
 //!
-//! While the gyro is lost or implausible the correction stays, and the base goes on by its encoders. A gyro that is mounted upside down
-//! would turn the base faster and faster. Therefore the correction has a largest speed, and the turns of gyro and wheels are compared.
+//! While the gyro is lost or implausible, the correction keeps its last value, and the encoders alone give the heading. A gyro that is
+//! mounted upside down would turn the base faster and faster. Therefore the speed of the correction is limited, and the turns of
+//! gyro and wheels are compared.
 
 use crate::group::{BaseSettings, GyroState, Odometry};
 use crate::units::Micros;
 
-/// Longest age of a reading of the gyro, in microseconds: some transfers of hosts on the same bus may come first.
+/// Age in microseconds beyond which a reading of the gyro is not used. The limit leaves time for a host's transfers on the gyro's bus.
 const GYRO_TIMEOUT_US: u64 = 100_000;
 
 /// Largest speed at which the correction changes, in degrees of the base's heading per second. A slip of 5 % in turns of 360 degrees per
 /// second needs 18 degrees per second.
 const CORRECTION_DEGREES_PER_S: f64 = 45.0;
 
-/// Limits of the comparison of gyro and wheels.
+/// Limits of the comparison of gyro and wheels. A motion is compared in parts.
 struct PlausibleTurns;
 
 impl PlausibleTurns {
-    /// Length of the parts of a motion that are compared, in microseconds: ten readings of the gyro.
+    /// Length of a part in microseconds. It has about ten readings of the gyro.
     const PART_US: u64 = 100_000;
-    /// Turn of the wheels in degrees from which a part counts. Wheels that are 5 % unlike seem to turn by less on a straight course.
+    /// Smallest turn of the wheels in degrees with which a part counts. On a straight course wheels whose diameters differ by 5 % seem to
+    /// turn by less, up to a speed of five track widths per second.
     const LEAST_DEGREES: f64 = 1.5;
-    /// Sum of counted turns of the wheels, in degrees, after which the gyro is judged.
+    /// Sum of the turns of the wheels in the counted parts, in degrees, after which the gyro is judged.
     const JUDGED_DEGREES: f64 = 30.0;
-    /// Smallest turn of the gyro, as a share of the turn of the wheels. Wheels that slip more do not move the base.
+    /// Smallest turn of a plausible gyro, divided by the turn of the wheels. Wheels that slip by more than 70 % of their turn make the gyro
+    /// implausible too.
     const LEAST_SHARE: f64 = 0.3;
 }
 
@@ -52,11 +55,11 @@ pub struct GyroReading {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BaseState {
-    /// Distance forward from the start in micrometres, limited to the range of the type.
+    /// Distance forward from the start in micrometres, limited to 32 bits: +-2147 m.
     pub x_um: i32,
-    /// Distance to the left of the start in micrometres, limited to the range of the type.
+    /// Distance to the left of the start in micrometres, limited to 32 bits: +-2147 m.
     pub y_um: i32,
-    /// Angle by which the base has turned left, in 1/1000 degree. It counts whole turns, and is limited to the range of the type.
+    /// Angle by which the base has turned left, in 1/1000 degree. It counts whole turns, and is limited to 32 bits: +-5965 turns.
     pub heading_millidegrees: i32,
     /// Correction of the left and of the right wheel in counts.
     pub correction: [i32; 2],
@@ -78,21 +81,31 @@ pub(super) struct Base {
     read_at: Option<Micros>,
     /// Time of the last step.
     stepped_at: Micros,
-    /// Slip that the wheels have been corrected by so far, in degrees.
+    /// Slip of the wheels that the correction contains so far, in degrees of the base's heading.
     corrected_degrees: f64,
-    /// The same in counts of the left and of the right wheel.
+    /// Correction of the left and of the right wheel in counts, computed from `corrected_degrees`.
     correction: [i32; 2],
     turns: Turns,
+}
+
+/// Beginning of a part of a motion.
+#[derive(Clone, Copy, Debug, Default)]
+struct PartStart {
+    at: Micros,
+    /// Heading by the gyro in degrees.
+    heading: f64,
+    /// Heading by the wheels in degrees.
+    by_wheels: f64,
 }
 
 /// Turns of gyro and wheels.
 #[derive(Clone, Copy, Debug, Default)]
 struct Turns {
-    /// Time, heading and turn of the wheels at the start of the present part.
-    start: (Micros, f64, f64),
+    /// Beginning of the present part.
+    start: PartStart,
     /// Sum of the magnitudes of the counted turns of the wheels, in degrees.
     wheels_degrees: f64,
-    /// Sum of the turns of the gyro in the direction of the wheels, in degrees.
+    /// Sum of the turns of the gyro in the counted parts, in degrees; positive in the direction of the wheels.
     gyro_degrees: f64,
 }
 
@@ -100,15 +113,16 @@ impl Turns {
     /// Compares the heading by the gyro with the turn of the wheels, both in degrees since the start of the base. Returns false if the
     /// gyro does not turn with the wheels.
     fn step(&mut self, now: Micros, heading: f64, by_wheels: f64) -> bool {
-        let (since, last_heading, last_by_wheels) = self.start;
-        if now.since(since) < PlausibleTurns::PART_US {
+        let start = self.start;
+        if now.since(start.at) < PlausibleTurns::PART_US {
             return true;
         }
-        self.start = (now, heading, by_wheels);
-        let turned = by_wheels - last_by_wheels;
+        self.start = PartStart { at: now, heading, by_wheels };
+        let turned = by_wheels - start.by_wheels;
+        let turned_by_gyro = heading - start.heading;
         if turned.abs() >= PlausibleTurns::LEAST_DEGREES {
             self.wheels_degrees += turned.abs();
-            self.gyro_degrees += if turned > 0.0 { heading - last_heading } else { last_heading - heading };
+            self.gyro_degrees += if turned > 0.0 { turned_by_gyro } else { -turned_by_gyro };
         }
         if self.wheels_degrees < PlausibleTurns::JUDGED_DEGREES {
             return true;
@@ -131,7 +145,11 @@ impl Base {
             stepped_at: Micros::new(0),
             corrected_degrees: 0.0,
             correction: [0; 2],
-            turns: Turns { start: (Micros::new(0), 0.0, 0.0), wheels_degrees: 0.0, gyro_degrees: 0.0 },
+            turns: Turns {
+                start: PartStart { at: Micros::new(0), heading: 0.0, by_wheels: 0.0 },
+                wheels_degrees: 0.0,
+                gyro_degrees: 0.0,
+            },
         }
     }
 
@@ -164,7 +182,8 @@ impl Base {
                 self.gyro = GyroState::Good;
                 let pose = odometry.pose();
                 let by_wheels = pose.heading_degrees + odometry.slip_degrees();
-                self.turns = Turns { start: (now, pose.heading_degrees, by_wheels), ..Turns::default() };
+                let start = PartStart { at: now, heading: pose.heading_degrees, by_wheels };
+                self.turns = Turns { start, ..Turns::default() };
             }
             (GyroState::Good, None) => {
                 self.gyro = GyroState::Lost;
@@ -187,7 +206,7 @@ impl Base {
         if self.gyro == GyroState::Good {
             let most = CORRECTION_DEGREES_PER_S * step_s;
             self.corrected_degrees += (slip - self.corrected_degrees).clamp(-most, most);
-            // A slip of more than 2^31 counts is not possible: a wheel has no more counts.
+            // The position of a wheel has 32 bits, so the slip cannot exceed them.
             self.correction = geometry.turn(self.corrected_degrees).unwrap_or_default();
         }
     }
@@ -207,7 +226,7 @@ impl Base {
 
     pub(super) fn state(&self) -> BaseState {
         let pose = self.odometry.map(|odometry| odometry.pose()).unwrap_or_default();
-        // The conversion saturates.
+        // The conversion of a float to an integer limits it to the range of the integer.
         let thousandths = |value: f64| libm::round(1e3 * value) as i32;
         BaseState {
             x_um: thousandths(pose.x_mm),
