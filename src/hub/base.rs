@@ -32,8 +32,8 @@ struct PlausibleTurns;
 impl PlausibleTurns {
     /// Length of a part in microseconds. It has about ten readings of the gyro.
     const PART_US: u64 = 100_000;
-    /// Smallest turn of the wheels in degrees with which a part counts. On a straight course wheels whose diameters differ by 5 % seem to
-    /// turn by less, up to a speed of five track widths per second.
+    /// Smallest turn of the wheels in degrees with which a part counts. On a straight course wheels whose diameters differ by 5 %
+    /// seem to turn the base by less, as long as the base moves by less than five track widths per second.
     const LEAST_DEGREES: f64 = 1.5;
     /// Sum of the turns of the wheels in the counted parts, in degrees, after which the gyro is judged.
     const JUDGED_DEGREES: f64 = 30.0;

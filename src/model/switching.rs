@@ -2,7 +2,7 @@
 //!
 //! The back EMF `e` is constant. While a current `i` of one sign flows in one state, it follows
 //! `L i' + (R + n Ron) i + e = b Vbat + d Vd`. `L` and `R` are inductance and resistance of the winding, `Ron` is the resistance
-//! of a closed switch, `Vbat` the battery voltage, and `Vd` the voltage drop of a catch diode:
+//! of a closed switch, `Vbat` the battery voltage, and `Vd` the voltage drop of a catch diode.
 //!
 //! | term | meaning |
 //! |---|---|
@@ -195,7 +195,7 @@ struct MixedState {
 }
 
 impl MixedState {
-    /// The bridge in one state.
+    /// Creates the mix for a bridge that is in one state.
     const fn pure(state: State) -> Self {
         Self { on: state, off: state, share: 1.0 }
     }

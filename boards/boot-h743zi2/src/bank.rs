@@ -44,7 +44,7 @@ const WORD: usize = 32;
 /// A word of the flash, as eight numbers of 32 bits.
 type Word = [u32; WORD / 4];
 
-/// What erased flash reads.
+/// A word of erased flash.
 const BLANK: Word = [u32::MAX; WORD / 4];
 
 /// Number of reads of the status register in a row that must show an idle bank.

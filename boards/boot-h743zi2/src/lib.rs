@@ -1,5 +1,5 @@
-//! What the bootloader of the NUCLEO-H743ZI2 shares with the hub that it boots: the layout of the flash, the driver of the
-//! flash, the memory that nothing is executed from, and the key of signed firmware.
+//! Shared by the bootloader of the NUCLEO-H743ZI2 and the hub that it boots: the layout and the driver of the flash, the regions
+//! of memory that are not executable, and the key of signed firmware.
 #![no_std]
 
 mod bank;

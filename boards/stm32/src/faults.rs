@@ -50,7 +50,7 @@ impl End {
         (self.open)();
         cortex_m::interrupt::disable();
         // A second fault while this one is reported must not be reported again. Interrupts are masked, so nothing runs between
-        // the load and the store. Not every core has an atomic exchange.
+        // the load and the store.
         static REPORTED: AtomicBool = AtomicBool::new(false);
         if !REPORTED.load(Ordering::Relaxed) {
             REPORTED.store(true, Ordering::Relaxed);

@@ -1,4 +1,4 @@
-//! What measurements of the battery and of the chip's own supply share on all STM32 chips.
+//! Parts of the measurement of the battery, and of the chip's own supply, that are the same on all STM32 chips.
 
 use core::future::poll_fn;
 use core::ptr::with_exposed_provenance;
