@@ -1,4 +1,5 @@
-//! The H bridge: the nine states that may be commanded, the PWM modes 9/8, 6/2 and 5/0, and the bridge's constants.
+//! The H bridge: the nine states that may be commanded, the modes that alternate between two states, and the bridge's
+//! constants.
 //!
 //! ```
 //! use motor_hub::bridge::{Drive, Mode, State};
@@ -9,15 +10,16 @@
 //! assert_eq!((drive.mode.on(), drive.mode.off()), (State::DriveCw, State::HighLeft));
 //! ```
 //!
-//! Switches are numbered as in the paper (section 1.2). The number of a state is the sum of its closed switches:
+//! Switches are numbered as in section 1.2 of *the paper*: R. Atkinson, *On Proportional Braking in H Bridges* (2018). The
+//! number of a state is the sum of its closed switches:
 //!
 //! | | left | right |
 //! |---|---|---|
 //! | high side | S1 = 8 | S3 = 2 |
 //! | low side | S2 = 4 | S4 = 1 |
 //!
-//! Clockwise (CW) is current from left to right. Diode Dn lies antiparallel to Sn. `model::bridge_states` describes what a
-//! state does to a motor, and compares the states with the paper's table.
+//! Current from left to right turns the motor clockwise (CW). Each switch has a catch diode antiparallel to it.
+//! `model::bridge_states` computes what each state does to a motor.
 
 use crate::units::{Duty, Milliamperes, Millivolts, RangeError};
 
@@ -67,9 +69,9 @@ impl State {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Mode {
-    /// Mode 9/8 drives CW, then freewheels.
+    /// Mode 9/8 drives CW, then freewheels: S1 stays closed, and S4 opens.
     Cw98,
-    /// Mode 6/2 drives CCW, then freewheels.
+    /// Mode 6/2 drives counter-clockwise (CCW), then freewheels: S3 stays closed, and S2 opens.
     Ccw62,
     /// Mode 5/0 shorts the motor, then opens the bridge. This is proportional braking.
     #[default]
@@ -120,9 +122,9 @@ impl Mode {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Drive {
-    /// The pair of states that alternates.
+    /// The mode, which is a pair of states that alternate.
     pub mode: Mode,
-    /// The share of the period spent in the mode's first state.
+    /// The share of the PWM period that is spent in the mode's first state.
     pub duty: Duty,
 }
 
@@ -137,8 +139,8 @@ impl Drive {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BridgeFeedback {
-    /// Mean current by the current-sense line, positive. `None` without a current-sense line, or if the converter did
-    /// not answer.
+    /// Mean current that the current-sense line shows, at least 0. `None` without a current-sense line, or if the converter
+    /// did not answer.
     pub current: Option<Milliamperes>,
     /// True if the bridge has switched itself off.
     pub fault: bool,
@@ -163,11 +165,12 @@ pub struct SenseScale {
 impl SenseScale {
     /// Scale of the usual VNH5019A-E carrier boards with a 3.3 V converter: about 140 mV/A.
     ///
-    /// The chip divides the motor's current by about 7000 into 1 kohm. This ratio is 4670 to 10 110 at 3 A, and 6060 to
-    /// 8330 at 8 A (Doc ID 15701, table 9). So the accuracy depends on the ratio, and hardly on the 3.3 V supply.
+    /// The chip's sense output is the motor's current divided by about 7000, and flows through 1 kohm. The ratio of a chip is
+    /// between 4670 and 10 110 at 3 A, and between 6060 and 8330 at 8 A (data sheet Doc ID 15701, table 9). This
+    /// scale therefore shows a current of 3 A as 2.1 to 4.6 A, and a current of 8 A as 6.9 to 9.4 A.
     pub const VNH5019_CARRIER: Self = Self { full_scale_ma: 3_300 * 1_000 / 140 };
 
-    /// Creates a scale from the converter's reference voltage and the line's sensitivity in mV/A.
+    /// Creates a scale from the converter's reference voltage and the sensitivity of the line in mV/A.
     ///
     /// # Errors
     /// [`RangeError::Sense`] if either is 0.
@@ -179,7 +182,8 @@ impl SenseScale {
         Ok(Self { full_scale_ma: reference.get() as u32 * 1_000 / mv_per_a as u32 })
     }
 
-    /// Returns the current of a reading. `bits` is the converter's resolution, 1 to 16. A larger value counts as 16.
+    /// Returns the current of a reading. `bits` is the converter's resolution, 1 to 16. The value 0 counts as 1, and a larger
+    /// value as 16.
     pub const fn current(self, reading: u16, bits: u32) -> Milliamperes {
         let full_scale = if bits >= 16 { u16::MAX } else { (1 << bits) - 1 };
         let full_scale = if full_scale == 0 { 1 } else { full_scale };
@@ -211,12 +215,11 @@ impl Timing {
 
     /// Timing of a VNH5019A-E, which is assumed to switch like a VNH2SP30-E.
     ///
-    /// The data sheet of the VNH2SP30-E (DocID10832) gives these values at 13 V, which are typical where no other limit
-    /// is named:
+    /// The data sheet of the VNH2SP30-E (DocID10832) gives these typical values at 13 V, with their limits in parentheses:
     ///
-    /// * An output falls within 1.2 us (at most 2.4) of a rising PWM line, and rises within 1 us (at most 1.6) of a
-    ///   falling PWM line.
-    /// * A change of mode takes 600 us (300 to 1800).
+    /// * An output falls 1.2 us (at most 2.4 us) after a rising edge of the PWM line, and rises 1 us (at most 1.6 us) after
+    ///   a falling edge.
+    /// * A change of mode takes 600 us (300 to 1800 us).
     /// * The bridge may mistake a low time of less than 6 us for a short circuit, and then reports a fault.
     ///
     /// The data sheet gives no shortest high time. The value of 2.4 us is the longest time that an output takes to

@@ -7,11 +7,11 @@
 //!                    child     child
 //! ```
 //!
-//! The hub that a host's discovery reaches is the parent. Only the parent starts to send on the chain line; a child answers
-//! what it is asked. The parent
-//! * passes on the host's requests to other addresses, unchanged, and the answers to them;
-//! * asks each address for a hub at a host's discovery, [`SLOT_MICROS`] for each;
-//! * does not answer for a child that is silent. It waits at most [`ANSWER_MICROS`] before it asks another child;
+//! A *discovery* is the host's request to all hubs to state their addresses. The hub that receives it from the host is the parent.
+//! A child sends on the chain line only to answer the parent. The parent
+//! * passes on the host's requests to other addresses, and the answers to them, unchanged;
+//! * asks each address after a discovery whether it has a hub, and waits [`SLOT_MICROS`] for each answer;
+//! * waits at most [`ANSWER_MICROS`] for the answer to another request. If none comes, the host gets none either;
 //! * passes on a *stop to all*, a fail-safe to the address 255, before all waiting requests. No child answers it.
 //!
 //! The parent's own answers do not pass through the chain line, so no child can delay them. Each hub has its own keep-alive timer,
@@ -29,7 +29,7 @@
 //! assert_eq!(chain.next(now), Some(keep_alive));
 //! chain.sent(now);
 //!
-//! // The child is silent. The line is free again after a while.
+//! // The child does not answer. The line is free again after `ANSWER_MICROS`.
 //! assert_eq!(chain.deadline(), Some(Micros::new(ANSWER_MICROS)));
 //! ```
 
@@ -43,7 +43,8 @@ use heapless::Deque;
 /// answer takes 4 ms on the line.
 pub const ANSWER_MICROS: u64 = 10_000;
 
-/// Time in which a discovery waits for the hub at one address, in microseconds. All addresses take half a second, as hosts expect.
+/// Time for which a discovery waits for the hub at one address, in microseconds. Hosts wait about half a second for a discovery:
+/// 254 addresses take 0.51 s, and the time to send the requests.
 pub const SLOT_MICROS: u64 = 2_000;
 
 /// Largest number of requests that wait for the chain line. Hosts wait for an answer before they send the next request, or send
@@ -51,24 +52,24 @@ pub const SLOT_MICROS: u64 = 2_000;
 const WAITING: usize = 8;
 
 payload! {
-    /// What the parent knows of the chain line since its start.
+    /// State of the chain line, as the parent has found it since its start.
     #[derive(Copy, Default)]
     pub struct ChainReport {
-        /// True until a discovery has asked all addresses.
+        /// True while a discovery has addresses to ask, or waits for an answer.
         pub discovering: bool,
-        /// The addresses from which an answer has come.
+        /// The addresses from which an answer has come. A discovery removes an address that does not answer.
         pub heard: Addresses,
-        /// The addresses that more than one hub has: at the last discovery the answer was damaged, or it had the address of the
-        /// parent. A hub behind such an address cannot be used.
+        /// The addresses that more than one hub has. Two children answered the last discovery together, which damaged the answer,
+        /// or a child answered with the address of the parent. A hub with such an address cannot be used.
         pub clashing: Addresses,
     }
 }
 
 payload! {
-    /// A set of addresses. Bit i of byte b stands for the address 8 b + i.
+    /// A set of addresses of hubs.
     #[derive(Copy, Default)]
     pub struct Addresses {
-        /// The bits.
+        /// Bit i of byte b is 1 if the address 8 b + i is in the set.
         pub bits: [u8; 32],
     }
 }
@@ -93,7 +94,7 @@ impl Addresses {
     }
 }
 
-/// A question on the chain line that is not answered yet.
+/// A request on the chain line that is not answered yet.
 #[derive(Clone, Copy, Debug)]
 struct Question {
     address: u8,
@@ -101,7 +102,7 @@ struct Question {
     discovery: bool,
     /// Time at which the line is free again without an answer. `None` until the question has been sent.
     until: Option<Micros>,
-    /// True if bytes have arrived since.
+    /// True if bytes have arrived after the question, and no packet since these bytes.
     disturbed: bool,
 }
 
@@ -130,22 +131,22 @@ impl Chain {
         }
     }
 
-    /// Returns what is known of the chain line.
+    /// Returns the state of the chain line.
     pub fn report(&self) -> ChainReport {
         let discovering =
             self.discovery.is_some() || self.question.is_some_and(|question| question.discovery);
         ChainReport { discovering, ..self.report }
     }
 
-    /// Takes a host's request to another hub. A request is dropped if [`PAYLOAD_KEPT`] bytes or more follow its head, which no
-    /// host sends, and if too many requests wait. The host then repeats it.
+    /// Queues a host's request to another hub. The request is dropped if its payload has [`PAYLOAD_KEPT`] bytes or more, which no
+    /// host sends. It is also dropped if eight requests wait already, and the host then repeats it.
     pub fn request(&mut self, packet: Packet) {
         if packet.payload.len() < PAYLOAD_KEPT {
             let _ = self.requests.push_back(packet);
         }
     }
 
-    /// Passes on a stop to all hubs, before all waiting requests. A stop replaces the newest request if too many wait.
+    /// Queues a stop to all hubs, before all waiting requests. If eight requests wait already, the newest of them is dropped.
     pub fn stop(&mut self, packet: Packet) {
         if self.requests.is_full() {
             let _ = self.requests.pop_back();
@@ -159,7 +160,7 @@ impl Chain {
         self.discovery = Some(Packet { destination: 1, id: DISCOVERY, ..request.clone() });
     }
 
-    /// Notes that bytes have arrived, whether or not they are a packet.
+    /// Notes that bytes have arrived, whether or not they form a packet.
     pub fn note_bytes(&mut self) {
         if let Some(question) = &mut self.question {
             question.disturbed = true;
@@ -172,7 +173,7 @@ impl Chain {
     pub fn receive(&mut self, packet: Packet, own: Address) -> Option<Packet> {
         let Packet { source, .. } = packet;
         if let Some(question) = &mut self.question {
-            // These bytes were a packet, whoever sent it.
+            // The bytes that arrived were a packet, so no answers have collided.
             question.disturbed = false;
         }
         if packet.destination != HOST || !self.asked.has(source) {
@@ -185,8 +186,8 @@ impl Chain {
         (!clashes).then_some(packet)
     }
 
-    /// Returns the packet that must be sent now. `None` while an answer may come, or if there is nothing to ask. After sending,
-    /// call [`sent`](Self::sent).
+    /// Returns the packet that must be sent now. `None` while an answer may still come, or if no packet waits. After the packet is
+    /// sent, [`sent`](Self::sent) must be called.
     pub fn next(&mut self, now: Micros) -> Option<Packet> {
         if let Some(question) = self.question {
             if question.until.is_none_or(|until| now < until) {
@@ -194,7 +195,7 @@ impl Chain {
             }
             self.question = None;
             if question.discovery {
-                // The answer of one hub would have been a packet.
+                // No packet has arrived from this address. Bytes without a packet are answers that collided.
                 self.report.clashing.set(question.address, question.disturbed);
                 self.report.heard.set(question.address, false);
             }
@@ -217,7 +218,7 @@ impl Chain {
         Some(packet)
     }
 
-    /// Notes that the packet that [`next`](Self::next) has returned is on the line to its last byte.
+    /// Notes that the last byte of the packet from [`next`](Self::next) has been sent.
     pub fn sent(&mut self, now: Micros) {
         if let Some(question) = &mut self.question {
             let wait = match question.address {
@@ -229,7 +230,7 @@ impl Chain {
         }
     }
 
-    /// Returns the time at which [`next`](Self::next) must be called though nothing has arrived. `None` if that is not needed.
+    /// Returns the time at which [`next`](Self::next) must be called even if nothing arrives. `None` if no time-out runs.
     pub fn deadline(&self) -> Option<Micros> {
         self.question.and_then(|question| question.until)
     }

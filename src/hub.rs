@@ -58,8 +58,8 @@ pub enum Action {
     Configure(Settings),
     /// Moves a group. [`Command::motor`] is any member of the group.
     ///
-    /// If a group with exactly these members is moving already, its references continue without a step on the new
-    /// course. Otherwise the members leave their other groups and form a new group.
+    /// If a group with exactly these members is moving already, its references continue on the new course without a
+    /// jump. Otherwise the members leave their other groups and form a new group.
     Lead(GroupCommand),
     /// Configures the drive base. [`Command::motor`] is any motor. The base starts at the origin, and both wheels leave their groups.
     /// `None` removes the drive base.
@@ -85,14 +85,14 @@ pub struct Snapshot<const N: usize> {
     pub tick: u32,
     /// Time of the tick.
     pub at: Micros,
-    /// Number of ticks since boot that were left out because a tick ended too late.
+    /// Number of ticks since boot that were skipped because the tick before them ended too late.
     pub missed: u32,
     /// Number of the newest command that the snapshot includes. 0 before the first command, which has number 1. Numbers wrap
     /// from 2^32 - 1 to 0.
     pub commands: u32,
     /// Battery voltage. `None` without a [fresh](Battery::is_fresh) state of the battery.
     pub battery: Option<Millivolts>,
-    /// Limits of the supply, and the energy of braking motors.
+    /// Limits of the supply, and the energy that braking motors have returned and dissipated.
     pub bus: Bus,
     /// State of the drive base. `None` until a base is configured.
     pub base: Option<BaseState>,
@@ -168,7 +168,7 @@ pub struct Hub<const N: usize> {
     /// Number of the newest command that was applied.
     commands: u32,
     bus: Bus,
-    /// Time up to which the bus has the energy of the motors; `None` before the first addition.
+    /// Time up to which the energy of the motors has been added to `bus`; `None` before the first addition.
     energy_until: Option<Micros>,
     /// The newest [`Battery::draw`] that the motors were limited to.
     draw: Share,
@@ -240,8 +240,10 @@ impl<const N: usize> Hub<N> {
     pub fn execute_direct(&mut self, now: Micros, battery: Option<Battery>) -> Option<[Drive; N]> {
         let battery = battery.filter(|battery| battery.is_fresh(now));
         self.update_energy(now);
-        let changed =
-            self.motors.iter_mut().fold(false, |changed, motor| motor.step_direct(now, battery) | changed);
+        let mut changed = false;
+        for motor in &mut self.motors {
+            changed |= motor.step_direct(now, battery);
+        }
         changed.then(|| self.motors.each_ref().map(Motor::drive))
     }
 
@@ -294,8 +296,8 @@ impl<const N: usize> Hub<N> {
         self.limit_supply(&battery, battery.at).then(|| self.motors.each_ref().map(Motor::drive))
     }
 
-    /// True if the limits have changed, or if braking motors must dissipate energy. Their bridges then need a new pulse
-    /// at each new state of the bus.
+    /// True if the limits have changed, or if braking motors must dissipate energy. The bridges of such motors need a new
+    /// pulse at each new state of the bus.
     fn needs_limits(&self, battery: &Battery) -> bool {
         (self.draw, self.dissipate) != (battery.draw, battery.dissipate) || battery.dissipate != Share::NONE
     }
@@ -304,16 +306,18 @@ impl<const N: usize> Hub<N> {
     fn limit_supply(&mut self, battery: &Battery, now: Micros) -> bool {
         (self.draw, self.dissipate) = (battery.draw, battery.dissipate);
         self.update_energy(now);
-        // At each state of the bus only one motor may end a short circuit, which returns the energy of the winding to
-        // the bus.
+        // The end of a short circuit returns the energy of the winding to the bus. Therefore only one motor may end a short
+        // circuit at each new state of the bus.
         let mut may_end_short = true;
-        let limit =
-            |changed, motor: &mut Motor| motor.limit_supply(now, battery, &mut may_end_short) | changed;
-        self.motors.iter_mut().fold(false, limit)
+        let mut changed = false;
+        for motor in &mut self.motors {
+            changed |= motor.limit_supply(now, battery, &mut may_end_short);
+        }
+        changed
     }
 
-    /// Adds the energy of all motors from the last addition until `now`, by their present commands. Runs before any command of a
-    /// bridge changes.
+    /// Adds the energy that the present bridge commands have returned and dissipated between the last addition and `now`. Must be
+    /// called before a bridge command changes.
     fn update_energy(&mut self, now: Micros) {
         let passed_us = self.energy_until.map_or(0, |until| now.since(until)) as u32;
         self.energy_until = self.energy_until.max(Some(now));
@@ -322,8 +326,8 @@ impl<const N: usize> Hub<N> {
 
     /// Runs one tick of all motors, and returns the state after the tick.
     ///
-    /// A motor depends on other motors in two ways: as a member of a group, and when only one motor may end a short
-    /// circuit to dissipate energy.
+    /// A motor depends on other motors in two ways. It may be a member of a group, and while braking motors dissipate energy,
+    /// only one of them may end a short circuit at a time.
     pub fn step(&mut self, inputs: &Inputs<N>) -> Snapshot<N> {
         let battery = inputs.battery.filter(|battery| battery.is_fresh(inputs.now));
         self.update_energy(inputs.now);

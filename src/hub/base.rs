@@ -1,9 +1,9 @@
-//! The drive base of a hub: its odometry, and how its wheels hold the heading of a gyro.
+//! The drive base of a hub, which has a left and a right wheel: its odometry, and how its wheels follow the heading of a gyro.
 //!
 //! With a gyro the wheels of the base have *corrected positions*: the counts that the encoders would have if the wheels had turned the
-//! base exactly as the gyro says. The *correction* of a wheel is its encoder's position minus the corrected position. A group of both
-//! wheels moves in corrected positions: so a straight course stays straight, and a turn ends at its angle. Without a gyro, and for all
-//! other groups, the correction is 0.
+//! base exactly as the gyro says. The *correction* of a wheel is its encoder's position minus the corrected position. The
+//! group of both wheels is controlled in corrected positions, so a straight course stays straight, and a turn ends at its angle.
+//! Without a gyro, and for all other groups, the correction is 0.
 //!
 //! ```text
 //!         first reading       no reading for 100 ms
@@ -12,13 +12,14 @@
 //!                          '----------------------------> Implausible
 //! ```
 //!
-//! While the gyro is lost or implausible the correction stays, and the base goes on by its encoders. A gyro that is mounted upside down
-//! would turn the base faster and faster. Therefore the correction has a largest speed, and the turns of gyro and wheels are compared.
+//! While the gyro is lost or implausible, the correction keeps its last value, and the encoders alone give the heading. A gyro that is
+//! mounted upside down would turn the base faster and faster. Therefore the speed of the correction is limited, and the turns of
+//! gyro and wheels are compared.
 
 use crate::group::{BaseSettings, GyroState, Odometry};
 use crate::units::Micros;
 
-/// Longest age of a reading of the gyro, in microseconds: some transfers of hosts on the same bus may come first.
+/// Age in microseconds beyond which a reading of the gyro is not used. The limit leaves time for a host's transfers on the gyro's bus.
 const GYRO_TIMEOUT_US: u64 = 100_000;
 
 /// Largest speed at which the correction changes, in degrees of the base's heading per second. A slip of 5 % in turns of 360 degrees per
@@ -38,11 +39,11 @@ pub struct GyroReading {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BaseState {
-    /// Distance forward from the start in micrometres, limited to the range of the type.
+    /// Distance forward from the start in micrometres, limited to 32 bits: +-2147 m.
     pub x_um: i32,
-    /// Distance to the left of the start in micrometres, limited to the range of the type.
+    /// Distance to the left of the start in micrometres, limited to 32 bits: +-2147 m.
     pub y_um: i32,
-    /// Angle by which the base has turned left, in 1/1000 degree. It counts whole turns, and is limited to the range of the type.
+    /// Angle by which the base has turned left, in 1/1000 degree. It counts whole turns, and is limited to 32 bits: +-5965 turns.
     pub heading_millidegrees: i32,
     /// Correction of the left and of the right wheel in counts.
     pub correction: [i32; 2],
@@ -64,9 +65,9 @@ pub(super) struct Base {
     read_at: Option<Micros>,
     /// Time of the last step.
     stepped_at: Micros,
-    /// Slip that the wheels have been corrected by so far, in degrees.
+    /// Slip of the wheels that the correction contains so far, in degrees of the base's heading.
     corrected_degrees: f64,
-    /// The same in counts of the left and of the right wheel.
+    /// Correction of the left and of the right wheel in counts, computed from `corrected_degrees`.
     correction: [i32; 2],
     turns: Turns,
 }
@@ -82,7 +83,7 @@ struct Turns {
     by_wheels: f64,
     /// Sum of the magnitudes of the counted turns of the wheels, in degrees.
     wheels_degrees: f64,
-    /// Sum of the turns of the gyro in the direction of the wheels, in degrees.
+    /// Sum of the turns of the gyro in the counted parts, in degrees; positive in the direction of the wheels.
     gyro_degrees: f64,
 }
 
@@ -191,7 +192,7 @@ impl Base {
         if self.gyro == GyroState::Good {
             let most = CORRECTION_DEGREES_PER_S * step_s;
             self.corrected_degrees += (slip - self.corrected_degrees).clamp(-most, most);
-            // A slip of more than 2^31 counts is not possible: a wheel has no more counts.
+            // The position of a wheel has 32 bits, so the slip cannot exceed them.
             self.correction = geometry.turn(self.corrected_degrees).unwrap_or_default();
         }
     }
@@ -211,7 +212,7 @@ impl Base {
 
     pub(super) fn state(&self) -> BaseState {
         let pose = self.odometry.map(|odometry| odometry.pose()).unwrap_or_default();
-        // The conversion saturates.
+        // The conversion of a float to an integer limits it to the range of the integer.
         let thousandths = |value: f64| libm::round(1e3 * value) as i32;
         BaseState {
             x_um: thousandths(pose.x_mm),

@@ -1,4 +1,4 @@
-//! Reports the limits of the supply, and the energy that braking motors have returned and dissipated.
+//! The bus in a snapshot: the limits of the supply, and the energy that braking motors have returned and dissipated.
 
 use crate::braking::Returned;
 use crate::supply::{Battery, DrawStage};
@@ -30,7 +30,7 @@ impl Bus {
 }
 
 impl Bus {
-    /// Adds the energy of a time in microseconds, in which the motors have these powers.
+    /// Adds the energy of the last `passed_us` microseconds, in which the motors returned and dissipated these powers in watts.
     pub(super) fn add(&mut self, passed_us: u32, motors: impl Iterator<Item = Returned>) {
         let (mut returned, mut dissipated) = (0.0, 0.0);
         for motor in motors {

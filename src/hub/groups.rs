@@ -70,15 +70,15 @@ impl<const N: usize> Groups<N> {
         Ok(())
     }
 
-    /// Removes these motors from their groups. The members that stay halt by the setting of their group. Until a motor that has left a
-    /// moving group gets another command its speed is 0: the motor is braked or coasts, as its setting `ZeroPower` says.
+    /// Removes these motors from their groups. The members that stay halt according to the setting of their group. A motor that has
+    /// left a moving group gets the velocity 0 as its set-point, with which it brakes or coasts as its setting `ZeroPower` says.
     pub(super) fn release(&mut self, leaving: [bool; N], motors: &mut [Motor; N]) {
         let left = self.leave(leaving, None, motors);
         members_of(&left, motors).for_each(|motor| motor.set(Setpoint::Velocity(CountsPerSecond::ZERO)));
     }
 
     /// Removes these motors from their groups. The members that stay in a moving group halt according to `halt`; `None` stands
-    /// for the group's own setting. A waiting group is discarded. Returns those of `leaving` that were in a moving group.
+    /// for the group's own setting. A waiting group is discarded. Returns the motors of `leaving` that were in a moving group.
     pub(super) fn leave(
         &mut self,
         leaving: [bool; N],
@@ -112,8 +112,8 @@ impl<const N: usize> Groups<N> {
     }
 
     /// Starts the waiting groups whose members all have a fresh reading. Sets the set-points of all members of moving
-    /// groups for this tick. The positions of a drive base's wheels are first corrected by what the gyro has measured, and
-    /// the corrections are added to the set-points again.
+    /// groups for this tick. A group works with positions from which the corrections by the gyro have been subtracted. The
+    /// corrections are added to the set-points again.
     pub(super) fn step(
         &mut self,
         inputs: &Inputs<N>,
@@ -186,8 +186,8 @@ impl<const N: usize> Groups<N> {
     }
 }
 
-/// Returns the correction of each motor's position by the gyro, in counts, for a group with these members; 0 without a drive
-/// base.
+/// Returns the correction of each motor's position by the gyro, in counts, for a group with these members. The correction is 0
+/// unless the members are the wheels of a drive base.
 fn corrections_of<const N: usize>(base: Option<&Base>, members: &[bool; N]) -> [i32; N] {
     base.map_or([0; N], |base| base.corrections(members))
 }

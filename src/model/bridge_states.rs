@@ -1,7 +1,14 @@
 //! Effect of the sixteen switch patterns of an H bridge on a motor.
 //!
-//! The effect of a pattern is computed from the paths of its current. Tests compare the effects with the table of the
-//! paper (section 1.2).
+//! The effect of a pattern is computed from the paths of its current. Tests compare the effects with the table in
+//! section 1.2 of *the paper*: R. Atkinson, *On Proportional Braking in H Bridges* (2018).
+//!
+//! The number of a pattern is the sum of its closed switches:
+//!
+//! | | left | right |
+//! |---|---|---|
+//! | high side | S1 = 8 | S3 = 2 |
+//! | low side | S2 = 4 | S4 = 1 |
 //!
 //! ```
 //! use motor_hub::model::bridge_states::{Effect, SwitchPattern};
@@ -32,7 +39,8 @@ pub enum CurrentSign {
 
 /// Voltage across the motor, left minus right, while a current of a given sign flows.
 ///
-/// The voltage is `battery * Vbat + diode * Vd - sign(i) * switches * Ron * |i|`.
+/// The voltage is `battery * Vbat + diode * Vd - switches * Ron * i`. Here `Vbat` is the battery voltage, `Vd` the drop
+/// of a catch diode, `Ron` the resistance of a closed switch, and `i` the current, positive from left to right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TerminalVoltage {
     /// Coefficient of the battery voltage, -1 to 1.

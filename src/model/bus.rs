@@ -1,6 +1,5 @@
-//! The supply bus of the bridges: a capacitor, fed by a source. The source may be unable to take current back, and may
-//! be disconnected. The module also models the shutdown of a bridge by its own protection, at a too low or too high bus
-//! voltage.
+//! The supply bus of the bridges: a capacitor that a source charges. The source may be unable to take current back, and
+//! may be disconnected. The module also models how a bridge shuts itself down when the bus voltage is too low or too high.
 //!
 //! ```
 //! use motor_hub::model::battery::Battery;
@@ -23,7 +22,7 @@ use crate::bridge::State;
 /// The capacitor of the bus and its connection to the source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bus {
-    /// Capacitance in F, above 0.
+    /// Capacitance of the capacitor in F, above 0.
     pub capacitance: f64,
     /// True if the source takes no current back, for example a bench supply or a source behind a diode.
     pub one_way: bool,
@@ -72,7 +71,7 @@ impl Bus {
         Joules(self.lost)
     }
 
-    /// Removes the charge that the bridges drew at the present voltage. A negative charge is charge that the bridges
+    /// Removes the charge that the bridges have drawn at the present voltage. A negative `charge` is what the bridges have
     /// returned.
     ///
     /// The energy of the charge is subtracted from the energy of the capacitor. Energy is therefore conserved.
@@ -81,8 +80,10 @@ impl Bus {
         self.voltage = square.max(0.0).sqrt();
     }
 
-    /// Advances by `time`, in which the source charges or discharges the capacitor. Without effect while the contactor
-    /// is open, or if the source would have to take current but takes none.
+    /// Advances by `time`, in which the source charges or discharges the capacitor.
+    ///
+    /// The voltage stays as it is while the contactor is open. It also stays if [`one_way`](Self::one_way) is true and the
+    /// voltage of the bus is not below the voltage of the source.
     pub fn wait(&mut self, time: Seconds, source: &Battery) {
         let difference = self.voltage - source.emf.0;
         if !self.closed || (self.one_way && difference >= 0.0) {
@@ -126,8 +127,8 @@ pub enum Shutdown {
     None,
     /// The bridge is open because the voltage was too low.
     Under,
-    /// The bridge is open because the voltage was too high. The two states are the commands of the input lines then, in
-    /// the two parts of a PWM period.
+    /// The bridge is open because the voltage was too high. The two states are what the input lines commanded at the
+    /// shutdown, in the first and in the second part of a PWM period.
     Over(State, State),
 }
 

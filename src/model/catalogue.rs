@@ -1,7 +1,7 @@
-//! The motors that the paper's author characterised.
+//! The motors that R. Atkinson characterised for his paper *On Proportional Braking in H Bridges* (2018).
 //!
-//! The constants come from the author's repository `rgatkinson/RobotPhysics`. The header of `motors.csv` explains its
-//! columns. The constants are measurements. [`CatalogueEntry::caveats`] lists their known weaknesses.
+//! The constants are measurements from his repository `rgatkinson/RobotPhysics`. The header of `motors.csv` explains the
+//! columns of the data file. [`CatalogueEntry::caveats`] lists their known weaknesses.
 //!
 //! The name of a motor is its product name ("NeveRest 60"). [`find`] also accepts the author's name ("AM 60 A") and the
 //! part number.
@@ -14,7 +14,6 @@
 //! assert_eq!(find("AM 60 A"), Some(entry));
 //! let motor = entry.motor.expect("characterised");
 //! assert_eq!((motor.gear_ratio, motor.counts_per_rev_motor), (60.0, 28.0));
-//! assert!(catalogue().contains(entry));
 //! ```
 
 use std::sync::LazyLock;
@@ -27,13 +26,14 @@ use super::si::{Drag, EmfConstant, Henries, KgM2, NewtonMetres, Ohms, RadPerSec,
 pub struct Motor {
     /// Product name, as in [`CatalogueEntry::name`].
     pub name: &'static str,
-    /// Winding resistance. The value was measured at 1 kHz on a motor at rest, and is uncertain by a factor of 2 to 3.
+    /// Winding resistance. It was measured at 1 kHz on a motor at rest, where brush contact dominates. Specimens of one
+    /// product differ by a factor of up to 5.
     pub r: Ohms,
     /// Winding inductance.
     pub l: Henries,
     /// Reduction ratio: turns of the motor shaft per turn of the output shaft.
     pub gear_ratio: f64,
-    /// Efficiency of the gearbox, 0 to 1: output torque = ratio * efficiency * motor torque.
+    /// Efficiency of the gearbox, above 0 and at most 1: output torque = gear ratio * efficiency * motor torque.
     pub eta: f64,
     /// Back-EMF constant Ke.
     pub ke: EmfConstant,
@@ -56,8 +56,9 @@ pub struct Motor {
 impl Motor {
     /// Returns the motor with the inertia that was measured on its bare armature.
     ///
-    /// The paper's `j` treats the measured inertia as an inertia after the gearbox. With this `j` an AM 60 A without
-    /// load has a mechanical time constant of 30 us. With the inertia of the armature the time constant is 98 ms.
+    /// The paper treats the measured inertia as an inertia after the gearbox, and so gets the much smaller [`j`](Self::j).
+    /// With `j` a NeveRest 60 without load has a mechanical time constant of 30 us, and with the inertia of its armature
+    /// 98 ms.
     #[must_use]
     pub const fn with_measured_rotor_inertia(self) -> Self {
         Self { j: self.j_rotor_measured, ..self }
@@ -105,7 +106,7 @@ pub struct CatalogueEntry {
     pub gear_ratio: f64,
     /// Constants of the motor; `None` if the motor was never characterised.
     pub motor: Option<Motor>,
-    /// Place in the author's files that the row comes from.
+    /// File and place in the author's repository that the row comes from.
     pub source: &'static str,
     /// Doubts about the values of the row; empty if none are known.
     pub caveats: &'static str,

@@ -2,8 +2,8 @@
 //!
 //! Dry friction is Coulomb friction with breakaway. While the shaft turns, the friction torque is constant and against
 //! the motion. While the shaft is at rest, the friction torque balances the other torques up to the *breakaway torque*.
-//! *Cogging* is the attraction between magnets and rotor teeth. The torque of cogging is periodic in the angle, and a
-//! whole turn takes no work.
+//! *Cogging* is the attraction between magnets and rotor teeth. The torque of cogging is periodic in the angle, and does
+//! no work over a whole turn.
 //!
 //! Motors of the catalogue have neither dry friction nor cogging, because they were measured with viscous drag alone.
 //!
@@ -59,13 +59,13 @@ impl Friction {
     }
 }
 
-/// Cogging of a rotor. Its torque is `-amplitude sin(per_turn angle)`, so the rotor has a stable position at angle 0.
+/// Cogging of a rotor. Its torque is `-amplitude * sin(per_turn * angle)`, so the rotor has a stable position at angle 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cogging {
     /// Largest cogging torque on the motor shaft, at least 0.
     pub amplitude: NewtonMetres,
-    /// Stable positions per turn of the motor: the least common multiple of the numbers of teeth and of poles. Two
-    /// poles give 6 with three teeth and 10 with five.
+    /// Number of stable positions per turn of the motor shaft. It is the least common multiple of the numbers of rotor
+    /// teeth and magnet poles: with two poles it is 6 for three teeth, and 10 for five teeth.
     pub per_turn: u16,
 }
 

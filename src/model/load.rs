@@ -45,12 +45,15 @@ impl Load {
     }
 }
 
-/// Motor and load, combined as one body on the motor shaft (paper, section 2.2.2).
+/// Motor and load, combined as one body on the motor shaft.
+///
+/// `eta` is the efficiency of the gearbox and `N` its reduction ratio (R. Atkinson, *On Proportional Braking in H Bridges*,
+/// 2018, section 2.2.2).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shaft {
-    /// Total inertia, `J + Jafter / (eta N²)`.
+    /// Inertia of motor and load together, `J + Jafter / (eta N²)`.
     pub inertia: KgM2,
-    /// Total drag, `B + Bafter / (eta N²)`.
+    /// Viscous drag of motor and load together, `B + Bafter / (eta N²)`.
     pub drag: Drag,
     /// Torque on the motor shaft per torque on the output shaft, `1 / (eta N)`.
     pub torque_ratio: f64,

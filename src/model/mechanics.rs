@@ -1,6 +1,7 @@
 //! Mechanical part of a plant: the exact motion of a shaft during one window of constant torque.
 //!
-//! A *window* is one time step of the simulation. The shaft follows `J w' + B w = torque - friction`. While the shaft
+//! A *window* is one time step of the simulation. The shaft follows `J w' + B w = torque - friction`, with its speed `w`,
+//! inertia `J` and viscous drag `B`. While the shaft
 //! turns in one direction the solution is an exponential. If the shaft stops within the window, the time of the stop is
 //! a logarithm. Until the end of the window the shaft then stays at rest, or turns in the other direction.
 
@@ -87,12 +88,12 @@ impl Mechanics {
         if sliding.end * sign >= 0.0 {
             return ShaftMotion { sliding_angle: sliding.mean.abs() * self.window, ..sliding };
         }
-        // The shaft stops within the window, so the braking torque is above 0.
-        let braking = coulomb - sign * torque;
-        let stop_without_drag = shaft.inertia.0 * speed.abs() / braking;
-        let stop = stop_without_drag * ln_1p_over_x(shaft.drag.0 * speed.abs() / braking);
+        // The shaft stops within the window at the time `stop`, so the braking torque is above 0.
+        let braking_torque = coulomb - sign * torque;
+        let stop_without_drag = shaft.inertia.0 * speed.abs() / braking_torque;
+        let stop = stop_without_drag * ln_1p_over_x(shaft.drag.0 * speed.abs() / braking_torque);
         let stop = stop.min(self.window);
-        let forward = travel(shaft, speed, -sign * braking, stop);
+        let forward = travel(shaft, speed, -sign * braking_torque, stop);
         if !starts {
             return ShaftMotion { mean: forward / self.window, end: 0.0, sliding_angle: forward.abs() };
         }

@@ -20,14 +20,14 @@ pub(super) fn ln_1p_over_x(x: f64) -> f64 {
     if x < 1e-8 { 1.0 - 0.5 * x } else { x.ln_1p() / x }
 }
 
-/// Finds a zero of the continuous function `f` between `a` and `b`, to about 1e-16 of the interval.
+/// Finds a zero of the continuous function `f` between `a` and `b`, to a few rounding errors of `f64`.
 ///
 /// The method is Chandrupatla's: bisection, or inverse quadratic interpolation where that is safe. If `f` does not
 /// change sign between `a` and `b`, the function returns the end with the smaller `|f|`.
 pub(super) fn bracketed_zero(a: f64, b: f64, mut f: impl FnMut(f64) -> f64) -> f64 {
     let (mut x1, mut x2) = (b, a);
     let (mut f1, mut f2) = (f(b), f(a));
-    // The sign does not change, or an end is a zero itself: the answer is an end.
+    // If the sign does not change, or an end is a zero itself, the result is an end.
     if f1 == 0.0 || f2 == 0.0 || f1 * f2 > 0.0 {
         return if f1.abs() < f2.abs() { b } else { a };
     }

@@ -1,5 +1,5 @@
-//! The paper's four schemes in `f64`, without clamping. The module also computes the change from braking to reverse at
-//! T, and the steady speed of a motor at a duty.
+//! The four schemes of *the paper* in `f64`, without clamping: R. Atkinson, *On Proportional Braking in H Bridges* (2018).
+//! The module also computes the change from braking to reverse at point T, and the steady speed of a motor at a duty.
 //!
 //! A scheme maps control values from `-c_max` to `c_max` to volts (Scheme A) or amperes (Schemes B, C and D). The map
 //! is piecewise linear through four points: S (full reverse), T (full dynamic braking), Z (no current), G (full
@@ -39,9 +39,9 @@ pub enum Scheme {
     B,
     /// The current has the same slope for driving and for braking.
     C,
-    /// A blend of Schemes B and C.
+    /// The control values of S and T are interpolated between Schemes B and C.
     D {
-        /// Share of Scheme C, 0 to 1. At 0 Scheme D equals Scheme B.
+        /// Weight of Scheme C, 0 to 1. Scheme D is Scheme B at 0, and Scheme C at 1.
         blend: f64,
     },
 }
@@ -49,7 +49,8 @@ pub enum Scheme {
 /// A point of a scheme.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// Control value of the point; infinite if the scheme does not have the point at this speed.
+    /// Control value of the point. It is infinite for S and T of Schemes C and D if back EMF and battery voltage are
+    /// equal, and meaningless if [`Points::valid`] is false.
     pub x: f64,
     /// Voltage in V for Scheme A, current in A for the other schemes.
     pub y: f64,
@@ -115,16 +116,19 @@ impl Scheme {
 
 /// Returns the largest blend of Scheme D with which full dynamic braking stays within the control range.
 ///
-/// The blend is `(1 - u) / (2 u²)`, limited to 1. It is 0 if `u` is 1 or more. `u` must be at least 0.
+/// `u` is the back EMF divided by the battery voltage, and must be at least 0. The blend is `(1 - u) / (2 u²)`, limited to
+/// 1. It is 0 if `u` is 1 or more.
 #[must_use]
 pub fn blend_keeping_t_in_range(u: f64) -> f64 {
     if u >= 1.0 { 0.0 } else { ((1.0 - u) / (2.0 * u * u)).min(1.0) }
 }
 
-/// The change from braking to reverse at point T: a diode replaces a switch in the current's path (the paper's first
-/// to-do item).
+/// The change from braking to reverse at point T, where the bridge changes from mode 5/0 to mode 6/2. The paper lists this
+/// change as its first to-do item.
 ///
-/// Mode 6/2 at duty 0 brakes through one diode, mode 5/0 at duty 1 through no diode. With ideal switches the braking
+/// Mode 5/0 shorts the motor during the duty, and opens the bridge for the rest of a PWM period. Mode 6/2 drives
+/// counter-clockwise during the duty, and then freewheels. At duty 0 mode 6/2 brakes through a switch and a diode, and mode
+/// 5/0 at duty 1 through two switches. With ideal switches the braking
 /// current of mode 6/2 is therefore smaller by `Vd/R`, and at least 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reverse0 {
@@ -140,7 +144,7 @@ pub struct Reverse0 {
     pub control_b: f64,
     /// Control value of point T in Scheme B.
     pub t_of_b: f64,
-    /// Largest blend with which Scheme D keeps T within the control range at this speed.
+    /// Result of the function [`blend_keeping_t_in_range`] at this speed.
     pub blend_keeping_t_in_range: f64,
 }
 
@@ -196,8 +200,8 @@ impl OpenLoop {
     #[must_use]
     pub fn steady_speed(&self, pwm: Pwm, battery: Volts) -> RadPerSec {
         let Bridge { vd, ron, .. } = self.circuit.bridge;
-        // No steady speed is above `fastest`: even an open bridge brakes there, through its diodes, with more than the
-        // external torque.
+        // No steady speed is above `fastest`. At that speed even an open bridge brakes through its diodes, with a larger
+        // torque than the external one.
         let resistance = self.motor.r.0 + 2.0 * ron.0;
         let limit = battery.0 + 2.0 * vd.0 + self.torque.abs() * resistance / self.motor.kt.0;
         let fastest = 1.01 * limit / self.motor.ke.0;
@@ -208,9 +212,10 @@ impl OpenLoop {
         RadPerSec(bracketed_zero(-fastest, fastest, surplus))
     }
 
-    /// Returns the smallest duty at which conduction is continuous at steady speed. `pwm.duty` is ignored.
+    /// Returns the smallest duty at which current flows during the whole PWM period, at the steady speed of this duty.
+    /// `pwm.duty` is ignored.
     ///
-    /// `None` if conduction is discontinuous even at duty 1.
+    /// Returns `None` if the current is zero for a part of the period even at duty 1.
     #[must_use]
     pub fn continuity_duty(&self, pwm: Pwm, battery: Volts) -> Option<f64> {
         let continuous = |duty: f64| {

@@ -1,4 +1,4 @@
-//! The periodic steady state: the current that repeats in each PWM period at constant speed.
+//! The periodic steady state: the motor current that repeats in each PWM period at constant speed.
 //!
 //! ```
 //! use motor_hub::bridge::Mode;
@@ -67,8 +67,8 @@ impl Circuit {
     /// Computes the periodic steady state of `pwm`.
     ///
     /// The final current of a period rises with its initial current, with a slope below 1. Therefore there is exactly
-    /// one steady state. If the current never reaches zero and the bridge has ideal edges, a formula gives the steady
-    /// state. Otherwise a root finder gives the steady state, to machine precision.
+    /// one steady state. If the current keeps its sign and the bridge switches in no time, a formula gives the steady
+    /// state. Otherwise a root finder gives the steady state, to a few rounding errors of `f64`.
     #[must_use]
     pub fn steady(&self, pwm: Pwm, at: Conditions) -> Steady {
         let run = |start: f64| {
@@ -92,9 +92,9 @@ impl Circuit {
         summarise(pwm, start, run(start).1)
     }
 
-    /// Returns the periodic initial current under the assumption that the current keeps `sign`.
+    /// Returns the periodic initial current in A under the assumption that the current keeps `sign`.
     ///
-    /// `None` if the current does not keep the sign, or if the edges of the bridge take time.
+    /// Returns `None` if the current does not keep the sign, or if the bridge needs time to switch.
     fn fixed_point(&self, pwm: Pwm, at: Conditions, sign: CurrentSign) -> Option<f64> {
         if self.bridge.has_slow_edges() {
             return None;
@@ -107,15 +107,15 @@ impl Circuit {
         let start = (off.target * -off_exponent.exp_m1()
             + on.target * -on_exponent.exp_m1() * off_exponent.exp())
             / -(on_exponent + off_exponent).exp_m1();
-        let turn = start + (on.target - start) * -on_exponent.exp_m1();
+        let at_switching = start + (on.target - start) * -on_exponent.exp_m1();
         let keeps = |current: f64| match sign {
             CurrentSign::Positive => current >= 0.0,
             CurrentSign::Negative => current <= 0.0,
         };
-        (keeps(start) && keeps(turn)).then_some(start)
+        (keeps(start) && keeps(at_switching)).then_some(start)
     }
 
-    /// Returns an upper limit of the size of a periodic current, A.
+    /// Returns an upper limit for the magnitude of the periodic current, A.
     fn largest_target(&self, pwm: Pwm, at: Conditions) -> f64 {
         let mut largest: f64 = 0.0;
         for state in [pwm.on, pwm.off] {
@@ -127,6 +127,7 @@ impl Circuit {
     }
 }
 
+/// Computes the averages of a period with the initial current `start` (A) from the integrals over the period.
 fn summarise(pwm: Pwm, start: f64, sums: Integrals) -> Steady {
     let period = 1.0 / pwm.frequency.0;
     let conduction = if sums.square == 0.0 {

@@ -5,12 +5,12 @@
 //! 2. The mechanical part is exact under a constant torque, which belongs to the mean current of the window.
 //! 3. Both parts are iterated until they agree. The method is second-order accurate and stable for every motor.
 //!
-//! When the command changes, the changes of current and speed that follow have a relative error of about `(w h)² / 24`. Here
-//! `h` is the length of the window and `w` the frequency at which back EMF and inductance would swing without losses,
-//! `sqrt((Ke Kt / L + k) / J)`, with the motor's constants Ke, Kt and inductance L, the inertia J of everything that turns, and
-//! the largest stiffness k of cogging. Windows are so short that `w h` is at most 0.15. The mean current over a few periods is
-//! then within 0.1 % of the current at standstill. The ripple of the speed within a window
-//! does not act on the current.
+//! After a change of the command, current and speed approach their new values with a relative error of about `(w h)² / 24`.
+//! Here `h` is the length of a window and `w = sqrt((Ke Kt / L + k) / J)`: the angular frequency at which motor and load would
+//! swing without losses. `Ke` and `Kt` are the motor's back-EMF and torque constant, `L` is its inductance, `J` the inertia of
+//! motor and load, and `k` the largest stiffness of cogging. Windows are so short that `w h` is at most 0.15. The error of the
+//! mean current over a few PWM periods is then about 0.1 % of the current at standstill. The ripple of the speed within a
+//! window is left out of the back EMF.
 //!
 //! [Friction and cogging](super::friction) are exact for the mean torque of a window. A shaft can stop within a window.
 //! From this moment it turns back, or rests with a speed of exactly 0. Cogging releases exactly the energy that it
@@ -43,7 +43,7 @@ use super::switching::{Bridge, Circuit, Conditions, Integrals, Pwm};
 use super::train::{Motion, Output, Train, WindowEnd};
 use crate::bridge::{Mode, State};
 
-/// Largest product of the module's frequency `w` (rad/s) and window length (s), without unit.
+/// Largest product of window length (s) and frequency `w` (rad/s), which the module's documentation defines; without unit.
 const WINDOW_LIMIT: f64 = 0.15;
 
 /// Inputs of a plant: the command to its bridge, and an external torque.
@@ -53,7 +53,7 @@ pub struct PlantInput {
     pub on: State,
     /// State of the bridge in the rest of each PWM period.
     pub off: State,
-    /// Share of each PWM period spent in `on`, 0 to 1.
+    /// Share of each PWM period spent in `on`, 0 to 1. Other values are limited to this range.
     pub duty: f64,
     /// External torque on the output shaft in addition to the load's constant torque, positive clockwise.
     pub torque_after: NewtonMetres,
@@ -78,9 +78,10 @@ pub struct Flow {
     pub time: Seconds,
     /// Charge through the motor, positive clockwise.
     pub charge: Coulombs,
-    /// Part of `charge` that a current sense in the high-side switches measures, at least 0.
+    /// Magnitude of the part of `charge` that a current sense in the high-side switches measures, at least 0.
     ///
-    /// The sense measures the high-side switch that stays closed in mode 9/8 or 6/2. In mode 5/0 it measures nothing.
+    /// The sense measures the current that flows from the battery into the high-side switch that stays closed in mode 9/8
+    /// or 6/2. It measures nothing in mode 5/0, which closes no high-side switch.
     pub charge_shown: Coulombs,
     /// Energy that left the battery, at least 0.
     pub energy_from_battery: Joules,
@@ -98,7 +99,7 @@ pub struct Flow {
     pub friction_heat: Joules,
     /// Heat of the damping of a gear [train](super::train) that is not rigid, at least 0.
     pub train_heat: Joules,
-    /// Energy that changes of the inertia put into the motion: the inertia that is added has the speed of the shaft at once.
+    /// Kinetic energy that [`Plant::set_load`] has added by a larger inertia, or removed by a smaller one.
     pub load_work: Joules,
 }
 
@@ -132,26 +133,26 @@ impl Flow {
     }
 }
 
-/// How much warmer a motor is than the motors that the catalogue's constants were measured on.
+/// Temperature rises of a motor above the temperatures at which the constants of the catalogue were measured.
 ///
-/// Copper gains 0.39 % of its resistance a kelvin. Ferrite magnets lose 0.2 % of their field a kelvin, and with it back
-/// EMF and torque.
+/// The resistance of copper rises by 0.39 % per kelvin. The field of ferrite magnets falls by 0.2 % per kelvin, and with it
+/// back EMF and torque.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Temperatures {
-    /// Of the winding, in K.
+    /// Temperature rise of the winding in K.
     pub winding_k: f64,
-    /// Of the magnets, in K; below 500 K.
+    /// Temperature rise of the magnets in K, below 500 K. At 500 K the magnets would have no field.
     pub magnets_k: f64,
 }
 
 impl Temperatures {
-    /// Resistance, as a share of the resistance in the catalogue.
+    /// Returns the resistance divided by the resistance in the catalogue.
     #[must_use]
     pub fn resistance_share(&self) -> f64 {
         1.0 + 0.0039 * self.winding_k
     }
 
-    /// Back EMF and torque constants, as a share of the constants in the catalogue.
+    /// Returns the back-EMF constant divided by the one in the catalogue. The torque constant has the same ratio.
     #[must_use]
     pub fn field_share(&self) -> f64 {
         1.0 - 0.002 * self.magnets_k
@@ -173,7 +174,7 @@ pub struct Plant {
     period: f64,
     /// Longest window of this plant, s.
     longest_window: f64,
-    /// Mechanics of the last window's length.
+    /// Coefficients of the mechanical part for the length of the last window.
     mechanics: Mechanics,
     /// Admittance of the circuit in the last window, 1/ohm.
     admittance: f64,
@@ -189,15 +190,15 @@ pub struct Plant {
     angle: f64,
     /// Mean current of the last window, A. It is the first estimate of the next window's mean current.
     last_mean: f64,
-    /// Off state of the present mode, by which a change of the mode is found. The modes 9/8, 6/2 and 5/0 differ in it. An
-    /// open bridge has that of 5/0: no pause comes between these two.
-    mode: State,
-    /// Time for which the bridge still stays open for the change to `mode`, s.
+    /// Off state of the present mode. The modes 9/8, 6/2 and 5/0 have different off states, so a change of this state is a
+    /// change of the mode. An open bridge has the off state of mode 5/0, so no pause comes between the two.
+    off_state: State,
+    /// Time for which the bridge still stays open because of the last change of the mode, s.
     open_s: f64,
     /// The load behind a gear train that is not rigid; `None` if the load is fixed to the motor, or has no inertia.
     output: Option<Output>,
     train: Option<Train>,
-    /// Energy of changes of the inertia since the last run, J.
+    /// Kinetic energy that changes of the inertia have added since the last run, J.
     load_work: f64,
 }
 
@@ -235,7 +236,7 @@ impl Plant {
             speed: 0.0,
             angle: 0.0,
             last_mean: 0.0,
-            mode: State::Coast,
+            off_state: State::Coast,
             open_s: 0.0,
             output: None,
             train: None,
@@ -243,7 +244,7 @@ impl Plant {
         }
     }
 
-    /// Puts a gear train that is not rigid between motor and load. A load without inertia is moved as before.
+    /// Puts a gear train that is not rigid between motor and load. A load without inertia stays rigidly connected.
     #[must_use]
     pub fn with_train(mut self, train: Train) -> Self {
         self.train = Some(train);
@@ -252,8 +253,8 @@ impl Plant {
         self
     }
 
-    /// Connects another load, which has the speed of the old one immediately. The change of the kinetic energy is added to the
-    /// next run's [`Flow::load_work`].
+    /// Connects another load, which has the speed of the old load immediately. The change of the kinetic energy is added to
+    /// [`Flow::load_work`] of the next run.
     pub fn set_load(&mut self, load: Load) {
         let before = self.motion_energy().0;
         self.load = load;
@@ -265,7 +266,7 @@ impl Plant {
         self.output = self.train.and_then(|train| Output::new(&self.motor, &load, &train));
         if let Some(output) = &mut self.output {
             output.state = state;
-            // The shaft is then the motor's alone, without the inertia of the load.
+            // The train moves the load, so inertia and drag of `shaft` are the motor's alone.
             self.shaft =
                 Shaft { torque_ratio: self.shaft.torque_ratio, ..Shaft::new(&self.motor, &Load::NONE) };
         }
@@ -442,7 +443,7 @@ impl Plant {
         // `sticks` is decided once in a window. Otherwise the back EMF of a shaft that broke away could make the shaft
         // stick again.
         let sticks = self.has_friction && self.sticks(torque(mean));
-        let mut end_of_window = moves(mean, sticks);
+        let mut end_of_window = motion_at(mean, sticks);
         // Smooth running takes one iteration, and a change of the command two. More iterations are needed only near a
         // stop or a change of direction.
         for _ in 0..6 {
@@ -524,8 +525,8 @@ impl Plant {
     }
 }
 
-/// Returns the part of a charge that flows forward through the high-side switch that a mode keeps closed. `state` is the off
-/// state of the mode, or of a bridge that is driven without a pause.
+/// Returns the charge that flows from the battery into the high-side switch that stays closed, at least 0. `state` is the
+/// off state of the command: the bridge freewheels, or drives all the time.
 const fn sensed_charge(state: State, charge: f64) -> f64 {
     match state {
         State::HighLeft | State::DriveCw => charge.max(0.0),
@@ -536,9 +537,9 @@ const fn sensed_charge(state: State, charge: f64) -> f64 {
 
 /// Returns the whole encoder counts in an angle in rad.
 ///
-/// The encoder counts when the angle passes a multiple of one turn divided by `counts_per_rev`.
+/// The encoder counts each time the angle passes a multiple of one turn divided by `counts_per_rev`.
 #[must_use]
-#[expect(clippy::cast_possible_truncation, reason = "a run is far shorter than 2^63 counts")]
+#[expect(clippy::cast_possible_truncation, reason = "no run reaches 2^63 counts")]
 pub fn counts(angle: f64, counts_per_rev: f64) -> i64 {
     (angle * counts_per_rev / core::f64::consts::TAU).floor() as i64
 }

@@ -1,4 +1,5 @@
-//! Response of a geared motor to a constant voltage, in closed form (paper, sections 2.2.2 and 2.2.3).
+//! Response of a geared motor to a constant voltage, in closed form. The source is *the paper*: R. Atkinson, *On Proportional
+//! Braking in H Bridges* (2018), sections 2.2.2 and 2.2.3.
 //!
 //! ```text
 //! L i' + R i + Ke w = v
@@ -6,15 +7,15 @@
 //! ```
 //!
 //! Here `i` is the motor current, `w` the speed of the motor shaft, `v` the voltage, and `tau` the external torque on
-//! the output shaft. `Jt` and `Bt` are inertia and drag of motor and load on the motor shaft. `A` is the matrix of both
-//! equations.
+//! the output shaft. `R`, `L`, `Ke` and `Kt` are the constants of the motor, `eta` and `N` efficiency and ratio of its
+//! gearbox. `Jt` and `Bt` are inertia and drag of motor and load on the motor shaft. `A` is the matrix of both equations.
 //!
 //! With `D0 = R Bt + Ke Kt`, `sigma = (R/L + Bt/Jt)/2` and `gamma2 = sigma² - D0/(L Jt)` the poles are
 //! `-sigma ± sqrt(gamma2)`. Within `t` a deviation from the steady state is multiplied by
 //! `exp(-sigma t) (C + S (A + sigma))`. There `g = sqrt(gamma2)`, `C = cosh(g t)` and `S = sinh(g t)/g`.
 //!
-//! The code combines the exponentials so that no intermediate result overflows. All formulas of the code are valid at
-//! `g = 0` too, so equal poles are not a special case.
+//! The code combines the exponentials so that no intermediate result overflows. All formulas of the code are valid for
+//! equal poles too, where `g` is 0.
 //!
 //! ```
 //! use motor_hub::model::catalogue::characterised;
@@ -91,8 +92,8 @@ pub struct GearedMotor {
 /// Response of a motor at steady speed to a drop of its voltage, over one control period (paper, sections 2.2.2 and
 /// 2.2.3).
 ///
-/// Two drops are computed. Fields with `mean_zero` are for the drop after which the mean current is 0. `mean_current`
-/// and `end_current` are for a drop to the back EMF.
+/// Two drops are computed. `mean_current` and `end_current` are for a drop to the back EMF. Fields that begin with
+/// `mean_zero` are for the drop after which the mean current over the period is 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VoltageDrop {
     /// Voltage that keeps the speed before the drop.
@@ -142,7 +143,7 @@ impl GearedMotor {
         0.5 * (self.motor.r.0 / self.motor.l.0 - self.shaft.drag.0 / self.shaft.inertia.0)
     }
 
-    /// Returns the square of half the distance between the poles, 1/s². It is negative if the motor oscillates.
+    /// Returns the square of half the distance between the poles, 1/s². It is negative if the poles are complex.
     #[must_use]
     pub fn gamma2(&self) -> f64 {
         // This is equal to sigma² - D0/(L Jt), with less cancellation.

@@ -1,4 +1,4 @@
-//! A rig: several plants on one battery.
+//! A rig: several plants on one battery. A *plant* is a motor with its load and its bridge.
 //!
 //! ```
 //! use motor_hub::bridge::Mode;
@@ -27,14 +27,15 @@ use super::si::{Amps, Coulombs, Seconds, Volts};
 
 /// Longest step with a constant battery voltage, in s, for a rig without bus capacitor.
 const LONGEST_STEP_S: f64 = 1e-3;
-/// Longest step with a constant bus voltage, in s. A few amperes change the voltage of a capacitor by volts in 1 ms.
+/// Longest step with a constant bus voltage, in s. In this time 10 A change the voltage of a capacitor of 1000 uF by 0.5 V.
 const LONGEST_BUS_STEP_S: f64 = 50e-6;
 
 /// Plants that share a battery. The battery voltage depends on the current of all plants.
 ///
-/// Without a [`Bus`], the voltage of a step follows from the current of the steps before it. The current is smoothed
-/// over about two steps of at most 1 ms, as the capacitors of a supply do. The simulation is stable if the resistance
-/// of the battery is below about three times the resistance of all windings in parallel.
+/// Without a [`Bus`], the voltage of a step follows from the current of the steps before it. Steps are at most 1 ms. After
+/// each step the current is the mean of its last value and the current of the step, as if capacitors smoothed it. The
+/// simulation is stable if the resistance of the battery is below about three times the resistance of all windings in
+/// parallel.
 ///
 /// With a [`Bus`], the capacitor's energy gives the voltage of a step. The current is not smoothed, and steps are at
 /// most 50 us.
@@ -51,7 +52,7 @@ pub struct Rig {
     /// Shutdown state of each plant's bridge.
     shutdowns: Vec<Shutdown>,
     /// Lowest and highest voltage so far, V.
-    range: (f64, f64),
+    range_volts: (f64, f64),
 }
 
 impl Rig {
@@ -59,15 +60,15 @@ impl Rig {
     #[must_use]
     pub fn new(battery: Battery, plants: Vec<Plant>) -> Self {
         let shutdowns = vec![Shutdown::None; plants.len()];
-        let range = (battery.emf.0, battery.emf.0);
-        Self { battery, plants, bus: None, current: Amps(0.0), shutdowns, range }
+        let range_volts = (battery.emf.0, battery.emf.0);
+        Self { battery, plants, bus: None, current: Amps(0.0), shutdowns, range_volts }
     }
 
     /// Adds a bus with its capacitor.
     #[must_use]
     pub fn with_bus(self, bus: Bus) -> Self {
-        let range = (bus.voltage().0, bus.voltage().0);
-        Self { bus: Some(bus), range, ..self }
+        let range_volts = (bus.voltage().0, bus.voltage().0);
+        Self { bus: Some(bus), range_volts, ..self }
     }
 
     /// Returns the present voltage of the bus, or of the battery if there is no bus.
@@ -79,7 +80,7 @@ impl Rig {
     /// Returns the lowest and the highest voltage so far, of the start and the ends of all steps.
     #[must_use]
     pub const fn range(&self) -> (Volts, Volts) {
-        (Volts(self.range.0), Volts(self.range.1))
+        (Volts(self.range_volts.0), Volts(self.range_volts.1))
     }
 
     /// Returns the shutdown state of each bridge, in the order of the plants. Without a bus no bridge shuts down.
@@ -115,8 +116,8 @@ impl Rig {
                 }
                 None => self.current = Amps(f64::midpoint(self.current.0, drawn / step.0)),
             }
-            let now = self.voltage().0;
-            self.range = (self.range.0.min(now), self.range.1.max(now));
+            let volts = self.voltage().0;
+            self.range_volts = (self.range_volts.0.min(volts), self.range_volts.1.max(volts));
             elapsed += step.0;
         }
         flows

@@ -1,7 +1,8 @@
 //! The motor current in one state of the bridge, and through one PWM period, including the catch diodes.
 //!
-//! The back EMF `e` is constant. While a current of one sign flows in one state, it follows
-//! `L i' + (R + n Ron) i + e = b Vbat + d Vd`:
+//! The back EMF `e` is constant. While a current `i` of one sign flows in one state, it follows
+//! `L i' + (R + n Ron) i + e = b Vbat + d Vd`. `L` and `R` are inductance and resistance of the winding, `Ron` is the resistance
+//! of a closed switch, `Vbat` the battery voltage, and `Vd` the voltage drop of a catch diode.
 //!
 //! | term | meaning |
 //! |---|---|
@@ -9,7 +10,8 @@
 //! | `b` | coefficient of the battery voltage across the motor: 1, 0 or -1 |
 //! | `d` | coefficient of the diode drop across the motor, -2 to 2 |
 //!
-//! The solution is an exponential, and the time when the current reaches zero is a logarithm, so the result is exact.
+//! The solution is an exponential, and the time at which the current reaches zero is a logarithm. The result is exact for a
+//! bridge that switches in no time. A bridge with slow edges is approximated by steps of constant voltage.
 //! At zero current the voltages decide whether current starts in one direction. If none starts, conduction is
 //! *discontinuous*.
 //!
@@ -158,7 +160,7 @@ pub struct Circuit {
 /// Number of steps of constant voltage that approximate the linear change during an edge.
 const EDGE_STEPS: usize = 8;
 
-/// The bridge during an edge: a mix of the on state and the off state. A share of 1 or 0 is one state alone.
+/// The bridge during an edge, between its on state and its off state. With a share of 1 or 0 it is in one of them.
 #[derive(Clone, Copy)]
 struct MixedState {
     on: State,
@@ -168,7 +170,7 @@ struct MixedState {
 }
 
 impl MixedState {
-    /// The bridge in one state.
+    /// Creates the mix for a bridge that is in one state.
     const fn pure(state: State) -> Self {
         Self { on: state, off: state, share: 1.0 }
     }
@@ -185,7 +187,7 @@ pub(super) struct Path {
     resistance: f64,
     /// Coefficient of the battery voltage in the path: 1, 0 or -1.
     battery: f64,
-    /// Voltage lost in diodes, and in a switch during its edge, with the sign of the current, V.
+    /// Voltage drop of diodes, and of a switch during its edge, with the sign of the current, V.
     drop: f64,
 }
 
@@ -219,7 +221,7 @@ impl Circuit {
     /// Returns the path of a current of this sign during an edge.
     ///
     /// Motor voltage and resistance are interpolated between the two states. The current flows through the battery as
-    /// in the on state, because a switch of the on state makes the edge.
+    /// in the on state, because a switch of the on state opens or closes.
     fn mixed_path(&self, mixed: MixedState, sign: CurrentSign, at: Conditions) -> Path {
         let MixedState { on, off, share } = mixed;
         let on = self.path(on, sign, at);
@@ -283,8 +285,7 @@ impl Circuit {
     ) -> Amps {
         let mut current = start.0;
         let mut left = time.0;
-        // The current crosses zero at most once, because a current that starts from zero does not return to zero in one
-        // state.
+        // The loop runs at most twice: a current that starts from zero does not return to zero in one state.
         while left > 0.0 {
             let sign = if current > 0.0 {
                 CurrentSign::Positive
@@ -335,8 +336,8 @@ impl Circuit {
         // At duty 0 or 1 the PWM line has no edges.
         if !self.bridge.has_slow_edges() || on_s <= 0.0 || on_s >= period_s {
             let high_s = (on_s - from_s).clamp(0.0, window_s);
-            let turn = self.dwell(on, start, at, Seconds(high_s), sums);
-            return self.dwell(off, turn, at, Seconds(window_s - high_s), sums);
+            let at_switching = self.dwell(on, start, at, Seconds(high_s), sums);
+            return self.dwell(off, at_switching, at, Seconds(window_s - high_s), sums);
         }
         let to_s = from_s + window_s;
         let Bridge { turn_on, turn_off, .. } = self.bridge;

@@ -1,9 +1,11 @@
-//! A gear train that is not rigid: backlash and a compliant shaft between the motor and its load, which are two masses then.
+//! A gear train that is not rigid: backlash and a compliant shaft between the motor and its load. Motor and load are then two
+//! masses with their own speeds.
 //!
 //! All angles are referred to the motor shaft. `x` is the part of the angle between motor and load that is beyond the
-//! backlash, and `d` is the difference of their speeds. The train transmits the torque `K x + C d`, but it never pulls
-//! teeth together across the backlash. The implicit midpoint rule gives this torque for a short step, in which it is
-//! constant; each of the two masses then moves exactly. A step ends where teeth meet or part.
+//! backlash, and `d` is the difference of their speeds. With the stiffness `K` and the damping `C` of the shaft the train
+//! transmits the torque `K x + C d` while teeth touch. It never pulls teeth that part. The implicit midpoint rule gives the
+//! torque for a short step, in which the torque is constant. The motion of each mass under this torque is exact. A step ends
+//! where teeth meet or part.
 //!
 //! ```
 //! use motor_hub::bridge::Mode;
@@ -30,10 +32,11 @@ use super::load::{Load, Shaft};
 use super::mechanics::{Mechanics, ShaftMotion};
 use super::si::{Drag, Joules, KgM2};
 
-/// Largest product of the train's natural frequency (rad/s) and a step (s). It limits the error of a step.
+/// Largest product of the train's natural frequency (rad/s) and the length of a step (s), without unit. It limits the error
+/// of a step.
 const STEP_LIMIT: f64 = 0.05;
 
-/// Angle in rad up to which teeth at the end of the backlash touch. It is a rounding error.
+/// Largest distance of teeth, in rad, that counts as touching. Rounding errors of the angles are smaller.
 const TOUCH: f64 = 1e-12;
 
 /// A gear train between motor and load, as seen at the output shaft.
@@ -52,13 +55,13 @@ pub struct Train {
 pub(super) struct Output {
     /// Inertia and drag of the load alone.
     body: Shaft,
-    /// Half of the backlash, rad.
-    gap: f64,
-    /// N m/rad.
+    /// Half of the backlash, rad. Teeth touch at this angle between motor and load, in either direction.
+    half_backlash: f64,
+    /// Stiffness of the shaft, N m/rad.
     stiffness: f64,
-    /// N m s/rad.
+    /// Damping of the shaft, N m s/rad.
     damping: f64,
-    /// State of the load.
+    /// Present speed and angle of the load.
     pub(super) state: Motion,
 }
 
@@ -74,14 +77,15 @@ pub(super) struct Motion {
 pub(super) struct WindowEnd {
     /// Motion of the motor.
     pub(super) motor: ShaftMotion,
-    /// State of the load.
+    /// Speed and angle of the load at the end of the window.
     pub(super) load: Motion,
     /// Heat of the shaft's damping, J.
     pub(super) heat: f64,
 }
 
 impl Output {
-    /// `None` if the load has no inertia: then there is nothing to turn behind the train.
+    /// Converts load and train to the motor shaft. Returns `None` if the load has no inertia, because its motion would then
+    /// be undefined while no teeth touch.
     pub(super) fn new(motor: &Motor, load: &Load, train: &Train) -> Option<Self> {
         let n = motor.gear_ratio;
         let reflection = 1.0 / (motor.eta * n * n);
@@ -92,22 +96,22 @@ impl Output {
         };
         (body.inertia.0 > 0.0).then_some(Self {
             body,
-            gap: 0.5 * n * train.backlash_after,
+            half_backlash: 0.5 * n * train.backlash_after,
             stiffness: train.stiffness_after * reflection,
             damping: train.damping_after * reflection,
             state: Motion::default(),
         })
     }
 
-    /// Kinetic energy of the load, and energy of the twisted shaft, while the motor is at `angle` in rad.
+    /// Returns the kinetic energy of the load and the energy of the twisted shaft together, for a motor at `angle` in rad.
     pub(super) fn energy(&self, angle: f64) -> Joules {
         let speed = self.state.speed;
         Joules(0.5 * self.body.inertia.0 * speed * speed + self.spring_energy(angle - self.state.angle))
     }
 
-    /// Energy in J of the shaft at an angle in rad between motor and load.
+    /// Returns the energy in J of the twisted shaft, for the angle `theta` in rad from load to motor.
     fn spring_energy(&self, theta: f64) -> f64 {
-        let twist = theta - theta.clamp(-self.gap, self.gap);
+        let twist = theta - theta.clamp(-self.half_backlash, self.half_backlash);
         0.5 * self.stiffness * twist * twist
     }
 
@@ -136,7 +140,7 @@ impl Output {
             let k = 0.5 * step * self.stiffness + self.damping;
             let coupling = (self.stiffness * x + k * (d + 0.5 * step * acceleration))
                 / (1.0 + 0.5 * step * k * compliance);
-            let pulls = self.gap > 0.0 && coupling * side <= 0.0;
+            let pulls = self.half_backlash > 0.0 && coupling * side <= 0.0;
             let coupling = if pulls { 0.0 } else { coupling };
             let net = torque - coupling;
             let sticks = friction.sticks(net);
@@ -146,7 +150,7 @@ impl Output {
                 Mechanics::new(&self.body, step).without_friction(load.speed, load_torque + coupling);
             let difference = motor_moves.mean - load_moves.mean;
             heat += if pulls {
-                // The teeth have parted, and the shaft relaxes by itself against its damping.
+                // The teeth part, and the shaft untwists against its own damping.
                 self.spring_energy(theta) - self.spring_energy(theta + step * difference)
             } else {
                 self.damping * difference * difference * step
@@ -160,27 +164,29 @@ impl Output {
         WindowEnd { motor: ShaftMotion { mean, end: motor.speed, sliding_angle }, load, heat }
     }
 
-    /// 1 if teeth touch in the clockwise direction, -1 in the other, 0 within the backlash. Without backlash always 1.
+    /// Returns 1 if teeth touch in the clockwise direction, -1 if they touch in the other direction, and 0 if none touch.
+    /// The result is always 1 without backlash.
     fn side(&self, theta: f64) -> f64 {
-        if self.gap == 0.0 || theta >= self.gap - TOUCH {
+        if self.half_backlash == 0.0 || theta >= self.half_backlash - TOUCH {
             1.0
-        } else if theta <= TOUCH - self.gap {
+        } else if theta <= TOUCH - self.half_backlash {
             -1.0
         } else {
             0.0
         }
     }
 
-    /// Seconds until teeth meet or part at the present difference `d` of the speeds; infinite if they do neither.
+    /// Returns the seconds until teeth meet or part at the present difference `d` of the speeds (rad/s), or infinity if they
+    /// do neither. `side` is the result of [`side`](Self::side).
     fn to_event(&self, theta: f64, d: f64, side: f64) -> f64 {
-        let way = if self.gap == 0.0 || d == 0.0 {
+        let distance = if self.half_backlash == 0.0 || d == 0.0 {
             return f64::INFINITY;
         } else if side == 0.0 {
-            self.gap.copysign(d) - theta
+            self.half_backlash.copysign(d) - theta
         } else {
-            side * self.gap - theta
+            side * self.half_backlash - theta
         };
-        // Teeth that touch already, or that move into one another, have no event.
-        if way.abs() <= TOUCH || way * d <= 0.0 { f64::INFINITY } else { way / d }
+        // Teeth that touch already, or that move away from this position, have no event.
+        if distance.abs() <= TOUCH || distance * d <= 0.0 { f64::INFINITY } else { distance / d }
     }
 }

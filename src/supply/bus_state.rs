@@ -1,4 +1,4 @@
-//! The last reading of the bus and its range, for reports to a host.
+//! The last reading of the bus voltage and its meaning for motors, for reports to a host.
 
 use super::limits::{Levels, Limits};
 use super::{BATTERY_STALE_MICROS, Battery, DrawStage};
@@ -24,8 +24,8 @@ pub enum BusState {
     Quiet,
     /// Braking motors dissipate the energy that they would return to the bus.
     Dissipating,
-    /// The voltage is above [`Levels::ceiling`]. Dissipating motors keep the voltage below `ceiling`, so another source
-    /// raises the voltage.
+    /// The voltage is above [`Levels::ceiling`]. Motors that dissipate keep the voltage below `ceiling`, so a source other
+    /// than the motors raises the voltage.
     TooHigh,
 }
 
@@ -81,8 +81,8 @@ impl BusReading {
         Self { measured, state, at }
     }
 
-    /// Returns the reading as it counts at `now`. A reading older than [`BATTERY_STALE_MICROS`] counts as
-    /// [`BusState::Silent`].
+    /// Returns the reading, or [`BusState::Silent`] without a voltage if the reading is older than [`BATTERY_STALE_MICROS`]
+    /// at `now`.
     #[must_use]
     pub fn as_of(self, now: Micros) -> Self {
         if now.since(self.at) <= BATTERY_STALE_MICROS { self } else { Self { at: self.at, ..Self::INITIAL } }

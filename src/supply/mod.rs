@@ -1,5 +1,5 @@
-//! The bus that battery and bridges share. Filters the measured voltage, and limits what motors may draw from the bus and
-//! return to it.
+//! The bus that battery and bridges share: filters its measured voltage, and limits the current that motors may draw from the
+//! bus and return to it.
 //!
 //! ```text
 //!         min        cut        derate    recover     dissipate     ceiling       max
@@ -13,11 +13,11 @@
 //! * The [`DrawStage`] has hysteresis. The stage `Full` lasts until the filtered voltage is below `derate`. The stage `Derated`
 //!   lasts until the filtered voltage reaches `recover`. The stage `Cut` lasts until the filtered voltage is back at `derate`.
 //! * Braking motors *dissipate* energy when their bridges turn energy to heat instead of returning it to the bus. The bridge
-//!   then alternates between two pulses, some periods each. The first pulse shorts the winding: the motor's energy becomes
+//!   then alternates between two pulses, each of some PWM periods. The first pulse shorts the winding: the motor's energy becomes
 //!   heat. When the short ends, the winding's current flows back into the bus for a moment. The second pulse drives the motor
 //!   slightly above its back EMF, and so takes about as much from the bus again.
-//! * Dissipation begins when the voltage that a rising bus will have soon passes `dissipate`. It is complete halfway to
-//!   `ceiling`.
+//! * Dissipation begins when the voltage that a rising bus will have one sample later exceeds `dissipate`. From halfway
+//!   between `dissipate` and `ceiling` on, braking motors dissipate with full strength.
 //! * The *quiet range* is the range from `derate` to `dissipate`. The bus is *quiet* if its voltage is in this range and the
 //!   supply limits no motor. A quiet bus is sampled every 10 ms only. An analog watchdog reports when the voltage leaves the
 //!   range.
@@ -53,7 +53,7 @@ use core::ops::RangeInclusive;
 use overvoltage::Overvoltage;
 use undervoltage::Derating;
 
-/// Age in microseconds beyond which a battery reading is stale. After a longer gap between samples the filter restarts.
+/// Age in microseconds beyond which a battery reading is stale. The filter restarts after a longer gap between samples.
 pub const BATTERY_STALE_MICROS: u64 = 100_000;
 
 /// Time constant of the voltage filter, in microseconds. Sampling lengthens the time constant by about half an interval: to
@@ -178,9 +178,9 @@ impl Supply {
     /// `voltage` is `None` if the converter did not answer. A voltage below [`Levels::min`] is not plausible. In both cases
     /// the result is `None` except in a collapse, and the next plausible sample restarts the filter.
     ///
-    /// The bus has *collapsed* if two or more voltages in a row are below [`Levels::min`]. A failed conversion before them does
-    /// not matter; one between them begins the row anew. The result is then the last state with its old time, a draw of 0, no
-    /// dissipation, and at least the stage `Derated`. Without a last state the result is `None`.
+    /// The bus has *collapsed* if two or more voltages in a row are below [`Levels::min`], without a failed conversion between
+    /// them. The result is then the last state with its old time, a draw of 0, no dissipation, and the stage `Derated` or `Cut`.
+    /// The result is `None` before the first plausible sample.
     ///
     /// A voltage above [`Levels::max`] enters the filter as [`Levels::max`]. Motors then draw nothing, and braking motors
     /// dissipate. If such a voltage were not plausible, a converter at the end of its range would make braking motors coast.
@@ -195,7 +195,7 @@ impl Supply {
         self.last_reading
     }
 
-    /// Does the work of [`step`](Self::step) except for the last reading.
+    /// Does the work of [`step`](Self::step), but does not store the last reading.
     fn update(&mut self, voltage: Option<Millivolts>, now: Micros) -> Option<Battery> {
         match voltage {
             Some(measured) if measured >= self.limits.levels().min => Some(self.accept(measured, now)),

@@ -20,17 +20,18 @@ const CALIBRATED_DECIDEGREES: [i64; 2] = [300, 1100];
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Thermometer {
-    /// Readings of the sensor at 30 and at 110 degrees, with the rail of the reference's calibration.
+    /// Readings of the sensor at 30 and at 110 degrees Celsius. The supply voltage of the ADC, the *rail*, was then
+    /// [`VrefintCalibration::rail`].
     pub readings: [u16; 2],
 }
 
 impl Thermometer {
-    /// Returns the temperature in 0.1 degrees Celsius, from readings of the sensor and of the reference. `None` if the
-    /// calibration is not valid, the reading of the reference is 0, or the temperature is beyond 3000 degrees.
+    /// Returns the temperature in 0.1 degrees Celsius, from readings of the sensor and of the internal voltage reference
+    /// VREFINT. `None` if both calibration readings are equal, if `vrefint` is 0, or if the result is not within +-3000 degrees.
     pub fn decidegrees(self, sensor: u16, vrefint: u16, reference: VrefintCalibration) -> Option<i16> {
         let [low, high] = self.readings.map(i64::from);
         let [cold, hot] = CALIBRATED_DECIDEGREES;
-        // The reading that the sensor would have with the rail of the calibration.
+        // The reading that the sensor would have with the rail at which it was calibrated.
         let reading = (i64::from(sensor) * i64::from(reference.reading)).checked_div(i64::from(vrefint))?;
         let above = ((reading - low) * (hot - cold)).checked_div(high - low)?;
         i16::try_from(cold + above).ok().filter(|temperature| temperature.abs() < 30_000)

@@ -15,7 +15,7 @@ const RAIL_MV: core::ops::RangeInclusive<i64> = 1700..=3700;
 pub struct VrefintCalibration {
     /// Reading of the reference at calibration.
     pub reading: u16,
-    /// Rail at calibration: 3.3 V for an STM32F4, 3.0 V for a G4 (data sheets).
+    /// Rail at calibration: 3.3 V for an STM32F4 or STM32H7, 3.0 V for an STM32G4 (data sheets).
     pub rail: Millivolts,
     /// Resolution of the converter in bits, 1 to 16, for the calibration and for all samples.
     pub bits: u8,
@@ -27,7 +27,8 @@ pub struct VrefintScale {
     calibration: VrefintCalibration,
     /// Battery voltage divided by pin voltage, in steps of 2^-10.
     ratio: i64,
-    /// Battery reading per millivolt of the battery and per step of the reference's reading, in steps of 2^-36.
+    /// Reading of the battery's voltage divider per millivolt of the battery and per unit of the reference's reading, in
+    /// steps of 2^-36.
     counts_per_mv: i64,
 }
 

@@ -10,7 +10,7 @@ pub struct Control(i16);
 impl Control {
     /// The control value 0.
     pub const ZERO: Self = Self(0);
-    /// The positive end of the range, `controlMax` in the paper.
+    /// The positive end of the range. R. Atkinson, *On Proportional Braking in H Bridges* (2018), calls it `controlMax`.
     pub const MAX: Self = Self(i16::MAX);
     /// The negative end of the range.
     pub const MIN: Self = Self(-i16::MAX);
@@ -36,7 +36,7 @@ impl Control {
         self.0
     }
 
-    /// Returns the share of full control, -1.0 to 1.0, for plots and reports.
+    /// Returns the control value divided by 32767: -1.0 to 1.0, for plots and reports.
     pub fn to_f64(self) -> f64 {
         f64::from(self.0) / f64::from(Self::MAX.0)
     }
@@ -71,8 +71,7 @@ impl Duty {
         if bits > Self::ONE.0.to_bits() { Self::ONE } else { Self(U1F15::from_bits(bits)) }
     }
 
-    /// Returns `part / whole`, rounded to the nearest step; 0 if `part <= 0` or `whole <= 0`, otherwise 1 if `part >=
-    /// whole`.
+    /// Returns `part / whole`, rounded to the nearest step and limited to 0 to 1. The result is 0 if `whole` is not above 0.
     ///
     /// `part` and `whole` must be below 2^47.
     pub const fn ratio(part: i64, whole: i64) -> Self {
@@ -148,7 +147,8 @@ impl defmt::Format for Share {
     }
 }
 
-/// A PIDF coefficient in signed Q16.16, the format that hosts send: -32 768 to 32 767.99998.
+/// A coefficient of a PIDF controller, -32 768 to 32 767.99998. The format is signed Q16.16, as hosts send it: 32 bits in
+/// steps of 2^-16.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Coefficient(I16F16);
 

@@ -3,10 +3,10 @@
 use super::{RangeError, nearest};
 use fixed::types::{U16F16, U24F8};
 
-/// Acceleration of a motor with its load, in counts/s², per volt between drive voltage and back EMF.
+/// Acceleration of a motor with its load, in counts/s² per volt of the difference between drive voltage and back EMF.
 ///
-/// The range is 1/256 to 16 777 215 counts/s² per volt, in steps of 1/256. A bare gear motor has some 10³ to 10⁴, a
-/// motor with a heavy flywheel some 10.
+/// The range is above 0 and below 2^24 counts/s² per volt, in steps of 1/256. Gear motors without load have some 10³ to
+/// 10⁴, and a motor with a heavy flywheel has some 10.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct AccelerationPerVolt(U24F8);
 

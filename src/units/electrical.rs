@@ -146,10 +146,11 @@ impl defmt::Format for Inductance {
     }
 }
 
-/// Back-EMF constant keFw in mV s/count (millivolts per count per second), in the paper's format 6q20.
+/// Back-EMF constant keFw in mV s/count (millivolts per count per second).
 ///
-/// The range is above 0 and below 32 mV s/count, in steps of 2^-20 (paper, revision of 31 August 2018). The largest
-/// known constant is 18.72 mV s/count.
+/// The range is above 0 and below 32 mV s/count, in steps of 2^-20. This format is called 6q20 in R. Atkinson, *On
+/// Proportional Braking in H Bridges* (revision of 31 August 2018). The largest constant in the catalogue of motors is
+/// 18.72 mV s/count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EmfConstant(I12F20);
 
@@ -199,15 +200,15 @@ impl EmfConstant {
         self.0.to_bits()
     }
 
-    /// Returns the constant in volts per count per second, rounded to the nearest `f32`.
+    /// Returns the constant in V s/count, rounded to the nearest `f32`.
     pub const fn to_volts(self) -> f32 {
         self.to_bits() as f32 / (1e3 * (1 << 20) as f32)
     }
 
     /// Returns the back EMF at `speed`.
     ///
-    /// The product has 64 bits. For a NeveRest 60 a product of 32 bits would overflow above 2 counts/s, and with speeds
-    /// in whole counts/s above 513 counts/s.
+    /// The product has 64 bits. For a NeveRest 60 a product of 32 bits would overflow above 2 counts/s. With speeds in whole
+    /// counts/s it would overflow above 513 counts/s.
     pub const fn emf(self, speed: CountsPerSecond) -> Emf {
         // The product has steps of 2^-28 mV. Its magnitude is below 2^56.
         let product = speed.to_bits() as i64 * self.to_bits() as i64;
@@ -256,9 +257,9 @@ impl Emf {
     }
 }
 
-/// The average voltage across a motor: back EMF plus mean current times resistance (paper, section 2.1).
+/// The average voltage across a motor: back EMF plus mean current times resistance.
 ///
-/// A steady voltage of this value gives the same mean current as the switching bridge. Positive is CW. The range is
+/// A constant voltage of this value gives the same mean current as the switching bridge. Positive is CW. The range is
 /// +-134 217 V, in steps of 1/16 mV.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Voltage(i32);
@@ -279,7 +280,7 @@ impl Voltage {
         self.0
     }
 
-    /// Returns the voltage in whole millivolts, rounded towards 0 and limited to 16 bits.
+    /// Returns the voltage in whole millivolts, rounded towards 0 and limited to -32 768 to 32 767.
     pub const fn to_millivolts(self) -> i16 {
         let millivolts = self.0 / 16;
         if millivolts > i16::MAX as i32 {

@@ -5,7 +5,7 @@
 //! |---|---|---|
 //! | [`Control`] | +-32 767 | 1 |
 //! | [`Duty`], [`Share`] | 0 to 1 | 2^-15 |
-//! | [`Coefficient`] of a PIDF | -32 768 to 32 768 | 2^-16 |
+//! | [`Coefficient`] of a PIDF | -32 768 to below 32 768 | 2^-16 |
 //! | [`Millivolts`] | 0 to 65 535 mV | 1 mV |
 //! | [`Milliamperes`] | +-2^31 mA | 1 mA |
 //! | [`Microjoules`] | 0 to 2^64 - 1 uJ | 1 uJ |
@@ -15,8 +15,8 @@
 //! | [`Emf`] | +-131 071 mV | 2^-20 mV |
 //! | [`Voltage`] across a motor, average | +-134 217 V | 1/16 mV |
 //! | [`CountsPerSecond`] | +-8 388 607 | 2^-8 |
-//! | [`AccelerationPerVolt`] | above 0, below 16 777 216 counts/s² per V | 2^-8 |
-//! | [`DecayRate`] | 0 to 65 536 per second | 2^-16 |
+//! | [`AccelerationPerVolt`] | above 0, below 2^24 counts/s² per V | 2^-8 |
+//! | [`DecayRate`] | 0 to below 65 536 per second | 2^-16 |
 //! | [`Acceleration`] | 1 to 2^32 - 1 counts/s² | 1 |
 //! | [`Micros`] since boot | 64 bits | 1 us |
 //! | [`Period`] of control | 1 to 100 ms | 1 ms |
@@ -97,7 +97,7 @@ pub(crate) const fn nearest(value: f64) -> Option<i64> {
     }
 }
 
-/// A quantity is out of its range. Each variant names the quantity and its range.
+/// A quantity is out of its range. Each variant names the quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum RangeError {
@@ -111,7 +111,7 @@ pub enum RangeError {
     Inductance,
     /// An acceleration per volt must lie above 0 and below 2^24 counts/s² per volt.
     AccelerationPerVolt,
-    /// A decay rate must lie in 0 to 65 536 per second.
+    /// A decay rate must be at least 0 and below 65 536 per second.
     DecayRate,
     /// An acceleration limit must be above 0.
     Acceleration,
@@ -127,11 +127,11 @@ pub enum RangeError {
     Divider,
     /// The resolution of an analogue-to-digital converter must be 1 to 16 bits.
     Resolution,
-    /// The voltage levels of a supply must be in ascending order.
+    /// The voltage levels of a supply must be in ascending order. The message lists them.
     SupplyLevels,
     /// The diode drop, the switch resistance and the PWM frequency of a bridge must be in their ranges.
     Bridge,
-    /// The reference voltage and the volts per ampere of a current sense must be above 0.
+    /// The reference voltage and the millivolts per ampere of a current sense must be above 0.
     Sense,
     /// The current and the time constants of a thermal limit must be above 0.
     Thermal,
@@ -149,7 +149,7 @@ impl core::fmt::Display for RangeError {
             Self::AccelerationPerVolt => {
                 "acceleration per volt must be above 0 and below 16777216 counts/s^2/V"
             }
-            Self::DecayRate => "decay rate must be 0 to 65536 per second",
+            Self::DecayRate => "decay rate must be at least 0 and below 65536 per second",
             Self::Acceleration => "acceleration must be above 0 counts/s^2",
             Self::Speed => "speed must be -8388607 to 8388607 counts/s, counts per revolution above 0",
             Self::Distance => "distance must be -2147483647 to 2147483647 counts",

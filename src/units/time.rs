@@ -24,13 +24,14 @@ impl Micros {
     }
 }
 
-/// The control period: 1 to 100 ms. The default is 50 ms, as in the paper.
+/// The control period: 1 to 100 ms. The default is 50 ms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Period(u8);
 
 impl Period {
-    /// The default period of 50 ms: the control interval of the FTC firmware (paper, section 1.3).
+    /// The default period of 50 ms: the control interval of the hub firmware of FIRST Tech Challenge (R. Atkinson, *On
+    /// Proportional Braking in H Bridges*, 2018, section 1.3).
     pub const DEFAULT: Self = Self(50);
 
     /// Creates a period from milliseconds.

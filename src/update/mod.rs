@@ -1,4 +1,4 @@
-//! Firmware update over the host's link. Decides which chunks of an image are accepted, and when the image may start.
+//! Firmware update over the host's link: decides which chunks of an image are accepted, and when the image may start.
 //!
 //! Firmware runs from the *active slot* of the flash, and [`Slot`] describes the active slot. New firmware is written to the
 //! *download slot*, from which no firmware runs.
@@ -23,8 +23,8 @@
 //! If the hub has the key of a [signer](Slot::signer), the host must send a signature before the first chunk. The hub then arms
 //! an image only if its signature is valid.
 //!
-//! [`Update`] only decides. The *slot task* (`tasks::update`), which owns the flash, carries out each [`UpdateRequest`] and answers
-//! with [`Done`].
+//! [`Update`] decides and does not access the flash. The *slot task* (`tasks::update`) owns the flash. It carries out each
+//! [`UpdateRequest`] and answers with [`Done`].
 //!
 //! ```
 //! use motor_hub::update::{Booted, CHUNK, Done, UpdateRequest, Outcome, Phase, Slot, Update};
@@ -62,14 +62,14 @@ pub const ROLLBACK_VERSION_AT: u32 = 0x20;
 /// Length of each chunk except the last, in bytes. It is a multiple of the longest word that a flash writes, 32 bytes.
 pub const CHUNK: usize = 96;
 
-/// The active slot: the part of the flash that images are linked for and run from. Also the RAM that their stack may be in.
+/// The active slot, which is the part of the flash that images are linked for and run from, and what an image must fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slot {
     /// First address of the active slot.
     pub origin: u32,
     /// Length of the active slot in bytes. An image must not be longer.
     pub length: u32,
-    /// First address of the RAM, and the address after its last byte.
+    /// First address of the RAM that the stack of an image may be in, and the address after its last byte.
     pub ram: (u32, u32),
     /// Public key (Ed25519, RFC 8032) of the signer, whose signature each image must have. `None` if unsigned images are accepted.
     pub signer: Option<[u8; 32]>,
@@ -195,10 +195,10 @@ pub enum Done {
     Finished(Outcome),
 }
 
-/// The refusal of a chunk with a wrong length. A chunk must have [`CHUNK`] bytes, and the last one the rest of the image.
+/// The refusal of a chunk with a wrong length. The last chunk must have the rest of the image, and each other chunk [`CHUNK`] bytes.
 const CHUNK_LENGTH: Nack = Nack::parameter(1);
 
-/// State machine of firmware updates. It decides; the slot task writes to the flash.
+/// State machine of firmware updates. The documentation of the module has a diagram.
 #[derive(Clone, Debug)]
 pub struct Update {
     slot: Slot,

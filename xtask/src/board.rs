@@ -1,19 +1,19 @@
-//! The boards that an image is made for.
+//! The boards, and how their images are built.
 
 use crate::tool::{Failed, cargo, command, llvm, root, run};
 use std::path::{Path, PathBuf};
 
 /// A board, and the limits of its image.
 pub(crate) struct Board {
-    /// Its package.
+    /// Name of the board's package and image.
     pub(crate) name: &'static str,
-    /// Rust target of its chip's core.
+    /// Rust target of the chip's core.
     pub(crate) target: &'static str,
-    /// Name of its chip in probe-rs.
+    /// Name of the chip in probe-rs.
     pub(crate) chip: &'static str,
-    /// Limit of text and data, in bytes.
+    /// Limit of the flash that the image takes (text and data), in bytes.
     pub(crate) flash: u32,
-    /// Limit of data and bss, in bytes.
+    /// Limit of the static RAM (data and bss), in bytes.
     pub(crate) ram: u32,
 }
 
@@ -54,10 +54,10 @@ pub(crate) const ALL: [Board; 4] = [
 /// Programs that count instructions on the emulated core: package and target.
 pub(crate) const BENCHES: [(&str, &str); 1] = [("budget", "thumbv7em-none-eabihf")];
 
-/// The package that boards share. It builds only together with a board.
+/// The package of drivers that boards share. It can be built only together with a board.
 pub(crate) const DRIVERS: &str = "motor-hub-stm32";
 
-/// The folder that cargo builds into.
+/// Returns the folder that cargo builds into.
 pub(crate) fn target_folder() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
 }
@@ -70,7 +70,7 @@ pub(crate) fn image(arguments: &[String]) -> Result<(), Failed> {
     Ok(())
 }
 
-/// The board that the arguments name.
+/// Returns the board that the arguments name, or the first board without arguments.
 pub(crate) fn named(arguments: &[String]) -> Result<&'static Board, Failed> {
     match arguments {
         [] => Ok(&ALL[0]),

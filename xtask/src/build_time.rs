@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Instant;
 
-/// Builds a fresh copy of the committed sources, without any earlier build. The tests themselves are run by CI anyway.
+/// Builds a fresh copy of the committed sources, without any earlier build. Tests are built and not run.
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     none(arguments)?;
     let place = root().join(format!("target/build-time-{}", std::process::id()));

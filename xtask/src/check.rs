@@ -4,7 +4,7 @@ use crate::board::{ALL, BENCHES, DRIVERS};
 use crate::tool::{Failed, cargo, cargo_command, command, none, run};
 use crate::try_page;
 
-/// Cores without atomic read-modify-write, for which the library alone is checked.
+/// Targets of cores without atomic read-modify-write, for which only the library is checked.
 const SMALL_CORES: [&str; 2] = ["thumbv6m-none-eabi", "riscv32imc-unknown-none-elf"];
 
 const DENY: [&str; 3] = ["--", "-D", "warnings"];
@@ -12,7 +12,7 @@ const DENY: [&str; 3] = ["--", "-D", "warnings"];
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     none(arguments)?;
     let chips = || ALL.iter().map(|board| (board.name, board.target)).chain(BENCHES);
-    // Two chips, or a chip and the host, do not build in one cargo command.
+    // One cargo command can build neither for two chips, nor for a chip and this computer.
     let not_host = chips().map(|(name, _)| name).chain([DRIVERS, try_page::PACKAGE]);
     let host: Vec<&str> =
         ["--workspace"].into_iter().chain(not_host.flat_map(|name| ["--exclude", name])).collect();
@@ -41,7 +41,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     run(cargo_command(&documents).env("RUSTDOCFLAGS", "-D warnings"))
 }
 
-/// Arguments that select a package, its target and the profile of images.
+/// Returns the arguments of cargo that select a package, its target and the profile of images.
 const fn for_chip<'a>(package: &'a str, target: &'a str) -> [&'a str; 6] {
     ["--package", package, "--target", target, "--profile", "firmware"]
 }

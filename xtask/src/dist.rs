@@ -8,10 +8,10 @@ use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Computers that the program is built for. Static, so that it runs on every Linux.
+/// Targets that the program is built for. It is linked statically, so that it runs on every Linux.
 const COMPUTERS: [&str; 2] = ["x86_64-unknown-linux-musl", "aarch64-unknown-linux-musl"];
 
-/// Names of the files in which authors put their licences.
+/// Beginnings of the names of licence files, in capital letters.
 const LICENCE_FILES: [&str; 5] = ["LICENSE", "LICENCE", "COPYING", "UNLICENSE", "NOTICE"];
 
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
@@ -44,7 +44,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     Ok(())
 }
 
-/// Name of a board's image among the files of a release.
+/// Returns the name of a board's image among the files of a release.
 fn file_name(board: &str) -> String {
     if board.starts_with("boot-") { board.to_owned() } else { format!("motor-hub-{board}") }
 }
@@ -53,7 +53,7 @@ fn copy(from: &Path, to: &Path) -> Result<(), Failed> {
     fs::copy(from, to).map(drop).map_err(|error| Failed::at(from, error))
 }
 
-/// Builds the program for a computer; the linker is the toolchain's own.
+/// Builds the program for a target, with the linker of the toolchain. Returns its file.
 fn program(computer: &str) -> Result<PathBuf, Failed> {
     run(command("rustup").args(["target", "add", computer]))?;
     let linker = format!("target.{computer}.linker=\"rust-lld\"");
@@ -71,7 +71,7 @@ fn program(computer: &str) -> Result<PathBuf, Failed> {
     Ok(board::target_folder().join(computer).join("shipped/motor-hub"))
 }
 
-/// The sums of all files so far, as `sha256sum --check` reads them.
+/// Returns the checksums of all files in a folder, as `sha256sum --check` reads them.
 fn checksums(folder: &Path) -> Result<String, Failed> {
     let entries = fs::read_dir(folder).map_err(|error| Failed::at(folder, error))?;
     let mut names: Vec<_> = entries.flatten().map(|entry| entry.file_name()).collect();
@@ -79,7 +79,7 @@ fn checksums(folder: &Path) -> Result<String, Failed> {
     output(command("sha256sum").args(names).current_dir(folder))
 }
 
-/// Packages of others in the program, the wheel and the images, each with its licence.
+/// Returns a document of all third-party packages in the program, the wheel and the images, each with its licence.
 fn third_party() -> Result<String, Failed> {
     let mut packages = tree(&["--package", "motor-hub-cli", "--package", "motor-hub-python"])?;
     for board in &board::ALL {
@@ -100,7 +100,7 @@ fn third_party() -> Result<String, Failed> {
     Ok(text)
 }
 
-/// Name, version and licence of each package that something depends on, without the workspace's own.
+/// Returns name, version and licence of each package that the packages in `of` depend on, without those of this workspace.
 fn tree(of: &[&str]) -> Result<BTreeSet<(String, String, String)>, Failed> {
     let format = ["tree", "--edges", "normal", "--prefix", "none", "--format", "{p}|{l}"];
     let text = output(cargo_command(&[&format[..], of].concat()).env("CARGO_TERM_COLOR", "never"))?;
@@ -115,7 +115,7 @@ fn tree(of: &[&str]) -> Result<BTreeSet<(String, String, String)>, Failed> {
     Ok(packages.collect())
 }
 
-/// The licence files in the unpacked sources of a package.
+/// Returns the licence files in the unpacked sources of a package.
 fn licence_files(name: &str, version: &str) -> Result<Vec<PathBuf>, Failed> {
     let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
     let home = home.or_else(|| Some(std::env::home_dir()?.join(".cargo")));

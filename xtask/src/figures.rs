@@ -1,4 +1,4 @@
-//! `cargo xtask figures`: draws the pictures of the documents by the program motor-hub.
+//! `cargo xtask figures`: draws the pictures of the documents with the program motor-hub.
 
 use crate::generated::Generated;
 use crate::tool::{Failed, cargo, root};
@@ -10,7 +10,7 @@ const SHOWN: &str = "docs/pictures";
 /// The folder that the program draws into.
 const DRAWN: &str = "target/figures";
 
-/// A command, and for each shown file: its name as written and its name in the documents.
+/// For each picture: the command that draws it, the file that the command writes, and the name of the file in the documents.
 const PICTURES: [(&[&str], &str, &str); 4] = [
     (&["run", "--scenario", "boards/simulated/scenarios/winch.toml"], "comparison.svg", "winch.svg"),
     (&["figures"], "11-current-at-50-percent.svg", "current.svg"),

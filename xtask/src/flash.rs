@@ -1,4 +1,4 @@
-//! `cargo xtask flash`: an image onto a board, by probe-rs.
+//! `cargo xtask flash`: writes an image to a board with probe-rs.
 
 use crate::board;
 use crate::tool::{Failed, command, output, run};
@@ -10,18 +10,19 @@ each system; or, with libudev-dev, pkg-config and cmake on Linux, build it:
 /// The first version of probe-rs that has the options of [`UNHALTED`].
 const LEAST: (u32, u32) = (0, 28);
 
-/// Neither a HardFault nor a reset stops in the debugger: the firmware opens its bridges and starts afresh.
+/// Options with which the debugger does not stop the firmware at a HardFault or a reset. The firmware then opens its bridges, and
+/// starts again.
 const UNHALTED: [&str; 2] = ["--no-catch-hardfault", "--no-catch-reset"];
 
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     let board = board::named(arguments)?;
-    // Before the build, which takes longer.
+    // The check comes before the build, which takes longer.
     check(&output(command("probe-rs").arg("--version")).unwrap_or_default())?;
     let image = board.build()?;
     run(command("probe-rs").args(["run", "--chip", board.chip]).args(UNHALTED).arg(image))
 }
 
-/// True if the probe-rs with this version text can flash. The text is empty without probe-rs.
+/// Checks the version that probe-rs prints. The text is empty if probe-rs is not installed.
 fn check(says: &str) -> Result<(), Failed> {
     let why = match version(says) {
         Some(version) if version >= LEAST => return Ok(()),
@@ -34,7 +35,7 @@ fn check(says: &str) -> Result<(), Failed> {
     Err(Failed(format!("{why} {INSTALL}")))
 }
 
-/// The first two numbers in `probe-rs 0.29.1 (git commit: ...)`.
+/// Returns the first two numbers of a version text such as `probe-rs 0.29.1 (git commit: ...)`.
 fn version(says: &str) -> Option<(u32, u32)> {
     let mut numbers = says.strip_prefix("probe-rs ")?.split('.');
     Some((numbers.next()?.parse().ok()?, numbers.next()?.parse().ok()?))

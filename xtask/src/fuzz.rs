@@ -3,7 +3,7 @@
 use crate::tool::{Failed, cargo, cargo_command, command, none, output, root, run};
 use std::fs;
 
-/// Folder of the inputs that reached new code.
+/// Folder of inputs with which the fuzzer has reached new code.
 const CORPUS: &str = "target/fuzz/corpus";
 
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
@@ -22,7 +22,8 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
         let name = target.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let fuzz = ["fuzz", "run", "--target-dir", "target/fuzz", &name, CORPUS, "--"];
         let minute = ["-max_total_time=60", "-max_len=4096", "-print_final_stats=1", "-verbosity=0"];
-        // The pinned toolchain accepts nightly's options by this variable. An installed nightly may be older than the pin.
+        // With this variable the pinned toolchain accepts the options of nightly. An installed nightly may be older than the
+        // pinned toolchain.
         run(cargo_command(&[&fuzz[..], &minute].concat()).env("RUSTC_BOOTSTRAP", "1"))?;
     }
     Ok(())

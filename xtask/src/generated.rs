@@ -22,7 +22,8 @@ impl Generated {
         Ok(Self { task, check, count: 0, stale: Vec::new() })
     }
 
-    /// Compares a file, named from the root, with the content that it should have. A missing file is stale too.
+    /// Compares a file with the content that it should have, and writes the content if they differ. With `--check` it only notes
+    /// that the file is stale. The path `file` is relative to the root of the workspace. A missing file is stale too.
     pub(crate) fn take(&mut self, file: &str, content: &[u8]) -> Result<(), Failed> {
         let place = root().join(file);
         self.count += 1;

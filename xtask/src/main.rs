@@ -22,14 +22,17 @@ mod try_page;
 use std::process::ExitCode;
 use tool::{Failed, REPORTS, cargo, cargo_command, run};
 
-/// A task: its name with its arguments, its function, its description.
+/// A task of `cargo xtask`.
 struct Task {
+    /// Name of the task, with its arguments.
     call: &'static str,
     start: fn(&[String]) -> Result<(), Failed>,
+    /// Description for the list of tasks.
     does: &'static str,
 }
 
-/// Tests of images on emulated chips. Both packages are in one command, so that shared crates are built once.
+/// Arguments of cargo that run the tests of images on emulated chips. Both packages are in one command, so that shared crates are
+/// built once.
 pub(crate) const IMAGES: [&str; 11] = [
     "test",
     "--release",
@@ -148,7 +151,7 @@ fn package(arguments: &[String]) -> Result<(), Failed> {
     // Each run has its own folder. In the same folder cargo would reuse the unpacked sources of a package with the same
     // version.
     let place = format!("target/package-{}", std::process::id());
-    // One command, because the client is built with the library that is packed beside it.
+    // Both packages are in one command, because the client is built with the packed library.
     let packed = cargo(&[
         "package",
         "--package",

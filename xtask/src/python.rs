@@ -9,7 +9,7 @@ const PACKAGE: &str = "host/python";
 
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     none(arguments)?;
-    // The tests serve a simulated hub by the program.
+    // The tests start the program motor-hub, which serves a simulated hub.
     cargo(&["build", "--package", "motor-hub-cli"])?;
     let target = root().join("target");
     let wheels = target.join("wheels");
@@ -24,13 +24,13 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
         .arg(root().join(PACKAGE).join("tests/test_motor_hub.py"))
         .env("MOTOR_HUB", target.join("debug/motor-hub"))
         .current_dir(&target))?;
-    // A recording of the dashboard's page, read back by PyPI's mcap.
+    // This test reads a recording of the dashboard's page with the package mcap of PyPI.
     let recording =
         ["test", "--package", "motor-hub-cli", "--test", "program", "saved_as_mcap", "--", "--ignored"];
     run(cargo_command(&recording).env("MOTOR_HUB_MCAP", &python))
 }
 
-/// Builds the wheel for this kind of computer, and every Python from 3.10 on, into a folder. Wheels in it are replaced.
+/// Builds the wheel for this kind of computer, and for every Python from 3.10 on, into a folder. An older wheel is replaced.
 pub(crate) fn wheel(folder: &Path) -> Result<(), Failed> {
     let python = environment("maturin", &["maturin>=1.9,<2"])?;
     let manifest = root().join(PACKAGE).join("Cargo.toml");

@@ -9,10 +9,10 @@ use std::fs;
 /// The folder of the pages.
 const SHOWN: &str = "docs/results";
 
-/// Where programs and tests leave their tables.
+/// The folder into which programs and tests write their tables.
 const MADE: &str = "target/results";
 
-/// A page: its file, its heading, and the files that it consists of.
+/// A page: its file, its heading, and the tables below the heading.
 struct Page {
     file: &'static str,
     head: &'static str,

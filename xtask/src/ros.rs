@@ -1,4 +1,5 @@
-//! `cargo xtask ros`: checks and builds the ROS 2 package, and tests it against programs of others; or measures what fleets cost.
+//! `cargo xtask ros`: checks and builds the ROS 2 package, and tests it against third-party programs. `measure` instead measures
+//! the processor time and memory of fleets.
 
 use crate::python;
 use crate::tool::{Failed, cargo, none, root, run};
@@ -7,7 +8,7 @@ use std::process::Command;
 /// The package, which is a workspace of its own.
 const MANIFEST: &str = "host/ros/Cargo.toml";
 
-/// The picture of a square that a simulated robot has driven.
+/// The picture of the course of a simulated robot that drives along a square.
 const PICTURE: &str = "docs/pictures/odom.svg";
 
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
@@ -21,7 +22,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
         let folder = folder.to_string_lossy();
         cargo(&[task, &["--manifest-path", MANIFEST, "--target-dir", &folder], rest].concat())
     };
-    // The tests serve simulated hubs by the program.
+    // The tests start the program motor-hub, which serves simulated hubs.
     let profile = if measures {
         cargo_ros(&["build", "--release"], &[])?;
         cargo(&["build", "--release", "--package", "motor-hub-cli"])?;

@@ -1,4 +1,4 @@
-//! `cargo xtask size`: flash and static RAM of images against their limits, and the reserved RAM.
+//! `cargo xtask size`: compares flash and static RAM of images with their limits, and prints the RAM of stack and record.
 
 use crate::board::{self, Board};
 use crate::tool::{Failed, command, llvm, output, root};
@@ -25,7 +25,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     written.map_err(|error| Failed::at(&file, error))
 }
 
-/// Prints flash and static RAM of an image, in bytes, and returns them.
+/// Prints flash and static RAM of an image in bytes, and returns them. Fails if one of them exceeds its limit.
 fn check(board: &Board) -> Result<[u32; 2], Failed> {
     let image = board.build()?;
     let table = output(command(llvm("llvm-size")?).arg(&image))?;
@@ -56,13 +56,13 @@ fn check(board: &Board) -> Result<[u32; 2], Failed> {
     }
 }
 
-/// Value of a symbol that the linker script defines.
+/// Returns the value of a symbol that the linker script defines.
 fn address(symbols: &str, name: &str) -> Option<u32> {
     let line = symbols.lines().find(|line| line.split_whitespace().last() == Some(name))?;
     u32::from_str_radix(line.split_whitespace().next()?, 16).ok()
 }
 
-/// Sizes of text, data and bss: the first three numbers of the last line.
+/// Returns the sizes of text, data and bss: the first three numbers of the table's last line.
 fn sections(table: &str) -> Option<[u32; 3]> {
     let mut numbers = table.lines().last()?.split_whitespace().map_while(|word| word.parse().ok());
     Some([numbers.next()?, numbers.next()?, numbers.next()?])

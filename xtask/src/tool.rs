@@ -1,4 +1,4 @@
-//! Other programs, started at the root of the workspace.
+//! Functions that run other programs at the root of the workspace.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -11,29 +11,29 @@ pub(crate) const REPORTS: &str = "report_";
 pub(crate) struct Failed(pub(crate) String);
 
 impl Failed {
-    /// A file or folder could not be used.
+    /// Creates the error for a file or folder that could not be used.
     pub(crate) fn at(path: &Path, error: std::io::Error) -> Self {
         Self(format!("{}: {error}", path.display()))
     }
 }
 
-/// The root of the workspace.
+/// Returns the root of the workspace.
 pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// A command that runs at the root of the workspace.
+/// Creates a command that runs at the root of the workspace.
 pub(crate) fn command(program: impl AsRef<OsStr>) -> Command {
     let mut command = Command::new(program);
     command.current_dir(root());
     command
 }
 
-/// Prints a command and runs it to its end. An exit code other than 0 is a failure.
+/// Prints a command, and runs it to its end. Fails if the exit code is not 0.
 pub(crate) fn run(command: &mut Command) -> Result<(), Failed> {
     let name = command.get_program().to_string_lossy().into_owned();
     let arguments = command.get_args().map(|argument| format!(" {}", argument.to_string_lossy()));
-    // Of a program's path only the file name is shown.
+    // Only the file name of a program is printed, not its path.
     let shown = Path::new(&name).file_name().unwrap_or_default().to_string_lossy();
     let shown = format!("{shown}{}", arguments.collect::<String>());
     println!("> {shown}");
@@ -41,7 +41,7 @@ pub(crate) fn run(command: &mut Command) -> Result<(), Failed> {
     if status.success() { Ok(()) } else { Err(Failed(format!("{shown}: {status}"))) }
 }
 
-/// The standard output of a command.
+/// Runs a command, and returns its standard output. Fails if the exit code is not 0.
 pub(crate) fn output(command: &mut Command) -> Result<String, Failed> {
     let name = command.get_program().to_string_lossy().into_owned();
     let output = command.output().map_err(|error| Failed(format!("{name}: {error}")))?;
@@ -51,7 +51,7 @@ pub(crate) fn output(command: &mut Command) -> Result<String, Failed> {
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
-/// A command of the cargo that runs this task.
+/// Creates a command of the cargo that runs this task.
 pub(crate) fn cargo_command(arguments: &[&str]) -> Command {
     let mut cargo = command(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo.args(arguments);
@@ -68,7 +68,7 @@ pub(crate) fn motor_hub(arguments: &[&str]) -> Result<(), Failed> {
     cargo(&[&["run", "--release", "--quiet", "--"], arguments].concat())
 }
 
-/// Path of a tool in the toolchain's component llvm-tools.
+/// Returns the path of a tool in the toolchain's component llvm-tools.
 pub(crate) fn llvm(tool: &str) -> Result<PathBuf, Failed> {
     let sysroot = output(command("rustc").args(["--print", "sysroot"]))?;
     let about = output(command("rustc").arg("-vV"))?;

@@ -1,4 +1,5 @@
-//! `cargo xtask try`: the dashboard without a server, in one file that any browser opens: `docs/try/index.html`.
+//! `cargo xtask try`: makes `docs/try/index.html`, the dashboard with a simulated hub in one file, which any browser opens without a
+//! server.
 
 use crate::board::target_folder;
 use crate::tool::{Failed, cargo_command, command, root, run};
@@ -12,7 +13,7 @@ pub(crate) const TARGET: &str = "wasm32-unknown-unknown";
 
 const FILE: &str = "docs/try/index.html";
 
-/// What the file is made of, from the project's folder.
+/// Sources of the file, relative to the root of the workspace.
 const SOURCES: [&str; 11] = [
     "Cargo.lock",
     "src",
@@ -35,7 +36,8 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     }
 }
 
-/// Compares the mark of the sources in the file. The file itself depends on the compiler's version and its folder.
+/// Compares the hash of the sources in the file with the present sources. The other contents of the file cannot be compared,
+/// because they depend on the compiler's version and on folders.
 fn check() -> Result<(), Failed> {
     if read(FILE)?.contains(&mark()?) {
         println!("try: {FILE} is fresh");
@@ -44,7 +46,7 @@ fn check() -> Result<(), Failed> {
     Err(Failed(format!("{FILE} was made of other sources; `cargo xtask try` makes it again")))
 }
 
-/// A comment with a hash of all sources (FNV-1a, 64 bits): of their names and contents.
+/// Returns a comment with a hash of the names and contents of all sources (FNV-1a, 64 bits).
 fn mark() -> Result<String, Failed> {
     let mut files = Vec::new();
     for source in SOURCES {
@@ -62,7 +64,7 @@ fn mark() -> Result<String, Failed> {
     Ok(format!("<!-- sources {hash:016x} -->"))
 }
 
-/// Collects the files of a folder, or the one file.
+/// Adds a file to `files`, or all files of a folder and its subfolders.
 fn collect(place: &Path, files: &mut Vec<PathBuf>) -> Result<(), Failed> {
     if !place.is_dir() {
         files.push(place.to_owned());
@@ -93,7 +95,7 @@ fn make() -> Result<(), Failed> {
     Ok(())
 }
 
-/// The dashboard's page with everything that it loads.
+/// Returns the dashboard's page with everything that it loads. `relay` is the packed WebAssembly module.
 fn page(relay: &[u8]) -> Result<String, Failed> {
     let mut page = dashboard("index.html")?;
     let mut put = |line: &str, instead: String| {
@@ -130,7 +132,7 @@ fn page(relay: &[u8]) -> Result<String, Failed> {
     Ok(page)
 }
 
-/// The page's modules for an import map: names, and contents as `data:` URLs. Such a URL has no folder, so that the names of
+/// Returns the page's modules for an import map: names, and contents as `data:` URLs. A `data:` URL has no folder, so names of
 /// imports cannot be relative.
 fn modules() -> Result<String, Failed> {
     let folder = root().join("host/dashboard/page/js");
@@ -153,7 +155,7 @@ fn modules() -> Result<String, Failed> {
     Ok(map)
 }
 
-/// A file of the dashboard's page.
+/// Reads a file of the dashboard's page.
 fn dashboard(name: &str) -> Result<String, Failed> {
     read(&format!("host/dashboard/page/{name}"))
 }
@@ -163,7 +165,7 @@ fn read(path: &str) -> Result<String, Failed> {
     fs::read_to_string(&path).map_err(|error| Failed::at(&path, error))
 }
 
-/// Base64 by RFC 4648, with padding.
+/// Encodes bytes in Base64 (RFC 4648), with padding.
 fn base64(bytes: &[u8]) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);

@@ -1,4 +1,4 @@
-//! A bank of the flash: the driver of the hub and of its bootloader.
+//! The driver for a bank of the flash, which the hub and its bootloader use.
 //!
 //! Three properties of this flash shape the driver.
 //!
@@ -24,7 +24,8 @@ use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
-/// Of `SCB_CCR`: loads of a core whose faults are masked may fail (PM0253, configuration and control register).
+/// Bit of `SCB_CCR` with which a bus error does not stop a core that has masked its faults (PM0253, configuration and control
+/// register).
 const BFHFNMIGN: u32 = 1 << 8;
 
 /// First addresses of the banks, and bytes of each (RM0433 table 15).
@@ -34,28 +35,30 @@ const SIZE: usize = 0x10_0000;
 /// Keys that unlock a bank's registers, in this order (RM0433 4.5.1).
 const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
 
-/// PSIZE: the bank programs and erases 32 bits at a time.
+/// Value of PSIZE with which the bank programs and erases 32 bits at a time.
 const PARALLELISM: u8 = 0b10;
 
-/// Bytes that are written and read as one, and as many 32-bit words.
+/// Number of bytes in a word of the flash, which is written and read as a whole.
 const WORD: usize = 32;
+
+/// A word of the flash, as eight numbers of 32 bits.
 type Word = [u32; WORD / 4];
 
-/// What erased flash reads.
+/// A word of erased flash.
 const BLANK: Word = [u32::MAX; WORD / 4];
 
 /// Number of reads of the status register in a row that must show an idle bank.
 const IDLE_READS: u32 = 16;
 
-/// Number of attempts at an operation whose result does not read back, while another attempt does no harm.
+/// Number of attempts at an operation. An attempt is repeated if its result does not read back and a repetition does no harm.
 const ATTEMPTS: u32 = 3;
 
-/// Bytes that are checked for an erasure without a pause.
+/// Number of bytes that are checked after an erasure before other tasks may run.
 const CHECKED_AT_ONCE: u32 = 1024;
 
 /// A bank of the flash.
 pub struct Bank<T> {
-    /// 0 or 1.
+    /// Number of the bank, 0 or 1.
     number: usize,
     /// Pauses for a moment, in which other tasks run.
     pause: fn() -> T,
@@ -64,7 +67,7 @@ pub struct Bank<T> {
 /// Why an operation of the flash has failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Error {
-    /// The address or the length is no multiple of what is written or erased as one.
+    /// The address or the length is not a multiple of the size that is written or erased as a whole.
     NotAligned,
     /// The addresses are not all in the bank.
     OutOfBounds,
@@ -93,8 +96,8 @@ fn check(offset: u32, length: usize, unit: usize) -> Result<(), Error> {
 }
 
 impl<T: Future<Output = ()>> Bank<T> {
-    /// Both banks. `pause` returns a future that is awaited again and again while a bank is busy: an erasure takes seconds, a
-    /// word some 0.1 ms.
+    /// Creates the drivers of both banks. The future that `pause` returns is awaited repeatedly while a bank is busy. An erasure takes
+    /// seconds, and the write of a word some 0.1 ms.
     pub fn both(_: Peri<'static, FLASH>, pause: fn() -> T) -> [Self; 2] {
         [0, 1].map(|number| Self { number, pause })
     }
@@ -130,7 +133,7 @@ impl<T: Future<Output = ()>> Bank<T> {
         }
     }
 
-    /// Clears all error flags and unlocks the bank. A flag that stands may block the next operation (RM0433 4.7.3).
+    /// Clears all error flags and unlocks the bank. A flag that stays set may block the next operation (RM0433 4.7.3).
     fn open(&self) -> pac::flash::Bank {
         let registers = self.registers();
         registers.ccr().write(|w| {
@@ -174,7 +177,7 @@ impl<T: Future<Output = ()>> Bank<T> {
                 return Ok(());
             }
             if word != BLANK {
-                // A word is written once: another attempt could spoil its code.
+                // A second write to a word could make its error-correcting code invalid.
                 break;
             }
         }

@@ -1,11 +1,11 @@
-//! What the bootloader of the NUCLEO-H743ZI2 shares with the hub that it boots: the layout of the flash, the driver of the
-//! flash, the memory that nothing is executed from, and the key of signed firmware.
+//! Shared by the bootloader of the NUCLEO-H743ZI2 and the hub that it boots: the layout and the driver of the flash, the regions
+//! of memory that are not executable, and the key of signed firmware.
 #![no_std]
 
 mod bank;
 pub mod layout;
 mod memory;
-// The same sources, not the same package: the drivers of a hub have no place in a bootloader of 16 kB.
+// The two files are shared with the package of the hub's drivers. The package itself would be too large for a bootloader of 16 kB.
 #[path = "../../stm32/src/mpu.rs"]
 mod mpu;
 #[path = "../../stm32/src/start.rs"]

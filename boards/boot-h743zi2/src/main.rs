@@ -1,9 +1,9 @@
-//! The bootloader of a NUCLEO-H743ZI2: `embassy-boot`'s, over the slots of [`layout`].
+//! The bootloader of a NUCLEO-H743ZI2. It uses `embassy-boot` with the two slots of firmware of [`layout`].
 //!
-//! It swaps the slots if the hub has armed new firmware. It swaps them back if the new firmware was started and has not
-//! confirmed itself. Then it jumps. If it was built with a public key, it swaps in only firmware that the key has signed and
-//! that is not older. After a power cut the swap goes on at its last step. Every fault ends in a reset, after
-//! which the swap goes on too.
+//! The bootloader swaps the slots if the hub has armed new firmware. It swaps them back if the new firmware was started and has
+//! not confirmed itself. Then it starts the firmware. A bootloader with a public key only swaps in firmware that is signed with
+//! the secret key, and that is not older than the present firmware. After a power cut or a fault a swap continues at its last
+//! step. Every fault ends in a reset.
 //!
 //! ```text
 //! reset -> watchdog, 32 s -> discard a stale or refused swap -> swap, if armed or on trial -> watchdog, 4 s -> jump
@@ -11,8 +11,8 @@
 //!   +----------+----------------+----------------------+--------------------------------+  fault, panic, failing flash
 //! ```
 //!
-//! It drives one pin: the red lamp is on until the clocks run, and blinks during a swap. The bridges' pull-downs keep the
-//! bridges open.
+//! The bootloader drives one pin: the red lamp is on until the clocks run, and blinks during a swap. Pull-down resistors keep
+//! the bridges open.
 #![no_std]
 #![no_main]
 #![deny(unsafe_code)]
@@ -39,22 +39,23 @@ use embedded_storage_async::nor_flash::NorFlash;
 use motor_hub::tasks::update::discard_refused_swap;
 use motor_hub::tasks::update::{BlockingFlash, StateFlash, discard_stale_swap};
 
-/// Watchdog time until a swap reaches its next erasure: the watchdog's longest. The LSI is exact to 8 %.
+/// Time-out of the watchdog in microseconds while the bootloader runs: nearly the watchdog's longest, 32.8 s. A swap must reach its
+/// next erasure in this time. The LSI oscillator that counts the time is exact to 8 %.
 const SWAP_MICROS: u32 = 32_000_000;
 
-/// Watchdog time until the firmware starts the watchdog with its own shorter time.
+/// Time-out of the watchdog in microseconds in which the firmware must set its own shorter time-out.
 const TRIAL_MICROS: u32 = 4_000_000;
 
-/// Bytes of a copy; a divisor of a sector.
+/// Number of bytes that a swap copies at a time; a divisor of the size of a sector.
 const BUFFER: usize = 4096;
 
-/// Frequency of the interrupt at which the core looks for the end of an operation of the flash, in Hz.
+/// Frequency in Hz of the interrupt that wakes the core to check whether an operation of the flash has ended.
 const TICK_HZ: u32 = 10_000;
 
 /// Ticks for which the lamp is on, or off, during a swap.
 const BLINK_TICKS: u32 = TICK_HZ / 4;
 
-/// PB14, the red lamp.
+/// Number of the red lamp's pin, PB14.
 const LAMP: usize = 14;
 
 #[cortex_m_rt::entry]
@@ -86,7 +87,7 @@ fn main() -> ! {
         state: blocking(state),
     };
     let Ok(loader) = BootLoader::try_prepare::<_, _, _, BUFFER>(config) else {
-        // The slot may hold a half of each firmware.
+        // The swap is not complete, so the slot may hold a part of each firmware.
         SCB::sys_reset()
     };
     tick(&mut core.SYST, false);
@@ -102,7 +103,7 @@ fn boot(loader: BootLoader) -> ! {
     unsafe { loader.load(layout::ORIGIN) }
 }
 
-/// The chip's own oscillator, undivided. The hub finds all other clocks as after a reset.
+/// Returns the clocks: the chip's own oscillator of 64 MHz, undivided. All other clocks stay as after a reset.
 fn clocks() -> embassy_stm32::Config {
     let mut config = embassy_stm32::Config::default();
     config.rcc.voltage_scale = rcc::VoltageScale::Scale1;
@@ -111,11 +112,11 @@ fn clocks() -> embassy_stm32::Config {
     config
 }
 
-/// Starts the watchdog, or gives it another time.
+/// Starts the watchdog, or changes its time-out.
 fn watch(watchdog: Peri<'_, peripherals::IWDG1>, micros: u32) {
     let mut watchdog = IndependentWatchdog::new(watchdog, micros);
     watchdog.unleash();
-    // The watchdog takes no other value until these have reached it (RM0433 45.4.4).
+    // The registers must not be written again until the watchdog has taken over these values (RM0433 45.4.4).
     while pac::IWDG1.sr().read().0 != 0 {}
     watchdog.pet();
 }
@@ -139,7 +140,8 @@ fn part<F: NorFlash>(flash: &Mutex<NoopRawMutex, F>, at: Range<u32>) -> Partitio
     Partition::new(flash, at.start, at.end - at.start)
 }
 
-/// The watchdog is fed once a page, so an operation that never ends is ended by a reset.
+/// Makes a flash driver that sleeps while it waits. It feeds the watchdog before each erasure, so an operation that never ends
+/// leads to a reset.
 const fn blocking<F>(flash: F) -> BlockingFlash<F> {
     BlockingFlash { flash, idle: wfi, erasing: feed }
 }

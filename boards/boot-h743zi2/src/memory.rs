@@ -1,4 +1,4 @@
-//! Memory that nothing is executed from, in addition to the regions of the hub's stack guard.
+//! Regions of memory from which no code may be executed, in addition to the regions of the hub's stack guard.
 
 use crate::mpu::{FULL_ACCESS, NEVER_EXECUTED, WRITTEN_THROUGH, protect, region};
 use cortex_m::peripheral::MPU;
@@ -12,10 +12,10 @@ const REGIONS: [(u32, u32); 2] = [
     (0x0810_0000, region(1 << 20, NEVER_EXECUTED | FULL_ACCESS | WRITTEN_THROUGH)),
 ];
 
-/// Number of the first of these regions. Lower numbers are the hub's.
+/// Number of the first of these regions. The hub's stack guard uses lower numbers.
 const FIRST: u32 = 8;
 
-/// From here on nothing is executed from the system memory and from the second bank.
+/// Forbids the execution of code in the system memory and in the second bank.
 pub fn execute_first_bank_only(mpu: &mut MPU) {
     protect(mpu, FIRST, &REGIONS);
 }

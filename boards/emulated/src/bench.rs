@@ -1,5 +1,5 @@
-//! The test bench: an image on the emulated chip with motors, battery, serial line, log and faults round
-//! it, advanced as a test says.
+//! The test bench: an image on the emulated chip, connected to motors, a battery, a serial line and a log. A test advances
+//! the virtual time and injects faults.
 
 mod chain;
 mod devices;
@@ -36,40 +36,41 @@ use crate::shafts::{Look, Mounting, Shafts};
 use crate::surroundings::{self, Order, Surroundings, terminal};
 use crate::wiring;
 
-/// What stands on the bench.
+/// What a bench consists of.
 #[derive(Clone, Debug)]
 pub struct Setup {
-    /// Whose chip, and whose image.
+    /// The board, which decides the chip and the image.
     pub board: Board,
-    /// One to four motors, by bridge.
+    /// Up to four motors, in the order of the bridges.
     pub motors: Vec<Mounting>,
-    /// Their battery.
+    /// The battery of all motors.
     pub battery: Battery,
-    /// The current-sense lines of their bridges, by motor.
+    /// The current-sense lines of the bridges, in the order of the motors.
     pub current_lines: Vec<CurrentLine>,
-    /// Content of the memory for settings, [`Board::store`]. An empty one is blank.
+    /// Content of the memory for settings, [`Board::store`]. If it is empty, the memory is blank.
     pub stored: Vec<u8>,
-    /// The board's bootloader comes first, and starts the image that is built for it.
+    /// True if the board's bootloader runs first, and starts the image that is built for it.
     pub bootloader: bool,
     /// File of the public key that the bootloader is built with, if it is to check signatures.
     pub bootloader_key: Option<PathBuf>,
     /// Content of the whole flash, [`Board::flash`], in place of images, as [`Bench::flash`] returns it. If it is
     /// empty, the flash holds the images.
     pub flash: Vec<u8>,
-    /// What the interface of an STM32H743's flash does beyond its manual. The emulated F427 has no such faults.
+    /// Faults of the flash interface of an STM32H743. The emulated F427 has none.
     pub flash_faults: FlashFaults,
-    /// A transceiver connects the chip to the line of a chain.
+    /// True if a transceiver connects the chip to the line of a chain.
     pub transceiver: bool,
     /// How TIM1 is emulated.
     pub pwm: Pwm,
     /// How the memory protection unit is emulated.
     pub mpu: Mpu,
-    /// Where to listen for GDB, if at all; the core then waits for it.
+    /// TCP port for GDB. With a port the core waits until GDB has connected.
     pub gdb: Option<u16>,
 }
 
 impl Setup {
-    /// These motors on the first board, with a 12 V battery of 50 mohm and sound current-sense lines.
+    /// Creates a bench of the default board with these motors, a 12 V battery of 50 mohm, and current-sense lines without a
+    /// fault.
     #[must_use]
     pub fn new(motors: Vec<Mounting>) -> Self {
         let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
@@ -94,7 +95,7 @@ impl Setup {
 /// One byte on the serial line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SerialByte {
-    /// When its stop bit ended.
+    /// Time at which the stop bit of the byte ended.
     pub at: Duration,
     /// The byte.
     pub byte: u8,
@@ -103,13 +104,13 @@ pub struct SerialByte {
 /// A restart of the chip.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reset {
-    /// When.
+    /// Time of the restart.
     pub at: Duration,
-    /// What caused it, as the emulator names it.
+    /// Cause of the restart, as the emulator names it.
     pub cause: String,
 }
 
-/// Why the emulator's thread ended before its bench.
+/// Why the emulator's thread ended before the end of its bench.
 #[derive(Debug, thiserror::Error)]
 enum Stopped {
     #[error(transparent)]
@@ -120,32 +121,36 @@ enum Stopped {
     Emulator(#[from] rigless::emulator::Error),
 }
 
-/// An image, running.
+/// A running image with its motors.
 ///
 /// # Panics
-/// Its methods panic when the emulator refuses to go on, with its reason.
+/// All methods panic if the emulator has stopped. The message has the emulator's reason.
 pub struct Bench {
     orders: Sender<Order>,
+    /// Receives a message when the emulator has carried out the last order to run.
     reached: Receiver<()>,
     thread: Option<JoinHandle<Result<(), Stopped>>>,
     table: Option<Table>,
     symbols: Vec<elf::Symbol>,
     board: Board,
     motors: usize,
+    /// Line of the host, 0 or 1.
     line: usize,
-    heard: usize,
+    /// Number of bytes on this line that the test has received.
+    received: usize,
+    /// Virtual time since power-on, ns.
     now: u64,
 }
 
 impl Bench {
-    /// The hub's firmware, just powered on.
+    /// Powers on the hub's firmware.
     #[must_use]
     pub fn new(setup: Setup) -> Self {
         let image = if setup.bootloader { elf::hub_in_slot(setup.board) } else { elf::hub(setup.board) };
         Self::with_image(setup, &image)
     }
 
-    /// Another image on the same board, just powered on.
+    /// Powers on another image on the board of `setup`.
     #[must_use]
     pub fn with_image(setup: Setup, image: &Path) -> Self {
         let bytes = std::fs::read(image).unwrap_or_else(|error| panic!("{}: {error}", image.display()));
@@ -186,19 +191,21 @@ impl Bench {
             board,
             motors,
             line: 0,
-            heard: 0,
+            received: 0,
             now: 0,
         };
         bench.wait();
         bench
     }
 
+    /// Waits until the emulator has carried out the last order to run.
     fn wait(&mut self) {
         if self.reached.recv().is_err() {
             self.fail();
         }
     }
 
+    /// Panics with the reason for which the emulator's thread has ended.
     fn fail(&mut self) -> ! {
         match self.thread.take().map(JoinHandle::join) {
             Some(Ok(Err(reason))) => panic!("the emulator stopped: {reason}"),
@@ -207,7 +214,7 @@ impl Bench {
         }
     }
 
-    /// Does something at the present instant.
+    /// Runs a function on the emulator's thread at the present virtual time, and returns its result.
     fn at_stop<T: Send + 'static>(
         &mut self,
         errand: impl FnOnce(&mut Surroundings, &mut Session<Nucleo>, &mut dyn Host) -> T + Send + 'static,
@@ -226,7 +233,7 @@ impl Bench {
         }
     }
 
-    /// Does something at an instant to come.
+    /// Runs a function on the emulator's thread at a later virtual time.
     fn at(
         &mut self,
         at: Duration,
@@ -250,7 +257,7 @@ impl Bench {
         }
     }
 
-    /// Runs until this instant, ns, which is to come, beside its caller. [`wait`](Self::wait) waits for the end.
+    /// Begins to run until the later time `target`, ns, and returns meanwhile. [`wait`](Self::wait) waits for the end.
     fn begin_to_run(&mut self, target: u64) {
         if self.orders.send(Order::Run(target)).is_err() {
             self.fail();
@@ -258,7 +265,7 @@ impl Bench {
         self.now = target;
     }
 
-    /// Runs in steps of `step` until `done` says so, at most for `limit`; true if it said so.
+    /// Runs in steps of `step` until `done` returns true, at most for `limit`. Returns whether `done` has returned true.
     pub fn run_while(
         &mut self,
         step: Duration,
@@ -275,54 +282,54 @@ impl Bench {
         false
     }
 
-    /// Virtual time since power-on.
+    /// Returns the virtual time since power-on.
     #[must_use]
     pub const fn now(&self) -> Duration {
         Duration::from_nanos(self.now)
     }
 
-    /// Number of motors.
+    /// Returns the number of motors.
     #[must_use]
     pub const fn motors(&self) -> usize {
         self.motors
     }
 
-    /// Instructions that the core has executed; none while it sleeps.
+    /// Returns the number of instructions that the core has executed. A sleeping core executes none.
     pub fn instructions(&mut self) -> u64 {
         self.at_stop(|surroundings, _, _| surroundings.instructions)
     }
 
-    /// Where a shaft is and what flows.
+    /// Returns the motion and the current of a motor.
     pub fn look(&mut self, motor: usize) -> Look {
         self.at_stop(move |surroundings, _, _| surroundings.shafts.look(motor, surroundings.now))
     }
 
-    /// The lines of a bridge.
+    /// Returns the lines of a bridge.
     pub fn lines(&mut self, motor: usize) -> Lines {
         self.at_stop(move |surroundings, _, _| surroundings.recorder.lines[motor])
     }
 
-    /// The PWM periods, once the timer runs.
+    /// Returns the PWM periods. `None` until the timer runs.
     pub fn pwm_grid(&mut self) -> Option<Grid> {
         self.at_stop(|surroundings, _, _| surroundings.grid())
     }
 
-    /// Voltage of the battery under load, V, and current out of it, A.
+    /// Returns the voltage of the battery under load, V, and the current that leaves the battery, A.
     pub fn battery(&mut self) -> (f64, f64) {
         self.at_stop(|surroundings, _, _| {
             (surroundings.shafts.voltage(), surroundings.shafts.battery_current())
         })
     }
 
-    /// Every change of any bridge's lines so far.
+    /// Returns all changes of the lines of all bridges so far.
     pub fn transitions(&mut self) -> Vec<Transition> {
         self.at_stop(|surroundings, _, _| surroundings.recorder.transitions.clone())
     }
 
-    /// The log so far.
+    /// Returns the log so far.
     ///
     /// # Panics
-    /// If the image has no log.
+    /// Panics if the image has no log.
     pub fn log(&mut self) -> Vec<LogLine> {
         let taken = self.at_stop(|surroundings, _, _| surroundings.rtt.taken.clone());
         rtt::decode(self.table.as_ref().expect("the image logs"), &taken)
@@ -333,13 +340,14 @@ impl Bench {
         self.at_stop(move |surroundings, session, _| surroundings.press(session, pressed));
     }
 
-    /// From now on uses the host's line 0, of the ST-LINK, or 1, of a USB-serial adapter. What has come on it before is skipped.
+    /// Changes the line of the host to 0, of the ST-LINK, or 1, of a USB-serial adapter. Bytes that have arrived on this line before
+    /// are skipped.
     pub fn use_line(&mut self, line: usize) {
         self.line = line;
-        self.heard = self.at_stop(move |_, session, _| terminal(session, line).incoming.len());
+        self.received = self.at_stop(move |_, session, _| terminal(session, line).incoming.len());
     }
 
-    /// Sends bytes down the serial line, as fast as it takes them.
+    /// Sends bytes to the chip on the serial line, without pauses.
     pub fn send(&mut self, bytes: &[u8]) {
         let (bytes, line) = (bytes.to_vec(), self.line);
         self.at_stop(move |surroundings, session, _| {
@@ -348,17 +356,17 @@ impl Bench {
         });
     }
 
-    /// What came up the serial line since this was last asked.
+    /// Returns the bytes that the chip has sent on the serial line since the last call.
     pub fn receive(&mut self) -> Vec<SerialByte> {
-        let (heard, line) = (self.heard, self.line);
+        let (received, line) = (self.received, self.line);
         let bytes = self.at_stop(move |_, session, _| {
-            terminal(session, line).incoming.get(heard..).unwrap_or_default().to_vec()
+            terminal(session, line).incoming.get(received..).unwrap_or_default().to_vec()
         });
-        self.heard += bytes.len();
+        self.received += bytes.len();
         bytes.into_iter().map(|(at, byte)| SerialByte { at: Duration::from_nanos(at), byte }).collect()
     }
 
-    /// The resets so far.
+    /// Returns all resets of the chip so far.
     pub fn resets(&mut self) -> Vec<Reset> {
         self.at_stop(|_, session, _| {
             let resets = session.resets().iter();
@@ -371,16 +379,16 @@ impl Bench {
         })
     }
 
-    /// What the emulator could not do as the chip would: empty, or the run proves nothing.
+    /// Returns what the emulator could not do as the chip would. A run with such a gap proves nothing.
     pub fn gaps(&mut self) -> Vec<String> {
         self.at_stop(|_, session, _| emulator_gaps::gaps(session))
     }
 
-    /// Asserts that nothing was silent: no gap of the emulator, no illegal way of a bridge, and the log
-    /// begins within 2 us of power-on.
+    /// Asserts that the emulator had no gap, that no transition of a bridge was illegal, and that the log begins within 2 us
+    /// of power-on.
     ///
     /// # Panics
-    /// If not so.
+    /// Panics if one of these conditions does not hold.
     pub fn assert_sound(&mut self) {
         let gaps = self.gaps();
         assert!(gaps.is_empty(), "the emulator has gaps:\n{}", gaps.join("\n"));
@@ -413,7 +421,7 @@ fn nanos(time: Duration) -> u64 {
     u64::try_from(time.as_nanos()).expect("a run shorter than 584 years")
 }
 
-/// The emulator's thread.
+/// Runs the emulator until the bench ends the run. This is the function of the emulator's thread.
 fn run(
     setup: Setup,
     images: &[Image],
@@ -421,9 +429,9 @@ fn run(
     orders: Receiver<Order>,
     reached: SyncSender<()>,
 ) -> Result<(), Stopped> {
-    // A bootloader puts other code into flash.
-    let lasts = !setup.bootloader;
-    let code = Code::new(setup.board, setup.mpu, images, lasts);
+    // A bootloader writes other code into the flash.
+    let is_constant = !setup.bootloader;
+    let code = Code::new(setup.board, setup.mpu, images, is_constant);
     let mut board = Nucleo::new(setup.board, setup.pwm, setup.flash_faults, code)?;
     board.chip.attach();
     surroundings::pull_up_buses(&mut board, VirtualNanos(0));

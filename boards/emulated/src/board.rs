@@ -14,19 +14,19 @@ use std::str::FromStr;
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Board {
-    /// An STM32F429; the emulated chip is the F427: the same manual (RM0090) and registers, but for a display
-    /// controller.
+    /// A board with an STM32F429. The emulated chip is the F427, which has the same manual (RM0090) and the same registers,
+    /// except for a display controller.
     #[default]
     NucleoF429zi,
-    /// An STM32H743, RM0433.
+    /// A board with an STM32H743 (RM0433).
     NucleoH743zi2,
 }
 
 impl Board {
-    /// All of them.
+    /// All boards.
     pub const ALL: [Self; 2] = [Self::NucleoF429zi, Self::NucleoH743zi2];
 
-    /// Its package and its image.
+    /// Returns the name of the board's package, which is also the name of its image.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -35,7 +35,7 @@ impl Board {
         }
     }
 
-    /// The chip that is emulated.
+    /// Returns the name of the emulated chip.
     #[must_use]
     pub const fn chip(self) -> &'static str {
         match self {
@@ -44,7 +44,7 @@ impl Board {
         }
     }
 
-    /// The core's clock as the firmware sets it up. One instruction retires in a cycle.
+    /// Returns the core's clock in Hz, as the firmware sets it. The emulated core executes one instruction in each cycle.
     #[must_use]
     pub const fn core_hz(self) -> u64 {
         match self {
@@ -53,7 +53,7 @@ impl Board {
         }
     }
 
-    /// Addresses of the RAM that the image has its stack and its statics in, and at the end what a reset leaves alone.
+    /// Returns the addresses of the RAM with the image's stack and statics. Its end is the record, which no start-up code clears.
     #[must_use]
     pub const fn ram(self) -> Range<u64> {
         match self {
@@ -62,25 +62,25 @@ impl Board {
         }
     }
 
-    /// Addresses of what no start-up clears.
+    /// Returns the addresses of the record of faults, which no start-up code clears.
     #[must_use]
     pub const fn record(self) -> Range<u64> {
         self.ram().end - 0x1000..self.ram().end
     }
 
-    /// Addresses of the stack, without its guard.
+    /// Returns the addresses of the stack, without its guard.
     #[must_use]
     pub const fn stack(self) -> Range<u64> {
         0x2000_2000..0x2000_8000
     }
 
-    /// Addresses of the flash.
+    /// Returns the addresses of the flash.
     #[must_use]
     pub const fn flash(self) -> Range<u64> {
         0x0800_0000..0x0820_0000
     }
 
-    /// Addresses of the two pages of flash that its settings are stored in.
+    /// Returns the addresses of the two pages of flash in which settings are stored.
     #[must_use]
     pub const fn store(self) -> Range<u64> {
         match self {
@@ -89,7 +89,7 @@ impl Board {
         }
     }
 
-    /// The package of its bootloader, if it has one.
+    /// Returns the package of the board's bootloader. `None` if the board has no bootloader.
     #[must_use]
     pub const fn bootloader(self) -> Option<&'static str> {
         match self {
@@ -98,10 +98,10 @@ impl Board {
         }
     }
 
-    /// The board that `MOTOR_HUB_BOARD` names, or else the first: what tests run that are not of one board.
+    /// Returns the board that the environment variable `MOTOR_HUB_BOARD` names, or the default board without this variable.
     ///
     /// # Errors
-    /// If there is none of that name.
+    /// Returns an error if no board has this name.
     pub fn of_environment() -> Result<Self, UnknownBoard> {
         std::env::var("MOTOR_HUB_BOARD").map_or(Ok(Self::default()), |name| name.parse())
     }
@@ -113,7 +113,7 @@ impl fmt::Display for Board {
     }
 }
 
-/// There is no such board.
+/// No board has the given name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there is no board {name}; there are {}", Board::ALL.map(Board::name).join(", "))]
 pub struct UnknownBoard {

@@ -1,5 +1,5 @@
-//! Bridges as their pins command them: states, every change of them at its virtual instant, and
-//! whether a bridge may go that way.
+//! The lines of bridges: the states that they command, each change with its virtual time, and whether a bridge may make the
+//! change.
 
 use std::fmt;
 use std::time::Duration;
@@ -8,8 +8,8 @@ use motor_hub::bridge::State;
 
 use crate::pwm::{Grid, Output, level};
 
-/// The three lines of one bridge: VNH5019A-E with both DIAG/EN pulled up. A line that the chip does
-/// not drive is low, by the pull-downs on the carrier.
+/// The three lines of one bridge, a VNH5019A-E with both DIAG/EN pins pulled up. Pull-down resistors on its board keep a
+/// line low that the chip does not drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lines {
     /// Direction line A.
@@ -21,11 +21,11 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// Nothing is driven.
+    /// The chip drives no line.
     pub const FLOATING: Self = Self { ina: false, inb: false, pwm: Output::Level(false) };
 
-    /// The bridge's state while the PWM line is `high` (data sheet of the VNH5019A-E, Doc ID 15701,
-    /// truth table; PWM low opens both low sides).
+    /// Returns the bridge's state while the PWM line is high or low, by the truth table in the data sheet (VNH5019A-E, Doc ID
+    /// 15701). A low PWM line opens both low-side switches.
     #[must_use]
     pub const fn state(self, high: bool) -> State {
         match (self.ina, self.inb, high) {
@@ -39,7 +39,7 @@ impl Lines {
         }
     }
 
-    /// The share of a period of `ticks` in which the PWM line is high.
+    /// Returns the share of a period of `ticks` in which the PWM line is high, 0 to 1.
     #[must_use]
     pub fn duty(self, ticks: u32) -> f64 {
         match self.pwm {
@@ -54,7 +54,7 @@ impl Lines {
         self == Self { pwm: Output::Level(true), ..Self::FLOATING }
     }
 
-    /// True if no current path through a closed switch is made or modulated.
+    /// True if all switches are open all the time.
     #[must_use]
     pub fn open(self) -> bool {
         self == Self::FLOATING
@@ -64,30 +64,30 @@ impl Lines {
 /// One bridge's lines changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Transition {
-    /// Since power-on.
+    /// Time of the change since power-on.
     pub at: Duration,
-    /// Which bridge.
+    /// Number of the bridge.
     pub motor: usize,
-    /// The lines from here on.
+    /// The lines after the change.
     pub lines: Lines,
-    /// The state just before.
+    /// The state before the change.
     pub before: State,
-    /// The state from here on, until the next edge of the PWM line.
+    /// The state after the change, until the next edge of the PWM line.
     pub after: State,
     /// True if a reset released the lines.
     pub by_reset: bool,
-    /// The lines before.
+    /// The lines before the change.
     pub old: Lines,
 }
 
 impl Transition {
-    /// Whether a bridge may go that way.
+    /// True if a bridge may make this change. In a mode x/y state x and state y alternate with the PWM line.
     ///
-    /// * Never a state that is not one of the three modes' (both direction lines high).
-    /// * The PWM line may toggle within a mode: 9/8, 6/2, 5/0.
-    /// * A direction line may change only while the PWM line is low and stays low. Then at most one high side closes or opens, and no leg goes from one switch to the other without a pause. From one
-    ///   direction to the other it must pass state 0.
-    /// * A reset opens all switches together.
+    /// * Both direction lines may never be high, because no mode has this state.
+    /// * The PWM line may change within a mode: 9/8 (drive CW), 6/2 (drive CCW) or 5/0 (brake).
+    /// * A direction line may change only while the PWM line is low and stays low. At most one high-side switch then changes,
+    ///   and no leg closes one switch when it opens the other. A change of the direction must pass state 0, the open bridge.
+    /// * A reset may open all switches together.
     #[must_use]
     pub fn legal(&self) -> bool {
         let [before, after] = [self.before, self.after];
@@ -124,8 +124,8 @@ impl Recorder {
         Self { lines: vec![Lines::FLOATING; bridges], transitions: Vec::new() }
     }
 
-    /// Bridge `motor` has these lines from `at` on; true if that is new. `grids`: the PWM periods
-    /// before and after.
+    /// Notes that bridge `motor` has these lines from the time `at` (ns) on. Returns true if they differ from the lines
+    /// before. `grids` are the PWM periods before and after.
     pub(crate) fn set(
         &mut self,
         at: u64,
@@ -138,7 +138,7 @@ impl Recorder {
         if old == lines {
             return false;
         }
-        // Just before: an edge of the old waveform at this very instant is still to come.
+        // The state is that of 1 ns earlier, because an edge of the old waveform at `at` has not happened yet.
         let before = old.state(level(old.pwm, grids.0, at.saturating_sub(1)));
         let after = lines.state(level(lines.pwm, grids.1, at));
         let at = Duration::from_nanos(at);

@@ -1,8 +1,8 @@
-//! The emulated chip as a board has it: rail, calibration words, no clock from outside, and models that can be taken
-//! out or are put in. What the bench wants of any chip is [`Part`]; each chip has a room of its own.
+//! The emulated chip of a board: its supply voltage, its calibration words, and models that replace or extend those of the
+//! emulator. [`Part`] has what the bench needs of any chip. Each chip implements it in a module of its own.
 
-/// What is written the same for every chip, of types that are each chip's own: `self.part`, its slots `timer_slot` and
-/// `port_slots`, the registers `Tim1` and `Gpio`, and the board.
+/// Methods of [`Part`] whose text is the same for every chip, while their types differ. They use the chip's `self.part`,
+/// `timer_slot` and `port_slots`, the registers `Tim1` and `Gpio`, and `BOARD`.
 macro_rules! same_on_every_chip {
     () => {
         fn drive_pin(&mut self, at: VirtualNanos, port: usize, pin: Pin, level: Option<Level>) {
@@ -153,21 +153,21 @@ use crate::system_break::Connections;
 pub use flash_interface::FlashFaults;
 pub(crate) use servo_timer::Edge;
 
-/// The rail, mV.
+/// Supply voltage of the chip, mV.
 const RAIL_MV: u32 = 3_300;
 
 /// How much of TIM1 is emulated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Pwm {
-    /// Its registers alone; the waveforms follow from them on the outside. Nothing in the firmware reads
-    /// counter or flags, so this is the same to it, and several times faster.
+    /// The registers alone are emulated, and the bench computes the waveforms from them. The firmware reads neither counter nor
+    /// flags, so it finds no difference. This is several times faster.
     #[default]
     Registers,
-    /// The emulator's own model, which wakes up at every compare.
+    /// The emulator's own model is used, which has an event at every compare.
     Emulated,
 }
 
-/// A peripheral that only remembers what is written to it.
+/// A peripheral that only stores what is written to its registers.
 #[derive(Debug)]
 struct Remembers<R>(core::marker::PhantomData<R>);
 
@@ -181,7 +181,7 @@ impl<R: Layout> rigless::device::Device for Remembers<R> {
     type Register = R;
 }
 
-/// What a port does with its pins.
+/// Modes and output levels of the pins of a port.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Port {
     modes: u32,
@@ -193,77 +193,77 @@ impl Port {
         self.modes >> (2 * pin) & 3 == mode
     }
 
-    /// Whether the pin is driven high, if it is driven at all (RM0090 8.4.1, RM0433 11.4.1: mode 1 is an output).
+    /// Returns whether the pin is driven high. `None` if the pin is no output (RM0090 8.4.1, RM0433 11.4.1: mode 1 is an output).
     pub(crate) fn drives(self, pin: u8) -> Option<bool> {
         self.is_mode(pin, 1).then_some(self.outputs >> pin & 1 != 0)
     }
 
-    /// Whether a peripheral has the pin.
+    /// Returns whether the pin is connected to a peripheral.
     pub(crate) const fn is_function(self, pin: u8) -> bool {
         self.is_mode(pin, 2)
     }
 }
 
-/// A microcontroller with what the bench does to it. Motors are by number, ports from A as 0.
+/// A microcontroller with what the bench does to it. Port A has the number 0.
 pub(crate) trait Part: Mcu + Debug + Send {
-    /// The core and its memory, with this much of the MPU.
+    /// Returns the core and its memory, with this emulation of the memory protection unit.
     fn target(&mut self, mpu: Mpu) -> Target<'_>;
 
-    /// Another rail, mV; the converters' reference stays.
+    /// Sets the supply voltage, mV. The reference voltage of the converters stays.
     fn set_rail(&mut self, at: VirtualNanos, millivolts: u32);
 
-    /// Rail, detector or EXTI may have changed: an output of the detector that rises is the interrupt PVD, if its
-    /// line is unmasked.
+    /// Updates the interrupt of the voltage detector, after the supply voltage, the detector or EXTI may have changed. A rising
+    /// output of the detector causes the interrupt, if its line is unmasked.
     fn follow_detector(&mut self, at: VirtualNanos);
 
-    /// The voltage on the battery's pin, mV.
+    /// Sets the voltage on the battery's pin, mV.
     fn set_battery(&mut self, millivolts: u32);
 
-    /// Disconnects the battery's pin from everything, or connects it again.
+    /// Disconnects the battery's pin, or connects it again.
     fn open_battery(&mut self, open: bool);
 
-    /// The voltage on the pin of a motor's current-sense line, mV.
+    /// Sets the voltage on the pin of a motor's current-sense line, mV.
     fn set_current(&mut self, motor: usize, millivolts: u32);
 
-    /// The voltage on an analog input of the host, 0 to 3, or on the 5 V rail's divider, 4, in mV.
+    /// Sets the voltage in mV on an analog input of the host, 0 to 3, or on the divider of the 5 V rail, 4.
     fn set_analog(&mut self, input: usize, millivolts: u32);
 
-    /// The chip's temperature, 0.01 degrees Celsius.
+    /// Sets the chip's temperature, in 0.01 degrees Celsius.
     fn set_temperature(&mut self, hundredths: i32);
 
-    /// Every edge on the pin of a servo so far.
+    /// Returns all edges on the pin of a servo so far.
     fn servo(&self, servo: usize) -> &[Edge];
 
-    /// Number of I2C buses.
+    /// Returns the number of I2C buses.
     fn bus_count(&self) -> usize;
 
     /// Connects a device to an I2C bus.
     fn attach_device(&mut self, bus: usize, device: RegisterDevice);
 
-    /// The nth device of an I2C bus.
+    /// Returns the device of an I2C bus with the number `nth`, from 0.
     fn device(&mut self, bus: usize, nth: usize) -> Option<&mut RegisterDevice>;
 
-    /// A device holds SCL or SDA of an I2C bus low, or releases it.
+    /// Makes a device hold SCL, SDA or both of an I2C bus low, or release them.
     fn hold_lines(&mut self, at: VirtualNanos, bus: usize, low: [bool; 2]);
 
-    /// The next conversion of a current ends later by this time; false if it cannot on this chip.
+    /// Makes the next conversion of a current end later by this time. Returns false if the bench cannot do this on this chip.
     fn delay_currents(&mut self, nanos: u64) -> bool;
 
-    /// The battery's converter takes commands but converts nothing, or works again.
+    /// Makes the battery's converter accept commands but convert nothing, or work again.
     fn set_dead(&mut self, dead: bool);
 
-    /// Other faults of the flash. Nothing happens on a chip whose flash has none on the bench.
+    /// Sets the faults of the flash. This does nothing on a chip whose flash is modelled without faults.
     fn set_flash_faults(&mut self, _: FlashFaults) {}
 
-    /// The operation of the flash that runs never ends, until a reset; false if the bench cannot do so to this chip.
+    /// Makes the flash stay busy until a reset. Returns false if the bench cannot do this on this chip.
     fn hold_flash(&mut self) -> bool {
         false
     }
 
-    /// Another revision of the chip, REV_ID. Nothing happens on a chip whose revision the bench does not model.
+    /// Sets the revision of the chip, REV_ID. This does nothing on a chip whose revision is not modelled.
     fn set_revision(&mut self, at: VirtualNanos, revision: u16);
 
-    /// The power controller only remembers what is written to it, so the clocks never start; or it works again.
+    /// Makes the power controller only store what is written to it, so that the clocks never start, or work again.
     fn set_power_dead(&mut self, dead: bool);
 
     /// Puts a level on an input of a motor's counter.
@@ -272,46 +272,48 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// Puts a level on a pin, or releases the pin.
     fn drive_pin(&mut self, at: VirtualNanos, port: usize, pin: Pin, level: Option<Level>);
 
-    /// What a wire on a pin would see.
+    /// Returns the level of a pin.
     fn pin_level(&self, port: usize, pin: Pin) -> Level;
 
-    /// What a port does.
+    /// Returns modes and output levels of a port.
     fn port(&self, port: usize) -> Port;
 
-    /// TIM1's registers.
+    /// Returns the registers of TIM1.
     fn pwm(&self) -> Registers;
 
-    /// TIM1's clock, Hz.
+    /// Returns the clock of TIM1, Hz.
     fn pwm_hz(&mut self) -> u64;
 
-    /// The pulse that the emulator's own TIM1 makes: high time and period, ns.
+    /// Returns the pulse that the emulator's own TIM1 makes: high time and period, ns.
     fn pulse(&mut self, channel: Channel) -> Option<(u64, u64)>;
 
     /// Connects the far ends of the host's two lines and of the chain line.
     fn attach(&mut self);
 
-    /// The far end of a line of the host, 0 or 1, or of the chain line, 2.
+    /// Returns the far end of a line of the host, 0 or 1, or of the chain line, 2.
     fn terminal(&mut self, line: usize) -> Option<&mut Terminal>;
 
-    /// What of the chip breaks TIM1. On the F427 nothing does: its SYSCFG has no such register (RM0090 9.2).
+    /// Returns the sources that switch the outputs of TIM1 off, by a break input of the timer. The F427 has none, because its SYSCFG
+    /// has no register for them (RM0090 9.2).
     fn connections(&self) -> Connections {
         Connections::default()
     }
 
-    /// What becomes of words on their way to the chip, on line 0.
+    /// Returns the random errors of bytes to the chip on line 0.
     fn line_errors(&mut self) -> &mut Errors;
 }
 
-/// What registers hold.
+/// Returns the contents of registers.
 fn words<const N: usize>(registers: &RegisterFile, of: [impl Layout; N]) -> [u32; N] {
     of.map(|register| registers.get(register) as u32)
 }
 
-/// Priorities and the system timer's divider are the same on both cores (PM0214 4.3, RM0433 19.1).
+/// Number of bits of an interrupt's priority, on both cores (PM0214 4.3, RM0433 19.1).
 const PRIORITY_BITS: u8 = 4;
+/// Divider of the system timer's reference clock, on both cores.
 const REFCLK_DIVIDER: NonZeroU32 = NonZeroU32::new(8).expect("a divider");
 
-/// The board as the emulator sees it. What is on its pins is the driver's.
+/// The board for the emulator. [`Surroundings`](crate::surroundings::Surroundings) drives its pins.
 #[derive(Debug)]
 pub(crate) struct Nucleo {
     pub(crate) chip: Box<dyn Part>,
@@ -328,7 +330,7 @@ impl Nucleo {
         Ok(Self { chip, board, code })
     }
 
-    /// The words that the factory writes.
+    /// Returns the calibration words that the factory writes.
     pub(crate) fn factory_image(board: Board) -> Result<Image, rigless::image::Error> {
         match board {
             Board::NucleoF429zi => f427::factory_image(),
@@ -337,7 +339,7 @@ impl Nucleo {
     }
 }
 
-/// Runs start from reset: a plant has no place in the emulator's snapshots.
+/// Nothing is stored, because runs start from a reset and snapshots of the emulator are not used.
 impl Store for Nucleo {}
 
 impl Machine for Nucleo {

@@ -1,4 +1,4 @@
-//! The firmware image: where it is, how it is built, and its symbols.
+//! The firmware image: its file, its build, and its symbols.
 //!
 //! ```
 //! use emulated::elf::{Symbol, find};
@@ -6,7 +6,7 @@
 //! let symbols = ["hub::control_task::poll", "hub::supply_task::poll"]
 //!     .map(|name| Symbol { name: name.into(), address: 0x0800_0200, size: 4 });
 //! assert_eq!(find(&symbols, "control_task..::poll"), Some(0x0800_0200));
-//! // Two end so: it is not said which.
+//! // Two names end like this, so no address is returned.
 //! assert_eq!(find(&symbols, "::poll"), None);
 //! ```
 
@@ -21,32 +21,33 @@ use crate::board::Board;
 
 const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// Builds the flashed image of a package, and returns its ELF. Quick when it is fresh; once per process and package.
+/// Builds the image of a package, and returns its ELF file. Cargo builds nothing if the image is up to date.
 ///
 /// # Panics
-/// If it does not build.
+/// Panics if the package does not build.
 #[must_use]
 pub fn build(package: &str) -> PathBuf {
     build_as(package, package, &[], &[])
 }
 
-/// A board's firmware with another control period, in milliseconds.
+/// Builds a board's firmware with another control period, in milliseconds.
 ///
 /// # Panics
-/// If it does not build.
+/// Panics if the firmware does not build.
 #[must_use]
 pub fn hub_with_period(board: Board, ms: u32) -> PathBuf {
     let (image, period) = (format!("{board}-{ms}-ms"), ms.to_string());
-    // The feature makes it a build of its own, of the last crate alone, so that neither makes the other stale.
+    // The feature gives the last crate a build of its own. Otherwise each of the two images would make the other one stale.
     build_as(&image, board.name(), &["--features", "own-period"], &[("CONTROL_PERIOD_MS", &period)])
 }
 
-/// Builds, and copies the ELF to a name of its own: variants of a package have one place in the target folder.
+/// Builds a package, and copies its ELF file to the name `image`. In the target folder all variants of a package have the same
+/// file.
 fn build_as(image: &str, package: &str, options: &[&str], variables: &[(&str, &str)]) -> PathBuf {
     let target = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target");
     let images = target.join("images");
     std::fs::create_dir_all(&images).expect("a folder for images");
-    // One thread of one process at a time builds and copies.
+    // Only one thread of one process builds and copies at a time.
     let turn = File::create(images.join("lock")).expect("a file to lock");
     turn.lock().expect("a lock");
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
@@ -71,29 +72,29 @@ fn build_as(image: &str, package: &str, options: &[&str], variables: &[(&str, &s
     place
 }
 
-/// A board's firmware as its bootloader starts it.
+/// Builds a board's firmware for the slot from which the bootloader starts it.
 ///
 /// # Panics
-/// If it does not build.
+/// Panics if the firmware does not build.
 #[must_use]
 pub fn hub_in_slot(board: Board) -> PathBuf {
     build_as(&format!("{board}-in-slot"), board.name(), &["--features", "bootloader"], &[])
 }
 
-/// Builds an image that takes only firmware signed with the key whose public half is in this file.
+/// Builds an image that accepts only signed updates. `key` is the file of the signer's public key.
 ///
 /// # Panics
-/// If it does not build.
+/// Panics if the image does not build.
 #[must_use]
 pub fn hub_that_asks_for_signatures(board: Board, key: &Path) -> PathBuf {
     let key = key.display().to_string();
     build_as(&format!("{board}-signed"), board.name(), &["--features", "signed"], &[("UPDATE_KEY", &key)])
 }
 
-/// A board's bootloader. With the file of a public key it swaps in only firmware that is signed with this key.
+/// Builds a board's bootloader. With the file of a signer's public key it swaps in only firmware that the signer has signed.
 ///
 /// # Panics
-/// If it has none, or that does not build.
+/// Panics if the board has no bootloader, or the bootloader does not build.
 #[must_use]
 pub fn bootloader(board: Board, key: Option<&Path>) -> PathBuf {
     let package = board.bootloader().unwrap_or_else(|| panic!("{board} has no bootloader"));
@@ -110,16 +111,16 @@ pub enum ImageError {
     Unreadable {
         /// The option or variable, and its path.
         place: String,
-        /// Why not.
+        /// Error of the operating system.
         error: std::io::Error,
     },
-    /// The file is something else.
+    /// The file is not the ELF file of a firmware.
     #[error("{place} is not the ELF file of a firmware")]
     NoFirmware {
         /// The option or variable, and its path.
         place: String,
     },
-    /// This program was started elsewhere than in the sources that it was built from.
+    /// This program was started outside of the sources that it was built from.
     #[error(
         "images are built from the sources in {sources}, and this program was not started there; give --image FILE"
     )]
@@ -129,7 +130,7 @@ pub enum ImageError {
     },
 }
 
-/// The image that is run instead of the freshly built one.
+/// The image that runs instead of an image that is built from the sources.
 static CHOSEN: OnceLock<PathBuf> = OnceLock::new();
 
 /// Chooses the image to run: this file, or the file in `MOTOR_HUB_ELF`. Without both it builds one from the sources of
@@ -156,7 +157,7 @@ pub fn choose(file: Option<&Path>) -> Result<(), ImageError> {
     Ok(())
 }
 
-/// Whether the working directory is in the sources that this program was built from.
+/// Checks that the working directory is in the sources that this program was built from.
 fn in_the_sources() -> Result<(), ImageError> {
     let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let found = (std::env::current_dir().and_then(|here| here.canonicalize()), sources.canonicalize());
@@ -166,7 +167,8 @@ fn in_the_sources() -> Result<(), ImageError> {
     }
 }
 
-/// A board's firmware, built if it is not fresh. [`choose`] or `MOTOR_HUB_ELF` names another image to run instead.
+/// Returns the image of a board's firmware: the image that [`choose`] or `MOTOR_HUB_ELF` names, otherwise one that is built from
+/// the sources.
 #[must_use]
 pub fn hub(board: Board) -> PathBuf {
     static BUILT: [OnceLock<PathBuf>; Board::ALL.len()] = [const { OnceLock::new() }; Board::ALL.len()];
@@ -177,18 +179,18 @@ pub fn hub(board: Board) -> PathBuf {
 /// A function or variable.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Symbol {
-    /// As the linker knows it, demangled.
+    /// Demangled name.
     pub name: String,
-    /// First byte, without the Thumb bit.
+    /// Address of the first byte, without the Thumb bit.
     pub address: u64,
-    /// Bytes.
+    /// Size in bytes.
     pub size: u64,
 }
 
-/// All symbols with a size, by address.
+/// Returns all symbols that have a size, in the order of their addresses.
 ///
 /// # Panics
-/// If the file is no ELF.
+/// Panics if the file is no ELF file.
 #[must_use]
 pub fn symbols(elf: &[u8]) -> Vec<Symbol> {
     let file = object::File::parse(elf).expect("an ELF file");
@@ -205,8 +207,8 @@ pub fn symbols(elf: &[u8]) -> Vec<Symbol> {
     symbols
 }
 
-/// The address of the only symbol whose name contains these parts in this order, separated by `..`, and
-/// ends with the last: `capture_task..::poll`.
+/// Returns the address of the only symbol whose name contains the parts of `name` in this order and ends with the last part.
+/// Parts are separated by `..`, as in `capture_task..::poll`. Returns `None` if no symbol or more than one has such a name.
 #[must_use]
 pub fn find(symbols: &[Symbol], name: &str) -> Option<u64> {
     let matches = |symbol: &&Symbol| {

@@ -1,10 +1,10 @@
-//! Where the emulator did less than the chip would: a run with an entry here proves nothing.
+//! Gaps of the emulator: what a chip would have done and the emulator did not. A run with a gap proves nothing.
 
 use rigless::session::Session;
 
 use crate::chip::Nucleo;
 
-/// Everything that the emulator noted, in words.
+/// Returns a text for each gap that the emulator has noted.
 pub(crate) fn gaps(session: &Session<Nucleo>) -> Vec<String> {
     let mut gaps = Vec::new();
     gaps.extend(session.unmapped().iter().map(ToString::to_string));

@@ -1,5 +1,4 @@
-//! HostLink over the serial line: requests to the firmware, packet by packet, with the instants of what comes
-//! back.
+//! A host at the serial line: sends requests to the firmware, and notes the time at which each packet of the hub arrives.
 //!
 //! ```no_run
 //! use emulated::{Bench, Setup, host_link::HostLink};
@@ -28,9 +27,9 @@ use crate::bench::Bench;
 /// A packet that arrived.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Arrival {
-    /// When its last stop bit ended.
+    /// Time at which the last stop bit ended.
     pub at: Duration,
-    /// What it says.
+    /// The packet.
     pub packet: Packet,
 }
 
@@ -40,7 +39,7 @@ pub struct HostLink {
     address: Address,
     message: u8,
     decoder: Decoder,
-    /// Since the last packet.
+    /// Number of bytes received since the last packet.
     bytes: usize,
 }
 
@@ -51,16 +50,16 @@ impl Default for HostLink {
 }
 
 impl HostLink {
-    /// With the hub at this address.
+    /// Creates the link to the hub with this address.
     #[must_use]
     pub const fn new(address: Address) -> Self {
         Self { address, message: 0, decoder: Decoder::new(), bytes: 0 }
     }
 
-    /// The bytes of the next packet, whatever it says.
+    /// Returns the bytes of the next packet. The payload may have any content.
     ///
     /// # Panics
-    /// If no packet holds the payload.
+    /// Panics if the payload is too long for a packet.
     pub fn packet(&mut self, id: u16, payload: &[u8]) -> Vec<u8> {
         self.message = self.message.checked_add(1).unwrap_or(1);
         let payload = payload.try_into().expect("a short payload");
@@ -68,10 +67,10 @@ impl HostLink {
         frame::encode(&Packet { destination, source: HOST, number, reference: 0, id, payload }).to_vec()
     }
 
-    /// Every whole packet that has come so far.
+    /// Returns the packets that have arrived since the last call.
     ///
     /// # Panics
-    /// If the hub has sent anything else.
+    /// Panics if the hub has sent bytes that are no packet.
     pub fn arrivals(&mut self, bench: &mut Bench) -> Vec<Arrival> {
         let mut arrivals = Vec::new();
         for received in bench.receive() {
@@ -87,10 +86,10 @@ impl HostLink {
         arrivals
     }
 
-    /// Asks and waits for the answer.
+    /// Sends a request, and waits for the answer.
     ///
     /// # Panics
-    /// If none comes within 100 ms.
+    /// Panics if no answer arrives within 100 ms.
     pub fn ask(&mut self, bench: &mut Bench, id: u16, payload: &[u8]) -> Reply {
         let bytes = self.packet(id, payload);
         bench.send(&bytes);
@@ -105,20 +104,20 @@ impl HostLink {
         Reply::read(&reply.packet, id).unwrap_or_else(|| panic!("{reply:02x?} to {bytes:02x?}"))
     }
 
-    /// A request that must be obeyed.
+    /// Sends a request that the hub must acknowledge.
     ///
     /// # Panics
-    /// If it is not.
+    /// Panics if the hub refuses the request or does not answer.
     pub fn order(&mut self, bench: &mut Bench, request: impl Into<Request>) {
         let request = request.into();
         let reply = self.ask(bench, request.id(), &request.payload());
         assert!(matches!(reply, Reply::Ack { .. }), "{request:?}: {reply:?}");
     }
 
-    /// A request that must be answered.
+    /// Sends a request that the hub must answer with data.
     ///
     /// # Panics
-    /// If it is not.
+    /// Panics if the hub refuses the request or does not answer.
     pub fn question<A: Field>(&mut self, bench: &mut Bench, request: impl Into<Request>) -> A {
         let request = request.into();
         let reply = self.ask(bench, request.id(), &request.payload());
@@ -131,7 +130,7 @@ impl HostLink {
         self.order(bench, Standard::KeepAlive);
     }
 
-    /// Mode, and brake at zero.
+    /// Sets the run mode of a motor, which brakes at power 0.
     pub fn set_mode(&mut self, bench: &mut Bench, motor: u8, mode: RunMode) {
         self.order(bench, ToMotor::SetMode { mode: ChannelMode { mode, floats: false } }.to(motor));
     }
@@ -141,21 +140,21 @@ impl HostLink {
         self.order(bench, ToMotor::SetEnable { on }.to(motor));
     }
 
-    /// A set-point of regulated velocity, counts/s, with mode and enable.
+    /// Regulates the velocity of a motor, in counts/s: sets mode and set-point, and enables the motor.
     pub fn velocity(&mut self, bench: &mut Bench, motor: u8, cps: i16) {
         self.set_mode(bench, motor, RunMode::Velocity);
         self.order(bench, ToMotor::SetVelocity { cps }.to(motor));
         self.enable(bench, motor, true);
     }
 
-    /// A set-point of constant power, with mode and enable.
+    /// Applies constant power to a motor, -32767 to 32767: sets mode and set-point, and enables the motor.
     pub fn power(&mut self, bench: &mut Bench, motor: u8, power: i16) {
         self.set_mode(bench, motor, RunMode::Power);
         self.order(bench, ToMotor::SetPower { power: Control::new(power) }.to(motor));
         self.enable(bench, motor, true);
     }
 
-    /// A set-point of regulated position with its speed limit, with mode and enable.
+    /// Moves a motor to a position in counts, with a speed limit in counts/s: sets mode and set-point, and enables the motor.
     pub fn position(&mut self, bench: &mut Bench, motor: u8, counts: i32, tolerance: u16, limit: i16) {
         self.order(bench, ToMotor::SetVelocity { cps: limit }.to(motor));
         self.order(bench, ToMotor::SetPosition { target: Target { counts, tolerance } }.to(motor));
@@ -163,7 +162,7 @@ impl HostLink {
         self.enable(bench, motor, true);
     }
 
-    /// All measurements of the hub in one answer.
+    /// Returns all measurements of the hub, which it sends in one answer.
     pub fn bulk(&mut self, bench: &mut Bench) -> Bulk {
         self.question(bench, ToHub::Bulk)
     }

@@ -12,8 +12,8 @@
 //! A test builds a [`Bench`], runs it, injects faults, and checks. At the end it calls [`Bench::assert_sound`], which
 //! fails after a gap of the emulator or an illegal transition of a bridge.
 //!
-//! Times are virtual. The core retires one instruction per cycle, without the wait states of the
-//! real flash: instruction counts are exact, times of code are a lower bound.
+//! Times are virtual. The emulated core executes one instruction per clock cycle, without the wait states of the real
+//! flash. Counts of instructions are exact, and the times that code takes are not those of a real chip.
 
 mod bench;
 mod board;

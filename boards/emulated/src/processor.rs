@@ -1,12 +1,11 @@
-//! The chip's core, kept from one run to the next.
+//! The chip's emulated core, which is reused from one run to the next.
 //!
-//! The emulator translates the firmware to code of the host, block by block, which took most of a short run. So a core that
-//! has run an image goes on a shelf, and the next run of that image begins with its translations. Only the translations
-//! stay: registers are as at power-on, and memory belongs to the new run.
+//! The emulator translates the firmware to code of this computer, block by block. Without reuse, translation takes most of the
+//! time of a short run. Therefore a core that has run an image is kept in a list, and the next run of this image begins with
+//! its translations. Only the translations are kept. Registers are as at power-on, and the memory is that of the new run.
 //!
-//! The emulator drops all of its translations when the memory protection unit changes, and translates accesses to
-//! memory into calls while it is on. So the MPU's registers [only remember](Mpu::Registers) what is written to them,
-//! unless a run is about the guard of the stack.
+//! The emulator discards all translations when the memory protection unit (MPU) changes, and accesses memory slowly while the
+//! unit is on. So the MPU's registers [only store](Mpu::Registers) what is written to them, unless a run tests the stack guard.
 
 use std::collections::hash_map::DefaultHasher;
 use std::hash::{Hash, Hasher};
@@ -28,11 +27,11 @@ use crate::system_break::Connections;
 /// How much of the memory protection unit is emulated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mpu {
-    /// Its registers alone: nothing is guarded. The same to firmware that keeps off its guarded memory, and several
-    /// times faster.
+    /// The registers alone are emulated, and no memory is protected. Firmware that does not access protected memory finds no
+    /// difference. This is several times faster.
     #[default]
     Registers,
-    /// All of it.
+    /// The whole unit is emulated.
     Emulated,
 }
 
@@ -40,28 +39,28 @@ pub enum Mpu {
 const MPU: Range<u64> = 0xE000_ED90..0xE000_EDBC;
 
 impl Mpu {
-    /// What of the processor's own bus is not the processor's.
+    /// Returns the addresses on the processor's own bus that the bench handles instead of the processor.
     pub(crate) fn windows(self) -> Vec<Window> {
         let registers = Window { base: MPU.start, size: MPU.end - MPU.start };
         if self == Self::Registers { vec![registers] } else { Vec::new() }
     }
 }
 
-/// What a core has run: no other can begin with what it has translated.
+/// What a core has run. Only a run of the same code can reuse the core's translations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Code {
     board: Board,
     mpu: Mpu,
     images: u64,
-    lasts: bool,
+    is_constant: bool,
 }
 
 impl Code {
-    /// These images on this board; whether they stay as they are for the whole run.
-    pub(crate) fn new(board: Board, mpu: Mpu, images: &[Image], lasts: bool) -> Self {
+    /// Describes images on a board. `is_constant` is true if the code stays the same for the whole run.
+    pub(crate) fn new(board: Board, mpu: Mpu, images: &[Image], is_constant: bool) -> Self {
         let mut hasher = DefaultHasher::new();
         images.iter().for_each(|image| image.bytes().hash(&mut hasher));
-        Self { board, mpu, images: hasher.finish(), lasts }
+        Self { board, mpu, images: hasher.finish(), is_constant }
     }
 
     pub(crate) const fn mpu(self) -> Mpu {
@@ -69,23 +68,23 @@ impl Code {
     }
 }
 
-/// A core that waits for its next run, and its state at power-on.
+/// A core with its translations, and its state at power-on.
 #[derive(Debug)]
 struct Translator {
     processor: Box<dyn Processor>,
     power_on: Vec<u8>,
 }
 
-/// Cores that wait, by what they have translated.
+/// Cores that wait for their next run, each with the code that it has translated.
 static SHELF: Mutex<Vec<(Code, Translator)>> = Mutex::new(Vec::new());
 
 fn shelf() -> std::sync::MutexGuard<'static, Vec<(Code, Translator)>> {
-    // A panic elsewhere leaves a whole list.
+    // A panic in another thread cannot leave the list in an invalid state.
     SHELF.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Makes a run take its core from the shelf, if a core there has run `code`. After the run the core goes back, if it has run
-/// nothing else.
+/// Makes a run reuse a core that has run `code`, if such a core waits. After the run the core waits again, if it has run nothing
+/// else.
 pub(crate) fn keep(spec: &mut CoreSpec, code: Code, connections: &Connections) {
     let connections = connections.clone();
     let make = Arc::clone(&spec.processor);
@@ -108,7 +107,7 @@ pub(crate) fn keep(spec: &mut CoreSpec, code: Code, connections: &Connections) {
             let processor = &mut translator.processor;
             processor.take_reset_request();
             processor.load(&translator.power_on)?;
-            // Only flash holds code of the images. Code that ran in RAM was a fault.
+            // The images have code in the flash only, so code in RAM was run by a fault. Its translations are discarded.
             let Range { start, end } = code.board.ram();
             processor.ask(Queued::Invalidate(start, end));
         }
@@ -116,7 +115,7 @@ pub(crate) fn keep(spec: &mut CoreSpec, code: Code, connections: &Connections) {
             translator: Some(translator),
             code,
             placing: Some(translated),
-            as_new: code.lasts,
+            as_new: code.is_constant,
             breakpoints: Vec::new(),
             connections: connections.clone(),
             locked_up: false,
@@ -128,17 +127,17 @@ pub(crate) fn keep(spec: &mut CoreSpec, code: Code, connections: &Connections) {
 /// The emulator's core for one run.
 #[derive(Debug)]
 struct Kept {
-    /// Until it is dropped.
+    /// The core; `None` only while this value is dropped.
     translator: Option<Translator>,
     code: Code,
     /// True while the images that are put into memory equal the images of the last run. Their translations then stay.
     placing: Option<bool>,
-    /// Nothing was asked of it that the next run would have to undo.
+    /// True if nothing has changed the core in a way that the next run would have to undo.
     as_new: bool,
-    /// Where it stops, as often as that was asked: taken back when the run is over.
+    /// Breakpoints of this run, one entry for each request. They are removed at the end of the run.
     breakpoints: Vec<u64>,
     connections: Connections,
-    /// The core has locked up, and was not reset since.
+    /// True if the core has locked up, and has not been reset since.
     locked_up: bool,
 }
 
@@ -151,7 +150,7 @@ impl Kept {
         &mut *self.translator.as_mut().expect("until it is dropped").processor
     }
 
-    /// Whether the next run may begin where this leaves the core.
+    /// Returns whether the next run may reuse the core after this request.
     fn leaves_as_new(&self, queued: Queued) -> bool {
         match queued {
             Queued::Invalidate(start, end) => [self.code.board.ram(), self.code.board.store()]
@@ -202,8 +201,8 @@ impl Processor for Kept {
 
     #[expect(unsafe_code, reason = "the emulator hands its memory over by address")]
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
-        // SAFETY: the caller's promise is handed on. On the shelf a core runs nothing. Before the first instruction of its
-        // next run all of the board's memory is mapped again.
+        // SAFETY: the caller's promise is passed on. A core that waits runs nothing. Before the first instruction of its next
+        // run all of the board's memory is mapped again.
         unsafe { self.processor_mut().map(start, length, host, writable) }
     }
 
@@ -232,7 +231,7 @@ impl Processor for Kept {
         self.processor_mut().check_words(words);
     }
 
-    // The rest is the processor's own.
+    // The following methods only pass their call on to the processor.
 
     fn retired(&self) -> u64 {
         self.processor().retired()
@@ -275,7 +274,7 @@ impl Processor for Kept {
     }
 
     fn remove_breakpoint(&mut self, address: u64) {
-        // Each is counted, and taken back as often.
+        // The processor counts how often a breakpoint was added, so it must be removed as often.
         if let Some(place) = self.breakpoints.iter().position(|&asked| asked == address) {
             self.breakpoints.swap_remove(place);
         }
@@ -353,8 +352,8 @@ impl Processor for Kept {
     }
 }
 
-/// The bus, with a register that the emulator lacks. If the MPU's registers only remember, they protect nothing, and who
-/// reads them gets 0: the firmware does not.
+/// The bus, with a register that the emulator lacks. With [`Mpu::Registers`] the MPU's registers protect nothing and read as 0.
+/// The firmware does not read them.
 struct Outside<'a> {
     bus: &'a mut dyn CoreBus,
     mpu: Mpu,

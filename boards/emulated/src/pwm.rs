@@ -1,27 +1,27 @@
-//! TIM1 seen from outside: which waveform its registers put on each of its four output pins.
+//! Computes from the registers of TIM1 which waveform the timer puts on each of its four output pins.
 //!
-//! This is the light model of the timer. It needs no events while nothing is written: a waveform is a level, or a
-//! number of high ticks in each period. RM0090 section numbers are given where a rule comes from; the timer of RM0433
-//! chapter 38 does the same with them.
+//! This is the light model of the timer. It needs no events while no register is written, because a waveform is a constant level
+//! or a number of high ticks in each period. Section numbers are those of RM0090. The timer of the STM32H743 (RM0433, chapter
+//! 38) works alike.
 
 /// Channels of the timer.
 pub(crate) const CHANNELS: usize = 4;
 
 const NANOS: u128 = 1_000_000_000;
 
-/// What a pin does until something is written.
+/// Waveform of a pin until a register is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
-    /// It stays high or low.
+    /// The pin stays high (true) or low.
     Level(bool),
-    /// High timer ticks from the beginning of each period.
+    /// The pin is high for this number of timer ticks from the beginning of each period.
     Pulse(u32),
 }
 
 /// The periods of a running counter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Grid {
-    /// When the counter was 0 for the first time, ns.
+    /// Time at which the first period began, ns.
     pub epoch: u64,
     /// Ticks of a period.
     pub ticks: u32,
@@ -30,26 +30,26 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// The tick of its period in which `at` lies.
+    /// Returns the tick within a period at the time `at` (ns).
     pub(crate) fn tick(&self, at: u64) -> u32 {
         let ticks = u128::from(at.saturating_sub(self.epoch)) * u128::from(self.hz) / NANOS;
         (ticks % u128::from(self.ticks)) as u32
     }
 
-    /// The first beginning of a period after `at`, ns.
+    /// Returns the time in ns at which the first period after `at` begins.
     pub(crate) fn next_boundary(&self, at: u64) -> u64 {
         let per_boundary = u128::from(self.ticks) * NANOS;
         let passed = u128::from(at.saturating_sub(self.epoch)) * u128::from(self.hz) / per_boundary;
         self.epoch + ((passed + 1) * per_boundary / u128::from(self.hz)) as u64
     }
 
-    /// Length of a period, s.
+    /// Returns the length of a period, s.
     pub(crate) fn seconds(&self) -> f64 {
         f64::from(self.ticks) / self.hz as f64
     }
 }
 
-/// What of the timer's registers shapes the waveforms.
+/// The registers of the timer that determine its waveforms.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Registers {
     pub(crate) cr1: u32,
@@ -65,17 +65,17 @@ pub(crate) struct Registers {
 struct Channel {
     mode: u32,
     shadow: u32,
-    /// The reference's level when the mode became "frozen".
+    /// Level of the channel's reference when the mode became "frozen".
     frozen: bool,
 }
 
-/// The timer's state beside its registers: what is in force until the next update event.
+/// The state of the timer besides its registers: the values in use until the next update event.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Timer {
     channels: [Channel; CHANNELS],
     reload: u32,
     running: Option<Grid>,
-    /// When the preloaded values take over.
+    /// Time in ns at which the preloaded values take effect.
     pub(crate) update_at: Option<u64>,
 }
 
@@ -86,12 +86,13 @@ const FORCE_HIGH: u32 = 5;
 const PWM_1: u32 = 6;
 
 impl Timer {
-    /// The counter's periods, if it runs.
+    /// Returns the periods of the counter. `None` while it does not run.
     pub(crate) const fn grid(&self) -> Option<Grid> {
         self.running
     }
 
-    /// Something was written at `at`; `update` if it was EGR.UG. `hz` is the timer's clock.
+    /// Processes the write of a register at the time `at` (ns). `update` is true if the write has set EGR.UG. `hz` is the timer's
+    /// clock.
     pub(crate) fn written(&mut self, at: u64, update: bool, registers: &Registers, hz: u64) {
         let was = self.levels(at, registers);
         let control = registers.cr1;
@@ -123,7 +124,7 @@ impl Timer {
         self.update_at = self.running.filter(|_| pending).map(|grid| grid.next_boundary(at));
     }
 
-    /// The update event at `at`: preloaded values take over (17.3.2).
+    /// Processes the update event at the time `at` (ns): preloaded values take effect (17.3.2).
     pub(crate) fn update(&mut self, at: u64, registers: &Registers, hz: u64) {
         for (index, channel) in self.channels.iter_mut().enumerate() {
             channel.shadow = registers.ccr[index];
@@ -137,17 +138,17 @@ impl Timer {
         }
     }
 
-    /// The level of every channel's reference at `at`.
+    /// Returns the level of each channel's reference at the time `at` (ns).
     fn levels(&self, at: u64, registers: &Registers) -> [bool; CHANNELS] {
         core::array::from_fn(|index| level(self.output(index, registers), self.running, at))
     }
 
-    /// What the timer puts on the pin of channel `index`.
+    /// Returns the waveform on the pin of the channel `index`, 0 to 3.
     pub(crate) fn output(&self, index: usize, registers: &Registers) -> Output {
         let enables = registers.ccer >> (4 * index);
         let main_output = registers.bdtr & (1 << 15) != 0;
         if !main_output || enables & 1 == 0 {
-            // Off, or idle at its idle level, which the firmware leaves low (17.4.9, OSSI).
+            // The output is off or has its idle level. The firmware leaves the idle level low (17.4.9, OSSI).
             return Output::Level(false);
         }
         let channel = &self.channels[index];
@@ -172,7 +173,7 @@ impl Timer {
     }
 }
 
-/// Whether a pin is high at `at`.
+/// Returns whether a pin is high at the time `at` (ns).
 pub(crate) fn level(output: Output, grid: Option<Grid>, at: u64) -> bool {
     match output {
         Output::Level(high) => high,
@@ -180,7 +181,7 @@ pub(crate) fn level(output: Output, grid: Option<Grid>, at: u64) -> bool {
     }
 }
 
-/// OCxM and OCxPE of a channel.
+/// Returns OCxM, the output compare mode of a channel, and OCxPE, its preload enable.
 const fn output_mode(index: usize, registers: &Registers) -> (u32, bool) {
     let bits = registers.ccmr[index / 2] >> (8 * (index % 2));
     (bits >> 4 & 0b111, bits >> 3 & 1 != 0)

@@ -1,8 +1,7 @@
-//! Recorded inputs of one motor's control step, with what the host's core makes of them, and the same
-//! step on the emulated chip.
+//! Recorded inputs and results of one motor's control step on this computer, and the same step on the emulated chip.
 //!
-//! The recording closes the loop through the plant: speeds, loads and set-points that a motor meets.
-//! Replayed on the chip, every output must be the same to the last bit.
+//! The inputs are recorded in a closed loop with the model of a motor and its load. If the chip gets the recorded inputs, each of
+//! its results must be equal to the last bit.
 //!
 //! ```
 //! use emulated::Mounting;
@@ -41,21 +40,21 @@ use crate::bench::{Bench, Setup};
 use crate::elf;
 use crate::shafts::Mounting;
 
-/// What a motor is given: a sample of its encoder, or a tick.
+/// Input of a motor: a sample of its encoder, or a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Input {
-    /// The encoder.
+    /// Reading of the encoder.
     pub reading: Reading,
-    /// `None` for a sample between two ticks.
+    /// Further inputs of a tick. `None` for a sample between two ticks.
     pub tick: Option<Tick>,
 }
 
-/// What one tick is given besides.
+/// Inputs of a tick besides the encoder's reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tick {
     /// The time of the tick.
     pub now: Micros,
-    /// The battery.
+    /// Voltage of the battery.
     pub battery: Millivolts,
     /// The set-point.
     pub setpoint: Setpoint,
@@ -64,7 +63,7 @@ pub struct Tick {
 /// How the motor is controlled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Way {
-    /// How duties are found.
+    /// Rule by which the duty is computed.
     pub rule: DutyRule,
     /// What the hub knows of the motor.
     pub knowledge: Knowledge,
@@ -82,10 +81,10 @@ pub enum Knowledge {
 }
 
 impl Knowledge {
-    /// All of them.
+    /// All variants.
     pub const ALL: [Self; 3] = [Self::Configured, Self::Unknown, Self::Coefficients];
 
-    /// Name in tables.
+    /// Returns the name in tables.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -96,7 +95,7 @@ impl Knowledge {
     }
 }
 
-/// What a tick answers.
+/// Result of a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Answer {
     /// Control value, -32767 to 32767.
@@ -105,7 +104,7 @@ pub struct Answer {
     pub drive: Drive,
     /// Estimated speed.
     pub velocity: CountsPerSecond,
-    /// Counts.
+    /// Position in counts.
     pub position: i32,
 }
 
@@ -131,14 +130,14 @@ impl Answer {
     }
 }
 
-/// A closed loop, tick by tick.
+/// Inputs and results of a closed loop, tick by tick.
 #[derive(Clone, Debug)]
 pub struct Recording {
     settings: Settings,
     period: Period,
-    /// What went in.
+    /// Inputs in the order of time.
     pub inputs: Vec<Input>,
-    /// What came out on the host.
+    /// Results on this computer, one for each tick.
     pub answers: Vec<Answer>,
 }
 
@@ -156,21 +155,21 @@ fn settings(mounting: &Mounting, way: Way, period: Period) -> Result<Settings, R
     })
 }
 
-/// How a motor on the bench moves with its load, as a hub with these settings would know it.
+/// Computes the dynamics of a motor on the bench with its load, in the firmware's units.
 ///
 /// # Errors
-/// If one of the motor's constants does not fit the firmware's range.
+/// Returns an error if a constant of the motor is out of the firmware's range.
 pub fn dynamics(mounting: &Mounting, settings: &Settings) -> Result<Dynamics, RangeError> {
     let mechanics = mechanics(&mounting.motor, &mounting.load);
     Dynamics::from_mechanics(&settings.winding, &settings.bridge, &mechanics)
 }
 
 impl Recording {
-    /// Runs `ticks` of a motor. `setpoint` is a function of the tick, and `torque` the external torque on the output
-    /// shaft. The battery sags from 13 to 11 V meanwhile.
+    /// Runs a motor for a number of ticks. `setpoint` returns the set-point of a tick, and `torque` the external torque on the
+    /// output shaft, N m. The battery voltage falls from 13 V to 11 V meanwhile.
     ///
     /// # Panics
-    /// If the motor is none that the core can drive.
+    /// Panics if a constant of the motor is out of the firmware's range.
     #[must_use]
     pub fn new(
         mounting: &Mounting,
@@ -223,13 +222,13 @@ impl Recording {
 impl Input {
     fn words(&self) -> [u32; 12] {
         let speed = |speed: CountsPerSecond| speed.to_bits().cast_unsigned();
-        // A sample alone is no set-point.
+        // The program ignores these values for a sample between two ticks.
         let nothing =
             Tick { now: self.reading.at, battery: Millivolts::new(0), setpoint: Setpoint::Disabled };
         let Tick { now, battery, setpoint } = self.tick.unwrap_or(nothing);
         let [kind, target, tolerance, limit] = match setpoint {
             _ if self.tick.is_none() => [SAMPLE, 0, 0, 0],
-            // A motor is replayed alone, in no group.
+            // A motor that is replayed alone is in no group.
             Setpoint::Disabled | Setpoint::FailSafe | Setpoint::Together(_) => [0; 4],
             Setpoint::ConstantPower(power) => [1, i32::from(power.get()).cast_unsigned(), 0, 0],
             Setpoint::Current { current, speed_limit } => {
@@ -274,22 +273,22 @@ pub struct OnChip {
     sample: (u64, u64),
 }
 
-/// As in the program.
+/// Largest number of inputs that the program on the chip takes at a time; the program has the same constant.
 const BATCH: usize = 512;
-/// The kind of a sample between two ticks, as in the program.
+/// Number for a sample between two ticks; the program on the chip has the same constant.
 const SAMPLE: u32 = 4;
 
-/// Instructions of each call.
+/// Numbers of instructions that each call has taken.
 #[derive(Clone, Debug, Default)]
 pub struct Counts {
-    /// Of control steps.
+    /// Instructions of each control step.
     pub steps: Vec<u64>,
-    /// Of samples between them.
+    /// Instructions of each sample between two steps.
     pub samples: Vec<u64>,
 }
 
 impl OnChip {
-    /// Builds the program if need be, and boots it with the settings of `recording`.
+    /// Starts the program with the settings of `recording`. Builds it first, unless `MOTOR_HUB_BUDGET_ELF` names its file.
     #[must_use]
     pub fn new(recording: &Recording) -> Self {
         let image =
@@ -300,7 +299,7 @@ impl OnChip {
         let step = (bench.address("::step_motor"), bench.address("::stepped"));
         let sample = (bench.address("::sample_motor"), bench.address("::sampled"));
         let mut chip = Self { bench, image, settings, inputs, outputs, pending, step, sample };
-        // Past the start-up code, which clears the memory.
+        // The start-up code, which clears the memory, must end before the settings are written.
         chip.bench.run(Duration::from_millis(1));
         let Settings { winding, duty, dynamics, coefficients, .. } = recording.settings;
         let words = vec![
@@ -315,15 +314,15 @@ impl OnChip {
         chip
     }
 
-    /// Everything that the emulator could not do as the chip would.
+    /// Returns what the emulator could not do as the chip would.
     pub fn gaps(&mut self) -> Vec<String> {
         self.bench.gaps()
     }
 
-    /// Replays inputs.
+    /// Replays inputs, and returns the result of each tick as words.
     ///
     /// # Panics
-    /// If the program does not answer.
+    /// Panics if the program has not answered after 10 s of virtual time.
     pub fn replay(&mut self, inputs: &[Input]) -> Vec<[u32; 4]> {
         let mut answers = Vec::new();
         for batch in inputs.chunks(BATCH) {
@@ -342,7 +341,7 @@ impl OnChip {
         answers
     }
 
-    /// Replays inputs and counts the instructions of each call.
+    /// Replays inputs, and counts the instructions of each step and each sample.
     pub fn count(&mut self, inputs: &[Input]) -> Counts {
         let (step, sample) = (self.step, self.sample);
         self.bench.watch(vec![step.0, step.1, sample.0, sample.1]);
@@ -360,7 +359,7 @@ impl OnChip {
         counts
     }
 
-    /// Replays inputs and says how often each instruction of the steps ran, by address.
+    /// Replays inputs, and returns how often each instruction of the steps ran, by address.
     pub fn profile(&mut self, inputs: &[Input]) -> BTreeMap<u64, u64> {
         self.bench.watch_all();
         self.bench.take_hits();
@@ -381,7 +380,7 @@ impl OnChip {
     /// it calls.
     ///
     /// # Panics
-    /// If the program has no such function, or it was built into its caller.
+    /// Panics if the program has no function with this name, for example because the compiler has inlined it.
     pub fn count_within(&mut self, inputs: &[Input], function: &str) -> Vec<u64> {
         let entry = self.bench.address(function);
         let step = self.bench.symbols().iter().find(|s| s.address == self.step.0).expect("the step");
@@ -402,20 +401,20 @@ impl OnChip {
         counts
     }
 
-    /// The program's image.
+    /// Returns the file of the program.
     #[must_use]
     pub fn image(&self) -> &Path {
         &self.image
     }
 
-    /// The program's symbols.
+    /// Returns the symbols of the program.
     #[must_use]
     pub fn symbols(&self) -> &[elf::Symbol] {
         self.bench.symbols()
     }
 }
 
-/// Words of the host's answer, to compare with the chip's.
+/// Returns the results of a recording as words, to compare them with the results of the chip.
 #[must_use]
 pub fn expected(recording: &Recording) -> Vec<[u32; 4]> {
     recording.answers.iter().map(Answer::words).collect()

@@ -1,24 +1,24 @@
-//! A device with registers on an I2C bus of the emulated chip, and the simulation's BNO055.
+//! A device with registers on an I2C bus of the emulated chip, and the simulation of a BNO055 orientation sensor.
 
 use rigless::chip::Timeline;
 use rigless::chip::i2c::Peer;
 use rigless::snapshot::Store;
 use simulated::bno055::Bno055;
 
-/// The BNO055's address with its pin COM3 low.
+/// I2C address of a BNO055 whose pin COM3 is low.
 const BNO055: u8 = 0x28;
 
-/// What a device keeps its registers in.
+/// The registers of a device.
 #[derive(Debug)]
 enum Memory {
-    /// The first byte of a write is the number of a register. Further bytes go into that register and those after it, and a read
-    /// begins where the last access ended.
+    /// The first byte of a write is the number of a register. Further bytes are stored in this register and the following ones. A
+    /// read begins where the last access ended.
     Registers(Box<[u8; 256]>),
-    /// A BNO055 that stands still, and up to which time, ns.
+    /// A BNO055 that stands still, and the time up to which it has been simulated, ns.
     Sensor(Box<Bno055>, u64),
 }
 
-/// A device with registers of a byte.
+/// A device with 256 registers of one byte each, or a BNO055.
 #[derive(Debug)]
 pub struct RegisterDevice {
     address: u8,
@@ -34,13 +34,13 @@ impl RegisterDevice {
         Self { address, memory, next: 0, written: Vec::new(), absent: false }
     }
 
-    /// A device at this address with these registers.
+    /// Creates a device at this address with these registers.
     #[must_use]
     pub fn new(address: u8, registers: [u8; 256]) -> Self {
         Self::with(address, Memory::Registers(Box::new(registers)))
     }
 
-    /// A BNO055 that has been on for a second, and does not turn.
+    /// Creates a BNO055 that has been on for a second, and does not turn.
     #[must_use]
     pub fn bno055() -> Self {
         let mut sensor = Bno055::default();
@@ -48,12 +48,12 @@ impl RegisterDevice {
         Self::with(BNO055, Memory::Sensor(Box::new(sensor), 0))
     }
 
-    /// Whether the device is on the bus.
+    /// Connects the device to the bus, or disconnects it.
     pub const fn set_present(&mut self, present: bool) {
         self.absent = !present;
     }
 
-    /// A register; 0 of a BNO055.
+    /// Returns the content of a register, or 0 for a BNO055.
     #[must_use]
     pub fn register(&self, number: u8) -> u8 {
         match &self.memory {
@@ -62,7 +62,7 @@ impl RegisterDevice {
         }
     }
 
-    /// A write has ended.
+    /// Stores the bytes of a write that has ended.
     fn store(&mut self) {
         let written = std::mem::take(&mut self.written);
         let Some((first, values)) = written.split_first() else { return };

@@ -1,8 +1,8 @@
 //! A scenario of the simulated board, run by the flashed image on the emulated chip. The host link sends the scenario's
 //! commands, and the trace has the simulated board's form.
 //!
-//! Over that line the host first sets the motors up: constants, scheme, duty rule, coefficients. Set-points
-//! should lie between two control ticks, so that the line has time to carry them: see [`on_a_line`].
+//! Over this link the host first sends the set-up of the motors: constants, scheme, duty rule, coefficients. Set-points should lie
+//! between two control ticks, so that they arrive before the next tick: see [`on_a_line`].
 //!
 //! ```no_run
 //! use emulated::{Board, replay};
@@ -41,43 +41,43 @@ use crate::shafts::{Look, Mounting};
 /// Why a scenario could not be replayed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ReplayError {
-    /// The image has a control period of its own.
+    /// The scenario's control period is not that of the image.
     #[error("control_period_ms = {asked}, but the image's is {image}")]
     Period {
-        /// The scenario's, in milliseconds.
+        /// Period of the scenario, in milliseconds.
         asked: u32,
-        /// The image's, in milliseconds.
+        /// Period of the image, in milliseconds.
         image: u32,
     },
-    /// The bench's battery takes whatever comes back.
+    /// The scenario has a bus. The bench has no bus: its battery takes all returned energy.
     #[error("a bus is not run on the emulated chip")]
     Bus,
-    /// A chip's lines do not show what groups do.
+    /// The scenario has groups. The lines of a chip do not show what groups do.
     #[error("groups are not run on the emulated chip")]
     Groups,
     /// A motor's constants do not fit the firmware.
     #[error("{label}: {error}")]
     Motor {
-        /// The motor's.
+        /// Label of the motor in the scenario.
         label: String,
-        /// Which, and what is allowed.
+        /// The constant and its range.
         error: RangeError,
     },
-    /// The hub does not take a motor's set-up.
+    /// The hub refuses a motor's set-up.
     #[error("the hub refuses a set-up")]
     SetupRefused,
-    /// The emulator did less than the chip would.
+    /// The emulator had gaps: it could not do what the chip would have done.
     #[error("{}", .0.join("\n"))]
     Gaps(Vec<String>),
 }
 
-/// How often the host says that it is there.
+/// Time between two keep-alives of the host, s.
 const KEEP_ALIVE_S: f64 = 1.0;
 
-/// How often the log tells of the motors, faults included.
+/// Time between two log lines of a motor, s. A line has the motor's faults.
 const LOG_S: f64 = 1.0;
 
-/// The chip is up then, and its host has set up the motors.
+/// Time in s after which the chip has started, and the host has set up the motors.
 const READY_S: f64 = 0.5;
 
 /// Changes a scenario for a host link: no set-point comes before the hub is ready, and each set-point comes half a control
@@ -96,13 +96,13 @@ pub fn on_a_line(mut scenario: Scenario) -> Scenario {
     scenario
 }
 
-/// Runs a scenario by a board's image on the emulated chip; `progress` gets the virtual time in seconds.
+/// Runs a scenario with a board's image on the emulated chip. `progress` is called at each tick with the virtual time in seconds.
 ///
 /// # Errors
-/// If the scenario cannot be run on the chip, or if the emulator had a gap.
+/// Returns an error if the scenario cannot be run on the chip, or if the emulator had a gap.
 ///
 /// # Panics
-/// If the firmware does not obey.
+/// Panics if the firmware refuses a command.
 pub fn run(scenario: &Scenario, board: Board, progress: &mut dyn FnMut(f64)) -> Result<Trace, ReplayError> {
     if scenario.period != Period::DEFAULT {
         let (asked, image) = (scenario.period.as_millis(), Period::DEFAULT.as_millis());
@@ -132,23 +132,23 @@ pub fn run(scenario: &Scenario, board: Board, progress: &mut dyn FnMut(f64)) -> 
             run_to(&mut bench, at_s - 0.4 * period_s);
             host.keep_alive(&mut bench);
         }
-        // What the tick decides is on the pins within a millisecond.
+        // The commands of a tick are on the pins within a millisecond.
         run_to(&mut bench, at_s + 1e-3);
         observe(&mut bench, scenario, at_s, &mut trace);
-        // A battery that runs down does so slowly.
+        // The battery voltage changes slowly, so one value for each tick is enough.
         bench.set_battery(scenario.emf_at(at_s).0);
         progress(at_s);
     }
     run_to(&mut bench, (ticks + 1) as f64 * period_s + 1e-3);
     observe(&mut bench, scenario, scenario.duration_s, &mut trace);
-    // Seen only for what flowed since the tick before.
+    // The last observation only completes the flow of the tick before.
     trace.ticks.pop();
     note_faults(&bench.log(), &mut trace);
     let gaps = bench.gaps();
     if gaps.is_empty() { Ok(trace) } else { Err(ReplayError::Gaps(gaps)) }
 }
 
-/// The scenario's motors, loads and battery.
+/// Returns a bench with the scenario's motors, loads and battery.
 pub(crate) fn stand(scenario: &Scenario, board: Board) -> bench::Setup {
     let motors = scenario.motors.iter().map(|motor| Mounting {
         motor: motor.constants,
@@ -164,7 +164,7 @@ fn run_to(bench: &mut Bench, at_s: f64) {
     bench.run_until(Duration::from_secs_f64(at_s));
 }
 
-/// Says which motor is on a channel and how it is controlled.
+/// Sends the set-up of a motor to the hub.
 fn set_up(
     bench: &mut Bench,
     host: &mut HostLink,
@@ -176,7 +176,7 @@ fn set_up(
         motor.settings().map_err(|error| ReplayError::Motor { label: motor.label.clone(), error })?;
     let settings = MotorSettings::new(settings);
     let request = |group| Request::Set(channel, Values::of(group, &settings));
-    // An image that is named by hand may lack this hub's own interface.
+    // An image that the user has chosen may lack this hub's own protocol.
     let set_up = request(Group::SetUp);
     if !matches!(host.ask(bench, set_up.id(), &set_up.payload()), Reply::Ack { .. }) {
         return Err(ReplayError::SetupRefused);
@@ -202,7 +202,7 @@ enum Order {
     Encoder(usize, Encoder),
 }
 
-/// Everything that the scenario wants, by time.
+/// Returns all commands and changes of the scenario with their times in s, in ascending order.
 fn orders(scenario: &Scenario) -> Vec<(f64, Order)> {
     let mut orders = Vec::new();
     for (index, motor) in scenario.motors.iter().enumerate() {
@@ -230,7 +230,7 @@ fn carry_out(
             let motor = motor as u8;
             let whole = |speed: CountsPerSecond| speed.round() as i16;
             match setpoint {
-                // A set-point of a scenario is never of a group.
+                // A set-point in a scenario is never a reference of a group.
                 Setpoint::Disabled | Setpoint::FailSafe | Setpoint::Together(_) => {
                     host.enable(bench, motor, false)
                 }
@@ -269,7 +269,7 @@ fn observe(bench: &mut Bench, scenario: &Scenario, at_s: f64, trace: &mut Trace)
     let mut motors = Vec::new();
     for (index, motor) in scenario.motors.iter().enumerate() {
         let (look, drive) = (bench.look(index), drive(bench, index));
-        // The flow so far; the difference to the next tick is what a tick holds.
+        // This is the flow since power-on. It is replaced by the flow until the next tick when that tick comes.
         motors.push(Sample {
             report: report(motor, at_s, look, drive),
             control: Control::ZERO,
@@ -289,7 +289,7 @@ fn observe(bench: &mut Bench, scenario: &Scenario, at_s: f64, trace: &mut Trace)
     trace.ticks.push(Tick { at_s, battery_v, measured_v: None, base: None, pose: Pose::default(), motors });
 }
 
-/// Faults as the log tells them, once a second: each holds from the line that names it to the next second's.
+/// Puts the faults of the log into the trace. The log has a line each second, so a fault counts for the second after its line.
 fn note_faults(log: &[LogLine], trace: &mut Trace) {
     for line in log {
         let named = line.text.strip_prefix("motor ").and_then(|text| text.split_once(": Faults "));
@@ -314,7 +314,7 @@ fn note_faults(log: &[LogLine], trace: &mut Trace) {
     }
 }
 
-/// What flowed from `before` to `after`.
+/// Returns the flow between two totals, `after` minus `before`.
 fn difference(after: &Flow, before: &Flow) -> Flow {
     let mut flow = *after;
     flow.time.0 -= before.time.0;
@@ -331,7 +331,7 @@ fn difference(after: &Flow, before: &Flow) -> Flow {
     flow
 }
 
-/// The state of a bridge, from its lines.
+/// Returns the command of a bridge, from its lines.
 pub(crate) fn drive(bench: &mut Bench, motor: usize) -> Drive {
     let ticks = bench.pwm_grid().map_or(1, |grid| grid.ticks);
     let lines = bench.lines(motor);
@@ -353,7 +353,7 @@ pub(crate) fn drive(bench: &mut Bench, motor: usize) -> Drive {
     Drive { mode, duty }
 }
 
-/// The hub's decisions as its answers show them.
+/// Returns a report of a motor, from its bridge command and the motion of its shaft.
 fn report(motor: &Motor, at_s: f64, look: Look, drive: Drive) -> Report {
     let Drive { mode, duty } = drive;
     let regime = match mode {

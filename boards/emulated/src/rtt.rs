@@ -1,4 +1,5 @@
-//! The firmware's log: bytes out of its RTT ring, decoded with the ELF's own format strings.
+//! The firmware's log: reads bytes from the ring buffer of RTT (real-time transfer), and decodes them with the format strings of
+//! the ELF file.
 
 use std::fmt;
 use std::time::Duration;
@@ -10,15 +11,15 @@ use rigless::soc::Width;
 /// A decoded log line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LogLine {
-    /// When it was taken out of the ring: up to 1 ms after it was written.
+    /// Time at which the line was read from the ring: up to 1 ms after it was written.
     pub at: Duration,
-    /// The firmware's own time stamp, as printed.
+    /// Time stamp of the firmware, as printed.
     pub stamp: String,
-    /// "info", "warn", ...
+    /// Level of the line, such as "info" or "warn".
     pub level: String,
-    /// What it says.
+    /// Text of the line.
     pub text: String,
-    /// How many resets came before.
+    /// Number of resets before the line.
     pub boot: usize,
 }
 
@@ -28,23 +29,23 @@ impl fmt::Display for LogLine {
     }
 }
 
-/// Offsets in SEGGER's control block with one up-channel, as `defmt-rtt` lays it out: sixteen bytes of
-/// name, two counts, then name, buffer, size, write and read offset.
+/// Offset of the buffer's address in SEGGER's control block of RTT. Before it are 16 bytes of name, two counts and the channel's
+/// name. After it are size, write offset, read offset and flags.
 const BUFFER: u64 = 28;
 const SIZE: u64 = 32;
 const WRITE: u64 = 36;
 const READ: u64 = 40;
 const FLAGS: u64 = 44;
-/// "Block the program while the buffer is full", which a reader asks for when it comes.
+/// Flag that makes the program wait while the buffer is full. A reader sets it when it connects.
 const BLOCK_IF_FULL: u64 = 2;
 
-/// Takes bytes out of the ring, as a probe does.
+/// Reads bytes from the ring, as a debug probe does.
 #[derive(Debug, Default)]
 pub(crate) struct Rtt {
     block: Option<u64>,
-    /// The reader asked for a program that waits for it, and went away.
+    /// True if the reader has set [`BLOCK_IF_FULL`] and gone away.
     pub(crate) gone: bool,
-    /// By boot: bytes and when they were taken.
+    /// For each boot the bytes and the times at which they were read, ns.
     pub(crate) taken: Vec<Vec<(u64, Vec<u8>)>>,
 }
 
@@ -53,7 +54,7 @@ impl Rtt {
         Self { block, gone: false, taken: vec![Vec::new()] }
     }
 
-    /// What comes from now on is another boot's.
+    /// Begins the bytes of another boot.
     pub(crate) fn reset(&mut self) {
         self.taken.push(Vec::new());
     }
@@ -87,7 +88,7 @@ impl Rtt {
     }
 }
 
-/// Decodes what was taken.
+/// Decodes the bytes that were read.
 pub(crate) fn decode(table: &Table, taken: &[Vec<(u64, Vec<u8>)>]) -> Vec<LogLine> {
     let mut lines = Vec::new();
     for (boot, chunks) in taken.iter().enumerate() {

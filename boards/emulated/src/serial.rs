@@ -1,4 +1,4 @@
-//! The far end of the serial line: bytes in at chosen instants, bytes out with theirs.
+//! The far end of a serial line: sends bytes to the chip at chosen times, and notes the chip's bytes with their times.
 
 use std::collections::VecDeque;
 
@@ -7,12 +7,12 @@ use rigless::chip::uart::Peer;
 use rigless::snapshot::Store;
 use rigless::time::VirtualNanos;
 
-/// A terminal with a memory.
+/// A terminal that stores all bytes.
 #[derive(Debug, Default)]
 pub(crate) struct Terminal {
-    /// Bytes to send, each from its instant on, in ns; the line's speed spaces them out.
+    /// Bytes to send, each with its earliest time in ns. The line takes them no faster than its baud rate.
     pub(crate) outgoing: VecDeque<(u64, u8)>,
-    /// Words received, with the instant at which their stop bit ended, in ns.
+    /// Received bytes, each with the time in ns at which its stop bit ended.
     pub(crate) incoming: Vec<(u64, u8)>,
 }
 

@@ -1,4 +1,4 @@
-//! The image in real time, its serial line on this machine.
+//! Runs an image in real time, and connects its serial line to a line of this computer.
 //!
 //! ```no_run
 //! use emulated::{Board, serve};
@@ -24,22 +24,22 @@ use crate::replay::{ReplayError, drive, stand};
 
 const STEP: Duration = Duration::from_millis(1);
 
-/// Time from reset until a motor can be enabled.
+/// Virtual time from a reset until a motor can be enabled.
 const BOOT: Duration = Duration::from_millis(200);
 
 /// An address that the image does not have.
 const OTHER: Address = Address::new(254).expect("in range");
 
-/// Silence of several bytes: a reply is at its end.
+/// Time without a byte after which a reply is complete. It is longer than four bytes take.
 const PAUSE: Duration = Duration::from_micros(100);
 
-/// More than the longest reply.
+/// Number of bytes that exceeds the longest reply. With more bytes a reply is sent in parts.
 const LONGEST: usize = 192;
 
-/// The scenario that is served by default, with the motors that the image is set up for.
+/// Returns the scenario that is served by default, with the motors that the image is set up for.
 ///
 /// # Errors
-/// None, as a test makes sure.
+/// Returns no error. A test checks this.
 pub fn scenario() -> Result<Scenario, ScenarioError> {
     let mut scenario = Scenario::to_serve();
     if let Ok(motor) = characterised("AM 60 A") {
@@ -49,12 +49,12 @@ pub fn scenario() -> Result<Scenario, ScenarioError> {
     Ok(scenario)
 }
 
-/// Serves a board's image, behind its bootloader or alone, with the motors, loads and battery of a scenario, as
-/// [`simulated::serve::run`] serves the simulated board. A wire of the scenario is between digital pins 0 and 1. A
-/// board has no others.
+/// Serves a board's image with the motors, loads and battery of a scenario, as [`simulated::serve::run`] serves the simulated
+/// board. With `bootloader` the board's bootloader starts the image. If the scenario has a wire, digital pins 0 and 1 are
+/// connected.
 ///
 /// # Errors
-/// If the emulator had a gap.
+/// Returns an error if the emulator had a gap.
 pub fn run(
     scenario: &Scenario,
     board: Board,
@@ -69,8 +69,8 @@ pub fn run(
         bench.wire_pins();
     }
     bench.run(BOOT);
-    // What the emulator executes for the first time takes it a while: a packet for another hub, before
-    // anybody waits for an answer.
+    // The emulator takes time to translate code that it executes for the first time. So it receives a packet for another hub
+    // before a host waits for an answer.
     bench.send(&HostLink::new(OTHER).packet(Standard::KeepAlive.number(), &[]));
     bench.run(BOOT);
     pace(|step, lost| {
@@ -87,7 +87,7 @@ pub fn run(
         bench.run(STEP);
         let heard = bench.receive();
         reply.extend(heard.iter().map(|byte| byte.byte));
-        // A reply is one burst, for hosts that do not wait for its second byte.
+        // The bytes of a reply are sent together, for hosts that do not wait for the bytes after the first.
         let ended = heard.last().is_none_or(|last| bench.now() - last.at > PAUSE);
         if !reply.is_empty() && (ended || reply.len() > LONGEST) {
             let sent = line.send(&reply);

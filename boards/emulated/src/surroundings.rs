@@ -1,5 +1,6 @@
-//! What surrounds the chip, as the emulator's driver: pins to plants, plants to encoder lines, battery to
-//! the converter, the button, the serial line, the log.
+//! Connects the chip to what surrounds it: its pins to the plants, the plants to the encoder lines, the battery to the converter,
+//! the button, the serial lines, and the log. It is the *driver* of the emulator, which calls it when the chip writes a register,
+//! and at the times that it asks for.
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, SyncSender};
@@ -24,7 +25,7 @@ use crate::serial::Terminal;
 use crate::shafts::Shafts;
 use crate::wiring;
 
-/// How an encoder is connected, since when, and which of its wires is disturbed at present.
+/// Connection of an encoder, the time since which it exists (ns), and the wire that is disturbed at present.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Connection {
     encoder: Encoder,
@@ -32,38 +33,38 @@ struct Connection {
     disturbed: Option<Wire>,
 }
 
-/// Something to do at a stop.
+/// A function that runs while the chip is stopped.
 pub(crate) type Errand = Box<dyn FnOnce(&mut Surroundings, &mut Session<Nucleo>, &mut dyn Host) + Send>;
 
-/// What the bench tells the emulator's thread.
+/// An order of the bench to the emulator's thread.
 pub(crate) enum Order {
-    /// Run to this instant, ns.
+    /// Run to this time, ns.
     Run(u64),
-    /// Do something here.
+    /// Call a function now.
     Do(Errand),
     /// End the run.
     End,
 }
 
-/// Everything round the chip.
+/// Everything that is connected to the chip.
 pub(crate) struct Surroundings {
     board: Board,
     pub(crate) shafts: Shafts,
     pub(crate) recorder: Recorder,
     encoders: Vec<Connection>,
-    /// By motor.
+    /// Current-sense lines in the order of the motors.
     pub(crate) current_lines: Vec<CurrentLine>,
     pub(crate) rtt: Rtt,
     pub(crate) button: bool,
-    /// A transceiver connects the chip to the chain line.
+    /// True if a transceiver connects the chip to the chain line.
     transceiver: bool,
-    /// Since when the transceiver sends, or does not send, in ns; of the F427 alone.
+    /// Times in ns at which the transceiver was switched to sending (true) or receiving. Only the F427 shows them.
     pub(crate) directions: Vec<(u64, bool)>,
-    /// Digital pins 0 and 1 are connected to each other.
+    /// True if digital pins 0 and 1 are connected to each other.
     wired: bool,
     /// An I2C bus whose SDA a device holds low, the clocks after which the device releases SDA, and the level of SCL.
     stuck: Option<(usize, u8, bool)>,
-    /// Arrivals at watched instructions: address, instruction count, ns.
+    /// Executions of watched instructions: address, number of instructions before it, time in ns.
     pub(crate) hits: Vec<(u64, u64, u64)>,
     pub(crate) now: u64,
     pub(crate) instructions: u64,
@@ -71,16 +72,16 @@ pub(crate) struct Surroundings {
     pwm_hz: u64,
     shown: Vec<i64>,
     resets: usize,
-    /// The log's ring is left alone until the start-up code has filled it in.
+    /// Time in ns before which the log is not read, because the start-up code has not initialised its ring yet.
     quiet_until: u64,
     target: u64,
     orders: Receiver<Order>,
     reached: SyncSender<()>,
-    /// What happens at an instant to come, by instant.
+    /// Functions that run at a later time, in the order of their times in ns.
     pub(crate) planned: VecDeque<(u64, Errand)>,
 }
 
-/// From reset until the log's ring is in order, ns.
+/// Time from a reset until the start-up code has initialised the log's ring, ns.
 const START_UP: u64 = 500_000;
 
 impl Surroundings {
@@ -119,17 +120,18 @@ impl Surroundings {
         }
     }
 
-    /// The PWM timer's periods.
+    /// Returns the periods of the PWM timer. `None` while it does not run.
     pub(crate) const fn grid(&self) -> Option<crate::pwm::Grid> {
         self.timer.grid()
     }
 
-    /// Does something at an instant to come.
+    /// Plans a function for a later time, ns.
     pub(crate) fn plan(&mut self, at: u64, errand: Errand) {
         let place = self.planned.partition_point(|&(other, _)| other <= at);
         self.planned.insert(place, (at, errand));
     }
 
+    /// Returns the next time at which something must be done, ns.
     fn next_instant(&self) -> u64 {
         let mut next = self.target.min(self.shafts.cell_end);
         for at in [self.shafts.next_edge(), self.timer.update_at, self.planned.front().map(|&(at, _)| at)] {
@@ -138,7 +140,7 @@ impl Surroundings {
         next
     }
 
-    /// The chip may have changed its pins at `at`.
+    /// Updates the bridges after the chip may have changed its pins at the time `at`, ns.
     pub(crate) fn follow_pins(&mut self, session: &mut Session<Nucleo>, at: u64, by_reset: bool) {
         let chip = &mut session.board_mut().chip;
         let before = self.timer.grid();
@@ -159,6 +161,7 @@ impl Surroundings {
         }
     }
 
+    /// Updates the PWM timer and the bridges after the chip has written a register of the timer.
     fn timer_written(&mut self, session: &mut Session<Nucleo>, at: u64, access: &Access) {
         let chip = &mut session.board_mut().chip;
         let (registers, hz) = (chip.pwm(), chip.pwm_hz());
@@ -174,7 +177,7 @@ impl Surroundings {
         self.follow_pins(session, at, false);
     }
 
-    /// Gives the chip every edge that is due.
+    /// Drives the encoder lines for all edges up to the time `at`, ns.
     fn show_edges(&mut self, session: &mut Session<Nucleo>, at: u64) {
         while let Some((motor, count)) = self.shafts.take_edge(at) {
             self.shown[motor] = count;
@@ -200,11 +203,11 @@ impl Surroundings {
         self.plan_disturbance(motor, since, encoder.disturbances(motor as u64));
     }
 
-    /// The next disturbance of an encoder that is connected like this since then.
+    /// Plans the next disturbance of an encoder whose connection exists since the time `since`, ns.
     fn plan_disturbance(&mut self, motor: usize, since: u64, mut rest: Disturbances) {
         let Some((after, wire)) = rest.next() else { return };
         let disturb = move |surroundings: &mut Self, session: &mut Session<Nucleo>, _: &mut dyn Host| {
-            // It may have been connected differently meanwhile.
+            // The encoder may have been connected differently meanwhile.
             if surroundings.encoders[motor].since == since {
                 surroundings.encoders[motor].disturbed = wire;
                 surroundings.show(session, motor, surroundings.now);
@@ -231,7 +234,7 @@ impl Surroundings {
         board.chip.drive_pin(VirtualNanos(self.now), port, pin, Some(Level::High));
     }
 
-    /// The chip may have switched the transceiver.
+    /// Notes a change of the transceiver's direction.
     fn follow_transceiver(&mut self, session: &mut Session<Nucleo>, at: u64) {
         let (port, pin) = wiring::CHAIN_DIRECTION;
         let sends = session.board_mut().chip.port(port).drives(pin) == Some(true);
@@ -246,7 +249,7 @@ impl Surroundings {
         self.follow_wire(session, self.now);
     }
 
-    /// What the chip puts on one end of the wire between its digital pins, it finds at the other.
+    /// Puts the level of each end of the wire between digital pins 0 and 1 on the other end.
     fn follow_wire(&self, session: &mut Session<Nucleo>, at: u64) {
         if !self.wired {
             return;
@@ -260,13 +263,13 @@ impl Surroundings {
         }
     }
 
-    /// A device holds SDA of a bus low until it has seen this many clocks.
+    /// Makes a device hold SDA of a bus low until SCL has had this number of pulses.
     pub(crate) fn hold_sda(&mut self, session: &mut Session<Nucleo>, bus: usize, clocks: u8) {
         self.stuck = Some((bus, clocks, true));
         self.hold_lines(session, bus, [false, true]);
     }
 
-    /// The chip may have changed SCL of the bus whose SDA is stuck.
+    /// Counts a pulse on SCL of the bus whose SDA is held low, and releases SDA after the last one.
     fn follow_clock(&mut self, session: &mut Session<Nucleo>) {
         let Some((bus, clocks, was_high)) = self.stuck else { return };
         let (port, pin) = wiring::BUSES[bus][0];
@@ -285,7 +288,7 @@ impl Surroundings {
         session.board_mut().chip.set_battery(millivolts.round() as u32);
     }
 
-    /// Puts what bridges sense on the converter's pins; a pin with nothing on it is on ground.
+    /// Puts the voltages of the current-sense lines on the converter's pins. A pin without a line has 0 V.
     fn show_currents(&self, session: &mut Session<Nucleo>) {
         for (motor, line) in self.current_lines.iter().enumerate() {
             let volts = line.volts(self.shafts.sensed(motor)).unwrap_or(0.0);
@@ -322,7 +325,7 @@ impl Surroundings {
         }
     }
 
-    /// Everything that is due.
+    /// Does everything whose time has come.
     fn catch_up(&mut self, session: &mut Session<Nucleo>, host: &mut dyn Host) {
         let now = self.now;
         self.show_edges(session, now);
@@ -374,8 +377,8 @@ impl Driver<Nucleo> for Surroundings {
                 } else if access.address == wiring::power_at(self.board) {
                     session.board_mut().chip.follow_detector(access.virtual_time);
                 } else if access.address == wiring::TIME_DRIVER + wiring::EGR && access.value & 1 != 0 {
-                    // The emulator also sets the compare flags on a software update of a stopped timer,
-                    // which the chip does not; the driver would take CC1IF for half a period.
+                    // On a software update of a stopped timer the emulator also sets the compare flags, which the chip
+                    // does not do. Embassy's time driver would take CC1IF for the end of half a period.
                     let sr = wiring::TIME_DRIVER + wiring::SR;
                     session
                         .mcu()
@@ -409,7 +412,7 @@ impl Driver<Nucleo> for Surroundings {
         self.look_for_reset(session);
         self.catch_up(session, host);
         while self.now >= self.target {
-            // The waiting bench learns that the last order is carried out.
+            // Tells the waiting bench that its last order to run has been carried out.
             self.reached.send(()).ok()?;
             loop {
                 match self.orders.recv().ok()? {
@@ -426,12 +429,12 @@ impl Driver<Nucleo> for Surroundings {
     }
 }
 
-/// The far end of a serial line.
+/// Returns the far end of a serial line.
 pub(crate) fn terminal(session: &mut Session<Nucleo>, line: usize) -> &mut Terminal {
     session.board_mut().chip.terminal(line).expect("the terminal is attached")
 }
 
-/// The resistors of the I2C buses pull their lines up.
+/// Pulls the lines of all I2C buses up, as their resistors do.
 pub(crate) fn pull_up_buses(board: &mut Nucleo, at: VirtualNanos) {
     for (port, pin) in wiring::BUSES.into_iter().take(board.chip.bus_count()).flatten() {
         board.chip.drive_pin(at, port, Pin::new(pin).expect("a pin of a port"), Some(Level::High));

@@ -1,7 +1,8 @@
-//! System breaks of the STM32H743: a core that locks up, or a supply that falls, switches TIM1's outputs off without any code.
+//! System breaks of the STM32H743: the chip switches the outputs of TIM1 off if its core locks up or its supply falls, without any
+//! code.
 //!
-//! The emulator has neither the register that connects them, SYSCFG_CFGR (RM0433 12.3.6), nor the connections. Before
-//! revision V the chip itself ignores them (ES0392 2.2.2).
+//! The emulator lacks the register that connects these sources with TIM1, SYSCFG_CFGR (RM0433 12.3.6), and the connections. Chips
+//! before revision V ignore the connections too (ES0392 2.2.2).
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -10,37 +11,39 @@ use rigless::emulator::{Access, AccessKind, CoreBus};
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
-/// SYSCFG_CFGR.
+/// Address of SYSCFG_CFGR.
 const CONNECTIONS: u64 = 0x5800_0418;
-/// DBGMCU_IDC, whose upper half is the revision.
+/// Address of DBGMCU_IDC, whose upper half is the revision.
 const IDENTITY: u64 = 0x5C00_1000;
 /// REV_ID of revision V.
 const REVISION_V: u32 = 0x2003;
-/// BDTR of TIM1, with its bits MOE and BKE (RM0433 38.4.20).
+/// Address of BDTR of TIM1 (RM0433 38.4.20).
 const OUTPUTS: u64 = 0x4001_0044;
+/// Bit MOE of BDTR.
 const MAIN_OUTPUT: u32 = 1 << 15;
+/// Bit BKE of BDTR.
 const BREAK_ENABLED: u32 = 1 << 12;
 
-/// What can break TIM1: a bit of SYSCFG_CFGR.
+/// A source that can switch the outputs of TIM1 off, with its bit in SYSCFG_CFGR.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Source {
-    /// PVDL: the voltage detector.
+    /// The voltage detector, bit PVDL.
     Detector = 1 << 2,
-    /// CM7L: the core locks up.
+    /// A lock-up of the core, bit CM7L.
     LockUp = 1 << 6,
 }
 
-/// SYSCFG_CFGR of one chip, as its core and its peripherals see the register.
+/// The register SYSCFG_CFGR of one chip, which its core and its peripherals share.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Connections(Arc<AtomicU32>);
 
 impl Connections {
-    /// Takes all connections back, as a reset of the chip does.
+    /// Removes all connections, as a reset of the chip does.
     pub(crate) fn reset(&self) {
         self.0.store(0, Ordering::Relaxed);
     }
 
-    /// Answers an access to the register; `None` if it is to another. What is connected stays connected until a reset.
+    /// Answers an access to the register. Returns `None` if the access is to another register. A connection stays until a reset.
     pub(crate) fn access(&self, access: &Access) -> Option<u64> {
         if access.address != CONNECTIONS {
             return None;
@@ -52,14 +55,14 @@ impl Connections {
         Some(self.0.load(Ordering::Relaxed).into())
     }
 
-    /// BDTR after a break by this source. `None` if the source breaks nothing.
+    /// Returns BDTR after a break by this source. `None` if the source does not switch the outputs off.
     pub(crate) fn broken(&self, source: Source, identity: u32, outputs: u32) -> Option<u32> {
         let connected = self.0.load(Ordering::Relaxed) & source as u32 != 0;
         let breaks = connected && identity >> 16 >= REVISION_V && outputs & BREAK_ENABLED != 0;
         breaks.then_some(outputs & !MAIN_OUTPUT)
     }
 
-    /// The core has locked up after this many instructions.
+    /// Processes a lock-up of the core after this number of instructions.
     pub(crate) fn locked_up(&self, instructions: u64, bus: &mut dyn CoreBus) {
         let at = bus.time(instructions);
         let [Some(identity), Some(outputs)] = [IDENTITY, OUTPUTS].map(|address| read(bus, address, at))

@@ -1,17 +1,18 @@
-//! What is connected to which pin, on all boards the same: as their READMEs say.
+//! The pins to which motors, encoders and devices are connected. They are the same on both boards where no function says
+//! otherwise. The boards' READMEs have the same tables.
 //!
-//! Peripherals are named by their place in the emulator's lists and by their addresses (RM0090 2.3, RM0433 2.3).
+//! Peripherals are numbers in the emulator's lists, or addresses (RM0090 2.3, RM0433 2.3).
 
 use crate::board::Board;
 
-/// Bridges.
+/// Number of bridges.
 pub(crate) const BRIDGES: usize = 4;
 
-/// TIM1.
+/// Address of TIM1, which makes the PWM.
 pub(crate) const PWM_TIMER: u64 = 0x4001_0000;
-/// Ports, by their place.
+/// Names of the ports in the emulator. Constants below name a port by its index in this list.
 pub(crate) const PORTS: [&str; 6] = ["GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF"];
-/// Port E.
+/// Port E, which has the PWM and the DIAG pins.
 pub(crate) const PWM_PORT: usize = 4;
 /// PE9, PE11, PE13, PE14: TIM1 CH1 to CH4.
 pub(crate) const PWM_PINS: [u8; BRIDGES] = [9, 11, 13, 14];
@@ -19,43 +20,44 @@ pub(crate) const PWM_PINS: [u8; BRIDGES] = [9, 11, 13, 14];
 /// DIAG by bridge, on the same port: PE2, PE4, PE3, PE6.
 pub(crate) const DIAG_PINS: [u8; BRIDGES] = [2, 4, 3, 6];
 
-/// 1 kohm between a bridge's DIAG line and the chip's pin.
+/// Resistor between a bridge's DIAG line and the chip's pin.
 const DIAG_OHMS: f64 = 1e3;
-/// What a bridge leaves of its DIAG line, V (data sheet of the VNH5019A-E, Doc ID 15701, logic inputs: at most).
+/// Highest voltage of a DIAG line that a bridge pulls low, V (data sheet of the VNH5019A-E, Doc ID 15701, logic inputs).
 const DIAG_LOW_VOLTS: f64 = 0.4;
-/// The strongest pull-up of a pin (DS9405 and DS12110, I/O static characteristics).
+/// Smallest resistance of a pin's pull-up (DS9405 and DS12110, I/O static characteristics).
 const PULL_UP_OHMS: f64 = 30e3;
-/// The rail, and up to which share of it a pin reads low (the same).
+/// Supply voltage of the chip.
 const RAIL_VOLTS: f64 = 3.3;
+/// Largest share of the supply voltage that a pin reads as low (DS9405 and DS12110, I/O static characteristics).
 const LOW_SHARE: f64 = 0.3;
 
-/// Whether the chip reads a DIAG line low that a bridge pulls low, against the pin's pull-up.
+/// Returns whether the chip reads a DIAG line as low if a bridge pulls it low against the pin's pull-up.
 pub(crate) fn diag_reads_low() -> bool {
     let volts = DIAG_LOW_VOLTS + (RAIL_VOLTS - DIAG_LOW_VOLTS) * DIAG_OHMS / (DIAG_OHMS + PULL_UP_OHMS);
     volts <= LOW_SHARE * RAIL_VOLTS
 }
 
-/// Port D.
+/// Port D, which has INA and INB of all bridges.
 pub(crate) const LINE_PORT: usize = 3;
-/// INA and INB by bridge.
+/// Pins of INA and INB of each bridge.
 pub(crate) const LINE_PINS: [(u8, u8); BRIDGES] = [(0, 1), (2, 3), (4, 5), (6, 7)];
 
 /// A quadrature counter.
 pub(crate) enum Counter {
-    /// TIM2 to TIM5, from 0.
+    /// Number of a timer among TIM2 to TIM5, from 0.
     General(usize),
-    /// TIM1 and TIM8, from 0.
+    /// Number of a timer among TIM1 and TIM8, from 0.
     Advanced(usize),
 }
 
-/// TIM2, TIM3, TIM4 and TIM8.
+/// Timers of the encoders, in the order of the motors: TIM2, TIM3, TIM4 and TIM8.
 pub(crate) const ENCODERS: [Counter; BRIDGES] =
     [Counter::General(0), Counter::General(1), Counter::General(2), Counter::Advanced(1)];
 
-/// TIM5, which keeps embassy's time.
+/// Address of TIM5, from which embassy takes the time.
 pub(crate) const TIME_DRIVER: u64 = 0x4000_0C00;
 
-/// Where a port's registers are.
+/// Returns the address of a port's registers.
 pub(crate) const fn port_at(board: Board, port: usize) -> u64 {
     let first = match board {
         Board::NucleoF429zi => 0x4002_0000,
@@ -64,7 +66,7 @@ pub(crate) const fn port_at(board: Board, port: usize) -> u64 {
     first + 0x400 * port as u64
 }
 
-/// PWR, whose first register switches the voltage detector on.
+/// Returns the address of PWR, whose first register switches the voltage detector on.
 pub(crate) const fn power_at(board: Board) -> u64 {
     match board {
         Board::NucleoF429zi => 0x4000_7000,
@@ -72,7 +74,7 @@ pub(crate) const fn power_at(board: Board) -> u64 {
     }
 }
 
-/// RCC_APB2ENR, by which TIM1 has its clock (RM0090 6.3.14, RM0433 8.7.44).
+/// Returns the address of RCC_APB2ENR, which switches the clock of TIM1 on (RM0090 6.3.14, RM0433 8.7.44).
 pub(crate) const fn pwm_clock_at(board: Board) -> u64 {
     match board {
         Board::NucleoF429zi => 0x4002_3844,
@@ -80,14 +82,15 @@ pub(crate) const fn pwm_clock_at(board: Board) -> u64 {
     }
 }
 
-/// Offsets of a timer's registers.
+/// Offset of a timer's status register.
 pub(crate) const SR: u64 = 0x10;
+/// Offset of a timer's event generation register.
 pub(crate) const EGR: u64 = 0x14;
 
-/// Button B1: PC13.
+/// Port and pin of button B1: PC13.
 pub(crate) const BUTTON: (usize, u8) = (2, 13);
 
-// Ports by their places in [`PORTS`].
+// Indices of ports in [`PORTS`].
 const A: usize = 0;
 const B: usize = 1;
 const C: usize = 2;
@@ -101,11 +104,11 @@ pub(crate) const DIGITAL: [(usize, u8); 8] =
 /// Servos 0 to 5: port and pin.
 pub(crate) const SERVOS: [(usize, u8); 6] = [(F, 6), (F, 7), (F, 8), (F, 9), (B, 15), (E, 5)];
 
-/// SCL and SDA of I2C buses 0 to 3, of I2C1 to I2C4. The first board has three.
+/// SCL and SDA of I2C buses 0 to 3, which are I2C1 to I2C4. The NUCLEO-F429ZI has the first three.
 pub(crate) const BUSES: [[(usize, u8); 2]; 4] =
     [[(B, 8), (B, 9)], [(F, 1), (F, 0)], [(A, 8), (C, 9)], [(B, 6), (B, 7)]];
 
-/// USART3 and USART6, the host's two lines, and UART4 or UART5, the chain line, in the emulator's list.
+/// Returns the numbers of three lines in the emulator's list: USART3 and USART6, the host's lines, and the UART of the chain line.
 pub(crate) const fn lines(board: Board) -> [usize; 3] {
     match board {
         Board::NucleoF429zi => [2, 3, 6],
@@ -113,10 +116,10 @@ pub(crate) const fn lines(board: Board) -> [usize; 3] {
     }
 }
 
-/// The chain line in [`lines`].
+/// Index of the chain line in [`lines`].
 pub(crate) const CHAIN: usize = 2;
 
-/// Where the transceiver of the chain line shows what it receives: port and pin.
+/// Returns port and pin of the input RX of the chain line, which its transceiver drives.
 pub(crate) const fn chain_input(board: Board) -> (usize, u8) {
     match board {
         Board::NucleoF429zi => (C, 11),
@@ -124,9 +127,9 @@ pub(crate) const fn chain_input(board: Board) -> (usize, u8) {
     }
 }
 
-/// Where the chip switches the transceiver of the chain line to sending: port and pin. The H743 does so by the pin DE of its USART,
-/// which the emulator does not drive.
+/// Port and pin with which the F427 switches the transceiver of the chain line to sending. The H743 uses the pin DE of its USART
+/// instead, which the emulator does not drive.
 pub(crate) const CHAIN_DIRECTION: (usize, u8) = (C, 12);
 
-/// 82 kohm to the battery, 10 kohm to ground: the soldered divider, independent of the firmware.
+/// Voltage at the battery's pin divided by the battery voltage. The divider has 82 kohm to the battery and 10 kohm to ground.
 pub(crate) const DIVIDER: f64 = 10.0 / 92.0;

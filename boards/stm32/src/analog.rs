@@ -1,4 +1,4 @@
-//! The newest readings of analog inputs, 5 V rail and temperature sensor, as a chip's converters give them.
+//! The newest readings of the analog inputs, the 5 V rail and the chip's temperature sensor.
 //!
 //! The task that measures the battery starts a *sequence* of all channels every 10 ms. A sequence takes some tenths of a
 //! millisecond. Its readings are collected at the next start, or when a host asks for them, whichever comes first.
@@ -11,7 +11,7 @@ use embassy_time::{Duration, Instant};
 use motor_hub::board::{ANALOG_INPUTS, AnalogReading, AnalogReadings};
 use motor_hub::supply::{Thermometer, VrefintCalibration, VrefintScale};
 
-/// Resistances of the divider of the 5 V rail, to the rail and to ground. 5 V give 2.5 V at the pin.
+/// Resistances in ohm of the voltage divider of the 5 V rail, to the rail and to ground. The divider makes 2.5 V at the pin.
 const RAIL_OHMS: (u32, u32) = (10_000, 10_000);
 
 /// Age beyond which readings are not used.
@@ -30,17 +30,18 @@ pub struct Sequence {
     pub vrefint: u16,
 }
 
-/// The factory's readings of a chip.
+/// The factory's calibration of a chip.
 #[derive(Clone, Copy)]
 pub struct Factory {
-    /// Of the internal reference.
+    /// Calibration of the internal voltage reference, VREFINT.
     pub reference: VrefintCalibration,
-    /// Of the temperature sensor.
+    /// Calibration of the temperature sensor.
     pub thermometer: Thermometer,
 }
 
 impl Factory {
-    /// Reads the words of the reference, and of the sensor at 30 and at 110 degrees. Only those of this chip can be read.
+    /// Reads the calibration of the reference, and of the sensor at 30 and at 110 degrees Celsius. The words must be those of
+    /// the chip that runs this code.
     pub fn read(reference: FactoryWord, sensor: [FactoryWord; 2]) -> Self {
         let readings = sensor.map(|word| word.read().reading);
         Self { reference: reference.read(), thermometer: Thermometer { readings } }
@@ -68,24 +69,24 @@ struct Measured {
     sequence: Sequence,
 }
 
-/// The newest readings, and when the last sequence was started. Used by tasks only.
+/// The newest readings, and the time at which the last sequence was started. Only tasks may use it, not interrupts.
 pub struct Newest {
     started: Mutex<ThreadModeRawMutex, Cell<Instant>>,
     measured: Mutex<ThreadModeRawMutex, Cell<Option<Measured>>>,
 }
 
 impl Newest {
-    /// No readings yet.
+    /// Creates the state before the first readings.
     pub const fn new() -> Self {
         Self { started: Mutex::new(Cell::new(Instant::MIN)), measured: Mutex::new(Cell::new(None)) }
     }
 
-    /// A sequence has been started.
+    /// Notes that a sequence has been started now.
     pub fn started(&self) {
         self.started.lock(|at| at.set(Instant::now()));
     }
 
-    /// The sequence that was started last has ended.
+    /// Stores the readings of the sequence that was started last.
     pub fn ended(&self, sequence: Sequence) {
         let at = self.started.lock(Cell::get);
         self.measured.lock(|measured| measured.set(Some(Measured { at, sequence })));
@@ -98,12 +99,12 @@ impl Newest {
         measured.map(|measured| measured.sequence)
     }
 
-    /// Returns the newest readings, unless they are too old.
+    /// Returns the newest readings. All are `None` if they are older than 20 ms.
     pub fn readings(&self, factory: Factory) -> AnalogReadings {
         self.get().map_or_else(AnalogReadings::default, |sequence| factory.convert(sequence))
     }
 
-    /// Returns the newest reading of the internal reference, unless it is too old.
+    /// Returns the newest reading of the internal reference. `None` if it is older than 20 ms.
     pub fn vrefint(&self) -> Option<u16> {
         self.get().map(|sequence| sequence.vrefint)
     }

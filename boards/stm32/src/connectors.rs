@@ -10,7 +10,7 @@ pub struct Connectors<const P: usize, const S: usize> {
     pub digital: DigitalLines<P>,
     /// Servo outputs.
     pub servos: [Servo; S],
-    /// Returns the newest readings; `None` on a board without such a converter.
+    /// Function that returns the newest readings of the converter; `None` on a board that has no converter for them.
     pub analog: Option<fn() -> AnalogReadings>,
     /// Number of I2C buses.
     pub i2c: u8,

@@ -1,4 +1,5 @@
-//! The button that drives all motors while there is no host. [`motor_hub::responder::button`] decides what it may do.
+//! The button that drives all motors while there is no host. [`motor_hub::responder::button`] decides which set-point a pressed
+//! button commands.
 
 use embassy_stm32::gpio::Input;
 use embassy_sync::blocking_mutex::raw::RawMutex;

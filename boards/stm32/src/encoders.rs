@@ -1,14 +1,15 @@
-//! Quadrature encoders, each on a timer that counts all four edges of A and B.
+//! Quadrature encoders with the lines A and B. A timer for each encoder counts all edges of both lines.
 //!
 //! Resistors outside the chip pull the inputs up to 3.3 V. Open-collector encoders need them. With them, an unplugged encoder
-//! counts no noise. The chip's own pull-ups stay off: a pin takes the 5 V of an encoder only
-//! without them (DS9405 table 15, DS12110 and DS12288, I/O static characteristics).
+//! counts no noise. The chip's own pull-ups stay off, because a pin tolerates the 5 V of an
+//! encoder only without them (DS9405 table 15, DS12110 and DS12288, I/O static characteristics).
 //!
 //! The inputs are filtered (RM0090 18.4.7, IC1F and IC2F): a level counts when eight samples in a row agree. A sample is taken
 //! every 128 clocks of the timer. Eight samples take 12.2 us on a timer at 84 MHz, 6.1 us at 168 MHz, and 5.1 us at 200 MHz. The
-//! ringing of a bridge's edges on a neighbouring wire is shorter. At 10 000 counts/s a level lasts 200 us, 16 times as long. An
-//! edge of A and the next edge of B are then 100 us apart; the filters shorten this by one sample, 1.5 us, at most. From about
-//! 140 000 counts/s on nothing is counted.
+//! ringing of a bridge's edges on a neighbouring wire is shorter. At 10 000 counts/s a level lasts 200 us, 16 times as long as
+//! eight samples at 84 MHz. An edge of A and the next edge of B are then 100 us apart, and the filters shorten this time by one
+//! sample, 1.5 us, at most. A level must last as long as eight samples to be counted reliably: at 84 MHz this is so up to
+//! 164 000 counts/s.
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::Pull;
@@ -51,7 +52,7 @@ impl<T: GeneralInstance4Channel> Counter<T> {
     }
 }
 
-/// One to four counters by motor, as a tuple: each timer is a type of its own.
+/// One to four counters in the order of the motors. They are a tuple, because each timer has a type of its own.
 pub struct QuadratureCounters<Q>(pub Q);
 
 macro_rules! encoders {

@@ -1,7 +1,7 @@
-//! The end of a run: a panic, a HardFault, a falling supply, or an interrupt without a handler.
+//! Handlers of what ends a run: a panic, a HardFault, a falling supply, or an interrupt without a handler.
 //!
-//! Each opens all bridges, stores its fault for the record, logs it, and waits until the watchdog resets the chip. A fault in
-//! the middle of a line of the log is not logged: the log holds one line at a time.
+//! Each handler opens all bridges, stores the fault for the record, logs the fault, and waits until the watchdog resets the
+//! chip. If the fault interrupts the writing of a log line, the fault is not logged, because the log holds one line at a time.
 
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -11,7 +11,7 @@ use motor_hub::record::Fault;
 
 use crate::stack;
 
-/// Makes the handlers of a board's program. `$end` is its [`End`].
+/// Makes the handlers of a board's program. `$end` is the program's [`End`].
 ///
 /// The board's crate needs `cortex-m-rt`.
 #[macro_export]
@@ -38,19 +38,19 @@ macro_rules! end_faults_with {
 
 /// How the run of a board's program ends.
 pub struct End {
-    /// Opens all bridges for good from any context, touching nothing but registers.
+    /// Opens all bridges until the next reset. The function accesses only registers, so it may be called in any context.
     pub open: fn(),
-    /// Stores the fault for the next run.
+    /// Stores the fault and its two detail words for the next run.
     pub say: fn(Fault, [u32; 2]),
 }
 
 impl End {
-    /// Opens the bridges, and only then reports.
+    /// Opens the bridges, then stores and reports the fault.
     fn stop(&self, fault: Fault, detail: [u32; 2], report: impl FnOnce()) -> ! {
         (self.open)();
         cortex_m::interrupt::disable();
-        // A second fault in the lines below must not run them again. Interrupts are masked, so nothing comes between the load
-        // and the store. Every core has plain loads and stores.
+        // A second fault while this one is reported must not be reported again. Interrupts are masked, so nothing runs between
+        // the load and the store.
         static REPORTED: AtomicBool = AtomicBool::new(false);
         if !REPORTED.load(Ordering::Relaxed) {
             REPORTED.store(true, Ordering::Relaxed);
@@ -72,7 +72,7 @@ impl End {
     pub fn hard_fault(&self, frame: &ExceptionFrame) -> ! {
         let stack = core::ptr::from_ref(frame).addr() as u32;
         if stack::overflowed(stack) {
-            // The core could not write the frame: the guard forbade it.
+            // The stack guard forbade the core to write the frame, so `frame` is not valid.
             self.stop(Fault::StackOverflow, [stack, 0], || {
                 error!("stack overflow, down to {=u32:#010x}; bridges off", stack);
             });

@@ -1,9 +1,9 @@
-//! An I2C bus for hosts: its two lines, and the controller of the chip that moves bytes.
+//! An I2C bus for hosts: its lines SCL and SDA, and the controller of the chip that transfers bytes.
 //!
-//! The HAL's driver is not used. On the STM32F4 it leaves a dropped transfer on the bus, and on the STM32H7 it waits for a busy
-//! bus without letting other tasks run, and its DMA does not reach the memory that holds the tasks. A controller here waits for
-//! one interrupt a byte, and never for a line: [`motor_hub::tasks::i2c`] has the time-out. A line that a device holds low is
-//! found before a transfer starts.
+//! The HAL's driver is not used. On the STM32F4 a transfer goes on after its future is dropped. On the STM32H7 other tasks cannot
+//! run while the driver waits for a busy bus, and the driver's DMA does not reach the memory that holds the tasks. A [`Controller`]
+//! waits for one interrupt per byte, and never in a loop for a line. [`motor_hub::tasks::i2c`] has the time-out of a transfer. A
+//! line that a device holds low is found before a transfer starts.
 //!
 //! Resistors outside the chip pull both lines up to 3.3 V. The chip's own pull-ups are too weak for 400 kbit/s.
 
@@ -15,7 +15,7 @@ use embassy_time::Timer;
 use embedded_hal_async::i2c::{ErrorKind, ErrorType, I2c, NoAcknowledgeSource, Operation};
 use motor_hub::board::I2cBus;
 
-/// Half a clock pulse while a bus is freed, in microseconds: no device needs a slower clock than 100 kHz.
+/// Half the period of a clock pulse while a bus is freed, in microseconds. The clock is then 100 kHz, at which every device works.
 const HALF_PULSE_US: u64 = 5;
 
 /// Clock pulses after which a device that was cut off in the middle of a byte has released SDA (NXP UM10204, 3.1.16).
@@ -32,7 +32,7 @@ pub enum Error {
     Arbitration,
     /// A line is held low.
     Held,
-    /// Operations that no host asks for: other than a write, a read, or a write and a read.
+    /// The operations are not a write, a read, or a write and a read. No host requests other operations.
     Unsupported,
 }
 
@@ -62,13 +62,14 @@ impl embedded_hal_async::i2c::Error for Error {
     }
 }
 
-/// The controller of a chip. Addresses have 7 bits. The future of a transfer may be dropped; [`reset`](Self::reset) comes next.
+/// The I2C controller of a chip. Addresses have 7 bits. After the future of a transfer has been dropped,
+/// [`reset`](Self::reset) must be called.
 #[expect(async_fn_in_trait, reason = "one executor, one core: no future has to be Send")]
 pub trait Controller {
-    /// Sets the speed of the next transfer.
+    /// Sets the speed from the next transfer on: 400 kbit/s if `fast` is true, otherwise 100 kbit/s.
     fn set_speed(&mut self, fast: bool);
 
-    /// Makes the controller idle, whatever it does. The lines are released.
+    /// Ends any transfer, and releases the lines.
     fn reset(&mut self);
 
     /// Waits until the stop condition of the last transfer is on the lines.
@@ -77,7 +78,7 @@ pub trait Controller {
     /// Writes bytes, 255 at most. The bus stays taken if a read follows.
     async fn write(&mut self, address: u8, bytes: &[u8], read_follows: bool) -> Result<(), Error>;
 
-    /// Reads bytes, 1 to 255, after a start or, behind a write, a repeated start.
+    /// Reads bytes, 1 to 255, after a start condition, or after a repeated start if a write came before.
     async fn read(&mut self, address: u8, into: &mut [u8]) -> Result<(), Error>;
 }
 
@@ -86,7 +87,7 @@ pub trait Controller {
 #[macro_export]
 macro_rules! i2c_controllers {
     ($($new:ident: $peripheral:ident, $event:ident, $error:ident;)+) => {
-        /// A controller.
+        /// A controller of this chip.
         pub(crate) struct Controller {
             registers: ::embassy_stm32::pac::i2c::I2c,
             watcher: &'static Watcher,
@@ -102,7 +103,7 @@ macro_rules! i2c_controllers {
         use ::embassy_stm32::pac::{self, Interrupt};
 
         $(
-            /// The controller of this peripheral, with its clock.
+            /// Creates the controller of this peripheral, and starts its clock.
             pub(crate) fn $new() -> Controller {
                 ::embassy_stm32::rcc::enable_and_reset::<::embassy_stm32::peripherals::$peripheral>();
                 $crate::supply::unmask(Interrupt::$event);
@@ -137,7 +138,7 @@ pub struct Bus<C> {
 }
 
 impl<C: Controller> Bus<C> {
-    /// The bus of peripheral `T`, whose controller has its clock.
+    /// Creates the bus of peripheral `T`. The clock of its controller must run.
     pub fn new<T: Instance>(
         controller: C,
         scl: Peri<'static, impl SclPin<T>>,
@@ -150,7 +151,7 @@ impl<C: Controller> Bus<C> {
         bus
     }
 
-    /// Gives the lines to the controller.
+    /// Connects the lines to the controller.
     fn connect(&mut self) {
         let open_drain = AfType::output(OutputType::OpenDrain, Speed::Medium);
         self.scl.set_as_af_unchecked(self.functions.0, open_drain);
@@ -161,12 +162,14 @@ impl<C: Controller> Bus<C> {
         self.scl.is_low() || self.sda.is_low()
     }
 
+    /// Waits until the controller is idle, and checks that both lines are high.
+    ///
     /// # Errors
-    /// [`Error::Held`] if a line is low.
+    /// Returns [`Error::Held`] if a line is low.
     async fn check_lines(&mut self) -> Result<(), Error> {
         self.controller.idle().await;
         if self.held() {
-            // After a stop a line needs a moment to rise.
+            // After a stop condition a line needs some time to rise.
             Timer::after_micros(HALF_PULSE_US).await;
             if self.held() {
                 return Err(Error::Held);
@@ -222,7 +225,7 @@ impl<C: Controller> I2cBus for Bus<C> {
             self.scl.set_high();
             half_pulse().await;
         }
-        // A stop: SDA rises while SCL is high.
+        // A stop condition: SDA rises while SCL is high.
         self.scl.set_low();
         self.sda.set_low();
         half_pulse().await;

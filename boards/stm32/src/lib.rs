@@ -1,5 +1,6 @@
-//! What boards with an STM32 share: drivers behind the traits of [`motor_hub::board`], the end of a run, and the program of a
-//! hub. The drivers are generic over the number of motors and over peripherals. A board has the pins and the clocks.
+//! What boards with an STM32 share: drivers behind the traits of [`motor_hub::board`], handlers of panics and faults, and the
+//! program of a hub. The drivers are generic over the number of motors and over peripherals. The crate of a board adds its pins
+//! and clocks.
 //!
 //! | module | what is in it |
 //! |---|---|
@@ -7,7 +8,7 @@
 //! | [`vnh5019`] | N bridges on one advanced timer |
 //! | [`bridge_faults`] | the fault lines of bridges |
 //! | [`encoders`] | quadrature counters, a timer each |
-//! | [`supply`] | the voltage detector, the factory's word of VREFINT, the task that waits for an analog watchdog |
+//! | [`supply`] | the voltage detector, the factory's calibration of VREFINT, the task that waits for an analog watchdog |
 //! | `two_converters` | battery and VREFINT on a converter each; feature `two-converters` |
 //! | [`serial`] | the host link: a buffered USART |
 //! | [`pins`] | digital pins for a host |
@@ -17,11 +18,11 @@
 //! | [`i2c_bus`] | an I2C bus for a host |
 //! | [`lamp`] | the host's status LEDs: red, green, blue |
 //! | [`watchdog`] | the independent watchdog |
-//! | [`faults`] | the end of a run by a panic or a fault: bridges open first |
+//! | [`faults`] | handlers of panics and faults, which first open the bridges |
 //! | [`record`] | memory that a reset does not clear, and the cause of the reset |
 //! | [`stack`] | a guard at the stack's end |
 //! | [`demo`] | motors that turn while a button is held |
-//! | [`start`] | what comes before the clocks: a lamp and the watchdog |
+//! | [`start`] | what is started before the clocks: a lamp and the watchdog |
 //! | [`status`] | the log |
 #![no_std]
 
@@ -51,19 +52,19 @@ pub mod watchdog;
 
 use motor_hub::units::Period;
 
-/// A converter, whose calibration comes before its first conversion.
+/// An analogue-to-digital converter that may need a calibration before its first conversion.
 #[expect(async_fn_in_trait, reason = "one executor, one core: no future has to be Send")]
 pub trait Calibrate {
-    /// Calibrates the converter. This default is for a converter without a calibration.
+    /// Calibrates the converter. This default does nothing, for a converter that needs no calibration.
     async fn calibrate(&self) {}
 }
 
 impl Calibrate for () {}
 
-/// The control period of an image: 50 ms, or the given text, 1 to 100 ms.
+/// Returns the control period of an image: the number of milliseconds in the text, 1 to 100, or 50 ms without a text.
 ///
 /// # Panics
-/// When the image is built, if the text is something else.
+/// Panics if the text is anything else. Images call this function at compile time, so the build fails.
 #[must_use]
 pub const fn period(milliseconds: Option<&str>) -> Period {
     let ms = match milliseconds {

@@ -3,7 +3,7 @@
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AnyPin, Flex, Level, Output, Pin, Pull, Speed};
 
-/// An output, low from the first instant.
+/// Makes a pin an output that is low from the beginning.
 pub fn low(pin: Peri<'static, impl Pin>) -> Output<'static> {
     let pin: Peri<'static, AnyPin> = pin.into();
     Output::new(pin, Level::Low, Speed::Low)
@@ -15,17 +15,17 @@ macro_rules! pins {
     ($($pin:expr),+) => { [$(::embassy_stm32::gpio::Flex::new($pin)),+] };
 }
 
-/// The first P digital pins of the protocol. This board has no others.
+/// The digital pins of a board: the first P pins of the protocol.
 pub struct DigitalLines<const P: usize> {
     lines: [Flex<'static>; P],
-    /// Bit i: line i is an output.
+    /// Bit i is 1 if line i is an output.
     outputs: u8,
-    /// Bit i: the level of line i as an output.
+    /// Bit i is the level of line i as an output.
     levels: u8,
 }
 
 impl<const P: usize> DigitalLines<P> {
-    /// All lines are inputs.
+    /// Makes all lines inputs.
     pub fn new(mut lines: [Flex<'static>; P]) -> Self {
         for line in &mut lines {
             line.set_low();
@@ -40,7 +40,7 @@ impl<const P: usize> DigitalLines<P> {
         let mut sensed = u8::MAX;
         for (line, pin) in self.lines.iter_mut().zip(0..8) {
             let bit = 1 << pin;
-            // The level comes before the direction: an output has its level from the first instant.
+            // The level is set before the direction, so an output never has a wrong level.
             if (self.levels ^ levels) & bit != 0 {
                 line.set_level(if levels & bit != 0 { Level::High } else { Level::Low });
             }

@@ -1,4 +1,5 @@
-//! Memory for the record of faults, at the end of RAM, which no start-up clears (`sections.x`), and the cause of a reset.
+//! Memory for the record of faults, and the cause of a reset. The memory is at the end of RAM, where no start-up code clears it
+//! (`sections.x`).
 
 use defmt::warn;
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -6,12 +7,13 @@ use motor_hub::record::{Fault, SIZE};
 use motor_hub::tasks::Wires;
 use persistent_buff::PersistentBuff;
 
-/// The memory at the first call; `None` afterwards.
+/// Returns the memory at the first call, and `None` at later calls.
 pub fn memory() -> Option<&'static mut [u8; SIZE]> {
     PersistentBuff::take_raw()?.try_into().ok()
 }
 
-/// The first of these reset flags that is set. A reset of one kind also sets the flags of other kinds.
+/// Returns the fault of the first reset flag that is set. A reset of one kind also sets the flags of other kinds, so the order
+/// of the flags decides.
 pub fn cause<const N: usize>(flags: [(bool, Fault); N]) -> Fault {
     flags.into_iter().find(|(set, _)| *set).map_or(Fault::OtherReset, |(_, fault)| fault)
 }

@@ -1,8 +1,8 @@
 //! Serial lines: a USART each, with a buffer each way. The host link has one or two lines, and the chain of hubs has a line of its
 //! own, behind an RS-485 transceiver.
 //!
-//! A hub with two lines to hosts has one host: that on the line from which the first whole packet has come. The other line is then
-//! deaf until the next start of the hub.
+//! A hub with two lines to hosts has one host, on the line from which the first whole packet has come. The other line is then
+//! ignored until the next start of the hub.
 //!
 //! Bytes are received by interrupt, not by a circular DMA stream. After a line error embassy restarts the stream at the start
 //! of its buffer, but goes on reading at the old place. Old packets would then be executed again. At 460 800 baud there is at
@@ -31,11 +31,11 @@ const RECEIVED: usize = 512;
 /// are sent in two parts.
 const SENT: usize = 128;
 
-/// Bytes after which the reader is woken while a line is busy. Otherwise it is woken when the line falls idle, or when half the
-/// buffer is full: a host that sends eight requests without a pause would wait for the first answer until all have arrived.
+/// Bytes after which the reader is woken while a line is busy. Without this number the reader would be woken when the line falls
+/// idle, or when half the buffer is full. The first of eight requests without a pause would then be answered after the last one.
 const EAGER: usize = 16;
 
-/// Bytes that have not been read or sent yet.
+/// Buffers of a line for bytes that have not been read or sent yet.
 pub struct Buffers {
     received: [u8; RECEIVED],
     sent: [u8; SENT],
@@ -92,7 +92,7 @@ pub fn open_with_driver_enable<T: Instance>(
     buffers: &'static mut Buffers,
 ) -> Result<Line, ConfigError> {
     let mut config = config();
-    // In sixteenths of a bit. The HAL uses the first of them for both times.
+    // Both times are in sixteenths of a bit. The HAL uses the first time for both.
     config.de_assertion_time = 16;
     config.de_deassertion_time = 16;
     let Buffers { received, sent, decoder } = buffers;

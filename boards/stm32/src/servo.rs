@@ -1,8 +1,8 @@
 //! Servo outputs, each a channel of a timer of its own, so each has its own period. The timers count microseconds.
 //!
 //! Period and width go through the preloads of auto-reload and compare register (RM0090 19.3, RM0433 40.3 and 41.3). Both take
-//! effect together when a period ends, so no pulse is cut short and none has a mixture of old and new values. The core has no
-//! part in a pulse: its edges do not depend on what the core does.
+//! effect together when a period ends, so no pulse is cut short and none has a mixture of old and new values. The timer alone
+//! makes the edges of a pulse, so they do not depend on the load of the core.
 //!
 //! The chip's own oscillator keeps the time. A pulse is wrong by the oscillator's error, 1 % at most at room temperature: 15 us
 //! of 1500 us.
@@ -16,10 +16,10 @@ use embassy_stm32::timer::simple_pwm::{PwmPin, PwmPinConfig};
 use embassy_stm32::timer::{GeneralInstance4Channel, TimerChannel, TimerPin};
 use motor_hub::board::ServoPulse;
 
-/// A timer counts microseconds.
+/// Counting frequency of the timers: one count per microsecond.
 const TICK: Hertz = Hertz(1_000_000);
 
-/// Time from one look at the pulse's values to the next while there are no pulses: the usual period of a servo, in microseconds.
+/// Period of the timer while there are no pulses, in microseconds. New values take effect at its end. It is a servo's usual period.
 const IDLE_PERIOD_US: u16 = 20_000;
 
 /// One servo output.
@@ -30,7 +30,7 @@ pub struct Servo {
 }
 
 impl Servo {
-    /// An output without pulses: the pin is driven low.
+    /// Creates an output without pulses, whose pin is driven low.
     pub fn new<T: GeneralInstance4Channel, C: TimerChannel>(
         timer: Peri<'static, T>,
         pin: Peri<'static, impl TimerPin<T, C>>,
@@ -53,7 +53,7 @@ impl Servo {
         Self { registers, channel: C::CHANNEL.index(), pulse: None }
     }
 
-    /// Sets the pulses from the next period on. `None` for no pulses.
+    /// Sets the pulses from the next period on. `None` stands for no pulses.
     pub fn set(&mut self, pulse: Option<ServoPulse>) {
         if pulse == self.pulse {
             return;
@@ -64,7 +64,7 @@ impl Servo {
             let last = period_us.saturating_sub(1).max(1);
             (last, width_us.min(last))
         });
-        // A period that ends between these lines keeps its values for one more period.
+        // If a period ends during these writes, the old values are used for one more period.
         self.registers.cr1().modify(|w| w.set_udis(true));
         self.registers.arr().write(|w| w.set_arr(last));
         self.registers.ccr(self.channel).write(|w| w.set_ccr(width));

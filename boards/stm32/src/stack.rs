@@ -1,15 +1,15 @@
 //! A guard at the stack's end: an overflow ends in a HardFault, which opens the bridges and reports.
 //!
 //! The stack is at RAM's low end (`sections.x`), and the memory protection unit forbids its lowest part. The unit is off while
-//! a HardFault is handled (HFNMIENA is 0; PM0214 and PM0253 4.2), so the handler has the guard for its own stack. A frame
-//! larger than the guard could reach past the end of RAM. The core then locks up in its first fault, and the watchdog resets
-//! the chip. The H743 switches its PWM off at once then.
+//! a HardFault is handled (HFNMIENA is 0; PM0214 and PM0253 4.2), so the handler uses the guarded memory as its stack. A stack
+//! frame larger than the guard could reach below the beginning of RAM. The core then locks up in its first fault, and the watchdog
+//! resets the chip. An H743 from revision V on also switches its PWM off when the core locks up.
 
 use crate::mpu::{FULL_ACCESS, NEVER_EXECUTED, WRITTEN_THROUGH, protect, region};
 use core::ops::Range;
 use cortex_m::peripheral::MPU;
 
-/// The lowest part of RAM: 8 kB, a power of two as the unit needs it.
+/// The guard, which is the lowest 8 kB of RAM. The memory protection unit needs a power of two.
 const GUARD: Range<u32> = 0x2000_0000..0x2000_2000;
 
 const REGIONS: [(u32, u32); 3] = [
@@ -20,7 +20,7 @@ const REGIONS: [(u32, u32); 3] = [
     (GUARD.start, region(GUARD.end - GUARD.start, NEVER_EXECUTED)),
 ];
 
-/// From here on nothing below [`GUARD`]'s end may be accessed, and nothing in RAM may be executed.
+/// Forbids accesses to [`GUARD`], and the execution of code in RAM.
 pub fn guard(mpu: &mut MPU) {
     protect(mpu, 0, &REGIONS);
 }

@@ -1,10 +1,10 @@
-//! What comes before the clocks.
+//! What is started before the clocks: a lamp and the watchdog.
 
 use embassy_stm32::pac::gpio::{Gpio, vals::Moder};
 use embassy_stm32::pac::iwdg::{Iwdg, vals::Key};
 
-/// Lights the lamp on this pin, whose port has its clock, and starts the watchdog. To be called before the HAL's
-/// initialisation.
+/// Lights the lamp on the pin with this number, and starts the watchdog. The clock of the port must run. This function must be
+/// called before the HAL's initialisation.
 ///
 /// The HAL waits without a limit for regulators and oscillators. If one never becomes ready, the watchdog resets the chip
 /// every 0.5 s (its period after a reset, 4096 ticks of LSI / 4), and the lamp stays on. Otherwise the lamp goes off within

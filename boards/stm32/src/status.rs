@@ -1,4 +1,4 @@
-//! The log for a person at the bench: lines every second over RTT.
+//! The log of a hub: some lines every second, which a debug probe reads over RTT (real-time transfer).
 
 use defmt::{info, warn};
 use embassy_sync::blocking_mutex::raw::RawMutex;

@@ -1,4 +1,4 @@
-//! What measurements of the battery and of the chip's own supply share on all STM32 chips.
+//! Parts of the measurement of the battery, and of the chip's own supply, that are the same on all STM32 chips.
 
 use core::future::poll_fn;
 use core::ptr::with_exposed_provenance;
@@ -8,8 +8,8 @@ use embassy_sync::waitqueue::AtomicWaker;
 use motor_hub::supply::VrefintCalibration;
 use motor_hub::units::Millivolts;
 
-/// Resistances of the divider, to the battery and to ground. 24 V, the highest battery of the bridges, gives 2.61 V at the
-/// pin. 30.3 V gives the full 3.3 V.
+/// Resistances in ohm of the battery's voltage divider, to the battery and to ground. A battery of 24 V, the highest voltage of
+/// the bridges' operating range, gives 2.61 V at the pin. The converter's full scale of 3.3 V is 30.3 V.
 pub const DIVIDER_OHMS: (u32, u32) = (82_000, 10_000);
 
 /// EXTI line of the programmable voltage detector (RM0090 12.2.5, RM0433 table 150, RM0440 table 103).
@@ -18,8 +18,8 @@ const PVD_LINE: usize = 16;
 /// Switches the voltage detector on by `enable`. Its interrupt comes when the supply falls below the detector's level, or
 /// immediately if the supply is too low already. The interrupt ends the run, so the watchdog must run.
 ///
-/// The brown-out reset is not used: its level is an option byte. Firmware that writes option bytes could leave a chip
-/// without any if the supply failed meanwhile.
+/// The brown-out reset is not used, because its level is an option byte. If the supply failed while firmware writes option
+/// bytes, the chip could lose all of them.
 pub fn watch(interrupt: pac::Interrupt, enable: impl FnOnce()) {
     // The line comes first: a supply that is low already then makes an edge when the detector is switched on.
     pac::EXTI.rtsr(0).modify(|w| w.set_line(PVD_LINE, true));
@@ -38,20 +38,20 @@ pub fn unmask(interrupt: pac::Interrupt) {
     unsafe { cortex_m::peripheral::NVIC::unmask(interrupt) }
 }
 
-/// The task that waits for an interrupt, such as that of a converter's analog watchdog.
+/// Wakes the task that waits for an interrupt, for example the interrupt of a converter's analog watchdog.
 pub struct Watcher(AtomicWaker);
 
 impl Watcher {
-    /// No task waits yet.
+    /// Creates a watcher for which no task waits.
     pub const fn new() -> Self {
         Self(AtomicWaker::new())
     }
 
-    /// Waits until `crossed` is true. `enable` enables the interrupt whose handler calls [`wake`](Self::wake).
-    pub async fn wait(&self, crossed: impl Fn() -> bool, enable: impl Fn()) {
+    /// Waits until `is_reached` returns true. `enable` enables the interrupt whose handler calls [`wake`](Self::wake).
+    pub async fn wait(&self, is_reached: impl Fn() -> bool, enable: impl Fn()) {
         poll_fn(|context| {
             self.0.register(context.waker());
-            if crossed() {
+            if is_reached() {
                 return Poll::Ready(());
             }
             enable();
@@ -72,30 +72,34 @@ impl Default for Watcher {
     }
 }
 
-/// Where a chip has its reading of VREFINT, which the factory took at 30 degrees and a known supply voltage.
+/// Address of a reading that the factory has stored in a chip, of the reference VREFINT or of the temperature sensor. The factory
+/// took the reading at a known supply voltage.
 #[derive(Clone, Copy)]
 pub struct FactoryWord {
     address: usize,
+    /// Supply voltage of the converter when the factory took the reading.
     rail: Millivolts,
+    /// Resolution of the reading.
     bits: u8,
 }
 
 impl FactoryWord {
-    /// STM32F42x (DS9405, internal reference voltage calibration values).
+    /// Reading of VREFINT of an STM32F42x (DS9405, internal reference voltage calibration values).
     pub const F42X: Self = Self { address: 0x1FFF_7A2A, rail: Millivolts::new(3_300), bits: 12 };
     /// Readings of the temperature sensor at 30 and at 110 degrees of an STM32F42x (DS9405, temperature sensor calibration
     /// values).
     pub const F42X_TEMPERATURE: [Self; 2] =
         [Self { address: 0x1FFF_7A2C, ..Self::F42X }, Self { address: 0x1FFF_7A2E, ..Self::F42X }];
-    /// The same of an STM32H74x (DS12110, temperature sensor calibration values).
+    /// Readings of the temperature sensor at 30 and at 110 degrees of an STM32H74x (DS12110, temperature sensor calibration
+    /// values).
     pub const H74X_TEMPERATURE: [Self; 2] =
         [Self { address: 0x1FF1_E820, ..Self::H74X }, Self { address: 0x1FF1_E840, ..Self::H74X }];
-    /// STM32H74x (DS12110, internal reference voltage calibration values).
+    /// Reading of VREFINT of an STM32H74x (DS12110, internal reference voltage calibration values).
     pub const H74X: Self = Self { address: 0x1FF1_E860, rail: Millivolts::new(3_300), bits: 16 };
-    /// STM32G47x (DS12288, internal reference voltage calibration values).
+    /// Reading of VREFINT of an STM32G47x (DS12288, internal reference voltage calibration values).
     pub const G47X: Self = Self { address: 0x1FFF_75AA, rail: Millivolts::new(3_000), bits: 12 };
 
-    /// Reads the word. Only the word of this chip can be read.
+    /// Returns the reading. The word must be that of the chip that runs this code.
     #[expect(unsafe_code, reason = "the peripheral access crate has no name for this word")]
     #[must_use]
     pub fn read(self) -> VrefintCalibration {

@@ -1,4 +1,5 @@
-//! Battery and VREFINT, each on an ADC (*converter*) of its own, as on the STM32G4 and the STM32H7.
+//! Measures the battery and the chip's internal voltage reference VREFINT, each on an ADC (*converter*) of its own, as on the
+//! STM32G4 and the STM32H7.
 //!
 //! The battery's converter converts without end, so its newest reading can always be read. Its analog watchdog wakes the core
 //! when the battery leaves its quiet range. The reference's converter converts without end too, unless the chip converts other
@@ -103,7 +104,8 @@ impl<K: Kind> TwoConverters<K> {
         [self.battery, self.reference]
     }
 
-    /// Takes a new reading of the battery, if the reading of the reference is not too old.
+    /// Takes new readings of battery and reference. Returns the reading of the battery. `None` if the battery's converter has
+    /// not converted since the last call, or if the last reading of the reference is older than [`REFERENCE_STALE`].
     fn take(&mut self) -> Option<u16> {
         if let Some(vrefint) = K::take_reference(self.reference.0) {
             (self.vrefint, self.vrefint_at) = (vrefint, Some(Instant::now()));
@@ -137,7 +139,7 @@ impl<K: Kind> Calibrate for TwoConverters<K> {
     }
 }
 
-/// Prepares a converter for conversions of one channel without end. The data register has the newest.
+/// Prepares a converter for conversions of one channel without end. The data register then holds the newest reading.
 pub fn convert_without_end(converter: Adc, channel: u8) {
     converter.sqr1().write(|w| w.set_sq(0, channel));
     converter.cfgr().modify(|w| {
@@ -173,7 +175,7 @@ pub async fn calibrate<K: Kind>(converters: &[Adc]) {
     for converter in converters {
         converter.cr().modify(|w| w.set_aden(true));
     }
-    // Longer than a converter needs to become ready. One that does not become ready has no readings, and is restarted later.
+    // A converter becomes ready in a shorter time. A converter that does not become ready gives no readings, and is restarted later.
     Timer::after_micros(20).await;
 }
 
@@ -202,7 +204,7 @@ impl<K: Kind> SupplyAdc for TwoConverters<K> {
             battery = self.take();
         }
         if battery.is_none() {
-            // A converter has stopped by itself, for example because of a disturbance of its supply.
+            // A converter has stopped, for example because of a disturbance of its supply.
             for (converter, _) in self.converters() {
                 stop(converter);
                 start(converter);
@@ -225,7 +227,7 @@ impl<K: Kind> SupplyAdc for TwoConverters<K> {
     }
 }
 
-/// Handles the interrupt of the battery's converter. The flag stays raised for the task, which is woken once.
+/// Handles the interrupt of the battery's converter: wakes the task once. The flag of the interrupt stays set for the task.
 pub fn crossed(battery: Adc) {
     battery.ier().modify(|w| w.set_awd1ie(false));
     WATCHER.wake();

@@ -1,4 +1,4 @@
-//! ST VNH5019A-E bridges: a PWM line each from one advanced timer, and two direction lines each.
+//! ST VNH5019A-E bridges. Each bridge has a PWM line from one advanced timer, and two direction lines, INA and INB.
 //!
 //! # What the bridge does
 //!
@@ -12,8 +12,9 @@
 //! | 0 | 1 | L | H | counter-clockwise |
 //! | 0 | 0 | L | L | brake to GND |
 //!
-//! "In all cases" a low PWM pin turns off both low-side switches. Half-bridge A is the paper's left
-//! leg. So INA/INB with PWM high or low give these states, and the modes of `motor_hub::bridge`.
+//! "In all cases" a low PWM pin turns off both low-side switches. Half-bridge A is the left leg of
+//! `motor_hub::bridge`. So INA/INB with PWM high or low give the following states and modes of that module. Mode 9/8 drives
+//! clockwise, 6/2 drives counter-clockwise, and 5/0 brakes.
 //!
 //! | INA/INB | PWM high | PWM low | mode |
 //! |---|---|---|---|
@@ -25,26 +26,26 @@
 //! The DIAG/EN pins must be pulled up; most carriers do. A bridge that has shut itself down pulls them low, and stays off until
 //! its lines change. [`bridge_faults`](crate::bridge_faults) reads them.
 //!
-//! # From one drive to another
+//! # From one bridge command to another
 //!
 //! A new duty in the same mode goes through the compare register's preload and takes effect at the
-//! end of the PWM period, without a glitch. A change of mode cannot wait for that, or the old
-//! duty would run on in the new direction. It goes so:
+//! end of the PWM period, without a glitch. A change of the mode must not wait for the end of the period, because
+//! the old duty would then act in the new direction. It has these steps:
 //!
 //! 1. The PWM output is forced low, independently of counter and compare (OCxM = "force inactive level",
 //!    RM0090 17.3.8). The old mode at low is state 8, 2 or 0. The preload is switched off by a read and a
 //!    write. The read cannot finish before the write of OCxM has reached the timer. So the next step, on
 //!    another bus, cannot overtake it.
-//! 2. INA/INB to 0/0: state 0, coasting. No mode has both high, so one line falls at most.
-//! 3. INA/INB to the new mode: state 8, 2 or 0. At most one line rises, so a skew between two lines cannot
-//!    give 1/1.
-//! 4. The new duty straight into the compare register.
-//! 5. "Frozen" (still low), then PWM mode 1 with preload: from here on the new mode at the new duty.
+//! 2. INA and INB become low: state 0, coasting. In no mode both lines are high, so at most one line falls.
+//! 3. INA or INB becomes high as the new mode requires: state 8, 2 or 0. At most one line rises, so both lines are
+//!    never high together.
+//! 4. The new duty is written to the compare register without preload.
+//! 5. The output is set to "frozen" (still low), then to PWM mode 1 with preload. Now the new mode runs at the new duty.
 //!    "Frozen" is needed for a duty of 1, where the comparison never changes. RM0090 17.4.7 promises that
 //!    the output then follows the comparison only after "frozen".
 //!
-//! So the bridge sees only states that may be commanded. If a step took effect late by a whole step, the bridge would see
-//! state 5 for 0, or the old mode a moment longer. These states may be commanded too. Four bridges take a few microseconds.
+//! So the bridge gets only states that may be commanded. If a step took effect one step too late, the bridge would get state 5
+//! instead of 0, or the old mode for longer. These states may be commanded too. Changes of four bridges take a few microseconds.
 
 use core::marker::PhantomData;
 use embassy_stm32::Peri;
@@ -70,7 +71,7 @@ impl<T: AdvancedInstance4Channel> Pwm<T> {
     pub fn new(timer: Peri<'static, T>) -> Self {
         let timer = Timer::new(timer);
         timer.set_counting_mode(CountingMode::EdgeAlignedUp);
-        // At 168 MHz 8400 ticks, at 200 MHz 10 000: 13 bits of duty.
+        // A period has 8400 ticks at 168 MHz and 10 000 ticks at 200 MHz, so a duty has a resolution of 13 bits.
         let period_ticks = u16::try_from(timer.get_clock_frequency().0 / PWM_HZ).unwrap_or(u16::MAX);
         timer.set_max_compare_value((period_ticks - 1).into());
         timer.set_autoreload_preload(true);
@@ -81,7 +82,7 @@ impl<T: AdvancedInstance4Channel> Pwm<T> {
         Self { timer, period_ticks }
     }
 
-    /// An open bridge: the PWM pin is driven low before this returns, and INA and INB are low already.
+    /// Creates a bridge that is open. `ina` and `inb` must be low. The PWM pin is low when this function returns.
     pub fn bridge<C: TimerChannel>(
         &self,
         pwm: Peri<'static, impl TimerPin<T, C>>,
@@ -141,7 +142,7 @@ pub struct Vnh5019<T: AdvancedInstance4Channel, const N: usize> {
 }
 
 impl<T: AdvancedInstance4Channel, const N: usize> Vnh5019<T, N> {
-    /// All bridges, open.
+    /// Combines the bridges of all motors.
     pub fn new(pwm: Pwm<T>, bridges: [Bridge<T>; N]) -> Self {
         Self { pwm, bridges }
     }

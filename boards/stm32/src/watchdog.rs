@@ -4,10 +4,10 @@ use embassy_stm32::Peri;
 use embassy_stm32::wdg::{self, Instance};
 use motor_hub::board::Watchdog;
 
-/// Five of the longest control periods (100 ms), in which every task must check in once.
+/// Nominal time-out in microseconds: five of the longest control periods (100 ms). Every task must check in once within it.
 ///
-/// Counted by the LSI oscillator, in an STM32F4 nominally 32 kHz but 17 to 47 kHz (data sheet): 0.34
-/// to 0.94 s. In an STM32H7 29.4 to 33.6 kHz: 0.48 to 0.55 s.
+/// The LSI oscillator counts the time-out, nominally at 32 kHz. It has 17 to 47 kHz in an STM32F4 (data sheet), so the time-out
+/// is 0.34 to 0.94 s. It has 29.4 to 33.6 kHz in an STM32H7, so the time-out is 0.48 to 0.54 s.
 const TIMEOUT_MICROS: u32 = 500_000;
 
 /// The watchdog, running.

@@ -1,16 +1,16 @@
-//! Colours as a deuteranope sees them: readers who see no green can distinguish the bands.
+//! Tests that readers with deuteranopia (red-green blindness, without green receptors) can distinguish the colours of charts.
 
 use super::{colour, fill};
 
-/// Machado, Oliveira and Fernandes, "A Physiologically-based Model for Simulation of Color Vision Deficiency"
-/// (2009), deuteranopia: severity 1.0, on linear RGB.
+/// Converts linear RGB to linear RGB as seen with deuteranopia of severity 1.0 (Machado, Oliveira and Fernandes, "A
+/// Physiologically-based Model for Simulation of Color Vision Deficiency", 2009).
 const DEUTERANOPIA: [[f64; 3]; 3] = [
     [0.367_322, 0.860_646, -0.227_968],
     [0.280_085, 0.672_501, 0.047_413],
     [-0.011_820, 0.042_940, 0.968_881],
 ];
 
-/// Linear sRGB to CIE XYZ, relative to white (D65).
+/// Converts linear sRGB to CIE XYZ, relative to white (D65).
 const XYZ: [[f64; 3]; 3] = [
     [0.4124 / 0.950_47, 0.3576 / 0.950_47, 0.1805 / 0.950_47],
     [0.2126, 0.7152, 0.0722],
@@ -29,7 +29,7 @@ fn linear(colour: &str) -> [f64; 3] {
     })
 }
 
-/// CIE L*a*b* of a colour as a deuteranope sees it.
+/// Returns the CIE L*a*b* coordinates of a colour as seen with deuteranopia.
 fn seen(colour: &str) -> [f64; 3] {
     let rgb = times(DEUTERANOPIA, linear(colour)).map(|share| share.clamp(0.0, 1.0));
     let root = |t: f64| if t > 0.008_856 { t.cbrt() } else { 7.787 * t + 16.0 / 116.0 };
@@ -37,13 +37,14 @@ fn seen(colour: &str) -> [f64; 3] {
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }
 
-/// CIE76.
+/// Returns the colour difference CIE76 of two colours as seen with deuteranopia.
 fn distance(a: &str, b: &str) -> f64 {
     let squares = seen(a).into_iter().zip(seen(b)).map(|(a, b)| (a - b).powi(2));
     squares.sum::<f64>().sqrt()
 }
 
-fn assert_told_apart(colours: &[&str]) {
+/// Asserts that each pair of colours differs by at least 20. Colours that differ by less than 5 are hard to distinguish.
+fn assert_distinguishable(colours: &[&str]) {
     for (index, a) in colours.iter().enumerate() {
         for b in &colours[index + 1..] {
             assert!(distance(a, b) >= 20.0, "{a} and {b}: {:.1}", distance(a, b));
@@ -52,17 +53,17 @@ fn assert_told_apart(colours: &[&str]) {
 }
 
 #[test]
-fn bands_are_told_apart_by_deuteranopes() {
-    assert_told_apart(&[fill::FORWARD, fill::BRAKING, fill::REVERSE, "#ffffff"]);
+fn deuteranopes_can_distinguish_bands() {
+    assert_distinguishable(&[fill::FORWARD, fill::BRAKING, fill::REVERSE, "#ffffff"]);
 }
 
 #[test]
-fn lines_are_told_apart_by_deuteranopes() {
-    assert_told_apart(&[colour::INK, colour::BLUE, colour::RED, colour::GREEN]);
-    assert_told_apart(&[colour::INK, colour::FORWARD, colour::BRAKING, colour::REVERSE]);
+fn deuteranopes_can_distinguish_lines() {
+    assert_distinguishable(&[colour::INK, colour::BLUE, colour::RED, colour::GREEN]);
+    assert_distinguishable(&[colour::INK, colour::FORWARD, colour::BRAKING, colour::REVERSE]);
 }
 
 #[test]
-fn light_green_and_light_red_are_not() {
+fn deuteranopes_cannot_distinguish_light_green_and_light_red() {
     assert!(distance("#e2f2de", "#f8dbd7") < 5.0);
 }

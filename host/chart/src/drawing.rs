@@ -1,9 +1,9 @@
-//! A picture of lines and words that is no chart.
+//! A drawing of lines and texts without axes.
 
 use super::svg::{Anchor, Canvas, Stroke};
 use super::{TEXT, colour};
 
-/// Lines and words on a white page, in pixels from its upper left corner.
+/// Lines and texts on a white page. Coordinates are in pixels from the upper left corner.
 ///
 /// ```
 /// let mut drawing = chart::Drawing::new(100.0, 40.0, "A wire");
@@ -15,18 +15,18 @@ pub struct Drawing {
 }
 
 impl Drawing {
-    /// An empty page; the title is what a screen reader says.
+    /// Creates an empty page. Screen readers read its title.
     #[must_use]
     pub fn new(width: f64, height: f64, title: &str) -> Self {
         Self { canvas: Canvas::new(width, height, title) }
     }
 
-    /// A thin dark line through all points.
+    /// Draws a thin dark line through all points.
     pub fn line(&mut self, points: &[(f64, f64)]) {
         self.canvas.polyline(points, Stroke { colour: colour::INK, width: 1.6, dash: "" });
     }
 
-    /// A broad coloured line through all points, with an arrow head in the middle of its stretch number `head`.
+    /// Draws a broad coloured line through all points, with an arrow head in the middle between the points `head` and `head + 1`.
     pub fn path(&mut self, points: &[(f64, f64)], colour: &str, dashed: bool, head: usize) {
         self.canvas.polyline(points, Stroke { colour, width: 3.4, dash: if dashed { "9 5" } else { "" } });
         if let Some(&[from, to]) = points.get(head..).and_then(|rest| rest.first_chunk()) {
@@ -34,35 +34,35 @@ impl Drawing {
         }
     }
 
-    /// A filled triangle or any other polygon.
+    /// Draws a filled polygon.
     pub fn polygon(&mut self, points: &[(f64, f64)]) {
         self.canvas.polygon(points, colour::INK);
     }
 
-    /// A white disc with a dark rim.
+    /// Draws a white disc with a dark rim.
     pub fn ring(&mut self, at: (f64, f64), radius: f64) {
         self.canvas.disc(at, radius + 1.6, colour::INK);
         self.canvas.disc(at, radius, "#ffffff");
     }
 
-    /// Words from here to the right.
+    /// Writes a text that begins at a point. `size` is in pixels.
     pub fn words(&mut self, at: (f64, f64), size: f64, text: &str) {
         self.canvas.text(at, Anchor::Start, size, TEXT, text);
     }
 
-    /// Words with their middle here.
+    /// Writes a text whose middle is at a point. `size` is in pixels.
     pub fn centred(&mut self, at: (f64, f64), size: f64, text: &str) {
         self.canvas.text(at, Anchor::Middle, size, TEXT, text);
     }
 
-    /// The picture as an SVG document.
+    /// Returns the drawing as an SVG document.
     #[must_use]
     pub fn svg(self) -> String {
         self.canvas.finish()
     }
 }
 
-/// Half way from one point to another, pointing there.
+/// Returns the corners of an arrow head half way between two points, which points to the second point.
 fn head_of((x0, y0): (f64, f64), (x1, y1): (f64, f64)) -> [(f64, f64); 3] {
     let length = (x1 - x0).hypot(y1 - y0).max(f64::MIN_POSITIVE);
     let (ux, uy) = ((x1 - x0) / length, (y1 - y0) / length);

@@ -1,8 +1,7 @@
 //! Charts: stacked panels over one horizontal axis, as SVG text.
 //!
-//! A [`Figure`] only says what is shown; where everything goes follows from the number of panels.
-//! Each panel has its legend in a column of its own on the right, so that no label covers data. Nothing
-//! here knows of motors.
+//! A [`Figure`] has the contents of a chart. The layout follows from the number of panels. The legend of each panel is in a
+//! column on the right, so no label covers data. This package is independent of motors.
 //!
 //! ```
 //! use chart::{Figure, Panel, Series, Style, colour};
@@ -25,7 +24,8 @@ use svg::{Anchor, Canvas, Stroke};
 
 pub use drawing::Drawing;
 
-/// Colours for lines (Okabe and Ito's set), dark ones first. Colour-blind readers can distinguish them.
+/// Colours for lines. Blue, red and green are from Okabe and Ito's set. Readers with deuteranopia (red-green blindness) can
+/// distinguish ink, blue, red and green. They can also distinguish ink and the three regimes. Tests check both.
 pub mod colour {
     /// Near black.
     pub const INK: &str = "#222222";
@@ -47,27 +47,31 @@ pub mod colour {
     pub const REVERSE: &str = "#a8497e";
 }
 
-/// Light colours of the regimes' bands behind lines: the dashboard's colours mixed with white. Deuteranopes can tell the
-/// bands from each other and from the page.
+/// Light colours of the regimes' bands behind lines: the dashboard's colours mixed with white. Readers with deuteranopia
+/// (red-green blindness) can distinguish the bands from each other and from the page.
 pub mod fill {
     /// The forward regime: 40 % of sky blue, #56b4e9.
     pub const FORWARD: &str = "#bbe1f6";
     /// The braking regime: 45 % of orange, #e69f00.
     pub const BRAKING: &str = "#f4d48c";
-    /// The reverse regime: 85 % of reddish purple, #cc79a7. A paler purple looks like the blue to a deuteranope.
+    /// The reverse regime: 85 % of reddish purple, #cc79a7. Readers with deuteranopia cannot distinguish a paler purple from
+    /// the blue.
     pub const REVERSE: &str = "#d48db4";
 }
 
+/// Width of a figure, in pixels.
 const WIDTH: f64 = 1200.0;
+/// Distance of the vertical axes from the left edge, in pixels.
 const LEFT: f64 = 84.0;
-/// Width of the legend's column, with the gap before it.
+/// Width of the legend's column with the gap before it, in pixels.
 const LEGEND: f64 = 232.0;
+/// Height of title and subtitle, in pixels.
 const TITLE: f64 = 58.0;
-/// Above each panel, for its label.
+/// Height of the space above each panel for its label, in pixels.
 const HEADING: f64 = 28.0;
-/// Below the last panel, for the horizontal axis.
+/// Height of the space below the last panel for the horizontal axis, in pixels.
 const FOOT: f64 = 56.0;
-/// About as many marks as the horizontal axis has room for.
+/// Approximate largest number of marks on the horizontal axis.
 const X_MARKS: usize = 10;
 const GRID: Stroke = Stroke { colour: "#d4d4d4", width: 1.0, dash: "" };
 const FRAME: Stroke = Stroke { colour: "#707070", width: 1.0, dash: "" };
@@ -76,15 +80,15 @@ const TEXT: &str = "#1a1a1a";
 /// One picture.
 #[derive(Clone, Debug, Default)]
 pub struct Figure {
-    /// What is seen.
+    /// Title: what the figure shows.
     pub title: String,
-    /// In which conditions.
+    /// Subtitle: the conditions of the data.
     pub subtitle: String,
     /// Quantity and unit of the horizontal axis.
     pub x_label: String,
-    /// Ends of the horizontal axis; the data's own when absent.
+    /// Ends of the horizontal axis. `None` stands for round numbers around the data.
     pub x_range: Option<(f64, f64)>,
-    /// From top to bottom.
+    /// Panels from top to bottom.
     pub panels: Vec<Panel>,
 }
 
@@ -95,24 +99,24 @@ pub struct Panel {
     pub y_label: String,
     /// Height of the plotting area in pixels.
     pub height: f64,
-    /// Ends of the vertical axis; round numbers around the data when absent.
+    /// Ends of the vertical axis. `None` stands for round numbers around the data.
     pub y_range: Option<(f64, f64)>,
-    /// Coloured stretches behind the lines.
+    /// Coloured bands behind the lines.
     pub bands: Vec<Band>,
-    /// Lines.
+    /// Lines of the panel.
     pub series: Vec<Series>,
     /// Single labelled points.
     pub points: Vec<Point>,
 }
 
-/// A coloured stretch of the horizontal axis.
+/// A coloured band behind the lines, over a range of the horizontal axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Band {
-    /// Where it begins, on the horizontal axis.
+    /// Beginning of the range on the horizontal axis.
     pub from: f64,
-    /// Where it ends.
+    /// End of the range on the horizontal axis.
     pub to: f64,
-    /// Fill colour, light.
+    /// Light colour of the band.
     pub colour: &'static str,
     /// Its name in the legend.
     pub name: &'static str,
@@ -123,15 +127,15 @@ pub struct Band {
 pub enum Style {
     /// Straight from sample to sample.
     Line,
-    /// As `Line`, dashed: for what should be, beside what is.
+    /// As `Line`, dashed. A dashed line shows wanted values beside measured values.
     Dashed,
     /// Each value holds until the next sample.
     Step,
-    /// As `Step`, dashed: for set-points.
+    /// As `Step`, dashed. It shows set-points.
     DashedStep,
 }
 
-/// One line; a gap is made by a value that is not a number.
+/// One line. A value that is not a number makes a gap in the line.
 #[derive(Clone, Debug)]
 pub struct Series {
     /// Its name in the legend.
@@ -144,26 +148,27 @@ pub struct Series {
     pub data: Vec<(f64, f64)>,
 }
 
-/// A point with its name beside it; beyond the ends of the axis an arrow head, and in the legend where it is.
+/// A point with its name. A point beyond the ends of the horizontal axis is an arrow head at the edge, and the legend has its
+/// position.
 #[derive(Clone, Debug)]
 pub struct Point {
-    /// Where it is.
+    /// Coordinates x and y, in data units.
     pub at: (f64, f64),
-    /// Its name.
+    /// Name of the point.
     pub name: String,
     /// Any SVG colour.
     pub colour: &'static str,
 }
 
 impl Panel {
-    /// Axes with lines, and a height in pixels.
+    /// Creates a panel with lines, and a height in pixels.
     pub fn new(y_label: impl Into<String>, height: f64, series: Vec<Series>) -> Self {
         Self { y_label: y_label.into(), height, series, ..Self::default() }
     }
 }
 
 impl Series {
-    /// A line with its name in the legend.
+    /// Creates a line with its name in the legend.
     pub fn new(
         name: impl Into<String>,
         colour: &'static str,
@@ -175,7 +180,7 @@ impl Series {
 }
 
 impl Figure {
-    /// The figure as an SVG document.
+    /// Returns the figure as an SVG document.
     pub fn svg(&self) -> String {
         let height = TITLE + FOOT + self.panels.iter().map(|p| HEADING + p.height).sum::<f64>();
         let right = WIDTH - LEGEND;
@@ -239,7 +244,7 @@ impl Panel {
         let corners = [(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
         canvas.polyline(&corners, FRAME);
         canvas.clipped((left, top), (right - left, self.height), |canvas| {
-            // What should be lies over what is, which shows between its dashes.
+            // Dashed lines are drawn over the others, which can be seen between the dashes.
             let (above, below): (Vec<&Series>, Vec<&Series>) =
                 self.series.iter().partition(|series| series.is_dashed());
             for series in below.into_iter().chain(above) {
@@ -257,14 +262,15 @@ impl Panel {
                 continue;
             }
             canvas.disc(at, 5.0, point.colour);
-            // Off a rising line: below it to the right, or above it to the left at the right edge.
+            // The name is below the point and to its right, where a rising line does not cross it. At the right edge the name is
+            // above the point and to its left.
             let ((dx, dy), anchor) =
                 if at.0 > right - 160.0 { ((-9.0, -9.0), Anchor::End) } else { ((9.0, 20.0), Anchor::Start) };
             canvas.text((at.0 + dx, at.1 + dy), anchor, 16.0, TEXT, &point.name);
         }
     }
 
-    /// Names the lines, the points beyond the axis and, unless an upper panel did, the bands.
+    /// Draws the legend: the lines, the points beyond the axis, and the bands that no upper panel has named.
     fn legend(&self, canvas: &mut Canvas, x: &Scale, (left, top): (f64, f64), named: &mut Vec<&str>) {
         let mut row = top + 10.0;
         let mut entry = |canvas: &mut Canvas, name: &str| {
@@ -277,9 +283,8 @@ impl Panel {
             canvas.polyline(&[(left, at), (left + 24.0, at)], series.stroke());
         }
         for point in self.points.iter().filter(|point| point.beyond(x) != 0.0) {
-            let where_it_is =
-                format!("{}: beyond, at {:.0}", point.name, point.at.0).replace('-', "\u{2212}");
-            let at = entry(canvas, &where_it_is);
+            let label = format!("{}: beyond, at {:.0}", point.name, point.at.0).replace('-', "\u{2212}");
+            let at = entry(canvas, &label);
             canvas.arrow_head((left + 12.0, at), point.beyond(x), point.colour);
         }
         for band in &self.bands {
@@ -293,7 +298,7 @@ impl Panel {
 }
 
 impl Point {
-    /// -1 left of the axis, 1 right of it, 0 on it.
+    /// Returns -1 if the point is left of the horizontal axis, 1 if it is right of the axis, and otherwise 0.
     fn beyond(&self, x: &Scale) -> f64 {
         let (low, high) = x.range();
         match self.at.0 {
@@ -314,7 +319,7 @@ impl Series {
         Stroke { colour: self.colour, width: 1.8, dash }
     }
 
-    /// The line in pixels, cut at the gaps and no finer than the page can show.
+    /// Returns the pieces of the line between its gaps, in pixels. Points that the page cannot show are left out.
     fn runs(&self, x: &Scale, y: &Scale) -> Vec<Vec<(f64, f64)>> {
         let shown = |&(at, value): &(f64, f64)| {
             let (low, high) = x.range();
@@ -332,14 +337,14 @@ impl Series {
     }
 }
 
-/// Keeps first, lowest, highest and last of the points that share half a pixel.
+/// Keeps of the points in each half pixel only the first, the lowest, the highest and the last one.
 fn thinned(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     let column = |p: &(f64, f64)| (p.0 * 2.0).floor();
     let points: Vec<_> = points.collect();
     points.chunk_by(|a, b| column(a) == column(b)).flat_map(outline).collect()
 }
 
-/// First, lowest, highest and last of `points`, each once and in their order.
+/// Returns the first, the lowest, the highest and the last of `points` in their order, each of them once.
 fn outline(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let by_height = |a: &(usize, &(f64, f64)), b: &(usize, &(f64, f64))| a.1.1.total_cmp(&b.1.1);
     let low = points.iter().enumerate().min_by(by_height).map(|p| p.0);
@@ -356,7 +361,7 @@ fn stepped(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     corners.chain(points.last().copied()).collect()
 }
 
-/// Lowest and highest of the finite values.
+/// Returns the lowest and the highest finite value, or infinities if there is none.
 fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
     values
         .filter(|v| v.is_finite())

@@ -2,28 +2,28 @@
 
 use std::fmt::Write;
 
-/// The text faces, in the order in which a viewer looks for them.
+/// Font families, in the order in which a viewer looks for them.
 const FONT: &str = "Ubuntu, 'DejaVu Sans', Verdana, sans-serif";
 
-/// How a text stands to its point.
+/// Position of a text relative to its point.
 #[derive(Clone, Copy)]
 pub(super) enum Anchor {
     /// The point is at the text's left end.
     Start,
-    /// The point is at its middle.
+    /// The point is at the text's middle.
     Middle,
-    /// The point is at its right end.
+    /// The point is at the text's right end.
     End,
 }
 
-/// A line's look: colour, width in pixels, dash pattern ("" for a solid line).
+/// Appearance of a line.
 #[derive(Clone, Copy)]
 pub(super) struct Stroke<'a> {
     /// Any SVG colour.
     pub colour: &'a str,
     /// Width in pixels.
     pub width: f64,
-    /// Lengths of dashes and gaps in pixels.
+    /// Lengths of dashes and gaps in pixels; empty for a solid line.
     pub dash: &'a str,
 }
 
@@ -34,7 +34,7 @@ pub(super) struct Canvas {
 }
 
 impl Canvas {
-    /// A white page of `width` x `height` pixels; `title` is what a screen reader says.
+    /// Creates a white page of `width` x `height` pixels. Screen readers read its title.
     pub(super) fn new(width: f64, height: f64, title: &str) -> Self {
         let body = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
@@ -52,7 +52,7 @@ impl Canvas {
         self.body
     }
 
-    /// Shows of what `draw` draws only the part inside a rectangle from `(x, y)`, top left.
+    /// Calls `draw`, and clips what it draws to a rectangle with the upper left corner `(x, y)`.
     pub(super) fn clipped(
         &mut self,
         (x, y): (f64, f64),
@@ -69,31 +69,31 @@ impl Canvas {
         self.element(format_args!("</g>"));
     }
 
-    /// A filled rectangle from `(x, y)`, top left.
+    /// Draws a filled rectangle with the upper left corner `(x, y)`.
     pub(super) fn rect(&mut self, (x, y): (f64, f64), (width, height): (f64, f64), fill: &str) {
         self.element(format_args!(
             "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" fill=\"{fill}\"/>"
         ));
     }
 
-    /// A filled circle.
+    /// Draws a filled circle.
     pub(super) fn disc(&mut self, (x, y): (f64, f64), radius: f64, fill: &str) {
         self.element(format_args!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.1}\" fill=\"{fill}\"/>"));
     }
 
-    /// A triangle whose tip is at `(x, y)`: `side` is -1 to point left, 1 to point right.
+    /// Draws a triangle with its tip at `(x, y)`, which points left if `side` is -1, and right if it is 1.
     pub(super) fn arrow_head(&mut self, (x, y): (f64, f64), side: f64, fill: &str) {
         let base = x - 11.0 * side;
         self.polygon(&[(x, y), (base, y - 6.0), (base, y + 6.0)], fill);
     }
 
-    /// A filled polygon.
+    /// Draws a filled polygon.
     pub(super) fn polygon(&mut self, points: &[(f64, f64)], fill: &str) {
         let corners: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
         self.element(format_args!("<polygon points=\"{}\" fill=\"{fill}\"/>", corners.join(" ")));
     }
 
-    /// A line through all `points`.
+    /// Draws a line through all `points`.
     pub(super) fn polyline(&mut self, points: &[(f64, f64)], stroke: Stroke) {
         let Stroke { colour, width, dash } = stroke;
         let mut list = String::with_capacity(points.len() * 12);
@@ -109,7 +109,7 @@ impl Canvas {
         ));
     }
 
-    /// A text of `size` pixels with its base line at `at`.
+    /// Writes a text of `size` pixels, whose base line is at `(x, y)`.
     pub(super) fn text(&mut self, (x, y): (f64, f64), anchor: Anchor, size: f64, fill: &str, text: &str) {
         let anchor = match anchor {
             Anchor::Start => "start",

@@ -10,13 +10,13 @@ use crate::host_link::{Arrival, HostLink};
 use crate::surroundings::terminal;
 use crate::wiring;
 
-/// Time by which a byte arrives later than on a wire, at most, ns. The chips advance side by side for this time.
+/// Time for which the chips run before bytes are exchanged, ns. A byte arrives at most this time later than on a real line.
 const STEP: u64 = 100_000;
 
 /// Time of a byte, ns: ten bits at 460 800 baud.
 const BYTE: u64 = 21_701;
 
-/// Mean time between two bytes of noise, in steps.
+/// Mean time between two bytes of noise, in steps of [`STEP`].
 const NOISE_PERIOD: u64 = 7;
 
 /// A fault of the line, or of a hub on it.
@@ -26,9 +26,9 @@ pub enum LineFault {
     Cut,
     /// A wire of the line is shorted, so that all receivers read low.
     Shorted,
-    /// Every sixteenth byte is damaged, and there are bytes that no hub has sent.
+    /// One of sixteen bytes is damaged, at random, and there are bytes that no hub has sent.
     Noise,
-    /// A transceiver sends bytes without end: the start of a packet that never ends.
+    /// A transceiver sends without end: the beginnings of packets that never end.
     Babble,
 }
 
@@ -45,7 +45,7 @@ pub struct ChainBench {
 }
 
 impl ChainBench {
-    /// These boards with their motors, just powered on.
+    /// Powers on hubs on these boards, with their motors.
     #[must_use]
     pub fn new(setups: Vec<Setup>) -> Self {
         let hubs: Vec<Bench> =
@@ -58,12 +58,12 @@ impl ChainBench {
     pub fn set_fault(&mut self, fault: Option<LineFault>) {
         self.fault = fault;
         if fault == Some(LineFault::Shorted) {
-            // A receiver takes the edge for a start bit, and waits for the next edge.
+            // A receiver takes the falling edge for a start bit, receives a zero, and waits for the next falling edge.
             (0..self.hubs.len()).for_each(|hub| self.deliver(hub, &[0]));
         }
     }
 
-    /// Virtual time since power-on.
+    /// Returns the virtual time since power-on.
     #[must_use]
     pub fn now(&self) -> Duration {
         self.hubs.first().map_or(Duration::ZERO, Bench::now)
@@ -114,7 +114,7 @@ impl ChainBench {
         (0..self.hubs.len()).for_each(|to| self.deliver(to, &disturbance));
     }
 
-    /// Puts bytes on the input of a hub. A hub that has not received the bytes of the last step gets no more.
+    /// Puts bytes on the input of a hub, unless bytes of more than two steps still wait there.
     fn deliver(&mut self, hub: usize, bytes: &[u8]) {
         let bytes = bytes.to_vec();
         self.hubs[hub].at_stop(move |surroundings, session, _| {
@@ -126,7 +126,7 @@ impl ChainBench {
         });
     }
 
-    /// A number from a sequence that is the same in each run (xorshift).
+    /// Returns the next random number (xorshift). The sequence is the same in each run.
     fn draw(&mut self) -> u64 {
         self.random ^= self.random << 13;
         self.random ^= self.random >> 7;
@@ -144,12 +144,13 @@ impl ChainBench {
         (self.number, self.now() + Duration::from_nanos(BYTE * bytes.len() as u64))
     }
 
-    /// Every packet that the host has got since the last call.
+    /// Returns all packets that the host has received since the last call.
     pub fn arrivals(&mut self) -> Vec<Arrival> {
         self.host.arrivals(&mut self.hubs[0])
     }
 
-    /// Sends a request, and returns its answer with the time from the end of the request to the end of the answer. `None` after 50 ms.
+    /// Sends a request, and returns its answer with the time from the end of the request to the end of the answer. Returns `None` if
+    /// no answer has come after 50 ms.
     pub fn ask(&mut self, request: impl Into<Request>, address: u8) -> Option<(Packet, Duration)> {
         let (number, sent) = self.send(request, address);
         (0..100).find_map(|_| {
@@ -161,14 +162,15 @@ impl ChainBench {
         })
     }
 
-    /// The times in which a hub of the first board has its transceiver switched to sending.
+    /// Returns the beginnings and ends of the times in which a hub had its transceiver switched to sending. Only the emulated F427
+    /// shows them.
     pub fn sending(&mut self, hub: usize) -> Vec<(Duration, Duration)> {
         let directions = self.hubs[hub].at_stop(|surroundings, _, _| surroundings.directions.clone());
         let (pairs, _) = directions.as_chunks::<2>();
         pairs.iter().map(|[from, to]| (Duration::from_nanos(from.0), Duration::from_nanos(to.0))).collect()
     }
 
-    /// The times at which the bytes that a hub has sent on the line begin and end.
+    /// Returns the times at which the bytes that a hub has sent on the line begin and end.
     pub fn sent(&mut self, hub: usize) -> Vec<(Duration, Duration)> {
         let ends: Vec<u64> = self.hubs[hub].at_stop(|_, session, _| {
             terminal(session, wiring::CHAIN).incoming.iter().map(|&(at, _)| at).collect()

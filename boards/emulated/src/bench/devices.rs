@@ -1,4 +1,4 @@
-//! What hangs on the host's connectors: servos, analog inputs, I2C devices, and their faults.
+//! What is connected for the host: servos, analog inputs, I2C devices, and their faults.
 
 use std::time::Duration;
 
@@ -11,17 +11,17 @@ use crate::wiring;
 /// A pulse on the pin of a servo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServoPulse {
-    /// When it rose.
+    /// Time at which the pin rose.
     pub at: Duration,
-    /// For how long the pin was high.
+    /// Time for which the pin was high.
     pub high: Duration,
 }
 
 impl Bench {
-    /// The pulses on the pin of a servo so far, without a pulse that has not ended.
+    /// Returns the pulses on the pin of a servo so far, without a pulse that has not ended.
     ///
     /// # Panics
-    /// If the pin is not its timer's.
+    /// Panics if the chip does not connect the pin to the timer of the servo.
     pub fn servo_pulses(&mut self, servo: usize) -> Vec<ServoPulse> {
         let (port, pin) = wiring::SERVOS[servo];
         let (edges, driven) = self.at_stop(move |_, session, _| {
@@ -36,17 +36,17 @@ impl Bench {
         pulses.collect()
     }
 
-    /// The voltage on an analog input of the host, 0 to 3, in mV. An input without a wire is at 0 V, by its pull-down.
+    /// Sets the voltage in mV on an analog input of the host, 0 to 3. An input without a wire has 0 V, because of its pull-down.
     pub fn set_analog(&mut self, input: usize, millivolts: u32) {
         self.at_stop(move |_, session, _| session.board_mut().chip.set_analog(input, millivolts));
     }
 
-    /// The 5 V rail, in mV. Half of it is on the chip's pin.
+    /// Sets the voltage of the 5 V rail in mV. A divider puts half of it on the chip's pin.
     pub fn set_five_volts(&mut self, millivolts: u32) {
         self.at_stop(move |_, session, _| session.board_mut().chip.set_analog(4, millivolts / 2));
     }
 
-    /// The chip's temperature, in degrees Celsius.
+    /// Sets the chip's temperature in degrees Celsius.
     pub fn set_temperature(&mut self, celsius: i32) {
         self.at_stop(move |_, session, _| session.board_mut().chip.set_temperature(100 * celsius));
     }
@@ -56,10 +56,10 @@ impl Bench {
         self.at_stop(move |_, session, _| session.board_mut().chip.attach_device(bus, device));
     }
 
-    /// Does something with the nth device of an I2C bus.
+    /// Runs a function with the device of an I2C bus that has the number `nth`.
     ///
     /// # Panics
-    /// If there is none.
+    /// Panics if the bus has no device with this number.
     pub fn device<T: Send + 'static>(
         &mut self,
         bus: usize,
@@ -69,7 +69,7 @@ impl Bench {
         self.at_stop(move |_, session, _| act(session.board_mut().chip.device(bus, nth).expect("a device")))
     }
 
-    /// A device holds SCL of an I2C bus low for this time.
+    /// Makes a device hold SCL of an I2C bus low for this time.
     pub fn hold_scl(&mut self, bus: usize, time: Duration) {
         self.at_stop(move |surroundings, session, _| {
             surroundings.hold_lines(session, bus, [true, false]);
@@ -82,13 +82,13 @@ impl Bench {
         });
     }
 
-    /// A device holds SDA of an I2C bus low until SCL has been pulsed this often, as one does that was cut off in the middle of
-    /// a byte.
+    /// Makes a device hold SDA of an I2C bus low until SCL has had this number of pulses, like a device whose transfer was cut off
+    /// in the middle of a byte.
     pub fn hold_sda(&mut self, bus: usize, clocks: u8) {
         self.at_stop(move |surroundings, session, _| surroundings.hold_sda(session, bus, clocks));
     }
 
-    /// The levels of SCL and SDA of an I2C bus.
+    /// Returns the levels of SCL and SDA of an I2C bus.
     pub fn bus_levels(&mut self, bus: usize) -> [bool; 2] {
         self.at_stop(move |_, session, _| {
             wiring::BUSES[bus].map(|(port, pin)| {
@@ -100,7 +100,7 @@ impl Bench {
 }
 
 impl super::Surroundings {
-    /// A device holds lines of a bus low, SCL and SDA, or releases them. Resistors pull both up.
+    /// Makes a device hold SCL, SDA or both low, or release them. Resistors pull released lines up.
     pub(crate) fn hold_lines(
         &mut self,
         session: &mut super::Session<super::Nucleo>,

@@ -1,5 +1,5 @@
-//! What can be done to the chip and to what is connected to it: loads, supply, encoders, line errors, bus
-//! errors, resets, a task that hangs.
+//! Faults and inputs that a test applies to the chip and to what is connected to it: loads, supply, encoders, line errors,
+//! bus errors, resets, a task that hangs.
 
 use std::time::Duration;
 
@@ -19,7 +19,7 @@ use crate::faulty_code::FaultyCode;
 use crate::wiring;
 
 impl Bench {
-    /// Garbles this many words in a million on the way to the chip: half with noise, half with a
+    /// Damages bytes on the serial line to the chip at random: `per_million` of a million, half of them with noise and half with a
     /// framing error.
     pub fn garble_serial(&mut self, per_million: u32, seed: u64) {
         self.at_stop(move |_, session, _| {
@@ -34,29 +34,30 @@ impl Bench {
 
     /// Connects an encoder differently, from now on.
     pub fn set_encoder(&mut self, motor: usize, encoder: Encoder) {
-        self.at_stop(move |lab, session, _| lab.connect(session, motor, encoder));
+        self.at_stop(move |surroundings, session, _| surroundings.connect(session, motor, encoder));
     }
 
     /// Connects a current-sense line differently, from now on.
     pub fn set_current_line(&mut self, motor: usize, line: CurrentLine) {
-        self.at_stop(move |lab, _, _| lab.current_lines[motor] = line);
+        self.at_stop(move |surroundings, _, _| surroundings.current_lines[motor] = line);
     }
 
-    /// The next conversion of a current takes longer by this time.
+    /// Makes the next conversion of a current take longer by this time.
     ///
     /// # Panics
-    /// On another chip than the H743: a converter of the F427 has a data register for each current.
+    /// Panics on another chip than the H743. A converter of the F427 has a data register for each current, so a late conversion
+    /// has no effect.
     pub fn delay_currents(&mut self, time: Duration) {
         let nanos = u64::try_from(time.as_nanos()).expect("a short time");
         let late = self.at_stop(move |_, session, _| session.board_mut().chip.delay_currents(nanos));
         assert!(late, "only a converter of the H743 can be late");
     }
 
-    /// A bridge pulls its DIAG line low, as after it has switched itself off, or releases it.
+    /// Makes a bridge pull its DIAG line low, as a bridge does that has switched itself off, or release the line.
     pub fn pull_diag(&mut self, motor: usize, low: bool) {
-        self.at_stop(move |lab, session, _| {
+        self.at_stop(move |surroundings, session, _| {
             let pin = Pin::new(wiring::DIAG_PINS[motor]).expect("a pin of a port");
-            let at = VirtualNanos(lab.now);
+            let at = VirtualNanos(surroundings.now);
             let level = (low && wiring::diag_reads_low()).then_some(Level::Low);
             session.board_mut().chip.drive_pin(at, wiring::PWM_PORT, pin, level);
         });
@@ -64,10 +65,10 @@ impl Bench {
 
     /// Connects a digital pin, 0 to 7, to ground or to the supply, or to nothing.
     pub fn connect_pin(&mut self, pin: usize, level: Option<bool>) {
-        self.at_stop(move |lab, session, _| {
+        self.at_stop(move |surroundings, session, _| {
             let (port, pin) = wiring::DIGITAL[pin];
             let pin = Pin::new(pin).expect("a pin of a port");
-            let at = VirtualNanos(lab.now);
+            let at = VirtualNanos(surroundings.now);
             let level = level.map(Level::from);
             session.board_mut().chip.drive_pin(at, port, pin, level);
         });
@@ -75,10 +76,10 @@ impl Bench {
 
     /// Connects digital pins 0 and 1 to each other, from now on.
     pub fn wire_pins(&mut self) {
-        self.at_stop(|lab, session, _| lab.wire_pins(session));
+        self.at_stop(|surroundings, session, _| surroundings.wire_pins(session));
     }
 
-    /// What a wire on a digital pin, 0 to 7, would see.
+    /// Returns the level of a digital pin, 0 to 7: true if it is high.
     pub fn pin_level(&mut self, pin: usize) -> bool {
         self.at_stop(move |_, session, _| {
             let (port, pin) = wiring::DIGITAL[pin];
@@ -87,31 +88,32 @@ impl Bench {
         })
     }
 
-    /// An external torque on an output shaft, N m, positive CW, from now on.
+    /// Sets the external torque on an output shaft from now on, N m, positive CW.
     pub fn set_torque(&mut self, motor: usize, torque: f64) {
-        self.at_stop(move |lab, _, _| lab.shafts.set_torque(motor, lab.now, torque));
-    }
-
-    /// Hard stops on an output shaft, in encoder counts, from now on.
-    pub fn set_stops(&mut self, motor: usize, stops: Option<(i64, i64)>) {
-        self.at_stop(move |lab, _, _| lab.shafts.set_stops(motor, lab.now, stops));
-    }
-
-    /// Another open-circuit voltage of the battery, from the next millisecond on.
-    pub fn set_battery(&mut self, volts: f64) {
-        self.at_stop(move |lab, _, _| {
-            let battery = lab.shafts.battery();
-            lab.shafts.set_battery(Battery { emf: Volts(volts), ..battery });
+        self.at_stop(move |surroundings, _, _| {
+            surroundings.shafts.set_torque(motor, surroundings.now, torque)
         });
     }
 
-    /// Disconnects the battery's pin from everything, as a broken wire to a divider without a resistor at the chip does,
-    /// or connects it again.
+    /// Sets hard stops of a shaft from now on, in encoder counts.
+    pub fn set_stops(&mut self, motor: usize, stops: Option<(i64, i64)>) {
+        self.at_stop(move |surroundings, _, _| surroundings.shafts.set_stops(motor, surroundings.now, stops));
+    }
+
+    /// Sets the open-circuit voltage of the battery in V, from the next millisecond on.
+    pub fn set_battery(&mut self, volts: f64) {
+        self.at_stop(move |surroundings, _, _| {
+            let battery = surroundings.shafts.battery();
+            surroundings.shafts.set_battery(Battery { emf: Volts(volts), ..battery });
+        });
+    }
+
+    /// Disconnects the battery's pin, like a broken wire between the voltage divider and the chip, or connects it again.
     pub fn open_battery_pin(&mut self, open: bool) {
         self.at_stop(move |_, session, _| session.board_mut().chip.open_battery(open));
     }
 
-    /// Another rail of the chip, in millivolts, from now on.
+    /// Sets the chip's supply voltage from now on, in millivolts.
     pub fn set_rail(&mut self, millivolts: u32) {
         self.at_stop(move |surroundings, session, _| {
             let at = surroundings.now;
@@ -120,56 +122,58 @@ impl Bench {
         });
     }
 
-    /// The reader of the log switches it to "wait while the buffer is full", as probe-rs does, and leaves, or returns.
+    /// Makes the reader of the log go away after it has switched the log to "wait while the buffer is full", as probe-rs does. Or
+    /// makes the reader return.
     pub fn abandon_log(&mut self, gone: bool) {
-        self.at_stop(move |lab, _, _| lab.rtt.gone = gone);
+        self.at_stop(move |surroundings, _, _| surroundings.rtt.gone = gone);
     }
 
-    /// The converter takes commands but converts nothing, or works again.
+    /// Makes the battery's converter accept commands but convert nothing, or work again.
     pub fn kill_adc(&mut self, dead: bool) {
         self.at_stop(move |_, session, _| session.board_mut().chip.set_dead(dead));
     }
 
-    /// Another revision of an STM32H743, by its REV_ID. It is V otherwise.
+    /// Sets the revision of an STM32H743, by its REV_ID. The chip has revision V otherwise.
     pub fn set_revision(&mut self, revision: u16) {
         self.at_stop(move |surroundings, session, _| {
             session.board_mut().chip.set_revision(VirtualNanos(surroundings.now), revision);
         });
     }
 
-    /// The chip's power controller says nothing, as a broken regulator would, so the clocks never start; or it works again.
+    /// Makes the chip's power controller report nothing, as with a broken regulator, so that the clocks never start. Or makes it
+    /// work again.
     pub fn kill_power(&mut self, dead: bool) {
         self.at_stop(move |_, session, _| session.board_mut().chip.set_power_dead(dead));
     }
 
-    /// Other faults of the flash, from now on. The flash of the F427 has none.
+    /// Sets the faults of the flash from now on. The flash of the F427 has none.
     pub fn set_flash_faults(&mut self, faults: FlashFaults) {
         self.at_stop(move |_, session, _| session.board_mut().chip.set_flash_faults(faults));
     }
 
-    /// The flash stays busy until the chip is reset.
+    /// Makes the flash stay busy until the chip is reset.
     ///
     /// # Panics
-    /// On another chip than the H743.
+    /// Panics on another chip than the H743.
     pub fn hold_flash(&mut self) {
         let held = self.at_stop(|_, session, _| session.board_mut().chip.hold_flash());
         assert!(held, "only the flash of the H743 has faults");
     }
 
-    /// The core's next access to this range fails with a bus error.
+    /// Makes the core's next access to this range fail with a bus error.
     pub fn fail_next_access(&mut self, addresses: std::ops::Range<u64>) {
         self.at_stop(move |_, session, _| session.fail_next(addresses.start, addresses.end));
     }
 
-    /// Pulls the reset pin at an instant to come.
+    /// Pulls the reset pin at a later time.
     pub fn pull_reset(&mut self, at: Duration) {
-        self.at(at, |lab, session, host| {
-            session.reset_by_pin(VirtualNanos(lab.now), lab.instructions, host);
+        self.at(at, |surroundings, session, host| {
+            session.reset_by_pin(VirtualNanos(surroundings.now), surroundings.instructions, host);
         });
     }
 
-    /// The core locks up: its next access to this range fails with a bus error, and so does the first access of the fault
-    /// handler, which reads whether TIM1 has a clock.
+    /// Makes the core lock up. Its next access to this range fails with a bus error. The first access of the fault handler, which
+    /// reads whether TIM1 has a clock, fails too.
     pub fn lock_up(&mut self, addresses: std::ops::Range<u64>) {
         let clocks = wiring::pwm_clock_at(self.board);
         self.fail_next_access(addresses);
@@ -179,39 +183,39 @@ impl Bench {
     /// Makes a task loop without end, with all interrupts masked, when the task is next polled.
     ///
     /// # Panics
-    /// If there is no such task.
+    /// Panics if the image has no task with this name.
     pub fn hang_masked(&mut self, task: &str) {
-        self.lead(task, FaultyCode::LoopsMasked);
+        self.divert(task, FaultyCode::LoopsMasked);
     }
 
     /// Makes a task loop without end when it is next polled.
     ///
     /// # Panics
-    /// If there is no such task.
+    /// Panics if the image has no task with this name.
     pub fn hang(&mut self, task: &str) {
-        self.lead(task, FaultyCode::Loops);
+        self.divert(task, FaultyCode::Loops);
     }
 
-    /// Lets a task call itself when it is next polled, with the least frame there is, until no stack is left.
+    /// Makes a task call itself when it is next polled, with the smallest possible stack frame, until no stack is left.
     ///
     /// # Panics
-    /// If there is no such task.
+    /// Panics if the image has no task with this name.
     pub fn overflow_stack(&mut self, task: &str) {
-        self.lead(task, FaultyCode::Overflows);
+        self.divert(task, FaultyCode::Overflows);
     }
 
-    /// Lets a task panic when it is next polled: it divides by zero, in line 77, column 7.
+    /// Makes a task panic when it is next polled: a division by zero in line 77, column 7.
     ///
     /// # Panics
-    /// If there is no such task.
+    /// Panics if the image has no task with this name.
     pub fn panic(&mut self, task: &str) {
-        self.lead(task, FaultyCode::Panics);
+        self.divert(task, FaultyCode::Panics);
     }
 
-    /// When it is next polled, a task runs this: its entry in the executor's memory then points there.
-    fn lead(&mut self, task: &str, code: FaultyCode) {
+    /// Makes a task run faulty code when it is next polled: changes the address of the task's function in the executor's memory.
+    fn divert(&mut self, task: &str, code: FaultyCode) {
         let pool = self.symbol(&format!("::{task}::POOL"));
-        // Functions' addresses with the Thumb bit.
+        // Addresses of functions have the Thumb bit set.
         let poll = self.address(&format!("TaskStorage..{task}_task..::poll")) as u32 | 1;
         let to = code.address() | 1;
         self.at_stop(move |_, _, host| {

@@ -1,4 +1,4 @@
-//! What a probe could see of the chip: symbols, memory, registers, arrivals at instructions.
+//! What a debug probe can read of the chip: symbols, memory, registers, and when the core reaches an instruction.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -13,19 +13,19 @@ use super::Bench;
 use crate::elf;
 
 impl Bench {
-    /// A peripheral's register, by its address.
+    /// Returns the content of a peripheral's register at this address.
     ///
     /// # Panics
-    /// If there is none.
+    /// Panics if there is no register at this address.
     pub fn register(&mut self, address: u64) -> u32 {
-        self.at_stop(move |lab, session, _| {
-            let value = session.mcu().read(VirtualNanos(lab.now), address, Width::W32);
+        self.at_stop(move |surroundings, session, _| {
+            let value = session.mcu().read(VirtualNanos(surroundings.now), address, Width::W32);
             value.unwrap_or_else(|fault| panic!("{address:#x}: {fault}")) as u32
         })
     }
 
-    /// The pulse that the emulator's own TIM1 puts on a pin: high time and period in ns. `None` with
-    /// [`Registers`](crate::chip::Pwm::Registers), or while the pin has a level.
+    /// Returns the pulse that the emulator's own TIM1 puts on a pin: high time and period in ns. `None` with
+    /// [`Registers`](crate::chip::Pwm::Registers), or while the level of the pin is constant.
     pub fn emulated_pulse(&mut self, motor: usize) -> Option<(u64, u64)> {
         self.at_stop(move |_, session, _| {
             let channel = Channel::new(u8::try_from(motor + 1).ok()?)?;
@@ -33,22 +33,22 @@ impl Bench {
         })
     }
 
-    /// The address of the only symbol with this name; see [`elf::find`].
+    /// Returns the address of the only symbol with this name; see [`elf::find`].
     ///
     /// # Panics
-    /// If there is none, or several.
+    /// Panics if no symbol has this name, or several have it.
     #[must_use]
     pub fn address(&self, name: &str) -> u64 {
         elf::find(&self.symbols, name).unwrap_or_else(|| panic!("not one symbol is {name}"))
     }
 
-    /// The image's symbols, by address.
+    /// Returns the image's symbols in the order of their addresses.
     #[must_use]
     pub fn symbols(&self) -> &[elf::Symbol] {
         &self.symbols
     }
 
-    /// Notes every arrival at these instructions from now on.
+    /// Notes each execution of these instructions from now on.
     pub fn watch(&mut self, addresses: Vec<u64>) {
         self.at_stop(move |_, session, _| {
             for address in addresses {
@@ -57,15 +57,15 @@ impl Bench {
         });
     }
 
-    /// The same for every instruction of the program.
+    /// Notes each execution of every instruction of the program from now on.
     pub fn watch_all(&mut self) {
-        // Every even address might be an instruction. The core arrives at instructions only.
+        // Every even address may be the beginning of an instruction.
         let code = self.symbols().iter().filter(|s| (0x0800_0000..0x0810_0000).contains(&s.address));
         let all = code.flat_map(|s| (s.address..s.address + s.size).step_by(2)).collect();
         self.watch(all);
     }
 
-    /// Runs for this long and says how often each instruction ran, by address.
+    /// Runs for this time, and returns how often each instruction ran, by address.
     pub fn profile(&mut self, time: Duration) -> BTreeMap<u64, u64> {
         self.watch_all();
         self.take_hits();
@@ -77,10 +77,13 @@ impl Bench {
         counts
     }
 
-    /// Takes the arrivals noted so far: address and instruction count.
+    /// Removes and returns the noted executions: address, and the number of instructions before it since power-on.
     pub fn take_hits(&mut self) -> Vec<(u64, u64)> {
-        self.at_stop(|lab, _, _| {
-            std::mem::take(&mut lab.hits).into_iter().map(|(address, count, _)| (address, count)).collect()
+        self.at_stop(|surroundings, _, _| {
+            std::mem::take(&mut surroundings.hits)
+                .into_iter()
+                .map(|(address, count, _)| (address, count))
+                .collect()
         })
     }
 
@@ -93,22 +96,25 @@ impl Bench {
         })
     }
 
-    /// What the flash holds, as the next one to be powered on may find it: [`Setup::flash`](super::Setup).
+    /// Returns the content of the flash, for [`Setup::flash`](super::Setup) of another bench.
     pub fn flash(&mut self) -> Vec<u8> {
         let std::ops::Range { start, end } = self.board.flash();
         self.read_words(start, (end - start) as usize / 4).into_iter().flat_map(u32::to_le_bytes).collect()
     }
 
-    /// What the memory for settings holds, as the next one to be powered on may find it: [`Setup::stored`](super::Setup).
+    /// Returns the content of the memory for settings, for [`Setup::stored`](super::Setup) of another bench.
     pub fn stored(&mut self) -> Vec<u8> {
         let std::ops::Range { start, end } = self.board.store();
         self.read_words(start, (end - start) as usize / 4).into_iter().flat_map(u32::to_le_bytes).collect()
     }
 
-    /// The instants at which these instructions were arrived at so far.
+    /// Removes the noted executions, and returns their times.
     pub fn take_instants(&mut self) -> Vec<Duration> {
-        self.at_stop(|lab, _, _| {
-            std::mem::take(&mut lab.hits).into_iter().map(|(_, _, at)| Duration::from_nanos(at)).collect()
+        self.at_stop(|surroundings, _, _| {
+            std::mem::take(&mut surroundings.hits)
+                .into_iter()
+                .map(|(_, _, at)| Duration::from_nanos(at))
+                .collect()
         })
     }
 

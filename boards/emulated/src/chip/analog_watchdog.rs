@@ -1,20 +1,21 @@
-//! A converter of the STM32H743 with its first analog watchdog (RM0433 25.4.30), which the emulator lacks. A word
-//! beyond a threshold raises a flag, and the flag an interrupt. A dead converter converts nothing.
+//! A converter of the STM32H743 with its first analog watchdog (RM0433 25.4.30), which the emulator lacks. A reading
+//! beyond a threshold sets a flag, and the flag causes an interrupt. A dead converter converts nothing.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
 use rigless::soc::stm32h743::generated::adc3::{Register, cfgr, ier, isr};
 use rigless::soc::stm32h743::peripherals::adc::{Adc, Converter};
 use rigless::time::{EventId, VirtualNanos};
 
-/// The converter's line, as the emulator lists it.
+/// Number of the converter's interrupt in the emulator's list.
 const INTERRUPT: usize = 0;
 
 #[derive(Debug)]
 pub(super) struct Guarded {
     pub(super) converter: Adc,
     pub(super) dead: bool,
-    /// AWD1.
+    /// Flag AWD1: a reading was beyond a threshold.
     left: bool,
+    /// True while the interrupt is raised.
     raised: bool,
 }
 
@@ -24,7 +25,7 @@ impl Guarded {
         Self { converter: Adc::new(converter, 0), dead: false, left: false, raised: false }
     }
 
-    /// Does something with AWD1EN hidden from the emulator, which says of a start with it that it has no watchdog.
+    /// Runs a function while AWD1EN is hidden from the emulator, which would report that it has no analog watchdog.
     fn unguarded(&mut self, registers: &mut RegisterFile, act: impl FnOnce(&mut Adc, &mut RegisterFile)) {
         let configuration = registers.get(Register::Cfgr);
         registers.set(Register::Cfgr, cfgr::AWD1EN.set(configuration, 0));
@@ -32,7 +33,7 @@ impl Guarded {
         registers.set(Register::Cfgr, configuration);
     }
 
-    /// ISR with AWD1, from the emulator's ISR.
+    /// Adds AWD1 to the emulator's value of ISR.
     fn status(&self, emulated: u64) -> u64 {
         let ready = isr::ADRDY.mask();
         isr::AWD1.set(if self.dead { emulated & ready } else { emulated }, self.left.into())

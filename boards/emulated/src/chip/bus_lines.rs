@@ -1,5 +1,5 @@
 //! The two lines of an I2C bus, which a device can hold low: a device that stretches the clock, hangs, or waits in
-//! the middle of a byte. The emulator's devices answer at once and hold nothing.
+//! the middle of a byte. The emulator's devices answer immediately and hold no line.
 
 use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
 use rigless::soc::{stm32f427, stm32h743};
@@ -7,13 +7,13 @@ use rigless::time::EventId;
 
 /// A controller of an I2C bus, as the emulator has it.
 pub(super) trait Controller: Device {
-    /// Whether this write asks for a start condition.
+    /// Returns whether this write requests a start condition.
     fn starts(register: Self::Register, value: u64) -> bool;
 
-    /// Whether this write resets the controller.
+    /// Returns whether this write resets the controller.
     fn resets(register: Self::Register, value: u64) -> bool;
 
-    /// The bit of this register that says that the bus is busy, or 0.
+    /// Returns the bit of this register that shows a busy bus, or 0 if the register has no such bit.
     fn busy(register: Self::Register) -> u64;
 }
 
@@ -55,7 +55,7 @@ impl Controller for stm32h743::peripherals::i2c::I2c {
 #[derive(Debug)]
 pub(super) struct Lines<C: Controller> {
     pub(super) controller: C,
-    /// A device holds SCL, SDA low.
+    /// Whether a device holds SCL and SDA low.
     low: [bool; 2],
     /// Steps of the transfer that end when SCL is released.
     held: Vec<EventId>,
@@ -68,7 +68,7 @@ impl<C: Controller> Lines<C> {
         Self { controller, low: [false; 2], held: Vec::new(), start: None }
     }
 
-    /// A device holds these lines low, SCL and SDA, or releases them. What waited for them goes on.
+    /// Makes a device hold SCL, SDA or both low, or release them. What waits for a released line continues.
     pub(super) fn hold(
         &mut self,
         low: [bool; 2],

@@ -1,7 +1,7 @@
-//! The STM32F427, for the F429 of its board: one reference manual, RM0090, and the same registers but for a display
-//! controller that the firmware does not use. Of the EXTI, which the emulator lacks, the line of the voltage detector
-//! is put in, and ADC1 has a [sampling capacitor](super::sampling_capacitor). So are the [timers](super::servo_timer) of
-//! the servos. I2C devices can hold the [lines](super::bus_lines) of their buses.
+//! The STM32F427, in place of the board's STM32F429. Both have the reference manual RM0090 and the same registers, except
+//! for a display controller that the firmware does not use. These models extend the emulator: the EXTI line of the voltage
+//! detector, the [sampling capacitor](super::sampling_capacitor) of ADC1, the [timers](super::servo_timer) of the servos, and
+//! I2C devices that hold the [lines](super::bus_lines) of their buses.
 
 use std::num::{NonZeroU32, NonZeroU64};
 use std::path::Path;
@@ -37,23 +37,23 @@ use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
 use crate::wiring;
 
-/// Unique device number, flash size in kB, and the converter's calibration words (RM0090 39.1 and
+/// Address of the unique device number, the flash size in kB, and the converter's calibration words (RM0090 39.1 and
 /// 39.2, STM32F429 data sheet, "internal reference voltage calibration values").
 const FACTORY_WORDS_AT: u64 = 0x1FFF_7A10;
 
-/// 1.21 V, which the emulator's VREFINT is, read on a 3.3 V rail.
+/// Reading of the emulator's VREFINT, 1.21 V, with a supply of 3.3 V and 12 bits.
 const VREFINT_CALIBRATION: u16 = 1501;
-/// The emulator's temperature sensor at 30 and at 110 degrees, 0.7725 and 0.9725 V, on the same rail.
+/// Readings of the emulator's temperature sensor at 30 and at 110 degrees, 0.7725 and 0.9725 V, with a supply of 3.3 V.
 const SENSOR_CALIBRATION: [u16; 2] = [959, 1207];
 
-/// EXTI line 16 is the voltage detector's (RM0090 12.2.5).
+/// Bit of EXTI line 16, which is the line of the voltage detector (RM0090 12.2.5).
 const DETECTOR_LINE: u64 = 1 << 16;
-/// The detector's interrupt, as the emulator's PWR lists it.
+/// Number of the detector's interrupt in the emulator's list for PWR.
 const DETECTOR_INTERRUPT: usize = 0;
 
 /// ADC1_IN3 is PA3, the battery's divider.
 const BATTERY: adc::Channel = adc::Channel::new(3).expect("a channel on a pin");
-/// ADC1_IN12 is PC2, to which nothing is connected; port C is 2 by its place.
+/// ADC1_IN12 is PC2, to which nothing is connected: number of the port, number of the pin, channel.
 const UNCONNECTED: (usize, u8, adc::Channel) = (2, 2, adc::Channel::new(12).expect("a channel on a pin"));
 
 /// The servos whose timers are on APB2: TIM10, TIM11 and TIM9 (RM0090 2.3).
@@ -62,7 +62,7 @@ const ON_APB2: [usize; 3] = [0, 1, 5];
 /// ADC2_IN4, IN5, IN6 and IN0 are PA4, PA5, PA6 and PA0: the host's analog inputs. ADC2_IN9 is PB1: the 5 V rail's divider.
 const ANALOG: [u8; 5] = [4, 5, 6, 0, 9];
 
-/// The words that the factory writes.
+/// Returns the calibration words that the factory writes.
 pub(super) fn factory_image() -> Result<Image, rigless::image::Error> {
     let mut words = [0_u8; 32];
     words[0x12..0x14].copy_from_slice(&2048_u16.to_le_bytes());
@@ -72,7 +72,7 @@ pub(super) fn factory_image() -> Result<Image, rigless::image::Error> {
     Image::new(Path::new("factory words"), words.to_vec(), Some(FACTORY_WORDS_AT))
 }
 
-/// Whose chip this is.
+/// The board that has this chip.
 const BOARD: Board = Board::NucleoF429zi;
 
 /// The microcontroller.
@@ -83,7 +83,7 @@ pub(super) struct Chip {
     adc_dead: bool,
     /// ADC1.
     converter: Sampled,
-    /// Nothing is connected to the battery's pin.
+    /// True if nothing is connected to the battery's pin.
     battery_open: bool,
     plain_timer: Remembers<Tim1>,
     plain_converter: Remembers<adc1::Register>,
@@ -95,7 +95,7 @@ pub(super) struct Chip {
     converter_slot: usize,
     exti_slot: usize,
     port_slots: [usize; wiring::PORTS.len()],
-    /// The detector's interrupt is pending.
+    /// True while the detector's interrupt is pending.
     supply_fell: bool,
     servos: Servos,
     buses: Vec<(usize, Lines<I2c>)>,
@@ -152,7 +152,7 @@ impl Chip {
         })
     }
 
-    /// A pin of ADC1 floats if nothing outside is connected to it and the chip does not drive it low.
+    /// Updates which pins of ADC1 float. A pin floats if nothing outside is connected to it and the chip does not drive it low.
     fn follow_open_pins(&mut self) {
         let (port, pin, channel) = UNCONNECTED;
         let is_low = self.port(port).drives(pin) == Some(false);

@@ -1,6 +1,6 @@
-//! The flash interface of the STM32H743 (RM0433 4), with faults of a real one that the emulator lacks. It shows
-//! errors that no access has caused. The last store of a word arrives after the core has read the status register. An
-//! operation never ends.
+//! The flash interface of the STM32H743 (RM0433 4), with faults of real chips that the emulator lacks. The interface can show
+//! errors that no access has caused. The last store of a word can arrive after the core has read the status register. An
+//! operation may never end.
 
 use rigless::device::{Device, DeviceContext, RegisterFile};
 use rigless::soc::Width;
@@ -8,20 +8,20 @@ use rigless::soc::stm32h743::generated::flash::{Register, sr1, sr2};
 use rigless::soc::stm32h743::peripherals::flash::Flash;
 use rigless::time::EventId;
 
-/// Bytes of a word, which is programmed as one.
+/// Number of bytes in a word, which is programmed as a whole.
 const WORD: u64 = 32;
 
 /// Faults of a flash interface that are not in its manual. The default has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FlashFaults {
-    /// Accesses to registers of the interface after which both banks show RDPERR, RDSERR and SNECCERR. 0 is never. The
-    /// core's speculation into the system memory sets the first two.
+    /// Number of accesses to registers of the interface after which both banks show RDPERR, RDSERR and SNECCERR; 0 stands for
+    /// never. On a real chip speculative reads of the system memory set the first two.
     pub errors_every: u32,
-    /// Reads of the status register before the last store of a word arrives.
+    /// Number of reads of the status register before the last store of a word arrives.
     pub late_reads: u32,
 }
 
-/// A store that is on its way.
+/// A store that has not arrived yet.
 #[derive(Clone, Copy, Debug)]
 struct Store {
     address: u64,
@@ -36,7 +36,7 @@ pub(super) struct Interface {
     pub(super) faults: FlashFaults,
     accesses: u32,
     late: Option<Store>,
-    /// The operation that runs ends with the next reset of the chip.
+    /// True if the flash stays busy until the next reset of the chip.
     pub(super) never_ends: bool,
 }
 
@@ -45,7 +45,7 @@ impl Interface {
         Self { flash: Flash::new(), faults, accesses: 0, late: None, never_ends: false }
     }
 
-    /// Shows errors, if it is time to.
+    /// Counts an access to a register, and shows errors if their number is reached.
     fn accessed(&mut self, registers: &mut RegisterFile) {
         self.accesses += 1;
         if self.faults.errors_every == 0 || !self.accesses.is_multiple_of(self.faults.errors_every) {
@@ -61,7 +61,7 @@ impl Interface {
         }
     }
 
-    /// What was on its way is there.
+    /// Carries out the store that has not arrived yet.
     fn arrive(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         if let Some(Store { address, width, value, .. }) = self.late.take() {
             self.flash.write_region(address, width, value, registers, context);

@@ -1,4 +1,4 @@
-//! The STM32H743, RM0433. Models of the emulator are replaced where the firmware needs more: the
+//! The STM32H743 (RM0433). Models of the emulator are replaced where the firmware needs more: the
 //! [watchdog](super::watchdog), the [analog watchdog](super::analog_watchdog) of a converter, and the [flash
 //! interface](super::flash_interface). The voltage detector is wired to the EXTI. A conversion of the currents can be
 //! [late](super::late_converter). The [timers](super::servo_timer) of the servos show their pins, and I2C devices can hold the
@@ -44,29 +44,30 @@ use crate::serial::Terminal;
 use crate::system_break::{Connections, Source};
 use crate::wiring;
 
-/// TS_CAL1, TS_CAL2 and VREFIN_CAL (DS12110, tables 118 and 181).
+/// Address of TS_CAL1, TS_CAL2 and VREFIN_CAL (DS12110, tables 118 and 181).
 const FACTORY_WORDS_AT: u64 = 0x1FF1_E820;
 
-/// 1.216 V, which the emulator's VREFINT is, read on a 3.3 V rail with 16 bits.
+/// Reading of the emulator's VREFINT, 1.216 V, with a supply of 3.3 V and 16 bits.
 const VREFINT_CALIBRATION: u16 = 24_148;
-/// The emulator's temperature sensor at 30 and at 110 degrees, 0.62 and 0.78 V, on the same rail.
+/// Readings of the emulator's temperature sensor at 30 and at 110 degrees, 0.62 and 0.78 V, with a supply of 3.3 V.
 const SENSOR_CALIBRATION: [u16; 2] = [12_313, 15_490];
 
-/// SWIER1 of the EXTI triggers lines (RM0433 20.6.3); 16 is the voltage detector's (table 150).
+/// Address of EXTI_SWIER1, which triggers lines of the EXTI (RM0433 20.6.3).
 const EXTI_SWIER1: u64 = 0x5800_0008;
+/// Bit of EXTI line 16, which is the line of the voltage detector (RM0433 table 150).
 const DETECTOR_LINE: u64 = 1 << 16;
 
-/// Where the vector table is at reset: BOOT_ADD0 as the factory programs it (RM0433 table 9).
+/// Address of the vector table at reset: BOOT_ADD0 as the factory programs it (RM0433 table 9).
 const VECTOR_TABLE: u32 = 0x0800_0000;
 
-/// A Cortex-M7 r1p1 (ES0392 2.1; PM0253 table 52).
+/// CPUID of a Cortex-M7 r1p1 (ES0392 2.1; PM0253 table 52).
 const CPUID: u32 = 0x411F_C271;
 
 /// DEV_ID of an STM32H743 (RM0433 60.5.8).
 const DEVICE: u64 = 0x450;
 
-/// 16 kB each for instructions and data (PM0253 tables 77 and 81). The emulator knows their registers and caches
-/// nothing.
+/// Registers of the caches, 16 kB each for instructions and data (PM0253 tables 77 and 81). The emulator has only their
+/// registers.
 const CACHES: Caches = Caches { clidr: 0x0900_0003, ctr: 0x8303_C003, ccsidr: &[0xF00F_E019, 0xF01F_E009] };
 
 /// The servos whose timers are on APB2: TIM16, TIM17 and TIM15 (RM0433 2.3).
@@ -76,7 +77,7 @@ const ON_APB2: [usize; 3] = [0, 1, 5];
 /// divider.
 const ANALOG: [u8; 5] = [5, 9, 4, 6, 0];
 
-/// The words that the factory writes.
+/// Returns the calibration words that the factory writes.
 pub(super) fn factory_image() -> Result<Image, rigless::image::Error> {
     let mut words = [0_u8; 0x44];
     words[0x00..0x02].copy_from_slice(&SENSOR_CALIBRATION[0].to_le_bytes());
@@ -85,7 +86,7 @@ pub(super) fn factory_image() -> Result<Image, rigless::image::Error> {
     Image::new(Path::new("factory words"), words.to_vec(), Some(FACTORY_WORDS_AT))
 }
 
-/// Whose chip this is.
+/// The board that has this chip.
 const BOARD: Board = Board::NucleoH743zi2;
 
 /// The microcontroller.
@@ -113,7 +114,7 @@ pub(super) struct Chip {
     encoder_slots: [usize; wiring::BRIDGES],
     port_slots: [usize; wiring::PORTS.len()],
     supply_low: bool,
-    /// Nothing is connected to the battery's pin, which keeps its charge: ADC1 converts no other channel.
+    /// True if nothing is connected to the battery's pin. The pin then keeps its voltage, because ADC1 converts no other channel.
     battery_open: bool,
     servos: Servos,
     buses: Vec<(usize, Lines<I2c>)>,
@@ -237,7 +238,7 @@ impl Mcu for Chip {
     }
 }
 
-/// Drives an input of a timer that has been taken out of the part, which has no way to do so.
+/// Drives an input of a timer. The timer is taken out of the emulator's part meanwhile, because the part cannot drive it.
 fn drive<F: Stm32h743Family>(
     timer: &mut Tim<F>,
     bus: &mut Bus,

@@ -1,4 +1,4 @@
-//! A converter of the STM32H743. One of its conversions can take too long.
+//! A converter of the STM32H743. A test can make one of its conversions take too long.
 
 use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
 use rigless::soc::stm32h743::generated::adc3::Register;
@@ -8,7 +8,7 @@ use rigless::time::{EventId, VirtualNanos};
 #[derive(Debug)]
 pub(super) struct Late {
     pub(super) converter: Adc,
-    /// The next conversion ends later by this time, ns.
+    /// Time by which the next conversion ends later, ns.
     pub(super) next_is_late_by: Option<u64>,
     /// The event on which a late conversion ends, and the event on which it should have ended.
     late: Option<(EventId, EventId)>,

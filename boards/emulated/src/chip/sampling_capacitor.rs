@@ -1,7 +1,8 @@
-//! A converter of the STM32F427 with its sampling capacitor: a channel without a wire keeps the charge of the last
-//! conversion. The emulator has a voltage on every channel.
+//! A converter of the STM32F427 with its sampling capacitor. A conversion of a channel without a wire reads the charge that
+//! the last conversion has left in the capacitor. The emulator has a voltage on every channel.
 //!
-//! Without SCAN a group has one channel (RM0090 13.3.8). The emulator uses SCAN for the regular group only.
+//! With the bit SCAN of CR1 cleared, a group has one channel (RM0090 13.3.8). The emulator uses the bit for the regular group
+//! only, so the number of injected channels (JL) is hidden from it.
 
 use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
 use rigless::soc::stm32f427::generated::adc1::{Register, cr1, jsqr};
@@ -16,7 +17,7 @@ const FULL_SCALE: u64 = 0xFFF;
 /// The data registers of both groups.
 const DATA: [Register; 5] = [Register::Dr, Register::Jdr1, Register::Jdr2, Register::Jdr3, Register::Jdr4];
 
-/// No word of a converter.
+/// A value that no conversion gives, because readings have 12 bits.
 const NO_WORD: u64 = 0xFFFF_FFFF;
 
 #[derive(Debug)]
@@ -36,7 +37,7 @@ impl Sampled {
 }
 
 impl Sampled {
-    /// Does something with JL hidden from the emulator while SCAN is off.
+    /// Runs a function while JL is hidden from the emulator, if SCAN is cleared.
     fn with_one_channel(registers: &mut RegisterFile, act: impl FnOnce(&mut RegisterFile)) {
         let sequence = registers.get(Register::Jsqr);
         if !cr1::SCAN.is_set(registers.get(Register::Cr1)) {
@@ -72,7 +73,7 @@ impl Device for Sampled {
         for channel in &self.floating {
             self.converter.set_input(*channel, self.held);
         }
-        // The register that has a new word afterwards says what was converted.
+        // The register with a new value afterwards has the new reading.
         let before = DATA.map(|register| registers.get(register));
         DATA.into_iter().for_each(|register| registers.set(register, NO_WORD));
         Self::with_one_channel(registers, |registers| self.converter.on_event(event, registers, context));

@@ -2,8 +2,8 @@
 //! of the STM32H743, whose pins the emulator does not show.
 //!
 //! It counts up, with its auto-reload and compare registers preloaded, in PWM mode 1 (RM0090 19.3, RM0433 40.3 and 41.3).
-//! Each edge on the pin is noted with its time. Whatever else the registers ask for is told to the session, which fails the
-//! test.
+//! Each edge on the pin is noted with its time. Any other configuration of the timer is reported to the session as a gap of the
+//! emulator, with which a test fails.
 
 use rigless::device::{Device, DeviceContext, ErasedDevice, RegisterFile};
 use rigless::soc::Layout;
@@ -34,18 +34,18 @@ const MODE_MASK: u64 = 0b111 << 4 | 1 << 3 | 0b11;
 
 const SECOND: u128 = 1_000_000_000;
 
-/// A change of a pin: when, in ns, and to which level.
+/// A change of a pin: its time in ns, and the new level.
 pub(crate) type Edge = (u64, bool);
 
-/// The timers of all servos, by servo, with their places on the bus.
+/// The timers of all servos with their numbers on the emulator's bus, in the order of the servos.
 pub(super) type Servos = [(usize, Box<dyn Servo>); crate::wiring::SERVOS.len()];
 
 /// A timer with registers of any layout.
 pub(super) trait Servo: ErasedDevice + std::fmt::Debug + Send {
-    /// Every edge so far.
+    /// Returns all edges so far.
     fn edges(&self) -> &[Edge];
 
-    /// Another clock of the timer, Hz.
+    /// Sets the clock of the timer, Hz.
     fn set_clock(&mut self, hz: u64);
 }
 
@@ -59,25 +59,28 @@ impl<R: Layout + Send + 'static> Servo for ServoTimer<R> {
     }
 }
 
-/// The timer, and what its pin has done.
+/// The timer of a servo, and the edges on its pin.
 #[derive(Debug)]
 pub(super) struct ServoTimer<R> {
     hz: u64,
     edges: Vec<Edge>,
-    /// Channel 2 has the pin, not channel 1.
+    /// True if the pin belongs to channel 2, otherwise to channel 1.
     second_channel: bool,
     /// Prescaler, auto-reload and compare values in use.
     used: [u64; 3],
-    /// When the present frame began, and the timer's next event.
+    /// Time at which the present period began, ns.
     frame: u64,
+    /// The timer's next event.
     next: Option<EventId>,
+    /// True if the pin falls at the next event; otherwise a period ends.
     falls: bool,
+    /// Level of the pin.
     high: bool,
     layout: core::marker::PhantomData<R>,
 }
 
 impl<R: Layout> ServoTimer<R> {
-    /// A timer whose channel 1 or 2 has the pin.
+    /// Creates a timer. `channel` is the channel of the pin, 1 or 2.
     pub(super) const fn new(channel: u8) -> Self {
         Self {
             hz: 0,
@@ -108,7 +111,7 @@ impl<R: Layout> ServoTimer<R> {
             && Self::register(BDTR, registers).is_none_or(|bdtr| bdtr & MOE != 0)
     }
 
-    /// The time after `ticks` of the present frame.
+    /// Returns the time in ns at which `ticks` of the present period have passed.
     fn after(&self, ticks: u64) -> u64 {
         let clocks = u128::from(ticks) * u128::from(self.used[0] + 1);
         self.frame + (clocks * SECOND / u128::from(self.hz.max(1))) as u64
@@ -126,7 +129,7 @@ impl<R: Layout> ServoTimer<R> {
         self.used = [PSC, ARR, compare].map(|offset| Self::get(offset, registers));
     }
 
-    /// Begins a frame at this time.
+    /// Begins a period at this time, ns.
     fn begin(&mut self, at: u64, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
         self.frame = at;
         let [_, reload, compare] = self.used;

@@ -1,6 +1,6 @@
-//! The independent watchdog of the STM32H743 (RM0433 45), which the emulator lacks: twelve bits, counted down by the
-//! LSI, that reset the chip at zero. Left out are the window, which the firmware does not set, and the five cycles of
-//! the LSI that prescaler and reload take to get across.
+//! The independent watchdog of the STM32H743 (RM0433 45), which the emulator lacks. The LSI counts a counter of twelve bits
+//! down, which resets the chip at zero. Two things are left out: the window, which the firmware does not set, and the delay
+//! of five cycles of the LSI until prescaler and reload value take effect.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
 use rigless::soc::stm32h743::generated::iwdg::Register;
@@ -12,7 +12,7 @@ const RELOAD: u64 = 0xAAAA;
 const UNLOCK: u64 = 0x5555;
 const START: u64 = 0xCCCC;
 
-/// What the counter starts from.
+/// Value from which the counter starts without a reload value.
 const FULL: u64 = 0xFFF;
 
 #[derive(Debug, Default)]
@@ -21,20 +21,20 @@ pub(super) struct Watchdog {
     started: bool,
     prescaler: u64,
     reload: Option<u64>,
-    /// LSI; the clock tree gives it once the watchdog is started.
+    /// Frequency of the LSI; 0 until the watchdog is started.
     hz: u64,
-    /// Ticks that it counts from when it is loaded.
+    /// Ticks from which the counter was last started.
     loaded: u64,
     expiry: Option<EventId>,
 }
 
 impl Watchdog {
-    /// Counts down from `ticks`, from now on.
+    /// Starts to count down from `ticks`.
     fn load(&mut self, ticks: u64, context: &mut DeviceContext<'_>) {
         self.loaded = ticks;
         self.expiry = None;
         if self.started && self.hz > 0 {
-            // PR: a fourth, doubling to 1/256 (45.4.2).
+            // The prescaler divides by 4 for PR = 0, and by twice as much for each further value, at most by 256 (45.4.2).
             let cycles = (ticks + 1) * (4 << self.prescaler.min(6));
             let after = cycles * 1_000_000_000 / self.hz;
             self.expiry = Some(context.schedule(VirtualNanos(context.now().0 + after)));

@@ -1,4 +1,4 @@
-//! From power-on to the first safe output, and the rhythm of the control ticks.
+//! The time from power-on until all bridges are driven safely, and the times of the control ticks.
 
 use std::path::Path;
 use std::time::Duration;

@@ -1,5 +1,5 @@
-//! One motor's control step on the chip: the same to the last bit as on the host, and within its budget
-//! of instructions.
+//! One motor's control step on the chip: its results are equal to those on this computer to the last bit, and its number of
+//! instructions is within its budget.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Motors for the bench, and helpers that drive them and judge what they did.
+//! Motors for the bench, and functions that drive them and check their motion.
 
 use std::cell::Cell;
 use std::ops::Range;
@@ -16,7 +16,7 @@ thread_local! {
     static BOARD: Cell<Option<Board>> = const { Cell::new(None) };
 }
 
-/// The board of a test: the environment's board, unless the test is run [`on`] another.
+/// Returns the board of a test: the board that the environment names, unless the test is run [`on`] another board.
 pub(crate) fn board() -> Board {
     let named = || Board::of_environment().unwrap_or_else(|error| panic!("MOTOR_HUB_BOARD: {error}"));
     BOARD.get().unwrap_or_else(named)
@@ -173,8 +173,8 @@ pub(crate) fn log(bench: &mut Bench) -> String {
     bench.log().iter().map(|line| format!("{} {line}\n", line.boot)).collect()
 }
 
-/// Below what the voltage detector watches for, mV. On the F429 above 2.7 V, where 168 MHz and 5 wait states end; the
-/// H743 runs on to 1.62 V.
+/// Returns a supply voltage in mV at which the voltage detector must report a falling supply. The F429 still runs at it: its 168 MHz
+/// with 5 wait states need 2.7 V. The H743 runs down to 1.62 V.
 pub(crate) fn too_low() -> u32 {
     by_board(2_800, 2_740)
 }

@@ -1,4 +1,4 @@
-//! Motor currents: as they flow, on the sense lines, and in the answers to a host.
+//! Motor currents: currents in the model, voltages of the sense lines, and values in the answers to a host agree.
 
 use std::time::Duration;
 

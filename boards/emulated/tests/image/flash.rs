@@ -1,5 +1,5 @@
-//! The flash of the H743 with the faults of a real one. It shows spurious errors, words arrive late, power is cut, and
-//! a probe writes without the bootloader. Settings and firmware survive all of it.
+//! The flash of the H743 with faults of real chips: spurious error flags, words that arrive late, power cuts, and a debug probe
+//! that writes the flash without the bootloader. Settings and firmware must survive these faults.
 
 use std::time::Duration;
 

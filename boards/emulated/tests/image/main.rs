@@ -1,4 +1,5 @@
-//! The image that is flashed, on an emulated chip with physical motors. One program, for they share two cores best.
+//! The image that is flashed, on an emulated chip with modelled motors. All tests are in one program, which makes the best use of
+//! two cores.
 
 mod boot;
 mod budget;

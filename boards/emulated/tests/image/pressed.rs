@@ -1,4 +1,5 @@
-//! The button on the image: what it may not do. What it does is in `running`.
+//! The button of the board must not drive motors once a host has sent a packet, also not after the host has gone. `running` tests
+//! how the button drives motors without a host.
 
 use crate::common::{am60, booted, ms, turning, with_host};
 use emulated::Bench;

@@ -1,5 +1,5 @@
-//! How deep the stack goes, and where it ends: it is painted before the first instruction, and looked at after the
-//! busiest things that the firmware does; and it is used up.
+//! The depth of the stack, and its end. The stack is filled with a pattern before the first instruction, and the pattern is read
+//! after the busiest actions of the firmware. Another test uses the whole stack up.
 
 use crate::common::{COUNTER, board, four_loads, log, ms, setup, time_to_safe, turning_as};
 use emulated::host_link::HostLink;

@@ -1,4 +1,4 @@
-//! New firmware without a probe, on the emulated H743: the bootloader and the hub behind it, as they are flashed.
+//! Firmware updates over the host's line on the emulated H743, with the bootloader and the hub as they are flashed.
 
 use std::path::Path;
 use std::time::{Duration, Instant};

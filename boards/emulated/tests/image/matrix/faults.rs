@@ -1,4 +1,4 @@
-//! How a fault is put in, what happens meanwhile, and how it is taken out: the rows.
+//! The rows of the fault matrix: how each fault is applied, what is done meanwhile, and how the fault is removed.
 
 use std::num::NonZeroU32;
 use std::time::Duration;
@@ -12,15 +12,15 @@ use crate::store;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Fault {
-    /// All four motors.
+    /// The encoders of all four motors have this fault.
     Encoder(Encoder),
     ConverterDead,
-    /// The battery without load, V.
+    /// The battery has this open-circuit voltage, V.
     Battery(f64),
-    /// Each bridge says so.
+    /// Each bridge reports on its DIAG line that it has switched itself off.
     BridgesOff,
     HostSilent,
-    /// Garbled words in a million on the way to the hub.
+    /// This number of bytes in a million is damaged on the line to the hub.
     HostGarbled(u32),
     LogAbandoned,
     /// This task never returns.
@@ -39,7 +39,7 @@ pub(crate) enum Fault {
 }
 
 const NOMINAL: f64 = 12.0;
-/// The watchdog's time-out, and the start of the hub.
+/// Time-out of the watchdog and time of the hub's start together.
 const UNTIL_STARTED: Duration = ms(700);
 const REQUEST_INTERVAL: Duration = ms(20);
 
@@ -51,12 +51,12 @@ pub(crate) const fn stuck(wire: Wire, high: bool) -> Fault {
     Fault::Encoder(Encoder::Stuck { wire, high })
 }
 
-/// Of the seven slots of this motor's wheel.
+/// One of the seven slots of the encoder's wheel is missing.
 pub(crate) const SLOT_MISSING: Fault =
     Fault::Encoder(Encoder::MissingSlot { of: NonZeroU32::new(7).expect("some") });
 
 impl Fault {
-    pub(crate) fn put_in(self, bench: &mut Bench) {
+    pub(crate) fn apply(self, bench: &mut Bench) {
         match self {
             Self::Encoder(encoder) => (0..4).for_each(|motor| bench.set_encoder(motor, encoder)),
             Self::ConverterDead => bench.kill_adc(true),
@@ -79,29 +79,29 @@ impl Fault {
         }
     }
 
-    /// How long it lasts: the log tells of faults once a second.
-    const fn lasts(self) -> Duration {
+    /// Returns how long the fault lasts. The log reports faults once a second.
+    const fn duration(self) -> Duration {
         match self {
-            // 2.5 s, and a second in which nothing comes of it.
+            // The hub waits 2.5 s for its host. A second more shows that the effect stays.
             Self::HostSilent => ms(3_500),
-            // Longer than the hub waits for its host, or its log's buffer lasts.
+            // This is longer than the hub waits for its host, and longer than its log's buffer has room.
             Self::HostGarbled(_) | Self::LogAbandoned => ms(3_000),
-            // The hub is off, or has been reset.
+            // The hub does not run meanwhile, or has been reset.
             Self::SupplyFalls | Self::ClocksDoNotStart | Self::LockUp => ms(600),
-            // Until a motor that brakes a load is found out, and a second.
+            // This is the time until the fault of a motor that brakes a load is noticed, and a second.
             Self::Encoder(Encoder::Unplugged | Encoder::Stuck { .. }) => ms(2_100),
-            // Until an unknown motor that may be heavy is found out, and a second.
+            // This is the time until the fault of an unknown motor, which may be heavy, is noticed, and a second.
             Self::Encoder(Encoder::Reversed) => ms(3_400),
             _ => ms(1_100),
         }
     }
 
-    pub(crate) fn lets_time_pass(self, bench: &mut Bench, host: &mut HostLink) {
-        let end = bench.now() + self.lasts();
+    pub(crate) fn run(self, bench: &mut Bench, host: &mut HostLink) {
+        let end = bench.now() + self.duration();
         match self {
             Self::HostSilent => bench.run_until(end),
             Self::HostGarbled(_) => {
-                // The host goes on, whatever comes back.
+                // The host continues to send, whether or not it gets answers.
                 while bench.now() < end {
                     let packet = host.packet(KEEP_ALIVE, &[]);
                     bench.send(&packet);
@@ -109,7 +109,7 @@ impl Fault {
                     host.arrivals(bench);
                 }
             }
-            // These last longer than the hub waits for its host.
+            // These faults last longer than the hub waits for its host, so the host must send keep-alives.
             Self::LogAbandoned | Self::Encoder(Encoder::Reversed) => {
                 while bench.now() < end {
                     host.keep_alive(bench);
@@ -125,7 +125,7 @@ impl Fault {
         }
     }
 
-    pub(crate) fn take_out(self, bench: &mut Bench) {
+    pub(crate) fn remove(self, bench: &mut Bench) {
         match self {
             Self::Encoder(_) => (0..4).for_each(|motor| bench.set_encoder(motor, Encoder::Sound)),
             Self::ConverterDead => bench.kill_adc(false),
@@ -133,7 +133,7 @@ impl Fault {
             Self::BridgesOff => (0..4).for_each(|motor| bench.pull_diag(motor, false)),
             Self::HostGarbled(_) => {
                 bench.garble_serial(0, 7);
-                // Half a packet is forgotten after 50 ms.
+                // The hub discards an incomplete packet after 50 ms.
                 bench.run(ms(60));
             }
             Self::LogAbandoned => bench.abandon_log(false),
@@ -147,7 +147,7 @@ impl Fault {
                 bench.run(UNTIL_STARTED);
             }
             Self::FlashFaulty(_) => bench.set_flash_faults(FlashFaults::default()),
-            // They are over by themselves.
+            // These faults end without help.
             Self::HostSilent | Self::TaskHangs(_) | Self::BusError | Self::ResetPin | Self::LockUp => {}
         }
     }

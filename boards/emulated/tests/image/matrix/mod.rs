@@ -1,7 +1,8 @@
-//! The fault matrix: every fault in every mode. What the bridge does meanwhile, how long it takes until nothing is
-//! driven, what the hub says of it, and how the motor comes back. Its tables stand in `docs/results`.
+//! The fault matrix: every fault in every mode of a motor. A test notes what the bridge does, how long it takes until the motor is
+//! not driven any more, what the hub reports, and how the motor runs again. The tables are in `docs/results`.
 //!
-//! Four motors are four modes, so a row is one stretch of a run; rows share a chip as long as all is as expected.
+//! Four motors run in four modes, so one part of a run gives one row. Rows use the same chip as long as all results are as
+//! expected.
 
 mod faults;
 mod modes;
@@ -16,13 +17,13 @@ use crate::common::{board, ms, on, publish};
 use emulated::Board;
 use modes::{MODES, Setup};
 use rows::{CONFIGURED_AND_BRAKE, Cell, During, ROWS, ROWS_OF_H743, Row};
-use run::{Run, Seen};
+use run::{RowResult, Run};
 
-/// Run side by side.
+/// Number of chips that run side by side.
 const CHIPS: usize = 2;
 
-/// What is not as expected.
-fn complaints(row: &Row, seen: &Seen) -> Vec<String> {
+/// Returns a text for each result that is not as expected.
+fn complaints(row: &Row, seen: &RowResult) -> Vec<String> {
     let mut wrong = Vec::new();
     if seen.says != row.says {
         wrong.push(format!("{}: the hub says {:?}", row.name, seen.says));
@@ -62,18 +63,18 @@ fn faults_of_motors_that_are_configured_and_brake_end_as_they_should() {
     publish("matrix-by-model-braking", &format!("{head}\n\n{table}"));
 }
 
-/// The rows that the board has alone, or that end otherwise on it.
+/// Returns the rows that only the board of the test has, or that have other results on it.
 fn of_board() -> &'static [Row] {
     if board() == Board::NucleoH743zi2 { &ROWS_OF_H743 } else { &[] }
 }
 
-/// The row with this name, as the board has it.
+/// Returns the row with this name, with the results that the board of the test should have.
 fn named(name: &str) -> &'static Row {
     let mut rows = of_board().iter().chain(&ROWS);
     rows.find(|row| row.name == name).unwrap_or_else(|| panic!("no row {name}"))
 }
 
-/// The rows with these names.
+/// Runs the rows with these names, and expects their results.
 pub(crate) fn rows_end_as_they_should(names: &[&str]) {
     run_rows(Setup::AsTheyCome, &names.iter().map(|name| named(name)).collect::<Vec<_>>());
 }
@@ -81,7 +82,7 @@ pub(crate) fn rows_end_as_they_should(names: &[&str]) {
 /// Runs rows and returns their table.
 fn run_rows(setup: Setup, rows: &[&Row]) -> String {
     let (seen, wrong) = (Mutex::new(Vec::new()), Mutex::new(Vec::new()));
-    // Always the same rows share a chip, so that a run is the same every time.
+    // The same rows always share a chip, so each run gives the same results.
     let board = board();
     let work = |first: usize| {
         let mut run = Run::new(setup);

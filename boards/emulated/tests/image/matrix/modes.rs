@@ -1,4 +1,4 @@
-//! What the four motors do when something fails: the columns.
+//! The columns of the fault matrix: the modes in which the four motors run when a fault occurs.
 
 use std::ops::RangeInclusive;
 
@@ -13,20 +13,20 @@ use motor_hub::motor::{OnFault, Settings};
 
 use crate::common::am60_with;
 
-/// One to a motor, in their order.
+/// The modes of the four motors, in the order of the motors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Mode {
     OpenLoop,
     Velocity,
-    /// On a long way at limited speed.
+    /// The motor moves to a distant position at a limited speed.
     Position,
-    /// A load drives the motor the way it turns, and is slowed down.
+    /// A load drives the motor in its direction, and regulation of the velocity brakes it.
     Braking,
 }
 
 pub(crate) const MODES: [Mode; 4] = [Mode::OpenLoop, Mode::Velocity, Mode::Position, Mode::Braking];
 
-/// N m at the output shaft: a fifth of what stalls the motor.
+/// Torque of the load in mode `Braking`, N m at the output shaft.
 const OVERHAULING: f64 = 0.8;
 const SPEED: i16 = 1000;
 const LOWERING: i16 = 300;
@@ -35,14 +35,14 @@ const POWER: i16 = 12_000;
 /// How the motors are set up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Setup {
-    /// As they come: not configured but for the winding, and a fault lets a motor coast.
+    /// Only the winding is configured, and a motor coasts after a fault.
     AsTheyCome,
-    /// The dynamics are configured, and a fault has a motor brake.
+    /// The dynamics are configured too, and a motor brakes after a fault.
     ConfiguredBraking,
 }
 
 impl Setup {
-    /// Sets a motor up, which a reset forgets.
+    /// Sends the settings of a motor, which the hub loses at a reset.
     fn apply(self, bench: &mut Bench, host: &mut HostLink, motor: u8) {
         if self == Self::AsTheyCome {
             return;
@@ -71,7 +71,7 @@ impl Mode {
         }
     }
 
-    /// Sets a motor going.
+    /// Starts a motor in this mode.
     pub(crate) fn start(self, setup: Setup, bench: &mut Bench, host: &mut HostLink) {
         let motor = self as u8;
         setup.apply(bench, host, motor);
@@ -83,7 +83,7 @@ impl Mode {
         }
     }
 
-    /// Counts/s of a motor that follows its command.
+    /// Returns the range of speeds of a motor that follows its command, counts/s.
     pub(crate) const fn speeds(self) -> RangeInclusive<f64> {
         match self {
             Self::OpenLoop => 900.0..=1250.0,
@@ -94,7 +94,7 @@ impl Mode {
     }
 }
 
-/// Powered on, with four light wheels and a load that turns the last.
+/// Powers on a hub whose four motors have light wheels, with a torque on the wheel of the last motor.
 pub(crate) fn powered() -> Bench {
     let mut bench = crate::common::booted(vec![wheel(); MODES.len()]);
     bench.set_torque(Mode::Braking.motor(), OVERHAULING);

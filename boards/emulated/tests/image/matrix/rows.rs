@@ -1,22 +1,24 @@
-//! Every fault, and what is expected of it in every mode.
+//! All faults of the fault matrix, and the expected result in each mode.
 
 use emulated::{Encoder, FlashFaults, Wire};
 
 use super::faults::{Fault, SLOT_MISSING, glitches, stuck};
 
-/// A fault, what host and log say of the hub, and the result for the motors by mode.
+/// A row of the fault matrix: a fault and its expected effects.
 pub(crate) struct Row {
     pub(crate) name: &'static str,
     pub(crate) fault: Fault,
+    /// Expected reports of the hub itself, from its answers and its log.
     pub(crate) says: &'static [&'static str],
+    /// Expected effects on the motors, in the order of their modes.
     pub(crate) cells: [Cell; 4],
 }
 
-/// What becomes of one.
+/// Expected effects of a fault in one mode.
 #[derive(Clone, Copy)]
 pub(crate) struct Cell {
     pub(crate) during: During,
-    /// What host and log say of the motor.
+    /// Expected reports of the motor, from answers of the hub and its log.
     pub(crate) says: &'static [&'static str],
     pub(crate) back: Back,
 }
@@ -24,47 +26,49 @@ pub(crate) struct Cell {
 /// What the bridge does while the fault lasts.
 #[derive(Clone, Copy)]
 pub(crate) enum During {
-    /// It follows its command.
+    /// The motor follows its command.
     Works,
-    /// It drives or brakes, and the motor's speed is in this range, in counts/s.
+    /// The bridge drives or brakes, and the motor's speed is in this range, in counts/s.
     Turns(f64, f64),
-    /// It opens within this time, in ms, and stays open.
+    /// The bridge opens within this time, in ms, and stays open.
     Opens { within_ms: u64 },
-    /// It shorts the motor within this time, in ms, and goes on.
+    /// The bridge shorts the motor within this time, in ms, and continues to do so.
     Brakes { within_ms: u64 },
 }
 
 /// How the motor follows its command again after the fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Back {
-    WasNotAway,
+    /// The motor was driven during the whole fault.
+    WasDriven,
+    /// The motor follows its command again without a request of the host.
     ByItself,
-    /// Only when the host disables and enables it.
+    /// The motor follows its command only after the host has disabled and enabled it.
     WhenEnabled,
 }
 
 impl Back {
     pub(crate) const fn name(self) -> &'static str {
         match self {
-            Self::WasNotAway => "",
+            Self::WasDriven => "",
             Self::ByItself => "by itself",
             Self::WhenEnabled => "enabled anew",
         }
     }
 }
 
-const WORKS: Cell = Cell { during: During::Works, says: &[], back: Back::WasNotAway };
+const WORKS: Cell = Cell { during: During::Works, says: &[], back: Back::WasDriven };
 
 const fn turns(least: f64, most: f64) -> Cell {
     Cell { during: During::Turns(least, most), ..WORKS }
 }
 
-/// Latched.
+/// Expects that the bridge opens, and that the fault is latched: only the host can enable the motor again.
 const fn off(within_ms: u64, says: &'static [&'static str]) -> Cell {
     Cell { during: During::Opens { within_ms }, says, back: Back::WhenEnabled }
 }
 
-/// The same where it ends in a short.
+/// Expects that the bridge shorts the motor, and that the fault is latched: only the host can enable the motor again.
 const fn brakes(within_ms: u64, says: &'static [&'static str]) -> Cell {
     Cell { during: During::Brakes { within_ms }, says, back: Back::WhenEnabled }
 }
@@ -76,17 +80,18 @@ const fn row(name: &'static str, fault: Fault, says: &'static [&'static str], ce
 const STUCK: &[&str] = &["lost counts", "log: stuck"];
 const REVERSED: &[&str] = &["lost counts", "log: reversed"];
 
-/// Whatever the motor does; open loop needs no encoder.
+/// An encoder without counts is noticed in each mode, except in open loop, which needs no encoder.
 const SILENT_ENCODER: [Cell; 4] = [WORKS, off(250, STUCK), off(250, STUCK), off(250, STUCK)];
-/// An unknown motor may be heavy, and has 2.2 s to slow down after its encoder counted in the right direction.
+/// Counts in the wrong direction. An unknown motor may be heavy, so it may take 2.2 s to slow down after it has counted in the right
+/// direction.
 const BACKWARDS: [Cell; 4] = [WORKS, off(2_300, REVERSED), off(2_300, REVERSED), off(400, REVERSED)];
-/// Not noticed: lost counts look like a slower motor, which is then driven faster.
+/// Some lost counts are not noticed: the motor seems to be slower, and is then driven faster.
 const SOME_COUNTS_LOST: [Cell; 4] =
     [WORKS, turns(1_000.0, 2_000.0), turns(1_000.0, 2_000.0), turns(240.0, 600.0)];
-/// 7/6 of the requested speed.
+/// If one of seven slots of the encoder's wheel is missing, the motor turns at 7/6 of the requested speed.
 const ONE_OF_SEVEN_LOST: [Cell; 4] =
     [WORKS, turns(1_120.0, 1_210.0), turns(1_110.0, 1_220.0), turns(300.0, 400.0)];
-/// 100 ms, a tick, and what the tick takes.
+/// Without a battery voltage the bridge opens after 100 ms, a control period of 50 ms, and the time of a tick.
 const BLIND: [Cell; 4] = [Cell {
     during: During::Opens { within_ms: 165 },
     says: &["log: battery unknown"],

@@ -1,4 +1,4 @@
-//! One row after the other on a chip, and what is seen of it.
+//! Runs the rows of the fault matrix on a chip, one after another, and notes their results.
 
 use std::time::Duration;
 
@@ -16,63 +16,63 @@ use super::modes::{MODES, Mode, Setup, powered};
 use super::rows::{Back, Row};
 use crate::common::ms;
 
-/// What came of a fault.
-pub(crate) struct Seen {
-    /// What host and log said of the hub.
+/// Result of a row: what a fault has caused.
+pub(crate) struct RowResult {
+    /// Reports of the hub itself, from its answers and its log.
     pub(crate) says: Vec<&'static str>,
-    /// By mode.
-    pub(crate) cells: Vec<SeenOne>,
+    /// Results of the motors, in the order of their modes.
+    pub(crate) cells: Vec<MotorResult>,
 }
 
-/// What came of it in one mode.
+/// What a fault has caused in one mode.
 #[derive(Debug)]
-pub(crate) struct SeenOne {
-    /// From the fault until the bridge was open for good, if it was when the fault was over.
+pub(crate) struct MotorResult {
+    /// Time from the fault until the bridge opened and stayed open. `None` if it was not open at the end of the fault.
     pub(crate) open_after: Option<Duration>,
-    /// Time and speed of a bridge that shorted its motor.
+    /// Time from the fault until the bridge shorted its motor and went on. `None` if it did not at the end of the fault.
     pub(crate) shorted_after: Option<Duration>,
-    /// The longest that the bridge was open while the fault lasted.
+    /// Longest time for which the bridge was open during the fault.
     pub(crate) longest_open: Duration,
-    /// Counts/s when the fault was over.
+    /// Speed at the end of the fault, counts/s.
     pub(crate) speed: f64,
-    /// What host and log said of this motor.
+    /// Reports of this motor, from answers of the hub and its log.
     pub(crate) says: Vec<&'static str>,
-    /// Or the speed that it came back to instead.
+    /// How the motor followed its command again, or its speed in counts/s if it did not.
     pub(crate) back: Result<Back, f64>,
 }
 
-/// A chip on which one fault follows the other.
+/// A chip on which faults are applied one after another.
 pub(crate) struct Run {
     pub(crate) bench: Bench,
     host: HostLink,
     setup: Setup,
 }
 
-/// What the log tells of a motor, once a second.
+/// Texts of the log about a motor, and their names in the table. The log has them once a second.
 const OF_MOTOR: [(&str, &str); 4] = [
     ("encoder: Some(Stuck)", "log: stuck"),
     ("encoder: Some(Reversed)", "log: reversed"),
     ("battery_unknown: true", "log: battery unknown"),
     ("encoder_stale: true", "log: encoder stale"),
 ];
-/// What the hub tells of its bus, but for what is as it should be and what the status word has a word for.
+/// States of the bus that count as reports, and their names in the table. Other states are normal, or are in the status word.
 const BUS: [(BusState, &str); 3] = [
     (BusState::Silent, "bus: silent"),
     (BusState::TooLow, "bus: too low"),
     (BusState::TooHigh, "bus: too high"),
 ];
-/// And of the hub.
+/// Texts of the log about the hub, and their names in the table.
 const OF_HUB: [(&str, &str); 4] = [
     ("supply fell", "log: supply fell"),
     ("started by the watchdog", "log: started by the watchdog"),
     ("HardFault", "log: HardFault"),
     ("malformed", "log: malformed"),
 ];
-/// Longest time until motors follow their commands again. A load that ran away must be slowed down.
+/// Longest time until motors follow their commands again. A load that has accelerated a motor must first be slowed down.
 const BACK_WITHIN: Duration = ms(4_000);
 
 impl Run {
-    /// All motors follow their commands.
+    /// Starts all motors, and waits until they follow their commands.
     pub(crate) fn new(setup: Setup) -> Self {
         let mut run = Self { bench: powered(), host: HostLink::default(), setup };
         MODES.iter().for_each(|mode| mode.start(setup, &mut run.bench, &mut run.host));
@@ -80,33 +80,32 @@ impl Run {
         run
     }
 
-    /// Puts a fault in, takes it out, and has all motors come back.
-    pub(crate) fn row(&mut self, row: &Row) -> Seen {
+    /// Applies the fault of a row, removes it, and waits until all motors follow their commands again.
+    pub(crate) fn row(&mut self, row: &Row) -> RowResult {
         let Self { bench, host, .. } = self;
         let _: Status = host.question(bench, Standard::Status { clear: true });
         let (from, logged) = (bench.now(), bench.log().len());
-        row.fault.put_in(bench);
-        row.fault.lets_time_pass(bench, host);
+        row.fault.apply(bench);
+        row.fault.run(bench, host);
         let (to, transitions) = (bench.now(), bench.transitions());
         let speeds = MODES.map(|mode| bench.look(mode.motor()).counts_per_second);
-        let blind = row.fault.host_is_there()
+        let blind = row.fault.host_can_ask()
             && host.question::<i16>(bench, ToHub::Adc { channel: BATTERY, raw: false }) == 0;
-        let bus: Option<BusReport> =
-            row.fault.host_is_there().then(|| host.question(bench, HubFunction::Bus));
+        let bus: Option<BusReport> = row.fault.host_can_ask().then(|| host.question(bench, HubFunction::Bus));
         let log: Vec<String> = bench.log().into_iter().skip(logged).map(|line| line.text).collect();
-        let away = off(bench);
-        row.fault.take_out(bench);
+        let stopped = off(bench);
+        row.fault.remove(bench);
         let status: Status = host.question(bench, Standard::Status { clear: true });
         let mut says: Vec<_> =
             status.words().iter().copied().chain(blind.then_some("battery reads 0 V")).collect();
         says.extend(
             bus.and_then(|bus| BUS.into_iter().find(|(state, _)| *state == bus.state)).map(|(_, says)| says),
         );
-        says.extend(told(&log, "", &OF_HUB));
+        says.extend(reported(&log, "", &OF_HUB));
         let said = MODES.map(|mode| self.said(mode, status, &log));
-        let back = self.come_back(away);
+        let back = self.recover(stopped);
         let cells = MODES.into_iter().zip(speeds).zip(said).zip(back);
-        let cells = cells.map(|(((mode, speed), says), back)| SeenOne {
+        let cells = cells.map(|(((mode, speed), says), back)| MotorResult {
             open_after: since(&transitions, mode.motor(), from, Lines::open),
             shorted_after: since(&transitions, mode.motor(), from, Lines::shorted),
             longest_open: longest_open(&transitions, mode.motor(), from, to),
@@ -114,22 +113,22 @@ impl Run {
             says,
             back,
         });
-        Seen { says, cells: cells.collect() }
+        RowResult { says, cells: cells.collect() }
     }
 
-    /// What host and log say of one motor.
+    /// Returns the reports of one motor, from answers of the hub and its log.
     fn said(&mut self, mode: Mode, status: Status, log: &[String]) -> Vec<&'static str> {
         let alerts = status.alerts().into_iter().filter(|alert| alert.motor == mode.motor());
         let mut says: Vec<_> = alerts.map(|alert| alert.text).collect();
         let condition: Condition =
             self.host.question(&mut self.bench, MotorFunction::Condition.to(mode as u8));
         says.extend(condition.bridge_fault.then_some("bridge off"));
-        says.extend(told(log, &format!("motor {}: Faults", mode.motor()), &OF_MOTOR));
+        says.extend(reported(log, &format!("motor {}: Faults", mode.motor()), &OF_MOTOR));
         says
     }
 
-    /// Ends the fault, and returns how each motor follows its command again. `away` are the motors that had stopped.
-    fn come_back(&mut self, away: [bool; 4]) -> [Result<Back, f64>; 4] {
+    /// Ends the fault, and returns how each motor follows its command again. `stopped` are the motors that were not driven before.
+    fn recover(&mut self, stopped: [bool; 4]) -> [Result<Back, f64>; 4] {
         self.host.keep_alive(&mut self.bench);
         self.bench.run(ms(300));
         let later = off(&mut self.bench);
@@ -140,12 +139,12 @@ impl Run {
         self.settle();
         MODES.map(|mode| {
             let speed = self.bench.look(mode.motor()).counts_per_second;
-            let way = match (away[mode.motor()], later[mode.motor()]) {
+            let recovery = match (stopped[mode.motor()], later[mode.motor()]) {
                 (_, true) => Back::WhenEnabled,
                 (true, false) => Back::ByItself,
-                (false, false) => Back::WasNotAway,
+                (false, false) => Back::WasDriven,
             };
-            if mode.speeds().contains(&speed) { Ok(way) } else { Err(speed) }
+            if mode.speeds().contains(&speed) { Ok(recovery) } else { Err(speed) }
         })
     }
 
@@ -161,7 +160,8 @@ impl Run {
     }
 }
 
-/// Open, or shorted for good, and not just for a tick or between two modes.
+/// Returns for each motor whether its bridge has been open, or has shorted the motor, for more than 60 ms. A shorter time may
+/// be a control tick or a change of the mode.
 fn off(bench: &mut Bench) -> [bool; 4] {
     let (now, transitions) = (bench.now(), bench.transitions());
     MODES.map(|mode| {
@@ -171,7 +171,8 @@ fn off(bench: &mut Bench) -> [bool; 4] {
     })
 }
 
-/// Since when a bridge has had such lines for good, after a fault; `None` if it has not now.
+/// Returns the time from a fault until the lines of a bridge fulfilled `such` without interruption. `None` if they do not
+/// fulfil `such` after the last transition.
 fn since(
     transitions: &[Transition],
     motor: usize,
@@ -183,12 +184,13 @@ fn since(
     at.map(|at| at.saturating_sub(fault))
 }
 
-fn told(log: &[String], of: &str, words: &[(&str, &'static str)]) -> Vec<&'static str> {
+/// Returns the names of the texts in `words` that a log line has. The line must begin with `of`.
+fn reported(log: &[String], of: &str, words: &[(&str, &'static str)]) -> Vec<&'static str> {
     let tells = |word: &str| log.iter().any(|line| line.starts_with(of) && line.contains(word));
     words.iter().filter(|(word, _)| tells(word)).map(|(_, says)| *says).collect()
 }
 
-/// The longest time that a bridge is open between two instants.
+/// Returns the longest time for which a bridge was open between two times.
 fn longest_open(transitions: &[Transition], motor: usize, from: Duration, to: Duration) -> Duration {
     let (mut longest, mut open) = (Duration::ZERO, None);
     for t in transitions.iter().filter(|t| t.motor == motor) {
@@ -201,8 +203,8 @@ fn longest_open(transitions: &[Transition], motor: usize, from: Duration, to: Du
 }
 
 impl Fault {
-    /// The host may ask something without changing what comes of the fault.
-    const fn host_is_there(self) -> bool {
+    /// True if a request of the host does not change the effects of the fault.
+    const fn host_can_ask(self) -> bool {
         !matches!(self, Self::HostSilent | Self::HostGarbled(_) | Self::SupplyFalls | Self::ClocksDoNotStart)
     }
 }

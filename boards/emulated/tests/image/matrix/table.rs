@@ -1,13 +1,13 @@
-//! The table as `docs/results` has it.
+//! Writes the table of the fault matrix for `docs/results`.
 
 use std::fmt::Write;
 
 use super::modes::MODES;
 use super::rows::{Back, Row};
-use super::run::{Seen, SeenOne};
+use super::run::{MotorResult, RowResult};
 
 /// Rows of Markdown.
-pub(crate) fn text<'a>(rows: impl Iterator<Item = (&'a Row, &'a Seen)>) -> String {
+pub(crate) fn text<'a>(rows: impl Iterator<Item = (&'a Row, &'a RowResult)>) -> String {
     let names = MODES.map(|mode| mode.name());
     let mut out = format!("| | {} | reported | back |\n|{}\n", names.join(" | "), "---|".repeat(7));
     for (row, seen) in rows {
@@ -24,7 +24,7 @@ pub(crate) fn text<'a>(rows: impl Iterator<Item = (&'a Row, &'a Seen)>) -> Strin
     out
 }
 
-fn cell(seen: &SeenOne) -> String {
+fn cell(seen: &MotorResult) -> String {
     // The sum with 0 makes a positive zero of a negative one.
     let speed = format!("{:.0} counts/s", seen.speed.round() + 0.0);
     match (seen.open_after, seen.shorted_after) {
