@@ -366,8 +366,8 @@ impl Plant {
     /// The PWM period continues from the last run. A new duty is applied immediately. Before a new mode is applied, the
     /// bridge is open for [`Bridge::change`].
     pub fn run(&mut self, dt: Seconds, input: PlantInput, battery: Volts) -> Flow {
-        if input.off != self.mode {
-            self.mode = input.off;
+        if input.off != self.off_state {
+            self.off_state = input.off;
             self.open_s = self.circuit.bridge.change.0;
         }
         let open_s = self.open_s.min(dt.0);
@@ -423,10 +423,10 @@ impl Plant {
         let m = self.mechanics;
         let (ke, kt) = (self.motor.ke.0, self.motor.kt.0);
         let load_torque = (self.load.torque_after.0 + input.torque_after.0) * self.shaft.torque_ratio;
-        // Behind a train the external torque acts on the load: the closure `moves` passes it on.
+        // Behind a train the external torque acts on the load: the closure `motion_at` passes it on.
         let external = if self.output.is_some() { 0.0 } else { load_torque };
         let torque = |mean_current: f64| kt * mean_current + external;
-        let moves = |mean_current: f64, sticks: bool| match &self.output {
+        let motion_at = |mean_current: f64, sticks: bool| match &self.output {
             Some(output) => self.train_motion(output, window, kt * mean_current, load_torque),
             None => {
                 let motor = self.shaft_motion(torque(mean_current), sticks);
@@ -438,7 +438,7 @@ impl Plant {
         let slope = 1.0 + ke * kt * m.mean_gain * self.admittance;
         // A shaft at rest is assumed to stay at rest first, because the current at standstill decides whether it breaks
         // away.
-        let mut emf = ke * moves(self.last_mean, true).motor.mean;
+        let mut emf = ke * motion_at(self.last_mean, true).motor.mean;
         let (mut end, mut sums, mut mean) = self.electrical(window, emf, input, battery);
         // `sticks` is decided once in a window. Otherwise the back EMF of a shaft that broke away could make the shaft
         // stick again.
@@ -453,7 +453,7 @@ impl Plant {
             }
             emf += error / slope;
             (end, sums, mean) = self.electrical(window, emf, input, battery);
-            end_of_window = moves(mean, sticks);
+            end_of_window = motion_at(mean, sticks);
         }
         let WindowEnd { motor: motion, load, heat: train_heat } = end_of_window;
         // The current of a shaft at rest decays towards 0. It is set to 0 early, because subnormal numbers are slow.

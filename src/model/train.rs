@@ -134,7 +134,7 @@ impl Output {
             let (theta, d) = (motor.angle - load.angle, motor.speed - load.speed);
             let side = self.side(theta);
             let step = (window / steps).min(left).min(self.to_event(theta, d, side));
-            let x = theta - side * self.gap;
+            let x = theta - side * self.half_backlash;
             let acceleration = (torque - shaft.drag.0 * motor.speed) / shaft.inertia.0
                 - (load_torque - self.body.drag.0 * load.speed) / self.body.inertia.0;
             let k = 0.5 * step * self.stiffness + self.damping;

@@ -249,7 +249,7 @@ fn the_table_of_all_requests_says_which_are_refused_and_where_each_is_tested() {
             // These bytes are in the range of each field.
             let refused_by = |equipment| {
                 let mut host = TestHost::settled();
-                host.responder.equip(equipment);
+                host.responder.outputs.equipment = equipment;
                 host.call(*number, &[1; 20]) == UNSUPPORTED
             };
             assert_eq!(refused_by(FULL), answer.starts_with("253"), "{number} on a board with everything");
