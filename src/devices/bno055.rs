@@ -67,7 +67,7 @@ pub struct Access {
 
 /// The next access.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Step {
+enum NextAccess {
     /// Selects register page 0.
     #[default]
     SelectPage,
@@ -82,7 +82,7 @@ enum Step {
 /// The driver of one sensor.
 #[derive(Clone, Debug, Default)]
 pub struct Bno055 {
-    step: Step,
+    step: NextAccess,
     /// Earliest time of the next access.
     due: Micros,
     /// Time at which the driver began to measure.
@@ -98,11 +98,11 @@ impl Bno055 {
             return None;
         }
         Some(match self.step {
-            Step::SelectPage => Access { write: &[0x07, 0x00], read: 0 },
-            Step::Identify => Access { write: &[0x00], read: 1 },
-            Step::CheckMode => Access { write: &[0x3D], read: 1 },
-            Step::Configure(index) => Access { write: CONFIGURATION.get(index)?.0, read: 0 },
-            Step::Measure(_) => Access { write: &[0x20], read: 8 },
+            NextAccess::SelectPage => Access { write: &[0x07, 0x00], read: 0 },
+            NextAccess::Identify => Access { write: &[0x00], read: 1 },
+            NextAccess::CheckMode => Access { write: &[0x3D], read: 1 },
+            NextAccess::Configure(index) => Access { write: CONFIGURATION.get(index)?.0, read: 0 },
+            NextAccess::Measure(_) => Access { write: &[0x20], read: 8 },
         })
     }
 
@@ -118,47 +118,47 @@ impl Bno055 {
         };
         self.errors = 0;
         match (self.step, answer) {
-            (Step::SelectPage, _) => self.step = Step::Identify,
-            (Step::Identify, &[IDENTIFICATION]) => self.step = Step::CheckMode,
-            (Step::CheckMode, &[mode]) if mode & 0x0F == IMU_MODE => self.measure(now),
-            (Step::CheckMode, _) => self.step = Step::Configure(0),
-            (Step::Configure(index), _) => {
+            (NextAccess::SelectPage, _) => self.step = NextAccess::Identify,
+            (NextAccess::Identify, &[IDENTIFICATION]) => self.step = NextAccess::CheckMode,
+            (NextAccess::CheckMode, &[mode]) if mode & 0x0F == IMU_MODE => self.measure(now),
+            (NextAccess::CheckMode, _) => self.step = NextAccess::Configure(0),
+            (NextAccess::Configure(index), _) => {
                 let pause = CONFIGURATION.get(index).map_or(0, |(_, pause)| *pause);
                 self.due = Micros::new(now.get().saturating_add(pause));
                 if index + 1 < CONFIGURATION.len() {
-                    self.step = Step::Configure(index + 1);
+                    self.step = NextAccess::Configure(index + 1);
                 } else {
                     self.measure(now);
                 }
             }
-            (Step::Measure(has_begun), &[w0, w1, x0, x1, y0, y1, z0, z1]) => {
+            (NextAccess::Measure(has_begun), &[w0, w1, x0, x1, y0, y1, z0, z1]) => {
                 let quaternion = [[w0, w1], [x0, x1], [y0, y1], [z0, z1]].map(i16::from_le_bytes);
                 let heading = heading_degrees(quaternion);
                 if heading.is_some() {
-                    self.step = Step::Measure(true);
+                    self.step = NextAccess::Measure(true);
                 } else if has_begun || now.since(self.measures_since) > FIRST_US {
                     // The sensor has lost its supply, or something else answers.
                     self.begin_again(now);
                 }
                 return heading;
             }
-            (Step::Identify | Step::Measure(_), _) => self.begin_again(now),
+            (NextAccess::Identify | NextAccess::Measure(_), _) => self.begin_again(now),
         }
         None
     }
 
     /// True from the first measurement until the sensor counts as lost.
     pub const fn is_measuring(&self) -> bool {
-        matches!(self.step, Step::Measure(true))
+        matches!(self.step, NextAccess::Measure(true))
     }
 
     const fn measure(&mut self, now: Micros) {
-        (self.step, self.measures_since) = (Step::Measure(false), now);
+        (self.step, self.measures_since) = (NextAccess::Measure(false), now);
     }
 
     const fn begin_again(&mut self, now: Micros) {
         *self = Self {
-            step: Step::SelectPage,
+            step: NextAccess::SelectPage,
             due: Micros::new(now.get().saturating_add(RETRY_US)),
             measures_since: now,
             errors: 0,

@@ -59,12 +59,12 @@ pub(super) struct Output {
     /// N m s/rad.
     damping: f64,
     /// State of the load.
-    pub(super) state: Motion,
+    pub(super) state: ShaftState,
 }
 
 /// Speed (rad/s) and angle (rad) of a body, referred to the motor shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Motion {
+pub(super) struct ShaftState {
     pub(super) speed: f64,
     pub(super) angle: f64,
 }
@@ -72,10 +72,10 @@ pub(super) struct Motion {
 /// The end of a window.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct WindowEnd {
-    /// Motion of the motor.
+    /// ShaftState of the motor.
     pub(super) motor: ShaftMotion,
     /// State of the load.
-    pub(super) load: Motion,
+    pub(super) load: ShaftState,
     /// Heat of the shaft's damping, J.
     pub(super) heat: f64,
 }
@@ -95,7 +95,7 @@ impl Output {
             gap: 0.5 * n * train.backlash_after,
             stiffness: train.stiffness_after * reflection,
             damping: train.damping_after * reflection,
-            state: Motion::default(),
+            state: ShaftState::default(),
         })
     }
 
@@ -117,7 +117,7 @@ impl Output {
         &self,
         shaft: &Shaft,
         friction: &Friction,
-        state: Motion,
+        state: ShaftState,
         window: f64,
         torque: f64,
         load_torque: f64,
@@ -152,8 +152,8 @@ impl Output {
                 self.damping * difference * difference * step
             };
             sliding_angle += motor_moves.sliding_angle;
-            motor = Motion { speed: motor_moves.end, angle: motor.angle + step * motor_moves.mean };
-            load = Motion { speed: load_moves.end, angle: load.angle + step * load_moves.mean };
+            motor = ShaftState { speed: motor_moves.end, angle: motor.angle + step * motor_moves.mean };
+            load = ShaftState { speed: load_moves.end, angle: load.angle + step * load_moves.mean };
             left -= step;
         }
         let mean = (motor.angle - state.angle) / window;
