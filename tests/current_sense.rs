@@ -8,62 +8,77 @@ use motor_hub::bridge::{BridgeFeedback, Drive, Mode, SenseScale};
 use motor_hub::extension::report::MotorReport;
 use motor_hub::model::plant::PlantInput;
 use motor_hub::model::si::{Amps, RadPerSec, Seconds, Volts};
-use motor_hub::motor::{Report, SenseLine, Setpoint, Settings};
+use motor_hub::motor::SenseLine::{self, Absent, Excessive, Silent, Sound, Stuck};
+use motor_hub::motor::{Report, Setpoint, Settings};
 use motor_hub::units::{Control, Milliamperes, Millivolts, RangeError};
 use proptest::prelude::*;
 
-const HALF: Control = Control::new(16_384);
+/// Control values: half power, the short of mode 5/0, a power at which the current is too small to judge the line, and no change.
+const HALF: Option<i16> = Some(16_384);
+const SHORT: Option<i16> = Some(0);
+const LOW: Option<i16> = Some(4_000);
+const SAME: Option<i16> = None;
+
+/// A step: a control value, a time in ms, and the current in mA that the line shows meanwhile. Then what the hub reports: the state
+/// of the line, and the measured current in mA.
+type Step = (Option<i16>, u64, Option<i32>, SenseLine, Option<i32>);
 
 /// A motor whose shaft is held, with a current-sense line that shows what the test sets.
 struct Held(Bench<1>);
 
 impl Held {
-    fn new() -> Self {
+    /// Starts at rest, and takes these steps.
+    fn after(steps: &[Step]) -> Self {
         let mut bench = Bench::turned(Settings::new(Winding::NEVEREST_60), [0.0]);
-        // From now on each run ends with the millisecond of a tick.
+        // From now on each step ends with the millisecond of a tick.
         bench.run_ms(1);
-        Self(bench)
+        let mut held = Self(bench);
+        held.follow(steps);
+        held
+    }
+
+    fn follow(&mut self, steps: &[Step]) {
+        for (index, &(power, ms, shown_ma, line, measured_ma)) in steps.iter().enumerate() {
+            if let Some(power) = power {
+                self.0.set(0, Setpoint::ConstantPower(Control::new(power)));
+            }
+            let report = self.run(ms, shown_ma);
+            let found = (report.sense_line, report.measured.map(Milliamperes::get));
+            assert_eq!(found, (line, measured_ma), "step {index} of {steps:?}");
+        }
     }
 
     /// A sample of the line every 25 ms, and a tick every 50.
     fn run(&mut self, ms: u64, shown_ma: Option<i32>) -> &Report {
         for _ in 0..ms {
             if self.0.ms.is_multiple_of(25) {
-                self.0
-                    .hub
-                    .sense(&[BridgeFeedback { current: shown_ma.map(Milliamperes::new), fault: false }]);
+                let current = shown_ma.map(Milliamperes::new);
+                self.0.hub.sense(&[BridgeFeedback { current, fault: false }]);
             }
             self.0.run_ms(1);
         }
         self.0.report()
     }
 
-    fn power(&mut self, power: Control) {
-        self.0.set(0, Setpoint::ConstantPower(power));
+    /// The current that the hub uses, if it is the modelled one.
+    fn modelled_ma(&self) -> i32 {
+        let report = self.0.report();
+        assert_eq!(report.best_current(), report.current);
+        report.current.get()
     }
-}
-
-fn line_and_current(report: &Report) -> (SenseLine, Option<i32>) {
-    (report.sense_line, report.measured.map(Milliamperes::get))
 }
 
 #[test]
 fn the_current_of_a_motor_without_a_line_is_modelled() {
-    let mut held = Held::new();
-    held.power(HALF);
-    let report = held.run(500, None);
-    assert_eq!(line_and_current(report), (SenseLine::Absent, None));
-    assert!(report.current.get() > 1_500 && report.best_current() == report.current, "{:?}", report.current);
+    let modelled = Held::after(&[(HALF, 500, None, Absent, None)]).modelled_ma();
+    assert!(modelled > 1_500, "{modelled}");
 }
 
 #[test]
 fn a_line_is_believed_in_9_8_and_6_2_with_the_sign_of_the_model() {
-    for (power, sign) in [(HALF, 1), (Control::new(-16_384), -1)] {
-        let mut held = Held::new();
-        held.power(power);
-        let report = held.run(500, Some(1_234));
-        assert_eq!(line_and_current(report), (SenseLine::Sound, Some(1_234)));
-        assert_eq!(report.best_current().get(), sign * 1_234);
+    for (power, sign) in [(HALF, 1), (Some(-16_384), -1)] {
+        let held = Held::after(&[(power, 500, Some(1_234), Sound, Some(1_234))]);
+        assert_eq!(held.0.report().best_current().get(), sign * 1_234);
     }
 }
 
@@ -85,148 +100,129 @@ fn a_host_reads_the_same_best_current_as_the_hub() {
 
 #[test]
 fn in_5_0_a_line_shows_nothing_and_the_model_goes_on() {
-    let mut held = Held::new();
-    held.power(HALF);
-    held.run(500, Some(1_800));
+    let mut held = Held::after(&[(HALF, 500, Some(1_800), Sound, Some(1_800))]);
     held.0.axes[0].turned = Some(-2_000.0);
-    held.power(Control::ZERO);
-    let report = held.run(500, Some(0));
-    assert_eq!(report.drive, Drive::BRAKE);
-    assert_eq!(line_and_current(report), (SenseLine::Sound, None));
-    assert!(report.best_current() == report.current && report.current.get() > 1_000, "{:?}", report.current);
+    held.follow(&[(SHORT, 500, Some(0), Sound, None)]);
+    assert_eq!(held.0.report().drive, Drive::BRAKE);
+    let modelled = held.modelled_ma();
+    assert!(modelled > 1_000, "{modelled}");
 }
 
 #[test]
 fn a_sample_of_another_mode_is_not_the_current_of_this_one() {
-    let mut held = Held::new();
-    held.power(HALF);
-    held.run(500, Some(1_800));
-    held.power(Control::ZERO);
-    // The tick at 550 ms shorts it; the sample of 525 ms was of 9/8.
-    assert_eq!(line_and_current(held.run(50, Some(1_800))), (SenseLine::Sound, None));
-    held.power(HALF);
-    assert_eq!(line_and_current(held.run(50, Some(0))), (SenseLine::Sound, None));
-    // The first sample in it may belong to the mode before.
-    assert_eq!(line_and_current(held.run(50, Some(1_800))), (SenseLine::Sound, Some(1_800)));
+    Held::after(&[
+        (HALF, 500, Some(1_800), Sound, Some(1_800)),
+        // The tick at 550 ms shorts it; the sample of 525 ms was of 9/8.
+        (SHORT, 50, Some(1_800), Sound, None),
+        (HALF, 50, Some(0), Sound, None),
+        // The first sample in it may belong to the mode before.
+        (SAME, 50, Some(1_800), Sound, Some(1_800)),
+    ]);
 }
 
 #[test]
 fn the_first_sample_of_a_mode_proves_nothing_and_four_after_it_do() {
-    let mut held = Held::new();
-    held.power(HALF);
-    held.run(500, Some(1_800));
-    held.power(Control::ZERO);
-    held.run(500, Some(0));
-    held.power(HALF);
-    held.run(50, Some(0));
-    // Four samples in mode 9/8. The first may belong to the short, so the next sample is the fourth that counts.
-    assert_eq!(held.run(100, Some(0)).sense_line, SenseLine::Sound);
-    assert_eq!(held.run(50, Some(0)).sense_line, SenseLine::Silent);
+    Held::after(&[
+        (HALF, 500, Some(1_800), Sound, Some(1_800)),
+        (SHORT, 500, Some(0), Sound, None),
+        (HALF, 50, Some(0), Sound, None),
+        // Four samples in mode 9/8. The first may belong to the short, so the next sample is the fourth that counts.
+        (SAME, 100, Some(0), Sound, Some(0)),
+        (SAME, 50, Some(0), Silent, None),
+    ]);
 }
 
 #[test]
 fn nothing_where_an_ampere_is_due_is_a_broken_line_but_little_is_another_motor() {
-    for (ma, line) in [(0, SenseLine::Silent), (40, SenseLine::Silent), (60, SenseLine::Sound)] {
-        let mut held = Held::new();
-        held.power(HALF);
-        assert_eq!(held.run(500, Some(ma)).sense_line, line, "{ma} mA");
+    for (ma, line, measured_ma) in [(0, Silent, None), (40, Silent, None), (60, Sound, Some(60))] {
+        Held::after(&[(HALF, 500, Some(ma), line, measured_ma)]);
     }
-    // A current of a few hundred milliamperes is too small to judge the line.
-    let mut held = Held::new();
-    held.power(Control::new(4_000));
-    assert_eq!(held.run(500, Some(0)).sense_line, SenseLine::Sound);
+    Held::after(&[(LOW, 500, Some(0), Sound, None)]);
 }
 
 #[test]
 fn a_line_is_not_judged_without_encoder_readings() {
-    let mut held = Held::new();
-    held.power(HALF);
+    let mut held = Held::after(&[]);
     held.0.axes[0].unread_ms = u64::MAX;
-    let report = held.run(2_000, Some(0));
-    assert!(report.faults.encoder_stale);
-    assert_eq!(line_and_current(report), (SenseLine::Sound, None));
+    held.follow(&[(HALF, 2_000, Some(0), Sound, None)]);
+    assert!(held.0.report().faults.encoder_stale);
 }
 
 #[test]
 fn a_line_to_ground_measures_nothing_however_little_the_motor_takes() {
-    let mut held = Held::new();
-    held.power(Control::new(4_000));
-    let report = held.run(1_000, Some(0));
-    assert_eq!(line_and_current(report), (SenseLine::Sound, None), "nothing has been due yet");
-    held.run(25, Some(80));
-    let report = held.run(1_000, Some(0));
-    assert_eq!(line_and_current(report), (SenseLine::Sound, None), "a spike is no current");
-    assert!(report.best_current() == report.current && report.current.get() > 200, "{:?}", report.current);
-    held.power(HALF);
-    assert_eq!(line_and_current(held.run(500, Some(0))), (SenseLine::Silent, None));
+    // Nothing has been due at first, and a spike is no current. No tick follows the spike.
+    let spike = (SAME, 25, Some(80), Sound, None);
+    let mut held =
+        Held::after(&[(LOW, 1_000, Some(0), Sound, None), spike, (SAME, 1_000, Some(0), Sound, None)]);
+    let modelled = held.modelled_ma();
+    assert!(modelled > 200, "{modelled}");
     // The current at speed does not prove that the line is mended.
-    held.power(Control::new(4_000));
-    let report = held.run(2_000, Some(0));
-    assert_eq!(line_and_current(report), (SenseLine::Silent, None));
-    assert!(report.best_current().get() > 200, "{:?}", report.current);
+    held.follow(&[(HALF, 500, Some(0), Silent, None), (LOW, 2_000, Some(0), Silent, None)]);
+    let modelled = held.modelled_ma();
+    assert!(modelled > 200, "{modelled}");
 }
 
 #[test]
 fn a_line_that_has_shown_a_current_may_show_none() {
-    let mut held = Held::new();
-    held.power(Control::new(4_000));
-    held.run(200, Some(600));
-    assert_eq!(line_and_current(held.run(500, Some(10))), (SenseLine::Sound, Some(10)), "it slips");
-    assert_eq!(line_and_current(held.run(500, None)), (SenseLine::Absent, None));
-    assert_eq!(line_and_current(held.run(500, Some(0))), (SenseLine::Sound, None), "it may be another line");
+    Held::after(&[
+        (LOW, 200, Some(600), Sound, Some(600)),
+        // It slips.
+        (SAME, 500, Some(10), Sound, Some(10)),
+        (SAME, 500, None, Absent, None),
+        // It may be another line.
+        (SAME, 500, Some(0), Sound, None),
+    ]);
 }
 
 #[test]
 fn a_line_that_shows_a_current_where_the_bridge_can_show_none_is_stuck_until_it_shows_none_there() {
-    let mut held = Held::new();
-    assert_eq!(line_and_current(held.run(300, Some(23_571))), (SenseLine::Stuck, None));
-    held.power(HALF);
-    // A line that shows the right current again is not accepted while the motor is driven.
-    assert_eq!(line_and_current(held.run(500, Some(1_800))), (SenseLine::Stuck, None));
-    held.power(Control::ZERO);
-    assert_eq!(held.run(300, Some(0)).sense_line, SenseLine::Sound);
-    held.power(HALF);
-    assert_eq!(line_and_current(held.run(100, Some(1_800))), (SenseLine::Sound, Some(1_800)));
+    Held::after(&[
+        (SAME, 300, Some(23_571), Stuck, None),
+        // A line that shows the right current again is not accepted while the motor is driven.
+        (HALF, 500, Some(1_800), Stuck, None),
+        (SHORT, 300, Some(0), Sound, None),
+        (HALF, 100, Some(1_800), Sound, Some(1_800)),
+    ]);
 }
 
 #[test]
 fn a_silent_line_that_is_mended_is_believed_again_by_what_it_shows() {
-    let mut held = Held::new();
-    held.power(HALF);
-    assert_eq!(held.run(500, Some(0)).sense_line, SenseLine::Silent);
-    held.power(Control::ZERO);
-    assert_eq!(held.run(500, Some(0)).sense_line, SenseLine::Silent, "nothing is what it should show here");
-    held.power(HALF);
-    assert_eq!(line_and_current(held.run(500, Some(1_700))), (SenseLine::Sound, Some(1_700)));
+    Held::after(&[
+        (HALF, 500, Some(0), Silent, None),
+        // Nothing is what it should show here.
+        (SHORT, 500, Some(0), Silent, None),
+        (HALF, 500, Some(1_700), Sound, Some(1_700)),
+    ]);
 }
 
 #[test]
 fn a_current_far_above_the_modelled_one_is_used_and_reported_as_excessive() {
-    let mut held = Held::new();
-    held.power(HALF);
-    let modelled = held.run(100, Some(1_800)).current.get();
-    assert_eq!(held.run(500, Some(2 * modelled)).sense_line, SenseLine::Sound, "a chip of the worst ratio");
-    assert_eq!(line_and_current(held.run(500, Some(12_000))), (SenseLine::Excessive, Some(12_000)));
-    assert_eq!(held.run(500, Some(1_800)).sense_line, SenseLine::Sound);
+    let mut held = Held::after(&[(HALF, 100, Some(1_800), Sound, Some(1_800))]);
+    let worst_ratio = 2 * held.0.report().current.get();
+    held.follow(&[
+        (SAME, 500, Some(worst_ratio), Sound, Some(worst_ratio)),
+        (SAME, 500, Some(12_000), Excessive, Some(12_000)),
+        (SAME, 500, Some(1_800), Sound, Some(1_800)),
+    ]);
 }
 
 #[test]
 fn a_single_wrong_sample_changes_no_state() {
-    let mut held = Held::new();
-    held.power(HALF);
+    let right = (SAME, 100, Some(1_800), Sound, Some(1_800));
+    let mut held = Held::after(&[(HALF, 100, Some(1_800), Sound, Some(1_800))]);
     for _ in 0..10 {
-        held.run(100, Some(1_800));
-        assert_eq!(held.run(50, Some(0)).sense_line, SenseLine::Sound);
+        assert_eq!(held.run(50, Some(0)).sense_line, Sound);
+        held.follow(&[right]);
     }
 }
 
 #[test]
 fn a_converter_that_dies_leaves_the_model() {
-    let mut held = Held::new();
-    held.power(HALF);
-    assert_eq!(line_and_current(held.run(500, Some(1_800))), (SenseLine::Sound, Some(1_800)));
-    assert_eq!(line_and_current(held.run(50, None)), (SenseLine::Absent, None));
-    assert_eq!(line_and_current(held.run(50, Some(1_800))), (SenseLine::Sound, Some(1_800)));
+    Held::after(&[
+        (HALF, 500, Some(1_800), Sound, Some(1_800)),
+        (SAME, 50, None, Absent, None),
+        (SAME, 50, Some(1_800), Sound, Some(1_800)),
+    ]);
 }
 
 #[test]

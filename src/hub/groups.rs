@@ -19,7 +19,7 @@ use crate::units::{CountsPerSecond, Period, RangeError};
 
 /// The state of one group.
 #[derive(Clone, Debug)]
-enum State<const N: usize> {
+enum ActiveGroup<const N: usize> {
     /// The group waits for the first tick at which all members have a fresh encoder reading.
     Waiting(GroupCommand),
     /// The group follows its course, and then holds its end positions. The detector finds out when all members have
@@ -30,7 +30,7 @@ enum State<const N: usize> {
 /// All groups of a hub. A motor is in one group at most, so there are at most N groups.
 #[derive(Clone, Debug)]
 pub(super) struct Groups<const N: usize> {
-    states: [Option<State<N>>; N],
+    states: [Option<ActiveGroup<N>>; N],
 }
 
 impl<const N: usize> Groups<N> {
@@ -55,7 +55,7 @@ impl<const N: usize> Groups<N> {
             return Err(RangeError::Motor);
         }
         for state in self.states.iter_mut().flatten() {
-            if let State::Moving(group, settle_detector) = state
+            if let ActiveGroup::Moving(group, settle_detector) = state
                 && group.members().iter().enumerate().all(|(motor, member)| *member == is_new_member(motor))
             {
                 group.redirect(command);
@@ -65,7 +65,7 @@ impl<const N: usize> Groups<N> {
         }
         self.release(core::array::from_fn(is_new_member), motors);
         if let Some(free) = self.states.iter_mut().find(|state| state.is_none()) {
-            *free = Some(State::Waiting(command));
+            *free = Some(ActiveGroup::Waiting(command));
         }
         Ok(())
     }
@@ -88,11 +88,11 @@ impl<const N: usize> Groups<N> {
         let mut were_moving = [false; N];
         for slot in &mut self.states {
             let ended = match slot {
-                Some(State::Waiting(command)) => {
+                Some(ActiveGroup::Waiting(command)) => {
                     let members = command.course.members();
                     leaving.iter().zip(&members).any(|(leaves, member)| *leaves && *member)
                 }
-                Some(State::Moving(group, _)) => {
+                Some(ActiveGroup::Moving(group, _)) => {
                     let members = *group.members();
                     for (motor, (left, leaves)) in were_moving.iter_mut().zip(leaving).enumerate() {
                         if leaves && members.get(motor) == Some(&true) {
@@ -130,17 +130,17 @@ impl<const N: usize> Groups<N> {
             *position = reading.map_or(*position, |reading| reading.position);
         }
         for state in self.states.iter_mut().flatten() {
-            if let State::Waiting(command) = state {
+            if let ActiveGroup::Waiting(command) = state {
                 let members = command.course.members();
                 if members.iter().zip(&fresh).all(|(member, reading)| !member || reading.is_some()) {
                     let speeds = motors.each_ref().map(|motor| motor.velocity());
                     let is_member = core::array::from_fn(|motor| members.get(motor) == Some(&true));
                     let positions = minus(&positions, &corrections_of(base, &is_member));
                     let group = Group::new(*command, positions, speeds, period);
-                    *state = State::Moving(group, SettleDetector::default());
+                    *state = ActiveGroup::Moving(group, SettleDetector::default());
                 }
             }
-            let State::Moving(group, _) = state else { continue };
+            let ActiveGroup::Moving(group, _) = state else { continue };
             let corrections = corrections_of(base, group.members());
             let references = group.step(&minus(&positions, &corrections));
             for ((motor, reference), correction) in motors.iter_mut().zip(references).zip(corrections) {
@@ -162,7 +162,7 @@ impl<const N: usize> Groups<N> {
         period: Period,
     ) {
         for slot in &mut self.states {
-            let Some(State::Moving(group, settle_detector)) = slot else { continue };
+            let Some(ActiveGroup::Moving(group, settle_detector)) = slot else { continue };
             let members = *group.members();
             let positions = reports.each_ref().map(|report| report.position);
             let within_tolerance =

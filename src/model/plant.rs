@@ -40,7 +40,7 @@ use super::load::{Load, Shaft};
 use super::mechanics::{Mechanics, ShaftMotion};
 use super::si::{Amps, Coulombs, Hertz, Joules, NewtonMetres, RadPerSec, Seconds, Volts};
 use super::switching::{Bridge, Circuit, Conditions, Integrals, Pwm};
-use super::train::{Motion, Output, Train, WindowEnd};
+use super::train::{Output, ShaftState, Train, WindowEnd};
 use crate::bridge::{Mode, State};
 
 /// Largest product of window length (s) and frequency `w` (rad/s), which the module's documentation defines; without unit.
@@ -262,7 +262,7 @@ impl Plant {
         let state = self
             .output
             .as_ref()
-            .map_or(Motion { speed: self.speed, angle: self.angle }, |output| output.state);
+            .map_or(ShaftState { speed: self.speed, angle: self.angle }, |output| output.state);
         self.output = self.train.and_then(|train| Output::new(&self.motor, &load, &train));
         if let Some(output) = &mut self.output {
             output.state = state;
@@ -357,7 +357,7 @@ impl Plant {
         self.speed = speed.0;
         self.angle = angle;
         if let Some(output) = &mut self.output {
-            output.state = Motion { speed: speed.0, angle };
+            output.state = ShaftState { speed: speed.0, angle };
         }
     }
 
@@ -430,7 +430,7 @@ impl Plant {
             Some(output) => self.train_motion(output, window, kt * mean_current, load_torque),
             None => {
                 let motor = self.shaft_motion(torque(mean_current), sticks);
-                WindowEnd { motor, load: Motion::default(), heat: 0.0 }
+                WindowEnd { motor, load: ShaftState::default(), heat: 0.0 }
             }
         };
         let tolerance = 1e-6 * (battery.0 + 1.0);
@@ -481,7 +481,7 @@ impl Plant {
     /// both in N m on the motor shaft.
     fn train_motion(&self, output: &Output, window: f64, torque: f64, load_torque: f64) -> WindowEnd {
         let cogging = self.motor.cogging.mean_torque(self.angle, window * self.speed);
-        let state = Motion { speed: self.speed, angle: self.angle };
+        let state = ShaftState { speed: self.speed, angle: self.angle };
         output.motion(&self.shaft, &self.motor.friction, state, window, torque + cogging, load_torque)
     }
 

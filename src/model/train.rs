@@ -62,12 +62,12 @@ pub(super) struct Output {
     /// Damping of the shaft, N m s/rad.
     damping: f64,
     /// Present speed and angle of the load.
-    pub(super) state: Motion,
+    pub(super) state: ShaftState,
 }
 
 /// Speed (rad/s) and angle (rad) of a body, referred to the motor shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Motion {
+pub(super) struct ShaftState {
     pub(super) speed: f64,
     pub(super) angle: f64,
 }
@@ -78,7 +78,7 @@ pub(super) struct WindowEnd {
     /// Motion of the motor.
     pub(super) motor: ShaftMotion,
     /// Speed and angle of the load at the end of the window.
-    pub(super) load: Motion,
+    pub(super) load: ShaftState,
     /// Heat of the shaft's damping, J.
     pub(super) heat: f64,
 }
@@ -99,7 +99,7 @@ impl Output {
             half_backlash: 0.5 * n * train.backlash_after,
             stiffness: train.stiffness_after * reflection,
             damping: train.damping_after * reflection,
-            state: Motion::default(),
+            state: ShaftState::default(),
         })
     }
 
@@ -121,7 +121,7 @@ impl Output {
         &self,
         shaft: &Shaft,
         friction: &Friction,
-        state: Motion,
+        state: ShaftState,
         window: f64,
         torque: f64,
         load_torque: f64,
@@ -156,8 +156,8 @@ impl Output {
                 self.damping * difference * difference * step
             };
             sliding_angle += motor_moves.sliding_angle;
-            motor = Motion { speed: motor_moves.end, angle: motor.angle + step * motor_moves.mean };
-            load = Motion { speed: load_moves.end, angle: load.angle + step * load_moves.mean };
+            motor = ShaftState { speed: motor_moves.end, angle: motor.angle + step * motor_moves.mean };
+            load = ShaftState { speed: load_moves.end, angle: load.angle + step * load_moves.mean };
             left -= step;
         }
         let mean = (motor.angle - state.angle) / window;

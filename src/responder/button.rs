@@ -55,7 +55,7 @@ pub struct ButtonInputs {
 
 /// State of the contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Contact {
+enum ContactState {
     /// Closed since reset. The button is stuck, or was pressed during the reset. Also the state before the first step.
     Stuck,
     /// Open.
@@ -68,7 +68,7 @@ enum Contact {
 
 /// What the button commands the motors to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Motion {
+enum ButtonMotion {
     /// The motors are disabled.
     Off,
     /// The motors turn, because the button is pressed.
@@ -80,30 +80,30 @@ enum Motion {
 /// State of the button and its motors.
 #[derive(Clone, Debug)]
 pub struct Button {
-    contact: Contact,
-    motion: Motion,
+    contact: ContactState,
+    motion: ButtonMotion,
 }
 
 impl Button {
     /// Creates the state after a reset.
     pub const fn new() -> Self {
-        Self { contact: Contact::Stuck, motion: Motion::Off }
+        Self { contact: ContactState::Stuck, motion: ButtonMotion::Off }
     }
 
     /// Returns the set-point of all motors. Must be called about every 10 ms.
     pub fn step(&mut self, inputs: ButtonInputs) -> Setpoint {
         let pressed = self.pressed(inputs.down, inputs.now);
         self.motion = match self.motion {
-            _ if !inputs.permitted => Motion::Off,
-            _ if pressed && inputs.battery_good => Motion::Turning,
-            Motion::Turning if self.contact == Contact::Up => Motion::Stopping(inputs.now),
-            Motion::Stopping(since) if inputs.now.since(since) >= HOLD_MICROS => Motion::Off,
+            _ if !inputs.permitted => ButtonMotion::Off,
+            _ if pressed && inputs.battery_good => ButtonMotion::Turning,
+            ButtonMotion::Turning if self.contact == ContactState::Up => ButtonMotion::Stopping(inputs.now),
+            ButtonMotion::Stopping(since) if inputs.now.since(since) >= HOLD_MICROS => ButtonMotion::Off,
             motion => motion,
         };
         match self.motion {
-            Motion::Off => Setpoint::Disabled,
-            Motion::Turning => TURN,
-            Motion::Stopping(_) => Setpoint::Velocity(CountsPerSecond::ZERO),
+            ButtonMotion::Off => Setpoint::Disabled,
+            ButtonMotion::Turning => TURN,
+            ButtonMotion::Stopping(_) => Setpoint::Velocity(CountsPerSecond::ZERO),
         }
     }
 
@@ -111,12 +111,12 @@ impl Button {
     fn pressed(&mut self, down: bool, now: Micros) -> bool {
         let before = self.contact;
         self.contact = match before {
-            _ if !down => Contact::Up,
-            Contact::Up => Contact::Closing(now),
-            Contact::Closing(since) if now.since(since) >= DEBOUNCE_MICROS => Contact::Down,
+            _ if !down => ContactState::Up,
+            ContactState::Up => ContactState::Closing(now),
+            ContactState::Closing(since) if now.since(since) >= DEBOUNCE_MICROS => ContactState::Down,
             contact => contact,
         };
-        before != self.contact && self.contact == Contact::Down
+        before != self.contact && self.contact == ContactState::Down
     }
 }
 

@@ -40,7 +40,7 @@ pub struct Transfer {
 
 /// What a transfer's result answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum TransferKind {
     /// The host polls with *poll read*.
     Read,
     /// The host polls with *poll write*, and has written this number of bytes.
@@ -48,25 +48,25 @@ enum Kind {
 }
 
 #[derive(Clone, Debug, Default)]
-enum State {
+enum TransferState {
     #[default]
     Idle,
     /// The task of the bus has not taken the transfer.
     Requested(Transfer),
-    Running(Kind),
-    Finished(Kind, I2cRead),
+    Running(TransferKind),
+    Finished(TransferKind, I2cRead),
 }
 
 /// The transfers of one I2C bus.
 #[derive(Clone, Debug, Default)]
 pub struct Transfers {
-    state: State,
+    state: TransferState,
     fast: bool,
 }
 
 impl Transfer {
-    fn kind(&self) -> Kind {
-        if self.read == 0 { Kind::Write(self.write.len() as u8) } else { Kind::Read }
+    fn kind(&self) -> TransferKind {
+        if self.read == 0 { TransferKind::Write(self.write.len() as u8) } else { TransferKind::Read }
     }
 }
 
@@ -86,14 +86,14 @@ impl Transfers {
             ToPin::I2cSpeed { .. } => return Ok(Reply::data(&self.fast)),
             ToPin::PollI2cRead { .. } => {
                 return self.result().and_then(|(kind, result)| match kind {
-                    Kind::Read => Ok(Reply::data(result)),
-                    Kind::Write(_) => Err(Nack::I2C_OTHER_TRANSFER),
+                    TransferKind::Read => Ok(Reply::data(result)),
+                    TransferKind::Write(_) => Err(Nack::I2C_OTHER_TRANSFER),
                 });
             }
             ToPin::PollI2cWrite { .. } => {
                 return self.result().and_then(|(kind, result)| match kind {
-                    Kind::Read => Err(Nack::I2C_OTHER_TRANSFER),
-                    Kind::Write(count) => {
+                    TransferKind::Read => Err(Nack::I2C_OTHER_TRANSFER),
+                    TransferKind::Write(count) => {
                         let status = result.status;
                         let count = if status == I2cStatus::default() { count } else { 0 };
                         Ok(Reply::data(&I2cWritten { status, count }))
@@ -115,37 +115,37 @@ impl Transfers {
 
     /// Returns the next transfer for the task of the bus. `None` if no new transfer was requested.
     pub fn take_request(&mut self) -> Option<Transfer> {
-        let State::Requested(transfer) = &self.state else { return None };
-        let running = State::Running(transfer.kind());
-        let State::Requested(transfer) = mem::replace(&mut self.state, running) else { return None };
+        let TransferState::Requested(transfer) = &self.state else { return None };
+        let running = TransferState::Running(transfer.kind());
+        let TransferState::Requested(transfer) = mem::replace(&mut self.state, running) else { return None };
         Some(transfer)
     }
 
     /// Stores the result of the running transfer.
     pub fn done(&mut self, result: I2cRead) {
-        if let State::Running(kind) = self.state {
-            self.state = State::Finished(kind, result);
+        if let TransferState::Running(kind) = self.state {
+            self.state = TransferState::Finished(kind, result);
         }
     }
 
     /// True while a transfer is requested or running.
     pub(super) const fn is_running(&self) -> bool {
-        matches!(self.state, State::Requested(_) | State::Running(_))
+        matches!(self.state, TransferState::Requested(_) | TransferState::Running(_))
     }
 
     fn start(&mut self, transfer: Transfer) -> Result<(), Nack> {
         if self.is_running() {
             return Err(Nack::I2C_BUSY);
         }
-        self.state = State::Requested(transfer);
+        self.state = TransferState::Requested(transfer);
         Ok(())
     }
 
-    const fn result(&self) -> Result<(Kind, &I2cRead), Nack> {
+    const fn result(&self) -> Result<(TransferKind, &I2cRead), Nack> {
         match &self.state {
-            State::Idle => Err(Nack::I2C_NO_TRANSFER),
-            State::Requested(_) | State::Running(_) => Err(Nack::I2C_RUNNING),
-            State::Finished(kind, result) => Ok((*kind, result)),
+            TransferState::Idle => Err(Nack::I2C_NO_TRANSFER),
+            TransferState::Requested(_) | TransferState::Running(_) => Err(Nack::I2C_RUNNING),
+            TransferState::Finished(kind, result) => Ok((*kind, result)),
         }
     }
 }

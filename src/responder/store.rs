@@ -44,14 +44,14 @@ pub(super) struct Memory {
     found: Found,
     /// Result of the last access.
     outcome: Outcome,
-    phase: Phase,
+    phase: AccessState,
     /// True if the address in force must still be stored.
     address_due: bool,
 }
 
 /// State of the accesses to the memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Phase {
+enum AccessState {
     /// No access is running.
     Idle,
     /// The host has requested the access. The task has not taken the request yet.
@@ -75,7 +75,7 @@ enum Access {
 
 impl Memory {
     fn new(found: Found) -> Self {
-        Self { found, outcome: Outcome::None, phase: Phase::Idle, address_due: false }
+        Self { found, outcome: Outcome::None, phase: AccessState::Idle, address_due: false }
     }
 
     /// Returns why the contents of the memory prevent a save. `None` if a save is possible. The contents never prevent a reset.
@@ -128,7 +128,7 @@ impl<const N: usize> Responder<N> {
         snapshot: &Snapshot<N>,
     ) -> Result<Reply, Nack> {
         let memory = self.memory.as_ref().ok_or(self.no_memory())?;
-        if memory.phase != Phase::Idle {
+        if memory.phase != AccessState::Idle {
             return Err(Nack::STORE_BUSY);
         }
         let access = match request {
@@ -146,7 +146,7 @@ impl<const N: usize> Responder<N> {
             self.restore_settings(&SettingsRecord::new(0));
         }
         if let Some(memory) = &mut self.memory {
-            memory.phase = Phase::Requested(access);
+            memory.phase = AccessState::Requested(access);
         }
         Ok(Reply::ACK)
     }
@@ -175,22 +175,22 @@ impl<const N: usize> Responder<N> {
         let may_erase = self.is_off(snapshot);
         let stored = &memory.found.record;
         let access = match memory.phase {
-            Phase::Busy(_) => return None,
-            Phase::Requested(access) => access,
-            Phase::Idle if !memory.address_due => return None,
+            AccessState::Busy(_) => return None,
+            AccessState::Requested(access) => access,
+            AccessState::Idle if !memory.address_due => return None,
             // The last access needed an erasure. The memory may be erased only while all motors are off, so the address waits.
-            Phase::Idle if may_erase || memory.outcome != Outcome::NeedsErase => Access::SaveAddress,
-            Phase::Idle => return None,
+            AccessState::Idle if may_erase || memory.outcome != Outcome::NeedsErase => Access::SaveAddress,
+            AccessState::Idle => return None,
         };
         let record = self.record(stored, access);
         let erase_first = memory.found.stored == Stored::Damaged && access == Access::Reset;
         let memory = self.memory.as_mut()?;
         let Ok(record) = record else {
             // Settings have changed since the request, or the entries of other firmware leave no room for an address.
-            (memory.phase, memory.outcome, memory.address_due) = (Phase::Idle, Outcome::Refused, false);
+            (memory.phase, memory.outcome, memory.address_due) = (AccessState::Idle, Outcome::Refused, false);
             return None;
         };
-        memory.phase = Phase::Busy(access);
+        memory.phase = AccessState::Busy(access);
         Some(StoreRequest { record, erase_first, may_erase })
     }
 
@@ -206,7 +206,7 @@ impl<const N: usize> Responder<N> {
             }
             return;
         };
-        let load = before.phase == Phase::Busy(Access::Load);
+        let load = before.phase == AccessState::Busy(Access::Load);
         let found = found.unwrap_or_else(|| before.found.clone());
         // A host may have changed the address during the access: then the address must still be stored. If the memory has failed,
         // the hub does not try again.
@@ -239,7 +239,7 @@ impl<const N: usize> Responder<N> {
             let entries = record.entries().filter(|entry| self.is_accepted(entry) == wanted);
             u8::try_from(entries.count()).unwrap_or(u8::MAX)
         };
-        let is_busy = memory.phase != Phase::Idle;
+        let is_busy = memory.phase != AccessState::Idle;
         let motors = self.channels.iter().take(CHANNELS);
         Ok(StoreReport {
             stored: *stored,

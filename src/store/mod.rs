@@ -75,3 +75,13 @@ pub struct StoreRequest {
     /// True if all motors are off, so that the memory may be erased.
     pub may_erase: bool,
 }
+
+/// Result of a [`StoreRequest`]. At boot the task also sends one result, although there was no request.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StoreResult {
+    /// Contents of the memory after the request. `None` if the contents cannot be read until all motors are off. They have not
+    /// changed then.
+    pub found: Option<Found>,
+    /// How the request ended.
+    pub outcome: Outcome,
+}

@@ -75,6 +75,7 @@ use crate::protocol::Packet;
 use crate::protocol::answers::I2cRead;
 use crate::record::{CrashReport, Fault, Record, SIZE};
 use crate::responder::i2c::Transfer;
+use crate::store::{StoreRequest, StoreResult};
 use crate::supply::{Battery, BusReading};
 use crate::units::Micros;
 use core::cell::{Cell, RefCell};
@@ -153,7 +154,7 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// Memory for the fault that ends this run, from a fault handler to the next run. `None` if the hub has no record.
     pub crash_report: CriticalSectionMutex<RefCell<Option<CrashReport<'static>>>>,
     /// Requests of the responder to the task that stores settings, and their results.
-    pub store: RequestChannel<M, crate::store::StoreRequest, store::Done>,
+    pub store: RequestChannel<M, StoreRequest, StoreResult>,
     /// Requests of the responder to the task that writes new firmware, and their results.
     pub update: RequestChannel<M, crate::update::UpdateRequest, crate::update::Done>,
     /// Transfers of the responder to the task of each I2C bus, and their results.

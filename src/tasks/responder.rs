@@ -3,13 +3,13 @@
 //!
 //! Whether or not bytes arrive, the task also runs the keep-alive timer, digital pins and servo outputs, and the status LED.
 
-use super::store::Done;
 use super::{OBSERVERS, Wires, instant, micros, until};
 use crate::board::Devices;
 use crate::hub::{Command, Snapshot};
 use crate::protocol::{Colour, Decoder, HOST, Packet, frame};
 use crate::responder::outputs::DigitalLines;
 use crate::responder::{Line, Responder};
+use crate::store::StoreResult;
 use crate::units::Micros;
 use core::cell::Cell;
 use core::future::pending;
@@ -158,7 +158,7 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
         while self.responder.awaits_store() && Instant::now() < end {
             (self.show)(self.responder.led(now()));
             let result = select(self.wires.store.done.wait(), Timer::after(REFRESH)).await;
-            if let Either::First(Done { found: Some(found), .. }) = result {
+            if let Either::First(StoreResult { found: Some(found), .. }) = result {
                 self.responder.restore(found);
             }
         }
@@ -193,7 +193,7 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
         }
         responder.tick(now, &self.snapshot);
         attend_chain(now, responder, wires);
-        if let Some(Done { found, outcome }) = wires.store.done.try_take() {
+        if let Some(StoreResult { found, outcome }) = wires.store.done.try_take() {
             responder.store_done(found, outcome);
         }
         if let Some(request) = responder.store_request(&self.snapshot) {

@@ -56,7 +56,7 @@
 //! ```
 
 use super::Wires;
-use crate::store::{CAPACITY, Found, Outcome, SettingsRecord, StoreRequest, Stored};
+use crate::store::{CAPACITY, Found, Outcome, SettingsRecord, StoreRequest, StoreResult, Stored};
 use core::ops::Range;
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -77,20 +77,10 @@ const BUFFER_BYTES: usize = (1 + CAPACITY).next_multiple_of(32);
 /// Longest word that a flash may have, in bytes.
 const WORD_BYTES: usize = 32;
 
-/// Result of a request. At boot the task also sends one result, although there was no request.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Done {
-    /// Contents of the memory after the request. `None` if the contents cannot be read until all motors are off. They have not
-    /// changed then.
-    pub found: Option<Found>,
-    /// How the request ended.
-    pub outcome: Outcome,
-}
-
 /// Runs the task: reads the settings once, and then carries out requests. Never returns.
 pub async fn run<M: RawMutex, const N: usize>(mut keeper: Keeper<impl NorFlash>, wires: &Wires<M, N>) -> ! {
     let found = Some(keeper.read().await);
-    wires.store.done.signal(Done { found, outcome: Outcome::None });
+    wires.store.done.signal(StoreResult { found, outcome: Outcome::None });
     loop {
         let request = wires.store.request.wait().await;
         wires.store.done.signal(keeper.carry_out(&request).await);
@@ -197,7 +187,7 @@ impl<F: NorFlash> Keeper<F> {
     }
 
     /// Carries out a request: writes a record if the request has one, and then reads what is stored.
-    pub async fn carry_out(&mut self, request: &StoreRequest) -> Done {
+    pub async fn carry_out(&mut self, request: &StoreRequest) -> StoreResult {
         self.flash.may_erase = request.may_erase;
         let repaired = if self.intact { Ok(()) } else { self.repair().await };
         let written = match repaired {
@@ -216,7 +206,7 @@ impl<F: NorFlash> Keeper<F> {
             outcome => outcome,
         };
         self.intact = outcome == Outcome::Done;
-        Done { found, outcome }
+        StoreResult { found, outcome }
     }
 
     /// Writes both copies of the request's record, if the request has one.

@@ -14,8 +14,7 @@ use motor_hub::motor::Setpoint;
 use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::protocol::{Colour, Nack};
 use motor_hub::responder::Responder;
-use motor_hub::store::{Found, Outcome, SettingsRecord, Stored};
-use motor_hub::tasks::store::Done;
+use motor_hub::store::{Found, Outcome, SettingsRecord, StoreResult, Stored};
 use motor_hub::tasks::{self, COMMANDS, Wires};
 use motor_hub::units::Millivolts;
 use std::cell::{Cell, RefCell};
@@ -651,10 +650,10 @@ fn a_memory_that_never_reports_does_not_block_the_hub() {
 }
 
 /// A memory with a current alert for motor 2.
-fn alert_of_motor_2() -> Done {
+fn alert_of_motor_2() -> StoreResult {
     let mut record = SettingsRecord::new(1);
     record.push(0x100C, &[2, 7, 0]).expect("room");
-    Done { found: Some(Found { stored: Stored::Whole, version: 1, record }), outcome: Outcome::None }
+    StoreResult { found: Some(Found { stored: Stored::Whole, version: 1, record }), outcome: Outcome::None }
 }
 
 #[test]

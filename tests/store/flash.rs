@@ -2,8 +2,8 @@
 
 use crate::torn_flash::{NoPower, Random};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
-use motor_hub::store::{Found, SettingsRecord, StoreRequest};
-use motor_hub::tasks::store::{Done, Keeper};
+use motor_hub::store::{Found, SettingsRecord, StoreRequest, StoreResult};
+use motor_hub::tasks::store::Keeper;
 
 pub(crate) use embassy_futures::block_on;
 
@@ -172,7 +172,7 @@ pub(crate) fn write<const WORD: usize, const PAGE: usize>(
     flash: &mut Flash<WORD, PAGE>,
     record: &SettingsRecord,
     may_erase: bool,
-) -> Done {
+) -> StoreResult {
     let order = StoreRequest { record: Some(record.clone()), erase_first: false, may_erase };
     block_on(keeper(flash).carry_out(&order))
 }
