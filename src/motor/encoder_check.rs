@@ -60,7 +60,7 @@
 //! | unknown, last turned in the other direction | 1 s, because a heavy motor may take that long to reverse |
 //! | unknown, has toggled a few times | 1 s, because a heavy motor may take that long to start |
 //! | unknown and slow-counting | some 4 s |
-//! | not configured, runs away after its encoder has sent counts in the right direction | 2.2 s if it does not become faster, because the motor may be heavy |
+//! | not configured, runs away after its encoder has sent counts in the right direction | 2 s if it does not become faster, because the motor may be heavy |
 //!
 //! The check for a stuck encoder needs a set-point of speed or position, also in a group, and a requested speed of at
 //! least 40 counts/s. So open loop, constant current and identification are excluded, and so is a motor that holds its
@@ -74,6 +74,7 @@ use super::Activity;
 use super::expected::{Expected, LOAD, Tick};
 use super::last_motion::{LastMotion, SteadyRun};
 use crate::braking::{Regime, Scheme};
+use crate::regulator::counts_due;
 use crate::units::{Control, CountsPerSecond};
 use libm::sqrtf;
 
@@ -84,13 +85,11 @@ const EXPECTED_COUNTS: f32 = 6.0;
 struct WatchLimits {
     /// A motor with a shorter silence turns, in µs. Its counts are not checked.
     quiet_us: u32,
-    /// Least requested speed, in counts/s, at which counts are due.
-    least_speed_cps: f32,
     /// Largest ratio of the speed before the silence to the requested speed at which a motor should keep turning. A
     /// faster motor should slow down, and may come to rest.
     speed_ratio: f32,
-    /// A shorter silence never has too few counts by its expected distance, in ms. At a control period of up to 51
-    /// ms, a release and a probe then end within [`ProbeLimits::decided_ms`].
+    /// A shorter silence never has too few counts by its expected distance, in ms. At a control period of up to 50 ms, a
+    /// release and a probe then end within 250 ms.
     silence_ms: u32,
     /// Expected distance at which a silence after a steady run has too few counts, in counts. When a load reverses a
     /// motor with a working encoder, fewer counts are missing.
@@ -109,7 +108,6 @@ struct WatchLimits {
 
 const WATCH: WatchLimits = WatchLimits {
     quiet_us: 10_000,
-    least_speed_cps: 40.0,
     speed_ratio: 1.5,
     silence_ms: 46,
     turning_counts: 12.0,
@@ -121,14 +119,11 @@ const WATCH: WatchLimits = WatchLimits {
 
 /// Limits of the states Releasing and Probing.
 struct ProbeLimits {
-    /// Longest time from the last motion of a known or steadily turning motor to a decision with a release, in ms. If
-    /// a release would make the decision later, the motor is probed without a release.
-    decided_ms: u32,
-    /// Time in Releasing, in ms.
-    release_ms: u32,
-    /// Shortest time in Probing, in ms.
-    probe_ms: u32,
+    /// Time in Releasing, and shortest time in Probing, in ms. With a longer control period a motor is probed without
+    /// a release, and the decision is still taken within 250 ms.
+    shortest_ms: u32,
     /// Longest time in Probing, in ms. A motor whose expected distance is still too short then is taken for stalled.
+    /// Also the longest extension of a span in RunningAway.
     longest_ms: u32,
     /// Expected distance of the probe, in counts. If there is no motion within this distance, the encoder is stuck.
     counts: f32,
@@ -141,9 +136,7 @@ struct ProbeLimits {
 }
 
 const PROBE: ProbeLimits = ProbeLimits {
-    decided_ms: 250,
-    release_ms: 50,
-    probe_ms: 50,
+    shortest_ms: 50,
     longest_ms: 2_000,
     counts: 2.0,
     drive_share: 0.9,
@@ -168,33 +161,17 @@ struct RunawayLimits {
     /// Least magnitude of a control value at the end of the control range: 15/16 of the range. The other 1/16 allows for
     /// rounding in the loop.
     full_control: i16,
-    /// Length of the early span, in ms.
-    early_ms: u32,
-    /// Time for which a springy stop throws a motor back, in ms. The early span is extended by this time less one
-    /// tick: by 40 ms with a tick of 10 ms.
-    springback_ms: u32,
-    /// Length of the late span before a fault, in ms, without the extension for a slow or trusted motor.
-    late_ms: u32,
-    /// Length of the first late span under PID in Scheme C or D, in ms. There the control range may end before full
-    /// reverse. If the motor does not become slower in this span, the check commands full reverse and a second late
-    /// span follows. The early span and the first late span of such a motor have no extension.
-    first_late_ms: u32,
-    /// Fewest counts in 50 ms of the early span with which the spans can be compared: 160 counts/s. With fewer counts
-    /// the comparison begins again.
-    counts_in_50_ms: i32,
-    /// Drive voltage for which the time from rest to [`EXPECTED_COUNTS`] is computed, in volts.
-    drive_volts: f32,
-    /// A motor is slow if it takes more than this time from rest to [`EXPECTED_COUNTS`], in ms. The spans of a slow
-    /// motor are extended by the time that the motor takes.
-    quick_ms: u32,
-    /// Longest extension of a span because a motor is slow, in ms.
-    longest_ms: u32,
-    /// Least extension of the longer spans of a trusted motor, in ms. A trusted motor has no configured dynamics, and
-    /// its encoder has sent counts in the right direction. The motor may be heavy, and slow down by less than a count
-    /// in a short span.
-    trusted_ms: u32,
-    /// Counts in the late span beyond the mean speed of the early span with which a trusted motor has clearly become
-    /// faster. The encoder is then reversed, and no longer spans follow. Each span has an error of one count.
+    /// Length of a span, in ms. A springy stop throws a motor back for some 50 ms, which are within the early span.
+    span_ms: u32,
+    /// Length of the spans that end before the check commands full reverse, under PID in Scheme C or D, in ms. There the
+    /// control range may end before full reverse. Any other early span is shorter than `span_ms` by a tick, or by this
+    /// time if that is less.
+    short_span_ms: u32,
+    /// Least mean speed of the early span with which the spans can be compared, in counts/s. With a lower speed the
+    /// comparison begins again.
+    least_speed_cps: f32,
+    /// Counts in the late span beyond the mean speed of the early span with which a heavy motor has clearly become
+    /// faster. Each span has an error of one count.
     faster_counts: i32,
     /// In a late span with at least this number of counts, the errors of both spans are small beside the speed. A late span
     /// with fewer counts must differ from the early span by more than `error_counts`, or a second comparison follows.
@@ -205,15 +182,9 @@ struct RunawayLimits {
 
 const RUNAWAY: RunawayLimits = RunawayLimits {
     full_control: 30_720,
-    early_ms: 50,
-    springback_ms: 50,
-    late_ms: 100,
-    first_late_ms: 50,
-    counts_in_50_ms: 8,
-    drive_volts: 6.0,
-    quick_ms: 150,
-    longest_ms: 2_000,
-    trusted_ms: 1_000,
+    span_ms: 100,
+    short_span_ms: 50,
+    least_speed_cps: 160.0,
     faster_counts: 4,
     exact_counts: 40,
     error_counts: 2,
@@ -357,17 +328,16 @@ impl EncoderCheck {
 /// Takes a tick in Watching: extends the expected distance in a silence, and releases or probes a motor with too few
 /// counts.
 fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> State {
-    let silent_us = last_motion.silent_us();
-    let requested = tick.target.to_f32().abs();
-    if requested < WATCH.least_speed_cps {
+    if !counts_due(tick.target) {
         last_motion.forget();
         return State::Watching(Expected::NONE);
     }
+    let requested = tick.target.to_f32().abs();
     let clockwise = tick.target > CountsPerSecond::ZERO;
     let drive_volts = along(clockwise, tick.command.voltage.to_volts());
     // The silence began at the last motion, some time before this tick.
     let ms = match expected.ms {
-        0 => (silent_us / 1_000).min(tick.period_ms() + WATCH.quiet_us / 1_000),
+        0 => (last_motion.silent_us() / 1_000).min(tick.period_ms() + WATCH.quiet_us / 1_000),
         _ => tick.period_ms(),
     };
     // A motor that should slow down may come to rest.
@@ -392,7 +362,7 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> S
     let suspect = Suspect::new(clockwise, run, tick);
     // The time-out of an unknown motor from rest leaves no time for a release.
     let known = least_gain.is_some() || run.is_some();
-    if known && 4 * tick.period_ms() + WATCH.silence_ms <= PROBE.decided_ms {
+    if known && tick.period_ms() <= PROBE.shortest_ms {
         State::Releasing(suspect, 0)
     } else {
         State::Probing(suspect, Expected::NONE)
@@ -452,7 +422,7 @@ impl Suspect {
     /// Takes a tick in Releasing without a motion, `ms` after the release began. Begins the probe when the release is
     /// over.
     fn release(self, ms: u32) -> State {
-        if ms < PROBE.release_ms { State::Releasing(self, ms) } else { State::Probing(self, Expected::NONE) }
+        if ms < PROBE.shortest_ms { State::Releasing(self, ms) } else { State::Probing(self, Expected::NONE) }
     }
 
     /// Takes a tick in Probing without a motion. The encoder is at fault when the expected distance is long enough.
@@ -460,10 +430,10 @@ impl Suspect {
     fn probe(self, expected: Expected, may_creep: bool, tick: &Tick<'_>) -> State {
         let volts = PROBE.drive_share * tick.context.at.battery_volts() - self.resisting_volts;
         let expected = expected.accelerate(tick.period_ms(), self.gain_cps2_per_volt * volts, 0.0);
-        let shortest_ms = if self.may_be_heavy && may_creep { PROBE.longest_ms } else { PROBE.probe_ms };
+        let shortest_ms = if self.may_be_heavy && may_creep { PROBE.longest_ms } else { PROBE.shortest_ms };
         if expected.ms >= shortest_ms && expected.distance_counts >= PROBE.counts {
             State::Faulty(EncoderFault::Stuck)
-        } else if expected.ms >= PROBE.longest_ms || volts <= 0.0 && expected.ms >= PROBE.probe_ms {
+        } else if expected.ms >= PROBE.longest_ms || volts <= 0.0 && expected.ms >= PROBE.shortest_ms {
             self.stall()
         } else {
             State::Probing(self, expected)
@@ -526,15 +496,9 @@ impl Span {
         Self { ms: self.ms.saturating_add(other.ms), counts: self.counts.saturating_add(other.counts) }
     }
 
-    /// True if the mean speed of this span is below the mean speed of the other.
-    fn is_slower_than(self, other: Self) -> bool {
-        i64::from(self.counts) * i64::from(other.ms) < i64::from(other.counts) * i64::from(self.ms)
-    }
-
-    /// True if the mean speed of this span is above the mean speed of the other, even if this span has `error` counts too
-    /// many.
-    fn is_faster_than(self, other: Self, error: i32) -> bool {
-        other.is_slower_than(Self { counts: self.counts.saturating_sub(error), ..self })
+    /// Mean speed in counts/s, if the span has `error` counts too many.
+    fn speed_cps(self, error: i32) -> f32 {
+        1_000.0 * self.counts.saturating_sub(error) as f32 / self.ms.max(1) as f32
     }
 }
 
@@ -543,14 +507,12 @@ impl Span {
 struct Runaway {
     /// Stall of the motor before the runaway; `None` if the motor was not stalled.
     stall: Option<Stall>,
-    /// Extension of both spans of a slow motor, in ms; 0 for any other motor.
-    slow_extension_ms: u32,
-    /// True if the check [trusts](EncoderCheck::trusted) the encoder. If the short spans do not show that the motor
-    /// has become clearly faster, longer spans follow.
-    trusted: bool,
-    /// True in the second comparison, whose early span contains both spans of the first comparison. The spans of a
-    /// trusted motor are longer in the second comparison.
-    long: bool,
+    /// Extension of the late span in the second comparison, in ms: the time in which a motor with the least gain covers
+    /// [`EXPECTED_COUNTS`] from rest, if the heaviest friction accelerates the motor. A trusted motor has the longest
+    /// mechanical time constant. 0 for a motor that is neither known nor trusted.
+    extension_ms: u32,
+    /// True in the second comparison, whose early span contains both spans of the first comparison.
+    second: bool,
     /// True if the motor turns clockwise.
     clockwise: bool,
     /// First span of the comparison.
@@ -564,21 +526,15 @@ struct Runaway {
 impl Runaway {
     /// Begins a runaway without a span. The caller then passes the first tick to [`step`](Self::step).
     fn new(tick: &Tick<'_>, stall: Option<Stall>, trusted: bool) -> Self {
-        let slow_extension_ms = match tick.regulator.least_gain() {
-            Some(gain) => {
-                // Time from rest to the expected counts.
-                let ms = (1_000.0 * sqrtf(2.0 * EXPECTED_COUNTS / (RUNAWAY.drive_volts * gain))) as u32;
-                if ms > RUNAWAY.quick_ms { ms.min(RUNAWAY.longest_ms) } else { 0 }
-            }
-            None => 0,
-        };
+        let heaviest = 1.0 / (PROBE.slow_counting_time_constant_s * tick.emf_volts_per_cps());
+        let gain = if trusted { Some(heaviest) } else { tick.regulator.least_gain() };
+        let ms = |gain| 1_000.0 * sqrtf(2.0 * EXPECTED_COUNTS / (LOAD.friction_volts * gain));
         let clockwise = tick.regulator.velocity() >= CountsPerSecond::ZERO;
         let empty = Span::default();
         Self {
             stall,
-            slow_extension_ms,
-            trusted,
-            long: false,
+            extension_ms: gain.map_or(0, |gain| ms(gain) as u32).min(PROBE.longest_ms),
+            second: false,
             clockwise,
             early: empty,
             late: empty,
@@ -586,26 +542,18 @@ impl Runaway {
         }
     }
 
-    /// Extension of the present spans, in ms: of a slow motor, and of a trusted motor in its longer spans.
-    fn span_extension_ms(&self) -> u32 {
-        match (self.trusted, self.long) {
-            (true, true) => self.slow_extension_ms.max(RUNAWAY.trusted_ms),
-            (true, false) => 0,
-            (false, _) => self.slow_extension_ms,
-        }
-    }
-
-    /// True if the spans do not show whether the motor has become faster.
+    /// True if the spans do not show whether the motor has become faster. A heavy motor may slow down by less than a
+    /// count. A motor that swings on a springy stop has few counts, and about the same number in both spans.
     fn is_uncertain(&self) -> bool {
         let Self { early, late, .. } = *self;
-        if self.trusted {
-            !late.is_faster_than(early, RUNAWAY.faster_counts)
+        let error = if self.extension_ms > RUNAWAY.span_ms {
+            RUNAWAY.faster_counts
+        } else if late.counts < RUNAWAY.exact_counts {
+            RUNAWAY.error_counts
         } else {
-            // A motor that swings on a springy stop has few counts, and about the same number in both spans.
-            late.counts < RUNAWAY.exact_counts
-                && !late.is_slower_than(early)
-                && !late.is_faster_than(early, RUNAWAY.error_counts)
-        }
+            0
+        };
+        error > 0 && late.speed_cps(error) <= early.speed_cps(0)
     }
 
     /// Takes a tick in RunningAway. If the motor has reversed, has become slower or is too slow to be compared, the
@@ -619,31 +567,33 @@ impl Runaway {
         let counts = if clockwise { tick.moved } else { tick.moved.saturating_neg() };
         let span = Span { ms: tick.period_ms(), counts };
         let before_full_reverse = tick.ends_before_full_reverse() && !self.full_reverse;
-        let extension_ms = if tick.ends_before_full_reverse() {
-            0
+        let early_ms = if tick.ends_before_full_reverse() {
+            RUNAWAY.short_span_ms
         } else {
-            RUNAWAY.springback_ms.saturating_sub(tick.period_ms()) + self.span_extension_ms()
+            RUNAWAY.span_ms - tick.period_ms().min(RUNAWAY.short_span_ms)
         };
-        if self.early.ms < RUNAWAY.early_ms + extension_ms {
+        if self.early.ms < early_ms {
             self.early = self.early.plus(span);
             return State::RunningAway(self);
         }
         self.late = self.late.plus(span);
         let late_ms = if before_full_reverse {
-            RUNAWAY.first_late_ms
+            RUNAWAY.short_span_ms
+        } else if self.second {
+            RUNAWAY.span_ms + self.extension_ms
         } else {
-            RUNAWAY.late_ms + self.span_extension_ms()
+            RUNAWAY.span_ms
         };
-        let too_slow = self.early.is_slower_than(Span { ms: 50, counts: RUNAWAY.counts_in_50_ms });
+        let slower = self.late.speed_cps(0) < self.early.speed_cps(0);
         let both = Self { early: self.early.plus(self.late), late: Span::default(), ..self };
         if self.late.ms < late_ms {
             State::RunningAway(self)
-        } else if !self.long && !before_full_reverse && self.is_uncertain() {
-            State::RunningAway(Self { long: true, ..both })
-        } else if too_slow || self.late.is_slower_than(self.early) {
+        } else if slower || self.early.speed_cps(0) < RUNAWAY.least_speed_cps {
             State::RunningAway(self.again(clockwise))
         } else if before_full_reverse {
             State::RunningAway(Self { full_reverse: true, ..both })
+        } else if !self.second && self.is_uncertain() {
+            State::RunningAway(Self { second: true, ..both })
         } else {
             State::Faulty(EncoderFault::Reversed)
         }
@@ -652,7 +602,7 @@ impl Runaway {
     /// Begins the comparison again, for a motor that turns in this direction.
     fn again(self, clockwise: bool) -> Self {
         let empty = Span::default();
-        Self { long: false, clockwise, early: empty, late: empty, full_reverse: false, ..self }
+        Self { second: false, clockwise, early: empty, late: empty, full_reverse: false, ..self }
     }
 }
 

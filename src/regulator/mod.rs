@@ -545,7 +545,7 @@ impl Regulator {
 }
 
 /// True if counts are due at this speed, so that a motor without counts may be stalled.
-const fn counts_due(requested: CountsPerSecond) -> bool {
+pub(crate) const fn counts_due(requested: CountsPerSecond) -> bool {
     requested.to_bits().unsigned_abs() >= COUNTS_DUE_SPEED.to_bits().unsigned_abs()
 }
 
