@@ -27,6 +27,10 @@ const PLANNED_SHARE: f32 = 0.85;
 /// Least deceleration of a profile whatever the load, as a share of the acceleration that the battery gives at
 /// standstill.
 const LEAST_PLANNED_SHARE: f32 = 0.05;
+/// Distance from the middle of the target count, in counts, up to which a held motor stays where it is.
+const HELD_COUNTS: f32 = 0.5;
+/// Speed per distance beyond [`HELD_COUNTS`] with which a held motor is drawn back, in 1/s.
+const HOLDING_RATE: f32 = 2.0;
 
 /// The law's constants for one motor and period.
 #[derive(Clone, Copy, Debug)]
@@ -96,11 +100,15 @@ impl Law {
         let window = at_least(context.period.to_seconds(), 0.02);
         let near = if state.holding { 2 } else { 1 };
         state.holding = distance.unsigned_abs() <= near && (state.holding || w.abs() * window < 0.5);
-        if state.holding {
-            return self.request(state, observer, plant, self.remaining * w, context, 0.0);
-        }
         // The target is the middle of the target count.
         let distance = distance as f32 + 0.5 - observer.fraction();
+        if state.holding {
+            // A motor without samples has no position within its count.
+            let distance = within(distance, near as f32 + HELD_COUNTS);
+            let back = HOLDING_RATE * (distance - within(distance, HELD_COUNTS));
+            let next = back + self.remaining * (w - back);
+            return self.request(state, observer, plant, next, context, 0.0);
+        }
         let (side, distance) = (1.0f32.copysign(distance), distance.abs());
         let full = plant.b * context.at.battery_volts();
         let deceleration =

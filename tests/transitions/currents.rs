@@ -130,6 +130,9 @@ fn broken(event: Event, state: State, entered: &Subject) -> Vec<(&'static str, f
         // The largest step is 22.7 %, in Scheme A at 1 ms: an overrunning motor is commanded to keep its speed.
         _ if is_pid => 0.23,
         _ if guesses => 0.2,
+        // After a gap the speed is known to one count in the time of the gap. The largest step depends on where the shaft was
+        // within its count: 0.15 at the worst of eight places, for a law that does not draw a held motor back.
+        _ if event == Event::EncoderGap || state == State::EncoderLost => 0.17,
         _ => 0.1,
     };
     judge("a step of current that the demand does not explain", step / stall_current, allowed);
