@@ -1,6 +1,5 @@
 //! A running identification of a motor, and its progress and result for pages.
 
-use crate::executor::{Executor, channel};
 use crate::hub::{Hub, RequestError};
 use crate::proposal::{catalogue_motor, inertia_ratio, proposal};
 use motor_hub::extension::settings::MotorSettings;
@@ -34,6 +33,9 @@ pub(crate) struct IdentificationProgress {
     pub(crate) percent: Option<u8>,
     /// Why an identification was refused.
     pub(crate) why: Option<String>,
+    /// Proposed dynamics and acceleration limit, for the order that applies them.
+    #[serde(skip)]
+    pub(crate) proposal: Option<(motor_hub::regulator::Dynamics, Option<Acceleration>)>,
     /// Result of a successful identification.
     pub(crate) found: Option<Found>,
 }
@@ -81,21 +83,16 @@ struct Bare {
 impl Identification {
     /// Starts an identification: enables the motor with power 0, so that it brakes until it stands.
     pub(crate) fn begin(session: &mut Hub, motor: u8, travel: Option<u32>) -> Result<Self, RequestError> {
-        let motor = channel(motor)?;
         let identifying = Identifying::begin(session, motor, travel.unwrap_or(u32::MAX))?;
         session.enable(motor, true)?;
         Ok(Self { motor, identifying, asked: Instant::now() })
     }
 
-    /// Continues. Returns the progress where there is news. A result is kept for the order that applies it.
+    /// Continues. Returns the progress where there is news.
     ///
     /// # Errors
     /// The hub may be gone.
-    pub(crate) fn step(
-        &mut self,
-        session: &mut Hub,
-        executor: &mut Executor,
-    ) -> Result<Option<IdentificationProgress>, RequestError> {
+    pub(crate) fn step(&mut self, session: &mut Hub) -> Result<Option<IdentificationProgress>, RequestError> {
         if self.asked.elapsed() < INTERVAL {
             return Ok(None);
         }
@@ -114,11 +111,9 @@ impl Identification {
             identify::Identification::Found(found) => {
                 let (before, battery) = (session.settings(self.motor)?, session.battery()?);
                 let proposed = proposal(&before, &found.dynamics, battery);
-                if let Some(of) = executor.motors.get_mut(usize::from(self.motor)) {
-                    of.proposed = Some((found.dynamics, proposed.motor.acceleration));
-                }
-                let found = Found::of(&found, &before, &proposed);
-                IdentificationProgress { found: Some(found), ..self.progress("found") }
+                let proposal = Some((found.dynamics, proposed.motor.acceleration));
+                let found = Some(Found::of(&found, &before, &proposed));
+                IdentificationProgress { proposal, found, ..self.progress("found") }
             }
             identify::Identification::Refused(why) => self.refused(why.to_string()),
             _ => self.refused("the identification was interrupted".to_owned()),
@@ -126,7 +121,14 @@ impl Identification {
     }
 
     const fn progress(&self, state: &'static str) -> IdentificationProgress {
-        IdentificationProgress { motor: self.motor, state, percent: None, why: None, found: None }
+        IdentificationProgress {
+            motor: self.motor,
+            state,
+            percent: None,
+            why: None,
+            proposal: None,
+            found: None,
+        }
     }
 
     fn refused(&self, why: String) -> IdentificationProgress {

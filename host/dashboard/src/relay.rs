@@ -204,7 +204,8 @@ impl Relay {
                 Err("a motor is enabled: disable all motors by STOP, then import the file again".into())
             }
             Order::Identify { motor, travel } => {
-                Identification::begin(session, motor, travel).map(|identification| {
+                let begun = channel(motor).and_then(|motor| Identification::begin(session, motor, travel));
+                begun.map(|identification| {
                     self.identification = Some(identification);
                     Changed::Nothing
                 })
@@ -560,7 +561,12 @@ impl Relay {
         let (Some(running), Some(session)) = (&mut self.identification, &mut self.session) else {
             return Ok(());
         };
-        let Some(progress) = running.step(session, &mut self.executor)? else { return Ok(()) };
+        let Some(progress) = running.step(session)? else { return Ok(()) };
+        if let (Some(of), Some(proposal)) =
+            (self.executor.motors.get_mut(usize::from(progress.motor)), progress.proposal)
+        {
+            of.proposed = Some(proposal);
+        }
         let disabled = if progress.has_ended() {
             self.identification = None;
             session.enable(progress.motor, false)

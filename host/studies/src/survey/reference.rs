@@ -24,10 +24,11 @@ pub const PERIODS: [u32; 6] = [1, 5, 10, 20, 50, 100];
 const LATE_S: f64 = 1e-3;
 
 /// The figure of a response.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Figure {
     /// Settling time, and the largest error beyond the set-point.
+    #[default]
     Settling,
     /// Mean error at the end, in counts.
     Offset,
@@ -53,7 +54,7 @@ pub struct Task {
 }
 
 /// The verdicts of a task.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Row {
     /// The task's name.
     pub name: String,
@@ -219,8 +220,7 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyErro
             unknown,
             configured_late,
             unknown_late,
-            configured_degrees: Vec::new(),
-            unknown_degrees: Vec::new(),
+            ..Row::default()
         });
     }
     rows.extend(base::rows(&mut |done, _| progress(responses + done, total))?);

@@ -51,15 +51,10 @@ pub(super) fn rows(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, S
     let degrees = parallel::at_all_periods(&scenarios, &PERIODS, degrees, progress)?;
     let row = |((name, _), [configured_degrees, unknown_degrees]): ((&str, _), [Vec<f64>; 2])| Row {
         name: name.to_owned(),
-        reference: "",
         figure: Figure::Heading,
-        configured: Vec::new(),
-        unknown: Vec::new(),
-        configured_late: Vec::new(),
-        unknown_late: Vec::new(),
         configured_degrees,
         unknown_degrees,
-        speed: 0.0,
+        ..Row::default()
     };
     Ok(TASKS.into_iter().zip(degrees).map(row).collect())
 }
