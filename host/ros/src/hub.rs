@@ -3,7 +3,7 @@
 //! A *child* is a hub behind this hub, on the same line. A lost child is asked once a second. The other hubs go on.
 
 use crate::config::Joint;
-use crate::messages::{battery_state, diagnostics, joint_state, odometry, transform};
+use crate::messages::{battery_state, diagnostics, imu, joint_state, odometry, transform};
 use crate::node::{Answer, Arrived, Call, Event, Topics, now};
 use crate::robot::{Robot, Setpoint, VALID};
 use motor_hub_client::line::Line;
@@ -314,6 +314,11 @@ impl HubThread {
         {
             told(odom.put(odometry(at, frames, pose, twist), at));
             told(tf.put(transform(at, frames, pose), at));
+        }
+        if let (Some([_, frame]), Some(heading), Some(topic)) =
+            (base, self.robot.gyro_heading(), &mut self.topics.imu)
+        {
+            told(topic.put(imu(at, frame, heading), at));
         }
         Ok(())
     }

@@ -22,6 +22,7 @@ types! {
     ODOMETRY "nav_msgs::msg::dds_::Odometry_" "3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0",
     TF "tf2_msgs::msg::dds_::TFMessage_" "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
     BATTERY_STATE "sensor_msgs::msg::dds_::BatteryState_" "4bee5dfce981c98faa6828b868307a0a73f992ed0789f374ee96c8f840e69741",
+    IMU "sensor_msgs::msg::dds_::Imu_" "7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71574000b5b",
     DIAGNOSTICS "diagnostic_msgs::msg::dds_::DiagnosticArray_" "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
     STRING "std_msgs::msg::dds_::String_" "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
     TRIGGER "std_srvs::srv::dds_::Trigger_" "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
@@ -161,6 +162,17 @@ pub(crate) fn transform(stamp: Stamp, frames: [&str; 2], pose: Pose) -> Vec<u8> 
     writer.f64s(&[pose.x, pose.y, 0.0]).f64s(&pose.quaternion()).finish()
 }
 
+/// Heading in rad by an inertial sensor. All its other values are unknown: their covariances begin with -1, as ROS has it.
+pub(crate) fn imu(stamp: Stamp, frame: &str, heading: f64) -> Vec<u8> {
+    let mut absent = [0.0; 9];
+    absent[0] = -1.0;
+    let orientation = Pose { heading, ..Pose::default() }.quaternion();
+    let mut writer = header(stamp, frame);
+    writer.f64s(&orientation).f64s(&[0.0; 9]);
+    // Angular velocity and linear acceleration.
+    writer.f64s(&[0.0; 3]).f64s(&absent).f64s(&[0.0; 3]).f64s(&absent).finish()
+}
+
 /// State of the battery in V and A. A current that leaves the battery is negative. All other values are unknown.
 pub(crate) fn battery_state(stamp: Stamp, volts: Option<f32>, amperes: f32) -> Vec<u8> {
     let mut writer = header(stamp, "");
@@ -275,6 +287,10 @@ mod tests {
             bytes(
                 "00010000010000000100000002000000050000006f646f6d000000000a000000626173655f6c696e6b 0*9 e03f 0*46 f03f"
             )
+        );
+        assert_eq!(
+            imu(AT, "base_link", 0.0),
+            bytes("0001000001000000020000000a000000626173655f6c696e6b 0*33 f03f 0*102 f0bf 0*94 f0bf 0*64")
         );
         assert_eq!(
             battery_state(AT, Some(12.5), -1.5),

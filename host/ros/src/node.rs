@@ -95,6 +95,8 @@ pub(crate) struct Topics {
     pub(crate) joint_states: Publisher,
     /// Odometry and its transform; `None` without a drive base.
     pub(crate) odometry: Option<(Publisher, Publisher)>,
+    /// Heading by the gyro; `None` without a drive base that uses one.
+    pub(crate) imu: Option<Publisher>,
     pub(crate) battery_state: Publisher,
     pub(crate) diagnostics: Publisher,
     _description: Option<Publisher>,
@@ -197,6 +199,10 @@ impl<'a> Graph<'a> {
         Ok(Topics {
             joint_states: self.publisher(&node, &name("joint_states"), messages::JOINT_STATE)?,
             odometry,
+            imu: match hub.base.as_ref().filter(|base| base.use_gyro) {
+                Some(_) => Some(self.publisher(&node, &name("imu"), messages::IMU)?),
+                None => None,
+            },
             battery_state: self.publisher(&node, &name("battery_state"), messages::BATTERY_STATE)?,
             diagnostics: self.publisher(&node, "/diagnostics", messages::DIAGNOSTICS)?,
             _description: description,

@@ -317,6 +317,11 @@ impl Robot {
         (self.odometry.is_some() && self.reports.contains_key(&None)).then(|| (self.pose(), self.twist))
     }
 
+    /// Heading in rad by the gyro. `None` while no gyro is used, or while there is none.
+    pub(crate) fn gyro_heading(&self) -> Option<f64> {
+        self.odometry.filter(|odometry| odometry.gyro == GyroState::Good).map(|_| self.pose().heading)
+    }
+
     /// Name, position in rad, velocity in rad/s and effort in N m of each joint whose hub can be reached. The effort is NaN if it is
     /// unknown.
     pub(crate) fn joint_states(&self) -> Vec<(&str, f64, f64, f64)> {

@@ -34,6 +34,7 @@ SET_BOOL = "RIHS01_abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2d
 TWIST, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 STATE, ODOM = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
 BATTERY, DIAGNOSTICS, TF = "sensor_msgs/msg/BatteryState", "diagnostic_msgs/msg/DiagnosticArray", "tf2_msgs/msg/TFMessage"
+IMU = "sensor_msgs/msg/Imu"
 
 HEAD = """
 router = "tcp/127.0.0.1:{port}"
@@ -306,7 +307,7 @@ class Graph(WithRobot):
         self.assertEqual([part[8] for part in parts if part[5] == "NN"], ["motor_hub"])
         found = {(part[5], part[9].replace("%", "/"), part[10]) for part in parts if part[5] != "NN"}
         expected = {("MP", "/hub0/joint_states", STATE), ("MP", "/hub0/odom", ODOM), ("MP", "/tf", TF)}
-        expected |= {("MP", "/hub0/battery_state", BATTERY), ("MP", "/diagnostics", DIAGNOSTICS)}
+        expected |= {("MP", "/hub0/imu", IMU), ("MP", "/hub0/battery_state", BATTERY), ("MP", "/diagnostics", DIAGNOSTICS)}
         expected |= {("MP", "/hub0/robot_description", "std_msgs/msg/String")}
         expected |= {("MS", "/hub0/cmd_vel", TWIST), ("MS", "/hub0/cmd_vel", STAMPED), ("MS", "/hub0/joint_commands", STATE)}
         services = {"stop": "Trigger", "enable": "SetBool", "reset_encoders": "Trigger", "identify": "Trigger"}
@@ -391,6 +392,9 @@ class Commands(WithRobot):
         heading = 2 * math.atan2(turned.z, turned.w)
         self.assertGreater(wheels, 1.2)
         self.assertAlmostEqual(heading, 0.95 * wheels, delta=0.02)
+        imu = self.newest[IMU]
+        self.assertAlmostEqual(2 * math.atan2(imu.orientation.z, imu.orientation.w), heading, delta=0.02)
+        self.assertEqual((imu.header.frame_id, imu.angular_velocity_covariance[0]), ("base_link", -1.0))
 
     def test_joints_are_driven_by_name(self) -> None:
         none = numpy.array([])
