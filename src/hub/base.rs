@@ -90,12 +90,13 @@ struct Turns {
 impl Turns {
     /// Length of the parts of a motion that are compared, in microseconds: ten readings of the gyro.
     const PART_US: u64 = 100_000;
-    /// Smallest turn of the wheels, in degrees, in a part that counts. Wheels that differ by 5 % seem to turn by less on a straight
-    /// course.
+    /// Smallest turn of the wheels, in degrees, in a part that counts. On a straight course wheels whose diameters differ by 5 % seem
+    /// to turn the base by less, as long as the base moves by less than five track widths per second.
     const LEAST_DEGREES: f64 = 1.5;
     /// Sum of counted turns of the wheels, in degrees, after which the gyro is judged.
     const JUDGED_DEGREES: f64 = 30.0;
-    /// Smallest turn of the gyro, as a share of the turn of the wheels. Wheels that slip more do not move the base.
+    /// Smallest turn of a plausible gyro, as a share of the turn of the wheels. Wheels that slip by more than 70 % of their turn make
+    /// the gyro implausible too.
     const LEAST_SHARE: f64 = 0.3;
 
     /// The state before the first turn.
