@@ -1,75 +1,81 @@
-//! The tests that run on the NUCLEO-H743ZI2 too, each time `cargo xtask test emulated` runs. `cargo xtask test
-//! nucleo-h743zi2` runs all tests on that board.
+//! Tests of the NUCLEO-H743ZI2 alone, and tests of all boards that the quick tests run on it too.
 
 use std::time::Duration;
 
+use crate::boot;
 use crate::common::{COUNTER, am60, bits, booted, log, ms, on, setup};
-use crate::{boot, chain, currents, devices, faults, link, matrix, record, running, stack, supply};
 use emulated::{Bench, Board, Output};
 
-macro_rules! on_h743 {
-    ($($(#[$attribute:meta])* $room:ident::$test:ident),+ $(,)?) => {
-        $(
-            #[test]
-            $(#[$attribute])*
-            fn $test() {
-                on(Board::NucleoH743zi2, $room::$test);
-            }
-        )+
-    };
-}
+/// Tests of all boards that `cargo xtask test emulated` runs on this board too. `cargo xtask test BOARD` leaves them out.
+mod repeated {
+    use crate::common::on;
+    use crate::{boot, chain, currents, devices, faults, link, matrix, record, running, stack, supply};
+    use emulated::Board;
 
-on_h743!(
-    boot::bridges_are_open_from_power_on_until_somebody_asks_for_something,
-    boot::pins_drive_their_idle_levels_within_a_millisecond_of_reset,
-    running::four_motors_with_different_loads_reach_their_speed_and_stand_still_again,
-    running::what_the_chip_measures_is_what_the_physics_does,
-    chain::both_motors_turn_and_the_parent_answers_in_time_whatever_the_line_does,
-    currents::a_host_gets_the_currents_that_flow_also_of_a_motor_whose_constants_are_wrong,
-    currents::a_line_that_is_broken_is_named_and_not_believed_and_another_one_is,
-    devices::analog_inputs_rail_and_temperature_are_measured_and_never_old,
-    devices::i2c_devices_are_read_and_written_at_both_speeds_on_every_bus,
-    link::power_and_letting_go_reach_the_bridge_within_two_milliseconds,
-    link::digital_pins_are_read_and_driven,
-    faults::a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_named,
-    #[ignore = "long: cargo xtask test nucleo-f429zi"]
-    supply::a_supply_that_falls_opens_all_bridges_before_the_flash_is_too_slow,
-    #[ignore = "long: cargo xtask test nucleo-f429zi"]
-    supply::a_battery_that_breaks_down_is_seen_at_once,
-    supply::a_halted_core_leaves_no_pwm_on,
-    supply::clocks_that_never_start_leave_the_red_lamp_on_and_the_watchdog_tries_again,
-    supply::encoder_inputs_are_filtered,
-    #[ignore = "long: cargo xtask test nucleo-f429zi"]
-    record::a_bus_error_is_a_hard_fault_on_record_with_the_place_in_the_code,
-    record::a_panic_is_on_record_with_its_line,
-    #[ignore = "long: cargo xtask test nucleo-f429zi"]
-    record::a_task_that_hung_is_a_watchdog_reset_on_record,
-    #[ignore = "long: cargo xtask test nucleo-f429zi"]
-    record::an_unplugged_encoder_is_on_record_with_the_ticks_before_also_after_a_reset,
-    record::whatever_memory_holds_after_power_on_the_record_is_empty,
-    #[ignore = "long: cargo xtask test nucleo-f429zi"]
-    stack::a_stack_that_overflows_ends_in_the_fault_path_with_all_bridges_open,
-);
+    macro_rules! on_h743 {
+        ($($(#[$attribute:meta])* $room:ident::$test:ident),+ $(,)?) => {
+            $(
+                #[test]
+                $(#[$attribute])*
+                fn $test() {
+                    on(Board::NucleoH743zi2, $room::$test);
+                }
+            )+
+        };
+    }
 
-#[test]
-#[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn faults_of_every_kind_end_as_they_should() {
-    on(Board::NucleoH743zi2, || {
-        matrix::rows_end_as_they_should(&[
-            "encoder unplugged",
-            "converter dead",
-            "4.5 V",
-            "a task hangs",
-            "bus error",
-            "reset",
-            "nothing connected to the battery's pin",
-            "the chip's supply falls",
-            "the core locks up",
-            "reset, and the clocks do not start",
-            "settings are saved, and the flash shows errors that nobody made",
-            "settings are saved, and words arrive late",
-        ]);
-    });
+    on_h743!(
+        boot::bridges_are_open_from_power_on_until_somebody_asks_for_something,
+        boot::pins_drive_their_idle_levels_within_a_millisecond_of_reset,
+        running::four_motors_with_different_loads_reach_their_speed_and_stand_still_again,
+        running::what_the_chip_measures_is_what_the_physics_does,
+        chain::both_motors_turn_and_the_parent_answers_in_time_whatever_the_line_does,
+        currents::a_host_gets_the_currents_that_flow_also_of_a_motor_whose_constants_are_wrong,
+        currents::a_line_that_is_broken_is_named_and_not_believed_and_another_one_is,
+        devices::analog_inputs_rail_and_temperature_are_measured_and_never_old,
+        devices::i2c_devices_are_read_and_written_at_both_speeds_on_every_bus,
+        link::power_and_letting_go_reach_the_bridge_within_two_milliseconds,
+        link::digital_pins_are_read_and_driven,
+        faults::a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_named,
+        #[ignore = "long: cargo xtask test nucleo-f429zi"]
+        supply::a_supply_that_falls_opens_all_bridges_before_the_flash_is_too_slow,
+        #[ignore = "long: cargo xtask test nucleo-f429zi"]
+        supply::a_battery_that_breaks_down_is_seen_at_once,
+        supply::a_halted_core_leaves_no_pwm_on,
+        supply::clocks_that_never_start_leave_the_red_lamp_on_and_the_watchdog_tries_again,
+        supply::encoder_inputs_are_filtered,
+        #[ignore = "long: cargo xtask test nucleo-f429zi"]
+        record::a_bus_error_is_a_hard_fault_on_record_with_the_place_in_the_code,
+        record::a_panic_is_on_record_with_its_line,
+        #[ignore = "long: cargo xtask test nucleo-f429zi"]
+        record::a_task_that_hung_is_a_watchdog_reset_on_record,
+        #[ignore = "long: cargo xtask test nucleo-f429zi"]
+        record::an_unplugged_encoder_is_on_record_with_the_ticks_before_also_after_a_reset,
+        record::whatever_memory_holds_after_power_on_the_record_is_empty,
+        #[ignore = "long: cargo xtask test nucleo-f429zi"]
+        stack::a_stack_that_overflows_ends_in_the_fault_path_with_all_bridges_open,
+    );
+
+    #[test]
+    #[ignore = "long: cargo xtask test nucleo-f429zi"]
+    fn faults_of_every_kind_end_as_they_should() {
+        on(Board::NucleoH743zi2, || {
+            matrix::rows_end_as_they_should(&[
+                "encoder unplugged",
+                "converter dead",
+                "4.5 V",
+                "a task hangs",
+                "bus error",
+                "reset",
+                "nothing connected to the battery's pin",
+                "the chip's supply falls",
+                "the core locks up",
+                "reset, and the clocks do not start",
+                "settings are saved, and the flash shows errors that nobody made",
+                "settings are saved, and words arrive late",
+            ]);
+        });
+    }
 }
 
 #[test]
