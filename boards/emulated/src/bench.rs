@@ -134,7 +134,7 @@ pub struct Bench {
     symbols: Vec<elf::Symbol>,
     board: Board,
     motors: usize,
-    /// Line of the host, 0 or 1.
+    /// Line on which requests arrive: a line of the host, 0 or 1, or the chain line, 2.
     line: usize,
     /// Number of bytes on this line that the test has received.
     received: usize,

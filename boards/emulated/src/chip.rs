@@ -66,8 +66,8 @@ macro_rules! same_on_every_chip {
             self.part.usart[wiring::lines(BOARD)[line]].chip_mut()
         }
 
-        fn line_errors(&mut self) -> &mut Errors {
-            self.part.usart[wiring::lines(BOARD)[0]].errors_mut()
+        fn line_errors(&mut self, line: usize) -> &mut Errors {
+            self.part.usart[wiring::lines(BOARD)[line]].errors_mut()
         }
     };
 }
@@ -299,8 +299,8 @@ pub(crate) trait Part: Mcu + Debug + Send {
         Connections::default()
     }
 
-    /// Returns the random errors of bytes to the chip on line 0.
-    fn line_errors(&mut self) -> &mut Errors;
+    /// Returns the random errors of bytes to the chip on a line of the host, 0 or 1, or on the chain line, 2.
+    fn line_errors(&mut self, line: usize) -> &mut Errors;
 }
 
 /// Returns the contents of registers.

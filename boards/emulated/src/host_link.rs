@@ -24,6 +24,24 @@ use motor_hub::units::{Control, Micros};
 
 use crate::bench::Bench;
 
+/// What the host is connected to: a hub, or the parent of a chain.
+pub trait Line {
+    /// Returns the hub that the host is connected to.
+    fn first(&mut self) -> &mut Bench;
+    /// Runs for some virtual time.
+    fn run(&mut self, time: Duration);
+}
+
+impl Line for Bench {
+    fn first(&mut self) -> &mut Bench {
+        self
+    }
+
+    fn run(&mut self, time: Duration) {
+        Self::run(self, time);
+    }
+}
+
 /// A packet that arrived.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Arrival {
@@ -33,10 +51,13 @@ pub struct Arrival {
     pub packet: Packet,
 }
 
+/// Time of a byte on the line: ten bits at 460 800 baud.
+pub(crate) const BYTE: Duration = Duration::from_nanos(21_701);
+
 /// The host's end of the line.
 #[derive(Debug)]
 pub struct HostLink {
-    address: Address,
+    address: u8,
     message: u8,
     decoder: Decoder,
     /// Number of bytes received since the last packet.
@@ -53,7 +74,13 @@ impl HostLink {
     /// Creates the link to the hub with this address.
     #[must_use]
     pub const fn new(address: Address) -> Self {
-        Self { address, message: 0, decoder: Decoder::new(), bytes: 0 }
+        Self { address: address.get(), message: 0, decoder: Decoder::new(), bytes: 0 }
+    }
+
+    /// Addresses the next requests to this hub of a chain.
+    pub const fn to(&mut self, address: u8) -> &mut Self {
+        self.address = address;
+        self
     }
 
     /// Returns the bytes of the next packet. The payload may have any content.
@@ -63,7 +90,7 @@ impl HostLink {
     pub fn packet(&mut self, id: u16, payload: &[u8]) -> Vec<u8> {
         self.message = self.message.checked_add(1).unwrap_or(1);
         let payload = payload.try_into().expect("a short payload");
-        let (destination, number) = (self.address.get(), self.message);
+        let (destination, number) = (self.address, self.message);
         frame::encode(&Packet { destination, source: HOST, number, reference: 0, id, payload }).to_vec()
     }
 
@@ -86,31 +113,55 @@ impl HostLink {
         arrivals
     }
 
+    /// Sends a request. Returns the time at which its last byte has arrived.
+    pub fn send(&mut self, line: &mut impl Line, request: impl Into<Request>) -> Duration {
+        let request = request.into();
+        self.send_packet(line, request.id(), &request.payload())
+    }
+
+    fn send_packet(&mut self, line: &mut impl Line, id: u16, payload: &[u8]) -> Duration {
+        let bytes = self.packet(id, payload);
+        line.first().send(&bytes);
+        line.first().now() + BYTE * u32::try_from(bytes.len()).expect("a short packet")
+    }
+
+    /// Sends a request. Returns its answer, and the time from the end of the request to the end of the answer. Returns `None` if no
+    /// answer arrives within 100 ms.
+    pub fn timed(&mut self, line: &mut impl Line, request: impl Into<Request>) -> Option<(Packet, Duration)> {
+        let request = request.into();
+        self.exchange(line, request.id(), &request.payload())
+    }
+
+    fn exchange(&mut self, line: &mut impl Line, id: u16, payload: &[u8]) -> Option<(Packet, Duration)> {
+        let sent = self.send_packet(line, id, payload);
+        let (source, reference) = (self.address, self.message);
+        (0..500).find_map(|_| {
+            line.run(Duration::from_micros(200));
+            let mut arrivals = self.arrivals(line.first()).into_iter();
+            let arrival = arrivals
+                .find(|Arrival { packet, .. }| packet.source == source && packet.reference == reference)?;
+            Some((arrival.packet, arrival.at.saturating_sub(sent)))
+        })
+    }
+
     /// Sends a request, and waits for the answer.
     ///
     /// # Panics
     /// Panics if no answer arrives within 100 ms.
-    pub fn ask(&mut self, bench: &mut Bench, id: u16, payload: &[u8]) -> Reply {
-        let bytes = self.packet(id, payload);
-        bench.send(&bytes);
-        let reference = self.message;
-        let mut reply = None;
-        bench.run_while(Duration::from_micros(200), Duration::from_millis(100), |bench| {
-            let mut arrivals = self.arrivals(bench).into_iter();
-            reply = arrivals.find(|arrival| arrival.packet.reference == reference);
-            reply.is_some()
-        });
-        let reply = reply.unwrap_or_else(|| panic!("no answer to {bytes:02x?}"));
-        Reply::read(&reply.packet, id).unwrap_or_else(|| panic!("{reply:02x?} to {bytes:02x?}"))
+    pub fn ask(&mut self, line: &mut impl Line, id: u16, payload: &[u8]) -> Reply {
+        let request = format!("request {id:#06x} {payload:02x?} to address {}", self.address);
+        let (packet, _) =
+            self.exchange(line, id, payload).unwrap_or_else(|| panic!("no answer to {request}"));
+        Reply::read(&packet, id).unwrap_or_else(|| panic!("{packet:02x?} to {request}"))
     }
 
     /// Sends a request that the hub must acknowledge.
     ///
     /// # Panics
     /// Panics if the hub refuses the request or does not answer.
-    pub fn order(&mut self, bench: &mut Bench, request: impl Into<Request>) {
+    pub fn order(&mut self, line: &mut impl Line, request: impl Into<Request>) {
         let request = request.into();
-        let reply = self.ask(bench, request.id(), &request.payload());
+        let reply = self.ask(line, request.id(), &request.payload());
         assert!(matches!(reply, Reply::Ack { .. }), "{request:?}: {reply:?}");
     }
 
@@ -118,52 +169,52 @@ impl HostLink {
     ///
     /// # Panics
     /// Panics if the hub refuses the request or does not answer.
-    pub fn question<A: Field>(&mut self, bench: &mut Bench, request: impl Into<Request>) -> A {
+    pub fn question<A: Field>(&mut self, line: &mut impl Line, request: impl Into<Request>) -> A {
         let request = request.into();
-        let reply = self.ask(bench, request.id(), &request.payload());
+        let reply = self.ask(line, request.id(), &request.payload());
         let Reply::Data(payload) = reply else { panic!("{request:?}: {reply:?}") };
         A::read(&mut Fields::new(&payload)).unwrap_or_else(|_| panic!("{request:?}: {payload:02x?}"))
     }
 
     /// Sends the hub a keep-alive.
-    pub fn keep_alive(&mut self, bench: &mut Bench) {
-        self.order(bench, Standard::KeepAlive);
+    pub fn keep_alive(&mut self, line: &mut impl Line) {
+        self.order(line, Standard::KeepAlive);
     }
 
     /// Sets the run mode of a motor, which brakes at power 0.
-    pub fn set_mode(&mut self, bench: &mut Bench, motor: u8, mode: RunMode) {
-        self.order(bench, ToMotor::SetMode { mode: ChannelMode { mode, floats: false } }.to(motor));
+    pub fn set_mode(&mut self, line: &mut impl Line, motor: u8, mode: RunMode) {
+        self.order(line, ToMotor::SetMode { mode: ChannelMode { mode, floats: false } }.to(motor));
     }
 
     /// Enables or disables a motor.
-    pub fn enable(&mut self, bench: &mut Bench, motor: u8, on: bool) {
-        self.order(bench, ToMotor::SetEnable { on }.to(motor));
+    pub fn enable(&mut self, line: &mut impl Line, motor: u8, on: bool) {
+        self.order(line, ToMotor::SetEnable { on }.to(motor));
     }
 
     /// Regulates the velocity of a motor, in counts/s: sets mode and set-point, and enables the motor.
-    pub fn velocity(&mut self, bench: &mut Bench, motor: u8, cps: i16) {
-        self.set_mode(bench, motor, RunMode::Velocity);
-        self.order(bench, ToMotor::SetVelocity { cps }.to(motor));
-        self.enable(bench, motor, true);
+    pub fn velocity(&mut self, line: &mut impl Line, motor: u8, cps: i16) {
+        self.set_mode(line, motor, RunMode::Velocity);
+        self.order(line, ToMotor::SetVelocity { cps }.to(motor));
+        self.enable(line, motor, true);
     }
 
     /// Applies constant power to a motor, -32767 to 32767: sets mode and set-point, and enables the motor.
-    pub fn power(&mut self, bench: &mut Bench, motor: u8, power: i16) {
-        self.set_mode(bench, motor, RunMode::Power);
-        self.order(bench, ToMotor::SetPower { power: Control::new(power) }.to(motor));
-        self.enable(bench, motor, true);
+    pub fn power(&mut self, line: &mut impl Line, motor: u8, power: i16) {
+        self.set_mode(line, motor, RunMode::Power);
+        self.order(line, ToMotor::SetPower { power: Control::new(power) }.to(motor));
+        self.enable(line, motor, true);
     }
 
     /// Moves a motor to a position in counts, with a speed limit in counts/s: sets mode and set-point, and enables the motor.
-    pub fn position(&mut self, bench: &mut Bench, motor: u8, counts: i32, tolerance: u16, limit: i16) {
-        self.order(bench, ToMotor::SetVelocity { cps: limit }.to(motor));
-        self.order(bench, ToMotor::SetPosition { target: Target { counts, tolerance } }.to(motor));
-        self.set_mode(bench, motor, RunMode::Position);
-        self.enable(bench, motor, true);
+    pub fn position(&mut self, line: &mut impl Line, motor: u8, counts: i32, tolerance: u16, limit: i16) {
+        self.order(line, ToMotor::SetVelocity { cps: limit }.to(motor));
+        self.order(line, ToMotor::SetPosition { target: Target { counts, tolerance } }.to(motor));
+        self.set_mode(line, motor, RunMode::Position);
+        self.enable(line, motor, true);
     }
 
     /// Returns all measurements of the hub, which it sends in one answer.
-    pub fn bulk(&mut self, bench: &mut Bench) -> Bulk {
-        self.question(bench, ToHub::Bulk)
+    pub fn bulk(&mut self, line: &mut impl Line) -> Bulk {
+        self.question(line, ToHub::Bulk)
     }
 }

@@ -70,10 +70,7 @@ class Bench:
         scenario = Path(self.folder.name) / "scenario.toml"
         scenario.write_text(SCENARIO)
         self.port, places = free_port(), []
-        self.router = self.start([sys.executable, peers.__file__, "router", str(self.port)])
-        if program := os.environ.get("ZENOHD"):
-            self.router.kill()
-            self.router = self.start([program, "--no-multicast-scouting", "--listen", f"tcp/127.0.0.1:{self.port}"])
+        self.router = self.start(peers.router_command(self.port))
         for _ in range(hubs):
             place = f"127.0.0.1:{free_port()}"
             self.start([os.environ["MOTOR_HUB"], "serve", "--tcp", place, "--scenario", str(scenario)])

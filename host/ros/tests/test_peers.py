@@ -1,13 +1,14 @@
 """motor-hub-ros against code of others: eclipse-zenoh and zenoh-ros2-sdk as peers, rosbags as judge. No ROS is needed.
 
-The environment names the programs: MOTOR_HUB (motor-hub), MOTOR_HUB_ROS (motor-hub-ros), and ZENOHD (zenohd) if that
-program should be the router instead of eclipse-zenoh.
+The environment names the programs: MOTOR_HUB (motor-hub) and MOTOR_HUB_ROS (motor-hub-ros). If there is a zenohd on the
+PATH, it is the router instead of eclipse-zenoh.
 """
 
 import json
 import math
 import os
 import re
+import shutil
 import socket
 import struct
 import subprocess
@@ -83,6 +84,12 @@ def open_session(mode: str, port: int, address: str = "127.0.0.1") -> zenoh.Sess
         "connect": {"endpoints": [] if mode == "router" else [here], "timeout_ms": 10_000},
     }
     return zenoh.open(zenoh.Config.from_json5(json.dumps(settings)))
+
+
+def router_command(port: int, address: str = "127.0.0.1") -> list[str]:
+    if program := shutil.which("zenohd"):
+        return [program, "--no-multicast-scouting", "--listen", f"tcp/{address}:{port}"]
+    return [sys.executable, __file__, "router", str(port), address]
 
 
 def dds(name: str) -> str:
@@ -253,10 +260,7 @@ class WithRobot(unittest.TestCase):
         return self.start([os.environ["MOTOR_HUB"], "serve", "--tcp", f"127.0.0.1:{port}", *options])
 
     def start_router(self) -> None:
-        here = [sys.executable, __file__, "router", str(self.port)]
-        if program := os.environ.get("ZENOHD"):
-            here = [program, "--no-multicast-scouting", "--listen", f"tcp/127.0.0.1:{self.port}"]
-        self.router = self.start(here)
+        self.router = self.start(router_command(self.port))
         self.wait_for_port(self.port)
 
     def wait_for_port(self, port: int) -> None:
@@ -767,7 +771,7 @@ class TwoMachines(unittest.TestCase):
         config = Path(folder.name) / "config.toml"
         head = HEAD.format(port=7447, distribution="jazzy")
         config.write_text(head + HUB.format(place="127.0.0.1:7070", namespace="/hub0", urdf="/dev/null"))
-        start(robot, sys.executable, __file__, "router", "7447", "0.0.0.0")
+        start(robot, *router_command(7447, "0.0.0.0"))
         start(robot, os.environ["MOTOR_HUB"], "serve", "--tcp", "127.0.0.1:7070")
         start(robot, os.environ["MOTOR_HUB_ROS"], str(config))
         beside, away = (start(name, sys.executable, __file__, "agent", "10.9.8.1") for name in names)
@@ -853,7 +857,7 @@ def sdk_peer(port: int, folder: Path) -> None:
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["router"]:
-        with open_session("router", int(sys.argv[2]), *sys.argv[3:]):
+        with open_session("router", int(sys.argv[2]), sys.argv[3]):
             time.sleep(3600)
     elif sys.argv[1:2] == ["agent"]:
         agent(sys.argv[2])
@@ -869,6 +873,7 @@ if __name__ == "__main__":
         with ThreadPoolExecutor(3) as pool:
             results = list(pool.map(run, groups))
         print(*(result.stderr for result in results), sep="\n")
+        print("router:", shutil.which("zenohd") or "eclipse-zenoh")
         sys.exit(any(result.returncode for result in results))
     else:
         unittest.main()

@@ -2,19 +2,22 @@
 
 use std::time::Duration;
 
-use motor_hub::extension::Request;
-use motor_hub::protocol::{Packet, frame};
-
 use super::{Bench, Setup, nanos};
-use crate::host_link::{Arrival, HostLink};
+use crate::host_link::{BYTE, Line};
 use crate::surroundings::terminal;
 use crate::wiring;
 
 /// Time for which the chips run before bytes are exchanged, ns. A byte arrives at most this time later than on a real line.
 const STEP: u64 = 100_000;
 
-/// Time of a byte, ns: ten bits at 460 800 baud.
-const BYTE: u64 = 21_701;
+/// As [`STEP`], while nobody sends.
+const IDLE_STEP: u64 = 1_000_000;
+
+/// Time without a byte after which nobody sends, ns. A parent waits 10 ms for an answer.
+const IDLE_AFTER: u64 = 20_000_000;
+
+/// Bytes that may wait at the input of a hub: those of two steps.
+const WAITING: usize = 8;
 
 /// Mean time between two bytes of noise, in steps of [`STEP`].
 const NOISE_PERIOD: u64 = 7;
@@ -36,22 +39,24 @@ pub enum LineFault {
 pub struct ChainBench {
     /// The hubs.
     pub hubs: Vec<Bench>,
-    host: HostLink,
     fault: Option<LineFault>,
     /// Number of bytes of each hub that have passed the line.
     passed: Vec<usize>,
     random: u64,
-    number: u8,
+    /// Time in ns until which bytes are exchanged after each [`STEP`].
+    busy_until: u64,
 }
 
 impl ChainBench {
-    /// Powers on hubs on these boards, with their motors.
+    /// Powers on hubs on these boards, with their motors. A hub alone has no transceiver.
     #[must_use]
     pub fn new(setups: Vec<Setup>) -> Self {
-        let hubs: Vec<Bench> =
-            setups.into_iter().map(|setup| Bench::new(Setup { transceiver: true, ..setup })).collect();
+        let transceiver = setups.len() > 1;
+        let mut hubs: Vec<Bench> =
+            setups.into_iter().map(|setup| Bench::new(Setup { transceiver, ..setup })).collect();
+        hubs.iter_mut().skip(1).for_each(|child| child.use_line(wiring::CHAIN));
         let passed = vec![0; hubs.len()];
-        Self { hubs, host: HostLink::default(), fault: None, passed, random: 1, number: 0 }
+        Self { hubs, fault: None, passed, random: 1, busy_until: 0 }
     }
 
     /// Begins a fault of the line, or ends it.
@@ -71,11 +76,20 @@ impl ChainBench {
 
     /// Runs all hubs for some virtual time.
     pub fn run(&mut self, time: Duration) {
+        if let [alone] = &mut self.hubs[..] {
+            alone.run(time);
+            return;
+        }
         let end = nanos(self.now() + time);
+        let line = self.hubs[0].line;
+        if self.hubs[0].at_stop(move |_, session, _| !terminal(session, line).outgoing.is_empty()) {
+            self.busy_until = nanos(self.now()) + IDLE_AFTER;
+        }
         while let now = nanos(self.now())
             && now < end
         {
-            let target = end.min(now + STEP);
+            let step = if now < self.busy_until { STEP } else { IDLE_STEP };
+            let target = end.min(now + step);
             self.hubs.iter_mut().for_each(|hub| hub.begin_to_run(target));
             self.hubs.iter_mut().for_each(Bench::wait);
             self.pass_bytes();
@@ -84,6 +98,7 @@ impl ChainBench {
 
     /// Passes on what the hubs have sent on the line.
     fn pass_bytes(&mut self) {
+        let mut on_chain = self.fault.is_some();
         for from in 0..self.hubs.len() {
             let passed = self.passed[from];
             let sent: Vec<u8> = self.hubs[from].at_stop(move |_, session, _| {
@@ -94,6 +109,7 @@ impl ChainBench {
             if sent.is_empty() {
                 continue;
             }
+            on_chain = true;
             let arrived: Vec<u8> = match self.fault {
                 None => sent,
                 Some(LineFault::Cut | LineFault::Shorted) => continue,
@@ -104,6 +120,9 @@ impl ChainBench {
                 Some(LineFault::Babble) => sent.into_iter().map(|byte| byte ^ 0x55).collect(),
             };
             (0..self.hubs.len()).filter(|&to| to != from).for_each(|to| self.deliver(to, &arrived));
+        }
+        if on_chain {
+            self.busy_until = nanos(self.now()) + IDLE_AFTER;
         }
         let drawn = self.draw();
         let disturbance = match self.fault {
@@ -120,7 +139,7 @@ impl ChainBench {
         self.hubs[hub].at_stop(move |surroundings, session, _| {
             let now = surroundings.now;
             let outgoing = &mut terminal(session, wiring::CHAIN).outgoing;
-            if outgoing.len() < 2 * usize::try_from(STEP / BYTE).expect("a few bytes") {
+            if outgoing.len() < WAITING {
                 outgoing.extend(bytes.into_iter().map(|byte| (now, byte)));
             }
         });
@@ -132,34 +151,6 @@ impl ChainBench {
         self.random ^= self.random >> 7;
         self.random ^= self.random << 17;
         self.random
-    }
-
-    /// Sends a request to the hub at an address, on the line of the host. Returns the number of the request, and the time at which its
-    /// last byte has arrived.
-    pub fn send(&mut self, request: impl Into<Request>, address: u8) -> (u8, Duration) {
-        self.number = self.number.checked_add(1).unwrap_or(1);
-        let request = request.into();
-        let bytes = frame::encode(&request.packet(address, self.number, request.id()));
-        self.hubs[0].send(&bytes);
-        (self.number, self.now() + Duration::from_nanos(BYTE * bytes.len() as u64))
-    }
-
-    /// Returns all packets that the host has received since the last call.
-    pub fn arrivals(&mut self) -> Vec<Arrival> {
-        self.host.arrivals(&mut self.hubs[0])
-    }
-
-    /// Sends a request, and returns its answer with the time from the end of the request to the end of the answer. Returns `None` if
-    /// no answer has come after 50 ms.
-    pub fn ask(&mut self, request: impl Into<Request>, address: u8) -> Option<(Packet, Duration)> {
-        let (number, sent) = self.send(request, address);
-        (0..100).find_map(|_| {
-            self.run(Duration::from_micros(500));
-            let mut arrivals = self.arrivals().into_iter();
-            let arrival = arrivals
-                .find(|Arrival { packet, .. }| packet.source == address && packet.reference == number)?;
-            Some((arrival.packet, arrival.at.saturating_sub(sent)))
-        })
     }
 
     /// Returns the beginnings and ends of the times in which a hub had its transceiver switched to sending. Only the emulated F427
@@ -175,6 +166,16 @@ impl ChainBench {
         let ends: Vec<u64> = self.hubs[hub].at_stop(|_, session, _| {
             terminal(session, wiring::CHAIN).incoming.iter().map(|&(at, _)| at).collect()
         });
-        ends.into_iter().map(|at| (Duration::from_nanos(at - BYTE), Duration::from_nanos(at))).collect()
+        ends.into_iter().map(Duration::from_nanos).map(|at| (at - BYTE, at)).collect()
+    }
+}
+
+impl Line for ChainBench {
+    fn first(&mut self) -> &mut Bench {
+        &mut self.hubs[0]
+    }
+
+    fn run(&mut self, time: Duration) {
+        Self::run(self, time);
     }
 }

@@ -19,11 +19,12 @@ use crate::faulty_code::FaultyCode;
 use crate::wiring;
 
 impl Bench {
-    /// Damages bytes on the serial line to the chip at random: `per_million` of a million, half of them with noise and half with a
+    /// Damages bytes to the chip on the line of the host, or of the parent, at random: `per_million` of a million, half of them with noise and half with a
     /// framing error.
     pub fn garble_serial(&mut self, per_million: u32, seed: u64) {
+        let line = self.line;
         self.at_stop(move |_, session, _| {
-            let errors = session.board_mut().chip.line_errors();
+            let errors = session.board_mut().chip.line_errors(line);
             errors.seed = seed;
             for (rate, name) in [(&mut errors.noise, "noise"), (&mut errors.framing, "framing")] {
                 rate.name = name;

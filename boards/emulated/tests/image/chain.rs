@@ -2,14 +2,12 @@
 
 use std::time::Duration;
 
-use crate::common::{am60, board, by_board, expect_speed, ms, open_since, setup};
-use emulated::{Bench, Board, ChainBench, Encoder, LineFault, Setup, Wire};
+use crate::common::{am60, board, expect_speed, ms, open_since, other_board, setup, with_host};
+use emulated::host_link::{HostLink, Line};
+use emulated::{Bench, Board, ChainBench, LineFault, Setup};
 use motor_hub::chain::ChainReport;
-use motor_hub::extension::report::HubReport;
 use motor_hub::extension::{HubFunction, Request};
-use motor_hub::protocol::motor::{ChannelMode, RunMode, ToMotor};
-use motor_hub::protocol::payload::{Field, Fields};
-use motor_hub::protocol::requests::{Standard, ToHub};
+use motor_hub::protocol::requests::Standard;
 use motor_hub::protocol::{Address, BROADCAST, Reply};
 
 /// The address of every board after its first start.
@@ -17,96 +15,75 @@ const CHILD: u8 = Address::DEFAULT.get();
 /// The address that the parent gets.
 const PARENT: u8 = 9;
 
-/// Two hubs that were powered on 300 ms ago.
-fn booted_pair(motors: usize) -> ChainBench {
-    let child = by_board(Board::NucleoH743zi2, Board::NucleoF429zi);
+/// Two hubs that were powered on 300 ms ago, and their host.
+fn booted_pair(motors: usize) -> (ChainBench, HostLink) {
     let hub = |board| Setup { board, ..setup(vec![am60(); motors]) };
-    let mut chain = ChainBench::new(vec![hub(board()), hub(child)]);
+    let mut chain = ChainBench::new(vec![hub(board()), hub(other_board())]);
     chain.run(ms(300));
-    chain
+    (chain, HostLink::default())
 }
 
 /// The same with different addresses.
-fn pair(motors: usize) -> ChainBench {
-    let mut chain = booted_pair(motors);
-    readdress(&mut chain);
-    chain
+fn pair(motors: usize) -> (ChainBench, HostLink) {
+    let (mut chain, mut host) = booted_pair(motors);
+    set_address(&mut chain, &mut host, CHILD, PARENT);
+    (chain, host)
 }
 
-fn readdress(chain: &mut ChainBench) {
-    obeys(chain, Standard::SetAddress { address: Address::new(PARENT).expect("an address") }, CHILD);
-}
-
-#[track_caller]
-fn obeys(chain: &mut ChainBench, request: impl Into<Request>, address: u8) {
-    let request = request.into();
-    let (answer, _) = chain.ask(request.clone(), address).unwrap_or_else(|| panic!("{address}: {request:?}"));
-    assert!(
-        matches!(Reply::read(&answer, request.id()), Some(Reply::Ack { .. })),
-        "{request:?}: {answer:02x?}"
-    );
-}
-
-/// Has a motor turn at 1000 counts/s.
-fn turn(chain: &mut ChainBench, address: u8, motor: u8) {
-    let mode = ChannelMode { mode: RunMode::Velocity, floats: false };
-    obeys(chain, ToMotor::SetMode { mode }.to(motor), address);
-    obeys(chain, ToMotor::SetVelocity { cps: 1000 }.to(motor), address);
-    obeys(chain, ToMotor::SetEnable { on: true }.to(motor), address);
+/// Gives a hub another address. Of two hubs with one address the parent gets it.
+pub(crate) fn set_address(chain: &mut ChainBench, host: &mut HostLink, from: u8, to: u8) {
+    host.to(from).order(chain, Standard::SetAddress { address: Address::new(to).expect("an address") });
 }
 
 /// A parent and a child, whose motors all turn at 1000 counts/s.
-fn turning(motors: usize) -> ChainBench {
-    let mut chain = pair(motors);
+fn turning(motors: usize) -> (ChainBench, HostLink) {
+    let (mut chain, mut host) = pair(motors);
     for address in [PARENT, CHILD] {
-        (0..motors as u8).for_each(|motor| turn(&mut chain, address, motor));
+        (0..motors as u8).for_each(|motor| host.to(address).velocity(&mut chain, motor, 1000));
     }
     chain.run(ms(700));
     chain.hubs.iter_mut().for_each(|hub| expect_speed(hub, 0..motors, 100.0));
-    chain
-}
-
-fn report(chain: &mut ChainBench, parent: u8) -> ChainReport {
-    let (answer, _) = chain.ask(HubFunction::Chain, parent).expect("an answer");
-    ChainReport::read(&mut Fields::new(&answer.payload)).expect("a report")
+    (chain, host)
 }
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn two_hubs_with_one_address_are_told_and_both_obey_after_set_address() {
-    let mut chain = booted_pair(1);
-    chain.send(Standard::Discovery, BROADCAST);
+    let (mut chain, mut host) = booted_pair(1);
+    host.to(BROADCAST).send(&mut chain, Standard::Discovery);
     // 254 questions of 11 bytes, and 2 ms for each answer. The client waits for 650 ms.
     chain.run(ms(630));
-    let found: Vec<u8> = chain.arrivals().iter().map(|arrival| arrival.packet.source).collect();
+    let found: Vec<u8> = host.arrivals(chain.first()).iter().map(|arrival| arrival.packet.source).collect();
     assert_eq!(found, [CHILD], "the parent alone");
-    let ChainReport { discovering, clashing, .. } = report(&mut chain, CHILD);
+    let ChainReport { discovering, clashing, .. } = host.to(CHILD).question(&mut chain, HubFunction::Chain);
     assert!(!discovering);
     assert_eq!(clashing.iter().collect::<Vec<_>>(), [CHILD]);
-    readdress(&mut chain);
+    set_address(&mut chain, &mut host, CHILD, PARENT);
     // Now a discovery finds the child, the second address that the parent asks.
-    chain.send(Standard::Discovery, BROADCAST);
+    host.to(BROADCAST).send(&mut chain, Standard::Discovery);
     chain.run(ms(30));
-    let found: Vec<_> = chain.arrivals().into_iter().map(|arrival| arrival.packet).collect();
+    let found: Vec<_> = host.arrivals(chain.first()).into_iter().map(|arrival| arrival.packet).collect();
     let found: Vec<_> = found.iter().map(|packet| (packet.source, &packet.payload[..])).collect();
     assert_eq!(found, [(PARENT, &[1][..]), (CHILD, &[0])]);
     for address in [PARENT, CHILD] {
-        obeys(&mut chain, Standard::KeepAlive, address);
+        host.to(address).keep_alive(&mut chain);
     }
-    assert_eq!(report(&mut chain, PARENT).clashing.iter().count(), 0);
+    let report: ChainReport = host.to(PARENT).question(&mut chain, HubFunction::Chain);
+    assert_eq!(report.clashing.iter().count(), 0);
     chain.hubs.iter_mut().for_each(Bench::assert_sound);
 }
 
 #[test]
 pub(crate) fn both_motors_turn_and_the_parent_answers_in_time_whatever_the_line_does() {
-    let mut chain = turning(1);
+    let (mut chain, mut host) = turning(1);
     for fault in [LineFault::Cut, LineFault::Shorted, LineFault::Noise, LineFault::Babble] {
         chain.set_fault(Some(fault));
         let mut slowest = Duration::ZERO;
         for _ in 0..12 {
             // The host neither waits for the child nor gives the child up.
-            chain.send(Standard::Status { clear: false }, CHILD);
-            let (_, time) = chain.ask(Standard::KeepAlive, PARENT).unwrap_or_else(|| panic!("{fault:?}"));
+            host.to(CHILD).send(&mut chain, Standard::Status { clear: false });
+            let answer = host.to(PARENT).timed(&mut chain, Standard::KeepAlive);
+            let (_, time) = answer.unwrap_or_else(|| panic!("{fault:?}"));
             slowest = slowest.max(time);
             chain.run(ms(4));
         }
@@ -115,82 +92,20 @@ pub(crate) fn both_motors_turn_and_the_parent_answers_in_time_whatever_the_line_
         chain.set_fault(None);
         chain.run(ms(20));
         // The child is there again at once, and its motor has not stopped.
-        obeys(&mut chain, Standard::KeepAlive, CHILD);
+        host.to(CHILD).keep_alive(&mut chain);
         chain.hubs.iter_mut().for_each(|hub| expect_speed(hub, [0], 100.0));
     }
     chain.hubs.iter_mut().for_each(Bench::assert_sound);
 }
 
-/// A fault of one hub must not reach the other. The limits are those of the fault matrix.
-#[test]
-#[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn faults_of_one_hub_end_as_in_the_matrix_and_leave_the_other_turning() {
-    let mut chain = turning(4);
-    // Faults of motors, in both hubs at once. Motor 3 goes on.
-    let at = chain.now();
-    for hub in &mut chain.hubs {
-        hub.set_encoder(0, Encoder::Unplugged);
-        hub.set_encoder(1, Encoder::Stuck { wire: Wire::A, high: true });
-        hub.pull_diag(2, true);
-    }
-    chain.run(ms(260));
-    for hub in &mut chain.hubs {
-        let transitions = hub.transitions();
-        for (motor, within) in [(0, ms(250)), (1, ms(250)), (2, ms(85))] {
-            let opened = open_since(&transitions, motor, at).expect("the bridge is open") - at;
-            assert!(opened <= within, "motor {motor}: {opened:?}");
-        }
-        expect_speed(hub, [3], 100.0);
-        hub.pull_diag(2, false);
-    }
-    for address in [PARENT, CHILD] {
-        let (answer, _) = chain.ask(HubFunction::Report, address).expect("an answer");
-        let report = HubReport::read(&mut Fields::new(&answer.payload)).expect("a report");
-        let faults: Vec<_> =
-            report.motors.iter().map(|motor| (motor.faults.encoder.is_some(), motor.faults.bridge)).collect();
-        assert_eq!(faults, [(true, false), (true, false), (false, true), (false, false)], "hub {address}");
-    }
-    // The child's converter fails.
-    let at = chain.now();
-    chain.hubs[1].kill_adc(true);
-    chain.run(ms(170));
-    let opened = open_since(&chain.hubs[1].transitions(), 3, at).expect("the bridge is open") - at;
-    assert!(opened <= ms(165), "{opened:?}");
-    expect_speed(&mut chain.hubs[0], [3], 100.0);
-    chain.hubs[1].kill_adc(false);
-    // The child is reset. Nobody has asked for a motion since.
-    let at = chain.now() + ms(1);
-    chain.hubs[1].pull_reset(at);
-    for _ in 0..3 {
-        let (_, time) = chain.ask(Standard::KeepAlive, PARENT).expect("an answer");
-        assert!(time <= ms(2), "{time:?}");
-        chain.run(ms(100));
-    }
-    let transitions = chain.hubs[1].transitions();
-    assert_eq!(open_since(&transitions, 3, at), Some(at), "the child's bridges open with the reset");
-    expect_speed(&mut chain.hubs[0], [3], 100.0);
-    // The child is back at once, and turns while its parent is reset. The H743 has stored its address.
-    turn(&mut chain, CHILD, 3);
-    chain.run(ms(400));
-    let at = chain.now() + ms(1);
-    chain.hubs[0].pull_reset(at);
-    chain.run(ms(300));
-    assert_eq!(open_since(&chain.hubs[0].transitions(), 3, at), Some(at));
-    if board() == Board::NucleoF429zi {
-        readdress(&mut chain);
-    }
-    obeys(&mut chain, Standard::KeepAlive, CHILD);
-    expect_speed(&mut chain.hubs[1], [3], 100.0);
-}
-
 #[test]
 fn a_stop_to_all_opens_every_bridge_within_fifty_milliseconds() {
-    let mut chain = turning(1);
+    let (mut chain, mut host) = turning(1);
     // Requests to a hub that does not exist wait for the line.
     for _ in 0..8 {
-        chain.send(Standard::KeepAlive, 77);
+        host.to(77).send(&mut chain, Standard::KeepAlive);
     }
-    let (_, sent) = chain.send(Standard::FailSafe, BROADCAST);
+    let sent = host.to(BROADCAST).send(&mut chain, Standard::FailSafe);
     chain.run(ms(60));
     for hub in &mut chain.hubs {
         let stopped = open_since(&hub.transitions(), 0, sent).expect("the bridge is open") - sent;
@@ -201,14 +116,14 @@ fn a_stop_to_all_opens_every_bridge_within_fifty_milliseconds() {
 
 #[test]
 fn a_hub_drives_the_line_for_its_own_bytes_and_a_byte_longer_at_most() {
-    let mut chain = pair(1);
+    let (mut chain, mut host) = pair(1);
     for _ in 0..4 {
-        obeys(&mut chain, Standard::KeepAlive, CHILD);
-        chain.ask(ToHub::Bulk, CHILD).expect("an answer of several bytes");
+        host.to(CHILD).keep_alive(&mut chain);
+        // The answer has several bytes.
+        host.bulk(&mut chain);
     }
     chain.run(ms(2));
-    for (hub, board) in [board(), by_board(Board::NucleoH743zi2, Board::NucleoF429zi)].into_iter().enumerate()
-    {
+    for (hub, board) in [board(), other_board()].into_iter().enumerate() {
         let sent = chain.sent(hub);
         assert!(sent.len() > 80, "{board}: {} bytes", sent.len());
         if board == Board::NucleoH743zi2 {
@@ -234,8 +149,7 @@ fn a_hub_drives_the_line_for_its_own_bytes_and_a_byte_longer_at_most() {
 
 #[test]
 fn without_a_transceiver_a_hub_has_no_chain_line() {
-    let mut bench = crate::common::booted(vec![]);
-    let mut host = emulated::host_link::HostLink::default();
+    let (mut bench, mut host) = with_host(vec![]);
     let request = Request::from(HubFunction::Chain);
     let reply = host.ask(&mut bench, request.id(), &request.payload());
     assert!(matches!(reply, Reply::Nack { .. }), "{reply:?}");

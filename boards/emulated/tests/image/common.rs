@@ -144,6 +144,11 @@ pub(crate) fn by_board<T>(f429zi: T, h743zi2: T) -> T {
     }
 }
 
+/// The board that is not the board of the test.
+pub(crate) fn other_board() -> Board {
+    by_board(Board::NucleoH743zi2, Board::NucleoF429zi)
+}
+
 /// Bits `high..=low` of a word.
 pub(crate) fn bits(word: u32, high: u32, low: u32) -> u32 {
     word >> low & ((1 << (high - low + 1)) - 1)

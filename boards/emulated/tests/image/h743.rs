@@ -2,21 +2,19 @@
 
 use std::time::Duration;
 
-use crate::boot;
 use crate::common::{COUNTER, am60, bits, booted, log, ms, on, setup};
 use emulated::{Bench, Board, Output};
 
 /// Tests of all boards that `cargo xtask test emulated` runs on this board too. `cargo xtask test BOARD` leaves them out.
 mod repeated {
     use crate::common::on;
-    use crate::{boot, chain, currents, devices, faults, link, matrix, record, running, stack, supply};
+    use crate::{boot, chain, currents, devices, faults, link, record, running, supply};
     use emulated::Board;
 
     macro_rules! on_h743 {
-        ($($(#[$attribute:meta])* $room:ident::$test:ident),+ $(,)?) => {
+        ($($room:ident::$test:ident),+ $(,)?) => {
             $(
                 #[test]
-                $(#[$attribute])*
                 fn $test() {
                     on(Board::NucleoH743zi2, $room::$test);
                 }
@@ -37,51 +35,12 @@ mod repeated {
         link::power_and_letting_go_reach_the_bridge_within_two_milliseconds,
         link::digital_pins_are_read_and_driven,
         faults::a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_named,
-        #[ignore = "long: cargo xtask test nucleo-f429zi"]
-        supply::a_supply_that_falls_opens_all_bridges_before_the_flash_is_too_slow,
-        #[ignore = "long: cargo xtask test nucleo-f429zi"]
-        supply::a_battery_that_breaks_down_is_seen_at_once,
         supply::a_halted_core_leaves_no_pwm_on,
         supply::clocks_that_never_start_leave_the_red_lamp_on_and_the_watchdog_tries_again,
         supply::encoder_inputs_are_filtered,
-        #[ignore = "long: cargo xtask test nucleo-f429zi"]
-        record::a_bus_error_is_a_hard_fault_on_record_with_the_place_in_the_code,
         record::a_panic_is_on_record_with_its_line,
-        #[ignore = "long: cargo xtask test nucleo-f429zi"]
-        record::a_task_that_hung_is_a_watchdog_reset_on_record,
-        #[ignore = "long: cargo xtask test nucleo-f429zi"]
-        record::an_unplugged_encoder_is_on_record_with_the_ticks_before_also_after_a_reset,
         record::whatever_memory_holds_after_power_on_the_record_is_empty,
-        #[ignore = "long: cargo xtask test nucleo-f429zi"]
-        stack::a_stack_that_overflows_ends_in_the_fault_path_with_all_bridges_open,
     );
-
-    #[test]
-    #[ignore = "long: cargo xtask test nucleo-f429zi"]
-    fn faults_of_every_kind_end_as_they_should() {
-        on(Board::NucleoH743zi2, || {
-            matrix::rows_end_as_they_should(&[
-                "encoder unplugged",
-                "converter dead",
-                "4.5 V",
-                "a task hangs",
-                "bus error",
-                "reset",
-                "nothing connected to the battery's pin",
-                "the chip's supply falls",
-                "the core locks up",
-                "reset, and the clocks do not start",
-                "settings are saved, and the flash shows errors that nobody made",
-                "settings are saved, and words arrive late",
-            ]);
-        });
-    }
-}
-
-#[test]
-#[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn the_whole_hub_needs_little_of_the_core() {
-    on(Board::NucleoH743zi2, || boot::the_whole_hub_needs_at_most(50, 1.0));
 }
 
 // RM0433, memory map and register descriptions.

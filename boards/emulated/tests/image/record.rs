@@ -59,13 +59,13 @@ fn after_with(mpu: Mpu, happens: impl FnOnce(&mut Bench)) -> (Bench, Head) {
 }
 
 #[test]
-pub(crate) fn a_task_that_hung_is_a_watchdog_reset_on_record() {
+fn a_task_that_hung_is_a_watchdog_reset_on_record() {
     let (_, head) = after(|bench| bench.hang("capture"));
     assert_eq!((head.fault, head.detail), (Fault::Watchdog, [0; 2]));
 }
 
 #[test]
-pub(crate) fn a_bus_error_is_a_hard_fault_on_record_with_the_place_in_the_code() {
+fn a_bus_error_is_a_hard_fault_on_record_with_the_place_in_the_code() {
     let (bench, head) = after(|bench| bench.fail_next_access(COUNTER));
     assert_eq!(head.fault, Fault::HardFault);
     let place = u64::from(head.detail[0]);
@@ -90,7 +90,7 @@ fn a_stack_overflow_is_on_record_with_how_far_it_went() {
 }
 
 #[test]
-pub(crate) fn an_unplugged_encoder_is_on_record_with_the_ticks_before_also_after_a_reset() {
+fn an_unplugged_encoder_is_on_record_with_the_ticks_before_also_after_a_reset() {
     let mut bench = turning(four_loads());
     let at = bench.now();
     bench.set_encoder(1, Encoder::Unplugged);

@@ -43,7 +43,7 @@ fn the_stack_stays_below_nine_of_its_24_kilobytes() {
 }
 
 #[test]
-pub(crate) fn a_stack_that_overflows_ends_in_the_fault_path_with_all_bridges_open() {
+fn a_stack_that_overflows_ends_in_the_fault_path_with_all_bridges_open() {
     let mut bench = turning_as(Setup { mpu: Mpu::Emulated, ..setup(four_loads()) });
     let at = bench.now();
     bench.overflow_stack("capture");

@@ -7,7 +7,7 @@ use std::time::Duration;
 use crate::common::{am60, booted_as, log, ms, on, setup, watch_samples, with_host, worst_sample};
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
-use emulated::host_link::HostLink;
+use emulated::host_link::{HostLink, Line};
 use emulated::{Bench, Board, Setup, elf};
 use motor_hub::braking::Winding;
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
@@ -48,20 +48,20 @@ fn protected(bench: &mut Bench, host: &mut HostLink) -> Values {
     Values::read(Group::Protection, &mut Fields::new(&payload)).expect("a protection")
 }
 
-fn state(bench: &mut Bench, host: &mut HostLink) -> StoreReport {
-    host.question(bench, HubFunction::Stored)
+fn state(line: &mut impl Line, host: &mut HostLink) -> StoreReport {
+    host.question(line, HubFunction::Stored)
 }
 
 /// Saves the settings, and waits for the end. Returns the report and the time that the save took.
-pub(crate) fn save(bench: &mut Bench, host: &mut HostLink) -> (StoreReport, Duration) {
-    let begun = bench.now();
-    host.order(bench, HubFunction::Save);
+pub(crate) fn save(line: &mut impl Line, host: &mut HostLink) -> (StoreReport, Duration) {
+    let begun = line.first().now();
+    host.order(line, HubFunction::Save);
     loop {
-        let report = state(bench, host);
+        let (report, took) = (state(line, host), line.first().now() - begun);
         if !report.at_work {
-            return (report, bench.now() - begun);
+            return (report, took);
         }
-        assert!(bench.now() - begun < ms(6000), "{report:?}");
+        assert!(took < ms(6000), "{report:?}");
     }
 }
 

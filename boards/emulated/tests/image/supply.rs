@@ -81,7 +81,7 @@ fn a_line_that_no_host_drives_is_pulled_up() {
 }
 
 #[test]
-pub(crate) fn a_supply_that_falls_opens_all_bridges_before_the_flash_is_too_slow() {
+fn a_supply_that_falls_opens_all_bridges_before_the_flash_is_too_slow() {
     let mut bench = turning(four_loads());
     let at = bench.now();
     bench.set_rail(too_low());
@@ -118,7 +118,7 @@ fn a_supply_that_is_low_from_the_beginning_starts_no_hub() {
 /// The converter's watchdog reports a low battery within two conversions. The hub then samples twice, a millisecond apart,
 /// instead of every 10 ms.
 #[test]
-pub(crate) fn a_battery_that_breaks_down_is_seen_at_once() {
+fn a_battery_that_breaks_down_is_seen_at_once() {
     let (mut bench, mut host) = with_host(vec![am60(); 4]);
     for phase in 0..4 {
         set_speeds(&mut bench, &mut host);
@@ -177,7 +177,7 @@ fn runs_on_unread(bench: &mut Bench) {
 }
 
 #[test]
-pub(crate) fn a_bus_that_rises_ends_what_a_braking_motor_returns_before_the_next_millisecond() {
+fn a_bus_that_rises_ends_what_a_braking_motor_returns_before_the_next_millisecond() {
     let (mut bench, mut host) = with_host(vec![am60()]);
     bench.set_torque(0, 0.8);
     host.velocity(&mut bench, 0, 1_000);

@@ -3,12 +3,10 @@
 use std::num::NonZeroU32;
 use std::time::Duration;
 
-use emulated::host_link::HostLink;
 use emulated::{Bench, Encoder, FlashFaults, Wire};
-use motor_hub::store::Outcome;
 
+use super::run::Run;
 use crate::common::{COUNTER, ms, too_low};
-use crate::store;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Fault {
@@ -96,32 +94,29 @@ impl Fault {
         }
     }
 
-    pub(crate) fn run(self, bench: &mut Bench, host: &mut HostLink) {
-        let end = bench.now() + self.duration();
+    /// Runs until the end of the fault.
+    pub(crate) fn run(self, run: &mut Run) {
+        let end = run.now() + self.duration();
         match self {
-            Self::HostSilent => bench.run_until(end),
             Self::HostGarbled(_) => {
                 // The host continues to send, whether or not it gets answers.
-                while bench.now() < end {
-                    let packet = host.packet(KEEP_ALIVE, &[]);
-                    bench.send(&packet);
-                    bench.run(REQUEST_INTERVAL);
-                    host.arrivals(bench);
+                while run.now() < end {
+                    run.send_keep_alive();
+                    run.pass(REQUEST_INTERVAL);
                 }
             }
             // These faults last longer than the hub waits for its host, so the host must send keep-alives.
             Self::LogAbandoned | Self::Encoder(Encoder::Reversed) => {
-                while bench.now() < end {
-                    host.keep_alive(bench);
-                    bench.run(ms(500));
+                while run.now() < end {
+                    run.keep_alive();
+                    run.pass(ms(500));
                 }
             }
             Self::FlashFaulty(_) => {
-                let (report, _) = store::save(bench, host);
-                assert_eq!(report.outcome, Outcome::Done);
-                bench.run_until(end);
+                run.save();
+                run.pass(end.saturating_sub(run.now()));
             }
-            _ => bench.run_until(end),
+            _ => run.pass(end - run.now()),
         }
     }
 
@@ -131,27 +126,29 @@ impl Fault {
             Self::ConverterDead => bench.kill_adc(false),
             Self::Battery(_) => bench.set_battery(NOMINAL),
             Self::BridgesOff => (0..4).for_each(|motor| bench.pull_diag(motor, false)),
-            Self::HostGarbled(_) => {
-                bench.garble_serial(0, 7);
-                // The hub discards an incomplete packet after 50 ms.
-                bench.run(ms(60));
-            }
+            Self::HostGarbled(_) => bench.garble_serial(0, 7),
             Self::LogAbandoned => bench.abandon_log(false),
             Self::BatteryPinOpen => bench.open_battery_pin(false),
-            Self::SupplyFalls => {
-                bench.set_rail(3_300);
-                bench.run(UNTIL_STARTED);
-            }
-            Self::ClocksDoNotStart => {
-                bench.kill_power(false);
-                bench.run(UNTIL_STARTED);
-            }
+            Self::SupplyFalls => bench.set_rail(3_300),
+            Self::ClocksDoNotStart => bench.kill_power(false),
             Self::FlashFaulty(_) => bench.set_flash_faults(FlashFaults::default()),
             // These faults end without help.
             Self::HostSilent | Self::TaskHangs(_) | Self::BusError | Self::ResetPin | Self::LockUp => {}
         }
     }
-}
 
-/// The type of the protocol's *keep alive*.
-const KEEP_ALIVE: u16 = 0x7F04;
+    /// Returns how long the hub may need until it answers again after the fault was removed.
+    pub(crate) const fn until_answers(self) -> Duration {
+        match self {
+            // The hub discards an incomplete packet after 50 ms.
+            Self::HostGarbled(_) => ms(60),
+            Self::SupplyFalls | Self::ClocksDoNotStart => UNTIL_STARTED,
+            _ => Duration::ZERO,
+        }
+    }
+
+    /// True if a request of the host does not change the effects of the fault.
+    pub(crate) const fn host_can_ask(self) -> bool {
+        !matches!(self, Self::HostSilent | Self::HostGarbled(_) | Self::SupplyFalls | Self::ClocksDoNotStart)
+    }
+}

@@ -13,13 +13,14 @@ mod table;
 use std::ops::RangeInclusive;
 use std::sync::Mutex;
 
-use crate::common::{board, ms, on, publish};
-use emulated::Board;
-use modes::{MODES, Setup};
+use crate::common::{board, ms, on, other_board, publish};
+use emulated::{Bench, Board};
+use faults::Fault;
+use modes::{MODES, Mode, Setup};
 use rows::{CONFIGURED_AND_BRAKE, Cell, During, ROWS, ROWS_OF_H743, Row};
-use run::{RowResult, Run};
+use run::{MODE_CHANGE, OtherResult, Place, RowResult, Run};
 
-/// Number of chips that run side by side.
+/// Number of chips, or chains of them, that run side by side.
 const CHIPS: usize = 2;
 
 /// Returns a text for each result that is not as expected.
@@ -28,10 +29,13 @@ fn complaints(row: &Row, seen: &RowResult) -> Vec<String> {
     if seen.says != row.says {
         wrong.push(format!("{}: the hub says {:?}", row.name, seen.says));
     }
+    if let Some(other) = seen.other.as_ref().filter(|other| disturbed(row, other)) {
+        wrong.push(format!("{}: {other:?}", row.name));
+    }
     for ((mode, seen), expected) in MODES.into_iter().zip(&seen.cells).zip(&row.cells) {
         let Cell { during, says, back } = expected;
-        // A bridge is open for 1 ms when its mode changes.
-        let turns = |speeds: RangeInclusive<f64>| seen.longest_open <= ms(2) && speeds.contains(&seen.speed);
+        let turns =
+            |speeds: RangeInclusive<f64>| seen.longest_open <= MODE_CHANGE && speeds.contains(&seen.speed);
         let as_expected = match during {
             During::Works => turns(mode.speeds()),
             During::Turns(least, most) => turns(*least..=*most),
@@ -45,20 +49,50 @@ fn complaints(row: &Row, seen: &RowResult) -> Vec<String> {
     wrong
 }
 
+/// True if a hub has not done what a hub must do while the other hub of its chain has the fault of this row.
+fn disturbed(row: &Row, other: &OtherResult) -> bool {
+    let in_parent = other.fault_in == Place::Parent;
+    // Requests to a child pass its parent, which answers nothing while it is reset.
+    let child_reached =
+        !in_parent || !(row.says.contains(&"device reset") || matches!(row.fault, Fault::HostGarbled(_)));
+    // The child has a keep-alive of its own.
+    let must_stop: &[Mode] =
+        if in_parent && row.fault == Fault::HostGarbled(1_000_000) { &MODES } else { &[] };
+    other.slowest > ms(2) || (other.unanswered > 0 && child_reached) || other.disturbed != must_stop
+}
+
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn every_fault_in_every_mode_ends_as_it_should() {
-    let alone = of_board().iter().filter(|row| !ROWS.iter().any(|other| other.name == row.name));
-    let rows: Vec<&Row> = ROWS.iter().map(|row| named(row.name)).chain(alone).collect();
-    let table = run_rows(Setup::AsTheyCome, &rows);
+    let table = run_rows(Setup::AsTheyCome, on_one_hub(&rows_of_board()));
     let head = "Motors as they come: only the winding is configured. A fault lets a motor coast.";
     publish("matrix-as-they-come", &format!("{head}\n\n{table}"));
+}
+
+/// Each row runs twice in a chain: once with its fault in the parent, once with its fault in the child. One half runs here, with the
+/// board of the test as the parent, and the other half in the tests of the other board. Every other row has its fault in the
+/// NUCLEO-F429ZI, and the rows between them have it in the NUCLEO-H743ZI2. The rows of motors that are configured do not run in a
+/// chain, because the configuration of a motor changes nothing on the line.
+#[test]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
+fn every_fault_of_one_hub_of_a_chain_ends_as_it_does_alone_and_leaves_the_other_hub_undisturbed() {
+    let parent = board();
+    let shares = [Board::NucleoF429zi, Board::NucleoH743zi2].map(|board| {
+        let place = if board == parent { Place::Parent } else { Place::Child };
+        let is_second = board == Board::NucleoH743zi2;
+        let rows = on(board, rows_of_board).into_iter().enumerate();
+        let rows =
+            rows.filter(|(number, _)| (number % 2 == 1) == is_second || *number >= ROWS.len()).collect();
+        Share { board, place, rows }
+    });
+    println!("The {parent} is the parent of the {}.\n\n{}", other_board(), run_rows(Setup::AsTheyCome, shares));
 }
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn faults_of_motors_that_are_configured_and_brake_end_as_they_should() {
-    let table = run_rows(Setup::ConfiguredBraking, &CONFIGURED_AND_BRAKE.iter().collect::<Vec<_>>());
+    let table =
+        run_rows(Setup::ConfiguredBraking, on_one_hub(&CONFIGURED_AND_BRAKE.iter().collect::<Vec<_>>()));
     let head = "Motors whose dynamics are configured, and which are configured to brake at a fault.";
     publish("matrix-by-model-braking", &format!("{head}\n\n{table}"));
 }
@@ -68,49 +102,62 @@ fn of_board() -> &'static [Row] {
     if board() == Board::NucleoH743zi2 { &ROWS_OF_H743 } else { &[] }
 }
 
+/// Returns all rows that the board of the test has.
+fn rows_of_board() -> Vec<&'static Row> {
+    let alone = of_board().iter().filter(|row| !ROWS.iter().any(|other| other.name == row.name));
+    ROWS.iter().map(|row| named(row.name)).chain(alone).collect()
+}
+
 /// Returns the row with this name, with the results that the board of the test should have.
 fn named(name: &str) -> &'static Row {
     let mut rows = of_board().iter().chain(&ROWS);
     rows.find(|row| row.name == name).unwrap_or_else(|| panic!("no row {name}"))
 }
 
-/// Runs the rows with these names, and expects their results.
-pub(crate) fn rows_end_as_they_should(names: &[&str]) {
-    run_rows(Setup::AsTheyCome, &names.iter().map(|name| named(name)).collect::<Vec<_>>());
+/// The rows that run one after another on the same chips. The same rows always share their chips, so each run gives the same
+/// results.
+struct Share {
+    /// The board that has the faults.
+    board: Board,
+    place: Place,
+    /// The rows, with their numbers in the table.
+    rows: Vec<(usize, &'static Row)>,
 }
 
-/// Runs rows and returns their table.
-fn run_rows(setup: Setup, rows: &[&Row]) -> String {
+/// Shares rows between hubs of the board of the test, each without a chain.
+fn on_one_hub(rows: &[&'static Row]) -> [Share; CHIPS] {
+    [0, 1].map(|first| {
+        let rows = rows.iter().copied().enumerate().skip(first).step_by(CHIPS).collect();
+        Share { board: board(), place: Place::Alone, rows }
+    })
+}
+
+/// Runs rows, the shares side by side, and returns their table.
+fn run_rows(setup: Setup, shares: [Share; CHIPS]) -> String {
     let (seen, wrong) = (Mutex::new(Vec::new()), Mutex::new(Vec::new()));
-    // The same rows always share a chip, so each run gives the same results.
-    let board = board();
-    let work = |first: usize| {
-        let mut run = Run::new(setup);
-        for (place, row) in rows.iter().enumerate().skip(first).step_by(CHIPS) {
+    let work = |share: Share| {
+        let mut run = Run::new(setup, share.place);
+        for (number, row) in share.rows {
             let came = run.row(row);
             let complaints = complaints(row, &came);
-            seen.lock().expect("no panic").push((place, came));
+            seen.lock().expect("no panic").push((number, row, came));
             if !complaints.is_empty() {
-                run = Run::new(setup);
+                run = Run::new(setup, share.place);
                 wrong.lock().expect("no panic").extend(complaints);
             }
         }
-        run.bench.assert_sound();
+        run.chain.hubs.iter_mut().for_each(Bench::assert_sound);
     };
     std::thread::scope(|scope| {
-        let chips: Vec<_> = (0..CHIPS)
-            .map(|first| {
-                let work = &work;
-                scope.spawn(move || on(board, || work(first)))
-            })
-            .collect();
-        chips.into_iter().for_each(|chip| {
-            chip.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        let work = &work;
+        let shares = shares.map(|share| scope.spawn(move || on(share.board, || work(share))));
+        shares.into_iter().for_each(|share| {
+            share.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         });
     });
     let mut seen = seen.into_inner().expect("no panic");
-    seen.sort_by_key(|(place, _)| *place);
-    let table = table::text(rows.iter().copied().zip(seen.iter().map(|(_, seen)| seen)));
+    seen.sort_by_key(|(number, ..)| *number);
+    let table = table::text(seen.iter().map(|(_, row, seen)| (*row, seen)));
     let wrong = wrong.into_inner().expect("no panic");
     assert!(wrong.is_empty(), "{table}\n{}", wrong.join("\n"));
     table

@@ -2,8 +2,8 @@
 
 use std::ops::RangeInclusive;
 
-use emulated::host_link::HostLink;
-use emulated::{Bench, Mounting, recording};
+use emulated::host_link::{HostLink, Line};
+use emulated::{Board, ChainBench, Mounting, recording};
 use motor_hub::braking::Winding;
 use motor_hub::extension::Request;
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
@@ -11,7 +11,7 @@ use motor_hub::model::load::Load;
 use motor_hub::model::si::KgM2;
 use motor_hub::motor::{OnFault, Settings};
 
-use crate::common::am60_with;
+use crate::common::{am60_with, ms};
 
 /// The modes of the four motors, in the order of the motors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,7 +43,7 @@ pub(crate) enum Setup {
 
 impl Setup {
     /// Sends the settings of a motor, which the hub loses at a reset.
-    fn apply(self, bench: &mut Bench, host: &mut HostLink, motor: u8) {
+    fn apply(self, line: &mut impl Line, host: &mut HostLink, motor: u8) {
         if self == Self::AsTheyCome {
             return;
         }
@@ -52,7 +52,7 @@ impl Setup {
         settings.on_fault = OnFault::Brake;
         for group in [Group::Motion, Group::Protection] {
             let values = Values::of(group, &MotorSettings::new(settings));
-            host.order(bench, Request::Set(motor, values));
+            host.order(line, Request::Set(motor, values));
         }
     }
 }
@@ -72,14 +72,14 @@ impl Mode {
     }
 
     /// Starts a motor in this mode.
-    pub(crate) fn start(self, setup: Setup, bench: &mut Bench, host: &mut HostLink) {
+    pub(crate) fn start(self, setup: Setup, line: &mut impl Line, host: &mut HostLink) {
         let motor = self as u8;
-        setup.apply(bench, host, motor);
+        setup.apply(line, host, motor);
         match self {
-            Self::OpenLoop => host.power(bench, motor, POWER),
-            Self::Velocity => host.velocity(bench, motor, SPEED),
-            Self::Position => host.position(bench, motor, 1_000_000, 10, SPEED),
-            Self::Braking => host.velocity(bench, motor, LOWERING),
+            Self::OpenLoop => host.power(line, motor, POWER),
+            Self::Velocity => host.velocity(line, motor, SPEED),
+            Self::Position => host.position(line, motor, 1_000_000, 10, SPEED),
+            Self::Braking => host.velocity(line, motor, LOWERING),
         }
     }
 
@@ -94,11 +94,13 @@ impl Mode {
     }
 }
 
-/// Powers on a hub whose four motors have light wheels, with a torque on the wheel of the last motor.
-pub(crate) fn powered() -> Bench {
-    let mut bench = crate::common::booted(vec![wheel(); MODES.len()]);
-    bench.set_torque(Mode::Braking.motor(), OVERHAULING);
-    bench
+/// Powers on hubs on these boards. The four motors of a hub have light wheels, with a torque on the wheel of the last motor.
+pub(crate) fn powered(boards: Vec<Board>) -> ChainBench {
+    let setup = |board| emulated::Setup { board, ..emulated::Setup::new(vec![wheel(); MODES.len()]) };
+    let mut chain = ChainBench::new(boards.into_iter().map(setup).collect());
+    chain.run(ms(300));
+    chain.hubs.iter_mut().for_each(|hub| hub.set_torque(Mode::Braking.motor(), OVERHAULING));
+    chain
 }
 
 fn wheel() -> Mounting {

@@ -2,22 +2,50 @@
 
 use std::time::Duration;
 
-use emulated::host_link::HostLink;
-use emulated::{Bench, Lines, Transition};
+use emulated::host_link::{HostLink, Line};
+use emulated::{Bench, Board, ChainBench, Lines, Transition};
 use motor_hub::extension::report::BusReport;
 use motor_hub::extension::report::Condition;
-use motor_hub::extension::{HubFunction, MotorFunction};
+use motor_hub::extension::{HubFunction, MotorFunction, Request};
+use motor_hub::protocol::Address;
 use motor_hub::protocol::answers::Status;
+use motor_hub::protocol::payload::Field;
 use motor_hub::protocol::requests::{BATTERY, Standard, ToHub};
+use motor_hub::store::Outcome;
 use motor_hub::supply::BusState;
 
-use super::faults::Fault;
 use super::modes::{MODES, Mode, Setup, powered};
 use super::rows::{Back, Row};
-use crate::common::ms;
+use crate::chain::set_address;
+use crate::common::{board, ms, other_board};
+use crate::store;
+
+/// The hub that has the faults.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Place {
+    /// The hub has no chain.
+    Alone,
+    /// The hub has a child on the other board.
+    Parent,
+    /// The hub is the child of a hub on the other board.
+    Child,
+}
+
+impl Place {
+    /// Returns the words that follow the name of a fault.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Alone => "",
+            Self::Parent => ", in the parent",
+            Self::Child => ", in the child",
+        }
+    }
+}
 
 /// Result of a row: what a fault has caused.
 pub(crate) struct RowResult {
+    /// What the other hub of a chain has done meanwhile.
+    pub(crate) other: Option<OtherResult>,
     /// Reports of the hub itself, from its answers and its log.
     pub(crate) says: Vec<&'static str>,
     /// Results of the motors, in the order of their modes.
@@ -41,11 +69,38 @@ pub(crate) struct MotorResult {
     pub(crate) back: Result<Back, f64>,
 }
 
-/// A chip on which faults are applied one after another.
+/// What the hub without a fault has done while the other hub of the chain had a fault.
+#[derive(Debug)]
+pub(crate) struct OtherResult {
+    /// Place of the hub that had the fault.
+    pub(crate) fault_in: Place,
+    /// Longest time from the end of a request to the end of its answer.
+    pub(crate) slowest: Duration,
+    /// Number of requests without an answer.
+    pub(crate) unanswered: usize,
+    /// Modes whose motors have not followed their commands all the time.
+    pub(crate) disturbed: Vec<Mode>,
+}
+
+/// Chips on which faults are applied one after another: one, or two in a chain. One of the two has all faults.
 pub(crate) struct Run {
-    pub(crate) bench: Bench,
+    pub(crate) chain: ChainBench,
     host: HostLink,
     setup: Setup,
+    place: Place,
+    /// The hub that has the faults.
+    faulty: Member,
+    /// The hub without faults.
+    other: Option<Member>,
+    /// Times of the answers of the other hub to the requests of this row. `None` for a request without an answer.
+    answers: Vec<Option<Duration>>,
+}
+
+/// A hub of a chain: its place on the line, and its address.
+#[derive(Clone, Copy, Debug)]
+struct Member {
+    hub: usize,
+    address: u8,
 }
 
 /// Texts of the log about a motor, and their names in the table. The log has them once a second.
@@ -70,32 +125,70 @@ const OF_HUB: [(&str, &str); 4] = [
 ];
 /// Longest time until motors follow their commands again. A load that has accelerated a motor must first be slowed down.
 const BACK_WITHIN: Duration = ms(4_000);
+/// Longest time for which a bridge is open when the mode of its motor changes.
+pub(crate) const MODE_CHANGE: Duration = ms(2);
+
+/// Time between two requests to the other hub.
+const REQUEST_INTERVAL: Duration = ms(50);
+
+/// The address of a hub after its first start, and after each reset of the NUCLEO-F429ZI, which stores none.
+const FIRST: u8 = Address::DEFAULT.get();
+/// The address of the NUCLEO-H743ZI2 in a chain.
+const SECOND: u8 = 9;
 
 impl Run {
-    /// Starts all motors, and waits until they follow their commands.
-    pub(crate) fn new(setup: Setup) -> Self {
-        let mut run = Self { bench: powered(), host: HostLink::default(), setup };
-        MODES.iter().for_each(|mode| mode.start(setup, &mut run.bench, &mut run.host));
+    /// Starts all motors, and waits until they follow their commands. The board of the test gets the faults.
+    pub(crate) fn new(setup: Setup, place: Place) -> Self {
+        let (board, other) = (board(), other_board());
+        let boards = match place {
+            Place::Alone => vec![board],
+            Place::Parent => vec![board, other],
+            Place::Child => vec![other, board],
+        };
+        let mut host = HostLink::default();
+        let mut chain = powered(boards.clone());
+        match boards[..] {
+            [Board::NucleoF429zi, _] => {
+                // The parent changes its address first, and later back.
+                for (from, to) in [(FIRST, 7), (FIRST, SECOND), (7, FIRST)] {
+                    set_address(&mut chain, &mut host, from, to);
+                }
+            }
+            [_, _] => set_address(&mut chain, &mut host, FIRST, SECOND),
+            _ => {}
+        }
+        let member = |of: Board| {
+            let hub = boards.iter().position(|board| *board == of)?;
+            let is_second = boards.len() > 1 && of == Board::NucleoH743zi2;
+            Some(Member { hub, address: if is_second { SECOND } else { FIRST } })
+        };
+        let (faulty, other) = (member(board).expect("a hub with faults"), member(other));
+        for member in [Some(faulty), other].into_iter().flatten() {
+            let host = host.to(member.address);
+            MODES.iter().for_each(|mode| mode.start(setup, &mut chain, host));
+        }
+        let mut run = Self { chain, host, setup, place, faulty, other, answers: Vec::new() };
         run.settle();
         run
     }
 
     /// Applies the fault of a row, removes it, and waits until all motors follow their commands again.
     pub(crate) fn row(&mut self, row: &Row) -> RowResult {
-        let Self { bench, host, .. } = self;
-        let _: Status = host.question(bench, Standard::Status { clear: true });
-        let (from, logged) = (bench.now(), bench.log().len());
-        row.fault.apply(bench);
-        row.fault.run(bench, host);
-        let (to, transitions) = (bench.now(), bench.transitions());
-        let speeds = MODES.map(|mode| bench.look(mode.motor()).counts_per_second);
+        let _: Status = self.question(Standard::Status { clear: true });
+        self.answers.clear();
+        let (from, logged) = (self.now(), self.bench().log().len());
+        row.fault.apply(self.bench());
+        row.fault.run(self);
+        let (to, transitions) = (self.now(), self.bench().transitions());
+        let speeds = MODES.map(|mode| self.bench().look(mode.motor()).counts_per_second);
         let blind = row.fault.host_can_ask()
-            && host.question::<i16>(bench, ToHub::Adc { channel: BATTERY, raw: false }) == 0;
-        let bus: Option<BusReport> = row.fault.host_can_ask().then(|| host.question(bench, HubFunction::Bus));
-        let log: Vec<String> = bench.log().into_iter().skip(logged).map(|line| line.text).collect();
-        let stopped = off(bench);
-        row.fault.remove(bench);
-        let status: Status = host.question(bench, Standard::Status { clear: true });
+            && self.question::<i16>(ToHub::Adc { channel: BATTERY, raw: false }) == 0;
+        let bus: Option<BusReport> = row.fault.host_can_ask().then(|| self.question(HubFunction::Bus));
+        let log: Vec<String> = self.bench().log().into_iter().skip(logged).map(|line| line.text).collect();
+        let stopped = off(self.bench());
+        row.fault.remove(self.bench());
+        self.pass(row.fault.until_answers());
+        let status: Status = self.question(Standard::Status { clear: true });
         let mut says: Vec<_> =
             status.words().iter().copied().chain(blind.then_some("battery reads 0 V")).collect();
         says.extend(
@@ -113,15 +206,75 @@ impl Run {
             says,
             back,
         });
-        RowResult { says, cells: cells.collect() }
+        let cells = cells.collect();
+        RowResult { other: self.other.map(|other| self.other_result(other, from)), says, cells }
+    }
+
+    /// Returns what the other hub has done since the time `from`.
+    fn other_result(&mut self, other: Member, from: Duration) -> OtherResult {
+        let hub = &mut self.chain.hubs[other.hub];
+        let (now, transitions) = (hub.now(), hub.transitions());
+        let mut follows = |mode: &Mode| {
+            longest_open(&transitions, mode.motor(), from, now) <= MODE_CHANGE
+                && mode.speeds().contains(&hub.look(mode.motor()).counts_per_second)
+        };
+        OtherResult {
+            fault_in: self.place,
+            slowest: self.answers.iter().flatten().copied().max().unwrap_or_default(),
+            unanswered: self.answers.iter().filter(|answer| answer.is_none()).count(),
+            disturbed: MODES.into_iter().filter(|mode| !follows(mode)).collect(),
+        }
+    }
+
+    /// Returns the hub that has the faults.
+    fn bench(&mut self) -> &mut Bench {
+        &mut self.chain.hubs[self.faulty.hub]
+    }
+
+    pub(crate) fn now(&self) -> Duration {
+        self.chain.now()
+    }
+
+    /// Runs for some time. In a chain the host sends requests to the other hub meanwhile.
+    pub(crate) fn pass(&mut self, time: Duration) {
+        let end = self.now() + time;
+        while let Some(other) = self.other
+            && self.now() < end
+        {
+            let answer = self.host.to(other.address).timed(&mut self.chain, Standard::KeepAlive);
+            self.answers.push(answer.map(|(_, time)| time));
+            self.chain.run(REQUEST_INTERVAL.min(end.saturating_sub(self.now())));
+        }
+        self.chain.run(end.saturating_sub(self.now()));
+    }
+
+    /// Asks the hub that has the faults.
+    fn question<A: Field>(&mut self, request: impl Into<Request>) -> A {
+        self.host.to(self.faulty.address).question(&mut self.chain, request)
+    }
+
+    /// Sends a keep-alive to the hub that has the faults.
+    pub(crate) fn keep_alive(&mut self) {
+        self.host.to(self.faulty.address).keep_alive(&mut self.chain);
+    }
+
+    /// As [`keep_alive`](Self::keep_alive), and waits for no answer. Answers that have arrived before are discarded.
+    pub(crate) fn send_keep_alive(&mut self) {
+        self.host.arrivals(self.chain.first());
+        self.host.to(self.faulty.address).send(&mut self.chain, Standard::KeepAlive);
+    }
+
+    /// Makes the hub that has the faults save its settings.
+    pub(crate) fn save(&mut self) {
+        let (report, _) = store::save(&mut self.chain, self.host.to(self.faulty.address));
+        assert_eq!(report.outcome, Outcome::Done);
     }
 
     /// Returns the reports of one motor, from answers of the hub and its log.
     fn said(&mut self, mode: Mode, status: Status, log: &[String]) -> Vec<&'static str> {
         let alerts = status.alerts().into_iter().filter(|alert| alert.motor == mode.motor());
         let mut says: Vec<_> = alerts.map(|alert| alert.text).collect();
-        let condition: Condition =
-            self.host.question(&mut self.bench, MotorFunction::Condition.to(mode as u8));
+        let condition: Condition = self.question(MotorFunction::Condition.to(mode as u8));
         says.extend(condition.bridge_fault.then_some("bridge off"));
         says.extend(reported(log, &format!("motor {}: Faults", mode.motor()), &OF_MOTOR));
         says
@@ -129,16 +282,14 @@ impl Run {
 
     /// Ends the fault, and returns how each motor follows its command again. `stopped` are the motors that were not driven before.
     fn recover(&mut self, stopped: [bool; 4]) -> [Result<Back, f64>; 4] {
-        self.host.keep_alive(&mut self.bench);
-        self.bench.run(ms(300));
-        let later = off(&mut self.bench);
-        for mode in MODES.into_iter().filter(|mode| later[mode.motor()]) {
-            self.host.enable(&mut self.bench, mode as u8, false);
-            mode.start(self.setup, &mut self.bench, &mut self.host);
-        }
+        self.keep_alive();
+        self.pass(ms(300));
+        let later = off(self.bench());
+        self.start_again(self.faulty);
+        self.other.into_iter().for_each(|other| self.start_again(other));
         self.settle();
         MODES.map(|mode| {
-            let speed = self.bench.look(mode.motor()).counts_per_second;
+            let speed = self.bench().look(mode.motor()).counts_per_second;
             let recovery = match (stopped[mode.motor()], later[mode.motor()]) {
                 (_, true) => Back::WhenEnabled,
                 (true, false) => Back::ByItself,
@@ -148,16 +299,30 @@ impl Run {
         })
     }
 
+    /// Starts the motors of a hub that are off, each in its mode.
+    fn start_again(&mut self, member: Member) {
+        let (off, host) = (off(&mut self.chain.hubs[member.hub]), self.host.to(member.address));
+        for mode in MODES.into_iter().filter(|mode| off[mode.motor()]) {
+            host.enable(&mut self.chain, mode as u8, false);
+            mode.start(self.setup, &mut self.chain, host);
+        }
+    }
+
     /// Runs until all motors have followed their commands for 300 ms.
     fn settle(&mut self) {
-        let (host, mut good) = (&mut self.host, 0);
-        self.bench.run_while(ms(100), BACK_WITHIN, |bench| {
-            host.keep_alive(bench);
-            let settled = |mode: Mode| mode.speeds().contains(&bench.look(mode.motor()).counts_per_second);
-            good = if MODES.into_iter().all(settled) { good + 1 } else { 0 };
-            good == 3
-        });
+        let (end, mut good) = (self.now() + BACK_WITHIN, 0);
+        while good < 3 && self.now() < end {
+            self.pass(ms(100));
+            self.keep_alive();
+            let all = self.chain.hubs.iter_mut().all(follows);
+            good = if all { good + 1 } else { 0 };
+        }
     }
+}
+
+/// True if all motors of a hub follow their commands.
+fn follows(hub: &mut Bench) -> bool {
+    MODES.into_iter().all(|mode| mode.speeds().contains(&hub.look(mode.motor()).counts_per_second))
 }
 
 /// Returns for each motor whether its bridge has been open, or has shorted the motor, for more than 60 ms. A shorter time may
@@ -200,11 +365,4 @@ fn longest_open(transitions: &[Transition], motor: usize, from: Duration, to: Du
         open = t.lines.open().then_some(t.at);
     }
     longest.max(open.map_or(Duration::ZERO, |since: Duration| to - from.max(since)))
-}
-
-impl Fault {
-    /// True if a request of the host does not change the effects of the fault.
-    const fn host_can_ask(self) -> bool {
-        !matches!(self, Self::HostSilent | Self::HostGarbled(_) | Self::SupplyFalls | Self::ClocksDoNotStart)
-    }
 }

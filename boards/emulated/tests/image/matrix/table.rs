@@ -2,24 +2,31 @@
 
 use std::fmt::Write;
 
-use super::modes::MODES;
+use super::modes::{MODES, Mode};
 use super::rows::{Back, Row};
-use super::run::{MotorResult, RowResult};
+use super::run::{MotorResult, OtherResult, RowResult};
 
-/// Rows of Markdown.
+/// Rows of Markdown. In a chain they name the hub with the fault, and the answers of the other hub.
 pub(crate) fn text<'a>(rows: impl Iterator<Item = (&'a Row, &'a RowResult)>) -> String {
-    let names = MODES.map(|mode| mode.name());
-    let mut out = format!("| | {} | reported | back |\n|{}\n", names.join(" | "), "---|".repeat(7));
+    let mut rows = rows.peekable();
+    let in_chain = rows.peek().is_some_and(|(_, seen)| seen.other.is_some());
+    let mut heads = MODES.map(Mode::name).to_vec();
+    heads.extend(["reported", "back"]);
+    heads.extend(in_chain.then_some("the other hub answers within"));
+    let mut out = format!("| | {} |\n|{}\n", heads.join(" | "), "---|".repeat(1 + heads.len()));
     for (row, seen) in rows {
-        let cells: Vec<String> = seen.cells.iter().map(cell).collect();
+        let mut cells: Vec<String> = seen.cells.iter().map(cell).collect();
         let mut says = seen.says.clone();
         let mut back: Vec<&str> = Vec::new();
         for cell in &seen.cells {
             says.extend(&cell.says);
             back.push(cell.back.map_or("not", Back::name));
         }
+        cells.extend([once(says), once(back)]);
+        cells.extend(seen.other.as_ref().map(answers));
+        let place = seen.other.as_ref().map_or("", |other| other.fault_in.name());
         // Writing to a string does not fail.
-        let _ = writeln!(out, "| {} | {} | {} | {} |", row.name, cells.join(" | "), once(says), once(back));
+        let _ = writeln!(out, "| {}{place} | {} |", row.name, cells.join(" | "));
     }
     out
 }
@@ -31,6 +38,15 @@ fn cell(seen: &MotorResult) -> String {
         (Some(after), _) => format!("open after {:.0} ms", after.as_secs_f64() * 1e3),
         (_, Some(after)) => format!("shorted after {:.0} ms, {speed}", after.as_secs_f64() * 1e3),
         (None, None) => speed,
+    }
+}
+
+fn answers(other: &OtherResult) -> String {
+    let slowest = format!("{:.2} ms", other.slowest.as_secs_f64() * 1e3);
+    let stops = if other.disturbed.is_empty() { "" } else { ", its motors stop" };
+    match other.unanswered {
+        0 => slowest,
+        unanswered => format!("{slowest}, {unanswered} requests lost{stops}"),
     }
 }
 
