@@ -30,12 +30,7 @@ pub async fn run<M: RawMutex, const N: usize>(
                 }
             }
         };
-        wires.newest.lock(|newest| {
-            // No task keeps the borrow across an await, so the borrow succeeds.
-            if let Ok(mut newest) = newest.try_borrow_mut() {
-                newest.sample(read);
-            }
-        });
+        wires.update_newest(|newest| newest.sample(read));
         wires.news.signal(());
         health.check_in(Task::Capture);
         // If the next sample is overdue already, samples are skipped up to the next whole millisecond.

@@ -10,7 +10,6 @@
 use super::capture::CAPTURE_INTERVAL;
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::hub::{Hub, Inputs};
-use crate::motion::Newest;
 use core::cell::Cell;
 use core::future::{Future, poll_fn};
 use core::pin::{Pin, pin};
@@ -34,7 +33,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
     loop {
         if news_before(due, &mut armed, wires).await {
             // If the bus has woken the task, the readings may be old ones. Processing them again does not change the estimates.
-            update_newest(wires, |newest| {
+            wires.update_newest(|newest| {
                 hub.sample(newest.readings());
                 if samples_between_ticks {
                     newest.observe(hub.speeds_cps());
@@ -60,7 +59,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
         // The capture task is due at the same time, and must take its sample before the tick.
         yield_now().await;
         wires.news.reset();
-        update_newest(wires, |newest| inputs.readings = *newest.readings());
+        wires.update_newest(|newest| inputs.readings = *newest.readings());
         inputs.now = micros(Instant::now());
         apply_commands(hub, wires);
         if wires.battery.signaled() {
@@ -117,18 +116,8 @@ async fn news_before<M: RawMutex, const N: usize>(
 
 /// Applies all waiting commands in their order.
 fn apply_commands<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>) {
-    while let Ok(command) = wires.commands.try_receive() {
+    while let Some(command) = wires.next_command() {
         // The hub counts a refused command like any other command. No other reaction is needed.
         let _ = hub.apply(command);
     }
-}
-
-/// Calls `access` with the cell of the newest encoder samples.
-fn update_newest<M: RawMutex, const N: usize>(wires: &Wires<M, N>, access: impl FnOnce(&mut Newest<N>)) {
-    wires.newest.lock(|newest| {
-        // No task keeps the borrow across an await, so the borrow succeeds.
-        if let Ok(mut newest) = newest.try_borrow_mut() {
-            access(&mut newest);
-        }
-    });
 }

@@ -14,7 +14,7 @@
 //! | news | [`Signal`] without data | wakes control: set with each encoder sample, and with the first plausible sample after an alarm of the bus |
 //! | battery | [`Signal`] with the latest state | overwritten; with a state older than 100 ms the battery counts as unknown |
 //! | bus | the last reading of the bus, in a cell | overwritten; a reading older than 100 ms counts as silent |
-//! | commands | [`CommandQueue`], a numbered queue of 16, first in first out | the sender waits, or gets an error |
+//! | commands | a numbered queue of 16, first in first out | the sender waits, or gets an error |
 //! | urgent | a flag | set with a *direct* command; control then applies all waiting commands when `news` wakes it |
 //! | drives | [`Signal`] with the latest bridge commands | overwritten; after three control periods without new commands all bridges coast |
 //! | sensed | [`Signal`] with the latest bridge feedback | overwritten; the last feedback stays valid |
@@ -48,13 +48,12 @@
 //! let wires = Wires::<NoopRawMutex, 2>::new();
 //! let command = Command { motor: 0, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) };
 //! assert_eq!(wires.try_send(command), Ok(1), "the first command since boot");
-//! assert_eq!(wires.commands.try_receive(), Ok(command));
+//! assert_eq!(wires.next_command(), Some(command));
 //! ```
 
 pub mod bridges;
 pub mod capture;
 pub mod chain;
-pub mod commands;
 pub mod control;
 pub mod health;
 pub mod i2c;
@@ -64,7 +63,6 @@ pub mod store;
 pub mod supply;
 pub mod update;
 
-pub use commands::CommandQueue;
 pub use health::{Health, Task};
 
 use crate::bridge::{BridgeFeedback, Drive};
@@ -79,7 +77,7 @@ use crate::store::{StoreRequest, StoreResult};
 use crate::supply::{Battery, BusReading};
 use crate::units::Micros;
 use core::cell::{Cell, RefCell};
-use core::future::pending;
+use core::future::{pending, poll_fn};
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::blocking_mutex::{CriticalSectionMutex, Mutex};
 use embassy_sync::channel::{Channel, TrySendError};
@@ -135,8 +133,11 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub battery: Signal<M, Battery>,
     /// Last reading of the bus, from supply to all tasks.
     pub bus: Mutex<M, Cell<BusReading>>,
-    /// Commands to motors, from all tasks to control, each with a number.
-    pub commands: CommandQueue<M>,
+    /// Commands to motors, from all tasks to control.
+    commands: Channel<M, Command, COMMANDS>,
+    /// Number of the newest command that has entered `commands`; 0 before the first. The lock is held while a command enters, so
+    /// that commands have their numbers in the order of the queue.
+    newest_command: Mutex<M, Cell<u32>>,
     /// Set with each direct command: control must apply the waiting commands the next time that `news` wakes control. A tick
     /// applies them too, but does not clear the flag.
     pub urgent: Mutex<M, Cell<bool>>,
@@ -176,7 +177,8 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             news: Signal::new(),
             battery: Signal::new(),
             bus: Mutex::new(Cell::new(BusReading::INITIAL)),
-            commands: CommandQueue::new(),
+            commands: Channel::new(),
+            newest_command: Mutex::new(Cell::new(0)),
             urgent: Mutex::new(Cell::new(false)),
             drives: Signal::new(),
             sensed: Signal::new(),
@@ -218,29 +220,50 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
     /// Sends a command to the control task, and returns the command's number. [`Snapshot::includes`] says whether a snapshot
     /// includes the command with this number.
     ///
+    /// The first command since boot has the number 1. Numbers wrap from 2^32 - 1 to 0. [`Hub`](crate::hub::Hub) counts the
+    /// commands that it applies, so all commands to the hub must be sent by this method or by [`send`](Self::send).
+    ///
     /// Control applies the command at the next tick. A direct command is applied earlier, at the next encoder sample, and so are
     /// all commands that wait at that time.
     ///
     /// # Errors
     /// Returns the command if [`COMMANDS`] commands wait already.
     pub fn try_send(&self, command: Command) -> Result<u32, TrySendError<Command>> {
-        let number = self.commands.try_send(command)?;
-        self.mark_urgent(command);
-        Ok(number)
-    }
-
-    /// Sends a command like [`try_send`](Self::try_send), but waits while the queue is full.
-    pub async fn send(&self, command: Command) -> u32 {
-        let number = self.commands.send(command).await;
-        self.mark_urgent(command);
-        number
-    }
-
-    /// Sets the `urgent` flag for a direct command.
-    fn mark_urgent(&self, command: Command) {
+        let number = self.newest_command.lock(|newest| {
+            self.commands.try_send(command)?;
+            newest.set(newest.get().wrapping_add(1));
+            Ok(newest.get())
+        })?;
         if command.action.is_direct() {
             self.urgent.lock(|urgent| urgent.set(true));
         }
+        Ok(number)
+    }
+
+    /// Sends a command like [`try_send`](Self::try_send), but waits while the queue is full. If the future is dropped before it is
+    /// ready, the command is not sent.
+    pub async fn send(&self, command: Command) -> u32 {
+        loop {
+            if let Ok(number) = self.try_send(command) {
+                return number;
+            }
+            poll_fn(|context| self.commands.poll_ready_to_send(context)).await;
+        }
+    }
+
+    /// Takes the oldest waiting command out of the queue. `None` if no command waits.
+    pub fn next_command(&self) -> Option<Command> {
+        self.commands.try_receive().ok()
+    }
+
+    /// Calls `access` with the newest encoder samples.
+    fn update_newest(&self, access: impl FnOnce(&mut Newest<N>)) {
+        self.newest.lock(|newest| {
+            // No task keeps the borrow across an await, so the borrow succeeds.
+            if let Ok(mut newest) = newest.try_borrow_mut() {
+                access(&mut newest);
+            }
+        });
     }
 }
 

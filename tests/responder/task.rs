@@ -181,7 +181,7 @@ impl World {
     }
 
     fn new_commands(&self) -> Vec<Command> {
-        std::iter::from_fn(|| self.wires.commands.try_receive().ok()).collect()
+        std::iter::from_fn(|| self.wires.next_command()).collect()
     }
 }
 
@@ -361,7 +361,7 @@ fn a_request_that_comes_while_a_reply_waits_is_not_late() {
 fn commands_wait_for_room_and_are_answered_immediately() {
     let world = World::new();
     let mut task = pin!(world.task());
-    while world.wires.commands.try_send(disabled(0)).is_ok() {}
+    while world.wires.try_send(disabled(0)).is_ok() {}
     for power in 0..30 {
         world.call(15, &[1, power, 0]);
         world.call(10, &[1, 1]);
