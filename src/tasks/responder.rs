@@ -7,7 +7,6 @@ use super::{OBSERVERS, Wires, instant, micros, until};
 use crate::board::Devices;
 use crate::hub::{Command, Snapshot};
 use crate::protocol::{Colour, Decoder, HOST, Packet, frame};
-use crate::responder::outputs::DigitalLines;
 use crate::responder::{Line, Responder};
 use crate::store::StoreResult;
 use crate::units::Micros;
@@ -261,8 +260,8 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
 
     /// Drives the digital outputs, and reads the levels of all pins.
     fn exchange_pins(&mut self) {
-        let DigitalLines { driven, levels } = self.responder.outputs.lines;
-        self.responder.outputs.sensed = self.devices.exchange(driven, levels);
+        let outputs = &mut self.responder.outputs;
+        outputs.sensed = self.devices.exchange(outputs.driven, outputs.levels);
     }
 
     /// Takes the newest snapshot. A motor whose encoder has a newer sample gets position and velocity of the sample.

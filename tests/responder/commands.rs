@@ -5,7 +5,6 @@ use motor_hub::board::{AnalogReading, AnalogReadings};
 use motor_hub::extension;
 use motor_hub::protocol::answers::I2cRead;
 use motor_hub::protocol::requests::{FIRST_FUNCTION, MOTOR_FUNCTIONS};
-use motor_hub::responder::outputs::DigitalLines;
 use motor_hub::units::{CountsPerSecond, Milliamperes, Millivolts};
 
 /// A command: type, sizes of its fields, a good payload, and bad ones with what they are refused for.
@@ -345,22 +344,22 @@ fn an_input_without_a_connection_is_high() {
 #[test]
 fn pins_are_refused_by_their_direction() {
     let mut host = TestHost::settled();
-    let lines = |host: &TestHost| host.responder.outputs.lines;
+    let driven_and_levels = |host: &TestHost| [host.responder.outputs.driven, host.responder.outputs.levels];
     assert_eq!(host.call(2, &[0xFF]), Said::Nack(18), "no output");
     for pin in 0..8 {
         assert_eq!(host.call(1, &[pin, 1]), Said::Nack(10 + pin));
     }
-    assert_eq!(lines(&host), DigitalLines::default());
+    assert_eq!(driven_and_levels(&host), [0, 0]);
     for pin in 0..8 {
         host.do_all(&[(3, &[pin, 1]), (1, &[pin, 1])]);
         assert_eq!(host.call(5, &[pin]), Said::Nack(20 + pin));
         assert_eq!(host.call(6, &[]), if pin < 7 { Said::Data(vec![0xFE << pin]) } else { Said::Nack(28) });
     }
     host.do_all(&[(2, &[0b1010_0101])]);
-    assert_eq!(lines(&host), DigitalLines { driven: 0xFF, levels: 0b1010_0101 });
+    assert_eq!(driven_and_levels(&host), [0xFF, 0b1010_0101]);
     // An input is released, and the pin is low when it becomes an output again.
     host.do_all(&[(3, &[0, 0]), (2, &[0xFF]), (3, &[0, 1])]);
-    assert_eq!(lines(&host), DigitalLines { driven: 0xFF, levels: 0xFE });
+    assert_eq!(driven_and_levels(&host), [0xFF, 0xFE]);
 }
 
 #[test]
@@ -368,10 +367,10 @@ fn fail_safe_releases_outputs_until_they_are_set_again() {
     let mut host = TestHost::settled();
     host.do_all(&[(3, &[0, 1]), (3, &[1, 1]), (1, &[1, 1])]);
     host.ask(0x7F05, &[]);
-    assert_eq!(host.responder.outputs.lines.driven, 0);
+    assert_eq!(host.responder.outputs.driven, 0);
     assert_eq!([host.call(4, &[1]), host.call(4, &[2])], [Said::Data(vec![1]), Said::Data(vec![0])]);
     host.do_all(&[(1, &[0, 1])]);
-    assert_eq!(host.responder.outputs.lines, DigitalLines { driven: 1, levels: 3 });
+    assert_eq!((host.responder.outputs.driven, host.responder.outputs.levels), (1, 3));
 }
 
 #[test]
