@@ -46,7 +46,7 @@ mod found;
 mod record;
 
 pub use found::{Found, Stored};
-pub use record::{CAPACITY, Entry, SettingsRecord, Unreadable, VERSION};
+pub use record::{CAPACITY, Entry, SettingsRecord, VERSION};
 
 /// Result of the last access to the memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
