@@ -15,7 +15,7 @@
 
 pub mod bno055;
 
-use crate::units::Millivolts;
+use crate::units::{Milliamperes, Millivolts};
 
 /// Number of digital pins in REV's protocol.
 pub const DIGITAL_PINS: usize = 8;
@@ -75,4 +75,6 @@ pub struct AnalogReadings {
     pub rail: Option<Millivolts>,
     /// Temperature of the board or of its chip in 0.1 degrees Celsius.
     pub temperature_decidegrees: Option<i16>,
+    /// Currents of the supplies for digital pins, I2C buses and servos, in this order.
+    pub supply_currents: Option<[Milliamperes; 3]>,
 }

@@ -44,7 +44,7 @@
 
 mod base;
 pub mod button;
-pub mod converter;
+mod converter;
 mod group;
 pub mod i2c;
 pub mod keep_alive;
@@ -56,7 +56,7 @@ mod store;
 mod update;
 
 use crate::chain::Chain;
-use crate::devices::I2C_BUSES;
+use crate::devices::{AnalogReadings, I2C_BUSES};
 use crate::extension::group::{GroupCourse, GroupState};
 use crate::extension::record::{Entries, Ticks};
 use crate::extension::report::{BusReport, Commands, HubReport};
@@ -77,7 +77,6 @@ use crate::record::Record;
 use crate::supply::BusReading;
 use crate::units::{CountsPerSecond, Microjoules, Micros, Milliamperes, Share};
 use crate::update::Update;
-use converter::Converter;
 use group::Courses;
 use i2c::Transfers;
 use keep_alive::KeepAlive;
@@ -163,7 +162,7 @@ pub struct Responder<const N: usize> {
     /// pins, outputs, analog inputs and I2C buses.
     pub outputs: Outputs,
     /// The newest readings of the board's converters.
-    pub converter: Converter,
+    pub readings: AnalogReadings,
     /// The I2C buses, with the transfers for their tasks.
     pub i2c: [Transfers; I2C_BUSES],
     /// The newest reading of the bus that battery and bridges share.
@@ -195,7 +194,7 @@ impl<const N: usize> Responder<N> {
             base_awaited: None,
             awaited: None,
             outputs: Outputs::default(),
-            converter: Converter::default(),
+            readings: AnalogReadings::default(),
             i2c: Default::default(),
             bus: BusReading::INITIAL,
             led: Led::default(),
@@ -519,11 +518,7 @@ impl<const N: usize> Responder<N> {
             ToHub::LogHint { .. } => (),
             ToHub::Bulk => return Ok(Reply::data(&self.bulk(snapshot))),
             ToHub::Adc { channel, raw } => {
-                let settings = self.channels.iter().map(|channel| &channel.settings().motor);
-                return self
-                    .converter
-                    .read(channel, raw, &self.outputs.equipment, snapshot, settings)
-                    .map(|value| Reply::data(&value));
+                return self.adc(channel, raw, snapshot).map(|value| Reply::data(&value));
             }
             ToHub::PhoneCharge => return Ok(Reply::data(&self.phone_charge)),
             ToHub::FtdiReset => return Ok(Reply::data(&self.ftdi_reset)),
@@ -637,7 +632,7 @@ impl<const N: usize> Responder<N> {
             over_current: self.of_motors(snapshot, MotorChannel::is_over_current),
             within_tolerance: self.of_motors(snapshot, MotorChannel::within_tolerance),
             velocities: self.of_motors(snapshot, |_, report| report.velocity.round_to_i16()),
-            analog: self.converter.analog_mv(),
+            analog: self.analog_mv(),
             attention: Some(self.keep_alive.attention()),
         }
     }

@@ -229,8 +229,7 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
         self.exchange_pins();
         self.update_snapshot();
         let Self { responder, devices, wires, snapshot, .. } = self;
-        responder.converter.readings = devices.analog();
-        responder.converter.supply_currents = devices.supply_currents();
+        responder.readings = devices.analog();
         responder.bus = wires.bus.lock(Cell::get);
         take_update_result(responder, wires);
         wires.record.lock(|record| {

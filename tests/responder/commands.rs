@@ -280,12 +280,12 @@ fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
     }
     host.snapshot.motors[3].measured = Some(current(1_234));
     let input = |mv, counts| Some(AnalogReading { voltage: Millivolts::new(mv), counts });
-    host.responder.converter.readings = AnalogReadings {
+    host.responder.readings = AnalogReadings {
         inputs: [input(0, 0), input(1_650, 2_048), input(3_300, 4_095), input(40_000, 5)],
         rail: Some(Millivolts::new(5_016)),
         temperature_decidegrees: Some(-123),
+        supply_currents: Some([0, 12, 40_000].map(Milliamperes::new)),
     };
-    host.responder.converter.supply_currents = Some([0, 12, 40_000].map(Milliamperes::new));
     // The analog inputs; the supplies' currents and the battery's, saturated; motors', one of them too; rail, battery,
     // temperature.
     let of_8 = |value: i16| (value, value / 8);
