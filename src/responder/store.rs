@@ -235,10 +235,14 @@ impl<const N: usize> Responder<N> {
     pub(super) fn store_report(&self) -> Result<StoreReport, Nack> {
         let memory = self.memory.as_ref().ok_or(self.no_memory())?;
         let Memory { found: Found { stored, version, record }, outcome, .. } = memory;
-        let count = |wanted: Option<bool>| {
-            let entries = record.entries().filter(|entry| self.is_accepted(entry) == wanted);
-            u8::try_from(entries.count()).unwrap_or(u8::MAX)
-        };
+        let (mut unknown, mut refused) = (0u8, 0u8);
+        for entry in record.entries() {
+            match self.is_accepted(&entry) {
+                Some(true) => (),
+                Some(false) => refused = refused.saturating_add(1),
+                None => unknown = unknown.saturating_add(1),
+            }
+        }
         let is_busy = memory.phase != AccessState::Idle;
         let motors = self.channels.iter().take(CHANNELS);
         Ok(StoreReport {
@@ -248,8 +252,8 @@ impl<const N: usize> Responder<N> {
             at_work: is_busy,
             outcome: *outcome,
             differs: self.changed && (is_busy || self.differs(record)),
-            unknown: count(None),
-            refused: count(Some(false)),
+            unknown,
+            refused,
             coefficients: byte(motors.map(|channel| channel.settings().motor.coefficients.is_some())),
         })
     }
