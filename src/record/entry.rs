@@ -17,7 +17,7 @@ pub(crate) const NOBODY: u8 = u8::MAX;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Head {
-    /// Number of the entry. Numbers begin with 1 and wrap.
+    /// Number of the entry. The first entry has number 1, and 0 follows 65 535.
     pub number: u16,
     /// The fault or the reset cause.
     pub fault: Fault,
