@@ -27,8 +27,7 @@ payload! {
         pub at_work: bool,
         /// Result of the last access to the memory. The address is also stored without a request to save.
         pub outcome: store::Outcome,
-        /// True if the settings or the address in force differ from the stored ones. While an access is running, also true if a
-        /// host may have changed settings since the start of the hub.
+        /// True if settings, address or drive base in force would be others after a restart.
         pub differs: bool,
         /// Number of stored entries that this firmware does not know. A save keeps these entries.
         pub unknown: u8,

@@ -19,7 +19,6 @@ impl<const N: usize> Responder<N> {
         if base.wheels.iter().any(is_enabled) {
             return Err(Nack::MOTOR_ENABLED);
         }
-        self.changed = true;
         self.command_base(Some(base));
         Ok(Reply::ACK)
     }

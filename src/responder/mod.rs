@@ -137,8 +137,6 @@ pub struct Responder<const N: usize> {
     factory_address: Address,
     /// Settings that the firmware was built with. Stored settings replace them.
     factory: [Settings; N],
-    /// True if a host may have changed settings or the address since the start of the hub.
-    changed: bool,
     /// True if the board has a memory for settings, whose task will report the contents.
     expects_store: bool,
     /// The memory for settings. `None` until its task has reported the contents, and on a board without a memory.
@@ -182,7 +180,6 @@ impl<const N: usize> Responder<N> {
             channels: settings.map(MotorChannel::new),
             factory_address: address,
             factory: settings,
-            changed: false,
             expects_store: false,
             memory: None,
             update: None,
@@ -403,7 +400,6 @@ impl<const N: usize> Responder<N> {
             Request::ToPin(request) => self.pin(&request, snapshot),
             Request::ToMotor(motor, request) => self.motor(motor, request, snapshot),
             Request::Set(motor, values) => {
-                self.changed = true;
                 let channel = self.channels.get_mut(usize::from(motor)).ok_or(NO_MOTOR)?;
                 channel.set(&values).map(|()| Reply::ACK)
             }
@@ -489,7 +485,6 @@ impl<const N: usize> Responder<N> {
                 self.keep_alive.fail_safe();
             }
             Standard::SetAddress { address } => {
-                self.changed = true;
                 self.address = address;
                 self.store_address();
             }
@@ -539,7 +534,6 @@ impl<const N: usize> Responder<N> {
     }
 
     fn motor(&mut self, motor: u8, request: ToMotor, snapshot: &Snapshot<N>) -> Result<Reply, Nack> {
-        self.changed = true;
         let motor = usize::from(motor);
         let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
         let channel = self.channels.get_mut(motor).ok_or(NO_MOTOR)?;

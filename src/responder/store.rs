@@ -94,9 +94,7 @@ impl<const N: usize> Responder<N> {
     /// After the first packet of a host, settings and address in force stay. The hub reports that they differ from the memory, and
     /// the host may load them.
     pub fn restore(&mut self, found: Found) {
-        if self.keep_alive.host_spoke() {
-            self.changed = true;
-        } else {
+        if !self.keep_alive.host_spoke() {
             self.address = self.boot_address(&found.record);
             self.restore_settings(&found.record);
         }
@@ -142,7 +140,6 @@ impl<const N: usize> Responder<N> {
             _ => Access::Reset,
         };
         if access == Access::Reset {
-            self.changed = true;
             self.restore_settings(&SettingsRecord::new(0));
         }
         if let Some(memory) = &mut self.memory {
@@ -243,15 +240,14 @@ impl<const N: usize> Responder<N> {
                 None => unknown = unknown.saturating_add(1),
             }
         }
-        let is_busy = memory.phase != AccessState::Idle;
         let motors = self.channels.iter().take(CHANNELS);
         Ok(StoreReport {
             stored: *stored,
             version: *version,
             number: record.number(),
-            at_work: is_busy,
+            at_work: memory.phase != AccessState::Idle,
             outcome: *outcome,
-            differs: self.changed && (is_busy || self.differs(record)),
+            differs: self.differs(record),
             unknown,
             refused,
             coefficients: byte(motors.map(|channel| channel.settings().motor.coefficients.is_some())),
