@@ -10,7 +10,7 @@
 //! * A *run* is the time from one reset to the next.
 //! * A [`Tick`] is the state of one motor at one control tick. A ring holds the last [`TICKS`] ticks of each motor.
 //! * A [`Head`] describes one fault or reset. A head, with its ticks if the record still has them, is an *entry*.
-//! * A *page* holds the ticks of one entry: a copy of the ticks that the ring held of the entry's motor.
+//! * A *page* holds the ticks of one entry: a copy of the ring's ticks of the entry's motor.
 //!
 //! An entry is written when a fault of a motor begins, and at the start after a run has ended. A repetition of the newest entry
 //! is counted in that entry. The record keeps the newest [`HEADS`] heads, and pages for the newest [`PAGES`] entries.
@@ -40,7 +40,7 @@ mod fault;
 mod live;
 
 pub use entry::{Head, Tick};
-pub(crate) use entry::{NOBODY, drive_bits, drive_of};
+pub(crate) use entry::{NO_MOTOR, drive_bits, drive_of};
 pub use fault::Fault;
 pub use live::CrashReport;
 
@@ -165,10 +165,10 @@ impl<'a> Record<'a> {
         self.state.run
     }
 
-    /// Iterates over the heads of the entries, newest first, at most [`HEADS`]. The list ends before the first head that is damaged
-    /// or missing. A head whose ticks the record has lost is listed with 0 ticks.
+    /// Iterates over the heads of the entries, newest first, at most [`HEADS`]. Damaged heads are left out. A head whose ticks the
+    /// record has lost has 0 ticks.
     pub fn heads(&self) -> impl Iterator<Item = Head> {
-        (0..HEADS as u16).map_while(|age| {
+        (0..HEADS as u16).filter_map(|age| {
             let (head, sum) = self.head(self.newest?.wrapping_sub(age))?;
             let ticks = if self.page(&head, sum).is_some() { head.ticks } else { 0 };
             Some(Head { ticks, ..head })
@@ -280,9 +280,8 @@ impl<'a> Record<'a> {
         tick.map_or(Drive::COAST, |bytes| Tick::from_bytes(*bytes).drive)
     }
 
-    /// Returns the motor with the largest duty at the last tick; `None` if all motors coasted.
-    ///
-    /// A driven motor ranks above a braked motor, whatever their duties are.
+    /// Returns the driven motor with the largest duty at the last tick. If no motor was driven, returns the braked motor with the
+    /// largest duty. `None` if all motors coasted.
     fn most_driven(&self) -> Option<usize> {
         let driven = (0..MOTORS).filter(|motor| self.drive_ago(*motor, 1) != Drive::COAST);
         driven.max_by_key(|motor| {

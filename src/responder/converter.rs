@@ -11,9 +11,9 @@
 //! | 13, battery | measured; 0 if unknown |
 //! | 14, temperature | measured |
 //!
-//! Currents and battery are those of the last control tick, all other values at most 20 ms old. Values are clamped to 16 bits. A
-//! host may request *raw counts* instead: of an analog input the converter's reading, and of all other channels [`RAW_COUNT`] units
-//! in one count.
+//! Battery voltage, battery current and motor currents are those of the last control tick. All other values are at most 20 ms old.
+//! Values are clamped to 16 bits. A host may request *raw counts* instead. The raw count of an analog input is the converter's
+//! reading. On all other channels one raw count is [`RAW_COUNT`] units.
 
 use super::Responder;
 use crate::devices::{ANALOG_INPUTS, AnalogReading};
@@ -23,7 +23,8 @@ use crate::protocol::requests::{
 };
 use crate::protocol::{CHANNELS, Nack};
 
-/// Units in one raw count: millivolts, milliamperes or 0.1 degrees. With 8 units, positive 16-bit values give 12-bit raw counts.
+/// Units in one raw count: millivolts, milliamperes or 0.1 degrees. With 8 units, 0 to 32 767 units are 0 to 4095 raw counts, as of a
+/// converter with 12 bits.
 const RAW_COUNT: i32 = 8;
 
 impl<const N: usize> Responder<N> {
@@ -32,7 +33,7 @@ impl<const N: usize> Responder<N> {
         self.readings.inputs.map(|input| clamped(input.map_or(0, |input| input.voltage.get().into())))
     }
 
-    /// Returns the value of a channel according to the table above.
+    /// Returns the value of a channel according to the table of the module.
     ///
     /// # Errors
     /// [`Nack::UNSUPPORTED`] for a channel that the board does not have, [`Nack::NOT_MEASURED`] for a channel without a reading.

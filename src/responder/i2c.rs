@@ -10,14 +10,16 @@
 //!                            a request starts a transfer
 //! ```
 //!
+//! In diagram and table, `Running` also stands for the state `Requested`, in which the task of the bus has not taken the transfer.
+//!
 //! | state | start of a transfer | poll of the transfer's kind | poll of the other kind |
 //! |---|---|---|---|
 //! | `Idle` | acknowledged | NACK 42 | NACK 42 |
 //! | `Running` | NACK 40 | NACK 41 | NACK 41 |
 //! | `Finished` | acknowledged; the result is dropped | the result | NACK 43 |
 //!
-//! A transfer always ends: a bus error or a time-out ends it with an error in [`I2cStatus`]. Hosts poll a transfer until its result
-//! comes, so errors of the bus are no refusals. The result of a transfer with an error has no bytes.
+//! A transfer always ends: a bus error or a time-out ends it with an error in [`I2cStatus`]. Hosts poll until they get a result, so an
+//! error of the bus is reported as a result and not as a refusal. The result of a transfer with an error has no bytes.
 
 use crate::protocol::answers::{I2cRead, I2cStatus, I2cWritten};
 use crate::protocol::payload::Text;

@@ -102,10 +102,10 @@ impl Led {
     }
 }
 
-/// Returns the colour of a pattern `elapsed` microseconds after its beginning. `None` if the pattern is empty.
-fn colour_at(pattern: &LedPattern, elapsed: u64) -> Option<Colour> {
+/// Returns the colour of a pattern `elapsed_us` microseconds after its beginning. `None` if the pattern is empty.
+fn colour_at(pattern: &LedPattern, elapsed_us: u64) -> Option<Colour> {
     let total: u64 = pattern.steps().iter().map(|step| u64::from(step.duration) * STEP_MICROS).sum();
-    let mut left = elapsed.checked_rem(total)?;
+    let mut left = elapsed_us.checked_rem(total)?;
     for step in pattern.steps() {
         let duration = u64::from(step.duration) * STEP_MICROS;
         if left < duration {

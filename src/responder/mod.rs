@@ -223,12 +223,13 @@ impl<const N: usize> Responder<N> {
     }
 
     /// True while the board's button may drive motors: no packet for this hub has arrived since reset, and the hub does not wait
-    /// for stored settings. The memory may be erased until then.
+    /// for stored settings. While the hub waits, the memory may be erased, and no motor may run.
     pub const fn permits_button(&self) -> bool {
-        !self.keep_alive.host_spoke() && !self.awaits_store()
+        !self.keep_alive.has_received_packet() && !self.awaits_store()
     }
 
-    /// Returns the I2C bus whose running transfer the answer to a packet depends on. `None` if there is no such transfer.
+    /// Returns the number of an I2C bus if the answer to a packet depends on the running transfer of the bus. `None` for all other
+    /// packets.
     pub fn awaited_transfer(&self, packet: &Packet) -> Option<usize> {
         if packet.destination != self.address.get() || !self.i2c.iter().any(Transfers::is_running) {
             return None;
@@ -251,7 +252,7 @@ impl<const N: usize> Responder<N> {
         self.keep_alive.deadline().into_iter().chain(chain).min()
     }
 
-    /// Updates battery state and keep-alive timer, and no longer awaits commands that the snapshot includes. When the timer runs
+    /// Updates battery state and keep-alive timer, and ends the wait for commands that the snapshot includes. When the timer runs
     /// out, the hub goes to fail-safe. A low battery disables all servo outputs.
     pub fn tick(&mut self, now: Micros, snapshot: &Snapshot<N>) {
         self.keep_alive.battery(snapshot.battery_low());
@@ -267,16 +268,19 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// Executes the request of a host's packet and returns the reply. Returns `None` for a packet that is not for this hub, which
-    /// goes to the hubs behind this hub.
+    /// Executes the request of a host's packet and returns the reply. Returns `None` for a packet that is not for this hub.
     ///
-    /// A packet is for this hub if it has the hub's address, or if it is a discovery or a fail-safe to all hubs. Such a packet
-    /// restarts the keep-alive timer, also if the hub refuses the request.
+    /// A packet is for this hub if it has the hub's address, or if it is a discovery or a fail-safe to all hubs. A packet for this hub
+    /// restarts the keep-alive timer, also if the hub refuses the request. On a hub with a chain line, packets to other addresses,
+    /// discoveries, and fail-safes to all hubs go to the hubs behind this hub too.
     pub fn receive(&mut self, packet: &Packet, now: Micros, snapshot: &Snapshot<N>) -> Option<Packet> {
         self.receive_with(packet, Line::Host, now, snapshot, None)
     }
 
     /// Executes a request like [`receive`](Self::receive), from either line, on a hub that may have a record of faults.
+    ///
+    /// Of packets on the chain line, only those with the hub's own address are answered and restart the keep-alive timer. A fail-safe
+    /// to all hubs is executed without an answer.
     pub fn receive_with(
         &mut self,
         packet: &Packet,
@@ -294,7 +298,7 @@ impl<const N: usize> Responder<N> {
                 self.disable();
                 self.keep_alive.fail_safe();
             }
-            // Children that all answered a packet to all hubs would disturb each other.
+            // The answers of several children to a packet to all hubs would collide.
             if packet.destination != address {
                 return None;
             }
@@ -383,7 +387,7 @@ impl<const N: usize> Responder<N> {
         self.outputs.disable();
     }
 
-    /// Executes a request, and returns the reply. An acknowledgement has no attention yet.
+    /// Executes a request, and returns the reply. The caller sets the attention of an acknowledgement.
     fn answer(
         &mut self,
         request: Request,
@@ -618,7 +622,7 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// Returns all values of REV's bulk input. An analog input that is not measured reads 0.
+    /// Returns all values of REV's bulk input. An analog input that is not measured reads 0. Velocities are limited to 16 bits.
     fn bulk(&self, snapshot: &Snapshot<N>) -> Bulk {
         Bulk {
             digital: self.outputs.inputs(),

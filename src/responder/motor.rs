@@ -64,14 +64,14 @@ pub struct MotorChannel {
     awaited: Option<u32>,
     /// The motor's counts where the host's counts are 0.
     offset: i32,
-    /// The motor's counts at the last request of REV's protocol to this motor. A target is converted to a distance from here.
+    /// The motor's counts at the last request of REV's protocol to this motor. A target is converted to a distance from this position.
     last_position: i32,
     /// The set-point of a release that must be sent, before the settings. A release is sent also to a disabled motor, because a
     /// release clears latched faults.
     release_due: Option<Setpoint>,
     /// True if the settings must be sent, before the motor's own set-point.
     settings_due: bool,
-    /// True if the motor's own set-point must be sent. Its present value is sent, also if it has changed meanwhile.
+    /// True if the motor's own set-point must be sent. The set-point is computed when the command is sent, not when the request arrives.
     target_due: bool,
 }
 
@@ -285,7 +285,7 @@ impl MotorChannel {
         } else if self.settings_due {
             Some(Action::Configure(self.settings.motor))
         } else if self.target_due {
-            // An enabled motor whose new mode has no target coasts until a host sets one.
+            // An enabled motor whose new mode has no target coasts until a host sets a target.
             Some(Action::Set(self.target().unwrap_or_default()))
         } else {
             None
@@ -348,8 +348,8 @@ impl MotorChannel {
     /// The regulator takes the shorter way round the ring of 2^32 counts, but a host expects the direction of target minus
     /// position. The distance is therefore limited to [`LONGEST_DISTANCE`] in the direction that the host expects.
     ///
-    /// There is one exception: target minus position does not fit in 32 bits, and the way across the ends of the 32-bit range is
-    /// shorter than 2^30 counts. The host has then let its counts wrap, and the motor takes the way across the ends.
+    /// There is one exception. If target minus position does not fit in 32 bits, and the way across the ends of the 32-bit range is
+    /// shorter than 2^30 counts, the host has let its counts wrap. The motor then takes the way across the ends.
     pub(super) fn goal(&self, counts: i32, position: i32) -> i32 {
         let from = self.host_counts(position);
         let short_way = counts.wrapping_sub(from);

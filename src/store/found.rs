@@ -6,7 +6,7 @@ use super::record::{SettingsRecord, VERSION, later_version};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Stored {
-    /// There is no record.
+    /// There is no copy. A copy with a wrong checksum counts as missing.
     #[default]
     Nothing,
     /// Both copies hold the same record.
@@ -14,10 +14,11 @@ pub enum Stored {
     /// One copy holds the record. The other copy is damaged, missing or older. Causes are a power cut during the last save, and a
     /// worn memory.
     OneCopy,
-    /// There is a record of a later version, in one copy or in both. This firmware can neither read nor overwrite such a record
-    /// by a save.
+    /// There is a record of a later version, in one copy or in both. This firmware cannot read the record, and a save does not
+    /// overwrite it.
     Later,
-    /// No copy can be read, and at least one copy is damaged.
+    /// No copy can be read, and at least one copy has a right checksum and a content that is no record. Also the state if the memory
+    /// reports an error.
     Damaged,
 }
 

@@ -5,7 +5,8 @@ use heapless::{CapacityError, Vec};
 /// Version of the format that this firmware writes and reads.
 pub const VERSION: u8 = 1;
 
-/// Largest size of a record in bytes. All settings of four motors and of a drive base take 515 bytes.
+/// Largest size of a record in bytes. All settings of four motors and of a drive base take 515 bytes. With its key of one byte a record
+/// of this size fills 17 of the longest words that a flash writes, 32 bytes each.
 pub const CAPACITY: usize = 543;
 
 /// Size of the record's version and number in bytes.

@@ -1,6 +1,6 @@
 //! Runs the hub: a tick each control period, and faster reactions between two ticks.
 //!
-//! * Between two ticks the task wakes at each encoder sample, and when the bus has left its quiet range. The task then updates the
+//! * Between two ticks the task wakes at each encoder sample, and at the first plausible sample of the bus after an alarm. The task then updates the
 //!   estimates of the hub, and passes the feedback of the bridges to the hub. If a direct command waits, the task applies all
 //!   waiting commands, and executes the direct ones without waiting for a tick. A new state of the bus may change the bridge
 //!   commands too.
@@ -32,7 +32,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
     let mut armed = false;
     loop {
         if news_before(due, &mut armed, wires).await {
-            // If the bus has woken the task, the readings may be old ones. Processing them again does not change the estimates.
+            // After an alarm of the bus the readings are unchanged. Processing unchanged readings does not change the estimates.
             wires.update_newest(|newest| {
                 hub.sample(newest.readings());
                 if samples_between_ticks {

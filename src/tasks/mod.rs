@@ -20,7 +20,7 @@
 //! | sensed | [`Signal`] with the latest bridge feedback | overwritten; the last feedback stays valid |
 //! | snapshot | [`Watch`] with the latest snapshot, for several readers | overwritten; contains tick number and time |
 //! | record | the record of faults, in a cell | written with each tick; the oldest entry is overwritten |
-//! | crash report | the fault that ended the run, in a cell | written once per run, by fault handlers |
+//! | crash report | the fault that ends the present run, in a cell | written once per run, by fault handlers |
 //! | store | two [`Signal`]s: request and result | one request at a time |
 //! | update | two [`Signal`]s: request and result | one request at a time |
 //! | i2c | for each I2C bus, two [`Signal`]s: request and result | one transfer at a time |
@@ -93,7 +93,7 @@ pub const OBSERVERS: usize = 4;
 
 /// The signals between the responder and a task that carries out its requests.
 pub struct RequestChannel<M: RawMutex, O, D> {
-    /// Request of the responder. The responder sends the next request after the result of the last one.
+    /// Request of the responder. The responder waits for the result before it sends the next request.
     pub request: Signal<M, O>,
     /// Result of the request, or another report of the task.
     pub done: Signal<M, D>,
@@ -110,11 +110,11 @@ impl<M: RawMutex, O, D> RequestChannel<M, O, D> {
 pub struct ChainWires<M: RawMutex> {
     /// Packets that have arrived: answers to the host, and requests to this hub.
     pub received: Channel<M, Packet, 4>,
-    /// Packets to send: one question of this hub, and its answers.
+    /// Packets to send: a request of this hub to a child, and an answer of this hub to its parent.
     pub send: Channel<M, Packet, 2>,
-    /// The last packet is on the line to its last byte.
+    /// Set when the last byte of a packet has been sent.
     pub sent: Signal<M, ()>,
-    /// Bytes have arrived that were no packet.
+    /// Set when bytes or an error of the line arrive. Cleared when the bytes complete a packet.
     pub disturbed: Signal<M, ()>,
 }
 

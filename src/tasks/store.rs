@@ -166,14 +166,14 @@ impl<F: NorFlash> Keeper<F> {
         [start..middle, middle..end]
     }
 
-    /// Reads the content of one page, as if the other page were blank. `None` if the content cannot be read, or has a later
+    /// Reads the content of one page, while the other page is hidden. `None` if the content cannot be read, or has a later
     /// version.
     async fn content(&mut self, page: &Range<u32>) -> Option<PageContent> {
         self.flash.visible = Some(page.clone());
         let copies = self.copies().await;
         self.flash.visible = None;
         let Found { stored, record, .. } = match copies {
-            // The rest of an erased page may look like an item of any length.
+            // After an interrupted erasure the remaining bytes may look like an item of any length.
             Err(Error::BufferTooSmall(_)) => return Some(PageContent { save: 0, copies: 0 }),
             copies => copies.ok()?,
         };
@@ -251,7 +251,7 @@ struct PageContent {
 fn found<E>(copies: Result<Found, Error<FlashError<E>>>) -> Option<Found> {
     match copies {
         Ok(found) => Some(found),
-        Err(Error::Storage { value: FlashError::MotorsRun, .. }) => None,
+        Err(Error::Storage { value: FlashError::MayNotErase, .. }) => None,
         // This firmware writes no items that are so long.
         Err(Error::BufferTooSmall(_)) => Some(Found::without_record(Stored::Later, 0)),
         Err(_) => Some(Found::without_record(Stored::Damaged, 0)),
@@ -308,7 +308,7 @@ impl<F: NorFlash> SharedFlash<F> {
 #[derive(Debug)]
 enum FlashError<E> {
     /// No page may be erased, because motors run or a page is hidden.
-    MotorsRun,
+    MayNotErase,
     /// The flash reports an error.
     Flash(E),
 }
@@ -317,7 +317,7 @@ impl<E> FlashError<E> {
     /// Converts the error to the outcome of a request.
     const fn outcome(&self) -> Outcome {
         match self {
-            Self::MotorsRun => Outcome::NeedsErase,
+            Self::MayNotErase => Outcome::NeedsErase,
             Self::Flash(_) => Outcome::Refused,
         }
     }
@@ -326,7 +326,7 @@ impl<E> FlashError<E> {
 impl<E: NorFlashError> NorFlashError for FlashError<E> {
     fn kind(&self) -> NorFlashErrorKind {
         match self {
-            Self::MotorsRun => NorFlashErrorKind::Other,
+            Self::MayNotErase => NorFlashErrorKind::Other,
             Self::Flash(error) => error.kind(),
         }
     }
@@ -360,7 +360,7 @@ impl<F: NorFlash> NorFlash for SharedFlash<F> {
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Self::Error> {
         if !self.may_erase || self.visible.is_some() {
-            return Err(FlashError::MotorsRun);
+            return Err(FlashError::MayNotErase);
         }
         self.flash.erase(from, to).await.map_err(FlashError::Flash)
     }
