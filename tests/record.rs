@@ -366,14 +366,6 @@ proptest! {
 }
 
 #[test]
-fn a_number_is_one_fault() {
-    for number in 0..=u8::MAX {
-        assert!(Fault::from_number(number).is_none_or(|fault| fault.number() == number));
-    }
-    assert!(Fault::ALL.iter().all(|fault| Fault::from_number(fault.number()) == Some(*fault)));
-}
-
-#[test]
 fn a_fault_of_a_motor_has_a_word_of_its_own_and_a_fault_of_the_hub_has_none() {
     let of_motors = || Fault::ALL.iter().filter(|fault| fault.number() < 16);
     let words: BTreeSet<&str> = of_motors().filter_map(|fault| fault.word()).collect();

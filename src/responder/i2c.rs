@@ -80,7 +80,11 @@ impl Transfers {
             ToPin::I2cSpeed { .. } => return Ok(Reply::data(&self.fast)),
             ToPin::PollI2cRead { .. } => {
                 let (written, result) = self.result()?;
-                return if written.is_none() { Ok(Reply::data(result)) } else { Err(Nack::I2C_OTHER_TRANSFER) };
+                return if written.is_none() {
+                    Ok(Reply::data(result))
+                } else {
+                    Err(Nack::I2C_OTHER_TRANSFER)
+                };
             }
             ToPin::PollI2cWrite { .. } => {
                 let (written, I2cRead { status, .. }) = self.result()?;

@@ -185,7 +185,8 @@ impl<const N: usize> Responder<N> {
         let memory = self.memory.as_mut()?;
         let Ok(record) = record else {
             // Settings have changed since the request, or the entries of other firmware leave no room for an address.
-            (memory.access, memory.outcome, memory.address_due) = (AccessState::Idle, Outcome::Refused, false);
+            (memory.access, memory.outcome, memory.address_due) =
+                (AccessState::Idle, Outcome::Refused, false);
             return None;
         };
         memory.access = AccessState::Busy(access);

@@ -19,13 +19,6 @@ fn found(decoder: &mut Decoder, mut bytes: &[u8], at: u64) -> Vec<u8> {
 }
 
 #[test]
-fn a_packet_has_all_its_fields() {
-    let packet = decode(&bytes_of("44 4b 12 00 03 00 09 00 13 10 00 18 fc ff ff 19 00 fb"));
-    assert_eq!((packet.destination, packet.source, packet.number, packet.reference), (3, 0, 9, 0));
-    assert_eq!((packet.id, packet.payload.as_slice()), (0x1013, &bytes_of("00 18 fc ff ff 19 00")[..]));
-}
-
-#[test]
 fn a_packet_may_come_byte_by_byte_and_several_at_once() {
     let mut decoder = Decoder::new();
     for (index, byte) in keep_alive(7).iter().enumerate() {

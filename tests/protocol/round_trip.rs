@@ -350,7 +350,11 @@ proptest! {
         let packet = request.packet(to.get(), number, request.id());
         let heard = over_the_line(&packet);
         prop_assert_eq!(&heard, &packet);
-        prop_assert_eq!(Request::read(&heard, CHANNELS), Ok(request));
+        prop_assert_eq!(Request::read(&heard, CHANNELS), Ok(request.clone()));
+        // Surplus bytes make no difference.
+        let mut longer = packet;
+        longer.payload.extend([0xA5; 4]);
+        prop_assert_eq!(Request::read(&longer, CHANNELS), Ok(request));
     }
 
     #[test]

@@ -283,13 +283,6 @@ fn a_battery_that_becomes_low_sets_attention_once_and_stays_in_the_status() {
 }
 
 #[test]
-fn an_encoder_fault_is_a_motor_alert() {
-    let mut host = TestHost::settled();
-    host.snapshot.motors[2].faults.encoder_stale = true;
-    assert_eq!(host.ask(0x7F03, &[0]), Said::Data(vec![0, 1 << 2]));
-}
-
-#[test]
 fn attention_is_set_until_the_status_is_read_and_cleared() {
     let mut host = TestHost::new();
     assert_eq!(keep_alive(&mut host), Said::Ack(1), "after a reset");
@@ -508,8 +501,9 @@ fn a_current_above_its_alert_is_reported_measured_or_modelled() {
 }
 
 #[test]
-fn a_bridge_that_has_switched_itself_off_is_a_motor_alert() {
+fn a_silent_encoder_and_a_bridge_that_has_switched_itself_off_are_motor_alerts() {
     let mut host = TestHost::settled();
+    host.snapshot.motors[2].faults.encoder_stale = true;
     host.snapshot.motors[3].faults.bridge = true;
-    assert_eq!(host.ask(0x7F03, &[0]), Said::Data(vec![0, 0x80]));
+    assert_eq!(host.ask(0x7F03, &[0]), Said::Data(vec![0, 1 << 2 | 1 << 7]));
 }

@@ -359,6 +359,8 @@ fn load_restores_the_stored_settings_and_reset_the_firmwares() {
 
     assert!(matches!(host.ask(RESET, &[]), Said::Ack(_)));
     assert_eq!(all(&mut host), all(&mut TestHost::new()));
+    let commands = host.new_commands();
+    assert!(commands.contains(&Command { motor: 2, action: Action::Configure(settings()) }), "{commands:?}");
     let stored = carried_out(&mut host);
     assert_eq!((stored.number(), stored.entries().count()), (2, 0));
     assert!(!report(&mut host).differs);
@@ -491,16 +493,6 @@ proptest! {
             prop_assert_eq!(again.responder.address(), address);
         }
     }
-}
-
-#[test]
-fn a_reset_configures_motors_with_the_boards_settings() {
-    let mut host = empty();
-    set_everything(&mut host);
-    host.new_commands();
-    host.ask(RESET, &[]);
-    let commands = host.new_commands();
-    assert!(commands.contains(&Command { motor: 2, action: Action::Configure(settings()) }), "{commands:?}");
 }
 
 /// A record that firmware 0.1.0 has written: type and payload of each entry. Motor 0 has a fault action and one loop from
