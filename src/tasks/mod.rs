@@ -6,28 +6,7 @@
 //! responder --commands--> +---------+
 //! ```
 //!
-//! Each channel is a field of [`Wires`]:
-//!
-//! | channel | kind | when full, or without new data |
-//! |---|---|---|
-//! | newest | the latest encoder readings, in a cell | overwritten; a motor whose reading is older than 20 ms counts as a motor without encoder |
-//! | news | [`Signal`] without data | wakes control: set with each encoder sample, and with the first plausible sample after an alarm of the bus |
-//! | battery | [`Signal`] with the latest state | overwritten; with a state older than 100 ms the battery counts as unknown |
-//! | bus | the last reading of the bus, in a cell | overwritten; a reading older than 100 ms counts as silent |
-//! | commands | a numbered queue of 16, first in first out | the sender waits, or gets an error |
-//! | urgent | a flag | set with a *direct* command; control then applies all waiting commands when `news` wakes it |
-//! | drives | [`Signal`] with the latest bridge commands | overwritten; after three control periods without new commands all bridges coast |
-//! | sensed | [`Signal`] with the latest bridge feedback | overwritten; the last feedback stays valid |
-//! | snapshot | [`Watch`] with the latest snapshot, for several readers | overwritten; contains tick number and time |
-//! | record | the record of faults, in a cell | written with each tick; the oldest entry is overwritten |
-//! | crash report | the fault that ends the present run, in a cell | written once per run, by fault handlers |
-//! | store | two [`Signal`]s: request and result | one request at a time |
-//! | update | two [`Signal`]s: request and result | one request at a time |
-//! | i2c | for each I2C bus, two [`Signal`]s: request and result | one transfer at a time |
-//! | gyro | the newest angle of the gyro, in a cell | overwritten; without a new angle for 100 ms the gyro counts as lost |
-//! | gyro wanted | a flag | set while a drive base uses the gyro |
-//! | chain | two [`Channel`]s of packets, to and from the chain line, and two [`Signal`]s: see [`ChainWires`] | a packet that finds its channel full is dropped; the sender repeats it |
-//! | button permitted | a flag | set when the stored settings are restored; cleared by the first packet for this hub |
+//! The channels between the tasks are the fields of [`Wires`]. Most of them hold the newest value, which the next value overwrites.
 //!
 //! A [*direct* command](crate::hub::Action::is_direct) needs no regulator, so a motor can execute the command between two ticks.
 //!
@@ -127,13 +106,13 @@ impl<M: RawMutex> ChainWires<M> {
 
 /// The channels between the tasks of a hub with N motors. A board has one static of this type.
 pub struct Wires<M: RawMutex, const N: usize> {
-    /// Wakes control: capture has taken an encoder sample, or supply has taken a sample after an alarm of the bus.
+    /// Wakes control: capture has taken an encoder sample, or supply has taken the first plausible sample after an alarm of the bus.
     pub news: Signal<M, ()>,
-    /// State of the battery, from supply to control.
+    /// State of the battery, from supply to control. With a state older than 100 ms the battery counts as unknown.
     pub battery: Signal<M, Battery>,
-    /// Last reading of the bus, from supply to all tasks.
+    /// Last reading of the bus, from supply to all tasks. A reading older than 100 ms counts as silent.
     pub bus: Mutex<M, Cell<BusReading>>,
-    /// Commands to motors, from all tasks to control.
+    /// Queue of commands to motors, from all tasks to control, first in first out.
     commands: Channel<M, Command, COMMANDS>,
     /// Number of the newest command that has entered `commands`; 0 before the first. The lock is held while a command enters, so
     /// that commands have their numbers in the order of the queue.
@@ -141,13 +120,14 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// Set with each direct command: control must apply the waiting commands the next time that `news` wakes control. A tick
     /// applies them too, but does not clear the flag.
     pub urgent: Mutex<M, Cell<bool>>,
-    /// Commands to the bridges, from control to output.
+    /// Commands to the bridges, from control to output. After three control periods without new commands all bridges coast.
     pub drives: Signal<M, [Drive; N]>,
     /// Feedback of the bridges, from the bridges' task to control.
     pub sensed: Signal<M, [BridgeFeedback; N]>,
     /// State of all motors at the last tick, from control to all tasks.
     pub snapshot: Watch<M, Snapshot<N>, OBSERVERS>,
-    /// Positions at the newest encoder samples, from capture to all tasks. Control adds the speeds, unless its period is 1 ms.
+    /// Positions at the newest encoder samples, from capture to all tasks. Control adds the speeds, unless its period is 1 ms. A motor
+    /// whose reading is older than 20 ms counts as a motor without encoder.
     pub newest: Mutex<M, RefCell<Newest<N>>>,
     /// Record of faults. Control writes the record, and the responder reads and clears the record. `None` if the hub has no
     /// record.
@@ -160,13 +140,15 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub update: RequestChannel<M, crate::update::UpdateRequest, crate::update::Done>,
     /// Transfers of the responder to the task of each I2C bus, and their results.
     pub i2c: [RequestChannel<M, Transfer, I2cRead>; I2C_BUSES],
-    /// Newest angle of the gyro, from the task of its bus to control. `None` without a gyro that works.
+    /// Newest angle of the gyro, from the task of its bus to control. `None` without a gyro that works. Without a new angle for 100 ms
+    /// the gyro counts as lost.
     pub gyro: Mutex<M, Cell<Option<GyroReading>>>,
     /// True while a drive base uses the gyro, from control to the task of the gyro's bus.
     pub gyro_wanted: Mutex<M, Cell<bool>>,
-    /// Packets between the responder and the chain line.
+    /// Packets between the responder and the chain line. A packet that finds its queue full is dropped, and its sender repeats it.
     pub chain: ChainWires<M>,
-    /// True while the button may drive motors, from the responder to the button's task.
+    /// True while the button may drive motors, from the responder to the button's task: after the stored settings are restored, until
+    /// the first packet for this hub.
     pub button_permitted: Mutex<M, Cell<bool>>,
 }
 
