@@ -471,20 +471,6 @@ fn capture_counts_every_edge_of_a_fast_encoder() {
 }
 
 #[test]
-fn every_observer_sees_every_tick_it_waits_for() {
-    let parts = Parts::new(50);
-    let mut board = parts.board();
-    let mut observers: Vec<_> =
-        (0..tasks::OBSERVERS).map(|_| parts.wires.snapshot.receiver().expect("free")).collect();
-    for tick in 1..=5 {
-        board.run_ms(50);
-        for observer in &mut observers {
-            assert_eq!(observer.try_changed().map(|s| s.tick), Some(tick));
-        }
-    }
-}
-
-#[test]
 fn the_bridges_coast_before_the_first_drive() {
     let parts = Parts::new(50);
     parts.send(0, Setpoint::Velocity(CountsPerSecond::new(1_000)));

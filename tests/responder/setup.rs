@@ -76,18 +76,6 @@ fn a_motor_is_set_up_with_the_coefficients_that_go_with_it() {
 }
 
 #[test]
-fn the_motor_that_the_hub_starts_with_reads_back() {
-    let mut host = TestHost::settled();
-    let winding = settings().winding;
-    let uh = winding.inductance.expect("known").as_microhenries();
-    let started = fields(winding.emf.to_bits(), winding.resistance.as_milliohms(), uh, 1, 0, 1);
-    assert_eq!(
-        [0, 3].map(|motor| host.ask(FIRST_FUNCTION + 1, &[motor])),
-        [0, 3].map(|_| Said::Data(started.clone()))
-    );
-}
-
-#[test]
 fn choosing_linear_duty_forgets_neither_winding_nor_bridge() {
     let bridge = BridgeConstants::new(900, 80, 10_000).expect("in range");
     let started = Settings { bridge, ..settings() };
