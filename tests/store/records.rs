@@ -1,7 +1,7 @@
 //! What bytes are a record.
 
-use crate::flash::{Flash, read, write};
-use crate::torn_flash::Random;
+use crate::flash::{read, write};
+use crate::torn_flash::{Code, Flash, Random};
 use motor_hub::store::{CAPACITY, Found, Outcome, SettingsRecord, Stored, VERSION};
 use proptest::prelude::*;
 
@@ -81,7 +81,7 @@ fn any_contents_of_a_flash_are_read_in_finite_time() {
     let mut random = Random(1);
     let mut nothing = 0;
     for round in 0..300 {
-        let mut flash = Flash::<4, 1024>::new();
+        let mut flash = Flash::<4, 1024>::new(2, Code::None);
         let record = SettingsRecord::new(5);
         if round % 2 == 0 {
             write(&mut flash, &record, true);
