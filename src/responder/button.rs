@@ -56,14 +56,11 @@ pub struct ButtonInputs {
 /// State of the contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum ContactState {
-    /// Closed since reset. The button is stuck, or was pressed during the reset. Also the state before the first step.
-    Stuck,
-    /// Open.
-    Up,
+    Open,
     /// Closed since this time, which is less than [`DEBOUNCE_MICROS`] ago. The contact may still bounce.
     Closing(Micros),
-    /// Closed for at least [`DEBOUNCE_MICROS`].
-    Down,
+    /// Closed for at least [`DEBOUNCE_MICROS`], or since reset. Also the state before the first step.
+    Closed,
 }
 
 /// What the button commands the motors to do.
@@ -87,7 +84,7 @@ pub struct Button {
 impl Button {
     /// Creates the state after a reset.
     pub const fn new() -> Self {
-        Self { contact: ContactState::Stuck, motion: ButtonMotion::Off }
+        Self { contact: ContactState::Closed, motion: ButtonMotion::Off }
     }
 
     /// Returns the set-point of all motors. Must be called about every 10 ms.
@@ -96,7 +93,7 @@ impl Button {
         self.motion = match self.motion {
             _ if !inputs.permitted => ButtonMotion::Off,
             _ if pressed && inputs.battery_good => ButtonMotion::Turning,
-            ButtonMotion::Turning if self.contact == ContactState::Up => ButtonMotion::Stopping(inputs.now),
+            ButtonMotion::Turning if self.contact == ContactState::Open => ButtonMotion::Stopping(inputs.now),
             ButtonMotion::Stopping(since) if inputs.now.since(since) >= HOLD_MICROS => ButtonMotion::Off,
             motion => motion,
         };
@@ -111,12 +108,12 @@ impl Button {
     fn pressed(&mut self, down: bool, now: Micros) -> bool {
         let before = self.contact;
         self.contact = match before {
-            _ if !down => ContactState::Up,
-            ContactState::Up => ContactState::Closing(now),
-            ContactState::Closing(since) if now.since(since) >= DEBOUNCE_MICROS => ContactState::Down,
+            _ if !down => ContactState::Open,
+            ContactState::Open => ContactState::Closing(now),
+            ContactState::Closing(since) if now.since(since) >= DEBOUNCE_MICROS => ContactState::Closed,
             contact => contact,
         };
-        before != self.contact && self.contact == ContactState::Down
+        before != self.contact && self.contact == ContactState::Closed
     }
 }
 
