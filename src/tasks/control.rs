@@ -91,10 +91,12 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
 
 /// Waits for news or for the tick that is due at this time. Returns true if there is news.
 ///
-/// A poll of a timer asks the queue of all timers to wake the task, and searches this queue. News comes every millisecond, so the
-/// timer is polled only once before the tick is due, and `armed` is then true. This poll is enough, because the queue does not
-/// forget the task when its timer is dropped. But the queue keeps one time for each task. If control shares its task with other
-/// futures, one of these futures must therefore wake the task every millisecond, as the capture does.
+/// A poll of a timer stores the time at which the task must wake in the queue of all timers, and searches this queue. News comes every
+/// millisecond, so the timer is polled only once before the tick is due, and `armed` is then true. The time stays in the queue when
+/// the timer is dropped.
+///
+/// The queue stores one time for each task. If control shares its task with other futures, they may replace the time. One of them
+/// must then wake the task every millisecond, as the capture does.
 async fn news_before<M: RawMutex, const N: usize>(
     due: Instant,
     armed: &mut bool,
