@@ -1,4 +1,4 @@
-//! Packets are found in whatever comes over the line.
+//! Packets are found among any other bytes on the line.
 
 use crate::host::{TestHost, bytes_of, decode, frame_to};
 use motor_hub::protocol::frame::{LONGEST, TIMEOUT_MICROS};

@@ -1,4 +1,4 @@
-//! Whatever comes over the line.
+//! Random bytes on the line.
 
 use crate::host::{Event, HUB, frame_to, survive};
 use proptest::collection::vec;

@@ -1,4 +1,4 @@
-//! A host says which motor is on a channel and what its control values mean.
+//! Settings of a motor, and the reports of the extension.
 
 use crate::host::{Said, TestHost, responder_with, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, OperatingPoint, Points, Regime, Scheme, Winding};

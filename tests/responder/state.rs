@@ -1,4 +1,4 @@
-//! Motors, keep-alive, fail-safe, attention and the LED, as a host lives through them.
+//! Motors, keep-alive timer, fail-safe, attention and LED, as a host observes them.
 
 use crate::host::{N, Said, TestHost, frame_to, settings};
 use motor_hub::extension::report::Commands;

@@ -1,4 +1,4 @@
-//! Bits that turn, memories that fail, motors that run.
+//! Damaged bits, memories that fail, and saves while motors run.
 
 use crate::flash::{block_on, read, write};
 use crate::torn_flash::{Code, Flash, NoPower};

@@ -1,4 +1,4 @@
-//! Power goes before, in and after every single write.
+//! The power fails before, in and after each write.
 
 use crate::flash::{read, write};
 use crate::torn_flash::{Code, Cut, Flash, Random, Tear};

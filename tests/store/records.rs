@@ -1,4 +1,4 @@
-//! What bytes are a record.
+//! Which bytes are a record.
 
 use crate::flash::{read, write};
 use crate::torn_flash::{Code, Flash, Random};
