@@ -16,7 +16,7 @@
 //! use motor_hub::responder::button::{Button, ButtonInputs};
 //! use motor_hub::units::{CountsPerSecond, Micros};
 //!
-//! let mut button = Button::new();
+//! let mut button = Button::default();
 //! let mut step = |down, ms: u64| {
 //!     button.step(ButtonInputs { down, permitted: true, battery_good: true, now: Micros::new(1000 * ms) })
 //! };
@@ -54,19 +54,21 @@ pub struct ButtonInputs {
 }
 
 /// State of the contact.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum ContactState {
     Open,
     /// Closed since this time, which is less than [`DEBOUNCE_MICROS`] ago. The contact may still bounce.
     Closing(Micros),
     /// Closed for at least [`DEBOUNCE_MICROS`], or since reset. Also the state before the first step.
+    #[default]
     Closed,
 }
 
 /// What the button commands the motors to do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum ButtonMotion {
     /// The motors are disabled.
+    #[default]
     Off,
     /// The motors turn, because the button is pressed.
     Turning,
@@ -74,19 +76,14 @@ enum ButtonMotion {
     Stopping(Micros),
 }
 
-/// State of the button and its motors.
-#[derive(Clone, Debug)]
+/// State of the button and its motors. The default is the state after a reset.
+#[derive(Clone, Debug, Default)]
 pub struct Button {
     contact: ContactState,
     motion: ButtonMotion,
 }
 
 impl Button {
-    /// Creates the state after a reset.
-    pub const fn new() -> Self {
-        Self { contact: ContactState::Closed, motion: ButtonMotion::Off }
-    }
-
     /// Returns the set-point of all motors. Must be called about every 10 ms.
     pub fn step(&mut self, inputs: ButtonInputs) -> Setpoint {
         let pressed = self.pressed(inputs.down, inputs.now);
@@ -114,11 +111,5 @@ impl Button {
             contact => contact,
         };
         before != self.contact && self.contact == ContactState::Closed
-    }
-}
-
-impl Default for Button {
-    fn default() -> Self {
-        Self::new()
     }
 }

@@ -203,7 +203,7 @@ impl<const N: usize> Responder<N> {
     /// Returns the state with a chain line.
     #[must_use]
     pub fn with_chain(mut self) -> Self {
-        self.chain = Some(Chain::new());
+        self.chain = Some(Chain::default());
         self
     }
 
