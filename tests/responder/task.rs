@@ -1,6 +1,6 @@
 //! The responder task between in-memory pipes, under virtual time.
 
-use crate::host::{HUB, N, bytes_of, decode, frame_to, responder_with, settings};
+use crate::host::{HUB, N, decode, frame_to, responder_with, settings};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::pipe::Pipe;
 use embassy_time::Timer;
