@@ -66,10 +66,10 @@ pub struct MotorChannel {
     offset: i32,
     /// The motor's counts at the last request of REV's protocol to this motor. A target is converted to a distance from this position.
     last_position: i32,
-    /// The set-point of a release that must be sent, before the settings. A release is sent also to a disabled motor, because a
-    /// release clears latched faults.
+    /// The set-point of a release that must be sent. A release is sent also to a disabled motor, because a release clears latched
+    /// faults.
     release_due: Option<Setpoint>,
-    /// True if the settings must be sent, before the motor's own set-point.
+    /// True if the settings must be sent.
     settings_due: bool,
     /// True if the motor's own set-point must be sent. The set-point is computed when the command is sent, not when the request arrives.
     target_due: bool,
@@ -278,7 +278,8 @@ impl MotorChannel {
         self.has_new_target() || self.settings_due
     }
 
-    /// Returns the next command to the motor. After sending the command, call [`sent`](Self::sent).
+    /// Returns the next command to the motor: first a release, then the settings, then the motor's own set-point. After sending the
+    /// command, call [`sent`](Self::sent).
     pub fn pending(&self) -> Option<Action> {
         if let Some(release) = self.release_due {
             Some(Action::Set(release))
