@@ -15,7 +15,7 @@
 
 pub mod base;
 pub mod group;
-pub mod identification;
+mod identification;
 pub mod record;
 pub mod report;
 pub mod settings;
