@@ -109,12 +109,6 @@ pub trait Devices {
 
     /// Returns the newest readings.
     fn analog(&mut self) -> AnalogReadings;
-
-    /// Returns the newest currents of the supplies for digital pins, I2C buses and servos, in this order. `None` on a board that
-    /// does not measure them.
-    fn supply_currents(&mut self) -> Option<[Milliamperes; 3]> {
-        None
-    }
 }
 
 /// Borrowed devices.
@@ -133,10 +127,6 @@ impl<T: Devices + ?Sized> Devices for &mut T {
 
     fn analog(&mut self) -> AnalogReadings {
         (**self).analog()
-    }
-
-    fn supply_currents(&mut self) -> Option<[Milliamperes; 3]> {
-        (**self).supply_currents()
     }
 }
 

@@ -22,7 +22,7 @@
 //! use motor_hub::protocol::Packet;
 //! use motor_hub::units::Micros;
 //!
-//! let mut chain = Chain::new();
+//! let mut chain = Chain::default();
 //! let keep_alive = Packet { destination: 5, number: 1, id: 0x7F04, ..Packet::default() };
 //! chain.request(keep_alive.clone());
 //! let now = Micros::new(0);
@@ -106,7 +106,8 @@ struct Question {
     disturbed: bool,
 }
 
-/// The parent's end of the chain line: which packet is the next on the line, and which packets go up to the host.
+/// The parent's end of the chain line: which packet is the next on the line, and which packets go up to the host. The default is the
+/// state after a reset.
 #[derive(Clone, Debug, Default)]
 pub struct Chain {
     requests: Deque<Packet, WAITING>,
@@ -119,18 +120,6 @@ pub struct Chain {
 }
 
 impl Chain {
-    /// Creates the state after a reset.
-    pub const fn new() -> Self {
-        let none = Addresses { bits: [0; 32] };
-        Self {
-            requests: Deque::new(),
-            discovery: None,
-            question: None,
-            asked: none,
-            report: ChainReport { discovering: false, heard: none, clashing: none },
-        }
-    }
-
     /// Returns the state of the chain line.
     pub fn report(&self) -> ChainReport {
         let discovering =

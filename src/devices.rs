@@ -1,5 +1,5 @@
-//! What a board may have for hosts besides motors: digital pins, servo outputs, analog inputs and I2C buses. These are the values
-//! that the board, the responder and both protocols share.
+//! What a board may have for hosts besides motors: digital pins, servo outputs, analog inputs and I2C buses. The board, the responder
+//! and both protocols share the types of this module.
 //!
 //! ```
 //! use motor_hub::devices::{AnalogReading, Equipment, SERVOS};
@@ -15,7 +15,7 @@
 
 pub mod bno055;
 
-use crate::units::Millivolts;
+use crate::units::{Milliamperes, Millivolts};
 
 /// Number of digital pins in REV's protocol.
 pub const DIGITAL_PINS: usize = 8;
@@ -32,11 +32,11 @@ pub const I2C_BUSES: usize = 4;
 pub struct Equipment {
     /// The board's digital pins. Bit i stands for pin i.
     pub digital: u8,
-    /// Number of servo outputs, 0 to [`SERVOS`]. They have the numbers from 0.
+    /// Number of servo outputs, 0 to [`SERVOS`], numbered from 0.
     pub servos: u8,
-    /// Number of analog inputs, 0 to [`ANALOG_INPUTS`]. They have the numbers from 0.
+    /// Number of analog inputs, 0 to [`ANALOG_INPUTS`], numbered from 0.
     pub analog: u8,
-    /// Number of I2C buses, 0 to [`I2C_BUSES`]. They have the numbers from 0, and each has a task `tasks::i2c`.
+    /// Number of I2C buses, 0 to [`I2C_BUSES`], numbered from 0. Each bus has a task `tasks::i2c`.
     pub i2c: u8,
     /// True if the board measures its 5 V rail.
     pub rail: bool,
@@ -75,4 +75,6 @@ pub struct AnalogReadings {
     pub rail: Option<Millivolts>,
     /// Temperature of the board or of its chip in 0.1 degrees Celsius.
     pub temperature_decidegrees: Option<i16>,
+    /// Currents of the supplies for digital pins, I2C buses and servos, in this order.
+    pub supply_currents: Option<[Milliamperes; 3]>,
 }

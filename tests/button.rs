@@ -21,7 +21,7 @@ struct Bench {
 impl Bench {
     /// Powered on with the button up.
     fn new() -> Self {
-        let mut bench = Self { button: Button::new(), now: 0, battery_good: true, permitted: true };
+        let mut bench = Self { button: Button::default(), now: 0, battery_good: true, permitted: true };
         bench.look(false);
         bench
     }
@@ -74,7 +74,7 @@ fn a_contact_that_bounces_is_not_pressed() {
 
 #[test]
 fn a_button_that_is_closed_since_a_reset_has_no_effect_until_it_is_pressed_again() {
-    let mut bench = Bench { button: Button::new(), ..Bench::new() };
+    let mut bench = Bench { button: Button::default(), ..Bench::new() };
     assert_eq!(bench.keep(true, 5_000_000), Setpoint::Disabled);
     assert_eq!(bench.look(false), Setpoint::Disabled);
     assert_eq!(bench.keep(true, 100_000), TURN);

@@ -138,7 +138,7 @@ impl Parts {
     }
 
     fn send(&self, motor: usize, setpoint: Setpoint) {
-        self.wires.commands.try_send(Command { motor, action: Action::Set(setpoint) }).expect("room");
+        self.wires.try_send(Command { motor, action: Action::Set(setpoint) }).expect("room");
     }
 
     fn snapshot(&self) -> Snapshot<N> {
@@ -207,41 +207,26 @@ fn a_tick_that_came_too_late_is_left_out_and_counted_not_caught_up() {
 }
 
 #[test]
-fn a_command_takes_effect_at_the_next_tick() {
-    let parts = Parts::new(50);
-    let mut board = parts.board();
-    board.run_ms(210);
-    parts.send(2, HALF);
-    board.run_ms(39);
-    assert_eq!(parts.world.last_drives(), [Drive::COAST; N]);
-    board.run_ms(1);
-    let drives = parts.world.last_drives();
-    assert_eq!(drives[2].mode, Mode::Cw98);
-    assert_eq!([drives[0], drives[1], drives[3]], [Drive::COAST; 3]);
-}
-
-#[test]
 fn constant_power_and_coasting_wait_for_no_tick_and_regulation_does() {
     let parts = Parts::new(50);
     let mut board = parts.board();
     board.run_ms(210);
-    let say = |motor, setpoint| {
-        parts.wires.try_send(Command { motor, action: Action::Set(setpoint) }).expect("room");
-    };
     let modes = || parts.world.last_drives().map(|drive| (drive != Drive::COAST).then_some(drive.mode));
     for motor in [0, 1] {
-        say(motor, HALF);
+        parts.send(motor, HALF);
     }
-    say(2, Setpoint::Velocity(CountsPerSecond::new(1_000)));
+    parts.send(2, Setpoint::Velocity(CountsPerSecond::new(1_000)));
     board.run_ms(1);
     // Commands before a direct command are applied with it. Regulated motors wait for a tick.
     assert_eq!(modes(), [Some(Mode::Cw98), Some(Mode::Cw98), None, None]);
-    board.run_ms(39);
+    board.run_ms(38);
+    assert_eq!(modes(), [Some(Mode::Cw98), Some(Mode::Cw98), None, None]);
+    board.run_ms(1);
     assert_eq!(modes(), [Some(Mode::Cw98), Some(Mode::Cw98), Some(Mode::Cw98), None]);
     board.run_ms(10);
-    say(0, Setpoint::Disabled);
-    say(1, Setpoint::ConstantPower(Control::ZERO));
-    say(2, Setpoint::FailSafe);
+    parts.send(0, Setpoint::Disabled);
+    parts.send(1, Setpoint::ConstantPower(Control::ZERO));
+    parts.send(2, Setpoint::FailSafe);
     board.run_ms(1);
     assert_eq!(modes(), [None, Some(Mode::Brake50), None, None]);
     // It stays so.
@@ -297,7 +282,7 @@ fn commands_queue_in_order_and_a_command_without_room_is_refused() {
         parts.send(n % N, Setpoint::ConstantPower(Control::new(n as i16)));
     }
     let extra = Command { motor: 0, action: Action::Set(HALF) };
-    assert!(parts.wires.commands.try_send(extra).is_err());
+    assert!(parts.wires.try_send(extra).is_err());
     board.run_ms(50);
     let powers = parts.snapshot().motors.map(|m| m.requested.expect("constant power").get());
     assert_eq!(powers, [12, 13, 14, 15], "the last of each, none lost");
@@ -486,23 +471,9 @@ fn capture_counts_every_edge_of_a_fast_encoder() {
 }
 
 #[test]
-fn every_observer_sees_every_tick_it_waits_for() {
-    let parts = Parts::new(50);
-    let mut board = parts.board();
-    let mut observers: Vec<_> =
-        (0..tasks::OBSERVERS).map(|_| parts.wires.snapshot.receiver().expect("free")).collect();
-    for tick in 1..=5 {
-        board.run_ms(50);
-        for observer in &mut observers {
-            assert_eq!(observer.try_changed().map(|s| s.tick), Some(tick));
-        }
-    }
-}
-
-#[test]
 fn the_bridges_coast_before_the_first_drive() {
     let parts = Parts::new(50);
-    parts.send(0, HALF);
+    parts.send(0, Setpoint::Velocity(CountsPerSecond::new(1_000)));
     let mut board = parts.board();
     board.run_ms(49);
     assert_eq!(*parts.world.applied.borrow(), [(0, [Drive::COAST; N])]);

@@ -8,14 +8,14 @@
 //! SelectPage --> Identify ----------> CheckMode ------------------> Configure -------> Measure
 //!     ^                                   |  already in IMU mode                      ^   |
 //!     |                                   '-------------------------------------------'   |
-//!     '-------------------- after RETRY_US, from every state, see below ------------------'
+//!     '---------------- from every state after a failure, after RETRY_US -----------------'
 //! ```
 //!
-//! The driver begins again after a wrong answer, and after an access that failed. Only while the sensor measures, up to
-//! `ERRORS` - 1 accesses in a row may fail.
+//! The driver begins again after a wrong answer, and after an access that failed. There is one exception: while the sensor measures,
+//! up to `ERRORS` - 1 accesses in a row may fail.
 //!
 //! The IMU mode fuses accelerometer and gyro, and ignores the magnetometer, which motors would disturb. The driver never resets the
-//! sensor, and leaves a sensor alone that a host has set to the IMU mode already. The sensor must lie flat, with its chip upward.
+//! sensor, and does not configure a sensor that is in the IMU mode already. The sensor must lie flat, with its chip upward.
 //!
 //! ```
 //! use motor_hub::devices::bno055::{Access, Bno055};
@@ -96,7 +96,7 @@ enum Step {
     CheckMode,
     /// The write with this index in [`CONFIGURATION`].
     Configure(usize),
-    /// Reads the quaternion. Holds true once a valid one has been read.
+    /// Reads the quaternion. Holds true once a valid quaternion has been read.
     Measure(bool),
 }
 

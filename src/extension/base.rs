@@ -50,10 +50,10 @@ payload! {
         pub x_um: i32,
         /// Distance to the left of the start in micrometres.
         pub y_um: i32,
-        /// Angle by which the base has turned left, in 1/1000 degree. It counts whole turns.
+        /// Angle by which the base has turned left, in 1/1000 degree. The angle includes whole turns, so it may exceed 360 degrees.
         pub heading_millidegrees: i32,
-        /// Corrected positions of the left and the right wheel, in the host's counts. Targets of a group of both wheels are such
-        /// positions. Without a gyro they are the positions of the encoders.
+        /// Corrected positions of the left and the right wheel, in the host's counts. The targets of a group of both wheels are
+        /// corrected positions. Without a gyro the corrected positions are the positions of the encoders.
         pub counts: [i32; 2],
         /// State of the gyro.
         pub gyro: GyroState,

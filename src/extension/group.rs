@@ -1,5 +1,5 @@
-//! Requests to groups of motors that move synchronously. Hosts repeat a request if its answer is lost. So a repeated request to a
-//! group has no further effect.
+//! Requests to groups of motors that move synchronously. A repeated request to a group has no further effect, because hosts repeat a
+//! request whose answer is lost.
 //!
 //! ```
 //! use motor_hub::extension::MotorFunction;

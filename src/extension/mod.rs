@@ -15,7 +15,7 @@
 
 pub mod base;
 pub mod group;
-pub mod identification;
+mod identification;
 pub mod record;
 pub mod report;
 pub mod settings;
@@ -42,7 +42,8 @@ pub const FIRST_FUNCTION: u16 = 0x4D00;
 pub const FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 37 };
 
 requests! {
-    /// A function for one motor, except for settings. The first field of the request is the motor's number.
+    /// A function for one motor. The first field of the request is the motor's number. Requests for the settings of a motor are
+    /// [`Request::Set`] and [`Request::Get`].
     pub enum MotorFunction from FIRST_FUNCTION => {
         /// Starts an identification. The motor stays within the travel limit, in counts in either direction. The answer is a u32:
         /// the largest number of counts that the motor will turn in either direction.
@@ -55,8 +56,9 @@ requests! {
         7 Group,
         /// The answer is a [`Condition`](report::Condition).
         10 Condition,
-        /// Regulates the enabled motor to a constant current, up to a speed limit. This ends when a host sets a target or a mode,
-        /// enables or disables the motor, or resets its encoder.
+        /// Regulates the enabled motor to a constant current, up to a speed limit. The regulation ends when a host sets a target or a
+        /// mode, enables or disables the motor, resets its encoder, starts an identification, or moves the motor in a group. It also
+        /// ends with a fail-safe.
         30 Current { current_ma: i32, speed_limit_cps: u16 },
     }
 }
@@ -80,20 +82,19 @@ requests! {
         18 Entries { from: u8, clear: bool },
         /// The answer is [`Ticks`](record::Ticks) of the entry with this number, without the oldest `from` ticks.
         ///
-        /// Firmware 0.1.0 answers function 19 with control values instead of voltages, so no request of this interface has
-        /// number 19.
+        /// The number 19 is not used, because firmware 0.1.0 answers function 19 with control values instead of voltages.
         33 Ticks { number: u16, from: u8 },
         /// The answer is a [`HubReport`](report::HubReport).
         20 Report,
         /// Announces new firmware with its length in bytes, its CRC-32 (IEEE 802.3) and its version.
         21 BeginUpdate { length: u32, crc: u32, version: Text },
-        /// Sends the bytes of new firmware that begin at this offset. Each chunk has 96 bytes, the last one may have less.
+        /// Sends the bytes of new firmware that begin at this offset. Each chunk has 96 bytes. The last chunk may have fewer bytes.
         22 Chunk { offset: u32, bytes: Text },
         /// Ends the transfer; the hub checks and arms the new firmware.
         23 FinishUpdate,
         /// Restarts the hub with the armed firmware.
         24 Restart,
-        /// Cancels the update. The next restart does not start armed firmware then.
+        /// Cancels the update. The next restart then starts the present firmware, also if new firmware was armed.
         25 AbandonUpdate,
         /// The answer is an [`UpdateReport`](state::UpdateReport).
         26 Update,

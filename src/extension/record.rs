@@ -4,7 +4,7 @@ use super::report::battery;
 use crate::bridge::Drive;
 use crate::protocol::Nack;
 use crate::protocol::payload::{Field, Fields, Payload, codec, fields_in_order, payload};
-use crate::record::{Fault, Head, NOBODY, Record, Tick, drive_bits, drive_of};
+use crate::record::{Fault, Head, NO_MOTOR, Record, Tick, drive_bits, drive_of};
 use heapless::Vec;
 
 /// Largest number of entries in an answer.
@@ -14,14 +14,14 @@ const ENTRIES: usize = 3;
 const TICKS: usize = 8;
 
 payload! {
-    /// Some entries of the record.
+    /// Up to three entries of the record.
     #[derive(Default)]
     pub struct Entries {
         /// Number of the present run. 0 for a hub without a record.
         pub run: u32,
         /// Number of entries in the whole record.
         pub count: u8,
-        /// Up to three entries, newest first.
+        /// The heads of the entries, newest first.
         pub heads: Vec<Head, ENTRIES> as rest,
     }
 }
@@ -39,12 +39,12 @@ impl Entries {
 }
 
 payload! {
-    /// Some control ticks of an entry.
+    /// Up to eight control ticks of an entry.
     #[derive(Default)]
     pub struct Ticks {
         /// Number of all ticks of the entry.
         pub count: u8,
-        /// Up to eight ticks, oldest first.
+        /// The ticks, oldest first.
         pub ticks: Vec<Tick, TICKS> as rest,
     }
 }
@@ -86,8 +86,8 @@ impl Field for Fault {
 }
 
 codec! {
-    /// Codec of an optional motor. [`NOBODY`] stands for `None`.
-    motor: Option<u8> as u8, |motor| (motor != NOBODY).then_some(motor), |motor| motor.unwrap_or(NOBODY)
+    /// Codec of an optional motor. [`NO_MOTOR`] stands for `None`.
+    motor: Option<u8> as u8, |motor| (motor != NO_MOTOR).then_some(motor), |motor| motor.unwrap_or(NO_MOTOR)
 }
 
 codec! {

@@ -4,7 +4,7 @@
 //! run. Its values are those of the last control tick. Positions and velocities are from the newest encoder sample, which may be
 //! newer than the tick. [`Commands`] tell whether the values include the effects of all earlier requests.
 //!
-//! A newer hub may add fields at the end of each motor's fields, and after all motors. A host ignores fields that it does not
+//! Newer firmware may add fields at the end of each motor's fields, and after all motors. A host ignores fields that it does not
 //! know.
 //!
 //! ```
@@ -79,7 +79,7 @@ payload! {
         /// Voltage of the newest sample, plausible or not. `None` if the converter does not answer, or if the sample is older than
         /// 100 ms.
         pub measured: Option<Millivolts> as measured,
-        /// How strongly braking motors must dissipate energy, in 1/1000. 0 while braking motors may return all energy to the bus.
+        /// Strength with which braking motors dissipate energy, in 1/1000 of full strength. 0 while they may return all energy.
         pub dissipate: u16,
         /// Energy that braking motors have returned to the bus since boot, in millijoules.
         pub returned_mj: u32,
@@ -123,7 +123,7 @@ codec! {
 }
 
 codec! {
-    /// Codec of an optional [`current`]. -32 768, which no current is, stands for `None`.
+    /// Codec of an optional [`current`]. -32 768 stands for `None`, because currents are limited to 32 767 mA.
     load: Option<Milliamperes> as i16,
     |ma| (ma != i16::MIN).then_some(Milliamperes::new(ma.into())),
     |load| load.map_or(i16::MIN, milliamperes)
@@ -174,7 +174,7 @@ pub struct HubReport {
     pub battery: Option<Millivolts>,
     /// Range of the bus voltage.
     pub bus: BusState,
-    /// How strongly braking motors must dissipate energy, in 1/1000. 0 while braking motors may return all energy to the bus.
+    /// Strength with which braking motors dissipate energy, in 1/1000 of full strength. 0 while they may return all energy.
     pub dissipate: u16,
     /// State of each motor, at most of the first four.
     pub motors: Vec<MotorReport, CHANNELS>,
@@ -187,8 +187,8 @@ pub struct HubReport {
 pub struct Commands {
     /// Number of the newest command that the report includes.
     pub included: u32,
-    /// Number of the newest command that the hub has made of a host's request and has sent to its control task. Plus 1 while more
-    /// commands wait to be sent.
+    /// Number of the newest command that the responder has sent to control for a host. While the next command waits to be sent, the
+    /// number is larger by 1.
     pub newest: u32,
 }
 
@@ -231,7 +231,7 @@ pub struct MotorReport {
     /// True if the motor has [settled](crate::motor::Report::settled) at its target position, and the report includes the newest
     /// target. A member of a group has settled when all members have.
     pub settled: bool,
-    /// True if the motor is regulated, and a stop or a load holds the motor.
+    /// True if the motor is regulated, and a mechanical stop or a load keeps the motor from moving.
     pub stalled: bool,
     /// True if the current is limited because the winding is hot.
     pub derated: bool,
@@ -257,7 +257,8 @@ pub enum ReportedSetpoint {
     /// The motor is disabled, or no host has set a target for its mode.
     #[default]
     Off,
-    /// The host is silent, and the motor is to brake by its setting `on_fault`. A motor that is to coast then is `Off`.
+    /// The keep-alive timer has run out, and the motor brakes according to its setting `on_fault`. A motor that coasts according to
+    /// this setting is `Off`.
     FailSafe,
     /// Constant power, as a control value.
     Power(Control),

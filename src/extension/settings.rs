@@ -183,7 +183,7 @@ impl Group {
         }
     }
 
-    /// Appends what comes before the values of the group: the number of the motor and, for coefficients, the code of the loop.
+    /// Appends the fields before the values of the group: the number of the motor and, for coefficients, the code of the loop.
     pub fn write_name(self, motor: u8, payload: &mut Payload) {
         motor.write(payload);
         if let Some(of) = self.loop_of() {
@@ -386,9 +386,8 @@ impl Values {
     /// Returns `settings` with these values.
     ///
     /// # Errors
-    /// Refuses linear current if the resistance in these values is 0, also if a resistance is configured. Refuses a thermal limit
-    /// with a time constant of 0. The refusal has the number
-    /// of the field in the payload.
+    /// Refuses linear current if the resistance in these values is 0, although the motor may have a configured resistance. Refuses a
+    /// thermal limit with a time constant of 0. The refusal has the number of the field in the payload.
     pub fn apply_to(&self, settings: &MotorSettings) -> Result<MotorSettings, Nack> {
         let mut new = *settings;
         if self.group == Group::SetUp {
@@ -417,11 +416,11 @@ impl Values {
 /// Defines a list of fields.
 ///
 /// A number has the parts `name, integer type in a packet / steps per unit, get, set`. `limits` replaces the limits of the
-/// integer type. `zero` is the meaning of 0 if that is not the number 0. A number whose setting has the integer type and every
-/// value states the place in the settings instead of `get` and `set`.
+/// integer type. `zero` states the meaning of the raw value 0, which otherwise is the number 0. If the setting has the integer
+/// type of the packet, and no other limits, the place in the settings stands instead of `get` and `set`.
 ///
-/// A choice has the parts `name, each word with its value; place in the settings`. `up to` replaces the largest raw value;
-/// values beyond the last word set the same as the last word, but have no word.
+/// A choice has the parts `name, each word with its value; place in the settings`. `up to` replaces the largest raw value.
+/// A raw value beyond the last word sets the value of the last word, and [`Field::word_of`] returns `None` for the raw value.
 macro_rules! fields {
     (@ {
         $name:literal, $type:ident / $steps:expr $(, limits $least:literal to $most:expr)? $(, zero $zero:ident)?,
@@ -460,7 +459,7 @@ macro_rules! fields {
             most: stated_or(&[$($most)?], [$($word),+].len() as i64 - 1),
             get: |settings| {
                 let mut values = [$($value),+].into_iter();
-                // A value that is not listed, such as Scheme D with another blend, has the last word.
+                // Scheme D with a blend other than 0 is not listed, and has the last word.
                 let last = values.len() as i64 - 1;
                 values.position(|value| value == settings.$($place).+).map_or(last, |code| code as i64)
             },
@@ -509,7 +508,7 @@ const SET_UP: &[Field] = fields! {
         motor.scheme
     }
     {
-        // A blend of 1, which is the same as Scheme C, does not fit in 16 bits. It becomes the largest blend below 1.
+        // A blend of 1, which is the same as Scheme C, does not fit in 16 bits. Its raw value is that of the largest blend below 1.
         "blend", u16 / 1 << 16,
         |settings| match settings.motor.scheme {
             Scheme::D(Blend::Fixed(blend)) => u16::try_from(blend.to_bits()).unwrap_or(u16::MAX),

@@ -21,14 +21,13 @@ payload! {
         pub stored: Stored,
         /// Version of the record's format; 0 if no copy of the record has a known version.
         pub version: u8,
-        /// Number of the save that wrote the record, from 1. 0 without a record that can be read.
+        /// Number of the save that wrote the record. The first save has number 1. The number is 0 if no record can be read.
         pub number: u32,
         /// True while an access to the memory is requested or running.
         pub at_work: bool,
-        /// Result of the last access to the memory. The address is also stored without a request to save.
+        /// Result of the last access to the memory. When a host sets an address, the hub stores the address, which is an access too.
         pub outcome: store::Outcome,
-        /// True if the settings or the address in force differ from the stored ones. While an access is running, also true if a
-        /// host may have changed settings since the start of the hub.
+        /// True if settings, address or drive base in force would be others after a restart.
         pub differs: bool,
         /// Number of stored entries that this firmware does not know. A save keeps these entries.
         pub unknown: u8,
@@ -45,9 +44,9 @@ payload! {
     pub struct UpdateReport {
         /// Phase of the update.
         pub phase: Phase,
-        /// Result of the last request to the slot task.
+        /// Result of the last request to the task `tasks::update`.
         pub outcome: update::Outcome,
-        /// True while the slot task has a request that is not finished.
+        /// True while the task `tasks::update` has a request that is not finished.
         pub at_work: bool,
         /// How the present firmware was started.
         pub booted: Booted,

@@ -40,7 +40,7 @@ pub enum Reply {
         /// True if the module status has events that no host has cleared.
         attention: bool,
     },
-    /// The hub has refused the request, which has changed neither settings nor motion.
+    /// The hub has refused the request. A refused request changes neither settings nor motion.
     Nack(Nack),
     /// The hub answers with values.
     Data(Payload),
@@ -181,7 +181,8 @@ pub struct Bulk {
     pub encoders: [i32; CHANNELS],
     /// For each motor, true if its current exceeds its current alert.
     pub over_current: [bool; CHANNELS],
-    /// For each motor, true if the motor is enabled in position mode and within the tolerance of its target, at any speed.
+    /// For each motor, true if the motor is enabled in position mode, is in no group, and is within the tolerance of its target, at
+    /// any speed.
     pub within_tolerance: [bool; CHANNELS],
     /// Velocity of each motor in counts per second.
     pub velocities: [i16; CHANNELS],
@@ -253,7 +254,7 @@ impl I2cStatus {
     pub const NO_DATA: Self = Self { bits: 1 << 1 };
     /// Another controller has used the bus, or a line was low that should be high.
     pub const ARBITRATION_LOST: Self = Self { bits: 1 << 2 };
-    /// The transfer did not end in time, because a line is stuck or a device holds the clock.
+    /// The transfer did not end in time, or ended with an error that no other bit stands for.
     pub const TIME_OUT: Self = Self { bits: 1 << 3 };
 
     /// Returns the text of the lowest error bit that is set. `None` without error.

@@ -33,7 +33,7 @@ pub const START: [u8; 2] = [0x44, 0x4B];
 /// Length of a frame without payload, in bytes.
 pub const OVERHEAD: usize = 11;
 
-/// Length of the longest frame that the decoder accepts, in bytes. Hosts send payloads of at most 512 bytes.
+/// Length of the longest frame that the decoder accepts, in bytes. Hosts send frames of at most 523 bytes, with a payload of 512.
 pub const LONGEST: usize = 600;
 
 /// Time in microseconds from the first byte of a frame, after which the decoder drops an unfinished frame.
@@ -70,7 +70,7 @@ pub struct Decoder {
     last_at: Micros,
 }
 
-/// What is known of the received bytes.
+/// What the received bytes may be the beginning of.
 enum Candidate {
     /// Possibly the beginning of a frame that is not complete yet.
     Unfinished,
@@ -113,7 +113,7 @@ impl Decoder {
         (!self.bytes.is_empty()).then_some(Micros::new(self.first_at.get().saturating_add(TIMEOUT_MICROS)))
     }
 
-    /// Appends a received byte. Ignores a byte that should start a frame but cannot.
+    /// Appends a received byte. While no frame has begun, ignores all bytes except `44`.
     fn push(&mut self, byte: u8, now: Micros) {
         if self.bytes.is_empty() {
             if byte != START[0] {

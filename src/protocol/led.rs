@@ -31,11 +31,11 @@ payload! {
 impl Colour {
     /// Dark.
     pub const OFF: Self = Self { red: 0, green: 0, blue: 0 };
-    /// Colour of a hub that waits for a host. It blinks if the host is lost.
+    /// Colour of a hub that waits for a host. A hub that has lost its host blinks in this colour.
     pub const BLUE: Self = Self { red: 0, green: 0, blue: 255 };
     /// Colour of a hub that is connected to a host.
     pub const GREEN: Self = Self { red: 0, green: 255, blue: 0 };
-    /// Colour, blinking, of a hub whose battery is low.
+    /// Colour in which a hub blinks while its battery is low.
     pub const ORANGE: Self = Self { red: 255, green: 64, blue: 0 };
 }
 

@@ -38,7 +38,8 @@ requests! {
     /// A request to a pin, an output or a bus.
     ///
     /// Periods and widths of pulses are in microseconds. In `levels`, bit i stands for pin i. A fast I2C bus runs at 400 kbit/s,
-    /// any other bus at 100 kbit/s. A request that reads a value is answered with the type of the field that sets the value.
+    /// any other bus at 100 kbit/s. The answer to a request that reads a setting has the type
+    /// of the field that sets it. The answer to `Input` is a bool, and the answer to `Inputs` is a u8.
     pub enum ToPin from FIRST_FUNCTION => {
         1 SetOutput { pin: Pin, high: bool },
         2 SetOutputs { levels: u8 },

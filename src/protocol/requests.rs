@@ -38,7 +38,7 @@ pub const FIRST_FUNCTION: u16 = 0x1000;
 /// not use the functions with the highest numbers, among them the coefficients and the version.
 pub const MOTOR_FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 58 };
 
-/// The packet type of a discovery. Of requests to all hubs, REV's hubs answer only a discovery.
+/// The packet type of a discovery, which is the only request to all hubs that REV's hubs answer.
 pub const DISCOVERY: u16 = 0x7F0F;
 
 /// The packet type of a fail-safe. A hub of this project also accepts a fail-safe to all hubs.

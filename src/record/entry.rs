@@ -11,21 +11,21 @@ pub(super) const HEAD: usize = 32;
 pub(super) const TICK: usize = 8;
 
 /// Motor index of an entry that describes no motor.
-pub(crate) const NOBODY: u8 = u8::MAX;
+pub(crate) const NO_MOTOR: u8 = u8::MAX;
 
 /// Description of one fault or reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Head {
-    /// Number of the entry. Numbers begin with 1 and wrap.
+    /// Number of the entry. The first entry has number 1, and 0 follows 65 535.
     pub number: u16,
     /// The fault or the reset cause.
     pub fault: Fault,
     /// Number of consecutive occurrences of the fault, with the same motor and detail; 255 means 255 or more. All other fields
     /// describe the first occurrence.
     ///
-    /// Occurrences in one run count as one entry. So do occurrences in the next runs, if the entry has no ticks and these runs
-    /// ended before their first tick. An unknown battery counts once for all motors.
+    /// A fault that repeats in the same run is counted in the entry. A fault that repeats in a later run is counted too, if the entry
+    /// has no ticks and the later run has had no tick. An unknown battery counts once for all motors.
     pub times: u8,
     /// Number of the run in which the fault occurred, or which the reset ended. Runs are numbered from 1; the number wraps.
     pub run: u16,
@@ -88,7 +88,7 @@ impl Tick {
         [p, q, v, w, x, y, m, n]
     }
 
-    /// Decodes a tick. Any 8 bytes are a valid tick, so the page has a checksum.
+    /// Decodes a tick. Any 8 bytes decode to a tick. Damage is found by the checksum of the page.
     pub(super) fn from_bytes([p, q, v, w, x, y, m, n]: [u8; TICK]) -> Self {
         Self {
             position: u16::from_le_bytes([p, q]),
@@ -131,7 +131,7 @@ impl Head {
             &self.uptime_ms.to_le_bytes(),
             &self.run.to_le_bytes(),
             &self.battery.map_or(0, Millivolts::get).to_le_bytes(),
-            &[self.motor.unwrap_or(NOBODY), self.ticks],
+            &[self.motor.unwrap_or(NO_MOTOR), self.ticks],
             &drive_bits(self.drive).to_le_bytes(),
             &first.to_le_bytes(),
             &second.to_le_bytes(),
@@ -167,7 +167,7 @@ impl Head {
             run,
             uptime_ms,
             battery: Some(Millivolts::new(battery_mv)).filter(|known| known.get() != 0),
-            motor: Some(motor).filter(|motor| *motor != NOBODY),
+            motor: Some(motor).filter(|motor| *motor != NO_MOTOR),
             drive,
             detail,
             ticks,

@@ -10,7 +10,7 @@
 //! * A *run* is the time from one reset to the next.
 //! * A [`Tick`] is the state of one motor at one control tick. A ring holds the last [`TICKS`] ticks of each motor.
 //! * A [`Head`] describes one fault or reset. A head, with its ticks if the record still has them, is an *entry*.
-//! * A *page* holds the ticks of one entry: a copy of the ticks that the ring held of the entry's motor.
+//! * A *page* holds the ticks of one entry: a copy of the ring's ticks of the entry's motor.
 //!
 //! An entry is written when a fault of a motor begins, and at the start after a run has ended. A repetition of the newest entry
 //! is counted in that entry. The record keeps the newest [`HEADS`] heads, and pages for the newest [`PAGES`] entries.
@@ -40,7 +40,7 @@ mod fault;
 mod live;
 
 pub use entry::{Head, Tick};
-pub(crate) use entry::{NOBODY, drive_bits, drive_of};
+pub(crate) use entry::{NO_MOTOR, drive_bits, drive_of};
 pub use fault::Fault;
 pub use live::CrashReport;
 
@@ -85,8 +85,8 @@ pub struct Record<'a> {
     heads: &'a mut [[u8; HEAD]],
     /// The page of entry n is at index n modulo [`PAGES`].
     pages: &'a mut [[u8; PAGE]],
-    /// Number of the newest entry; 0 without an entry.
-    number: u16,
+    /// Number of the newest entry; `None` without an entry. The first entry has number 1, and 0 follows 65 535.
+    newest: Option<u16>,
     /// Faults of each motor at the last tick, as [bits](fault_bits).
     last_faults: [u8; MOTORS],
 }
@@ -108,7 +108,7 @@ impl<'a> Record<'a> {
             ring: ring.as_chunks_mut().0,
             heads: heads.as_chunks_mut().0,
             pages: pages.as_chunks_mut().0,
-            number: 0,
+            newest: None,
             last_faults: [0; MOTORS],
         };
         let mut crash_report = CrashReport(words.as_chunks_mut().0);
@@ -116,7 +116,7 @@ impl<'a> Record<'a> {
         match RunState::read(record.live) {
             Some(ended) => {
                 record.state = ended;
-                record.number = record.newest().map_or(0, |(head, _)| head.number);
+                record.newest = record.newest_in_memory();
                 let (fault, detail) = reported.unwrap_or((cause, [0; 2]));
                 let motor = record.most_driven();
                 let drive = motor.map_or(Drive::COAST, |motor| record.drive_ago(motor, 1));
@@ -131,7 +131,7 @@ impl<'a> Record<'a> {
     /// Deletes all entries. The present run continues.
     pub fn clear(&mut self) {
         self.heads.as_flattened_mut().fill(0);
-        self.number = 0;
+        self.newest = None;
     }
 
     /// Records one control tick of all motors, and writes an entry for each fault that begins. Must be called at each tick.
@@ -142,9 +142,10 @@ impl<'a> Record<'a> {
         }
         self.state = RunState {
             run: self.state.run,
-            time: (snapshot.at.get() >> 10) as u32,
+            // In units of 1024 us: a 64-bit division by 1000 at each tick would be slow.
+            time: (snapshot.at.get() / 1024) as u32,
             battery: snapshot.battery,
-            next: if usize::from(self.state.next) + 1 < SLOTS { self.state.next + 1 } else { 0 },
+            next: (self.state.next + 1) % SLOTS as u8,
             filled: (self.state.filled + 1).min(TICKS as u8),
         };
         self.state.store(self.live);
@@ -164,11 +165,11 @@ impl<'a> Record<'a> {
         self.state.run
     }
 
-    /// Iterates over the heads of the entries, newest first. A damaged head ends the list.
+    /// Iterates over the heads of the entries, newest first, at most [`HEADS`]. Damaged heads are left out. A head whose ticks the
+    /// record has lost has 0 ticks.
     pub fn heads(&self) -> impl Iterator<Item = Head> {
-        (0..HEADS as u16).map_while(|age| {
-            // The age of the heads behind a damaged one is not certain.
-            let (head, sum) = self.head(self.number.wrapping_sub(age))?;
+        (0..HEADS as u16).filter_map(|age| {
+            let (head, sum) = self.head(self.newest?.wrapping_sub(age))?;
             let ticks = if self.page(&head, sum).is_some() { head.ticks } else { 0 };
             Some(Head { ticks, ..head })
         })
@@ -196,7 +197,7 @@ impl<'a> Record<'a> {
     /// `drive` is the last command to the bridge of `motor` before the fault.
     fn write(&mut self, fault: Fault, detail: [u32; 2], motor: Option<usize>, drive: Drive) {
         let index = motor.map(|motor| motor as u8);
-        if let Some((head, sum)) = self.newest().filter(|(head, _)| {
+        if let Some((head, sum)) = self.newest.and_then(|number| self.head(number)).filter(|(head, _)| {
             // All motors share one battery, so an unknown battery is recorded once and not once per motor.
             let same_motor = head.motor == index || fault == Fault::BatteryUnknown;
             let repeated = head.fault == fault && head.detail == detail && same_motor;
@@ -206,15 +207,16 @@ impl<'a> Record<'a> {
         }) {
             return self.put(Head { times: head.times.saturating_add(1), ..head }, sum);
         }
-        // Numbers wrap from 65 535 to 1, because 0 means that there is no entry.
-        self.number = self.number.checked_add(1).unwrap_or(1);
-        let (ticks, sum) = motor.map_or((0, 0), |motor| self.copy(motor));
+        let number = self.newest.map_or(1, |newest| newest.wrapping_add(1));
+        self.newest = Some(number);
+        let (ticks, sum) = motor.map_or((0, 0), |motor| self.copy(motor, number));
         let RunState { time, battery, .. } = self.state;
         let head = Head {
-            number: self.number,
+            number,
             fault,
             times: 1,
             run: self.state.run as u16,
+            // A unit of `time` is 1024 us, which is 128/125 ms.
             uptime_ms: (u64::from(time) * 128 / 125) as u32,
             battery,
             motor: index,
@@ -232,10 +234,11 @@ impl<'a> Record<'a> {
         }
     }
 
-    /// Copies the ticks of a motor from the ring to the page of the newest entry. Returns the number of ticks and their checksum.
-    fn copy(&mut self, motor: usize) -> (u8, u32) {
+    /// Copies the ticks of a motor from the ring to the page of the entry with this number. Returns the number of ticks and their
+    /// checksum.
+    fn copy(&mut self, motor: usize, number: u16) -> (u8, u32) {
         let RunState { next, filled, .. } = self.state;
-        let Some(page) = self.pages.get_mut(usize::from(self.number) % PAGES) else { return (0, 0) };
+        let Some(page) = self.pages.get_mut(usize::from(number) % PAGES) else { return (0, 0) };
         let first = (usize::from(next) + SLOTS - usize::from(filled)) % SLOTS;
         let slots = self.ring.iter().cycle().skip(first).take(filled.into());
         let ticks = slots.filter_map(|slot| slot.as_chunks::<TICK>().0.get(motor));
@@ -254,15 +257,10 @@ impl<'a> Record<'a> {
         (head.number == number).then_some((head, sum))
     }
 
-    /// Returns the newest head and the checksum of its ticks. `None` without an entry.
-    ///
-    /// While a record is opened, `number` is 0 although there may be entries. The newest head is then found by its number.
-    fn newest(&self) -> Option<(Head, u32)> {
-        if self.number != 0 {
-            return self.head(self.number);
-        }
-        let heads = self.heads.iter().filter_map(Head::from_bytes);
-        heads.reduce(|one, other| if is_after(other.0.number, one.0.number) { other } else { one })
+    /// Returns the number of the newest head in memory. `None` if the memory holds no sound head.
+    fn newest_in_memory(&self) -> Option<u16> {
+        let numbers = self.heads.iter().filter_map(Head::from_bytes).map(|(head, _)| head.number);
+        numbers.reduce(|one, other| if is_after(other, one) { other } else { one })
     }
 
     /// Returns the ticks of an entry, as bytes. `None` if the entry has no ticks, if its page is damaged, or if a newer entry has
@@ -273,21 +271,17 @@ impl<'a> Record<'a> {
         (checksum(ticks) == sum).then_some(ticks.as_chunks().0)
     }
 
-    /// Returns a motor's tick `ago` ticks ago; 1 is the last tick. `None` if the run has fewer ticks than `ago`.
-    fn tick_ago(&self, motor: usize, ago: usize) -> Option<Tick> {
-        let slot = (usize::from(self.state.next) + SLOTS - ago) % SLOTS;
-        let bytes = self.ring.get(slot).filter(|_| ago <= usize::from(self.state.filled))?;
-        bytes.as_chunks().0.get(motor).map(|bytes| Tick::from_bytes(*bytes))
-    }
-
-    /// Returns the command to a motor's bridge `ago` ticks ago. [`Drive::COAST`] if the run has fewer ticks than `ago`.
+    /// Returns the command to a motor's bridge `ago` ticks ago; 1 is the last tick. [`Drive::COAST`] if the run has fewer ticks than
+    /// `ago`.
     fn drive_ago(&self, motor: usize, ago: usize) -> Drive {
-        self.tick_ago(motor, ago).map_or(Drive::COAST, |tick| tick.drive)
+        let slot = (usize::from(self.state.next) + SLOTS - ago) % SLOTS;
+        let slot = self.ring.get(slot).filter(|_| ago <= usize::from(self.state.filled));
+        let tick = slot.and_then(|slot| slot.as_chunks().0.get(motor));
+        tick.map_or(Drive::COAST, |bytes| Tick::from_bytes(*bytes).drive)
     }
 
-    /// Returns the motor with the largest duty at the last tick; `None` if all motors coasted.
-    ///
-    /// A driven motor ranks above a braked motor, whatever their duties are.
+    /// Returns the driven motor with the largest duty at the last tick. If no motor was driven, returns the braked motor with the
+    /// largest duty. `None` if all motors coasted.
     fn most_driven(&self) -> Option<usize> {
         let driven = (0..MOTORS).filter(|motor| self.drive_ago(*motor, 1) != Drive::COAST);
         driven.max_by_key(|motor| {

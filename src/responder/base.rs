@@ -19,7 +19,6 @@ impl<const N: usize> Responder<N> {
         if base.wheels.iter().any(is_enabled) {
             return Err(Nack::MOTOR_ENABLED);
         }
-        self.changed = true;
         self.command_base(Some(base));
         Ok(Reply::ACK)
     }
@@ -48,7 +47,8 @@ impl<const N: usize> Responder<N> {
     /// Returns the odometry of the drive base.
     ///
     /// # Errors
-    /// [`Nack::NO_BASE`] if no base is configured, [`Nack::NOT_MEASURED`] until control has applied the configuration.
+    /// Returns [`Nack::NO_BASE`] if no base is configured. Returns [`Nack::NOT_MEASURED`] until a snapshot includes the newest
+    /// configuration.
     pub(super) fn odometry(&self, snapshot: &Snapshot<N>) -> Result<OdometryReport, Nack> {
         let settings = self.base.ok_or(Nack::NO_BASE)?;
         let in_force = !self.base_due && self.base_awaited.is_none();

@@ -16,7 +16,7 @@
 //! use motor_hub::responder::button::{Button, ButtonInputs};
 //! use motor_hub::units::{CountsPerSecond, Micros};
 //!
-//! let mut button = Button::new();
+//! let mut button = Button::default();
 //! let mut step = |down, ms: u64| {
 //!     button.step(ButtonInputs { down, permitted: true, battery_good: true, now: Micros::new(1000 * ms) })
 //! };
@@ -54,22 +54,21 @@ pub struct ButtonInputs {
 }
 
 /// State of the contact.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum ContactState {
-    /// Closed since reset. The button is stuck, or was pressed during the reset. Also the state before the first step.
-    Stuck,
-    /// Open.
-    Up,
+    Open,
     /// Closed since this time, which is less than [`DEBOUNCE_MICROS`] ago. The contact may still bounce.
     Closing(Micros),
-    /// Closed for at least [`DEBOUNCE_MICROS`].
-    Down,
+    /// Closed for at least [`DEBOUNCE_MICROS`], or since reset. Also the state before the first step.
+    #[default]
+    Closed,
 }
 
 /// What the button commands the motors to do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum ButtonMotion {
     /// The motors are disabled.
+    #[default]
     Off,
     /// The motors turn, because the button is pressed.
     Turning,
@@ -77,26 +76,21 @@ enum ButtonMotion {
     Stopping(Micros),
 }
 
-/// State of the button and its motors.
-#[derive(Clone, Debug)]
+/// State of the button and its motors. The default is the state after a reset.
+#[derive(Clone, Debug, Default)]
 pub struct Button {
     contact: ContactState,
     motion: ButtonMotion,
 }
 
 impl Button {
-    /// Creates the state after a reset.
-    pub const fn new() -> Self {
-        Self { contact: ContactState::Stuck, motion: ButtonMotion::Off }
-    }
-
     /// Returns the set-point of all motors. Must be called about every 10 ms.
     pub fn step(&mut self, inputs: ButtonInputs) -> Setpoint {
         let pressed = self.pressed(inputs.down, inputs.now);
         self.motion = match self.motion {
             _ if !inputs.permitted => ButtonMotion::Off,
             _ if pressed && inputs.battery_good => ButtonMotion::Turning,
-            ButtonMotion::Turning if self.contact == ContactState::Up => ButtonMotion::Stopping(inputs.now),
+            ButtonMotion::Turning if self.contact == ContactState::Open => ButtonMotion::Stopping(inputs.now),
             ButtonMotion::Stopping(since) if inputs.now.since(since) >= HOLD_MICROS => ButtonMotion::Off,
             motion => motion,
         };
@@ -111,17 +105,11 @@ impl Button {
     fn pressed(&mut self, down: bool, now: Micros) -> bool {
         let before = self.contact;
         self.contact = match before {
-            _ if !down => ContactState::Up,
-            ContactState::Up => ContactState::Closing(now),
-            ContactState::Closing(since) if now.since(since) >= DEBOUNCE_MICROS => ContactState::Down,
+            _ if !down => ContactState::Open,
+            ContactState::Open => ContactState::Closing(now),
+            ContactState::Closing(since) if now.since(since) >= DEBOUNCE_MICROS => ContactState::Closed,
             contact => contact,
         };
-        before != self.contact && self.contact == ContactState::Down
-    }
-}
-
-impl Default for Button {
-    fn default() -> Self {
-        Self::new()
+        before != self.contact && self.contact == ContactState::Closed
     }
 }

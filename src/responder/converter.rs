@@ -11,80 +11,42 @@
 //! | 13, battery | measured; 0 if unknown |
 //! | 14, temperature | measured |
 //!
-//! Currents and battery are those of the last control tick, all other values at most 20 ms old. Values are clamped to 16 bits. A
-//! host may request *raw counts* instead: of an analog input the converter's reading, and of all other channels [`RAW_COUNT`] units
-//! in one count.
-//!
-//! ```
-//! use motor_hub::devices::{AnalogReadings, Equipment};
-//! use motor_hub::braking::Winding;
-//! use motor_hub::hub::Snapshot;
-//! use motor_hub::motor::Settings;
-//! use motor_hub::protocol::Nack;
-//! use motor_hub::protocol::requests::RAIL;
-//! use motor_hub::responder::converter::Converter;
-//! use motor_hub::units::Millivolts;
-//!
-//! let settings = [Settings::new(Winding::NEVEREST_60); 4];
-//! let snapshot = Snapshot::<4>::INITIAL;
-//! let mut converter = Converter::default();
-//! let mut equipment = Equipment::default();
-//! assert_eq!(converter.read(RAIL, false, &equipment, &snapshot, settings.iter()), Err(Nack::UNSUPPORTED));
-//! equipment.rail = true;
-//! assert_eq!(converter.read(RAIL, false, &equipment, &snapshot, settings.iter()), Err(Nack::NOT_MEASURED));
-//! converter.readings = AnalogReadings { rail: Some(Millivolts::new(5_016)), ..AnalogReadings::default() };
-//! assert_eq!(converter.read(RAIL, false, &equipment, &snapshot, settings.iter()), Ok(5_016));
-//! assert_eq!(converter.read(RAIL, true, &equipment, &snapshot, settings.iter()), Ok(627));
-//! ```
+//! Battery voltage, battery current and motor currents are those of the last control tick. All other values are at most 20 ms old.
+//! Values are clamped to 16 bits. A host may request *raw counts* instead. The raw count of an analog input is the converter's
+//! reading. On all other channels one raw count is [`RAW_COUNT`] units.
 
-use crate::devices::{ANALOG_INPUTS, AnalogReading, AnalogReadings, Equipment};
+use super::Responder;
+use crate::devices::{ANALOG_INPUTS, AnalogReading};
 use crate::hub::Snapshot;
-use crate::motor::Settings;
 use crate::protocol::requests::{
     AdcChannel, BATTERY, BATTERY_CURRENT, FIRST_CURRENT, FIRST_SUPPLY_CURRENT, RAIL, TEMPERATURE,
 };
 use crate::protocol::{CHANNELS, Nack};
-use crate::units::Milliamperes;
 
-/// Units in one raw count: millivolts, milliamperes or 0.1 degrees. With 8 units, positive 16-bit values give 12-bit raw counts.
-pub const RAW_COUNT: i32 = 8;
+/// Units in one raw count: millivolts, milliamperes or 0.1 degrees. With 8 units, 0 to 32 767 units are 0 to 4095 raw counts, as of a
+/// converter with 12 bits.
+const RAW_COUNT: i32 = 8;
 
-/// The board's converters for hosts.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Converter {
-    /// The newest readings.
-    pub readings: AnalogReadings,
-    /// Currents of the supplies for digital pins, I2C buses and servos. `None` on a board that does not measure them.
-    pub supply_currents: Option<[Milliamperes; 3]>,
-}
-
-impl Converter {
+impl<const N: usize> Responder<N> {
     /// Returns the voltages of the analog inputs in millivolts. 0 for an input without a reading.
-    pub fn analog_mv(&self) -> [i16; ANALOG_INPUTS] {
+    pub(super) fn analog_mv(&self) -> [i16; ANALOG_INPUTS] {
         self.readings.inputs.map(|input| clamped(input.map_or(0, |input| input.voltage.get().into())))
     }
 
-    /// Returns the value of a channel according to the table above. `equipment` is what the board has, `settings` are the settings of all motors in their order.
+    /// Returns the value of a channel according to the table of the module.
     ///
     /// # Errors
     /// [`Nack::UNSUPPORTED`] for a channel that the board does not have, [`Nack::NOT_MEASURED`] for a channel without a reading.
-    pub fn read<'a, const N: usize>(
-        &self,
-        channel: AdcChannel,
-        raw: bool,
-        equipment: &Equipment,
-        snapshot: &Snapshot<N>,
-        settings: impl Iterator<Item = &'a Settings>,
-    ) -> Result<i16, Nack> {
-        let Self { readings, supply_currents } = self;
+    pub(super) fn adc(&self, channel: AdcChannel, raw: bool, snapshot: &Snapshot<N>) -> Result<i16, Nack> {
+        let (readings, equipment) = (&self.readings, &self.outputs.equipment);
         let number = usize::from(channel.get());
         let after = |first: AdcChannel| number.checked_sub(first.get().into());
         // `None` for a channel that the board does not have, and a reading of `None` for a channel without a reading.
         let reading = match channel {
             BATTERY_CURRENT => {
                 let battery = snapshot.battery.unwrap_or_default();
-                let drawn =
-                    settings.zip(&snapshot.motors).map(|(settings, report)| report.drawn(settings, battery));
+                let motors = self.channels.iter().zip(&snapshot.motors);
+                let drawn = motors.map(|(channel, report)| report.drawn(&channel.settings().motor, battery));
                 Some(Some(drawn.fold(0, |sum: i32, drawn| sum.saturating_add(drawn.get()))))
             }
             RAIL => equipment.rail.then_some(readings.rail.map(|rail| rail.get().into())),
@@ -101,7 +63,7 @@ impl Converter {
                     let report = snapshot.motors.iter().take(CHANNELS).nth(motor);
                     report.map(|report| Some(report.best_current().magnitude().into()))
                 } else {
-                    let supply = after(FIRST_SUPPLY_CURRENT).zip(supply_currents.as_ref());
+                    let supply = after(FIRST_SUPPLY_CURRENT).zip(readings.supply_currents.as_ref());
                     supply.and_then(|(supply, all)| all.get(supply)).map(|current| Some(current.get()))
                 }
             }

@@ -53,7 +53,8 @@ impl<const N: usize> Courses<N> {
     }
 }
 
-/// Converts a command from the host's counts to the motors' counts. `goal` converts the target of the motor with this number.
+/// Converts a command from the host's counts to the motors' counts. `goal(motor, counts)` converts a target of the motor with this
+/// number.
 pub(super) fn in_motor_counts(
     wanted: GroupCommand<GroupCourse>,
     goal: impl Fn(usize, i32) -> i32,

@@ -10,14 +10,16 @@
 //!                            a request starts a transfer
 //! ```
 //!
+//! In diagram and table, `Running` also stands for the state `Requested`, in which the task of the bus has not taken the transfer.
+//!
 //! | state | start of a transfer | poll of the transfer's kind | poll of the other kind |
 //! |---|---|---|---|
 //! | `Idle` | acknowledged | NACK 42 | NACK 42 |
 //! | `Running` | NACK 40 | NACK 41 | NACK 41 |
 //! | `Finished` | acknowledged; the result is dropped | the result | NACK 43 |
 //!
-//! A transfer always ends: a bus error or a time-out ends it with an error in [`I2cStatus`]. Hosts poll a transfer until its result
-//! comes, so errors of the bus are no refusals. The result of a transfer with an error has no bytes.
+//! A transfer always ends: a bus error or a time-out ends it with an error in [`I2cStatus`]. Hosts poll until they get a result, so an
+//! error of the bus is reported as a result and not as a refusal. The result of a transfer with an error has no bytes.
 
 use crate::protocol::answers::{I2cRead, I2cStatus, I2cWritten};
 use crate::protocol::payload::Text;
@@ -38,23 +40,21 @@ pub struct Transfer {
     pub read: u8,
 }
 
-/// What a transfer's result answers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum TransferKind {
-    /// The host polls with *poll read*.
-    Read,
-    /// The host polls with *poll write*, and has written this number of bytes.
-    Write(u8),
-}
-
+/// State of a bus. `written` is the number of bytes of a write, which the host polls with *poll write*. `written` is `None` for a
+/// transfer that reads, which the host polls with *poll read*.
 #[derive(Clone, Debug, Default)]
 enum TransferState {
     #[default]
     Idle,
     /// The task of the bus has not taken the transfer.
     Requested(Transfer),
-    Running(TransferKind),
-    Finished(TransferKind, I2cRead),
+    Running {
+        written: Option<u8>,
+    },
+    Finished {
+        written: Option<u8>,
+        result: I2cRead,
+    },
 }
 
 /// The transfers of one I2C bus.
@@ -62,12 +62,6 @@ enum TransferState {
 pub struct Transfers {
     state: TransferState,
     fast: bool,
-}
-
-impl Transfer {
-    fn kind(&self) -> TransferKind {
-        if self.read == 0 { TransferKind::Write(self.write.len() as u8) } else { TransferKind::Read }
-    }
 }
 
 impl Transfers {
@@ -85,20 +79,18 @@ impl Transfers {
             ToPin::SetI2cSpeed { fast, .. } => self.fast = fast,
             ToPin::I2cSpeed { .. } => return Ok(Reply::data(&self.fast)),
             ToPin::PollI2cRead { .. } => {
-                return self.result().and_then(|(kind, result)| match kind {
-                    TransferKind::Read => Ok(Reply::data(result)),
-                    TransferKind::Write(_) => Err(Nack::I2C_OTHER_TRANSFER),
-                });
+                let (written, result) = self.result()?;
+                return if written.is_none() {
+                    Ok(Reply::data(result))
+                } else {
+                    Err(Nack::I2C_OTHER_TRANSFER)
+                };
             }
             ToPin::PollI2cWrite { .. } => {
-                return self.result().and_then(|(kind, result)| match kind {
-                    TransferKind::Read => Err(Nack::I2C_OTHER_TRANSFER),
-                    TransferKind::Write(count) => {
-                        let status = result.status;
-                        let count = if status == I2cStatus::default() { count } else { 0 };
-                        Ok(Reply::data(&I2cWritten { status, count }))
-                    }
-                });
+                let (written, I2cRead { status, .. }) = self.result()?;
+                let count = written.ok_or(Nack::I2C_OTHER_TRANSFER)?;
+                let count = if *status == I2cStatus::default() { count } else { 0 };
+                return Ok(Reply::data(&I2cWritten { status: *status, count }));
             }
             ToPin::WriteI2cByte { address, byte, .. } => self.start(transfer(address.get(), &[byte], 0))?,
             ToPin::WriteI2c { ref bytes, .. } if bytes.is_empty() => return Err(Nack::parameter(2)),
@@ -116,21 +108,22 @@ impl Transfers {
     /// Returns the next transfer for the task of the bus. `None` if no new transfer was requested.
     pub fn take_request(&mut self) -> Option<Transfer> {
         let TransferState::Requested(transfer) = &self.state else { return None };
-        let running = TransferState::Running(transfer.kind());
+        let written = (transfer.read == 0).then_some(transfer.write.len() as u8);
+        let running = TransferState::Running { written };
         let TransferState::Requested(transfer) = mem::replace(&mut self.state, running) else { return None };
         Some(transfer)
     }
 
     /// Stores the result of the running transfer.
     pub fn done(&mut self, result: I2cRead) {
-        if let TransferState::Running(kind) = self.state {
-            self.state = TransferState::Finished(kind, result);
+        if let TransferState::Running { written } = self.state {
+            self.state = TransferState::Finished { written, result };
         }
     }
 
     /// True while a transfer is requested or running.
     pub(super) const fn is_running(&self) -> bool {
-        matches!(self.state, TransferState::Requested(_) | TransferState::Running(_))
+        matches!(self.state, TransferState::Requested(_) | TransferState::Running { .. })
     }
 
     fn start(&mut self, transfer: Transfer) -> Result<(), Nack> {
@@ -141,11 +134,15 @@ impl Transfers {
         Ok(())
     }
 
-    const fn result(&self) -> Result<(TransferKind, &I2cRead), Nack> {
+    /// Returns the number of bytes of a finished write, or `None` for a read, and the result of the transfer.
+    ///
+    /// # Errors
+    /// Refuses the poll of a bus without a finished transfer.
+    const fn result(&self) -> Result<(Option<u8>, &I2cRead), Nack> {
         match &self.state {
             TransferState::Idle => Err(Nack::I2C_NO_TRANSFER),
-            TransferState::Requested(_) | TransferState::Running(_) => Err(Nack::I2C_RUNNING),
-            TransferState::Finished(kind, result) => Ok((*kind, result)),
+            TransferState::Requested(_) | TransferState::Running { .. } => Err(Nack::I2C_RUNNING),
+            TransferState::Finished { written, result } => Ok((*written, result)),
         }
     }
 }

@@ -59,7 +59,7 @@ impl KeepAlive {
     }
 
     /// True if a packet for this hub has arrived since reset.
-    pub const fn host_spoke(&self) -> bool {
+    pub const fn has_received_packet(&self) -> bool {
         !matches!(self.contact, Contact::Awaited)
     }
 

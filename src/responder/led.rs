@@ -7,23 +7,6 @@
 //! | the battery is low | blinking orange |
 //! | a host is present | green |
 //! | no packet has arrived since boot | blue |
-//!
-//! ```
-//! use motor_hub::protocol::Colour;
-//! use motor_hub::responder::keep_alive::KeepAlive;
-//! use motor_hub::responder::led::Led;
-//! use motor_hub::units::Micros;
-//!
-//! let (mut led, mut keep_alive) = (Led::default(), KeepAlive::new());
-//! keep_alive.packet(Micros::new(0));
-//! assert_eq!(led.at(Micros::new(0), &keep_alive), Colour::GREEN);
-//! led.set_colour(Colour::ORANGE);
-//! assert_eq!(led.at(Micros::new(0), &keep_alive), Colour::ORANGE);
-//! // The signal of a lost host replaces the host's colour.
-//! let lost = Micros::new(2_500_000);
-//! assert!(keep_alive.ran_out(lost));
-//! assert_eq!(led.at(lost, &keep_alive), Colour::BLUE);
-//! ```
 
 use super::keep_alive::{Contact, KeepAlive};
 use crate::protocol::Colour;
@@ -31,14 +14,14 @@ use crate::protocol::led::LedPattern;
 use crate::units::Micros;
 
 /// Half the period of a blinking signal, in microseconds.
-pub const BLINK_MICROS: u64 = 500_000;
+const BLINK_MICROS: u64 = 500_000;
 
 /// Unit in which the duration of a pattern's step is stated, in microseconds.
 const STEP_MICROS: u64 = 100_000;
 
 /// State of the LED.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Led {
+pub(super) struct Led {
     /// The colour that a host has set last.
     colour: Colour,
     /// The pattern that a host has set last.
@@ -61,29 +44,29 @@ enum Shown {
 
 impl Led {
     /// Shows a host's colour, and ends a pattern.
-    pub const fn set_colour(&mut self, colour: Colour) {
+    pub(super) const fn set_colour(&mut self, colour: Colour) {
         self.colour = colour;
         self.shown = Shown::Colour;
     }
 
     /// Shows a host's pattern, beginning at `now`. An empty pattern makes the LED show the hub's signals again.
-    pub const fn set_pattern(&mut self, pattern: LedPattern, now: Micros) {
+    pub(super) const fn set_pattern(&mut self, pattern: LedPattern, now: Micros) {
         self.pattern = pattern;
         self.shown = Shown::Pattern(now);
     }
 
     /// Returns the colour that a host has set last.
-    pub const fn colour(&self) -> Colour {
+    pub(super) const fn colour(&self) -> Colour {
         self.colour
     }
 
     /// Returns the pattern that a host has set last.
-    pub const fn pattern(&self) -> &LedPattern {
+    pub(super) const fn pattern(&self) -> &LedPattern {
         &self.pattern
     }
 
     /// Returns the colour of the LED. The signal of a lost host has priority over the host's colour and pattern.
-    pub fn at(&self, now: Micros, keep_alive: &KeepAlive) -> Colour {
+    pub(super) fn at(&self, now: Micros, keep_alive: &KeepAlive) -> Colour {
         let blink = |since, colour| {
             if (now.since(since) / BLINK_MICROS).is_multiple_of(2) { colour } else { Colour::OFF }
         };
@@ -102,10 +85,10 @@ impl Led {
     }
 }
 
-/// Returns the colour of a pattern `elapsed` microseconds after its beginning. `None` if the pattern is empty.
-fn colour_at(pattern: &LedPattern, elapsed: u64) -> Option<Colour> {
+/// Returns the colour of a pattern `elapsed_us` microseconds after its beginning. `None` if the pattern is empty.
+fn colour_at(pattern: &LedPattern, elapsed_us: u64) -> Option<Colour> {
     let total: u64 = pattern.steps().iter().map(|step| u64::from(step.duration) * STEP_MICROS).sum();
-    let mut left = elapsed.checked_rem(total)?;
+    let mut left = elapsed_us.checked_rem(total)?;
     for step in pattern.steps() {
         let duration = u64::from(step.duration) * STEP_MICROS;
         if left < duration {

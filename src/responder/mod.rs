@@ -44,19 +44,19 @@
 
 mod base;
 pub mod button;
-pub mod converter;
+mod converter;
 mod group;
 pub mod i2c;
 pub mod keep_alive;
-pub mod led;
-pub mod motor;
+mod led;
+mod motor;
 pub mod outputs;
 mod report;
 mod store;
 mod update;
 
 use crate::chain::Chain;
-use crate::devices::I2C_BUSES;
+use crate::devices::{AnalogReadings, I2C_BUSES};
 use crate::extension::group::{GroupCourse, GroupState};
 use crate::extension::record::{Entries, Ticks};
 use crate::extension::report::{BusReport, Commands, HubReport};
@@ -77,7 +77,6 @@ use crate::record::Record;
 use crate::supply::BusReading;
 use crate::units::{CountsPerSecond, Microjoules, Micros, Milliamperes, Share};
 use crate::update::Update;
-use converter::Converter;
 use group::Courses;
 use i2c::Transfers;
 use keep_alive::KeepAlive;
@@ -138,8 +137,6 @@ pub struct Responder<const N: usize> {
     factory_address: Address,
     /// Settings that the firmware was built with. Stored settings replace them.
     factory: [Settings; N],
-    /// True if a host may have changed settings or the address since the start of the hub.
-    changed: bool,
     /// True if the board has a memory for settings, whose task will report the contents.
     expects_store: bool,
     /// The memory for settings. `None` until its task has reported the contents, and on a board without a memory.
@@ -163,7 +160,7 @@ pub struct Responder<const N: usize> {
     /// pins, outputs, analog inputs and I2C buses.
     pub outputs: Outputs,
     /// The newest readings of the board's converters.
-    pub converter: Converter,
+    pub readings: AnalogReadings,
     /// The I2C buses, with the transfers for their tasks.
     pub i2c: [Transfers; I2C_BUSES],
     /// The newest reading of the bus that battery and bridges share.
@@ -183,7 +180,6 @@ impl<const N: usize> Responder<N> {
             channels: settings.map(MotorChannel::new),
             factory_address: address,
             factory: settings,
-            changed: false,
             expects_store: false,
             memory: None,
             update: None,
@@ -195,7 +191,7 @@ impl<const N: usize> Responder<N> {
             base_awaited: None,
             awaited: None,
             outputs: Outputs::default(),
-            converter: Converter::default(),
+            readings: AnalogReadings::default(),
             i2c: Default::default(),
             bus: BusReading::INITIAL,
             led: Led::default(),
@@ -207,7 +203,7 @@ impl<const N: usize> Responder<N> {
     /// Returns the state with a chain line.
     #[must_use]
     pub fn with_chain(mut self) -> Self {
-        self.chain = Some(Chain::new());
+        self.chain = Some(Chain::default());
         self
     }
 
@@ -227,12 +223,13 @@ impl<const N: usize> Responder<N> {
     }
 
     /// True while the board's button may drive motors: no packet for this hub has arrived since reset, and the hub does not wait
-    /// for stored settings. The memory may be erased until then.
+    /// for stored settings. While the hub waits, the memory may be erased, and no motor may run.
     pub const fn permits_button(&self) -> bool {
-        !self.keep_alive.host_spoke() && !self.awaits_store()
+        !self.keep_alive.has_received_packet() && !self.awaits_store()
     }
 
-    /// Returns the I2C bus whose running transfer the answer to a packet depends on. `None` if there is no such transfer.
+    /// Returns the number of an I2C bus if the answer to a packet depends on the running transfer of the bus. `None` for all other
+    /// packets.
     pub fn awaited_transfer(&self, packet: &Packet) -> Option<usize> {
         if packet.destination != self.address.get() || !self.i2c.iter().any(Transfers::is_running) {
             return None;
@@ -255,7 +252,7 @@ impl<const N: usize> Responder<N> {
         self.keep_alive.deadline().into_iter().chain(chain).min()
     }
 
-    /// Updates battery state and keep-alive timer, and no longer awaits commands that the snapshot includes. When the timer runs
+    /// Updates battery state and keep-alive timer, and ends the wait for commands that the snapshot includes. When the timer runs
     /// out, the hub goes to fail-safe. A low battery disables all servo outputs.
     pub fn tick(&mut self, now: Micros, snapshot: &Snapshot<N>) {
         self.keep_alive.battery(snapshot.battery_low());
@@ -271,16 +268,19 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// Executes the request of a host's packet and returns the reply. Returns `None` for a packet that is not for this hub, which
-    /// goes to the hubs behind this hub.
+    /// Executes the request of a host's packet and returns the reply. Returns `None` for a packet that is not for this hub.
     ///
-    /// A packet is for this hub if it has the hub's address, or if it is a discovery or a fail-safe to all hubs. Such a packet
-    /// restarts the keep-alive timer, also if the hub refuses the request.
+    /// A packet is for this hub if it has the hub's address, or if it is a discovery or a fail-safe to all hubs. A packet for this hub
+    /// restarts the keep-alive timer, also if the hub refuses the request. On a hub with a chain line, packets to other addresses,
+    /// discoveries, and fail-safes to all hubs go to the hubs behind this hub too.
     pub fn receive(&mut self, packet: &Packet, now: Micros, snapshot: &Snapshot<N>) -> Option<Packet> {
         self.receive_with(packet, Line::Host, now, snapshot, None)
     }
 
     /// Executes a request like [`receive`](Self::receive), from either line, on a hub that may have a record of faults.
+    ///
+    /// Of packets on the chain line, only those with the hub's own address are answered and restart the keep-alive timer. A fail-safe
+    /// to all hubs is executed without an answer.
     pub fn receive_with(
         &mut self,
         packet: &Packet,
@@ -298,7 +298,7 @@ impl<const N: usize> Responder<N> {
                 self.disable();
                 self.keep_alive.fail_safe();
             }
-            // Children that all answered a packet to all hubs would disturb each other.
+            // The answers of several children to a packet to all hubs would collide.
             if packet.destination != address {
                 return None;
             }
@@ -387,7 +387,7 @@ impl<const N: usize> Responder<N> {
         self.outputs.disable();
     }
 
-    /// Executes a request, and returns the reply. An acknowledgement has no attention yet.
+    /// Executes a request, and returns the reply. The caller sets the attention of an acknowledgement.
     fn answer(
         &mut self,
         request: Request,
@@ -404,7 +404,6 @@ impl<const N: usize> Responder<N> {
             Request::ToPin(request) => self.pin(&request, snapshot),
             Request::ToMotor(motor, request) => self.motor(motor, request, snapshot),
             Request::Set(motor, values) => {
-                self.changed = true;
                 let channel = self.channels.get_mut(usize::from(motor)).ok_or(NO_MOTOR)?;
                 channel.set(&values).map(|()| Reply::ACK)
             }
@@ -490,7 +489,6 @@ impl<const N: usize> Responder<N> {
                 self.keep_alive.fail_safe();
             }
             Standard::SetAddress { address } => {
-                self.changed = true;
                 self.address = address;
                 self.store_address();
             }
@@ -519,11 +517,7 @@ impl<const N: usize> Responder<N> {
             ToHub::LogHint { .. } => (),
             ToHub::Bulk => return Ok(Reply::data(&self.bulk(snapshot))),
             ToHub::Adc { channel, raw } => {
-                let settings = self.channels.iter().map(|channel| &channel.settings().motor);
-                return self
-                    .converter
-                    .read(channel, raw, &self.outputs.equipment, snapshot, settings)
-                    .map(|value| Reply::data(&value));
+                return self.adc(channel, raw, snapshot).map(|value| Reply::data(&value));
             }
             ToHub::PhoneCharge => return Ok(Reply::data(&self.phone_charge)),
             ToHub::FtdiReset => return Ok(Reply::data(&self.ftdi_reset)),
@@ -544,7 +538,6 @@ impl<const N: usize> Responder<N> {
     }
 
     fn motor(&mut self, motor: u8, request: ToMotor, snapshot: &Snapshot<N>) -> Result<Reply, Nack> {
-        self.changed = true;
         let motor = usize::from(motor);
         let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
         let channel = self.channels.get_mut(motor).ok_or(NO_MOTOR)?;
@@ -629,7 +622,7 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// Returns all values of REV's bulk input. An analog input that is not measured reads 0.
+    /// Returns all values of REV's bulk input. An analog input that is not measured reads 0. Velocities are limited to 16 bits.
     fn bulk(&self, snapshot: &Snapshot<N>) -> Bulk {
         Bulk {
             digital: self.outputs.inputs(),
@@ -637,7 +630,7 @@ impl<const N: usize> Responder<N> {
             over_current: self.of_motors(snapshot, MotorChannel::is_over_current),
             within_tolerance: self.of_motors(snapshot, MotorChannel::within_tolerance),
             velocities: self.of_motors(snapshot, |_, report| report.velocity.round_to_i16()),
-            analog: self.converter.analog_mv(),
+            analog: self.analog_mv(),
             attention: Some(self.keep_alive.attention()),
         }
     }

@@ -11,19 +11,6 @@
 //!    | '---- disable, or host silent and OnFault::Coast ---'  |    the release is Setpoint::Disabled
 //!    '------ host silent and OnFault::Brake ------------------'    the release is Setpoint::FailSafe
 //! ```
-//!
-//! ```
-//! use motor_hub::braking::Winding;
-//! use motor_hub::motor::{Report, Settings};
-//! use motor_hub::protocol::motor::ToMotor;
-//! use motor_hub::responder::motor::MotorChannel;
-//!
-//! let mut channel = MotorChannel::new(Settings::new(Winding::NEVEREST_60));
-//! let report = Report { position: 40, ..Report::INITIAL };
-//! channel.receive(ToMotor::ResetEncoder, &report, true)?;
-//! assert_eq!(channel.counts(&Report { position: 45, ..report }), 5);
-//! # Ok::<(), motor_hub::protocol::Nack>(())
-//! ```
 
 use crate::extension::settings::{MotorSettings, Values};
 use crate::hub::Action;
@@ -35,7 +22,7 @@ use crate::units::{Coefficient, Control, CountsPerSecond, Milliamperes, Millivol
 
 /// Speed limit on the way to a position, in counts per second, until a host sets a velocity. It is the largest velocity that a
 /// host can set.
-pub const SPEED_LIMIT: i16 = i16::MAX;
+const SPEED_LIMIT: i16 = i16::MAX;
 
 /// Longest distance to a target, in counts.
 ///
@@ -45,7 +32,7 @@ const LONGEST_DISTANCE: i32 = i32::MAX - (1 << 24);
 
 /// The settings, targets and pending commands of one motor.
 #[derive(Clone, Debug)]
-pub struct MotorChannel {
+pub(super) struct MotorChannel {
     settings: MotorSettings,
     /// True from a valid *set enable* until the motor is released.
     enabled: bool,
@@ -64,20 +51,20 @@ pub struct MotorChannel {
     awaited: Option<u32>,
     /// The motor's counts where the host's counts are 0.
     offset: i32,
-    /// The motor's counts at the last request of REV's protocol to this motor. A target is converted to a distance from here.
+    /// The motor's counts at the last request of REV's protocol to this motor. A target is converted to a distance from this position.
     last_position: i32,
-    /// The set-point of a release that must be sent, before the settings. A release is sent also to a disabled motor, because a
-    /// release clears latched faults.
+    /// The set-point of a release that must be sent. A release is sent also to a disabled motor, because a release clears latched
+    /// faults.
     release_due: Option<Setpoint>,
-    /// True if the settings must be sent, before the motor's own set-point.
+    /// True if the settings must be sent.
     settings_due: bool,
-    /// True if the motor's own set-point must be sent. Its present value is sent, also if it has changed meanwhile.
+    /// True if the motor's own set-point must be sent. The set-point is computed when the command is sent, not when the request arrives.
     target_due: bool,
 }
 
 impl MotorChannel {
     /// Creates the channel of a disabled motor with these settings, in mode power and without targets.
-    pub const fn new(settings: Settings) -> Self {
+    pub(super) const fn new(settings: Settings) -> Self {
         Self {
             settings: MotorSettings::new(settings),
             enabled: false,
@@ -99,7 +86,12 @@ impl MotorChannel {
     ///
     /// # Errors
     /// Returns why the request is refused. The settings and targets have not changed then.
-    pub fn receive(&mut self, request: ToMotor, report: &Report, battery_good: bool) -> Result<Reply, Nack> {
+    pub(super) fn receive(
+        &mut self,
+        request: ToMotor,
+        report: &Report,
+        battery_good: bool,
+    ) -> Result<Reply, Nack> {
         self.last_position = report.position;
         match request {
             ToMotor::SetMode { mode } => {
@@ -161,7 +153,7 @@ impl MotorChannel {
     ///
     /// # Errors
     /// Refuses values that do not fit the other settings, see [`Values::apply_to`].
-    pub fn set(&mut self, values: &Values) -> Result<(), Nack> {
+    pub(super) fn set(&mut self, values: &Values) -> Result<(), Nack> {
         self.settings = values.apply_to(&self.settings)?;
         self.settings_due = true;
         Ok(())
@@ -172,7 +164,7 @@ impl MotorChannel {
     ///
     /// # Errors
     /// Refuses the request if the battery is low or unknown, or if the motor is not enabled in mode power with power 0.
-    pub fn identify(&mut self, travel_limit: u32, battery: Option<Millivolts>) -> Result<u32, Nack> {
+    pub(super) fn identify(&mut self, travel_limit: u32, battery: Option<Millivolts>) -> Result<u32, Nack> {
         let battery = battery.ok_or(Nack::BATTERY_LOW)?;
         if !self.enabled || self.settings.mode != RunMode::Power || self.power != Some(Control::ZERO) {
             return Err(Nack::WRONG_MODE);
@@ -183,7 +175,7 @@ impl MotorChannel {
     }
 
     /// Returns the state or the result of the last identification that a host has requested.
-    pub fn identification(&self, report: &Report) -> Identification {
+    pub(super) fn identification(&self, report: &Report) -> Identification {
         if matches!(self.function, Some(Setpoint::Identify { .. })) && self.awaits_snapshot() {
             // The report is older than the identification.
             return Identification::Running(0);
@@ -195,7 +187,11 @@ impl MotorChannel {
     ///
     /// # Errors
     /// Refuses the request if the motor is not enabled.
-    pub fn set_current(&mut self, current: Milliamperes, speed_limit: CountsPerSecond) -> Result<(), Nack> {
+    pub(super) fn set_current(
+        &mut self,
+        current: Milliamperes,
+        speed_limit: CountsPerSecond,
+    ) -> Result<(), Nack> {
         if !self.enabled {
             return Err(Nack::WRONG_MODE);
         }
@@ -217,14 +213,14 @@ impl MotorChannel {
     }
 
     /// Disables the motor, so its bridge opens. Mode, targets and settings do not change.
-    pub const fn disable(&mut self) {
+    pub(super) const fn disable(&mut self) {
         self.enabled = false;
         self.release(Setpoint::Disabled);
     }
 
     /// Disables the motor because the host is silent. The motor then coasts or brakes according to its setting `on_fault`. A
     /// disabled motor that is to brake keeps its present command, which may be the brake of an earlier fail-safe.
-    pub fn fail_safe(&mut self) {
+    pub(super) fn fail_safe(&mut self) {
         match self.settings.motor.on_fault {
             OnFault::Coast => self.disable(),
             OnFault::Brake if self.enabled => {
@@ -278,14 +274,15 @@ impl MotorChannel {
         self.has_new_target() || self.settings_due
     }
 
-    /// Returns the next command to the motor. After sending the command, call [`sent`](Self::sent).
-    pub fn pending(&self) -> Option<Action> {
+    /// Returns the next command to the motor: first a release, then the settings, then the motor's own set-point. After sending the
+    /// command, call [`sent`](Self::sent).
+    pub(super) fn pending(&self) -> Option<Action> {
         if let Some(release) = self.release_due {
             Some(Action::Set(release))
         } else if self.settings_due {
             Some(Action::Configure(self.settings.motor))
         } else if self.target_due {
-            // An enabled motor whose new mode has no target coasts until a host sets one.
+            // An enabled motor whose new mode has no target coasts until a host sets a target.
             Some(Action::Set(self.target().unwrap_or_default()))
         } else {
             None
@@ -293,7 +290,7 @@ impl MotorChannel {
     }
 
     /// Removes the command that [`pending`](Self::pending) returns, because it was sent with this number.
-    pub const fn sent(&mut self, number: u32) {
+    pub(super) const fn sent(&mut self, number: u32) {
         if self.release_due.is_some() {
             self.release_due = None;
             self.awaited = Some(number);
@@ -327,7 +324,7 @@ impl MotorChannel {
     }
 
     /// True if a release is pending. A release is sent before the commands of all other motors.
-    pub const fn urgent(&self) -> bool {
+    pub(super) const fn urgent(&self) -> bool {
         self.release_due.is_some()
     }
 
@@ -348,8 +345,8 @@ impl MotorChannel {
     /// The regulator takes the shorter way round the ring of 2^32 counts, but a host expects the direction of target minus
     /// position. The distance is therefore limited to [`LONGEST_DISTANCE`] in the direction that the host expects.
     ///
-    /// There is one exception: target minus position does not fit in 32 bits, and the way across the ends of the 32-bit range is
-    /// shorter than 2^30 counts. The host has then let its counts wrap, and the motor takes the way across the ends.
+    /// There is one exception. A host lets its counts wrap if target minus position does not fit in 32 bits, but the way across the ends
+    /// of the 32-bit range is shorter than 2^30 counts. The motor then takes the way across the ends.
     pub(super) fn goal(&self, counts: i32, position: i32) -> i32 {
         let from = self.host_counts(position);
         let short_way = counts.wrapping_sub(from);
@@ -359,7 +356,7 @@ impl MotorChannel {
     }
 
     /// Returns the motor's settings, including changes that must still be sent to the motor.
-    pub const fn settings(&self) -> &MotorSettings {
+    pub(super) const fn settings(&self) -> &MotorSettings {
         &self.settings
     }
 
@@ -370,18 +367,18 @@ impl MotorChannel {
     }
 
     /// True from a valid *set enable* until a host or fail-safe disables the motor.
-    pub const fn enabled(&self) -> bool {
+    pub(super) const fn enabled(&self) -> bool {
         self.enabled
     }
 
     /// True if the magnitude of the [best current](Report::best_current) exceeds the current alert. False without an alert.
-    pub fn is_over_current(&self, report: &Report) -> bool {
+    pub(super) fn is_over_current(&self, report: &Report) -> bool {
         let level = self.settings.current_alert_ma;
         level != 0 && report.best_current().magnitude() > level
     }
 
     /// Returns the motor's position in the host's counts.
-    pub const fn counts(&self, report: &Report) -> i32 {
+    pub(super) const fn counts(&self, report: &Report) -> i32 {
         self.host_counts(report.position)
     }
 
@@ -392,7 +389,7 @@ impl MotorChannel {
 
     /// True if the motor is [within tolerance](motor::within_tolerance) of the host's target. False unless the motor is enabled
     /// in mode position and in no group.
-    pub fn within_tolerance(&self, report: &Report) -> bool {
+    pub(super) fn within_tolerance(&self, report: &Report) -> bool {
         let near =
             |Target { counts, tolerance }| motor::within_tolerance(counts, self.counts(report), tolerance);
         let regulated = self.enabled && !self.in_group && self.settings.mode == RunMode::Position;

@@ -4,9 +4,10 @@
 //!
 //! * After a reset all digital pins are inputs with a pull-up. A pin without a connection reads 1.
 //! * A pin that becomes an output is low until a host sets its level.
-//! * Fail-safe *releases* the digital outputs: the board stops driving the pins, but for requests they stay outputs. A released
-//!   output is driven again when a host sets its level.
-//! * A request of all inputs returns 0 for outputs, and for pins that the board does not have.
+//! * Fail-safe *releases* the digital outputs: the board stops driving the pins. The direction of a released pin is still output, and
+//!   the board drives the pin again when a host sets its level.
+//! * A request of all inputs returns 0 for outputs, and for pins that the board does not have. It is refused if all pins of the board
+//!   are outputs.
 //! * After a reset servo outputs have a period of 20 ms, and no width. An output can be enabled once a host has set its width. A
 //!   width longer than the period is stored, and the pulse is then as long as the period.
 //! * Fail-safe and a low battery disable all servo outputs. Their periods and widths stay.
@@ -37,8 +38,8 @@ use crate::devices::{Equipment, SERVOS, ServoPulse};
 use crate::protocol::pins::{Pin, ServoOutput, ToPin};
 use crate::protocol::{Nack, Reply};
 
-/// Period of a servo's pulses after a reset, in microseconds. Host software that has set the period once does not set the period
-/// again after a reset of the hub.
+/// Period of a servo's pulses after a reset, in microseconds: the usual period of hobby servos. The hub needs a default, because host
+/// software that has set the period once does not set it again after a reset of the hub.
 const SERVO_PERIOD_US: u16 = 20_000;
 
 /// Settings of a servo output.
@@ -57,22 +58,15 @@ impl Servo {
     }
 }
 
-/// The command to the digital pins. Bit i stands for pin i.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct DigitalLines {
-    /// 1 for each pin that the board must drive.
-    pub driven: u8,
-    /// Level of each driven pin; 1 is high.
-    pub levels: u8,
-}
-
 /// State of all pins and outputs.
 #[derive(Clone, Copy, Debug)]
 pub struct Outputs {
     /// Bit i is set if pin i is an output, released or not.
     outputs: u8,
-    /// The command to the pins.
-    pub lines: DigitalLines,
+    /// Pins that the board must drive. Bit i is set if the board must drive pin i.
+    pub driven: u8,
+    /// Levels of the driven pins. Bit i is set if pin i must be high.
+    pub levels: u8,
     /// Levels of the pins when the board last read them. Bit i is set if pin i was high. After a reset all bits are set.
     pub sensed: u8,
     /// What the board has.
@@ -87,7 +81,8 @@ impl Default for Outputs {
     fn default() -> Self {
         Self {
             outputs: 0,
-            lines: DigitalLines::default(),
+            driven: 0,
+            levels: 0,
             sensed: u8::MAX,
             equipment: Equipment::default(),
             servos: [Servo { period_us: SERVO_PERIOD_US, width_us: 0, on: false }; SERVOS],
@@ -123,20 +118,21 @@ impl Outputs {
         match *request {
             ToPin::SetOutput { pin, .. } if !self.is_output(pin) => return Err(Nack::not_an_output(pin)),
             ToPin::SetOutput { pin, high } => {
-                set_bit(&mut self.lines.levels, pin, high);
-                set_bit(&mut self.lines.driven, pin, true);
+                set_bit(&mut self.levels, pin, high);
+                set_bit(&mut self.driven, pin, true);
             }
             ToPin::SetOutputs { .. } if self.outputs == 0 => return Err(Nack::NO_OUTPUT),
             // The levels have bits of inputs too, which have no effect.
             ToPin::SetOutputs { levels } => {
-                self.lines = DigitalLines { driven: self.outputs, levels: levels & self.outputs };
+                self.driven = self.outputs;
+                self.levels = levels & self.outputs;
             }
             ToPin::SetDirection { pin, output } => {
                 if output != self.is_output(pin) {
-                    set_bit(&mut self.lines.levels, pin, false);
+                    set_bit(&mut self.levels, pin, false);
                 }
                 set_bit(&mut self.outputs, pin, output);
-                set_bit(&mut self.lines.driven, pin, output);
+                set_bit(&mut self.driven, pin, output);
             }
             ToPin::Direction { pin } => return Ok(Reply::data(&self.is_output(pin))),
             ToPin::Input { pin } if self.is_output(pin) => return Err(Nack::not_an_input(pin)),
@@ -188,7 +184,7 @@ impl Outputs {
 
     /// Releases all digital outputs, and disables all servo outputs.
     pub fn disable(&mut self) {
-        self.lines.driven = 0;
+        self.driven = 0;
         self.disable_servos();
     }
 

@@ -3,7 +3,7 @@
 //! * The *memory* keeps settings without power. The task `tasks::store` accesses the memory.
 //! * A *record* that was saved has an entry for the address, one for each configured [`Group`] of each motor's settings, and one
 //!   for a configured drive base. An entry has the type and the payload of the request that would set the same values. Of two
-//!   entries for the same values, the last one counts. The record after a reset has no entries.
+//!   entries for the same values, the last one counts. The request *reset* writes a record without entries.
 //! * An *access* writes a record to the memory, or reads the record from it.
 //!
 //! ```text
@@ -15,8 +15,8 @@
 //!       '------------------- store_done() ---------------------'
 //! ```
 //!
-//! When a host has set an address, the hub stores the address without a request to save. The hub waits for a running access, and
-//! until all motors are off if the memory must be erased first.
+//! When a host has set an address, the hub stores the address without a request to save. The hub first waits for the end of a running
+//! access. If the memory must be erased, the hub also waits until all motors are off.
 
 use super::Responder;
 use super::motor::MotorChannel;
@@ -44,7 +44,7 @@ pub(super) struct Memory {
     found: Found,
     /// Result of the last access.
     outcome: Outcome,
-    phase: AccessState,
+    access: AccessState,
     /// True if the address in force must still be stored.
     address_due: bool,
 }
@@ -75,7 +75,7 @@ enum Access {
 
 impl Memory {
     fn new(found: Found) -> Self {
-        Self { found, outcome: Outcome::None, phase: AccessState::Idle, address_due: false }
+        Self { found, outcome: Outcome::None, access: AccessState::Idle, address_due: false }
     }
 
     /// Returns why the contents of the memory prevent a save. `None` if a save is possible. The contents never prevent a reset.
@@ -91,12 +91,10 @@ impl Memory {
 impl<const N: usize> Responder<N> {
     /// Restores settings and address from the contents of the memory. Must be called once after the hub has started.
     ///
-    /// After the first packet of a host, settings and address in force stay. The hub reports that they differ from the memory, and
-    /// the host may load them.
+    /// If a host has already sent a packet, settings and address in force do not change. The hub reports whether they differ from the
+    /// memory, and the host may load the stored settings.
     pub fn restore(&mut self, found: Found) {
-        if self.keep_alive.host_spoke() {
-            self.changed = true;
-        } else {
+        if !self.keep_alive.has_received_packet() {
             self.address = self.boot_address(&found.record);
             self.restore_settings(&found.record);
         }
@@ -119,16 +117,16 @@ impl<const N: usize> Responder<N> {
     /// immediately. The address in force stays until the next start of the hub.
     ///
     /// # Errors
-    /// Refuses the request if the hub has no memory, while another access is running, or before the memory has reported. A save is refused if the stored
-    /// record is damaged or has a later format version, or if the settings do not fit. Load and reset are refused while a motor is
-    /// enabled.
+    /// Refuses the request if the hub has no memory, while another access is running, or before the task has reported the contents. A
+    /// save is refused if the stored record is damaged or has a later format version, or if the settings do not fit. Load and reset
+    /// are refused while a motor is enabled.
     pub(super) fn access_store(
         &mut self,
         request: &HubFunction,
         snapshot: &Snapshot<N>,
     ) -> Result<Reply, Nack> {
         let memory = self.memory.as_ref().ok_or(self.no_memory())?;
-        if memory.phase != AccessState::Idle {
+        if memory.access != AccessState::Idle {
             return Err(Nack::STORE_BUSY);
         }
         let access = match request {
@@ -142,11 +140,10 @@ impl<const N: usize> Responder<N> {
             _ => Access::Reset,
         };
         if access == Access::Reset {
-            self.changed = true;
             self.restore_settings(&SettingsRecord::new(0));
         }
         if let Some(memory) = &mut self.memory {
-            memory.phase = AccessState::Requested(access);
+            memory.access = AccessState::Requested(access);
         }
         Ok(Reply::ACK)
     }
@@ -167,14 +164,15 @@ impl<const N: usize> Responder<N> {
         entries.filter_map(|entry| address_of(&entry)).last().unwrap_or(self.factory_address)
     }
 
-    /// Hands the next access to the task. `None` if no access is due, while one is running, or if the record has no room.
+    /// Hands the next access to the task. `None` if no access is due, while an access is running, while an address waits until all
+    /// motors are off, or if the record has no room.
     ///
     /// The task must report the result to [`store_done`](Self::store_done).
     pub fn store_request(&mut self, snapshot: &Snapshot<N>) -> Option<StoreRequest> {
         let memory = self.memory.as_ref()?;
         let may_erase = self.is_off(snapshot);
         let stored = &memory.found.record;
-        let access = match memory.phase {
+        let access = match memory.access {
             AccessState::Busy(_) => return None,
             AccessState::Requested(access) => access,
             AccessState::Idle if !memory.address_due => return None,
@@ -187,26 +185,27 @@ impl<const N: usize> Responder<N> {
         let memory = self.memory.as_mut()?;
         let Ok(record) = record else {
             // Settings have changed since the request, or the entries of other firmware leave no room for an address.
-            (memory.phase, memory.outcome, memory.address_due) = (AccessState::Idle, Outcome::Refused, false);
+            (memory.access, memory.outcome, memory.address_due) =
+                (AccessState::Idle, Outcome::Refused, false);
             return None;
         };
-        memory.phase = AccessState::Busy(access);
+        memory.access = AccessState::Busy(access);
         Some(StoreRequest { record, erase_first, may_erase })
     }
 
     /// Ends the running access with its result. A load puts the stored settings in force.
     ///
-    /// `found` is the contents of the memory after the access. `None` if the memory could not be read before all motors are off;
-    /// the contents have not changed then.
+    /// `found` is the contents of the memory after the access. `None` if the memory can only be read after an erasure, while motors
+    /// are not off. The contents are then unchanged.
     pub fn store_done(&mut self, found: Option<Found>, outcome: Outcome) {
         let Some(before) = &self.memory else {
-            // The first report, after the hub has ceased to wait for it.
+            // The first report of the task has come after the time-out of the wait for stored settings.
             if let Some(found) = found {
                 self.restore(found);
             }
             return;
         };
-        let load = before.phase == AccessState::Busy(Access::Load);
+        let load = before.access == AccessState::Busy(Access::Load);
         let found = found.unwrap_or_else(|| before.found.clone());
         // A host may have changed the address during the access: then the address must still be stored. If the memory has failed,
         // the hub does not try again.
@@ -218,7 +217,7 @@ impl<const N: usize> Responder<N> {
         self.memory = Some(Memory { outcome, address_due, ..Memory::new(found) });
     }
 
-    /// The refusal of a request that needs a memory, while there is none or it has not reported.
+    /// Returns the refusal of requests that need a memory, on a hub without a memory or before the task has reported the contents.
     const fn no_memory(&self) -> Nack {
         if self.expects_store { Nack::STORE_BUSY } else { Nack::UNSUPPORTED }
     }
@@ -235,26 +234,29 @@ impl<const N: usize> Responder<N> {
     pub(super) fn store_report(&self) -> Result<StoreReport, Nack> {
         let memory = self.memory.as_ref().ok_or(self.no_memory())?;
         let Memory { found: Found { stored, version, record }, outcome, .. } = memory;
-        let count = |wanted: Option<bool>| {
-            let entries = record.entries().filter(|entry| self.is_accepted(entry) == wanted);
-            u8::try_from(entries.count()).unwrap_or(u8::MAX)
-        };
-        let is_busy = memory.phase != AccessState::Idle;
+        let (mut unknown, mut refused) = (0u8, 0u8);
+        for entry in record.entries() {
+            match self.is_accepted(&entry) {
+                Some(true) => (),
+                Some(false) => refused = refused.saturating_add(1),
+                None => unknown = unknown.saturating_add(1),
+            }
+        }
         let motors = self.channels.iter().take(CHANNELS);
         Ok(StoreReport {
             stored: *stored,
             version: *version,
             number: record.number(),
-            at_work: is_busy,
+            at_work: memory.access != AccessState::Idle,
             outcome: *outcome,
-            differs: self.changed && (is_busy || self.differs(record)),
-            unknown: count(None),
-            refused: count(Some(false)),
+            differs: self.differs(record),
+            unknown,
+            refused,
             coefficients: byte(motors.map(|channel| channel.settings().motor.coefficients.is_some())),
         })
     }
 
-    /// True if the settings or the address in force would change in a restart with this record.
+    /// True if settings, address or drive base in force would change in a restart with this record.
     fn differs(&self, record: &SettingsRecord) -> bool {
         let stored = |settings: &MotorSettings, group: Group| {
             group.is_configured(settings).then(|| Values::of(group, settings))
@@ -340,8 +342,8 @@ impl<const N: usize> Responder<N> {
         Some(values_of(entry, motor, group, settings).is_ok())
     }
 
-    /// Puts in force the settings that the hub would have after a restart with this record. A drive base that does not change stays
-    /// where the base is.
+    /// Puts in force the settings that the hub would have after a restart with this record. If the configuration of the drive base
+    /// does not change, its odometry continues.
     fn restore_settings(&mut self, record: &SettingsRecord) {
         for ((motor, channel), factory) in (0..).zip(&mut self.channels).zip(self.factory) {
             channel.restore(restored(motor, factory, record));

@@ -1,4 +1,4 @@
-//! Requests of a host about new firmware. [`crate::update`] decides, and `tasks::update` accesses the flash.
+//! Requests of a host about new firmware. [`crate::update`] accepts or refuses each request, and `tasks::update` accesses the flash.
 
 use super::Responder;
 use crate::extension::HubFunction;

@@ -32,11 +32,11 @@ pub struct Coefficients {
 
 impl Coefficients {
     /// Suggests coefficients for an unknown motor, as for a bare gear motor on a battery of 12 V. In REV's protocol
-    /// hosts read the coefficients of any motor, and change single coefficients. A motor without coefficients answers
-    /// with the suggested coefficients.
+    /// hosts read the coefficients of any motor, and change single coefficients. For a motor without coefficients the
+    /// hub answers with the suggested coefficients.
     ///
-    /// From one tick to the next a bare gear motor keeps `a = exp(-T / 0.14 s)` of its speed. Both poles are placed
-    /// at `z = exp(-18 T)`, but at 0.6 if this is larger. The factor `f` is in control steps per count/s, and gives
+    /// T is the control period in s. From one tick to the next a bare gear motor keeps `a = exp(-T / 0.14 s)` of its
+    /// speed. Both poles are placed at z, which is the larger of `exp(-18 T)` and 0.6. The factor `f` is in control steps per count/s, and gives
     /// full control at the speed whose back EMF is 12 V. P is at least 0.3 f:
     ///
     /// ```text
@@ -46,6 +46,8 @@ impl Coefficients {
     /// In Schemes B, C and D a control value is a current. The back EMF then does not damp the motor, and P grows by
     /// f to compensate. In Schemes C and D the control range has less current, so P and I grow by 60 %. With a fixed
     /// blend of Scheme D, P and I lie between the values for B and C.
+    ///
+    /// The position loop has only P, which is `-ln(z) / T` divided by 6, in 1/s.
     pub fn guessed(emf: EmfConstant, scheme: Scheme, period: Period) -> Self {
         let f = emf.to_volts() * f32::from(Control::MAX.get()) / NOMINAL_VOLTS;
         let seconds = period.to_seconds();

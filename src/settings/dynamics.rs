@@ -15,7 +15,7 @@ pub(crate) const GUESSED_TIME_CONSTANT_S: f32 = 0.14;
 /// ```
 ///
 /// where u is the voltage of the mean current (back EMF plus current times resistance), w the speed, and c the
-/// friction.
+/// friction. The load is the acceleration by an external torque, which the regulator estimates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Dynamics {
@@ -30,24 +30,24 @@ pub struct Dynamics {
 /// Constants of a motor and its load as data sheets state them, all referred to the motor's shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mechanics {
-    /// Torque per current, N m/A.
+    /// Torque per current, Kt, in N m/A.
     pub torque_constant: f64,
     /// Encoder counts per turn of the motor.
     pub counts_per_turn: f64,
-    /// Moment of inertia of rotor and load, kg m².
+    /// Moment of inertia of rotor and load, J, in kg m².
     pub inertia: f64,
-    /// Viscous drag of rotor and load, N m s/rad.
+    /// Viscous drag of rotor and load, B, in N m s/rad.
     pub drag: f64,
-    /// Coulomb friction, N m.
+    /// Coulomb friction, in N m.
     pub friction: f64,
 }
 
 impl Dynamics {
-    /// Computes the dynamics from physical constants. With the resistance R of winding and bridge, and kc counts per
-    /// radian: `b = Kt kc / (R J)`, `q = b Ke / kc + B / J`, `c = R friction / Kt`.
+    /// Computes the dynamics from physical constants. R is the resistance of winding and bridge, Ke the back EMF per speed, and kc the
+    /// number of counts per radian: `b = Kt kc / (R J)`, `q = b Ke / kc + B / J`, `c = R friction / Kt`.
     ///
     /// # Errors
-    /// Fails if one of the three is out of its type's range or not a number.
+    /// Fails if b, q or c is out of its type's range or not a number.
     pub const fn from_mechanics(
         winding: &Winding,
         bridge: &BridgeConstants,

@@ -1,12 +1,12 @@
 //! The choice between two copies of a record.
 
-use super::record::{SettingsRecord, Unreadable, VERSION};
+use super::record::{SettingsRecord, VERSION, later_version};
 
 /// State of the stored record, from both copies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Stored {
-    /// There is no record.
+    /// There is no copy. A copy with a wrong checksum counts as missing.
     #[default]
     Nothing,
     /// Both copies hold the same record.
@@ -14,10 +14,11 @@ pub enum Stored {
     /// One copy holds the record. The other copy is damaged, missing or older. Causes are a power cut during the last save, and a
     /// worn memory.
     OneCopy,
-    /// There is a record of a later version, in one copy or in both. This firmware can neither read nor overwrite such a record
-    /// by a save.
+    /// There is a record of a later version, in one copy or in both. This firmware cannot read the record, and a save does not
+    /// overwrite it.
     Later,
-    /// No copy can be read, and at least one copy is damaged.
+    /// No copy can be read, and at least one copy has a right checksum and a content that is no record. Also the state if the memory
+    /// reports an error.
     Damaged,
 }
 
@@ -42,18 +43,19 @@ impl Found {
     ///
     /// If one copy has a later version, the state is [`Stored::Later`], whatever the other copy is.
     pub fn add(&mut self, copy: Option<&[u8]>) {
+        let Some(copy) = copy else { return };
+        if let Some(version) = later_version(copy) {
+            *self = Self::without_record(Stored::Later, version.max(self.version));
+            return;
+        }
         let has_record = matches!(self.stored, Stored::Whole | Stored::OneCopy);
-        match copy.map(SettingsRecord::read) {
-            None => (),
-            Some(Err(Unreadable::Later(version))) => {
-                *self = Self::without_record(Stored::Later, version.max(self.version));
-            }
+        match SettingsRecord::read(copy) {
             _ if self.stored == Stored::Later => (),
-            Some(Err(Unreadable::Damaged)) if has_record => (),
-            Some(Err(Unreadable::Damaged)) => self.stored = Stored::Damaged,
-            Some(Ok(record)) if has_record && record == self.record => self.stored = Stored::Whole,
-            Some(Ok(record)) if has_record && record.number() < self.record.number() => (),
-            Some(Ok(record)) => *self = Self { stored: Stored::OneCopy, version: VERSION, record },
+            None if has_record => (),
+            None => self.stored = Stored::Damaged,
+            Some(record) if has_record && record == self.record => self.stored = Stored::Whole,
+            Some(record) if has_record && record.number() < self.record.number() => (),
+            Some(record) => *self = Self { stored: Stored::OneCopy, version: VERSION, record },
         }
     }
 }

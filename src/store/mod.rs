@@ -21,10 +21,14 @@
 //! `tasks::store` decides where the copies are. The states of the stored record are:
 //!
 //! ```text
-//! Nothing ── first save ──▶ Whole ── power cut in a save, or a damaged copy ──▶ OneCopy ── both copies damaged ──▶ Damaged
+//! Nothing ── first save ──▶ Whole ── power cut in a save, or a damaged copy ──▶ OneCopy ── no copy readable ──▶ Damaged
 //!                             ▲                                                    │                                │
 //!                             └────────────────────── next save ───────────────────┴──── reset of the settings ─────┘
 //! ```
+//!
+//! A copy with a wrong checksum counts as missing. If no copy of the last save is left, the memory may still hold the copies of an
+//! older save, which are then found. Otherwise the state is `Nothing`. The state is `Damaged` if a copy with a right checksum is no
+//! record, or if the memory reports an error.
 //!
 //! A fifth state, `Later`, is reached only if later firmware has written the record. It ends with a reset of the settings.
 //!
@@ -46,7 +50,7 @@ mod found;
 mod record;
 
 pub use found::{Found, Stored};
-pub use record::{CAPACITY, Entry, SettingsRecord, Unreadable, VERSION};
+pub use record::{CAPACITY, Entry, SettingsRecord, VERSION};
 
 /// Result of the last access to the memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -76,7 +80,7 @@ pub struct StoreRequest {
     pub may_erase: bool,
 }
 
-/// Result of a [`StoreRequest`]. At boot the task also sends one result, although there was no request.
+/// Result of a [`StoreRequest`]. At boot the task sends a first result without a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StoreResult {
     /// Contents of the memory after the request. `None` if the contents cannot be read until all motors are off. They have not

@@ -2,10 +2,11 @@
 
 use heapless::{CapacityError, Vec};
 
-/// Version of the format that this firmware writes, and highest version that it reads.
+/// Version of the format that this firmware writes and reads.
 pub const VERSION: u8 = 1;
 
-/// Largest size of a record in bytes. All settings of four motors and of a drive base take 515 bytes.
+/// Largest size of a record in bytes. All settings of four motors and of a drive base take 515 bytes. With its key of one byte a record
+/// of this size fills 17 of the longest words that a flash writes, 32 bytes each.
 pub const CAPACITY: usize = 543;
 
 /// Size of the record's version and number in bytes.
@@ -13,16 +14,6 @@ const HEAD: usize = 5;
 
 /// Size of an entry's type and length in bytes.
 const ENTRY_HEAD: usize = 3;
-
-/// Why bytes cannot be read as a record.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Unreadable {
-    /// The bytes are a record of a later version, which has this number.
-    Later(u8),
-    /// The bytes are damaged.
-    Damaged,
-}
 
 /// An entry of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,22 +38,16 @@ impl SettingsRecord {
         Self { bytes: [VERSION, a, b, c, d].into_iter().collect() }
     }
 
-    /// Reads a record of any version up to [`VERSION`].
-    ///
-    /// # Errors
-    /// Returns why the bytes cannot be read.
-    pub fn read(bytes: &[u8]) -> Result<Self, Unreadable> {
-        match bytes.first() {
-            None | Some(0) => return Err(Unreadable::Damaged),
-            Some(&version) if version > VERSION => return Err(Unreadable::Later(version)),
-            // There is no earlier version than VERSION.
-            Some(_) => (),
+    /// Reads a record of version [`VERSION`], which is the first version. `None` for a later version, and for damaged bytes.
+    pub fn read(bytes: &[u8]) -> Option<Self> {
+        if bytes.first() != Some(&VERSION) {
+            return None;
         }
-        let mut rest = bytes.get(HEAD..).ok_or(Unreadable::Damaged)?;
+        let mut rest = bytes.get(HEAD..)?;
         while !rest.is_empty() {
-            (_, rest) = split_entry(rest).ok_or(Unreadable::Damaged)?;
+            (_, rest) = split_entry(rest)?;
         }
-        Ok(Self { bytes: Vec::from_slice(bytes).map_err(|_| Unreadable::Damaged)? })
+        Vec::from_slice(bytes).ok().map(|bytes| Self { bytes })
     }
 
     /// Returns the record as bytes.
@@ -110,6 +95,11 @@ impl SettingsRecord {
         self.bytes.extend_from_slice(fields)?;
         self.bytes.extend_from_slice(more)
     }
+}
+
+/// Returns the version of a record, if it is later than [`VERSION`].
+pub(super) fn later_version(bytes: &[u8]) -> Option<u8> {
+    bytes.first().copied().filter(|version| *version > VERSION)
 }
 
 /// Splits bytes into the first entry and the rest. `None` if the first entry is not complete.

@@ -13,7 +13,7 @@ use embassy_time::{Duration, Ticker};
 ///
 /// Currents are used for slow quantities: the heat of a winding, which changes in seconds, and alerts for a host. A modelled
 /// current is computed at each tick. With two samples in the default control period, a measured current is no older than a
-/// modelled one.
+/// modelled current.
 pub const SENSE_INTERVAL: Duration = Duration::from_millis(25);
 
 /// Runs the task. Never returns. A board without current-sense lines passes `()` as `currents`.

@@ -1,7 +1,7 @@
 //! Samples all encoder counters every millisecond, and passes positions and times of edges to control.
 //!
-//! If a counter cannot be read, the last reading of the counter stays. After 20 ms control treats the motor as a motor without
-//! encoder.
+//! If a counter cannot be read, the last reading of the counter stays. If a reading is older than 20 ms, control treats the motor as a
+//! motor without encoder.
 
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::board::Encoders;
@@ -30,12 +30,7 @@ pub async fn run<M: RawMutex, const N: usize>(
                 }
             }
         };
-        wires.newest.lock(|newest| {
-            // No task keeps the borrow across an await, so the borrow succeeds.
-            if let Ok(mut newest) = newest.try_borrow_mut() {
-                newest.sample(read);
-            }
-        });
+        wires.update_newest(|newest| newest.sample(read));
         wires.news.signal(());
         health.check_in(Task::Capture);
         // If the next sample is overdue already, samples are skipped up to the next whole millisecond.

@@ -1,6 +1,6 @@
 //! The chain line: sends the responder's packets, and passes on the packets that arrive.
 //!
-//! The line is half-duplex: the driver of a board switches the direction, and must return from `flush` when the last byte has left.
+//! The line is half-duplex: the driver of a board switches the direction. Its `flush` must not return before the last byte has left.
 //! The responder decides what is sent, and when: see [`crate::chain`].
 
 use super::{Wires, micros, until};
@@ -34,7 +34,7 @@ pub async fn run<M: RawMutex, const N: usize>(mut rx: impl Read, mut tx: impl Wr
                 continue;
             }
             Either3::Second(packet) => {
-                // Whoever waits for a packet that could not be sent repeats its request.
+                // A packet that cannot be sent is dropped. The host or the parent repeats its request.
                 if tx.write_all(&frame::encode(&packet)).await.is_ok() {
                     let _ = tx.flush().await;
                 }

@@ -1,6 +1,6 @@
 //! Runs the hub: a tick each control period, and faster reactions between two ticks.
 //!
-//! * Between two ticks the task wakes at each encoder sample, and when the bus has left its quiet range. The task then updates the
+//! * Between two ticks the task wakes at each encoder sample, and at the first plausible sample of the bus after an alarm. The task then updates the
 //!   estimates of the hub, and passes the feedback of the bridges to the hub. If a direct command waits, the task applies all
 //!   waiting commands, and executes the direct ones without waiting for a tick. A new state of the bus may change the bridge
 //!   commands too.
@@ -10,7 +10,6 @@
 use super::capture::CAPTURE_INTERVAL;
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::hub::{Hub, Inputs};
-use crate::motion::Newest;
 use core::cell::Cell;
 use core::future::{Future, poll_fn};
 use core::pin::{Pin, pin};
@@ -33,8 +32,8 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
     let mut armed = false;
     loop {
         if news_before(due, &mut armed, wires).await {
-            // If the bus has woken the task, the readings may be old ones. Processing them again does not change the estimates.
-            update_newest(wires, |newest| {
+            // After an alarm of the bus the readings are unchanged. Processing unchanged readings does not change the estimates.
+            wires.update_newest(|newest| {
                 hub.sample(newest.readings());
                 if samples_between_ticks {
                     newest.observe(hub.speeds_cps());
@@ -60,7 +59,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
         // The capture task is due at the same time, and must take its sample before the tick.
         yield_now().await;
         wires.news.reset();
-        update_newest(wires, |newest| inputs.readings = *newest.readings());
+        wires.update_newest(|newest| inputs.readings = *newest.readings());
         inputs.now = micros(Instant::now());
         apply_commands(hub, wires);
         if wires.battery.signaled() {
@@ -92,10 +91,12 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
 
 /// Waits for news or for the tick that is due at this time. Returns true if there is news.
 ///
-/// A poll of a timer asks the queue of all timers to wake the task, and searches this queue. News comes every millisecond, so the
-/// timer is polled only once before the tick is due, and `armed` is then true. This poll is enough, because the queue does not
-/// forget the task when its timer is dropped. But the queue keeps one time for each task. If control shares its task with other
-/// futures, one of these futures must therefore wake the task every millisecond, as the capture does.
+/// A poll of a timer stores the time at which the task must wake in the queue of all timers, and searches this queue. News comes every
+/// millisecond, so the timer is polled only once before the tick is due, and `armed` is then true. The time stays in the queue when
+/// the timer is dropped.
+///
+/// The queue stores one time for each task. If control shares its task with other futures, they may replace the time. One of them
+/// must then wake the task every millisecond, as the capture does.
 async fn news_before<M: RawMutex, const N: usize>(
     due: Instant,
     armed: &mut bool,
@@ -117,18 +118,8 @@ async fn news_before<M: RawMutex, const N: usize>(
 
 /// Applies all waiting commands in their order.
 fn apply_commands<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>) {
-    while let Ok(command) = wires.commands.try_receive() {
+    while let Some(command) = wires.next_command() {
         // The hub counts a refused command like any other command. No other reaction is needed.
         let _ = hub.apply(command);
     }
-}
-
-/// Calls `access` with the cell of the newest encoder samples.
-fn update_newest<M: RawMutex, const N: usize>(wires: &Wires<M, N>, access: impl FnOnce(&mut Newest<N>)) {
-    wires.newest.lock(|newest| {
-        // No task keeps the borrow across an await, so the borrow succeeds.
-        if let Ok(mut newest) = newest.try_borrow_mut() {
-            access(&mut newest);
-        }
-    });
 }

@@ -70,7 +70,7 @@ impl Health {
         self.rounds.lock(Cell::get)
     }
 
-    /// Returns true if all expected tasks have checked in. The next round begins then: no task has checked in.
+    /// Returns true if all expected tasks have checked in. The next round then begins, in which no task has checked in yet.
     fn take_if_all(&self) -> bool {
         self.checked_in.lock(|tasks| {
             let all = tasks.get() == self.expected;
@@ -82,7 +82,7 @@ impl Health {
     }
 }
 
-/// Interval at which the supervision looks whether all expected tasks have checked in.
+/// Interval at which the supervision checks whether all expected tasks have checked in.
 pub const HEALTH_INTERVAL: Duration = Duration::from_millis(10);
 
 /// Runs the task. Never returns.

@@ -1,7 +1,7 @@
 //! Transfers on one I2C bus.
 //!
-//! The task takes a transfer from the responder, runs it, and returns its result. Each transfer ends within [`TIME_OUT`], also on a
-//! bus with a stuck line. After a time-out and after an error of the bus the task frees the bus.
+//! The task takes a transfer from the responder, runs it, and returns its result. A transfer ends within [`TIME_OUT`], also on a bus
+//! with a stuck line. After a time-out or an error of the bus the task frees the bus before it returns the result.
 //!
 //! On bus [`GYRO_BUS`] the task also reads the gyro of a drive base, between the transfers of the host.
 
@@ -19,8 +19,8 @@ use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_hal_async::i2c::{Error, ErrorKind, NoAcknowledgeSource};
 
-/// Longest time of a transfer. The longest transfer without clock stretching, 101 bytes at 100 kbit/s, takes 9.4 ms. A device may
-/// stretch the clock for 30 ms.
+/// Longest time of a transfer. The longest transfer has 103 bytes: the address twice, the number of a register, and 100 bytes of
+/// data. It takes 9.3 ms at 100 kbit/s. A device may also stretch the clock for 30 ms.
 pub const TIME_OUT: Duration = Duration::from_millis(50);
 
 /// Number of the bus with the gyro of a drive base.
@@ -29,7 +29,7 @@ pub const GYRO_BUS: usize = 0;
 /// Time between two readings of the gyro. A BNO055 has new angles 100 times a second.
 pub const GYRO_INTERVAL: Duration = Duration::from_millis(10);
 
-/// Time between two looks whether a drive base uses the gyro, while none does.
+/// Interval at which the task checks whether a drive base uses the gyro, while no drive base uses it.
 const IDLE_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Runs the transfers of the bus with this number.
@@ -59,7 +59,7 @@ pub async fn run<M: RawMutex, const N: usize>(mut bus: impl I2cBus, number: usiz
     }
 }
 
-/// Does the next access to the gyro, and publishes its angle. Without a use for the gyro the bus belongs to the host alone.
+/// Does the next access to the gyro, and publishes its angle. The gyro is not accessed if no drive base uses it.
 async fn read_gyro<M: RawMutex, const N: usize>(
     bus: &mut impl I2cBus,
     sensor: &mut Bno055,
@@ -81,7 +81,7 @@ async fn read_gyro<M: RawMutex, const N: usize>(
             wires.gyro.lock(|gyro| gyro.set(Some(GyroReading { left_degrees, at: now() })));
         }
         None if !sensor.is_measuring() => wires.gyro.lock(|gyro| gyro.set(None)),
-        // A single failed access. The last angle stays valid for some time.
+        // A few accesses in a row may fail. The last angle stays valid for 100 ms.
         None => (),
     }
 }

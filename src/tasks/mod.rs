@@ -6,28 +6,7 @@
 //! responder --commands--> +---------+
 //! ```
 //!
-//! Each channel is a field of [`Wires`]:
-//!
-//! | channel | kind | when full, or without new data |
-//! |---|---|---|
-//! | newest | the latest encoder readings, in a cell | overwritten; a motor whose reading is older than 20 ms counts as a motor without encoder |
-//! | news | [`Signal`] without data | wakes control: set with each encoder sample, and with the first plausible sample after an alarm of the bus |
-//! | battery | [`Signal`] with the latest state | overwritten; with a state older than 100 ms the battery counts as unknown |
-//! | bus | the last reading of the bus, in a cell | overwritten; a reading older than 100 ms counts as silent |
-//! | commands | [`CommandQueue`], a numbered queue of 16, first in first out | the sender waits, or gets an error |
-//! | urgent | a flag | set with a *direct* command; control then applies all waiting commands when `news` wakes it |
-//! | drives | [`Signal`] with the latest bridge commands | overwritten; after three control periods without new commands all bridges coast |
-//! | sensed | [`Signal`] with the latest bridge feedback | overwritten; the last feedback stays valid |
-//! | snapshot | [`Watch`] with the latest snapshot, for several readers | overwritten; contains tick number and time |
-//! | record | the record of faults, in a cell | written with each tick; the oldest entry is overwritten |
-//! | crash report | the fault that ended the run, in a cell | written once per run, by fault handlers |
-//! | store | two [`Signal`]s: request and result | one request at a time |
-//! | update | two [`Signal`]s: request and result | one request at a time |
-//! | i2c | for each I2C bus, two [`Signal`]s: request and result | one transfer at a time |
-//! | gyro | the newest angle of the gyro, in a cell | overwritten; without a new angle for 100 ms the gyro counts as lost |
-//! | gyro wanted | a flag | set while a drive base uses the gyro |
-//! | chain | two [`Channel`]s of packets, to and from the chain line, and two [`Signal`]s: see [`ChainWires`] | a packet that finds its channel full is dropped; the sender repeats it |
-//! | button permitted | a flag | set when the stored settings are restored; cleared by the first packet for this hub |
+//! The channels between the tasks are the fields of [`Wires`]. Most of them hold the newest value, which the next value overwrites.
 //!
 //! A [*direct* command](crate::hub::Action::is_direct) needs no regulator, so a motor can execute the command between two ticks.
 //!
@@ -48,13 +27,12 @@
 //! let wires = Wires::<NoopRawMutex, 2>::new();
 //! let command = Command { motor: 0, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) };
 //! assert_eq!(wires.try_send(command), Ok(1), "the first command since boot");
-//! assert_eq!(wires.commands.try_receive(), Ok(command));
+//! assert_eq!(wires.next_command(), Some(command));
 //! ```
 
 pub mod bridges;
 pub mod capture;
 pub mod chain;
-pub mod commands;
 pub mod control;
 pub mod health;
 pub mod i2c;
@@ -64,7 +42,6 @@ pub mod store;
 pub mod supply;
 pub mod update;
 
-pub use commands::CommandQueue;
 pub use health::{Health, Task};
 
 use crate::bridge::{BridgeFeedback, Drive};
@@ -79,7 +56,7 @@ use crate::store::{StoreRequest, StoreResult};
 use crate::supply::{Battery, BusReading};
 use crate::units::Micros;
 use core::cell::{Cell, RefCell};
-use core::future::pending;
+use core::future::{pending, poll_fn};
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::blocking_mutex::{CriticalSectionMutex, Mutex};
 use embassy_sync::channel::{Channel, TrySendError};
@@ -95,7 +72,7 @@ pub const OBSERVERS: usize = 4;
 
 /// The signals between the responder and a task that carries out its requests.
 pub struct RequestChannel<M: RawMutex, O, D> {
-    /// Request of the responder. The responder sends the next request after the result of the last one.
+    /// Request of the responder. The responder waits for the result before it sends the next request.
     pub request: Signal<M, O>,
     /// Result of the request, or another report of the task.
     pub done: Signal<M, D>,
@@ -112,11 +89,11 @@ impl<M: RawMutex, O, D> RequestChannel<M, O, D> {
 pub struct ChainWires<M: RawMutex> {
     /// Packets that have arrived: answers to the host, and requests to this hub.
     pub received: Channel<M, Packet, 4>,
-    /// Packets to send: one question of this hub, and its answers.
+    /// Packets to send: a request of this hub to a child, and an answer of this hub to its parent.
     pub send: Channel<M, Packet, 2>,
-    /// The last packet is on the line to its last byte.
+    /// Set when the last byte of a packet has been sent.
     pub sent: Signal<M, ()>,
-    /// Bytes have arrived that were no packet.
+    /// Set when bytes or an error of the line arrive. Cleared when the bytes complete a packet.
     pub disturbed: Signal<M, ()>,
 }
 
@@ -129,24 +106,28 @@ impl<M: RawMutex> ChainWires<M> {
 
 /// The channels between the tasks of a hub with N motors. A board has one static of this type.
 pub struct Wires<M: RawMutex, const N: usize> {
-    /// Wakes control: capture has taken an encoder sample, or supply has taken a sample after an alarm of the bus.
+    /// Wakes control: capture has taken an encoder sample, or supply has taken the first plausible sample after an alarm of the bus.
     pub news: Signal<M, ()>,
-    /// State of the battery, from supply to control.
+    /// State of the battery, from supply to control. With a state older than 100 ms the battery counts as unknown.
     pub battery: Signal<M, Battery>,
-    /// Last reading of the bus, from supply to all tasks.
+    /// Last reading of the bus, from supply to all tasks. A reading older than 100 ms counts as silent.
     pub bus: Mutex<M, Cell<BusReading>>,
-    /// Commands to motors, from all tasks to control, each with a number.
-    pub commands: CommandQueue<M>,
+    /// Queue of commands to motors, from all tasks to control, first in first out.
+    commands: Channel<M, Command, COMMANDS>,
+    /// Number of the newest command that has entered `commands`; 0 before the first. The lock is held while a command enters, so
+    /// that commands have their numbers in the order of the queue.
+    newest_command: Mutex<M, Cell<u32>>,
     /// Set with each direct command: control must apply the waiting commands the next time that `news` wakes control. A tick
     /// applies them too, but does not clear the flag.
     pub urgent: Mutex<M, Cell<bool>>,
-    /// Commands to the bridges, from control to output.
+    /// Commands to the bridges, from control to output. After three control periods without new commands all bridges coast.
     pub drives: Signal<M, [Drive; N]>,
     /// Feedback of the bridges, from the bridges' task to control.
     pub sensed: Signal<M, [BridgeFeedback; N]>,
     /// State of all motors at the last tick, from control to all tasks.
     pub snapshot: Watch<M, Snapshot<N>, OBSERVERS>,
-    /// Positions at the newest encoder samples, from capture to all tasks. Control adds the speeds, unless its period is 1 ms.
+    /// Positions at the newest encoder samples, from capture to all tasks. Control adds the speeds, unless its period is 1 ms. A motor
+    /// whose reading is older than 20 ms counts as a motor without encoder.
     pub newest: Mutex<M, RefCell<Newest<N>>>,
     /// Record of faults. Control writes the record, and the responder reads and clears the record. `None` if the hub has no
     /// record.
@@ -159,13 +140,15 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub update: RequestChannel<M, crate::update::UpdateRequest, crate::update::Done>,
     /// Transfers of the responder to the task of each I2C bus, and their results.
     pub i2c: [RequestChannel<M, Transfer, I2cRead>; I2C_BUSES],
-    /// Newest angle of the gyro, from the task of its bus to control. `None` without a gyro that works.
+    /// Newest angle of the gyro, from the task of its bus to control. `None` without a gyro that works. Without a new angle for 100 ms
+    /// the gyro counts as lost.
     pub gyro: Mutex<M, Cell<Option<GyroReading>>>,
     /// True while a drive base uses the gyro, from control to the task of the gyro's bus.
     pub gyro_wanted: Mutex<M, Cell<bool>>,
-    /// Packets between the responder and the chain line.
+    /// Packets between the responder and the chain line. A packet that finds its queue full is dropped, and its sender repeats it.
     pub chain: ChainWires<M>,
-    /// True while the button may drive motors, from the responder to the button's task.
+    /// True while the button may drive motors, from the responder to the button's task: after the stored settings are restored, until
+    /// the first packet for this hub.
     pub button_permitted: Mutex<M, Cell<bool>>,
 }
 
@@ -176,7 +159,8 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             news: Signal::new(),
             battery: Signal::new(),
             bus: Mutex::new(Cell::new(BusReading::INITIAL)),
-            commands: CommandQueue::new(),
+            commands: Channel::new(),
+            newest_command: Mutex::new(Cell::new(0)),
             urgent: Mutex::new(Cell::new(false)),
             drives: Signal::new(),
             sensed: Signal::new(),
@@ -218,29 +202,50 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
     /// Sends a command to the control task, and returns the command's number. [`Snapshot::includes`] says whether a snapshot
     /// includes the command with this number.
     ///
+    /// The first command since boot has the number 1. Numbers wrap from 2^32 - 1 to 0. [`Hub`](crate::hub::Hub) counts the
+    /// commands that it applies, so all commands to the hub must be sent by this method or by [`send`](Self::send).
+    ///
     /// Control applies the command at the next tick. A direct command is applied earlier, at the next encoder sample, and so are
     /// all commands that wait at that time.
     ///
     /// # Errors
     /// Returns the command if [`COMMANDS`] commands wait already.
     pub fn try_send(&self, command: Command) -> Result<u32, TrySendError<Command>> {
-        let number = self.commands.try_send(command)?;
-        self.mark_urgent(command);
-        Ok(number)
-    }
-
-    /// Sends a command like [`try_send`](Self::try_send), but waits while the queue is full.
-    pub async fn send(&self, command: Command) -> u32 {
-        let number = self.commands.send(command).await;
-        self.mark_urgent(command);
-        number
-    }
-
-    /// Sets the `urgent` flag for a direct command.
-    fn mark_urgent(&self, command: Command) {
+        let number = self.newest_command.lock(|newest| {
+            self.commands.try_send(command)?;
+            newest.set(newest.get().wrapping_add(1));
+            Ok(newest.get())
+        })?;
         if command.action.is_direct() {
             self.urgent.lock(|urgent| urgent.set(true));
         }
+        Ok(number)
+    }
+
+    /// Sends a command like [`try_send`](Self::try_send), but waits while the queue is full. If the future is dropped before it is
+    /// ready, the command is not sent.
+    pub async fn send(&self, command: Command) -> u32 {
+        loop {
+            if let Ok(number) = self.try_send(command) {
+                return number;
+            }
+            poll_fn(|context| self.commands.poll_ready_to_send(context)).await;
+        }
+    }
+
+    /// Takes the oldest waiting command out of the queue. `None` if no command waits.
+    pub fn next_command(&self) -> Option<Command> {
+        self.commands.try_receive().ok()
+    }
+
+    /// Calls `access` with the newest encoder samples.
+    fn update_newest(&self, access: impl FnOnce(&mut Newest<N>)) {
+        self.newest.lock(|newest| {
+            // No task keeps the borrow across an await, so the borrow succeeds.
+            if let Ok(mut newest) = newest.try_borrow_mut() {
+                access(&mut newest);
+            }
+        });
     }
 }
 

@@ -1,13 +1,13 @@
-//! The hub's end of the link to a host. Bytes become packets, and packets become commands and replies. Requests that arrive on
-//! the chain line, from the parent of a chain, are answered there.
+//! The hub's end of the link to a host. Bytes become packets, and packets become commands and replies. Requests from the parent of a
+//! chain arrive on the chain line, and are answered on the chain line.
 //!
-//! Whether or not bytes arrive, the task also runs the keep-alive timer, digital pins and servo outputs, and the status LED.
+//! Whether or not bytes arrive, the task also runs the keep-alive timer, digital pins and servo outputs, and the status LED: see
+//! [`attend`].
 
 use super::{OBSERVERS, Wires, instant, micros, until};
 use crate::board::Devices;
 use crate::hub::{Command, Snapshot};
 use crate::protocol::{Colour, Decoder, HOST, Packet, frame};
-use crate::responder::outputs::DigitalLines;
 use crate::responder::{Line, Responder};
 use crate::store::StoreResult;
 use crate::units::Micros;
@@ -59,7 +59,7 @@ pub async fn run<M: RawMutex, const N: usize>(
     let mut decoder = Decoder::new();
     let mut chunk = [0; CHUNK];
     loop {
-        // The work comes first, so that it is also done if bytes wait already.
+        // `attend` is polled first, so that it also runs if bytes wait already.
         let from_chain = wires.chain.received.receive();
         let next =
             select4(service.attend(), rx.read(&mut chunk), until(decoder.deadline()), from_chain).await;
@@ -83,7 +83,7 @@ pub async fn run<M: RawMutex, const N: usize>(
             let packet = match from_chain.take() {
                 Some(packet) if packet.destination == HOST => service.responder.pass_up(packet),
                 Some(packet) => {
-                    // The parent asks one question at a time, so there is room for the answer.
+                    // The parent sends one request at a time, so there is room for the answer.
                     if let Some(reply) = service.answer(&packet, Line::Chain).await {
                         let _ = wires.chain.send.try_send(reply);
                     }
@@ -102,7 +102,7 @@ pub async fn run<M: RawMutex, const N: usize>(
                     let _ = tx.flush().await;
                 }
             };
-            // The work comes first: what a request has changed is in force before the reply leaves.
+            // `attend` is polled first, so that the commands of a request are sent, and pins are set, before the reply leaves.
             select(service.attend(), write).await;
             // The rest of `input` has waited for the write. The time-out of an unfinished frame must not include this wait.
             received_at = now();
@@ -152,7 +152,7 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
 
     /// Waits until the stored settings are restored, or for [`STORE_TIMEOUT`]. A hub without a memory does not wait.
     ///
-    /// The hub then answers hosts, and refuses requests that need the memory, until the task of the memory reports.
+    /// After the time-out the hub answers hosts. It refuses requests that need the memory until the task of the memory reports.
     async fn await_store(&mut self) {
         let end = Instant::now() + STORE_TIMEOUT;
         while self.responder.awaits_store() && Instant::now() < end {
@@ -230,8 +230,7 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
         self.exchange_pins();
         self.update_snapshot();
         let Self { responder, devices, wires, snapshot, .. } = self;
-        responder.converter.readings = devices.analog();
-        responder.converter.supply_currents = devices.supply_currents();
+        responder.readings = devices.analog();
         responder.bus = wires.bus.lock(Cell::get);
         take_update_result(responder, wires);
         wires.record.lock(|record| {
@@ -261,8 +260,8 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
 
     /// Drives the digital outputs, and reads the levels of all pins.
     fn exchange_pins(&mut self) {
-        let DigitalLines { driven, levels } = self.responder.outputs.lines;
-        self.responder.outputs.sensed = self.devices.exchange(driven, levels);
+        let outputs = &mut self.responder.outputs;
+        outputs.sensed = self.devices.exchange(outputs.driven, outputs.levels);
     }
 
     /// Takes the newest snapshot. A motor whose encoder has a newer sample gets position and velocity of the sample.
@@ -289,7 +288,7 @@ fn attend_chain<M: RawMutex, const N: usize>(now: Micros, responder: &mut Respon
         note_sent_on_chain(responder);
     }
     let Some(chain) = &mut responder.chain else { return };
-    // An answer that has arrived must be taken before its time is over.
+    // An answer that has arrived is processed before `next` checks whether its time-out has passed.
     if !wires.chain.received.is_empty() || wires.chain.send.is_full() {
         return;
     }

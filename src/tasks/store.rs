@@ -122,11 +122,11 @@ impl<F: NorFlash> Keeper<F> {
         self.flash.may_erase = true;
         let repaired = self.repair().await;
         self.intact = repaired.is_ok();
-        let copies =
-            self.copies().await.and_then(|found| repaired.map(|()| found).map_err(|_| ReadError::Damaged));
-        copies.unwrap_or_else(|error| {
-            error.found().unwrap_or_else(|| Found::without_record(Stored::Damaged, 0))
-        })
+        let damaged = || Found::without_record(Stored::Damaged, 0);
+        match self.copies().await {
+            Ok(_) if !self.intact => damaged(),
+            copies => found(copies).unwrap_or_else(damaged),
+        }
     }
 
     /// Erases each page whose erasure a power failure has interrupted.
@@ -166,16 +166,16 @@ impl<F: NorFlash> Keeper<F> {
         [start..middle, middle..end]
     }
 
-    /// Reads the content of one page, as if the other page were blank. `None` if the content cannot be read, or has a later
+    /// Reads the content of one page, while the other page is hidden. `None` if the content cannot be read, or has a later
     /// version.
     async fn content(&mut self, page: &Range<u32>) -> Option<PageContent> {
         self.flash.visible = Some(page.clone());
-        let found = self.copies().await;
+        let copies = self.copies().await;
         self.flash.visible = None;
-        let Found { stored, record, .. } = match found {
-            // The rest of an erased page may look like an item of any length.
-            Err(ReadError::TooLong) => return Some(PageContent { save: 0, copies: 0 }),
-            found => found.ok()?,
+        let Found { stored, record, .. } = match copies {
+            // After an interrupted erasure the remaining bytes may look like an item of any length.
+            Err(Error::BufferTooSmall(_)) => return Some(PageContent { save: 0, copies: 0 }),
+            copies => copies.ok()?,
         };
         let copies = match stored {
             Stored::Whole => 2,
@@ -194,7 +194,7 @@ impl<F: NorFlash> Keeper<F> {
             Ok(()) => self.write(request).await,
             Err(error) => error.outcome(),
         };
-        let found = self.copies().await.map_or_else(ReadError::found, Some);
+        let found = found(self.copies().await);
         let reads_back = |found: &Found| {
             let is_stored =
                 |record: &SettingsRecord| found.stored == Stored::Whole && *record == found.record;
@@ -227,18 +227,11 @@ impl<F: NorFlash> Keeper<F> {
     }
 
     /// Reads both copies.
-    async fn copies(&mut self) -> Result<Found, ReadError> {
+    async fn copies(&mut self) -> Result<Found, MapError<F>> {
         let (mut map, buffer) = self.map();
         let mut found = Found::default();
         for copy in COPY_KEYS {
-            match map.fetch_item::<&[u8]>(buffer, &copy).await {
-                Ok(bytes) => found.add(bytes),
-                Err(Error::BufferTooSmall(_)) => return Err(ReadError::TooLong),
-                Err(Error::Storage { value: FlashError::MotorsRun, .. }) => {
-                    return Err(ReadError::NeedsErase);
-                }
-                Err(_) => return Err(ReadError::Damaged),
-            }
+            found.add(map.fetch_item::<&[u8]>(buffer, &copy).await?);
         }
         Ok(found)
     }
@@ -253,26 +246,20 @@ struct PageContent {
     copies: u8,
 }
 
-/// Why the copies could not be read.
-enum ReadError {
-    /// The map must erase a page first, and motors are not off.
-    NeedsErase,
-    /// An item is longer than the items that this firmware writes.
-    TooLong,
-    /// The flash or the map reports an error.
-    Damaged,
-}
-
-impl ReadError {
-    /// Converts the error to contents of the memory. `None` if the contents cannot be read until a page is erased.
-    fn found(self) -> Option<Found> {
-        match self {
-            Self::NeedsErase => None,
-            Self::TooLong => Some(Found::without_record(Stored::Later, 0)),
-            Self::Damaged => Some(Found::without_record(Stored::Damaged, 0)),
-        }
+/// Converts the result of reading the copies to contents of the memory. `None` if the map must erase a page first, and motors are
+/// not off.
+fn found<E>(copies: Result<Found, Error<FlashError<E>>>) -> Option<Found> {
+    match copies {
+        Ok(found) => Some(found),
+        Err(Error::Storage { value: FlashError::MayNotErase, .. }) => None,
+        // This firmware writes no items that are so long.
+        Err(Error::BufferTooSmall(_)) => Some(Found::without_record(Stored::Later, 0)),
+        Err(_) => Some(Found::without_record(Stored::Damaged, 0)),
     }
 }
+
+/// An error of the map, or of its flash.
+type MapError<F> = Error<FlashError<<F as ErrorType>::Error>>;
 
 /// Converts an error of the map to the outcome of a request.
 const fn outcome<E>(error: &Error<FlashError<E>>) -> Outcome {
@@ -321,7 +308,7 @@ impl<F: NorFlash> SharedFlash<F> {
 #[derive(Debug)]
 enum FlashError<E> {
     /// No page may be erased, because motors run or a page is hidden.
-    MotorsRun,
+    MayNotErase,
     /// The flash reports an error.
     Flash(E),
 }
@@ -330,7 +317,7 @@ impl<E> FlashError<E> {
     /// Converts the error to the outcome of a request.
     const fn outcome(&self) -> Outcome {
         match self {
-            Self::MotorsRun => Outcome::NeedsErase,
+            Self::MayNotErase => Outcome::NeedsErase,
             Self::Flash(_) => Outcome::Refused,
         }
     }
@@ -339,7 +326,7 @@ impl<E> FlashError<E> {
 impl<E: NorFlashError> NorFlashError for FlashError<E> {
     fn kind(&self) -> NorFlashErrorKind {
         match self {
-            Self::MotorsRun => NorFlashErrorKind::Other,
+            Self::MayNotErase => NorFlashErrorKind::Other,
             Self::Flash(error) => error.kind(),
         }
     }
@@ -373,7 +360,7 @@ impl<F: NorFlash> NorFlash for SharedFlash<F> {
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Self::Error> {
         if !self.may_erase || self.visible.is_some() {
-            return Err(FlashError::MotorsRun);
+            return Err(FlashError::MayNotErase);
         }
         self.flash.erase(from, to).await.map_err(FlashError::Flash)
     }

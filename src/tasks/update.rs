@@ -49,7 +49,7 @@ use embedded_storage_async::nor_flash::{
 /// Number of [rounds](Health::rounds) before new firmware is confirmed. In each round all tasks check in.
 pub const CONFIRM_AFTER_ROUNDS: u32 = 40;
 
-/// Interval at which the task looks at the rounds, or at the motors, while the task waits for them.
+/// Interval at which the task checks rounds or motors, while the task waits for rounds or for disabled motors.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Number of attempts to write the confirmation of new firmware.
@@ -101,7 +101,7 @@ pub async fn run<M: RawMutex, const N: usize>(
     }
 }
 
-/// Confirms this firmware, and returns what the bootloader's state says then.
+/// Confirms this firmware, and returns what [`Slots::booted`] reads afterwards.
 ///
 /// While the state still says that the firmware is on trial, the confirmation is tried again after a pause, because a reset
 /// would otherwise restore the previous firmware. Returns [`Booted::Unconfirmable`] if [`CONFIRM_ATTEMPTS`] attempts have
@@ -155,8 +155,8 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
         FirmwareState::new(&mut self.state, word)
     }
 
-    /// Reads the bootloader's state. After the start the state says how this firmware was started. After [`arm`](Self::arm) it
-    /// says [`Booted::OnTrial`]. [`Booted::Unknown`] if the state cannot be read.
+    /// Reads from the bootloader's state how this firmware was started. After [`arm`](Self::arm) the result is [`Booted::OnTrial`],
+    /// although the new firmware has not been started. [`Booted::Unknown`] if the state cannot be read.
     pub async fn booted(&mut self) -> Booted {
         let mut word = [0; WORD];
         match self.state(&mut word).get_state().await {
@@ -262,12 +262,13 @@ async fn checksum<F: ReadNorFlash>(flash: &mut F, from: u32, length: u32) -> Res
     Ok(sum.finalize())
 }
 
-/// The flash with the bootloader's state. Hub and bootloader must both access the state by this type.
+/// The flash with the bootloader's state. Hub and bootloader must both access the state through this
+/// type.
 ///
 /// * Before an erasure the swap mark is overwritten with 0. If a power failure interrupted the erasure, the swap mark could
 ///   otherwise remain while the progress of the swap is erased already. The bootloader would then swap a second time.
-/// * Only the swap mark is written twice, before an erasure. Zeros are not written to any other word that has been written
-///   already, because the flash permits no second write to a word.
+/// * Only the swap mark is written twice, before an erasure. A write of zeros to another word that is written already is skipped,
+///   because the flash permits no second write to a word.
 pub struct StateFlash<S>(pub S);
 
 impl<S: ErrorType> ErrorType for StateFlash<S> {

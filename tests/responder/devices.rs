@@ -197,7 +197,7 @@ fn an_analog_input_without_a_reading_is_refused_and_reads_0_in_bulk() {
     let mut host = TestHost::settled();
     let input = Some(AnalogReading { voltage: Millivolts::new(1_234), counts: 1_531 });
     let readings = AnalogReadings { inputs: [None, input, None, None], ..AnalogReadings::default() };
-    host.responder.converter.readings = readings;
+    host.responder.readings = readings;
     for channel in [0, 2, 3, 12, 14] {
         assert_eq!(host.call(7, &[channel, 0]), Said::Nack(81), "{channel}");
     }

@@ -2,11 +2,10 @@
 
 use crate::host::{TestHost, bytes_of, decode};
 use motor_hub::hub::{Action, Command};
-use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::protocol::answers::{Bulk, Reply};
 use motor_hub::protocol::frame::encode;
 use motor_hub::regulator::Coefficients;
-use motor_hub::units::{Control, CountsPerSecond, Period};
+use motor_hub::units::Period;
 
 /// The replies of a fresh hub to these requests.
 fn session(host: &mut TestHost, requests: &[&str]) -> Vec<Vec<u8>> {
@@ -26,47 +25,6 @@ fn a_host_finds_the_hub_and_its_interface_and_reads_status_and_battery() {
     for (request, reply) in exchanges {
         assert_eq!(session(&mut host, &[request]), [bytes_of(reply)], "{request}");
     }
-}
-
-#[test]
-fn a_host_runs_a_motor_at_half_power() {
-    let mut host = TestHost::new();
-    let replies = session(
-        &mut host,
-        &[
-            "44 4b 0e 00 03 00 05 00 08 10 00 00 01 be",
-            "44 4b 0e 00 03 00 06 00 0f 10 00 ff 3f 03",
-            "44 4b 0d 00 03 00 07 00 0a 10 00 01 c1",
-        ],
-    );
-    assert_eq!(replies.len(), 3);
-    assert!(replies.iter().all(|reply| decode(reply).id == 0x7F01));
-    let settings = motor_hub::motor::Settings { zero_power: ZeroPower::Float, ..crate::host::settings() };
-    assert_eq!(
-        host.new_commands(),
-        [
-            Command { motor: 0, action: Action::Configure(settings) },
-            Command { motor: 0, action: Action::Set(Setpoint::ConstantPower(Control::new(16_383))) },
-        ]
-    );
-}
-
-#[test]
-fn a_host_sets_velocity_and_position_targets() {
-    let mut host = TestHost::new();
-    let replies = session(
-        &mut host,
-        &[
-            "44 4b 0e 00 03 00 08 00 11 10 00 d4 fe 9b",
-            "44 4b 12 00 03 00 09 00 13 10 00 18 fc ff ff 19 00 fb",
-        ],
-    );
-    assert!(replies.iter().all(|reply| decode(reply).id == 0x7F01));
-    assert!(host.new_commands().is_empty(), "setting targets enables nothing");
-    host.do_all(&[(8, &[0, 2, 0]), (10, &[0, 1])]);
-    let setpoint =
-        Setpoint::Position { target: -1000, tolerance: 25, speed_limit: CountsPerSecond::new(300) };
-    assert_eq!(host.new_commands().last().map(|c| c.action), Some(Action::Set(setpoint)));
 }
 
 #[test]
@@ -120,16 +78,4 @@ fn the_fields_of_a_bulk_answer_are_in_order() {
     let expected = "44 4b 2e 00 00 03 08 0c 00 90 01 62 01 00 00 f9 ff ff ff 00 00 00 00 00 00 00 \
                     00 20 78 05 d4 fe 00 00 00 00 64 00 c8 00 2c 01 90 01 00 17";
     assert_eq!(frame.to_vec(), bytes_of(expected));
-}
-
-#[test]
-fn a_host_asks_for_fail_safe() {
-    let mut host = TestHost::settled();
-    host.do_all(&[(15, &[2, 0, 64]), (10, &[2, 1])]);
-    host.new_commands();
-    let replies = session(&mut host, &["44 4b 0b 00 03 00 0d 00 05 7f 2e"]);
-    let reply = decode(&replies[0]);
-    assert_eq!((reply.id, reply.payload.as_slice()), (0x7F01, &[1][..]), "attention");
-    let expected = [0, 1, 2, 3].map(|motor| Command { motor, action: Action::Set(Setpoint::Disabled) });
-    assert_eq!(host.new_commands(), expected);
 }

@@ -100,7 +100,7 @@ fn a_later_command_to_a_member_alone_takes_it_out_of_the_group() {
             "{function}: {commands:?}"
         );
     }
-    // Questions are none, and neither are others.
+    // Requests that only read, and requests to other motors, do not take a member out.
     let mut host = enabled();
     ask(&mut host, 1, pair(1, 2));
     assert!(matches!(host.call(11, &[3]), Said::Data(_)));

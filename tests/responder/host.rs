@@ -176,8 +176,7 @@ pub(crate) fn decode(mut frame: &[u8]) -> Packet {
     packet
 }
 
-/// Frames hidden anywhere in a stream, overlapping ones too, found without any cleverness: where each
-/// starts, and the frame.
+/// All frames in a stream, also frames that overlap: the position of each frame, and its bytes.
 pub(crate) fn frames_in(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
     bytes.windows(2).enumerate().filter(|(_, pair)| pair == b"\x44\x4B").filter_map(|(at, _)| {
         let rest = &bytes[at..];

@@ -1,4 +1,4 @@
-//! What a host hears of what happened.
+//! Answers with the record of faults.
 
 use crate::host::{Said, TestHost};
 use motor_hub::extension::HubFunction;

@@ -1,4 +1,4 @@
-//! A host says which motor is on a channel and what its control values mean.
+//! Settings of a motor, and the reports of the extension.
 
 use crate::host::{Said, TestHost, responder_with, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, OperatingPoint, Points, Regime, Scheme, Winding};
@@ -73,18 +73,6 @@ fn a_motor_is_set_up_with_the_coefficients_that_go_with_it() {
             assert_eq!(host.ask(FIRST_FUNCTION + 1, &[2]), Said::Data(fields));
         }
     }
-}
-
-#[test]
-fn the_motor_that_the_hub_starts_with_reads_back() {
-    let mut host = TestHost::settled();
-    let winding = settings().winding;
-    let uh = winding.inductance.expect("known").as_microhenries();
-    let started = fields(winding.emf.to_bits(), winding.resistance.as_milliohms(), uh, 1, 0, 1);
-    assert_eq!(
-        [0, 3].map(|motor| host.ask(FIRST_FUNCTION + 1, &[motor])),
-        [0, 3].map(|_| Said::Data(started.clone()))
-    );
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Motors, keep-alive, fail-safe, attention and the LED, as a host lives through them.
+//! Motors, keep-alive timer, fail-safe, attention and LED, as a host observes them.
 
 use crate::host::{N, Said, TestHost, frame_to, settings};
 use motor_hub::extension::report::Commands;
@@ -283,13 +283,6 @@ fn a_battery_that_becomes_low_sets_attention_once_and_stays_in_the_status() {
 }
 
 #[test]
-fn an_encoder_fault_is_a_motor_alert() {
-    let mut host = TestHost::settled();
-    host.snapshot.motors[2].faults.encoder_stale = true;
-    assert_eq!(host.ask(0x7F03, &[0]), Said::Data(vec![0, 1 << 2]));
-}
-
-#[test]
 fn attention_is_set_until_the_status_is_read_and_cleared() {
     let mut host = TestHost::new();
     assert_eq!(keep_alive(&mut host), Said::Ack(1), "after a reset");
@@ -484,7 +477,6 @@ fn a_motor_set_to_brake_at_faults_brakes_when_its_host_is_silent() {
 #[test]
 fn a_current_above_its_alert_is_reported_measured_or_modelled() {
     let mut host = TestHost::settled();
-    let adc = motor_hub::protocol::requests::FIRST_FUNCTION + 7;
     let over = |host: &mut TestHost| match host.call(0, &[]) {
         Said::Data(bulk) => bulk[17] & 0x0F,
         other => panic!("{other:?}"),
@@ -495,11 +487,7 @@ fn a_current_above_its_alert_is_reported_measured_or_modelled() {
         host.snapshot.motors[1].measured = Some(Milliamperes::new(ma));
         host.snapshot.motors[2].measured = Some(Milliamperes::new(ma));
         assert_eq!(over(&mut host), alerts, "{ma} mA");
-        assert_eq!(host.ask(adc, &[9, 0]), Said::Data((ma as u16).to_le_bytes().to_vec()));
     }
-    // Currents saturate.
-    host.snapshot.motors[1].measured = Some(Milliamperes::new(40_000));
-    assert_eq!(host.ask(adc, &[9, 0]), Said::Data(vec![0xFF, 0x7F]));
     host.snapshot.motors[1].measured = None;
     for (ma, alerts) in [(-2_000, 0), (-2_001, 2)] {
         host.snapshot.motors[1].current = Milliamperes::new(ma);
@@ -508,8 +496,9 @@ fn a_current_above_its_alert_is_reported_measured_or_modelled() {
 }
 
 #[test]
-fn a_bridge_that_has_switched_itself_off_is_a_motor_alert() {
+fn a_silent_encoder_and_a_bridge_that_has_switched_itself_off_are_motor_alerts() {
     let mut host = TestHost::settled();
+    host.snapshot.motors[2].faults.encoder_stale = true;
     host.snapshot.motors[3].faults.bridge = true;
-    assert_eq!(host.ask(0x7F03, &[0]), Said::Data(vec![0, 0x80]));
+    assert_eq!(host.ask(0x7F03, &[0]), Said::Data(vec![0, 1 << 2 | 1 << 7]));
 }

@@ -1,4 +1,4 @@
-//! What a host finds again after power was gone.
+//! Settings that a hub stores and restores.
 
 use crate::host::{HUB, N, Said, TestHost, bytes_of, responder_with, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
@@ -102,7 +102,7 @@ fn a_board_without_a_memory_refuses_and_accesses_nothing() {
 fn only_saved_settings_are_restored() {
     let mut host = empty();
     set_everything(&mut host);
-    // Targets are no settings.
+    // Targets are not stored.
     host.do_all(&[(17, &[2, 100, 0]), (10, &[2, 1])]);
     let (before, enabled) = (all(&mut host), host.responder.enabled());
     assert_eq!((enabled, report(&mut host).differs), ([false, false, true, false], true));
@@ -126,7 +126,7 @@ fn only_saved_settings_are_restored() {
     let configured = |command: &Command| matches!(command.action, Action::Configure(_));
     let commands = again.new_commands();
     assert!(commands.len() == N && commands.iter().all(configured), "{commands:?}");
-    // A second save of the same is the same, but for its number.
+    // A second save of the same settings differs in its number only.
     again.ask(SAVE, &[]);
     let second = carried_out(&mut again);
     assert_eq!(second.number(), 2);
@@ -172,7 +172,7 @@ fn missing_entries_and_fields_are_the_firmwares() {
     set_everything(&mut host);
     host.ask(SAVE, &[]);
     let whole = carried_out(&mut host);
-    // As an older firmware would have written it, which knew no inductance, scheme or duty, and no protection at all.
+    // A record of older firmware, which had no inductance, scheme and duty, and no protection.
     let mut older = SettingsRecord::new(1);
     for entry in whole.entries().filter(|entry| entry.id != FIRST_FUNCTION + 8) {
         let length = if entry.id == FIRST_FUNCTION { 7 } else { entry.payload.len() };
@@ -359,6 +359,8 @@ fn load_restores_the_stored_settings_and_reset_the_firmwares() {
 
     assert!(matches!(host.ask(RESET, &[]), Said::Ack(_)));
     assert_eq!(all(&mut host), all(&mut TestHost::new()));
+    let commands = host.new_commands();
+    assert!(commands.contains(&Command { motor: 2, action: Action::Configure(settings()) }), "{commands:?}");
     let stored = carried_out(&mut host);
     assert_eq!((stored.number(), stored.entries().count()), (2, 0));
     assert!(!report(&mut host).differs);
@@ -371,7 +373,7 @@ fn a_later_firmwares_settings_are_refused_and_kept_until_they_are_reset() {
     let StoreReport { stored, version, .. } = report(&mut host);
     assert_eq!((stored, version), (Stored::Later, 3));
     assert_eq!(host.ask(SAVE, &[]), Said::Nack(62));
-    // Not even the address.
+    // The address is not stored either.
     host.ask(0x7F06, &[9]);
     assert_eq!(host.responder.store_request(&host.snapshot), None);
     let mut host = powered_on(Found::without_record(Stored::Later, 3));
@@ -423,7 +425,7 @@ fn an_address_that_has_no_room_waits_for_motors_to_be_off() {
     assert_eq!(host.responder.store_request(&host.snapshot), None);
     host.responder.tick(motor_hub::units::Micros::new(60_000_000), &host.snapshot);
     assert!(order(&mut host).may_erase);
-    // A memory that fails is not worn out by it.
+    // After an error of the memory the hub does not try again.
     host.responder.store_done(None, Outcome::Refused);
     assert_eq!(host.responder.store_request(&host.snapshot), None);
 }
@@ -480,7 +482,7 @@ proptest! {
         let before = settings_in_force(&commands);
         prop_assert_eq!(before.len(), N);
         let address = host.responder.address();
-        // Not by a host, which may not know the address.
+        // Not by `TestHost::ask`, because the record may have changed the address.
         let save = motor_hub::extension::Request::from(motor_hub::extension::HubFunction::Save);
         let packet = save.packet(address.get(), 1, save.id());
         host.responder.receive(&packet, host.now, &host.snapshot);
@@ -491,16 +493,6 @@ proptest! {
             prop_assert_eq!(again.responder.address(), address);
         }
     }
-}
-
-#[test]
-fn a_reset_configures_motors_with_the_boards_settings() {
-    let mut host = empty();
-    set_everything(&mut host);
-    host.new_commands();
-    host.ask(RESET, &[]);
-    let commands = host.new_commands();
-    assert!(commands.contains(&Command { motor: 2, action: Action::Configure(settings()) }), "{commands:?}");
 }
 
 /// A record that firmware 0.1.0 has written: type and payload of each entry. Motor 0 has a fault action and one loop from

@@ -1,4 +1,4 @@
-//! New firmware, as a host hears of it.
+//! Requests of a host about new firmware.
 
 use crate::host::{SLOT, Said, TestHost};
 use motor_hub::extension::HubFunction;

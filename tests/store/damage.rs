@@ -1,7 +1,7 @@
-//! Bits that turn, memories that fail, motors that run.
+//! Damaged bits, memories that fail, and saves while motors run.
 
-use crate::flash::{Flash, block_on, read, write};
-use crate::torn_flash::NoPower;
+use crate::flash::{block_on, read, write};
+use crate::torn_flash::{Code, Flash, NoPower};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use motor_hub::store::{Found, Outcome, SettingsRecord, StoreRequest, Stored};
 use motor_hub::tasks::store::Keeper;
@@ -16,7 +16,7 @@ fn record(number: u32) -> SettingsRecord {
 
 /// Saves 1 and 2, and how far each has filled the first page.
 fn two_saves<const WORD: usize, const PAGE: usize>() -> (Flash<WORD, PAGE>, [usize; 3]) {
-    let mut flash = Flash::new();
+    let mut flash = Flash::new(2, Code::None);
     let end = |flash: &Flash<WORD, PAGE>| {
         flash.bytes[..PAGE].iter().rposition(|byte| *byte != 0xFF).expect("written").next_multiple_of(WORD)
     };
@@ -75,7 +75,7 @@ fn a_later_version_is_reported_and_kept() {
     let later = [2, 1, 0, 0, 0, 42];
     let longer = [1; 600];
     for (value, version) in [(&later[..], 2), (&longer, 0)] {
-        let mut flash = Flash::<4, 1024>::new();
+        let mut flash = Flash::<4, 1024>::new(2, Code::None);
         write(&mut flash, &record(1), true);
         store_as_is(&mut flash, 1, value);
         let before = flash.bytes.clone();
@@ -153,7 +153,7 @@ fn a_range_that_is_not_two_pages_is_refused() {
 
 #[test]
 fn nothing_is_erased_while_motors_run() {
-    let mut flash = Flash::<4, 1024>::new();
+    let mut flash = Flash::<4, 1024>::new(2, Code::None);
     let mut refused = 0;
     let mut last = SettingsRecord::new(0);
     for number in 1..=60 {

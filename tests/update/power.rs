@@ -1,7 +1,7 @@
 //! Updates and rollbacks by the bootloader over a flash in memory. The power fails before, in and after every write and
 //! erasure, and a second time afterwards. The firmware before or the new firmware must boot.
 
-use crate::torn_flash::{NoPower, Random};
+use crate::torn_flash::{Code, Cut, Flash, NoPower, Random, Tear};
 use embassy_boot::{BootLoader, BootLoaderConfig};
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
@@ -24,134 +24,16 @@ pub(crate) const STATE: Range<usize> = 7 * PAGE..8 * PAGE;
 /// Bytes of both images: not whole pages, nor whole words.
 const LENGTH: usize = 2 * PAGE + 5 * WORD + 7;
 
-/// State of the word or page at which the power fails.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Tear {
-    /// The step has not begun.
-    Before,
-    /// Each bit has changed, or has not.
-    Bits,
-    /// An erasure has got half way, from the front; a word is as with `Bits`.
-    Half,
-    /// An erasure has spared the first word alone, and made all else blank; a word is as with `Bits`.
-    First,
-}
-
+/// States of a page after a cut.
 const TEARS: [Tear; 4] = [Tear::Before, Tear::Bits, Tear::Half, Tear::First];
 
-/// Codes that a flash has for its words.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Code {
-    None,
-    /// The code of a word that was written twice fits the word, or no word at all: the board reads zeros.
-    Detects,
-    /// The code of a word that was written twice makes the flash turn a bit of the word.
-    Corrects,
-}
+pub(crate) type Chip = Flash<WORD, PAGE>;
 
-/// A chip's flash.
-#[derive(Clone)]
-pub(crate) struct Chip {
-    bytes: Vec<u8>,
-    /// Words with an error-correcting code that does not fit, which the board reads as zeros; none on a chip without.
-    torn: Vec<bool>,
-    code: Code,
-    steps: usize,
-    cut: Option<(usize, Tear)>,
-}
-
-impl Chip {
-    pub(crate) fn new(code: Code) -> RefCell<Self> {
-        let mut bytes = vec![0xFF; STATE.end];
-        bytes[ACTIVE][..LENGTH].copy_from_slice(&image(1));
-        RefCell::new(Self { bytes, torn: vec![false; STATE.end / WORD], code, steps: 0, cut: None })
-    }
-
-    /// Puts bytes into the flash, as a fault or a probe may.
-    pub(crate) fn put(&mut self, at: usize, bytes: &[u8]) {
-        self.bytes[at..at + bytes.len()].copy_from_slice(bytes);
-    }
-
-    /// Turns the lowest bit of a byte.
-    pub(crate) fn turn_bit(&mut self, at: usize) {
-        self.bytes[at] ^= 1;
-    }
-
-    fn alive(&self) -> Result<(), NoPower> {
-        if self.cut.is_some_and(|(at, _)| self.steps > at) { Err(NoPower) } else { Ok(()) }
-    }
-
-    /// Begins the next step. Returns how the power fails in it, `None` if it does not.
-    fn step(&mut self) -> Result<Option<(Tear, Random)>, NoPower> {
-        self.alive()?;
-        let step = self.steps;
-        self.steps += 1;
-        Ok(self.cut.filter(|(at, _)| *at == step).map(|(_, tear)| (tear, Random(step as u64))))
-    }
-
-    fn read(&self, at: usize, bytes: &mut [u8]) -> Result<(), NoPower> {
-        self.alive()?;
-        for (byte, at) in bytes.iter_mut().zip(at..) {
-            *byte = if self.torn[at / WORD] { 0 } else { self.bytes[at] };
-        }
-        Ok(())
-    }
-
-    fn write(&mut self, at: usize, bytes: &[u8]) -> Result<(), NoPower> {
-        assert_eq!([at % WORD, bytes.len() % WORD], [0; 2], "whole words");
-        for (at, bytes) in (at..).step_by(WORD).zip(bytes.chunks(WORD)) {
-            let cut = self.step()?;
-            let word = &mut self.bytes[at..at + WORD];
-            let blank = word.iter().all(|byte| *byte == 0xFF);
-            assert!(blank || bytes.iter().all(|byte| *byte == 0), "written again at {at}");
-            match cut {
-                Some((Tear::Before, _)) => return Err(NoPower),
-                Some((_, mut random)) => {
-                    word.iter_mut().zip(bytes).for_each(|(old, new)| *old &= new | random.byte());
-                    self.torn[at / WORD] = self.code != Code::None;
-                    return Err(NoPower);
-                }
-                None => word.copy_from_slice(bytes),
-            }
-            if !blank && self.code == Code::Corrects {
-                word[WORD / 2] ^= 1;
-                // The driver reads the word back.
-                return Err(NoPower);
-            }
-        }
-        Ok(())
-    }
-
-    fn erase(&mut self, from: usize, to: usize) -> Result<(), NoPower> {
-        assert_eq!([from % PAGE, to % PAGE], [0; 2], "whole pages");
-        for at in (from..to).step_by(PAGE) {
-            let cut = self.step()?;
-            let page = &mut self.bytes[at..at + PAGE];
-            let torn = &mut self.torn[at / WORD..(at + PAGE) / WORD];
-            let Some((tear, mut random)) = cut else {
-                page.fill(0xFF);
-                torn.fill(false);
-                continue;
-            };
-            match tear {
-                Tear::Before => (),
-                Tear::Bits => {
-                    page.iter_mut().for_each(|byte| *byte |= random.byte());
-                    torn.fill(self.code != Code::None);
-                }
-                Tear::Half => {
-                    page[..PAGE / 2].fill(0xFF);
-                    torn[..PAGE / 2 / WORD].fill(false);
-                }
-                Tear::First => {
-                    page[WORD..].fill(0xFF);
-                    torn[1..].fill(false);
-                }
-            }
-            return Err(NoPower);
-        }
-        Ok(())
-    }
+/// A chip with the first firmware.
+pub(crate) fn new_chip(code: Code) -> RefCell<Chip> {
+    let mut chip = Chip::new(STATE.end / PAGE, code);
+    chip.put(ACTIVE.start, &image(1));
+    RefCell::new(chip)
 }
 
 /// A part of the chip's flash, for blocking and for async access.
@@ -201,7 +83,7 @@ fn boot(chip: &RefCell<Chip>) -> Result<u8, NoPower> {
     let idle = || unreachable!("this flash is never busy");
     let erasing = || ();
     let found = block_on(discard_stale_swap(&mut Part(chip, ACTIVE), &mut StateFlash(Part(chip, STATE))));
-    chip.borrow().alive()?;
+    chip.borrow().has_power()?;
     found.expect("only power fails");
     let config = BootLoaderConfig {
         active: BlockingFlash { flash: Part(chip, ACTIVE), idle, erasing },
@@ -209,7 +91,7 @@ fn boot(chip: &RefCell<Chip>) -> Result<u8, NoPower> {
         state: BlockingFlash { flash: StateFlash(Part(chip, STATE)), idle, erasing },
     };
     let done = BootLoader::new(config).prepare_boot(&mut [0; 2 * WORD]);
-    chip.borrow().alive()?;
+    chip.borrow().has_power()?;
     done.expect("only power fails");
     let mut booted = vec![0; LENGTH];
     chip.borrow().read(ACTIVE.start, &mut booted)?;
@@ -230,7 +112,7 @@ fn live(chip: &RefCell<Chip>, good: bool) -> Result<(), NoPower> {
     let done = |outcome| if outcome == Outcome::Done { Ok(()) } else { Err(NoPower) };
     for _ in 0..8 {
         let booted = block_on(slots.booted());
-        chip.borrow().alive()?;
+        chip.borrow().has_power()?;
         match (booted, version) {
             (Booted::OnTrial, 2) if good => done(block_on(slots.confirm()))?,
             // The firmware hangs, and the watchdog resets the chip.
@@ -268,10 +150,11 @@ fn cut_everywhere(good: bool, code: Code) -> (usize, usize) {
         let steps = mended.borrow().steps;
         for again in (cuts % 41..steps).step_by(41) {
             let tear = TEARS[(again + cuts) % TEARS.len()];
-            let chip = RefCell::new(Chip { cut: Some((again, tear)), ..left.clone() });
+            let chip = RefCell::new(left.clone());
+            chip.borrow_mut().cut = Some(Cut { step: again, tear, seed: again as u64 });
             live(&chip, good).expect_err("power goes");
             second_cuts += 1;
-            let mended = RefCell::new(Chip { steps: 0, cut: None, ..chip.into_inner() });
+            let mended = RefCell::new(chip.into_inner().powered_on());
             live(&mended, good).unwrap_or_else(|_| panic!("no life after {what}, and {again}"));
         }
     }
@@ -280,14 +163,14 @@ fn cut_everywhere(good: bool, code: Code) -> (usize, usize) {
 
 /// The chip after a cut at every step of an update, with a description of the cut.
 fn cuts_of(good: bool, code: Code) -> impl Iterator<Item = (Chip, String)> {
-    let whole = Chip::new(code);
+    let whole = new_chip(code);
     live(&whole, good).expect("power");
     let steps = whole.into_inner().steps;
     (0..steps).flat_map(|at| TEARS.map(|tear| (at, tear))).map(move |(at, tear)| {
-        let chip = Chip::new(code);
-        chip.borrow_mut().cut = Some((at, tear));
+        let chip = new_chip(code);
+        chip.borrow_mut().cut = Some(Cut { step: at, tear, seed: at as u64 });
         live(&chip, good).expect_err("power goes");
-        (Chip { steps: 0, cut: None, ..chip.into_inner() }, format!("{tear:?} at step {at}"))
+        (chip.borrow().powered_on(), format!("{tear:?} at step {at}"))
     })
 }
 
@@ -312,9 +195,8 @@ fn what_a_probe_has_written_boots_whatever_swap_was_ordered_or_begun_before() {
     for good in [true, false] {
         for (left, what) in cuts_of(good, Code::Detects) {
             let mut left = left;
-            left.bytes[ACTIVE].fill(0xFF);
-            left.bytes[ACTIVE][..LENGTH].copy_from_slice(&image(3));
-            left.torn[ACTIVE.start / WORD..ACTIVE.end / WORD].fill(false);
+            left.put(ACTIVE.start, &[0xFF; ACTIVE.end - ACTIVE.start]);
+            left.put(ACTIVE.start, &image(3));
             let chip = RefCell::new(left);
             for boots in 1..=2 {
                 assert_eq!(boot(&chip).expect("power"), 3, "boot {boots} after {what}");

@@ -1,6 +1,7 @@
 //! Signed images are armed if the signature is valid. Signatures are made by OpenSSL and by our own code.
 
-use crate::power::{ACTIVE, Chip, Code, DOWNLOAD, Part, STATE, WORD, slots};
+use crate::power::{ACTIVE, Chip, DOWNLOAD, Part, STATE, WORD, new_chip, slots};
+use crate::torn_flash::Code;
 use embassy_futures::block_on;
 use motor_hub::tasks::update::{StateFlash, discard_refused_swap};
 use motor_hub::update::{Booted, CHUNK, CRC, Outcome, ROLLBACK_VERSION_AT, Seal, public_key};
@@ -22,7 +23,7 @@ fn image() -> Vec<u8> {
 
 /// A chip whose firmware has this rollback version.
 fn chip(version: u32) -> RefCell<Chip> {
-    let chip = Chip::new(Code::Detects);
+    let chip = new_chip(Code::Detects);
     chip.borrow_mut().put(ACTIVE.start + ROLLBACK_VERSION_AT as usize, &version.to_le_bytes());
     chip
 }
@@ -158,7 +159,7 @@ fn a_bootloader_with_a_key_swaps_in_only_what_the_key_has_signed() {
     // Firmware that has changed since, and firmware that has become older than the present one.
     for at in [0, 40, 999] {
         let turned = armed();
-        turned.borrow_mut().turn_bit(DOWNLOAD.start + at);
+        turned.borrow_mut().bytes[DOWNLOAD.start + at] ^= 1;
         assert_eq!(checked(&turned, seal.key), Booted::WentBack, "byte {at}");
     }
     let newer = armed();
@@ -173,7 +174,7 @@ fn a_swap_that_has_begun_is_not_checked_again() {
     assert_eq!(sent_to(&chip, &image, Some(seal)), ARMED);
     // The first step is done, and the next ones overwrite the new firmware in the slot that it was written to.
     chip.borrow_mut().put(STATE.start + 2 * WORD, &[0; WORD]);
-    chip.borrow_mut().turn_bit(DOWNLOAD.start + 40);
+    chip.borrow_mut().bytes[DOWNLOAD.start + 40] ^= 1;
     assert_eq!(checked(&chip, seal.key), Booted::OnTrial);
 }
 

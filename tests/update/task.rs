@@ -1,6 +1,7 @@
 //! The task that owns the slots, under virtual time.
 
-use crate::power::{ACTIVE, Chip, Code, DOWNLOAD, Part, STATE};
+use crate::power::{ACTIVE, DOWNLOAD, Part, STATE, new_chip};
+use crate::torn_flash::Code;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, MockDriver};
 use embedded_storage_async::nor_flash::{
@@ -78,7 +79,7 @@ impl Watchdog for Fed {
 #[test]
 fn firmware_that_cannot_confirm_itself_lets_all_other_tasks_run_and_says_so() {
     MockDriver::get().reset();
-    let chip = Chip::new(Code::Detects);
+    let chip = new_chip(Code::Detects);
     let slots = Slots::new(Part(&chip, ACTIVE), Part(&chip, DOWNLOAD), Refusing::default());
     let slots = slots.expect("words that fit");
     let wires = Wires::<NoopRawMutex, 1>::new();

@@ -118,16 +118,6 @@ fn is_new() -> bool {
     new
 }
 
-/// The newest reading of VREFINT.
-pub(crate) fn vrefint() -> u16 {
-    pac::ADC1.jdr(0).read().jdata()
-}
-
-/// The newest reading of the temperature sensor.
-pub(crate) fn temperature() -> u16 {
-    pac::ADC1.jdr(1).read().jdata()
-}
-
 impl Calibrate for BatteryAdc {}
 
 impl SupplyAdc for BatteryAdc {
@@ -140,7 +130,7 @@ impl SupplyAdc for BatteryAdc {
                 return None;
             }
         }
-        self.vrefint = vrefint();
+        self.vrefint = analog::vrefint();
         self.scale.battery(pac::ADC1.dr().read().data(), self.vrefint)
     }
 

@@ -9,8 +9,6 @@ use motor_hub::board::{ANALOG_INPUTS, AnalogReadings};
 use motor_hub_stm32::analog::{Factory, Newest, Sequence};
 use motor_hub_stm32::supply::FactoryWord;
 
-use crate::adc;
-
 /// ADC2_IN4, IN5, IN6 and IN0 (STM32F429 data sheet, pin definitions), by input.
 const INPUTS: [u8; ANALOG_INPUTS] = [4, 5, 6, 0];
 /// ADC2_IN9 is PB1 (STM32F429 data sheet, pin definitions).
@@ -43,6 +41,16 @@ pub(crate) fn set_up(_: Peri<'static, ADC2>, mut pins: [Flex<'static>; ANALOG_IN
     pac::ADC2.cr2().modify(|w| w.set_adon(true));
 }
 
+/// The newest reading of VREFINT, which is the first of ADC1's injected group.
+pub(crate) fn vrefint() -> u16 {
+    pac::ADC1.jdr(0).read().jdata()
+}
+
+/// The newest reading of the temperature sensor, which is the second of ADC1's injected group.
+fn temperature() -> u16 {
+    pac::ADC1.jdr(1).read().jdata()
+}
+
 /// Collects the readings of a sequence that has ended.
 fn collect() {
     if pac::ADC2.sr().read().jeoc() {
@@ -50,8 +58,8 @@ fn collect() {
         let sequence = Sequence {
             inputs: core::array::from_fn(|place| pac::ADC2.jdr(place).read().jdata()),
             rail: pac::ADC2.dr().read().data(),
-            temperature: adc::temperature(),
-            vrefint: adc::vrefint(),
+            temperature: temperature(),
+            vrefint: vrefint(),
         };
         NEWEST.ended(sequence);
     }

@@ -17,12 +17,12 @@ use current::CurrentLines;
 use defmt::unwrap;
 use defmt_rtt as _;
 use embassy_executor::Spawner;
+use embassy_stm32::bind_interrupts;
 use embassy_stm32::flash::{self, Async, Bank2Region1, Flash};
 use embassy_stm32::gpio::{Input, Pull};
 use embassy_stm32::interrupt::typelevel;
 use embassy_stm32::peripherals::{I2C1, I2C2, I2C3, UART4, USART3, USART6};
 use embassy_stm32::usart::BufferedInterruptHandler;
-use embassy_stm32::{bind_interrupts, pac};
 use motor_hub::tasks::store::Keeper;
 use motor_hub_stm32::bridge_faults::{DiagLines, line};
 use motor_hub_stm32::connectors::Connectors;
@@ -44,7 +44,8 @@ motor_hub_stm32::hub! {
     pins: 8,
     servos: 6,
     i2c: [i2c::Bus; 3],
-    pwm: TIM1,
+    pwm: TIM1, tim1en,
+    directions: { GPIOD: 0..8 },
     encoders: [TIM2, TIM3, TIM4, TIM8],
     watchdog: IWDG,
     detector: PVD, cr1,
@@ -61,15 +62,6 @@ bind_interrupts!(struct Irqs {
     USART6 => transmission::End<typelevel::USART6>, BufferedInterruptHandler<USART6>;
     UART4 => transmission::End<typelevel::UART4>, BufferedInterruptHandler<UART4>;
 });
-
-/// Opens all bridges until a reset, from any context: PWM low first, then all direction lines, PD0 to PD7.
-fn open_all_bridges() {
-    // Without its clock the timer drives nothing, and an access would be a fault.
-    if pac::RCC.apb2enr().read().tim1en() {
-        pac::TIM1.bdtr().modify(|w| w.set_moe(false));
-    }
-    pac::GPIOD.bsrr().write(|w| (0..8).for_each(|pin| w.set_br(pin, true)));
-}
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {

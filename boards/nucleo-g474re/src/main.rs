@@ -12,10 +12,10 @@ use adc::BatteryAdc;
 use defmt::unwrap;
 use defmt_rtt as _;
 use embassy_executor::Spawner;
+use embassy_stm32::bind_interrupts;
 use embassy_stm32::gpio::{Input, Pull};
 use embassy_stm32::peripherals::LPUART1;
 use embassy_stm32::usart::BufferedInterruptHandler;
-use embassy_stm32::{bind_interrupts, pac};
 use motor_hub_stm32::bridge_faults::{DiagLines, line};
 use motor_hub_stm32::connectors::Connectors;
 use motor_hub_stm32::encoders::{Counter, QuadratureCounters};
@@ -29,7 +29,8 @@ motor_hub_stm32::hub! {
     motors: 4,
     pins: 2,
     servos: 0,
-    pwm: TIM1,
+    pwm: TIM1, tim1en,
+    directions: { GPIOB: [0, 1, 2, 10], GPIOC: 0..4 },
     encoders: [TIM2, TIM3, TIM4, TIM8],
     watchdog: IWDG,
     detector: PVD_PVM, cr2,
@@ -41,17 +42,6 @@ motor_hub_stm32::hub! {
 bind_interrupts!(struct Irqs {
     LPUART1 => BufferedInterruptHandler<LPUART1>;
 });
-
-/// Opens all bridges until a reset, from any context: PWM low first, then all direction lines, PB0 to PB2,
-/// PB10, and PC0 to PC3.
-fn open_all_bridges() {
-    // Without its clock the timer drives nothing, and an access would be a fault.
-    if pac::RCC.apb2enr().read().tim1en() {
-        pac::TIM1.bdtr().modify(|w| w.set_moe(false));
-    }
-    pac::GPIOB.bsrr().write(|w| [0, 1, 2, 10].into_iter().for_each(|pin| w.set_br(pin, true)));
-    pac::GPIOC.bsrr().write(|w| (0..4).for_each(|pin| w.set_br(pin, true)));
-}
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {

@@ -440,6 +440,7 @@ impl Devices for Board {
 
     fn analog(&mut self) -> AnalogReadings {
         let vrefint = convert_exactly(VREFINT_V);
+        let servos = self.servos().iter().flatten().count() as i32;
         let inputs = self.0.borrow().analog_v.map(|volts| {
             let counts = convert_exactly(volts);
             let voltage = PIN_SCALE.battery(counts, vrefint)?;
@@ -449,13 +450,9 @@ impl Devices for Board {
             inputs,
             rail: FIVE_VOLT_SCALE.battery(convert_exactly(0.5 * FIVE_VOLTS), vrefint),
             temperature_decidegrees: Some(TEMPERATURE_DECIDEGREES),
+            // Nothing draws current from the digital pins.
+            supply_currents: Some([0, IMU_MA, servos * IDLE_SERVO_MA].map(Milliamperes::new)),
         }
-    }
-
-    /// Nothing draws current from the digital pins.
-    fn supply_currents(&mut self) -> Option<[Milliamperes; 3]> {
-        let servos = self.servos().iter().flatten().count() as i32;
-        Some([0, IMU_MA, servos * IDLE_SERVO_MA].map(Milliamperes::new))
     }
 
     fn exchange(&mut self, driven: u8, levels: u8) -> u8 {

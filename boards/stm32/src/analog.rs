@@ -59,6 +59,7 @@ impl Factory {
             }),
             rail: rail.and_then(|scale| scale.battery(sequence.rail, vrefint)),
             temperature_decidegrees: thermometer.decidegrees(sequence.temperature, vrefint, reference),
+            supply_currents: None,
         }
     }
 }

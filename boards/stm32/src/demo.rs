@@ -15,7 +15,7 @@ const POLL: Duration = Duration::from_millis(10);
 /// Polls the button and sends its commands. A pressed button pulls its pin high.
 pub async fn run<M: RawMutex, const N: usize>(input: Input<'static>, wires: &Wires<M, N>) -> ! {
     let mut ticker = Ticker::every(POLL);
-    let mut button = Button::new();
+    let mut button = Button::default();
     let mut current = Setpoint::Disabled;
     loop {
         ticker.next().await;

@@ -2,7 +2,7 @@
 
 /// Makes the program of a hub: statics, tasks, `Parts` and `start`.
 ///
-/// A board adds its pins, its module `chip`, `open_all_bridges`, and `main`. `main` starts the clocks, calls `begin`, makes the
+/// A board adds its pins, its module `chip`, and `main`. `main` starts the clocks, calls `begin`, makes the
 /// `Parts`, and calls `start`. The board's crate needs `cortex-m-rt`, `defmt`, `embassy-executor`, `embassy-stm32`,
 /// `embassy-sync`, `motor-hub` and `static_cell`.
 ///
@@ -10,7 +10,9 @@
 /// |---|---|
 /// | `motors`, `pins`, `servos` | number of motors, and of digital pins and servo outputs for a host |
 /// | `i2c` | type and number of the I2C buses for a host; left out on a board that has none |
-/// | `pwm`, `encoders`, `watchdog` | peripherals: timer of the bridges, timers of the encoders by motor, watchdog |
+/// | `pwm` | timer of the bridges, and the bit of RCC's register APB2ENR that gives the timer its clock |
+/// | `directions` | GPIO ports of the bridges' direction lines, each with the numbers of its lines |
+/// | `encoders`, `watchdog` | peripherals: timers of the encoders by motor, watchdog |
 /// | `detector` | interrupt of the chip's voltage detector, and the register of PWR that sets the detector |
 /// | `battery` | type of the converter of the battery |
 /// | `currents` | type of the converter that measures the currents of the bridges; `()` on a board without such a converter |
@@ -24,7 +26,8 @@ macro_rules! hub {
         pins: $pins:literal,
         servos: $servos:literal,
         $(i2c: [$bus:ty; $buses:literal],)?
-        pwm: $pwm:ident,
+        pwm: $pwm:ident, $clock:ident,
+        directions: { $($port:ident: $lines:expr),+ },
         encoders: [$($encoder:ident),+],
         watchdog: $watchdog:ident,
         detector: $detector:ident, $control:ident,
@@ -49,6 +52,22 @@ macro_rules! hub {
         static HEALTH: ::motor_hub::tasks::Health = ::motor_hub::tasks::Health::new()
             .expecting(::motor_hub::tasks::Task::Responder)
             .expecting(::motor_hub::tasks::Task::Bridges);
+
+        /// Opens all bridges until a reset, from any context: PWM low first, then all direction lines.
+        fn open_all_bridges() {
+            use ::embassy_stm32::pac;
+            // Without its clock the timer drives nothing, and an access would be a fault.
+            if pac::RCC.apb2enr().read().$clock() {
+                pac::$pwm.bdtr().modify(|w| w.set_moe(false));
+            }
+            $(
+                pac::$port.bsrr().write(|w| {
+                    for line in $lines {
+                        w.set_br(line, true);
+                    }
+                });
+            )+
+        }
 
         const END: $crate::faults::End = $crate::faults::End {
             open: open_all_bridges,

@@ -11,7 +11,8 @@ use salty::{PublicKey, Sha512, Signature};
 
 impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
     /// Checks that the seal has a valid signature of the written image by the seal's key, and that the image is not older than
-    /// the present firmware. The arithmetic blocks the processor, so the method awaits `motors_off` before.
+    /// the present firmware. The arithmetic blocks the processor, so the method first awaits
+    /// `motors_off`.
     pub(super) async fn verify(
         &mut self,
         length: u32,
@@ -79,7 +80,7 @@ pub async fn discard_refused_swap<A: NorFlash, D: NorFlash, S: NorFlash>(
         return Ok(());
     }
     let (length, signature) = seal(state, pages).await.map_err(|error| error.kind())?;
-    // The length of unsigned firmware is blank, and too long.
+    // The length of unsigned firmware reads as 2^32 - 1, which is too long.
     let accepted = length <= capacity
         && check(active, download, length, &Seal { key, signature }, ready(())).await? == Outcome::Done;
     if accepted { Ok(()) } else { refuse(state).await }

@@ -31,15 +31,15 @@ use embedded_storage_async::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKi
 /// Value of each byte of the swap mark. It is `SWAP_MAGIC` of embassy-boot, which is not public.
 const SWAP: u8 = 0xF0;
 
-/// Value of each byte of the first word when the previous firmware runs instead of new firmware. It is `REVERT_MAGIC` of
-/// embassy-boot, which is not public.
+/// Value of each byte of the first word after the previous firmware was restored. It is `REVERT_MAGIC` of embassy-boot, which is not
+/// public.
 #[cfg(feature = "signed")]
 const REVERTED: u8 = 0xC0;
 
 /// Index of the first word of the progress.
 const PROGRESS_AT: u32 = 2;
 
-/// Size of [`PageSums`] in bytes. Each page has one word of the state, so a word must not be shorter.
+/// Size of [`PageSums`] in bytes. One word of the state holds the checksums of a page, so a word must have at least 8 bytes.
 pub(super) const SUMS_BYTES: usize = 8;
 
 /// CRC-32 of one page in both slots before the swap.
@@ -87,7 +87,7 @@ fn seal_at<S: NorFlash>(state: &StateFlash<S>, pages: u32) -> u32 {
     sums_at(state, pages.saturating_sub(1)).saturating_sub(SEAL_BYTES as u32)
 }
 
-/// Reads length and signature of the new firmware. Both are all ones if the firmware was not signed.
+/// Reads length and signature of the new firmware. All their bytes are 0xFF if the firmware was not signed.
 #[cfg(feature = "signed")]
 pub(super) async fn seal<S: NorFlash>(
     state: &mut StateFlash<S>,
@@ -184,8 +184,8 @@ async fn discard<S: NorFlash>(state: &mut StateFlash<S>) -> Result<(), NorFlashE
     FirmwareState::new(state, word).mark_booted().await.map_err(|_| NorFlashErrorKind::Other)
 }
 
-/// Discards the marked swap because the new firmware is refused. The firmware in the active slot is started, and finds in the
-/// state that new firmware was not.
+/// Discards the marked swap because the new firmware is refused. The firmware in the active slot is started, and reads from the
+/// state that the new firmware was refused ([`Booted::WentBack`](crate::update::Booted::WentBack)).
 #[cfg(feature = "signed")]
 pub(super) async fn refuse<S: NorFlash>(state: &mut StateFlash<S>) -> Result<(), NorFlashErrorKind> {
     let kind = |error: S::Error| error.kind();
