@@ -30,7 +30,8 @@ impl Bus {
 }
 
 impl Bus {
-    /// Adds the energy of the last `passed_us` microseconds, in which the motors returned and dissipated these powers in watts.
+    /// Adds the energy of the last `passed_us` microseconds, in which the motors returned and dissipated these powers
+    /// in watts.
     pub(super) fn add(&mut self, passed_us: u32, motors: impl Iterator<Item = Returned>) {
         let (mut returned, mut dissipated) = (0.0, 0.0);
         for motor in motors {
