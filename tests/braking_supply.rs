@@ -3,7 +3,7 @@
 mod common;
 
 use common::{BATTERY, inertia, neverest_60, plant};
-use motor_hub::braking::{DutyRule, Modulation, Modulator, OperatingPoint, Regime, Scheme, Winding};
+use motor_hub::braking::{DutyRule, Modulator, OperatingPoint, Scheme, Winding};
 use motor_hub::bridge::{BridgeConstants, Drive, Mode};
 use motor_hub::model::plant::PlantInput;
 use motor_hub::model::si::{Amps, RadPerSec, Seconds, Volts};
@@ -26,9 +26,8 @@ fn returned_and_dissipated_power_are_those_of_the_model() {
     for cps in [800, 1505, 2500] {
         for percent in [10, 30, 50, 70, 90, 100] {
             let drive = Drive { mode: Mode::Brake50, duty: Duty::ratio(percent, 100) };
-            let braking = Modulation { regime: Regime::Braking, drive };
-            let flows = modulator().applied(at(cps), braking);
-            let computed = modulator().returned(at(cps), braking, flows, OHMS);
+            let flows = modulator().applied(at(cps), drive);
+            let computed = modulator().returned(at(cps), drive, flows, OHMS);
             // A flywheel so heavy that the speed stays.
             let mut plant = plant(neverest_60(), inertia(100.0));
             let speed = f64::from(cps) / 28.0 * std::f64::consts::TAU;

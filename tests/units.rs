@@ -17,12 +17,12 @@ fn a_voltage_in_16_bits_ends_at_the_ends_of_their_range() {
 #[test]
 fn control_is_symmetric() {
     assert_eq!(Control::new(i16::MIN), Control::MIN);
-    assert_eq!(-Control::MIN, Control::MAX);
+    assert_eq!(Control::MIN.reversed(), Control::MAX);
     assert_eq!(Control::saturating(i64::MAX), Control::MAX);
     assert_eq!(Control::saturating(i64::MIN), Control::MIN);
     for value in -i16::MAX..=i16::MAX {
         assert_eq!(Control::new(value).get(), value);
-        assert_eq!((-Control::new(value)).get(), -value);
+        assert_eq!(Control::new(value).reversed().get(), -value);
     }
 }
 

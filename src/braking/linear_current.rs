@@ -10,9 +10,9 @@
 //! All formulas are for CW motion. Voltages are in V. `R` is the winding's resistance, `Ron` that of a closed switch,
 //! `Vd` the drop of a diode, `V` the battery voltage, `e` the back EMF. `R2 = R + 2 Ron` is the whole resistance
 //! between the battery's terminals. The formulas contain the target current `I` as the voltage `w = R2 I`, which is
-//! positive in the direction of the regime. A DC voltage at the terminals that gives the same current is `e + w` in forward
-//! driving, and `e - w` in braking and reverse driving (paper, sections 2.1 and 3.2). `P` is the PWM period, and `tau` the winding's time
-//! constant. The duty D for the target current is:
+//! positive in the direction of the regime. A DC voltage at the terminals that gives the same current is `e + w` in
+//! forward driving, and `e - w` in braking and reverse driving (paper, sections 2.1 and 3.2). `P` is the PWM period,
+//! and `tau` the winding's time constant. The duty D for the target current is:
 //!
 //! ```text
 //! continuous:     D = (c + m w) / (a + c - k w)
@@ -29,10 +29,11 @@
 //! | driving (9/8, 6/2) | `V - e` | `e + Vd` | `Ron / R2` |
 //! | braking (5/0) | `e` | `V + 2 Vd - e` | `2 Ron / R2` |
 //!
-//! This module uses the smaller of these two duties. For m = 1 that is exact: the formula of the continuous current gives
-//! too much duty where the current stops within the period, and the other formula does where it never stops. For m below 1
-//! both formulas are approximations: with m = 0.95 the duty is wrong by 3e-4 at P = 0.3 tau, and by 2e-3 at P = tau. Solved for `w`, the same equations give the current of a duty, of which the larger is used. Reverse driving (6/2)
-//! uses the row of forward driving with `-e` in place of `e`.
+//! This module uses the smaller of these two duties. For m = 1 that is exact: the formula of the continuous current
+//! gives too much duty where the current stops within the period, and the other formula does where it never stops. For
+//! m below 1 both formulas are approximations: with m = 0.95 the duty is wrong by 3e-4 at P = 0.3 tau, and by 2e-3 at P
+//! = tau. Solved for `w`, the same equations give the current of a duty, of which the larger is used. Reverse driving
+//! (6/2) uses the row of forward driving with `-e` in place of `e`.
 //!
 //! The duty compensates the edges of the output. The [timing](crate::bridge::Timing) of the bridge has the lengths of
 //! the edges, which are 0 for an ideal bridge. For a continuous current an edge of length t acts like a step in the
@@ -54,8 +55,8 @@
 //! let emf = winding.emf.emf(CountsPerSecond::new(1505));
 //! let at = OperatingPoint::new(emf, Millivolts::new(12_000)).expect("there is a battery");
 //! let control = Control::new(1_000);
-//! let linear = linear_current(&current, Scheme::B, at, control).drive;
-//! assert!(linear.duty > linear_duty(Scheme::B, at, control).drive.duty);
+//! let linear = linear_current(&current, Scheme::B, at, control);
+//! assert!(linear.duty > linear_duty(Scheme::B, at, control).duty);
 //! ```
 
 use super::points::{OperatingPoint, Regime};
@@ -76,28 +77,31 @@ pub struct LinearCurrent {
     /// PWM period. `None` if the inductance is unknown, or if the current hardly changes within a period. The current
     /// is then taken as continuous.
     period: Option<PwmPeriod>,
-    timing: TimingShares,
-}
-
-/// A bridge's timing. Each time is a share of the PWM period.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-struct TimingShares {
-    /// Shortest time off.
+    /// Shortest time off, as a share of the PWM period.
     least_off: f32,
-    /// Shortest time on.
+    /// Shortest time on, as a share of the PWM period.
     least_on: f32,
-    /// Length of the edge at turn-on.
+    /// Length of the edge at turn-on, as a share of the PWM period.
     turn_on: f32,
-    /// Length of the edge at turn-off.
+    /// Length of the edge at turn-off, as a share of the PWM period.
     turn_off: f32,
 }
 
-impl TimingShares {
-    fn new(bridge: &BridgeConstants) -> Self {
+impl LinearCurrent {
+    /// Prepares the constants of a winding and its bridge.
+    pub fn new(winding: &Winding, bridge: &BridgeConstants) -> Self {
+        let ron = f32::from(bridge.switch_mohm());
+        let r2 = f32::from(winding.resistance.as_milliohms()) + 2.0 * ron;
         let share = |ns: u16| f32::from(ns) * 1e-9 * bridge.pwm_hz() as f32;
         let Timing { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, .. } = bridge.timing;
         Self {
+            diode_volts: f32::from(bridge.diode_mv()) / 1000.0,
+            switch_share: at_most(ron / r2, 0.25),
+            period: winding.inductance.and_then(|inductance| {
+                // A period in time constants is R2 / (L f): here 1000 times R2 in mohm, by L in uH times f in Hz.
+                let frequency = bridge.pwm_hz() as f32;
+                PwmPeriod::new(1000.0 * r2 / (f32::from(inductance.as_microhenries()) * frequency))
+            }),
             least_off: share(least_off_ns),
             least_on: share(least_on_ns),
             turn_on: share(turn_on_ns),
@@ -105,7 +109,18 @@ impl TimingShares {
         }
     }
 
-    /// The nearest duty that the timing permits. The duties 0 and 1 have no edges and are always permitted.
+    /// The duty for a mean current, given as the voltage `w`, in V.
+    pub(super) fn duty(&self, regime: Regime, w: f32, at: OperatingPoint) -> Duty {
+        let duty = if w > 0.0 { self.drive_state(regime, at).duty(w, self.period) } else { 0.0 };
+        to_duty(self.nearest(duty))
+    }
+
+    /// The nearest duty that the bridge's timing permits.
+    pub(super) fn feasible(&self, duty: Duty) -> Duty {
+        to_duty(self.nearest(duty.to_f32()))
+    }
+
+    /// The nearest duty that the bridge's timing permits. The duties 0 and 1 have no edges and are always permitted.
     fn nearest(&self, duty: f32) -> f32 {
         let Self { least_off, least_on, .. } = *self;
         let most = 1.0 - least_off;
@@ -120,35 +135,6 @@ impl TimingShares {
         } else {
             most
         }
-    }
-}
-
-impl LinearCurrent {
-    /// Prepares the constants of a winding and its bridge.
-    pub fn new(winding: &Winding, bridge: &BridgeConstants) -> Self {
-        let ron = f32::from(bridge.switch_mohm());
-        let r2 = f32::from(winding.resistance.as_milliohms()) + 2.0 * ron;
-        Self {
-            diode_volts: f32::from(bridge.diode_mv()) / 1000.0,
-            switch_share: at_most(ron / r2, 0.25),
-            period: winding.inductance.and_then(|inductance| {
-                // A period in time constants is R2 / (L f): here 1000 times R2 in mohm, by L in uH times f in Hz.
-                let frequency = bridge.pwm_hz() as f32;
-                PwmPeriod::new(1000.0 * r2 / (f32::from(inductance.as_microhenries()) * frequency))
-            }),
-            timing: TimingShares::new(bridge),
-        }
-    }
-
-    /// The duty for a mean current, given as the voltage `w`, in V.
-    pub(super) fn duty(&self, regime: Regime, w: f32, at: OperatingPoint) -> Duty {
-        let duty = if w > 0.0 { self.drive_state(regime, at).duty(w, self.period) } else { 0.0 };
-        to_duty(self.timing.nearest(duty))
-    }
-
-    /// The nearest duty that the bridge's timing permits.
-    pub(super) fn feasible(&self, duty: Duty) -> Duty {
-        to_duty(self.timing.nearest(duty.to_f32()))
     }
 
     /// Mean current of a duty as the voltage `w`, in V: the inverse of [`duty`](Self::duty).
@@ -169,7 +155,7 @@ impl LinearCurrent {
     /// The constants of the module's formulas in a regime, and the lengths of the edges.
     const fn drive_state(&self, regime: Regime, at: OperatingPoint) -> DriveState {
         let (e, v) = at.volts();
-        let TimingShares { turn_on, turn_off, .. } = self.timing;
+        let Self { turn_on, turn_off, .. } = *self;
         match regime {
             Regime::Forward => {
                 DriveState { a: v - e, c: e + self.diode_volts, k: self.switch_share, turn_on, turn_off }
@@ -235,7 +221,8 @@ impl DriveState {
         (self.turn_on - self.turn_off) / 2.0
     }
 
-    /// Share of the period by which the PWM line must be high longer to compensate the edges of a discontinuous current.
+    /// Share of the period by which the PWM line must be high longer to compensate the edges of a discontinuous
+    /// current.
     fn late_pulse(self) -> f32 {
         if self.turn_on == 0.0 && self.turn_off == 0.0 {
             return 0.0;
@@ -266,8 +253,8 @@ impl DriveState {
 
     /// False if the current is certainly continuous: where no voltage makes the current fall (c <= 0), and above a
     /// limit of the duty. The exact limit is an on time of `ln(1 + (exp(P / tau) - 1) c / (a + c))` time constants. The
-    /// limit used here needs no logarithm, and is larger for periods up to 11 time constants, so the result can be true for
-    /// a continuous current. At 20 kHz a period is 0.1 to 1.6 time constants of the catalogue's windings.
+    /// limit used here needs no logarithm, and is larger for periods up to 11 time constants, so the result can be true
+    /// for a continuous current. At 20 kHz a period is 0.1 to 1.6 time constants of the catalogue's windings.
     fn may_be_discontinuous(self, duty: f32, period: PwmPeriod) -> bool {
         self.c > 0.0 && duty * (self.a + self.c) < period.growth * self.c
     }
@@ -297,9 +284,10 @@ impl DriveState {
     /// Solves the module's formula for the on time x of a given q. The result is at most `most`.
     ///
     /// With `r = a / c`, the power series of q in x begins with `x^2/2 (1 + r) (1 - (1 + 2r) x/3)`. Inverted, the
-    /// series of x begins with `s + (1 + 2r) s^2/6`, where `s^2 = 2 q / (1 + r)`. That is for m = 1, near enough for a guess.
-    /// Besides, x is at most q + 1. The smaller of these two values is the guess. One step of Newton's method from this guess
-    /// leaves an error below 3e-4 of a duty for periods up to 1.5 time constants, and below 1e-3 for periods of 4.
+    /// series of x begins with `s + (1 + 2r) s^2/6`, where `s^2 = 2 q / (1 + r)`. That is for m = 1, near enough for a
+    /// guess. Besides, x is at most q + 1. The smaller of these two values is the guess. One step of Newton's method
+    /// from this guess leaves an error below 3e-4 of a duty for periods up to 1.5 time constants, and below 1e-3 for
+    /// periods of 4.
     fn on_time(self, q: f32, most: f32) -> f32 {
         let part = q * self.c / (self.a + self.c);
         let series = sqrtf(2.0 * part) + (2.0 * q - part) / 3.0;

@@ -31,8 +31,8 @@
 //! let modulator = Modulator::new(&winding, &BridgeConstants::IDEAL, Scheme::A, DutyRule::LinearCurrent);
 //! let emf = winding.emf.emf(CountsPerSecond::new(1505));
 //! let at = OperatingPoint::new(emf, Millivolts::new(12_000)).expect("there is a battery");
-//! let modulation = modulator.for_voltage(at, Voltage::from_volts(4.0));
-//! assert_eq!((modulation.regime, modulation.drive.mode), (Regime::Braking, Mode::Brake50));
+//! let drive = modulator.for_voltage(at, Voltage::from_volts(4.0));
+//! assert_eq!((at.regime(drive), drive.mode), (Regime::Braking, Mode::Brake50));
 //! assert_eq!(modulator.control(at, Voltage::from_volts(4.0)).get(), 10_922);
 //! ```
 
@@ -49,32 +49,7 @@ pub use scheme::{Blend, BlendFraction, Scheme};
 pub use winding::Winding;
 
 use crate::bridge::{BridgeConstants, Drive};
-use crate::units::{Control, Duty, Voltage};
-
-/// A command to the bridge, with the regime of the command.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Modulation {
-    /// The regime, relative to the direction in which the motor turns.
-    pub regime: Regime,
-    /// Mode and duty of the bridge.
-    pub drive: Drive,
-}
-
-impl Modulation {
-    /// Full dynamic braking: the bridge shorts the winding all the time.
-    pub const fn full_braking(at: OperatingPoint) -> Self {
-        Self::new(Regime::Braking, Duty::ONE, at)
-    }
-
-    /// Full reverse: the bridge drives against the motion with duty 1. In volts this is the point S of every scheme.
-    pub const fn full_reverse(at: OperatingPoint) -> Self {
-        Self::new(Regime::Reverse, Duty::ONE, at)
-    }
-
-    const fn new(regime: Regime, duty: Duty, at: OperatingPoint) -> Self {
-        Self { regime, drive: Drive { mode: regime.mode(at.counter_clockwise()), duty } }
-    }
-}
+use crate::units::{Control, Voltage};
 
 /// Map from a location within a regime to a duty.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -112,15 +87,15 @@ impl Modulator {
     ///
     /// [`Scheme::ForwardReverse`] has no braking regime. With this scheme the bridge opens for a voltage between 0 and
     /// the back EMF. For the voltage 0 the bridge brakes fully, as with any other scheme.
-    pub fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
+    pub fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Drive {
         let volts = clockwise_volts(at, voltage);
         let (regime, w) = points::current(volts, at);
         let opens = matches!(self.scheme, Scheme::ForwardReverse) && regime == Regime::Braking && volts > 0.0;
-        Modulation::new(regime, self.current.duty(regime, if opens { 0.0 } else { w }, at), at)
+        at.drive(regime, self.current.duty(regime, if opens { 0.0 } else { w }, at))
     }
 
     /// The command for a control value, by the scheme and the duty rule.
-    pub fn for_control(&self, at: OperatingPoint, control: Control) -> Modulation {
+    pub fn for_control(&self, at: OperatingPoint, control: Control) -> Drive {
         match self.rule {
             DutyRule::LinearDuty => self.with_feasible_duty(linear_duty(self.scheme, at, control)),
             DutyRule::LinearCurrent => linear_current(&self.current, self.scheme, at, control),
@@ -129,13 +104,13 @@ impl Modulator {
 
     /// The command for open-loop power: mode 9/8 for positive and 6/2 for negative power, in every scheme. The duty is
     /// `|power| / 32767`, or the nearest duty that the bridge's timing permits. Power 0 opens the bridge.
-    pub fn open_loop(&self, at: OperatingPoint, power: Control) -> Modulation {
+    pub fn open_loop(&self, at: OperatingPoint, power: Control) -> Drive {
         self.with_feasible_duty(linear_duty(Scheme::ForwardReverse, at, power))
     }
 
     /// Replaces the duty of a command by the nearest duty that the bridge's timing permits.
-    fn with_feasible_duty(&self, Modulation { regime, drive }: Modulation) -> Modulation {
-        Modulation { regime, drive: Drive { duty: self.current.feasible(drive.duty), ..drive } }
+    fn with_feasible_duty(&self, drive: Drive) -> Drive {
+        Drive { duty: self.current.feasible(drive.duty), ..drive }
     }
 
     /// The control value for a voltage. A voltage beyond the scheme's range gives the nearest control value.
@@ -155,8 +130,9 @@ impl Modulator {
     }
 
     /// The equivalent DC voltage that a command applies: the inverse of [`for_voltage`](Self::for_voltage).
-    pub fn applied(&self, at: OperatingPoint, Modulation { regime, drive }: Modulation) -> Voltage {
+    pub fn applied(&self, at: OperatingPoint, drive: Drive) -> Voltage {
         let (emf, _) = at.volts();
+        let regime = at.regime(drive);
         let current = self.current.current(regime, drive.duty, at);
         let volts = if regime == Regime::Forward { emf + current } else { emf - current };
         Voltage::from_volts(if at.counter_clockwise() { -volts } else { volts })
@@ -175,9 +151,9 @@ const fn clockwise(at: OperatingPoint, control: Control) -> Control {
 }
 
 /// The command for a control value by [`DutyRule::LinearDuty`] (paper, section 1.3).
-pub const fn linear_duty(scheme: Scheme, at: OperatingPoint, control: Control) -> Modulation {
+pub const fn linear_duty(scheme: Scheme, at: OperatingPoint, control: Control) -> Drive {
     let Location { regime, fraction } = Points::new(scheme, at).locate(clockwise(at, control));
-    Modulation::new(regime, fraction.to_duty(), at)
+    at.drive(regime, fraction.to_duty())
 }
 
 /// The command for a control value by [`DutyRule::LinearCurrent`].
@@ -186,12 +162,12 @@ pub fn linear_current(
     scheme: Scheme,
     at: OperatingPoint,
     control: Control,
-) -> Modulation {
+) -> Drive {
     let location = Points::new(scheme, at).locate(clockwise(at, control));
     let location = match location.regime {
         // In overrun the battery cannot drive a current, so the bridge opens.
         Regime::Forward if at.is_overrun() => Location { regime: Regime::Braking, fraction: Fraction::ZERO },
         _ => location,
     };
-    Modulation::new(location.regime, current.duty(location.regime, location.current(at), at), at)
+    at.drive(location.regime, current.duty(location.regime, location.current(at), at))
 }

@@ -1,7 +1,8 @@
 //! Power of a braking motor. One part returns to the supply bus, the rest heats winding and bridge.
 
 use super::points::{OperatingPoint, Regime};
-use super::{Modulation, Modulator, clockwise_volts};
+use super::{Modulator, clockwise_volts};
+use crate::bridge::Drive;
 use crate::units::Voltage;
 
 /// The two parts of the power of a braking motor, in W, each at least 0.
@@ -20,19 +21,13 @@ impl Returned {
 }
 
 impl Modulator {
-    /// Computes the braking power while the command `modulation` applies the voltage `applied`. `ohms` is the resistance
-    /// of winding and bridge.
-    pub fn returned(
-        &self,
-        at: OperatingPoint,
-        modulation: Modulation,
-        applied: Voltage,
-        ohms: f32,
-    ) -> Returned {
+    /// Computes the braking power while the command `drive` applies the voltage `applied`. `ohms` is the resistance of
+    /// winding and bridge.
+    pub fn returned(&self, at: OperatingPoint, drive: Drive, applied: Voltage, ohms: f32) -> Returned {
         let (e, v) = at.volts();
         let current = (e - clockwise_volts(at, applied)).max(0.0) / ohms;
         let braked = e * current;
-        match modulation.regime {
+        match at.regime(drive) {
             Regime::Forward => Returned::NONE,
             Regime::Reverse => Returned { returned: 0.0, dissipated: braked },
             Regime::Braking => {
@@ -40,7 +35,7 @@ impl Modulator {
                 // the mean current. A continuous current falls during the whole off time. A discontinuous current
                 // reaches zero earlier. The voltage e raises the current in the on time, and the falling voltage less e
                 // lowers it in the off time. The fall then carries the part e / falling voltage of the charge.
-                let open = 1.0 - modulation.drive.duty.to_f32();
+                let open = 1.0 - drive.duty.to_f32();
                 let share = open.min(e / self.current.falling_volts(v));
                 let returned = (v * current * share).min(braked);
                 Returned { returned, dissipated: braked - returned }

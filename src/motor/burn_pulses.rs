@@ -23,9 +23,9 @@
 //! * *Surplus*: the time integral of requested less applied voltage, signed in the direction of motion. Above 0 the
 //!   motor was braked too much. The pulses keep the surplus near 0, so on average the motor brakes as requested.
 //!
-//! No single command brakes this way. Proportional braking returns the energy that the winding does not dissipate. A
-//! bridge that opens returns the energy of the winding. Reverse driving returns nothing, but brakes more than a short
-//! circuit.
+//! No single command brakes in part without returning energy. Proportional braking returns the energy that the winding
+//! does not dissipate. A bridge that opens returns the energy of the winding. Reverse driving returns nothing, but
+//! brakes more than a short circuit.
 
 use crate::units::Micros;
 use crate::units::single::{at_least, at_most};
@@ -36,8 +36,8 @@ use libm::sqrtf;
 /// change its mode. The pulse is short enough for the speed to stay even.
 const PULSE_MICROS: f32 = 1_500.0;
 
-/// Largest surplus that is kept, in multiples of [`PULSE_MICROS`]. The surplus beyond is discarded. It accumulates
-/// while the motor may not end its short circuit.
+/// Largest surplus that is kept, in multiples of [`PULSE_MICROS`]. A larger surplus is cut to this limit. The surplus
+/// grows this large only while the motor may not end its short circuit.
 const LARGEST_SURPLUS: f32 = 4.0;
 
 /// A kind of pulse.
@@ -108,7 +108,7 @@ impl BurnPulses {
         (self.voltages, self.pulse) = (Voltages::NONE, None);
     }
 
-    /// Ends the pulses and discards the surplus, because the motor no longer brakes in part.
+    /// Ends the pulses and discards the surplus, because the motor no longer brakes less than a short circuit would.
     pub(super) const fn stop(&mut self) {
         *self = Self::NONE;
     }
@@ -146,8 +146,8 @@ impl BurnPulses {
         (self.voltages, self.pulse) = (voltages, Some(pulse));
     }
 
-    /// Voltage in V between the back EMF and a constant voltage that heats the winding as much as the pulses do. The
-    /// pulses heat the winding more than their mean current would.
+    /// Voltage beyond the back EMF, in V, whose constant current heats the winding as much as the pulses do. The pulses
+    /// heat the winding more than their mean current would.
     pub(super) fn heating(&self) -> f32 {
         let Voltages { requested, emf, .. } = self.voltages;
         let forward = self.forward_volts / emf;
