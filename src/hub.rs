@@ -31,7 +31,7 @@ use crate::group::{BaseSettings, GroupCommand, Halt};
 use crate::motion::Reading;
 use crate::motor::{self, Motor, Report, Setpoint, Settings};
 use crate::supply::{Battery, DrawStage};
-use crate::units::{Micros, Millivolts, Period, RangeError, Share, is_included};
+use crate::units::{CountsPerSecond, Micros, Millivolts, Period, RangeError, Share, is_included};
 use base::Base;
 use groups::Groups;
 
@@ -242,14 +242,14 @@ impl<const N: usize> Hub<N> {
         self.update_energy(now);
         let mut changed = false;
         for motor in &mut self.motors {
-            changed |= motor.step_direct(now, battery);
+            changed |= motor.step_direct(now, battery.as_ref());
         }
         changed.then(|| self.motors.each_ref().map(Motor::drive))
     }
 
-    /// Returns the estimated speed of each motor at its newest sample, in counts/s.
-    pub fn speeds_cps(&self) -> impl Iterator<Item = f32> {
-        self.motors.iter().map(Motor::speed_cps)
+    /// Returns the estimated speed of each motor at its newest sample.
+    pub fn velocities(&self) -> impl Iterator<Item = CountsPerSecond> {
+        self.motors.iter().map(Motor::velocity)
     }
 
     /// True if the drive base uses a gyro.
@@ -321,7 +321,7 @@ impl<const N: usize> Hub<N> {
     fn update_energy(&mut self, now: Micros) {
         let passed_us = self.energy_until.map_or(0, |until| now.since(until)) as u32;
         self.energy_until = self.energy_until.max(Some(now));
-        self.bus.add(passed_us, self.motors.iter().map(Motor::returned));
+        self.bus.add(passed_us, self.motors.iter().map(Motor::braking_power));
     }
 
     /// Runs one tick of all motors, and returns the state after the tick.

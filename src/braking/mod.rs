@@ -1,8 +1,8 @@
 //! Proportional braking: maps a voltage or a control value to the mode and duty of the bridge.
 //!
-//! The voltages of a motor are divided into three *regimes*. The paper's points S, T, Z and G are the ends of the
-//! regimes. For a motor that turns CW with the back EMF e on a battery of V volts, these ends are the same voltages in
-//! every scheme:
+//! The voltages of a motor are divided into three *regimes*. The points S, T, Z and G of *the paper* (R. Atkinson, *On
+//! Proportional Braking in H Bridges*, 2018) are the ends of the regimes. For a motor that turns CW with the back EMF e
+//! on a battery of V volts, these ends are the same voltages in every scheme:
 //!
 //! ```text
 //!   S = -V                T = 0                Z = e               G = V
@@ -36,15 +36,15 @@
 //! assert_eq!(modulator.control(at, Voltage::from_volts(4.0)).get(), 10_922);
 //! ```
 
+mod braking_power;
 pub mod linear_current;
 pub mod points;
-mod returned;
 pub mod scheme;
 mod winding;
 
+pub use braking_power::BrakingPower;
 pub use linear_current::LinearCurrent;
 pub use points::{Abscissa, Fraction, Location, OperatingPoint, Points, Regime};
-pub use returned::Returned;
 pub use scheme::{Blend, BlendFraction, Scheme};
 pub use winding::Winding;
 

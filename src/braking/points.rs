@@ -1,6 +1,6 @@
 //! The four points S, T, Z and G: the control values at which reverse driving, proportional braking and forward driving
-//! begin and end. They depend on the speed, the battery voltage, and the [`Scheme`] that divides the control range
-//! among the three. A point may lie outside the control range.
+//! begin and end. The points depend on the speed, the battery voltage, and the [`Scheme`] that divides the control
+//! range among the three. A point may lie outside the control range.
 //!
 //! ```text
 //!   S ---- reverse, 6/2 ---- T ---- braking, 5/0 ---- Z ---- forward, 9/8 ---- G
@@ -108,8 +108,8 @@ impl OperatingPoint {
     }
 }
 
-/// Converts units of 2^-20 mV to volts. The voltage is first cut to units of 1/16 mV, of which an `f32` holds every
-/// number up to 2^21 exactly. So only the division to volts rounds.
+/// Converts units of 2^-20 mV to volts. The voltage is first cut to units of 1/16 mV. The number of units is at most
+/// 2^21, and an `f32` holds this number exactly. So only the division to volts rounds.
 const fn volts_of(bits: i64) -> f32 {
     (bits >> 16) as i32 as f32 / 16_000.0
 }
@@ -226,7 +226,7 @@ impl Fraction {
     pub const ONE: Self = Self(U2F30::ONE);
 
     /// The ratio `part / whole`; 0 if `part <= 0` or `whole <= 0`, otherwise 1 if `part >= whole`. Rounded down for a
-    /// `whole` of up to 33 bits. For a longer one the result may be one unit too high.
+    /// `whole` of up to 33 bits. For a longer `whole` the result may be one unit too high.
     const fn ratio(part: i64, whole: i64) -> Self {
         if part <= 0 || whole <= 0 {
             Self::ZERO
@@ -270,8 +270,8 @@ pub struct Points {
 }
 
 impl Points {
-    /// The points that the firmware uses. They are those of the paper's formulas, except that Schemes C and D keep
-    /// braking within the control range near and in overrun.
+    /// The points that the firmware uses. The points are those of the paper's formulas, except that Schemes C and D
+    /// keep braking within the control range near and in overrun.
     ///
     /// In the paper's formula for Schemes C and D, T goes to minus infinity as |emf| approaches the battery voltage.
     /// Then no control value within the control range brakes noticeably. In *overrun*, where |emf| is at least the

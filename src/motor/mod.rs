@@ -67,7 +67,7 @@ pub use sense_line::SenseLine;
 pub use setpoint::Setpoint;
 pub use settled::{SettleDetector, within_tolerance};
 
-use crate::braking::{Modulator, OperatingPoint, Returned};
+use crate::braking::{BrakingPower, Modulator, OperatingPoint};
 use crate::bridge::{BridgeFeedback, Drive, Mode};
 use crate::motion::Reading;
 use crate::regulator::identify::{Identification, Identifier, Refusal};
@@ -76,7 +76,7 @@ pub use crate::settings::{OnFault, Settings, ThermalLimit, ZeroPower};
 use crate::supply::Battery;
 use crate::units::{Control, CountsPerSecond, Duty, Micros, Milliamperes, Period, Share, Voltage};
 use back_emf::Configured;
-use burn_pulses::{BurnPulses, Pulse, Voltages};
+use burn_pulses::BurnPulses;
 use core::mem::discriminant;
 use encoder_check::EncoderCheck;
 use expected::Tick;
@@ -88,14 +88,6 @@ use thermal::Thermal;
 /// Largest age in us of a reading that is used; an older reading is treated as missing. The counters are sampled
 /// every millisecond.
 pub const ENCODER_STALE_MICROS: u64 = 20_000;
-
-/// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF, at the least dissipation. At the
-/// end of a short circuit the winding returns energy to the bus. A forward pulse with this share draws about the same
-/// energy from the bus. The share grows with [`Battery::dissipate`], which says how strongly braking motors must
-/// dissipate energy.
-const LEAST_FORWARD_SHARE: f32 = 0.1;
-/// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF, at full dissipation.
-const LARGEST_FORWARD_SHARE: f32 = 0.3;
 
 /// The reading; `None` if the reading is older than [`ENCODER_STALE_MICROS`].
 pub(crate) fn fresh(reading: Option<Reading>, now: Micros) -> Option<Reading> {
@@ -364,11 +356,6 @@ impl Motor {
         self.regulator.velocity()
     }
 
-    /// The estimated speed in counts/s.
-    pub(crate) fn speed_cps(&self) -> f32 {
-        self.regulator.speed_cps()
-    }
-
     /// The settings in force.
     pub const fn settings(&self) -> &Settings {
         &self.settings
@@ -402,19 +389,22 @@ impl Motor {
         let moved = fresh(reading, now).map(|reading| self.take_reading(reading));
         self.regulator.predict_until(now);
         self.follow_temperatures();
-        // Decide, limit, modulate.
-        self.apply(now, battery, moved);
-        self.report(battery, moved)
+        // Decide.
+        let request = self.request(battery.as_ref(), moved);
+        // Limit and modulate.
+        self.execute(request, now, battery.as_ref());
+        self.report(battery.as_ref(), moved)
     }
 
     /// Commands the bridge between two ticks, if set-point or settings are new and the set-point is direct. Returns
     /// true if the bridge's command has changed.
-    pub(crate) fn step_direct(&mut self, now: Micros, battery: Option<Battery>) -> bool {
+    pub(crate) fn step_direct(&mut self, now: Micros, battery: Option<&Battery>) -> bool {
         if !self.changed || !self.setpoint.is_direct() {
             return false;
         }
         let before = self.drive();
-        self.apply(now, battery, None);
+        let request = self.request(battery, None);
+        self.execute(request, now, battery);
         self.drive() != before
     }
 
@@ -432,8 +422,6 @@ impl Motor {
         let changed = command.drive != before;
         if changed || self.pulses.are_active() {
             self.command_bridge(command);
-        } else {
-            self.command = Some(command);
         }
         changed
     }
@@ -448,12 +436,12 @@ impl Motor {
 
     /// Power that the braking motor returns to the bus, and power that winding and bridge dissipate. Both are 0 while
     /// the bridge is open.
-    pub(crate) fn returned(&self) -> Returned {
+    pub(crate) fn braking_power(&self) -> BrakingPower {
         match &self.command {
             Some(Command { request, drive, applied, .. }) if *drive != Drive::COAST => {
-                self.modulator.returned(request.at, *drive, *applied, self.settings.ohms())
+                self.modulator.braking_power(request.at, *drive, *applied, self.settings.ohms())
             }
-            _ => Returned::NONE,
+            _ => BrakingPower::NONE,
         }
     }
 
@@ -612,21 +600,16 @@ impl Motor {
         self.regulator.correct_constants(&self.settings, self.period);
     }
 
-    /// Computes a request, and commands the bridge within all limits. `moved` is as in
-    /// [`permitted_setpoint`](Self::permitted_setpoint); `None` between two ticks.
-    fn apply(&mut self, now: Micros, battery: Option<Battery>, moved: Option<i32>) {
+    /// Commands the bridge to a request within all limits, or opens the bridge without a request.
+    fn execute(&mut self, request: Option<Request>, now: Micros, battery: Option<&Battery>) {
         self.changed = false;
-        let request = self.request(battery.as_ref(), moved);
-        match (request, battery) {
-            (Some(request), Some(battery)) => {
-                let command = self.modulate(request, now, &battery, false);
-                self.command_bridge(command);
-            }
-            _ => {
-                self.command = None;
-                self.pulses.stop();
-                self.regulator.drive(None);
-            }
+        if let (Some(request), Some(battery)) = (request, battery) {
+            let command = self.modulate(request, now, battery, false);
+            self.command_bridge(command);
+        } else {
+            self.command = None;
+            self.pulses.stop();
+            self.regulator.drive(None);
         }
     }
 
@@ -692,33 +675,6 @@ impl Motor {
         command.is_limited() && amperes.abs() > 0.98 * limit
     }
 
-    /// Begins or continues a burn pulse, and replaces the command of the bridge by this pulse.
-    fn dissipate(&mut self, command: &mut Command, now: Micros, battery: &Battery, may_end_short: bool) {
-        let velocity = self.regulator.velocity();
-        let at = OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery.newest)
-            .unwrap_or(command.request.at);
-        let emf = at.emf_volts();
-        let (least, most) = (LEAST_FORWARD_SHARE, LARGEST_FORWARD_SHARE);
-        let beyond = least + (most - least) * battery.dissipate.to_f32();
-        let room = at.battery_volts() - emf.abs();
-        self.pulses.integrate(now);
-        let mut pulse = self.pulses.next(emf, may_end_short);
-        if battery.draw != Share::ALL || room <= least * emf.abs() {
-            pulse = Pulse::Short;
-        }
-        command.drive = match pulse {
-            Pulse::Forward => {
-                let volts = emf + (beyond * emf.abs()).min(room).copysign(emf);
-                self.modulator.for_voltage(at, Voltage::from_volts(volts))
-            }
-            Pulse::Short => Drive::BRAKE,
-        };
-        command.applied = self.modulator.applied(at, command.drive);
-        let [requested, applied] = [command.voltage, command.applied].map(Voltage::to_volts);
-        let change_us = self.settings.bridge.timing.change_us;
-        self.pulses.apply(pulse, Voltages { requested, applied, emf }, change_us);
-    }
-
     /// The mean voltage that a new command applies. If the mode differs from the mode of the present command, the
     /// bridge is open for the time that the change takes.
     fn after_change(&self, command: &Command) -> Voltage {
@@ -752,7 +708,7 @@ impl Motor {
     }
 
     /// Steps thermal model and settle detector, and reports.
-    fn report(&mut self, battery: Option<Battery>, moved: Option<i32>) -> Report {
+    fn report(&mut self, battery: Option<&Battery>, moved: Option<i32>) -> Report {
         let velocity = self.regulator.velocity();
         let drive = self.drive();
         let current = self.modelled_current();
