@@ -26,8 +26,8 @@ fn returned_and_dissipated_power_are_those_of_the_model() {
     for cps in [800, 1505, 2500] {
         for percent in [10, 30, 50, 70, 90, 100] {
             let drive = Drive { mode: Mode::Brake50, duty: Duty::ratio(percent, 100) };
-            let flows = modulator().applied(at(cps), drive);
-            let computed = modulator().braking_power(at(cps), drive, flows, OHMS);
+            let command = modulator().modulation(at(cps), drive);
+            let computed = modulator().braking_power(at(cps), command, OHMS);
             // A flywheel so heavy that the speed stays.
             let mut plant = plant(neverest_60(), inertia(100.0));
             let speed = f64::from(cps) / 28.0 * std::f64::consts::TAU;

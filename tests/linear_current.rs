@@ -9,7 +9,7 @@ use motor_hub::model::catalogue::{self, Motor};
 use motor_hub::model::si::{Hertz, Volts};
 use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
 use motor_hub::units::{
-    Control, CountsPerSecond, Emf, EmfConstant, Inductance, Millivolts, RangeError, Resistance,
+    Control, CountsPerSecond, Emf, EmfConstant, Inductance, Millivolts, RangeError, Resistance, Voltage,
 };
 
 const BRIDGE: Bridge = Bridge::new(BridgeConstants::IDEAL);
@@ -490,8 +490,8 @@ fn no_bridge_is_given_a_duty_that_it_must_be_spared() {
                 for control in (-32_767..=32_767).step_by(3).map(Control::new) {
                     let drives = [
                         linear_current(&current, Scheme::A, at, control),
-                        modulator.for_control(at, control),
-                        modulator.open_loop(at, control),
+                        modulator.for_control(at, control).drive,
+                        modulator.open_loop(at, control).drive,
                     ];
                     for duty in drives.map(|placement| placement.duty.to_f64()) {
                         // A duty has 15 bits.
@@ -518,14 +518,17 @@ fn the_current_that_a_duty_is_said_to_make_is_that_of_the_bridge() {
         let modulator = Modulator::new(&Winding::NEVEREST_60, &bridge, Scheme::A, DutyRule::LinearCurrent);
         for emf in [-9.0, -3.0, 0.5, 3.0, 6.0, 11.0] {
             let point = Point::new(emf, 12.0);
-            for control in controls() {
-                let placement = modulator.for_control(point.at, Control::new(control));
-                let pwm = Pwm::new(placement.mode, placement.duty.to_f64(), Hertz(f64::from(hz)));
+            let by_control = controls().map(|control| modulator.for_control(point.at, Control::new(control)));
+            let by_voltage = (-140..=140)
+                .map(|tenths| modulator.for_voltage(point.at, Voltage::from_volts(0.1 * tenths as f32)));
+            for placement in by_control.chain(by_voltage) {
+                let Drive { mode, duty } = placement.drive;
+                let pwm = Pwm::new(mode, duty.to_f64(), Hertz(f64::from(hz)));
                 let conditions = Conditions { battery: Volts(12.0), emf: Volts(emf) };
                 let flows = Circuit::new(motor, Bridge::new(bridge)).steady(pwm, conditions).mean.0;
-                let said = f64::from(modulator.applied(point.at, placement).to_volts()) - emf;
+                let said = f64::from(placement.voltage.to_volts()) - emf;
                 let error = (flows - said / (motor.r.0 + 0.1)) / (12.0 / motor.r.0);
-                assert!(error.abs() < 0.004, "{hz} Hz, {emf} V, {control}: {error}");
+                assert!(error.abs() < 0.004, "{hz} Hz, {emf} V, {placement:?}: {error}");
             }
         }
     }

@@ -1,9 +1,7 @@
 //! Power of a braking motor. One part returns to the supply bus, the rest heats winding and bridge.
 
 use super::points::{OperatingPoint, Regime};
-use super::{Modulator, clockwise_volts};
-use crate::bridge::Drive;
-use crate::units::Voltage;
+use super::{Modulation, Modulator, clockwise_volts};
 
 /// The two parts of the power of a braking motor, each at least 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,17 +19,11 @@ impl BrakingPower {
 }
 
 impl Modulator {
-    /// Computes the braking power while the command `drive` applies the voltage `applied`. `ohms` is the resistance of
-    /// winding and bridge.
-    pub fn braking_power(
-        &self,
-        at: OperatingPoint,
-        drive: Drive,
-        applied: Voltage,
-        ohms: f32,
-    ) -> BrakingPower {
+    /// Computes the braking power of a command. `ohms` is the resistance of winding and bridge.
+    pub fn braking_power(&self, at: OperatingPoint, command: Modulation, ohms: f32) -> BrakingPower {
+        let Modulation { drive, voltage } = command;
         let (e, v) = at.volts();
-        let current = (e - clockwise_volts(at, applied)).max(0.0) / ohms;
+        let current = (e - clockwise_volts(at, voltage)).max(0.0) / ohms;
         let braked = e * current;
         match at.regime(drive) {
             Regime::Forward => BrakingPower::NONE,

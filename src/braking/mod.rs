@@ -31,7 +31,7 @@
 //! let modulator = Modulator::new(&winding, &BridgeConstants::IDEAL, Scheme::A, DutyRule::LinearCurrent);
 //! let emf = winding.emf.emf(CountsPerSecond::new(1505));
 //! let at = OperatingPoint::new(emf, Millivolts::new(12_000)).expect("there is a battery");
-//! let drive = modulator.for_voltage(at, Voltage::from_volts(4.0));
+//! let drive = modulator.for_voltage(at, Voltage::from_volts(4.0)).drive;
 //! assert_eq!((at.regime(drive), drive.mode), (Regime::Braking, Mode::Brake50));
 //! assert_eq!(modulator.control(at, Voltage::from_volts(4.0)).get(), 10_922);
 //! ```
@@ -49,7 +49,21 @@ pub use scheme::{Blend, BlendFraction, Scheme};
 pub use winding::Winding;
 
 use crate::bridge::{BridgeConstants, Drive};
-use crate::units::{Control, Voltage};
+use crate::units::{Control, Duty, Voltage};
+
+/// A command of the bridge, and the voltage that the command applies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Modulation {
+    /// Command of the bridge.
+    pub drive: Drive,
+    /// Equivalent DC voltage that the command applies.
+    pub voltage: Voltage,
+}
+
+impl Modulation {
+    /// Full dynamic braking: the bridge shorts the winding all the time.
+    pub const BRAKE: Self = Self { drive: Drive::BRAKE, voltage: Voltage::ZERO };
+}
 
 /// Map from a location within a regime to a duty.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -87,30 +101,47 @@ impl Modulator {
     ///
     /// [`Scheme::ForwardReverse`] has no braking regime. With this scheme the bridge opens for a voltage between 0 and
     /// the back EMF. For the voltage 0 the bridge brakes fully, as with any other scheme.
-    pub fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Drive {
+    pub fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
         let volts = clockwise_volts(at, voltage);
         let (regime, w) = points::current(volts, at);
         let opens = matches!(self.scheme, Scheme::ForwardReverse) && regime == Regime::Braking && volts > 0.0;
-        at.drive(regime, self.current.duty(regime, if opens { 0.0 } else { w }, at))
+        let wanted = self.current.wanted_duty(regime, if opens { 0.0 } else { w }, at);
+        let duty = self.current.feasible(wanted);
+        let drive = at.drive(regime, duty);
+        // A duty that is not limited applies the voltage.
+        let exact = duty == wanted && duty != Duty::ZERO && duty != Duty::ONE;
+        if exact { Modulation { drive, voltage } } else { self.modulation(at, drive) }
+    }
+
+    /// Computes the voltage that a command applies: the inverse of [`for_voltage`](Self::for_voltage).
+    pub fn modulation(&self, at: OperatingPoint, drive: Drive) -> Modulation {
+        let (emf, _) = at.volts();
+        let regime = at.regime(drive);
+        let current = self.current.current(regime, drive.duty, at);
+        let volts = if regime == Regime::Forward { emf + current } else { emf - current };
+        let voltage = Voltage::from_volts(if at.counter_clockwise() { -volts } else { volts });
+        Modulation { drive, voltage }
     }
 
     /// The command for a control value, by the scheme and the duty rule.
-    pub fn for_control(&self, at: OperatingPoint, control: Control) -> Drive {
+    pub fn for_control(&self, at: OperatingPoint, control: Control) -> Modulation {
         match self.rule {
-            DutyRule::LinearDuty => self.with_feasible_duty(linear_duty(self.scheme, at, control)),
-            DutyRule::LinearCurrent => linear_current(&self.current, self.scheme, at, control),
+            DutyRule::LinearDuty => self.with_feasible_duty(at, linear_duty(self.scheme, at, control)),
+            DutyRule::LinearCurrent => {
+                self.modulation(at, linear_current(&self.current, self.scheme, at, control))
+            }
         }
     }
 
     /// The command for open-loop power: mode 9/8 for positive and 6/2 for negative power, in every scheme. The duty is
     /// `|power| / 32767`, or the nearest duty that the bridge's timing permits. Power 0 opens the bridge.
-    pub fn open_loop(&self, at: OperatingPoint, power: Control) -> Drive {
-        self.with_feasible_duty(linear_duty(Scheme::ForwardReverse, at, power))
+    pub fn open_loop(&self, at: OperatingPoint, power: Control) -> Modulation {
+        self.with_feasible_duty(at, linear_duty(Scheme::ForwardReverse, at, power))
     }
 
     /// Replaces the duty of a command by the nearest duty that the bridge's timing permits.
-    fn with_feasible_duty(&self, drive: Drive) -> Drive {
-        Drive { duty: self.current.feasible(drive.duty), ..drive }
+    fn with_feasible_duty(&self, at: OperatingPoint, drive: Drive) -> Modulation {
+        self.modulation(at, Drive { duty: self.current.feasible(drive.duty), ..drive })
     }
 
     /// The control value for a voltage. A voltage beyond the scheme's range gives the nearest control value.
@@ -127,15 +158,6 @@ impl Modulator {
     /// back EMF, in V. 0 if no current is discontinuous.
     pub fn discontinuous_volts(&self, at: OperatingPoint) -> f32 {
         self.current.boundary(at)
-    }
-
-    /// The equivalent DC voltage that a command applies: the inverse of [`for_voltage`](Self::for_voltage).
-    pub fn applied(&self, at: OperatingPoint, drive: Drive) -> Voltage {
-        let (emf, _) = at.volts();
-        let regime = at.regime(drive);
-        let current = self.current.current(regime, drive.duty, at);
-        let volts = if regime == Regime::Forward { emf + current } else { emf - current };
-        Voltage::from_volts(if at.counter_clockwise() { -volts } else { volts })
     }
 }
 

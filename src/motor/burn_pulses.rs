@@ -28,8 +28,7 @@
 //! brakes more than a short circuit.
 
 use super::{Command, Motor};
-use crate::braking::OperatingPoint;
-use crate::bridge::Drive;
+use crate::braking::{Modulation, OperatingPoint};
 use crate::supply::Battery;
 use crate::units::single::{at_least, at_most};
 use crate::units::{Micros, Share, Voltage};
@@ -191,15 +190,14 @@ impl Motor {
         if battery.draw != Share::ALL || room <= least * emf.abs() {
             pulse = Pulse::Short;
         }
-        command.drive = match pulse {
+        command.bridge = match pulse {
             Pulse::Forward => {
                 let volts = emf + (beyond * emf.abs()).min(room).copysign(emf);
                 self.modulator.for_voltage(at, Voltage::from_volts(volts))
             }
-            Pulse::Short => Drive::BRAKE,
+            Pulse::Short => Modulation::BRAKE,
         };
-        command.applied = self.modulator.applied(at, command.drive);
-        let [requested, applied] = [command.voltage, command.applied].map(Voltage::to_volts);
+        let [requested, applied] = [command.limited, command.bridge].map(|of| of.voltage.to_volts());
         let change_us = self.settings.bridge.timing.change_us;
         self.pulses.apply(pulse, Voltages { requested, applied, emf }, change_us);
     }

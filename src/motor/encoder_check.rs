@@ -117,7 +117,7 @@ impl Tick<'_> {
         let twice = 2 * i64::from(self.target.to_bits());
         let wrong_speed = if velocity < 0 { twice >= velocity } else { twice <= velocity };
         wrong_speed
-            && self.command.request.at.regime(self.command.limited) == Regime::Reverse
+            && self.command.request.at.regime(self.command.limited.drive) == Regime::Reverse
             && self.control().get().abs() >= Runaway::FULL_CONTROL
     }
 }
@@ -164,10 +164,14 @@ enum State {
     Watching(Expected),
     /// The bridge is in reverse at the end of the control range, and the motor turns at the wrong speed.
     RunningAway(Runaway),
-    /// The bridge brakes. The number is the time in this state, in ms.
-    Releasing(Suspect, u32),
+    /// The bridge brakes.
+    Releasing {
+        suspect: Suspect,
+        /// Time in this state, in ms.
+        ms: u32,
+    },
     /// The motor is driven in the other direction. The expected distance is that of the probe.
-    Probing(Suspect, Expected),
+    Probing { suspect: Suspect, expected: Expected },
     /// The regulator drives the motor against a stop.
     Stalled(Stall),
     /// The encoder is at fault. The motor latches the fault and takes no further step of this check.
@@ -192,7 +196,7 @@ impl EncoderCheck {
     /// continues the motion must not end an examination: a host that streams set-points would hide a fault of the
     /// encoder.
     pub(super) const fn end_examination(&mut self, last_motion: &mut LastMotion) -> bool {
-        let examining = matches!(self.state, State::Releasing(..) | State::Probing(..));
+        let examining = matches!(self.state, State::Releasing { .. } | State::Probing { .. });
         if examining {
             self.state = State::Watching(Expected::NONE);
             last_motion.forget();
@@ -226,18 +230,20 @@ impl EncoderCheck {
                 stall.step(tick)
             }
             State::RunningAway(_) => State::Watching(Expected::NONE),
-            State::Releasing(suspect, _) | State::Probing(suspect, _) if moved => suspect.stall(),
-            State::Releasing(suspect, ms) => suspect.release(ms + tick.period_ms()),
-            State::Probing(suspect, expected) => suspect.probe(expected, last_motion.may_creep(), tick),
+            State::Releasing { suspect, .. } | State::Probing { suspect, .. } if moved => suspect.stall(),
+            State::Releasing { suspect, ms } => suspect.release(ms + tick.period_ms()),
+            State::Probing { suspect, expected } => suspect.probe(expected, last_motion.may_creep(), tick),
             State::Faulty(fault) => State::Faulty(fault),
         };
         let at = tick.context.at;
         match &self.state {
             State::Watching(_) | State::Stalled(_) => Ok(None),
-            State::RunningAway(runaway) => Ok(runaway.full_reverse.then_some(Request::full_reverse(at))),
-            State::Releasing(..) => Ok(Some(Request::braking(at))),
+            State::RunningAway(runaway) => {
+                Ok(runaway.full_reverse.then_some(Request::full_reverse(at, tick.context.modulator)))
+            }
+            State::Releasing { .. } => Ok(Some(Request::braking(at))),
             // The speed is in doubt, so the probe is in open loop.
-            State::Probing(suspect, _) => {
+            State::Probing { suspect, .. } => {
                 Ok(Some(Request::open_loop(at, suspect.probe_control(), tick.context.modulator)))
             }
             State::Faulty(fault) => Err(*fault),
@@ -254,7 +260,7 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> S
     }
     let requested = tick.target.to_f32().abs();
     let clockwise = tick.target > CountsPerSecond::ZERO;
-    let drive_volts = along(clockwise, tick.command.voltage.to_volts());
+    let drive_volts = along(clockwise, tick.command.limited.voltage.to_volts());
     // The silence began at the last motion, some time before this tick.
     let ms = match expected.ms {
         0 => (last_motion.silent_us() / 1_000).min(tick.period_ms() + EncoderCheck::QUIET_US / 1_000),
@@ -284,9 +290,9 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> S
     // The time-out of a motor from rest leaves no time for a release.
     let known = least_gain.is_some() || run.is_some();
     if known && tick.period_ms() <= Suspect::SHORTEST_MS {
-        State::Releasing(suspect, 0)
+        State::Releasing { suspect, ms: 0 }
     } else {
-        State::Probing(suspect, Expected::NONE)
+        State::Probing { suspect, expected: Expected::NONE }
     }
 }
 
@@ -364,7 +370,11 @@ impl Suspect {
     /// Takes a tick in Releasing without a motion, `ms` after the release began. Begins the probe when the release is
     /// over.
     fn release(self, ms: u32) -> State {
-        if ms < Self::SHORTEST_MS { State::Releasing(self, ms) } else { State::Probing(self, Expected::NONE) }
+        if ms < Self::SHORTEST_MS {
+            State::Releasing { suspect: self, ms }
+        } else {
+            State::Probing { suspect: self, expected: Expected::NONE }
+        }
     }
 
     /// Takes a tick in Probing without a motion. The encoder is at fault when the expected distance is long enough. A
@@ -378,7 +388,7 @@ impl Suspect {
         } else if expected.ms >= Self::LONGEST_MS || volts <= 0.0 && expected.ms >= Self::SHORTEST_MS {
             self.stall()
         } else {
-            State::Probing(self, expected)
+            State::Probing { suspect: self, expected }
         }
     }
 

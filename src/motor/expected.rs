@@ -103,7 +103,7 @@ impl Expected {
     pub(super) fn keep_turning(self, ms: u32, run: &Run, drive_volts: f32, tick: &Tick<'_>) -> Self {
         let before = self.speed_cps.unwrap_or(run.speed_cps);
         let (mut volts, mut kappa) = (drive_volts - run.resisting_volts(tick), tick.emf_volts_per_cps());
-        if tick.command.limited.mode == Mode::Brake50 {
+        if tick.command.limited.drive.mode == Mode::Brake50 {
             // The drive voltage of a braking bridge is proportional to the speed. So this voltage per speed is
             // subtracted from the back EMF constant, and the voltage is not part of `volts`.
             let speed = tick.commanded_at_speed().abs().max(1.0);

@@ -97,7 +97,7 @@ impl LastMotion {
             run: Run {
                 speed_cps: regulator.speed_cps(),
                 disturbance_cps2: regulator.disturbance(),
-                drive_volts: command.map_or(0.0, |command| command.voltage.to_volts()),
+                drive_volts: command.map_or(0.0, |command| command.limited.voltage.to_volts()),
             },
             run_before: self.run,
             position: reading.position,

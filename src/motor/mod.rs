@@ -67,7 +67,7 @@ pub use sense_line::SenseLine;
 pub use setpoint::Setpoint;
 pub use settled::{SettleDetector, within_tolerance};
 
-use crate::braking::{BrakingPower, Modulator, OperatingPoint};
+use crate::braking::{BrakingPower, Modulation, Modulator, OperatingPoint};
 use crate::bridge::{BridgeFeedback, Drive, Mode};
 use crate::motion::Reading;
 use crate::regulator::identify::{Identification, Identifier, Refusal};
@@ -164,7 +164,7 @@ struct Request {
     /// Back EMF and battery voltage at the tick.
     at: OperatingPoint,
     /// Requested command.
-    drive: Drive,
+    modulation: Modulation,
     /// Control value of the request; `None` if the request is a voltage.
     control: Option<Control>,
     /// Speed that the regulator should reach; `None` if the motor is not regulated.
@@ -174,18 +174,19 @@ struct Request {
 impl Request {
     /// The bridge shorts the winding.
     const fn braking(at: OperatingPoint) -> Self {
-        Self { at, drive: Drive::BRAKE, control: Some(Control::ZERO), target: None }
+        Self { at, modulation: Modulation::BRAKE, control: Some(Control::ZERO), target: None }
     }
 
     /// The bridge drives the motor in open loop, at this share of the control range.
     fn open_loop(at: OperatingPoint, power: Control, modulator: &Modulator) -> Self {
-        Self { at, drive: modulator.open_loop(at, power), control: Some(power), target: None }
+        Self { at, modulation: modulator.open_loop(at, power), control: Some(power), target: None }
     }
 
     /// The bridge drives against the motion with its full voltage, in every scheme.
-    const fn full_reverse(at: OperatingPoint) -> Self {
+    fn full_reverse(at: OperatingPoint, modulator: &Modulator) -> Self {
         let end = if at.counter_clockwise() { Control::MAX } else { Control::MIN };
-        Self { at, drive: at.full_reverse(), control: Some(end), target: None }
+        let modulation = modulator.modulation(at, at.full_reverse());
+        Self { at, modulation, control: Some(end), target: None }
     }
 }
 
@@ -194,19 +195,16 @@ impl Request {
 struct Command {
     request: Request,
     /// Command within all limits.
-    limited: Drive,
-    /// Mean voltage that `limited` applies.
-    voltage: Voltage,
-    /// Command of the bridge: `limited`, or the present burn pulse.
-    drive: Drive,
-    /// Mean voltage that the bridge applies. During burn pulses this is the voltage of the present pulse.
-    applied: Voltage,
+    limited: Modulation,
+    /// Command of the bridge: `limited`, or the present burn pulse. At a change of mode the voltage includes the time
+    /// for which the bridge is open.
+    bridge: Modulation,
 }
 
 impl Command {
     /// True if the bridge is open all the time.
     fn is_open(&self) -> bool {
-        self.drive == Drive::COAST
+        self.bridge.drive == Drive::COAST
     }
 
     /// Current in A that a voltage drives through this resistance of winding and bridge, at the back EMF of the
@@ -217,7 +215,7 @@ impl Command {
 
     /// True if the limits change the request.
     fn is_limited(&self) -> bool {
-        self.limited != self.request.drive
+        self.limited.drive != self.request.modulation.drive
     }
 
     /// Control value of the request; `None` if the request is a voltage, or if the limits change the request.
@@ -227,7 +225,7 @@ impl Command {
 
     /// The control value of the command.
     fn control(&self, modulator: &Modulator) -> Control {
-        self.requested_control().unwrap_or_else(|| modulator.control(self.request.at, self.voltage))
+        self.requested_control().unwrap_or_else(|| modulator.control(self.request.at, self.limited.voltage))
     }
 }
 
@@ -419,7 +417,7 @@ impl Motor {
         let (before, was_forward) = (self.drive(), self.pulses.is_forward());
         let command = self.modulate(request, now, battery, *may_end_short);
         *may_end_short &= was_forward || !self.pulses.is_forward();
-        let changed = command.drive != before;
+        let changed = command.bridge.drive != before;
         if changed || self.pulses.are_active() {
             self.command_bridge(command);
         }
@@ -429,7 +427,7 @@ impl Motor {
     /// The bridge's command.
     pub(crate) const fn drive(&self) -> Drive {
         match &self.command {
-            Some(command) => command.drive,
+            Some(command) => command.bridge.drive,
             None => Drive::COAST,
         }
     }
@@ -438,8 +436,8 @@ impl Motor {
     /// the bridge is open.
     pub(crate) fn braking_power(&self) -> BrakingPower {
         match &self.command {
-            Some(Command { request, drive, applied, .. }) if *drive != Drive::COAST => {
-                self.modulator.braking_power(request.at, *drive, *applied, self.settings.ohms())
+            Some(Command { request, bridge, .. }) if bridge.drive != Drive::COAST => {
+                self.modulator.braking_power(request.at, *bridge, self.settings.ohms())
             }
             _ => BrakingPower::NONE,
         }
@@ -526,7 +524,7 @@ impl Motor {
 
     /// The request for a voltage.
     fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Request {
-        Request { at, drive: self.modulator.for_voltage(at, voltage), control: None, target: None }
+        Request { at, modulation: self.modulator.for_voltage(at, voltage), control: None, target: None }
     }
 
     /// Steps the encoder check of a regulated motor, and latches a fault. Computes the request of the check, or of the
@@ -574,14 +572,14 @@ impl Motor {
         let context =
             Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
         let output = self.regulator.step(demand, moved, &context);
-        let (control, drive) = match output.effort {
+        let (control, modulation) = match output.effort {
             Effort::Voltage(voltage) => (None, self.modulator.for_voltage(at, voltage)),
             Effort::Control(control) => (Some(control), self.modulator.for_control(at, control)),
         };
         if output.hunts && self.configured.lower() {
             self.correct_constants();
         }
-        Request { at, drive, control, target: Some(output.speed) }
+        Request { at, modulation, control, target: Some(output.speed) }
     }
 
     /// Follows the motor's temperatures with the constants in force, except during an identification, which compares
@@ -617,30 +615,29 @@ impl Motor {
     fn command_bridge(&mut self, mut command: Command) {
         let open = command.is_open();
         if !open {
-            command.applied = self.after_change(&command);
+            command.bridge.voltage = self.after_change(command.bridge);
         }
-        self.regulator.drive((!open).then_some(command.applied));
+        self.regulator.drive((!open).then_some(command.bridge.voltage));
         // While a limit opens the bridge, the applied voltage is the back EMF, and the identification continues with
         // this voltage.
         if let MotorState::Identifying(identifier) = &mut self.state {
-            identifier.drive(command.applied);
+            identifier.drive(command.bridge.voltage);
         }
         self.command = Some(command);
     }
 
-    /// Computes the command for a request within all limits, and steps the burn pulses. [`Command::applied`] ignores
+    /// Computes the command for a request within all limits, and steps the burn pulses. The voltage of [`Command::bridge`] ignores
     /// the time for which the bridge is open when its mode changes; [`after_change`](Self::after_change) includes this
     /// time.
     fn modulate(&mut self, request: Request, now: Micros, battery: &Battery, may_end_short: bool) -> Command {
-        let Request { at, drive: mut limited, .. } = request;
-        let mut voltage = self.modulator.applied(at, limited);
-        let allowed = self.limits(at, battery.draw).clamp(voltage.to_volts());
-        if allowed.to_bits() != voltage.to_volts().to_bits() {
+        let Request { at, modulation: mut limited, .. } = request;
+        let volts = limited.voltage.to_volts();
+        let allowed = self.limits(at, battery.draw).clamp(volts);
+        if allowed.to_bits() != volts.to_bits() {
             limited = self.modulator.for_voltage(at, Voltage::from_volts(allowed));
-            voltage = self.modulator.applied(at, limited);
         }
-        let mut command = Command { request, limited, voltage, drive: limited, applied: voltage };
-        let Drive { mode, duty } = limited;
+        let mut command = Command { request, limited, bridge: limited };
+        let Drive { mode, duty } = limited.drive;
         let returns = mode == Mode::Brake50 && duty != Duty::ZERO && duty != Duty::ONE;
         if !returns {
             self.pulses.stop();
@@ -671,23 +668,23 @@ impl Motor {
         let (Some(command), Some(limit)) = (&self.command, self.settings.current_limit_amperes()) else {
             return false;
         };
-        let amperes = command.amperes(command.voltage, self.settings.ohms());
+        let amperes = command.amperes(command.limited.voltage, self.settings.ohms());
         command.is_limited() && amperes.abs() > 0.98 * limit
     }
 
     /// The mean voltage that a new command applies. If the mode differs from the mode of the present command, the
     /// bridge is open for the time that the change takes.
-    fn after_change(&self, command: &Command) -> Voltage {
+    fn after_change(&self, Modulation { drive, voltage }: Modulation) -> Voltage {
         let change_us = self.settings.bridge.timing.change_us;
-        if command.drive.mode == self.drive().mode || change_us == 0 {
-            return command.applied;
+        if drive.mode == self.drive().mode || change_us == 0 {
+            return voltage;
         }
         let emf = self.settings.winding.emf.emf(self.regulator.velocity()).to_volts();
         // Time in us for which the command stays. A burn pulse is chosen every millisecond, any other command every
         // control period.
         let period_us = if self.pulses.are_active() { 1_000.0 } else { self.period.as_micros() as f32 };
         let left = (1.0 - f32::from(change_us) / period_us).max(0.0);
-        Voltage::from_volts(emf + left * (command.applied.to_volts() - emf))
+        Voltage::from_volts(emf + left * (voltage.to_volts() - emf))
     }
 
     /// The mean current of the winding by the motor's constants; 0 while the bridge is open.
@@ -695,8 +692,8 @@ impl Motor {
         match &self.command {
             Some(command) if !command.is_open() => {
                 // The mean voltage of burn pulses is the voltage within the limits.
-                let voltage = if self.pulses.are_active() { command.voltage } else { command.applied };
-                Milliamperes::from_amperes(command.amperes(voltage, self.settings.ohms()))
+                let mean = if self.pulses.are_active() { command.limited } else { command.bridge };
+                Milliamperes::from_amperes(command.amperes(mean.voltage, self.settings.ohms()))
             }
             _ => Milliamperes::ZERO,
         }
@@ -738,9 +735,9 @@ impl Motor {
                 .load()
                 .map(|voltage| Milliamperes::from_amperes(voltage.to_volts() / self.settings.ohms())),
             at: self.command.map(|command| command.request.at),
-            voltage: self.command.map_or(Voltage::ZERO, |command| command.voltage),
+            voltage: self.command.map_or(Voltage::ZERO, |command| command.limited.voltage),
             requested: self.command.and_then(|command| command.requested_control()),
-            regime: self.command.map(|command| command.request.at.regime(command.limited)),
+            regime: self.command.map(|command| command.request.at.regime(command.limited.drive)),
             drive,
             settled: self.settle_detector.step(within_tolerance, velocity, self.period),
             // With a small current limit the encoder cannot be checked, so a motor without counts is taken for
