@@ -275,7 +275,7 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> S
         None if drive_volts <= Expected::FRICTION_VOLTS => return State::Watching(Expected::NONE),
         None => {
             let acceleration = least_gain.unwrap_or(0.0) * (drive_volts - Expected::FRICTION_VOLTS);
-            let speed = along(clockwise, tick.commanded_at_speed());
+            let speed = along(clockwise, tick.speed_at_command());
             (expected.accelerate(ms, acceleration, speed), EXPECTED_COUNTS)
         }
     };

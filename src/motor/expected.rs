@@ -5,13 +5,13 @@
 //! that had a steady run ([`Expected::keep_turning`]) keeps the load of the run, and the speed v follows from
 //!
 //! ```text
-//! dv/dt = gain (drive_volts - resisting_volts - k v)
+//! dv/dt = gain (drive_volts - resisting_volts - kappa v)
 //! ```
 //!
 //! * *gain*: acceleration per volt, in counts/s² per V;
 //! * *drive volts*: mean voltage across the motor, positive in the requested direction;
 //! * *resisting volts*: the torque of load and friction against the motion, as the drive voltage that balances it;
-//! * *k*: back EMF constant, in volts per count/s.
+//! * *kappa*: back EMF constant, in volts per count/s.
 
 use super::Command;
 use super::last_motion::Run;
@@ -48,7 +48,7 @@ impl Tick<'_> {
     }
 
     /// Estimated speed at the time of the last command, in counts/s.
-    pub(super) fn commanded_at_speed(&self) -> f32 {
+    pub(super) fn speed_at_command(&self) -> f32 {
         self.command.request.at.emf_volts() / self.emf_volts_per_cps()
     }
 }
@@ -106,7 +106,7 @@ impl Expected {
         if tick.command.limited.drive.mode == Mode::Brake50 {
             // The drive voltage of a braking bridge is proportional to the speed. So this voltage per speed is
             // subtracted from the back EMF constant, and the voltage is not part of `volts`.
-            let speed = tick.commanded_at_speed().abs().max(1.0);
+            let speed = tick.speed_at_command().abs().max(1.0);
             (volts, kappa) = (volts - drive_volts, (kappa - drive_volts / speed).max(0.0));
         }
         let least_gain = tick.regulator.least_gain().unwrap_or(0.0).max(run.least_gain());

@@ -449,8 +449,8 @@ impl Motor {
         self.position = reading.position;
         self.sample(&reading);
         self.regulator.tick();
-        // An identification compares voltages, so the estimated gain must not change. The gain stays while the
-        // set-point is an identification, also after the end of the identification.
+        // A new gain changes the estimated speed, and so the duty of a constant voltage. The gain therefore stays while
+        // the set-point is an identification, also after the end of the identification.
         if !matches!(self.setpoint, Setpoint::Identify { .. }) {
             self.regulator.update_gain(&self.settings, self.period);
         }
@@ -461,7 +461,7 @@ impl Motor {
     /// fresh reading.
     ///
     /// Fail-safe replaces the set-point if the motor is overheated, or if the set-point needs an encoder that is
-    /// missing or at fault. A set-point of 0 with which the motor floats counts as disabled.
+    /// missing or at fault. With [`ZeroPower::Float`] a set-point of 0 counts as disabled.
     fn permitted_setpoint(&self, moved: Option<i32>) -> Setpoint {
         let no_encoder = moved.is_none() || self.encoder_fault.is_some();
         let needs_encoder = !self.setpoint.is_direct();
@@ -476,7 +476,7 @@ impl Motor {
     }
 
     /// Computes the request of this tick; `None` for an open bridge. At a tick without regulation, ends the examination
-    /// of the encoder. A fault ends the motion of an identification. `moved` is as in
+    /// of the encoder. A fault ends an identification. `moved` is as in
     /// [`permitted_setpoint`](Self::permitted_setpoint).
     fn request(&mut self, battery: Option<&Battery>, moved: Option<i32>) -> Option<Request> {
         let emf = self.settings.winding.emf.emf(self.regulator.velocity());
@@ -582,8 +582,8 @@ impl Motor {
         Request { at, modulation, control, target: Some(output.speed) }
     }
 
-    /// Follows the motor's temperatures with the constants in force, except during an identification, which compares
-    /// voltages.
+    /// Corrects the constants in force for the present temperatures. During an identification the constants stay,
+    /// because another back EMF constant would change the duty of a constant voltage.
     fn follow_temperatures(&mut self) {
         let temperatures = self.thermal.temperatures(self.settings.thermal);
         if !matches!(self.state, MotorState::Identifying(_)) && self.configured.warm(temperatures) {
@@ -626,9 +626,9 @@ impl Motor {
         self.command = Some(command);
     }
 
-    /// Computes the command for a request within all limits, and steps the burn pulses. The voltage of [`Command::bridge`] ignores
-    /// the time for which the bridge is open when its mode changes; [`after_change`](Self::after_change) includes this
-    /// time.
+    /// Computes the command for a request within all limits, and steps the burn pulses. The voltage of
+    /// [`Command::bridge`] ignores the time for which the bridge is open when its mode changes;
+    /// [`after_change`](Self::after_change) includes this time.
     fn modulate(&mut self, request: Request, now: Micros, battery: &Battery, may_end_short: bool) -> Command {
         let Request { at, modulation: mut limited, .. } = request;
         let volts = limited.voltage.to_volts();
