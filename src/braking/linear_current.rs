@@ -110,14 +110,10 @@ impl LinearCurrent {
         }
     }
 
-    /// The duty for a mean current, given as the voltage `w`, in V, without the limits of the bridge's timing.
-    pub(super) fn wanted_duty(&self, regime: Regime, w: f32, at: OperatingPoint) -> Duty {
-        to_duty(if w > 0.0 { self.drive_state(regime, at).duty(w, self.period) } else { 0.0 })
-    }
-
-    /// The nearest duty that the bridge's timing permits for a mean current, given as the voltage `w`, in V.
+    /// The duty for a mean current, given as the voltage `w`, in V.
     pub(super) fn duty(&self, regime: Regime, w: f32, at: OperatingPoint) -> Duty {
-        self.feasible(self.wanted_duty(regime, w, at))
+        let duty = if w > 0.0 { self.drive_state(regime, at).duty(w, self.period) } else { 0.0 };
+        to_duty(self.nearest(duty))
     }
 
     /// The nearest duty that the bridge's timing permits.

@@ -49,7 +49,7 @@ pub use scheme::{Blend, BlendFraction, Scheme};
 pub use winding::Winding;
 
 use crate::bridge::{BridgeConstants, Drive};
-use crate::units::{Control, Duty, Voltage};
+use crate::units::{Control, Voltage};
 
 /// A command of the bridge, and the voltage that the command applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,12 +105,8 @@ impl Modulator {
         let volts = clockwise_volts(at, voltage);
         let (regime, w) = points::current(volts, at);
         let opens = matches!(self.scheme, Scheme::ForwardReverse) && regime == Regime::Braking && volts > 0.0;
-        let wanted = self.current.wanted_duty(regime, if opens { 0.0 } else { w }, at);
-        let duty = self.current.feasible(wanted);
-        let drive = at.drive(regime, duty);
-        // A duty that is not limited applies the voltage.
-        let exact = duty == wanted && duty != Duty::ZERO && duty != Duty::ONE;
-        if exact { Modulation { drive, voltage } } else { self.modulation(at, drive) }
+        let duty = self.current.duty(regime, if opens { 0.0 } else { w }, at);
+        self.modulation(at, at.drive(regime, duty))
     }
 
     /// Computes the voltage that a command applies: the inverse of [`for_voltage`](Self::for_voltage).
