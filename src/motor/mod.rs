@@ -527,32 +527,37 @@ impl Motor {
         Request { at, modulation: self.modulator.for_voltage(at, voltage), control: None, target: None }
     }
 
-    /// Steps the encoder check of a regulated motor, and latches a fault. Computes the request of the check, or of the
-    /// regulator if the check has no request.
+    /// Computes the request of a regulated motor. The encoder check is stepped first. A request of the check, or a
+    /// fault that the check finds, replaces the request of the regulator. Lowers the back EMF constant in force if the
+    /// speed hunts because this constant is too high.
     fn regulate(&mut self, demand: Demand, at: OperatingPoint, moved: i32) -> Option<Request> {
-        match self.check_encoder(at, moved) {
-            Ok(None) => Some(self.step_regulator(demand, at, moved)),
-            Ok(Some(request)) => {
-                Some(Request { target: Some(self.regulator.demanded_speed(demand)), ..request })
-            }
-            Err(fault) => {
-                self.encoder_fault = Some(fault);
-                self.on_fault(at)
+        let Self { settings, modulator, regulator, position, .. } = self;
+        let context = Context { settings, modulator, period: self.period, at };
+        if let MotorState::Regulated(check) = &mut self.state
+            && let Some(command) = &self.command
+            && let Some(target) = command.request.target
+        {
+            let tick = Tick { context: &context, regulator, command, target, position: *position, moved };
+            match check.step(&mut self.last_motion, &tick) {
+                Ok(None) => (),
+                Ok(Some(request)) => {
+                    return Some(Request { target: Some(regulator.demanded_speed(demand)), ..request });
+                }
+                Err(fault) => {
+                    self.encoder_fault = Some(fault);
+                    return self.on_fault(at);
+                }
             }
         }
-    }
-
-    /// Steps the encoder check of a regulated motor. Returns the request of the check; `None` if the regulator drives
-    /// the motor.
-    fn check_encoder(&mut self, at: OperatingPoint, moved: i32) -> Result<Option<Request>, EncoderFault> {
-        let MotorState::Regulated(check) = &mut self.state else { return Ok(None) };
-        let Some(command) = &self.command else { return Ok(None) };
-        let Some(target) = command.request.target else { return Ok(None) };
-        let context =
-            Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
-        let (regulator, position) = (&self.regulator, self.position);
-        let tick = Tick { context: &context, regulator, command, target, position, moved };
-        check.step(&mut self.last_motion, &tick)
+        let output = regulator.step(demand, moved, &context);
+        let (control, modulation) = match output.effort {
+            Effort::Voltage(voltage) => (None, modulator.for_voltage(at, voltage)),
+            Effort::Control(control) => (Some(control), modulator.for_control(at, control)),
+        };
+        if output.hunts && self.configured.lower() {
+            self.correct_constants();
+        }
+        Some(Request { at, modulation, control, target: Some(output.speed) })
     }
 
     /// Steps an identification. Returns its voltage; `None` for an open bridge, also when the identification ends.
@@ -564,22 +569,6 @@ impl Motor {
             self.end_identification(outcome);
             None
         })
-    }
-
-    /// Computes the request of the regulator. Lowers the back EMF constant in force if the speed hunts because this
-    /// constant is too high.
-    fn step_regulator(&mut self, demand: Demand, at: OperatingPoint, moved: i32) -> Request {
-        let context =
-            Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
-        let output = self.regulator.step(demand, moved, &context);
-        let (control, modulation) = match output.effort {
-            Effort::Voltage(voltage) => (None, self.modulator.for_voltage(at, voltage)),
-            Effort::Control(control) => (Some(control), self.modulator.for_control(at, control)),
-        };
-        if output.hunts && self.configured.lower() {
-            self.correct_constants();
-        }
-        Request { at, modulation, control, target: Some(output.speed) }
     }
 
     /// Corrects the constants in force for the present temperatures. During an identification the constants stay,
