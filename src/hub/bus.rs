@@ -27,9 +27,7 @@ impl Bus {
         returned: Microjoules::ZERO,
         dissipated: Microjoules::ZERO,
     };
-}
 
-impl Bus {
     /// Adds the energy of the last `passed_us` microseconds, in which the motors returned and dissipated these powers
     /// in watts.
     pub(super) fn add(&mut self, passed_us: u32, motors: impl Iterator<Item = BrakingPower>) {
