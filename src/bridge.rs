@@ -10,8 +10,8 @@
 //! assert_eq!((drive.mode.on(), drive.mode.off()), (State::DriveCw, State::HighLeft));
 //! ```
 //!
-//! Switches are numbered as in section 1.2 of *the paper*: R. Atkinson, *On Proportional Braking in H Bridges* (2018). The
-//! number of a state is the sum of its closed switches:
+//! Switches are numbered as in section 1.2 of *the paper*: R. Atkinson, *On Proportional Braking in H Bridges* (2018).
+//! The number of a state is the sum of its closed switches:
 //!
 //! | | left | right |
 //! |---|---|---|
@@ -139,8 +139,8 @@ impl Drive {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BridgeFeedback {
-    /// Mean current that the current-sense line shows, at least 0. `None` without a current-sense line, or if the converter
-    /// did not answer.
+    /// Mean current that the current-sense line shows, at least 0. `None` without a current-sense line, or if the
+    /// converter did not answer.
     pub current: Option<Milliamperes>,
     /// True if the bridge has switched itself off.
     pub fault: bool,
@@ -165,9 +165,9 @@ pub struct SenseScale {
 impl SenseScale {
     /// Scale of the usual VNH5019A-E carrier boards with a 3.3 V converter: about 140 mV/A.
     ///
-    /// The chip's sense output is the motor's current divided by about 7000, and flows through 1 kohm. The ratio of a chip is
-    /// between 4670 and 10 110 at 3 A, and between 6060 and 8330 at 8 A (data sheet Doc ID 15701, table 9). This
-    /// scale therefore shows a current of 3 A as 2.1 to 4.6 A, and a current of 8 A as 6.9 to 9.4 A.
+    /// The chip's sense output is the motor's current divided by about 7000, and flows through 1 kohm. The ratio of a
+    /// chip is between 4670 and 10 110 at 3 A, and between 6060 and 8330 at 8 A (data sheet Doc ID 15701, table 9).
+    /// This scale therefore shows a current of 3 A as 2.1 to 4.6 A, and a current of 8 A as 6.9 to 9.4 A.
     pub const VNH5019_CARRIER: Self = Self { full_scale_ma: 3_300 * 1_000 / 140 };
 
     /// Creates a scale from the converter's reference voltage and the sensitivity of the line in mV/A.
@@ -182,8 +182,8 @@ impl SenseScale {
         Ok(Self { full_scale_ma: reference.get() as u32 * 1_000 / mv_per_a as u32 })
     }
 
-    /// Returns the current of a reading. `bits` is the converter's resolution, 1 to 16. The value 0 counts as 1, and a larger
-    /// value as 16.
+    /// Returns the current of a reading. `bits` is the converter's resolution, 1 to 16. The value 0 counts as 1, and a
+    /// larger value as 16.
     pub const fn current(self, reading: u16, bits: u32) -> Milliamperes {
         let full_scale = if bits >= 16 { u16::MAX } else { (1 << bits) - 1 };
         let full_scale = if full_scale == 0 { 1 } else { full_scale };
@@ -215,10 +215,11 @@ impl Timing {
 
     /// Timing of a VNH5019A-E, which is assumed to switch like a VNH2SP30-E.
     ///
-    /// The data sheet of the VNH2SP30-E (DocID10832) gives these typical values at 13 V, with their limits in parentheses:
+    /// The data sheet of the VNH2SP30-E (DocID10832) gives these typical values at 13 V, with their limits in
+    /// parentheses:
     ///
-    /// * An output falls 1.2 us (at most 2.4 us) after a rising edge of the PWM line, and rises 1 us (at most 1.6 us) after
-    ///   a falling edge.
+    /// * An output falls 1.2 us (at most 2.4 us) after a rising edge of the PWM line, and rises 1 us (at most 1.6 us)
+    ///   after a falling edge.
     /// * A change of mode takes 600 us (300 to 1800 us).
     /// * The bridge may mistake a low time of less than 6 us for a short circuit, and then reports a fault.
     ///

@@ -31,7 +31,7 @@ use crate::group::{BaseSettings, GroupCommand, Halt};
 use crate::motion::Reading;
 use crate::motor::{self, Motor, Report, Setpoint, Settings};
 use crate::supply::{Battery, DrawStage};
-use crate::units::{Micros, Millivolts, Period, RangeError, Share, is_included};
+use crate::units::{CountsPerSecond, Micros, Millivolts, Period, RangeError, Share, is_included};
 use base::Base;
 use groups::Groups;
 
@@ -61,8 +61,8 @@ pub enum Action {
     /// If a group with exactly these members is moving already, its references continue on the new course without a
     /// jump. Otherwise the members leave their other groups and form a new group.
     Lead(GroupCommand),
-    /// Configures the drive base. [`Command::motor`] is any motor. The base starts at the origin, and both wheels leave their groups.
-    /// `None` removes the drive base.
+    /// Configures the drive base. [`Command::motor`] is any motor. The base starts at the origin, and both wheels leave
+    /// their groups. `None` removes the drive base.
     Base(Option<BaseSettings>),
 }
 
@@ -87,8 +87,8 @@ pub struct Snapshot<const N: usize> {
     pub at: Micros,
     /// Number of ticks since boot that were skipped because the tick before them ended too late.
     pub missed: u32,
-    /// Number of the newest command that the snapshot includes. 0 before the first command, which has number 1. Numbers wrap
-    /// from 2^32 - 1 to 0.
+    /// Number of the newest command that the snapshot includes. 0 before the first command, which has number 1. Numbers
+    /// wrap from 2^32 - 1 to 0.
     pub commands: u32,
     /// Battery voltage. `None` without a [fresh](Battery::is_fresh) state of the battery.
     pub battery: Option<Millivolts>,
@@ -201,12 +201,12 @@ impl<const N: usize> Hub<N> {
         self.period
     }
 
-    /// Applies a command. The command takes effect at the next [`step`](Self::step). A [direct](Action::is_direct) action can
-    /// take effect earlier, at the next [`execute_direct`](Self::execute_direct).
+    /// Applies a command. The command takes effect at the next [`step`](Self::step). A [direct](Action::is_direct)
+    /// action can take effect earlier, at the next [`execute_direct`](Self::execute_direct).
     ///
     /// # Errors
-    /// [`RangeError::Motor`] if a motor of the command does not exist, or if the command's motor is not a member of the group
-    /// that the command moves. [`Snapshot::commands`] also counts refused commands.
+    /// [`RangeError::Motor`] if a motor of the command does not exist, or if the command's motor is not a member of the
+    /// group that the command moves. [`Snapshot::commands`] also counts refused commands.
     pub fn apply(&mut self, command: Command) -> Result<(), RangeError> {
         self.commands = self.commands.wrapping_add(1);
         let Self { motors, groups, .. } = self;
@@ -242,14 +242,14 @@ impl<const N: usize> Hub<N> {
         self.update_energy(now);
         let mut changed = false;
         for motor in &mut self.motors {
-            changed |= motor.step_direct(now, battery);
+            changed |= motor.step_direct(now, battery.as_ref());
         }
         changed.then(|| self.motors.each_ref().map(Motor::drive))
     }
 
-    /// Returns the estimated speed of each motor at its newest sample, in counts/s.
-    pub fn speeds_cps(&self) -> impl Iterator<Item = f32> {
-        self.motors.iter().map(Motor::speed_cps)
+    /// Returns the estimated speed of each motor at its newest sample.
+    pub fn velocities(&self) -> impl Iterator<Item = CountsPerSecond> {
+        self.motors.iter().map(Motor::velocity)
     }
 
     /// True if the drive base uses a gyro.
@@ -267,8 +267,8 @@ impl<const N: usize> Hub<N> {
         self.missed = self.missed.saturating_add(ticks);
     }
 
-    /// Updates the estimates of motion with a sample of all encoders, between two ticks. Samples every millisecond give the
-    /// best estimates. `None` stands for an encoder without a reading so far.
+    /// Updates the estimates of motion with a sample of all encoders, between two ticks. Samples every millisecond give
+    /// the best estimates. `None` stands for an encoder without a reading so far.
     pub fn sample(&mut self, readings: &[Option<Reading>; N]) {
         for (motor, reading) in self.motors.iter_mut().zip(readings) {
             if let Some(reading) = reading {
@@ -296,8 +296,8 @@ impl<const N: usize> Hub<N> {
         self.limit_supply(&battery, battery.at).then(|| self.motors.each_ref().map(Motor::drive))
     }
 
-    /// True if the limits have changed, or if braking motors must dissipate energy. The bridges of such motors need a new
-    /// pulse at each new state of the bus.
+    /// True if the limits have changed, or if braking motors must dissipate energy. The bridges of such motors need a
+    /// new pulse at each new state of the bus.
     fn needs_limits(&self, battery: &Battery) -> bool {
         (self.draw, self.dissipate) != (battery.draw, battery.dissipate) || battery.dissipate != Share::NONE
     }
@@ -306,8 +306,8 @@ impl<const N: usize> Hub<N> {
     fn limit_supply(&mut self, battery: &Battery, now: Micros) -> bool {
         (self.draw, self.dissipate) = (battery.draw, battery.dissipate);
         self.update_energy(now);
-        // The end of a short circuit returns the energy of the winding to the bus. Therefore only one motor may end a short
-        // circuit at each new state of the bus.
+        // The end of a short circuit returns the energy of the winding to the bus. Therefore only one motor may end a
+        // short circuit at each new state of the bus.
         let mut may_end_short = true;
         let mut changed = false;
         for motor in &mut self.motors {
@@ -316,18 +316,18 @@ impl<const N: usize> Hub<N> {
         changed
     }
 
-    /// Adds the energy that the present bridge commands have returned and dissipated between the last addition and `now`. Must be
-    /// called before a bridge command changes.
+    /// Adds the energy that the present bridge commands have returned and dissipated between the last addition and
+    /// `now`. Must be called before a bridge command changes.
     fn update_energy(&mut self, now: Micros) {
         let passed_us = self.energy_until.map_or(0, |until| now.since(until)) as u32;
         self.energy_until = self.energy_until.max(Some(now));
-        self.bus.add(passed_us, self.motors.iter().map(Motor::returned));
+        self.bus.add(passed_us, self.motors.iter().map(Motor::braking_power));
     }
 
     /// Runs one tick of all motors, and returns the state after the tick.
     ///
-    /// A motor depends on other motors in two ways. It may be a member of a group, and while braking motors dissipate energy,
-    /// only one of them may end a short circuit at a time.
+    /// A motor depends on other motors in two ways. It may be a member of a group, and while braking motors dissipate
+    /// energy, only one of them may end a short circuit at a time.
     pub fn step(&mut self, inputs: &Inputs<N>) -> Snapshot<N> {
         let battery = inputs.battery.filter(|battery| battery.is_fresh(inputs.now));
         self.update_energy(inputs.now);

@@ -1,8 +1,7 @@
-//! Modulation of every control value among the points, for many speeds and battery voltages.
+//! Command of every control value among the points, for many speeds and battery voltages.
 
 use motor_hub::braking::{
-    Abscissa, Blend, BlendFraction, Location, Modulation, OperatingPoint, Points, Regime, Scheme, Winding,
-    linear_duty,
+    Abscissa, Blend, BlendFraction, Location, OperatingPoint, Points, Regime, Scheme, Winding, linear_duty,
 };
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts};
@@ -40,9 +39,9 @@ fn every_control() -> impl Iterator<Item = Control> {
 }
 
 /// A number that grows with the torque that a placement asks for: regime first, then duty.
-fn order(placement: Modulation) -> i32 {
-    let duty = i32::from(placement.drive.duty.to_bits());
-    match placement.regime {
+fn order(at: OperatingPoint, placement: Drive) -> i32 {
+    let duty = i32::from(placement.duty.to_bits());
+    match at.regime(placement) {
         Regime::Reverse => -(1 << 16) - duty,
         Regime::Braking => -duty,
         Regime::Forward => duty,
@@ -56,7 +55,7 @@ fn torque_never_falls_as_control_rises() {
             let at = at(cps, battery);
             let mut last = i32::MIN;
             for control in every_control() {
-                let rank = order(linear_duty(scheme, at, control));
+                let rank = order(at, linear_duty(scheme, at, control));
                 assert!(rank >= last, "{scheme:?} {cps} cps {battery} mV at {}", control.get());
                 last = rank;
             }
@@ -84,8 +83,8 @@ fn regimes_meet_without_gap_or_overlap() {
                 } else {
                     (Regime::Reverse, (t - c) / (t - s))
                 };
-                assert_eq!(placement.regime, regime, "{scheme:?} {cps} cps {battery} mV at {c}");
-                let error = placement.drive.duty.to_f64() - wanted;
+                assert_eq!(at.regime(placement), regime, "{scheme:?} {cps} cps {battery} mV at {c}");
+                let error = placement.duty.to_f64() - wanted;
                 assert!(error.abs() <= 0.5 / 32768.0 + 1e-12, "{scheme:?} {cps} {battery} at {c}: {error}");
             }
         }
@@ -98,11 +97,11 @@ fn the_ends_of_the_control_range_are_full_drive_where_the_scheme_keeps_them() {
         let at = at(cps, battery);
         for scheme in [Scheme::A, Scheme::B, Scheme::ForwardReverse] {
             let full_reverse = linear_duty(scheme, at, Control::MIN);
-            assert_eq!(full_reverse.regime, Regime::Reverse);
-            assert_eq!(full_reverse.drive.duty.to_f64(), 1.0);
+            assert_eq!(at.regime(full_reverse), Regime::Reverse);
+            assert_eq!(full_reverse.duty.to_f64(), 1.0);
             let full_forward = linear_duty(scheme, at, Control::MAX);
-            assert_eq!(full_forward.regime, Regime::Forward);
-            assert_eq!(full_forward.drive.duty.to_f64(), 1.0);
+            assert_eq!(at.regime(full_forward), Regime::Forward);
+            assert_eq!(full_forward.duty.to_f64(), 1.0);
         }
     }
 }
@@ -114,10 +113,10 @@ fn counter_clockwise_is_the_mirror_image() {
             let (cw, ccw) = (at(cps, battery), at(-cps, battery));
             for control in every_control() {
                 let there = linear_duty(scheme, cw, control);
-                let here = linear_duty(scheme, ccw, -control);
-                assert_eq!(there.regime, here.regime);
-                assert_eq!(there.drive.duty, here.drive.duty);
-                assert_eq!(there.drive.mode, here.drive.mode.mirrored());
+                let here = linear_duty(scheme, ccw, control.reversed());
+                assert_eq!(cw.regime(there), ccw.regime(here));
+                assert_eq!(there.duty, here.duty);
+                assert_eq!(there.mode, here.mode.mirrored());
             }
         }
     }
@@ -129,9 +128,9 @@ fn at_standstill_t_and_z_coincide_and_every_scheme_drives_in_the_same_way() {
     for scheme in schemes() {
         let points = Points::new(scheme, at);
         assert_eq!((points.t, points.z), (Points::new(Scheme::A, at).t, Points::new(Scheme::A, at).z));
-        assert_eq!(linear_duty(scheme, at, Control::ZERO).drive, Drive::COAST);
-        assert_eq!(linear_duty(scheme, at, Control::new(1)).drive.mode, Mode::Cw98);
-        assert_eq!(linear_duty(scheme, at, Control::new(-1)).drive.mode, Mode::Ccw62);
+        assert_eq!(linear_duty(scheme, at, Control::ZERO), Drive::COAST);
+        assert_eq!(linear_duty(scheme, at, Control::new(1)).mode, Mode::Cw98);
+        assert_eq!(linear_duty(scheme, at, Control::new(-1)).mode, Mode::Ccw62);
     }
 }
 
@@ -139,35 +138,35 @@ fn at_standstill_t_and_z_coincide_and_every_scheme_drives_in_the_same_way() {
 fn a_regime_lies_where_the_paper_puts_it() {
     // Scheme A at half of the battery voltage: T at 0, Z at half of the range.
     let half = at(1505, 12_000);
-    assert_eq!(linear_duty(Scheme::A, half, Control::new(-1)).drive.mode, Mode::Ccw62);
-    assert_eq!(linear_duty(Scheme::A, half, Control::ZERO).drive, Drive::BRAKE);
-    assert_eq!(linear_duty(Scheme::A, half, Control::new(16_000)).drive.mode, Mode::Brake50);
-    assert_eq!(linear_duty(Scheme::A, half, Control::new(17_000)).drive.mode, Mode::Cw98);
+    assert_eq!(linear_duty(Scheme::A, half, Control::new(-1)).mode, Mode::Ccw62);
+    assert_eq!(linear_duty(Scheme::A, half, Control::ZERO), Drive::BRAKE);
+    assert_eq!(linear_duty(Scheme::A, half, Control::new(16_000)).mode, Mode::Brake50);
+    assert_eq!(linear_duty(Scheme::A, half, Control::new(17_000)).mode, Mode::Cw98);
     // Scheme B: Z at 0, T at a third of the range.
-    assert_eq!(linear_duty(Scheme::B, half, Control::ZERO).drive, Drive::COAST);
-    assert_eq!(linear_duty(Scheme::B, half, Control::new(1)).drive.mode, Mode::Cw98);
-    assert_eq!(linear_duty(Scheme::B, half, Control::new(-10_900)).drive.mode, Mode::Brake50);
-    assert_eq!(linear_duty(Scheme::B, half, Control::new(-10_930)).drive.mode, Mode::Ccw62);
+    assert_eq!(linear_duty(Scheme::B, half, Control::ZERO), Drive::COAST);
+    assert_eq!(linear_duty(Scheme::B, half, Control::new(1)).mode, Mode::Cw98);
+    assert_eq!(linear_duty(Scheme::B, half, Control::new(-10_900)).mode, Mode::Brake50);
+    assert_eq!(linear_duty(Scheme::B, half, Control::new(-10_930)).mode, Mode::Ccw62);
     // Scheme C: T just reaches the end of the range at half of the battery voltage.
     assert!((Points::new(Scheme::C, half).t.to_f64() + 32_767.0).abs() < 40.0);
     // No braking regime at all.
-    assert_eq!(linear_duty(Scheme::ForwardReverse, half, Control::new(-1)).drive.mode, Mode::Ccw62);
+    assert_eq!(linear_duty(Scheme::ForwardReverse, half, Control::new(-1)).mode, Mode::Ccw62);
 }
 
 #[test]
 fn in_overrun_scheme_a_only_brakes_and_schemes_c_and_automatic_d_brake_fully_at_the_end_of_the_range() {
     let over = at(3300, 12_000);
     for control in every_control() {
-        let a = linear_duty(Scheme::A, over, control).regime;
+        let a = over.regime(linear_duty(Scheme::A, over, control));
         assert_eq!(a == Regime::Reverse, control < Control::ZERO);
         assert_ne!(a, Regime::Forward);
         for scheme in [Scheme::C, fraction(1 << 16), Scheme::D(Blend::Automatic)] {
             let share = 0.max(-i32::from(control.get())) * 32_768;
             let placement = linear_duty(scheme, over, control);
-            assert_eq!(placement.regime == Regime::Forward, control > Control::ZERO, "{scheme:?}");
+            assert_eq!(over.regime(placement) == Regime::Forward, control > Control::ZERO, "{scheme:?}");
             if control <= Control::ZERO {
-                assert_eq!(placement.regime, Regime::Braking, "{scheme:?}");
-                let error = i32::from(placement.drive.duty.to_bits()) * 32_767 - share;
+                assert_eq!(over.regime(placement), Regime::Braking, "{scheme:?}");
+                let error = i32::from(placement.duty.to_bits()) * 32_767 - share;
                 assert!(error.abs() <= 32_767 / 2, "{scheme:?} at {}", control.get());
             }
         }

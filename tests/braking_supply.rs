@@ -3,7 +3,7 @@
 mod common;
 
 use common::{BATTERY, inertia, neverest_60, plant};
-use motor_hub::braking::{DutyRule, Modulation, Modulator, OperatingPoint, Regime, Scheme, Winding};
+use motor_hub::braking::{DutyRule, Modulator, OperatingPoint, Scheme, Winding};
 use motor_hub::bridge::{BridgeConstants, Drive, Mode};
 use motor_hub::model::plant::PlantInput;
 use motor_hub::model::si::{Amps, RadPerSec, Seconds, Volts};
@@ -26,9 +26,8 @@ fn returned_and_dissipated_power_are_those_of_the_model() {
     for cps in [800, 1505, 2500] {
         for percent in [10, 30, 50, 70, 90, 100] {
             let drive = Drive { mode: Mode::Brake50, duty: Duty::ratio(percent, 100) };
-            let braking = Modulation { regime: Regime::Braking, drive };
-            let flows = modulator().applied(at(cps), braking);
-            let computed = modulator().returned(at(cps), braking, flows, OHMS);
+            let command = modulator().modulation(at(cps), drive);
+            let computed = modulator().braking_power(at(cps), command, OHMS);
             // A flywheel so heavy that the speed stays.
             let mut plant = plant(neverest_60(), inertia(100.0));
             let speed = f64::from(cps) / 28.0 * std::f64::consts::TAU;
@@ -37,9 +36,10 @@ fn returned_and_dissipated_power_are_those_of_the_model() {
             plant.run(Seconds(0.005), influence, Volts(BATTERY));
             let flow = plant.run(Seconds(0.01), influence, Volts(BATTERY));
             let [returned, dissipated] = [flow.energy_to_battery.0, flow.heat.0].map(|joules| joules / 0.01);
-            for (what, computed, truly) in
-                [("returned", computed.returned, returned), ("dissipated", computed.dissipated, dissipated)]
-            {
+            for (what, computed, truly) in [
+                ("returned", computed.returned_watts, returned),
+                ("dissipated", computed.dissipated_watts, dissipated),
+            ] {
                 let miss = (f64::from(computed) - truly).abs();
                 assert!(
                     miss < 0.1 * (returned + dissipated) + 0.02,

@@ -144,7 +144,7 @@ fn position_is_approached_at_the_speed_limit_however_far_it_is_and_the_short_way
         // The sign of a speed limit means nothing.
         for cps in [700, -700] {
             assert_eq!(control(0, position(distance, 5, cps)), limit, "{distance}");
-            assert_eq!(control(0, position(-distance, 5, cps)), -limit, "{distance}");
+            assert_eq!(control(0, position(-distance, 5, cps)), limit.reversed(), "{distance}");
         }
     }
     assert_eq!(

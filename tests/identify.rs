@@ -10,7 +10,7 @@ use motor_hub::model::catalogue::{Motor, motors};
 use motor_hub::model::friction::Friction;
 use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::si::{KgM2, NewtonMetres, Ohms, Volts};
-use motor_hub::motor::{OnFault, Setpoint, Settings};
+use motor_hub::motor::{EncoderFault, OnFault, Setpoint, Settings};
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
 use motor_hub::units::{Control, EmfConstant, Millivolts, Resistance};
@@ -486,6 +486,24 @@ fn a_lost_battery_or_encoder_ends_it_for_good() {
             assert_eq!(report.drive, Drive::COAST);
         }
     }
+}
+
+#[test]
+fn with_a_fault_of_the_encoder_an_identification_is_refused_until_the_motor_is_disabled() {
+    let mut bench = half_a_second();
+    bench.axes[0].cable = Cable::Unplugged;
+    bench.set(0, velocity(2_000));
+    bench.run_ms(1_000);
+    assert_eq!(bench.report().faults.encoder, Some(EncoderFault::Stuck));
+    bench.set(0, Setpoint::Identify { travel_limit: u32::MAX });
+    let [report] = bench.tick().motors;
+    assert_eq!(report.identification, Identification::Refused(Refusal::Interrupted));
+    bench.axes[0].cable = Cable::Plugged;
+    bench.set(0, Setpoint::Disabled);
+    bench.run_ms(2_000);
+    bench.set(0, Setpoint::Identify { travel_limit: u32::MAX });
+    let [report] = bench.tick().motors;
+    assert!(matches!(report.identification, Identification::Running(_)), "{report:?}");
 }
 
 #[test]

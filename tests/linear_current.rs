@@ -1,15 +1,15 @@
 //! The duty stage against the event-exact switching bridge.
 
 use motor_hub::braking::{
-    Blend, BlendFraction, DutyRule, LinearCurrent, Modulation, Modulator, OperatingPoint, Points, Regime,
-    Scheme, Winding, linear_current, linear_duty,
+    Blend, BlendFraction, DutyRule, LinearCurrent, Modulator, OperatingPoint, Points, Regime, Scheme,
+    Winding, linear_current, linear_duty,
 };
-use motor_hub::bridge::{BridgeConstants, Mode, Timing};
+use motor_hub::bridge::{BridgeConstants, Drive, Mode, Timing};
 use motor_hub::model::catalogue::{self, Motor};
 use motor_hub::model::si::{Hertz, Volts};
 use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
 use motor_hub::units::{
-    Control, CountsPerSecond, Emf, EmfConstant, Inductance, Millivolts, RangeError, Resistance,
+    Control, CountsPerSecond, Emf, EmfConstant, Inductance, Millivolts, RangeError, Resistance, Voltage,
 };
 
 const BRIDGE: Bridge = Bridge::new(BridgeConstants::IDEAL);
@@ -91,8 +91,8 @@ impl Point {
     }
 
     /// Mean current that the bridge gives for a placement.
-    fn current(&self, motor: &Motor, frequency: f64, placement: Modulation) -> f64 {
-        let pwm = Pwm::new(placement.drive.mode, placement.drive.duty.to_f64(), Hertz(frequency));
+    fn current(&self, motor: &Motor, frequency: f64, placement: Drive) -> f64 {
+        let pwm = Pwm::new(placement.mode, placement.duty.to_f64(), Hertz(frequency));
         let conditions = Conditions { battery: Volts(self.battery), emf: Volts(self.emf) };
         Circuit::new(motor, BRIDGE).steady(pwm, conditions).mean.0
     }
@@ -134,7 +134,7 @@ fn controls() -> impl Iterator<Item = i16> {
 }
 
 /// Largest deviation from the straight line, as a share of Vbat/R, over the whole catalogue.
-fn worst(rule: impl Fn(&LinearCurrent, Scheme, OperatingPoint, Control) -> Modulation) -> f64 {
+fn worst(rule: impl Fn(&LinearCurrent, Scheme, OperatingPoint, Control) -> Drive) -> f64 {
     let mut worst = 0.0f64;
     for motor in &catalogue::motors().collect::<Vec<_>>() {
         for frequency in FREQUENCIES {
@@ -187,8 +187,8 @@ fn duty_is_within_half_a_percent_of_the_exact_inverse() {
                         // At an exact boundary either mode is right. Below a thousandth of Vbat/R the
                         // duty goes as the root of a voltage that is rounded to 1/16 mV.
                         let small = asked.abs() < 1e-3 * battery / motor.r.0;
-                        if exact.on == placement.drive.mode.on() && !small {
-                            worst = worst.max((placement.drive.duty.to_f64() - exact.duty).abs());
+                        if exact.on == placement.mode.on() && !small {
+                            worst = worst.max((placement.duty.to_f64() - exact.duty).abs());
                         }
                     }
                 }
@@ -223,10 +223,10 @@ fn current_is_continuous_and_rises_with_every_control_value() {
 }
 
 /// A number that grows with the requested torque: first by regime, then by duty.
-fn rank(placement: Modulation, emf: f64) -> i32 {
-    let duty = i32::from(placement.drive.duty.to_bits());
+fn rank(at: OperatingPoint, placement: Drive, emf: f64) -> i32 {
+    let duty = i32::from(placement.duty.to_bits());
     let turn = if emf < 0.0 { -1 } else { 1 };
-    turn * match placement.regime {
+    turn * match at.regime(placement) {
         Regime::Reverse => -(1 << 17) - duty,
         Regime::Braking => -duty,
         Regime::Forward => duty,
@@ -249,7 +249,7 @@ fn duty_is_monotone_over_every_control_value_to_its_last_bits() {
                 let mut last = i32::MIN;
                 for control in -32_767..=32_767 {
                     let placement = linear_current(&winding, scheme, point.at, Control::new(control));
-                    let rank = rank(placement, emf);
+                    let rank = rank(point.at, placement, emf);
                     // The solution is rounded: 2^-13 of a duty may be lost from one value to the next.
                     assert!(rank >= last.saturating_sub(4), "{electrical:?} {scheme:?} {emf} V at {control}");
                     last = last.max(rank);
@@ -269,7 +269,7 @@ fn regimes_are_those_of_the_points() {
             for control in (-32_767..=32_767).map(Control::new) {
                 let linear = linear_duty(scheme, at, control);
                 let current = linear_current(&winding, scheme, at, control);
-                differing += i32::from(linear.regime != current.regime);
+                differing += i32::from(at.regime(linear) != at.regime(current));
             }
             // The points are exact, the currents are to 1/16 mV: they may differ at a boundary. The
             // points' automatic blend is rounded besides, by 1/65536 of the way to Scheme C.
@@ -288,9 +288,9 @@ fn braking_passes_smoothly_into_reverse_driving() {
     let motor = catalogue::find("AM 60 A").and_then(|entry| entry.motor.as_ref()).expect("known");
     let winding = winding(electrical(motor, 20_000.0));
     let point = Point::new(6.0, 12.0);
-    let around_t = |place: &dyn Fn(Control) -> Modulation| {
+    let around_t = |place: &dyn Fn(Control) -> Drive| {
         let [braking, reverse] = [place(Control::new(1)), place(Control::new(-1))];
-        assert_eq!((braking.drive.mode, reverse.drive.mode), (Mode::Brake50, Mode::Ccw62));
+        assert_eq!((braking.mode, reverse.mode), (Mode::Brake50, Mode::Ccw62));
         let lost = point.current(motor, 20_000.0, reverse) - point.current(motor, 20_000.0, braking);
         lost / (12.0 / motor.r.0)
     };
@@ -434,8 +434,7 @@ fn worst_of_timed(real: Timing, configured: Timing, frequency: f64) -> (f64, f64
         for battery in BATTERIES {
             for point in emfs(motor, battery).map(|emf| Point::new(emf, battery)) {
                 for control in controls() {
-                    let at =
-                        |current| linear_current(current, Scheme::A, point.at, Control::new(control)).drive;
+                    let at = |current| linear_current(current, Scheme::A, point.at, Control::new(control));
                     let drive = at(&limited);
                     let pwm = Pwm::new(drive.mode, drive.duty.to_f64(), Hertz(frequency));
                     let conditions = Conditions { battery: Volts(battery), emf: Volts(point.emf) };
@@ -491,10 +490,10 @@ fn no_bridge_is_given_a_duty_that_it_must_be_spared() {
                 for control in (-32_767..=32_767).step_by(3).map(Control::new) {
                     let drives = [
                         linear_current(&current, Scheme::A, at, control),
-                        modulator.for_control(at, control),
-                        modulator.open_loop(at, control),
+                        modulator.for_control(at, control).drive,
+                        modulator.open_loop(at, control).drive,
                     ];
-                    for duty in drives.map(|placement| placement.drive.duty.to_f64()) {
+                    for duty in drives.map(|placement| placement.duty.to_f64()) {
                         // A duty has 15 bits.
                         let fits = |least: f64, time: f64| time == 0.0 || time > least - 1e-4;
                         assert!(
@@ -519,14 +518,17 @@ fn the_current_that_a_duty_is_said_to_make_is_that_of_the_bridge() {
         let modulator = Modulator::new(&Winding::NEVEREST_60, &bridge, Scheme::A, DutyRule::LinearCurrent);
         for emf in [-9.0, -3.0, 0.5, 3.0, 6.0, 11.0] {
             let point = Point::new(emf, 12.0);
-            for control in controls() {
-                let placement = modulator.for_control(point.at, Control::new(control));
-                let pwm = Pwm::new(placement.drive.mode, placement.drive.duty.to_f64(), Hertz(f64::from(hz)));
+            let by_control = controls().map(|control| modulator.for_control(point.at, Control::new(control)));
+            let by_voltage = (-140..=140)
+                .map(|tenths| modulator.for_voltage(point.at, Voltage::from_volts(0.1 * tenths as f32)));
+            for placement in by_control.chain(by_voltage) {
+                let Drive { mode, duty } = placement.drive;
+                let pwm = Pwm::new(mode, duty.to_f64(), Hertz(f64::from(hz)));
                 let conditions = Conditions { battery: Volts(12.0), emf: Volts(emf) };
                 let flows = Circuit::new(motor, Bridge::new(bridge)).steady(pwm, conditions).mean.0;
-                let said = f64::from(modulator.applied(point.at, placement).to_volts()) - emf;
+                let said = f64::from(placement.voltage.to_volts()) - emf;
                 let error = (flows - said / (motor.r.0 + 0.1)) / (12.0 / motor.r.0);
-                assert!(error.abs() < 0.004, "{hz} Hz, {emf} V, {control}: {error}");
+                assert!(error.abs() < 0.004, "{hz} Hz, {emf} V, {placement:?}: {error}");
             }
         }
     }

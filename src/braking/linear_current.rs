@@ -10,9 +10,9 @@
 //! All formulas are for CW motion. Voltages are in V. `R` is the winding's resistance, `Ron` that of a closed switch,
 //! `Vd` the drop of a diode, `V` the battery voltage, `e` the back EMF. `R2 = R + 2 Ron` is the whole resistance
 //! between the battery's terminals. The formulas contain the target current `I` as the voltage `w = R2 I`, which is
-//! positive in the direction of the regime. A DC voltage at the terminals that gives the same current is `e + w` in forward
-//! driving, and `e - w` in braking and reverse driving (paper, sections 2.1 and 3.2). `P` is the PWM period, and `tau` the winding's time
-//! constant. The duty D for the target current is:
+//! positive in the direction of the regime. A DC voltage at the terminals that gives the same current is `e + w` in
+//! forward driving, and `e - w` in braking and reverse driving (paper, sections 2.1 and 3.2). `P` is the PWM period,
+//! and `tau` the winding's time constant. The duty D for the target current is:
 //!
 //! ```text
 //! continuous:     D = (c + m w) / (a + c - k w)
@@ -29,10 +29,12 @@
 //! | driving (9/8, 6/2) | `V - e` | `e + Vd` | `Ron / R2` |
 //! | braking (5/0) | `e` | `V + 2 Vd - e` | `2 Ron / R2` |
 //!
-//! This module uses the smaller of these two duties. For m = 1 that is exact: the formula of the continuous current gives
-//! too much duty where the current stops within the period, and the other formula does where it never stops. For m below 1
-//! both formulas are approximations: with m = 0.95 the duty is wrong by 3e-4 at P = 0.3 tau, and by 2e-3 at P = tau. Solved for `w`, the same equations give the current of a duty, of which the larger is used. Reverse driving (6/2)
-//! uses the row of forward driving with `-e` in place of `e`.
+//! This module uses the smaller of these two duties. For m = 1 the smaller duty is exact. Where the current stops
+//! within the period, the formula of the continuous current gives too much duty. Where the current never stops, the
+//! formula of the discontinuous current gives too much duty. For m below 1 both formulas are approximations: with m =
+//! 0.95 the duty is wrong by 3e-4 at P = 0.3 tau, and by 2e-3 at P = tau. The inverse solves the same equations for
+//! `w`, and uses the larger of the two currents. Reverse driving (6/2) uses the row of forward driving with `-e` in
+//! place of `e`.
 //!
 //! The duty compensates the edges of the output. The [timing](crate::bridge::Timing) of the bridge has the lengths of
 //! the edges, which are 0 for an ideal bridge. For a continuous current an edge of length t acts like a step in the
@@ -40,8 +42,8 @@
 //! `t (1 - a / (2 (a + c)))` after the edge's start. A duty that the timing does not permit is replaced by the nearest
 //! permitted duty. The current then has an error that no duty avoids.
 //!
-//! Single precision is enough, because a duty has 15 bits. For on times far below a time constant, `x - h` and
-//! `1 - ln(1 + z) / z` lose digits, at which the duty is still right to 4 of its units.
+//! Single precision is enough, because a duty has 15 bits. For on times far below a time constant, `x - h` and `1 -
+//! ln(1 + z) / z` lose digits. The error of the duty stays below 4 / 32768.
 //!
 //! ```
 //! use motor_hub::braking::{LinearCurrent, OperatingPoint, Scheme, Winding, linear_current, linear_duty};
@@ -54,8 +56,8 @@
 //! let emf = winding.emf.emf(CountsPerSecond::new(1505));
 //! let at = OperatingPoint::new(emf, Millivolts::new(12_000)).expect("there is a battery");
 //! let control = Control::new(1_000);
-//! let linear = linear_current(&current, Scheme::B, at, control).drive;
-//! assert!(linear.duty > linear_duty(Scheme::B, at, control).drive.duty);
+//! let linear = linear_current(&current, Scheme::B, at, control);
+//! assert!(linear.duty > linear_duty(Scheme::B, at, control).duty);
 //! ```
 
 use super::points::{OperatingPoint, Regime};
@@ -71,33 +73,36 @@ use libm::{expm1f, log1pf, roundf, sqrtf};
 pub struct LinearCurrent {
     /// Drop of a catch diode, in V.
     diode_volts: f32,
-    /// `Ron / R2`, limited to 1/4, which is more than any usable bridge has.
+    /// `Ron / R2`, limited to 1/4. A usable bridge has less.
     switch_share: f32,
     /// PWM period. `None` if the inductance is unknown, or if the current hardly changes within a period. The current
     /// is then taken as continuous.
     period: Option<PwmPeriod>,
-    timing: TimingShares,
-}
-
-/// A bridge's timing. Each time is a share of the PWM period.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-struct TimingShares {
-    /// Shortest time off.
+    /// Shortest time off, as a share of the PWM period.
     least_off: f32,
-    /// Shortest time on.
+    /// Shortest time on, as a share of the PWM period.
     least_on: f32,
-    /// Length of the edge at turn-on.
+    /// Length of the edge at turn-on, as a share of the PWM period.
     turn_on: f32,
-    /// Length of the edge at turn-off.
+    /// Length of the edge at turn-off, as a share of the PWM period.
     turn_off: f32,
 }
 
-impl TimingShares {
-    fn new(bridge: &BridgeConstants) -> Self {
+impl LinearCurrent {
+    /// Prepares the constants of a winding and its bridge.
+    pub fn new(winding: &Winding, bridge: &BridgeConstants) -> Self {
+        let ron = f32::from(bridge.switch_mohm());
+        let r2 = f32::from(winding.resistance.as_milliohms()) + 2.0 * ron;
         let share = |ns: u16| f32::from(ns) * 1e-9 * bridge.pwm_hz() as f32;
         let Timing { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, .. } = bridge.timing;
         Self {
+            diode_volts: f32::from(bridge.diode_mv()) / 1000.0,
+            switch_share: at_most(ron / r2, 0.25),
+            period: winding.inductance.and_then(|inductance| {
+                // A period in time constants is R2 / (L f): here 1000 times R2 in mohm, by L in uH times f in Hz.
+                let frequency = bridge.pwm_hz() as f32;
+                PwmPeriod::new(1000.0 * r2 / (f32::from(inductance.as_microhenries()) * frequency))
+            }),
             least_off: share(least_off_ns),
             least_on: share(least_on_ns),
             turn_on: share(turn_on_ns),
@@ -105,7 +110,18 @@ impl TimingShares {
         }
     }
 
-    /// The nearest duty that the timing permits. The duties 0 and 1 have no edges and are always permitted.
+    /// The duty for a mean current, given as the voltage `w`, in V.
+    pub(super) fn duty(&self, regime: Regime, w: f32, at: OperatingPoint) -> Duty {
+        let duty = if w > 0.0 { self.drive_state(regime, at).duty(w, self.period) } else { 0.0 };
+        to_duty(self.nearest(duty))
+    }
+
+    /// The nearest duty that the bridge's timing permits.
+    pub(super) fn feasible(&self, duty: Duty) -> Duty {
+        to_duty(self.nearest(duty.to_f32()))
+    }
+
+    /// The nearest duty that the bridge's timing permits. The duties 0 and 1 have no edges and are always permitted.
     fn nearest(&self, duty: f32) -> f32 {
         let Self { least_off, least_on, .. } = *self;
         let most = 1.0 - least_off;
@@ -120,35 +136,6 @@ impl TimingShares {
         } else {
             most
         }
-    }
-}
-
-impl LinearCurrent {
-    /// Prepares the constants of a winding and its bridge.
-    pub fn new(winding: &Winding, bridge: &BridgeConstants) -> Self {
-        let ron = f32::from(bridge.switch_mohm());
-        let r2 = f32::from(winding.resistance.as_milliohms()) + 2.0 * ron;
-        Self {
-            diode_volts: f32::from(bridge.diode_mv()) / 1000.0,
-            switch_share: at_most(ron / r2, 0.25),
-            period: winding.inductance.and_then(|inductance| {
-                // A period in time constants is R2 / (L f): here 1000 times R2 in mohm, by L in uH times f in Hz.
-                let frequency = bridge.pwm_hz() as f32;
-                PwmPeriod::new(1000.0 * r2 / (f32::from(inductance.as_microhenries()) * frequency))
-            }),
-            timing: TimingShares::new(bridge),
-        }
-    }
-
-    /// The duty for a mean current, given as the voltage `w`, in V.
-    pub(super) fn duty(&self, regime: Regime, w: f32, at: OperatingPoint) -> Duty {
-        let duty = if w > 0.0 { self.drive_state(regime, at).duty(w, self.period) } else { 0.0 };
-        to_duty(self.timing.nearest(duty))
-    }
-
-    /// The nearest duty that the bridge's timing permits.
-    pub(super) fn feasible(&self, duty: Duty) -> Duty {
-        to_duty(self.timing.nearest(duty.to_f32()))
     }
 
     /// Mean current of a duty as the voltage `w`, in V: the inverse of [`duty`](Self::duty).
@@ -169,7 +156,7 @@ impl LinearCurrent {
     /// The constants of the module's formulas in a regime, and the lengths of the edges.
     const fn drive_state(&self, regime: Regime, at: OperatingPoint) -> DriveState {
         let (e, v) = at.volts();
-        let TimingShares { turn_on, turn_off, .. } = self.timing;
+        let Self { turn_on, turn_off, .. } = *self;
         match regime {
             Regime::Forward => {
                 DriveState { a: v - e, c: e + self.diode_volts, k: self.switch_share, turn_on, turn_off }
@@ -191,9 +178,9 @@ impl LinearCurrent {
 /// A regime at an operating point, with the symbols of the module.
 #[derive(Clone, Copy)]
 struct DriveState {
-    /// In V: while the bridge is on, the current approaches `a / R2`.
+    /// Voltage a of the module's formulas, in V: while the bridge is on, the current approaches `a / R2`.
     a: f32,
-    /// In V: while the bridge is off, the current falls towards `-c / (m R2)`.
+    /// Voltage c of the module's formulas, in V: while the bridge is off, the current falls towards `-c / (m R2)`.
     c: f32,
     /// Share of the resistance that is in the circuit only while the bridge is on.
     k: f32,
@@ -219,24 +206,26 @@ impl DriveState {
             return 1.0;
         }
         let continuous = part / whole;
-        let compensated = (continuous + self.late_continuous()).clamp(0.0, 1.0);
+        let compensated = (continuous + self.delay_continuous()).clamp(0.0, 1.0);
         match period {
             Some(period) if w < a && self.may_be_discontinuous(continuous, period) => {
                 let most = continuous * period.length;
                 let pulse = self.on_time(w * period.length / a, most) / period.length;
-                at_most(compensated, pulse + self.late_pulse())
+                at_most(compensated, pulse + self.delay_discontinuous())
             }
             _ => compensated,
         }
     }
 
-    /// Share of the period by which the PWM line must be high longer to compensate the edges of a continuous current.
-    const fn late_continuous(self) -> f32 {
+    /// Additional high time of the PWM line, as a share of the period, that compensates the edges of a continuous
+    /// current.
+    const fn delay_continuous(self) -> f32 {
         (self.turn_on - self.turn_off) / 2.0
     }
 
-    /// Share of the period by which the PWM line must be high longer to compensate the edges of a discontinuous current.
-    fn late_pulse(self) -> f32 {
+    /// Additional high time of the PWM line, as a share of the period, that compensates the edges of a discontinuous
+    /// current.
+    fn delay_discontinuous(self) -> f32 {
         if self.turn_on == 0.0 && self.turn_off == 0.0 {
             return 0.0;
         }
@@ -252,22 +241,23 @@ impl DriveState {
         }
         // A PWM line that does not switch has no edges.
         let switches = duty > 0.0 && duty < 1.0;
-        let less = |late: f32| if switches { (duty - late).clamp(0.0, 1.0) } else { duty };
-        let on = less(self.late_continuous());
+        let less = |delay: f32| if switches { (duty - delay).clamp(0.0, 1.0) } else { duty };
+        let on = less(self.delay_continuous());
         let continuous = at_least((on * (a + c) - c) / (self.m() + on * k), 0.0);
         match period {
             Some(period) if self.may_be_discontinuous(on, period) => {
-                let (q, _) = self.pulse(less(self.late_pulse()) * period.length);
+                let (q, _) = self.pulse(less(self.delay_discontinuous()) * period.length);
                 at_least(continuous, q * a / period.length)
             }
             _ => continuous,
         }
     }
 
-    /// False if the current is certainly continuous: where no voltage makes the current fall (c <= 0), and above a
-    /// limit of the duty. The exact limit is an on time of `ln(1 + (exp(P / tau) - 1) c / (a + c))` time constants. The
-    /// limit used here needs no logarithm, and is larger for periods up to 11 time constants, so the result can be true for
-    /// a continuous current. At 20 kHz a period is 0.1 to 1.6 time constants of the catalogue's windings.
+    /// False if the current is certainly continuous. This is so if no voltage makes the current fall (c <= 0), and
+    /// above a limit of the duty. The exact limit is an on time of `ln(1 + (exp(P / tau) - 1) c / (a + c))` time
+    /// constants. The limit used here needs no logarithm, and is larger for periods up to 11 time constants, so the
+    /// result can be true for a continuous current. At 20 kHz a period is 0.1 to 1.6 time constants of the catalogue's
+    /// windings.
     fn may_be_discontinuous(self, duty: f32, period: PwmPeriod) -> bool {
         self.c > 0.0 && duty * (self.a + self.c) < period.growth * self.c
     }
@@ -278,8 +268,8 @@ impl DriveState {
         if a <= 0.0 || c <= 0.0 {
             return 0.0;
         }
-        // The duty above which the current is continuous: the exact limit that `may_be_discontinuous` describes, for
-        // periods up to 11 time constants.
+        // The duty above which the current is continuous: an on time of `ln(1 + (exp(P / tau) - 1) c / (a + c))` time
+        // constants. `growth * length` is `exp(P / tau) - 1` for periods up to 11 time constants.
         let duty = log1pf(period.growth * period.length * c / (a + c)) / period.length;
         at_least((duty * (a + c) - c) / (self.m() + duty * k), 0.0)
     }
@@ -297,9 +287,10 @@ impl DriveState {
     /// Solves the module's formula for the on time x of a given q. The result is at most `most`.
     ///
     /// With `r = a / c`, the power series of q in x begins with `x^2/2 (1 + r) (1 - (1 + 2r) x/3)`. Inverted, the
-    /// series of x begins with `s + (1 + 2r) s^2/6`, where `s^2 = 2 q / (1 + r)`. That is for m = 1, near enough for a guess.
-    /// Besides, x is at most q + 1. The smaller of these two values is the guess. One step of Newton's method from this guess
-    /// leaves an error below 3e-4 of a duty for periods up to 1.5 time constants, and below 1e-3 for periods of 4.
+    /// series of x begins with `s + (1 + 2r) s^2/6`, where `s^2 = 2 q / (1 + r)`. The series is exact only for m = 1.
+    /// As a first guess it is good enough for every m. A second bound is x <= q + 1. The guess is the smaller value.
+    /// One step of Newton's method from this guess leaves an error below 3e-4 of a duty for periods up to 1.5 time
+    /// constants, and below 1e-3 for periods of 4.
     fn on_time(self, q: f32, most: f32) -> f32 {
         let part = q * self.c / (self.a + self.c);
         let series = sqrtf(2.0 * part) + (2.0 * q - part) / 3.0;

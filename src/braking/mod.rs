@@ -1,8 +1,8 @@
 //! Proportional braking: maps a voltage or a control value to the mode and duty of the bridge.
 //!
-//! The voltages of a motor are divided into three *regimes*. The paper's points S, T, Z and G are the ends of the
-//! regimes. For a motor that turns CW with the back EMF e on a battery of V volts, these ends are the same voltages in
-//! every scheme:
+//! The voltages of a motor are divided into three *regimes*. The points S, T, Z and G of *the paper* (R. Atkinson, *On
+//! Proportional Braking in H Bridges*, 2018) are the ends of the regimes. For a motor that turns CW with the back EMF e
+//! on a battery of V volts, these ends are the same voltages in every scheme:
 //!
 //! ```text
 //!   S = -V                T = 0                Z = e               G = V
@@ -31,49 +31,38 @@
 //! let modulator = Modulator::new(&winding, &BridgeConstants::IDEAL, Scheme::A, DutyRule::LinearCurrent);
 //! let emf = winding.emf.emf(CountsPerSecond::new(1505));
 //! let at = OperatingPoint::new(emf, Millivolts::new(12_000)).expect("there is a battery");
-//! let modulation = modulator.for_voltage(at, Voltage::from_volts(4.0));
-//! assert_eq!((modulation.regime, modulation.drive.mode), (Regime::Braking, Mode::Brake50));
+//! let drive = modulator.for_voltage(at, Voltage::from_volts(4.0)).drive;
+//! assert_eq!((at.regime(drive), drive.mode), (Regime::Braking, Mode::Brake50));
 //! assert_eq!(modulator.control(at, Voltage::from_volts(4.0)).get(), 10_922);
 //! ```
 
+mod braking_power;
 pub mod linear_current;
 pub mod points;
-mod returned;
 pub mod scheme;
 mod winding;
 
+pub use braking_power::BrakingPower;
 pub use linear_current::LinearCurrent;
 pub use points::{Abscissa, Fraction, Location, OperatingPoint, Points, Regime};
-pub use returned::Returned;
 pub use scheme::{Blend, BlendFraction, Scheme};
 pub use winding::Winding;
 
 use crate::bridge::{BridgeConstants, Drive};
-use crate::units::{Control, Duty, Voltage};
+use crate::units::{Control, Voltage};
 
-/// A command to the bridge, with the regime of the command.
+/// A command of the bridge, and the voltage that the command applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Modulation {
-    /// The regime, relative to the direction in which the motor turns.
-    pub regime: Regime,
-    /// Mode and duty of the bridge.
+    /// Command of the bridge.
     pub drive: Drive,
+    /// Equivalent DC voltage that the command applies.
+    pub voltage: Voltage,
 }
 
 impl Modulation {
     /// Full dynamic braking: the bridge shorts the winding all the time.
-    pub const fn full_braking(at: OperatingPoint) -> Self {
-        Self::new(Regime::Braking, Duty::ONE, at)
-    }
-
-    /// Full reverse: the bridge drives against the motion with duty 1. In volts this is the point S of every scheme.
-    pub const fn full_reverse(at: OperatingPoint) -> Self {
-        Self::new(Regime::Reverse, Duty::ONE, at)
-    }
-
-    const fn new(regime: Regime, duty: Duty, at: OperatingPoint) -> Self {
-        Self { regime, drive: Drive { mode: regime.mode(at.counter_clockwise()), duty } }
-    }
+    pub const BRAKE: Self = Self { drive: Drive::BRAKE, voltage: Voltage::ZERO };
 }
 
 /// Map from a location within a regime to a duty.
@@ -116,26 +105,39 @@ impl Modulator {
         let volts = clockwise_volts(at, voltage);
         let (regime, w) = points::current(volts, at);
         let opens = matches!(self.scheme, Scheme::ForwardReverse) && regime == Regime::Braking && volts > 0.0;
-        Modulation::new(regime, self.current.duty(regime, if opens { 0.0 } else { w }, at), at)
+        let duty = self.current.duty(regime, if opens { 0.0 } else { w }, at);
+        self.modulation(at, at.drive(regime, duty))
+    }
+
+    /// Computes the voltage that a command applies: the inverse of [`for_voltage`](Self::for_voltage).
+    pub fn modulation(&self, at: OperatingPoint, drive: Drive) -> Modulation {
+        let (emf, _) = at.volts();
+        let regime = at.regime(drive);
+        let current = self.current.current(regime, drive.duty, at);
+        let volts = if regime == Regime::Forward { emf + current } else { emf - current };
+        let voltage = Voltage::from_volts(if at.counter_clockwise() { -volts } else { volts });
+        Modulation { drive, voltage }
     }
 
     /// The command for a control value, by the scheme and the duty rule.
     pub fn for_control(&self, at: OperatingPoint, control: Control) -> Modulation {
         match self.rule {
-            DutyRule::LinearDuty => self.with_feasible_duty(linear_duty(self.scheme, at, control)),
-            DutyRule::LinearCurrent => linear_current(&self.current, self.scheme, at, control),
+            DutyRule::LinearDuty => self.with_feasible_duty(at, linear_duty(self.scheme, at, control)),
+            DutyRule::LinearCurrent => {
+                self.modulation(at, linear_current(&self.current, self.scheme, at, control))
+            }
         }
     }
 
     /// The command for open-loop power: mode 9/8 for positive and 6/2 for negative power, in every scheme. The duty is
     /// `|power| / 32767`, or the nearest duty that the bridge's timing permits. Power 0 opens the bridge.
     pub fn open_loop(&self, at: OperatingPoint, power: Control) -> Modulation {
-        self.with_feasible_duty(linear_duty(Scheme::ForwardReverse, at, power))
+        self.with_feasible_duty(at, linear_duty(Scheme::ForwardReverse, at, power))
     }
 
     /// Replaces the duty of a command by the nearest duty that the bridge's timing permits.
-    fn with_feasible_duty(&self, Modulation { regime, drive }: Modulation) -> Modulation {
-        Modulation { regime, drive: Drive { duty: self.current.feasible(drive.duty), ..drive } }
+    fn with_feasible_duty(&self, at: OperatingPoint, drive: Drive) -> Modulation {
+        self.modulation(at, Drive { duty: self.current.feasible(drive.duty), ..drive })
     }
 
     /// The control value for a voltage. A voltage beyond the scheme's range gives the nearest control value.
@@ -153,14 +155,6 @@ impl Modulator {
     pub fn discontinuous_volts(&self, at: OperatingPoint) -> f32 {
         self.current.boundary(at)
     }
-
-    /// The equivalent DC voltage that a command applies: the inverse of [`for_voltage`](Self::for_voltage).
-    pub fn applied(&self, at: OperatingPoint, Modulation { regime, drive }: Modulation) -> Voltage {
-        let (emf, _) = at.volts();
-        let current = self.current.current(regime, drive.duty, at);
-        let volts = if regime == Regime::Forward { emf + current } else { emf - current };
-        Voltage::from_volts(if at.counter_clockwise() { -volts } else { volts })
-    }
 }
 
 /// Converts to volts, and for a motor that turns CCW negates the voltage, so that formulas for CW motion apply.
@@ -175,9 +169,9 @@ const fn clockwise(at: OperatingPoint, control: Control) -> Control {
 }
 
 /// The command for a control value by [`DutyRule::LinearDuty`] (paper, section 1.3).
-pub const fn linear_duty(scheme: Scheme, at: OperatingPoint, control: Control) -> Modulation {
+pub const fn linear_duty(scheme: Scheme, at: OperatingPoint, control: Control) -> Drive {
     let Location { regime, fraction } = Points::new(scheme, at).locate(clockwise(at, control));
-    Modulation::new(regime, fraction.to_duty(), at)
+    at.drive(regime, fraction.to_duty())
 }
 
 /// The command for a control value by [`DutyRule::LinearCurrent`].
@@ -186,12 +180,12 @@ pub fn linear_current(
     scheme: Scheme,
     at: OperatingPoint,
     control: Control,
-) -> Modulation {
+) -> Drive {
     let location = Points::new(scheme, at).locate(clockwise(at, control));
     let location = match location.regime {
         // In overrun the battery cannot drive a current, so the bridge opens.
         Regime::Forward if at.is_overrun() => Location { regime: Regime::Braking, fraction: Fraction::ZERO },
         _ => location,
     };
-    Modulation::new(location.regime, current.duty(location.regime, location.current(at), at), at)
+    at.drive(location.regime, current.duty(location.regime, location.current(at), at))
 }

@@ -1,19 +1,19 @@
 //! The four points S, T, Z and G: the control values at which reverse driving, proportional braking and forward driving
-//! begin and end. They depend on the speed, the battery voltage, and the [`Scheme`] that divides the control range among
-//! the three. A point may lie outside the control range.
+//! begin and end. The points depend on the speed, the battery voltage, and the [`Scheme`] that divides the control
+//! range among the three. A point may lie outside the control range.
 //!
 //! ```text
 //!   S ---- reverse, 6/2 ---- T ---- braking, 5/0 ---- Z ---- forward, 9/8 ---- G
 //! ```
 //!
-//! 6/2, 5/0 and 9/8 are the paper's names of switching modes: the states of the bridge, as numbers of four bits, in the on
-//! part and in the off part of a PWM period (see [`Mode`]). *The paper* is R. Atkinson, *On Proportional Braking in H
-//! Bridges*, 2018.
+//! 6/2, 5/0 and 9/8 are the paper's names of switching modes: the states of the bridge, as numbers of four bits, in the
+//! on part and in the off part of a PWM period (see [`Mode`]). *The paper* is R. Atkinson, *On Proportional Braking in
+//! H Bridges*, 2018.
 //!
 //! All formulas assume clockwise motion. The [modulator](super::Modulator) mirrors counter-clockwise motion. Points are
-//! computed in integers. A *control step* is a difference of 1 between control values. A point that is computed from the
-//! back EMF e and the battery voltage V has an error below 1/512 control step. A point that is computed from other points,
-//! such as a blend, has an error below 1/100 control step.
+//! computed in integers. A *control step* is a difference of 1 between control values. A point that is computed from
+//! the back EMF e and the battery voltage V has an error below 1/512 control step. A point that is computed from other
+//! points, such as a blend, has an error below 1/100 control step.
 //!
 //! ```
 //! use motor_hub::braking::{OperatingPoint, Points, Regime, Scheme, Winding};
@@ -28,7 +28,7 @@
 //! ```
 
 use crate::braking::scheme::{Blend, BlendFraction, Scheme};
-use crate::bridge::Mode;
+use crate::bridge::{Drive, Mode};
 use crate::units::single::at_most;
 use crate::units::{Control, Duty, Emf, Millivolts};
 use fixed::types::{I56F8, U2F30};
@@ -66,6 +66,26 @@ impl OperatingPoint {
         self.counter_clockwise
     }
 
+    /// The command with the mode of a regime.
+    pub const fn drive(self, regime: Regime, duty: Duty) -> Drive {
+        Drive { mode: regime.mode(self.counter_clockwise), duty }
+    }
+
+    /// Full reverse: the bridge drives against the motion with duty 1. In volts this is the point S of every scheme.
+    pub const fn full_reverse(self) -> Drive {
+        self.drive(Regime::Reverse, Duty::ONE)
+    }
+
+    /// Regime of a command: the inverse of [`Regime::mode`].
+    pub const fn regime(self, drive: Drive) -> Regime {
+        let for_clockwise = if self.counter_clockwise { drive.mode.mirrored() } else { drive.mode };
+        match for_clockwise {
+            Mode::Cw98 => Regime::Forward,
+            Mode::Brake50 => Regime::Braking,
+            Mode::Ccw62 => Regime::Reverse,
+        }
+    }
+
     /// |emf| and battery voltage in volts, with a resolution of 1/16 mV: below 132 V and 66 V.
     pub(crate) const fn volts(self) -> (f32, f32) {
         (volts_of(self.e), self.battery_volts())
@@ -88,8 +108,8 @@ impl OperatingPoint {
     }
 }
 
-/// Converts units of 2^-20 mV to volts. The voltage is first cut to units of 1/16 mV, of which an `f32` holds every number
-/// up to 2^21 exactly. So only the division to volts rounds.
+/// Converts units of 2^-20 mV to volts. The voltage is first cut to units of 1/16 mV. The number of units is at most
+/// 2^21, and an `f32` holds this number exactly. So only the division to volts rounds.
 const fn volts_of(bits: i64) -> f32 {
     (bits >> 16) as i32 as f32 / 16_000.0
 }
@@ -182,8 +202,8 @@ pub struct Location {
 
 impl Location {
     /// The mean current that this location requests, as the voltage `w` of [`mod@super::linear_current`]: current times
-    /// the resistance of winding and switches, in V, positive in the regime's direction. Full forward is `V - e`, full braking `e`, full reverse
-    /// `V + e`.
+    /// the resistance of winding and switches, in V, positive in the regime's direction. Full forward is `V - e`, full
+    /// braking `e`, full reverse `V + e`.
     pub(super) const fn current(self, at: OperatingPoint) -> f32 {
         let (e, v) = at.volts();
         let fraction = self.fraction.to_f32();
@@ -205,8 +225,8 @@ impl Fraction {
     /// The fraction at the end of most torque.
     pub const ONE: Self = Self(U2F30::ONE);
 
-    /// The ratio `part / whole`; 0 if `part <= 0` or `whole <= 0`, otherwise 1 if `part >= whole`. Rounded down for a `whole`
-    /// of up to 33 bits. For a longer one the result may be one unit too high.
+    /// The ratio `part / whole`; 0 if `part <= 0` or `whole <= 0`, otherwise 1 if `part >= whole`. Rounded down for a
+    /// `whole` of up to 33 bits. For a longer `whole` the result may be one unit too high.
     const fn ratio(part: i64, whole: i64) -> Self {
         if part <= 0 || whole <= 0 {
             Self::ZERO
@@ -250,8 +270,8 @@ pub struct Points {
 }
 
 impl Points {
-    /// The points that the firmware uses. They are those of the paper's formulas, except that Schemes C and D keep braking
-    /// within the control range near and in overrun.
+    /// The points that the firmware uses. The points are those of the paper's formulas, except that Schemes C and D
+    /// keep braking within the control range near and in overrun.
     ///
     /// In the paper's formula for Schemes C and D, T goes to minus infinity as |emf| approaches the battery voltage.
     /// Then no control value within the control range brakes noticeably. In *overrun*, where |emf| is at least the
@@ -285,9 +305,9 @@ impl Points {
 
     /// The points that the paper's formula gives, without the limits of [`new`](Self::new). In overrun the points of
     /// Scheme C describe no braking. A fixed blend of Scheme D mixes these points with those of Scheme B. The automatic
-    /// blend is 0 in overrun; below overrun it needs no formula of its own, because there [`new`](Self::new) gives the same
-    /// points. `None` for Schemes C and D if |emf| equals the battery voltage, where the formula of
-    /// Scheme C is infinite.
+    /// blend is 0 in overrun; below overrun it needs no formula of its own, because there [`new`](Self::new) gives the
+    /// same points. `None` for Schemes C and D if |emf| equals the battery voltage, where the formula of Scheme C is
+    /// infinite.
     pub const fn from_formula(scheme: Scheme, at: OperatingPoint) -> Option<Self> {
         match scheme {
             Scheme::C => Self::scheme_c(at),
@@ -334,8 +354,8 @@ impl Points {
         match Self::scheme_c(at) {
             Some(points) if !at.is_overrun() && points.t.to_bits() >= lowest.to_bits() => points,
             _ => {
-                // S is T (V + e) / e. The formula's T is below `lowest` only from u = 0.5 on, and from there `lowest` is at
-                // least -11 controlMax where it binds. So the product is below 2^63.
+                // S is T (V + e) / e. The formula's T is below `lowest` only from u = 0.5 on, and from there `lowest`
+                // is at least -11 controlMax where it binds. So the product is below 2^63.
                 let (e, v) = (at.e, at.v());
                 let s = Abscissa::from_bits(lowest.to_bits() + div_round(lowest.to_bits() * v, e));
                 Self { s, ..Self::on_line(lowest, Abscissa::ZERO) }
@@ -366,9 +386,9 @@ impl Points {
     }
 }
 
-/// The regime of a requested mean voltage at the motor's terminals, and the mean current that it requests, as the voltage
-/// `w` of [`mod@super::linear_current`], in V. The voltage is in V and for CW motion. In overrun the battery cannot drive a
-/// current: the current in forward driving is then at most 0.
+/// The regime of a requested mean voltage at the motor's terminals, and the mean current that it requests, as the
+/// voltage `w` of [`mod@super::linear_current`], in V. The voltage is in V and for CW motion. In overrun the battery
+/// cannot drive a current: the current in forward driving is then at most 0.
 pub(super) fn current(voltage: f32, at: OperatingPoint) -> (Regime, f32) {
     let (e, v) = at.volts();
     if voltage > e {
@@ -378,8 +398,8 @@ pub(super) fn current(voltage: f32, at: OperatingPoint) -> (Regime, f32) {
     }
 }
 
-/// The share of a regime that the current `w` requests: 0 at the regime's end with the least torque, 1 at the other end.
-/// The share may be above 1.
+/// The share of a regime that the current `w` requests: 0 at the regime's end with the least torque, 1 at the other
+/// end. The share may be above 1.
 pub(super) fn share(regime: Regime, w: f32, at: OperatingPoint) -> f32 {
     let (e, v) = at.volts();
     let (least, most) = match regime {
@@ -390,8 +410,8 @@ pub(super) fn share(regime: Regime, w: f32, at: OperatingPoint) -> f32 {
     if most > least { (w - least) / (most - least) } else { 0.0 }
 }
 
-/// The control value that requests this share of a regime. The error is at most about one control step, from rounding and from
-/// the resolution of `f32`.
+/// The control value that requests this share of a regime. The error is at most about one control step, from rounding
+/// and from the resolution of `f32`.
 ///
 /// A control value beyond the control range is limited to the range. In a scheme without a braking regime, T equals Z:
 /// every share of braking becomes the control value at Z, which requests no current.
@@ -405,8 +425,8 @@ pub(super) fn control(points: &Points, regime: Regime, share: f32) -> Control {
     Control::saturating((roundf(from + share * (to - from)) as i32).into())
 }
 
-/// Limit of the magnitude of a computed point, in 1/256 control steps: 4 million times the control range. With this limit
-/// the products of a blend fit into 64 bits.
+/// Limit of the magnitude of a computed point, in 1/256 control steps: 4 million times the control range. With this
+/// limit the products of a blend fit into 64 bits.
 const POINT_LIMIT_BITS: i64 = 1 << 45;
 
 /// `controlMax * numerator / denominator`, rounded to 1/256 control step.

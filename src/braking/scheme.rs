@@ -22,8 +22,8 @@ pub enum Scheme {
     /// A control value is proportional to an equivalent DC voltage (paper, section 2). T is at 0, and Z moves with the
     /// speed.
     A,
-    /// A control value is proportional to a current, with one factor for forward driving and another one for braking and
-    /// reverse (paper, section 3). Z is at 0, and T moves with the speed.
+    /// A control value is proportional to a current, with one factor for forward driving and another one for braking
+    /// and reverse (paper, section 3). Z is at 0, and T moves with the speed.
     B,
     /// Scheme B with the same factor for braking as for forward driving, so that the current has no knee at Z. T and S
     /// lie lower than in Scheme B, so the control range ends at less reverse current. While the back EMF is between

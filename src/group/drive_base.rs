@@ -52,8 +52,8 @@ impl DriveBase {
         self.arc(0.0, degrees)
     }
 
-    /// Returns the counts of both wheels for an arc. `mm` is the distance of the point between the wheels, `degrees` the
-    /// change of the heading.
+    /// Returns the counts of both wheels for an arc. `mm` is the distance of the point between the wheels, `degrees`
+    /// the change of the heading.
     ///
     /// # Errors
     /// [`RangeError::Distance`] if a wheel would move by more than 2^31 - 1 counts.
@@ -126,8 +126,8 @@ pub struct BaseSettings {
     pub wheel_diameter_um: u32,
     /// Distance between the centres of the wheels in micrometres, 1 mm to 10 m.
     pub track_um: u32,
-    /// Encoder counts per turn of the left and of the right wheel, in 1/1000, at least a count. Negative for a motor that counts down
-    /// while its wheel drives forward.
+    /// Encoder counts per turn of the left and of the right wheel, in 1/1000, at least a count. Negative for a motor
+    /// that counts down while its wheel drives forward.
     pub counts_per_turn_thousandths: [i32; 2],
     /// True if the base holds the heading of a gyro.
     pub use_gyro: bool,
@@ -142,7 +142,8 @@ impl BaseSettings {
     /// Rounds the dimensions of a base.
     ///
     /// # Errors
-    /// [`RangeError::Motor`] if both wheels have the same motor, [`RangeError::Distance`] if a dimension is out of range.
+    /// [`RangeError::Motor`] if both wheels have the same motor, [`RangeError::Distance`] if a dimension is out of
+    /// range.
     pub fn new(wheels: [u8; 2], base: &DriveBase, use_gyro: bool) -> Result<Self, RangeError> {
         let [left, right] = wheels;
         if left == right {

@@ -3,11 +3,12 @@
 //! * A *group* is a set of motors, its *members*, that follow a [`Course`] together.
 //! * The *progress* of a group says how far along its course the group is. The speed and the acceleration of the
 //!   progress are limited.
-//! * A [`Reference`] is the position and the speed that a member should have now. Each tick the progress gives a reference for
-//!   each member, and the member's own regulator follows the reference.
-//! * The *lag* is how far a member is behind its reference, or, for a member that should stand still, how far it is from it. If the largest lag exceeds half of the permitted lag, the
-//!   progress slows down, and all members with it. The larger the lag, the slower the progress. At the full permitted
-//!   lag the group waits. This slowing has no limit of acceleration.
+//! * A [`Reference`] is the position and the speed that a member should have now. Each tick the progress gives a
+//!   reference for each member, and the member's own regulator follows the reference.
+//! * The *lag* is how far a member is behind its reference, or, for a member that should stand still, how far it is
+//!   from it. If the largest lag exceeds half of the permitted lag, the progress slows down, and all members with it.
+//!   The larger the lag, the slower the progress. At the full permitted lag the group waits. This slowing has no limit
+//!   of acceleration.
 //!
 //! ```
 //! use motor_hub::group::{Course, Group, GroupCommand};
@@ -119,7 +120,8 @@ pub enum Halt {
 }
 
 /// A command to a group. `C` is the type of the course. The hub's regulators use [`Course`]. Hosts use
-/// [`GroupCourse`](crate::extension::group::GroupCourse), whose positions count from where the host last reset the encoder.
+/// [`GroupCourse`](crate::extension::group::GroupCourse), whose positions count from where the host last reset the
+/// encoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct GroupCommand<C = Course> {
@@ -139,7 +141,8 @@ pub struct GroupCommand<C = Course> {
 }
 
 impl<C> GroupCommand<C> {
-    /// Creates a command with the [usual lag](usual_lag) for `speed`, a tolerance of [`TOLERANCE`] counts, and [`Halt::Stop`].
+    /// Creates a command with the [usual lag](usual_lag) for `speed`, a tolerance of [`TOLERANCE`] counts, and
+    /// [`Halt::Stop`].
     pub const fn new(course: C, speed: CountsPerSecond, acceleration: Acceleration) -> Self {
         let (lag, halt) = (usual_lag(speed), Halt::Stop);
         Self { course, speed, acceleration, lag, tolerance: TOLERANCE, halt }
@@ -150,7 +153,8 @@ impl<C> GroupCommand<C> {
 pub const TOLERANCE: u16 = 5;
 /// Time in ms in which a member at full speed covers the usual lag.
 const LAG_MS: u32 = 100;
-/// Smallest usual lag in counts, for slow groups: twice the 12 counts by which a healthy member lags, see [`usual_lag`].
+/// Smallest usual lag in counts, for slow groups: twice the 12 counts by which a healthy member lags, see
+/// [`usual_lag`].
 const MIN_LAG_COUNTS: u32 = 24;
 
 /// Returns the default lag for members with this maximum speed: the distance of 0.1 s, and at least 24 counts.
@@ -212,8 +216,8 @@ impl<const N: usize> Group<N> {
     }
 
     /// Changes the course. The references continue from their present positions and speeds without a step. The members
-    /// of the group stay as they are: a motor that only the course names gets no reference, and a member that the course
-    /// does not name stops.
+    /// of the group stay as they are: a motor that only the course names gets no reference, and a member that the
+    /// course does not name stops.
     pub fn redirect(&mut self, command: GroupCommand) {
         let GroupCommand { course, speed, acceleration, lag, tolerance, halt } = command;
         (self.acceleration, self.lag, self.tolerance, self.halt) = (acceleration, lag, tolerance, halt);
@@ -293,11 +297,12 @@ impl<const N: usize> Group<N> {
         all
     }
 
-    /// Returns the rate at which the trajectory's time passes: 1 up to half of the permitted lag, then falling linearly to 0
-    /// at the permitted lag.
+    /// Returns the rate at which the trajectory's time passes: 1 up to half of the permitted lag, then falling linearly
+    /// to 0 at the permitted lag.
     fn time_scale(&self, positions: &[i32; N], speeds_cps: &[f32; N]) -> f32 {
         let lags = self.errors(positions).into_iter().zip(speeds_cps).map(|(error, speed)| {
-            // A member that is ahead of its reference does not lag. For a member that should stand still every error is a lag.
+            // A member that is ahead of its reference does not lag. For a member that should stand still every error is
+            // a lag.
             if *speed > 0.0 {
                 error
             } else if *speed < 0.0 {

@@ -1,11 +1,11 @@
 //! Odometry of a drive base: position and heading from the counts of both wheels, and from a gyro if there is one.
 //!
-//! In each step the base moves along a short arc, whose length is the mean distance of the wheels. The wheels also give the angle of the
-//! arc, until a reading of the gyro replaces this angle. Wheels of unlike diameters, a wrong track width and slip in turns make the
-//! wheels' angle wrong, but not the gyro's.
+//! In each step the base moves along a short arc, whose length is the mean distance of the wheels. The wheels also give
+//! the angle of the arc, until a reading of the gyro replaces this angle. Wheels of unlike diameters, a wrong track
+//! width and slip in turns make the wheels' angle wrong, but not the gyro's.
 //!
-//! The *slip* is the angle by which the wheels have turned the base according to their counts, minus the heading. A base that must hold
-//! a heading turns its wheels by the slip further.
+//! The *slip* is the angle by which the wheels have turned the base according to their counts, minus the heading. A
+//! base that must hold a heading turns its wheels by the slip further.
 
 use super::DriveBase;
 use core::f64::consts::PI;
@@ -34,8 +34,8 @@ pub enum GyroState {
     Good,
     /// The gyro gives no readings any more. The base holds its heading by the encoders.
     Lost,
-    /// The gyro has not turned with the wheels: the gyro is mounted upside down, or the wheels spin and do not turn the base. The base
-    /// holds its heading by the encoders until it is configured again.
+    /// The gyro has not turned with the wheels: the gyro is mounted upside down, or the wheels spin and do not turn the
+    /// base. The base holds its heading by the encoders until it is configured again.
     Implausible,
 }
 
@@ -76,8 +76,8 @@ impl Odometry {
         Self { base, counts, gyro_degrees: None, since_gyro_degrees: 0.0, slip_degrees: 0.0, pose }
     }
 
-    /// Updates the pose from the counts of both wheels, which may wrap, and from a new reading of the gyro. The angle of the gyro grows to
-    /// the left, and may wrap at 360 degrees. `None` if the gyro has no new reading.
+    /// Updates the pose from the counts of both wheels, which may wrap, and from a new reading of the gyro. The angle
+    /// of the gyro grows to the left, and may wrap at 360 degrees. `None` if the gyro has no new reading.
     ///
     /// Between two readings the base must turn by less than 180 degrees.
     pub fn step(&mut self, counts: [i32; 2], gyro_degrees: Option<f64>) -> Pose {
@@ -101,7 +101,8 @@ impl Odometry {
         self.pose
     }
 
-    /// Goes on with the wheels alone. The next reading of the gyro is the first of a new start, and its angle has no meaning.
+    /// Goes on with the wheels alone. The next reading of the gyro is the first of a new start, and its angle has no
+    /// meaning.
     pub const fn lose_gyro(&mut self) {
         self.gyro_degrees = None;
     }

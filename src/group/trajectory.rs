@@ -10,18 +10,19 @@
 //! * The *base* is the position at progress 0, after the drift. The *start offset* is the signed distance from the
 //!   nearest whole count to the base.
 //! * A *share* is the signed distance that a member moves along the whole trajectory. A motor that is not a member has
-//!   the share 0. `length` is the magnitude of the largest share. In a trajectory without end the shares are the speeds in
-//!   1/256 counts/s: only their ratios matter.
+//!   the share 0. `length` is the magnitude of the largest share. In a trajectory without end the shares are the speeds
+//!   in 1/256 counts/s: only their ratios matter.
 //! * *Progress* is the distance that the member with the largest share has moved along the trajectory. The code stores
 //!   progress, base, start offset and drift in steps of 2^-16 counts.
-//! * *Drift* is motion from before a trajectory that the trajectory cannot continue. A trajectory without end continues the
-//!   part of the old speeds that points in its direction, and lets the rest drift. A trajectory to positions continues the
-//!   old speeds only if they point in its direction and it can stop at its end; otherwise all of them drift. The drift is
-//!   braked to 0 while the progress begins. `drift[i]` is the distance that member i will still drift.
+//! * *Drift* is motion from before a trajectory that the trajectory cannot continue. A trajectory without end continues
+//!   the part of the old speeds that points in its direction, and lets the rest drift. A trajectory to positions
+//!   continues the old speeds only if they point in its direction and it can stop at its end; otherwise all of them
+//!   drift. The drift is braked to 0 while the progress begins. `drift[i]` is the distance that member i will still
+//!   drift.
 //!
 //! Progress and positions are integers, and all members have the same progress, so no rounding error grows with the
-//! distance. A trajectory without end consists of *rounds*: whenever the progress has covered `length`, the base moves by the
-//! shares, and the progress starts again at 0.
+//! distance. A trajectory without end consists of *rounds*: whenever the progress has covered `length`, the base moves
+//! by the shares, and the progress starts again at 0.
 
 use super::Reference;
 use crate::units::{Acceleration, CountsPerSecond};
@@ -40,8 +41,8 @@ pub(super) struct Trajectory<const N: usize> {
     base: [i64; N],
     /// Distance that a motor moves while the progress covers `length`, in counts.
     share: [i32; N],
-    /// Distance from the nearest whole count to the base, in steps. The trajectory removes this distance bit by bit along
-    /// its length, so that it ends at a whole count.
+    /// Distance from the nearest whole count to the base, in steps. The trajectory removes this distance bit by bit
+    /// along its length, so that it ends at a whole count.
     start_offset: [i32; N],
     /// Magnitude of the largest share, at least 1.
     length: i64,
@@ -85,8 +86,8 @@ impl<const N: usize> Trajectory<N> {
         trajectory
     }
 
-    /// Makes the motors turn at these speeds without end, starting from the present references and speeds. If all speeds are 0,
-    /// the group brakes to a stop.
+    /// Makes the motors turn at these speeds without end, starting from the present references and speeds. If all
+    /// speeds are 0, the group brakes to a stop.
     pub(super) fn turn_at(&mut self, speeds: [CountsPerSecond; N], acceleration: Acceleration) {
         let present_cps = self.restart(acceleration);
         self.endless = true;
@@ -100,9 +101,9 @@ impl<const N: usize> Trajectory<N> {
         self.start_drift(sideways);
     }
 
-    /// Makes the motors move to these positions in counts and stop there, starting from the present references and speeds. A motor
-    /// that is no member has its present position as target. `speed_cps` is the speed of the member that moves farthest, in
-    /// counts/s. `tick_s` is a tick in seconds.
+    /// Makes the motors move to these positions in counts and stop there, starting from the present references and
+    /// speeds. A motor that is no member has its present position as target. `speed_cps` is the speed of the member
+    /// that moves farthest, in counts/s. `tick_s` is a tick in seconds.
     pub(super) fn move_to(
         &mut self,
         targets: [i32; N],
@@ -135,8 +136,8 @@ impl<const N: usize> Trajectory<N> {
         speeds_cps
     }
 
-    /// Sets shares and start offsets for a movement from the base to these positions. Positions wrap, and each motor takes
-    /// the shorter direction.
+    /// Sets shares and start offsets for a movement from the base to these positions. Positions wrap, and each motor
+    /// takes the shorter direction.
     fn head_for(&mut self, targets: &[i32; N]) {
         let starts = self.base.iter().zip(&mut self.share).zip(&mut self.start_offset);
         for (((base, share), start_offset), target) in starts.zip(targets) {
@@ -229,8 +230,8 @@ impl<const N: usize> Trajectory<N> {
         let end = self.length << 16;
         let mut target_cps = self.speed_limit_cps;
         if !self.endless {
-            // The speed v after this step may be at most such that v^2 / (2 a), and the distance that v adds in this step, fit
-            // into the rest: the distance to the end without what the old speed covers in this step.
+            // The speed v after this step may be at most such that v^2 / (2 a), and the distance that v adds in this
+            // step, fit into the rest: the distance to the end without what the old speed covers in this step.
             let rest = (end - self.progress) as f32 / STEPS_PER_COUNT - before * seconds / 2.0;
             let half_change = speed_change / 2.0;
             let stoppable =

@@ -1,9 +1,10 @@
-//! The drive base of a hub, which has a left and a right wheel: its odometry, and how its wheels follow the heading of a gyro.
+//! The drive base of a hub, which has a left and a right wheel: its odometry, and how its wheels follow the heading of
+//! a gyro.
 //!
-//! With a gyro the wheels of the base have *corrected positions*: the counts that the encoders would have if the wheels had turned the
-//! base exactly as the gyro says. The *correction* of a wheel is its encoder's position minus the corrected position. The
-//! group of both wheels is controlled in corrected positions, so a straight course stays straight, and a turn ends at its angle.
-//! Without a gyro, and for all other groups, the correction is 0.
+//! With a gyro the wheels of the base have *corrected positions*: the counts that the encoders would have if the wheels
+//! had turned the base exactly as the gyro says. The *correction* of a wheel is its encoder's position minus the
+//! corrected position. The group of both wheels is controlled in corrected positions, so a straight course stays
+//! straight, and a turn ends at its angle. Without a gyro, and for all other groups, the correction is 0.
 //!
 //! ```text
 //!         first reading       no reading for 100 ms
@@ -12,18 +13,19 @@
 //!                          '----------------------------> Implausible
 //! ```
 //!
-//! While the gyro is lost or implausible, the correction keeps its last value, and the encoders alone give the heading. A gyro that is
-//! mounted upside down would turn the base faster and faster. Therefore the speed of the correction is limited, and the turns of
-//! gyro and wheels are compared.
+//! While the gyro is lost or implausible, the correction keeps its last value, and the encoders alone give the heading.
+//! A gyro that is mounted upside down would turn the base faster and faster. Therefore the speed of the correction is
+//! limited, and the turns of gyro and wheels are compared.
 
 use crate::group::{BaseSettings, GyroState, Odometry};
 use crate::units::Micros;
 
-/// Age in microseconds beyond which a reading of the gyro is not used. The limit leaves time for a host's transfers on the gyro's bus.
+/// Age in microseconds beyond which a reading of the gyro is not used. The limit leaves time for a host's transfers on
+/// the gyro's bus.
 const GYRO_TIMEOUT_US: u64 = 100_000;
 
-/// Largest speed at which the correction changes, in degrees of the base's heading per second. A slip of 5 % in turns of 360 degrees per
-/// second needs 18 degrees per second.
+/// Largest speed at which the correction changes, in degrees of the base's heading per second. A slip of 5 % in turns
+/// of 360 degrees per second needs 18 degrees per second.
 const CORRECTION_DEGREES_PER_S: f64 = 45.0;
 
 /// A reading of a gyro.
@@ -43,7 +45,8 @@ pub struct BaseState {
     pub x_um: i32,
     /// Distance to the left of the start in micrometres, limited to 32 bits: +-2147 m.
     pub y_um: i32,
-    /// Angle by which the base has turned left, in 1/1000 degree. It counts whole turns, and is limited to 32 bits: +-5965 turns.
+    /// Angle by which the base has turned left, in 1/1000 degree. It counts whole turns, and is limited to 32 bits:
+    /// +-5965 turns.
     pub heading_millidegrees: i32,
     /// Correction of the left and of the right wheel in counts.
     pub correction: [i32; 2],
@@ -90,21 +93,22 @@ struct Turns {
 impl Turns {
     /// Length of the parts of a motion that are compared, in microseconds: ten readings of the gyro.
     const PART_US: u64 = 100_000;
-    /// Smallest turn of the wheels, in degrees, in a part that counts. On a straight course wheels whose diameters differ by 5 % seem
-    /// to turn the base by less, as long as the base moves by less than five track widths per second.
+    /// Smallest turn of the wheels, in degrees, in a part that counts. On a straight course wheels whose diameters
+    /// differ by 5 % seem to turn the base by less, as long as the base moves by less than five track widths per
+    /// second.
     const LEAST_DEGREES: f64 = 1.5;
     /// Sum of counted turns of the wheels, in degrees, after which the gyro is judged.
     const JUDGED_DEGREES: f64 = 30.0;
-    /// Smallest turn of a plausible gyro, as a share of the turn of the wheels. Wheels that slip by more than 70 % of their turn make
-    /// the gyro implausible too.
+    /// Smallest turn of a plausible gyro, as a share of the turn of the wheels. Wheels that slip by more than 70 % of
+    /// their turn make the gyro implausible too.
     const LEAST_SHARE: f64 = 0.3;
 
     /// The state before the first turn.
     const NONE: Self =
         Self { since: Micros::new(0), heading: 0.0, by_wheels: 0.0, wheels_degrees: 0.0, gyro_degrees: 0.0 };
 
-    /// Compares the heading by the gyro with the turn of the wheels, both in degrees since the start of the base. Returns false if the
-    /// gyro does not turn with the wheels.
+    /// Compares the heading by the gyro with the turn of the wheels, both in degrees since the start of the base.
+    /// Returns false if the gyro does not turn with the wheels.
     fn step(&mut self, now: Micros, heading: f64, by_wheels: f64) -> bool {
         if now.since(self.since) < Self::PART_US {
             return true;
@@ -149,7 +153,8 @@ impl Base {
         core::array::from_fn(|motor| self.settings.wheels.iter().any(|wheel| usize::from(*wheel) == motor))
     }
 
-    /// Updates the odometry. `positions` are the positions of all motors in counts, `None` before the first reading of an encoder.
+    /// Updates the odometry. `positions` are the positions of all motors in counts, `None` before the first reading of
+    /// an encoder.
     pub(super) fn step<const N: usize>(
         &mut self,
         now: Micros,

@@ -1,6 +1,6 @@
 //! The bus in a snapshot: the limits of the supply, and the energy that braking motors have returned and dissipated.
 
-use crate::braking::Returned;
+use crate::braking::BrakingPower;
 use crate::supply::{Battery, DrawStage};
 use crate::units::{Microjoules, Share};
 
@@ -27,15 +27,14 @@ impl Bus {
         returned: Microjoules::ZERO,
         dissipated: Microjoules::ZERO,
     };
-}
 
-impl Bus {
-    /// Adds the energy of the last `passed_us` microseconds, in which the motors returned and dissipated these powers in watts.
-    pub(super) fn add(&mut self, passed_us: u32, motors: impl Iterator<Item = Returned>) {
+    /// Adds the energy of the last `passed_us` microseconds, in which the motors returned and dissipated these powers
+    /// in watts.
+    pub(super) fn add(&mut self, passed_us: u32, motors: impl Iterator<Item = BrakingPower>) {
         let (mut returned, mut dissipated) = (0.0, 0.0);
         for motor in motors {
-            returned += motor.returned;
-            dissipated += motor.dissipated;
+            returned += motor.returned_watts;
+            dissipated += motor.dissipated_watts;
         }
         // A watt is a microjoule per microsecond. The conversion to an integer saturates, and converts NaN to 0.
         let microjoules = |watts: f32| (watts * passed_us as f32) as u32;

@@ -7,8 +7,8 @@
 //!                 '-------------------> none
 //! ```
 //!
-//! A member is *lost* when it has a fault, gets a set-point of its own or joins another group. The other members halt by
-//! coasting in two cases: a member is disabled or in fail-safe, or a member is lost and the group's setting is
+//! A member is *lost* when it has a fault, gets a set-point of its own or joins another group. The other members halt
+//! by coasting in two cases: a member is disabled or in fail-safe, or a member is lost and the group's setting is
 //! [`Halt::Coast`]. A group stays `Moving` after the end of its course, and holds the positions of its members.
 
 use super::Inputs;
@@ -39,10 +39,10 @@ impl<const N: usize> Groups<N> {
         Self { states: [const { None }; N] }
     }
 
-    /// Changes the course of the moving group that has exactly the members of `command`. If there is no such group, each
-    /// member leaves its old group, and a new group waits to start. The other members of a moving old group halt by the setting
-    /// of the old group. A waiting old group is discarded. Fails if `leader`, the motor to which the host has sent the
-    /// command, is not a member, or if the hub does not have all members.
+    /// Changes the course of the moving group that has exactly the members of `command`. If there is no such group,
+    /// each member leaves its old group, and a new group waits to start. The other members of a moving old group halt
+    /// by the setting of the old group. A waiting old group is discarded. Fails if `leader`, the motor to which the
+    /// host has sent the command, is not a member, or if the hub does not have all members.
     pub(super) fn lead(
         &mut self,
         leader: usize,
@@ -70,15 +70,17 @@ impl<const N: usize> Groups<N> {
         Ok(())
     }
 
-    /// Removes these motors from their groups. The members that stay halt according to the setting of their group. A motor that has
-    /// left a moving group gets the velocity 0 as its set-point, with which it brakes or coasts as its setting `ZeroPower` says.
+    /// Removes these motors from their groups. The members that stay halt according to the setting of their group. A
+    /// motor that has left a moving group gets the velocity 0 as its set-point, with which it brakes or coasts as its
+    /// setting `ZeroPower` says.
     pub(super) fn release(&mut self, leaving: [bool; N], motors: &mut [Motor; N]) {
         let left = self.leave(leaving, None, motors);
         members_of(&left, motors).for_each(|motor| motor.set(Setpoint::Velocity(CountsPerSecond::ZERO)));
     }
 
-    /// Removes these motors from their groups. The members that stay in a moving group halt according to `halt`; `None` stands
-    /// for the group's own setting. A waiting group is discarded. Returns the motors of `leaving` that were in a moving group.
+    /// Removes these motors from their groups. The members that stay in a moving group halt according to `halt`; `None`
+    /// stands for the group's own setting. A waiting group is discarded. Returns the motors of `leaving` that were in a
+    /// moving group.
     pub(super) fn leave(
         &mut self,
         leaving: [bool; N],
@@ -112,8 +114,8 @@ impl<const N: usize> Groups<N> {
     }
 
     /// Starts the waiting groups whose members all have a fresh reading. Sets the set-points of all members of moving
-    /// groups for this tick. A group works with positions from which the corrections by the gyro have been subtracted. The
-    /// corrections are added to the set-points again.
+    /// groups for this tick. A group works with positions from which the corrections by the gyro have been subtracted.
+    /// The corrections are added to the set-points again.
     pub(super) fn step(
         &mut self,
         inputs: &Inputs<N>,
@@ -186,8 +188,8 @@ impl<const N: usize> Groups<N> {
     }
 }
 
-/// Returns the correction of each motor's position by the gyro, in counts, for a group with these members. The correction is 0
-/// unless the members are the wheels of a drive base.
+/// Returns the correction of each motor's position by the gyro, in counts, for a group with these members. The
+/// correction is 0 unless the members are the wheels of a drive base.
 fn corrections_of<const N: usize>(base: Option<&Base>, members: &[bool; N]) -> [i32; N] {
     base.map_or([0; N], |base| base.corrections(members))
 }

@@ -7,7 +7,7 @@
 //! let (mut newest, mut encoder) = (Newest::<1>::new(), Tracker::default());
 //! let at = Micros::new(151_000);
 //! newest.sample(|readings| *readings = [Some(encoder.step(0, at))]);
-//! newest.observe([2_000.0].into_iter());
+//! newest.observe([CountsPerSecond::new(2_000)].into_iter());
 //! let tick = Micros::new(150_000);
 //! assert_eq!(newest.look(0, tick), Some((0, Some(CountsPerSecond::new(2_000)))));
 //! ```
@@ -19,14 +19,13 @@ use crate::units::{CountsPerSecond, Micros};
 #[derive(Clone, Debug)]
 pub struct Newest<const N: usize> {
     readings: [Option<Reading>; N],
-    /// Speeds in counts/s.
-    speeds: [Option<f32>; N],
+    velocities: [Option<CountsPerSecond>; N],
 }
 
 impl<const N: usize> Newest<N> {
     /// Creates a store without samples and speeds.
     pub const fn new() -> Self {
-        Self { readings: [None; N], speeds: [None; N] }
+        Self { readings: [None; N], velocities: [None; N] }
     }
 
     /// Takes a sample of all encoders. `read` replaces the readings in place. An encoder without a new reading keeps
@@ -40,9 +39,9 @@ impl<const N: usize> Newest<N> {
         &self.readings
     }
 
-    /// Takes the speeds that the observers estimate, in counts/s, in the order of the motors.
-    pub fn observe(&mut self, speeds_cps: impl Iterator<Item = f32>) {
-        for (last, new) in self.speeds.iter_mut().zip(speeds_cps) {
+    /// Takes the speeds that the observers estimate, in the order of the motors.
+    pub fn observe(&mut self, velocities: impl Iterator<Item = CountsPerSecond>) {
+        for (last, new) in self.velocities.iter_mut().zip(velocities) {
             *last = Some(new);
         }
     }
@@ -52,8 +51,7 @@ impl<const N: usize> Newest<N> {
     /// speeds at ticks only.
     pub fn look(&self, motor: usize, tick: Micros) -> Option<(i32, Option<CountsPerSecond>)> {
         let new = (*self.readings.get(motor)?).filter(|new| new.at > tick)?;
-        let speed_cps = self.speeds.get(motor).copied().flatten();
-        Some((new.position, speed_cps.map(CountsPerSecond::from_f32)))
+        Some((new.position, self.velocities.get(motor).copied().flatten()))
     }
 }
 

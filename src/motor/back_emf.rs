@@ -1,4 +1,4 @@
-//! Corrects the configured constants of a motor that has become warm.
+//! Corrects the configured constants of a motor that has become warm, or whose speed hunts.
 //!
 //! Copper gains 0.39 % of its resistance a kelvin, and magnets lose some 0.2 % of their field. Two things correct the
 //! constants in force:
@@ -8,10 +8,11 @@
 //! * While the speed [hunts](crate::regulator::Output::hunts), the back EMF constant in force is lowered in steps, down
 //!   to the largest correction. This correction ends when another back EMF or other dynamics are configured.
 //!
-//! The back EMF constant in force is the lower of both. The configured resistance and back EMF belong to a cold motor,
-//! as data sheets state them. The configured dynamics belong to the temperatures at which they were configured, because
-//! a motor is identified while it is connected. Currents for reports and limits are still computed with the cold
-//! resistance. The motor may be colder than the model says, and the cold resistance gives the higher current.
+//! The back EMF constant in force is the lower of the two corrected constants. The configured resistance and back EMF
+//! belong to a cold motor, as data sheets state them. The configured dynamics belong to the temperatures at which they
+//! were configured: a user identifies a motor, warm or cold, and then configures the result. Dynamics from the store
+//! belong to a cold motor. Currents for reports and limits are still computed with the cold resistance. The motor may
+//! be colder than the model says, and the cold resistance gives the higher current.
 
 use super::thermal::Temperatures;
 use crate::braking::{Modulator, Winding};
@@ -20,7 +21,8 @@ use crate::units::{AccelerationPerVolt, DecayRate, EmfConstant, Millivolts, Resi
 
 /// Step of a correction by hunting, in % of the configured constant.
 const STEP_PERCENT: u8 = 1;
-/// Largest correction by hunting, in % of the configured constant. The magnets of a motor lose that much in 75 K.
+/// Largest correction by hunting, in % of the configured constant. The magnets of a motor lose 15 % of their field when
+/// they warm up by 75 K.
 const LARGEST_PERCENT: u8 = 15;
 /// Change of the winding's temperature, in K, that the constants in force follow: some 1 % of the resistance.
 const STEP_K: u8 = 3;
@@ -63,7 +65,7 @@ impl Configured {
     /// Lowers the back EMF constant in force by a step. Returns false if the correction has reached its limit.
     pub(super) fn lower(&mut self) -> bool {
         let lowered = 100.0 * (1.0 - self.emf_share());
-        // A warm motor hunts with the constant of its temperature, so the step begins there.
+        // The constant of a warm motor is already lower. The step starts from this lower constant.
         let percent = (lowered as u8).max(self.lowered_percent) + STEP_PERCENT;
         let allowed = percent <= LARGEST_PERCENT;
         if allowed {
@@ -109,9 +111,9 @@ impl Configured {
         warm.modulator()
     }
 
-    /// Converts the configured dynamics to the present temperatures and to the back EMF constant in force. The torque of
-    /// drag and friction stays. `winding` has the cold resistance and the back EMF constant in force. `switch_mohm` is the
-    /// resistance of one of the two switches of the bridge, in milliohms.
+    /// Converts the configured dynamics to the present temperatures and to the back EMF constant in force. The torque
+    /// of drag and friction stays. `winding` has the cold resistance and the back EMF constant in force. `switch_mohm`
+    /// is the resistance of one of the two switches of the bridge, in milliohms.
     fn correct_dynamics(&self, dynamics: &mut Dynamics, winding: &Winding, switch_mohm: u16) {
         let Self { dynamics_at: then, temperatures: now, .. } = self;
         let milliohms = |at| warm_milliohms(winding, at) + 2.0 * f32::from(switch_mohm);

@@ -23,12 +23,15 @@
 //! * *Surplus*: the time integral of requested less applied voltage, signed in the direction of motion. Above 0 the
 //!   motor was braked too much. The pulses keep the surplus near 0, so on average the motor brakes as requested.
 //!
-//! No single command brakes this way. Proportional braking returns the energy that the winding does not dissipate. A
-//! bridge that opens returns the energy of the winding. Reverse driving returns nothing, but brakes more than a short
-//! circuit.
+//! No single command brakes in part without returning energy. Proportional braking returns the energy that the winding
+//! does not dissipate. A bridge that opens returns the energy of the winding. Reverse driving returns nothing, but
+//! brakes more than a short circuit.
 
-use crate::units::Micros;
+use super::{Command, Motor};
+use crate::braking::{Modulation, OperatingPoint};
+use crate::supply::Battery;
 use crate::units::single::{at_least, at_most};
+use crate::units::{Micros, Share, Voltage};
 use libm::sqrtf;
 
 /// Magnitude of the surplus at which one pulse ends and the other begins, in us times the back EMF. A pulse then
@@ -36,13 +39,21 @@ use libm::sqrtf;
 /// change its mode. The pulse is short enough for the speed to stay even.
 const PULSE_MICROS: f32 = 1_500.0;
 
-/// Largest surplus that is kept, in multiples of [`PULSE_MICROS`]. The surplus beyond is discarded. It accumulates
-/// while the motor may not end its short circuit.
+/// Largest surplus that is kept, in multiples of [`PULSE_MICROS`]. A larger surplus is cut to this limit. The surplus
+/// grows this large only while the motor may not end its short circuit.
 const LARGEST_SURPLUS: f32 = 4.0;
+
+/// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF, at the least dissipation. At the
+/// end of a short circuit the winding returns energy to the bus. A forward pulse with this share draws about the same
+/// energy from the bus. The share grows with [`Battery::dissipate`], which says how strongly braking motors must
+/// dissipate energy.
+const LEAST_FORWARD_SHARE: f32 = 0.1;
+/// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF, at full dissipation.
+const LARGEST_FORWARD_SHARE: f32 = 0.3;
 
 /// A kind of pulse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Pulse {
+enum Pulse {
     /// The bridge shorts the winding.
     Short,
     /// The bridge drives the motor beyond its back EMF.
@@ -67,13 +78,13 @@ pub(super) struct BurnPulses {
 
 /// Voltages of a motor during a pulse, in V.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Voltages {
+struct Voltages {
     /// Requested voltage.
-    pub(super) requested: f32,
+    requested: f32,
     /// Applied voltage.
-    pub(super) applied: f32,
+    applied: f32,
     /// Back EMF.
-    pub(super) emf: f32,
+    emf: f32,
 }
 
 impl Voltages {
@@ -108,13 +119,13 @@ impl BurnPulses {
         (self.voltages, self.pulse) = (Voltages::NONE, None);
     }
 
-    /// Ends the pulses and discards the surplus, because the motor no longer brakes in part.
+    /// Ends the pulses and discards the surplus, because the motor no longer brakes less than a short circuit would.
     pub(super) const fn stop(&mut self) {
         *self = Self::NONE;
     }
 
     /// Integrates the surplus of the present voltages up to now.
-    pub(super) fn integrate(&mut self, now: Micros) {
+    fn integrate(&mut self, now: Micros) {
         let passed = now.since(self.integrated_until) as u32;
         self.integrated_until = self.integrated_until.max(now);
         let Voltages { requested, applied, emf } = self.voltages;
@@ -123,7 +134,7 @@ impl BurnPulses {
 
     /// Limits the surplus, and returns the next pulse of a motor with this back EMF in V. `may_end_short` says
     /// whether the motor may end a short circuit now.
-    pub(super) fn next(&mut self, emf: f32, may_end_short: bool) -> Pulse {
+    fn next(&mut self, emf: f32, may_end_short: bool) -> Pulse {
         let threshold = PULSE_MICROS * emf.abs();
         let largest = LARGEST_SURPLUS * threshold;
         self.surplus = at_most(at_least(self.surplus, -largest), largest);
@@ -136,7 +147,7 @@ impl BurnPulses {
 
     /// Begins a pulse, or continues the present one. When the pulse changes, the bridge is open for `change_us`
     /// microseconds.
-    pub(super) fn apply(&mut self, pulse: Pulse, voltages: Voltages, change_us: u16) {
+    fn apply(&mut self, pulse: Pulse, voltages: Voltages, change_us: u16) {
         if pulse != self.pulse.unwrap_or(Pulse::Short) {
             self.surplus += along(voltages.applied - voltages.emf, voltages.emf) * f32::from(change_us);
         }
@@ -146,8 +157,8 @@ impl BurnPulses {
         (self.voltages, self.pulse) = (voltages, Some(pulse));
     }
 
-    /// Voltage in V between the back EMF and a constant voltage that heats the winding as much as the pulses do. The
-    /// pulses heat the winding more than their mean current would.
+    /// Voltage beyond the back EMF, in V, whose constant current heats the winding as much as the pulses do. The pulses
+    /// heat the winding more than their mean current would.
     pub(super) fn heating(&self) -> f32 {
         let Voltages { requested, emf, .. } = self.voltages;
         let forward = self.forward_volts / emf;
@@ -155,6 +166,40 @@ impl BurnPulses {
         let share =
             if forward > 1.0 && forward.is_finite() { at_most(requested / emf / forward, 1.0) } else { 0.0 };
         emf.abs() * sqrtf(1.0 - share + share * (forward - 1.0) * (forward - 1.0))
+    }
+}
+
+impl Motor {
+    /// Begins or continues a burn pulse, and replaces the command of the bridge by this pulse.
+    pub(super) fn dissipate(
+        &mut self,
+        command: &mut Command,
+        now: Micros,
+        battery: &Battery,
+        may_end_short: bool,
+    ) {
+        let velocity = self.regulator.velocity();
+        let at = OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery.newest)
+            .unwrap_or(command.request.at);
+        let emf = at.emf_volts();
+        let (least, most) = (LEAST_FORWARD_SHARE, LARGEST_FORWARD_SHARE);
+        let beyond = least + (most - least) * battery.dissipate.to_f32();
+        let room = at.battery_volts() - emf.abs();
+        self.pulses.integrate(now);
+        let mut pulse = self.pulses.next(emf, may_end_short);
+        if battery.draw != Share::ALL || room <= least * emf.abs() {
+            pulse = Pulse::Short;
+        }
+        command.bridge = match pulse {
+            Pulse::Forward => {
+                let volts = emf + (beyond * emf.abs()).min(room).copysign(emf);
+                self.modulator.for_voltage(at, Voltage::from_volts(volts))
+            }
+            Pulse::Short => Modulation::BRAKE,
+        };
+        let [requested, applied] = [command.limited, command.bridge].map(|of| of.voltage.to_volts());
+        let change_us = self.settings.bridge.timing.change_us;
+        self.pulses.apply(pulse, Voltages { requested, applied, emf }, change_us);
     }
 }
 

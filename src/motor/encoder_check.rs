@@ -18,16 +18,16 @@
 //! Terms:
 //!
 //! * *Drive voltage*: the mean voltage across the motor.
-//! * *Gain*: the motor's acceleration per volt. Without configured dynamics the regulator estimates the gain.
-//! * *Known motor*: a motor with a least gain, because its dynamics are configured or its estimated gain shows that the
-//!   motor is heavy. Any other motor is *unknown*.
-//! * *Motion*: a position more than one count from the centre of a dead band, which then follows the position. An
-//!   encoder with one broken wire toggles within the dead band, and makes no motion (see `last_motion`).
+//! * *Gain*: the motor's acceleration per volt. Without configured dynamics the regulator estimates the gain. * *Least
+//!   gain*: a lower bound of the gain. The regulator has one if the dynamics are configured, or if the estimated gain
+//!   shows that the motor is heavy. * *Motion*, *steady run*, *toggle*: see `last_motion`.
 //! * *Silence*: the time since the last motion, or since the check last began again if that is later.
-//! * *Expected distance*: the least distance that a healthy motor covers in a silence or a probe (see `expected`).
-//! * *Time-out*: the longest time for which an unknown motor may be silent while the drive voltage exceeds the
-//!   heaviest friction. The time starts again at 0 whenever the drive voltage falls to the heaviest friction.
-//! * *Too few counts*: a silence of 46 ms or more whose expected distance has reached a limit; or a time-out.
+//! * *Expected distance*: the least distance that a healthy motor covers in a silence or a probe (see `expected`). *
+//!   *Heaviest friction*: 6.6 V, the drive voltage that moves every motor for 12 V (see `expected`).
+//! * *Time-out*: the longest time for which a motor without a least gain may be silent while the drive voltage exceeds
+//!   the heaviest friction. The time starts again at 0 whenever the drive voltage falls to the heaviest friction. *
+//!   *Too few counts*: a silence of 46 ms or more whose expected distance has reached 12 counts after a steady run, or
+//!   6 counts from rest; or a time-out.
 //! * *Slow-counting motor*: a motor whose encoder sends fewer than 1000 counts/s at a back EMF of 12 V.
 //! * *Examination*: a release or a probe.
 //! * *Stall*: a stop or a load holds the motor. A stall is no fault.
@@ -35,14 +35,15 @@
 //! States:
 //!
 //! * *Watching*: the regulator drives the motor. The check computes the expected distance of each silence.
-//! * *Releasing*: the bridge brakes, so that a springy stop or a lifted load can move the motor. A motion shows a stall.
-//!   After the release the motor is probed. If there is no time for a release, the motor is probed without one.
+//! * *Releasing*: the bridge brakes, so that a springy stop or a lifted load can move the motor. A motion shows a
+//!   stall. After the release the motor is probed. If there is no time for a release, the motor is probed without one.
 //! * *Probing*: the motor is driven in the other direction once. A motion shows a stall. If the expected distance is
 //!   reached without a motion, the encoder is stuck. A motor that cannot reach the expected distance in the longest
 //!   probe, as on a low battery, is taken for stalled.
 //! * *Stalled*: the regulator drives the motor, and there is no further examination. The stall ends when the requested
-//!   direction changes, or when regulation ends. It also ends when the motor has turned beyond its stop for 150 ms, at
-//!   half of the requested speed or more. A stalled motor can run away too, and is stalled again after the runaway.
+//!   direction changes, or when a set-point is not regulated. A tick without regulation does not end a stall. It also
+//!   ends when the motor has turned beyond its stop for 150 ms, at half of the requested speed or more. A stalled motor
+//!   can run away too, and is stalled again after the runaway.
 //! * *RunningAway*: the bridge is in reverse at the end of the control range. Still the motor turns in the wrong
 //!   direction, or at least twice as fast as requested. A motor with a working encoder becomes slower, unless its load
 //!   exceeds the stall torque. If the motor does not become slower, its encoder is reversed.
@@ -54,13 +55,13 @@
 //!
 //! | motor | time to a fault |
 //! |---|---|
-//! | turned steadily, then silent | 250 ms, at every control period |
-//! | other clear cases | 250 ms from full drive voltage on |
-//! | known, but slow-counting or heavy | longer, by the time in which its counts are due |
-//! | unknown, last turned in the other direction | 1 s, because a heavy motor may take that long to reverse |
-//! | unknown, has toggled a few times | 1 s, because a heavy motor may take that long to start |
-//! | unknown and slow-counting | some 4 s |
-//! | not configured, runs away after its encoder has sent counts in the right direction | 2 s if it does not become faster, because the motor may be heavy |
+//! | turned steadily, then silent | 250 ms, with a control period of any length |
+//! | started from rest, and none of the cases below | 250 ms from full drive voltage on |
+//! | has a least gain, but is slow-counting or heavy | longer, by the time in which its counts are due |
+//! | without a least gain, last turned in the other direction | 1 s, because a heavy motor may take that long to reverse |
+//! | without a least gain, has toggled a few times | 1 s, because a heavy motor may take that long to start |
+//! | without a least gain and slow-counting | some 4 s |
+//! | dynamics not configured, runs away after its encoder has sent counts in the right direction | 2 s if it does not become faster, because the motor may be heavy |
 //!
 //! The check for a stuck encoder needs a set-point of speed or position, also in a group, and a requested speed of at
 //! least 40 counts/s. So open loop, constant current and identification are excluded, and so is a motor that holds its
@@ -68,11 +69,11 @@
 //! battery.
 //!
 //! Constants without a stated source have none on record. `motor-hub soak --sweep` finds false alarms of the constants
-//! (see `docs/concepts/faults.md`), and `tests/guard.rs` checks the times.
+//! (see `docs/concepts/faults.md`), and `tests/encoder_check.rs` checks the times.
 
-use super::Activity;
-use super::expected::{Expected, LOAD, Tick};
-use super::last_motion::{LastMotion, SteadyRun};
+use super::Request;
+use super::expected::{Expected, Tick};
+use super::last_motion::{LastMotion, Run};
 use crate::braking::{Regime, Scheme};
 use crate::regulator::counts_due;
 use crate::units::{Control, CountsPerSecond};
@@ -80,115 +81,6 @@ use libm::sqrtf;
 
 /// Distance that a motor from rest should cover before missing counts matter, in counts.
 const EXPECTED_COUNTS: f32 = 6.0;
-
-/// Limits of the state Watching.
-struct WatchLimits {
-    /// A motor with a shorter silence turns, in µs. Its counts are not checked.
-    quiet_us: u32,
-    /// Largest ratio of the speed before the silence to the requested speed at which a motor should keep turning. A
-    /// faster motor should slow down, and may come to rest.
-    speed_ratio: f32,
-    /// A shorter silence never has too few counts by its expected distance, in ms. At a control period of up to 50 ms, a
-    /// release and a probe then end within 250 ms.
-    silence_ms: u32,
-    /// Expected distance at which a silence after a steady run has too few counts, in counts. When a load reverses a
-    /// motor with a working encoder, fewer counts are missing.
-    turning_counts: f32,
-    /// Time-out of an unknown motor to which no longer time-out applies, in ms.
-    unknown_ms: u32,
-    /// Time-out of an unknown motor that last turned in the other direction or creeps, in ms. A heavy motor may take that
-    /// long to reverse or to start.
-    heavy_ms: u32,
-    /// Back EMF constant above which a motor is slow-counting, in V per count/s: 12 V at 1000 counts/s. The encoder
-    /// of such a motor is behind the gear, or its rotor is heavy.
-    slow_counting_emf_volts_per_cps: f32,
-    /// Time-out of an unknown, slow-counting motor, in ms.
-    slow_counting_ms: u32,
-}
-
-const WATCH: WatchLimits = WatchLimits {
-    quiet_us: 10_000,
-    speed_ratio: 1.5,
-    silence_ms: 46,
-    turning_counts: 12.0,
-    unknown_ms: 140,
-    heavy_ms: 800,
-    slow_counting_emf_volts_per_cps: 0.012,
-    slow_counting_ms: 3_000,
-};
-
-/// Limits of the states Releasing and Probing.
-struct ProbeLimits {
-    /// Time in Releasing, and shortest time in Probing, in ms. With a longer control period a motor is probed without
-    /// a release, and the decision is still taken within 250 ms.
-    shortest_ms: u32,
-    /// Longest time in Probing, in ms. A motor whose expected distance is still too short then is taken for stalled.
-    /// Also the longest extension of a span in RunningAway.
-    longest_ms: u32,
-    /// Expected distance of the probe, in counts. If there is no motion within this distance, the encoder is stuck.
-    counts: f32,
-    /// Drive voltage of the probe, as a share of the battery voltage.
-    drive_share: f32,
-    /// Longest mechanical time constant of an unknown motor, in s.
-    time_constant_s: f32,
-    /// Longest mechanical time constant of an unknown, slow-counting motor, in s.
-    slow_counting_time_constant_s: f32,
-}
-
-const PROBE: ProbeLimits = ProbeLimits {
-    shortest_ms: 50,
-    longest_ms: 2_000,
-    counts: 2.0,
-    drive_share: 0.9,
-    time_constant_s: 2.5,
-    slow_counting_time_constant_s: 50.0,
-};
-
-/// Limits of the state Stalled. A motor that has reached all of these limits is free.
-struct StallLimits {
-    /// Least distance beyond the stop, in counts. Toggling by one count stays below this distance.
-    counts: i32,
-    /// Least speed, as a share of the requested speed.
-    speed_share: f32,
-    /// Shortest time beyond the stop at that speed, in ms.
-    free_ms: u32,
-}
-
-const STALL: StallLimits = StallLimits { counts: 2, speed_share: 0.5, free_ms: 150 };
-
-/// Limits of the state RunningAway. The check compares the mean speeds of two spans of time, *early* and *late*.
-struct RunawayLimits {
-    /// Least magnitude of a control value at the end of the control range: 15/16 of the range. The other 1/16 allows for
-    /// rounding in the loop.
-    full_control: i16,
-    /// Length of a span, in ms. A springy stop throws a motor back for some 50 ms, which are within the early span.
-    span_ms: u32,
-    /// Length of the spans that end before the check commands full reverse, under PID in Scheme C or D, in ms. There the
-    /// control range may end before full reverse. Any other early span is shorter than `span_ms` by a tick, or by this
-    /// time if that is less.
-    short_span_ms: u32,
-    /// Least mean speed of the early span with which the spans can be compared, in counts/s. With a lower speed the
-    /// comparison begins again.
-    least_speed_cps: f32,
-    /// Counts in the late span beyond the mean speed of the early span with which a heavy motor has clearly become
-    /// faster. Each span has an error of one count.
-    faster_counts: i32,
-    /// In a late span with at least this number of counts, the errors of both spans are small beside the speed. A late span
-    /// with fewer counts must differ from the early span by more than `error_counts`, or a second comparison follows.
-    exact_counts: i32,
-    /// Errors of both spans together, in counts.
-    error_counts: i32,
-}
-
-const RUNAWAY: RunawayLimits = RunawayLimits {
-    full_control: 30_720,
-    span_ms: 100,
-    short_span_ms: 50,
-    least_speed_cps: 160.0,
-    faster_counts: 4,
-    exact_counts: 40,
-    error_counts: 2,
-};
 
 /// A fault of an encoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -207,9 +99,9 @@ impl Tick<'_> {
         self.command.control(self.context.modulator)
     }
 
-    /// True for a slow-counting motor: fewer than 1000 counts/s at a back EMF of 12 V.
+    /// True for a slow-counting motor.
     fn counts_slowly(&self) -> bool {
-        self.emf_volts_per_cps() > WATCH.slow_counting_emf_volts_per_cps
+        self.emf_volts_per_cps() > EncoderCheck::SLOW_COUNTING_EMF_VOLTS_PER_CPS
     }
 
     /// True if the end of the control range may be less than full reverse: by PID in Schemes C and D.
@@ -225,8 +117,8 @@ impl Tick<'_> {
         let twice = 2 * i64::from(self.target.to_bits());
         let wrong_speed = if velocity < 0 { twice >= velocity } else { twice <= velocity };
         wrong_speed
-            && self.command.limited.regime == Regime::Reverse
-            && self.control().get().abs() >= RUNAWAY.full_control
+            && self.command.request.at.regime(self.command.limited.drive) == Regime::Reverse
+            && self.control().get().abs() >= Runaway::FULL_CONTROL
     }
 }
 
@@ -235,22 +127,51 @@ impl Tick<'_> {
 pub(super) struct EncoderCheck {
     state: State,
     /// True if the motor has no configured dynamics, and the regulator has trusted its encoder at any tick of the
-    /// check. A heavy motor that brakes turns against its voltage, until the regulator no longer trusts the encoder.
-    /// This field then stays true.
+    /// check. While a heavy motor brakes, its counts are against the voltage, and the regulator may withdraw its trust.
+    /// This field keeps the trust.
     trusted: bool,
 }
 
-/// States of the check. The top of the file has their transitions.
+/// Limits of the state Watching.
+impl EncoderCheck {
+    /// Shortest silence that is checked, in µs. With a shorter silence the motor turns.
+    const QUIET_US: u32 = 10_000;
+    /// Largest ratio of the speed before the silence to the requested speed at which a motor should keep turning. A
+    /// faster motor should slow down, and may come to rest.
+    const SPEED_RATIO: f32 = 1.5;
+    /// Shortest silence, in ms, that can have too few counts by its expected distance. At a control period of up to 50
+    /// ms, a release and a probe then end within 250 ms.
+    const SILENCE_MS: u32 = 46;
+    /// Expected distance at which a silence after a steady run has too few counts, in counts. When a load reverses a
+    /// motor with a working encoder, fewer counts are missing.
+    const TURNING_COUNTS: f32 = 12.0;
+    /// Shortest time-out, in ms. It applies to every motor without a longer one.
+    const UNKNOWN_MS: u32 = 140;
+    /// Time-out, in ms, of a motor that last turned in the other direction, or whose encoder has toggled one to three
+    /// times in the silence. A heavy motor may take that long to reverse or to start.
+    const HEAVY_MS: u32 = 800;
+    /// Back EMF constant above which a motor is slow-counting, in V per count/s: 12 V at 1000 counts/s. The encoder
+    /// of such a motor is behind the gear, or its rotor is heavy.
+    const SLOW_COUNTING_EMF_VOLTS_PER_CPS: f32 = 0.012;
+    /// Time-out of a slow-counting motor, in ms.
+    const SLOW_COUNTING_MS: u32 = 3_000;
+}
+
+/// States of the check.
 #[derive(Clone, Copy, Debug)]
 enum State {
-    /// The regulator drives the motor. The expectation covers the present silence.
+    /// The regulator drives the motor. The expected distance is that of the present silence.
     Watching(Expected),
     /// The bridge is in reverse at the end of the control range, and the motor turns at the wrong speed.
     RunningAway(Runaway),
-    /// The bridge brakes. The number is the time in this state, in ms.
-    Releasing(Suspect, u32),
-    /// The motor is driven in the other direction. The expectation covers the probe.
-    Probing(Suspect, Expected),
+    /// The bridge brakes.
+    Releasing {
+        suspect: Suspect,
+        /// Time in this state, in ms.
+        ms: u32,
+    },
+    /// The motor is driven in the other direction. The expected distance is that of the probe.
+    Probing { suspect: Suspect, expected: Expected },
     /// The regulator drives the motor against a stop.
     Stalled(Stall),
     /// The encoder is at fault. The motor latches the fault and takes no further step of this check.
@@ -275,7 +196,7 @@ impl EncoderCheck {
     /// continues the motion must not end an examination: a host that streams set-points would hide a fault of the
     /// encoder.
     pub(super) const fn end_examination(&mut self, last_motion: &mut LastMotion) -> bool {
-        let examining = matches!(self.state, State::Releasing(..) | State::Probing(..));
+        let examining = matches!(self.state, State::Releasing { .. } | State::Probing { .. });
         if examining {
             self.state = State::Watching(Expected::NONE);
             last_motion.forget();
@@ -283,8 +204,8 @@ impl EncoderCheck {
         examining || self.is_stalled()
     }
 
-    /// Takes a tick of a regulated motor, and enters the next state. Returns what the motor has to do in this state in place
-    /// of its regulation; `None` if the regulator drives the motor.
+    /// Takes a tick of a regulated motor, and enters the next state. Returns the request of this state; `None` if the
+    /// regulator drives the motor.
     ///
     /// # Errors
     /// Returns the fault of the encoder if the check has found one.
@@ -292,10 +213,10 @@ impl EncoderCheck {
         &mut self,
         last_motion: &mut LastMotion,
         tick: &Tick<'_>,
-    ) -> Result<Option<Activity>, EncoderFault> {
+    ) -> Result<Option<Request>, EncoderFault> {
         let moved = last_motion.take_moved();
         self.trusted |= tick.regulator.trusts_encoder();
-        let turns = last_motion.silent_us() < WATCH.quiet_us;
+        let turns = last_motion.silent_us() < Self::QUIET_US;
         let runs_away = turns && tick.runs_away();
         self.state = match self.state {
             State::Watching(_) if runs_away => Runaway::new(tick, None, self.trusted).step(tick),
@@ -309,17 +230,22 @@ impl EncoderCheck {
                 stall.step(tick)
             }
             State::RunningAway(_) => State::Watching(Expected::NONE),
-            State::Releasing(suspect, _) | State::Probing(suspect, _) if moved => suspect.stall(),
-            State::Releasing(suspect, ms) => suspect.release(ms + tick.period_ms()),
-            State::Probing(suspect, expected) => suspect.probe(expected, last_motion.may_creep(), tick),
+            State::Releasing { suspect, .. } | State::Probing { suspect, .. } if moved => suspect.stall(),
+            State::Releasing { suspect, ms } => suspect.release(ms + tick.period_ms()),
+            State::Probing { suspect, expected } => suspect.probe(expected, last_motion.may_creep(), tick),
             State::Faulty(fault) => State::Faulty(fault),
         };
+        let at = tick.context.at;
         match &self.state {
             State::Watching(_) | State::Stalled(_) => Ok(None),
-            State::RunningAway(runaway) => Ok(runaway.full_reverse.then_some(Activity::FullReverse)),
-            State::Releasing(..) => Ok(Some(Activity::Brake)),
+            State::RunningAway(runaway) => {
+                Ok(runaway.full_reverse.then_some(Request::full_reverse(at, tick.context.modulator)))
+            }
+            State::Releasing { .. } => Ok(Some(Request::braking(at))),
             // The speed is in doubt, so the probe is in open loop.
-            State::Probing(suspect, _) => Ok(Some(Activity::Power(suspect.probe_control()))),
+            State::Probing { suspect, .. } => {
+                Ok(Some(Request::open_loop(at, suspect.probe_control(), tick.context.modulator)))
+            }
             State::Faulty(fault) => Err(*fault),
         }
     }
@@ -334,49 +260,50 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> S
     }
     let requested = tick.target.to_f32().abs();
     let clockwise = tick.target > CountsPerSecond::ZERO;
-    let drive_volts = along(clockwise, tick.command.voltage.to_volts());
+    let drive_volts = along(clockwise, tick.command.limited.voltage.to_volts());
     // The silence began at the last motion, some time before this tick.
     let ms = match expected.ms {
-        0 => (last_motion.silent_us() / 1_000).min(tick.period_ms() + WATCH.quiet_us / 1_000),
+        0 => (last_motion.silent_us() / 1_000).min(tick.period_ms() + EncoderCheck::QUIET_US / 1_000),
         _ => tick.period_ms(),
     };
     // A motor that should slow down may come to rest.
-    let run = last_motion.steady(clockwise).filter(|run| run.speed_cps <= WATCH.speed_ratio * requested);
+    let run =
+        last_motion.steady(clockwise).filter(|run| run.speed_cps <= EncoderCheck::SPEED_RATIO * requested);
     let least_gain = tick.regulator.least_gain();
     let (mut expected, counts) = match run {
-        Some(run) => (expected.keep_turning(ms, &run, drive_volts, tick), WATCH.turning_counts),
-        None if drive_volts <= LOAD.friction_volts => return State::Watching(Expected::NONE),
+        Some(run) => (expected.keep_turning(ms, &run, drive_volts, tick), EncoderCheck::TURNING_COUNTS),
+        None if drive_volts <= Expected::FRICTION_VOLTS => return State::Watching(Expected::NONE),
         None => {
-            let acceleration = least_gain.unwrap_or(0.0) * (drive_volts - LOAD.friction_volts);
-            let speed = along(clockwise, tick.commanded_at_speed());
+            let acceleration = least_gain.unwrap_or(0.0) * (drive_volts - Expected::FRICTION_VOLTS);
+            let speed = along(clockwise, tick.speed_at_command());
             (expected.accelerate(ms, acceleration, speed), EXPECTED_COUNTS)
         }
     };
     expected.driven_ms =
-        if drive_volts > LOAD.friction_volts { expected.driven_ms.saturating_add(ms) } else { 0 };
-    let too_few = expected.ms >= WATCH.silence_ms && expected.distance_counts >= counts;
+        if drive_volts > Expected::FRICTION_VOLTS { expected.driven_ms.saturating_add(ms) } else { 0 };
+    let too_few = expected.ms >= EncoderCheck::SILENCE_MS && expected.distance_counts >= counts;
     let timed_out = least_gain.is_none() && expected.driven_ms >= time_out_ms(last_motion, clockwise, tick);
     if !too_few && !timed_out {
         return State::Watching(expected);
     }
     let suspect = Suspect::new(clockwise, run, tick);
-    // The time-out of an unknown motor from rest leaves no time for a release.
+    // The time-out of a motor from rest leaves no time for a release.
     let known = least_gain.is_some() || run.is_some();
-    if known && tick.period_ms() <= PROBE.shortest_ms {
-        State::Releasing(suspect, 0)
+    if known && tick.period_ms() <= Suspect::SHORTEST_MS {
+        State::Releasing { suspect, ms: 0 }
     } else {
-        State::Probing(suspect, Expected::NONE)
+        State::Probing { suspect, expected: Expected::NONE }
     }
 }
 
-/// The time-out of an unknown motor, in ms.
+/// The time-out of a motor without a least gain, in ms.
 fn time_out_ms(last_motion: &LastMotion, clockwise: bool, tick: &Tick<'_>) -> u32 {
     if tick.counts_slowly() {
-        WATCH.slow_counting_ms
+        EncoderCheck::SLOW_COUNTING_MS
     } else if last_motion.clockwise() == Some(!clockwise) || last_motion.may_creep() {
-        WATCH.heavy_ms
+        EncoderCheck::HEAVY_MS
     } else {
-        WATCH.unknown_ms
+        EncoderCheck::UNKNOWN_MS
     }
 }
 
@@ -391,15 +318,34 @@ struct Suspect {
     gain_cps2_per_volt: f32,
     /// Largest resisting torque in the probe, in volts.
     resisting_volts: f32,
-    /// True for an unknown motor that started from rest: the motor may be too heavy for the expected distance.
+    /// True for a motor without a least gain that started from rest: the motor may be too heavy for the expected
+    /// distance.
     may_be_heavy: bool,
+}
+
+/// Limits of the states Releasing and Probing.
+impl Suspect {
+    /// Time in Releasing, and shortest time in Probing, in ms. With a longer control period a motor is probed without
+    /// a release, and the decision is still taken within 250 ms.
+    const SHORTEST_MS: u32 = 50;
+    /// Longest time in Probing, in ms. A motor whose expected distance is still too short then is taken for stalled.
+    /// Also the longest extension of a span in RunningAway.
+    const LONGEST_MS: u32 = 2_000;
+    /// Expected distance of the probe, in counts. If there is no motion within this distance, the encoder is stuck.
+    const COUNTS: f32 = 2.0;
+    /// Drive voltage of the probe, as a share of the battery voltage.
+    const DRIVE_SHARE: f32 = 0.9;
+    /// Longest mechanical time constant of a motor without a least gain, in s.
+    const TIME_CONSTANT_S: f32 = 2.5;
+    /// Longest mechanical time constant of a slow-counting motor without a least gain, in s.
+    const SLOW_COUNTING_TIME_CONSTANT_S: f32 = 50.0;
 }
 
 impl Suspect {
     /// Begins an examination. `run` is the steady run before the silence; `None` for a motor that started from rest.
-    fn new(clockwise: bool, run: Option<SteadyRun>, tick: &Tick<'_>) -> Self {
+    fn new(clockwise: bool, run: Option<Run>, tick: &Tick<'_>) -> Self {
         let time_constant =
-            if tick.counts_slowly() { PROBE.slow_counting_time_constant_s } else { PROBE.time_constant_s };
+            if tick.counts_slowly() { Self::SLOW_COUNTING_TIME_CONSTANT_S } else { Self::TIME_CONSTANT_S };
         let slowest = 1.0 / (time_constant * tick.emf_volts_per_cps());
         let least = run.map_or(slowest, |run| run.least_gain().max(slowest));
         // A load that resisted the motion helps the probe, so the probe meets no more resistance than the motion did.
@@ -407,8 +353,10 @@ impl Suspect {
         // the heaviest friction.
         let resisting_volts = run
             .map(|run| run.resisting_volts(tick))
-            .filter(|volts| *volts > LOAD.uncertainty_volts)
-            .map_or(LOAD.friction_volts, |volts| LOAD.friction_volts.min(volts + LOAD.uncertainty_volts));
+            .filter(|volts| *volts > Expected::UNCERTAINTY_VOLTS)
+            .map_or(Expected::FRICTION_VOLTS, |volts| {
+                Expected::FRICTION_VOLTS.min(volts + Expected::UNCERTAINTY_VOLTS)
+            });
         let known = tick.regulator.least_gain();
         Self {
             clockwise,
@@ -422,27 +370,31 @@ impl Suspect {
     /// Takes a tick in Releasing without a motion, `ms` after the release began. Begins the probe when the release is
     /// over.
     fn release(self, ms: u32) -> State {
-        if ms < PROBE.shortest_ms { State::Releasing(self, ms) } else { State::Probing(self, Expected::NONE) }
+        if ms < Self::SHORTEST_MS {
+            State::Releasing { suspect: self, ms }
+        } else {
+            State::Probing { suspect: self, expected: Expected::NONE }
+        }
     }
 
-    /// Takes a tick in Probing without a motion. The encoder is at fault when the expected distance is long enough.
-    /// An unknown motor that `may_creep` is probed for the longest time, because the motor may be heavy.
+    /// Takes a tick in Probing without a motion. The encoder is at fault when the expected distance is long enough. A
+    /// motor that may be heavy and `may_creep` is probed for the longest time.
     fn probe(self, expected: Expected, may_creep: bool, tick: &Tick<'_>) -> State {
-        let volts = PROBE.drive_share * tick.context.at.battery_volts() - self.resisting_volts;
+        let volts = Self::DRIVE_SHARE * tick.context.at.battery_volts() - self.resisting_volts;
         let expected = expected.accelerate(tick.period_ms(), self.gain_cps2_per_volt * volts, 0.0);
-        let shortest_ms = if self.may_be_heavy && may_creep { PROBE.longest_ms } else { PROBE.shortest_ms };
-        if expected.ms >= shortest_ms && expected.distance_counts >= PROBE.counts {
+        let shortest_ms = if self.may_be_heavy && may_creep { Self::LONGEST_MS } else { Self::SHORTEST_MS };
+        if expected.ms >= shortest_ms && expected.distance_counts >= Self::COUNTS {
             State::Faulty(EncoderFault::Stuck)
-        } else if expected.ms >= PROBE.longest_ms || volts <= 0.0 && expected.ms >= PROBE.shortest_ms {
+        } else if expected.ms >= Self::LONGEST_MS || volts <= 0.0 && expected.ms >= Self::SHORTEST_MS {
             self.stall()
         } else {
-            State::Probing(self, expected)
+            State::Probing { suspect: self, expected }
         }
     }
 
     /// Control value of the probe.
     fn probe_control(&self) -> Control {
-        let value = (PROBE.drive_share * Control::MAX.get() as f32) as i16;
+        let value = (Self::DRIVE_SHARE * Control::MAX.get() as f32) as i16;
         Control::new(if self.clockwise { -value } else { value })
     }
 
@@ -464,6 +416,16 @@ struct Stall {
     free_ms: u32,
 }
 
+/// Limits of the state Stalled. A motor that has reached all of these limits is free.
+impl Stall {
+    /// Least distance beyond the stop, in counts. Toggling by one count stays below this distance.
+    const COUNTS: i32 = 2;
+    /// Least speed, as a share of the requested speed.
+    const SPEED_SHARE: f32 = 0.5;
+    /// Shortest time beyond the stop at that speed, in ms.
+    const FREE_MS: u32 = 150;
+}
+
 impl Stall {
     /// Takes a tick in Stalled. Ends the stall if the motor is free, or if the requested direction has changed.
     fn step(mut self, tick: &Tick<'_>) -> State {
@@ -471,9 +433,9 @@ impl Stall {
         let beyond = if self.clockwise { moved } else { moved.saturating_neg() };
         let requested = along(self.clockwise, tick.target.to_f32());
         let speed = along(self.clockwise, tick.regulator.velocity().to_f32());
-        let free = speed >= STALL.speed_share * requested && beyond >= STALL.counts;
+        let free = speed >= Self::SPEED_SHARE * requested && beyond >= Self::COUNTS;
         self.free_ms = if free { self.free_ms.saturating_add(tick.period_ms()) } else { 0 };
-        if requested < 0.0 || (requested > 0.0 && self.free_ms >= STALL.free_ms) {
+        if requested < 0.0 || (requested > 0.0 && self.free_ms >= Self::FREE_MS) {
             State::Watching(Expected::NONE)
         } else {
             State::Stalled(self)
@@ -507,9 +469,10 @@ impl Span {
 struct Runaway {
     /// Stall of the motor before the runaway; `None` if the motor was not stalled.
     stall: Option<Stall>,
-    /// Extension of the late span in the second comparison, in ms: the time in which a motor with the least gain covers
-    /// [`EXPECTED_COUNTS`] from rest, if the heaviest friction accelerates the motor. A trusted motor has the longest
-    /// mechanical time constant. 0 for a motor that is neither known nor trusted.
+    /// Extension of the late span in the second comparison, in ms: the time in which the motor covers
+    /// [`EXPECTED_COUNTS`] from rest, at a voltage beyond the resisting volts as large as the heaviest friction. The
+    /// gain is the least gain. If the encoder is trusted, the gain is that of a motor with the longest mechanical time
+    /// constant. 0 without either.
     extension_ms: u32,
     /// True in the second comparison, whose early span contains both spans of the first comparison.
     second: bool,
@@ -523,17 +486,42 @@ struct Runaway {
     full_reverse: bool,
 }
 
+/// Limits of the state RunningAway. The check compares the mean speeds of two spans of time, *early* and *late*.
+impl Runaway {
+    /// Least magnitude of a control value at the end of the control range: 15/16 of the range. The other 1/16 allows
+    /// for rounding in the loop.
+    const FULL_CONTROL: i16 = 30_720;
+    /// Length of a span, in ms. A springy stop throws a motor back for some 50 ms, which are within the early span.
+    const SPAN_MS: u32 = 100;
+    /// Length of the early span by PID in Schemes C and D, in ms, and of the late span that ends before full reverse is
+    /// commanded. The control range of these schemes may end before full reverse. Any other early span lasts `SPAN_MS`
+    /// less one control period, and at least `SPAN_MS` less this time.
+    const SHORT_SPAN_MS: u32 = 50;
+    /// Least mean speed of the early span with which the spans can be compared, in counts/s. With a lower speed the
+    /// comparison begins again.
+    const LEAST_SPEED_CPS: f32 = 160.0;
+    /// Counts by which the late span of a heavy motor must exceed the counts at the mean speed of the early span.
+    /// Otherwise a second comparison follows. Each span has an error of one count.
+    const FASTER_COUNTS: i32 = 4;
+    /// In a late span with at least this number of counts, the errors of both spans are small beside the speed. A late
+    /// span with fewer counts must be faster than the early span by more than `ERROR_COUNTS`, or a second comparison
+    /// follows.
+    const EXACT_COUNTS: i32 = 40;
+    /// Errors of both spans together, in counts.
+    const ERROR_COUNTS: i32 = 2;
+}
+
 impl Runaway {
     /// Begins a runaway without a span. The caller then passes the first tick to [`step`](Self::step).
     fn new(tick: &Tick<'_>, stall: Option<Stall>, trusted: bool) -> Self {
-        let heaviest = 1.0 / (PROBE.slow_counting_time_constant_s * tick.emf_volts_per_cps());
+        let heaviest = 1.0 / (Suspect::SLOW_COUNTING_TIME_CONSTANT_S * tick.emf_volts_per_cps());
         let gain = if trusted { Some(heaviest) } else { tick.regulator.least_gain() };
-        let ms = |gain| 1_000.0 * sqrtf(2.0 * EXPECTED_COUNTS / (LOAD.friction_volts * gain));
+        let ms = |gain| 1_000.0 * sqrtf(2.0 * EXPECTED_COUNTS / (Expected::FRICTION_VOLTS * gain));
         let clockwise = tick.regulator.velocity() >= CountsPerSecond::ZERO;
         let empty = Span::default();
         Self {
             stall,
-            extension_ms: gain.map_or(0, |gain| ms(gain) as u32).min(PROBE.longest_ms),
+            extension_ms: gain.map_or(0, |gain| ms(gain) as u32).min(Suspect::LONGEST_MS),
             second: false,
             clockwise,
             early: empty,
@@ -546,10 +534,10 @@ impl Runaway {
     /// count. A motor that swings on a springy stop has few counts, and about the same number in both spans.
     fn is_uncertain(&self) -> bool {
         let Self { early, late, .. } = *self;
-        let error = if self.extension_ms > RUNAWAY.span_ms {
-            RUNAWAY.faster_counts
-        } else if late.counts < RUNAWAY.exact_counts {
-            RUNAWAY.error_counts
+        let error = if self.extension_ms > Self::SPAN_MS {
+            Self::FASTER_COUNTS
+        } else if late.counts < Self::EXACT_COUNTS {
+            Self::ERROR_COUNTS
         } else {
             0
         };
@@ -568,9 +556,9 @@ impl Runaway {
         let span = Span { ms: tick.period_ms(), counts };
         let before_full_reverse = tick.ends_before_full_reverse() && !self.full_reverse;
         let early_ms = if tick.ends_before_full_reverse() {
-            RUNAWAY.short_span_ms
+            Self::SHORT_SPAN_MS
         } else {
-            RUNAWAY.span_ms - tick.period_ms().min(RUNAWAY.short_span_ms)
+            Self::SPAN_MS - tick.period_ms().min(Self::SHORT_SPAN_MS)
         };
         if self.early.ms < early_ms {
             self.early = self.early.plus(span);
@@ -578,17 +566,17 @@ impl Runaway {
         }
         self.late = self.late.plus(span);
         let late_ms = if before_full_reverse {
-            RUNAWAY.short_span_ms
+            Self::SHORT_SPAN_MS
         } else if self.second {
-            RUNAWAY.span_ms + self.extension_ms
+            Self::SPAN_MS + self.extension_ms
         } else {
-            RUNAWAY.span_ms
+            Self::SPAN_MS
         };
         let slower = self.late.speed_cps(0) < self.early.speed_cps(0);
         let both = Self { early: self.early.plus(self.late), late: Span::default(), ..self };
         if self.late.ms < late_ms {
             State::RunningAway(self)
-        } else if slower || self.early.speed_cps(0) < RUNAWAY.least_speed_cps {
+        } else if slower || self.early.speed_cps(0) < Self::LEAST_SPEED_CPS {
             State::RunningAway(self.again(clockwise))
         } else if before_full_reverse {
             State::RunningAway(Self { full_reverse: true, ..both })

@@ -1,46 +1,23 @@
-//! Computes the distance that a healthy motor covers at least while its encoder is silent, or is probed.
+//! Computes the least distance that a healthy motor covers in a silence of its encoder, or in a probe.
 //!
 //! The acceleration of a motor from rest ([`Expected::accelerate`]) is its gain times the drive voltage beyond the
-//! resisting volts. In a silence these are the heaviest friction. A motor that had a steady run
-//! ([`Expected::keep_turning`]) keeps the load of the run, and the speed v follows from
+//! resisting volts. In a silence the resisting volts of a motor from rest are [`Expected::FRICTION_VOLTS`]. A motor
+//! that had a steady run ([`Expected::keep_turning`]) keeps the load of the run, and the speed v follows from
 //!
 //! ```text
-//! dv/dt = gain (drive_volts - resisting_volts - k v)
+//! dv/dt = gain (drive_volts - resisting_volts - kappa v)
 //! ```
 //!
 //! * *gain*: acceleration per volt, in counts/s² per V;
 //! * *drive volts*: mean voltage across the motor, positive in the requested direction;
 //! * *resisting volts*: the torque of load and friction against the motion, as the drive voltage that balances it;
-//! * *k*: back EMF constant, in volts per count/s.
+//! * *kappa*: back EMF constant, in volts per count/s.
 
 use super::Command;
-use super::last_motion::SteadyRun;
-use crate::braking::Regime;
+use super::last_motion::Run;
+use crate::bridge::Mode;
 use crate::regulator::{Context, Regulator};
 use crate::units::CountsPerSecond;
-
-/// Limits of friction and load of a motor for 12 V. A torque is given as the voltage that balances the torque.
-pub(super) struct LoadLimits {
-    /// Largest resisting torque of friction, in volts. Friction of 40 % of 12 V needs a third more to break away: 6.4
-    /// V. The limit is 0.2 V higher.
-    pub(super) friction_volts: f32,
-    /// Largest change of a load, in volts: the stall torque at 12 V, and some 6 V for the heaviest friction.
-    change_volts: f32,
-    /// Longest distance, in counts, in which a load can have stopped a motor whose run was steady until its last motion.
-    stopping_counts: f32,
-    /// Ratio of the torque that breaks a motor away to the torque that keeps the motor turning.
-    breakaway_ratio: f32,
-    /// Uncertainty of an estimated resisting torque, in volts.
-    pub(super) uncertainty_volts: f32,
-}
-
-pub(super) const LOAD: LoadLimits = LoadLimits {
-    friction_volts: 6.6,
-    change_volts: 18.0,
-    stopping_counts: 4.0,
-    breakaway_ratio: 4.0 / 3.0,
-    uncertainty_volts: 1.0,
-};
 
 /// Inputs of the encoder check at a tick.
 #[derive(Clone, Copy)]
@@ -71,7 +48,7 @@ impl Tick<'_> {
     }
 
     /// Estimated speed at the time of the last command, in counts/s.
-    pub(super) fn commanded_at_speed(&self) -> f32 {
+    pub(super) fn speed_at_command(&self) -> f32 {
         self.command.request.at.emf_volts() / self.emf_volts_per_cps()
     }
 }
@@ -87,6 +64,22 @@ pub(super) struct Expected {
     pub(super) distance_counts: f32,
     /// Time in ms for which the drive voltage has exceeded the heaviest friction without interruption.
     pub(super) driven_ms: u32,
+}
+
+/// Limits of friction and load of a motor for 12 V. A torque is given as the voltage that balances the torque.
+impl Expected {
+    /// Largest resisting torque of friction, in volts. Friction of 40 % of 12 V needs a third more to break away: 6.4
+    /// V. The limit is 0.2 V higher.
+    pub(super) const FRICTION_VOLTS: f32 = 6.6;
+    /// Largest change of a load, in volts: the stall torque at 12 V, and some 6 V for the heaviest friction.
+    const CHANGE_VOLTS: f32 = 18.0;
+    /// Longest distance, in counts, in which a load can have stopped a motor whose run was steady until its last
+    /// motion.
+    const STOPPING_COUNTS: f32 = 4.0;
+    /// Ratio of the torque that breaks a motor away to the torque that keeps the motor turning.
+    const BREAKAWAY_RATIO: f32 = 4.0 / 3.0;
+    /// Uncertainty of an estimated resisting torque, in volts.
+    pub(super) const UNCERTAINTY_VOLTS: f32 = 1.0;
 }
 
 impl Expected {
@@ -105,14 +98,15 @@ impl Expected {
 
     /// Adds a step of a motor that keeps turning under its load.
     ///
-    /// A rising speed follows from the least gain, and a falling speed from the configured or estimated gain.
-    pub(super) fn keep_turning(self, ms: u32, run: &SteadyRun, drive_volts: f32, tick: &Tick<'_>) -> Self {
+    /// A rising speed follows from the least gain, and a falling speed from the configured or estimated gain. Each
+    /// gives the lower speed, because a heavier motor slows down later.
+    pub(super) fn keep_turning(self, ms: u32, run: &Run, drive_volts: f32, tick: &Tick<'_>) -> Self {
         let before = self.speed_cps.unwrap_or(run.speed_cps);
         let (mut volts, mut kappa) = (drive_volts - run.resisting_volts(tick), tick.emf_volts_per_cps());
-        if tick.command.limited.regime == Regime::Braking {
-            // The drive voltage of a braking bridge is proportional to the speed, so the voltage is a part of the
-            // back EMF constant.
-            let speed = tick.commanded_at_speed().abs().max(1.0);
+        if tick.command.limited.drive.mode == Mode::Brake50 {
+            // The drive voltage of a braking bridge is proportional to the speed. So this voltage per speed is
+            // subtracted from the back EMF constant, and the voltage is not part of `volts`.
+            let speed = tick.speed_at_command().abs().max(1.0);
             (volts, kappa) = (volts - drive_volts, (kappa - drive_volts / speed).max(0.0));
         }
         let least_gain = tick.regulator.least_gain().unwrap_or(0.0).max(run.least_gain());
@@ -139,11 +133,11 @@ impl Expected {
     }
 }
 
-impl SteadyRun {
-    /// Least gain, in counts/s² per V. A heavier motor cannot be stopped within [`LoadLimits::stopping_counts`] from
-    /// the speed of the run by [`LoadLimits::change_volts`].
+impl Run {
+    /// Least gain, in counts/s² per V. A heavier motor cannot be stopped within [`Expected::STOPPING_COUNTS`] from
+    /// the speed of the run by [`Expected::CHANGE_VOLTS`].
     pub(super) fn least_gain(&self) -> f32 {
-        self.speed_cps * self.speed_cps / (2.0 * LOAD.stopping_counts * LOAD.change_volts)
+        self.speed_cps * self.speed_cps / (2.0 * Expected::STOPPING_COUNTS * Expected::CHANGE_VOLTS)
     }
 
     /// Largest resisting torque of the load of the run, in volts. The value is below 0 if the load drives the motor
@@ -152,8 +146,9 @@ impl SteadyRun {
         // The estimated disturbance lags behind a new load. The drive voltage beyond the back EMF does not lag.
         let load = (-self.disturbance_cps2 / tick.regulator.gain())
             .max(self.drive_volts - tick.emf_volts_per_cps() * self.speed_cps);
-        let resisting = load * if load > 0.0 { LOAD.breakaway_ratio } else { 1.0 } + LOAD.uncertainty_volts;
-        resisting.min(LOAD.friction_volts)
+        let resisting =
+            load * if load > 0.0 { Expected::BREAKAWAY_RATIO } else { 1.0 } + Expected::UNCERTAINTY_VOLTS;
+        resisting.min(Expected::FRICTION_VOLTS)
     }
 }
 

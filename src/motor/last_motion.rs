@@ -15,39 +15,6 @@ use super::Command;
 use crate::motion::Reading;
 use crate::regulator::Regulator;
 
-/// Limits of a run.
-struct RunLimits {
-    /// Time after a motion in which samples are ignored, in µs. The pause saves processor time.
-    pause_us: u32,
-    /// Longest time between two successive motions of one run, in µs.
-    gap_us: u32,
-    /// Shortest duration of a steady run, in µs. A motor that a load has thrown back turns for a shorter time.
-    steady_us: u32,
-    /// Most toggles in a silence of a heavy motor that begins to move: one forward, one back in a probe, and one
-    /// because of vibration.
-    creeping_toggles: u16,
-    /// Fewest samples in a silence from which creeping is concluded. In fewer samples, as with one sample a tick,
-    /// every encoder toggles only a few times.
-    creeping_samples: u16,
-}
-
-const LIMITS: RunLimits = RunLimits {
-    pause_us: 4_000,
-    gap_us: 50_000,
-    steady_us: 200_000,
-    creeping_toggles: 3,
-    creeping_samples: 50,
-};
-
-/// The estimate of the regulator's observer at a motion.
-#[derive(Clone, Copy, Debug, Default)]
-struct Estimate {
-    /// Speed in counts/s, positive clockwise.
-    speed_cps: f32,
-    /// Disturbance in counts/s²: the acceleration by everything but the bridge, positive clockwise.
-    disturbance_cps2: f32,
-}
-
 /// The last motion of a shaft, and the run to which the motion belongs.
 ///
 /// Times are the low 32 bits of microseconds.
@@ -63,12 +30,10 @@ pub(super) struct LastMotion {
     run_began_at: u32,
     /// Direction of the last motion; `None` before the first motion.
     clockwise: Option<bool>,
-    /// Estimate at the last motion.
-    estimate: Estimate,
-    /// Estimate at the motion before the last one.
-    estimate_before: Estimate,
-    /// Drive voltage at the last motion, in volts, positive clockwise.
-    drive_volts: f32,
+    /// Run at the last motion. Its values are positive clockwise.
+    run: Run,
+    /// Run at the motion before the last one.
+    run_before: Run,
     /// Position at the newest sample, in counts.
     position: i32,
     /// Samples in the silence.
@@ -79,14 +44,30 @@ pub(super) struct LastMotion {
     moved: bool,
 }
 
-/// The steady run before a silence. All values are positive in the direction of motion.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct SteadyRun {
-    /// Speed in counts/s; more than 0.
+/// Limits of a run.
+impl LastMotion {
+    /// Time after a motion in which samples are ignored, in µs. The pause saves processor time.
+    const PAUSE_US: u32 = 4_000;
+    /// Longest time between two successive motions of one run, in µs.
+    const GAP_US: u32 = 50_000;
+    /// Shortest duration of a steady run, in µs. A motor that a load has thrown back turns for a shorter time.
+    const STEADY_US: u32 = 200_000;
+    /// Most toggles in a silence of a heavy motor that begins to move: one forward, one back in a probe, and one
+    /// because of vibration.
+    const CREEPING_TOGGLES: u16 = 3;
+    /// Fewest samples in a silence from which creeping is concluded. In fewer samples, as with one sample a tick,
+    /// every encoder toggles only a few times.
+    const CREEPING_SAMPLES: u16 = 50;
+}
+
+/// Speed and load of a run at one of its motions.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Run {
+    /// Estimated speed in counts/s.
     pub(super) speed_cps: f32,
-    /// Disturbance in counts/s²: the acceleration by everything but the bridge.
+    /// Estimated disturbance in counts/s²: the acceleration by everything but the bridge.
     pub(super) disturbance_cps2: f32,
-    /// Drive voltage at the last motion, in volts.
+    /// Drive voltage in volts.
     pub(super) drive_volts: f32,
 }
 
@@ -95,7 +76,7 @@ impl LastMotion {
     /// taken this sample before. `command` is the command of the bridge; `None` for an open bridge.
     pub(super) fn sample(&mut self, reading: &Reading, regulator: &Regulator, command: Option<&Command>) {
         self.sampled_at = reading.at.get() as u32;
-        if self.silent_us() < LIMITS.pause_us {
+        if self.silent_us() < Self::PAUSE_US {
             return;
         }
         let away = reading.position.wrapping_sub(self.centre);
@@ -106,18 +87,19 @@ impl LastMotion {
             return;
         }
         let clockwise = away > 0;
-        if self.clockwise != Some(clockwise) || self.silent_us() > LIMITS.gap_us {
+        if self.clockwise != Some(clockwise) || self.silent_us() > Self::GAP_US {
             self.run_began_at = self.sampled_at;
         }
-        let estimate =
-            Estimate { speed_cps: regulator.speed_cps(), disturbance_cps2: regulator.disturbance() };
         *self = Self {
             centre: reading.position.wrapping_sub(away.signum()),
             moved_at: self.sampled_at,
             clockwise: Some(clockwise),
-            estimate,
-            estimate_before: self.estimate,
-            drive_volts: command.map_or(0.0, |command| command.voltage.to_volts()),
+            run: Run {
+                speed_cps: regulator.speed_cps(),
+                disturbance_cps2: regulator.disturbance(),
+                drive_volts: command.map_or(0.0, |command| command.limited.voltage.to_volts()),
+            },
+            run_before: self.run,
             position: reading.position,
             samples: 0,
             toggles: 0,
@@ -145,21 +127,21 @@ impl LastMotion {
     /// True if the shaft may creep: the silence has many samples and a few toggles. An encoder with one broken wire
     /// toggles more often on a turning shaft, and an unplugged encoder does not toggle.
     pub(super) fn may_creep(&self) -> bool {
-        self.samples >= LIMITS.creeping_samples && (1..=LIMITS.creeping_toggles).contains(&self.toggles)
+        self.samples >= Self::CREEPING_SAMPLES && (1..=Self::CREEPING_TOGGLES).contains(&self.toggles)
     }
 
-    /// The steady run before the silence. `None` if the run was in the other direction, was too short or has been
-    /// forgotten. `None` also if the estimated speed was not in the direction of the run.
-    pub(super) fn steady(&self, clockwise: bool) -> Option<SteadyRun> {
+    /// The steady run before the silence, with values that are positive in the direction of motion. `None` if the run
+    /// was in the other direction, was too short or has been forgotten. `None` also if the estimated speed was not in
+    /// the direction of the run.
+    pub(super) fn steady(&self, clockwise: bool) -> Option<Run> {
         let run_us = self.moved_at.wrapping_sub(self.run_began_at);
         let side = if clockwise { 1.0 } else { -1.0 };
-        let Estimate { speed_cps, disturbance_cps2 } = self.estimate_before;
-        let run = SteadyRun {
-            speed_cps: side * speed_cps,
-            disturbance_cps2: side * disturbance_cps2,
-            drive_volts: side * self.drive_volts,
+        let run = Run {
+            speed_cps: side * self.run_before.speed_cps,
+            disturbance_cps2: side * self.run_before.disturbance_cps2,
+            drive_volts: side * self.run.drive_volts,
         };
-        let steady = self.clockwise == Some(clockwise) && run_us >= LIMITS.steady_us && run.speed_cps > 0.0;
+        let steady = self.clockwise == Some(clockwise) && run_us >= Self::STEADY_US && run.speed_cps > 0.0;
         steady.then_some(run)
     }
 

@@ -22,14 +22,15 @@ impl VoltageLimits {
     }
 
     /// Limits the current that drives the motor. The current that brakes the motor is not limited, up to a short
-    /// circuit: a falling load does more harm than the heat.
+    /// circuit: a falling load does more harm than the heat. Reverse driving is limited to a short circuit.
     pub(super) const fn by_driving_current(emf: f32, amperes: f32, ohms: f32) -> Self {
         let Self { least, most } = Self::by_current(emf, amperes, ohms);
         Self { least: at_most(least, 0.0), most: at_least(most, 0.0) }
     }
 
-    /// Limits the power from the battery to this share of `battery² / R`, the power at standstill with full voltage. At a motor voltage
-    /// v the bridge draws the power `v (v - emf) / R`. With the share 0 the motor may only brake or coast.
+    /// Limits the power from the battery to this share of `battery² / R`, the power at standstill with full voltage. At
+    /// a motor voltage v the bridge draws the power `v (v - emf) / R`. With the share 0 the motor may only brake or
+    /// coast.
     pub(super) fn by_draw(emf: f32, battery: f32, share: Share) -> Self {
         if share == Share::ALL {
             return Self::NONE;

@@ -3,20 +3,18 @@
 //! A tick ([`Motor::step`]) computes the bridge's command from the newest reading of the encoder:
 //!
 //! ```text
-//! set-point, faults ─▶ Activity ─┬─ Coast ────────────────────────────▶ bridge open
-//!                                ├─ Brake, Power ───────────────┐
-//!                                ├─ Current ─ winding's equation ┤
-//! reading ─▶ regulator ──────────┼─ Regulate ─ encoder check ────┼▶ Request ─▶ limits ─▶ modulator ─▶ bridge
-//!            identifier ─────────┴─ Identify ────────────────────┘                         │
-//!                ▲                                                                         │
-//!                └──────────────────────────── applied voltage ◀───────────────────────────┘
+//! set-point ─▶ faults ─┬─ disabled ───────────────────────────▶ bridge open
+//!                      ├─ fail-safe, constant power ─────┐
+//!                      ├─ current ─ winding's equation ──┤
+//! reading ─▶ regulator ┼─ regulated ─ encoder check ─────┼▶ Request ─▶ limits ─▶ modulator ─▶ bridge
+//!            identifier┴─ identify ──────────────────────┘                         │
+//!                ▲                                                                 │
+//!                └──────────────────────── applied voltage ◀───────────────────────┘
 //! ```
 //!
 //! * *State* (`MotorState`): what drives the motor. The state owns the encoder check or the identification.
-//! * *Activity*: what the motor does at a tick. The activity follows from the set-point, unless a fault replaces the
-//!   set-point.
-//! * *Request*: the modulation that an activity asks for, before limits.
-//! * *Command*: the request, the modulation within all limits, and the modulation of the bridge.
+//! * *Request*: the command that a set-point asks for, before limits. A fault replaces the set-point first.
+//! * *Command*: the request, the command within all limits, and the command of the bridge.
 //! * *Direct set-point*: a set-point whose command needs no encoder, and does not wait for a tick.
 //! * *Burn pulses*: braking that returns no energy to the bus (see `burn_pulses`).
 //!
@@ -69,8 +67,8 @@ pub use sense_line::SenseLine;
 pub use setpoint::Setpoint;
 pub use settled::{SettleDetector, within_tolerance};
 
-use crate::braking::{Modulation, Modulator, OperatingPoint, Regime, Returned};
-use crate::bridge::{BridgeFeedback, Drive};
+use crate::braking::{BrakingPower, Modulation, Modulator, OperatingPoint};
+use crate::bridge::{BridgeFeedback, Drive, Mode};
 use crate::motion::Reading;
 use crate::regulator::identify::{Identification, Identifier, Refusal};
 use crate::regulator::{Context, Demand, Effort, Kind, Regulator, Transition};
@@ -78,7 +76,7 @@ pub use crate::settings::{OnFault, Settings, ThermalLimit, ZeroPower};
 use crate::supply::Battery;
 use crate::units::{Control, CountsPerSecond, Duty, Micros, Milliamperes, Period, Share, Voltage};
 use back_emf::Configured;
-use burn_pulses::{BurnPulses, Pulse, Voltages};
+use burn_pulses::BurnPulses;
 use core::mem::discriminant;
 use encoder_check::EncoderCheck;
 use expected::Tick;
@@ -90,13 +88,6 @@ use thermal::Thermal;
 /// Largest age in us of a reading that is used; an older reading is treated as missing. The counters are sampled
 /// every millisecond.
 pub const ENCODER_STALE_MICROS: u64 = 20_000;
-
-/// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF, at the least dissipation. At the end of a
-/// short circuit the winding returns energy to the bus. A forward pulse with this share draws about the same energy from the
-/// bus. The share grows with [`Battery::dissipate`], which says how strongly braking motors must dissipate energy.
-const LEAST_FORWARD_SHARE: f32 = 0.1;
-/// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF, at full dissipation.
-const LARGEST_FORWARD_SHARE: f32 = 0.3;
 
 /// The reading; `None` if the reading is older than [`ENCODER_STALE_MICROS`].
 pub(crate) fn fresh(reading: Option<Reading>, now: Micros) -> Option<Reading> {
@@ -134,7 +125,8 @@ pub struct Motor {
     command: Option<Command>,
     /// Current-sense line of the bridge.
     line: Line,
-    /// True if the last tick had a fresh reading of an encoder without a fault, so that the modelled current is right.
+    /// True if the last tick had a fresh reading of an encoder without a fault. Only then is the modelled current
+    /// compared with the current-sense line.
     speed_known: bool,
     /// True if the bridge has reported a fault. The fault is latched until the motor is disabled or in fail-safe.
     bridge_fault: bool,
@@ -149,40 +141,21 @@ pub struct Motor {
 ///    └────────────────── the identification has ended ─────────┘
 /// ```
 ///
-/// A fault is no state. Without a battery voltage, or with a fault of the bridge, every motor coasts. A disabled motor
-/// coasts too. Any other overheated motor coasts or brakes, as its setting [`Settings::on_fault`] says. So does a motor
-/// whose set-point needs an encoder that is missing or at fault. Encoder, bridge and thermal faults are latched. Missing
-/// values are not latched.
+/// A fault is no state. A motor coasts if it is disabled, if the battery voltage is unknown, or if the bridge has a
+/// fault. By the setting [`Settings::on_fault`] a motor coasts or brakes if it is in fail-safe, if it is overheated, or
+/// if its set-point needs an encoder that is missing or at fault. Encoder, bridge and thermal faults are latched. A
+/// missing reading or battery voltage is a fault only while it is missing.
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "there is no heap")]
 enum MotorState {
-    /// Nothing is regulated: the motor is disabled, in fail-safe, in open loop or at constant current. Also the state after
-    /// an identification.
+    /// Nothing is regulated: the motor is disabled, in fail-safe, in open loop or at constant current. Also the state
+    /// after an identification.
     OpenLoop,
-    /// The set-point is a speed, a position or a reference of a group. The regulator drives the motor, unless a fault stops
-    /// the motor or the motor floats at speed 0. The encoder is checked.
+    /// The set-point is a speed, a position or a reference of a group. The regulator drives the motor, unless a fault,
+    /// or [`ZeroPower::Float`] at speed 0, opens the bridge or brakes. The encoder is checked.
     Regulated(EncoderCheck),
     /// An identification drives the motor. The identification checks the encoder itself.
     Identifying(Identifier),
-}
-
-/// What the motor does at a tick.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Activity {
-    /// The bridge is open.
-    Coast,
-    /// The bridge shorts the winding.
-    Brake,
-    /// The bridge drives the motor in open loop, at this share of the control range.
-    Power(Control),
-    /// The bridge drives against the motion with its full voltage, in every scheme. Only the encoder check asks for this.
-    FullReverse,
-    /// The motor has a constant current, and a limit of the speed.
-    Current { current: Milliamperes, speed_limit: CountsPerSecond },
-    /// The regulator drives the motor.
-    Regulate(Demand),
-    /// The set-point is an identification. The identification drives the motor until it ends; then the bridge is open.
-    Identify,
 }
 
 /// What a tick requests of the bridge, before limits.
@@ -190,7 +163,7 @@ enum Activity {
 struct Request {
     /// Back EMF and battery voltage at the tick.
     at: OperatingPoint,
-    /// Requested modulation.
+    /// Requested command.
     modulation: Modulation,
     /// Control value of the request; `None` if the request is a voltage.
     control: Option<Control>,
@@ -198,34 +171,51 @@ struct Request {
     target: Option<CountsPerSecond>,
 }
 
+impl Request {
+    /// The bridge shorts the winding.
+    const fn braking(at: OperatingPoint) -> Self {
+        Self { at, modulation: Modulation::BRAKE, control: Some(Control::ZERO), target: None }
+    }
+
+    /// The bridge drives the motor in open loop, at this share of the control range.
+    fn open_loop(at: OperatingPoint, power: Control, modulator: &Modulator) -> Self {
+        Self { at, modulation: modulator.open_loop(at, power), control: Some(power), target: None }
+    }
+
+    /// The bridge drives against the motion with its full voltage, in every scheme.
+    fn full_reverse(at: OperatingPoint, modulator: &Modulator) -> Self {
+        let end = if at.counter_clockwise() { Control::MAX } else { Control::MIN };
+        let modulation = modulator.modulation(at, at.full_reverse());
+        Self { at, modulation, control: Some(end), target: None }
+    }
+}
+
 /// A command of the bridge.
 #[derive(Clone, Copy, Debug)]
 struct Command {
     request: Request,
-    /// Modulation within all limits.
+    /// Command within all limits.
     limited: Modulation,
-    /// Mean voltage that `limited` applies.
-    voltage: Voltage,
-    /// Modulation of the bridge: `limited`, or the present burn pulse.
-    modulation: Modulation,
-    /// Mean voltage that the bridge applies. During burn pulses this is the voltage of the present pulse.
-    applied: Voltage,
+    /// Command of the bridge: `limited`, or the present burn pulse. At a change of mode the voltage includes the time
+    /// for which the bridge is open.
+    bridge: Modulation,
 }
 
 impl Command {
     /// True if the bridge is open all the time.
     fn is_open(&self) -> bool {
-        self.modulation.drive == Drive::COAST
+        self.bridge.drive == Drive::COAST
     }
 
-    /// Current in A that a voltage drives through this resistance of winding and bridge, at the back EMF of the command.
+    /// Current in A that a voltage drives through this resistance of winding and bridge, at the back EMF of the
+    /// command.
     fn amperes(&self, voltage: Voltage, ohms: f32) -> f32 {
         (voltage.to_volts() - self.request.at.emf_volts()) / ohms
     }
 
     /// True if the limits change the request.
     fn is_limited(&self) -> bool {
-        self.limited != self.request.modulation
+        self.limited.drive != self.request.modulation.drive
     }
 
     /// Control value of the request; `None` if the request is a voltage, or if the limits change the request.
@@ -235,7 +225,7 @@ impl Command {
 
     /// The control value of the command.
     fn control(&self, modulator: &Modulator) -> Control {
-        self.requested_control().unwrap_or_else(|| modulator.control(self.request.at, self.voltage))
+        self.requested_control().unwrap_or_else(|| modulator.control(self.request.at, self.limited.voltage))
     }
 }
 
@@ -265,8 +255,8 @@ impl Motor {
         }
     }
 
-    /// Replaces all settings. Set-point, state and the estimates of position and speed are kept, so a motor may be tuned
-    /// while it runs. Settings without a thermal limit clear a thermal fault.
+    /// Replaces all settings. Set-point, state and the estimates of position and speed are kept, so a motor may be
+    /// tuned while it runs. Settings without a thermal limit clear a thermal fault.
     ///
     /// The regulator and the limits use the new settings immediately. The request of the motor follows at the next
     /// tick, or between ticks with a direct set-point. A lowered back EMF constant stays if the
@@ -287,7 +277,8 @@ impl Motor {
     /// set-point.
     ///
     /// The set-points [`Disabled`](Setpoint::Disabled) and [`FailSafe`](Setpoint::FailSafe) clear latched faults. They
-    /// clear a thermal fault only if the winding is cool: a host must set one of them again after the winding has cooled.
+    /// clear a thermal fault only if the heat is at most 1000 (see [`Report::heat`]). A host must set one of them again
+    /// after the winding has cooled to this heat.
     pub fn set(&mut self, setpoint: Setpoint) {
         self.changed |= setpoint != self.setpoint;
         self.transition(setpoint);
@@ -336,8 +327,8 @@ impl Motor {
         }
     }
 
-    /// Ends an examination of the encoder: a release, in which the bridge brakes, or a probe, in which the motor is driven in
-    /// the other direction once. Returns true if there was an examination, or if the motor is stalled.
+    /// Ends an examination of the encoder: a release, in which the bridge brakes, or a probe, in which the motor is
+    /// driven in the other direction once. Returns true if there was an examination, or if the motor is stalled.
     const fn end_examination(&mut self) -> bool {
         match &mut self.state {
             MotorState::Regulated(check) => check.end_examination(&mut self.last_motion),
@@ -363,17 +354,13 @@ impl Motor {
         self.regulator.velocity()
     }
 
-    /// The estimated speed in counts/s.
-    pub(crate) fn speed_cps(&self) -> f32 {
-        self.regulator.speed_cps()
-    }
-
     /// The settings in force.
     pub const fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// Takes a sample of the encoder between two ticks, best every millisecond. With more samples the estimate is better.
+    /// Takes a sample of the encoder between two ticks, best every millisecond. With more samples the estimate is
+    /// better.
     pub fn sample(&mut self, reading: &Reading) {
         if let MotorState::Identifying(identifier) = &mut self.state {
             identifier.sample(reading);
@@ -393,43 +380,46 @@ impl Motor {
     /// Takes one control tick: estimate, decide, limit, modulate, report.
     ///
     /// `reading` is the newest reading of the encoder; [`sample`](Self::sample) may have taken the same reading before.
-    /// `battery` is the state of the bus; `None` if the state is unknown or [stale](Battery::is_fresh). Without a reading or
-    /// a battery the report has a fault.
+    /// `battery` is the state of the bus; `None` if the state is unknown or [stale](Battery::is_fresh). Without a
+    /// reading or a battery the report has a fault.
     pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Battery>) -> Report {
         // Estimate position, speed and load.
         let moved = fresh(reading, now).map(|reading| self.take_reading(reading));
         self.regulator.predict_until(now);
         self.follow_temperatures();
-        // Decide, limit, modulate.
-        self.apply(now, battery, moved);
-        self.report(battery, moved)
+        // Decide.
+        let request = self.request(battery.as_ref(), moved);
+        // Limit and modulate.
+        self.execute(request, now, battery.as_ref());
+        self.report(battery.as_ref(), moved)
     }
 
     /// Commands the bridge between two ticks, if set-point or settings are new and the set-point is direct. Returns
     /// true if the bridge's command has changed.
-    pub(crate) fn step_direct(&mut self, now: Micros, battery: Option<Battery>) -> bool {
+    pub(crate) fn step_direct(&mut self, now: Micros, battery: Option<&Battery>) -> bool {
         if !self.changed || !self.setpoint.is_direct() {
             return false;
         }
         let before = self.drive();
-        self.apply(now, battery, None);
+        let request = self.request(battery, None);
+        self.execute(request, now, battery);
         self.drive() != before
     }
 
-    /// Limits the present command to what the state of the bus allows. Returns true if the bridge's command has changed.
+    /// Limits the present command to what the state of the bus allows. Returns true if the bridge's command has
+    /// changed.
     ///
-    /// When a burn pulse ends a short circuit, the energy of the winding returns to the bus. So only one motor at a time
-    /// may end a short circuit. `may_end_short` says whether this motor may, and becomes false if the motor did.
+    /// When a burn pulse ends a short circuit, the energy of the winding returns to the bus. So only one motor at a
+    /// time may end a short circuit. `may_end_short` is true if this motor may end a short circuit. This function sets
+    /// `may_end_short` to false if the motor has ended one.
     pub(crate) fn limit_supply(&mut self, now: Micros, battery: &Battery, may_end_short: &mut bool) -> bool {
         let Some(Command { request, .. }) = self.command else { return false };
         let (before, was_forward) = (self.drive(), self.pulses.is_forward());
         let command = self.modulate(request, now, battery, *may_end_short);
         *may_end_short &= was_forward || !self.pulses.is_forward();
-        let changed = command.modulation.drive != before;
+        let changed = command.bridge.drive != before;
         if changed || self.pulses.are_active() {
             self.command_bridge(command);
-        } else {
-            self.command = Some(command);
         }
         changed
     }
@@ -437,19 +427,19 @@ impl Motor {
     /// The bridge's command.
     pub(crate) const fn drive(&self) -> Drive {
         match &self.command {
-            Some(command) => command.modulation.drive,
+            Some(command) => command.bridge.drive,
             None => Drive::COAST,
         }
     }
 
-    /// Power that the motor returns to the bus and that winding and bridge dissipate while it brakes by the present
-    /// command; none while the bridge is open.
-    pub(crate) fn returned(&self) -> Returned {
+    /// Power that the braking motor returns to the bus, and power that winding and bridge dissipate. Both are 0 while
+    /// the bridge is open.
+    pub(crate) fn braking_power(&self) -> BrakingPower {
         match &self.command {
-            Some(Command { request, modulation, applied, .. }) if modulation.drive != Drive::COAST => {
-                self.modulator.returned(request.at, *modulation, *applied, self.settings.ohms())
+            Some(Command { request, bridge, .. }) if bridge.drive != Drive::COAST => {
+                self.modulator.braking_power(request.at, *bridge, self.settings.ohms())
             }
-            _ => Returned::NONE,
+            _ => BrakingPower::NONE,
         }
     }
 
@@ -459,125 +449,115 @@ impl Motor {
         self.position = reading.position;
         self.sample(&reading);
         self.regulator.tick();
-        // An identification compares voltages, so the estimated gain must not change. The gain stays while the set-point is
-        // an identification, also after the end of the identification.
+        // A new gain changes the estimated speed, and so the duty of a constant voltage. The gain therefore stays while
+        // the set-point is an identification, also after the end of the identification.
         if !matches!(self.setpoint, Setpoint::Identify { .. }) {
             self.regulator.update_gain(&self.settings, self.period);
         }
         moved
     }
 
-    /// Chooses the activity of this tick. `moved` is the counts since the last tick with a fresh reading; `None` without a
+    /// The set-point of this tick. `moved` is the counts since the last tick with a fresh reading; `None` without a
     /// fresh reading.
     ///
-    /// A disabled motor coasts. Otherwise the setting [`OnFault`] chooses the activity in three cases: the motor is
-    /// overheated, its set-point needs an encoder that is missing or at fault, or the motor is in fail-safe. The caller has
-    /// already excluded a missing battery voltage and a bridge at fault. With either of them every motor coasts.
-    fn activity(&self, moved: Option<i32>) -> Activity {
-        let floats = self.settings.zero_power == ZeroPower::Float;
-        let needs_encoder = !self.setpoint.is_direct();
+    /// Fail-safe replaces the set-point if the motor is overheated, or if the set-point needs an encoder that is
+    /// missing or at fault. With [`ZeroPower::Float`] a set-point of 0 counts as disabled.
+    fn permitted_setpoint(&self, moved: Option<i32>) -> Setpoint {
         let no_encoder = moved.is_none() || self.encoder_fault.is_some();
+        let needs_encoder = !self.setpoint.is_direct();
+        let floats = self.settings.zero_power == ZeroPower::Float;
         match self.setpoint {
-            Setpoint::Disabled => Activity::Coast,
-            Setpoint::FailSafe => self.on_fault(),
-            _ if self.thermal.is_cut() || needs_encoder && no_encoder => self.on_fault(),
-            Setpoint::ConstantPower(Control::ZERO) if floats => Activity::Coast,
-            Setpoint::ConstantPower(Control::ZERO) => Activity::Brake,
-            Setpoint::ConstantPower(power) => Activity::Power(power),
-            Setpoint::Current { current, speed_limit } => Activity::Current { current, speed_limit },
-            Setpoint::Velocity(target) if target == CountsPerSecond::ZERO && floats => Activity::Coast,
-            Setpoint::Velocity(target) => Activity::Regulate(Demand::Velocity(target)),
-            Setpoint::Position { target, speed_limit, .. } => {
-                Activity::Regulate(Demand::Position { target, speed_limit })
-            }
-            Setpoint::Together(reference) => Activity::Regulate(Demand::Follow(reference)),
-            Setpoint::Identify { .. } => Activity::Identify,
+            Setpoint::Disabled => Setpoint::Disabled,
+            _ if self.thermal.is_cut() || needs_encoder && no_encoder => Setpoint::FailSafe,
+            Setpoint::ConstantPower(Control::ZERO) if floats => Setpoint::Disabled,
+            Setpoint::Velocity(target) if floats && target == CountsPerSecond::ZERO => Setpoint::Disabled,
+            setpoint => setpoint,
         }
     }
 
-    /// The activity of a motor at fault.
-    const fn on_fault(&self) -> Activity {
-        match self.settings.on_fault {
-            OnFault::Coast => Activity::Coast,
-            OnFault::Brake => Activity::Brake,
-        }
-    }
-
-    /// Computes the request of this tick; `None` for an open bridge. Steps the encoder check of a regulated motor. At a tick
-    /// without regulation, ends the examination of the encoder. A fault ends the motion of an identification. `moved` is as in [`activity`](Self::activity).
+    /// Computes the request of this tick; `None` for an open bridge. At a tick without regulation, ends the examination
+    /// of the encoder. A fault ends an identification. `moved` is as in
+    /// [`permitted_setpoint`](Self::permitted_setpoint).
     fn request(&mut self, battery: Option<&Battery>, moved: Option<i32>) -> Option<Request> {
-        let velocity = self.regulator.velocity();
-        // A bridge at fault can neither drive nor brake.
+        let emf = self.settings.winding.emf.emf(self.regulator.velocity());
+        // Without a battery voltage, or with a fault of the bridge, every motor coasts.
         let battery = battery.filter(|_| !self.bridge_fault);
-        let at = battery.and_then(|battery| {
-            OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery.voltage)
-        });
-        let mut activity = if at.is_some() { self.activity(moved) } else { Activity::Coast };
-        if let MotorState::Identifying(Identifier::Moving(_)) = self.state
-            && activity != Activity::Identify
+        let at = battery.and_then(|battery| OperatingPoint::new(emf, battery.voltage));
+        let setpoint = if at.is_some() { self.permitted_setpoint(moved) } else { Setpoint::Disabled };
+        if let MotorState::Identifying(_) = self.state
+            && !matches!(setpoint, Setpoint::Identify { .. })
         {
             self.end_identification(Identification::Refused(Refusal::Interrupted));
         }
-        let mut target = None;
-        match (activity, at, moved) {
-            (Activity::Regulate(demand), Some(at), Some(moved)) => {
-                target = Some(self.regulator.demanded_speed(demand));
-                activity = self.check_encoder(demand, at, moved);
-            }
-            _ if self.setpoint.is_regulated() => _ = self.end_examination(),
-            _ => self.last_motion.forget(),
+        if !self.setpoint.is_regulated() {
+            self.last_motion.forget();
+        } else if !setpoint.is_regulated() {
+            self.end_examination();
         }
-        self.request_of(activity, at?, moved, target)
-    }
-
-    /// Steps the encoder check of a regulated motor, and latches a fault. Returns the activity of this tick.
-    fn check_encoder(&mut self, demand: Demand, at: OperatingPoint, moved: i32) -> Activity {
-        let regulate = Activity::Regulate(demand);
-        let MotorState::Regulated(check) = &mut self.state else { return regulate };
-        let Some(command) = &self.command else { return regulate };
-        let Some(target) = command.request.target else { return regulate };
-        let context =
-            Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
-        let (regulator, position) = (&self.regulator, self.position);
-        let tick = Tick { context: &context, regulator, command, target, position, moved };
-        match check.step(&mut self.last_motion, &tick) {
-            Ok(activity) => activity.unwrap_or(regulate),
-            Err(fault) => {
-                self.encoder_fault = Some(fault);
-                self.on_fault()
-            }
-        }
-    }
-
-    /// Computes the request of an activity; `None` for an open bridge. `moved` is as in [`activity`](Self::activity). `target`
-    /// is the demanded speed of a regulated motor. If the regulator drives the motor, its output replaces this speed.
-    fn request_of(
-        &mut self,
-        activity: Activity,
-        at: OperatingPoint,
-        moved: Option<i32>,
-        target: Option<CountsPerSecond>,
-    ) -> Option<Request> {
-        let (control, modulation) = match activity {
-            Activity::Coast => return None,
-            Activity::Brake => (Some(Control::ZERO), Modulation::full_braking(at)),
-            Activity::Power(power) => (Some(power), self.modulator.open_loop(at, power)),
-            Activity::FullReverse => {
-                let end = if at.counter_clockwise() { Control::MAX } else { Control::MIN };
-                (Some(end), Modulation::full_reverse(at))
-            }
-            Activity::Current { current, speed_limit } => {
+        let at = at?;
+        match setpoint {
+            Setpoint::Disabled => None,
+            Setpoint::FailSafe => self.on_fault(at),
+            Setpoint::ConstantPower(Control::ZERO) => Some(Request::braking(at)),
+            Setpoint::ConstantPower(power) => Some(Request::open_loop(at, power, &self.modulator)),
+            Setpoint::Current { current, speed_limit } => {
                 let volts = at.emf_volts() + current.to_amperes() * self.settings.ohms();
                 let voltage = self.regulator.limit_speed(Voltage::from_volts(volts), speed_limit, at);
-                (None, self.modulator.for_voltage(at, voltage))
+                Some(self.for_voltage(at, voltage))
             }
-            Activity::Regulate(demand) => return Some(self.regulate(demand, at, moved?)),
-            Activity::Identify => {
+            Setpoint::Velocity(target) => self.regulate(Demand::Velocity(target), at, moved?),
+            Setpoint::Position { target, speed_limit, .. } => {
+                self.regulate(Demand::Position { target, speed_limit }, at, moved?)
+            }
+            Setpoint::Together(reference) => self.regulate(Demand::Follow(reference), at, moved?),
+            Setpoint::Identify { .. } => {
                 let voltage = self.identify(at)?;
-                (None, self.modulator.for_voltage(at, voltage))
+                Some(self.for_voltage(at, voltage))
             }
+        }
+    }
+
+    /// The request of a motor at fault, by the setting [`OnFault`]; `None` for an open bridge.
+    fn on_fault(&self, at: OperatingPoint) -> Option<Request> {
+        (self.settings.on_fault == OnFault::Brake).then_some(Request::braking(at))
+    }
+
+    /// The request for a voltage.
+    fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Request {
+        Request { at, modulation: self.modulator.for_voltage(at, voltage), control: None, target: None }
+    }
+
+    /// Computes the request of a regulated motor. The encoder check is stepped first. A request of the check, or a
+    /// fault that the check finds, replaces the request of the regulator. Lowers the back EMF constant in force if the
+    /// speed hunts because this constant is too high.
+    fn regulate(&mut self, demand: Demand, at: OperatingPoint, moved: i32) -> Option<Request> {
+        let Self { settings, modulator, regulator, position, .. } = self;
+        let context = Context { settings, modulator, period: self.period, at };
+        if let MotorState::Regulated(check) = &mut self.state
+            && let Some(command) = &self.command
+            && let Some(target) = command.request.target
+        {
+            let tick = Tick { context: &context, regulator, command, target, position: *position, moved };
+            match check.step(&mut self.last_motion, &tick) {
+                Ok(None) => (),
+                Ok(Some(request)) => {
+                    return Some(Request { target: Some(regulator.demanded_speed(demand)), ..request });
+                }
+                Err(fault) => {
+                    self.encoder_fault = Some(fault);
+                    return self.on_fault(at);
+                }
+            }
+        }
+        let output = regulator.step(demand, moved, &context);
+        let (control, modulation) = match output.effort {
+            Effort::Voltage(voltage) => (None, modulator.for_voltage(at, voltage)),
+            Effort::Control(control) => (Some(control), modulator.for_control(at, control)),
         };
-        Some(Request { at, modulation, control, target })
+        if output.hunts && self.configured.lower() {
+            self.correct_constants();
+        }
+        Some(Request { at, modulation, control, target: Some(output.speed) })
     }
 
     /// Steps an identification. Returns its voltage; `None` for an open bridge, also when the identification ends.
@@ -591,24 +571,8 @@ impl Motor {
         })
     }
 
-    /// Computes the request of the regulator. Lowers the back EMF constant in force if the speed oscillates because this
-    /// constant is too high.
-    fn regulate(&mut self, demand: Demand, at: OperatingPoint, moved: i32) -> Request {
-        let context =
-            Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
-        let output = self.regulator.step(demand, moved, &context);
-        let (control, modulation) = match output.effort {
-            Effort::Voltage(voltage) => (None, self.modulator.for_voltage(at, voltage)),
-            Effort::Control(control) => (Some(control), self.modulator.for_control(at, control)),
-        };
-        if output.hunts && self.configured.lower() {
-            self.correct_constants();
-        }
-        Request { at, modulation, control, target: Some(output.speed) }
-    }
-
-    /// Follows the motor's temperatures with the constants in force, except during an identification, which compares
-    /// voltages.
+    /// Corrects the constants in force for the present temperatures. During an identification the constants stay,
+    /// because another back EMF constant would change the duty of a constant voltage.
     fn follow_temperatures(&mut self) {
         let temperatures = self.thermal.temperatures(self.settings.thermal);
         if !matches!(self.state, MotorState::Identifying(_)) && self.configured.warm(temperatures) {
@@ -623,21 +587,16 @@ impl Motor {
         self.regulator.correct_constants(&self.settings, self.period);
     }
 
-    /// Computes a request, and commands the bridge within all limits. `moved` is as in [`activity`](Self::activity); `None`
-    /// between two ticks.
-    fn apply(&mut self, now: Micros, battery: Option<Battery>, moved: Option<i32>) {
+    /// Commands the bridge to a request within all limits, or opens the bridge without a request.
+    fn execute(&mut self, request: Option<Request>, now: Micros, battery: Option<&Battery>) {
         self.changed = false;
-        let request = self.request(battery.as_ref(), moved);
-        match (request, battery) {
-            (Some(request), Some(battery)) => {
-                let command = self.modulate(request, now, &battery, false);
-                self.command_bridge(command);
-            }
-            _ => {
-                self.command = None;
-                self.pulses.stop();
-                self.regulator.drive(None);
-            }
+        if let (Some(request), Some(battery)) = (request, battery) {
+            let command = self.modulate(request, now, battery, false);
+            self.command_bridge(command);
+        } else {
+            self.command = None;
+            self.pulses.stop();
+            self.regulator.drive(None);
         }
     }
 
@@ -645,30 +604,30 @@ impl Motor {
     fn command_bridge(&mut self, mut command: Command) {
         let open = command.is_open();
         if !open {
-            command.applied = self.after_change(&command);
+            command.bridge.voltage = self.after_change(command.bridge);
         }
-        self.regulator.drive((!open).then_some(command.applied));
-        // A limit that opens the bridge for a moment does not end an identification.
+        self.regulator.drive((!open).then_some(command.bridge.voltage));
+        // While a limit opens the bridge, the applied voltage is the back EMF, and the identification continues with
+        // this voltage.
         if let MotorState::Identifying(identifier) = &mut self.state {
-            identifier.drive(command.applied);
+            identifier.drive(command.bridge.voltage);
         }
         self.command = Some(command);
     }
 
-    /// Computes the command for a request within all limits, and steps the burn pulses. [`Command::applied`]
-    /// ignores the time for which the bridge is open when its mode changes; [`after_change`](Self::after_change) includes
-    /// this time.
+    /// Computes the command for a request within all limits, and steps the burn pulses. The voltage of
+    /// [`Command::bridge`] ignores the time for which the bridge is open when its mode changes;
+    /// [`after_change`](Self::after_change) includes this time.
     fn modulate(&mut self, request: Request, now: Micros, battery: &Battery, may_end_short: bool) -> Command {
         let Request { at, modulation: mut limited, .. } = request;
-        let mut voltage = self.modulator.applied(at, limited);
-        let allowed = self.limits(at, battery.draw).clamp(voltage.to_volts());
-        if allowed.to_bits() != voltage.to_volts().to_bits() {
+        let volts = limited.voltage.to_volts();
+        let allowed = self.limits(at, battery.draw).clamp(volts);
+        if allowed.to_bits() != volts.to_bits() {
             limited = self.modulator.for_voltage(at, Voltage::from_volts(allowed));
-            voltage = self.modulator.applied(at, limited);
         }
-        let mut command = Command { request, limited, voltage, modulation: limited, applied: voltage };
-        let duty = limited.drive.duty;
-        let returns = limited.regime == Regime::Braking && duty != Duty::ZERO && duty != Duty::ONE;
+        let mut command = Command { request, limited, bridge: limited };
+        let Drive { mode, duty } = limited.drive;
+        let returns = mode == Mode::Brake50 && duty != Duty::ZERO && duty != Duty::ONE;
         if !returns {
             self.pulses.stop();
         } else if battery.dissipate == Share::NONE {
@@ -692,54 +651,29 @@ impl Motor {
         limits
     }
 
-    /// True if the motor has the largest current that its current limit allows, and a limit has changed the request.
+    /// True if the motor has at least 98 % of the current that its current limit allows, and a limit has changed the
+    /// request.
     fn is_current_limited(&self) -> bool {
         let (Some(command), Some(limit)) = (&self.command, self.settings.current_limit_amperes()) else {
             return false;
         };
-        let amperes = command.amperes(command.voltage, self.settings.ohms());
+        let amperes = command.amperes(command.limited.voltage, self.settings.ohms());
         command.is_limited() && amperes.abs() > 0.98 * limit
-    }
-
-    /// Begins or continues a burn pulse, and replaces the modulation of the command by this pulse.
-    fn dissipate(&mut self, command: &mut Command, now: Micros, battery: &Battery, may_end_short: bool) {
-        let velocity = self.regulator.velocity();
-        let at = OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery.newest)
-            .unwrap_or(command.request.at);
-        let emf = at.emf_volts();
-        let (least, most) = (LEAST_FORWARD_SHARE, LARGEST_FORWARD_SHARE);
-        let beyond = least + (most - least) * battery.dissipate.to_f32();
-        let room = at.battery_volts() - emf.abs();
-        self.pulses.integrate(now);
-        let mut pulse = self.pulses.next(emf, may_end_short);
-        if battery.draw != Share::ALL || room <= least * emf.abs() {
-            pulse = Pulse::Short;
-        }
-        command.modulation = match pulse {
-            Pulse::Forward => {
-                let volts = emf + (beyond * emf.abs()).min(room).copysign(emf);
-                self.modulator.for_voltage(at, Voltage::from_volts(volts))
-            }
-            Pulse::Short => Modulation::full_braking(at),
-        };
-        command.applied = self.modulator.applied(at, command.modulation);
-        let [requested, applied] = [command.voltage, command.applied].map(Voltage::to_volts);
-        let change_us = self.settings.bridge.timing.change_us;
-        self.pulses.apply(pulse, Voltages { requested, applied, emf }, change_us);
     }
 
     /// The mean voltage that a new command applies. If the mode differs from the mode of the present command, the
     /// bridge is open for the time that the change takes.
-    fn after_change(&self, command: &Command) -> Voltage {
+    fn after_change(&self, Modulation { drive, voltage }: Modulation) -> Voltage {
         let change_us = self.settings.bridge.timing.change_us;
-        if command.modulation.drive.mode == self.drive().mode || change_us == 0 {
-            return command.applied;
+        if drive.mode == self.drive().mode || change_us == 0 {
+            return voltage;
         }
         let emf = self.settings.winding.emf.emf(self.regulator.velocity()).to_volts();
-        // Time in us for which the command stays: a burn pulse is chosen every millisecond.
+        // Time in us for which the command stays. A burn pulse is chosen every millisecond, any other command every
+        // control period.
         let period_us = if self.pulses.are_active() { 1_000.0 } else { self.period.as_micros() as f32 };
         let left = (1.0 - f32::from(change_us) / period_us).max(0.0);
-        Voltage::from_volts(emf + left * (command.applied.to_volts() - emf))
+        Voltage::from_volts(emf + left * (voltage.to_volts() - emf))
     }
 
     /// The mean current of the winding by the motor's constants; 0 while the bridge is open.
@@ -747,8 +681,8 @@ impl Motor {
         match &self.command {
             Some(command) if !command.is_open() => {
                 // The mean voltage of burn pulses is the voltage within the limits.
-                let voltage = if self.pulses.are_active() { command.voltage } else { command.applied };
-                Milliamperes::from_amperes(command.amperes(voltage, self.settings.ohms()))
+                let mean = if self.pulses.are_active() { command.limited } else { command.bridge };
+                Milliamperes::from_amperes(command.amperes(mean.voltage, self.settings.ohms()))
             }
             _ => Milliamperes::ZERO,
         }
@@ -760,7 +694,7 @@ impl Motor {
     }
 
     /// Steps thermal model and settle detector, and reports.
-    fn report(&mut self, battery: Option<Battery>, moved: Option<i32>) -> Report {
+    fn report(&mut self, battery: Option<&Battery>, moved: Option<i32>) -> Report {
         let velocity = self.regulator.velocity();
         let drive = self.drive();
         let current = self.modelled_current();
@@ -790,9 +724,9 @@ impl Motor {
                 .load()
                 .map(|voltage| Milliamperes::from_amperes(voltage.to_volts() / self.settings.ohms())),
             at: self.command.map(|command| command.request.at),
-            voltage: self.command.map_or(Voltage::ZERO, |command| command.voltage),
+            voltage: self.command.map_or(Voltage::ZERO, |command| command.limited.voltage),
             requested: self.command.and_then(|command| command.requested_control()),
-            regime: self.command.map(|command| command.limited.regime),
+            regime: self.command.map(|command| command.request.at.regime(command.limited.drive)),
             drive,
             settled: self.settle_detector.step(within_tolerance, velocity, self.period),
             // With a small current limit the encoder cannot be checked, so a motor without counts is taken for

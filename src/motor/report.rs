@@ -19,8 +19,8 @@ pub struct Faults {
     /// Fault of the encoder of a regulated motor: no counts, or counts in the wrong direction. `None` without this
     /// fault. The fault is latched until the motor is disabled or in fail-safe. Constant power continues.
     pub encoder: Option<EncoderFault>,
-    /// The winding was too hot in spite of its current limit. The fault is latched until the motor is disabled or in
-    /// fail-safe after the winding has cooled down.
+    /// The winding was too hot although its driving current was limited. The fault is latched until the motor is
+    /// disabled or in fail-safe after the winding has cooled down.
     pub overheated: bool,
     /// The bridge has reported that it had switched itself off. The fault is latched until the motor is disabled or
     /// in fail-safe. The motor coasts.
@@ -68,14 +68,15 @@ pub struct Report {
     /// Modelled mean current of the winding, by the motor's constants and the applied voltage; 0 while coasting. The
     /// torque of a positive current is CW.
     pub current: Milliamperes,
-    /// Magnitude of the mean current that the board measures. `None` without a current-sense line, with a broken
-    /// line, and while the bridge is in 5/0, in which the line shows no current. `None` also at a tick whose mode
-    /// differs from the mode of the last sample, and during burn pulses.
+    /// Magnitude of the mean current that the board measures. `None` without a current-sense line, with a broken line,
+    /// and while the bridge is in 5/0, in which the line shows no current. `None` also at a tick whose mode differs
+    /// from the mode of the last sample, and during burn pulses. `None` also while the line shows no current and has
+    /// not yet shown a current at four samples.
     pub measured: Option<Milliamperes>,
     /// Condition of the current-sense line.
     pub sense_line: SenseLine,
-    /// Heat of the winding, by the measured current or, without a measured current, by the modelled current. The heat is
-    /// 1000 at the thermal limit, and 0 without a limit.
+    /// Heat of the winding, by the measured current or, without a measured current, by the modelled current. The heat
+    /// is in 1/1000 of the thermal limit, and 0 without a limit.
     pub heat: u16,
     /// True if the winding is so hot that its driving current is limited.
     pub derated: bool,
@@ -88,10 +89,12 @@ pub struct Report {
     pub at: Option<OperatingPoint>,
     /// Mean voltage across the motor that the command applies, within all limits; 0 while the motor coasts.
     pub voltage: Voltage,
-    /// Control value that the set-point or PID requests. `None` if a voltage is requested, or if a limit changes the request.
+    /// Control value that the set-point or PID requests. `None` if a voltage is requested, or if a limit changes the
+    /// request.
     pub requested: Option<Control>,
-    /// Regime of the command; `None` while the motor coasts: disabled, floating, at fault, or before and after the
-    /// motion of an identification. A command with a limit that opens the bridge has a regime.
+    /// Regime of the command; `None` while the motor coasts: disabled, at speed or power 0 with
+    /// [`ZeroPower::Float`](super::ZeroPower::Float), at a fault that opens the bridge, or before and after the motion
+    /// of an identification. A command with a limit that opens the bridge has a regime.
     pub regime: Option<Regime>,
     /// Command of the bridge.
     pub drive: Drive,

@@ -1,11 +1,10 @@
-//! Current-sense line of a motor's bridge: this file decides when the line shows the motor's current, and whether the
-//! line works.
+//! Decides when the current-sense line of a bridge shows the motor's current, and whether the line works.
 //!
-//! A bridge of the VNH5019 kind senses in its high-side switches (data sheet Doc ID 15701, tables 9 and 11). In 9/8
-//! and 6/2 one of the high-side switches is closed throughout the PWM period, during the duty and while freewheeling.
-//! The line then shows the motor's current all the time, and the mean of the line is the motor's mean current. In 5/0
-//! no high-side switch is closed, and the line shows no current. The hub then uses the modelled current. At 3 A and
-//! below the line shows 0.7 to 1.5 times the current, depending on the chip.
+//! A bridge of the VNH5019 kind senses in its high-side switches (data sheet Doc ID 15701, tables 9 and 11). In 9/8 and
+//! 6/2 one of the high-side switches is closed throughout the PWM period, during the duty and while freewheeling. The
+//! line then shows the motor's current all the time, and the mean of the line is the motor's mean current. In 5/0 no
+//! high-side switch is closed, and the line shows no current. The hub then uses the modelled current. At 3 A the line
+//! shows 0.7 to 1.5 times the current, depending on the chip.
 //!
 //! ```text
 //! Absent ──a sample──▶ Sound ◀──4 contradictions in a row──▶ Silent, Stuck, Excessive
@@ -64,7 +63,7 @@ pub(super) struct Line {
     shown: Option<Milliamperes>,
     /// Samples in 9/8 or 6/2 that have shown a current, up to [`CONFIRMATIONS`]. With fewer of them the line may be
     /// shorted to ground, so that a sample without a current is no measurement.
-    proofs: u8,
+    current_shown_count: u8,
 }
 
 impl Line {
@@ -77,11 +76,11 @@ impl Line {
         mode: Option<Mode>,
         modelled: Option<Milliamperes>,
     ) {
-        // A mode that has changed since the last sample may have changed just now.
+        // A mode that has changed since the last sample may have changed within this sample. Such a sample is not used.
         let settled = mode.filter(|_| mode == self.mode);
         (self.mode, self.shown) = (mode, None);
         let Some(current) = shown else {
-            (self.condition, self.contradictions, self.proofs) = (SenseLine::Absent, 0, 0);
+            (self.condition, self.contradictions, self.current_shown_count) = (SenseLine::Absent, 0, 0);
             return;
         };
         if self.condition == SenseLine::Absent {
@@ -93,8 +92,8 @@ impl Line {
             Some(in_braking(magnitude))
         } else {
             let shows = magnitude >= NOTHING_MA;
-            self.proofs = CONFIRMATIONS.min(self.proofs + u8::from(shows));
-            self.shown = shown.filter(|_| shows || self.proofs == CONFIRMATIONS);
+            self.current_shown_count = CONFIRMATIONS.min(self.current_shown_count + u8::from(shows));
+            self.shown = shown.filter(|_| shows || self.current_shown_count == CONFIRMATIONS);
             modelled.and_then(|modelled| in_driving(magnitude, modelled.get().unsigned_abs()))
         };
         if let Some(found) = found {
@@ -131,7 +130,7 @@ impl Line {
         if self.contradictions >= CONFIRMATIONS {
             (self.condition, self.contradictions) = (found, 0);
             if matches!(found, SenseLine::Silent | SenseLine::Stuck) {
-                self.proofs = 0;
+                self.current_shown_count = 0;
             }
         }
     }

@@ -20,8 +20,9 @@ pub enum Setpoint {
     Current {
         /// Mean current of the winding; positive drives CW.
         current: Milliamperes,
-        /// Largest speed in the direction of the current; the sign does not matter. At this speed the current falls to the
-        /// current that keeps the speed. If a load drives the motor faster, the motor brakes with at most `current`.
+        /// Largest speed in the direction of the current; the sign does not matter. At this speed the current falls to
+        /// the current that keeps the speed. If a load drives the motor faster, the motor brakes with at most
+        /// `current`.
         speed_limit: CountsPerSecond,
     },
     /// Regulated velocity: the motor turns at this speed. At 0 the motor is held or coasts, by the setting

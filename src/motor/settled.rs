@@ -12,8 +12,8 @@ use crate::units::{CountsPerSecond, Period};
 /// Dwell in milliseconds. A motor that leaves the tolerance or becomes faster before the end of the dwell has only
 /// passed its target.
 const DWELL_MS: u32 = 50;
-/// Highest speed of a slow motor: two counts in 50 ms. The estimate may be wrong by one count, and a regulator that holds
-/// a position may move the motor by another count.
+/// Highest speed of a slow motor: two counts in 50 ms. The estimate may be wrong by one count, and a regulator that
+/// holds a position may move the motor by another count.
 const SLOW: CountsPerSecond = CountsPerSecond::new(40);
 
 /// True if a position is within the tolerance of a target, by REV's definition: |target - position| <= tolerance, the
@@ -42,7 +42,7 @@ impl SettleDetector {
         let tick_ms = period.as_millis();
         self.settling_ms =
             if within_tolerance && slow { self.settling_ms.saturating_add(tick_ms) } else { 0 };
-        // The dwell begins with the first of these ticks.
+        // The dwell begins at the first tick within tolerance, so the period of this tick does not count.
         self.settling_ms >= DWELL_MS + tick_ms
     }
 }

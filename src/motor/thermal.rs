@@ -2,8 +2,9 @@
 //!
 //! Winding and case are two bodies in series, each a filter of first order. The model assumes that a quarter of the
 //! winding's temperature rise lies between winding and case. This quarter follows the square of the current within
-//! seconds. The other three quarters lie between case and room, and follow within minutes. A prime marks a rate of
-//! change:
+//! seconds. The other three quarters lie between case and room, and follow within minutes. In the formulas *winding*
+//! and *case* are the squared current, in A², filtered with the time constant of the winding and of the case. A prime
+//! marks a rate of change:
 //!
 //! ```text
 //! heat = (0.25 winding + 0.75 case) / continuous²      winding' = (current² - winding) / winding_s
@@ -29,20 +30,20 @@ use crate::units::{Milliamperes, Period};
 /// Share of the winding's temperature rise that lies between winding and case. Small brushed motors have 0.15 to 0.3 of
 /// their thermal resistance there.
 const WINDING_SHARE: f32 = 0.25;
-/// Heat above which the current is limited. At this heat the limit is four times the continuous current. The limit falls
-/// linearly to the continuous current at the heat 1.
+/// Heat above which the current is limited. At this heat the limit is four times the continuous current. The limit
+/// falls linearly to the continuous current at the heat 1.
 const DERATED_FROM: f32 = 0.8;
 /// Heat above which the motor is switched off. The limited driving current keeps the heat near 1. The braking current
 /// is not limited, so a load that drives the motor can exceed this heat.
 const CUT_ABOVE: f32 = 1.1;
 /// Largest heat at which disabling a motor, or fail-safe, ends the cut.
 const COOL: f32 = 1.0;
-/// Time in s over which squares of the current are averaged before the filters are stepped. A filter with a time constant
-/// of minutes that is stepped every millisecond would lose small squares in rounding.
+/// Time in s over which squares of the current are averaged before the filters are stepped. A filter with a time
+/// constant of minutes that is stepped every millisecond would lose small squares in rounding.
 const AVERAGING_S: f32 = 0.05;
 
-/// Temperature of the winding above that of the room at the heat 1, in K. Windings of small brushed motors tolerate 120
-/// to 150 degrees Celsius. This is an assumption.
+/// Temperature rise of the winding above the room at the heat 1, in K. The value is an assumption: windings of small
+/// brushed motors tolerate 120 to 150 degrees Celsius.
 const RISE_K: f32 = 100.0;
 /// Growth of the resistance of copper a kelvin, as a share of the cold resistance.
 const COPPER_PER_K: f32 = 0.0039;
@@ -52,9 +53,9 @@ const FERRITE_PER_K: f32 = 0.002;
 /// Temperatures of a motor above those of a cold motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Temperatures {
-    /// Of the winding, in K.
+    /// Temperature rise of the winding, in K.
     pub(super) winding_k: u8,
-    /// Of the magnets, in K.
+    /// Temperature rise of the magnets, in K.
     pub(super) magnets_k: u8,
 }
 
@@ -120,7 +121,7 @@ impl Thermal {
         let per_square = RISE_K / (limit.continuous_amperes() * limit.continuous_amperes());
         let magnets_k = (1.0 - WINDING_SHARE) * self.case * per_square;
         let winding_k = magnets_k + WINDING_SHARE * self.winding * per_square;
-        // A motor that becomes much hotter than its limit has been switched off before.
+        // A rise is limited to 255 K. A motor that hot has been switched off before.
         Temperatures { winding_k: winding_k as u8, magnets_k: magnets_k as u8 }
     }
 

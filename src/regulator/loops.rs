@@ -27,13 +27,14 @@ const BRAKING_VOLTS: f32 = 11.0;
 pub(super) enum Start {
     /// The loop continues with its integral.
     Running,
-    /// At an error of 0 the output gives the current that balances the load. With an error, P, F and D add to this output.
+    /// At an error of 0 the output gives the current that balances the load. With an error, P, F and D add to this
+    /// output.
     #[default]
     Resume,
     /// At an error of 0 the output gives a current of zero. With an error, P, F and D add to this output.
     ZeroCurrent,
-    /// The whole output, with P and F, keeps the present voltage, because coefficients, scheme or constants have changed
-    /// while the bridge was closed.
+    /// The whole output, with P and F, keeps the present voltage, and D is 0 at this step, because coefficients, scheme
+    /// or constants have changed while the bridge was closed.
     Continue,
 }
 
@@ -120,7 +121,8 @@ impl Loops {
         CountsPerSecond::saturating_from_bits(speed)
     }
 
-    /// Steps the position loop for a target position. Returns the target speed, limited so that the motor can still brake.
+    /// Steps the position loop for a target position. Returns the target speed, limited so that the motor can still
+    /// brake.
     fn approach(
         &mut self,
         target: i32,

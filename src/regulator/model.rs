@@ -37,7 +37,8 @@ const HOLDING_RATE: f32 = 2.0;
 pub(super) struct Law {
     /// Share of a speed's error that remains after a tick.
     remaining: f32,
-    /// Mean voltage that changes the speed by 1 count/s within a tick: q / (b (1 - exp(-q T))).
+    /// Mean voltage that changes the speed by 1 count/s within a tick: q / (b (1 - exp(-q T))), with b and q of the
+    /// [`Plant`] and the control period T.
     volts_per_cps: f32,
 }
 
@@ -81,7 +82,8 @@ impl Law {
         context: &Context<'_>,
     ) -> Output {
         state.holding = false;
-        // The error that remains is the error to the speed that is demanded now.
+        // The error that remains is measured to `target.end - target.change`, the speed of the stream a tick before
+        // `target.end`.
         let next = self.next_speed(observer, target.end) + self.remaining * target.change;
         self.request(state, observer, plant, next, context, target.demanded)
     }
@@ -103,7 +105,7 @@ impl Law {
         // The target is the middle of the target count.
         let distance = distance as f32 + 0.5 - observer.fraction();
         if state.holding {
-            // A motor without samples has no position within its count.
+            // Without samples the predicted position may leave the count, so the distance is limited.
             let distance = within(distance, near as f32 + HELD_COUNTS);
             let back = HOLDING_RATE * (distance - within(distance, HELD_COUNTS));
             let next = back + self.remaining * (w - back);
@@ -137,7 +139,7 @@ impl Law {
         let w = observer.speed();
         // The target is the middle of the count.
         let distance = distance + 0.5 - observer.fraction();
-        // Distance at the tick's end, without the distance of half a tick at the next speed.
+        // Distance at the tick's end plus `next * period_s / 2`. The equation for `next` below includes this term.
         let rest = distance + (now + end - w) * period_s / 2.0;
         let next = (end + approach * rest - remaining * (now + approach * distance - w))
             / (1.0 + approach * period_s / 2.0);

@@ -8,19 +8,23 @@
 //! w' = b u - q w + d        with the bridge open:  w' = d - drag w
 //! ```
 //!
+//! Here b is the acceleration per volt, q the decay of the speed by back EMF and drag, and drag the decay by drag
+//! alone. A prime marks a rate of change.
+//!
 //! A sample shows between which two positions the shaft is, whether or not a count came. The error is the distance
 //! from x to this interval, and x is corrected towards the nearer end. (A correction towards the middle would make
 //! noise: at 1000 counts/s every sample has one count, whatever x is.)
 //!
 //! A count is *late* while the predicted x is outside of its count and the count has not come. When the late count
-//! comes, it shows how long the motor took for the whole count. A correction at each sample before that would pull
-//! the estimate to a motor that creeps along the edge of its count. So nothing is corrected before the count comes,
-//! and [`Observer::with_late_count`] returns the estimate as if the count came now. There are two exceptions. Once x
-//! is late by a whole count, the motor may stand, so every further sample without a count corrects x. While no speed
-//! is demanded, every sample with a late count corrects x.
+//! comes, it shows how long the motor took for the whole count. A correction at every sample before the count would
+//! make the estimate that of a motor that creeps along the edge of its count. So nothing is corrected before the count
+//! comes, and [`Observer::with_late_count`] returns the estimate as if the count came now. There are two exceptions.
+//! Once x is late by a whole count, the motor may stand, so every further sample without a count corrects x. While no
+//! speed is demanded, every sample with a late count corrects x.
 //!
-//! The gains follow from the time t since the last correction. They are the gains of a filter with three equal poles
-//! at `exp(-wo t)`, so a motor at 5 counts/s is estimated as reliably as a motor at 5000 counts/s:
+//! The gains follow from the time t since the last correction. They are the gains of a filter with three equal poles at
+//! `exp(-wo t)`, where wo is at most [`Filter::poles`], so a motor at 5 counts/s is estimated as reliably as a motor at
+//! 5000 counts/s:
 //!
 //! ```text
 //! z = max(least z, exp(-wo t))

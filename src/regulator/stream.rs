@@ -1,9 +1,9 @@
 //! Estimates how fast a demanded speed changes while a host *streams* set-points: a speed every few milliseconds, as
 //! from a joystick, a ramp or another controller.
 //!
-//! A streamed speed is old when the motor reaches it: it waits for the tick, stays until the next one comes, and takes
-//! a tick. With the slope of the stream the motor reaches at a tick's end the speed that the stream has at the tick's
-//! begin:
+//! The motor reaches a streamed speed late. The set-point waits for the next tick, by T / 2 on average. The motor then
+//! needs a tick to reach the speed, and meanwhile the speed of the host has changed. With the slope of the stream the
+//! motor reaches at a tick's end the speed that the stream has at the tick's begin:
 //!
 //! ```text
 //! speed    slope ──┐       ● target
@@ -22,7 +22,7 @@ const LONGEST_INTERVAL_MS: u32 = 100;
 /// Largest ratio of two consecutive changes of a stream. A larger ratio is a step.
 const LARGEST_RATIO: f32 = 3.0;
 
-/// Age of a set-point at a tick's end, in intervals, from which on the next one is no longer waited for.
+/// Age of a set-point at a tick's end, in mean intervals, above which the stream has ended. The slope is then 0.
 const LATEST_INTERVALS: f32 = 1.5;
 
 /// The stream of demanded speeds of one motor. The default is a demand of 0 that has not changed.
@@ -32,13 +32,14 @@ pub(super) struct Stream {
     target: f32,
     /// Last change of the demanded speed, in counts/s.
     change: f32,
-    /// Time since that change, in ms.
+    /// Time since the demanded speed last changed, in ms.
     age_ms: u32,
     /// Time between the last two changes, in ms.
     interval_ms: u32,
     /// Mean of the last two intervals, in ms.
     mean_interval_ms: f32,
-    /// Slope over these two intervals, in counts/s per ms; 0 if they are of no stream.
+    /// Slope of the demanded speed over the last two intervals, in counts/s per ms; 0 if the last two changes are not
+    /// of one stream.
     slope: f32,
 }
 
@@ -47,11 +48,12 @@ pub(super) struct Stream {
 pub(super) struct Target {
     /// Demanded speed of the last set-point, in counts/s.
     pub(super) demanded: f32,
-    /// Speed that the motor should have at the tick's end, in counts/s. It never has the other sign than `demanded`.
+    /// Speed that the motor should have at the tick's end, in counts/s. The sign is that of `demanded`, or the speed is
+    /// 0.
     pub(super) end: f32,
     /// Change of the demanded speed within the tick, in counts/s.
     pub(super) change: f32,
-    /// True if the set-point is the set-point of the last tick.
+    /// True if the demanded speed is that of the last tick.
     pub(super) is_old: bool,
 }
 

@@ -24,8 +24,8 @@ pub enum BusState {
     Quiet,
     /// Braking motors dissipate the energy that they would return to the bus.
     Dissipating,
-    /// The voltage is above [`Levels::ceiling`]. Motors that dissipate keep the voltage below `ceiling`, so a source other
-    /// than the motors raises the voltage.
+    /// The voltage is above [`Levels::ceiling`]. Motors that dissipate keep the voltage below `ceiling`, so a source
+    /// other than the motors raises the voltage.
     TooHigh,
 }
 
@@ -81,8 +81,8 @@ impl BusReading {
         Self { measured, state, at }
     }
 
-    /// Returns the reading, or [`BusState::Silent`] without a voltage if the reading is older than [`BATTERY_STALE_MICROS`]
-    /// at `now`.
+    /// Returns the reading, or [`BusState::Silent`] without a voltage if the reading is older than
+    /// [`BATTERY_STALE_MICROS`] at `now`.
     #[must_use]
     pub fn as_of(self, now: Micros) -> Self {
         if now.since(self.at) <= BATTERY_STALE_MICROS { self } else { Self { at: self.at, ..Self::INITIAL } }

@@ -1,5 +1,5 @@
-//! The bus that battery and bridges share: filters its measured voltage, and limits the current that motors may draw from the
-//! bus and return to it.
+//! The bus that battery and bridges share: filters its measured voltage, and limits the current that motors may draw
+//! from the bus and return to it.
 //!
 //! ```text
 //!         min        cut        derate    recover     dissipate     ceiling       max
@@ -8,22 +8,23 @@
 //! plausible| draw 0   | draw 0..1 |  Derated | draw to 1  |  dissipate energy         | motors dissipate
 //! ```
 //!
-//! * The *draw* is a share from 0 to 1. A motor may take that share of its current at standstill and full duty from the bus.
-//!   After the stage `Derated` the draw rises to 1 within a second.
-//! * The [`DrawStage`] has hysteresis. The stage `Full` lasts until the filtered voltage is below `derate`. The stage `Derated`
-//!   lasts until the filtered voltage reaches `recover`. The stage `Cut` lasts until the filtered voltage is back at `derate`.
-//! * Braking motors *dissipate* energy when their bridges turn energy to heat instead of returning it to the bus. The bridge
-//!   then alternates between two pulses, each of some PWM periods. The first pulse shorts the winding: the motor's energy becomes
-//!   heat. When the short ends, the winding's current flows back into the bus for a moment. The second pulse drives the motor
-//!   slightly above its back EMF, and so takes about as much from the bus again.
+//! * The *draw* is a share from 0 to 1. A motor may take that share of its current at standstill and full duty from the
+//!   bus. After the stage `Derated` the draw rises to 1 within a second.
+//! * The [`DrawStage`] has hysteresis. The stage `Full` lasts until the filtered voltage is below `derate`. The stage
+//!   `Derated` lasts until the filtered voltage reaches `recover`. The stage `Cut` lasts until the filtered voltage is
+//!   back at `derate`.
+//! * Braking motors *dissipate* energy when their bridges turn energy to heat instead of returning it to the bus. The
+//!   bridge then alternates between two pulses, each of some PWM periods. The first pulse shorts the winding: the
+//!   motor's energy becomes heat. When the short ends, the winding's current flows back into the bus for a moment. The
+//!   second pulse drives the motor slightly above its back EMF, and so takes about as much from the bus again.
 //! * Dissipation begins when the voltage that a rising bus will have one sample later exceeds `dissipate`. From halfway
 //!   between `dissipate` and `ceiling` on, braking motors dissipate with full strength.
-//! * The *quiet range* is the range from `derate` to `dissipate`. The bus is *quiet* if its voltage is in this range and the
-//!   supply limits no motor. A quiet bus is sampled every 10 ms only. An analog watchdog reports when the voltage leaves the
-//!   range.
+//! * The *quiet range* is the range from `derate` to `dissipate`. The bus is *quiet* if its voltage is in this range
+//!   and the supply limits no motor. A quiet bus is sampled every 10 ms only. An analog watchdog reports when the
+//!   voltage leaves the range.
 //!
-//! [`VrefintScale`] converts ADC readings to millivolts, on chips that also measure VREFINT, a reference voltage inside of
-//! them. Boards with another converter have their own conversion.
+//! [`VrefintScale`] converts ADC readings to millivolts, on chips that also measure VREFINT, a reference voltage inside
+//! of them. Boards with another converter have their own conversion.
 //!
 //! ```
 //! use motor_hub::supply::{Limits, DrawStage, Supply};
@@ -56,14 +57,14 @@ use undervoltage::Derating;
 /// Age in microseconds beyond which a battery reading is stale. The filter restarts after a longer gap between samples.
 pub const BATTERY_STALE_MICROS: u64 = 100_000;
 
-/// Time constant of the voltage filter, in microseconds. Sampling lengthens the time constant by about half an interval: to
-/// 30.5 ms at 1 ms, and to 34.8 ms at 10 ms.
+/// Time constant of the voltage filter, in microseconds. Sampling lengthens the time constant by about half an
+/// interval: to 30.5 ms at 1 ms, and to 34.8 ms at 10 ms.
 const FILTER_MICROS: f32 = 30_000.0;
 
 /// Longest interval, in microseconds, that the filter uses for the first sample outside the quiet range.
 ///
-/// Samples in the quiet range are up to 10 ms apart. The analog watchdog starts the next sample within 1 ms after the voltage
-/// has left the range, so the new voltage is at most 1 ms old.
+/// Samples in the quiet range are up to 10 ms apart. The analog watchdog starts the next sample within 1 ms after the
+/// voltage has left the range, so the new voltage is at most 1 ms old.
 const LEFT_QUIET_MICROS: u32 = 1_000;
 
 /// State of the bus at its newest plausible sample, and the limits that follow.
@@ -107,8 +108,8 @@ impl Battery {
 #[derive(Clone, Debug)]
 pub struct Supply {
     limits: Limits,
-    /// Voltage filter. `None` before the first plausible sample. An implausible voltage or a failed conversion sets the filter
-    /// to `None`.
+    /// Voltage filter. `None` before the first plausible sample. An implausible voltage or a failed conversion sets the
+    /// filter to `None`.
     filter: Option<Filter>,
     derating: Derating,
     overvoltage: Overvoltage,
@@ -130,7 +131,8 @@ struct Filter {
 impl Filter {
     /// Returns the filter after a sample. The weight of the sample is dt / (dt + 30 ms), where dt is `passed_us`.
     ///
-    /// The first sample becomes the filtered voltage. So does a sample after a gap of more than [`BATTERY_STALE_MICROS`].
+    /// The first sample becomes the filtered voltage. So does a sample after a gap of more than
+    /// [`BATTERY_STALE_MICROS`].
     fn step(before: Option<Self>, voltage: Millivolts, at: Micros, passed_us: u32) -> Self {
         let new = i32::from(voltage.get()) << 8;
         let value_q8_mv = match before {
@@ -143,8 +145,8 @@ impl Filter {
         Self { value_q8_mv, at }
     }
 
-    /// Returns the filtered voltage, rounded to millivolts. The filtered voltage is never above the largest sample, so the cast
-    /// to 16 bits loses nothing.
+    /// Returns the filtered voltage, rounded to millivolts. The filtered voltage is never above the largest sample, so
+    /// the cast to 16 bits loses nothing.
     fn voltage(self) -> Millivolts {
         Millivolts::new(((self.value_q8_mv + 128) >> 8) as u16)
     }
@@ -163,8 +165,8 @@ impl Supply {
         }
     }
 
-    /// Returns the quiet range if the filtered voltage is at least [`Levels::derate`] and the supply limits no motor. `None` if
-    /// the bus must be sampled every millisecond.
+    /// Returns the quiet range if the filtered voltage is at least [`Levels::derate`] and the supply limits no motor.
+    /// `None` if the bus must be sampled every millisecond.
     pub fn quiet(&self) -> Option<RangeInclusive<Millivolts>> {
         let Levels { derate, dissipate, .. } = self.limits.levels();
         let filtered = self.filter?.voltage();
@@ -172,18 +174,19 @@ impl Supply {
         unlimited.then_some(derate..=dissipate)
     }
 
-    /// Processes a measured voltage, and returns the state of the bus. Must be called every millisecond; every 10 ms is enough
-    /// while the bus is [quiet](Self::quiet).
+    /// Processes a measured voltage, and returns the state of the bus. Must be called every millisecond; every 10 ms is
+    /// enough while the bus is [quiet](Self::quiet).
     ///
-    /// `voltage` is `None` if the converter did not answer. A voltage below [`Levels::min`] is not plausible. In both cases
-    /// the result is `None` except in a collapse, and the next plausible sample restarts the filter.
+    /// `voltage` is `None` if the converter did not answer. A voltage below [`Levels::min`] is not plausible. In both
+    /// cases the result is `None` except in a collapse, and the next plausible sample restarts the filter.
     ///
-    /// The bus has *collapsed* if two or more voltages in a row are below [`Levels::min`], without a failed conversion between
-    /// them. The result is then the last state with its old time, a draw of 0, no dissipation, and the stage `Derated` or `Cut`.
-    /// The result is `None` before the first plausible sample.
+    /// The bus has *collapsed* if two or more voltages in a row are below [`Levels::min`], without a failed conversion
+    /// between them. The result is then the last state with its old time, a draw of 0, no dissipation, and the stage
+    /// `Derated` or `Cut`. The result is `None` before the first plausible sample.
     ///
-    /// A voltage above [`Levels::max`] enters the filter as [`Levels::max`]. Motors then draw nothing, and braking motors
-    /// dissipate. If such a voltage were not plausible, a converter at the end of its range would make braking motors coast.
+    /// A voltage above [`Levels::max`] enters the filter as [`Levels::max`]. Motors then draw nothing, and braking
+    /// motors dissipate. If such a voltage were not plausible, a converter at the end of its range would make braking
+    /// motors coast.
     pub fn step(&mut self, voltage: Option<Millivolts>, now: Micros) -> Option<Battery> {
         let battery = self.update(voltage, now);
         self.last_reading = BusReading::new(&self.limits, voltage, battery.as_ref(), now);

@@ -26,8 +26,9 @@ pub struct Thermometer {
 }
 
 impl Thermometer {
-    /// Returns the temperature in 0.1 degrees Celsius, from readings of the sensor and of the internal voltage reference
-    /// VREFINT. `None` if both calibration readings are equal, if `vrefint` is 0, or if the result is not within +-3000 degrees.
+    /// Returns the temperature in 0.1 degrees Celsius, from readings of the sensor and of the internal voltage
+    /// reference VREFINT. `None` if both calibration readings are equal, if `vrefint` is 0, or if the result is not
+    /// within +-3000 degrees.
     pub fn decidegrees(self, sensor: u16, vrefint: u16, reference: VrefintCalibration) -> Option<i16> {
         let [low, high] = self.readings.map(i64::from);
         let [cold, hot] = CALIBRATED_DECIDEGREES;

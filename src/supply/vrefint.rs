@@ -1,4 +1,5 @@
-//! Converts ADC readings to the battery's voltage. Each conversion uses a reading of the chip's internal reference, VREFINT.
+//! Converts ADC readings to the battery's voltage. Each conversion uses a reading of the chip's internal reference,
+//! VREFINT.
 //!
 //! An ADC measures relative to its own supply, the *rail*. The reference has a known voltage, so the voltage of the
 //! rail follows from the reading of the reference. Without this correction a falling rail would look like a rising
@@ -27,8 +28,8 @@ pub struct VrefintScale {
     calibration: VrefintCalibration,
     /// Battery voltage divided by pin voltage, in steps of 2^-10.
     ratio: i64,
-    /// Reading of the battery's voltage divider per millivolt of the battery and per unit of the reference's reading, in
-    /// steps of 2^-36.
+    /// Reading of the battery's voltage divider per millivolt of the battery and per unit of the reference's reading,
+    /// in steps of 2^-36.
     counts_per_mv: i64,
 }
 
@@ -82,8 +83,8 @@ impl VrefintScale {
         if !RAIL_MV.contains(&(calibration_product / reference)) {
             return None;
         }
-        // The product of three 16-bit factors and a ratio of up to 42 bits can exceed 64 bits. A saturated product means a
-        // voltage above 65.535 V, which is refused.
+        // The product of three 16-bit factors and a ratio of up to 42 bits can exceed 64 bits. A saturated product
+        // means a voltage above 65.535 V, which is refused.
         let pin = i64::from(divider).min(full_scale) * calibration_product;
         let mv = (pin.saturating_mul(self.ratio) / (full_scale * reference)) >> 10;
         u16::try_from(mv).ok().map(Millivolts::new)

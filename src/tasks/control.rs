@@ -36,7 +36,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             wires.update_newest(|newest| {
                 hub.sample(newest.readings());
                 if samples_between_ticks {
-                    newest.observe(hub.speeds_cps());
+                    newest.observe(hub.velocities());
                 }
             });
             if wires.urgent.lock(|urgent| urgent.replace(false)) {

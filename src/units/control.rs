@@ -10,7 +10,8 @@ pub struct Control(i16);
 impl Control {
     /// The control value 0.
     pub const ZERO: Self = Self(0);
-    /// The positive end of the range. R. Atkinson, *On Proportional Braking in H Bridges* (2018), calls it `controlMax`.
+    /// The positive end of the range. R. Atkinson, *On Proportional Braking in H Bridges* (2018), calls it
+    /// `controlMax`.
     pub const MAX: Self = Self(i16::MAX);
     /// The negative end of the range.
     pub const MIN: Self = Self(-i16::MAX);
@@ -49,13 +50,6 @@ impl Control {
     }
 }
 
-impl core::ops::Neg for Control {
-    type Output = Self;
-    fn neg(self) -> Self {
-        self.reversed()
-    }
-}
-
 /// The on-time of a PWM signal as a share of its period: 0 to 1, in steps of 2^-15. Both ends are exact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Duty(U1F15);
@@ -71,7 +65,8 @@ impl Duty {
         if bits > Self::ONE.0.to_bits() { Self::ONE } else { Self(U1F15::from_bits(bits)) }
     }
 
-    /// Returns `part / whole`, rounded to the nearest step and limited to 0 to 1. The result is 0 if `whole` is not above 0.
+    /// Returns `part / whole`, rounded to the nearest step and limited to 0 to 1. The result is 0 if `whole` is not
+    /// above 0.
     ///
     /// `part` and `whole` must be below 2^47.
     pub const fn ratio(part: i64, whole: i64) -> Self {
@@ -147,8 +142,8 @@ impl defmt::Format for Share {
     }
 }
 
-/// A coefficient of a PIDF controller, -32 768 to 32 767.99998. The format is signed Q16.16, as hosts send it: 32 bits in
-/// steps of 2^-16.
+/// A coefficient of a PIDF controller, -32 768 to 32 767.99998. The format is signed Q16.16, as hosts send it: 32 bits
+/// in steps of 2^-16.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Coefficient(I16F16);
 

@@ -207,8 +207,8 @@ impl EmfConstant {
 
     /// Returns the back EMF at `speed`.
     ///
-    /// The product has 64 bits. For a NeveRest 60 a product of 32 bits would overflow above 2 counts/s. With speeds in whole
-    /// counts/s it would overflow above 513 counts/s.
+    /// The product has 64 bits. For a NeveRest 60 a product of 32 bits would overflow above 2 counts/s. With speeds in
+    /// whole counts/s it would overflow above 513 counts/s.
     pub const fn emf(self, speed: CountsPerSecond) -> Emf {
         // The product has steps of 2^-28 mV. Its magnitude is below 2^56.
         let product = speed.to_bits() as i64 * self.to_bits() as i64;

@@ -32,27 +32,9 @@ impl CountsPerSecond {
     /// # Errors
     /// Returns [`RangeError::Speed`] if the speed is out of range or `counts_per_revolution` is not above 0.
     pub const fn from_rpm(rpm: f64, counts_per_revolution: f64) -> Result<Self, RangeError> {
-        Self::from_f64(rpm / 60.0, counts_per_revolution)
-    }
-
-    /// Converts the angular speed of a shaft, in rad/s, to a speed, rounded to the nearest step.
-    ///
-    /// `counts_per_revolution` is for the same shaft.
-    ///
-    /// # Errors
-    /// Returns [`RangeError::Speed`] if the speed is out of range or `counts_per_revolution` is not above 0.
-    pub const fn from_radians_per_second(
-        radians_per_second: f64,
-        counts_per_revolution: f64,
-    ) -> Result<Self, RangeError> {
-        Self::from_f64(radians_per_second / core::f64::consts::TAU, counts_per_revolution)
-    }
-
-    const fn from_f64(revolutions_per_second: f64, counts_per_revolution: f64) -> Result<Self, RangeError> {
-        let bits = nearest(revolutions_per_second * counts_per_revolution * 256.0);
-        match bits {
+        match nearest(rpm / 60.0 * counts_per_revolution * 256.0) {
             Some(bits) if counts_per_revolution > 0.0 && bits.unsigned_abs() <= i32::MAX as u64 => {
-                Ok(Self(I24F8::from_bits(bits as i32)))
+                Ok(Self::from_bits(bits as i32))
             }
             _ => Err(RangeError::Speed),
         }

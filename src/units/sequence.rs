@@ -1,7 +1,7 @@
 //! Sequence numbers of commands, which count since boot and wrap at 2^32.
 
-/// True if the command `number` is the command `newest` or an older command. Numbers wrap, so `number` counts as older if it
-/// is less than 2^31 behind `newest`.
+/// True if the command `number` is the command `newest` or an older command. Numbers wrap, so `number` counts as older
+/// if it is less than 2^31 behind `newest`.
 ///
 /// ```
 /// use motor_hub::units::is_included;

@@ -16,7 +16,8 @@ pub(crate) mod chart;
 
 use crate::StudyError;
 use ::chart::{Figure, Point, colour};
-use motor_hub::braking::{self, LinearCurrent, Modulation, OperatingPoint, Points, Scheme};
+use motor_hub::braking::{self, LinearCurrent, OperatingPoint, Points, Scheme};
+use motor_hub::bridge::Drive;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::units::{Control, CountsPerSecond, Millivolts};
 use serde::Serialize;
@@ -78,8 +79,8 @@ pub struct PlacedDrive {
 }
 
 impl PlacedDrive {
-    fn new(Modulation { regime, drive, .. }: Modulation) -> Self {
-        Self { regime: regime.name(), mode: drive.mode.name(), duty: drive.duty.to_f64() }
+    fn new(at: OperatingPoint, drive: Drive) -> Self {
+        Self { regime: at.regime(drive).name(), mode: drive.mode.name(), duty: drive.duty.to_f64() }
     }
 }
 
@@ -123,8 +124,8 @@ impl OperatingReport {
         let linear_current = braking::linear_current(&self.current, self.scheme.0, self.at, control);
         Placed {
             control: control.get(),
-            linear_duty: PlacedDrive::new(braking::linear_duty(self.scheme.0, self.at, control)),
-            linear_current: PlacedDrive::new(linear_current),
+            linear_duty: PlacedDrive::new(self.at, braking::linear_duty(self.scheme.0, self.at, control)),
+            linear_current: PlacedDrive::new(self.at, linear_current),
         }
     }
 

@@ -5,10 +5,10 @@
 //! rest 0.2 s | +65 % of the battery voltage 1.1 s | -65 % 1.1 s | +29 % 0.6 s | the bridge is open
 //! ```
 //!
-//! The largest travel of the motion in either direction, in counts, is announced first ([`travel`]). The largest
-//! travel follows from the configured back EMF. A smaller travel limit shortens the motion in proportion. If the
-//! motor has hardly moved by the end of the first phase, all phases become longer, up to eight times; the largest
-//! travel stays. Another set-point ends the motion.
+//! A client shows the largest travel of the motion in either direction, in counts, before the motion (see [`travel`]).
+//! The largest travel follows from the configured back EMF. A smaller travel limit shortens the motion in proportion.
+//! If the motor has hardly moved by the end of the first phase, all phases become longer, up to eight times; the
+//! largest travel stays. Another set-point ends the motion.
 //!
 //! The fit finds acceleration per volt, decay and friction. The fit also finds a constant load and a spring; both are
 //! reasons to [refuse](Refusal) a result. Other reasons are an encoder that sends no counts or counts in the wrong
@@ -18,9 +18,9 @@
 //! The fit is in single precision, a row at a time and by rotations, so a chip's FPU can compute it while the motor
 //! turns.
 //!
-//! The gain of a configured motor is not estimated while the motor works. Such an estimate has an error of some 10 %,
-//! which
-//! is worse than exact constants. With the estimate 1.7 % of random responses never settled, with exact constants 0.3 %. For an unknown motor the estimate is better than the initial guess.
+//! The gain of a configured motor is not estimated while the motor runs. Such an estimate has an error of some 10 %,
+//! which is worse than exact constants. With the estimate 1.7 % of random responses never settled, with exact constants
+//! 0.3 %. For an unknown motor the estimate is better than the initial guess.
 //!
 //! ```
 //! use motor_hub::braking::Winding;
@@ -60,8 +60,8 @@ const PHASES: [Phase; 3] = [
 ];
 /// Duration of all phases, in ms.
 const MOTION_MS: f32 = 2_800.0;
-/// Largest travel of any motor in these phases, as a time in s at the speed whose back EMF is the battery voltage: 65
-/// % of this speed for the 1.1 s of a phase. The 15 % more allow for a configured back EMF that is too large.
+/// Largest travel of a motor in these phases, divided by the speed at which the back EMF equals the battery voltage, in
+/// s: 65 % for the 1.1 s of a phase, and 15 % more for a configured back EMF that is too large.
 const TRAVEL_S: f32 = 1.15 * 0.65 * 1.1;
 /// Time in ms before the motion, with the bridge open, in which the motor must not turn.
 const REST_MS: u32 = 200;
@@ -181,7 +181,8 @@ impl Identifier {
     /// Takes a tick, after its newest sample. Returns the voltage until the next tick; `None` for an open bridge.
     /// `battery` is in V.
     ///
-    /// # Errors Returns the outcome, found or refused, if the identification has ended.
+    /// # Errors
+    /// Returns the outcome, found or refused, if the identification has ended.
     pub fn step(
         &mut self,
         emf: EmfConstant,
@@ -286,8 +287,8 @@ impl Excitation {
         }
     }
 
-    /// True if the present phase, with this planned length in ms, is over. If the first phase was made longer, the
-    /// other phases become longer by the same factor.
+    /// Lengthens the phases if the motor is slow. Returns true if the present phase, with this planned length in ms, is
+    /// over. If the first phase was made longer, the other phases become longer by the same factor.
     fn is_over(&mut self, length: f32) -> bool {
         let ms = self.phase_ms();
         if self.phase == 0 {

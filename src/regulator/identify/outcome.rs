@@ -49,7 +49,7 @@ pub struct Identified {
 pub enum Refusal {
     /// Another set-point stopped the identification.
     Stopped,
-    /// Encoder or battery could not be read.
+    /// A fault of the motor ended the identification, or no sample of the encoder came.
     Interrupted,
     /// The motor turned before it was driven.
     NotAtRest,
@@ -81,11 +81,15 @@ impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Stopped => "another request ended the identification",
-            Self::Interrupted => "encoder or battery could not be read",
-            Self::NotAtRest => "the motor was not at rest before the motion",
-            Self::TravelLimit => "the travel limit makes the motion too short",
-            Self::Battery => "the battery is below 6 V or sags by more than 30 %",
-            Self::TooFar => "the motor turned further than announced",
+            Self::Interrupted => {
+                "a fault ended the identification: see the motor's faults (encoder, battery, bridge, heat), then repeat"
+            }
+            Self::NotAtRest => "the motor was not at rest before the motion: wait until the motor stands",
+            Self::TravelLimit => "the travel limit makes the motion too short: allow more travel",
+            Self::Battery => "the battery is below 6 V or sags by more than 30 %: charge the battery",
+            Self::TooFar => {
+                "the motor turned further than announced: check that the configured winding is that of the motor"
+            }
             Self::NoCounts => {
                 "the encoder did not count: a stop, a jam, too heavy a load, or an unplugged encoder"
             }
@@ -97,7 +101,9 @@ impl fmt::Display for Refusal {
                  with the position, or lost counts"
             }
             Self::Unsure => "the motion has too few counts for an error below 10 %",
-            Self::Implausible => "the back EMF found is implausible for the configured motor",
+            Self::Implausible => {
+                "a constant found is implausible: configure the right motor, or check its gear and encoder"
+            }
         })
     }
 }

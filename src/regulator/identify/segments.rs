@@ -2,7 +2,8 @@
 //!
 //! A segment lasts some 40 ms or longer. The fit uses the mean values of a segment: the speed w, the position P, the
 //! running integral F of the voltage, and the time G. Two successive segments obey the motor's equation exactly, also
-//! if the voltage has changed within them. Primes mark the second segment:
+//! if the voltage has changed within them. Primes mark the second segment; b is the acceleration per volt, q the decay,
+//! c the friction in V, and load the acceleration by the load:
 //!
 //! ```text
 //! w' - w = b (F' - F) - q (P' - P) - (c b sign(w) - load) (G' - G)

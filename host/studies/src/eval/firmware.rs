@@ -186,7 +186,7 @@ pub(super) fn current_drive(
     let point = operating_point(winding.emf.emf(speed), battery_mv)?;
     let voltage = at.emf.0 + wanted * (motor.r.0 + 2.0 * bridge.ron.0);
     let control = Control::saturating((voltage / at.battery.0 * LARGEST_CONTROL as f64).round() as i64);
-    Ok(braking::linear_current(&current, Scheme::A, point, control).drive)
+    Ok(braking::linear_current(&current, Scheme::A, point, control))
 }
 
 fn full_range(case: &Case) -> Result<(), CaseError> {

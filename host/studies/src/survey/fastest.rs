@@ -79,10 +79,7 @@ impl Machine {
         let speed = CountsPerSecond::saturating_from_bits((256.0 * speed) as i64);
         let at = OperatingPoint::new(self.emf.emf(speed), self.battery)?;
         let placement = self.modulator.for_control(at, control);
-        if placement.drive == Drive::COAST {
-            return None;
-        }
-        Some(f64::from(self.modulator.applied(at, placement).to_volts()))
+        (placement.drive != Drive::COAST).then(|| f64::from(placement.voltage.to_volts()))
     }
 
     /// The lowest and the highest voltage of all control values at a speed.
