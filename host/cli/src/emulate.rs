@@ -3,15 +3,12 @@
 use crate::output::Failure;
 use std::path::PathBuf;
 
-/// The long help of the command.
-pub(crate) const HELP: &str = "\
-Runs a scenario twice, on an emulated chip and on the simulated board, and compares the two
-
-The emulated chip (nucleo-f429zi: STM32F427, nucleo-h743zi2: STM32H743) runs the board's unmodified image; its pins drive the \
-motors. The simulated board runs the same library. In the sources of this program the image is built first if it is out of date; \
-elsewhere give --image. Set-points take effect half a control period late, because the line needs time.";
-
-/// Options of `emulate`.
+/// Run a scenario on an emulated chip and on the simulated board, and compare the two
+///
+/// The emulated chip (nucleo-f429zi: STM32F427, nucleo-h743zi2: STM32H743) runs the board's unmodified image; its
+/// pins drive the motors. The simulated board runs the same library. In the sources of this program the image is
+/// built first if it is out of date; elsewhere give --image. Set-points take effect half a control period late,
+/// because the line needs time.
 #[derive(clap::Args)]
 #[cfg_attr(not(feature = "emulated"), expect(dead_code, reason = "read only where there is an emulator"))]
 pub(crate) struct Options {

@@ -3,7 +3,7 @@
 use crate::output::{Failure, Folder, drawn, print};
 use std::path::PathBuf;
 
-/// Options of `figures`.
+/// Draw the paper's figures, and the currents of control values, as SVG
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Folder for the figures

@@ -5,7 +5,7 @@ use clap::Command;
 use clap_mangen::Man;
 use std::path::PathBuf;
 
-/// Options of `man`.
+/// Write the manual pages of all commands
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Folder for the pages

@@ -24,28 +24,24 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Text of the long help.
-pub(crate) const HELP: &str = "\
-Serves a simulated hub in real time, for host software that speaks the REV Hub Serial Protocol
-
-The first line on standard output is the place for hosts to open: the path of a serial port, or an address and port. The hub \
-runs until it is stopped by Ctrl-C.
-
-Motors, loads and battery are those of a scenario. Its set-points are ignored, and may be missing: the host gives set-points. \
-The torques of a scenario act from the start. In the default scenario no load acts on the motors, and dry friction \
-is 6 % of the stall torque. All motors use Scheme A.
-
-The hub accepts one host at a time. It closes a second TCP connection, and reports that on standard error; a host that has \
-been silent for 5 s gives way instead. Standard error also \
-reports when this machine is too slow for real time.
-
-`motor-hub client scan` finds the hub by a note in a folder of this user: motor-hub in XDG_RUNTIME_DIR, else in the folder for \
-temporary files. The note is removed at the end.";
-
 /// Time in seconds after which the hub counts as started, even if its battery prevents that motors are enabled.
 const AWAKE_S: f64 = 0.5;
 
-/// Line, and hub to serve.
+/// Serve a simulated hub in real time, for host software that speaks the REV Hub Serial Protocol
+///
+/// The first line on standard output is the place for hosts to open: the path of a serial port, or an address and
+/// port. The hub runs until it is stopped by Ctrl-C.
+///
+/// Motors, loads and battery are those of a scenario. Its set-points are ignored, and may be missing: the host gives
+/// set-points. The torques of a scenario act from the start. In the default scenario no load acts on the motors, and
+/// dry friction is 6 % of the stall torque. All motors use Scheme A.
+///
+/// The hub accepts one host at a time. It closes a second TCP connection, and reports that on standard error; a host
+/// that has been silent for 5 s gives way instead. Standard error also reports when this machine is too slow for real
+/// time.
+///
+/// `motor-hub client scan` finds the hub by a note in a folder of this user: motor-hub in XDG_RUNTIME_DIR, else in
+/// the folder for temporary files. The note is removed at the end.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]

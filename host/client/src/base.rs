@@ -24,6 +24,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use crate::error::if_known;
 use crate::{Error, Session};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::base::OdometryReport;
@@ -75,10 +76,6 @@ impl Part {
     }
 }
 
-/// What is allowed of a base, for hosts that refuse one.
-pub const BASE_LIMITS: &str = "the base is out of range; allowed are wheels and a track of 1 mm to 10 m, and counts per turn from 1 to \
-                               2147483, negative for a motor that counts down while its wheel drives forward";
-
 impl<L: Read + Write> Session<L> {
     /// Configures the drive base, which then starts at the origin, and waits until the hub has applied the settings. Both motors must be
     /// disabled. Needs this project's firmware.
@@ -95,11 +92,7 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// See [`Session::ask`].
     pub fn base_if_reported(&mut self) -> Result<Option<BaseSettings>, Error> {
-        match self.ask(HubFunction::Base) {
-            Ok(base) => Ok(Some(base)),
-            Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
-            Err(error) => Err(error),
-        }
+        if_known(self.ask(HubFunction::Base))
     }
 
     /// Where the drive base is, and the state of its gyro. Needs this project's firmware.

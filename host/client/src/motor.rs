@@ -20,6 +20,7 @@
 //! # Ok::<(), motor_hub_client::Error>(())
 //! ```
 
+use crate::error::if_known;
 use crate::{Error, Session};
 use motor_hub::braking::Winding;
 use motor_hub::extension::report::Condition;
@@ -63,15 +64,11 @@ impl<L: Read + Write> Session<L> {
     pub fn stop_abandoned(&mut self) -> Result<Vec<u8>, Error> {
         let mut found = Vec::new();
         for motor in 0..CHANNELS as u8 {
-            match self.enabled(motor) {
-                Ok(false) => (),
-                Ok(true) => {
-                    self.enable(motor, false)?;
-                    found.push(motor);
-                }
-                // A hub with fewer motors.
-                Err(Error::Refused { .. } | Error::TooOld { .. }) => break,
-                Err(error) => return Err(error),
+            // A hub with fewer motors refuses.
+            let Some(enabled) = if_known(self.enabled(motor))? else { break };
+            if enabled {
+                self.enable(motor, false)?;
+                found.push(motor);
             }
         }
         Ok(found)

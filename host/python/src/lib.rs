@@ -5,7 +5,7 @@
 
 mod reading;
 
-use motor_hub_client::base::{BASE_LIMITS, Part};
+use motor_hub_client::base::Part;
 use motor_hub_client::line::{Line, ports};
 use motor_hub_client::motor_hub::extension::HubFunction;
 use motor_hub_client::motor_hub::extension::group::{GroupCourse, GroupState};
@@ -280,14 +280,9 @@ impl Link {
         use_gyro: bool,
     ) -> PyResult<()> {
         let wheels = [channel(wheels.0)?, channel(wheels.1)?];
-        if wheels[0] == wheels[1] {
-            return Err(PyValueError::new_err(
-                "both wheels have the same motor; give each wheel a motor of its own",
-            ));
-        }
         let base = DriveBase { wheel_diameter_mm, track_mm, counts_per_turn: counts_per_turn.into() };
-        let base =
-            BaseSettings::new(wheels, &base, use_gyro).map_err(|_| PyValueError::new_err(BASE_LIMITS))?;
+        let base = BaseSettings::new(wheels, &base, use_gyro);
+        let base = base.map_err(|error| PyValueError::new_err(error.to_string()))?;
         self.run(py, |session| session.set_base(base))
     }
 

@@ -10,27 +10,24 @@ use motor_hub::extension::group::GroupCourse;
 use motor_hub::group::{BaseSettings, DriveBase, GroupCommand, GyroState};
 use motor_hub::protocol::CHANNELS;
 use motor_hub_client::Session;
-use motor_hub_client::base::{BASE_LIMITS, Part};
+use motor_hub_client::base::Part;
 use motor_hub_client::line::Line;
 use serde_json::json;
 use std::time::{Duration, Instant};
-
-/// Text of the long help of `drive`.
-pub(super) const HELP: &str = "\
-Drives a base with two wheels along straight lines and through turns, then disables its motors, on hubs of this project
-
-Options for the base configure it, and it then starts at the origin. Without them the hub's base goes on from where it is. `settings \
-save` stores the base.
-
-The hub counts where the base is: `odometry` shows that afterwards. With --use-gyro the hub reads a BNO055 on I2C bus 0, and the \
-base holds the heading of the gyro, although wheels slip or are unlike. If the gyro fails, the base goes on by its encoders, and the \
-command says so.";
 
 /// Longest wait for the first reading of the gyro. A BNO055 answers 0.65 s after its supply is on, and the hub tries once a second.
 const GYRO_START: Duration = Duration::from_secs(3);
 const POLL: Duration = Duration::from_millis(50);
 
-/// Dimensions of the base, and its course.
+/// Drives a base with two wheels along straight lines and through turns, then disables its motors, on hubs of this
+/// project
+///
+/// Options for the base configure it, and it then starts at the origin. Without them the hub's base goes on from
+/// where it is. `settings save` stores the base.
+///
+/// The hub counts where the base is: `odometry` shows that afterwards. With --use-gyro the hub reads a BNO055 on I2C
+/// bus 0, and the base holds the heading of the gyro, although wheels slip or are unlike. If the gyro fails, the base
+/// goes on by its encoders, and the command says so.
 #[derive(clap::Args)]
 pub(super) struct Options {
     /// Parts of the course in their order: straight=MM, backward if negative, or turn=DEGREES, positive to the left
@@ -86,8 +83,7 @@ fn pair(text: &str) -> Result<[f64; 2], String> {
 fn wheels(text: &str) -> Result<[u8; 2], String> {
     let parse = |motor: &str| motor.parse().ok().filter(|motor| usize::from(*motor) < CHANNELS);
     let wheels = text.split_once(',').and_then(|(left, right)| Some([parse(left)?, parse(right)?]));
-    let wheels = wheels.filter(|[left, right]| left != right);
-    wheels.ok_or_else(|| format!("give two different motors from 0 to {}, as 0,1", CHANNELS - 1))
+    wheels.ok_or_else(|| format!("give two motors from 0 to {}, as 0,1", CHANNELS - 1))
 }
 
 impl Options {
@@ -97,7 +93,7 @@ impl Options {
         let Some(((wheel_diameter_mm, track_mm), counts_per_turn)) = dimensions else { return Ok(None) };
         let base = DriveBase { wheel_diameter_mm, track_mm, counts_per_turn };
         let base = BaseSettings::new(self.wheels, &base, self.use_gyro);
-        base.map(Some).map_err(|_| Failure::input(BASE_LIMITS))
+        base.map(Some).map_err(Failure::input)
     }
 
     fn command(
@@ -179,7 +175,7 @@ fn await_gyro(session: &mut Session<Line>) -> Result<OdometryReport, Failure> {
     }
 }
 
-/// Output of `odometry`.
+/// Shows where the drive base is: position and heading since `drive` has begun, on hubs of this project
 #[derive(clap::Args)]
 pub(super) struct OdometryOptions {
     /// JSON instead of text

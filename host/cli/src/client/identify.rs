@@ -22,21 +22,18 @@ use std::time::{Duration, Instant};
 use studies::identify::{self, found_table, words};
 use studies::table;
 
-/// Text of the long help.
-pub(super) const HELP: &str = "\
-Identifies a motor with its load, compares it with the catalogue, and proposes settings, on hubs of this project
-
-Configure the motor first, for example by `setup 0 --type \"NeveRest 60\"`: the result depends on its winding. The motor must \
-stand, and be free to turn. The motion takes some 3 s. The motor is disabled at the end, on Ctrl-C, and on any error.
-
-Proposed are the identified motion, and a largest acceleration of half of what the battery gives the motor at rest. The motor \
-can reach that acceleration up to half of its free speed, so it does not lag behind its set-point. With --apply the settings \
-are in force until the hub's reset; coefficients set by a host are dropped.";
-
 /// Time-out of an identification; the slowest motor needs half of it.
 const LONGEST: Duration = Duration::from_secs(30);
 
-/// Motor, travel limit, and use of the result.
+/// Identifies a motor, compares it with the catalogue, and proposes settings, on hubs of this project
+///
+/// Configure the motor first, for example by `setup 0 --type "NeveRest 60"`: the result depends on its winding. The
+/// motor must stand, and be free to turn. The motion takes some 3 s. The motor is disabled at the end, on Ctrl-C, and
+/// on any error.
+///
+/// Proposed are the identified motion, and a largest acceleration of half of what the battery gives the motor at
+/// rest. The motor can reach that acceleration up to half of its free speed, so it does not lag behind its set-point.
+/// With --apply the settings are in force until the hub's reset; coefficients set by a host are dropped.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motor 0 to 3

@@ -8,7 +8,7 @@ use serde_json::json;
 /// Path of the udev rule that gives access to a port without membership of a group.
 const RULE: &str = "boards/nucleo-f429zi/70-motor-hub.rules";
 
-/// Form of the output.
+/// Lists the serial ports of this machine
 #[derive(clap::Args)]
 pub(super) struct Options {
     /// JSON instead of text

@@ -17,18 +17,16 @@ use std::thread;
 use std::time::Duration;
 use studies::table;
 
-/// Text of the long help.
-pub(super) const HELP: &str = "\
-Looks for hubs on all serial ports of this machine, at hubs that this user serves (`motor-hub serve`), and at the given \
-places: paths, such as the --link of a served hub, or HOST:PORT
-
-The scan opens every serial port and sends a discovery of 11 bytes at 460800 baud. Give --only if these bytes might disturb \
-another connected device. Motors that are found enabled are disabled. A served hub that has a host is listed as in use, and \
-receives nothing.
-
-Exit codes: 0 a hub was found; 1 no hub was found.";
-
-/// Places to scan.
+/// Looks for hubs on all serial ports of this machine and at given places
+///
+/// Also looks at hubs that this user serves (`motor-hub serve`). Places are paths, such as the --link of a served
+/// hub, or HOST:PORT.
+///
+/// The scan opens every serial port and sends a discovery of 11 bytes at 460800 baud. Give --only if these bytes
+/// might disturb another connected device. Motors that are found enabled are disabled. A served hub that has a host
+/// is listed as in use, and receives nothing.
+///
+/// Exit codes: 0 a hub was found; 1 no hub was found.
 #[derive(clap::Args)]
 pub(super) struct Options {
     /// Serial ports that the system does not list, links to ports, or HOST:PORT

@@ -17,7 +17,9 @@ use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::line::Line;
 use std::time::Duration;
 
-/// Motors, targets, and limits of the motion.
+/// Moves motors in step to positions, or at speeds, then disables them, on hubs of this project
+///
+/// All motors travel in proportion. If a motor lags, the others wait for it.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motors 0 to 3 with their target positions in counts, as 0=1000 1=-500; of another hub of a chain as 3:0=1000

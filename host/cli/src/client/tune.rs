@@ -11,20 +11,17 @@ use serde_json::json;
 use studies::identify::words;
 use studies::table;
 
-/// Text of the long help.
-pub(super) const HELP: &str = "\
-Configures a new motor: sets it up, identifies it, applies and stores the result, on hubs of this project
-
-One command in place of `setup 0 --type NAME`, `identify 0 --apply` and `settings save`. The motor must stand, and be free to \
-turn with its load. The motion takes some 3 s. The motor is disabled at the end, on Ctrl-C, and on any error.
-
-Unlike `identify --apply` it sets no acceleration limit, so the motor takes what the battery gives; --gentle sets the limit that \
-`identify` proposes. Without --save everything is in force until the hub's reset.
-
-If the motor is not identified, for example because something pulls at it all the time, its set-up stays in force and the hub \
-learns while the motor works. Nothing is then stored, and the exit code is 1.";
-
-/// Motor, and use of the result.
+/// Configures a new motor: sets it up, identifies it, applies and stores the result, on hubs of this project
+///
+/// One command in place of `setup 0 --type NAME`, `identify 0 --apply` and `settings save`. The motor must stand, and
+/// be free to turn with its load. The motion takes some 3 s. The motor is disabled at the end, on Ctrl-C, and on any
+/// error.
+///
+/// Unlike `identify --apply` it sets no acceleration limit, so the motor takes what the battery gives; --gentle sets
+/// the limit that `identify` proposes. Without --save everything is in force until the hub's reset.
+///
+/// If the motor is not identified, for example because something pulls at it all the time, its set-up stays in force
+/// and the hub learns while the motor works. Nothing is then stored, and the exit code is 1.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motor 0 to 3
