@@ -34,7 +34,7 @@ impl Options {
 
     #[cfg(feature = "emulated")]
     pub(crate) fn execute(self) -> Result<(), Failure> {
-        use crate::output::{Folder, drawn, print, progress};
+        use crate::output::{Folder, drawn, print, print_paths, progress};
         use emulated::{Board, elf, replay};
         use simulated::scenario::Scenario;
         use simulated::sim;
@@ -55,8 +55,7 @@ impl Options {
         bar.finish_and_clear();
         let overlay = Overlay::new(scenario, board.chip(), emulated, simulated);
         print(&overlay.tables())?;
-        let files = folder.write_all(drawn(&[("overlay".to_owned(), overlay.figure())]))?;
-        print(&files.iter().map(|file| format!("{}\n", file.display())).collect::<String>())
+        print_paths(&folder.write_all(drawn(&[("overlay".to_owned(), overlay.figure())]))?)
     }
 }
 

@@ -109,7 +109,7 @@ mod tests {
     use super::*;
     use clap::{Arg, Command as Clap};
 
-    /// What a parser of the standard library or of clap says, who know neither quantity nor unit.
+    /// Texts of parsers of the standard library and of clap, which name neither quantity nor unit.
     const BARE: [&str; 6] = [
         "invalid digit",
         "invalid float",
@@ -140,7 +140,7 @@ mod tests {
         }
     }
 
-    /// Of each command its help, short and long.
+    /// The short and the long help of each command.
     fn pages(path: &str, command: &mut Clap, all: &mut Vec<(String, String)>) {
         let both = [command.render_help(), command.render_long_help()];
         all.extend(both.map(|page| (path.to_owned(), page.to_string())));

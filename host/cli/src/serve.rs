@@ -59,26 +59,26 @@ pub(crate) struct Options {
     /// is built first if it is out of date; the hub's address is 2
     #[arg(long, conflicts_with_all = ["address", "hubs", "store"])]
     emulated: bool,
-    /// Board of the image: nucleo-f429zi or nucleo-h743zi2
-    #[arg(long, value_name = "BOARD", default_value = "nucleo-f429zi", requires = "emulated")]
+    #[command(flatten)]
     #[cfg_attr(
         not(feature = "emulated"),
         expect(dead_code, reason = "read only where there is an emulator")
     )]
+    image: ImageOptions,
+}
+
+/// The image that `--emulated` serves.
+#[derive(clap::Args)]
+#[cfg_attr(not(feature = "emulated"), expect(dead_code, reason = "read only where there is an emulator"))]
+struct ImageOptions {
+    /// Board of the image: nucleo-f429zi or nucleo-h743zi2
+    #[arg(long, value_name = "BOARD", default_value = "nucleo-f429zi", requires = "emulated")]
     board: String,
     /// ELF file of the image, instead of building one
     #[arg(long, value_name = "FILE", requires = "emulated", conflicts_with = "bootloader")]
-    #[cfg_attr(
-        not(feature = "emulated"),
-        expect(dead_code, reason = "read only where there is an emulator")
-    )]
     image: Option<PathBuf>,
     /// Starts the board's bootloader first, so that `client update` works; nucleo-h743zi2 only
     #[arg(long, requires = "emulated")]
-    #[cfg_attr(
-        not(feature = "emulated"),
-        expect(dead_code, reason = "read only where there is an emulator")
-    )]
     bootloader: bool,
 }
 
@@ -114,9 +114,10 @@ impl Options {
     fn serve_an_image(self) -> Result<(), Failure> {
         use emulated::{Board, elf};
 
-        let board: Board = self.board.parse().map_err(Failure::input)?;
-        elf::choose(self.image.as_deref()).map_err(Failure::input)?;
-        if self.bootloader && board.bootloader().is_none() {
+        let ImageOptions { board, image, bootloader } = self.image;
+        let board: Board = board.parse().map_err(Failure::input)?;
+        elf::choose(image.as_deref()).map_err(Failure::input)?;
+        if bootloader && board.bootloader().is_none() {
             return Err(Failure::Input(format!(
                 "--bootloader: {board} has no bootloader; give --board nucleo-h743zi2"
             )));
@@ -129,7 +130,7 @@ impl Options {
             ));
         }
         self.serving.execute(emulated::serve::scenario, |scenario, line, show| {
-            emulated::serve::run(scenario, board, self.bootloader, line, show)
+            emulated::serve::run(scenario, board, bootloader, line, show)
         })
     }
 }
@@ -193,7 +194,7 @@ impl Serving {
         #[cfg(unix)]
         let (named, mut note) = (self.named(&line)?, None::<Option<Note>>);
         let stopped = stop_flag()?;
-        let mut notices = Notices::new();
+        let mut notices = Notices::default();
         let mut said_so = Ok(());
         let bar = ProgressBar::new_spinner();
         let mut shown_s = 0.0;

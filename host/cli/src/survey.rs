@@ -1,6 +1,6 @@
 //! `motor-hub survey`.
 
-use crate::output::{Failure, Folder, Report, in_steps, print};
+use crate::output::{Failure, Folder, Report, in_steps, print_paths};
 use crate::parse::whole;
 use serde_json::json;
 use std::path::PathBuf;
@@ -69,8 +69,7 @@ impl Options {
         if let Some(number) = self.dump {
             let name = format!("survey-{}-{number}.toml", self.seed);
             let text = toml(&random::scenario(self.seed, number));
-            let files = folder.write_all(vec![(name, text.into_bytes())])?;
-            return files.iter().try_for_each(|file| print(&format!("{}\n", file.display())));
+            return print_paths(&folder.write_all(vec![(name, text.into_bytes())])?);
         }
         let wanted = |part| self.only.is_none_or(|only| only == part);
         let (reference, cells, survey) = in_steps("runs", |step| {

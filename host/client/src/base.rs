@@ -29,9 +29,10 @@ use crate::{Error, Session};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::base::OdometryReport;
 use motor_hub::extension::group::GroupCourse;
-use motor_hub::group::{BaseSettings, GroupCommand};
+use motor_hub::group::{BaseSettings, GroupCommand, GyroState};
 use motor_hub::protocol::CHANNELS;
 use motor_hub::units::{Acceleration, RangeError};
+use serde::Serialize;
 use std::io::{Read, Write};
 
 /// A part of a base's course.
@@ -73,6 +74,44 @@ impl Part {
         let [acceleration, _] = geometry.speeds(acceleration_mm_per_s2, 0.0)?;
         let acceleration = Acceleration::new(acceleration.round().unsigned_abs().max(1))?;
         Ok((to, GroupCommand::new(GroupCourse::To(course), speed, acceleration)))
+    }
+}
+
+/// Where a drive base is, for people and programs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct OdometryValues {
+    /// Distance forward from the start in mm.
+    pub x_mm: f64,
+    /// Distance to the left of the start in mm.
+    pub y_mm: f64,
+    /// Angle by which the base has turned left, in degrees, with whole turns.
+    pub heading_degrees: f64,
+    /// Corrected positions of the left and the right wheel in counts.
+    pub counts: [i32; 2],
+    /// State of the gyro: `unused`, `waiting`, `good`, `lost` or `implausible`.
+    pub gyro: &'static str,
+    /// Number of times that the gyro was lost.
+    pub gyro_losses: u32,
+}
+
+impl OdometryValues {
+    /// The values of a report.
+    pub fn of(report: &OdometryReport) -> Self {
+        let gyro = match report.gyro {
+            GyroState::Unused => "unused",
+            GyroState::Waiting => "waiting",
+            GyroState::Good => "good",
+            GyroState::Lost => "lost",
+            GyroState::Implausible => "implausible",
+        };
+        Self {
+            x_mm: f64::from(report.x_um) / 1e3,
+            y_mm: f64::from(report.y_um) / 1e3,
+            heading_degrees: f64::from(report.heading_millidegrees) / 1e3,
+            counts: report.counts,
+            gyro,
+            gyro_losses: report.losses.into(),
+        }
     }
 }
 

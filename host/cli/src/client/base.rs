@@ -10,9 +10,8 @@ use motor_hub::extension::group::GroupCourse;
 use motor_hub::group::{BaseSettings, DriveBase, GroupCommand, GyroState};
 use motor_hub::protocol::CHANNELS;
 use motor_hub_client::Session;
-use motor_hub_client::base::Part;
+use motor_hub_client::base::{OdometryValues, Part};
 use motor_hub_client::line::Line;
-use serde_json::json;
 use std::time::{Duration, Instant};
 
 /// Longest wait for the first reading of the gyro. A BNO055 answers 0.65 s after its supply is on, and the hub tries once a second.
@@ -189,20 +188,12 @@ impl OdometryOptions {
         if !self.json {
             return print(&text(&report));
         }
-        print_json(&json!({
-            "x_mm": f64::from(report.x_um) / 1e3,
-            "y_mm": f64::from(report.y_um) / 1e3,
-            "heading_degrees": f64::from(report.heading_millidegrees) / 1e3,
-            "counts": report.counts,
-            "gyro": gyro_word(report.gyro),
-            "gyro_losses": report.losses,
-        }))
+        print_json(&OdometryValues::of(&report))
     }
 }
 
 fn text(report: &OdometryReport) -> String {
-    let [x, y] = [report.x_um, report.y_um].map(|um| f64::from(um) / 1e3);
-    let degrees = f64::from(report.heading_millidegrees) / 1e3;
+    let OdometryValues { x_mm, y_mm, heading_degrees, .. } = OdometryValues::of(report);
     let gyro = match report.gyro {
         GyroState::Unused => "by the encoders",
         GyroState::Waiting => "by the encoders: the gyro has given no reading yet",
@@ -212,15 +203,5 @@ fn text(report: &OdometryReport) -> String {
     };
     let losses =
         if report.losses == 0 { String::new() } else { format!(", gyro lost {} times", report.losses) };
-    format!("x {x:.1} mm, y {y:.1} mm, heading {degrees:.2} degrees {gyro}{losses}\n")
-}
-
-const fn gyro_word(gyro: GyroState) -> &'static str {
-    match gyro {
-        GyroState::Unused => "unused",
-        GyroState::Waiting => "waiting",
-        GyroState::Good => "good",
-        GyroState::Lost => "lost",
-        GyroState::Implausible => "implausible",
-    }
+    format!("x {x_mm:.1} mm, y {y_mm:.1} mm, heading {heading_degrees:.2} degrees {gyro}{losses}\n")
 }

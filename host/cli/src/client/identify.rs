@@ -20,7 +20,7 @@ use motor_hub_client::line::Line;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 use studies::identify::{self, found_table, words};
-use studies::table;
+use studies::{table, with_fields};
 
 /// Time-out of an identification; the slowest motor needs half of it.
 const LONGEST: Duration = Duration::from_secs(30);
@@ -59,12 +59,8 @@ impl Options {
         let outcome = identify(session, motor, self.travel, !self.json)?;
         let Identification::Found(found) = outcome else {
             if self.json {
-                let mut document = identify::json(outcome);
-                if let Some(object) = document.as_object_mut() {
-                    object.insert("motor".into(), json!(motor));
-                    object.insert("applied".into(), json!(false));
-                }
-                print_json(&document)?;
+                let more = json!({ "motor": motor, "applied": false });
+                print_json(&with_fields(identify::json(outcome), more))?;
             }
             return Err(Failure::Work(format!("motor {motor} was not identified: {}", words(outcome))));
         };
@@ -118,17 +114,15 @@ impl Options {
         before: &MotorSettings,
         after: &MotorSettings,
     ) -> Value {
-        let mut document = identify::json(Identification::Found(*found));
-        if let Some(object) = document.as_object_mut() {
-            object.insert("motor".into(), json!(self.motor.number));
-            object.insert("catalogue".into(), json!(bare.map(|(motor, _)| motor.name)));
-            let times = bare.map(|(_, dynamics)| inertia_ratio(dynamics, &found.dynamics));
-            object.insert("inertia_to_bare_motor".into(), json!(times));
-            object.insert("now".into(), motion_json(before));
-            object.insert("proposed".into(), motion_json(after));
-            object.insert("applied".into(), json!(self.apply));
-        }
-        document
+        let more = json!({
+            "motor": self.motor.number,
+            "catalogue": bare.map(|(motor, _)| motor.name),
+            "inertia_to_bare_motor": bare.map(|(_, dynamics)| inertia_ratio(dynamics, &found.dynamics)),
+            "now": motion_json(before),
+            "proposed": motion_json(after),
+            "applied": self.apply,
+        });
+        with_fields(identify::json(Identification::Found(*found)), more)
     }
 }
 

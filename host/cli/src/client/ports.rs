@@ -21,9 +21,7 @@ impl Options {
         if !self.json {
             return print(&list()?);
         }
-        let ports = all()?;
-        let ports = ports.iter().map(|port| json!({ "path": port.path, "description": port.description }));
-        print_json(&json!({ "ports": ports.collect::<Vec<_>>() }))
+        print_json(&json!({ "ports": all()? }))
     }
 }
 

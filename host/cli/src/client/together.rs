@@ -8,10 +8,8 @@ use crate::output::{Failure, print};
 use crate::parse::{MotorName, common_hub, whole, within_a_day};
 use motor_hub::extension::group::{GroupCourse, GroupState};
 use motor_hub::group::{GroupCommand, Halt, TOLERANCE};
-use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::CHANNELS;
-use motor_hub::protocol::motor::RunMode;
-use motor_hub::units::{Acceleration, Control, CountsPerSecond};
+use motor_hub::units::{Acceleration, CountsPerSecond};
 use motor_hub_client::Session;
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::line::Line;
@@ -162,8 +160,7 @@ pub(super) fn lead(
 /// Enables motors with power 0, so that they brake.
 pub(super) fn stand(session: &mut DrivingSession<'_, Line>, motors: &[u8]) -> Result<(), Failure> {
     for &motor in motors {
-        session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
-        session.set_power(motor, Control::ZERO)?;
+        session.brake(motor)?;
         session.enable(motor)?;
     }
     Ok(())

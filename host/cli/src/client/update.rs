@@ -78,7 +78,7 @@ impl Options {
         let (image, seal) = self.read()?;
         let session = &mut hub.open(None)?;
         let before = session.version()?;
-        // After a signal the hub is told to forget the image, so that it does not wait for the rest.
+        // After a signal the command makes the hub forget the image, so that the hub does not wait for the rest.
         interrupt::listen()?;
         let bar = progress(Some(image.bytes.len() as u64), "bytes");
         let mut updating = Updating::begin(session, image, seal)?;
