@@ -20,7 +20,6 @@ mod setup;
 mod shaft_speed;
 mod status;
 mod together;
-mod tune;
 mod update;
 mod watch;
 
@@ -84,7 +83,6 @@ enum Command {
     Settings(settings::Options),
     Update(update::Options),
     Identify(identify::Options),
-    Tune(tune::Options),
     Servo(devices::ServoOptions),
     Analog(devices::AnalogOptions),
     Digital(devices::DigitalOptions),
@@ -142,7 +140,6 @@ impl Command {
             Self::Settings(options) => return options.execute(hub),
             Self::Update(options) => return options.execute(hub),
             Self::Identify(options) => return options.execute(hub),
-            Self::Tune(options) => return options.execute(hub),
             Self::Watch(options) => return options.execute(hub),
             Self::Servo(options) => return options.execute(hub),
             Self::Analog(options) => return options.execute(hub),
