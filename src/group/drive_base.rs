@@ -142,21 +142,20 @@ impl BaseSettings {
     /// Rounds the dimensions of a base.
     ///
     /// # Errors
-    /// [`RangeError::Motor`] if both wheels have the same motor, [`RangeError::Distance`] if a dimension is out of
-    /// range.
+    /// [`RangeError::DriveBase`] if both wheels have the same motor, or if a dimension is out of range.
     pub fn new(wheels: [u8; 2], base: &DriveBase, use_gyro: bool) -> Result<Self, RangeError> {
         let [left, right] = wheels;
         if left == right {
-            return Err(RangeError::Motor);
+            return Err(RangeError::DriveBase);
         }
         let length = |mm: f64| {
             let um = nearest(1e3 * mm).and_then(|um| u32::try_from(um).ok());
-            um.filter(|um| Self::LENGTHS_UM.contains(um)).ok_or(RangeError::Distance)
+            um.filter(|um| Self::LENGTHS_UM.contains(um)).ok_or(RangeError::DriveBase)
         };
         let counts = |counts: f64| {
             let thousandths = nearest(1e3 * counts).and_then(|counts| i32::try_from(counts).ok());
             let least = Self::LEAST_COUNTS_THOUSANDTHS;
-            thousandths.filter(|counts| counts.unsigned_abs() >= least).ok_or(RangeError::Distance)
+            thousandths.filter(|counts| counts.unsigned_abs() >= least).ok_or(RangeError::DriveBase)
         };
         let [left, right] = base.counts_per_turn;
         Ok(Self {

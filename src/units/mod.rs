@@ -137,6 +137,8 @@ pub enum RangeError {
     Thermal,
     /// The hub has no motor with this index.
     Motor,
+    /// A drive base must have two different motors, and its dimensions must be in their ranges. The message lists them.
+    DriveBase,
 }
 
 impl core::fmt::Display for RangeError {
@@ -166,6 +168,10 @@ impl core::fmt::Display for RangeError {
             Self::Sense => "current sense: reference and millivolts per ampere must be above 0",
             Self::Thermal => "thermal limit: current must be above 0 mA, time constants above 0 s",
             Self::Motor => "the hub has no motor with this index",
+            Self::DriveBase => {
+                "drive base must have two different motors, wheels and a track of 1 mm to 10 m, and counts per turn of \
+                 1 to 2147483, negative for a motor that counts down while its wheel drives forward"
+            }
         })
     }
 }

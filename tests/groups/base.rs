@@ -202,7 +202,7 @@ fn a_base_needs_two_motors_of_the_hub() {
     for wheels in [[0, 2], [1, 1]] {
         assert_eq!(robot.configure(BaseSettings { wheels, ..good }), Err(RangeError::Motor));
     }
-    assert_eq!(BaseSettings::new([1, 1], &BASE, true), Err(RangeError::Motor));
+    assert_eq!(BaseSettings::new([1, 1], &BASE, true), Err(RangeError::DriveBase));
     for wrong in [
         DriveBase { wheel_diameter_mm: 0.999, ..BASE },
         DriveBase { track_mm: 10_000.1, ..BASE },
@@ -210,7 +210,7 @@ fn a_base_needs_two_motors_of_the_hub() {
         DriveBase { counts_per_turn: [0.9, 1_680.0], ..BASE },
         DriveBase { counts_per_turn: [1_680.0, 3e6], ..BASE },
     ] {
-        assert_eq!(BaseSettings::new([0, 1], &wrong, true), Err(RangeError::Distance), "{wrong:?}");
+        assert_eq!(BaseSettings::new([0, 1], &wrong, true), Err(RangeError::DriveBase), "{wrong:?}");
     }
 }
 

@@ -20,7 +20,6 @@ mod setup;
 mod shaft_speed;
 mod status;
 mod together;
-mod tune;
 mod update;
 mod watch;
 
@@ -34,24 +33,21 @@ use motors_off::stop_abandoned;
 use serde_json::json;
 use studies::table;
 
-/// Text of the long help.
-pub(crate) const HELP: &str = "\
-Commands for a hub that speaks the REV Hub Serial Protocol, real or simulated
-
-Without --address the hub on the line is found by discovery. A hub behind that hub is named by --address, or with the motor: \
-3:0 is motor 0 of the hub at address 3.
-
-A command that runs motors disables them when it ends: normally, after an error, after a panic, or by Ctrl-C, SIGTERM, \
-SIGQUIT or SIGHUP (closed terminal). Ctrl-Z ends it too, instead of suspending it. It reports that on standard error, unless \
-it ended normally. After SIGKILL, and after the console window of Windows is closed, the hub receives nothing more, and \
-disables all motors after its keep-alive timeout of 2.5 s. `stop` disables all motors immediately.
-
-Any packet resets the hub's keep-alive. Each command, also `status` and `watch`, therefore first disables motors that it \
-finds enabled, and reports that. A line has one host at a time, so the host that enabled them is gone.
-
-Exit codes: 0 done; 1 no answer, a refusal, or a position or velocity that was not reached; 2 wrong options.";
-
-/// The hub, and the command.
+/// Commands for a hub that speaks the REV Hub Serial Protocol, real or simulated
+///
+/// Without --address the hub on the line is found by discovery. A hub behind that hub is named by --address, or with
+/// the motor: 3:0 is motor 0 of the hub at address 3.
+///
+/// A command that runs motors disables them when it ends: normally, after an error, after a panic, or by Ctrl-C,
+/// SIGTERM, SIGQUIT or SIGHUP (closed terminal). Ctrl-Z ends it too, instead of suspending it. It reports that on
+/// standard error, unless it ended normally. After SIGKILL, and after the console window of Windows is closed, the
+/// hub receives nothing more, and disables all motors after its keep-alive timeout of 2.5 s. `stop` disables all
+/// motors immediately.
+///
+/// Any packet resets the hub's keep-alive. Each command, also `status` and `watch`, therefore first disables motors
+/// that it finds enabled, and reports that. A line has one host at a time, so the host that enabled them is gone.
+///
+/// Exit codes: 0 done; 1 no answer, a refusal, or a position or velocity that was not reached; 2 wrong options.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
@@ -62,10 +58,7 @@ pub(crate) struct Options {
 
 #[derive(clap::Subcommand)]
 enum Command {
-    /// Lists the serial ports of this machine
     Ports(ports::Options),
-    /// Looks for hubs on all serial ports of this machine and at given places
-    #[command(long_about = scan::HELP)]
     Scan(scan::Options),
     /// Lists all hubs on the line
     Discover {
@@ -73,54 +66,25 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Shows status, version, battery, LED and all motors; disables running motors first
     Status(status::Options),
-    /// Lists the last faults and resets, on hubs of this project
-    #[command(long_about = faults::HELP)]
     Faults(faults::Options),
     #[command(flatten)]
     Drive(drive::Drive),
-    /// Drives motors as the four commands above, and records the values: CSV, and a chart of each motor
-    #[command(long_about = record::HELP)]
     Record(record::Options),
-    /// Drives motors by keys, while a key is held
-    #[command(long_about = jog::help(), verbatim_doc_comment)]
     Jog(jog::Options),
-    /// Moves motors in step to positions, or at speeds, then disables them, on hubs of this project
-    ///
-    /// All motors travel in proportion. If a motor lags, the others wait for it.
     Together(together::Options),
-    /// Drives a base with two wheels along straight lines and through turns, then disables its motors, on hubs of this project
-    #[command(name = "drive", long_about = base::HELP)]
+    #[command(name = "drive")]
     DriveBase(base::Options),
-    /// Shows where the drive base is: position and heading since `drive` has begun, on hubs of this project
     Odometry(base::OdometryOptions),
     /// Disables all motors of all hubs on the line immediately (fail-safe); with --address, of one hub
     Stop,
-    /// Reads a loop's coefficients, or sets the given ones and keeps the others
     Coefficients(coefficients::Options),
-    /// Shows or configures the connected motor and its control, on hubs of this project
-    ///
-    /// A change of motor, constants, scheme or duty also resets coefficients and motion to that motor's defaults. Settings
-    /// are lost at a reset unless they are saved: see `settings`.
     Setup(setup::Options),
-    /// Shows, saves, loads, resets, exports or imports stored settings, on hubs of this project
-    #[command(long_about = settings::HELP)]
     Settings(settings::Options),
-    /// Sends new firmware to a hub with a bootloader, starts it, and waits until it has confirmed itself
-    #[command(long_about = update::HELP)]
     Update(update::Options),
-    /// Identifies a motor, compares it with the catalogue, and proposes settings, on hubs of this project
-    #[command(long_about = identify::HELP)]
     Identify(identify::Options),
-    /// Configures a new motor: sets it up, identifies it, applies and stores the result, on hubs of this project
-    #[command(long_about = tune::HELP)]
-    Tune(tune::Options),
-    /// Shows the servo outputs, or gives a servo pulses until the command ends
     Servo(devices::ServoOptions),
-    /// Shows the analog inputs, the 5 V rail, the battery and the temperature
     Analog(devices::AnalogOptions),
-    /// Shows the digital pins, or drives a pin until the command ends
     Digital(devices::DigitalOptions),
     /// Finds, reads and writes devices on the I2C buses
     I2c {
@@ -146,7 +110,6 @@ enum Command {
         #[arg(value_name = "N", value_parser = address)]
         new: Address,
     },
-    /// Shows positions, velocities, battery and status repeatedly; disables running motors first
     Watch(watch::Options),
 }
 
@@ -177,7 +140,6 @@ impl Command {
             Self::Settings(options) => return options.execute(hub),
             Self::Update(options) => return options.execute(hub),
             Self::Identify(options) => return options.execute(hub),
-            Self::Tune(options) => return options.execute(hub),
             Self::Watch(options) => return options.execute(hub),
             Self::Servo(options) => return options.execute(hub),
             Self::Analog(options) => return options.execute(hub),

@@ -4,21 +4,17 @@ use crate::output::{Failure, Folder, Report, in_steps};
 use std::path::PathBuf;
 use studies::compare::Comparison;
 
-/// The long help of the command.
-pub(crate) const HELP: &str = "\
-The same tasks under every scheme, with linear duty and with linear current
-
-The motor is a NeveRest 60 with a 10 kg flywheel. Tasks: a step down, a load that drives the motor, a \
-reversal, a crawl, a load at standstill, a sagging battery, the step with another flywheel, and the step with \
-R or Ke configured wrong. Variants: no braking regime (forward and reverse driving only) and schemes A to D \
-(D with automatic blend), each with linear duty, as in the paper, and with linear current. PID runs twice: \
-with the same PI coefficients for all, and with each variant's best of a small grid, chosen on the first task. \
-The motor's model has no coefficients.
-
-The output begins with the winner and the tasks at which another variant is better. The folder gets the charts, \
-and the tables as Markdown in tables.md.";
-
-/// Options of `compare`.
+/// Compare the schemes, with linear duty and with linear current, at the same tasks
+///
+/// The motor is a NeveRest 60 with a 10 kg flywheel. Tasks: a step down, a load that drives the motor, a reversal, a
+/// crawl, a load at standstill, a sagging battery, the step with another flywheel, and the step with R or Ke
+/// configured wrong. Variants: no braking regime (forward and reverse driving only) and schemes A to D (D with
+/// automatic blend), each with linear duty, as in the paper, and with linear current. PID runs twice: with the same
+/// PI coefficients for all, and with each variant's best of a small grid, chosen on the first task. The motor's model
+/// has no coefficients.
+///
+/// The output begins with the winner and the tasks at which another variant is better. The folder gets the charts,
+/// and the tables as Markdown in tables.md.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Run only the first three tasks, with the same coefficients for all

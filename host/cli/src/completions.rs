@@ -4,7 +4,7 @@ use crate::output::{Failure, print};
 use clap::Command;
 use clap_complete::Shell;
 
-/// Options of `completions`.
+/// Print a script with which a shell completes commands and options
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Shell that completes commands

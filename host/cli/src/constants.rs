@@ -32,10 +32,11 @@ pub(crate) struct Constants {
 
 /// [`EmfConstant`] is below this value.
 const LARGEST_V_S_PER_COUNT: f64 = 0.032;
-/// As in scenarios.
+/// Allowed back-EMF constants in V s/rad, as in scenarios.
 const KE: RangeInclusive<f64> = 1e-5..=10.0;
+/// Allowed encoder counts in a turn.
 const COUNTS: RangeInclusive<f64> = 1.0..=1e6;
-/// The range of the hub's settings.
+/// Allowed resistances in ohm and inductances in mH: the range of the hub's settings.
 const THOUSANDTHS: RangeInclusive<f64> = 0.001..=65.535;
 
 const CATALOGUE_LACKS: &str = "A motor that the catalogue lacks";

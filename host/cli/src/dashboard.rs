@@ -19,20 +19,18 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
-/// Text of the long help.
-pub(crate) const HELP: &str = "\
-Shows a hub in a browser: four motors live, to be moved, tuned and stopped
-
-The first line on standard output is the URL to open. The URL contains a token: anyone who has the URL can move the motors. \
-Without --port or --tcp the hub is simulated, and its loads, battery and encoders can be changed in the page.
-
-One page is in control, any number of pages watch, and any page can stop. All motors are disabled when the page in control is \
-closed, is hidden for 10 s, or shows no new values for 1 s. They are also disabled when this program ends.";
-
 /// Name of the default scenario. Its set-points are not used; the page gives set-points.
 const DEFAULT_NAME: &str = "four motors on a battery";
 
-/// Hub, and address of the page.
+/// Show a hub in a browser: four motors live, to be moved, tuned and stopped
+///
+/// The first line on standard output is the URL to open. The URL contains a token: anyone who has the URL can move
+/// the motors. Without --port or --tcp the hub is simulated, and its loads, battery and encoders can be changed in
+/// the page.
+///
+/// One page is in control, any number of pages watch, and any page can stop. All motors are disabled when the page in
+/// control is closed, is hidden for 10 s, or shows no new values for 1 s. They are also disabled when this program
+/// ends.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Serial port of the hub [default without --tcp: a simulated hub]

@@ -3,15 +3,12 @@
 use crate::output::Failure;
 use std::path::PathBuf;
 
-/// The long help of the command.
-pub(crate) const HELP: &str = "\
-Runs a scenario twice, on an emulated chip and on the simulated board, and compares the two
-
-The emulated chip (nucleo-f429zi: STM32F427, nucleo-h743zi2: STM32H743) runs the board's unmodified image; its pins drive the \
-motors. The simulated board runs the same library. In the sources of this program the image is built first if it is out of date; \
-elsewhere give --image. Set-points take effect half a control period late, because the line needs time.";
-
-/// Options of `emulate`.
+/// Run a scenario on an emulated chip and on the simulated board, and compare the two
+///
+/// The emulated chip (nucleo-f429zi: STM32F427, nucleo-h743zi2: STM32H743) runs the board's unmodified image; its
+/// pins drive the motors. The simulated board runs the same library. In the sources of this program the image is
+/// built first if it is out of date; elsewhere give --image. Set-points take effect half a control period late,
+/// because the line needs time.
 #[derive(clap::Args)]
 #[cfg_attr(not(feature = "emulated"), expect(dead_code, reason = "read only where there is an emulator"))]
 pub(crate) struct Options {
@@ -37,7 +34,7 @@ impl Options {
 
     #[cfg(feature = "emulated")]
     pub(crate) fn execute(self) -> Result<(), Failure> {
-        use crate::output::{Folder, drawn, print, progress};
+        use crate::output::{Folder, drawn, print, print_paths, progress};
         use emulated::{Board, elf, replay};
         use simulated::scenario::Scenario;
         use simulated::sim;
@@ -58,8 +55,7 @@ impl Options {
         bar.finish_and_clear();
         let overlay = Overlay::new(scenario, board.chip(), emulated, simulated);
         print(&overlay.tables())?;
-        let files = folder.write_all(drawn(&[("overlay".to_owned(), overlay.figure())]))?;
-        print(&files.iter().map(|file| format!("{}\n", file.display())).collect::<String>())
+        print_paths(&folder.write_all(drawn(&[("overlay".to_owned(), overlay.figure())]))?)
     }
 }
 

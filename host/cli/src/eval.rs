@@ -6,7 +6,7 @@ use std::io::Read;
 use studies::eval::{Answers, answers};
 
 /// The long help of the command.
-pub(crate) const HELP: &str = "\
+const HELP: &str = "\
 The scripting interface: computes cases of a JSON document
 
 The document is an object with `cases`, a list of objects with `id`, `formula` and `inputs`, and \
@@ -42,8 +42,9 @@ Example:
   echo '{\"cases\": [{\"id\": 1, \"formula\": \"keFw\", \"inputs\": {\"Ke\": 0.0178, \"countsPerRev\": 28}}]}' \\
     | motor-hub eval -";
 
-/// Options of `eval`.
+/// Compute the cases of a JSON document: the scripting interface
 #[derive(clap::Args)]
+#[command(long_about = HELP)]
 pub(crate) struct Options {
     /// JSON document, or - for standard input
     #[arg(value_name = "FILE|-")]

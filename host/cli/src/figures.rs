@@ -1,9 +1,9 @@
 //! `motor-hub figures`.
 
-use crate::output::{Failure, Folder, drawn, print};
+use crate::output::{Failure, Folder, drawn, print_paths};
 use std::path::PathBuf;
 
-/// Options of `figures`.
+/// Draw the paper's figures, and the currents of control values, as SVG
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Folder for the figures
@@ -18,7 +18,6 @@ impl Options {
         let circuits = studies::figures::circuits();
         let mut files = drawn(&figures);
         files.push(("14-circuits.svg".into(), circuits.into_bytes()));
-        let files = folder.write_all(files)?;
-        print(&files.iter().map(|file| format!("{}\n", file.display())).collect::<String>())
+        print_paths(&folder.write_all(files)?)
     }
 }

@@ -9,18 +9,14 @@ use simulated::sim;
 use std::path::PathBuf;
 use studies::identify::{self, Identifications};
 
-/// Text of the long help.
-pub(crate) const HELP: &str = "\
-Identifies the motors on a simulated board by a motion of a few seconds, and compares with their true values
-
-All motors of the scenario are identified at once, on one battery, without the scenario's set-points. The scenario \
-says how winding and back EMF are configured. The default scenario has no torque on its motors. The torques of a \
-scenario file act from the start; a motor that a torque turns is refused. `motor-hub client identify` identifies a \
-motor on a real hub.
-
-Exit codes: 0 all motors are identified; 1 a motor is not; 2 wrong options.";
-
-/// Options of `identify`.
+/// Identify simulated motors by a short motion, and compare with their true values
+///
+/// All motors of the scenario are identified at once, on one battery, without the scenario's set-points. The scenario
+/// says how winding and back EMF are configured. The default scenario has no torque on its motors. The torques of a
+/// scenario file act from the start; a motor that a torque turns is refused. `motor-hub client identify` identifies a
+/// motor on a real hub.
+///
+/// Exit codes: 0 all motors are identified; 1 a motor is not; 2 wrong options.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]

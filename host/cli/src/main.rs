@@ -56,50 +56,24 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Run a scenario with and without a braking regime: tables, charts, CSV
     Run(run::Options),
-    /// Compare the schemes and duty rules at the same tasks
-    #[command(long_about = compare::HELP)]
     Compare(compare::Options),
-    /// Measure how well motors are regulated: reference tasks, bare motors, random scenarios
-    #[command(long_about = survey::HELP)]
     Survey(survey::Options),
-    /// Run hours of random scenarios and count false alarms and starved watchdogs
-    #[command(long_about = soak::HELP)]
     Soak(soak::Options),
-    /// Identify simulated motors by a short motion, and compare with their true values
-    #[command(long_about = identify::HELP)]
     Identify(identify::Options),
-    /// List the motors of the catalogue: names, counts, speeds, currents
     Motors(motors::Options),
-    /// Compute the points S, T, Z, G at an operating point with the firmware's core
     #[command(override_usage = points::USAGE)]
     Points(points::Options),
-    /// Compute regime, mode and duty of a control value at an operating point
     #[command(override_usage = map::USAGE)]
     Map(map::Options),
-    /// Compare every number that the paper prints with ours, and list its misprints
     Paper(paper::Options),
-    /// Draw the paper's figures, and the currents of control values, as SVG
     Figures(figures::Options),
-    /// The flashed image on an emulated chip, over the same core on the simulated board
-    #[command(long_about = emulate::HELP)]
     Emulate(emulate::Options),
-    /// A simulated hub in real time, for host software to talk to
-    #[command(long_about = serve::HELP)]
     Serve(serve::Options),
-    /// A hub in a browser: four motors live, to be moved, tuned and stopped
-    #[command(long_about = dashboard::HELP)]
     Dashboard(dashboard::Options),
-    /// Commands for a hub on a serial port or TCP connection
-    #[command(long_about = client::HELP)]
     Client(client::Options),
-    /// Compute the cases of a JSON document: the scripting interface
-    #[command(long_about = eval::HELP)]
     Eval(eval::Options),
-    /// Print a script with which a shell completes commands and options
     Completions(completions::Options),
-    /// Write the manual pages of all commands
     Man(man::Options),
 }
 
@@ -135,7 +109,7 @@ mod tests {
     use super::*;
     use clap::{Arg, Command as Clap};
 
-    /// What a parser of the standard library or of clap says, who know neither quantity nor unit.
+    /// Texts of parsers of the standard library and of clap, which name neither quantity nor unit.
     const BARE: [&str; 6] = [
         "invalid digit",
         "invalid float",
@@ -166,7 +140,7 @@ mod tests {
         }
     }
 
-    /// Of each command its help, short and long.
+    /// The short and the long help of each command.
     fn pages(path: &str, command: &mut Clap, all: &mut Vec<(String, String)>) {
         let both = [command.render_help(), command.render_long_help()];
         all.extend(both.map(|page| (path.to_owned(), page.to_string())));

@@ -1,11 +1,11 @@
 //! `motor-hub man`.
 
-use crate::output::{Failure, Files, Folder, print};
+use crate::output::{Failure, Files, Folder, print_paths};
 use clap::Command;
 use clap_mangen::Man;
 use std::path::PathBuf;
 
-/// Options of `man`.
+/// Write the manual pages of all commands
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Folder for the pages
@@ -19,8 +19,7 @@ impl Options {
         command.build();
         let mut pages = Files::new();
         draw(&command, &mut pages)?;
-        let files = folder.write_all(pages)?;
-        print(&files.iter().map(|file| format!("{}\n", file.display())).collect::<String>())
+        print_paths(&folder.write_all(pages)?)
     }
 }
 

@@ -13,7 +13,7 @@ motor-hub map [OPTIONS] --scheme <SCHEME>
            --speed-cps <CPS> --battery-mv <MV>
            <--control <FRACTION>|--control-steps <STEPS>>";
 
-/// Options of `map`.
+/// Compute regime, mode and duty of a control value at an operating point
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]

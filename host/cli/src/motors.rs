@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use studies::table;
 
-/// Options of `motors`.
+/// List the motors of the catalogue: names, counts, speeds, currents
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Battery voltage for speeds, currents and torques, 1 to 60 V

@@ -8,7 +8,6 @@ use std::fmt;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use studies::table::natural_order;
 use studies::{NamedFigure, SCHEMA_VERSION};
 
 /// Why a command failed.
@@ -176,7 +175,7 @@ impl Folder {
         tried.map(|()| Self(path.to_owned())).map_err(failed)
     }
 
-    /// Writes files to it. Returns their paths, sorted as people count: "9.svg" before "10.svg".
+    /// Writes files to the folder, and returns their paths.
     pub(crate) fn write_all(&self, files: Files) -> Result<Vec<PathBuf>, Failure> {
         let mut written = Vec::with_capacity(files.len());
         for (name, bytes) in files {
@@ -185,9 +184,13 @@ impl Folder {
             done.map_err(|e| Failure::Work(format!("{}: {e}", path.display())))?;
             written.push(path);
         }
-        written.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
         Ok(written)
     }
+}
+
+/// Prints the paths of files, one a line.
+pub(crate) fn print_paths(files: &[PathBuf]) -> Result<(), Failure> {
+    files.iter().try_for_each(|file| print(&format!("{}\n", file.display())))
 }
 
 /// Results of a study: one JSON document, or a text with charts and tables in a folder.

@@ -3,7 +3,7 @@
 use crate::output::{Failure, print, print_json};
 use studies::paper::Document;
 
-/// Options of `paper`.
+/// Compare every number that the paper prints with ours, and list its misprints
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Print one JSON document instead of tables

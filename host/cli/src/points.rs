@@ -10,7 +10,7 @@ pub(crate) const USAGE: &str = "\
 motor-hub points [OPTIONS] --scheme <SCHEME>
            --speed-cps <CPS> --battery-mv <MV>";
 
-/// Options of `points`.
+/// Compute the points S, T, Z, G at an operating point with the firmware's core
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]

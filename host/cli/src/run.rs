@@ -9,7 +9,7 @@ use simulated::sim::{self, RunError};
 use std::path::PathBuf;
 use studies::report::RunReport;
 
-/// Options of `run`.
+/// Run a scenario with and without a braking regime: tables, charts, CSV
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]

@@ -24,28 +24,24 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Text of the long help.
-pub(crate) const HELP: &str = "\
-Serves a simulated hub in real time, for host software that speaks the REV Hub Serial Protocol
-
-The first line on standard output is the place for hosts to open: the path of a serial port, or an address and port. The hub \
-runs until it is stopped by Ctrl-C.
-
-Motors, loads and battery are those of a scenario. Its set-points are ignored, and may be missing: the host gives set-points. \
-The torques of a scenario act from the start. In the default scenario no load acts on the motors, and dry friction \
-is 6 % of the stall torque. All motors use Scheme A.
-
-The hub accepts one host at a time. It closes a second TCP connection, and reports that on standard error; a host that has \
-been silent for 5 s gives way instead. Standard error also \
-reports when this machine is too slow for real time.
-
-`motor-hub client scan` finds the hub by a note in a folder of this user: motor-hub in XDG_RUNTIME_DIR, else in the folder for \
-temporary files. The note is removed at the end.";
-
 /// Time in seconds after which the hub counts as started, even if its battery prevents that motors are enabled.
 const AWAKE_S: f64 = 0.5;
 
-/// Line, and hub to serve.
+/// Serve a simulated hub in real time, for host software that speaks the REV Hub Serial Protocol
+///
+/// The first line on standard output is the place for hosts to open: the path of a serial port, or an address and
+/// port. The hub runs until it is stopped by Ctrl-C.
+///
+/// Motors, loads and battery are those of a scenario. Its set-points are ignored, and may be missing: the host gives
+/// set-points. The torques of a scenario act from the start. In the default scenario no load acts on the motors, and
+/// dry friction is 6 % of the stall torque. All motors use Scheme A.
+///
+/// The hub accepts one host at a time. It closes a second TCP connection, and reports that on standard error; a host
+/// that has been silent for 5 s gives way instead. Standard error also reports when this machine is too slow for real
+/// time.
+///
+/// `motor-hub client scan` finds the hub by a note in a folder of this user: motor-hub in XDG_RUNTIME_DIR, else in
+/// the folder for temporary files. The note is removed at the end.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
@@ -63,26 +59,26 @@ pub(crate) struct Options {
     /// is built first if it is out of date; the hub's address is 2
     #[arg(long, conflicts_with_all = ["address", "hubs", "store"])]
     emulated: bool,
-    /// Board of the image: nucleo-f429zi or nucleo-h743zi2
-    #[arg(long, value_name = "BOARD", default_value = "nucleo-f429zi", requires = "emulated")]
+    #[command(flatten)]
     #[cfg_attr(
         not(feature = "emulated"),
         expect(dead_code, reason = "read only where there is an emulator")
     )]
+    image: ImageOptions,
+}
+
+/// The image that `--emulated` serves.
+#[derive(clap::Args)]
+#[cfg_attr(not(feature = "emulated"), expect(dead_code, reason = "read only where there is an emulator"))]
+struct ImageOptions {
+    /// Board of the image: nucleo-f429zi or nucleo-h743zi2
+    #[arg(long, value_name = "BOARD", default_value = "nucleo-f429zi", requires = "emulated")]
     board: String,
     /// ELF file of the image, instead of building one
     #[arg(long, value_name = "FILE", requires = "emulated", conflicts_with = "bootloader")]
-    #[cfg_attr(
-        not(feature = "emulated"),
-        expect(dead_code, reason = "read only where there is an emulator")
-    )]
     image: Option<PathBuf>,
     /// Starts the board's bootloader first, so that `client update` works; nucleo-h743zi2 only
     #[arg(long, requires = "emulated")]
-    #[cfg_attr(
-        not(feature = "emulated"),
-        expect(dead_code, reason = "read only where there is an emulator")
-    )]
     bootloader: bool,
 }
 
@@ -118,9 +114,10 @@ impl Options {
     fn serve_an_image(self) -> Result<(), Failure> {
         use emulated::{Board, elf};
 
-        let board: Board = self.board.parse().map_err(Failure::input)?;
-        elf::choose(self.image.as_deref()).map_err(Failure::input)?;
-        if self.bootloader && board.bootloader().is_none() {
+        let ImageOptions { board, image, bootloader } = self.image;
+        let board: Board = board.parse().map_err(Failure::input)?;
+        elf::choose(image.as_deref()).map_err(Failure::input)?;
+        if bootloader && board.bootloader().is_none() {
             return Err(Failure::Input(format!(
                 "--bootloader: {board} has no bootloader; give --board nucleo-h743zi2"
             )));
@@ -133,7 +130,7 @@ impl Options {
             ));
         }
         self.serving.execute(emulated::serve::scenario, |scenario, line, show| {
-            emulated::serve::run(scenario, board, self.bootloader, line, show)
+            emulated::serve::run(scenario, board, bootloader, line, show)
         })
     }
 }
@@ -197,7 +194,7 @@ impl Serving {
         #[cfg(unix)]
         let (named, mut note) = (self.named(&line)?, None::<Option<Note>>);
         let stopped = stop_flag()?;
-        let mut notices = Notices::new();
+        let mut notices = Notices::default();
         let mut said_so = Ok(());
         let bar = ProgressBar::new_spinner();
         let mut shown_s = 0.0;

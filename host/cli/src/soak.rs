@@ -4,18 +4,14 @@ use crate::output::{Failure, in_steps, print, print_json, progress};
 use crate::parse::{number, whole};
 use studies::survey::soak::{self, Soak};
 
-/// The long help of the command.
-pub(crate) const HELP: &str = "\
-Hours of random scenarios in virtual time, run by the hub's own tasks: counts false alarms and starved watchdogs
-
-Scenarios are those of the survey: any motor, load, battery, period and scheme; configured exactly, with wrong \
-inertias, or not configured. Half of them have bridges with the timing of real ones. All hardware is sound, so every \
-fault that the hub reports is a false alarm. `survey --seed SEED --dump NUMBER` writes a scenario as a file, with ideal \
-bridges and configured exactly.
-
-Exit codes: 0 no false alarm; 1 a false alarm or a starved watchdog; 2 wrong options.";
-
-/// Options of `soak`.
+/// Run hours of random scenarios in virtual time by the hub's own tasks, and count false alarms and starved watchdogs
+///
+/// Scenarios are those of the survey: any motor, load, battery, period and scheme; configured exactly, with wrong
+/// inertias, or not configured. Half of them have bridges with the timing of real ones. All hardware is sound, so
+/// every fault that the hub reports is a false alarm. `survey --seed SEED --dump NUMBER` writes a scenario as a file,
+/// with ideal bridges and configured exactly.
+///
+/// Exit codes: 0 no false alarm; 1 a false alarm or a starved watchdog; 2 wrong options.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Seed of the random scenarios

@@ -1,32 +1,12 @@
 //! `motor-hub survey`.
 
-use crate::output::{Failure, Folder, Report, in_steps, print};
+use crate::output::{Failure, Folder, Report, in_steps, print_paths};
 use crate::parse::whole;
 use serde_json::json;
 use std::path::PathBuf;
 use studies::survey::text::{self, Parts};
 use studies::survey::{Survey, bare_motors, chart, random, reference, toml};
 use studies::{NamedFigure, StudyError};
-
-/// The long help of the command.
-pub(crate) const HELP: &str = "\
-How well motors are regulated: reference tasks, bare motors, random scenarios
-
-Every part runs with motors that are configured exactly, and with unknown motors. Of an unknown motor only the \
-winding is configured, and the hub learns its acceleration per volt.
-
-reference: tasks with known results, at six control periods.
-cells: every motor of the catalogue without a load, at a speed and to a position, at four control periods.
-random: scenarios with random motors, loads, batteries, periods and schemes. The constants are configured exactly; \
-with an inertia of 0.7 and 1.4 times, R of 0.8 and 1.2 times, Ke of 0.9 and 1.1 times; cold for a hot motor; and those \
-of another specimen. Half of the motors have dry friction of up to 10 % of the stall torque.
-
-A random response counts only if it can be settled. Its ideal time is that of full voltage: 95 % of the battery \
-voltage with all motors stalled, within the scheme's range. 1.5 times that time plus 0.3 s, six control periods and \
-three counts must leave a tenth of the time, and a second, with a tenth of the voltage to spare at the end.
-
-Seed and number identify a scenario; --dump writes it as a file for `motor-hub run`. The folder gets the charts, and \
-the tables as Markdown in tables.md.";
 
 /// A part of the survey.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -39,7 +19,25 @@ enum Part {
     Random,
 }
 
-/// Options of `survey`.
+/// Measure how well motors are regulated: reference tasks, bare motors, random scenarios
+///
+/// Every part runs with motors that are configured exactly, and with unknown motors. Of an unknown motor only the
+/// winding is configured, and the hub learns its acceleration per volt.
+///
+/// reference: tasks with known results, at six control periods.
+///
+/// cells: every motor of the catalogue without a load, at a speed and to a position, at four control periods.
+///
+/// random: scenarios with random motors, loads, batteries, periods and schemes. The constants are configured exactly;
+/// with an inertia of 0.7 and 1.4 times, R of 0.8 and 1.2 times, Ke of 0.9 and 1.1 times; cold for a hot motor; and
+/// those of another specimen. Half of the motors have dry friction of up to 10 % of the stall torque.
+///
+/// A random response counts only if it can be settled. Its ideal time is that of full voltage: 95 % of the battery
+/// voltage with all motors stalled, within the scheme's range. 1.5 times that time plus 0.3 s, six control periods
+/// and three counts must leave a tenth of the time, and a second, with a tenth of the voltage to spare at the end.
+///
+/// Seed and number identify a scenario; --dump writes it as a file for `motor-hub run`. The folder gets the charts,
+/// and the tables as Markdown in tables.md.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Run only this part
@@ -71,8 +69,7 @@ impl Options {
         if let Some(number) = self.dump {
             let name = format!("survey-{}-{number}.toml", self.seed);
             let text = toml(&random::scenario(self.seed, number));
-            let files = folder.write_all(vec![(name, text.into_bytes())])?;
-            return files.iter().try_for_each(|file| print(&format!("{}\n", file.display())));
+            return print_paths(&folder.write_all(vec![(name, text.into_bytes())])?);
         }
         let wanted = |part| self.only.is_none_or(|only| only == part);
         let (reference, cells, survey) = in_steps("runs", |step| {

@@ -24,13 +24,15 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use crate::error::if_known;
 use crate::{Error, Session};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::base::OdometryReport;
 use motor_hub::extension::group::GroupCourse;
-use motor_hub::group::{BaseSettings, GroupCommand};
+use motor_hub::group::{BaseSettings, GroupCommand, GyroState};
 use motor_hub::protocol::CHANNELS;
 use motor_hub::units::{Acceleration, RangeError};
+use serde::Serialize;
 use std::io::{Read, Write};
 
 /// A part of a base's course.
@@ -75,9 +77,43 @@ impl Part {
     }
 }
 
-/// What is allowed of a base, for hosts that refuse one.
-pub const BASE_LIMITS: &str = "the base is out of range; allowed are wheels and a track of 1 mm to 10 m, and counts per turn from 1 to \
-                               2147483, negative for a motor that counts down while its wheel drives forward";
+/// Where a drive base is, for people and programs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct OdometryValues {
+    /// Distance forward from the start in mm.
+    pub x_mm: f64,
+    /// Distance to the left of the start in mm.
+    pub y_mm: f64,
+    /// Angle by which the base has turned left, in degrees, with whole turns.
+    pub heading_degrees: f64,
+    /// Corrected positions of the left and the right wheel in counts.
+    pub counts: [i32; 2],
+    /// State of the gyro: `unused`, `waiting`, `good`, `lost` or `implausible`.
+    pub gyro: &'static str,
+    /// Number of times that the gyro was lost.
+    pub gyro_losses: u32,
+}
+
+impl OdometryValues {
+    /// The values of a report.
+    pub fn of(report: &OdometryReport) -> Self {
+        let gyro = match report.gyro {
+            GyroState::Unused => "unused",
+            GyroState::Waiting => "waiting",
+            GyroState::Good => "good",
+            GyroState::Lost => "lost",
+            GyroState::Implausible => "implausible",
+        };
+        Self {
+            x_mm: f64::from(report.x_um) / 1e3,
+            y_mm: f64::from(report.y_um) / 1e3,
+            heading_degrees: f64::from(report.heading_millidegrees) / 1e3,
+            counts: report.counts,
+            gyro,
+            gyro_losses: report.losses.into(),
+        }
+    }
+}
 
 impl<L: Read + Write> Session<L> {
     /// Configures the drive base, which then starts at the origin, and waits until the hub has applied the settings. Both motors must be
@@ -95,11 +131,7 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// See [`Session::ask`].
     pub fn base_if_reported(&mut self) -> Result<Option<BaseSettings>, Error> {
-        match self.ask(HubFunction::Base) {
-            Ok(base) => Ok(Some(base)),
-            Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
-            Err(error) => Err(error),
-        }
+        if_known(self.ask(HubFunction::Base))
     }
 
     /// Where the drive base is, and the state of its gyro. Needs this project's firmware.

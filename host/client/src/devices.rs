@@ -22,6 +22,7 @@
 //! ```
 
 use crate::clock::Instant;
+use crate::error::if_known;
 use crate::{Error, Session};
 use motor_hub::board::Equipment;
 use motor_hub::extension::HubFunction;
@@ -90,11 +91,7 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// See [`Session::ask`], as for all commands.
     pub fn equipment(&mut self) -> Result<Option<Equipment>, Error> {
-        match self.ask(HubFunction::Equipment) {
-            Ok(equipment) => Ok(Some(equipment)),
-            Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
-            Err(error) => Err(error),
-        }
+        if_known(self.ask(HubFunction::Equipment))
     }
 
     /// Settings of a servo output.

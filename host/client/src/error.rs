@@ -77,6 +77,18 @@ impl Error {
     }
 }
 
+/// The answer to a request; `None` if the hub does not know the request, because the hub is another maker's or its firmware is older.
+///
+/// # Errors
+/// All errors of requests but refusals.
+pub fn if_known<T>(answer: Result<T, Error>) -> Result<Option<T>, Error> {
+    match answer {
+        Ok(answer) => Ok(Some(answer)),
+        Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
 /// Addresses of hubs, displayed with commas between them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Addresses(pub Vec<u8>);

@@ -14,6 +14,7 @@
 //! ```
 
 use crate::clock::Instant;
+use crate::error::if_known;
 use crate::{Error, Session};
 use motor_hub::chain::ChainReport;
 use motor_hub::extension::group::{GroupCourse, GroupState};
@@ -50,11 +51,7 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// See [`Session::ask`], as for all commands.
     pub fn bus(&mut self) -> Result<Option<BusReport>, Error> {
-        match self.ask(HubFunction::Bus) {
-            Ok(report) => Ok(Some(report)),
-            Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
-            Err(error) => Err(error),
-        }
+        if_known(self.ask(HubFunction::Bus))
     }
 
     /// What the hub knows of the hubs behind it; `None` if the hub cannot say it (another maker's, or older firmware).
@@ -63,10 +60,8 @@ impl<L: Read + Write> Session<L> {
     /// [`Error::Refused`] if the hub has no chain line. See also [`Session::ask`].
     pub fn chain(&mut self) -> Result<Option<ChainReport>, Error> {
         match self.ask(HubFunction::Chain) {
-            Ok(report) => Ok(Some(report)),
             Err(error @ Error::Refused { reason: Nack::UNSUPPORTED, .. }) => Err(error),
-            Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
-            Err(error) => Err(error),
+            answer => if_known(answer),
         }
     }
 
@@ -79,14 +74,8 @@ impl<L: Read + Write> Session<L> {
         loop {
             // A record has at most eight entries.
             let entries = HubFunction::Entries { from: heads.len() as u8, clear: false };
-            let some: Entries = match self.ask(entries) {
-                Ok(some) => some,
-                Err(Error::Refused { .. } | Error::TooOld { .. }) => return Ok(None),
-                Err(error) => return Err(error),
-            };
-            if some.run == 0 {
-                return Ok(None);
-            }
+            let some: Option<Entries> = if_known(self.ask(entries))?;
+            let Some(some) = some.filter(|some| some.run != 0) else { return Ok(None) };
             heads.extend(&some.heads);
             if some.heads.is_empty() || heads.len() >= usize::from(some.count) {
                 return Ok(Some((some.run, heads)));
@@ -122,11 +111,7 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// See [`Session::ask`], as for all commands.
     pub fn stored_if_reported(&mut self) -> Result<Option<StoreReport>, Error> {
-        match self.stored() {
-            Ok(report) => Ok(Some(report)),
-            Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
-            Err(error) => Err(error),
-        }
+        if_known(self.stored())
     }
 
     /// Stores, loads or resets the hub's settings, and waits until the hub has finished. The report says with what result.
@@ -152,14 +137,9 @@ impl<L: Read + Write> Session<L> {
         if self.interfaces.reports_nothing {
             return Ok(None);
         }
-        match self.ask(HubFunction::Report) {
-            Ok(report) => Ok(Some(report)),
-            Err(Error::Refused { .. } | Error::TooOld { .. }) => {
-                self.interfaces.reports_nothing = true;
-                Ok(None)
-            }
-            Err(error) => Err(error),
-        }
+        let report = if_known(self.ask(HubFunction::Report))?;
+        self.interfaces.reports_nothing = report.is_none();
+        Ok(report)
     }
 
     /// Waits until the hub's report includes all commands that follow from the requests before, such as disabling a motor.

@@ -15,10 +15,7 @@
 
 use crate::clock::Instant;
 use crate::{Error, Session};
-use motor_hub::motor::ZeroPower;
-use motor_hub::protocol::motor::RunMode;
 use motor_hub::regulator::identify::Identification;
-use motor_hub::units::Control;
 use std::io::{Read, Write};
 use std::time::Duration;
 
@@ -65,8 +62,7 @@ impl Identifying {
         motor: u8,
         travel_limit: u32,
     ) -> Result<Self, Error> {
-        session.set_power(motor, Control::ZERO)?;
-        session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
+        session.brake(motor)?;
         Ok(Self { motor, travel_limit, begun: Instant::now(), position: None, started: false })
     }
 

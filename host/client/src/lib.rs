@@ -6,21 +6,6 @@
 //!             <--answer--            <--bytes--
 //! ```
 //!
-//! | module | contents |
-//! |---|---|
-//! | [`mod@line`] | serial port or TCP connection, as bytes with timeouts |
-//! | [`session`] | one request at a time: waiting, retransmission, discovery |
-//! | [`hub`], [`motor`], [`base`], [`devices`] | the protocol's commands, as methods of [`Session`] |
-//! | [`motor_values`] | the reported values of a motor, for people and programs |
-//! | [`identification`] | identifying a motor, step by step |
-//! | [`kept_settings`] | settings of motors, all of them put in force or none, and restored |
-//! | [`clock`] | the clock of sessions |
-//! | [`update`] | sending and starting new firmware |
-//! | [`memory`] | a hub in memory, for tests of host programs |
-//! | [`error`] | errors |
-//! | [`explanations`] | what each fault number means |
-//! | [`reasons`] | reasons why a motor does not turn, or settings were not stored |
-//!
 //! [`motor_hub::protocol`] and [`motor_hub::extension`] define the bytes, for host and hub. A hub that receives nothing for 2.5 s releases its motors:
 //! a host that keeps motors running must keep sending requests.
 //!

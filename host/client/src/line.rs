@@ -18,6 +18,8 @@ use crate::error::OpenError;
 #[cfg(feature = "serial")]
 use motor_hub::protocol::BAUD;
 #[cfg(feature = "serial")]
+use serde::Serialize;
+#[cfg(feature = "serial")]
 use serialport::{ErrorKind, SerialPort, SerialPortInfo, SerialPortType};
 use std::io::{self, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
@@ -124,7 +126,7 @@ impl Write for Line {
 
 /// A serial port of this machine.
 #[cfg(feature = "serial")]
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Port {
     /// Path by which [`Line::serial`] opens the port.
     pub path: String,

@@ -20,7 +20,9 @@
 //! # Ok::<(), motor_hub_client::Error>(())
 //! ```
 
-use crate::{Error, Session};
+use crate::clock::Instant;
+use crate::error::if_known;
+use crate::{Error, KEEP_ALIVE, Session};
 use motor_hub::braking::Winding;
 use motor_hub::extension::report::Condition;
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
@@ -63,18 +65,37 @@ impl<L: Read + Write> Session<L> {
     pub fn stop_abandoned(&mut self) -> Result<Vec<u8>, Error> {
         let mut found = Vec::new();
         for motor in 0..CHANNELS as u8 {
-            match self.enabled(motor) {
-                Ok(false) => (),
-                Ok(true) => {
-                    self.enable(motor, false)?;
-                    found.push(motor);
-                }
-                // A hub with fewer motors.
-                Err(Error::Refused { .. } | Error::TooOld { .. }) => break,
-                Err(error) => return Err(error),
+            // A hub with fewer motors refuses.
+            let Some(enabled) = if_known(self.enabled(motor))? else { break };
+            if enabled {
+                self.enable(motor, false)?;
+                found.push(motor);
             }
         }
         Ok(found)
+    }
+
+    /// Disables motors, and repeats that until the hub's own keep-alive has done so. An error of one motor does not keep the others
+    /// from being disabled.
+    ///
+    /// # Errors
+    /// The last error, if a motor could not be disabled. An error of the line ends the attempts.
+    pub fn disable_all(&mut self, motors: &[u8]) -> Result<(), Error> {
+        let end = Instant::now() + KEEP_ALIVE;
+        loop {
+            let disabled = motors.iter().map(|motor| self.enable(*motor, false)).fold(Ok(()), Result::and);
+            match disabled {
+                Err(Error::HungUp | Error::Line(_)) | Ok(()) => return disabled,
+                Err(error) if Instant::now() > end => return Err(error),
+                Err(_) => (),
+            }
+        }
+    }
+
+    /// Sets a motor's power to 0, with which an enabled motor brakes.
+    pub fn brake(&mut self, motor: u8) -> Result<(), Error> {
+        self.set_power(motor, Control::ZERO)?;
+        self.set_mode(motor, RunMode::Power, ZeroPower::Brake)
     }
 
     /// Mode, enable and all targets of a motor.

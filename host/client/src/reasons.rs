@@ -20,6 +20,7 @@
 //! assert_eq!(why_still(&HubReport { commands, ..hub }, 0), None);
 //! ```
 
+use crate::update::Image;
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
 use motor_hub::extension::state::{StoreReport, UpdateReport};
 use motor_hub::motor::EncoderFault;
@@ -63,13 +64,18 @@ pub fn stored_text(StoreReport { stored, number, version, .. }: &StoreReport) ->
 
 /// Why an image does not fit the hub's slot; `None` if it does.
 #[must_use]
-pub fn why_unfit(image: &[u8], report: &UpdateReport) -> Option<String> {
+pub fn why_unfit(Image { bytes, origin: linked, .. }: &Image, report: &UpdateReport) -> Option<String> {
     let UpdateReport { origin, capacity, .. } = *report;
-    if image.len() > capacity as usize {
-        return Some(format!("the image has {} bytes; the hub's slot holds {capacity}", image.len()));
+    if let Some(linked) = linked.filter(|linked| *linked != origin) {
+        return Some(format!(
+            "the image is linked to {linked:#010x}, but this hub's images begin at {origin:#010x}: build it for the bootloader"
+        ));
+    }
+    if bytes.len() > capacity as usize {
+        return Some(format!("the image has {} bytes; the hub's slot holds {capacity}", bytes.len()));
     }
     // The second vector is the address of the first instruction.
-    let entry = image.get(4..8).and_then(|word| word.try_into().ok()).map_or(0, u32::from_le_bytes);
+    let entry = bytes.get(4..8).and_then(|word| word.try_into().ok()).map_or(0, u32::from_le_bytes);
     (entry.wrapping_sub(origin) >= capacity).then(|| {
         format!(
             "the image's code begins at {entry:#010x}, outside this hub's slot of {origin:#010x} to {:#010x}: \
@@ -78,6 +84,9 @@ pub fn why_unfit(image: &[u8], report: &UpdateReport) -> Option<String> {
         )
     })
 }
+
+pub(crate) const NOT_CHECKED: &str =
+    "the hub has not finished the check; it checks a signature only while all motors are disabled";
 
 /// Why the hub does not start the image that it has received; `None` if it does at its next reset.
 #[must_use]
@@ -90,9 +99,7 @@ pub const fn why_not_armed(report: &UpdateReport) -> Option<&'static str> {
             Some("the image is older than the hub's firmware: its rollback version is lower")
         }
         (_, update::Outcome::Refused) => Some("the hub's flash refused the write"),
-        _ => Some(
-            "the hub has not finished the check; it checks a signature only while all motors are disabled",
-        ),
+        _ => Some(NOT_CHECKED),
     }
 }
 

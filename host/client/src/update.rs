@@ -1,32 +1,288 @@
-//! Sends new firmware to a hub with a bootloader, and starts it.
+//! Updates the firmware of a hub with a bootloader, one step at a time.
+//!
+//! ```text
+//! announcing --> sending --> checking --restart--> restarting --> confirmed, or why not
+//! ```
 //!
 //! ```
 //! use motor_hub_client::motor_hub::protocol::Address;
-//! use motor_hub_client::{Error, Session, memory::MemoryHub};
+//! use motor_hub_client::update::{Image, Updating};
+//! use motor_hub_client::{Session, memory::MemoryHub};
 //! use std::time::Duration;
 //!
 //! let mut session = Session::new(MemoryHub::default(), Address::DEFAULT, Duration::from_secs(1));
+//! let image = Image { bytes: vec![0; 64], version: "mh1.0.0".to_owned(), origin: None };
 //! // The hub in memory has no bootloader.
-//! let refused = session.update_state().unwrap_err().to_string();
-//! assert_eq!(refused, "the hub refuses to report its update: this hub does not have it (NACK 253)");
+//! let refused = Updating::begin(&mut session, image, None).unwrap_err().to_string();
+//! assert_eq!(refused, "the hub has no bootloader: flash new firmware through its debug probe");
 //! ```
 
 use crate::clock::Instant;
+use crate::reasons::{NOT_CHECKED, why_not_armed, why_not_started, why_unfit};
 use crate::{Error, Session};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::payload::{TEXT, Text};
-use motor_hub::update::{CHUNK, CRC, Phase, Seal, public_key};
+use motor_hub::update::{Booted, CHUNK, CRC, Phase, Seal, public_key};
 use std::io::{Read, Write};
-use std::thread::sleep;
 use std::time::Duration;
 
-/// Time-out of a write: erasing a page takes up to 4 s, erasing the bootloader's state another 4 s.
+/// Largest image in bytes: more than the flash of any supported chip.
+pub const LARGEST_IMAGE: usize = 4 << 20;
+
+/// Chunks that one step sends. With 50 steps a second these are some 20 kB/s, of the 46 kB/s of a serial line.
+const CHUNKS: usize = 4;
+
+/// Time-out of a write or a check in the hub: erasing a page takes up to 4 s, erasing the bootloader's state another 4 s.
 const WRITING: Duration = Duration::from_secs(10);
 
-/// Interval between two questions to a hub that is busy.
-const POLL: Duration = Duration::from_millis(20);
+/// Time-out for the hub to answer after the restart. The bootloader swaps the slots and may swap them back: 8 erasures of up to 4 s
+/// each way, and the watchdog's time.
+const RETURNING: Duration = Duration::from_secs(90);
+
+/// Time-out for the new firmware to confirm itself, which erases flash.
+const CONFIRMING: Duration = Duration::from_secs(15);
+
+/// New firmware.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Image {
+    /// The bytes of the hub's slot, from its first address on.
+    pub bytes: Vec<u8>,
+    /// The version that the hub reports once it runs the image.
+    pub version: String,
+    /// Address that the image is linked to; `None` if it is unknown.
+    pub origin: Option<u32>,
+}
+
+/// Why an update failed. The hub runs its former firmware, unless the text says otherwise.
+#[derive(Debug, thiserror::Error)]
+pub enum UpdateError {
+    /// The image is not for this hub.
+    #[error("{0}")]
+    Unfit(String),
+    /// The hub cannot be updated, or the update did not succeed.
+    #[error("{0}")]
+    Failed(String),
+    /// A request failed.
+    #[error("{0}")]
+    Hub(#[from] Error),
+}
+
+/// News of an update.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// The hub has this many bytes of the image.
+    Sending(usize),
+    /// The hub checks the image.
+    Checking,
+    /// The hub restarts with the new firmware, and does not answer meanwhile.
+    Restarting,
+    /// The hub runs the new firmware, which has confirmed itself. The text is the version that the hub reports.
+    Confirmed(String),
+}
+
+/// News, if there is any.
+type Step = Result<Option<Progress>, UpdateError>;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    /// The hub does not know the image yet. It may have to forget an earlier one first.
+    Announcing,
+    /// The hub has this many bytes.
+    Sending(usize),
+    Checking,
+    /// `answered` is the time of the first answer after the restart; `None` while the hub is silent.
+    Restarting {
+        answered: Option<Instant>,
+    },
+}
+
+/// A running update. All motors must be disabled.
+#[derive(Debug)]
+pub struct Updating {
+    image: Image,
+    seal: Option<Seal>,
+    stage: Stage,
+    /// Time of the last news.
+    since: Instant,
+}
+
+impl Updating {
+    /// Announces an image to the hub. A hub that was built with a public key accepts only an image with a `seal` by that key. A hub
+    /// without a key refuses any seal. The caller then takes steps until the new firmware has confirmed itself. After an error it
+    /// calls [`abandon`](Self::abandon).
+    ///
+    /// # Errors
+    /// The hub has no bootloader, the image does not fit, or the hub refuses it.
+    pub fn begin(
+        session: &mut Session<impl Read + Write>,
+        image: Image,
+        seal: Option<Seal>,
+    ) -> Result<Self, UpdateError> {
+        let mut updating = Self { image, seal, stage: Stage::Announcing, since: Instant::now() };
+        match updating.announce(session) {
+            Ok(_) => Ok(updating),
+            Err(error) => {
+                updating.abandon(session);
+                Err(error)
+            }
+        }
+    }
+
+    /// Takes one step of the update. Returns the progress where there is news. To be called some 50 times a second, or less often
+    /// while the hub restarts.
+    ///
+    /// # Errors
+    /// The update has failed. After an error of the line, steps with a new session continue the update.
+    pub fn step(
+        &mut self,
+        session: &mut Session<impl Read + Write>,
+    ) -> Result<Option<Progress>, UpdateError> {
+        let news = match self.stage {
+            Stage::Announcing => self.announce(session),
+            Stage::Sending(at) => self.send(session, at),
+            Stage::Checking => self.check(session),
+            Stage::Restarting { .. } => self.returned(session),
+        }?;
+        if news.is_some() {
+            self.since = Instant::now();
+        } else if let Some(why) = self.late() {
+            return Err(UpdateError::Failed(why.to_owned()));
+        }
+        Ok(news)
+    }
+
+    /// True while the hub may be silent because it restarts.
+    #[must_use]
+    pub const fn restarts(&self) -> bool {
+        matches!(self.stage, Stage::Restarting { .. })
+    }
+
+    /// Why the update has failed, if nothing has happened for too long.
+    #[must_use]
+    pub fn late(&self) -> Option<&'static str> {
+        let (since, longest, why) = match self.stage {
+            Stage::Announcing => (self.since, WRITING, "the hub has not forgotten an earlier image"),
+            Stage::Sending(_) => (self.since, WRITING, "the hub has not finished a write"),
+            Stage::Checking => (self.since, WRITING, NOT_CHECKED),
+            Stage::Restarting { answered: None } => (self.since, RETURNING, NOT_ANSWERED),
+            Stage::Restarting { answered: Some(answered) } => (answered, CONFIRMING, NOT_CONFIRMED),
+        };
+        (since.elapsed() > longest).then_some(why)
+    }
+
+    /// Makes the hub forget an image that is not complete. Should this fail, the hub forgets the image at its next reset.
+    pub fn abandon(&self, session: &mut Session<impl Read + Write>) {
+        if matches!(self.stage, Stage::Sending(_) | Stage::Checking) {
+            let _ = session.order(HubFunction::AbandonUpdate);
+        }
+    }
+
+    fn announce(&mut self, session: &mut Session<impl Read + Write>) -> Step {
+        let report = session.update_state().map_err(|error| match error {
+            Error::Refused { reason: Nack::UNSUPPORTED | Nack::UNKNOWN, .. } | Error::TooOld { .. } => {
+                UpdateError::Failed(NO_BOOTLOADER.to_owned())
+            }
+            error => error.into(),
+        })?;
+        if let Some(why) = why_unfit(&self.image, &report) {
+            return Err(UpdateError::Unfit(why));
+        }
+        if is_busy(&report) {
+            return Ok(None);
+        }
+        if report.phase == Phase::Armed {
+            session.order(HubFunction::AbandonUpdate)?;
+            return Ok(None);
+        }
+        let Image { bytes, version, .. } = &self.image;
+        let length = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
+        let version = version.as_bytes();
+        let version = Text::from_slice(version.get(..TEXT).unwrap_or(version)).unwrap_or_default();
+        // The hub judges by its last control tick whether motors are disabled.
+        session.catch_up()?;
+        session.order(HubFunction::BeginUpdate { length, crc: CRC.checksum(bytes), version })?;
+        self.stage = Stage::Sending(0);
+        if let Some(Seal { key, signature }) = self.seal {
+            session.order(HubFunction::Sign { key, signature })?;
+        }
+        Ok(Some(Progress::Sending(0)))
+    }
+
+    fn send(&mut self, session: &mut Session<impl Read + Write>, from: usize) -> Step {
+        let mut at = from;
+        for _ in 0..CHUNKS {
+            let rest = self.image.bytes.get(at..).unwrap_or_default();
+            let chunk = rest.get(..CHUNK).unwrap_or(rest);
+            let request = if chunk.is_empty() {
+                HubFunction::FinishUpdate
+            } else {
+                let offset = u32::try_from(at).unwrap_or(u32::MAX);
+                HubFunction::Chunk { offset, bytes: Text::from_slice(chunk).unwrap_or_default() }
+            };
+            match session.order(request) {
+                // The hub still writes.
+                Err(Error::Refused { reason: Nack::UPDATE_BUSY, .. }) => break,
+                sent => sent?,
+            }
+            if chunk.is_empty() {
+                self.stage = Stage::Checking;
+                return Ok(Some(Progress::Checking));
+            }
+            at += chunk.len();
+            self.stage = Stage::Sending(at);
+        }
+        Ok((at > from).then_some(Progress::Sending(at)))
+    }
+
+    fn check(&mut self, session: &mut Session<impl Read + Write>) -> Step {
+        let report = session.update_state()?;
+        if is_busy(&report) {
+            return Ok(None);
+        }
+        if let Some(why) = why_not_armed(&report) {
+            return Err(UpdateError::Failed(why.to_owned()));
+        }
+        session.catch_up()?;
+        session.order(HubFunction::Restart)?;
+        self.stage = Stage::Restarting { answered: None };
+        Ok(Some(Progress::Restarting))
+    }
+
+    fn returned(&mut self, session: &mut Session<impl Read + Write>) -> Step {
+        let report = match session.update_state() {
+            Ok(report) => report,
+            Err(error @ (Error::Line(_) | Error::HungUp)) => return Err(error.into()),
+            // A hub that starts is silent, or answers with garbage.
+            Err(_) => {
+                self.stage = Stage::Restarting { answered: None };
+                return Ok(None);
+            }
+        };
+        if let Stage::Restarting { answered } = &mut self.stage {
+            answered.get_or_insert_with(Instant::now);
+        }
+        if report.phase == Phase::Armed || matches!(report.booted, Booted::OnTrial | Booted::Unknown) {
+            return Ok(None);
+        }
+        let now = session.version()?;
+        match why_not_started(report.booted, &self.image.version, &now) {
+            None => Ok(Some(Progress::Confirmed(now))),
+            Some(why) => Err(UpdateError::Failed(why)),
+        }
+    }
+}
+
+const NO_BOOTLOADER: &str = "the hub has no bootloader: flash new firmware through its debug probe";
+const NOT_ANSWERED: &str = "the hub has not answered since its restart: look at its version once it answers";
+const NOT_CONFIRMED: &str =
+    "the new firmware has not started, or has not confirmed itself: look at the hub's version";
+
+/// True while the hub writes or checks.
+const fn is_busy(report: &UpdateReport) -> bool {
+    report.at_work || matches!(report.phase, Phase::Checking | Phase::Disarming)
+}
 
 /// The signature in the bytes of a signature file.
 ///
@@ -53,98 +309,5 @@ impl<L: Read + Write> Session<L> {
     /// See [`Session::ask`], as for all commands.
     pub fn update_state(&mut self) -> Result<UpdateReport, Error> {
         self.ask(HubFunction::Update)
-    }
-
-    /// Sends the bytes of an image; the hub then checks and arms the image. The report says with what result.
-    ///
-    /// The hub reports `version` until the update is finished. A hub that was built with a public key accepts only an
-    /// image with a `seal` by that key. A hub without a key refuses any seal. `progress` receives the number of bytes sent
-    /// so far; an error of `progress` ends the transfer. On any error the hub forgets the image.
-    ///
-    /// # Errors
-    /// The errors of all commands, or the error of `progress`.
-    pub fn send_image<E: From<Error>>(
-        &mut self,
-        image: &[u8],
-        version: &str,
-        seal: Option<Seal>,
-        progress: impl FnMut(usize) -> Result<(), E>,
-    ) -> Result<UpdateReport, E> {
-        let sent = self.send_chunks(image, version, seal, progress);
-        if sent.is_err() {
-            // Should this fail too, the hub forgets the image at its next reset.
-            let _ = self.abandon_update();
-        }
-        sent
-    }
-
-    /// Restarts the hub with the armed image. All motors must be disabled.
-    ///
-    /// # Errors
-    /// The errors of all commands.
-    pub fn restart(&mut self) -> Result<(), Error> {
-        // The hub judges by its last control tick whether motors are disabled.
-        self.catch_up()?;
-        self.order(HubFunction::Restart)
-    }
-
-    /// Makes the hub forget an image, even an armed one.
-    ///
-    /// # Errors
-    /// The errors of all commands.
-    pub fn abandon_update(&mut self) -> Result<UpdateReport, Error> {
-        self.persist(&HubFunction::AbandonUpdate)?;
-        self.update_settled()
-    }
-
-    fn send_chunks<E: From<Error>>(
-        &mut self,
-        image: &[u8],
-        version: &str,
-        seal: Option<Seal>,
-        mut progress: impl FnMut(usize) -> Result<(), E>,
-    ) -> Result<UpdateReport, E> {
-        let length = u32::try_from(image.len()).unwrap_or(u32::MAX);
-        let bytes = version.as_bytes();
-        let version = Text::from_slice(bytes.get(..TEXT).unwrap_or(bytes)).unwrap_or_default();
-        let begin = HubFunction::BeginUpdate { length, crc: CRC.checksum(image), version };
-        self.catch_up()?;
-        self.order(begin)?;
-        if let Some(Seal { key, signature }) = seal {
-            self.order(HubFunction::Sign { key, signature })?;
-        }
-        for (index, chunk) in image.chunks(CHUNK).enumerate() {
-            progress(index * CHUNK)?;
-            let offset = u32::try_from(index * CHUNK).unwrap_or(u32::MAX);
-            let bytes = Text::from_slice(chunk).unwrap_or_default();
-            self.persist(&HubFunction::Chunk { offset, bytes })?;
-        }
-        progress(image.len())?;
-        self.persist(&HubFunction::FinishUpdate)?;
-        Ok(self.update_settled()?)
-    }
-
-    /// Repeats a request while the hub refuses it because it still writes.
-    fn persist(&mut self, request: &HubFunction) -> Result<(), Error> {
-        let end = Instant::now() + WRITING;
-        loop {
-            match self.order(request.clone()) {
-                Err(Error::Refused { reason: Nack::UPDATE_BUSY, .. }) if Instant::now() < end => sleep(POLL),
-                done => return done,
-            }
-        }
-    }
-
-    /// Waits until the hub neither writes nor checks.
-    fn update_settled(&mut self) -> Result<UpdateReport, Error> {
-        let end = Instant::now() + WRITING;
-        loop {
-            let report = self.update_state()?;
-            let settled = !report.at_work && !matches!(report.phase, Phase::Checking | Phase::Disarming);
-            if settled || Instant::now() > end {
-                return Ok(report);
-            }
-            sleep(POLL);
-        }
     }
 }

@@ -13,7 +13,7 @@ use crate::place::Place;
 use crate::requests::Order;
 use crate::scenario_player::{Playing, Script};
 use crate::settings_file;
-use crate::update::{LARGEST, Update, bytes_of};
+use crate::update::{LARGEST_IMAGE, Update, bytes_of};
 use motor_hub::extension::HubFunction;
 use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub::store::Stored;
@@ -282,9 +282,9 @@ impl Relay {
             self.firmware.clear();
         }
         let bytes = bytes_of(hex).ok_or("the part has other signs than hexadecimal digits")?;
-        if offset != self.firmware.len() || offset + bytes.len() > LARGEST {
+        if offset != self.firmware.len() || offset + bytes.len() > LARGEST_IMAGE {
             return Err(format!(
-                "a part of the firmware begins at {offset}; expected is {}, and at most {LARGEST} bytes",
+                "a part of the firmware begins at {offset}; expected is {}, and at most {LARGEST_IMAGE} bytes",
                 self.firmware.len()
             )
             .into());

@@ -5,7 +5,6 @@ use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values, 
 use motor_hub::group::{BaseSettings, DriveBase};
 use motor_hub::motor::Settings;
 use motor_hub::protocol::CHANNELS;
-use motor_hub_client::base::BASE_LIMITS;
 use motor_hub_client::{Error, Session};
 use serde::{Deserialize, Serialize};
 use simulated::scheme::{BlendChoice, SchemeName};
@@ -72,13 +71,11 @@ impl BaseTable {
     fn settings(&self) -> Result<BaseSettings, String> {
         let &Self { wheels, wheel_diameter_mm, track_mm, counts_per_turn, use_gyro } = self;
         let most = CHANNELS - 1;
-        if wheels[0] == wheels[1] || wheels.iter().any(|wheel| usize::from(*wheel) > most) {
-            return Err(format!(
-                "base: wheels are {wheels:?}; allowed are two different motors of 0 to {most}"
-            ));
+        if wheels.iter().any(|wheel| usize::from(*wheel) > most) {
+            return Err(format!("base: wheels are {wheels:?}; allowed are motors of 0 to {most}"));
         }
         let base = DriveBase { wheel_diameter_mm, track_mm, counts_per_turn };
-        BaseSettings::new(wheels, &base, use_gyro).map_err(|_| format!("base: {BASE_LIMITS}"))
+        BaseSettings::new(wheels, &base, use_gyro).map_err(|error| format!("base: {error}"))
     }
 }
 

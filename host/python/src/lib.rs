@@ -5,7 +5,8 @@
 
 mod reading;
 
-use motor_hub_client::base::{BASE_LIMITS, Part};
+use motor_hub_client::base::Part;
+use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::line::{Line, ports};
 use motor_hub_client::motor_hub::extension::HubFunction;
 use motor_hub_client::motor_hub::extension::group::{GroupCourse, GroupState};
@@ -15,14 +16,13 @@ use motor_hub_client::motor_hub::protocol::CHANNELS;
 use motor_hub_client::motor_hub::protocol::motor::RunMode;
 use motor_hub_client::motor_hub::regulator::identify::Identification;
 use motor_hub_client::motor_hub::units::{Acceleration, Control, CountsPerSecond};
-use motor_hub_client::{Error, KEEP_ALIVE, Session, reasons};
+use motor_hub_client::{Error, Session, reasons};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
 
 pyo3::create_exception!(
     motor_hub,
@@ -134,14 +134,13 @@ impl Link {
         let motors = motors.into_iter().map(channel).collect::<PyResult<Vec<u8>>>()?;
         let enabled = self.run(py, |session| {
             motors.iter().try_for_each(|motor| {
-                session.set_mode(*motor, RunMode::Power, ZeroPower::Brake)?;
-                session.set_power(*motor, Control::ZERO)?;
+                session.brake(*motor)?;
                 session.enable(*motor, true)
             })
         });
         if enabled.is_err() {
             // The error that is reported is the first one.
-            let _ = self.run(py, |session| disable(session, &motors));
+            let _ = self.run(py, |session| session.disable_all(&motors));
         }
         enabled
     }
@@ -149,7 +148,7 @@ impl Link {
     /// Disables motors. Tries for as long as the hub would keep them running, and reaches every motor that can be reached.
     fn disable(&self, py: Python<'_>, motors: Vec<i64>) -> PyResult<()> {
         let motors = motors.into_iter().map(channel).collect::<PyResult<Vec<u8>>>()?;
-        self.run(py, |session| disable(session, &motors))
+        self.run(py, |session| session.disable_all(&motors))
     }
 
     /// Applies a share of full power, -1 to 1.
@@ -280,14 +279,9 @@ impl Link {
         use_gyro: bool,
     ) -> PyResult<()> {
         let wheels = [channel(wheels.0)?, channel(wheels.1)?];
-        if wheels[0] == wheels[1] {
-            return Err(PyValueError::new_err(
-                "both wheels have the same motor; give each wheel a motor of its own",
-            ));
-        }
         let base = DriveBase { wheel_diameter_mm, track_mm, counts_per_turn: counts_per_turn.into() };
-        let base =
-            BaseSettings::new(wheels, &base, use_gyro).map_err(|_| PyValueError::new_err(BASE_LIMITS))?;
+        let base = BaseSettings::new(wheels, &base, use_gyro);
+        let base = base.map_err(|error| PyValueError::new_err(error.to_string()))?;
         self.run(py, |session| session.set_base(base))
     }
 
@@ -355,9 +349,8 @@ impl Link {
         acceleration: i64,
         tolerance: Option<i64>,
     ) -> PyResult<()> {
-        /// The fields of a group's speeds have 24 bits before the point.
-        const FASTEST_CPS: i64 = 1_000_000;
-        let speed: i32 = within("speed", speed, 1, FASTEST_CPS, "counts/s")?;
+        let fastest = i64::from(FASTEST_GROUP_CPS);
+        let speed: i32 = within("speed", speed, 1, fastest, "counts/s")?;
         let acceleration: u32 = within("acceleration", acceleration, 1, u32::MAX.into(), "counts/s²")?;
         let acceleration =
             Acceleration::new(acceleration).map_err(|error| PyValueError::new_err(error.to_string()))?;
@@ -365,7 +358,7 @@ impl Link {
         for (&motor, &target) in &targets {
             let at = usize::from(channel(motor)?);
             if on {
-                let cps: i32 = within("speed", target, -FASTEST_CPS, FASTEST_CPS, "counts/s")?;
+                let cps: i32 = within("speed", target, -fastest, fastest, "counts/s")?;
                 speeds[at] = Some(CountsPerSecond::new(cps));
             } else {
                 places[at] =
@@ -390,20 +383,6 @@ impl Link {
     }
 }
 
-/// Disables motors, and repeats that until the hub's own keep-alive has done so.
-fn disable(session: &mut Session<Line>, motors: &[u8]) -> Result<(), Error> {
-    let end = Instant::now() + KEEP_ALIVE;
-    loop {
-        // An error of one motor does not keep the others from being disabled.
-        let disabled = motors.iter().map(|motor| session.enable(*motor, false)).fold(Ok(()), Result::and);
-        match disabled {
-            Err(error) if Instant::now() < end && !error.is_hung_up() => drop(error),
-            done => return done,
-        }
-    }
-}
-
-/// A session with a hub, and its errors.
 /// Paths of the USB serial ports.
 #[pyfunction]
 fn usb_ports() -> PyResult<Vec<String>> {

@@ -1,8 +1,9 @@
 //! What a hub reports, as dictionaries whose keys are the fields of Python's dataclasses.
 
+use motor_hub_client::base::OdometryValues;
 use motor_hub_client::motor_hub::extension::base::OdometryReport;
 use motor_hub_client::motor_hub::extension::report::{HubReport, MotorReport};
-use motor_hub_client::motor_hub::group::{BaseSettings, GyroState};
+use motor_hub_client::motor_hub::group::BaseSettings;
 use motor_hub_client::motor_hub::protocol::answers::Bulk;
 use motor_hub_client::motor_hub::regulator::identify::Identified;
 use motor_hub_client::motor_values::MotorValues;
@@ -86,17 +87,11 @@ pub(crate) fn base<'py>(py: Python<'py>, base: &BaseSettings) -> PyResult<Bound<
 /// The fields of Python's `Odometry`.
 pub(crate) fn odometry<'py>(py: Python<'py>, report: &OdometryReport) -> PyResult<Bound<'py, PyDict>> {
     let fields = PyDict::new(py);
-    fields.set_item("x_mm", f64::from(report.x_um) / 1e3)?;
-    fields.set_item("y_mm", f64::from(report.y_um) / 1e3)?;
-    fields.set_item("heading_degrees", f64::from(report.heading_millidegrees) / 1e3)?;
-    let gyro = match report.gyro {
-        GyroState::Unused => "unused",
-        GyroState::Waiting => "waiting",
-        GyroState::Good => "good",
-        GyroState::Lost => "lost",
-        GyroState::Implausible => "implausible",
-    };
-    fields.set_item("gyro", gyro)?;
-    fields.set_item("gyro_losses", report.losses)?;
+    let values = OdometryValues::of(report);
+    fields.set_item("x_mm", values.x_mm)?;
+    fields.set_item("y_mm", values.y_mm)?;
+    fields.set_item("heading_degrees", values.heading_degrees)?;
+    fields.set_item("gyro", values.gyro)?;
+    fields.set_item("gyro_losses", values.gyro_losses)?;
     Ok(fields)
 }

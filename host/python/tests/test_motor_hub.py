@@ -105,7 +105,7 @@ class Commands(WithHub):
         dimensions = {"wheel_diameter_mm": 90, "track_mm": 300, "counts_per_turn": (560, 1680)}
         for wheels, changed, message in [
             ((0, 4), {}, "motor is 4; allowed are 0 to 3"),
-            ((1, 1), {}, "give each wheel a motor of its own"),
+            ((1, 1), {}, "two different motors"),
             ((0, 1), {"track_mm": 20_000}, "a track of 1 mm to 10 m"),
         ]:
             with self.assertRaisesRegex(ValueError, message):

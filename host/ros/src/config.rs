@@ -1,6 +1,5 @@
 //! The configuration file: hubs, their joints, and their drive bases. `docs/guides/ros2.md` has an example.
 
-use motor_hub_client::base::BASE_LIMITS;
 use motor_hub_client::motor_hub::group::{BaseSettings, DriveBase};
 use motor_hub_client::motor_hub::protocol::{Address, CHANNELS};
 use motor_hub_client::motor_hub::units::RangeError;
@@ -197,8 +196,8 @@ impl Hub {
                     "hub {at}: base: both wheels must be motors of the hub at this place; give their joints no address"
                 ));
             }
-            if let Some(Err(_)) = self.base_settings() {
-                return Err(format!("hub {at}: base: {BASE_LIMITS}"));
+            if let Some(Err(error)) = self.base_settings() {
+                return Err(format!("hub {at}: base: {error}"));
             }
         }
         Ok(())

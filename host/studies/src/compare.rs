@@ -3,19 +3,8 @@
 //! One NeveRest 60 does a few tasks under each scheme with each duty rule. It is regulated by its model, or by PID: once
 //! with the same coefficients for all variants, and once with each variant's best coefficients of a small grid. The best
 //! are chosen on the first task. Scores rank the variants.
-//!
-//! ```no_run
-//! use studies::compare::Comparison;
-//!
-//! // The first three tasks; all of them take some minutes.
-//! let comparison = Comparison::new(true, &mut |done, of| println!("{done} of {of}"))?;
-//! println!("{}", comparison.text());
-//! # Ok::<(), studies::StudyError>(())
-//! ```
 
 mod charts;
-mod gains;
-mod results;
 mod row;
 mod score;
 mod tasks;
@@ -24,12 +13,32 @@ mod tuning;
 mod variant;
 
 use crate::{NamedFigure, StudyError};
-use results::{Round, TaskResult};
 use row::Row;
+use serde::Serialize;
 use serde_json::json;
 use std::path::PathBuf;
+use tasks::Task;
 use tuning::Tuning;
 use variant::Variant;
+
+/// All variants at one task.
+#[derive(Clone, Debug, Serialize)]
+struct TaskResult {
+    /// The task.
+    #[serde(flatten)]
+    task: Task,
+    /// In the order of [`Variant::ALL`].
+    rows: Vec<Row>,
+}
+
+/// All tasks with one way of choosing coefficients.
+#[derive(Clone, Debug, Serialize)]
+struct Round {
+    /// How coefficients were chosen.
+    tuning: Tuning,
+    /// In the order of the tasks.
+    tasks: Vec<TaskResult>,
+}
 
 /// The whole comparison.
 #[derive(Clone, Debug)]

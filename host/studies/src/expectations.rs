@@ -2,29 +2,6 @@
 //!
 //! An expectation without a measurement is not met: there was no change of set-point to settle, too little time to judge
 //! one, or no control tick in the window.
-//!
-//! ```
-//! use simulated::{scenario::Scenario, sim};
-//! use studies::expectations::judge;
-//!
-//! let scenario = Scenario::parse("turns.toml", r#"
-//! name = "it turns"
-//! duration_s = 1.0
-//! battery = { emf_v = 12.0, resistance_ohm = 0.1 }
-//! [[motors]]
-//! label = "fan"
-//! motor = "AM 20 A"
-//! setpoints = [{ at_s = 0.0, power = 0.5 }]
-//! [[expect]]
-//! from_s = 0.9
-//! speed_between_cps = [100, 3000]
-//! "#)?;
-//! let trace = sim::run(&scenario, &mut |_| ())?;
-//! for verdict in judge(&scenario, &trace) {
-//!     assert!(verdict.met(), "{verdict}");
-//! }
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
 
 use crate::groups;
 use crate::measures::regime_of;

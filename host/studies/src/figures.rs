@@ -1,11 +1,4 @@
 //! The paper's figures, and figures of the currents that a control value gives with linear duty and with linear current.
-//!
-//! ```no_run
-//! for (name, figure) in studies::figures::all()? {
-//!     println!("{name}.svg: {} bytes", figure.svg().len());
-//! }
-//! # Ok::<(), studies::StudyError>(())
-//! ```
 
 mod circuits;
 

@@ -1,17 +1,7 @@
 //! The identification of motors on a simulated board, beside their true constants.
-//!
-//! ```no_run
-//! use simulated::{scenario::Scenario, sim};
-//! use studies::identify::{self, Identifications};
-//!
-//! // All motors of the default scenario, with 4000 counts to turn either way.
-//! let scenario = identify::scenario(Scenario::default_one()?, 4000);
-//! let trace = sim::run(&scenario, &mut |_| ())?;
-//! println!("{}", Identifications::new(scenario, trace)?.tables());
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
 
 use crate::table::{self, Table};
+use crate::with_fields;
 use chart::{Figure, Panel, Series, Style, colour};
 use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::regulator::Dynamics;
@@ -105,13 +95,12 @@ impl Identifications {
         let motors = self.scenario.motors.iter().zip(&self.truth).zip(self.outcomes());
         let motors: Vec<_> = motors
             .map(|((motor, truth), outcome)| {
-                let mut document = json(outcome);
-                if let Some(object) = document.as_object_mut() {
-                    object.insert("label".into(), motor.label.clone().into());
-                    object.insert("motor".into(), motor.constants.name.into());
-                    object.insert("true".into(), dynamics(truth));
-                }
-                document
+                let named = json!({
+                    "label": motor.label,
+                    "motor": motor.constants.name,
+                    "true": dynamics(truth),
+                });
+                with_fields(json(outcome), named)
             })
             .collect();
         json!({ "period_ms": self.scenario.period.as_millis(), "motors": motors })

@@ -1,33 +1,5 @@
 //! Studies of the hub: measures of runs, comparisons, the paper's numbers and figures, answers to cases. Every study
 //! returns a document (text for people, JSON for programs, figures); none prints or writes anything.
-//!
-//! | module | what it shows |
-//! |---|---|
-//! | [`settling`] | the one judge of whether a motor has settled |
-//! | [`measures`] | numbers of a run: settling, overshoot, jerk, energy |
-//! | [`expectations`] | whether a run meets its scenario's expectations |
-//! | [`report`] | a scenario with and without a braking regime |
-//! | [`recording`] | what a hub reported while a host drove its motors |
-//! | [`compare`] | the same tasks under every scheme and duty rule |
-//! | [`survey`] | how well motors are regulated: reference tasks, bare motors, random scenarios |
-//! | [`square`] | where a drive base ends after a square, by encoders and by a gyro |
-//! | [`identify`] | what the hub identifies of its motors, beside their true values |
-//! | [`overlay`] | the flashed image beside the same core on the simulated board |
-//! | [`points`] | S, T, Z, G at an operating point, and the duty of a control value |
-//! | [`page`], [`table`] | sentences and tables for a terminal or as Markdown |
-//! | [`paper`] | every number that the paper prints beside ours, and where its text is wrong |
-//! | [`figures`] | the paper's figures and ours |
-//! | [`eval`] | cases of a JSON document, answered by core and model |
-//!
-//! ```
-//! use motor_hub::braking::Scheme;
-//! use motor_hub::model::catalogue::characterised;
-//! use studies::points::OperatingReport;
-//!
-//! let report = OperatingReport::new(characterised("NeveRest 60")?, Scheme::B, 1000, 12_000)?;
-//! assert!(report.heading().starts_with("NeveRest 60 at 1000 counts/s on 12.000 V, scheme B"));
-//! # Ok::<(), studies::StudyError>(())
-//! ```
 #![forbid(unsafe_code)]
 
 pub mod compare;
@@ -51,6 +23,7 @@ pub mod table;
 use chart::{Figure, Series, Style};
 use motor_hub::model::catalogue::UnknownMotor;
 use motor_hub::units::RangeError;
+use serde_json::Value;
 use simulated::sim::RunError;
 use simulated::trace::{Sample, Trace};
 
@@ -80,6 +53,15 @@ pub enum StudyError {
 
 /// A figure and the name of its files.
 pub type NamedFigure = (String, Figure);
+
+/// A JSON object with further fields.
+#[must_use]
+pub fn with_fields(mut object: Value, more: Value) -> Value {
+    if let (Value::Object(object), Value::Object(more)) = (&mut object, more) {
+        object.extend(more);
+    }
+    object
+}
 
 /// A value of a motor over a run. The line has a name, a colour and a style.
 fn line(

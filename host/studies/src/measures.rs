@@ -19,6 +19,7 @@ use motor_hub::motor::Report;
 use serde::Serialize;
 use simulated::scenario::Motor;
 use simulated::trace::{Point, Sample, Trace};
+use std::fmt;
 use std::ops::Range;
 
 /// All measures of one motor in one run.
@@ -101,6 +102,13 @@ pub struct RegimeShares {
     pub reverse: f64,
     /// Open bridge: disabled, floating or at fault.
     pub coast: f64,
+}
+
+impl fmt::Display for RegimeShares {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { forward, braking, reverse, coast } = self;
+        write!(f, "{forward:.0} / {braking:.0} / {reverse:.0} / {coast:.0} %")
+    }
 }
 
 impl Goal {

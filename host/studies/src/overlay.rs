@@ -86,14 +86,10 @@ impl Overlay {
                 table.add_row([name, cell(e), cell(s)]);
             }
             let [e, s] = [&emulated, &simulated].map(|measures| {
-                let (jerk, share) = (measures.deceleration_jerk, measures.regimes);
                 format!(
-                    "{:.2} A\n{:.0} / {:.0} / {:.0} / {:.0} %\n{:.2} J\n{:.2} J",
-                    jerk.worst_a,
-                    share.forward,
-                    share.braking,
-                    share.reverse,
-                    share.coast,
+                    "{:.2} A\n{}\n{:.2} J\n{:.2} J",
+                    measures.deceleration_jerk.worst_a,
+                    measures.regimes,
                     measures.energy_from_battery_j,
                     measures.energy_to_battery_j
                 )
@@ -141,6 +137,6 @@ impl Overlay {
 
 fn cell(response: &Response) -> String {
     let settling = response.settling();
-    let overshoot = response.overshoot_percent.map_or("-".into(), |p| format!("{p:.1} %"));
+    let overshoot = table::percent(response.overshoot_percent);
     format!("\n{settling}\n{overshoot}\n{:.1} {}", response.residual_rms, response.unit)
 }

@@ -1,9 +1,4 @@
 //! Every number that the paper prints beside ours, and where its text is wrong.
-//!
-//! ```no_run
-//! println!("{}", studies::paper::Document::new()?.text());
-//! # Ok::<(), studies::StudyError>(())
-//! ```
 
 pub(crate) mod printed;
 

@@ -58,7 +58,7 @@ pub struct PointReport {
 /// Regime, mode and duty of a control value by both duty rules.
 #[derive(Debug, PartialEq, Serialize)]
 pub struct Placed {
-    /// Steps.
+    /// Control value in steps.
     pub control: i16,
     /// Regime, mode and duty linear between the points.
     #[serde(flatten)]

@@ -1,34 +1,35 @@
 //! A scenario's run beside the same run without a braking regime: tables, JSON, charts and CSV.
-//!
-//! ```
-//! use simulated::{scenario::Scenario, sim};
-//! use studies::report::RunReport;
-//!
-//! let scenario = Scenario { duration_s: 0.5, ..Scenario::default_one()? };
-//! let as_set = sim::run(&scenario, &mut |_| ())?;
-//! let without = sim::run(&scenario.without_braking(), &mut |_| ())?;
-//! let report = RunReport::new(scenario, as_set, without);
-//! assert!(report.tables().contains("no braking regime"));
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
 
 mod csv;
 mod figures;
 mod headline;
-mod runs;
 mod tables;
 
 use crate::NamedFigure;
-use crate::expectations::Verdict;
+use crate::expectations::{Verdict, judge};
 use crate::measures::Measures;
 use crate::table;
 use motor_hub::braking::DutyRule;
 use serde::Serialize;
 use serde_json::json;
+use simulated::scenario::Scenario;
 use simulated::scheme::{DutyWord, SchemeWords};
+use simulated::trace::Trace;
 use std::path::PathBuf;
 
-pub use runs::RunReport;
+/// Name of the run without a braking regime.
+const WITHOUT: &str = "no braking regime";
+
+/// Both runs of a scenario.
+pub struct RunReport {
+    scenario: Scenario,
+    as_set: Trace,
+    without: Trace,
+    /// Measures by motor: of the run as set, and of the run without a braking regime.
+    measures: Vec<[Measures; 2]>,
+    /// Verdicts on the run as set.
+    verdicts: Vec<Verdict>,
+}
 
 /// One motor in the JSON report.
 #[derive(Serialize)]
@@ -44,6 +45,16 @@ struct MotorReport<'a> {
 }
 
 impl RunReport {
+    /// Compares the trace of a scenario with the trace of [`Scenario::without_braking`].
+    pub fn new(scenario: Scenario, as_set: Trace, without: Trace) -> Self {
+        let measures = scenario.motors.iter().enumerate().map(|(index, motor)| {
+            [&as_set, &without].map(|trace| Measures::new(motor, scenario.duration_s, trace, index))
+        });
+        let measures = measures.collect();
+        let verdicts = judge(&scenario, &as_set);
+        Self { scenario, as_set, without, measures, verdicts }
+    }
+
     /// The scenario's expectations of the run as set, and whether they are met.
     pub fn verdicts(&self) -> &[Verdict] {
         &self.verdicts

@@ -4,14 +4,6 @@
 //!
 //! Responses are judged by the true motion at every millisecond, see [`settling`](crate::settling). Of the random
 //! responses those are counted that can be settled by some regulator.
-//!
-//! ```no_run
-//! use studies::survey::reference;
-//!
-//! let rows = reference::run(&mut |done, of| println!("{done} of {of}"))?;
-//! assert!(rows.iter().any(|row| row.name.contains("winch")));
-//! # Ok::<(), studies::StudyError>(())
-//! ```
 
 pub mod bare_motors;
 pub mod chart;
@@ -68,7 +60,7 @@ pub enum Knowledge {
 }
 
 impl Knowledge {
-    /// All of them.
+    /// All configurations.
     pub const ALL: [Self; 10] = [
         Self::Exact,
         Self::Lighter,
@@ -82,10 +74,11 @@ impl Knowledge {
         Self::Sibling,
     ];
 
-    /// The four that differ in the motion alone. [`soak`] and the tables by property have these, the first of all.
+    /// The configurations that differ in the motion alone, which are the first four of all. [`soak`] and the tables by
+    /// property have these.
     pub const OF_MOTION: [Self; 4] = [Self::Exact, Self::Lighter, Self::Heavier, Self::Unknown];
 
-    /// In words.
+    /// Text for tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Exact => "configured exactly",
@@ -144,7 +137,7 @@ fn sibling(motor: &catalogue::Motor) -> Option<catalogue::Motor> {
 pub struct Response {
     /// The scenario's number.
     pub scenario: u64,
-    /// The motor's number in it, from 0.
+    /// Number of the motor in the scenario, from 0.
     pub motor: usize,
     /// Seconds from the scenario's start.
     pub at_s: f64,
@@ -276,7 +269,7 @@ fn circumstances(scenario: &Scenario, index: usize) -> String {
     )
 }
 
-/// Mechanical, of a motor with its load, in seconds.
+/// Mechanical time constant of a motor with its load, in seconds.
 fn time_constant(motor: &catalogue::Motor, load: &Load) -> f64 {
     let shaft = Shaft::new(motor, load);
     shaft.inertia.0 / (motor.ke.0 * motor.kt.0 / motor.r.0 + shaft.drag.0)
@@ -285,7 +278,7 @@ fn time_constant(motor: &catalogue::Motor, load: &Load) -> f64 {
 /// Coulomb friction in percent of the stall torque at 12 V, as scenario files have it.
 fn friction_percent(motor: &Motor) -> f64 {
     let share = motor.constants.friction.coulomb.0 / motor.constants.stall_torque(Volts(12.0)).0;
-    // Whole steps again, whatever the multiplication by the torque and back has made of them.
+    // Removes the rounding errors of the multiplication by the torque and of the division.
     (1e6 * 100.0 * share).round() / 1e6
 }
 

@@ -8,9 +8,8 @@
 //! ```
 
 use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Table as Drawn, Width, presets};
-use std::cmp::Ordering;
 use std::fmt;
-use std::sync::atomic::{self, AtomicU16};
+use std::sync::atomic::{AtomicU16, Ordering};
 
 /// Columns of a terminal of unknown width.
 pub const USUAL_WIDTH: u16 = 80;
@@ -20,7 +19,7 @@ static WIDTH: AtomicU16 = AtomicU16::new(USUAL_WIDTH);
 
 /// Sets the columns of the terminal. Tables are no wider from then on.
 pub fn fit(columns: u16) {
-    WIDTH.store(columns, atomic::Ordering::Relaxed);
+    WIDTH.store(columns, Ordering::Relaxed);
 }
 
 /// Rows under headings.
@@ -83,7 +82,8 @@ impl Table {
         [most.max(self.narrowest), least]
     }
 
-    /// Columns for each table: one, if wrapped text makes room enough; else several, each with the leading text.
+    /// The columns of each table. There is one table if wrapping the text makes it narrow enough. Otherwise there are several
+    /// tables, each with the text columns.
     fn parts(&self, room: usize) -> Vec<Vec<usize>> {
         let all = self.headings.len();
         let least: usize = (0..all).map(|column| self.widths(column)[1]).sum();
@@ -128,38 +128,13 @@ impl Table {
 
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let room = usize::from(WIDTH.load(atomic::Ordering::Relaxed));
+        let room = usize::from(WIDTH.load(Ordering::Relaxed));
         for (number, columns) in self.parts(room).iter().enumerate() {
             let gap = if number > 0 { "\n" } else { "" };
             write!(f, "{gap}{}", self.draw(columns, room))?;
         }
         Ok(())
     }
-}
-
-/// Order of names by their numbers: "9.svg" before "10.svg".
-#[must_use]
-pub fn natural_order(a: &str, b: &str) -> Ordering {
-    parts_of(a).cmp(parts_of(b)).then_with(|| a.cmp(b))
-}
-
-/// A name's numbers and words in turn. A longer number is a larger one.
-#[derive(PartialEq, Eq, PartialOrd, Ord)]
-enum NamePart<'a> {
-    Number(usize, &'a [u8]),
-    Word(&'a [u8]),
-}
-
-fn parts_of(name: &str) -> impl Iterator<Item = NamePart<'_>> {
-    name.as_bytes().chunk_by(|a, b| a.is_ascii_digit() == b.is_ascii_digit()).map(|part| {
-        if part.first().is_some_and(u8::is_ascii_digit) {
-            let zeros = part.iter().take_while(|digit| **digit == b'0').count();
-            let digits = part.get(zeros..).unwrap_or_default();
-            NamePart::Number(digits.len(), digits)
-        } else {
-            NamePart::Word(part)
-        }
-    })
 }
 
 /// A whole number with its digits in groups of three: "29 376".
@@ -181,9 +156,14 @@ pub fn seconds(seconds: Option<f64>) -> String {
     seconds.filter(|seconds| seconds.is_finite()).map_or("never".to_owned(), |s| format!("{s:.2} s"))
 }
 
+/// A percentage as text; "-" without a number.
+pub(crate) fn percent(percent: Option<f64>) -> String {
+    percent.map_or("-".to_owned(), |percent| format!("{percent:.1} %"))
+}
+
 /// A paragraph of words, no wider than the terminal.
 pub fn paragraph(text: &str) -> String {
-    filled(text, usize::from(WIDTH.load(atomic::Ordering::Relaxed)))
+    filled(text, usize::from(WIDTH.load(Ordering::Relaxed)))
 }
 
 fn filled(text: &str, room: usize) -> String {
@@ -223,7 +203,7 @@ fn chars(text: &str) -> usize {
     text.chars().count()
 }
 
-/// "-0.00" is a zero as any other.
+/// The text without the signs of numbers that are zero, such as "-0.00".
 fn without_negative_zero(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for (at, c) in text.char_indices() {
@@ -254,13 +234,6 @@ mod tests {
         assert_eq!(filled("one two three four", 10), "one two\nthree four");
         assert_eq!(filled("a counterelectromotive force", 8), "a\ncounterelectromotive\nforce");
         assert_eq!(filled(" ", 8), "");
-    }
-
-    #[test]
-    fn names_are_in_the_order_in_which_people_count() {
-        let mut names = ["10-b.svg", "1-a.svg", "2-c.svg", "motor-11.svg", "motor-9.svg", "02-d.svg"];
-        names.sort_by(|a, b| natural_order(a, b));
-        assert_eq!(names, ["1-a.svg", "2-c.svg", "02-d.svg", "10-b.svg", "motor-9.svg", "motor-11.svg"]);
     }
 
     #[test]

@@ -10,27 +10,23 @@ use motor_hub::extension::group::GroupCourse;
 use motor_hub::group::{BaseSettings, DriveBase, GroupCommand, GyroState};
 use motor_hub::protocol::CHANNELS;
 use motor_hub_client::Session;
-use motor_hub_client::base::{BASE_LIMITS, Part};
+use motor_hub_client::base::{OdometryValues, Part};
 use motor_hub_client::line::Line;
-use serde_json::json;
 use std::time::{Duration, Instant};
-
-/// Text of the long help of `drive`.
-pub(super) const HELP: &str = "\
-Drives a base with two wheels along straight lines and through turns, then disables its motors, on hubs of this project
-
-Options for the base configure it, and it then starts at the origin. Without them the hub's base goes on from where it is. `settings \
-save` stores the base.
-
-The hub counts where the base is: `odometry` shows that afterwards. With --use-gyro the hub reads a BNO055 on I2C bus 0, and the \
-base holds the heading of the gyro, although wheels slip or are unlike. If the gyro fails, the base goes on by its encoders, and the \
-command says so.";
 
 /// Longest wait for the first reading of the gyro. A BNO055 answers 0.65 s after its supply is on, and the hub tries once a second.
 const GYRO_START: Duration = Duration::from_secs(3);
 const POLL: Duration = Duration::from_millis(50);
 
-/// Dimensions of the base, and its course.
+/// Drives a base with two wheels along straight lines and through turns, then disables its motors, on hubs of this
+/// project
+///
+/// Options for the base configure it, and it then starts at the origin. Without them the hub's base goes on from
+/// where it is. `settings save` stores the base.
+///
+/// The hub counts where the base is: `odometry` shows that afterwards. With --use-gyro the hub reads a BNO055 on I2C
+/// bus 0, and the base holds the heading of the gyro, although wheels slip or are unlike. If the gyro fails, the base
+/// goes on by its encoders, and the command says so.
 #[derive(clap::Args)]
 pub(super) struct Options {
     /// Parts of the course in their order: straight=MM, backward if negative, or turn=DEGREES, positive to the left
@@ -86,8 +82,7 @@ fn pair(text: &str) -> Result<[f64; 2], String> {
 fn wheels(text: &str) -> Result<[u8; 2], String> {
     let parse = |motor: &str| motor.parse().ok().filter(|motor| usize::from(*motor) < CHANNELS);
     let wheels = text.split_once(',').and_then(|(left, right)| Some([parse(left)?, parse(right)?]));
-    let wheels = wheels.filter(|[left, right]| left != right);
-    wheels.ok_or_else(|| format!("give two different motors from 0 to {}, as 0,1", CHANNELS - 1))
+    wheels.ok_or_else(|| format!("give two motors from 0 to {}, as 0,1", CHANNELS - 1))
 }
 
 impl Options {
@@ -97,7 +92,7 @@ impl Options {
         let Some(((wheel_diameter_mm, track_mm), counts_per_turn)) = dimensions else { return Ok(None) };
         let base = DriveBase { wheel_diameter_mm, track_mm, counts_per_turn };
         let base = BaseSettings::new(self.wheels, &base, self.use_gyro);
-        base.map(Some).map_err(|_| Failure::input(BASE_LIMITS))
+        base.map(Some).map_err(Failure::input)
     }
 
     fn command(
@@ -179,7 +174,7 @@ fn await_gyro(session: &mut Session<Line>) -> Result<OdometryReport, Failure> {
     }
 }
 
-/// Output of `odometry`.
+/// Shows where the drive base is: position and heading since `drive` has begun, on hubs of this project
 #[derive(clap::Args)]
 pub(super) struct OdometryOptions {
     /// JSON instead of text
@@ -193,20 +188,12 @@ impl OdometryOptions {
         if !self.json {
             return print(&text(&report));
         }
-        print_json(&json!({
-            "x_mm": f64::from(report.x_um) / 1e3,
-            "y_mm": f64::from(report.y_um) / 1e3,
-            "heading_degrees": f64::from(report.heading_millidegrees) / 1e3,
-            "counts": report.counts,
-            "gyro": gyro_word(report.gyro),
-            "gyro_losses": report.losses,
-        }))
+        print_json(&OdometryValues::of(&report))
     }
 }
 
 fn text(report: &OdometryReport) -> String {
-    let [x, y] = [report.x_um, report.y_um].map(|um| f64::from(um) / 1e3);
-    let degrees = f64::from(report.heading_millidegrees) / 1e3;
+    let OdometryValues { x_mm, y_mm, heading_degrees, .. } = OdometryValues::of(report);
     let gyro = match report.gyro {
         GyroState::Unused => "by the encoders",
         GyroState::Waiting => "by the encoders: the gyro has given no reading yet",
@@ -216,15 +203,5 @@ fn text(report: &OdometryReport) -> String {
     };
     let losses =
         if report.losses == 0 { String::new() } else { format!(", gyro lost {} times", report.losses) };
-    format!("x {x:.1} mm, y {y:.1} mm, heading {degrees:.2} degrees {gyro}{losses}\n")
-}
-
-const fn gyro_word(gyro: GyroState) -> &'static str {
-    match gyro {
-        GyroState::Unused => "unused",
-        GyroState::Waiting => "waiting",
-        GyroState::Good => "good",
-        GyroState::Lost => "lost",
-        GyroState::Implausible => "implausible",
-    }
+    format!("x {x_mm:.1} mm, y {y_mm:.1} mm, heading {heading_degrees:.2} degrees {gyro}{losses}\n")
 }

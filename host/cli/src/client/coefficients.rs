@@ -8,7 +8,7 @@ use motor_hub::units::Coefficient;
 use serde_json::json;
 use studies::table;
 
-/// Motor, loop, and the coefficients to set.
+/// Reads a loop's coefficients, or sets the given ones and keeps the others
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motor 0 to 3

@@ -86,7 +86,7 @@ fn keep_alive(session: &mut Session<Line>, length: Option<Duration>) -> Result<(
     }
 }
 
-/// A servo and its pulses.
+/// Shows the servo outputs, or gives a servo pulses until the command ends
 #[derive(clap::Args)]
 pub(super) struct ServoOptions {
     /// Servo output, 0 to 5 [default: lists all servo outputs]
@@ -153,7 +153,7 @@ impl ServoOptions {
     }
 }
 
-/// Form of the output.
+/// Shows the analog inputs, the 5 V rail, the battery and the temperature
 #[derive(clap::Args)]
 pub(super) struct AnalogOptions {
     /// JSON instead of a table
@@ -187,7 +187,7 @@ impl AnalogOptions {
     }
 }
 
-/// A pin and its level.
+/// Shows the digital pins, or drives a pin until the command ends
 #[derive(clap::Args)]
 pub(super) struct DigitalOptions {
     /// Digital pin, 0 to 7 [default: lists all digital pins]

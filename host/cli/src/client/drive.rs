@@ -65,7 +65,7 @@ fn motors(text: &str) -> Result<Motors, String> {
     Ok(Motors { hub, numbers: numbers.into_iter().collect() })
 }
 
-/// Options of `power`.
+/// Runs motors with constant power, then disables them
 #[derive(clap::Args)]
 pub(crate) struct PowerOptions {
     #[command(flatten)]
@@ -81,7 +81,7 @@ pub(super) fn power(text: &str) -> Result<Control, String> {
     power.ok_or("a power is a share of full power, -1 to 1".to_owned())
 }
 
-/// Options of `current`.
+/// Runs motors with a constant current, which is a constant torque, then disables them, on hubs of this project
 #[derive(clap::Args)]
 pub(crate) struct CurrentOptions {
     #[command(flatten)]
@@ -105,7 +105,9 @@ fn milliamperes(text: &str) -> Result<i32, String> {
     ma.ok_or_else(|| format!("a current is -{LARGEST_CURRENT_A} to {LARGEST_CURRENT_A} A"))
 }
 
-/// Options of `velocity`.
+/// Runs motors with regulated velocity, then disables them
+///
+/// With --for-s the command fails (exit code 1) unless all motors have the speed at the end, within 5 %.
 #[derive(clap::Args)]
 pub(crate) struct VelocityOptions {
     #[command(flatten)]
@@ -115,7 +117,7 @@ pub(crate) struct VelocityOptions {
     speed: Speed,
 }
 
-/// Options of `position`.
+/// Moves motors to a position, then disables them
 #[derive(clap::Args)]
 pub(crate) struct PositionOptions {
     #[command(flatten)]
@@ -135,15 +137,9 @@ pub(crate) struct PositionOptions {
 /// The commands that make motors turn.
 #[derive(clap::Subcommand)]
 pub(crate) enum Drive {
-    /// Runs motors with constant power, then disables them
     Power(PowerOptions),
-    /// Runs motors with a constant current, which is a constant torque, then disables them, on hubs of this project
     Current(CurrentOptions),
-    /// Runs motors with regulated velocity, then disables them
-    ///
-    /// With --for-s the command fails (exit code 1) unless all motors have the speed at the end, within 5 %.
     Velocity(VelocityOptions),
-    /// Moves motors to a position, then disables them
     Position(PositionOptions),
 }
 

@@ -8,17 +8,13 @@ use motor_hub::record::{Fault, Head, Tick};
 use serde_json::{Value, json};
 use studies::table;
 
-/// Text of the long help.
-pub(crate) const HELP: &str = "\
-Lists the last faults and resets of a hub of this project, newest first
-
-docs/reference/fault-numbers.md explains each fault number: meaning, reaction of the hub, and what to check. With the number \
-of an entry the command shows the 64 control ticks before the fault. They are those of the motor at fault or, for a fault of \
-the hub itself, of the motor with the largest duty.
-
-The record survives a reset, but not a loss of power.";
-
-/// Which entry to show, and in which form.
+/// Lists the last faults and resets, newest first, on hubs of this project
+///
+/// docs/reference/fault-numbers.md explains each fault number: meaning, reaction of the hub, and what to check. With
+/// the number of an entry the command shows the 64 control ticks before the fault. They are those of the motor at
+/// fault or, for a fault of the hub itself, of the motor with the largest duty.
+///
+/// The record survives a reset, but not a loss of power.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Shows the control ticks of this entry, by its number in the first column

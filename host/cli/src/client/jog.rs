@@ -38,8 +38,9 @@ pub(super) fn help() -> String {
     format!("Drives motors by keys, while a key is held\n\n{KEYS}\n\n{WORDS}")
 }
 
-/// Speed or power, and duration of a key press.
+/// Drives motors by keys, while a key is held
 #[derive(clap::Args)]
+#[command(long_about = help(), verbatim_doc_comment)]
 pub(super) struct Options {
     /// Initial speed in counts per second
     #[arg(long = "speed-cps", alias = "speed", value_name = "CPS", default_value_t = 300)]

@@ -8,6 +8,7 @@ use motor_hub::motor::{SettleDetector, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts, Period};
+use motor_hub_client::error::if_known;
 use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use std::collections::VecDeque;
@@ -120,11 +121,7 @@ pub(super) fn warn_of(session: &mut Session<Line>, speeds: &[(u8, u32)]) -> Resu
         return Ok(());
     }
     for &(motor, wanted) in speeds {
-        let settings = match session.settings(motor) {
-            Ok(settings) => settings,
-            Err(Error::Refused { .. } | Error::TooOld { .. }) => return Ok(()),
-            Err(error) => return Err(error),
-        };
+        let Some(settings) = if_known(session.settings(motor))? else { return Ok(()) };
         let free = free_speed(settings.motor.winding.emf, battery);
         if f64::from(wanted) > free {
             let volts = f64::from(battery.get()) / 1e3;

@@ -6,7 +6,7 @@ use crate::output::{Failure, say};
 use motor_hub_client::{Error, KEEP_ALIVE, Session};
 use std::io::{Read, Write};
 use std::ops::{Deref, DerefMut};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Time-out for disabling one motor, before the next motor is disabled. It shortens a longer `--timeout-ms`.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -57,21 +57,13 @@ impl<'a, L: Read + Write> DrivingSession<'a, L> {
     pub(super) fn stop(&mut self) -> Result<Vec<u8>, Failure> {
         let motors = std::mem::take(&mut self.motors);
         self.session.hurry(PATIENCE);
-        let end = Instant::now() + KEEP_ALIVE;
-        loop {
-            // An error of one motor does not keep the others from being disabled.
-            let stopped = motors.iter().map(|motor| self.session.enable(*motor, false));
-            match stopped.fold(Ok(()), Result::and) {
-                Ok(()) => return Ok(motors),
-                Err(error) if Instant::now() > end || matches!(error, Error::HungUp | Error::Line(_)) => {
-                    return Err(Failure::Work(format!(
-                        "{} could not be disabled: {error}; the hub disables all motors {} s after the last packet",
-                        names(&motors),
-                        KEEP_ALIVE.as_secs_f64()
-                    )));
-                }
-                Err(_) => (),
-            }
+        match self.session.disable_all(&motors) {
+            Ok(()) => Ok(motors),
+            Err(error) => Err(Failure::Work(format!(
+                "{} could not be disabled: {error}; the hub disables all motors {} s after the last packet",
+                names(&motors),
+                KEEP_ALIVE.as_secs_f64()
+            ))),
         }
     }
 }

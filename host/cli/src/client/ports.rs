@@ -8,7 +8,7 @@ use serde_json::json;
 /// Path of the udev rule that gives access to a port without membership of a group.
 const RULE: &str = "boards/nucleo-f429zi/70-motor-hub.rules";
 
-/// Form of the output.
+/// Lists the serial ports of this machine
 #[derive(clap::Args)]
 pub(super) struct Options {
     /// JSON instead of text
@@ -21,9 +21,7 @@ impl Options {
         if !self.json {
             return print(&list()?);
         }
-        let ports = all()?;
-        let ports = ports.iter().map(|port| json!({ "path": port.path, "description": port.description }));
-        print_json(&json!({ "ports": ports.collect::<Vec<_>>() }))
+        print_json(&json!({ "ports": all()? }))
     }
 }
 

@@ -13,7 +13,7 @@ use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
-use studies::table;
+use studies::{table, with_fields};
 
 /// State of a hub at one instant. Taking a reading resets the hub's keep-alive.
 pub(crate) struct Reading {
@@ -83,7 +83,7 @@ impl Reading {
         attention.to_owned() + &if words.is_empty() { "no alerts".to_owned() } else { words.join(", ") }
     }
 
-    /// One line of text.
+    /// The reading as one line of text.
     pub(crate) fn line(&self, motors: &[u8], turn: Option<f64>) -> String {
         let motors = motors_of(&self.bulk, motors).map(|reading| {
             let MotorReading { motor, position, velocity, within_tolerance } = reading;
@@ -103,28 +103,26 @@ impl Reading {
     pub(crate) fn json(&self, motors: &[u8], turn: Option<f64>) -> Value {
         let motors: Vec<Value> = motors_of(&self.bulk, motors)
             .map(|MotorReading { motor, position, velocity, within_tolerance }| {
-                let mut of_motor = json!({
+                let mut document = json!({
                     "motor": motor,
                     "position": position,
                     "velocity": velocity,
                     "within_tolerance": within_tolerance,
                 });
-                let mut add = |more: Value| {
-                    if let (Some(of_motor), Value::Object(more)) = (of_motor.as_object_mut(), more) {
-                        of_motor.extend(more);
-                    }
-                };
                 if let Some(turn) = turn {
                     let (rpm, rad) = shaft_speed(velocity, turn);
-                    add(json!({ "rpm": rpm, "rad_per_s": rad }));
+                    document = with_fields(document, json!({ "rpm": rpm, "rad_per_s": rad }));
                 }
                 if let Some(report) = self.reported(motor) {
-                    add(json!(MotorValues::of(report)));
-                    // In the documents of the command line a control value is in steps.
-                    let control = report.control.get();
-                    add(json!({ "control": control, "enabled": report.enabled, "stands_because": self.why(motor) }));
+                    let more = json!({
+                        // In the documents of the command line a control value is in steps.
+                        "control": report.control.get(),
+                        "enabled": report.enabled,
+                        "stands_because": self.why(motor),
+                    });
+                    document = with_fields(with_fields(document, json!(MotorValues::of(report))), more);
                 }
-                of_motor
+                document
             })
             .collect();
         json!({
@@ -147,9 +145,9 @@ fn bridge(values: &MotorValues) -> String {
 /// One motor of a bulk answer.
 pub(super) struct MotorReading {
     pub(super) motor: u8,
-    /// In counts.
+    /// Position in counts.
     pub(super) position: i32,
-    /// In counts per second.
+    /// Velocity in counts per second.
     pub(super) velocity: i16,
     pub(super) within_tolerance: bool,
 }

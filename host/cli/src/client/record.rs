@@ -19,18 +19,14 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use studies::recording::{HEADINGS, Recording, Sample};
 
-/// Text of the long help.
-pub(super) const HELP: &str = "\
-Drives motors as `power`, `current`, `velocity` or `position` do, and records the hub's values: a CSV file while motors run, and at the \
-end a chart (SVG) of each motor
-
-  motor-hub client --port /dev/ttyACM0 record -- velocity 0 1000 --for-s 3
-
-The file has a row for each motor and reading. A value that the hub does not report is left empty: other makers' hubs may \
-report no control value and no current. However the drive ends, also by Ctrl-C, the file has only complete rows, and the \
-charts are drawn.";
-
-/// Drive to record, rate of readings, and folder.
+/// Drives motors as `power`, `current`, `velocity` or `position` do, and records the values: CSV, and a chart of each
+/// motor
+///
+/// motor-hub client --port /dev/ttyACM0 record -- velocity 0 1000 --for-s 3
+///
+/// The file has a row for each motor and reading. A value that the hub does not report is left empty: other makers'
+/// hubs may report no control value and no current. However the drive ends, also by Ctrl-C, the file has only
+/// complete rows, and the charts are drawn.
 #[derive(clap::Args)]
 pub(super) struct Options {
     /// Readings per second

@@ -17,18 +17,16 @@ use std::thread;
 use std::time::Duration;
 use studies::table;
 
-/// Text of the long help.
-pub(super) const HELP: &str = "\
-Looks for hubs on all serial ports of this machine, at hubs that this user serves (`motor-hub serve`), and at the given \
-places: paths, such as the --link of a served hub, or HOST:PORT
-
-The scan opens every serial port and sends a discovery of 11 bytes at 460800 baud. Give --only if these bytes might disturb \
-another connected device. Motors that are found enabled are disabled. A served hub that has a host is listed as in use, and \
-receives nothing.
-
-Exit codes: 0 a hub was found; 1 no hub was found.";
-
-/// Places to scan.
+/// Looks for hubs on all serial ports of this machine and at given places
+///
+/// Also looks at hubs that this user serves (`motor-hub serve`). Places are paths, such as the --link of a served
+/// hub, or HOST:PORT.
+///
+/// The scan opens every serial port and sends a discovery of 11 bytes at 460800 baud. Give --only if these bytes
+/// might disturb another connected device. Motors that are found enabled are disabled. A served hub that has a host
+/// is listed as in use, and receives nothing.
+///
+/// Exit codes: 0 a hub was found; 1 no hub was found.
 #[derive(clap::Args)]
 pub(super) struct Options {
     /// Serial ports that the system does not list, links to ports, or HOST:PORT
@@ -98,24 +96,26 @@ impl Options {
             }
         }
         // All places are asked at the same time, so that the scan takes no longer than the slowest place.
-        let asked: Vec<_> = thread::scope(|scope| {
+        let answers: Vec<Answer> = thread::scope(|scope| {
             let threads: Vec<_> =
                 places.iter().map(|place| scope.spawn(move || ask(place, timeout))).collect();
             threads
                 .into_iter()
-                .map(|thread| thread.join().unwrap_or_else(|_| Err(Silence::NoAnswer)))
+                .map(|thread| thread.join().unwrap_or(Answer::Nothing(OpenError::Hub(Error::NoHub))))
                 .collect()
         });
-        let hubs: usize = asked
+        let hubs: usize = answers
             .iter()
-            .map(|asked| match asked {
-                Ok(found) => found.len(),
-                Err(silence) => usize::from(matches!(silence, Silence::Taken)),
+            .map(|answer| match answer {
+                Answer::Hubs(hubs) => hubs.len(),
+                Answer::InUse => 1,
+                Answer::Nothing(_) => 0,
             })
             .sum();
-        let scanned: Vec<_> = places.iter().map(|place| &*place.name).zip(asked).collect();
+        let scanned: Vec<_> = places.iter().map(|place| &*place.name).zip(answers).collect();
         if self.json {
-            let places: Vec<Value> = scanned.into_iter().map(|(name, asked)| document(name, asked)).collect();
+            let places: Vec<Value> =
+                scanned.into_iter().map(|(name, answer)| document(name, answer)).collect();
             print_json(&json!({ "places": places }))?;
         } else if !scanned.is_empty() {
             print(&text(scanned))?;
@@ -135,34 +135,29 @@ impl Options {
 }
 
 /// Places and what is there, as a table.
-fn text(scanned: Vec<(&str, Result<Vec<Found>, Silence>)>) -> String {
+fn text(scanned: Vec<(&str, Answer)>) -> String {
     let mut table = table::new(&["place", "address", "hub", "has"], 4);
-    for (name, asked) in scanned {
-        match asked {
-            Ok(hubs) => {
-                for Found { address, kind, version, equipment } in hubs {
-                    // A child hangs on the line of its parent, whose row is above.
-                    let branch = if kind == "parent" { "" } else { "└ " };
-                    let version = if version.is_empty() { version } else { format!(", {version}") };
-                    let hub = format!("{branch}{kind}{version}");
-                    let has = equipment.map(equipment_text).unwrap_or_default();
-                    table.add_row([name, &address.to_string(), &hub, &has]);
-                }
-            }
-            Err(silence) => drop(table.add_row([name, "", &silence.words(name), ""])),
+    for (name, answer) in scanned {
+        let reason = answer.reason(name);
+        if let Some(reason) = reason {
+            table.add_row([name, "", &reason, ""]);
+        }
+        for Found { address, kind, version, equipment } in answer.hubs() {
+            // A child hangs on the line of its parent, whose row is above.
+            let branch = if kind == "parent" { "" } else { "└ " };
+            let version = if version.is_empty() { version } else { format!(", {version}") };
+            let hub = format!("{branch}{kind}{version}");
+            let has = equipment.map(equipment_text).unwrap_or_default();
+            table.add_row([name, &address.to_string(), &hub, &has]);
         }
     }
     format!("{table}\n")
 }
 
 /// A place and what is there, for programs.
-fn document(name: &str, asked: Result<Vec<Found>, Silence>) -> Value {
-    let in_use = matches!(asked, Err(Silence::Taken));
-    let (hubs, reason) = match asked {
-        Ok(hubs) => (hubs, None),
-        Err(silence) => (Vec::new(), Some(silence.words(name))),
-    };
-    let hubs = hubs.into_iter().map(|Found { address, kind, version, equipment }| {
+fn document(name: &str, answer: Answer) -> Value {
+    let (in_use, reason) = (matches!(answer, Answer::InUse), answer.reason(name));
+    let hubs = answer.hubs().into_iter().map(|Found { address, kind, version, equipment }| {
         let has = equipment.map(equipment_json);
         json!({ "address": address, "kind": kind, "version": version, "has": has })
     });
@@ -183,63 +178,54 @@ fn meant(name: &str) -> Option<PathBuf> {
     std::fs::canonicalize(name).ok()
 }
 
-/// Why a place shows no hub.
-enum Silence {
-    Unopened(OpenError),
-    NoAnswer,
-    HungUp,
-    /// A hub is there, and another host uses it.
-    Taken,
-    Failed(Error),
+/// What is at a place.
+enum Answer {
+    Hubs(Vec<Found>),
+    /// A hub, which another host uses.
+    InUse,
+    /// No hub that answers.
+    Nothing(OpenError),
 }
 
-impl From<Error> for Silence {
-    fn from(error: Error) -> Self {
-        match error {
-            Error::NoHub => Self::NoAnswer,
-            error if error.is_hung_up() => Self::HungUp,
-            error => Self::Failed(error),
-        }
-    }
-}
-
-impl Silence {
-    /// The reason for a served hub: if it closes the connection, another host uses it.
-    fn of_served(self) -> Self {
-        match self {
-            Self::HungUp | Self::Unopened(OpenError::InUse) => Self::Taken,
-            other => other,
-        }
+impl Answer {
+    fn hubs(self) -> Vec<Found> {
+        if let Self::Hubs(hubs) = self { hubs } else { Vec::new() }
     }
 
-    /// The reason as a short text; advice goes to standard error.
-    fn words(self, place: &str) -> String {
-        match self {
-            Self::NoAnswer => "no answer".to_owned(),
-            Self::HungUp => "closes the connection: check that no other host uses it".to_owned(),
-            Self::Taken => "in use by another host".to_owned(),
-            Self::Failed(error) => error.to_string(),
-            Self::Unopened(error) => {
+    /// Why the place shows no hub, as a short text; advice goes to standard error.
+    fn reason(&self, place: &str) -> Option<String> {
+        Some(match self {
+            Self::Hubs(_) => return None,
+            Self::InUse => "in use by another host".to_owned(),
+            Self::Nothing(OpenError::Hub(Error::NoHub)) => "no answer".to_owned(),
+            Self::Nothing(OpenError::Hub(error)) if error.is_hung_up() => {
+                "closes the connection: check that no other host uses it".to_owned()
+            }
+            Self::Nothing(error) => {
                 if matches!(error, OpenError::Denied) {
-                    say(&format!("note: {}", ports::unopened(place, &error)));
+                    say(&format!("note: {}", ports::unopened(place, error)));
                 }
                 error.to_string()
             }
-        }
+        })
     }
 }
 
-/// The hubs at a place.
-fn ask(place: &Place, timeout: Duration) -> Result<Vec<Found>, Silence> {
-    match place.served {
-        Some(true) => Err(Silence::Taken),
-        Some(false) => hubs_at(&place.name, timeout).map_err(Silence::of_served),
-        None => hubs_at(&place.name, timeout),
+fn ask(place: &Place, timeout: Duration) -> Answer {
+    if place.served == Some(true) {
+        return Answer::InUse;
+    }
+    match hubs_at(&place.name, timeout) {
+        Ok(hubs) => Answer::Hubs(hubs),
+        // A served hub that closes the connection has a host.
+        Err(OpenError::InUse) if place.served.is_some() => Answer::InUse,
+        Err(OpenError::Hub(error)) if place.served.is_some() && error.is_hung_up() => Answer::InUse,
+        Err(error) => Answer::Nothing(error),
     }
 }
 
-fn hubs_at(place: &str, timeout: Duration) -> Result<Vec<Found>, Silence> {
-    let line = Line::open(place, timeout).map_err(Silence::Unopened)?;
+fn hubs_at(place: &str, timeout: Duration) -> Result<Vec<Found>, OpenError> {
+    let line = Line::open(place, timeout)?;
     let mut session = Session::new(line, Address::DEFAULT, timeout);
     let mut found = Vec::new();
     for hub in session.discover()? {

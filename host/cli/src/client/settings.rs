@@ -14,19 +14,17 @@ use simulated::scenario::line_and_column;
 use std::path::{Path, PathBuf};
 use studies::table;
 
-/// Text of the long help.
-pub(super) const HELP: &str = "\
-Shows, saves, loads, resets, exports or imports the stored settings of a hub of this project
-
-Other commands (setup, coefficients, identify --apply, drive, settings import) change settings until the next reset; \
-`save` stores them permanently.
-
-Stored for each motor: set-up, motion, protection, current limit, bridge timing, mode, current alert, and coefficients that a host has set. \
-Stored for the hub: its drive base, as `drive` has configured it, and its address, which set-address saves without `save`.
-
-After a power cut during a save either the old or the new settings are complete. Some saves erase flash, for which all motors \
-must be disabled; this program disables them.";
-
+/// Shows, saves, loads, resets, exports or imports stored settings, on hubs of this project
+///
+/// Other commands (setup, coefficients, identify --apply, drive, settings import) change settings until the next
+/// reset; `save` stores them permanently.
+///
+/// Stored for each motor: set-up, motion, protection, current limit, bridge timing, mode, current alert, and
+/// coefficients that a host has set. Stored for the hub: its drive base, as `drive` has configured it, and its
+/// address, which set-address saves without `save`.
+///
+/// After a power cut during a save either the old or the new settings are complete. Some saves erase flash, for which
+/// all motors must be disabled; this program disables them.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(subcommand)]

@@ -20,7 +20,10 @@ use simulated::scheme::{SchemeWords, describe};
 use std::num::NonZeroU16;
 use studies::table;
 
-/// Motor, and settings to change.
+/// Shows or configures the connected motor and its control, on hubs of this project
+///
+/// A change of motor, constants, scheme or duty also resets coefficients and motion to that motor's defaults. Settings
+/// are lost at a reset unless they are saved: see `settings`.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motor 0 to 3

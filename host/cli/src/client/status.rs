@@ -18,7 +18,7 @@ use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
 use studies::table;
 
-/// Form of the output.
+/// Shows status, version, battery, LED and all motors; disables running motors first
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// JSON instead of tables

@@ -8,16 +8,16 @@ use crate::output::{Failure, print};
 use crate::parse::{MotorName, common_hub, whole, within_a_day};
 use motor_hub::extension::group::{GroupCourse, GroupState};
 use motor_hub::group::{GroupCommand, Halt, TOLERANCE};
-use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::CHANNELS;
-use motor_hub::protocol::motor::RunMode;
-use motor_hub::units::{Acceleration, Control, CountsPerSecond};
+use motor_hub::units::{Acceleration, CountsPerSecond};
 use motor_hub_client::Session;
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::line::Line;
 use std::time::Duration;
 
-/// Motors, targets, and limits of the motion.
+/// Moves motors in step to positions, or at speeds, then disables them, on hubs of this project
+///
+/// All motors travel in proportion. If a motor lags, the others wait for it.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motors 0 to 3 with their target positions in counts, as 0=1000 1=-500; of another hub of a chain as 3:0=1000
@@ -160,8 +160,7 @@ pub(super) fn lead(
 /// Enables motors with power 0, so that they brake.
 pub(super) fn stand(session: &mut DrivingSession<'_, Line>, motors: &[u8]) -> Result<(), Failure> {
     for &motor in motors {
-        session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
-        session.set_power(motor, Control::ZERO)?;
+        session.brake(motor)?;
         session.enable(motor)?;
     }
     Ok(())

@@ -6,19 +6,16 @@ mod signature;
 use super::hub::HubOptions;
 use super::interrupt;
 use crate::output::{Failure, print, progress};
-use image::Image;
 use indicatif::ProgressBar;
-use motor_hub::extension::state::UpdateReport;
-use motor_hub::protocol::Nack;
-use motor_hub::update::{Booted, Phase, Seal};
+use motor_hub::update::Seal;
+use motor_hub_client::Session;
 use motor_hub_client::line::Line;
-use motor_hub_client::reasons::{why_not_armed, why_not_started, why_unfit};
-use motor_hub_client::{Error, Session};
+use motor_hub_client::update::{Image, Progress, UpdateError, Updating};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Text of the long help.
-pub(super) const HELP: &str = "\
+const HELP: &str = "\
 Sends new firmware to a hub that has a bootloader, and starts it
 
 FILE is an ELF file, or raw bytes from the slot's first address on. The hub writes it to a second slot while the present \
@@ -42,17 +39,13 @@ Sign the SHA-512 of each image as raw bytes (llvm-objcopy -O binary hub.elf hub.
 An image may have a rollback version: a number in its bytes 32 to 35, lowest byte first. Such a hub refuses an image whose \
 number is lower than its firmware's.";
 
-/// Time-out for the hub to answer after the restart. It swaps slots and may swap back: 8 erasures of up to 4 s each way, and
-/// the watchdog's time.
-const RETURNING: Duration = Duration::from_secs(90);
+/// Interval between two steps while the hub writes, and while it restarts.
+const WRITES: Duration = Duration::from_millis(20);
+const RESTARTS: Duration = Duration::from_millis(200);
 
-/// Time-out for the new firmware to confirm itself, which erases flash.
-const CONFIRMING: Duration = Duration::from_secs(15);
-
-/// Interval between two questions to the restarting hub.
-const LOOK: Duration = Duration::from_millis(200);
-
+/// Sends new firmware to a hub with a bootloader, starts it, and waits until it has confirmed itself
 #[derive(clap::Args)]
+#[command(long_about = HELP)]
 pub(crate) struct Options {
     /// Firmware: an ELF file, or raw bytes
     #[arg(value_name = "FILE")]
@@ -69,7 +62,7 @@ pub(crate) struct Options {
 
 impl Options {
     fn read(&self) -> Result<(Image, Option<Seal>), Failure> {
-        let image = Image::open(&self.file).map_err(Failure::Input)?;
+        let image = image::open(&self.file).map_err(Failure::Input)?;
         let (Some(signature), Some(key)) = (&self.signature, &self.key) else { return Ok((image, None)) };
         if image.origin.is_some() {
             let file = self.file.display();
@@ -84,88 +77,51 @@ impl Options {
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
         let (image, seal) = self.read()?;
         let session = &mut hub.open(None)?;
-        let report = session.update_state().map_err(no_bootloader)?;
-        fits(&image, &report)?;
-        if report.phase == Phase::Armed {
-            session.abandon_update()?;
-        }
         let before = session.version()?;
-        send(session, &image, seal)?;
-        session.restart()?;
-        let after = returned(session)?;
-        let now = session.version()?;
-        let why = match after.phase {
-            Phase::Armed => Some("the hub did not restart".to_owned()),
-            _ => why_not_started(after.booted, &image.version, &now),
-        };
-        match why {
-            None => print(&format!("before: {before}\nnow:    {now}, confirmed\n")),
-            Some(why) => Err(Failure::Work(why)),
+        // After a signal the command makes the hub forget the image, so that the hub does not wait for the rest.
+        interrupt::listen()?;
+        let bar = progress(Some(image.bytes.len() as u64), "bytes");
+        let mut updating = Updating::begin(session, image, seal)?;
+        let now = follow(session, &mut updating, bar);
+        if now.is_err() {
+            updating.abandon(session);
         }
+        print(&format!("before: {before}\nnow:    {}, confirmed\n", now?))
     }
 }
 
-/// Message for a hub that does not support updates.
-fn no_bootloader(error: Error) -> Failure {
-    match error {
-        Error::Refused { reason: Nack::UNSUPPORTED | Nack::UNKNOWN, .. } | Error::TooOld { .. } => {
-            Failure::work("the hub has no bootloader: flash new firmware through its debug probe")
-        }
-        error => error.into(),
-    }
-}
-
-/// Checks that the image fits this hub's slot.
-fn fits(image: &Image, report: &UpdateReport) -> Result<(), Failure> {
-    let origin = report.origin;
-    if let Some(linked) = image.origin.filter(|linked| *linked != origin) {
-        return Err(Failure::Input(format!(
-            "the image is linked to {linked:#010x}, but this hub's images begin at {origin:#010x}: build it for the bootloader"
-        )));
-    }
-    why_unfit(&image.bytes, report).map_or(Ok(()), |why| Err(Failure::Input(why)))
-}
-
-fn send(session: &mut Session<Line>, image: &Image, seal: Option<Seal>) -> Result<(), Failure> {
-    // After a signal the transfer is abandoned, so that the hub does not wait for the rest.
-    interrupt::listen()?;
-    let bar = progress(Some(image.bytes.len() as u64), "bytes");
-    let report = session.send_image(&image.bytes, &image.version, seal, |sent| {
-        bar.set_position(sent as u64);
-        interrupt::wait(Instant::now())
-    });
-    bar.finish_and_clear();
-    why_not_armed(&report?).map_or(Ok(()), |why| Err(Failure::work(why)))
-}
-
-/// Waits until the hub answers again, and has confirmed the new firmware or returned to the former one.
-fn returned(session: &mut Session<Line>) -> Result<UpdateReport, Failure> {
-    let (begun, mut answered) = (Instant::now(), None);
-    let bar = ProgressBar::new_spinner().with_message("the hub swaps its firmware");
+/// Takes steps until the new firmware has confirmed itself. Returns the version that the hub then reports.
+fn follow(
+    session: &mut Session<Line>,
+    updating: &mut Updating,
+    mut bar: ProgressBar,
+) -> Result<String, Failure> {
     loop {
+        let mut pause = Duration::ZERO;
+        match updating.step(session)? {
+            Some(Progress::Sending(bytes)) => bar.set_position(bytes as u64),
+            Some(Progress::Checking) => (),
+            Some(Progress::Restarting) => {
+                bar.finish_and_clear();
+                bar = ProgressBar::new_spinner().with_message("the hub swaps its firmware");
+            }
+            Some(Progress::Confirmed(version)) => {
+                bar.finish_and_clear();
+                return Ok(version);
+            }
+            None => pause = if updating.restarts() { RESTARTS } else { WRITES },
+        }
         bar.tick();
-        interrupt::wait(Instant::now() + LOOK)?;
-        let report = session.update_state();
-        let waited = match (&report, answered) {
-            (Ok(_), None) => {
-                answered = Some(Instant::now());
-                false
-            }
-            (Ok(_), Some(since)) => since.elapsed() > CONFIRMING,
-            (Err(_), _) => begun.elapsed() > RETURNING,
-        };
-        match report {
-            Ok(report) => {
-                let done = report.phase != Phase::Armed
-                    && matches!(report.booted, Booted::Confirmed | Booted::WentBack | Booted::Unconfirmable);
-                if done || waited {
-                    bar.finish_and_clear();
-                    return Ok(report);
-                }
-            }
-            Err(error) if waited => return Err(error.into()),
-            Err(Error::Silent { .. } | Error::Unexpected { .. }) => answered = None,
-            Err(error) => return Err(error.into()),
+        interrupt::wait(Instant::now() + pause)?;
+    }
+}
+
+impl From<UpdateError> for Failure {
+    fn from(error: UpdateError) -> Self {
+        match error {
+            UpdateError::Unfit(why) => Self::Input(why),
+            UpdateError::Failed(why) => Self::Work(why),
+            UpdateError::Hub(error) => Self::Hub(error),
         }
     }
 }

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 /// Interval between two checks for motors that another host has enabled; shorter than the hub's keep-alive of 2.5 s.
 const CHECK: Duration = Duration::from_secs(1);
 
-/// Interval, duration, and form of the output.
+/// Shows positions, velocities, battery and status repeatedly; disables running motors first
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Time between readings in milliseconds

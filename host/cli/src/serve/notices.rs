@@ -1,72 +1,60 @@
 //! Notices on standard error while a hub is served. The first notice of a kind is printed immediately, later ones at
 //! intervals.
 
+use std::ops::Sub;
 use std::time::Duration;
 
 /// Shortest interval between two notices of a kind, in seconds.
 const INTERVAL_S: f64 = 5.0;
 
-/// Totals, and what has been printed of them.
+/// The totals that are noticed.
+#[derive(Default)]
 pub(super) struct Notices {
-    lost: Kind<Duration>,
-    turned_away: Kind<u32>,
+    lost: Total<Duration>,
+    turned_away: Total<u32>,
 }
 
-/// A total of one kind of notice.
+/// A total that grows.
 #[derive(Default)]
-struct Kind<T> {
+struct Total<T> {
     now: T,
+    /// The total at the last notice.
     said: T,
     /// Time in seconds of the earliest next notice.
     again_s: f64,
 }
 
-impl<T: Copy + PartialEq> Kind<T> {
-    /// True if the total has grown since the last notice, and the interval is over.
-    fn is_due(&mut self, at_s: f64, now: T) -> bool {
+impl<T: Copy + PartialEq + Sub<Output = T>> Total<T> {
+    /// The growth since the last notice, if there is any and the interval is over.
+    fn growth(&mut self, at_s: f64, now: T) -> Option<T> {
         self.now = now;
-        let is_due = now != self.said && at_s >= self.again_s;
-        if is_due {
-            self.again_s = at_s + INTERVAL_S;
+        if now == self.said || at_s < self.again_s {
+            return None;
         }
-        is_due
+        let growth = now - self.said;
+        (self.said, self.again_s) = (now, at_s + INTERVAL_S);
+        Some(growth)
     }
 }
 
 impl Notices {
-    pub(super) fn new() -> Self {
-        Self { lost: Kind::default(), turned_away: Kind::default() }
-    }
-
     /// Notices to print at a time in seconds, by the totals so far.
     pub(super) fn due(&mut self, at_s: f64, lost: Duration, turned_away: u32) -> Vec<String> {
-        let is_due = [self.lost.is_due(at_s, lost), self.turned_away.is_due(at_s, turned_away)];
-        self.say(is_due)
+        let all = lost.as_secs_f64();
+        let lost = self.lost.growth(at_s, lost).map(|more| {
+            let more = more.as_secs_f64();
+            format!("this machine is too slow for real time: {more:.1} s lost, {all:.1} s in total")
+        });
+        let turned_away = self.turned_away.growth(at_s, turned_away).map(|more| {
+            let s = if more == 1 { "" } else { "s" };
+            format!("the hub accepts one host at a time: closed {more} further connection{s}")
+        });
+        lost.into_iter().chain(turned_away).collect()
     }
 
     /// Notices that remain at the end.
     pub(super) fn rest(&mut self) -> Vec<String> {
-        let is_due = [self.lost.now != self.lost.said, self.turned_away.now != self.turned_away.said];
-        self.say(is_due)
-    }
-
-    fn say(&mut self, [lost, turned_away]: [bool; 2]) -> Vec<String> {
-        let mut lines = Vec::new();
-        if lost {
-            let (more, all) = (self.lost.now - self.lost.said, self.lost.now);
-            let (more, all) = (more.as_secs_f64(), all.as_secs_f64());
-            lines.push(format!(
-                "this machine is too slow for real time: {more:.1} s lost, {all:.1} s in total"
-            ));
-            self.lost.said = self.lost.now;
-        }
-        if turned_away {
-            let more = self.turned_away.now - self.turned_away.said;
-            let s = if more == 1 { "" } else { "s" };
-            lines.push(format!("the hub accepts one host at a time: closed {more} further connection{s}"));
-            self.turned_away.said = self.turned_away.now;
-        }
-        lines
+        self.due(f64::INFINITY, self.lost.now, self.turned_away.now)
     }
 }
 
@@ -76,7 +64,7 @@ mod tests {
 
     #[test]
     fn what_is_lost_is_said_at_once_and_then_every_five_seconds() {
-        let mut notices = Notices::new();
+        let mut notices = Notices::default();
         let lost = |ms| Duration::from_millis(ms);
         assert!(notices.due(1.0, lost(0), 0).is_empty());
         assert_eq!(

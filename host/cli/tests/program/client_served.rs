@@ -380,13 +380,13 @@ fn a_recording_that_is_interrupted_is_whole_and_drawn() {
 
 #[test]
 fn a_motor_s_first_minute_is_one_command() {
-    let store = folder("tune-store");
+    let store = folder("identify-store");
     std::fs::create_dir_all(&store).unwrap();
     let store = store.join("store").display().to_string();
     let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--store", &store]);
-    fails(&client(&hub, &["tune", "1", "--type", "Nope"]), 2, "Nope");
+    fails(&client(&hub, &["identify", "1", "--type", "Nope"]), 2, "Nope");
     // A refused identification keeps the set-up and stores nothing.
-    let refused = client(&hub, &["tune", "1", "--type", "NeveRest 20", "--travel-counts", "3", "--save"]);
+    let refused = client(&hub, &["identify", "1", "--type", "NeveRest 20", "--travel-counts", "3", "--save"]);
     fails(&refused, 1, "motor 1 was not identified: refused: the travel");
     fails(&refused, 1, "its set-up is in force");
     let stored = |hub: &Hub| json(&client(hub, &["settings", "show", "--json"]))["stored"].clone();
@@ -396,26 +396,15 @@ fn a_motor_s_first_minute_is_one_command() {
     assert_eq!(set_up["motion"]["decay_per_s"], Value::Null);
 
     let begun = std::time::Instant::now();
-    let tuned = json(&client(&hub, &["tune", "1", "--type", "NeveRest 20", "--save", "--json"]));
+    let more = ["--type", "NeveRest 20", "--unlimited", "--save", "--json"];
+    let found = json(&client(&hub, &[&["identify", "1"], &more[..]].concat()));
     assert!(begun.elapsed().as_secs() < 10);
-    assert_eq!((&tuned["catalogue"], &tuned["outcome"]), (&"NeveRest 20".into(), &"found".into()));
-    // Without --gentle the motor takes what the battery gives.
-    assert_eq!((&tuned["motion"]["acceleration_cps2"], &tuned["saved"]), (&Value::Null, &true.into()));
+    assert_eq!((&found["catalogue"], &found["outcome"]), (&"NeveRest 20".into(), &"found".into()));
+    // With --unlimited the motor takes what the battery gives.
+    assert_eq!((&found["proposed"]["acceleration_cps2"], &found["saved"]), (&Value::Null, &true.into()));
     assert_eq!(stored(&hub), "whole");
-    assert_eq!(json(&client(&hub, &["setup", "1", "--json"]))["motion"], tuned["motion"]);
+    assert_eq!(json(&client(&hub, &["setup", "1", "--json"]))["motion"], found["proposed"]);
     assert_eq!(status(&hub)["motors"][1]["enabled"], false);
-}
-
-#[test]
-#[ignore = "long: cargo xtask long"]
-fn a_motor_is_tuned_by_one_command_and_gently_if_asked() {
-    let hub = served();
-    let shown = out(&client(&hub, &["tune", "0", "--gentle"]));
-    for says in ["turns at most", "NeveRest 20", "inertia", "in force until the hub's reset"] {
-        assert!(shown.contains(says), "{says}: {shown}");
-    }
-    assert!(!shown.contains("no limit") && !shown.contains("not configured"), "{shown}");
-    assert!(shown.lines().all(|line| line.chars().count() <= 80), "{shown}");
 }
 
 #[test]
@@ -425,6 +414,7 @@ fn a_motor_is_identified_beside_the_catalogue_and_settings_are_written_only_when
     let identify = |more: &[&str]| client(&hub, &[&["identify", "0"], more].concat());
     let shown = out(&identify(&[]));
     for says in [
+        "turns at most",
         "NeveRest 20",
         "off by",
         "times the inertia of a bare NeveRest 20",

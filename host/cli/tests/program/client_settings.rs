@@ -146,7 +146,7 @@ fn all_of_a_file_is_checked_before_anything_is_written() {
         ("p = 1.5", "p = 1e9", "velocity_loop.p is 1000000000.0; allowed is -32768 to 32767.9999847"),
         ("blend = 0.25", "blend = 1.5", "blend"),
         ("track_mm = 301.25", "track_mm = 20000.0", "track of 1 mm to 10 m"),
-        ("wheels = [1, 3]", "wheels = [1, 4]", "two different motors of 0 to 3"),
+        ("wheels = [1, 3]", "wheels = [1, 4]", "allowed are motors of 0 to 3"),
         ("use_gyro = true", "use_gyro = 1", "base: "),
         ("use_gyro = true", "use_gyros = true", "base: "),
     ] {

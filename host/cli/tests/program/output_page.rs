@@ -105,7 +105,6 @@ fn the_client_prints_what_the_page_says() {
     assert_agree("client settings show", &[client(&["settings", "show"])]);
     assert_agree("client coefficients", &[client(&["coefficients", "0", "velocity"])]);
     assert_agree("client identify", &[client(&["identify", "0"]), client(&["identify", "1"])]);
-    assert_agree("client tune", &[client(&["tune", "1"])]);
     assert_agree("client discover", &[client(&["discover"])]);
     assert_agree("client scan", &[client(&["scan", "--only", "/no/such/port"])]);
     assert_agree("client servo", &[client(&["servo"])]);

@@ -1,8 +1,8 @@
 //! The runs as charts: one for each task and round.
 
-use super::results::{Round, TaskResult};
 use super::row::Row;
 use super::variant::{Variant, in_words};
+use super::{Round, TaskResult};
 use crate::NamedFigure;
 use chart::{Figure, Panel, Series, Style, colour};
 use motor_hub::braking::{DutyRule, Scheme};

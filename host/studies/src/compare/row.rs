@@ -1,7 +1,7 @@
 //! One run of the comparison, and its measures.
 
-use super::gains::Gains;
 use super::tasks::Task;
+use super::tuning::Gains;
 use super::variant::Variant;
 use crate::StudyError;
 use crate::measures::Measures;
@@ -28,13 +28,13 @@ pub(super) struct Row {
     pub(super) rms_error: f64,
     /// Largest change of the mean current between control periods while slowing down, in amperes.
     pub(super) peak_jerk_a: f64,
-    /// Peak to peak of the speed in the last second, in counts/s.
+    /// Difference of the highest and the lowest speed in the last second, in counts/s.
     pub(super) limit_cycle: f64,
-    /// Energy that went back into the battery from the event on, in joules.
+    /// Energy returned to the battery from the event on, in joules.
     pub(super) energy_returned_j: f64,
-    /// Integral of the error's size from the event on, in counts.
+    /// Integral of the error's magnitude from the event on, in counts.
     pub(super) absolute_error: f64,
-    /// The hub reported an encoder fault and released the motor.
+    /// True if the hub reported an encoder fault and released the motor.
     pub(super) fault: bool,
     /// The run itself, for the charts.
     #[serde(skip)]
@@ -42,7 +42,7 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// The motor did not settle, or the hub reported an encoder fault.
+    /// True if the motor did not settle, or if the hub reported an encoder fault.
     pub(super) const fn fails(&self) -> bool {
         self.fault || self.settling_s.is_none()
     }

@@ -1,8 +1,8 @@
 //! Which variant wins where, from the numbers alone.
 
-use super::gains::Gains;
-use super::results::Round;
+use super::Round;
 use super::row::Row;
+use super::tuning::Gains;
 use super::variant::Variant;
 use serde::Serialize;
 
@@ -46,18 +46,18 @@ pub(super) struct Score {
     pub(super) variant: String,
     /// The coefficients; null for a model.
     pub(super) gains: Option<Gains>,
-    /// Geometric mean, over the tasks, of its integral of |error| to the least of all.
+    /// Geometric mean, over the tasks, of the ratio of the variant's integral of |error| to the least of all.
     pub(super) error_ratio: f64,
     /// The worst of these ratios.
     pub(super) worst_ratio: f64,
     /// Mean of its peak jerk over the tasks, in amperes.
     pub(super) mean_jerk_a: f64,
-    /// In how many cells of task and column it is best of its round, alone or with others.
+    /// Number of cells of task and column in which the variant is best of its round, alone or with others.
     pub(super) wins: usize,
-    /// At how many tasks it does not settle.
+    /// Number of tasks at which the variant does not settle.
     #[serde(skip)]
     pub(super) failures: usize,
-    /// For each task the ratio of its integral of |error| to the least of all.
+    /// Ratio of the variant's integral of |error| to the least of all, by task.
     #[serde(skip)]
     pub(super) ratios: Vec<f64>,
 }

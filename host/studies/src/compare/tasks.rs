@@ -18,18 +18,18 @@ const EVENT_S: f64 = 3.0;
 /// A task, and the time from which it is judged.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Task {
-    /// A name for files.
+    /// Name of the task in files.
     pub(super) key: &'static str,
     /// What happens, in words.
     pub(super) what: String,
-    /// When it happens, in seconds.
+    /// Time of the event in seconds.
     pub(super) event_s: f64,
-    /// The scenario, whatever its scheme.
+    /// The scenario. Its scheme is replaced by that of a variant.
     #[serde(skip)]
     pub(super) scenario: Scenario,
 }
 
-/// All of them; coefficients are chosen on the first.
+/// All tasks. Coefficients are chosen on the first task.
 ///
 /// # Errors
 /// If the catalogue lacks the motor.

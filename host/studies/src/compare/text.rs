@@ -1,11 +1,11 @@
 //! The comparison as text: the verdict first, then the tables.
 
 use super::charts::WAYS;
-use super::gains::Gains;
-use super::results::{Round, TaskResult};
 use super::row::Row;
 use super::score::{Score, Winner, scores, winners};
+use super::tuning::Gains;
 use super::variant::{Variant, in_words};
+use super::{Round, TaskResult};
 use crate::page::Page;
 use crate::table::{self, Table};
 
@@ -203,7 +203,7 @@ fn cells(row: &Row) -> Vec<String> {
         p,
         i,
         row.settling(),
-        row.overshoot_percent.map_or("-".to_owned(), |percent| format!("{percent:.1} %")),
+        table::percent(row.overshoot_percent),
         format!("{:.1}", row.rms_error),
         format!("{:.2}", row.peak_jerk_a),
         format!("{:.1}", row.limit_cycle),

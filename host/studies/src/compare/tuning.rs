@@ -1,17 +1,58 @@
-//! Choices of coefficients: the same for all, or for each variant the best of one grid.
+//! Coefficients of the speed loop, in relation to what the motor can do, and their choice: the same for all variants, or for each
+//! variant the best of one grid.
 
-use super::gains::{GRID, Gains, I, P, SAME};
 use super::row::Row;
 use super::tasks::Task;
 use super::variant::Variant;
 use crate::StudyError;
+use motor_hub::model::catalogue::Motor;
+use motor_hub::motion::Pidf;
+use motor_hub::motor::Setpoint;
+use motor_hub::units::{Coefficient, Control};
 use serde::Serialize;
+
+/// P and I as multiples of `f = 32767 keFw / 12000`, control steps per count/s: full control at the
+/// speed whose back EMF is 12 V. D and F are 0.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(super) struct Gains {
+    /// P / f.
+    pub(super) p: f64,
+    /// I / f, per second.
+    pub(super) i: f64,
+}
+
+/// The coefficients of all variants in the first round.
+const SAME: Gains = Gains { p: 1.5, i: 7.5 };
+
+const P: [f64; 6] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0];
+const I: [f64; 4] = [4.0, 7.5, 11.0, 15.0];
+
+/// The candidates for each variant's best coefficients.
+const GRID: [Gains; P.len() * I.len()] = {
+    let mut grid = [SAME; P.len() * I.len()];
+    let mut n = 0;
+    while n < grid.len() {
+        grid[n] = Gains { p: P[n / I.len()], i: I[n % I.len()] };
+        n += 1;
+    }
+    grid
+};
+
+impl Gains {
+    /// The coefficients for a motor: an integral is given by cycles of 50 ms.
+    pub(super) fn coefficients(self, motor: &Motor) -> Pidf {
+        let f = f64::from(Control::MAX.get()) * motor.ke_fw() / 12_000.0;
+        // Casts from float saturate.
+        let fixed = |factor: f64| Coefficient::from_bits((factor * f * f64::from(1 << 16)).round() as i32);
+        Pidf { p: fixed(self.p), i: fixed(self.i / 20.0), d: Coefficient::ZERO, f: Coefficient::ZERO }
+    }
+}
 
 /// Weights of the criterion beside the integral of the error's size, in seconds.
 const OF_OVERSHOOT_S: f64 = 0.2;
 const OF_LIMIT_CYCLE_S: f64 = 1.0;
 
-/// Runs that it takes to find the best for each variant.
+/// Number of runs that find the best coefficients of all variants.
 pub(super) fn runs() -> usize {
     GRID.len() * Variant::ALL.into_iter().filter(|variant| variant.has_coefficients()).count()
 }
@@ -82,7 +123,7 @@ impl Tuning {
 fn cost(task: &Task, row: &Row) -> f64 {
     let step = task.scenario.motors.first().map_or(0.0, |motor| {
         let target = |at_s| match motor.setpoint_at(at_s) {
-            motor_hub::motor::Setpoint::Velocity(cps) => cps.to_f64(),
+            Setpoint::Velocity(cps) => cps.to_f64(),
             _ => 0.0,
         };
         (target(task.event_s) - target(0.0)).abs()

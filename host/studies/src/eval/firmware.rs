@@ -2,6 +2,7 @@
 
 use super::CaseError;
 use super::case::{Case, table};
+use crate::with_fields;
 use motor_hub::braking::{
     self, Abscissa, LinearCurrent, Location, OperatingPoint, Points, Regime, Scheme, Winding,
 };
@@ -44,28 +45,31 @@ pub(super) fn bridge_state(case: &Case) -> Result<Value, CaseError> {
     let number = case.whole("state", 0, 15)? as u8;
     let pattern = SwitchPattern::new(number).ok_or("a state is 0 to 15")?;
     let effect = |emf_mv| pattern.effect(emf_mv, BATTERY_MV, DIODE_MV).name();
-    let mut outputs = json!({
+    let outputs = json!({
         "bits": pattern.switches().map(u8::from),
         "short": pattern.is_short_circuit(),
         "cw": effect(EMF_MV),
         "ccw": effect(-EMF_MV),
     });
-    let signs = [("v_i_pos", CurrentSign::Positive), ("v_i_neg", CurrentSign::Negative)];
-    if let (false, Some(object)) = (pattern.is_short_circuit(), outputs.as_object_mut()) {
-        object.insert("cw_overrun".into(), effect(OVERRUN_MV).into());
-        object.insert("ccw_overrun".into(), effect(-OVERRUN_MV).into());
-        for (key, sign) in signs {
-            let terminal = pattern.terminal(sign).map(|terminal| {
-                json!({
-                    "Vb_coef": f64::from(terminal.battery),
-                    "Vd_coef": f64::from(terminal.diode),
-                    "Ron_count": terminal.switches,
-                })
-            });
-            object.insert(key.into(), terminal.into());
-        }
+    if pattern.is_short_circuit() {
+        return Ok(outputs);
     }
-    Ok(outputs)
+    let terminal = |sign| {
+        pattern.terminal(sign).map(|terminal| {
+            json!({
+                "Vb_coef": f64::from(terminal.battery),
+                "Vd_coef": f64::from(terminal.diode),
+                "Ron_count": terminal.switches,
+            })
+        })
+    };
+    let more = json!({
+        "cw_overrun": effect(OVERRUN_MV),
+        "ccw_overrun": effect(-OVERRUN_MV),
+        "v_i_pos": terminal(CurrentSign::Positive),
+        "v_i_neg": terminal(CurrentSign::Negative),
+    });
+    Ok(with_fields(outputs, more))
 }
 
 /// The back-EMF constant in firmware units.

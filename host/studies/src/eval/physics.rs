@@ -3,6 +3,7 @@
 use super::CaseError;
 use super::case::{Case, table};
 use super::firmware::current_drive;
+use crate::with_fields;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
 use motor_hub::model::paper::{OpenLoop, Scheme};
@@ -198,12 +199,9 @@ pub(super) fn steady_speed(case: &Case) -> Result<Value, CaseError> {
         let speed = open_loop.steady_speed(Pwm::new(mode, duty, frequency), at.battery);
         Ok(json!([duty, speed.0]))
     };
-    let mut outputs = table(&["duty", "omega_rad_s"], duties(case, &STEADY_DUTIES)?.into_iter().map(row))?;
+    let outputs = table(&["duty", "omega_rad_s"], duties(case, &STEADY_DUTIES)?.into_iter().map(row))?;
     let continuity = open_loop.continuity_duty(Pwm::new(mode, 0.0, frequency), at.battery);
-    if let Some(object) = outputs.as_object_mut() {
-        object.insert("continuity_duty".into(), continuity.into());
-    }
-    Ok(outputs)
+    Ok(with_fields(outputs, json!({ "continuity_duty": continuity })))
 }
 
 /// The crossing from braking to reverse, with a diode's drop and ideal switches.

@@ -5,22 +5,22 @@ use chart::{Drawing, colour};
 use motor_hub::braking::Regime;
 use motor_hub::bridge::Mode;
 
-/// Of one circuit with its words.
+/// Width and height of one circuit with its words.
 const WIDTH: f64 = 400.0;
 const HEIGHT: f64 = 410.0;
 const TITLE: f64 = 96.0;
-/// Within a circuit: battery, left and right half of the bridge; diodes are so far outside of their switches.
+/// Horizontal places within a circuit: battery, left and right half of the bridge, and the distance of diodes from their switches.
 const BATTERY_X: f64 = 50.0;
 const LEFT_X: f64 = 160.0;
 const RIGHT_X: f64 = 310.0;
 const DIODE: f64 = 38.0;
-/// Upper rail, middles of the upper switches, motor, lower switches, lower rail.
+/// Vertical places: upper rail, middles of the upper switches, motor, middles of the lower switches, lower rail.
 const TOP: f64 = 70.0;
 const UPPER: f64 = 130.0;
 const MOTOR: f64 = 190.0;
 const LOWER: f64 = 250.0;
 const BOTTOM: f64 = 310.0;
-/// Coloured paths run beside the wires.
+/// Distance of coloured paths from the wires.
 const BESIDE: f64 = 7.0;
 
 type Points = Vec<(f64, f64)>;
@@ -138,14 +138,14 @@ fn braking() -> [Points; 2] {
     [first, [&[*rest.last().unwrap_or(up)], &second[..], &[*up], rest].concat()]
 }
 
-/// Up through D3.
+/// Path of a current that flows up through D3.
 fn upper_diode() -> [(f64, f64); 4] {
     let [inner, outer] = [RIGHT_X + BESIDE, RIGHT_X + DIODE + BESIDE];
     let [low, high] = [UPPER + LEAD + BESIDE, UPPER - LEAD - BESIDE];
     [(inner, low), (outer, low), (outer, high), (inner, high)]
 }
 
-/// The other half of the bridge; the battery stays.
+/// The path in the other half of the bridge. Points at the battery stay.
 fn mirrored(path: Points) -> Points {
     let bridge = LEFT_X - 2.0 * DIODE..=RIGHT_X + 2.0 * DIODE;
     let other = |x: f64| if bridge.contains(&x) { LEFT_X + RIGHT_X - x } else { x };
@@ -165,13 +165,14 @@ fn wires() -> [Points; 7] {
     ]
 }
 
-/// From the middle of a switch to where its diode joins.
+/// Distance from the middle of a switch to the wires of its diode.
 const LEAD: f64 = 26.0;
 
-/// S1 to S4 with their diodes.
+/// Middles of the switches S1 to S4.
 const HALVES: [(f64, f64); 4] = [(LEFT_X, UPPER), (LEFT_X, LOWER), (RIGHT_X, UPPER), (RIGHT_X, LOWER)];
 
-/// A switch with its diode, which lets a current up; closed in the mode's first state, in its second.
+/// Draws a switch with its diode, which conducts upwards. `closed` says whether the switch is closed in the mode's first and in
+/// its second state.
 fn half(
     drawing: &mut Drawing,
     moved: &impl Fn(&[(f64, f64)]) -> Points,

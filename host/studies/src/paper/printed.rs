@@ -7,15 +7,15 @@ use motor_hub::model::response::{Applied, GearedMotor, Motion, Poles};
 use motor_hub::model::si::{Kilograms, Metres, NewtonMetres, RadPerSec, Seconds, Volts};
 use motor_hub::units::Control;
 
-/// One of them.
+/// A number that the paper prints.
 pub(crate) struct Number {
-    /// Where it stands.
+    /// Section of the paper.
     pub(crate) section: &'static str,
     /// The quantity.
     pub(crate) name: &'static str,
-    /// As printed.
+    /// The number as printed.
     pub(crate) printed: &'static str,
-    /// As computed here, for the motor of the paper's examples. Speeds "post" are of the output shaft, "pre" of the
+    /// The number as computed here, for the motor of the paper's examples. Speeds "post" are of the output shaft, "pre" of the
     /// motor shaft.
     pub(crate) ours: fn(&Motor) -> f64,
 }
@@ -29,7 +29,7 @@ const fn number(
     Number { section, name, printed, ours }
 }
 
-/// All of them.
+/// All numbers that the paper prints.
 pub(crate) const PRINTED: [Number; 20] = [
     number("2.2.2", "vapp0 per Omega, post-gearbox", "314339/266500", |m| voltage(m, post(m, 1.0))),
     number("2.2.2", "vg per Omega, post-gearbox", "533/500", |m| emf(m, post(m, 1.0))),
@@ -58,7 +58,7 @@ pub(crate) const PRINTED: [Number; 20] = [
 /// 1 rad/s of the motor shaft.
 const PRE: RadPerSec = RadPerSec(1.0);
 
-/// A speed of the output shaft in rad/s, as one of the motor shaft.
+/// Speed of the motor shaft, from a speed of the output shaft in rad/s.
 fn post(motor: &Motor, omega: f64) -> RadPerSec {
     RadPerSec(omega * motor.gear_ratio)
 }
@@ -81,7 +81,7 @@ fn drop(motor: &Motor, speed: RadPerSec) -> f64 {
     with_flywheel(motor, 10.0).voltage_drop(speed, Seconds(0.05)).mean_zero_change.0
 }
 
-/// Running free on 12 V.
+/// The motion of a motor that runs free on 12 V.
 fn free(motor: &Motor) -> Motion {
     with_flywheel(motor, 10.0).steady(Applied::voltage(Volts(12.0)))
 }

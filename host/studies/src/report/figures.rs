@@ -1,6 +1,6 @@
 //! The charts of a run: one for each motor, and one of all motors with and without braking regime.
 
-use super::runs::{RunReport, WITHOUT};
+use super::{RunReport, WITHOUT};
 use crate::NamedFigure;
 use crate::points::{CONTROL_RANGE, fraction};
 use chart::{Band, Figure, Panel, Series, Style, colour, fill};

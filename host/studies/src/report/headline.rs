@@ -1,6 +1,6 @@
 //! The result of a run in a sentence: where the runs with and without a braking regime differ most.
 
-use super::runs::RunReport;
+use super::RunReport;
 use crate::measures::{Measures, Response};
 use motor_hub::braking::Scheme;
 

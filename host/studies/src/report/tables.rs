@@ -1,6 +1,6 @@
 //! A table of each motor with both runs.
 
-use super::runs::{RunReport, WITHOUT};
+use super::{RunReport, WITHOUT};
 use crate::expectations::{Verdict, Wanted};
 use crate::measures::Measures;
 use crate::table;
@@ -72,12 +72,11 @@ fn rows(measures: &[Measures; 2]) -> Vec<(String, [String; 2])> {
     let [as_set, without] = measures;
     let mut rows = Vec::new();
     for (a, b) in as_set.responses.iter().zip(&without.responses) {
-        let percent = |p: Option<f64>| p.map_or("-".into(), |p| format!("{p:.1} %"));
         let cells = [a, b].map(|r| {
             format!(
                 "{}\n{}\n{:.1} {unit}\n{:.1} {unit}",
                 r.settling(),
-                percent(r.overshoot_percent),
+                table::percent(r.overshoot_percent),
                 r.residual_rms,
                 r.swing,
                 unit = r.unit
@@ -94,10 +93,7 @@ fn rows(measures: &[Measures; 2]) -> Vec<(String, [String; 2])> {
         format!("{:.2} A = {:.2} N m\n{:.2} A", jerk.worst_a, jerk.worst_nm, jerk.rms_a)
     });
     add("regulated by", &|m| m.regulator.to_owned());
-    add("forward/braking/reverse/coast", &|m| {
-        let r = m.regimes;
-        format!("{:.0} / {:.0} / {:.0} / {:.0} %", r.forward, r.braking, r.reverse, r.coast)
-    });
+    add("forward/braking/reverse/coast", &|m| m.regimes.to_string());
     add("energy from the battery\n  back into it", &|m| {
         format!("{:.2} J\n{:.2} J", m.energy_from_battery_j, m.energy_to_battery_j)
     });

@@ -18,7 +18,7 @@ pub const PERIODS: [u32; 4] = [1, 10, 50, 100];
 
 /// The battery, in volts.
 const VOLTS: f64 = 12.0;
-/// A motor of a longer time constant, in seconds, runs with the paper's inertia, too.
+/// A motor with a longer time constant, in seconds, also runs with the paper's inertia.
 const SLOW: f64 = 3.0;
 /// Seconds that each response has, besides two mechanical time constants.
 const LENGTH_S: f64 = 3.0;
@@ -28,7 +28,7 @@ const LENGTH_S: f64 = 3.0;
 pub struct BareMotor {
     /// The motor's name.
     pub motor: &'static str,
-    /// Its inertia is the paper's, not the measured one.
+    /// True if the inertia is the paper's, false if it is the measured one.
     pub paper_inertia: bool,
     /// "velocity" or "position".
     pub mode: &'static str,

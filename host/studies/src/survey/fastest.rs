@@ -18,13 +18,13 @@ const RESERVE: f64 = 0.1;
 const GAP: f64 = 0.02;
 /// Granted multiple of the ideal time.
 const PATIENCE: f64 = 1.5;
-/// Granted seconds besides.
+/// Further granted seconds.
 const GRACE_S: f64 = 0.3;
-/// Granted control periods besides.
+/// Further granted control periods.
 const GRACE_PERIODS: f64 = 6.0;
-/// Granted counts besides, at the speed of the set-point.
+/// Further granted counts, at the speed of the set-point.
 const GRACE_COUNTS: f64 = 3.0;
-/// Time for which a new torque acts before a regulator can detect it, besides a period, in seconds.
+/// Time in seconds for which a new torque acts before a regulator can detect it. A control period is added to this time.
 const SURPRISE_S: f64 = 0.05;
 /// Step of the integration in seconds.
 const STEP: f64 = 1e-3;
@@ -169,26 +169,28 @@ impl Machine {
     }
 }
 
-/// Where a motor is at best known to be.
-struct Whereabouts {
+/// The state of a motor before a challenge, as far as it is known.
+struct State {
+    /// Speed in counts/s.
     speed: f64,
+    /// Position in counts.
     counts: f64,
-    /// How far off that may be.
+    /// Largest error of `counts`.
     slack: f64,
 }
 
 /// For each challenge of a scenario, by motor and time, whether any regulator can settle it in its time.
 ///
-/// The ideal time is of full voltage within the scheme's range, one way and then the other. The battery counts with
-/// 95 % of its voltage with all motors stalled. A challenge can be settled if 1.5 times the ideal time, 0.3 s, six
-/// periods and the time of three counts leave the time for which a motor must stay settled. Some control value must keep the
-/// speed, or standstill at a position, under its torque with a tenth of the voltage to spare. After a challenge that
-/// cannot be settled the next has no known beginning, and is not judged.
+/// The ideal time is that of full voltage within the scheme's range, in one direction and then in the other. The battery has
+/// 95 % of its voltage with all motors stalled. Granted are 1.5 times the ideal time, 0.3 s, six periods and the time of three
+/// counts. A challenge can be settled if the granted time leaves the time for which a motor must stay settled. Some control
+/// value must also keep the speed, or standstill at a position, under its torque with a tenth of the voltage to spare. After a
+/// challenge that cannot be settled the next challenge has no known beginning, and is not judged.
 pub(super) fn settleable(scenario: &Scenario, challenges: &[Challenge]) -> Result<Vec<bool>, StudyError> {
     let mut all = Vec::with_capacity(challenges.len());
     for (index, motor) in scenario.motors.iter().enumerate() {
         let machine = Machine::new(scenario, motor)?;
-        let mut at = Some(Whereabouts { speed: 0.0, counts: 0.0, slack: 0.0 });
+        let mut at = Some(State { speed: 0.0, counts: 0.0, slack: 0.0 });
         for challenge in challenges.iter().filter(|challenge| challenge.motor == index) {
             let period = f64::from(scenario.period.as_millis()) / 1e3;
             let after = at.and_then(|at| machine.answer(challenge, &at, period));
@@ -201,7 +203,7 @@ pub(super) fn settleable(scenario: &Scenario, challenges: &[Challenge]) -> Resul
 
 impl Machine {
     /// The motor's state after a challenge that can be settled.
-    fn answer(&self, challenge: &Challenge, at: &Whereabouts, period: f64) -> Option<Whereabouts> {
+    fn answer(&self, challenge: &Challenge, at: &State, period: f64) -> Option<State> {
         let Challenge { torque, old_torque, .. } = *challenge;
         let surprise = if challenge.kind == Kind::Load || torque != old_torque {
             self.per_torque * (torque - old_torque) * (period + SURPRISE_S)
@@ -215,14 +217,14 @@ impl Machine {
                 let way = to * challenge.length_s();
                 let slack = at.slack + (to - at.speed).abs() * (ideal + period + GRACE_S);
                 let counts = if to == 0.0 { 0.0 } else { GRACE_COUNTS / to.abs() };
-                (ideal, counts, Whereabouts { speed: to, counts: at.counts + way, slack })
+                (ideal, counts, State { speed: to, counts: at.counts + way, slack })
             }
             Goal::Position { counts, limit_cps, .. } => {
                 let (stopping, run) = self.run_up(from, 0.0, torque)?;
                 let way = counts - at.counts;
                 let way = way + at.slack.copysign(way) + run.abs().copysign(way);
                 let travel = if way == 0.0 { 0.0 } else { self.travel(way, limit_cps, torque)? };
-                (stopping + travel, 0.0, Whereabouts { speed: 0.0, counts, slack: 0.0 })
+                (stopping + travel, 0.0, State { speed: 0.0, counts, slack: 0.0 })
             }
         };
         let granted = PATIENCE * ideal + GRACE_S + GRACE_PERIODS * period + counts;

@@ -27,18 +27,18 @@ const MOST_FRICTION: f64 = 10.0;
 /// The scenario of this number in the survey of this seed. Each scenario has random numbers of its own.
 pub fn scenario(seed: u64, index: u64) -> Scenario {
     // A hash of the seed, so that neighbouring seeds share no scenarios.
-    let mut lot = Lot(fastrand::Rng::with_seed(fastrand::Rng::with_seed(seed).u64(..) ^ index));
-    let period = Period::from_millis(lot.logarithmic(1.0, 100.0).round() as u32).unwrap_or_default();
-    let emf = lot.rounded(6.5, 14.5, 10.0);
-    let count = 1 + lot.0.usize(..3);
-    let chosen: Vec<_> = (0..count).map(|_| lot.motor()).collect();
+    let mut random = Random(fastrand::Rng::with_seed(fastrand::Rng::with_seed(seed).u64(..) ^ index));
+    let period = Period::from_millis(random.logarithmic(1.0, 100.0).round() as u32).unwrap_or_default();
+    let emf = random.rounded(6.5, 14.5, 10.0);
+    let count = 1 + random.0.usize(..3);
+    let chosen: Vec<_> = (0..count).map(|_| random.motor()).collect();
     let drawn: f64 = chosen.iter().map(|(motor, _)| emf / motor.r.0).sum();
-    let resistance = lot.rounded(0.0, 0.1, 1e3).min((emf - LEAST_VOLTS) / drawn);
+    let resistance = random.rounded(0.0, 0.1, 1e3).min((emf - LEAST_VOLTS) / drawn);
     let volts = 0.95 * (emf - resistance * drawn);
     let mut motors: Vec<Motor> = chosen
         .into_iter()
         .enumerate()
-        .map(|(number, (constants, load))| lot.plan(format!("motor {number}"), constants, load, volts))
+        .map(|(number, (constants, load))| random.plan(format!("motor {number}"), constants, load, volts))
         .collect();
     let last = |motor: &Motor| {
         let times =
@@ -46,7 +46,7 @@ pub fn scenario(seed: u64, index: u64) -> Scenario {
         times.fold(0.0, f64::max)
     };
     roughen(&mut motors, seed, index);
-    let duration_s = lot.rounded(2.0, 4.0, 1e3) + motors.iter().map(last).fold(0.0, f64::max);
+    let duration_s = random.rounded(2.0, 4.0, 1e3) + motors.iter().map(last).fold(0.0, f64::max);
     let battery = Battery { emf: Volts(emf), resistance: Ohms(resistance) };
     let name = format!("survey {seed}, scenario {index}");
     // Any battery from 6.5 to 14.5 V, and it accepts returned energy: only regulation is judged.
@@ -56,9 +56,9 @@ pub fn scenario(seed: u64, index: u64) -> Scenario {
 /// Gives some of the motors Coulomb friction, with random numbers of its own, so that the rest of a scenario does not
 /// depend on friction. No motor has cogging: the catalogue has no figures for it.
 fn roughen(motors: &mut [Motor], seed: u64, index: u64) {
-    let mut lot = Lot(fastrand::Rng::with_seed(fastrand::Rng::with_seed(!seed).u64(..) ^ index));
+    let mut random = Random(fastrand::Rng::with_seed(fastrand::Rng::with_seed(!seed).u64(..) ^ index));
     for motor in motors {
-        let (rough, percent) = (lot.chance(ROUGH), lot.rounded(0.0, MOST_FRICTION, 10.0));
+        let (rough, percent) = (random.chance(ROUGH), random.rounded(0.0, MOST_FRICTION, 10.0));
         if rough {
             let stall = motor.constants.stall_torque(Volts(12.0));
             motor.constants.friction = Friction::with_coulomb(NewtonMetres(percent / 100.0 * stall.0));
@@ -66,9 +66,9 @@ fn roughen(motors: &mut [Motor], seed: u64, index: u64) {
     }
 }
 
-struct Lot(fastrand::Rng);
+struct Random(fastrand::Rng);
 
-impl Lot {
+impl Random {
     fn uniform(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.0.f64()
     }
@@ -77,7 +77,7 @@ impl Lot {
         self.uniform(low.ln(), high.ln()).exp()
     }
 
-    /// In steps of 1 / `per_unit`.
+    /// A number in steps of 1 / `per_unit`.
     fn rounded(&mut self, low: f64, high: f64, per_unit: f64) -> f64 {
         (self.uniform(low, high) * per_unit).round() / per_unit
     }
@@ -170,7 +170,7 @@ impl Lot {
         }
     }
 
-    /// In counts/s, whole.
+    /// A speed in whole counts/s.
     fn speed(&mut self, free: f64) -> f64 {
         let speed = match self.0.u8(..20) {
             0..4 => {

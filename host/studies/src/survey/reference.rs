@@ -45,11 +45,11 @@ pub struct Task {
     pub name: String,
     /// The reference's figure; of several motors the worst.
     pub reference: &'static str,
-    /// The figure.
+    /// The kind of figure.
     pub figure: Figure,
-    /// One for each motor.
+    /// One scenario for each motor.
     scenarios: Vec<Scenario>,
-    /// Which of the scenario's responses.
+    /// Index of the response in the scenario.
     response: usize,
 }
 
@@ -75,7 +75,7 @@ pub struct Row {
     pub configured_degrees: Vec<f64>,
     /// Heading errors of a drive base, not configured.
     pub unknown_degrees: Vec<f64>,
-    /// Speed set-point in counts/s; 0 of a position.
+    /// Speed set-point in counts/s; 0 for a position.
     pub speed: f64,
 }
 
@@ -241,7 +241,7 @@ fn speed(task: &Task) -> f64 {
     }
 }
 
-/// Of the task's motors the one with the largest error at the end.
+/// The verdict on the motor of the task with the largest error at the end.
 fn worst(task: &Task, late: bool, configured: bool, period_ms: u32) -> Result<Verdict, StudyError> {
     let mut worst: Option<Verdict> = None;
     for scenario in &task.scenarios {

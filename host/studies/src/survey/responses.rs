@@ -26,7 +26,7 @@ pub enum Kind {
     Position,
 }
 
-/// Below this, in counts/s, a speed is a crawl.
+/// A slower speed is a crawl, in counts/s.
 const CRAWL_CPS: f64 = 60.0;
 
 /// A change that a motor responds to.
@@ -36,17 +36,17 @@ pub(super) struct Challenge {
     pub(super) from_ms: usize,
     pub(super) to_ms: usize,
     pub(super) kind: Kind,
-    /// Before; `None` of a motor that was not regulated.
+    /// The goal before the change; `None` if the motor was not regulated.
     pub(super) old: Option<Goal>,
     pub(super) goal: Goal,
-    /// Newton metres on the output shaft, before
+    /// Torque on the output shaft before the change, in N m.
     pub(super) old_torque: f64,
-    /// and during the response.
+    /// Torque on the output shaft during the response, in N m.
     pub(super) torque: f64,
 }
 
 impl Challenge {
-    /// Seconds.
+    /// Time to the next change, in seconds.
     pub(super) fn length_s(&self) -> f64 {
         (self.to_ms - self.from_ms) as f64 / 1e3
     }
@@ -92,13 +92,13 @@ fn of_motor(scenario: &Scenario, index: usize, motor: &Motor) -> Vec<Challenge> 
 pub(super) struct Instant {
     /// The true motion.
     pub(super) point: Point,
-    /// An encoder fault is latched.
+    /// True if an encoder fault is latched.
     pub(super) fault: bool,
-    /// The hub reports a stall.
+    /// True if the hub reports a stall.
     pub(super) stalled: bool,
 }
 
-/// Runs a scenario; gives every millisecond of every motor.
+/// Runs a scenario. Returns every millisecond of every motor.
 pub(super) fn watch(scenario: &Scenario) -> Result<Vec<Vec<Instant>>, StudyError> {
     let mut all: Vec<Vec<Instant>> = vec![Vec::new(); scenario.motors.len()];
     without_tasks::run(scenario, |moment| {
@@ -117,21 +117,21 @@ pub(super) fn watch(scenario: &Scenario) -> Result<Vec<Vec<Instant>>, StudyError
 pub struct Verdict {
     /// Seconds until the motor has [settled](crate::settling); `None` if it never did.
     pub settling_s: Option<f64>,
-    /// How far it went beyond its goal, in percent of the step; after another torque how far it was pushed away, in
-    /// percent of the speed. `None` where there is no step to speak of: less than 60 counts/s or 60 counts, a
-    /// torque on a motor that crawls or holds a position; or where torque and speed change together.
+    /// Largest error beyond the goal, in percent of the step. After a change of torque, the largest error in percent of the
+    /// speed. `None` for a step of less than 60 counts/s or 60 counts, for a torque on a motor that crawls or holds a
+    /// position, and where torque and speed change together.
     pub beyond_percent: Option<f64>,
-    /// It swings about its goal, beyond the band on both sides within the last second.
+    /// True if the error was beyond the band on both sides within the last second.
     pub cycles: bool,
-    /// Mean error of the last tenth of the response, or of its last second if that is more, counts/s or counts.
+    /// Mean error of the last tenth of the response, or of its last second if that is longer, in counts/s or counts.
     pub last_error: f64,
-    /// Root mean square of the error in the last second, counts/s or counts.
+    /// Root mean square of the error in the last second, in counts/s or counts.
     pub last_rms: f64,
-    /// Largest error to either side in the last second, counts/s or counts.
+    /// Lowest and highest error in the last second, in counts/s or counts.
     pub last_swing: (f64, f64),
-    /// The hub reported an encoder fault.
+    /// True if the hub reported an encoder fault.
     pub fault: bool,
-    /// The hub reported the motor as stalled, at some time.
+    /// True if the hub ever reported the motor as stalled.
     pub stalled: bool,
 }
 

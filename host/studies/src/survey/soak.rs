@@ -29,21 +29,22 @@ use std::fmt::Write;
 /// The results of all scenarios.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Soak {
-    /// Seed of the random scenarios; `None` of a sweep.
+    /// Seed of the random scenarios; `None` for a sweep.
     pub seed: Option<u64>,
-    /// How many there were.
+    /// Number of scenarios.
     pub scenarios: u64,
-    /// Virtual time of all of them.
+    /// Virtual time of all scenarios, in seconds.
     pub seconds: f64,
-    /// Motors in all of them.
+    /// Number of motors in all scenarios.
     pub motors: usize,
-    /// Control ticks of all of them.
+    /// Number of control ticks of all scenarios.
     pub ticks: usize,
-    /// Faults that were reported of sound motors, the first of each motor.
+    /// Faults that were reported of sound motors: the first fault of each motor.
     pub alarms: Vec<Alarm>,
-    /// Motors that were reported as stalled: none meets a stop, but friction and load together hold some for a while.
+    /// Number of motors that were reported as stalled. No motor meets a stop, but friction and load together hold some motors for
+    /// a while.
     pub stalled: usize,
-    /// Scenarios in which the watchdog was not fed in time.
+    /// Numbers of the scenarios in which the watchdog was not fed in time.
     pub starved: Vec<u64>,
 }
 
@@ -52,11 +53,11 @@ pub struct Soak {
 pub struct Alarm {
     /// The scenario's number.
     pub scenario: u64,
-    /// The motor's number in it, from 0.
+    /// Number of the motor in the scenario, from 0.
     pub motor: usize,
     /// Seconds from the scenario's start.
     pub at_s: f64,
-    /// What was reported.
+    /// The reported faults.
     pub what: String,
     /// How the motor was configured.
     #[serde(rename = "told")]
@@ -79,12 +80,12 @@ impl Soak {
         Ok(soak)
     }
 
-    /// True if nothing happened that should not.
+    /// True without an alarm and without a starved watchdog.
     pub const fn is_clean(&self) -> bool {
         self.alarms.is_empty() && self.starved.is_empty()
     }
 
-    /// Runs one more.
+    /// Runs one more random scenario.
     fn add(&mut self, seed: u64, number: u64) -> Result<(), StudyError> {
         let (scenario, knowledge) = scenario(seed, number);
         self.scenarios += 1;
@@ -168,7 +169,7 @@ impl Alarm {
     }
 }
 
-/// The alarms of a scenario that is run without tasks, and how many of its motors were taken for stalled.
+/// The alarms of a scenario that is run without tasks, and the number of its motors that were reported as stalled.
 fn looked_at(
     scenario: &Scenario,
     number: u64,
@@ -194,13 +195,13 @@ fn looked_at(
     Ok((first.into_iter().enumerate().filter_map(alarm).collect(), stalled))
 }
 
-/// The scenario of this number, and what the hub knows there.
+/// The random scenario of this number, and how its motors are configured.
 fn scenario(seed: u64, number: u64) -> (Scenario, Knowledge) {
     let mut scenario = random::scenario(seed, number);
     let knowledge = Knowledge::OF_MOTION.get((number % 4) as usize).copied().unwrap_or(Knowledge::Exact);
     for motor in &mut scenario.motors {
         motor.configuration = knowledge.configured(&motor.constants);
-        // From at most 10 % of the stall torque to at most 40.
+        // From at most 10 % of the stall torque to at most 40 %.
         motor.constants.friction =
             Friction::with_coulomb(NewtonMetres(4.0 * motor.constants.friction.coulomb.0));
         if number % 8 >= 4 {

@@ -48,7 +48,7 @@ pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
 
 /// Multiples of a rotor's inertia that a motor turns in the long sweep.
 const INERTIAS: [f64; 7] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1_000.0];
-/// How the motion is configured there; 0.5 and 2 times the inertia are worse than what [`Knowledge`] has.
+/// How the motion is configured in the long sweep. 0.5 and 2 times the inertia are larger errors than those of [`Knowledge`].
 const FACTORS: [(Knowledge, f64); 4] = [
     (Knowledge::Exact, 1.0),
     (Knowledge::Lighter, 0.5),
@@ -57,9 +57,8 @@ const FACTORS: [(Knowledge, f64); 4] = [
 ];
 const LONG_S: f64 = 120.0;
 
-/// Every `every`th of the long scenarios, with a motor each, and how the motor is configured: every motor with its rotor's
-/// inertia up to 1000 times that, without friction, at every period. A heavy one needs minutes for what a bare one does in
-/// a tenth of a second.
+/// Every `every`th of the long scenarios, with one motor each, and how the motor is configured. A motor has 1 to 1000 times its
+/// rotor's inertia and no friction. A motor with a heavy load needs minutes for a motion that a bare motor ends in 0.1 s.
 pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
     let mut all = Vec::new();
     for constants in catalogue::motors().map(|motor| motor.with_measured_rotor_inertia()) {
@@ -95,7 +94,8 @@ pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
 /// The battery of the long sweep.
 const VOLTS_LONG: Volts = Volts(12.0);
 
-/// Up to 0.7 of the free speed in counts/s, slower for a long time, back, slowly on, and to rest; or to a position and back.
+/// Set-points: 0.7 of the free speed, slower for a long time, back, slowly on, and to rest; or to a position and back. `free` is
+/// in counts/s.
 fn long_course(free: f64, positions: bool) -> Vec<Timed<Setpoint>> {
     let velocity = |share: f64| Setpoint::Velocity(CountsPerSecond::new((share * free) as i32));
     let position = |turns: f64| Setpoint::Position {
@@ -117,7 +117,7 @@ fn long_course(free: f64, positions: bool) -> Vec<Timed<Setpoint>> {
     course.into_iter().map(|(at_s, value)| Timed { at_s, value }).collect()
 }
 
-/// All of them on such a battery.
+/// Every motor with every inertia, scheme, duty rule and friction, for a battery of this voltage.
 fn motors(volts: f64) -> Vec<Motor> {
     let mut all = Vec::new();
     for constants in catalogue::motors().flat_map(|motor| [motor, motor.with_measured_rotor_inertia()]) {
@@ -137,7 +137,7 @@ fn motors(volts: f64) -> Vec<Motor> {
     all
 }
 
-/// From rest to half of this speed, back, slowly on, to rest, away, and slowly on again.
+/// Set-points: half of the free speed, back, slowly on, to rest, to a position, and slowly back. `free` is in counts/s.
 fn course(free: f64) -> Vec<Timed<Setpoint>> {
     let velocity = |speed: f64| Setpoint::Velocity(CountsPerSecond::new(speed as i32));
     let position = |turns: f64| Setpoint::Position {

@@ -4,7 +4,7 @@ use super::bare_motors::{self, BareMotor};
 use super::reference::{self, Figure, Row};
 use super::{Kind, Knowledge, Response, Survey, Verdict};
 use crate::page::Page;
-use crate::table::{self, Table, natural_order};
+use crate::table::{self, Table};
 use motor_hub::braking::DutyRule;
 use simulated::scheme::describe;
 
@@ -303,7 +303,7 @@ fn summary(knowledge: Knowledge, answers: &[Answer<'_>]) -> Vec<String> {
 /// Percent of the responses that never settle, by a property with its rank.
 fn breakdown(title: &str, responses: &[Response], of: impl Fn(&Response) -> (usize, String)) -> Table {
     let mut values: Vec<(usize, String)> = responses.iter().map(&of).collect();
-    values.sort_by(|a, b| a.0.cmp(&b.0).then_with(|| natural_order(&a.1, &b.1)));
+    values.sort();
     values.dedup();
     let names = Knowledge::OF_MOTION.map(Knowledge::name);
     let headings: Vec<&str> = [title, "responses"].into_iter().chain(names).collect();

@@ -1,45 +1,31 @@
 //! Reads a firmware file as the bytes to be written to flash.
 
+use motor_hub_client::update::{Image, LARGEST_IMAGE};
 use object::Endianness;
 use object::elf::PT_LOAD;
 use object::read::elf::{ElfFile32, ProgramHeader};
 use std::path::Path;
-
-/// An image for a hub of this project.
-#[derive(Debug, PartialEq, Eq)]
-pub(super) struct Image {
-    /// Address that the image is linked to; `None` for raw bytes.
-    pub(super) origin: Option<u32>,
-    pub(super) bytes: Vec<u8>,
-    /// Version text in the image.
-    pub(super) version: String,
-}
-
-/// Longest image in bytes: more than the flash of any supported chip.
-const LONGEST: usize = 4 << 20;
 
 /// First bytes of every version text.
 const VERSION: &[u8] = b"HW: 20, Maj: ";
 /// Longest version text in bytes.
 const LONGEST_VERSION: usize = 40;
 
-impl Image {
-    /// Reads an ELF file, or raw bytes.
-    pub(super) fn open(file: &Path) -> Result<Self, String> {
-        let bytes = std::fs::read(file).map_err(|error| format!("{}: {error}", file.display()))?;
-        Self::read(bytes).map_err(|why| format!("{}: {why}", file.display()))
-    }
+/// Reads an ELF file, or raw bytes.
+pub(super) fn open(file: &Path) -> Result<Image, String> {
+    let bytes = std::fs::read(file).map_err(|error| format!("{}: {error}", file.display()))?;
+    read(bytes).map_err(|why| format!("{}: {why}", file.display()))
+}
 
-    fn read(file: Vec<u8>) -> Result<Self, String> {
-        let (origin, bytes) = if file.starts_with(b"\x7FELF") {
-            let (origin, bytes) = flash_of(&file)?;
-            (Some(origin), bytes)
-        } else {
-            (None, file)
-        };
-        let version = version_of(&bytes).ok_or("is not a motor-hub firmware: it has no version text")?;
-        Ok(Self { origin, bytes, version })
-    }
+fn read(file: Vec<u8>) -> Result<Image, String> {
+    let (origin, bytes) = if file.starts_with(b"\x7FELF") {
+        let (origin, bytes) = flash_of(&file)?;
+        (Some(origin), bytes)
+    } else {
+        (None, file)
+    };
+    let version = version_of(&bytes).ok_or("is not a motor-hub firmware: it has no version text")?;
+    Ok(Image { bytes, version, origin })
 }
 
 /// Address and bytes of an ELF file in flash, from the lowest address on. Gaps are filled with 0xFF.
@@ -59,7 +45,7 @@ fn flash_of(file: &[u8]) -> Result<(u32, Vec<u8>), String> {
     for (at, data) in pieces {
         let from = (at - origin) as usize;
         let to = from.saturating_add(data.len());
-        if to > LONGEST {
+        if to > LARGEST_IMAGE {
             return Err(format!("has segments at {at:#x} and at {origin:#x}, too far apart for one flash"));
         }
         bytes.resize(bytes.len().max(to), 0xFF);
@@ -88,9 +74,9 @@ mod tests {
     #[test]
     fn raw_bytes_are_an_image_if_they_have_a_version() {
         let mut bytes = vec![0, 0, 2, 0x20, 0x41, 0, 2, 8];
-        assert!(Image::read(bytes.clone()).unwrap_err().contains("no version"));
+        assert!(read(bytes.clone()).unwrap_err().contains("no version"));
         bytes.extend(TEXT);
-        let image = Image::read(bytes.clone()).unwrap();
+        let image = read(bytes.clone()).unwrap();
         assert_eq!(image.origin, None);
         assert_eq!((image.bytes, &*image.version), (bytes, "HW: 20, Maj: 1, Min: 8, Eng: 2, mh1.2.3"));
     }
@@ -124,7 +110,7 @@ mod tests {
             (0x0802_0000, 0x0802_0000, TEXT),
             (0x2000_0100, 0x0803_0000, &[]),
         ]);
-        let image = Image::read(file).unwrap();
+        let image = read(file).unwrap();
         let blank = 0x40 - TEXT.len();
         assert_eq!(image.origin, Some(0x0802_0000));
         assert_eq!(image.bytes, [TEXT, &vec![0xFF; blank], &[7; 4]].concat());
@@ -138,7 +124,7 @@ mod tests {
             (elf(&[(0, 0x0802_0000, TEXT), (0, 0x2000_0000, TEXT)]), "too far apart"),
             (elf(&[(0, 0x0802_0000, b"something")]), "has no version"),
         ] {
-            let error = Image::read(file).unwrap_err();
+            let error = read(file).unwrap_err();
             assert!(error.contains(why), "{error}");
         }
     }
