@@ -35,9 +35,13 @@ use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::Identification;
 use motor_hub::units::Control;
 use std::io::{Read, Write};
+use std::time::Duration;
 
 /// Largest constant current that a motor can have, in amperes, as for its current limit.
 pub const LARGEST_CURRENT_A: f64 = 65.535;
+
+/// Interval between two attempts to disable motors.
+const RETRY: Duration = Duration::from_millis(10);
 
 /// Mode, enable and targets of one motor, as a host has set them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,15 +83,14 @@ impl<L: Read + Write> Session<L> {
     /// from being disabled.
     ///
     /// # Errors
-    /// The last error, if a motor could not be disabled. An error of the line ends the attempts.
+    /// An error of the last attempt. A closed connection ends the attempts.
     pub fn disable_all(&mut self, motors: &[u8]) -> Result<(), Error> {
         let end = Instant::now() + KEEP_ALIVE;
         loop {
             let disabled = motors.iter().map(|motor| self.enable(*motor, false)).fold(Ok(()), Result::and);
             match disabled {
-                Err(Error::HungUp | Error::Line(_)) | Ok(()) => return disabled,
-                Err(error) if Instant::now() > end => return Err(error),
-                Err(_) => (),
+                Err(error) if Instant::now() < end && !error.is_hung_up() => std::thread::sleep(RETRY),
+                done => return done,
             }
         }
     }

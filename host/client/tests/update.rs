@@ -1,0 +1,76 @@
+//! Updates of firmware, step by step, against the hub's own side of the protocol with a fake flash.
+#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
+
+mod hub_support;
+
+use hub_support::{ADDRESS, Hub, Memory, responder};
+use motor_hub::extension::HubFunction;
+use motor_hub::protocol::Address;
+use motor_hub::protocol::payload::Text;
+use motor_hub::responder::Responder;
+use motor_hub::update::{Booted, CRC, Done, Outcome, Phase, Slot, UpdateRequest};
+use motor_hub_client::Session;
+use motor_hub_client::update::{Image, Progress, UpdateError, Updating};
+use std::time::Duration;
+
+const SLOT: Slot =
+    Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
+
+/// Protocol code of a hub whose firmware is confirmed.
+fn started() -> Responder<4> {
+    let mut responder = responder().with_slot(SLOT);
+    responder.update_done(Done::Booted(Booted::Confirmed));
+    responder
+}
+
+/// A fake flash that executes all requests at once. A restart starts the new firmware, which confirms itself.
+fn flash(responder: &mut Responder<4>, request: UpdateRequest) {
+    match request {
+        UpdateRequest::Restart => *responder = started(),
+        _ => responder.update_done(Done::Finished(Outcome::Done)),
+    }
+}
+
+fn session() -> Session<Memory> {
+    let hub = Hub { responder: started(), flash, ..Hub::new() };
+    Session::new(Memory::new(hub), Address::new(ADDRESS).unwrap(), Duration::from_secs(3))
+}
+
+/// 500 bytes for the slot.
+fn image(version: &str) -> Image {
+    let mut bytes = [0x2002_0000_u32, SLOT.origin + 0x199].map(u32::to_le_bytes).concat();
+    bytes.resize(500, 0xA5);
+    Image { bytes, version: version.to_owned(), origin: None }
+}
+
+#[test]
+fn an_update_makes_the_hub_forget_an_earlier_image_and_ends_with_confirmed_firmware() {
+    let mut session = session();
+    // An earlier host has sent an image, and has not restarted the hub.
+    let (version, earlier) = (session.version().unwrap(), image("").bytes);
+    let (length, crc) = (earlier.len() as u32, CRC.checksum(&earlier));
+    session.order(HubFunction::BeginUpdate { length, crc, version: Text::new() }).unwrap();
+    for (index, chunk) in (0..).zip(earlier.chunks(96)) {
+        let bytes = Text::from_slice(chunk).unwrap();
+        session.order(HubFunction::Chunk { offset: 96 * index, bytes }).unwrap();
+    }
+    session.order(HubFunction::FinishUpdate).unwrap();
+    assert_eq!(session.update_state().unwrap().phase, Phase::Armed);
+
+    let mut updating = Updating::begin(&mut session, image(&version), None).unwrap();
+    let news: Vec<Progress> = (0..10).filter_map(|_| updating.step(&mut session).unwrap()).take(5).collect();
+    let [announced, sent] = [Progress::Sending(0), Progress::Sending(384)];
+    assert_eq!(
+        news,
+        [announced, sent, Progress::Checking, Progress::Restarting, Progress::Confirmed(version)]
+    );
+}
+
+#[test]
+fn an_image_for_another_hub_is_refused_before_it_is_announced() {
+    let mut session = session();
+    let other = Image { origin: Some(0x0800_0000), ..image("mh9.9.9") };
+    let refused = Updating::begin(&mut session, other, None).unwrap_err();
+    assert!(matches!(refused, UpdateError::Unfit(_)), "{refused}");
+    assert_eq!(session.update_state().unwrap().phase, Phase::Nothing);
+}
