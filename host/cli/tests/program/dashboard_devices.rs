@@ -88,9 +88,9 @@ fn a_chain_shows_what_each_hub_does_and_has_one_stop() {
         tab.click("#hubs button:nth-child(2)");
         tab.wait("document.querySelector('#motors .card').textContent.startsWith('Motor 3:0')");
         drive(tab, 0, 600);
-        tab.wait(
-        "dashboard.state.hubs[0].running.join() === '1' && dashboard.state.hubs[1].running.join() === '0'",
-    );
+        for (hub, motor) in [(0, 1), (1, 0)] {
+            tab.wait(&format!("dashboard.state.hubs[{hub}].running.join() === '{motor}'"));
+        }
         look(tab, "chain");
         tab.press(ESCAPE);
         off(tab, Instant::now());

@@ -10,6 +10,7 @@ use crate::page::Dashboard;
 use serde_json::{Value, json};
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 /// Long enough for an order to reach the hub, and for its answer to reach the page.
@@ -126,7 +127,8 @@ struct Stopped(u32);
 
 impl Drop for Stopped {
     fn drop(&mut self) {
-        signal(self.0, "-CONT");
+        // The process may have ended with its browser.
+        let _ = Command::new("kill").args(["-CONT", &self.0.to_string()]).status();
     }
 }
 
