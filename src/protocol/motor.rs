@@ -54,6 +54,7 @@ requests! {
 /// Mode of a motor: the kind of its set-point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum RunMode {
     /// A control value, in open loop.
     #[default]
@@ -69,6 +70,7 @@ codes!(RunMode { 0 = Power, 1 = Velocity, 2 = Position });
 /// A loop that has coefficients. Its code is the code of the mode that uses the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum Loop {
     /// The loop of [`RunMode::Velocity`].
     Velocity,

@@ -7,6 +7,7 @@ use crate::units::{Control, CountsPerSecond, Period, Voltage};
 /// Kind of a regulator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum Kind {
     /// Regulation by the motor's own equation.
     #[default]

@@ -38,6 +38,7 @@ use core::num::NonZeroU16;
 /// Meaning of the set-point 0 in constant power and in regulated velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum ZeroPower {
     /// Constant power 0 is full dynamic braking. Velocity 0 holds the motor at standstill.
     #[default]

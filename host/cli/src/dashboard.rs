@@ -3,10 +3,9 @@
 use crate::output::{Failure, print, say};
 use crate::parse::{address, host_and_port, whole};
 use crate::serve::stop_flag;
-use dashboard::admission::PublicUrl;
 use dashboard::scenario_player::Script;
 use dashboard::world::World;
-use dashboard::{Place, Server};
+use dashboard::{Place, PublicUrl, Server};
 use motor_hub::protocol::Address;
 use qrcodegen::{QrCode, QrCodeEcc};
 use simulated::scenario::Scenario;

@@ -31,6 +31,7 @@ use motor_hub::protocol::answers::{I2cRead, I2cStatus, I2cWritten};
 use motor_hub::protocol::payload::{Text, WordFrom};
 use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput, ToPin};
 use motor_hub::protocol::requests::{AdcChannel, BATTERY, RAIL, TEMPERATURE, ToHub};
+use serde::Serialize;
 use std::io::{Read, Write};
 use std::time::Duration;
 
@@ -75,7 +76,7 @@ pub fn channels() -> impl Iterator<Item = Channel> {
 }
 
 /// Settings of a servo output.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Servo {
     /// Time between the starts of two pulses, in microseconds.
     pub period_us: u16,

@@ -4,35 +4,22 @@
 //! machine. Therefore the Host of a request must be the address that was connected to, or the [`PublicUrl`] that the user has
 //! given. The Origin of a socket must be this server's own page. Page and socket both need the token, which only readers of
 //! the printed URL know.
-//!
-//! ```
-//! use dashboard::admission::{Admission, Refusal, Wanted};
-//! use dashboard::http::Head;
-//!
-//! let admission = Admission::new("0123456789abcdef".to_owned());
-//! let asked = |host: &str, target: &str| {
-//!     let head = Head { method: "GET".into(), target: target.into(), host: vec![host.into()], ..Head::default() };
-//!     admission.admit(&head, "127.0.0.1:8000".parse().unwrap())
-//! };
-//! assert_eq!(asked("127.0.0.1:8000", "/?token=0123456789abcdef"), Ok(Wanted::Page));
-//! assert!(matches!(asked("evil.example:8000", "/?token=0123456789abcdef"), Err(Refusal::Host { .. })));
-//! assert_eq!(asked("127.0.0.1:8000", "/"), Err(Refusal::Token));
-//! ```
 
-use crate::http::Head;
+use std::borrow::Cow;
 use std::fmt;
 use std::net::SocketAddr;
 use std::str::FromStr;
+use tungstenite::handshake::server::{Request, Response, create_response};
 
 /// Number of random bytes in a token, which is written as hexadecimal digits.
 const TOKEN_BYTES: usize = 16;
 
 /// The path of the socket.
-pub const SOCKET: &str = "/ws";
+const SOCKET: &str = "/ws";
 
 /// Admits requests with the right token.
 #[derive(Clone, Debug)]
-pub struct Admission {
+pub(crate) struct Admission {
     token: String,
     public: Option<PublicUrl>,
 }
@@ -80,22 +67,19 @@ impl fmt::Display for PublicUrl {
 }
 
 /// The resource that an admitted request asks for.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Wanted {
+#[derive(Debug)]
+pub(crate) enum Wanted {
     /// The page itself.
     Page,
     /// A file of the page, which is not secret.
     Asset(String),
-    /// The socket, with the key of its handshake.
-    Socket(String),
+    /// The socket, with the answer to its handshake.
+    Socket(Response),
 }
 
 /// Why a request is refused.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Refusal {
-    /// The method is not GET.
-    #[error("only GET requests are allowed")]
-    Method,
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Refusal {
     /// The Host is missing, repeated, or neither the address that was connected to nor the public URL's.
     #[error(
         "this server is http://{own}, but the browser asked for `{given}`. Open the URL that `motor-hub dashboard` printed. \
@@ -121,10 +105,8 @@ pub enum Refusal {
 
 impl Refusal {
     /// HTTP status of the answer.
-    #[must_use]
-    pub const fn status(&self) -> &'static str {
+    pub(crate) const fn status(&self) -> &'static str {
         match self {
-            Self::Method => "405 Method Not Allowed",
             Self::Host { .. } => "421 Misdirected Request",
             Self::Origin | Self::Token => "403 Forbidden",
             Self::Handshake => "426 Upgrade Required",
@@ -133,61 +115,44 @@ impl Refusal {
 }
 
 impl Admission {
-    /// Admits requests with this token.
-    #[must_use]
-    pub const fn new(token: String) -> Self {
-        Self { token, public: None }
+    /// Admits requests with a token of 128 random bits.
+    pub(crate) fn random() -> Result<Self, getrandom::Error> {
+        let mut bytes = [0; TOKEN_BYTES];
+        getrandom::fill(&mut bytes)?;
+        let token = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+        Ok(Self { token, public: None })
     }
 
     /// Admits requests for this URL too.
-    #[must_use]
-    pub fn reached_as(self, public: PublicUrl) -> Self {
+    pub(crate) fn reached_as(self, public: PublicUrl) -> Self {
         Self { public: Some(public), ..self }
     }
 
     /// The URL that was given, by which browsers reach the server; `None` if they connect to its address.
-    #[must_use]
-    pub const fn public(&self) -> Option<&PublicUrl> {
+    pub(crate) const fn public(&self) -> Option<&PublicUrl> {
         self.public.as_ref()
     }
 
-    /// Makes a token of 128 random bits.
-    ///
-    /// # Errors
-    /// The system has no random numbers.
-    pub fn random() -> Result<Self, getrandom::Error> {
-        let mut bytes = [0; TOKEN_BYTES];
-        getrandom::fill(&mut bytes)?;
-        Ok(Self::new(bytes.iter().map(|byte| format!("{byte:02x}")).collect()))
-    }
-
     /// The token.
-    #[must_use]
-    pub fn token(&self) -> &str {
+    pub(crate) fn token(&self) -> &str {
         &self.token
     }
 
-    /// Checks a request that arrived at the address `local`, and returns the resource that it asks for.
-    ///
-    /// # Errors
-    /// The reason of the refusal.
-    pub fn admit(&self, head: &Head, local: SocketAddr) -> Result<Wanted, Refusal> {
-        if head.method != "GET" {
-            return Err(Refusal::Method);
-        }
-        let own = self.origin(head, local)?;
-        let own = |origin: &String| *origin == own;
-        let (path, query) = head.target.split_once('?').unwrap_or((&head.target, ""));
+    /// Checks a request that arrived at the address `local`, and returns the resource that the request asks for.
+    pub(crate) fn admit(&self, request: &Request, local: SocketAddr) -> Result<Wanted, Refusal> {
+        let own = self.origin(request, local)?;
+        let origins = values(request, "origin");
+        let query = request.uri().query().unwrap_or_default();
+        let path = request.uri().path();
         if path == SOCKET {
             // Browsers always send an Origin with a WebSocket handshake.
-            let [origin] = head.origin.as_slice() else { return Err(Refusal::Origin) };
-            if !own(origin) {
+            if origins != [own] {
                 return Err(Refusal::Origin);
             }
             self.check(query)?;
-            return head.socket_key().map(Wanted::Socket).ok_or(Refusal::Handshake);
+            return create_response(request).map(Wanted::Socket).map_err(|_| Refusal::Handshake);
         }
-        if !head.origin.iter().all(own) {
+        if origins.iter().any(|origin| *origin != own) {
             return Err(Refusal::Origin);
         }
         if path == "/" {
@@ -198,9 +163,10 @@ impl Admission {
     }
 
     /// The Origin of this server's own page, by the Host of a request.
-    fn origin(&self, head: &Head, local: SocketAddr) -> Result<String, Refusal> {
-        let refused = || Refusal::Host { given: head.host.join(", "), own: local };
-        let [host] = head.host.as_slice() else { return Err(refused()) };
+    fn origin(&self, request: &Request, local: SocketAddr) -> Result<String, Refusal> {
+        let hosts = values(request, "host");
+        let refused = || Refusal::Host { given: hosts.join(", "), own: local };
+        let [host] = hosts.as_slice() else { return Err(refused()) };
         if let Some(public) = self.public.as_ref().filter(|public| public.host == *host) {
             return Ok(public.origin.clone());
         }
@@ -215,6 +181,11 @@ impl Admission {
             _ => Err(Refusal::Token),
         }
     }
+}
+
+/// The values of all headers with this name: a repeated header is refused. Bytes that are no text differ from any text.
+fn values<'a>(request: &'a Request, name: &str) -> Vec<Cow<'a, str>> {
+    request.headers().get_all(name).iter().map(|value| String::from_utf8_lossy(value.as_bytes())).collect()
 }
 
 /// Compares in constant time, so that the time does not reveal where the two differ.

@@ -3,68 +3,47 @@
 //! ```
 //! use dashboard::assets;
 //!
-//! assert!(assets::find("/").is_some_and(|page| page.kind.starts_with("text/html")));
+//! assert!(assets::find("/style.css").is_some_and(|style| style.kind().starts_with("text/css")));
 //! assert!(assets::find("/../Cargo.toml").is_none());
 //! ```
 
-/// A file of the page.
+/// A file that the page loads.
 #[derive(Clone, Copy, Debug)]
 pub struct Asset {
     /// Path of the URL.
     pub path: &'static str,
-    /// Media type.
-    pub kind: &'static str,
     /// Contents.
     pub bytes: &'static [u8],
 }
 
+impl Asset {
+    /// Media type, by the end of the path.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match self.path.rsplit_once('.') {
+            Some((_, "css")) => "text/css; charset=utf-8",
+            Some((_, "js")) => "text/javascript; charset=utf-8",
+            _ => "image/svg+xml",
+        }
+    }
+}
+
+/// The page itself, which is HTML.
+pub const PAGE: &str = include_str!("../page/index.html");
+
 macro_rules! assets {
-    ($($path:literal $kind:ident $file:literal)+) => {
-        &[$(Asset { path: $path, kind: $kind, bytes: include_bytes!(concat!("../page/", $file)) }),+]
+    ($($file:literal)+) => {
+        &[$(Asset { path: concat!("/", $file), bytes: include_bytes!(concat!("../page/", $file)) }),+]
     };
 }
 
-const HTML: &str = "text/html; charset=utf-8";
-const CSS: &str = "text/css; charset=utf-8";
-const JS: &str = "text/javascript; charset=utf-8";
-const SVG: &str = "image/svg+xml";
-
-/// All files of the page.
+/// All files that the page loads.
 pub const ALL: &[Asset] = assets! {
-    "/" HTML "index.html"
-    "/style.css" CSS "style.css"
-    "/favicon.svg" SVG "favicon.svg"
-    "/vendor/uPlot.min.css" CSS "vendor/uPlot.min.css"
-    "/vendor/uPlot.iife.min.js" JS "vendor/uPlot.iife.min.js"
-    "/js/app.js" JS "js/app.js"
-    "/js/bands.js" JS "js/bands.js"
-    "/js/chain.js" JS "js/chain.js"
-    "/js/devices.js" JS "js/devices.js"
-    "/js/dom.js" JS "js/dom.js"
-    "/js/fields.js" JS "js/fields.js"
-    "/js/firmware.js" JS "js/firmware.js"
-    "/js/gamepad.js" JS "js/gamepad.js"
-    "/js/group.js" JS "js/group.js"
-    "/js/history.js" JS "js/history.js"
-    "/js/hub.js" JS "js/hub.js"
-    "/js/jog.js" JS "js/jog.js"
-    "/js/learn.js" JS "js/learn.js"
-    "/js/link.js" JS "js/link.js"
-    "/js/list.js" JS "js/list.js"
-    "/js/mcap.js" JS "js/mcap.js"
-    "/js/motors.js" JS "js/motors.js"
-    "/js/panels.js" JS "js/panels.js"
-    "/js/plots.js" JS "js/plots.js"
-    "/js/record.js" JS "js/record.js"
-    "/js/regimes.js" JS "js/regimes.js"
-    "/js/setup.js" JS "js/setup.js"
-    "/js/slider.js" JS "js/slider.js"
-    "/js/small.js" JS "js/small.js"
-    "/js/state.js" JS "js/state.js"
-    "/js/transport.js" JS "js/transport.js"
-    "/js/tune.js" JS "js/tune.js"
-    "/js/units.js" JS "js/units.js"
-    "/js/world.js" JS "js/world.js"
+    "style.css" "favicon.svg" "vendor/uPlot.min.css" "vendor/uPlot.iife.min.js"
+    "js/app.js" "js/bands.js" "js/chain.js" "js/devices.js" "js/dom.js" "js/fields.js" "js/firmware.js"
+    "js/gamepad.js" "js/group.js" "js/history.js" "js/hub.js" "js/jog.js" "js/learn.js" "js/link.js" "js/list.js"
+    "js/mcap.js" "js/motors.js" "js/panels.js" "js/plots.js" "js/record.js" "js/regimes.js" "js/setup.js"
+    "js/slider.js" "js/small.js" "js/state.js" "js/transport.js" "js/tune.js" "js/units.js" "js/world.js"
 };
 
 /// The file with this path of the URL.

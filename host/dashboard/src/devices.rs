@@ -3,6 +3,7 @@
 //! The hub ends the pulses of all servos and releases all digital outputs when its motors are stopped together: at STOP, when the
 //! page in control is gone, and when its host is silent.
 
+use crate::frame::Message;
 use crate::hub::{Hub, RequestError};
 use crate::requests::{DeviceOrder, Look};
 use motor_hub::board::{DIGITAL_PINS, Equipment, SERVOS};
@@ -12,61 +13,15 @@ use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput};
 use motor_hub_client::Error;
 use motor_hub_client::devices::{Channel, I2C_ADDRESSES, channels};
 use serde::Serialize;
+use serde_json::{Value, json};
 
 /// Number of I2C addresses that are asked between two frames.
 const ADDRESSES_A_FRAME: usize = 4;
 
-/// What a hub has.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Has {
-    servos: u8,
-    analog: u8,
-    pins: Vec<u8>,
-    buses: u8,
-}
-
-impl From<Equipment> for Has {
-    fn from(Equipment { digital, servos, analog, i2c, .. }: Equipment) -> Self {
-        let pins = (0..DIGITAL_PINS as u8).filter(|pin| digital >> pin & 1 != 0).collect();
-        Self { servos, analog, pins, buses: i2c }
-    }
-}
-
-/// State of a servo output.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub(crate) struct ServoIs {
-    period_us: u16,
-    /// 0 until a host has set the width.
-    width_us: u16,
-    enabled: bool,
-}
-
-/// A channel of the hub's ADC.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Reading {
-    name: &'static str,
-    unit: &'static str,
-    /// `None` if the hub refuses.
-    value: Option<f64>,
-    /// Why the hub refuses.
-    why: Option<String>,
-}
-
-/// State of a digital pin.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub(crate) struct PinIs {
-    pin: u8,
-    output: bool,
-    /// Level of an input, or of an output that was set since the last stop; `None` for a released output.
-    high: Option<bool>,
-}
-
-/// State of the devices for which a page has asked.
-#[derive(Debug)]
-pub(crate) enum Seen {
-    Servos(Vec<ServoIs>),
-    Analog(Vec<Reading>),
-    Pins(Vec<PinIs>),
+/// What a hub has, for pages.
+pub(crate) fn has(Equipment { digital, servos, analog, i2c, .. }: Equipment) -> Value {
+    let pins: Vec<u8> = (0..DIGITAL_PINS as u8).filter(|pin| digital >> pin & 1 != 0).collect();
+    json!({ "servos": servos, "analog": analog, "pins": pins, "buses": i2c })
 }
 
 /// Result of a transfer on an I2C bus, or of a scan.
@@ -104,16 +59,13 @@ impl Devices {
     }
 
     /// Reads the state of devices.
-    pub(crate) fn look(&self, session: &mut Hub, at: Look) -> Result<Seen, RequestError> {
+    pub(crate) fn look(&self, session: &mut Hub, at: Look) -> Result<Message, RequestError> {
         let has = session.equipment()?.unwrap_or_default();
         match at {
             Look::Servos => {
                 let all = (0..SERVOS.min(has.servos.into()) as u8).filter_map(ServoOutput::new);
-                let servos = all.map(|servo| {
-                    let is = session.servo(servo)?;
-                    Ok(ServoIs { period_us: is.period_us, width_us: is.width_us, enabled: is.enabled })
-                });
-                Ok(Seen::Servos(servos.collect::<Result<_, Error>>()?))
+                let servos = all.map(|servo| session.servo(servo)).collect::<Result<_, Error>>()?;
+                Ok(Message::Servos { servos })
             }
             Look::Analog => {
                 let channels = channels().map(|Channel { number, name, unit, scale, .. }| {
@@ -122,20 +74,20 @@ impl Devices {
                         Err(Error::Refused { reason, .. }) => (None, Some(reason.to_string())),
                         Err(error) => return Err(error),
                     };
-                    Ok(Reading { name, unit, value, why })
+                    Ok(json!({ "name": name, "unit": unit, "value": value, "why": why }))
                 });
-                Ok(Seen::Analog(channels.collect::<Result<_, Error>>()?))
+                Ok(Message::Analog { channels: channels.collect::<Result<_, Error>>()? })
             }
             Look::Pins => {
                 let mut pins = Vec::new();
-                let all = (0..).filter_map(Pin::new).take(DIGITAL_PINS);
-                for (pin, level) in all.zip(self.levels).filter(|(pin, _)| has.digital >> pin.get() & 1 != 0)
-                {
+                let all = (0..).filter_map(Pin::new).take(DIGITAL_PINS).zip(self.levels);
+                for (pin, level) in all.filter(|(pin, _)| has.digital >> pin.get() & 1 != 0) {
                     let output = session.is_output(pin)?;
+                    // A released output has no level.
                     let high = if output { level } else { Some(session.read_pin(pin)?) };
-                    pins.push(PinIs { pin: pin.get(), output, high });
+                    pins.push(json!({ "pin": pin.get(), "output": output, "high": high }));
                 }
-                Ok(Seen::Pins(pins))
+                Ok(Message::Pins { pins })
             }
         }
     }

@@ -1,14 +1,14 @@
 //! Executes orders by requests to the hub. Values out of range are refused before anything is sent.
 
-use crate::frame::{CONFIGURABLE, scheme, settings_of};
+use crate::frame::{CONFIGURABLE, settings_of};
 use crate::hub::{Hub, RequestError};
 use crate::requests::Order;
-use crate::settings_file::{self, shown};
+use crate::settings_file::{self, raw_of};
 use crate::world::World;
 use motor_hub::braking::DutyRule;
 use motor_hub::extension::Request;
 use motor_hub::extension::group::GroupCourse;
-use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values, Zero};
+use motor_hub::extension::settings::{Group, MotorSettings, Values, Zero};
 use motor_hub::group::GroupCommand;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::motor::{ThermalLimit, ZeroPower};
@@ -22,6 +22,7 @@ use motor_hub_client::kept_settings::KeptSettings;
 use motor_hub_client::motor::LARGEST_CURRENT_A;
 use serde_json::{Map, Value};
 use simulated::hardware::winding;
+use simulated::scheme::SchemeName;
 
 /// Default tolerance of a position, in counts.
 const USUAL_TOLERANCE: u16 = 10;
@@ -30,7 +31,7 @@ const USUAL_TOLERANCE: u16 = 10;
 const USUAL_SPEED: f64 = 1_000.0;
 
 /// Highest speed of a group, in counts/s.
-const FASTEST_CPS: u32 = FASTEST_GROUP_CPS.unsigned_abs();
+const FASTEST_CPS: f64 = FASTEST_GROUP_CPS as f64;
 
 /// Speed limit of a constant current that no motor reaches, in counts/s.
 const NO_SPEED_LIMIT: f64 = 32_767.0;
@@ -112,45 +113,37 @@ impl Executor {
         Ok(Changed::Nothing)
     }
 
-    /// Executes an order that changes settings.
+    /// Executes an order that changes settings of a motor.
     fn change(&mut self, session: &mut Hub, order: &Order) -> Result<Changed, RequestError> {
-        let motor = match *order {
-            Order::Coefficients { motor, of, pidf } => {
+        let motor = channel(order.changed_motor().ok_or("this order is not for a motor")?)?;
+        match *order {
+            Order::Coefficients { of, pidf, .. } => {
                 let pidf = coefficients(pidf)?;
                 self.keep(session, motor)?;
                 session.set_coefficients(motor, of, pidf)?;
-                motor
             }
-            Order::Regulator { motor, kind } => {
-                self.regulate(session, motor, kind)?;
-                motor
-            }
-            Order::SetUp { motor, ref name, scheme: ref wanted, duty } => {
-                let before = session.settings(channel(motor)?)?;
-                let settings = set_up(before, name.as_deref(), wanted, duty)?;
+            Order::Regulator { kind, .. } => self.regulate(session, motor, kind)?,
+            Order::SetUp { ref name, scheme, duty, .. } => {
+                let settings = set_up(session.settings(motor)?, name.as_deref(), scheme, duty)?;
                 self.keep(session, motor)?;
                 self.set_up(session, motor, &settings, name.is_some())?;
-                motor
             }
-            Order::Acceleration { motor, limit } => {
+            Order::Acceleration { limit, .. } => {
                 let limit = limit.map(Acceleration::new).transpose();
                 let acceleration = limit.map_err(|_| "an acceleration is 1 to 4294967295 counts/s²")?;
                 self.keep(session, motor)?;
                 let mut settings = session.settings(motor)?;
                 settings.motor.acceleration = acceleration;
                 session.set(motor, Group::Motion, &settings)?;
-                motor
             }
-            Order::Configure { motor, ref values } => {
-                let before = session.settings(channel(motor)?)?;
-                let requests = configured(motor, &before, values)?;
+            Order::Configure { ref values, .. } => {
+                let requests = configured(motor, &session.settings(motor)?, values)?;
                 self.keep(session, motor)?;
                 for request in requests {
                     session.order(request)?;
                 }
-                motor
             }
-            Order::Apply { motor } => {
+            Order::Apply { .. } => {
                 let proposed = self.of(motor)?.proposed;
                 let (dynamics, acceleration) =
                     proposed.ok_or("this motor was not identified yet: run Identify first")?;
@@ -158,26 +151,25 @@ impl Executor {
                 let mut settings = session.settings(motor)?;
                 (settings.motor.dynamics, settings.motor.acceleration) = (Some(dynamics), acceleration);
                 session.set_up(motor, &settings)?;
-                motor
             }
-            Order::Undo { motor } => {
+            // An undo, the last order that changes settings.
+            _ => {
                 let before = self.of(motor)?.undo.pop().ok_or("there is nothing to undo")?;
                 session.restore_settings(motor, &before)?;
-                motor
             }
-            _ => return Err("this order is not for a motor".into()),
-        };
+        }
         Ok(Changed::Settings(motor))
     }
 
-    fn of(&mut self, motor: u8) -> Result<&mut MotorMemory, RequestError> {
+    /// What the server keeps of a motor.
+    pub(crate) fn of(&mut self, motor: u8) -> Result<&mut MotorMemory, RequestError> {
         let motor = channel(motor)?;
         self.motors.get_mut(usize::from(motor)).ok_or_else(|| "a motor is 0 to 3".into())
     }
 
     /// Keeps the present settings of a motor for undo.
     fn keep(&mut self, session: &mut Hub, motor: u8) -> Result<(), RequestError> {
-        let kept = session.keep_settings(channel(motor)?)?;
+        let kept = session.keep_settings(motor)?;
         self.of(motor)?.keep(kept);
         Ok(())
     }
@@ -216,7 +208,7 @@ impl Executor {
     fn regulate(&mut self, session: &mut Hub, motor: u8, kind: Kind) -> Result<(), RequestError> {
         match kind {
             Kind::Model => {
-                let configured = session.settings(channel(motor)?)?.motor.dynamics;
+                let configured = session.settings(motor)?.motor.dynamics;
                 let of = self.of(motor)?;
                 let known = configured.or(of.proposed.map(|(dynamics, _)| dynamics)).or(of.known);
                 self.keep(session, motor)?;
@@ -318,14 +310,14 @@ fn coefficients(pidf: [f64; 4]) -> Result<Coefficients, RequestError> {
 fn set_up(
     mut settings: MotorSettings,
     name: Option<&str>,
-    wanted: &str,
+    scheme: SchemeName,
     duty: DutyRule,
 ) -> Result<MotorSettings, RequestError> {
     if let Some(name) = name {
         let motor = characterised(name).map_err(|error| error.to_string())?;
         settings.motor.winding = winding(&motor).map_err(|error| error.to_string())?;
     }
-    settings.motor.scheme = scheme(wanted)?;
+    settings.motor.scheme = scheme.with_blend(None).map_err(|error| error.to_string())?;
     settings.motor.duty = duty;
     Ok(settings)
 }
@@ -347,7 +339,13 @@ fn configured(
     let mut set_up = false;
     for group in CONFIGURABLE {
         let values = Values::collect(group, |field| {
-            let raw = given.get(field.name).map_or(Ok(field.get(before)), |value| raw_of(field, value))?;
+            let raw = match given.get(field.name) {
+                None => field.get(before),
+                // `null` is for a setting that need not be configured.
+                Some(Value::Null) if field.zero == Zero::NotConfigured => 0,
+                Some(Value::Null) => return Err(format!("{} is missing", field.name)),
+                Some(value) => raw_of(field, value.as_str(), value.as_f64(), value)?,
+            };
             // A thermal limit needs time constants.
             Ok::<i64, String>(match (field.name, raw) {
                 ("thermal.winding_s", 0) => ThermalLimit::USUAL_WINDING_S.into(),
@@ -365,41 +363,12 @@ fn configured(
     if requests.is_empty() { Err("no setting has changed".into()) } else { Ok(requests) }
 }
 
-/// The raw value of a setting's number or word; `null` is 0 for a setting that need not be configured.
-fn raw_of(field: &Field, value: &Value) -> Result<i64, String> {
-    let name = field.name;
-    if value.is_null() {
-        return match field.zero {
-            Zero::NotConfigured => Ok(0),
-            _ => Err(format!("{name} is missing")),
-        };
-    }
-    if let Form::Words(words) = field.form {
-        let raw = value.as_str().and_then(|word| field.raw_of_word(word));
-        return raw.ok_or_else(|| format!("{name} is {value}; allowed is {}", words.join(", ")));
-    }
-    let raw = value.as_f64().and_then(|number| field.raw_of(number));
-    let (least, most) = field.range();
-    raw.ok_or_else(|| format!("{name} is {value}; allowed is {} to {}", shown(least), shown(most)))
-}
-
 /// Turns motors at speeds in step. The fastest motor's speed is the group's.
 fn turn(session: &mut Hub, at: [Option<i32>; CHANNELS], acceleration: u32) -> Result<(), RequestError> {
     let fastest = at.iter().flatten().map(|cps| cps.unsigned_abs()).max().unwrap_or_default();
-    if fastest > FASTEST_CPS {
-        return Err(format!(
-            "a group's speed of {fastest} counts/s is out of range; allowed is -{FASTEST_CPS} to {FASTEST_CPS}"
-        )
-        .into());
-    }
-    let speed = CountsPerSecond::new(i32::try_from(fastest).unwrap_or(i32::MAX));
-    begin_group(
-        session,
-        GroupCourse::On(at.map(|cps| cps.map(CountsPerSecond::new))),
-        at.map(|cps| cps.is_some()),
-        speed,
-        acceleration,
-    )
+    let fastest = within("a group's speed in counts/s", fastest.into(), -FASTEST_CPS, FASTEST_CPS)?;
+    let course = GroupCourse::On(at.map(|cps| cps.map(CountsPerSecond::new)));
+    begin_group(session, course, at.map(|cps| cps.is_some()), fastest, acceleration)
 }
 
 fn together(
@@ -408,13 +377,7 @@ fn together(
     speed: u32,
     acceleration: u32,
 ) -> Result<(), RequestError> {
-    if !(1..=FASTEST_CPS).contains(&speed) {
-        return Err(format!(
-            "a group's speed of {speed} counts/s is out of range; allowed is 1 to {FASTEST_CPS}"
-        )
-        .into());
-    }
-    let speed = CountsPerSecond::new(i32::try_from(speed).unwrap_or(i32::MAX));
+    let speed = within("a group's speed in counts/s", speed.into(), 1.0, FASTEST_CPS)?;
     begin_group(session, GroupCourse::To(to), to.map(|to| to.is_some()), speed, acceleration)
 }
 
@@ -423,9 +386,10 @@ fn begin_group(
     session: &mut Hub,
     course: GroupCourse,
     takes_part: [bool; CHANNELS],
-    speed: CountsPerSecond,
+    speed_cps: f64,
     acceleration: u32,
 ) -> Result<(), RequestError> {
+    let speed = CountsPerSecond::new(speed_cps as i32);
     let members: Vec<u8> = (0..).zip(takes_part).filter_map(|(motor, is)| is.then_some(motor)).collect();
     let first = *members.first().ok_or("a group needs at least one motor: enter a distance or a speed")?;
     let limit =

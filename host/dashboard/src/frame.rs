@@ -2,15 +2,15 @@
 //! -1 to 1. All other fields have their unit in the name, or are in counts and seconds.
 
 use crate::chain::HubOfChain;
-use crate::devices::{Has, PinIs, Reading, Seen, ServoIs, Transfer};
+use crate::devices::Transfer;
 use crate::hub::Hub;
-use crate::identification::{Dynamics, IdentificationProgress};
+use crate::identification::{Dynamics, Progress as Identification};
 use crate::proposal::catalogue_motor;
 use crate::update::Progress;
 use motor_hub::braking::{OperatingPoint, Points, Scheme, Winding};
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
 use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Zero};
-use motor_hub::model::catalogue::motors;
+use motor_hub::model::catalogue::{Motor, motors};
 use motor_hub::model::paper;
 use motor_hub::model::si::{Ohms, Volts};
 use motor_hub::model::switching::Conditions;
@@ -19,12 +19,13 @@ use motor_hub::protocol::{CHANNELS, Colour};
 use motor_hub::record::Head;
 use motor_hub::units::{Acceleration, Control, CountsPerSecond, Millivolts};
 use motor_hub_client::Error;
+use motor_hub_client::devices::Servo;
 use motor_hub_client::explanations::explanation;
 use motor_hub_client::motor_values::MotorValues;
 use motor_hub_client::reasons::{stored_text, why_still};
 use serde::Serialize;
 use serde_json::{Value, json};
-use simulated::scheme::SchemeWords;
+use simulated::scheme::{SchemeName, SchemeWords};
 use std::sync::Arc;
 
 /// Highest speed for which points are computed, in counts/s. No catalogue motor reaches it.
@@ -42,7 +43,18 @@ pub(crate) const CONFIGURABLE: [Group; 6] =
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub(crate) enum Message {
     /// Sent once to a new page.
-    Welcome(Welcome),
+    Welcome {
+        /// Number of this page.
+        you: u32,
+        /// Place of the hub.
+        place: String,
+        /// True for a simulated hub.
+        simulated: bool,
+        /// True if the hub's scenario can be played.
+        playable: bool,
+        /// All motors of the catalogue.
+        catalogue: Vec<Value>,
+    },
     /// Sent 50 times per second.
     Frame(Frame),
     /// Sent when the settings of a motor have changed.
@@ -67,7 +79,7 @@ pub(crate) enum Message {
         /// True if the hub can store its settings.
         stores: bool,
         /// What the hub has besides motors; `None` if the hub does not report it.
-        has: Option<Has>,
+        has: Option<Value>,
     },
     /// Sent when the hubs of a chain, or what they do, have changed.
     Hubs {
@@ -77,17 +89,17 @@ pub(crate) enum Message {
     /// State of the servo outputs.
     Servos {
         /// By number.
-        servos: Vec<ServoIs>,
+        servos: Vec<Servo>,
     },
     /// What the hub measures.
     Analog {
         /// All channels.
-        channels: Vec<Reading>,
+        channels: Vec<Value>,
     },
     /// State of the digital pins.
     Pins {
         /// The pins that the hub has.
-        pins: Vec<PinIs>,
+        pins: Vec<Value>,
     },
     /// Result of a transfer on an I2C bus.
     Transfer(Transfer),
@@ -104,9 +116,15 @@ pub(crate) enum Message {
         why: String,
     },
     /// Progress or result of an identification.
-    Identification(IdentificationProgress),
+    Identification {
+        /// Motor, 0 to 3.
+        motor: u8,
+        /// Progress or result.
+        #[serde(flatten)]
+        progress: Identification,
+    },
     /// Answer to a page that has asked for points.
-    Points(PointsAt),
+    Points(Value),
     /// Answer to a page that has asked for the hub's record of faults, newest first.
     Faults {
         /// Entries of the record.
@@ -167,34 +185,6 @@ pub(crate) fn fault_entry(head: &Head) -> Value {
     })
 }
 
-/// The points S, T, Z and G of a motor at a speed and a battery voltage.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct PointsAt {
-    /// Back EMF in volts.
-    emf_v: f64,
-    /// Control values by the firmware, -1 to 1.
-    firmware: [f64; 4],
-    /// Control values by the paper's formulas; `None` where a formula is infinite or not defined.
-    paper: [Option<f64>; 4],
-    /// Voltages for Scheme A, currents in A for other schemes, by the paper's formulas.
-    values: [f64; 4],
-}
-
-/// First message to a page.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Welcome {
-    /// Number of this page.
-    pub(crate) you: u32,
-    /// Place of the hub.
-    pub(crate) place: String,
-    /// True for a simulated hub.
-    pub(crate) simulated: bool,
-    /// True if the hub's scenario can be played.
-    pub(crate) playable: bool,
-    /// All motors of the catalogue. A free speed is that at 12 V.
-    pub(crate) catalogue: Vec<Value>,
-}
-
 /// State of the hub at one instant.
 #[derive(Clone, Debug, Default, Serialize)]
 pub(crate) struct Frame {
@@ -218,7 +208,6 @@ pub(crate) struct Frame {
 #[derive(Clone, Debug, Default, Serialize)]
 pub(crate) struct MotorState {
     /// Kind of the set-point.
-    #[serde(rename = "told")]
     pub(crate) setpoint: &'static str,
     /// Set-point as a share of power, in amperes, in counts/s or in counts; `None` without one.
     pub(crate) target: Option<f64>,
@@ -251,36 +240,18 @@ impl Message {
     }
 }
 
-impl From<Seen> for Message {
-    fn from(seen: Seen) -> Self {
-        match seen {
-            Seen::Servos(servos) => Self::Servos { servos },
-            Seen::Analog(channels) => Self::Analog { channels },
-            Seen::Pins(pins) => Self::Pins { pins },
-        }
-    }
-}
-
-/// Answer to a page whose order was not executed.
-pub(crate) const fn refused(why: String) -> Message {
-    Message::Refused { why }
-}
-
-impl Welcome {
-    /// A welcome with all motors of the catalogue.
-    #[must_use]
-    pub(crate) fn new(you: u32, place: &str, simulated: bool, playable: bool) -> Self {
-        let known = motors().map(|motor| {
-            json!({
-                "name": motor.name,
-                "counts_per_turn": motor.counts_per_rev_output(),
-                "free_cps": 12_000.0 / motor.ke_fw(),
-                "emf_mv_s_per_count": motor.ke_fw(),
-                "resistance_ohm": motor.r.0,
-            })
-        });
-        Self { you, place: place.to_owned(), simulated, playable, catalogue: known.collect() }
-    }
+/// All motors of the catalogue. A free speed is that at 12 V.
+pub(crate) fn catalogue() -> Vec<Value> {
+    let motor = |motor: Motor| {
+        json!({
+            "name": motor.name,
+            "counts_per_turn": motor.counts_per_rev_output(),
+            "free_cps": 12_000.0 / motor.ke_fw(),
+            "emf_mv_s_per_count": motor.ke_fw(),
+            "resistance_ohm": motor.r.0,
+        })
+    };
+    motors().map(motor).collect()
 }
 
 impl Frame {
@@ -387,38 +358,32 @@ pub(crate) fn settings_of(
     })
 }
 
-impl PointsAt {
-    /// The points of a motor with this winding.
-    pub(crate) fn new(winding: &Winding, wanted: &str, cps: f64, volts: f64) -> Result<Self, String> {
-        let wanted = scheme(wanted)?;
-        let (cps, volts) = (cps.clamp(0.0, MOST_CPS), volts.clamp(1.0, MOST_VOLTS));
-        let emf = winding.emf.emf(CountsPerSecond::new(cps.round() as i32));
-        let battery = Millivolts::new((1e3 * volts).round() as u16);
-        let at = OperatingPoint::new(emf, battery).ok_or("points need a battery voltage above 0")?;
-        let Points { s, t, z, g } = Points::new(wanted, at);
-        let (emf_v, ohms) = (emf.to_f64() / 1e3, f64::from(winding.resistance.as_milliohms()) / 1e3);
-        let of_paper = match wanted {
-            Scheme::A => paper::Scheme::A,
-            Scheme::B => paper::Scheme::B,
-            Scheme::C => paper::Scheme::C,
-            Scheme::D(_) => paper::Scheme::D { blend: paper::blend_keeping_t_in_range(emf_v / volts) },
-            Scheme::ForwardReverse => return Err("without braking regime there are no points".to_owned()),
-        };
-        let conditions = Conditions { battery: Volts(volts), emf: Volts(emf_v) };
-        let points = of_paper.points(1.0, Ohms(ohms), conditions);
-        let by_paper = [points.s, points.t, points.z, points.g];
-        Ok(Self {
-            emf_v,
-            firmware: [s, t, z, g].map(|point| point.to_f64() / f64::from(Control::MAX.get())),
-            paper: by_paper.map(|point| Some(point.x).filter(|x| points.valid && x.is_finite())),
-            values: by_paper.map(|point| point.y),
-        })
-    }
-}
-
-/// The scheme of this name.
-pub(crate) fn scheme(name: &str) -> Result<Scheme, String> {
-    let name: simulated::scheme::SchemeName =
-        name.parse().map_err(|error: simulated::scheme::UnknownScheme| error.to_string())?;
-    name.with_blend(None).map_err(|error| error.to_string())
+/// The points S, T, Z and G of a motor with this winding, at a speed and a battery voltage: control values by the firmware and by
+/// the paper's formulas, `null` where a formula is infinite or not defined. The values are voltages for Scheme A, and currents in
+/// A for other schemes, by the paper's formulas.
+pub(crate) fn points(winding: &Winding, scheme: SchemeName, cps: f64, volts: f64) -> Result<Value, String> {
+    let scheme = scheme.with_blend(None).map_err(|error| error.to_string())?;
+    let (cps, volts) = (cps.clamp(0.0, MOST_CPS), volts.clamp(1.0, MOST_VOLTS));
+    let emf = winding.emf.emf(CountsPerSecond::new(cps.round() as i32));
+    let battery = Millivolts::new((1e3 * volts).round() as u16);
+    let at = OperatingPoint::new(emf, battery).ok_or("points need a battery voltage above 0")?;
+    let Points { s, t, z, g } = Points::new(scheme, at);
+    let (emf_v, ohms) = (emf.to_f64() / 1e3, f64::from(winding.resistance.as_milliohms()) / 1e3);
+    let of_paper = match scheme {
+        Scheme::A => paper::Scheme::A,
+        Scheme::B => paper::Scheme::B,
+        Scheme::C => paper::Scheme::C,
+        Scheme::D(_) => paper::Scheme::D { blend: paper::blend_keeping_t_in_range(emf_v / volts) },
+        Scheme::ForwardReverse => return Err("without braking regime there are no points".to_owned()),
+    };
+    let conditions = Conditions { battery: Volts(volts), emf: Volts(emf_v) };
+    let points = of_paper.points(1.0, Ohms(ohms), conditions);
+    let by_paper = [points.s, points.t, points.z, points.g];
+    let firmware = [s, t, z, g].map(|point| point.to_f64() / f64::from(Control::MAX.get()));
+    Ok(json!({
+        "emf_v": emf_v,
+        "firmware": firmware,
+        "paper": by_paper.map(|point| Some(point.x).filter(|x| points.valid && x.is_finite())),
+        "values": by_paper.map(|point| point.y),
+    }))
 }

@@ -63,21 +63,14 @@ pub fn open(place: &str, address: Option<Address>) -> Result<Opened, motor_hub_c
 }
 
 /// Why an order was not executed.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub(crate) enum RequestError {
     /// The server or the hub refuses the order.
+    #[error("{0}")]
     Refused(String),
     /// The exchange with the hub failed; the hub may be gone.
+    #[error("{0}")]
     Hub(Error),
-}
-
-impl fmt::Display for RequestError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Refused(why) => f.write_str(why),
-            Self::Hub(error) => error.fmt(f),
-        }
-    }
 }
 
 impl From<String> for RequestError {

@@ -6,7 +6,7 @@ use motor_hub::extension::settings::MotorSettings;
 use motor_hub::regulator::identify::{self, Identified};
 use motor_hub::units::Acceleration;
 use motor_hub_client::clock::Instant;
-use motor_hub_client::identification::{Identifying, Progress};
+use motor_hub_client::identification::{Identifying, Progress as Step};
 use serde::Serialize;
 use std::time::Duration;
 
@@ -16,7 +16,7 @@ const INTERVAL: Duration = Duration::from_millis(100);
 /// A running identification.
 #[derive(Debug)]
 pub(crate) struct Identification {
-    motor: u8,
+    pub(crate) motor: u8,
     identifying: Identifying,
     /// Time of the last step.
     asked: Instant,
@@ -24,20 +24,21 @@ pub(crate) struct Identification {
 
 /// Progress or result of an identification.
 #[derive(Clone, Debug, Serialize)]
-pub(crate) struct IdentificationProgress {
-    /// Motor, 0 to 3.
-    pub(crate) motor: u8,
-    /// `running`, `found` or `refused`.
-    pub(crate) state: &'static str,
-    /// Progress of a running identification, 0 to 100.
-    pub(crate) percent: Option<u8>,
-    /// Why an identification was refused.
-    pub(crate) why: Option<String>,
-    /// Proposed dynamics and acceleration limit, for the order that applies them.
-    #[serde(skip)]
-    pub(crate) proposal: Option<(motor_hub::regulator::Dynamics, Option<Acceleration>)>,
-    /// Result of a successful identification.
-    pub(crate) found: Option<Found>,
+#[serde(tag = "state", rename_all = "kebab-case")]
+pub(crate) enum Progress {
+    Running {
+        /// 0 to 100.
+        percent: u8,
+    },
+    Found {
+        /// Proposed dynamics and acceleration limit, for the order that applies them.
+        #[serde(skip)]
+        proposal: (motor_hub::regulator::Dynamics, Option<Acceleration>),
+        found: Found,
+    },
+    Refused {
+        why: String,
+    },
 }
 
 /// Response of a motor to a voltage.
@@ -76,7 +77,7 @@ struct Bare {
     name: &'static str,
     #[serde(flatten)]
     dynamics: Dynamics,
-    /// Inertia of the identified motor with its load, divided by that of this motor.
+    /// Inertia of the identified motor with its load, divided by the inertia of this motor.
     inertia_ratio: f64,
 }
 
@@ -92,54 +93,30 @@ impl Identification {
     ///
     /// # Errors
     /// The hub may be gone.
-    pub(crate) fn step(&mut self, session: &mut Hub) -> Result<Option<IdentificationProgress>, RequestError> {
+    pub(crate) fn step(&mut self, session: &mut Hub) -> Result<Option<Progress>, RequestError> {
         if self.asked.elapsed() < INTERVAL {
             return Ok(None);
         }
         self.asked = Instant::now();
         let outcome = match self.identifying.step(session).map_err(RequestError::from) {
-            Ok(Progress::Braking | Progress::Started(_)) => return Ok(None),
-            Ok(Progress::Turning(percent)) => {
-                let running = self.progress("running");
-                return Ok(Some(IdentificationProgress { percent: Some(percent), ..running }));
-            }
-            Ok(Progress::Ended(outcome)) => outcome,
-            Err(RequestError::Refused(why)) => return Ok(Some(self.refused(why))),
+            Ok(Step::Braking | Step::Started(_)) => return Ok(None),
+            Ok(Step::Turning(percent)) => return Ok(Some(Progress::Running { percent })),
+            Ok(Step::Ended(outcome)) => outcome,
+            Err(RequestError::Refused(why)) => return Ok(Some(Progress::Refused { why })),
             Err(lost) => return Err(lost),
         };
         Ok(Some(match outcome {
             identify::Identification::Found(found) => {
                 let (before, battery) = (session.settings(self.motor)?, session.battery()?);
                 let proposed = proposal(&before, &found.dynamics, battery);
-                let proposal = Some((found.dynamics, proposed.motor.acceleration));
-                let found = Some(Found::of(&found, &before, &proposed));
-                IdentificationProgress { proposal, found, ..self.progress("found") }
+                Progress::Found {
+                    proposal: (found.dynamics, proposed.motor.acceleration),
+                    found: Found::of(&found, &before, &proposed),
+                }
             }
-            identify::Identification::Refused(why) => self.refused(why.to_string()),
-            _ => self.refused("the identification was interrupted".to_owned()),
+            identify::Identification::Refused(why) => Progress::Refused { why: why.to_string() },
+            _ => Progress::Refused { why: "the identification was interrupted".to_owned() },
         }))
-    }
-
-    const fn progress(&self, state: &'static str) -> IdentificationProgress {
-        IdentificationProgress {
-            motor: self.motor,
-            state,
-            percent: None,
-            why: None,
-            proposal: None,
-            found: None,
-        }
-    }
-
-    fn refused(&self, why: String) -> IdentificationProgress {
-        IdentificationProgress { why: Some(why), ..self.progress("refused") }
-    }
-}
-
-impl IdentificationProgress {
-    /// True if the motor is to be disabled.
-    pub(crate) fn has_ended(&self) -> bool {
-        self.state != "running"
     }
 }
 

@@ -14,7 +14,7 @@
 //! | `chain` | which hub of a chain is shown, and what the others do |
 //! | `devices` | servos, analog inputs, digital pins and I2C buses of a hub |
 //! | [`pages`] | which page is in control, and whether that page is still open |
-//! | [`requests`], `executor` | orders of pages, and their execution |
+//! | `requests`, `executor` | orders of pages, and their execution |
 //! | `identification` | a running identification, and its result |
 //! | `frame`, [`mod@outbox`] | messages to pages, and messages that wait for a page |
 //! | [`world`], [`scenario_player`] | changes to a simulated hub's motors and battery; a scenario's set-points |
@@ -22,7 +22,7 @@
 //! | [`proposal`] | settings proposed for an identified motor, and the catalogue's motor beside it |
 //! | [`assets`] | the files of the page |
 //! | [`server`], `page_socket` | listener, with a thread for each connection; the socket of one page |
-//! | [`admission`], [`http`] | which requests are admitted; requests and answers as bytes |
+//! | `admission`, `http` | which requests are admitted; requests and answers as bytes |
 //!
 //! The modules of the last two rows need the feature `server`. Without it the relay runs in a browser, beside its page.
 //!
@@ -44,14 +44,14 @@
 #![forbid(unsafe_code)]
 
 #[cfg(feature = "server")]
-pub mod admission;
+mod admission;
 pub mod assets;
 mod chain;
 mod devices;
 mod executor;
 mod frame;
 #[cfg(feature = "server")]
-pub mod http;
+mod http;
 pub mod hub;
 mod identification;
 pub mod outbox;
@@ -61,7 +61,7 @@ pub mod pages;
 pub mod place;
 pub mod proposal;
 pub mod relay;
-pub mod requests;
+mod requests;
 pub mod scenario_player;
 #[cfg(feature = "server")]
 pub mod server;
@@ -69,6 +69,8 @@ pub mod settings_file;
 mod update;
 pub mod world;
 
+#[cfg(feature = "server")]
+pub use admission::PublicUrl;
 pub use hub::{Hub, Opened, Port};
 pub use place::Place;
 #[cfg(feature = "server")]

@@ -1,9 +1,7 @@
 //! The socket of one page: passes orders to the relay, and messages of the relay to the page.
 
-use crate::frame::refused;
 use crate::outbox::{Texts, outbox};
 use crate::relay::Event;
-use crate::requests::Order;
 use std::io::ErrorKind;
 use std::net::TcpStream;
 use std::sync::mpsc::{Sender, TryRecvError};
@@ -28,19 +26,16 @@ pub(crate) fn attend(stream: TcpStream, id: u32, events: &Sender<Event>) {
     if events.send(Event::Joined(id, outbox)).is_err() {
         return;
     }
-    while hear(&mut socket, id, events) && tell(&mut socket, &texts) {}
+    while receive(&mut socket, id, events) && send(&mut socket, &texts) {}
     // The relay may have ended before.
     let _ = events.send(Event::Left(id));
     let _ = socket.close(None);
 }
 
 /// Reads an order and passes it to the relay; false if the page is gone.
-fn hear(socket: &mut WebSocket<TcpStream>, id: u32, events: &Sender<Event>) -> bool {
+fn receive(socket: &mut WebSocket<TcpStream>, id: u32, events: &Sender<Event>) -> bool {
     match socket.read() {
-        Ok(Message::Text(text)) => match Order::parse(&text) {
-            Ok(order) => events.send(Event::Said(id, order)).is_ok(),
-            Err(why) => socket.send(Message::text(&*refused(why).text())).is_ok(),
-        },
+        Ok(Message::Text(text)) => events.send(Event::Ordered(id, text.to_string())).is_ok(),
         Ok(Message::Close(_)) => false,
         Ok(_) => true,
         Err(Error::Io(error)) => matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut),
@@ -49,7 +44,7 @@ fn hear(socket: &mut WebSocket<TcpStream>, id: u32, events: &Sender<Event>) -> b
 }
 
 /// Sends all waiting texts; false if the page is gone.
-fn tell(socket: &mut WebSocket<TcpStream>, texts: &Texts) -> bool {
+fn send(socket: &mut WebSocket<TcpStream>, texts: &Texts) -> bool {
     loop {
         match texts.next() {
             Ok(text) => {

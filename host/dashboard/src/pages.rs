@@ -47,17 +47,6 @@ pub enum Gone {
     Hidden,
 }
 
-/// What came of a page's request for control.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Taken {
-    /// The page is in control.
-    Control,
-    /// Another page is in control, and is asked to release it.
-    Asked,
-    /// There is no such page.
-    Nothing,
-}
-
 /// All pages, and which of them is in control.
 #[derive(Clone, Debug, Default)]
 pub struct Pages {
@@ -95,22 +84,19 @@ impl Pages {
         self.loses(id).then_some(Gone::Closed)
     }
 
-    /// Puts a page in control, or asks the page that is in control to release it.
-    pub fn take(&mut self, id: u32, now: Instant) -> Taken {
-        let Some(page) = self.pages.get_mut(&id) else { return Taken::Nothing };
-        match self.controller {
-            Some(controller) if controller != id => {
-                self.asks = Some(id);
-                Taken::Asked
-            }
-            Some(_) => Taken::Control,
-            None => {
-                // The user has just clicked in this page.
-                page.fresh_at = now;
-                (self.controller, self.asks) = (Some(id), None);
-                Taken::Control
-            }
+    /// Puts a page in control if no other page is. Otherwise the page in control is asked to release it; then the answer is true.
+    pub fn take(&mut self, id: u32, now: Instant) -> bool {
+        let Some(page) = self.pages.get_mut(&id) else { return false };
+        if self.controller.is_some_and(|controller| controller != id) {
+            self.asks = Some(id);
+            return true;
         }
+        if self.controller.is_none() {
+            // The user has just clicked in this page.
+            page.fresh_at = now;
+            (self.controller, self.asks) = (Some(id), None);
+        }
+        false
     }
 
     /// Ends a page's control, and gives it to the page that has asked for it; false if the page was not in control.

@@ -2,18 +2,19 @@
 //! orders as they arrive. Motors run only while the page in control is open: see [`pages`](crate::pages).
 
 use crate::chain::Chain;
-use crate::devices::{Devices, Has};
+use crate::devices::{Devices, has};
 use crate::executor::{Changed, Executor, channel};
-use crate::frame::{Frame, Message, PointsAt, Welcome, fault_entry, refused, status};
+use crate::frame::{Frame, Message, catalogue, fault_entry, points, status};
 use crate::hub::{Hub, Opened, RequestError};
-use crate::identification::Identification;
+use crate::identification::{Identification, Progress};
 use crate::outbox::Outbox;
-use crate::pages::{Gone, Pages, Taken};
+use crate::pages::{Gone, Pages};
 use crate::place::Place;
 use crate::requests::Order;
 use crate::scenario_player::{Playing, Script};
 use crate::settings_file;
 use crate::update::{LARGEST_IMAGE, Update, bytes_of};
+use crate::world::World;
 use motor_hub::extension::HubFunction;
 use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub::store::Stored;
@@ -46,8 +47,8 @@ pub enum Event {
     Joined(u32, Outbox),
     /// The page was closed.
     Left(u32),
-    /// The page has sent an order.
-    Said(u32, Order),
+    /// The page has sent an order, as JSON.
+    Ordered(u32, String),
 }
 
 /// Owns the session with the hub, and sends to all pages.
@@ -107,10 +108,10 @@ impl Relay {
     }
 
     /// Handles an event of a page.
-    pub fn hear(&mut self, event: Event) {
+    pub fn handle(&mut self, event: Event) {
         let now = Instant::now();
         match event {
-            Event::Joined(id, outbox) => self.greet(id, outbox, now),
+            Event::Joined(id, outbox) => self.welcome(id, outbox, now),
             Event::Left(id) => {
                 self.senders.remove(&id);
                 if let Some(gone) = self.pages.leave(id) {
@@ -118,18 +119,27 @@ impl Relay {
                 }
                 self.tell_control();
             }
-            Event::Said(id, order) => self.obey(id, &order, now),
+            Event::Ordered(id, text) => match Order::parse(&text) {
+                Ok(order) => self.execute(id, &order, now),
+                Err(why) => self.answer(id, &Message::Refused { why }),
+            },
         }
     }
 
-    fn greet(&mut self, id: u32, outbox: Outbox, now: Instant) {
+    fn welcome(&mut self, id: u32, outbox: Outbox, now: Instant) {
         self.pages.join(id, now);
-        let welcome =
-            Welcome::new(id, &self.place.name, self.place.world.is_some(), self.place.script.is_some());
-        let mut first = vec![Message::Welcome(welcome).text(), self.line.text()];
+        let Place { name, world, script, .. } = &self.place;
+        let welcome = Message::Welcome {
+            you: id,
+            place: name.clone(),
+            simulated: world.is_some(),
+            playable: script.is_some(),
+            catalogue: catalogue(),
+        };
+        let mut first = vec![welcome.text(), self.line.text()];
         first.extend(self.chain.several().map(|hubs| Message::Hubs { hubs: hubs.to_vec() }.text()));
         first.extend(self.settings.values().cloned());
-        first.extend(self.place.world.iter().map(|world| Message::World(world.is()).text()));
+        first.extend(world.iter().map(|world| Message::World(world.state()).text()));
         for text in first {
             // If the page is gone already, the next event says so.
             outbox.tell(text);
@@ -138,14 +148,14 @@ impl Relay {
         self.tell_control();
     }
 
-    fn obey(&mut self, id: u32, order: &Order, now: Instant) {
+    fn execute(&mut self, id: u32, order: &Order, now: Instant) {
         match *order {
             Order::Shown { number } => return self.pages.shown(id, number),
             Order::Hidden { hidden } => return self.pages.hide(id, hidden, now),
             Order::Stop => return self.switch_off("stopped"),
             Order::Take => {
-                if self.pages.take(id, now) == Taken::Asked {
-                    self.answer(id, &done("the page in control is asked to release it".to_owned()));
+                if self.pages.take(id, now) {
+                    self.answer(id, &notice("the page in control is asked to release it".to_owned()));
                 }
                 return self.tell_control();
             }
@@ -157,20 +167,22 @@ impl Relay {
             }
             Order::Points { .. } | Order::Faults | Order::Export | Order::Status | Order::Look(_) => {
                 let answer = self.look_up(order);
-                return self.answer(id, &answer.unwrap_or_else(|why| refused(why.to_string())));
+                return self
+                    .answer(id, &answer.unwrap_or_else(|why| Message::Refused { why: why.to_string() }));
             }
             _ => (),
         }
         if self.pages.controller() != Some(id) {
-            return self.answer(id, &refused("this page is not in control".to_owned()));
+            let why = "this page is not in control".to_owned();
+            return self.answer(id, &Message::Refused { why });
         }
-        match self.carry_out(order) {
+        match self.execute_for_controller(order) {
             Ok(()) => {
                 if let Some(text) = order.done() {
-                    self.answer(id, &done(text));
+                    self.answer(id, &notice(text));
                 }
             }
-            Err(why) => self.answer(id, &refused(why)),
+            Err(why) => self.answer(id, &Message::Refused { why }),
         }
     }
 
@@ -178,16 +190,16 @@ impl Relay {
     fn look_up(&mut self, order: &Order) -> Result<Message, RequestError> {
         let session = self.session.as_mut().ok_or("the hub is not connected")?;
         Ok(match *order {
-            Order::Points { motor, ref scheme, cps, volts } => {
+            Order::Points { motor, scheme, cps, volts } => {
                 let settings = session.settings(channel(motor)?)?;
-                Message::Points(PointsAt::new(&settings.motor.winding, scheme, cps, volts)?)
+                Message::Points(points(&settings.motor.winding, scheme, cps, volts)?)
             }
             Order::Faults => {
                 let (_, heads) = session.recorded()?.ok_or("this hub keeps no record of faults")?;
                 Message::Faults { entries: heads.iter().map(fault_entry).collect() }
             }
             Order::Status => Message::Status(status(session)?),
-            Order::Look(at) => self.devices.look(session, at)?.into(),
+            Order::Look(at) => self.devices.look(session, at)?,
             _ => Message::File { name: "motor-hub-settings.toml", text: settings_file::export(session)? },
         })
     }
@@ -196,7 +208,7 @@ impl Relay {
     ///
     /// # Errors
     /// A text that says why the order is not executed.
-    fn carry_out(&mut self, order: &Order) -> Result<(), String> {
+    fn execute_for_controller(&mut self, order: &Order) -> Result<(), String> {
         let Some(session) = &mut self.session else { return Err("the hub is not connected".to_owned()) };
         let done = match *order {
             // A file may set another kind of set-point, whose value is an old one.
@@ -242,7 +254,7 @@ impl Relay {
             Order::Device(ref order) => match self.devices.execute(session, order) {
                 Ok(None) => Ok(Changed::Nothing),
                 Ok(Some(transfer)) => {
-                    self.tell(&Message::Transfer(transfer).text());
+                    self.tell(&Message::Transfer(transfer));
                     Ok(Changed::Nothing)
                 }
                 Err(error) => Err(error),
@@ -257,8 +269,9 @@ impl Relay {
             Ok(Changed::Settings(motor)) => self.tell_settings(motor),
             Ok(Changed::AllSettings) => self.tell_all_settings(),
             Ok(Changed::World) => {
-                let world = self.place.world.as_ref().map(|world| Message::World(world.is()).text());
-                world.into_iter().for_each(|text| self.tell(&text));
+                if let Some(world) = self.place.world.as_ref().map(World::state) {
+                    self.tell(&Message::World(world));
+                }
             }
             Err(RequestError::Refused(why)) => {
                 // Part of the order may have been executed.
@@ -308,7 +321,7 @@ impl Relay {
                     // The new firmware has settings of its own.
                     self.tell_all_settings();
                 }
-                self.tell(&Message::Update(progress).text());
+                self.tell(&Message::Update(progress));
             }
             Err(error) => self.lose(&error.to_string()),
         }
@@ -391,11 +404,11 @@ impl Relay {
         self.chain.note(motors().map(|(motor, _)| motor).collect(), fault);
         let news = self.chain.news().map(|hubs| Message::Hubs { hubs });
         let found = found.map(Message::Transfer);
-        found.into_iter().chain(news).for_each(|message| self.tell(&message.text()));
+        found.into_iter().chain(news).for_each(|message| self.tell(&message));
         Ok(())
     }
 
-    /// Shows the first hub instead of one behind it that does not answer. The keep-alive of that hub disables its motors.
+    /// Shows the first hub instead of a child that does not answer. The keep-alive of that hub disables its motors.
     fn give_up(&mut self, silent: &Error) {
         let Some(session) = &mut self.session else { return };
         self.chain.give_up(session);
@@ -485,12 +498,12 @@ impl Relay {
         }
     }
 
-    /// Asks the hub with which the session has begun to talk what it is, and tells the pages.
+    /// Asks the hub of the session what it can report and store, and sends the answer to the pages.
     fn meet(&mut self) -> Result<(), Error> {
         let Some(session) = &mut self.session else { return Ok(()) };
         let reports = session.report()?.is_some();
         let stores = session.stored_if_reported()?.is_some();
-        let has = session.equipment()?.map(Has::from);
+        let has = session.equipment()?.map(has);
         self.looked_at = Instant::now();
         self.frame.motors.clear();
         (self.executor, self.devices) = Default::default();
@@ -508,7 +521,7 @@ impl Relay {
         self.saving = None;
         // A hub that restarts is silent for a while.
         if let Some(update) = self.update.take_if(|update| !update.restarts()) {
-            self.tell(&Message::Update(update.failed(why)).text());
+            self.tell(&Message::Update(update.failed(why)));
         }
         self.tell_line(gone(why.to_owned()));
     }
@@ -561,19 +574,17 @@ impl Relay {
         let (Some(running), Some(session)) = (&mut self.identification, &mut self.session) else {
             return Ok(());
         };
+        let motor = running.motor;
         let Some(progress) = running.step(session)? else { return Ok(()) };
-        if let (Some(of), Some(proposal)) =
-            (self.executor.motors.get_mut(usize::from(progress.motor)), progress.proposal)
-        {
-            of.proposed = Some(proposal);
-        }
-        let disabled = if progress.has_ended() {
+        let mut disabled = Ok(());
+        if !matches!(progress, Progress::Running { .. }) {
             self.identification = None;
-            session.enable(progress.motor, false)
-        } else {
-            Ok(())
-        };
-        self.tell(&Message::Identification(progress).text());
+            disabled = session.enable(motor, false);
+        }
+        if let Progress::Found { proposal, .. } = progress {
+            self.executor.of(motor)?.proposed = Some(proposal);
+        }
+        self.tell(&Message::Identification { motor, progress });
         disabled.map_err(RequestError::Hub)
     }
 
@@ -614,7 +625,7 @@ impl Relay {
         // Another maker's hub does not report settings.
         if let Ok(settings) = self.executor.settings(session, motor) {
             let text = Message::Settings(settings).text();
-            self.tell(&text);
+            self.send(&text);
             self.settings.insert(motor, text);
         }
     }
@@ -624,25 +635,27 @@ impl Relay {
     }
 
     fn tell_control(&mut self) {
-        let Self { pages, .. } = &*self;
-        let message =
-            Message::Control { controller: pages.controller(), pages: pages.count(), asks: pages.asks() };
-        self.tell(&message.text());
+        let (controller, asks) = (self.pages.controller(), self.pages.asks());
+        self.tell(&Message::Control { controller, pages: self.pages.count(), asks });
     }
 
     fn tell_line(&mut self, line: Message) {
-        self.tell(&line.text());
+        self.tell(&line);
         self.line = line;
     }
 
-    /// Sends a text to all pages.
-    fn tell(&mut self, text: &Arc<str>) {
+    /// Sends a message to all pages.
+    fn tell(&mut self, message: &Message) {
+        self.send(&message.text());
+    }
+
+    fn send(&mut self, text: &Arc<str>) {
         self.senders.retain(|_, outbox| outbox.tell(text.clone()));
     }
 
     /// Sends a notice to all pages.
     fn notify(&mut self, text: String, grave: bool) {
-        self.tell(&Message::Notice { text, grave }.text());
+        self.tell(&Message::Notice { text, grave });
     }
 
     /// Answers the page that has sent an order.
@@ -654,7 +667,7 @@ impl Relay {
 }
 
 /// Answer to a page whose order is executed.
-const fn done(text: String) -> Message {
+const fn notice(text: String) -> Message {
     Message::Notice { text, grave: false }
 }
 

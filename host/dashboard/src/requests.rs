@@ -1,14 +1,5 @@
 //! Orders of pages: JSON objects with one key, the order, whose value has its fields. Unknown, missing or out-of-range fields
-//! are refused with a text.
-//!
-//! ```
-//! use dashboard::requests::Order;
-//!
-//! let order = Order::parse(r#"{"drive":{"motor":0,"mode":"velocity","value":0.5}}"#).unwrap();
-//! assert!(order.is_for_the_controller());
-//! assert!(!Order::parse(r#"{"stop":null}"#).unwrap().is_for_the_controller());
-//! assert!(Order::parse(r#"{"explode":null}"#).is_err());
-//! ```
+//! are refused with a text. A field `motor` is a motor's number, 0 to 3.
 
 use crate::world::WorldOrder;
 use motor_hub::braking::DutyRule;
@@ -17,22 +8,16 @@ use motor_hub::protocol::motor::{Loop, RunMode};
 use motor_hub::regulator::Kind;
 use serde::Deserialize;
 use serde_json::{Map, Value};
-use simulated::scheme::DutyWord;
+use simulated::scheme::{DutyWord, SchemeName};
 
 /// An order of a page.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Order {
+pub(crate) enum Order {
     /// The page has shown this frame.
-    Shown {
-        /// Number of the frame.
-        number: u64,
-    },
+    Shown { number: u64 },
     /// The page has been hidden, or is visible again.
-    Hidden {
-        /// True if the page is hidden.
-        hidden: bool,
-    },
+    Hidden { hidden: bool },
     /// Disables all motors. Any page may stop.
     Stop,
     /// Takes control, or asks the page in control to release it.
@@ -41,10 +26,9 @@ pub enum Order {
     Release,
     /// Asks for the points S, T, Z and G of a motor at a speed and a battery voltage.
     Points {
-        /// Motor, 0 to 3.
         motor: u8,
         /// Scheme: `A` to `D`.
-        scheme: String,
+        scheme: SchemeName,
         /// Speed in counts/s, 0 to 1000000.
         cps: f64,
         /// Battery voltage in volts, 1 to 60.
@@ -52,10 +36,8 @@ pub enum Order {
     },
     /// Set-point of a motor, applied once the motor is enabled.
     Drive {
-        /// Motor, 0 to 3.
         motor: u8,
         /// Power, velocity or position.
-        #[serde(with = "RunModeName")]
         mode: RunMode,
         /// Share of full power from -1 to 1, counts/s, or counts.
         value: f64,
@@ -64,30 +46,20 @@ pub enum Order {
         /// Largest distance to a position at which a motor can settle, in counts.
         tolerance: Option<u16>,
         /// Behaviour at zero.
-        #[serde(default, with = "ZeroPowerName")]
+        #[serde(default)]
         zero: ZeroPower,
     },
     /// Constant current of an enabled motor. A disabled motor gets power 0 instead.
     Current {
-        /// Motor, 0 to 3.
         motor: u8,
-        /// Current in amperes.
         amperes: f64,
         /// Speed limit in counts/s; `None` for no limit.
         speed: Option<f64>,
     },
     /// Enables or disables a motor.
-    Enable {
-        /// Motor, 0 to 3.
-        motor: u8,
-        /// True to enable.
-        on: bool,
-    },
+    Enable { motor: u8, on: bool },
     /// Makes a motor's present position 0.
-    ResetEncoder {
-        /// Motor, 0 to 3.
-        motor: u8,
-    },
+    ResetEncoder { motor: u8 },
     /// Moves motors to positions in step.
     Together {
         /// Target by motor in counts; `None` for a motor that does not take part.
@@ -97,33 +69,22 @@ pub enum Order {
         /// Largest acceleration of any motor, in counts/s².
         acceleration: u32,
     },
-    /// Sets the coefficients of a loop; from then on the motor is regulated by PID.
+    /// Sets the coefficients of a loop. From then on the motor is regulated by PID.
     Coefficients {
-        /// Motor, 0 to 3.
         motor: u8,
-        /// Loop to set.
-        #[serde(with = "LoopName")]
         of: Loop,
         /// Proportional, integral, derivative, feed-forward: -32768 to 32767 each.
         pidf: [f64; 4],
     },
     /// Chooses the regulator. For an unknown motor the model learns the acceleration per volt.
-    Regulator {
-        /// Motor, 0 to 3.
-        motor: u8,
-        /// Regulator to use.
-        #[serde(with = "KindName")]
-        kind: Kind,
-    },
+    Regulator { motor: u8, kind: Kind },
     /// Configures the connected motor, the scheme and the duty rule.
     SetUp {
-        /// Motor, 0 to 3.
         motor: u8,
         /// Name in the catalogue; `None` keeps the configured motor.
         name: Option<String>,
         /// Scheme: `none`, `A` to `D`.
-        scheme: String,
-        /// Duty rule.
+        scheme: SchemeName,
         #[serde(with = "DutyWord")]
         duty: DutyRule,
     },
@@ -136,35 +97,26 @@ pub enum Order {
     },
     /// Changes settings of a motor, by their names in a settings file.
     Configure {
-        /// Motor, 0 to 3.
         motor: u8,
         /// Number or word by name; `null` for a setting that is not to be configured.
         values: Map<String, Value>,
     },
     /// Limits a motor's acceleration.
     Acceleration {
-        /// Motor, 0 to 3.
         motor: u8,
         /// Limit in counts/s²; `None` for the acceleration that the battery gives.
         limit: Option<u32>,
     },
     /// Identifies a motor.
     Identify {
-        /// Motor, 0 to 3.
         motor: u8,
         /// Longest travel either way, in counts.
         travel: Option<u32>,
     },
     /// Applies the result of the last identification.
-    Apply {
-        /// Motor, 0 to 3.
-        motor: u8,
-    },
+    Apply { motor: u8 },
     /// Undoes the last change of a motor's settings.
-    Undo {
-        /// Motor, 0 to 3.
-        motor: u8,
-    },
+    Undo { motor: u8 },
     /// Asks for the hub's record of faults.
     Faults,
     /// Asks for the settings in force as a file.
@@ -185,10 +137,7 @@ pub enum Order {
     /// Asks for address, version, lamp and stored settings of the hub.
     Status,
     /// Shows another hub of the chain.
-    Hub {
-        /// Address of the hub.
-        address: u8,
-    },
+    Hub { address: u8 },
     /// Asks for the state of devices.
     Look(Look),
     /// Changes a servo or a digital pin, or uses an I2C bus.
@@ -228,26 +177,8 @@ impl Order {
     ///
     /// # Errors
     /// A text that says what is wrong.
-    pub fn parse(text: &str) -> Result<Self, String> {
+    pub(crate) fn parse(text: &str) -> Result<Self, String> {
         serde_json::from_str(text).map_err(|error| format!("not an order: {error}"))
-    }
-
-    /// True for orders that only the page in control may give.
-    #[must_use]
-    pub const fn is_for_the_controller(&self) -> bool {
-        !matches!(
-            self,
-            Self::Shown { .. }
-                | Self::Hidden { .. }
-                | Self::Stop
-                | Self::Take
-                | Self::Release
-                | Self::Points { .. }
-                | Self::Faults
-                | Self::Status
-                | Self::Look(_)
-                | Self::Export
-        )
     }
 
     /// What an executed order has done, for orders whose effect is not in sight.
@@ -299,7 +230,7 @@ impl Order {
 /// Devices whose state a page asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Look {
+pub(crate) enum Look {
     /// Servo outputs.
     Servos,
     /// Analog inputs, and what else the hub measures.
@@ -311,7 +242,7 @@ pub enum Look {
 /// An order to what a hub has besides motors.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum DeviceOrder {
+pub(crate) enum DeviceOrder {
     /// Starts or ends the pulses of a servo.
     Servo {
         /// Servo output, 0 to 5.
@@ -364,42 +295,9 @@ pub enum DeviceOrder {
 /// The files that sign new firmware, as hexadecimal digits.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct SealFiles {
+pub(crate) struct SealFiles {
     /// The signature: 64 bytes.
-    pub signature: String,
+    pub(crate) signature: String,
     /// The signer's public key in DER, as OpenSSL writes it.
-    pub key: String,
-}
-
-/// Names of a [`RunMode`] in orders.
-#[derive(Deserialize)]
-#[serde(remote = "RunMode", rename_all = "kebab-case")]
-enum RunModeName {
-    Power,
-    Velocity,
-    Position,
-}
-
-/// Names of a [`ZeroPower`] in orders.
-#[derive(Deserialize)]
-#[serde(remote = "ZeroPower", rename_all = "kebab-case")]
-enum ZeroPowerName {
-    Brake,
-    Float,
-}
-
-/// Names of a [`Loop`] in orders.
-#[derive(Deserialize)]
-#[serde(remote = "Loop", rename_all = "kebab-case")]
-enum LoopName {
-    Velocity,
-    Position,
-}
-
-/// Names of a [`Kind`] of regulator in orders.
-#[derive(Deserialize)]
-#[serde(remote = "Kind", rename_all = "kebab-case")]
-enum KindName {
-    Model,
-    Pid,
+    pub(crate) key: String,
 }

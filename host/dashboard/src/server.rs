@@ -10,15 +10,17 @@
 
 use crate::admission::{Admission, PublicUrl, Wanted};
 use crate::assets;
-use crate::http::{self, Head, HeadError};
+use crate::http;
 use crate::page_socket;
 use crate::place::Place;
 use crate::relay::{Event, INTERVAL, Relay};
+use std::io::BufWriter;
 use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
+use tungstenite::handshake::server::write_response;
 
 /// Largest number of simultaneous connections; a page has one, and some more while it loads.
 const MOST: u32 = 48;
@@ -73,7 +75,7 @@ impl Server {
         Ok(Self { listener, address, admission })
     }
 
-    /// Tells the server by which URL browsers reach it, if that is not its own address.
+    /// Admits requests for this URL too, by which browsers reach the server.
     #[must_use]
     pub fn reached_as(self, public: PublicUrl) -> Self {
         Self { admission: self.admission.reached_as(public), ..self }
@@ -97,10 +99,10 @@ impl Server {
 
     /// Serves the hub at a place until `stop` is set, then disables its motors.
     pub fn run(self, place: Place, stop: &AtomicBool) {
-        let (events, heard) = mpsc::channel();
+        let (events, received) = mpsc::channel();
         let Self { listener, admission, .. } = self;
         std::thread::spawn(move || listen(&listener, &admission, &events));
-        relay_until(stop, Relay::new(place), &heard);
+        relay_until(stop, Relay::new(place), &received);
     }
 }
 
@@ -109,7 +111,7 @@ fn relay_until(stop: &AtomicBool, mut relay: Relay, events: &Receiver<Event>) {
     let mut next = Instant::now();
     while !stop.load(Ordering::Relaxed) {
         match events.recv_timeout(next.saturating_duration_since(Instant::now())) {
-            Ok(event) => relay.hear(event),
+            Ok(event) => relay.handle(event),
             Err(RecvTimeoutError::Timeout) => {
                 relay.tick();
                 // After a short delay of the hub the missed frames are caught up, but at most CATCH_UP.
@@ -171,29 +173,24 @@ fn serve(
     if full {
         return refuse(&mut stream, "503 Service Unavailable", "too many connections: close other pages");
     }
-    let head = match Head::read(&mut stream, Instant::now() + ADMISSION) {
-        Ok(head) => head,
-        Err(HeadError::TooLong) => {
-            return refuse(&mut stream, "431 Request Header Fields Too Large", "the request is too long");
-        }
-        Err(error) => return refuse(&mut stream, "400 Bad Request", &error.to_string()),
+    let request = match http::read_head(&mut stream, Instant::now() + ADMISSION) {
+        Ok(request) => request,
+        Err(error) => return refuse(&mut stream, error.status(), &error.to_string()),
     };
-    match admission.admit(&head, local) {
-        Ok(Wanted::Socket(key)) => {
-            http::upgrade(&mut stream, &key)?;
+    match admission.admit(&request, local) {
+        Ok(Wanted::Socket(response)) => {
+            write_response(BufWriter::new(&mut stream), &response).map_err(std::io::Error::other)?;
             page_socket::attend(stream, 1 + pages.fetch_add(1, Ordering::Relaxed), events);
             Ok(())
         }
-        Ok(Wanted::Page) => send(&mut stream, "/"),
-        Ok(Wanted::Asset(path)) => send(&mut stream, &path),
+        Ok(Wanted::Page) => {
+            http::answer(&mut stream, "200 OK", "text/html; charset=utf-8", assets::PAGE.as_bytes())
+        }
+        Ok(Wanted::Asset(path)) => match assets::find(&path) {
+            Some(asset) => http::answer(&mut stream, "200 OK", asset.kind(), asset.bytes),
+            None => refuse(&mut stream, "404 Not Found", "no such file"),
+        },
         Err(refusal) => refuse(&mut stream, refusal.status(), &refusal.to_string()),
-    }
-}
-
-fn send(stream: &mut TcpStream, path: &str) -> std::io::Result<()> {
-    match assets::find(path) {
-        Some(asset) => http::answer(stream, "200 OK", asset.kind, asset.bytes),
-        None => refuse(stream, "404 Not Found", "no such file"),
     }
 }
 

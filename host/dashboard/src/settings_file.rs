@@ -8,6 +8,8 @@ use motor_hub::protocol::CHANNELS;
 use motor_hub_client::{Error, Session};
 use serde::{Deserialize, Serialize};
 use simulated::scheme::{BlendChoice, SchemeName};
+use std::collections::BTreeSet;
+use std::fmt;
 use std::io::{Read, Write};
 use toml::{Table, Value};
 
@@ -89,21 +91,18 @@ fn motor_text(motor: u8, settings: &MotorSettings) -> String {
             text.push_str(&format!("{} = {value}\n", field.name));
         }
     }
-    let mut present = None;
-    let mut skipped = None;
+    let mut table = ("", false);
     for field in fields {
-        let Some((table, key)) = field.name.split_once('.') else { continue };
-        if present != Some(table) && skipped != Some(table) {
+        let Some((name, key)) = field.name.split_once('.') else { continue };
+        let value = value(field, settings);
+        if table.0 != name {
             // The first field of a table decides whether the table is configured.
-            match value(field, settings) {
-                Some(_) => {
-                    present = Some(table);
-                    text.push_str(&format!("\n[motor.{table}]\n"));
-                }
-                None => skipped = Some(table),
+            table = (name, value.is_some());
+            if value.is_some() {
+                text.push_str(&format!("\n[motor.{name}]\n"));
             }
         }
-        if let Some(value) = value(field, settings).filter(|_| present == Some(table)) {
+        if let (true, Some(value)) = (table.1, value) {
             text.push_str(&format!("{key} = {value}\n"));
         }
     }
@@ -171,21 +170,20 @@ pub fn read(mut document: Table) -> Result<SettingsFile, String> {
 }
 
 /// The settings of one motor, in the order of the groups.
-fn values_of(mut motor: Table) -> Result<Vec<Values>, String> {
-    only_known_keys(&motor)?;
-    let scheme = take_scheme(&mut motor)?;
+fn values_of(motor: Table) -> Result<Vec<Values>, String> {
+    let mut motor = MotorKeys::new(motor)?;
+    let scheme = take_scheme(&mut motor.values)?;
     let mut settings = MotorSettings::new(Settings::for_scheme(Winding::NEVEREST_60, scheme));
     let mut all = Vec::new();
     for group in Group::ALL {
-        let loops = ["velocity_loop", "position_loop"];
-        let table =
-            group.fields().first().and_then(|field| field.name.split_once('.')).map(|(table, _)| table);
-        if table.is_some_and(|table| loops.contains(&table) && !motor.contains_key(table)) {
+        let first = group.fields().first();
+        let table = first.and_then(|field| field.name.split_once('.')).map(|(table, _)| table);
+        if table.is_some_and(|table| table.ends_with("_loop") && !motor.tables.contains(table)) {
             continue;
         }
         let values = Values::collect(group, |field| match field.name {
             "scheme" | "blend" => Ok(field.get(&settings)),
-            _ => take(&mut motor, field),
+            _ => motor.take(field),
         })?;
         settings = values.apply_to(&settings).map_err(|nack| format!("the values of {group:?}: {nack}"))?;
         all.push(values);
@@ -193,7 +191,50 @@ fn values_of(mut motor: Table) -> Result<Vec<Values>, String> {
     Ok(all)
 }
 
-/// Removes scheme and blend.
+/// The keys of a motor that were not read yet.
+struct MotorKeys {
+    /// Values by the names of their settings: `thermal.winding_s` is the key `winding_s` of the table `thermal`.
+    values: Table,
+    /// Names of the motor's tables.
+    tables: BTreeSet<String>,
+}
+
+impl MotorKeys {
+    /// Refuses a key that is no setting.
+    fn new(motor: Table) -> Result<Self, String> {
+        let (mut values, mut tables) = (Table::new(), BTreeSet::new());
+        for (key, value) in motor {
+            match value {
+                Value::Table(table) => {
+                    values.extend(table.into_iter().map(|(field, value)| (format!("{key}.{field}"), value)));
+                    tables.insert(key);
+                }
+                value => drop(values.insert(key, value)),
+            }
+        }
+        match values.keys().find(|name| Field::named(name).is_none()) {
+            Some(name) => Err(format!("{name} is no setting")),
+            None => Ok(Self { values, tables }),
+        }
+    }
+
+    /// Removes the value of a field and returns the raw value. What may be left out is 0: an optional setting of the motor itself,
+    /// and a whole table other than `bridge`.
+    fn take(&mut self, field: &Field) -> Result<i64, String> {
+        let name = field.name;
+        let Some(given) = self.values.remove(name) else {
+            let optional = match name.split_once('.') {
+                Some((table, _)) => table != "bridge" && !self.tables.contains(table),
+                None => field.zero == Zero::NotConfigured,
+            };
+            return if optional { Ok(0) } else { Err(format!("{name} is missing")) };
+        };
+        let number = given.as_float().or_else(|| given.as_integer().map(|whole| whole as f64));
+        raw_of(field, given.as_str(), number, &given)
+    }
+}
+
+/// Removes scheme and blend from the values of a motor.
 fn take_scheme(motor: &mut Table) -> Result<Scheme, String> {
     let name = motor.remove("scheme").ok_or("scheme is missing")?;
     let name: SchemeName = name.try_into().map_err(|error| format!("scheme: {error}"))?;
@@ -209,47 +250,25 @@ fn take_scheme(motor: &mut Table) -> Result<Scheme, String> {
     }
 }
 
-/// Removes the value of a field and returns the raw value. An optional field that is left out is 0.
-fn take(motor: &mut Table, field: &Field) -> Result<i64, String> {
-    let name = field.name;
-    let given = match name.split_once('.') {
-        Some((table, key)) => match motor.get_mut(table) {
-            Some(Value::Table(table)) => table.remove(key),
-            Some(_) => return Err(format!("{table} is no table")),
-            // A table that is left out is not configured.
-            None if table != "bridge" => return Ok(0),
-            None => None,
-        },
-        None if field.zero == Zero::NotConfigured && !motor.contains_key(name) => return Ok(0),
-        None => motor.remove(name),
+/// The raw value of a setting that is given as a word or as a number.
+pub(crate) fn raw_of(
+    field: &Field,
+    word: Option<&str>,
+    number: Option<f64>,
+    given: &dyn fmt::Display,
+) -> Result<i64, String> {
+    let (raw, allowed) = match field.form {
+        Form::Words(words) => (word.and_then(|word| field.raw_of_word(word)), words.join(", ")),
+        Form::Steps(_) => {
+            let (least, most) = field.range();
+            (number.and_then(|number| field.raw_of(number)), format!("{} to {}", shown(least), shown(most)))
+        }
     };
-    let given = given.ok_or_else(|| format!("{name} is missing"))?;
-    if let Form::Words(words) = field.form {
-        let raw = given.as_str().and_then(|word| field.raw_of_word(word));
-        return raw.ok_or_else(|| format!("{name} is {given}; allowed is {}", words.join(", ")));
-    }
-    let number = given.as_float().or_else(|| given.as_integer().map(|whole| whole as f64));
-    let (least, most) = field.range();
-    let raw = number.and_then(|number| field.raw_of(number));
-    raw.ok_or_else(|| format!("{name} is {given}; allowed is {} to {}", shown(least), shown(most)))
+    raw.ok_or_else(|| format!("{} is {given}; allowed is {allowed}", field.name))
 }
 
 /// A limit with seven decimals at most.
-pub(crate) fn shown(limit: f64) -> String {
+fn shown(limit: f64) -> String {
     let text = format!("{limit:.7}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
-}
-
-/// Refuses a key of a motor that is no setting.
-fn only_known_keys(motor: &Table) -> Result<(), String> {
-    for (key, value) in motor {
-        let names: Vec<String> = match value {
-            Value::Table(table) => table.keys().map(|field| format!("{key}.{field}")).collect(),
-            _ => vec![key.clone()],
-        };
-        if let Some(name) = names.iter().find(|name| Field::named(name).is_none()) {
-            return Err(format!("{name} is no setting"));
-        }
-    }
-    Ok(())
 }

@@ -1,15 +1,6 @@
 //! Changes that a page may make to a simulated hub's motors and battery while the hub runs.
-//!
-//! ```
-//! use dashboard::world::{World, WorldOrder};
-//!
-//! let world = World::default();
-//! let order: WorldOrder = serde_json::from_str(r#"{"hold":{"motor":1,"held":true}}"#).unwrap();
-//! world.change(&order).unwrap();
-//! assert!(world.interventions().motors[1].held);
-//! ```
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use serde_json::{Value, json};
 use simulated::encoder::{Encoder, Wire};
 use simulated::serve::interventions::{Interventions, OnMotor};
@@ -17,11 +8,11 @@ use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Allowed battery voltages, in volts.
-pub const BATTERY_V: RangeInclusive<f64> = 0.0..=16.0;
+const BATTERY_V: RangeInclusive<f64> = 0.0..=16.0;
 /// Allowed torques, in newton metres.
-pub const TORQUE_NM: RangeInclusive<f64> = -5.0..=5.0;
+const TORQUE_NM: RangeInclusive<f64> = -5.0..=5.0;
 /// Allowed moments of inertia, in kg m².
-pub const INERTIA_KG_M2: RangeInclusive<f64> = 0.0..=0.05;
+const INERTIA_KG_M2: RangeInclusive<f64> = 0.0..=0.05;
 
 /// The changes in force, shared by the page's server and the simulation.
 #[derive(Clone, Debug, Default)]
@@ -30,7 +21,7 @@ pub struct World(Arc<Mutex<Interventions>>);
 /// An order that changes the world.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum WorldOrder {
+pub(crate) enum WorldOrder {
     /// Sets the battery's voltage without load.
     Battery {
         /// Voltage in volts; `None` for the value of the scenario.
@@ -38,60 +29,39 @@ pub enum WorldOrder {
     },
     /// Sets an external torque on a motor's output shaft.
     Torque {
-        /// Motor, 0 to 3.
         motor: u8,
         /// Torque in newton metres, positive clockwise; `None` for the value of the scenario.
         nm: Option<f64>,
     },
     /// Sets the moment of inertia on a motor's output shaft.
     Inertia {
-        /// Motor, 0 to 3.
         motor: u8,
         /// Moment of inertia in kg m²; `None` for the value of the scenario.
         kg_m2: Option<f64>,
     },
     /// Holds or releases a shaft.
     Hold {
-        /// Motor, 0 to 3.
         motor: u8,
         /// True if the shaft cannot turn.
         held: bool,
     },
     /// Sets the state of a motor's encoder.
     Encoder {
-        /// Motor, 0 to 3.
         motor: u8,
-        /// State of the encoder.
-        is: EncoderIs,
+        /// Name in [`ENCODERS`].
+        is: String,
     },
     /// Resets everything to the scenario.
     Reset,
 }
 
-/// State of an encoder.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum EncoderIs {
-    /// The encoder works.
-    Sound,
-    /// No wire is connected.
-    Unplugged,
-    /// The wires A and B are swapped.
-    Reversed,
-    /// A wire has contact only at times.
-    Loose,
-}
-
-impl From<EncoderIs> for Encoder {
-    fn from(is: EncoderIs) -> Self {
-        match is {
-            EncoderIs::Sound => Self::Sound,
-            EncoderIs::Unplugged => Self::Unplugged,
-            EncoderIs::Reversed => Self::Reversed,
-            EncoderIs::Loose => Self::Loose { wire: Wire::A },
-        }
-    }
-}
+/// States of an encoder that a page can choose, by name.
+const ENCODERS: [(&str, Encoder); 4] = [
+    ("sound", Encoder::Sound),
+    ("unplugged", Encoder::Unplugged),
+    ("reversed", Encoder::Reversed),
+    ("loose", Encoder::Loose { wire: Wire::A }),
+];
 
 impl World {
     /// The changes in force.
@@ -101,16 +71,11 @@ impl World {
     }
 
     /// State of the world, as sent to pages.
-    #[must_use]
-    pub fn is(&self) -> Value {
+    pub(crate) fn state(&self) -> Value {
         let Interventions { emf_v, motors, .. } = self.interventions();
         let motor = |OnMotor { torque_nm, inertia_kg_m2, encoder, held }| {
-            let encoder = match encoder {
-                Some(Encoder::Unplugged) => EncoderIs::Unplugged,
-                Some(Encoder::Reversed) => EncoderIs::Reversed,
-                Some(Encoder::Loose { .. }) => EncoderIs::Loose,
-                _ => EncoderIs::Sound,
-            };
+            let encoder =
+                ENCODERS.iter().find(|(_, is)| encoder == Some(*is)).map_or("sound", |(name, _)| name);
             json!({ "nm": torque_nm, "kg_m2": inertia_kg_m2, "held": held, "encoder": encoder })
         };
         json!({ "volts": emf_v, "motors": motors.map(motor) })
@@ -126,7 +91,7 @@ impl World {
     ///
     /// # Errors
     /// A text with the value that is out of range, and the allowed range.
-    pub fn change(&self, order: &WorldOrder) -> Result<(), String> {
+    pub(crate) fn change(&self, order: &WorldOrder) -> Result<(), String> {
         let mut now = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let mut wanted = *now;
         match *order {
@@ -139,7 +104,11 @@ impl World {
                 on(&mut wanted, motor)?.inertia_kg_m2 = inertia;
             }
             WorldOrder::Hold { motor, held } => on(&mut wanted, motor)?.held = held,
-            WorldOrder::Encoder { motor, is } => on(&mut wanted, motor)?.encoder = Some(is.into()),
+            WorldOrder::Encoder { motor, ref is } => {
+                let known = ENCODERS.iter().find(|(name, _)| name == is);
+                let (_, encoder) = known.ok_or_else(|| format!("an encoder is not `{is}`"))?;
+                on(&mut wanted, motor)?.encoder = Some(*encoder);
+            }
             WorldOrder::Reset => {
                 wanted = Interventions { restarts: wanted.restarts, ..Interventions::default() }
             }

@@ -4,7 +4,6 @@
 use dashboard::Place;
 use dashboard::outbox::{Texts, outbox};
 use dashboard::relay::{Event, INTERVAL, Relay};
-use dashboard::requests::Order;
 use motor_hub::protocol::Address;
 use serde_json::{Value, json};
 use simulated::scenario::Scenario;
@@ -21,7 +20,7 @@ struct Page {
 
 impl Page {
     fn order(&mut self, order: &Value) {
-        self.relay.hear(Event::Said(1, Order::parse(&order.to_string()).unwrap()));
+        self.relay.handle(Event::Ordered(1, order.to_string()));
     }
 
     fn until(&mut self, what: &str, is: impl Fn(&Value) -> bool) -> Value {
@@ -62,7 +61,7 @@ fn a_child_that_is_lost_while_it_is_shown_gives_way_to_the_parent_whose_motor_go
     let mut relay = Relay::new(Place::real("a chain", open));
     relay.tick();
     let (sender, texts) = outbox();
-    relay.hear(Event::Joined(1, sender));
+    relay.handle(Event::Joined(1, sender));
     let mut page = Page { relay, texts };
 
     page.until("a battery", |message| message["battery_v"].as_f64() > Some(11.0));

@@ -1,7 +1,7 @@
 //! Which page is in control, and when a page counts as gone.
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-use dashboard::pages::{Gone, HIDDEN, Pages, SILENCE, Taken};
+use dashboard::pages::{Gone, HIDDEN, Pages, SILENCE};
 use std::time::{Duration, Instant};
 
 const MS: Duration = Duration::from_millis(1);
@@ -47,7 +47,7 @@ fn a_page_that_is_fed_from_a_long_queue_is_gone_though_it_shows_something_all_th
 }
 
 #[test]
-fn silence_is_counted_from_the_newest_frame_that_was_shown_and_said_once() {
+fn silence_is_counted_from_the_newest_shown_frame_and_reported_once() {
     let (mut pages, now) = pages();
     pages.sent(1, now);
     pages.sent(2, now + 500 * MS);
@@ -71,7 +71,7 @@ fn frames_that_were_never_sent_or_not_to_this_page_prove_nothing() {
 }
 
 #[test]
-fn a_hidden_page_is_gone_after_a_while_and_one_that_is_seen_again_is_not() {
+fn a_hidden_page_counts_as_gone_after_10_s_unless_it_is_visible_again() {
     let (mut pages, start) = pages();
     let at = |hidden: bool, after: Duration, pages: &mut Pages| {
         let now = start + after;
@@ -88,44 +88,48 @@ fn a_hidden_page_is_gone_after_a_while_and_one_that_is_seen_again_is_not() {
 }
 
 #[test]
-fn control_is_taken_where_nobody_has_it_and_asked_for_elsewhere() {
+fn free_control_is_taken_and_control_of_another_page_is_asked_for() {
     let (mut pages, now) = pages();
     pages.join(2, now);
     pages.join(3, now);
     assert_eq!((pages.controller(), pages.count()), (Some(1), 3), "who comes later looks on");
-    assert_eq!(pages.take(1, now), Taken::Control);
-    assert_eq!(pages.take(2, now), Taken::Asked);
-    assert_eq!(pages.take(3, now), Taken::Asked);
+    assert!(!pages.take(1, now));
+    assert_eq!(pages.controller(), Some(1));
+    assert!(pages.take(2, now), "another page is in control");
+    assert!(pages.take(3, now), "another page is in control");
     assert_eq!((pages.controller(), pages.asks()), (Some(1), Some(3)));
     assert!(!pages.release(2), "it is not in control");
     assert!(pages.release(1));
     assert_eq!((pages.controller(), pages.asks()), (Some(3), None), "who has asked last gets it");
-    assert_eq!(pages.take(2, now), Taken::Asked);
+    assert!(pages.take(2, now), "another page is in control");
     assert_eq!(pages.leave(2), None, "it was not in control");
     assert_eq!(pages.asks(), None, "it is gone");
     assert!(pages.release(3));
-    assert_eq!(pages.take(1, now), Taken::Control);
-    assert_eq!(pages.take(3, now), Taken::Asked);
+    assert!(!pages.take(1, now));
+    assert_eq!(pages.controller(), Some(1));
+    assert!(pages.take(3, now), "another page is in control");
     assert_eq!(pages.leave(1), Some(Gone::Closed));
     assert_eq!((pages.controller(), pages.asks()), (None, None), "a page that is gone gives nothing");
-    assert_eq!(pages.take(9, now), Taken::Nothing);
+    assert!(!pages.take(9, now), "there is no such page");
+    assert_eq!(pages.controller(), None);
 }
 
 #[test]
 fn a_page_that_gets_control_must_show_frames_like_any_other() {
     let (mut pages, now) = pages();
     pages.join(2, now);
-    assert_eq!(pages.take(2, now), Taken::Asked);
+    assert!(pages.take(2, now), "another page is in control");
     assert!(pages.release(1));
     assert_eq!(pages.review(now + SILENCE + MS), Some(Gone::Silent));
 }
 
 #[test]
-fn who_takes_control_has_just_been_there() {
+fn a_page_that_takes_control_counts_as_just_shown() {
     let (mut pages, now) = pages();
     pages.release(1);
     let later = now + 60 * SILENCE;
-    assert_eq!(pages.take(1, later), Taken::Control);
+    assert!(!pages.take(1, later));
+    assert_eq!(pages.controller(), Some(1));
     assert_eq!(pages.review(later + SILENCE), None);
     assert_eq!(pages.review(later + SILENCE + MS), Some(Gone::Silent));
 }

@@ -16,9 +16,7 @@
 #![allow(unsafe_code, reason = "exported names and imported functions; no operation here is unsafe")]
 
 use dashboard::outbox::{Texts, outbox};
-use dashboard::relay::Event;
-use dashboard::relay::Relay;
-use dashboard::requests::Order;
+use dashboard::relay::{Event, Relay};
 use dashboard::world::World;
 use dashboard::{Opened, Place, Port};
 use motor_hub::protocol::Address;
@@ -82,9 +80,8 @@ pub extern "C" fn start(serial: bool) {
     // The relay connects before the page is in control, because a page in control must show new values at least every second.
     relay.tick();
     let (sender, texts) = outbox();
-    relay.hear(Event::Joined(PAGE, sender));
     SERVED.set(Some((relay, texts)));
-    pass_on();
+    with_relay(|relay| relay.handle(Event::Joined(PAGE, sender)));
 }
 
 /// A place for the bytes of the next order.
@@ -100,15 +97,8 @@ pub extern "C" fn input(length: usize) -> *mut u8 {
 /// Executes the order in [`input`].
 #[unsafe(no_mangle)]
 pub extern "C" fn order() {
-    let input = INPUT.take();
-    // The page encodes every order itself.
-    let Ok(order) = Order::parse(&String::from_utf8_lossy(&input)) else { return };
-    SERVED.with_borrow_mut(|served| {
-        if let Some((relay, _)) = served {
-            relay.hear(Event::Said(PAGE, order));
-        }
-    });
-    pass_on();
+    let order = String::from_utf8_lossy(&INPUT.take()).into_owned();
+    with_relay(|relay| relay.handle(Event::Ordered(PAGE, order)));
 }
 
 /// Reads the hub's state, and passes it to the page.
@@ -119,16 +109,16 @@ pub extern "C" fn tick() {
             simulation.catch_up();
         }
     });
-    SERVED.with_borrow_mut(|served| {
-        if let Some((relay, _)) = served {
-            relay.tick();
-        }
-    });
-    pass_on();
+    with_relay(Relay::tick);
 }
 
-/// Passes the relay's messages to the page.
-fn pass_on() {
+/// Calls the relay, and passes its messages to the page.
+fn with_relay(call: impl FnOnce(&mut Relay)) {
+    SERVED.with_borrow_mut(|served| {
+        if let Some((relay, _)) = served {
+            call(relay);
+        }
+    });
     SERVED.with_borrow(|served| {
         while let Some((_, texts)) = served
             && let Ok(text) = texts.next()

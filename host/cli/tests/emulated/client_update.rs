@@ -2,9 +2,8 @@
 //! H743.
 #![cfg(unix)]
 
-use crate::common::{PROGRAM, alone, client, folder, motor_hub, write};
+use crate::common::{PROGRAM, alone, client, err, fails, folder, motor_hub, out, write};
 use crate::conformance::Hub;
-use crate::output::{err, fails, out};
 use emulated::{Board, elf};
 use std::path::Path;
 use std::time::Instant;
@@ -29,13 +28,13 @@ fn newer() -> Vec<u8> {
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn a_hub_is_given_new_firmware_over_its_line_and_says_so() {
+fn a_hub_takes_new_firmware_over_its_line_and_confirms_it() {
     let _alone = alone();
     let folder = folder("client-update");
     let file = write(&folder, "newer.elf", newer());
     let link = folder.join("hub").display().to_string();
     let board = ["--emulated", "--board", "nucleo-h743zi2", "--bootloader", "--pty", "--link", &link];
-    let hub = Hub::start(PROGRAM, &board);
+    let hub = Hub::start(&board);
     // Images for other hubs are refused before anything is sent: an image built without bootloader, and raw bytes with the
     // vectors of another chip.
     let refused = client(&hub, &["update", &elf::hub(BOARD).display().to_string()]);
@@ -67,11 +66,11 @@ fn other_stack_is_refused_by_the_hub(hub: &Hub, folder: &Path) {
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn a_hub_without_a_bootloader_says_so() {
+fn an_update_of_a_hub_without_a_bootloader_is_refused() {
     let _alone = alone();
     let folder = folder("client-update-none");
     let file = write(&folder, "newer.elf", newer());
-    let hub = Hub::start(PROGRAM, &["--pty", "--link", &folder.join("hub").display().to_string()]);
+    let hub = Hub::start(&["--pty", "--link", &folder.join("hub").display().to_string()]);
     fails(&client(&hub, &["update", &file]), 1, "the hub has no bootloader");
 }
 

@@ -1,10 +1,9 @@
 //! Commands about images, run as a program.
 
-use crate::common::{folder, motor_hub, write};
-use crate::output::{err, fails, out};
+use crate::common::{err, fails, folder, motor_hub, out, write};
 
 #[test]
-fn a_board_that_there_is_not_is_refused_with_those_that_there_are() {
+fn an_unknown_board_is_refused_with_a_list_of_all_boards() {
     for command in [&["emulate"][..], &["serve", "--emulated", "--pty"]] {
         let says = "there is no board nucleo-f103rb; there are nucleo-f429zi, nucleo-h743zi2";
         fails(&motor_hub(&[command, &["--board", "nucleo-f103rb"]].concat()), 2, says);

@@ -8,9 +8,6 @@ mod common;
 #[expect(dead_code, reason = "the tests of the program use more of it")]
 #[path = "../program/conformance/mod.rs"]
 mod conformance;
-#[expect(dead_code, reason = "the tests of the program use more of it")]
-#[path = "../program/output/mod.rs"]
-mod output;
 mod overlay;
 #[path = "../../../studies/tests/scenario_files/mod.rs"]
 mod scenario_files;

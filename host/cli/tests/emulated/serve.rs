@@ -9,5 +9,5 @@ use crate::conformance::{Hub, conforms};
 fn the_image_conforms_over_its_serial_line() {
     let _alone = alone();
     let program = env!("CARGO_BIN_EXE_motor-hub");
-    conforms(&mut Hub::start(program, &["--emulated", "--tcp", "127.0.0.1:0"]).tcp());
+    conforms(&mut Hub::start(&["--emulated", "--tcp", "127.0.0.1:0"]).tcp());
 }

@@ -1,13 +1,11 @@
 //! `motor-hub client drive`, `odometry`, `servo`, `analog`, `digital` and `i2c` against a served hub.
 
-use crate::common::{self, PROGRAM, client, folder, write};
-use crate::conformance::{Ack, Data, Host, Hub, Nack};
-use crate::output::{self, fails, out};
+use crate::common::{self, client, fails, folder, out, scan, wait_for, write};
+use crate::conformance::{Data, Host, Hub, Nack};
 use serde_json::{Value, json};
 use std::io::{Read, Write};
-use std::process::Command;
 use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// A served hub with devices.
 fn served(test: &str, attached: &str) -> Hub {
@@ -16,26 +14,22 @@ fn served(test: &str, attached: &str) -> Hub {
          [attached]\n{attached}\n[[motors]]\nlabel = \"a\"\nmotor = \"NeveRest 60\"\nscheme = \"A\"\n"
     );
     let scenario = write(&folder(test), "attached.toml", text);
-    Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--scenario", &scenario])
+    Hub::served_with(&["--scenario", &scenario])
 }
 
 fn document(hub: &Hub, arguments: &[&str]) -> Value {
-    output::json(&client(hub, &[arguments, &["--json"]].concat()))
+    common::json(&client(hub, &[arguments, &["--json"]].concat()))
 }
 
 #[test]
-fn a_scan_says_what_a_hub_has() {
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
-    let scan = |more: &[&str]| {
-        let mut scan = Command::new(PROGRAM);
-        scan.args(["client", "scan", "--only", &hub.place]).args(more).env("COLUMNS", "300");
-        out(&scan.output().unwrap())
-    };
-    let text = scan(&[]);
+fn a_scan_lists_the_devices_of_a_hub() {
+    let hub = Hub::served();
+    let notes = folder("devices-notes");
+    let text = out(&scan(&notes, &[&hub.place]));
     for has in ["6 servos", "4 analog inputs", "8 digital pins", "4 I2C buses"] {
         assert!(text.contains(has), "{text}");
     }
-    let document: Value = serde_json::from_str(&scan(&["--json"])).unwrap();
+    let document = common::json(&scan(&notes, &[&hub.place, "--json"]));
     let expected = json!({
         "servos": 6, "analog_inputs": 4, "digital_pins": [0, 1, 2, 3, 4, 5, 6, 7], "i2c_buses": 4,
         "measures_rail": true, "measures_temperature": true,
@@ -45,7 +39,7 @@ fn a_scan_says_what_a_hub_has() {
 
 #[test]
 fn a_pulse_that_is_longer_than_its_period_is_refused_with_what_is_allowed() {
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let hub = Hub::served();
     for (wrong, says) in [
         (
             &["servo", "0", "25000"][..],
@@ -84,7 +78,7 @@ fn analog_and_digital_inputs_are_shown() {
 const BASE: [&str; 6] = ["--wheel-diameter-mm", "90", "--track-mm", "300", "--counts-per-turn", "1680,1680"];
 
 #[test]
-fn a_base_drives_by_its_gyro_and_says_where_it_is() {
+fn a_base_drives_by_its_gyro_and_reports_its_position() {
     let motor = |label| format!("[[motors]]\nlabel = \"{label}\"\nmotor = \"NeveRest 60\"\n");
     let hub = served("devices-base", &format!("[floor]\nslip_in_turns = 0.05\n{}", motor("left")));
     let failed = client(&hub, &["odometry"]);
@@ -131,11 +125,7 @@ fn analog_inputs_pins_and_buses_change_while_a_hub_is_served() {
     let low = |hub: &Hub| {
         document(hub, &["digital"])["pins"].as_array().unwrap().iter().position(|pin| pin["high"] == false)
     };
-    let end = Instant::now() + Duration::from_secs(3);
-    while low(&hub) != Some(1) {
-        assert!(Instant::now() < end, "{:?}", low(&hub));
-        sleep(Duration::from_millis(50));
-    }
+    wait_for("pin 1 low", || (low(&hub) == Some(1)).then_some(()));
     let analog = document(&hub, &["analog"]);
     assert!((analog["input_1_v"].as_f64().unwrap() - 2.5).abs() < 0.003, "{analog}");
     fails(&client(&hub, &["i2c", "read", "0", "0x28"]), 1, "acknowledge");
@@ -194,19 +184,20 @@ fn i2c_devices_are_found_read_and_written() {
 
 const DEKA: u16 = 0x1000;
 
-/// Polls a transfer until its result comes, and returns the result without its status.
+/// Polls a transfer until its result comes, and returns the result with its status.
+fn polled(host: &mut Host<impl Read + Write>, poll: u16, bus: u8) -> Vec<u8> {
+    wait_for("a result", || match host.ask(DEKA + poll, &[bus]) {
+        Nack(41) => None,
+        Data(result) => Some(result),
+        other => panic!("{other:?}"),
+    })
+}
+
+/// As [`polled`], for a transfer without an error; returns the result without its status.
 fn result(host: &mut Host<impl Read + Write>, poll: u16, bus: u8) -> Vec<u8> {
-    let end = Instant::now() + Duration::from_secs(1);
-    loop {
-        match host.ask(DEKA + poll, &[bus]) {
-            Nack(41) if Instant::now() < end => (),
-            Data(result) => {
-                assert_eq!(result[0], 0, "status of {result:02x?}");
-                return result[1..].to_vec();
-            }
-            other => panic!("{other:?}"),
-        }
-    }
+    let mut result = polled(host, poll, bus);
+    assert_eq!(result.remove(0), 0, "the status");
+    result
 }
 
 /// Reads registers of the inertial sensor.
@@ -224,28 +215,16 @@ fn set(host: &mut Host<impl Read + Write>, register: u8, value: u8, polls: bool)
     }
 }
 
-/// The start of the competition's software: each step in its order, without a reset of the sensor.
+/// As the software of the competition starts the sensor; a test of the simulated sensor has all registers of that sequence.
 #[test]
-fn the_inertial_sensor_starts_as_the_competition_starts_it_and_turns_with_the_drive_base() {
-    let hub = common::served();
+fn the_inertial_sensor_is_started_without_polls_and_turns_with_the_drive_base() {
+    let hub = Hub::served();
     let mut host = hub.tcp();
     sleep(Duration::from_millis(700));
     assert_eq!(registers(&mut host, 0x00, 1), [0xA0]);
     assert_eq!(registers(&mut host, 0x3D, 1), [0]);
     set(&mut host, 0x3E, 0, true);
-    for (register, value) in [
-        (0x07, 0x00),
-        (0x3B, 0x80),
-        (0x41, 0x24),
-        (0x42, 0x00),
-        (0x07, 0x01),
-        (0x08, 0x0D),
-        (0x09, 0x0B),
-        (0x0A, 0x38),
-        (0x0B, 0x00),
-        (0x07, 0x00),
-        (0x3F, 0x00),
-    ] {
+    for (register, value) in [(0x07, 0x01), (0x08, 0x0D), (0x07, 0x00)] {
         set(&mut host, register, value, false);
     }
     while host.ask(DEKA + 52, &[0, 0x28, 1, 0x3D]) == Nack(40) {}
@@ -258,14 +237,11 @@ fn the_inertial_sensor_starts_as_the_competition_starts_it_and_turns_with_the_dr
     for (function, payload) in [(8, &[1, 0, 0][..]), (15, &[1, 0xFF, 0x3F]), (10, &[1, 1])] {
         host.order(DEKA + function, payload);
     }
-    let end = Instant::now() + Duration::from_secs(2);
     let heading = |host: &mut Host<_>| {
         let bytes = registers(host, 0x1A, 2);
         f64::from(i16::from_le_bytes([bytes[0], bytes[1]])) / 16.0
     };
-    while !(300.0..359.0).contains(&heading(&mut host)) {
-        assert!(Instant::now() < end, "the heading is {}", heading(&mut host));
-    }
+    wait_for("a turned base", || (300.0..359.0).contains(&heading(&mut host)).then_some(()));
 }
 
 #[test]
@@ -276,14 +252,8 @@ fn a_stuck_data_line_is_freed_and_a_stretched_clock_is_waited_for() {
     );
     let mut host = hub.tcp();
     let mut read = |bus: u8, address: u8| {
-        assert!(matches!(host.ask(DEKA + 39, &[bus, address]), Ack(_)));
-        loop {
-            match host.ask(DEKA + 41, &[bus]) {
-                Nack(41) => (),
-                Data(result) => return result,
-                other => panic!("{other:?}"),
-            }
-        }
+        host.order(DEKA + 39, &[bus, address]);
+        polled(&mut host, 41, bus)
     };
     assert_eq!(read(1, 0x50), [4, 0], "arbitration is lost to the device that holds SDA");
     assert_eq!(read(1, 0x50), [0, 1, 0], "nine clocks have freed SDA");

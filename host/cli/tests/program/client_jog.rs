@@ -1,9 +1,8 @@
 //! `motor-hub client jog` on a pseudo-terminal, against the served simulated hub.
 #![cfg(unix)]
 
-use crate::common::{PROGRAM, client, served, signal};
+use crate::common::{PROGRAM, client, err, fails, json, signal, wait_for};
 use crate::conformance::Hub;
-use crate::output::{err, fails, json};
 use rustix::fs::{Mode, OFlags};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{LocalModes, tcgetattr};
@@ -36,11 +35,7 @@ impl Terminal {
         let mut shown = master.try_clone().unwrap();
         std::thread::spawn(move || while let Ok(1..) = shown.read(&mut [0; 1024]) {});
         let terminal = Self { master, slave, process };
-        let end = Instant::now() + Duration::from_secs(10);
-        while terminal.has_lines() {
-            assert!(Instant::now() < end, "keys are never read");
-            sleep(Duration::from_millis(10));
-        }
+        wait_for("a program that reads keys", || (!terminal.has_lines()).then_some(()));
         terminal
     }
 
@@ -75,7 +70,7 @@ fn motors(hub: &Hub) -> Vec<(i64, bool)> {
 
 #[test]
 fn a_key_drives_a_motor_while_it_is_held_and_not_longer() {
-    let hub = served();
+    let hub = Hub::served();
     let mut terminal = Terminal::jog(&hub, &["--speed", "400", "--hold", "0.3"]);
     let begin = Instant::now();
     for _ in 0..10 {
@@ -102,7 +97,7 @@ fn a_key_drives_a_motor_while_it_is_held_and_not_longer() {
 
 #[test]
 fn the_terminal_is_put_back_and_motors_stopped_however_it_ends() {
-    let hub = served();
+    let hub = Hub::served();
     for end in ["-TERM", "-HUP", "Ctrl-C"] {
         let mut terminal = Terminal::jog(&hub, &["--power", "0.3", "--hold", "5"]);
         terminal.keys("k");
@@ -120,7 +115,7 @@ fn the_terminal_is_put_back_and_motors_stopped_however_it_ends() {
 
 #[test]
 fn without_a_terminal_nothing_is_driven() {
-    let hub = served();
+    let hub = Hub::served();
     let mut command = Command::new(PROGRAM);
     let output = command.args(["client", "--tcp", &hub.place, "jog"]).stdin(Stdio::null()).output().unwrap();
     fails(&output, 1, "not a terminal");

@@ -1,8 +1,7 @@
 //! `motor-hub client` against the hub's own side of the protocol, over TCP.
 
-use crate::common::{PROGRAM, motor_hub};
+use crate::common::{PROGRAM, err, fails, folder, json, motor_hub, out, signal, wait_for};
 use crate::hub_support::{Hub, Server};
-use crate::output::{err, fails, json, out};
 use motor_hub::supply::DrawStage;
 use motor_hub::units::{CountsPerSecond, Milliamperes, Millivolts};
 use serde_json::Value;
@@ -52,7 +51,7 @@ fn the_program_sets_and_shows_coefficients() {
 }
 
 #[test]
-fn the_program_says_which_motor_is_connected_and_how_it_is_controlled() {
+fn the_set_up_of_a_motor_is_shown_and_changed() {
     let server = Server::start(Hub::new());
     let read = ["setup", "1", "--json"];
     let before = json(&client(&server, &read));
@@ -141,11 +140,11 @@ fn a_motor_that_the_catalogue_lacks_is_set_up_by_its_constants() {
 }
 
 #[test]
-fn a_recording_has_the_current_of_hubs_that_tell_it() {
+fn a_recording_has_the_current_of_hubs_that_measure_it() {
     let mut hub = Hub::new();
     hub.snapshot.motors[1].measured = Some(Milliamperes::new(1_250));
     let server = Server::start(hub);
-    let folder = crate::common::folder("current");
+    let folder = folder("current");
     let to = folder.to_str().unwrap();
     out(&client(
         &server,
@@ -205,7 +204,7 @@ fn a_position_ends_at_its_target_or_fails_in_time() {
 }
 
 #[test]
-fn a_motor_that_the_hub_lets_go_ends_the_command() {
+fn a_motor_that_the_hub_disables_ends_the_command() {
     let server = Server::start(Hub { fail_safe_at_bulk: true, ..Hub::new() });
     let output = client(&server, &["power", "1", "0.5"]);
     fails(&output, 1, "disabled motor 1");
@@ -213,7 +212,7 @@ fn a_motor_that_the_hub_lets_go_ends_the_command() {
 }
 
 #[test]
-fn the_program_says_why_the_hub_refuses() {
+fn the_reason_of_a_refusal_is_shown() {
     let mut hub = Hub::new();
     hub.snapshot.battery = Some(Millivolts::new(6_000));
     hub.snapshot.bus.stage = DrawStage::Derated;
@@ -231,15 +230,11 @@ fn interrupted_on_a_deaf_hub(timeout: &str) -> (Server, std::process::Child) {
     command.args(["client", "--tcp", &server.address, "--address", "3", "--timeout", timeout]);
     command.args(["power", "0", "0.5"]);
     let process = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
-    let end = Instant::now() + Duration::from_secs(10);
-    while !server.hub().was_enabled[0] {
-        assert!(Instant::now() < end);
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    wait_for("an enabled motor", || server.hub().was_enabled[0].then_some(()));
     std::thread::sleep(Duration::from_millis(200));
     server.hub().deaf_for = u32::MAX;
     std::thread::sleep(Duration::from_millis(200));
-    crate::common::signal(process.id(), "-INT");
+    signal(process.id(), "-INT");
     (server, process)
 }
 
@@ -260,7 +255,7 @@ fn a_program_that_hangs_is_ended_by_another_signal_later() {
     let (_server, mut process) = interrupted_on_a_deaf_hub("60000");
     std::thread::sleep(Duration::from_millis(3300));
     assert!(process.try_wait().unwrap().is_none(), "it waits for the hub");
-    crate::common::signal(process.id(), "-INT");
+    signal(process.id(), "-INT");
     let begin = Instant::now();
     assert_eq!(process.wait().unwrap().code(), Some(1));
     assert!(begin.elapsed() < Duration::from_secs(1));
@@ -319,7 +314,7 @@ fn without_a_hub_the_program_fails_within_the_timeout() {
 #[test]
 fn a_motor_with_the_address_of_its_hub_is_sought_at_that_hub_by_every_command() {
     let server = Server::start(Hub::new());
-    let folder = crate::common::folder("another-hub");
+    let folder = folder("another-hub");
     let record = ["record", "--out", folder.to_str().unwrap(), "--", "power", "4:1", "0"];
     for arguments in [
         &["power", "4:1", "0"][..],

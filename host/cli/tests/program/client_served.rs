@@ -1,8 +1,9 @@
 //! `motor-hub client` against the served simulated hub, whose motors turn.
 
-use crate::common::{PROGRAM, client, folder, served, signal};
+use crate::common::{
+    PROGRAM, client, err, fails, folder, json, made_folder, out, scan, signal, store, wait_for, words,
+};
 use crate::conformance::Hub;
-use crate::output::{err, fails, json, out};
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
 use std::process::{Child, ChildStdout, Command, Stdio};
@@ -13,7 +14,7 @@ fn status(hub: &Hub) -> Value {
 
 #[test]
 fn a_motor_is_identified_and_what_was_found_is_put_in_force() {
-    let hub = served();
+    let hub = Hub::served();
     // Coefficients set by a host would override the model.
     out(&client(&hub, &["coefficients", "0", "velocity", "--p", "1"]));
     let shown = out(&client(&hub, &["identify", "0", "--apply"]));
@@ -39,7 +40,7 @@ fn a_motor_is_identified_and_what_was_found_is_put_in_force() {
 
 #[test]
 fn a_motor_that_cannot_be_known_is_refused_with_the_reason_and_disabled() {
-    let hub = served();
+    let hub = Hub::served();
     let refused = client(&hub, &["identify", "1", "--travel", "3"]);
     fails(&refused, 1, "motor 1 was not identified");
     fails(&refused, 1, "travel");
@@ -68,8 +69,8 @@ fn driving(hub: &Hub, arguments: &[&str]) -> (Child, BufReader<ChildStdout>) {
 
 #[cfg(unix)]
 #[test]
-fn every_signal_that_can_be_heard_stops_what_the_command_has_set_going() {
-    let hub = served();
+fn every_signal_that_a_program_can_catch_stops_the_motors_of_its_command() {
+    let hub = Hub::served();
     for (arguments, signals, says) in [
         (&["identify", "0"][..], &["-INT"][..], "stopped by Ctrl-C"),
         (&["velocity", "0", "500"], &["-INT"], "stopped by Ctrl-C"),
@@ -97,7 +98,7 @@ fn every_signal_that_can_be_heard_stops_what_the_command_has_set_going() {
 #[cfg(unix)]
 #[test]
 fn a_reader_that_goes_away_stops_the_motors_too() {
-    let hub = served();
+    let hub = Hub::served();
     let (process, reader) = driving(&hub, &["velocity", "0", "500"]);
     drop(reader);
     let output = process.wait_with_output().unwrap();
@@ -107,7 +108,7 @@ fn a_reader_that_goes_away_stops_the_motors_too() {
 #[cfg(unix)]
 #[test]
 fn questions_do_not_keep_a_motor_going_whose_host_was_killed() {
-    let hub = served();
+    let hub = Hub::served();
     for question in [
         &["status", "--json"][..],
         &["watch", "--for", "0.1"],
@@ -126,7 +127,7 @@ fn questions_do_not_keep_a_motor_going_whose_host_was_killed() {
 
 #[test]
 fn a_speed_that_a_motor_cannot_reach_is_warned_of_and_fails() {
-    let hub = served();
+    let hub = Hub::served();
     let asked = client(&hub, &["velocity", "0", "30000", "--for", "0.6"]);
     for says in ["free speed", "30000 counts/s not reached after 0.6 s: motor 0 at", "\ndisabled motor 0\n"] {
         fails(&asked, 1, says);
@@ -145,7 +146,7 @@ fn a_speed_that_a_motor_cannot_reach_is_warned_of_and_fails() {
 
 #[test]
 fn motors_move_in_step_to_where_they_are_sent() {
-    let hub = served();
+    let hub = Hub::served();
     let positions = |hub: &Hub| {
         let motors = status(hub)["motors"].clone();
         [0, 2].map(|motor: usize| motors[motor]["position"].as_i64().unwrap())
@@ -167,41 +168,25 @@ fn motors_move_in_step_to_where_they_are_sent() {
 
 #[cfg(unix)]
 #[test]
-fn a_scan_finds_hubs_where_they_are_and_says_why_it_finds_none() {
-    let (tcp, pty) = (served(), Hub::start(PROGRAM, &["--pty", "--address", "9"]));
+fn a_scan_finds_hubs_on_ports_and_gives_the_reason_where_it_finds_none() {
+    let (tcp, pty) = (Hub::served(), Hub::start(&["--pty", "--address", "9"]));
     let link = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("hub-of-a-scan");
     let _ = std::fs::remove_file(&link);
     std::os::unix::fs::symlink(&pty.place, &link).unwrap();
     let link = link.to_str().unwrap();
-    let scan = |places: &[&str]| {
-        Command::new(PROGRAM)
-            .args(["client", "--timeout", "500", "scan", "--only"])
-            .args(places)
-            // A path that is longer than the terminal is wide would be on two lines.
-            .env("COLUMNS", "300")
-            .env("XDG_RUNTIME_DIR", "/no/such/folder")
-            .env("TMPDIR", folder("no-notes"))
-            .output()
-            .unwrap()
-    };
-    let found = out(&scan(&[&tcp.place, link, "/no/such/port"]));
-    let row = |place: &str| {
-        let row = found.lines().find(|line| line.contains(place)).unwrap_or_default();
-        row.split_whitespace().collect::<Vec<_>>().join(" ")
-    };
+    let notes = folder("no-notes");
+    let found = out(&scan(&notes, &[&tcp.place, link, "/no/such/port"]));
+    let row = |place: &str| words(found.lines().find(|line| line.contains(place)).unwrap_or_default());
     assert!(row(&tcp.place).contains("2 ┆ parent"), "{found}");
     assert!(row(link).contains("9 ┆ parent"), "{found}");
     assert!(row("/no/such/port").contains("No such file"), "{found}");
-    fails(&scan(&["/no/such/port"]), 1, "no hub found at 1 place\n");
+    fails(&scan(&notes, &["/no/such/port"]), 1, "no hub found at 1 place\n");
 }
 
 #[test]
-fn a_scan_draws_children_below_their_parent_and_one_address_for_two_hubs_is_told_and_resolved() {
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--hubs", "3"]);
-    let mut scan = Command::new(PROGRAM);
-    scan.args(["client", "--timeout-ms", "1000", "scan", "--only", &hub.place]).env("COLUMNS", "300");
-    let found = out(&scan.env("XDG_RUNTIME_DIR", folder("chain-notes")).output().unwrap());
-    let found = found.split_whitespace().collect::<Vec<_>>().join(" ");
+fn a_scan_draws_children_below_their_parent_and_reports_two_hubs_with_one_address() {
+    let hub = Hub::served_with(&["--hubs", "3"]);
+    let found = words(&out(&scan(&folder("chain-notes"), &[&hub.place])));
     for row in ["2 ┆ parent, ", "3 ┆ └ child, ", "4 ┆ └ child, "] {
         assert!(found.contains(row), "{row}: {found}");
     }
@@ -219,24 +204,16 @@ fn a_scan_draws_children_below_their_parent_and_one_address_for_two_hubs_is_told
 #[test]
 fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
     use std::io::Read;
-    let notes = folder("scan-notes");
-    std::fs::create_dir_all(&notes).unwrap();
+    let notes = made_folder("scan-notes");
     let left = || std::fs::read_dir(notes.join("motor-hub")).unwrap().count();
     let link = notes.join("hub");
     let link = link.to_str().unwrap();
-    let (tcp, mut says) = Hub::start_heard(&notes, PROGRAM);
+    let (tcp, mut says) = Hub::start_heard(&notes);
     let place = tcp.place.clone();
-    let mut pty = Hub::start_in(&notes, PROGRAM, &["--pty", "--link", link]);
-    let scan = |more: &[&str]| {
-        let mut scan = Command::new(PROGRAM);
-        // The serial ports of the developer's machine are not scanned.
-        scan.args(["client", "--timeout-ms", "500", "scan", "--only"]).args(more);
-        scan.env("XDG_RUNTIME_DIR", &notes).env("COLUMNS", "300").output().unwrap()
-    };
-    let rows = |place: &str, more: &[&str]| {
-        let found = out(&scan(more));
-        let rows = found.lines().filter(|line| line.contains(place));
-        rows.map(|row| row.split_whitespace().collect::<Vec<_>>().join(" ")).collect::<Vec<_>>()
+    let mut pty = Hub::start_in(&notes, &["--pty", "--link", link]);
+    let rows = |place: &str, more: &[&str]| -> Vec<String> {
+        let found = out(&scan(&notes, more));
+        found.lines().filter(|line| line.contains(place)).map(words).collect()
     };
     let row = |place: &str| rows(place, &[]).concat();
     assert!(row(&tcp.place).contains("2 ┆ parent"), "{}", row(&tcp.place));
@@ -267,7 +244,7 @@ fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
     signal(pty.id(), "-TERM");
     assert!(pty.wait().success());
     assert_eq!(left(), 0);
-    let none = scan(&[]);
+    let none = scan(&notes, &[]);
     fails(&none, 1, "no hub is served on this machine; give a PLACE");
 }
 
@@ -310,7 +287,7 @@ fn rows(folder: &std::path::Path) -> Vec<std::collections::HashMap<String, Strin
 
 #[test]
 fn a_drive_of_four_motors_is_recorded_fifty_times_a_second() {
-    let hub = served();
+    let hub = Hub::served();
     let folder = folder("record");
     let record = ["record", "--out", folder.to_str().unwrap(), "--", "velocity", "all", "400", "--for", "2"];
     let shown = out(&client(&hub, &record));
@@ -335,7 +312,7 @@ fn a_drive_of_four_motors_is_recorded_fifty_times_a_second() {
 
 #[test]
 fn a_motor_runs_with_a_constant_current_up_to_its_speed_limit() {
-    let hub = served();
+    let hub = Hub::served();
     let folder = folder("constant-current");
     let record = ["record", "--out", folder.to_str().unwrap(), "--"];
     let drive = ["current", "0", "-0.6", "--speed-limit-cps", "500", "--for-s", "1.5"];
@@ -357,17 +334,14 @@ fn a_motor_runs_with_a_constant_current_up_to_its_speed_limit() {
 #[cfg(unix)]
 #[test]
 fn a_recording_that_is_interrupted_is_whole_and_drawn() {
-    let hub = served();
+    let hub = Hub::served();
     let folder = folder("interrupted");
     let record = ["record", "--out", folder.to_str().unwrap(), "power", "1", "0.3"];
     let process = start(&hub, &record);
     let csv = folder.join("record.csv");
     // Rows are written while the motor runs.
-    let end = std::time::Instant::now() + std::time::Duration::from_secs(10);
-    while std::fs::read_to_string(&csv).map_or(0, |text| text.lines().count()) < 20 {
-        assert!(std::time::Instant::now() < end);
-        std::thread::sleep(std::time::Duration::from_millis(20));
-    }
+    let lines = || std::fs::read_to_string(&csv).map_or(0, |text| text.lines().count());
+    wait_for("20 lines", || (lines() >= 20).then_some(()));
     signal(process.id(), "-INT");
     let output = process.wait_with_output().unwrap();
     fails(&output, 1, "disabled motor 1");
@@ -380,11 +354,8 @@ fn a_recording_that_is_interrupted_is_whole_and_drawn() {
 
 #[test]
 fn a_motor_s_first_minute_is_one_command() {
-    let store = folder("identify-store");
-    std::fs::create_dir_all(&store).unwrap();
-    let store = store.join("store").display().to_string();
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--store", &store]);
-    fails(&client(&hub, &["identify", "1", "--type", "Nope"]), 2, "Nope");
+    let hub = Hub::served_with(&["--store", &store("tune-store")]);
+    fails(&client(&hub, &["tune", "1", "--type", "Nope"]), 2, "Nope");
     // A refused identification keeps the set-up and stores nothing.
     let refused = client(&hub, &["identify", "1", "--type", "NeveRest 20", "--travel-counts", "3", "--save"]);
     fails(&refused, 1, "motor 1 was not identified: refused: the travel");
@@ -409,8 +380,20 @@ fn a_motor_s_first_minute_is_one_command() {
 
 #[test]
 #[ignore = "long: cargo xtask long"]
+fn a_motor_is_tuned_by_one_command_and_gently_if_asked() {
+    let hub = Hub::served();
+    let shown = out(&client(&hub, &["tune", "0", "--gentle"]));
+    for says in ["turns at most", "NeveRest 20", "inertia", "in force until the hub's reset"] {
+        assert!(shown.contains(says), "{says}: {shown}");
+    }
+    assert!(!shown.contains("no limit") && !shown.contains("not configured"), "{shown}");
+    assert!(shown.lines().all(|line| line.chars().count() <= 80), "{shown}");
+}
+
+#[test]
+#[ignore = "long: cargo xtask long"]
 fn a_motor_is_identified_beside_the_catalogue_and_settings_are_written_only_when_asked_for() {
-    let hub = served();
+    let hub = Hub::served();
     let identify = |more: &[&str]| client(&hub, &[&["identify", "0"], more].concat());
     let shown = out(&identify(&[]));
     for says in [

@@ -1,26 +1,15 @@
 //! `motor-hub client settings` against a served hub that keeps its settings in a file.
 
-use crate::common::{self, PROGRAM, client, folder, motor_hub, write};
-use crate::conformance::{Hub, conforms};
+use crate::common::{PROGRAM, client, fails, folder, json, made_folder, motor_hub, out, store, write};
+use crate::conformance::Hub;
 use crate::hub_support::{Hub as FakeHub, Server};
-use crate::output::{fails, json, out};
 use motor_hub::extension::settings::Group;
-use motor_hub::protocol::motor::Loop;
-use motor_hub_client::Session;
 use serde_json::Value;
-use std::path::PathBuf;
 use std::process::Command;
 
-/// An empty folder, and a hub that stores its settings in it.
-fn store(test: &str) -> (PathBuf, String) {
-    let folder = folder(test);
-    std::fs::create_dir_all(&folder).unwrap();
-    let file = folder.join("store").display().to_string();
-    (folder, file)
-}
-
+/// A hub that keeps its settings in this file.
 fn served(store: &str) -> Hub {
-    Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--store", store])
+    Hub::served_with(&["--store", store])
 }
 
 fn settings(hub: &Hub, arguments: &[&str]) -> String {
@@ -31,14 +20,13 @@ fn shown(hub: &Hub) -> Value {
     json(&client(hub, &["settings", "show", "--json"]))
 }
 
-/// Changes a setting of every kind from its default.
-fn set_much(hub: &Hub) {
+/// Changes a setting of every kind from its default. A file gives motor 0 its dynamics, as an identification does in some seconds.
+fn set_much(hub: &Hub, file: &str) {
     for arguments in [
         &["setup", "0", "--type", "AM 60 A", "--scheme", "D", "--blend", "0.25", "--on-fault", "brake"][..],
         &["setup", "1", "--scheme", "none", "--duty", "linear-duty", "--bridge", "vnh5019"],
         &["setup", "3", "--scheme", "D", "--continuous-current-a", "1.234", "--current-limit-a", "0.9"],
         &["coefficients", "2", "velocity", "--p", "1.5", "--i", "-0.001", "--f", "7"],
-        &["identify", "0", "--apply"],
         &[
             &["drive", "straight=1", "--wheel-diameter-mm", "90.5", "--track-mm", "301.25"][..],
             &["--counts-per-turn", "1680,-1680.5", "--wheels", "1,3", "--use-gyro"],
@@ -47,15 +35,22 @@ fn set_much(hub: &Hub) {
     ] {
         out(&client(hub, arguments));
     }
+    let second = "\n[[motor]]\nnumber = 1\n";
+    let dynamics = "\n[motor.dynamics]\nacceleration_cps2_per_v = 2000\ndecay_per_s = 8\nfriction_mv = 300\n";
+    let exported = settings(hub, &["export"]);
+    std::fs::write(file, exported.replace(second, &[dynamics, second].concat())).unwrap();
+    settings(hub, &["import", file]);
+    assert!(settings(hub, &["export"]).contains("acceleration_cps2_per_v = 2000"));
 }
 
 #[test]
 fn what_is_saved_outlasts_the_hub_and_what_is_not_does_not() {
-    let (_, store) = store("settings-outlast");
+    let store = store("settings-outlast");
+    let file = format!("{store}.toml");
     let hub = served(&store);
     let factory = settings(&hub, &["export"]);
     assert_eq!((&shown(&hub)["stored"], &shown(&hub)["differs"]), (&"nothing".into(), &false.into()));
-    set_much(&hub);
+    set_much(&hub, &file);
     assert_eq!(shown(&hub)["differs"], true);
     assert!(settings(&hub, &["show"]).contains("other settings, until the next reset"));
     assert_eq!(settings(&hub, &["save"]), "stored: save 1\n");
@@ -89,22 +84,16 @@ fn what_is_saved_outlasts_the_hub_and_what_is_not_does_not() {
 }
 
 #[test]
-fn a_host_that_knows_nothing_of_it_finds_the_hub_as_it_was() {
-    let (_, store) = store("settings-unknown");
-    conforms(&mut served(&store).tcp());
-}
-
-#[test]
 fn exported_settings_are_imported_bit_by_bit() {
-    let (folder, store) = store("settings-round");
-    let file = folder.join("settings.toml").display().to_string();
+    let store = store("settings-round");
+    let file = format!("{store}.toml");
     let hub = served(&store);
-    set_much(&hub);
+    set_much(&hub, &file);
     let exported = settings(&hub, &["export"]);
     assert_eq!(settings(&hub, &["export", &file]), format!("wrote {file}\n"));
     drop(hub);
 
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--store", &format!("{store}-2")]);
+    let hub = Hub::served_with(&["--store", &format!("{store}-2")]);
     assert_ne!(settings(&hub, &["export"]), exported);
     assert!(settings(&hub, &["import", &file, "--save"]).contains("stored: save 1"));
     assert_eq!(settings(&hub, &["export"]), exported);
@@ -118,10 +107,10 @@ fn exported_settings_are_imported_bit_by_bit() {
 
 #[test]
 fn all_of_a_file_is_checked_before_anything_is_written() {
-    let (folder, store) = store("settings-checked");
-    let file = folder.join("settings.toml").display().to_string();
+    let store = store("settings-checked");
+    let file = format!("{store}.toml");
     let hub = served(&store);
-    set_much(&hub);
+    set_much(&hub, &file);
     let exported = settings(&hub, &["export"]);
     settings(&hub, &["reset"]);
     let factory = settings(&hub, &["export"]);
@@ -164,11 +153,7 @@ fn all_of_a_file_is_checked_before_anything_is_written() {
 }
 
 #[test]
-fn an_import_that_the_hub_refuses_half_way_changes_nothing_and_says_which_motor_was_refused() {
-    let (folder, store) = store("settings-half-way");
-    let file = folder.join("settings.toml").display().to_string();
-    let exported = settings(&served(&store), &["export"]);
-    std::fs::write(&file, exported.replace("scheme = \"A\"", "scheme = \"B\"")).unwrap();
+fn an_import_that_the_hub_refuses_half_way_changes_nothing_and_names_the_motor() {
     let mut hub = FakeHub::new();
     // The hub refuses the current limit of motor 2, as if it had no such motor.
     hub.change = |packet| {
@@ -177,26 +162,23 @@ fn an_import_that_the_hub_refuses_half_way_changes_nothing_and_says_which_motor_
         }
     };
     let server = Server::start(hub);
-    let all = || {
-        let mut session = Session::open(&server.address).unwrap();
-        let mut one =
-            |motor| (session.settings(motor).unwrap(), session.coefficients(motor, Loop::Velocity).unwrap());
-        [one(0), one(1), one(2), one(3)]
-    };
-    let before = all();
-    let import = || motor_hub(&["client", "--tcp", &server.address, "settings", "import", &file]);
-    let refused = import();
+    let settings =
+        |what: &[&str]| motor_hub(&[&["client", "--tcp", &server.address, "settings"], what].concat());
+    let before = out(&settings(&["export"]));
+    let after = before.replace("scheme = \"A\"", "scheme = \"B\"");
+    let file = write(&folder("settings-half-way"), "settings.toml", &after);
+    let refused = settings(&["import", &file]);
     fails(&refused, 1, "motor 2: the hub refuses");
     fails(&refused, 1, "; the settings before the import are in force");
-    assert_eq!(all(), before);
+    assert_eq!(out(&settings(&["export"])), before);
     server.hub().change = |_| ();
-    out(&import());
-    assert_ne!(all(), before);
+    out(&settings(&["import", &file]));
+    assert_eq!(out(&settings(&["export"])), after);
 }
 
 #[test]
-fn a_hub_without_a_store_says_so() {
-    let hub = common::served();
+fn commands_for_stored_settings_fail_at_a_hub_without_a_store() {
+    let hub = Hub::served();
     for what in ["show", "save", "load", "reset", "export"] {
         fails(&client(&hub, &["settings", what]), 1, "this hub does not have it");
     }
@@ -214,8 +196,8 @@ fn a_file_that_is_no_store_is_refused_and_left_alone() {
 }
 
 #[test]
-fn a_store_that_makes_no_sense_is_told_and_can_be_cleared() {
-    let (_, store) = store("settings-nonsense");
+fn a_store_with_unreadable_data_counts_as_empty_and_can_be_written() {
+    let store = store("settings-nonsense");
     // Both pages are in use, and hold unreadable data.
     let mut bytes = vec![0xFF; 32 * 1024];
     bytes[..4].fill(0);
@@ -227,8 +209,8 @@ fn a_store_that_makes_no_sense_is_told_and_can_be_cleared() {
 }
 
 #[test]
-fn an_address_that_a_later_firmwares_settings_keep_from_being_stored_is_told_so() {
-    let (_, store) = store("settings-later");
+fn an_address_that_settings_of_a_later_firmware_keep_from_being_stored_lasts_until_the_next_reset() {
+    let store = store("settings-later");
     // The mark of the first page, then an item of sequential-storage: check sums and length, key 1, and a record of
     // version 2 with one byte.
     let begin = [
@@ -246,8 +228,8 @@ fn an_address_that_a_later_firmwares_settings_keep_from_being_stored_is_told_so(
 
 #[test]
 fn settings_are_exported_to_standard_output_by_a_dash() {
-    let (folder, store) = store("settings-dash");
-    let hub = served(&store);
+    let folder = made_folder("settings-dash");
+    let hub = served(&folder.join("store").display().to_string());
     let exported = settings(&hub, &["export"]);
     let client = Command::new(PROGRAM)
         .args(["client", "--tcp", &hub.place, "settings", "export", "-"])

@@ -1,9 +1,8 @@
 //! Messages of `motor-hub client update` about the result of an update, against the hub's protocol code with a fake flash.
 
 use crate::client_program::client;
-use crate::common::{folder, motor_hub, write};
+use crate::common::{err, fails, folder, motor_hub, out, write};
 use crate::hub_support::{Hub, Server, responder};
-use crate::output::{err, fails, out};
 use motor_hub::responder::Responder;
 use motor_hub::update::{Booted, Done, Outcome, Seal, Slot, UpdateRequest, public_key};
 
@@ -64,7 +63,7 @@ pub(crate) fn image(version: &str) -> Vec<u8> {
 pub(crate) const RUNS: &str = concat!("mh", env!("CARGO_PKG_VERSION"));
 
 #[test]
-fn an_update_that_was_rolled_back_says_so() {
+fn an_update_that_was_rolled_back_fails_with_both_versions() {
     let file = write(&folder("client-update-back"), "newer.bin", image("mh9.9.9"));
     let server = serve(SLOT, goes_back);
     let output = client(&server, &["update", &file]);
@@ -91,14 +90,14 @@ fn an_image_that_the_bootloader_refuses_is_no_update_though_it_has_the_version_o
 }
 
 #[test]
-fn an_update_that_stays_says_so() {
+fn an_update_that_stays_is_confirmed() {
     let file = write(&folder("client-update-stays"), "same.bin", image(RUNS));
     let output = out(&client(&serve(SLOT, good), &["update", &file]));
     assert!(output.contains(&format!("Eng: 2, {RUNS}, confirmed")), "{output}");
 }
 
 #[test]
-fn a_hub_with_a_key_refuses_what_its_owner_has_not_signed_and_says_why() {
+fn a_hub_with_a_key_refuses_unsigned_firmware_with_the_reason() {
     let folder = folder("client-update-signed");
     let file = write(&folder, "same.bin", image(RUNS));
     let signature = write(&folder, "same.sig", SIGNATURE);

@@ -1,7 +1,6 @@
 //! `motor-hub compare`: that the tasks tell the variants apart, and how.
 
-use crate::common::{folder, motor_hub};
-use crate::output::json;
+use crate::common::{folder, json, motor_hub};
 use serde_json::Value;
 use std::path::Path;
 use std::sync::LazyLock;

@@ -1,132 +1,30 @@
 //! The server of `motor-hub dashboard`, by sockets without a browser: which page may move motors, and when motors stop.
 
 use crate::client_update::{KEY, RUNS, SIGNATURE, SLOT, goes_back, good, image, serve};
+use crate::common::{PATIENCE, PROGRAM, client, err, fails, json as document, motor_hub, store, wait_for};
 use crate::conformance::Hub;
 use crate::hub_support::{Hub as FakeHub, Server};
-use crate::page::Dashboard;
+use crate::page::{Dashboard, Page};
 use motor_hub::extension::settings::Group;
 use motor_hub::update::{Slot, public_key};
 use serde_json::{Value, json};
-use std::io::{BufRead, BufReader, ErrorKind};
-use std::net::TcpStream;
+use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-use tungstenite::client::IntoClientRequest;
-use tungstenite::{Error, Message, WebSocket, client};
-
-const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
-const PATIENCE: Duration = Duration::from_secs(10);
-
-/// The socket of a page, without a browser.
-pub(crate) struct Page {
-    socket: WebSocket<TcpStream>,
-    /// True if the page returns the numbers of frames.
-    alive: bool,
-    frame: Value,
-}
-
-impl Page {
-    pub(crate) fn open(dashboard: &Dashboard) -> Self {
-        let address = dashboard.url.strip_prefix("http://").unwrap();
-        let (host, query) = address.split_once("/?").unwrap();
-        let mut request = format!("ws://{host}/ws?{query}").into_client_request().unwrap();
-        request.headers_mut().insert("Origin", format!("http://{host}").parse().unwrap());
-        let (socket, _) = client(request, TcpStream::connect(host).unwrap()).unwrap();
-        socket.get_ref().set_read_timeout(Some(Duration::from_millis(10))).unwrap();
-        socket.get_ref().set_nodelay(true).unwrap();
-        Self { socket, alive: true, frame: Value::Null }
-    }
-
-    /// A page that is connected to a hub with a good battery.
-    fn ready(dashboard: &Dashboard) -> Self {
-        let mut page = Self::open(dashboard);
-        page.until("a battery", |page, _| page.frame["battery_v"].as_f64().is_some_and(|volts| volts > 11.0));
-        page
-    }
-
-    fn order(&mut self, order: &str, fields: Value) {
-        self.socket.send(Message::text(json!({ order: fields }).to_string())).unwrap();
-    }
-
-    /// The next message, if there is one.
-    fn hear(&mut self) -> Option<Value> {
-        match self.socket.read() {
-            Ok(Message::Text(text)) => {
-                let message: Value = serde_json::from_str(&text).unwrap();
-                if message["kind"] == "frame" {
-                    self.frame = message.clone();
-                    if self.alive && message["number"].as_u64().unwrap().is_multiple_of(5) {
-                        self.order("shown", json!({ "number": message["number"] }));
-                    }
-                }
-                Some(message)
-            }
-            Ok(_) => None,
-            Err(Error::Io(e)) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => None,
-            Err(error) => panic!("{error}"),
-        }
-    }
-
-    fn until(&mut self, what: &str, mut is: impl FnMut(&Self, &Value) -> bool) -> Value {
-        let end = Instant::now() + PATIENCE;
-        loop {
-            assert!(Instant::now() < end, "never: {what}; {}", self.frame);
-            if let Some(message) = self.hear()
-                && is(self, &message)
-            {
-                return message;
-            }
-        }
-    }
-
-    /// Acknowledges frames for a time.
-    pub(crate) fn stay(&mut self, time: Duration) {
-        let end = Instant::now() + time;
-        while Instant::now() < end {
-            self.hear();
-        }
-    }
-
-    fn enabled(&self, motor: usize) -> bool {
-        self.frame["motors"][motor]["enabled"] == true
-    }
-
-    fn run(&mut self, motor: usize) {
-        self.order("drive", json!({ "motor": motor, "mode": "power", "value": 0.3 }));
-        self.order("enable", json!({ "motor": motor, "on": true }));
-        self.until("a motor that runs", |page, _| {
-            page.enabled(motor) && page.frame["motors"][motor]["velocity"].as_f64() > Some(100.0)
-        });
-    }
-
-    /// Waits for a notice with this text, and for motor 0 to be disabled.
-    fn off(&mut self, says: &str) {
-        let mut told = false;
-        self.until(says, |page, message| {
-            told |= message["kind"] == "notice" && message["text"].as_str().unwrap().contains(says);
-            told && !page.enabled(0) && page.frame["motors"][0]["regime"].is_null()
-        });
-    }
-
-    fn refused(&mut self, order: &str, fields: Value) -> String {
-        self.order(order, fields);
-        self.until("a refusal", |_, message| message["kind"] == "refused")["why"].as_str().unwrap().to_owned()
-    }
-}
 
 #[test]
 fn a_page_that_shows_nothing_for_a_second_loses_its_motors_and_not_before() {
     let dashboard = Dashboard::start(&[]);
     let (mut driver, mut viewer) = (Page::ready(&dashboard), Page::open(&dashboard));
     driver.run(0);
-    driver.stay(Duration::from_secs(2));
-    assert!(driver.enabled(0), "somebody watches");
+    driver.stay(Duration::from_millis(1500));
+    assert!(driver.enabled(0), "the page shows frames");
     // The page receives frames, and acknowledges none.
-    driver.alive = false;
+    driver.returns_numbers = false;
     let silent = Instant::now();
     while viewer.frame["motors"][0]["enabled"] != false {
-        driver.hear();
-        viewer.hear();
+        driver.receive();
+        viewer.receive();
         assert!(silent.elapsed() < PATIENCE);
         if silent.elapsed() < Duration::from_millis(800) {
             assert!(viewer.frame.is_null() || viewer.enabled(0), "off after {:?}", silent.elapsed());
@@ -136,23 +34,22 @@ fn a_page_that_shows_nothing_for_a_second_loses_its_motors_and_not_before() {
 }
 
 #[test]
-fn numbers_of_frames_that_were_never_sent_keep_nothing_running() {
+fn numbers_of_frames_that_were_never_sent_do_not_keep_motors_enabled() {
     let dashboard = Dashboard::start(&[]);
     let mut driver = Page::ready(&dashboard);
     driver.run(0);
-    driver.alive = false;
+    driver.returns_numbers = false;
     let old = driver.frame["number"].clone();
-    let end = Instant::now() + PATIENCE;
-    while driver.enabled(0) {
-        assert!(Instant::now() < end, "it runs on");
+    wait_for("a disabled motor", || {
         driver.order("shown", json!({ "number": u64::MAX }));
         driver.order("shown", json!({ "number": old }));
-        driver.hear();
-    }
+        driver.receive();
+        (!driver.enabled(0)).then_some(())
+    });
 }
 
 #[test]
-fn a_page_that_is_closed_loses_its_motors_at_once() {
+fn a_page_that_is_closed_loses_its_motors_immediately() {
     let dashboard = Dashboard::start(&[]);
     let (mut driver, mut viewer) = (Page::ready(&dashboard), Page::open(&dashboard));
     driver.run(0);
@@ -237,87 +134,52 @@ fn a_motor_has_a_constant_current_once_it_is_enabled() {
     page.order("current", current);
     page.until("a constant current", |page, _| {
         let motor = &page.frame["motors"][0];
-        motor["told"] == "current" && motor["target"] == 0.4 && motor["velocity"].as_f64() > Some(500.0)
+        motor["setpoint"] == "current" && motor["target"] == 0.4 && motor["velocity"].as_f64() > Some(500.0)
     });
     assert_eq!(page.frame["motors"][0]["current_limited"], false);
 }
+
+/// Orders, and words of their refusals.
+const OUT_OF_RANGE: &str = r#"
+{"drive":{"motor":0,"mode":"power","value":1.5}} | a power of 1.5 is out of range; allowed is -1 to 1
+{"drive":{"motor":0,"mode":"velocity","value":40000}} | allowed is -32768 to 32767
+{"drive":{"motor":0,"mode":"position","value":3e9}} | a position in counts of 3000000000
+{"drive":{"motor":4,"mode":"power","value":0}} | there is no motor 4; allowed is 0 to 3
+{"drive":{"motor":0,"mode":"sideways","value":0}} | unknown variant `sideways`
+{"drive":{"motor":0,"mode":"power"}} | missing field `value`
+{"current":{"motor":0,"amperes":70}} | a current in A of 70 is out of range; allowed is -65.535 to 65.535
+{"enable":{"motor":0,"on":true,"more":1}} | unknown field `more`
+{"enable":{"motor":0,"on":true}} | no target set
+{"coefficients":{"motor":0,"of":"velocity","pidf":[1e9,0,0,0]}} | a coefficient of 1000000000
+{"acceleration":{"motor":0,"limit":0}} | an acceleration is 1 to
+{"set-up":{"motor":0,"scheme":"E","duty":"linear-duty"}} | unknown scheme `E`
+{"set-up":{"motor":0,"name":"AM 61 A","scheme":"A","duty":"linear-duty"}} | AM 61 A
+{"apply":{"motor":0}} | not identified yet
+{"undo":{"motor":0}} | nothing to undo
+{"together":{"to":[null,null,null,null],"speed":1,"acceleration":1}} | at least one motor
+{"together":{"to":[1,null,null,null],"speed":0,"acceleration":1}} | allowed is 1 to 1000000
+{"world":{"battery":{"volts":99}}} | a battery of 99 V is out of range; allowed is 0 to 16 V
+{"world":{"hold":{"motor":9,"held":true}}} | there is no motor 9
+{"world":{"encoder":{"motor":0,"is":"wet"}}} | an encoder is not `wet`
+{"device":{"servo":{"servo":6,"period_us":20000,"width_us":1500,"on":true}}} | a servo output is 0 to 5, and not 6
+{"device":{"servo":{"servo":0,"period_us":1000,"width_us":1500,"on":true}}} | a pulse of 1500 us is longer than its period of 1000 us; allowed are 1 to 1000 us
+{"device":{"pin":{"pin":8,"level":null}}} | a digital pin is 0 to 7, and not 8
+{"device":{"write":{"bus":0,"address":40,"bytes":[],"fast":false}}} | 1 to 100
+{"device":{"scan":{"bus":4}}} | an I2C bus is 0 to 3, and not 4
+{"explode":null} | unknown variant `explode`
+{ | not an order
+"#;
 
 #[test]
 fn what_is_out_of_range_is_refused_with_what_is_allowed() {
     let dashboard = Dashboard::start(&[]);
     let mut page = Page::ready(&dashboard);
-    for (order, fields, says) in [
-        (
-            "drive",
-            json!({ "motor": 0, "mode": "power", "value": 1.5 }),
-            "a power of 1.5 is out of range; allowed is -1 to 1",
-        ),
-        ("drive", json!({ "motor": 0, "mode": "velocity", "value": 40_000 }), "allowed is -32768 to 32767"),
-        (
-            "drive",
-            json!({ "motor": 0, "mode": "position", "value": 3e9 }),
-            "a position in counts of 3000000000",
-        ),
-        (
-            "drive",
-            json!({ "motor": 4, "mode": "power", "value": 0 }),
-            "there is no motor 4; allowed is 0 to 3",
-        ),
-        (
-            "current",
-            json!({ "motor": 0, "amperes": 70 }),
-            "a current in A of 70 is out of range; allowed is -65.535 to 65.535",
-        ),
-        ("drive", json!({ "motor": 0, "mode": "sideways", "value": 0 }), "unknown variant `sideways`"),
-        ("drive", json!({ "motor": 0, "mode": "power" }), "missing field `value`"),
-        ("enable", json!({ "motor": 0, "on": true, "more": 1 }), "unknown field `more`"),
-        ("enable", json!({ "motor": 0, "on": true }), "no target set"),
-        (
-            "coefficients",
-            json!({ "motor": 0, "of": "velocity", "pidf": [1e9, 0, 0, 0] }),
-            "a coefficient of 1000000000",
-        ),
-        ("acceleration", json!({ "motor": 0, "limit": 0 }), "an acceleration is 1 to"),
-        ("set-up", json!({ "motor": 0, "scheme": "E", "duty": "linear-duty" }), "unknown scheme `E`"),
-        ("set-up", json!({ "motor": 0, "name": "AM 61 A", "scheme": "A", "duty": "linear-duty" }), "AM 61 A"),
-        ("apply", json!({ "motor": 0 }), "not identified yet"),
-        ("undo", json!({ "motor": 0 }), "nothing to undo"),
-        (
-            "together",
-            json!({ "to": [null, null, null, null], "speed": 1, "acceleration": 1 }),
-            "at least one motor",
-        ),
-        (
-            "together",
-            json!({ "to": [1, null, null, null], "speed": 0, "acceleration": 1 }),
-            "allowed is 1 to 1000000",
-        ),
-        (
-            "world",
-            json!({ "battery": { "volts": 99 } }),
-            "a battery of 99 V is out of range; allowed is 0 to 16 V",
-        ),
-        ("world", json!({ "hold": { "motor": 9, "held": true } }), "there is no motor 9"),
-        (
-            "device",
-            json!({ "servo": { "servo": 6, "period_us": 20000, "width_us": 1500, "on": true } }),
-            "a servo output is 0 to 5, and not 6",
-        ),
-        (
-            "device",
-            json!({ "servo": { "servo": 0, "period_us": 1000, "width_us": 1500, "on": true } }),
-            "a pulse of 1500 us is longer than its period of 1000 us; allowed are 1 to 1000 us",
-        ),
-        ("device", json!({ "pin": { "pin": 8, "level": null } }), "a digital pin is 0 to 7, and not 8"),
-        ("device", json!({ "write": { "bus": 0, "address": 40, "bytes": [], "fast": false } }), "1 to 100"),
-        ("device", json!({ "scan": { "bus": 4 } }), "an I2C bus is 0 to 3, and not 4"),
-        ("explode", Value::Null, "unknown variant `explode`"),
-    ] {
-        let why = page.refused(order, fields);
+    for case in OUT_OF_RANGE.trim().lines() {
+        let (order, says) = case.split_once(" | ").unwrap();
+        page.send(order).unwrap();
+        let why = page.message("refused")["why"].as_str().unwrap().to_owned();
         assert!(why.contains(says), "{order}: {why}");
     }
-    page.socket.send(Message::text("{")).unwrap();
-    page.until("a refusal", |_, message| message["kind"] == "refused");
     page.run(0);
 }
 
@@ -327,7 +189,7 @@ fn a_message_that_is_too_long_ends_its_page_and_no_other() {
     let (mut driver, mut other) = (Page::ready(&dashboard), Page::ready(&dashboard));
     driver.run(0);
     // The server may close the connection during the request.
-    let _ = other.socket.send(Message::text("x".repeat(100_000)));
+    let _ = other.send(&"x".repeat(100_000));
     driver.until("one page", |_, message| message["kind"] == "control" && message["pages"] == 1);
     driver.stay(Duration::from_millis(500));
     assert!(driver.enabled(0));
@@ -349,7 +211,7 @@ fn a_scenario_is_played_from_its_beginning_and_leaves_its_motors_off() {
     page.until("its load", |page, _| {
         winch(page, "regime") == "braking" && winch(page, "load_a").as_f64() < Some(-0.5)
     });
-    page.until("its end", |_, message| message["text"] == "all motors are disabled: the scenario is over");
+    page.notice("all motors are disabled: the scenario is over");
     let other = Dashboard::start(&[]);
     let mut page = Page::ready(&other);
     assert!(page.refused("play", Value::Null).contains("start the dashboard with --scenario"));
@@ -357,16 +219,14 @@ fn a_scenario_is_played_from_its_beginning_and_leaves_its_motors_off() {
 
 #[test]
 fn settings_that_a_page_saves_are_in_force_when_the_hub_starts_again() {
-    let store = std::env::temp_dir().join(format!("motor-hub-dashboard-{}.store", std::process::id()));
+    let store = store("dashboard-saved");
     let of_motor_1 = |message: &Value| message["kind"] == "settings" && message["motor"] == 1;
-    let mut dashboard = Dashboard::start(&["--store", store.to_str().unwrap()]);
+    let mut dashboard = Dashboard::start(&["--store", &store]);
     let mut page = Page::ready(&dashboard);
     page.order("set-up", json!({ "motor": 1, "name": "CoreHex A", "scheme": "C", "duty": "linear-duty" }));
     page.until("another motor", |_, message| of_motor_1(message) && message["name"] == "Core Hex");
     page.order("save", Value::Null);
-    page.until("settings that are saved", |_, message| {
-        message["text"].as_str().is_some_and(|text| text.starts_with("settings are saved"))
-    });
+    page.notice("settings are saved");
     // Other settings give way to the stored ones, and these to the firmware's own.
     page.order(
         "set-up",
@@ -377,7 +237,7 @@ fn settings_that_a_page_saves_are_in_force_when_the_hub_starts_again() {
     page.until("the stored motor", |_, message| of_motor_1(message) && message["name"] == "Core Hex");
     dashboard.end();
 
-    let again = Dashboard::start(&["--store", store.to_str().unwrap()]);
+    let again = Dashboard::start(&["--store", &store]);
     let mut page = Page::open(&again);
     let seen = page.until("its settings", |_, message| of_motor_1(message));
     assert_eq!((&seen["name"], &seen["duty"]), (&json!("Core Hex"), &json!("linear-duty")), "{seen}");
@@ -387,7 +247,6 @@ fn settings_that_a_page_saves_are_in_force_when_the_hub_starts_again() {
     page.until("the firmware's settings", |_, message| {
         of_motor_1(message) && message["duty"] != "linear-duty"
     });
-    std::fs::remove_file(&store).unwrap();
 
     let other = Dashboard::start(&[]);
     let mut page = Page::open(&other);
@@ -398,17 +257,16 @@ fn settings_that_a_page_saves_are_in_force_when_the_hub_starts_again() {
 
 #[test]
 fn a_hub_keeps_its_new_address_and_its_stored_settings() {
-    let store =
-        std::env::temp_dir().join(format!("motor-hub-dashboard-address-{}.store", std::process::id()));
+    let store = store("dashboard-address");
     let says = |page: &mut Page, fields: Value, words: &str| {
         page.order("address", fields);
-        page.until(words, |_, message| message["text"].as_str().is_some_and(|text| text.contains(words)));
+        page.notice(words);
     };
-    let mut dashboard = Dashboard::start(&["--store", store.to_str().unwrap()]);
+    let mut dashboard = Dashboard::start(&["--store", &store]);
     let mut page = Page::ready(&dashboard);
     page.order("set-up", json!({ "motor": 1, "name": "Core Hex", "scheme": "C", "duty": "linear-duty" }));
     page.order("save", Value::Null);
-    page.until("saved settings", |_, message| message["text"] == "settings are saved");
+    page.notice("settings are saved");
     for (given, shown) in [(json!(0), "0"), (json!(255), "255"), (json!(3000), "3000")] {
         let why = page.refused("address", json!({ "new": given }));
         assert_eq!(why, format!("an address is {shown}; allowed is 1 to 254"));
@@ -422,16 +280,15 @@ fn a_hub_keeps_its_new_address_and_its_stored_settings() {
     page.stay(Duration::from_millis(300));
     dashboard.end();
 
-    let again = Dashboard::start(&["--store", store.to_str().unwrap()]);
+    let again = Dashboard::start(&["--store", &store]);
     let mut page = Page::ready(&again);
     page.order("status", Value::Null);
-    let status = page.until("a status", |_, message| message["kind"] == "status");
+    let status = page.message("status");
     assert_eq!((&status["address"], &status["differs"]), (&json!(9), &json!(false)), "{status}");
     drop((page, again));
     // The address may be given instead of found.
-    let given = Dashboard::start(&["--store", store.to_str().unwrap(), "--address", "9"]);
+    let given = Dashboard::start(&["--store", &store, "--address", "9"]);
     Page::ready(&given);
-    std::fs::remove_file(&store).unwrap();
 
     let other = Dashboard::start(&[]);
     let unknown = "at least until its next reset; it does not report whether it stores addresses";
@@ -439,7 +296,7 @@ fn a_hub_keeps_its_new_address_and_its_stored_settings() {
 }
 
 #[test]
-fn an_import_that_the_hub_refuses_half_way_changes_nothing_and_says_which_motor_was_refused() {
+fn an_import_that_the_hub_refuses_half_way_changes_nothing_and_names_the_motor() {
     let mut hub = FakeHub::new();
     // The hub refuses the current limit of motor 2, as if it had no such motor.
     hub.change = |packet| {
@@ -463,12 +320,10 @@ fn an_import_that_the_hub_refuses_half_way_changes_nothing_and_says_which_motor_
     // A file that the hub accepts is in force, and an undo takes it back for its motor.
     server.hub().change = |_| ();
     page.order("import", json!({ "text": after }));
-    page.until("an import", |_, message| {
-        message["text"].as_str().is_some_and(|text| text.starts_with("the settings of the file"))
-    });
+    page.notice("the settings of the file");
     assert_eq!(export(&mut page), after);
     page.order("undo", json!({ "motor": 3 }));
-    page.until("an undo", |_, message| message["text"].as_str().is_some_and(|text| text.contains("undone")));
+    page.notice("undone");
     assert_eq!(
         export(&mut page),
         [after.rsplit_once("\n[[motor]]").unwrap().0, before.rsplit_once("\n[[motor]]").unwrap().1]
@@ -497,9 +352,9 @@ fn motors_of_a_hub_that_is_not_shown_stop_with_the_page() {
     let mut page = Page::open(&dashboard);
     runs(&mut page, [&[], &[]]);
     // Each hub is asked again what it does.
-    let end = Instant::now() + Duration::from_secs(1);
-    while Instant::now() < end {
-        let message = page.hear().unwrap_or_default();
+    let asked = Instant::now();
+    while asked.elapsed() < Duration::from_secs(1) {
+        let message = page.receive().unwrap_or_default();
         assert!((0..2).all(|hub| message["kind"] != "hubs" || message["hubs"][hub]["running"] == json!([])));
     }
 }
@@ -516,7 +371,7 @@ fn settings_are_not_imported_while_a_motor_runs() {
 /// The settings in force as a file.
 fn export(page: &mut Page) -> String {
     page.order("export", Value::Null);
-    page.until("a file", |_, message| message["kind"] == "file")["text"].as_str().unwrap().to_owned()
+    page.message("file")["text"].as_str().unwrap().to_owned()
 }
 
 /// Sends an image of 3000 bytes more as a page does, and returns the last message of the update.
@@ -557,7 +412,7 @@ fn update_signed(page: &mut Page, image: &[u8], seal: Value) -> Value {
 }
 
 #[test]
-fn new_firmware_is_sent_while_frames_go_on_and_the_page_says_what_came_of_it() {
+fn new_firmware_is_sent_while_frames_go_on_and_the_page_shows_the_result() {
     let server = serve(SLOT, good);
     let dashboard = Dashboard::start(&["--tcp", &server.address]);
     let mut page = Page::ready(&dashboard);
@@ -617,34 +472,31 @@ fn firmware_for_no_slot_is_refused_before_it_is_sent() {
 
 #[test]
 fn a_hub_elsewhere_is_driven_and_left_with_its_motors_off_when_the_program_ends() {
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let hub = Hub::served();
     let mut dashboard = Dashboard::start(&["--tcp", &hub.place]);
     let mut page = Page::ready(&dashboard);
     page.run(0);
     dashboard.end();
     drop(page);
     std::thread::sleep(Duration::from_millis(300));
-    let status =
-        Command::new(PROGRAM).args(["client", "--tcp", &hub.place, "status", "--json"]).output().unwrap();
-    let said = String::from_utf8_lossy(&status.stderr);
-    assert!(status.status.success() && !said.contains("left running"), "{said}");
-    let status: Value = serde_json::from_slice(&status.stdout).unwrap();
+    let status = client(&hub, &["status", "--json"]);
+    assert!(!err(&status).contains("left running"), "{}", err(&status));
+    let status = document(&status);
     let motor = &status["motors"][0];
     assert_eq!(motor["enabled"], false);
     assert!((motor["power"].as_f64().unwrap() - 0.3).abs() < 1e-4, "its target is kept: {motor}");
 }
 
 #[test]
-fn a_hub_that_goes_away_is_said_to_be_gone_and_found_again() {
-    let mut hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+fn a_lost_hub_is_reported_and_found_again() {
+    let hub = Hub::served();
     let place = hub.place.clone();
     let dashboard = Dashboard::start(&["--tcp", &place]);
     let mut page = Page::ready(&dashboard);
-    Command::new("kill").arg(hub.id().to_string()).status().unwrap();
-    hub.wait();
+    drop(hub);
     page.until("a hub that is gone", |_, message| message["kind"] == "line" && message["connected"] == false);
     assert_eq!(page.refused("enable", json!({ "motor": 0, "on": true })), "the hub is not connected");
-    let _again = Hub::start(PROGRAM, &["--tcp", &place]);
+    let _again = Hub::start(&["--tcp", &place]);
     page.until("a hub", |_, message| message["kind"] == "line" && message["connected"] == true);
 }
 
@@ -670,31 +522,35 @@ fn a_page_for_other_machines_prints_its_url_as_a_square_code() {
 
 #[test]
 fn the_page_is_for_this_machine_alone_unless_it_is_asked_for_otherwise() {
-    let refused = Command::new(PROGRAM).args(["dashboard", "--http", "0.0.0.0:0"]).output().unwrap();
-    let says = String::from_utf8_lossy(&refused.stderr);
-    assert!(refused.status.code() == Some(2) && says.contains("give --listen 0.0.0.0:0"), "{says}");
-    let refused = Command::new(PROGRAM).args(["dashboard", "--http", "nowhere"]).output().unwrap();
-    let says = String::from_utf8_lossy(&refused.stderr);
-    assert!(refused.status.code() == Some(2) && says.contains("give HOST:PORT"), "{says}");
+    for (address, says) in [("0.0.0.0:0", "give --listen 0.0.0.0:0"), ("nowhere", "give HOST:PORT")] {
+        fails(&motor_hub(&["dashboard", "--http", address]), 2, says);
+    }
 }
 
-/// `cargo test --test program report_of_frames -- --ignored --nocapture`
 #[test]
-#[ignore = "a report, not a test: times are this machine's"]
-fn report_of_frames_a_second_of_four_running_motors() {
-    let frames = |name: &str, dashboard: &Dashboard| {
-        let mut page = Page::ready(dashboard);
-        (0..4).for_each(|motor| page.run(motor));
-        let (begun, first) = (Instant::now(), page.frame["number"].as_u64().unwrap());
-        page.stay(Duration::from_secs(5));
-        let count = page.frame["number"].as_u64().unwrap() - first;
-        assert!((0..4).all(|motor| page.enabled(motor)));
-        println!("{name}: {:.1} frames a second", count as f64 / begun.elapsed().as_secs_f64());
-    };
-    frames("simulated", &Dashboard::start(&[]));
-    #[cfg(feature = "emulated")]
-    {
-        let chip = Hub::start(PROGRAM, &["--emulated", "--tcp", "127.0.0.1:0"]);
-        frames("emulated chip", &Dashboard::start(&["--tcp", &chip.place]));
-    }
+fn a_hub_of_another_maker_is_driven_and_values_that_it_does_not_report_are_left_out() {
+    let server = Server::start(FakeHub { foreign: true, ..FakeHub::new() });
+    let dashboard = Dashboard::start(&["--tcp", &server.address]);
+    let mut page = Page::open(&dashboard);
+    let line = page.until("a hub", |_, message| message["kind"] == "line" && message["connected"] == true);
+    assert_eq!(line["reports"], false, "the plots of its values stay empty");
+    let frame = page.message("frame");
+    assert_eq!((&frame["battery_v"], &frame["bus"]), (&json!(12.345), &Value::Null));
+    let motor = &frame["motors"][0];
+    assert_eq!(motor["enabled"], false);
+    assert!(motor["control"].is_null() && motor["points"].is_null(), "{motor}");
+
+    page.order("drive", json!({ "motor": 0, "mode": "velocity", "value": 300 }));
+    page.order("enable", json!({ "motor": 0, "on": true }));
+    page.until("a motor that runs", |page, _| page.enabled(0));
+    let motor = &page.frame["motors"][0];
+    assert_eq!((&motor["setpoint"], &motor["target"]), (&json!("velocity"), &json!(300.0)));
+    let why = page.refused("current", json!({ "motor": 0, "amperes": 0.5 }));
+    assert!(why.contains("regulates no current"), "{why}");
+    page.order("identify", json!({ "motor": 0 }));
+    let end = page
+        .until("an end", |_, message| message["kind"] == "refused" || message["kind"] == "identification");
+    assert!(end["why"].as_str().unwrap().contains("refuses"), "{end}");
+    page.order("stop", Value::Null);
+    page.until("a disabled motor", |page, _| !page.enabled(0));
 }

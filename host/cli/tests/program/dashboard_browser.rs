@@ -1,77 +1,13 @@
-//! `motor-hub dashboard` in a real browser: what a user sees and does.
+//! `motor-hub dashboard` in a real browser: control, motors, plots and stops.
 
-use crate::browser::page::{drive, live, motor, off, pictures, unobstructed};
-use crate::browser::{Browser, Tab, find, wait_for};
-use crate::common::alone;
-use crate::dashboard::Page;
-use crate::page::Dashboard;
+use crate::browser::Tab;
+use crate::browser::page::{
+    ENTER, ESCAPE, PANELS, SPACE, drive, live, motor, off, pictures, unobstructed, with_page, with_page_of,
+    with_two_pages,
+};
+use crate::page::{Dashboard, Page};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-
-pub(crate) const ESCAPE: (&str, u32) = ("Escape", 27);
-/// Names of all panels.
-pub(crate) const PANELS: [&str; 9] =
-    ["tune", "learn", "setup", "group", "record", "regimes", "devices", "hub", "world"];
-pub(crate) const SPACE: (&str, u32) = (" ", 32);
-
-/// Runs a test with a page of a simulated hub, in desktop size. The browser's console must have no errors at the end.
-pub(crate) fn with_page(name: &str, test: impl FnOnce(&mut Tab<'_>)) {
-    with_page_of(name, &[], |_, tab| {
-        test(tab);
-        assert_eq!(tab.complaints(), Vec::<String>::new());
-    });
-}
-
-/// Runs a test with a page of a dashboard that is started with these arguments, in desktop size.
-pub(crate) fn with_page_of(name: &str, arguments: &[&str], test: impl FnOnce(&mut Dashboard, &mut Tab<'_>)) {
-    let Some(program) = find() else { return };
-    let _alone = alone();
-    let mut dashboard = Dashboard::start(arguments);
-    let mut browser = Browser::start(&program, name);
-    let mut tab = browser.open(&dashboard.url, 1280, 1000);
-    live(&mut tab);
-    test(&mut dashboard, &mut tab);
-}
-
-/// Runs a test with two pages of one hub. The first page drives motor 0 at 900 counts/s.
-pub(crate) fn with_driver_and_viewer(name: &str, test: impl FnOnce(Tab<'_>, Tab<'_>)) {
-    let Some(program) = find() else { return };
-    let _alone = alone();
-    let dashboard = Dashboard::start(&[]);
-    // Each page has its own browser, because a hanging browser would block both pages.
-    let mut first = Browser::start(&program, &format!("{name}-driver"));
-    let mut second = Browser::start(&program, &format!("{name}-viewer"));
-    let mut driver = first.open(&dashboard.url, 1280, 1000);
-    live(&mut driver);
-    let mut viewer = second.open(&dashboard.url, 1280, 1000);
-    live(&mut viewer);
-    drive(&mut driver, 0, 900);
-    test(driver, viewer);
-}
-
-/// Ends the page that drives a motor, and checks in a second page that the motors are disabled.
-pub(crate) fn with_two_pages(name: &str, end: impl FnOnce(Tab<'_>), says: &str, most: Duration) {
-    with_driver_and_viewer(name, |driver, mut viewer| {
-        assert_eq!(
-            viewer.ask("document.querySelector('#control').textContent"),
-            "Another page is in control"
-        );
-        let since = Instant::now();
-        end(driver);
-        let took = wait_for("a motor that is off", || {
-            (viewer.ask(&motor(0, "enabled")) == false).then(|| since.elapsed())
-        });
-        println!("{name}: off after {:.0} ms", took.as_secs_f64() * 1e3);
-        assert!(took < most, "{took:?}");
-        viewer.wait(&format!("document.querySelector('#notice').textContent.includes('{says}')"));
-        // A coasting motor has control 0 and current 0.
-        viewer.wait(&format!("{} === 0 && {} === 0", motor(0, "control"), motor(0, "current_a")));
-        viewer.wait("document.querySelector('#take').checkVisibility()");
-        viewer.click("#take");
-        viewer.wait("document.querySelector('#control').textContent.startsWith('You are in control')");
-        assert_eq!(viewer.complaints(), Vec::<String>::new());
-    });
-}
 
 #[test]
 fn a_tab_that_is_killed_loses_its_motors() {
@@ -186,7 +122,7 @@ fn everything_is_in_sight_and_nothing_lies_over_anything_else() {
 
 #[test]
 #[ignore = "long: cargo xtask long"]
-fn a_winch_is_seen_going_through_the_regimes() {
+fn the_regimes_of_a_winch_are_shown() {
     with_page("winch", |tab| {
         drive(tab, 1, 600);
         drive(tab, 2, -400);
@@ -233,7 +169,7 @@ fn a_winch_is_seen_going_through_the_regimes() {
 
 #[test]
 #[ignore = "long: cargo xtask long"]
-fn why_a_motor_stands_is_said_in_words() {
+fn the_reason_why_a_motor_stands_is_shown() {
     with_page("why", |tab| {
         let why = "document.querySelector('#motors .card:nth-child(2) .why').textContent";
         assert_eq!(tab.ask(why), "Disabled.");
@@ -254,7 +190,7 @@ fn why_a_motor_stands_is_said_in_words() {
 
 #[test]
 #[ignore = "long: cargo xtask long"]
-fn a_step_is_laid_over_the_one_before_and_a_change_is_taken_back() {
+fn a_step_is_plotted_over_the_step_before_and_a_change_is_undone() {
     with_page("step", |tab| {
         tab.click("#tab-tune");
         let step = |tab: &mut Tab<'_>| {
@@ -279,7 +215,7 @@ fn a_step_is_laid_over_the_one_before_and_a_change_is_taken_back() {
 
 #[test]
 #[ignore = "long: cargo xtask long"]
-fn a_motor_is_identified_and_what_was_found_predicts_what_was_measured() {
+fn the_result_of_an_identification_predicts_the_measured_speed() {
     with_page("identify", |tab| {
         tab.click("#tab-learn");
         tab.click("#panel-learn button.primary");
@@ -311,41 +247,7 @@ fn a_motor_is_identified_and_what_was_found_predicts_what_was_measured() {
 
 #[test]
 #[ignore = "long: cargo xtask long"]
-fn a_recording_is_saved_and_looked_at_again() {
-    with_page("record", |tab| {
-        tab.click("#tab-record");
-        tab.click("#panel-record button.primary");
-        drive(tab, 0, 700);
-        // The recording has rows after some ten readings.
-        std::thread::sleep(Duration::from_millis(500));
-        tab.click("#panel-record button.primary");
-        // Take the file that would be saved, and open it as a chosen file.
-        let rows = tab.ask(
-            "(async () => { \
-                let text; const make = URL.createObjectURL; \
-                URL.createObjectURL = (blob) => { text = blob.text(); return make.call(URL, new Blob([])); }; \
-                document.querySelector('#panel-record .row button:nth-child(2)').click(); \
-                URL.createObjectURL = make; \
-                const file = document.querySelector('#record-file'); const kept = new DataTransfer(); \
-                kept.items.add(new File([await text], 'run.csv')); file.files = kept.files; \
-                file.dispatchEvent(new Event('change')); \
-                return (await text).trim().split('\\n') })()",
-        );
-        let rows = rows.as_array().unwrap();
-        assert!(
-            rows.len() > 40 && rows[0].as_str().unwrap().starts_with("time_s,motor,battery_v,velocity"),
-            "{rows:?}"
-        );
-        tab.wait("document.querySelector('#panel-record [role=status]').textContent.startsWith('run.csv is shown')");
-        assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Resume live");
-        tab.click("#pause");
-        assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Pause");
-    });
-}
-
-#[test]
-#[ignore = "long: cargo xtask long"]
-fn all_of_it_is_reached_by_keys() {
+fn every_control_is_reached_by_keys() {
     with_page("keys", |tab| {
         let chosen = "document.querySelector('.card.chosen').getAttribute('aria-label')";
         tab.press(("2", 50));
@@ -365,12 +267,12 @@ fn all_of_it_is_reached_by_keys() {
         );
         assert_eq!(Some(reached.len() as u64), expected.as_u64());
         tab.ask("document.querySelector('#motors .card:nth-child(4) .run').focus()");
-        tab.press(("Enter", 13));
+        tab.press(ENTER);
         tab.wait(&motor(3, "enabled"));
     });
 }
 
-/// `cargo test --test program report_of_drawing -- --ignored --nocapture`
+/// `cargo test --test program report_of_drawing -- --ignored --nocapture --test-threads 1`
 #[test]
 #[ignore = "a report, not a test: times are this machine's"]
 fn report_of_drawing_full_plots() {
@@ -395,9 +297,9 @@ fn report_of_drawing_full_plots() {
     });
 }
 
-/// Times from Escape until a frame says that the motor is off, as the page in control sees them.
+/// Times from Escape until a frame says that the motor is off, by the frames of the page in control.
 ///
-/// `cargo test --test program report_of_stop -- --ignored --nocapture`
+/// `cargo test --test program report_of_stop -- --ignored --nocapture --test-threads 1`
 #[test]
 #[ignore = "a report, not a test: times are this machine's"]
 fn report_of_stop_with_eight_viewers() {
@@ -490,7 +392,7 @@ fn a_reload_keeps_unit_motor_tab_and_curves() {
         assert_eq!(tab.ask("document.querySelector('.card.chosen').getAttribute('aria-label')"), "Motor 2");
         assert_eq!(tab.ask("document.querySelector('#tab-record').getAttribute('aria-selected')"), "true");
         assert_eq!(tab.ask(position), true);
-        // A plot says its curves in words, also those of another motor.
+        // The label of a plot has the values of its curves, also of another motor.
         tab.wait("document.querySelector('.chart[aria-label^=Speed]').getAttribute('aria-label').includes('motor 0 0')");
     });
 }
@@ -524,7 +426,7 @@ fn a_click_on_release_gives_control_to_the_page_that_asked_with_motors_off() {
 }
 
 #[test]
-fn a_page_of_a_program_that_was_started_again_says_so() {
+fn a_page_of_a_program_that_was_started_again_asks_for_the_new_url() {
     with_page_of("restart", &[], |dashboard, tab| {
         let line = "document.querySelector('#line').textContent";
         let address = dashboard.url.trim_start_matches("http://").split('/').next().unwrap().to_owned();

@@ -1,12 +1,9 @@
 //! Servos, sensors, pins, I2C buses and the hubs of a chain on the page of `motor-hub dashboard`, in a real browser.
 
-use crate::browser::page::{drive, live, off, pictures, unobstructed};
-use crate::browser::{Browser, Tab, find};
-use crate::common::alone;
-use crate::dashboard_browser::{ESCAPE, with_page};
-use crate::dashboard_looks::theme;
-use crate::dashboard_panels::{open, press};
-use crate::page::Dashboard;
+use crate::browser::Tab;
+use crate::browser::page::{
+    ESCAPE, drive, off, open, pictures, press, theme, unobstructed, with_page, with_page_of,
+};
 use std::time::{Duration, Instant};
 
 /// Leaves pictures of a phone and a laptop in two themes in `target/dashboard`.
@@ -84,23 +81,20 @@ fn devices_on_an_i2c_bus_are_found_read_and_written() {
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn a_chain_shows_what_each_hub_does_and_has_one_stop() {
-    let Some(program) = find() else { return };
-    let _alone = alone();
-    let dashboard = Dashboard::start(&["--hubs", "3"]);
-    let mut browser = Browser::start(&program, "chain");
-    let mut tab = browser.open(&dashboard.url, 1366, 768);
-    live(&mut tab);
-    drive(&mut tab, 1, 600);
-    tab.wait("document.querySelector('#hubs button').textContent === 'Hub 2, parentmotor 1 runs'");
-    tab.click("#hubs button:nth-child(2)");
-    tab.wait("document.querySelector('#motors .card').textContent.startsWith('Motor 3:0')");
-    drive(&mut tab, 0, 600);
-    tab.wait(
-        "dashboard.state.hubs[0].running.join() === '1' && dashboard.state.hubs[1].running.join() === '0'",
-    );
-    look(&mut tab, "chain");
-    tab.press(ESCAPE);
-    off(&mut tab, Instant::now());
-    tab.wait("dashboard.state.hubs.every(({ running, lost }) => !running.length && !lost)");
-    assert_eq!(tab.complaints(), Vec::<String>::new());
+    with_page_of("chain", &["--hubs", "3"], |_, tab| {
+        tab.resize(1366, 768);
+        drive(tab, 1, 600);
+        tab.wait("document.querySelector('#hubs button').textContent === 'Hub 2, parentmotor 1 runs'");
+        tab.click("#hubs button:nth-child(2)");
+        tab.wait("document.querySelector('#motors .card').textContent.startsWith('Motor 3:0')");
+        drive(tab, 0, 600);
+        for (hub, motor) in [(0, 1), (1, 0)] {
+            tab.wait(&format!("dashboard.state.hubs[{hub}].running.join() === '{motor}'"));
+        }
+        look(tab, "chain");
+        tab.press(ESCAPE);
+        off(tab, Instant::now());
+        tab.wait("dashboard.state.hubs.every(({ running, lost }) => !running.length && !lost)");
+        assert_eq!(tab.complaints(), Vec::<String>::new());
+    });
 }

@@ -1,9 +1,8 @@
 //! How the page of `motor-hub dashboard` looks in a real browser: accessibility by axe-core, and pictures to look at.
 
 use crate::browser::Tab;
-use crate::browser::page::{drive, motor, pictures};
-use crate::common::folder;
-use crate::dashboard_browser::{PANELS, with_page};
+use crate::browser::page::{PANELS, drive, motor, pictures, theme, with_page};
+use crate::common::made_folder;
 use std::io::Write;
 use std::process::Command;
 use std::time::Duration;
@@ -15,8 +14,7 @@ const THEMES: [&str; 2] = ["light", "dark"];
 
 /// The script of axe-core, which npm installs and checks by its hash. Without npm `None`, except on a build server.
 fn axe() -> Option<String> {
-    let folder = folder("axe");
-    std::fs::create_dir_all(&folder).unwrap();
+    let folder = made_folder("axe");
     std::fs::write(folder.join("package.json"), include_str!("browser/axe/package.json")).unwrap();
     std::fs::write(folder.join("package-lock.json"), include_str!("browser/axe/package-lock.json")).unwrap();
     let npm = Command::new("npm").args(["ci", "--no-audit", "--no-fund"]).current_dir(&folder).output();
@@ -27,16 +25,6 @@ fn axe() -> Option<String> {
     let npm = npm.expect("a build server has npm");
     assert!(npm.status.success(), "{}", String::from_utf8_lossy(&npm.stderr));
     Some(std::fs::read_to_string(folder.join("node_modules/axe-core/axe.min.js")).unwrap())
-}
-
-/// Chooses a theme with the page's own button.
-pub(crate) fn theme(tab: &mut Tab<'_>, wanted: &str) {
-    for _ in 0..3 {
-        if tab.ask("document.querySelector('#theme').dataset.chosen") == wanted {
-            return;
-        }
-        tab.click("#theme");
-    }
 }
 
 /// Motor 0 runs, motor 1 has a fault, and something has moved.

@@ -1,9 +1,11 @@
 //! The panels of `motor-hub dashboard` in a real browser.
 
 use crate::browser::Tab;
-use crate::browser::page::{drive, motor, mouse, off, pictures, point};
+use crate::browser::page::{
+    CATCH, ESCAPE, choose, drive, motor, mouse, off, open, pictures, point, press, saved, with_page,
+    with_page_of,
+};
 use crate::client_update::{KEY, RUNS, SIGNATURE, SLOT, good, image, serve};
-use crate::dashboard_browser::{ESCAPE, with_page, with_page_of};
 use motor_hub::update::{Slot, public_key};
 use serde_json::json;
 use std::process::Command;
@@ -37,7 +39,7 @@ fn a_step_begins_at_the_speed_that_was_asked_for() {
 
 #[test]
 #[ignore = "long: cargo xtask long"]
-fn a_step_whose_first_speed_is_not_reached_is_not_recorded_and_says_so() {
+fn a_step_whose_first_speed_is_not_reached_is_not_recorded() {
     with_page("step-held", |tab| {
         tab.click("#tab-tune");
         tab.ask("dashboard.link.order('world', { hold: { motor: 0, held: true } })");
@@ -68,25 +70,6 @@ fn the_speeds_of_a_step_are_converted_to_another_unit_and_limited_to_the_motor()
     });
 }
 
-/// Keeps the next file that the page saves in `window.saved`, as a blob.
-const CATCH: &str = "(() => { const make = URL.createObjectURL; \
-     URL.createObjectURL = (blob) => { window.saved = blob; URL.createObjectURL = make; return make.call(URL, new Blob([])); }; })()";
-
-/// Gives a file to a file field, as somebody who chooses the file.
-fn choose(tab: &mut Tab<'_>, field: &str, name: &str, bytes: impl AsRef<[u8]>) {
-    let bytes = bytes.as_ref();
-    tab.ask(&format!(
-        "(() => {{ const field = document.querySelector('{field}'); const kept = new DataTransfer(); \
-         kept.items.add(new File([new Uint8Array({bytes:?})], '{name}')); field.files = kept.files; field.dispatchEvent(new Event('change')); }})()"
-    ));
-}
-
-/// The text of a saved file.
-fn saved(tab: &mut Tab<'_>) -> String {
-    tab.wait("window.saved");
-    tab.ask("window.saved.text()").as_str().unwrap().to_owned()
-}
-
 #[test]
 fn settings_are_exported_changed_and_imported() {
     with_page("settings-file", |tab| {
@@ -102,22 +85,6 @@ fn settings_are_exported_changed_and_imported() {
         choose(tab, "#settings-file", "wrong.toml", "schema_version = 99");
         tab.wait("document.querySelector('#notice').textContent.includes('schema_version is 99')");
     });
-}
-
-/// Opens a part of the panel in use.
-pub(crate) fn open(tab: &mut Tab<'_>, words: &str) {
-    tab.ask(&format!(
-        "[...document.querySelectorAll('#panel summary')].find((one) => one.checkVisibility() && one.textContent === '{words}').click(); 0"
-    ));
-}
-
-/// Clicks the button with these words.
-pub(crate) fn press(tab: &mut Tab<'_>, words: &str) {
-    tab.ask(&format!(
-        "document.querySelectorAll('[data-test]').forEach((one) => delete one.dataset.test); \
-         [...document.querySelectorAll('#panel button, #curves button')].find((one) => one.checkVisibility() && one.textContent === '{words}').dataset.test = ''; 0"
-    ));
-    tab.click("[data-test]");
 }
 
 #[test]
@@ -171,7 +138,7 @@ fn a_position_and_its_set_point_are_plotted() {
 }
 
 #[test]
-fn a_card_says_what_the_bridge_does_and_names_slider_and_field_apart() {
+fn a_card_shows_the_state_of_the_bridge_and_names_slider_and_field_apart() {
     with_page("words", |tab| {
         let pill = "document.querySelector('#motors .card:nth-child(1) .pill')";
         assert_eq!(tab.ask(&format!("{pill}.textContent")), "Off (coasting)");
@@ -195,7 +162,7 @@ const STATUS: &str = "document.querySelector('#panel-record [role=status]').text
 
 #[test]
 #[ignore = "long: cargo xtask long"]
-fn a_recording_has_a_banner_all_columns_and_marks_of_its_events() {
+fn a_recording_has_a_banner_all_columns_and_marks_of_its_events_and_is_shown_again() {
     with_page("recording", |tab| {
         tab.click("#tab-record");
         press(tab, "Record");
@@ -212,6 +179,7 @@ fn a_recording_has_a_banner_all_columns_and_marks_of_its_events() {
         press(tab, "Save as CSV");
         let text = saved(tab);
         let head = text.lines().next().unwrap();
+        assert!(text.lines().count() > 40 && head.starts_with("time_s,motor,battery_v,velocity"), "{text}");
         for column in ["velocity", "goal", "enabled", "setpoint", "mode", "duty", "regime", "fault", "s", "g"]
         {
             assert!(head.split(',').any(|name| name == column), "no column {column}: {head}");
@@ -222,6 +190,10 @@ fn a_recording_has_a_banner_all_columns_and_marks_of_its_events() {
         assert_eq!(marks, serde_json::json!(["set-point", "set-point", "off"]));
         tab.wait("document.querySelector('.chart[aria-label^=Speed]').getAttribute('aria-label').includes(', recording of ')");
         tab.picture(&pictures().join("recording.png"), false);
+        let pause = "document.querySelector('#pause').textContent";
+        assert_eq!(tab.ask(pause), "Resume live");
+        tab.click("#pause");
+        assert_eq!(tab.ask(pause), "Pause");
     });
 }
 
@@ -299,7 +271,7 @@ fn every_setting_has_a_field_that_changes_it_and_undo_restores_it() {
 }
 
 #[test]
-fn the_hub_panel_says_what_the_hub_is_and_sets_its_lamp_and_its_address() {
+fn the_hub_panel_shows_the_version_and_sets_lamp_and_address() {
     with_page("status", |tab| {
         tab.click("#tab-hub");
         tab.wait("/version.*HW: 20.*address.*2/.test(document.querySelector('#panel-hub').textContent)");

@@ -1,11 +1,11 @@
 //! `motor-hub dashboard` in a real browser: nothing moves by accident, STOP always stops, and the page shows what runs.
 
-use crate::browser::page::{card, drive, live, motor, mouse, off, point};
-use crate::browser::{Browser, Tab, find, wait_for};
-use crate::common::{alone, folder};
-use crate::dashboard_browser::{
-    ESCAPE, SPACE, with_driver_and_viewer, with_page, with_page_of, with_two_pages,
+use crate::browser::page::{
+    ENTER, ESCAPE, SPACE, card, drive, live, motor, mouse, off, point, with_driver_and_viewer, with_page,
+    with_page_of, with_two_pages,
 };
+use crate::browser::{Browser, Tab, find};
+use crate::common::{alone, made_folder, signal, wait_for};
 use crate::page::Dashboard;
 use serde_json::{Value, json};
 use std::os::unix::fs::PermissionsExt;
@@ -13,10 +13,8 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-const ENTER: (&str, u32) = ("Enter", 13);
-
 /// Long enough for an order to reach the hub, and for its answer to reach the page.
-const ANSWERED: Duration = Duration::from_millis(400);
+const ANSWERED: Duration = Duration::from_millis(250);
 
 /// Share of the slider's track at which its thumb stands, 0 to 1.
 const THUMB: &str = "(() => { const e = document.querySelector('#motors .card:nth-child(1) input[type=range]'); \
@@ -55,7 +53,7 @@ fn as_phone(tab: &mut Tab<'_>) {
 }
 
 #[test]
-fn a_swipe_that_scrolls_the_page_leaves_the_speed_wherever_it_starts() {
+fn a_swipe_that_scrolls_the_page_does_not_change_the_speed() {
     with_page("swipe", |tab| {
         as_phone(tab);
         drive(tab, 0, 200);
@@ -124,17 +122,14 @@ fn a_drag_of_the_thumb_sets_the_speed_and_a_cancelled_one_restores_it() {
     });
 }
 
-/// Goes on with a process that was stopped, also if the test fails.
-struct Stopped(i64);
+/// A process that was stopped. It goes on at the end, also if the test fails.
+struct Stopped(u32);
 
 impl Drop for Stopped {
     fn drop(&mut self) {
-        signal("CONT", self.0);
+        // The process may have ended with its browser.
+        let _ = Command::new("kill").args(["-CONT", &self.0.to_string()]).status();
     }
-}
-
-fn signal(name: &str, process: i64) {
-    Command::new("kill").args([&format!("-{name}"), &process.to_string()]).status().unwrap();
 }
 
 #[test]
@@ -142,7 +137,7 @@ fn a_page_that_paints_nothing_loses_its_motors_after_a_second() {
     let mut stopped = None;
     let stop_painting = |mut tab: Tab<'_>| {
         let painter = tab.painter();
-        signal("STOP", painter);
+        signal(painter, "-STOP");
         stopped = Some(Stopped(painter));
     };
     with_two_pages("unpainted", stop_painting, "showed no new values for 1 s", Duration::from_secs(3));
@@ -211,7 +206,7 @@ fn space_stops_after_a_speed_was_entered() {
 }
 
 #[test]
-fn run_after_stop_asks_for_a_speed_anew() {
+fn run_after_stop_needs_a_new_speed() {
     with_page("again", |tab| {
         drive(tab, 0, 900);
         tab.click("#stop");
@@ -251,7 +246,7 @@ fn a_scenario_that_plays_is_shown_in_the_cards() {
         tab.click("#world-play");
         tab.wait(&motor(0, "enabled"));
         let field = |part: &str| format!("document.querySelector('{}').value", card(0, part));
-        tab.wait(&format!("{} === {}", field("[aria-label^=Mode]"), motor(0, "told")));
+        tab.wait(&format!("{} === {}", field("[aria-label^=Mode]"), motor(0, "setpoint")));
         tab.wait(&format!("Number({}) !== 0", field("input[type=number]")));
     });
 }
@@ -272,7 +267,7 @@ fn another_unit_converts_the_entered_speed_and_leaves_the_motor_alone() {
 }
 
 #[test]
-fn a_speed_beyond_what_the_motor_can_is_limited_and_said() {
+fn a_speed_above_the_free_speed_is_limited_with_a_message() {
     with_page("limit", |tab| {
         let free = tab.ask("12000 / dashboard.state.settings[0].emf_mv_s_per_count").as_f64().unwrap();
         drive(tab, 0, 300);
@@ -338,8 +333,7 @@ fn a_load_beyond_the_stall_torque_is_named_before_swapped_wires() {
 
 #[test]
 fn the_browser_is_started_without_the_token_in_the_process_list() {
-    let folder = folder("dashboard-open");
-    std::fs::create_dir_all(&folder).unwrap();
+    let folder = made_folder("dashboard-open");
     let (opener, said) = (folder.join("xdg-open"), folder.join("said"));
     std::fs::write(
         &opener,

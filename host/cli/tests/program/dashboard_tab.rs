@@ -1,11 +1,10 @@
 //! `docs/try/index.html`, the dashboard without a server, in a real browser: with its simulated hub, and with a served hub on a
 //! serial port. A stand-in for the browser's serial port passes bytes to the served hub.
 
-use crate::browser::page::{drive, motor, off};
+use crate::browser::page::{ESCAPE, drive, motor, off};
 use crate::browser::{Browser, Tab, find};
 use crate::common::alone;
 use crate::conformance::Hub;
-use crate::dashboard_browser::ESCAPE;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
@@ -43,7 +42,7 @@ fn without_a_server_a_motor_moves_within_ten_seconds_and_stops() {
 }
 
 #[test]
-fn points_move_with_speed_and_battery_as_the_paper_says() {
+fn points_move_with_speed_and_battery_by_the_formulas_of_the_paper() {
     with_file("points", |tab| {
         tab.click("#tab-regimes");
         let cell = |tab: &mut Tab<'_>, point: u32, column: u32| {
@@ -106,7 +105,7 @@ fn simulated_time_passes_as_on_the_clock_from_the_start() {
             [0, 1].map(|index| times.get(index).and_then(serde_json::Value::as_f64).unwrap())
         };
         let [tick, now] = times();
-        std::thread::sleep(Duration::from_secs(3));
+        std::thread::sleep(Duration::from_millis(1500));
         let [later_tick, later] = times();
         let share = (later_tick - tick) / (later - now);
         assert!((share - 1.0).abs() < 0.17, "simulated time runs {share:.2} times as fast as the clock");
@@ -114,7 +113,7 @@ fn simulated_time_passes_as_on_the_clock_from_the_start() {
 }
 
 #[test]
-fn a_serial_port_that_cannot_be_opened_leaves_the_simulation_and_says_why() {
+fn a_serial_port_that_cannot_be_opened_is_reported_and_the_simulation_goes_on() {
     with_file("serial-busy", |tab| {
         tab.ask("Object.defineProperty(navigator, 'serial', { value: { requestPort: async () => ({ open: async () => { throw new Error('Failed to open serial port.'); } }) } })");
         tab.click("#serial");
@@ -172,7 +171,7 @@ fn connect(tab: &mut Tab<'_>, hub: &Hub) {
 #[test]
 fn a_hub_on_a_serial_port_is_driven_and_stopped_from_the_file() {
     with_file("serial", |tab| {
-        let hub = Hub::start(env!("CARGO_BIN_EXE_motor-hub"), &["--tcp", "127.0.0.1:0"]);
+        let hub = Hub::served();
         connect(tab, &hub);
         tab.press(ESCAPE);
         println!("stopped over the serial port after {:.0} ms", off(tab, Instant::now()).as_secs_f64() * 1e3);
@@ -180,8 +179,8 @@ fn a_hub_on_a_serial_port_is_driven_and_stopped_from_the_file() {
 }
 
 #[test]
-fn an_unplugged_hub_is_said_to_be_gone_and_its_keep_alive_disables_its_motors() {
-    let hub = Hub::start(env!("CARGO_BIN_EXE_motor-hub"), &["--tcp", "127.0.0.1:0"]);
+fn an_unplugged_hub_is_reported_and_its_keep_alive_disables_its_motors() {
+    let hub = Hub::served();
     with_file("serial-unplugged", |tab| {
         connect(tab, &hub);
         tab.ask("window.socket.close()");
@@ -195,7 +194,7 @@ fn an_unplugged_hub_is_said_to_be_gone_and_its_keep_alive_disables_its_motors() 
 #[test]
 fn a_file_in_a_hidden_tab_sends_nothing_and_the_hub_disables_its_motors() {
     with_file("serial-hidden", |tab| {
-        let hub = Hub::start(env!("CARGO_BIN_EXE_motor-hub"), &["--tcp", "127.0.0.1:0"]);
+        let hub = Hub::served();
         connect(tab, &hub);
         tab.hide();
         let number = tab.ask("dashboard.state.frame.number");
@@ -210,7 +209,7 @@ fn a_file_in_a_hidden_tab_sends_nothing_and_the_hub_disables_its_motors() {
 
 #[test]
 fn a_file_that_hangs_loses_its_motors_by_the_keep_alive() {
-    let hub = Hub::start(env!("CARGO_BIN_EXE_motor-hub"), &["--tcp", "127.0.0.1:0"]);
+    let hub = Hub::served();
     with_file("serial-hanging", |tab| {
         connect(tab, &hub);
         tab.hang();

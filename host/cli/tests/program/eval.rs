@@ -1,7 +1,6 @@
 //! `motor-hub eval` on the reference values, and on documents with mistakes.
 
-use crate::common::PROGRAM;
-use crate::output::fails;
+use crate::common::{PROGRAM, fails};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::process::{Command, Output, Stdio};

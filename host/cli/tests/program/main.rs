@@ -1,5 +1,5 @@
-//! The program motor-hub, run with arguments. One program of tests, for most of them wait: for motors to turn, in real
-//! time, side by side.
+//! Runs the program motor-hub with arguments. All tests are in one binary, because most of them wait in real time and can run
+//! in parallel.
 
 mod browser;
 mod client_devices;
@@ -23,9 +23,7 @@ mod dashboard_tab;
 mod eval;
 #[path = "../../../client/tests/hub_support/mod.rs"]
 mod hub_support;
-mod output;
 mod output_page;
 mod page;
-mod rates;
 mod readme;
 mod serve;

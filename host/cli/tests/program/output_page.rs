@@ -1,8 +1,7 @@
 //! The page docs/reference/output.md names every field of the JSON output, and no other field.
 
-use crate::common::{self, PROGRAM, folder, motor_hub};
+use crate::common::{self, fails, folder, motor_hub, out, store};
 use crate::conformance::Hub;
-use crate::output::{fails, out};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -40,7 +39,7 @@ fn assert_agree(section: &str, documents: &[Value]) {
     let covers = |row: &str, field: &str| {
         row.strip_suffix(".*").map_or(row == field, |above| field.starts_with(&format!("{above}.")))
     };
-    // A list that is empty here, or an object that is null, may hold what the page says.
+    // A list that is empty here, or an object that is null, may have documented fields.
     let hollow = |field: &str| {
         let empty = field.trim_end_matches("[]");
         page.iter().any(|row| row.starts_with(&format!("{empty}.")) || row.starts_with(&format!("{empty}[")))
@@ -62,7 +61,7 @@ fn json(arguments: &[&str]) -> Value {
 
 #[test]
 #[ignore = "long: cargo xtask long"]
-fn studies_print_what_the_page_says() {
+fn studies_print_the_documented_fields() {
     let out = folder("page");
     let out = ["--json", "--out", out.to_str().unwrap()];
     let with = |arguments: &[&str]| json(&[arguments, &out].concat());
@@ -86,17 +85,9 @@ fn studies_print_what_the_page_says() {
     assert_agree("compare", &[with(&["compare", "--quick"])]);
 }
 
-/// A served hub with a store in a folder of its own.
-fn served(test: &str, options: &[&str]) -> Hub {
-    let store = folder(test);
-    std::fs::create_dir_all(&store).unwrap();
-    let store = store.join("store").display().to_string();
-    Hub::start(PROGRAM, &[&["--tcp", "127.0.0.1:0", "--store", &store], options].concat())
-}
-
 #[test]
-fn the_client_prints_what_the_page_says() {
-    let served = served("page-client", &[]);
+fn the_client_prints_the_documented_fields() {
+    let served = Hub::served_with(&["--store", &store("page-client")]);
     let client = |arguments: &[&str]| {
         json(&[&["client", "--tcp", &served.place][..], arguments, &["--json"]].concat())
     };
@@ -104,7 +95,8 @@ fn the_client_prints_what_the_page_says() {
     assert_agree("client setup", &[client(&["setup", "0", "--scheme", "D", "--continuous-current-a", "1"])]);
     assert_agree("client settings show", &[client(&["settings", "show"])]);
     assert_agree("client coefficients", &[client(&["coefficients", "0", "velocity"])]);
-    assert_agree("client identify", &[client(&["identify", "0"]), client(&["identify", "1"])]);
+    assert_agree("client identify", &[client(&["identify", "0"])]);
+    assert_agree("client tune", &[client(&["tune", "1"])]);
     assert_agree("client discover", &[client(&["discover"])]);
     assert_agree("client scan", &[client(&["scan", "--only", "/no/such/port"])]);
     assert_agree("client servo", &[client(&["servo"])]);
@@ -123,10 +115,11 @@ fn the_client_prints_what_the_page_says() {
 }
 
 #[test]
-fn what_happened_is_printed_as_the_page_says() {
+fn faults_are_printed_with_the_documented_fields() {
     // The encoder of its first motor falls silent after two seconds.
     let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/scenarios/broken-encoders.toml");
-    let served = served("page-faults", &["--scenario", scenario.to_str().unwrap()]);
+    let served =
+        Hub::served_with(&["--store", &store("page-faults"), "--scenario", scenario.to_str().unwrap()]);
     let client = |arguments: &[&str]| common::client(&served, arguments);
     client(&["velocity", "0", "1000", "--for-s", "3.5"]);
     let document: Value = serde_json::from_slice(&client(&["faults", "--json"]).stdout).unwrap();
@@ -145,7 +138,7 @@ fn what_happened_is_printed_as_the_page_says() {
 }
 
 #[test]
-fn files_have_the_columns_that_the_page_says() {
+fn files_have_the_documented_columns() {
     let out = folder("page-csv");
     assert!(motor_hub(&["run", "--time-s", "0.2", "--out", out.to_str().unwrap()]).status.success());
     let trace = std::fs::read_to_string(out.join("trace.csv")).unwrap();
@@ -156,6 +149,8 @@ fn files_have_the_columns_that_the_page_says() {
         let columns: BTreeSet<String> = headings.split(',').map(str::to_owned).collect();
         assert_eq!(documented(file), columns, "{file}");
     }
+    let columns = trace.lines().next().unwrap().split(',').count();
+    assert!(trace.lines().all(|row| row.split(',').count() == columns));
     let motors: BTreeSet<&str> = trace.lines().skip(1).map(|row| row.split(',').nth(1).unwrap()).collect();
     assert_eq!(motors.into_iter().collect::<String>(), "0123", "as the protocol numbers them");
     assert!(trace.lines().skip(1).all(|row| row.ends_with(",2")), "each row has the version of its schema");

@@ -1,7 +1,6 @@
 //! The README's table of the winch is what `run` prints today. `UPDATE_SNAPSHOTS=1` writes the table.
 
-use crate::common::{folder, motor_hub};
-use crate::output::json;
+use crate::common::{folder, json, motor_hub};
 use serde_json::Value;
 use std::path::Path;
 
@@ -9,7 +8,7 @@ const BEGIN: &str = "<!-- the winch, written by a test -->\n";
 const END: &str = "<!-- end of the winch -->\n";
 
 #[test]
-fn the_winch_in_the_readme_is_as_run_prints_it() {
+fn the_winch_in_the_readme_has_the_figures_of_run() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let (scenario, out) = (root.join("boards/simulated/scenarios/winch.toml"), folder("readme-winch"));
     let run = ["run", "--json", "--scenario", scenario.to_str().unwrap(), "--out", out.to_str().unwrap()];

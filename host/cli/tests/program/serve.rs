@@ -1,17 +1,9 @@
 //! A host uses the served hub over a serial port and over TCP.
 
-use crate::common::{PROGRAM, client, folder, motor_hub, served, signal, write};
+use crate::common::{PROGRAM, client, fails, folder, motor_hub, out, signal, store, write};
 use crate::conformance::{Data, HUB, Hub, KEEP_ALIVE, conforms, drive, notes, packet};
-use crate::output::{fails, out};
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
-
-/// Path of a store that does not exist yet, in a folder of its own.
-fn store(test: &str) -> String {
-    let folder = folder(test);
-    std::fs::create_dir_all(&folder).unwrap();
-    folder.join("store").display().to_string()
-}
 
 /// Runs `serve` to its end.
 fn serve(arguments: &[&str]) -> Output {
@@ -19,19 +11,19 @@ fn serve(arguments: &[&str]) -> Output {
 }
 
 #[test]
-fn the_hub_conforms_over_tcp() {
-    conforms(&mut served().tcp());
+fn a_hub_that_stores_settings_conforms_over_tcp() {
+    conforms(&mut Hub::served_with(&["--store", &store("serve-conforms")]).tcp());
 }
 
 #[cfg(unix)]
 #[test]
-fn the_hub_conforms_over_a_serial_port() {
-    conforms(&mut Hub::start(PROGRAM, &["--pty"]).serial());
+fn a_hub_that_stores_nothing_conforms_over_a_serial_port() {
+    conforms(&mut Hub::start(&["--pty"]).serial());
 }
 
 #[test]
 fn hosts_come_and_go_while_time_goes_on() {
-    let hub = served();
+    let hub = Hub::served();
     drive(&mut hub.tcp());
     // The first host has closed the connection. Its motor turns until the keep-alive of 2.5 s has ended.
     let mut second = hub.tcp();
@@ -45,7 +37,7 @@ fn hosts_come_and_go_while_time_goes_on() {
 #[test]
 fn what_a_host_sent_before_it_hung_up_is_done_though_it_takes_no_replies() {
     use std::io::Write;
-    let hub = served();
+    let hub = Hub::served();
     drive(&mut hub.tcp());
     let mut host = std::net::TcpStream::connect(&hub.place).unwrap();
     signal(hub.id(), "-STOP");
@@ -61,7 +53,7 @@ fn what_a_host_sent_before_it_hung_up_is_done_though_it_takes_no_replies() {
 #[test]
 fn a_second_host_is_hung_up_on_and_the_first_goes_on() {
     use std::io::{BufRead, Read};
-    let (hub, mut says) = Hub::start_heard(&notes(), PROGRAM);
+    let (hub, mut says) = Hub::start_heard(&notes());
     let mut first = hub.tcp();
     drive(&mut first);
     let mut second = std::net::TcpStream::connect(&hub.place).unwrap();
@@ -76,7 +68,7 @@ fn a_second_host_is_hung_up_on_and_the_first_goes_on() {
 
 #[test]
 fn a_wire_connects_two_digital_pins() {
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--wire", "4,5"]);
+    let hub = Hub::served_with(&["--wire", "4,5"]);
     let mut host = hub.tcp();
     let mut level = |order: u16, payload: [u8; 2]| {
         host.order(0x1000 + order, &payload);
@@ -105,7 +97,7 @@ fn a_link_names_the_port_until_the_program_ends() {
         fails(&output, 2, says);
     };
     for end in ["-TERM", "-INT", "-HUP", "-QUIT", "-KILL"] {
-        let mut hub = Hub::start(PROGRAM, &["--pty", "--link", path]);
+        let mut hub = Hub::start(&["--pty", "--link", path]);
         assert_eq!(hub.place, path);
         assert!(!hub.serial().enabled());
         // The link belongs to another program.
@@ -115,7 +107,7 @@ fn a_link_names_the_port_until_the_program_ends() {
         assert_eq!(read_link(&link).is_ok(), end == "-KILL", "{end}");
     }
     // The link of a killed program is replaced.
-    drop(Hub::start(PROGRAM, &["--pty", "--link", path]));
+    drop(Hub::start(&["--pty", "--link", path]));
     remove_file(&link).unwrap();
     std::fs::write(&link, "somebody's").unwrap();
     refused("not a link");
@@ -127,9 +119,9 @@ fn a_link_names_the_port_until_the_program_ends() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn what_one_host_leaves_unread_is_not_for_the_next() {
+fn a_port_is_opened_again_and_again_and_what_one_host_leaves_unread_is_not_for_the_next() {
     use std::io::Write;
-    let hub = Hub::start(PROGRAM, &["--pty"]);
+    let hub = Hub::start(&["--pty"]);
     for linger_ms in [0, 50] {
         let mut port = std::fs::File::options().read(true).write(true).open(&hub.place).unwrap();
         port.write_all(&packet(HUB, 3, KEEP_ALIVE, &[]).repeat(5)).unwrap();
@@ -147,24 +139,15 @@ fn a_scenario_without_set_points_is_served() {
     let text = "name = \"n\"\nduration_s = 1\n[battery]\nemf_v = 12\nresistance_ohm = 0.1\n\
                 [[motors]]\nlabel = \"one\"\nmotor = \"AM 60 A\"\n";
     let scenario = write(&folder("served"), "served.toml", text);
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--scenario", &scenario]);
+    let hub = Hub::served_with(&["--scenario", &scenario]);
     assert!(!hub.tcp().enabled());
 }
 
 #[cfg(unix)]
 #[test]
-fn a_serial_port_may_be_opened_again_and_again() {
-    let hub = Hub::start(PROGRAM, &["--pty"]);
-    for _ in 0..3 {
-        assert!(!hub.serial().enabled());
-    }
-}
-
-#[cfg(unix)]
-#[test]
-fn a_host_that_leaves_the_port_as_it_is_gets_bytes_not_lines() {
+fn a_host_that_does_not_configure_the_port_gets_bytes_not_lines() {
     use std::io::{Read, Write};
-    let hub = Hub::start(PROGRAM, &["--pty"]);
+    let hub = Hub::start(&["--pty"]);
     let mut port = std::fs::File::options().read(true).write(true).open(&hub.place).unwrap();
     port.write_all(&packet(HUB, 3, KEEP_ALIVE, &[])).unwrap();
     let (heard, answer) = std::sync::mpsc::channel();
@@ -182,7 +165,7 @@ fn a_host_that_leaves_the_port_as_it_is_gets_bytes_not_lines() {
 
 #[test]
 fn the_hub_is_where_it_is_put() {
-    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--address", "77"]);
+    let hub = Hub::served_with(&["--address", "77"]);
     hub.tcp().is_ignored(&packet(HUB, 1, KEEP_ALIVE, &[]));
     let mut host = hub.tcp();
     host.say(&packet(77, 1, KEEP_ALIVE, &[]));
@@ -209,14 +192,14 @@ fn wrong_options_are_refused() {
 #[test]
 fn noise_as_fast_as_a_host_can_send_does_not_keep_the_hub_from_its_work() {
     use std::io::Write;
-    let hub = served();
+    let hub = Hub::served();
     let mut host = hub.tcp();
     drive(&mut host);
     drop(host);
     let mut noisy = std::net::TcpStream::connect(&hub.place).unwrap();
     noisy.set_write_timeout(Some(Duration::from_millis(100))).unwrap();
     // Longer than the keep-alive of 2.5 s.
-    let end = Instant::now() + Duration::from_secs(4);
+    let end = Instant::now() + Duration::from_secs(3);
     while Instant::now() < end {
         let _ = noisy.write(&[0x5A; 65_536]);
     }
@@ -228,7 +211,7 @@ fn noise_as_fast_as_a_host_can_send_does_not_keep_the_hub_from_its_work() {
 #[test]
 fn a_host_that_is_silent_gives_way_to_another() {
     use std::io::Read;
-    let hub = served();
+    let hub = Hub::served();
     let mut silent = std::net::TcpStream::connect(&hub.place).unwrap();
     std::thread::sleep(Duration::from_millis(5200));
     assert!(!hub.tcp().enabled());
@@ -240,7 +223,7 @@ fn a_host_that_is_silent_gives_way_to_another() {
 fn a_store_is_one_hubs_alone() {
     let store = store("store-of-one");
     let options = ["--tcp", "127.0.0.1:0", "--for-s", "0.1", "--store", &store];
-    let first = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--store", &store]);
+    let first = Hub::served_with(&["--store", &store]);
     fails(&serve(&options), 2, "another served hub");
     drop(first);
     out(&serve(&options));

@@ -43,8 +43,8 @@ export class History {
     this.motors.forEach((columns, index) => {
       const motor = frame.motors[index] ?? {};
       const [s, t, z, g] = motor.points ?? [];
-      const target = motor.told === "velocity" ? motor.target : null;
-      const goal = motor.told === "position" || motor.told === "together" ? motor.target : null;
+      const target = motor.setpoint === "velocity" ? motor.target : null;
+      const goal = motor.setpoint === "position" || motor.setpoint === "together" ? motor.target : null;
       const row = { velocity: motor.velocity, target, position: motor.position, goal, control: motor.control, s, t, z, g, current: motor.modelled_a, load: motor.load_a, measured: motor.measured_a };
       for (const name of OF_MOTOR) columns[name].push(row[name] ?? null);
     });

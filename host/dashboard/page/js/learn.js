@@ -67,7 +67,7 @@ export function learnPanel(link) {
   on("frame", (frame) => {
     const of = frame.motors[motor];
     const settings = state.settings[motor];
-    if (!of || of.told !== "identify" || !settings || of.modelled_a === undefined) return;
+    if (!of || of.setpoint !== "identify" || !settings || of.modelled_a === undefined) return;
     // Motor voltage by the hub's configured constants and the current; the drop across the bridge is small and left out. The
     // voltage is constant between control ticks.
     if (frame.tick_ms !== tick) volts = (settings.emf_mv_s_per_count * of.velocity) / 1000 + (settings.resistance_ohm ?? 0) * of.modelled_a;

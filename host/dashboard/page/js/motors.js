@@ -156,9 +156,9 @@ function follow(/** @type {any} */ card, /** @type {any} */ motor) {
     return showTarget(card);
   }
   const mine = card.slider.held() || performance.now() - card.orderedAt < ORDER_MS;
-  if (!motor.enabled || mine || motor.target === null || !card.mode.options.some(([mode]) => mode === motor.told)) return;
-  if (card.mode.value === motor.told && card.target === motor.target) return;
-  card.mode.value = motor.told;
+  if (!motor.enabled || mine || motor.target === null || !card.mode.options.some(([mode]) => mode === motor.setpoint)) return;
+  if (card.mode.value === motor.setpoint && card.target === motor.target) return;
+  card.mode.value = motor.setpoint;
   card.target = motor.target;
   fit(card);
 }
@@ -175,18 +175,18 @@ function bridge(/** @type {any} */ motor) {
   if (!motor.enabled) return ["Off (coasting)", "The bridge is open: the motor turns freely."];
   const regime = REGIMES[/** @type {keyof typeof REGIMES} */ (motor.regime)];
   if (regime) return [`${regime[0]}, ${number(100 * motor.duty)} % duty`, `Mode ${motor.mode}: ${regime[1]}.`];
-  return motor.regime === undefined ? [motor.told, ""] : ["Coasting", "The bridge is open: the motor turns freely."];
+  return motor.regime === undefined ? [motor.setpoint, ""] : ["Coasting", "The bridge is open: the motor turns freely."];
 }
 
 /** What a motor does, or why it does nothing. */
 function words(/** @type {any} */ motor) {
   const troubled = motor.fault || motor.stalled;
-  if (motor.enabled && motor.told === "velocity" && motor.target === 0 && motor.regulator && !troubled && Math.abs(motor.velocity) <= STANDS_CPS) return "Holding at zero speed.";
+  if (motor.enabled && motor.setpoint === "velocity" && motor.target === 0 && motor.regulator && !troubled && Math.abs(motor.velocity) <= STANDS_CPS) return "Holding at zero speed.";
   if (motor.why) return motor.why[0].toUpperCase() + motor.why.slice(1) + ".";
   if (!motor.enabled) return "Disabled, still turning.";
-  if (motor.told === "power") return "Constant power.";
-  if (motor.told === "current") return `Constant current${motor.current_limited ? ", held by the current limit" : ""}.`;
-  if (motor.told === "identify") return "Identification runs.";
+  if (motor.setpoint === "power") return "Constant power.";
+  if (motor.setpoint === "current") return `Constant current${motor.current_limited ? ", held by the current limit" : ""}.`;
+  if (motor.setpoint === "identify") return "Identification runs.";
   if (!motor.regulator) return "";
   const regulator = motor.regulator === "model" ? "by the motor model" : "by PID";
   const limits = `${motor.derated ? "; derated: the winding is hot, and the current is limited" : ""}${motor.current_limited ? "; held by its current limit" : ""}`;

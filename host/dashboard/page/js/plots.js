@@ -344,7 +344,7 @@ export function startPlots() {
   for (const what of ["chosen", "settings", "unit"]) on(what, arrange);
   on("hubs", titles);
   on("theme", () => { colours = new Map(); draw(); });
-  on("line", () => { by("untold").hidden = state.reports; });
+  on("line", () => { by("unreported").hidden = state.reports; });
   on("frame", (frame) => say(by("bus"), frame.bus ? `${BUS[/** @type {keyof typeof BUS} */ (frame.bus)] ?? frame.bus}${frame.burning ? `, ${number(100 * frame.burning)} %` : ""}` : ""));
   setInterval(describe, DESCRIBE_MS);
   const loop = (/** @type {number} */ now) => {

@@ -15,7 +15,7 @@ const WORDS = ["setpoint", "mode", "regime"];
 const LATER = ["goal", "enabled", "setpoint", "power", "current_setpoint", "mode", "duty", "regime", "fault"];
 const HEADINGS = ["time_s", "motor", "battery_v", ...OF_MOTOR, ...LATER.slice(1)];
 /** Columns of a recording, and the fields of a motor in a frame. */
-const FIELDS = { velocity: "velocity", position: "position", control: "control", current: "modelled_a", load: "load_a", measured: "measured_a", setpoint: "told", mode: "mode", duty: "duty", regime: "regime" };
+const FIELDS = { velocity: "velocity", position: "position", control: "control", current: "modelled_a", load: "load_a", measured: "measured_a", setpoint: "setpoint", mode: "mode", duty: "duty", regime: "regime" };
 /** Columns of set-points, and the kinds of set-points that they hold. */
 const SETPOINTS = { target: ["velocity"], goal: ["position", "together"], power: ["power"], current_setpoint: ["current"] };
 
@@ -25,7 +25,7 @@ function rows(/** @type {any} */ frame) {
     const [s, t, z, g] = motor.points ?? [];
     const of = {
       ...Object.fromEntries(Object.entries(FIELDS).map(([name, key]) => [name, motor[key]])),
-      ...Object.fromEntries(Object.entries(SETPOINTS).map(([name, kinds]) => [name, kinds.includes(motor.told) ? motor.target : null])),
+      ...Object.fromEntries(Object.entries(SETPOINTS).map(([name, kinds]) => [name, kinds.includes(motor.setpoint) ? motor.target : null])),
       s, t, z, g, enabled: Number(motor.enabled), fault: Number(Boolean(motor.fault || motor.stalled)),
     };
     return [frame.at_s.toFixed(4), index, frame.battery_v ?? "", ...HEADINGS.slice(3).map((name) => of[name] ?? "")].join(",");

@@ -2,6 +2,8 @@
 
 pub(crate) mod page;
 
+use crate::common::{PATIENCE, folder, wait_for};
+use data_encoding::BASE64;
 use serde_json::{Value, json};
 use std::io::{ErrorKind, Write};
 use std::net::TcpStream;
@@ -10,12 +12,9 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use tungstenite::{Error, Message, WebSocket, client};
 
-/// How long anything may take; two cores may have other work.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
-
 const PROGRAMS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
 
-/// The browser of this machine; without one, a test that says so and passes, unless it is a build server's.
+/// The browser of this machine. Without a browser a test says so and passes; on a build server it fails.
 pub(crate) fn find() -> Option<PathBuf> {
     let folders = std::env::var_os("PATH").unwrap_or_default();
     let places = std::env::split_paths(&folders).flat_map(|folder| PROGRAMS.map(|name| folder.join(name)));
@@ -38,15 +37,13 @@ pub(crate) struct Browser {
     folder: PathBuf,
     socket: WebSocket<TcpStream>,
     number: u64,
-    /// What has happened and was not looked at.
+    /// Events that have arrived.
     events: Vec<Value>,
 }
 
 impl Browser {
     pub(crate) fn start(program: &Path, name: &str) -> Self {
-        let folder =
-            Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("browser-{name}-{}", std::process::id()));
-        let _ = std::fs::remove_dir_all(&folder);
+        let folder = folder(&format!("browser-{name}-{}", std::process::id()));
         let process = Command::new(program)
             .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
             .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
@@ -57,21 +54,22 @@ impl Browser {
             .stderr(Stdio::null())
             .spawn()
             .expect("the browser starts");
-        let told = folder.join("DevToolsActivePort");
-        let told = wait_for("the browser's port", || {
-            let text = std::fs::read_to_string(&told).ok()?;
+        // The browser writes its port and the path of its socket to this file.
+        let file = folder.join("DevToolsActivePort");
+        let (port, path) = wait_for("the browser's port", || {
+            let text = std::fs::read_to_string(&file).ok()?;
             let (port, path) = text.split_once('\n')?;
             Some((port.parse::<u16>().ok()?, path.trim().to_owned()))
         });
-        let stream = TcpStream::connect(("127.0.0.1", told.0)).expect("the browser listens");
+        let stream = TcpStream::connect(("127.0.0.1", port)).expect("the browser listens");
         stream.set_nodelay(true).expect("at once");
-        let address = format!("ws://127.0.0.1:{}{}", told.0, told.1);
+        let address = format!("ws://127.0.0.1:{port}{path}");
         let (socket, _) = client(&address, stream).expect("a WebSocket");
         socket.get_ref().set_read_timeout(Some(Duration::from_millis(20))).expect("a timeout");
         Self { process, folder, socket, number: 0, events: Vec::new() }
     }
 
-    /// A command, and its result.
+    /// Sends a command, and returns its result.
     pub(crate) fn call(&mut self, session: Option<&str>, method: &str, parameters: Value) -> Value {
         self.number += 1;
         let number = self.number;
@@ -152,7 +150,7 @@ impl Tab<'_> {
         self.call("Emulation.setDeviceMetricsOverride", size);
     }
 
-    /// What an expression is worth.
+    /// Value of an expression.
     pub(crate) fn ask(&mut self, expression: &str) -> Value {
         let parameters = json!({ "expression": expression, "returnByValue": true, "awaitPromise": true });
         let answer = self.call("Runtime.evaluate", parameters);
@@ -160,7 +158,7 @@ impl Tab<'_> {
         answer["result"]["value"].clone()
     }
 
-    /// Until an expression is true.
+    /// Waits until an expression is true.
     pub(crate) fn wait(&mut self, expression: &str) {
         let end = Instant::now() + PATIENCE;
         while self.ask(&format!("Boolean({expression})")) != true {
@@ -183,38 +181,31 @@ impl Tab<'_> {
 
     /// Clicks in the middle of an element.
     pub(crate) fn click(&mut self, selector: &str) {
-        let place = self.ask(&format!(
-            "(() => {{ const e = document.querySelector('{selector}'); e.scrollIntoView({{block: 'nearest'}}); const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2] }})()"
-        ));
+        let at = page::point(self, selector, "b.width / 2", "b.height / 2");
         for kind in ["mousePressed", "mouseReleased"] {
-            let event =
-                json!({ "type": kind, "x": place[0], "y": place[1], "button": "left", "clickCount": 1 });
-            self.call("Input.dispatchMouseEvent", event);
+            page::mouse(self, kind, at);
         }
     }
 
-    /// Types a value into a field, and chooses it.
+    /// Changes the value of a field, as typing or choosing does.
     pub(crate) fn fill(&mut self, selector: &str, value: &str) {
         self.ask(&format!(
             "(() => {{ const e = document.querySelector('{selector}'); e.value = '{value}'; e.dispatchEvent(new Event('input', {{bubbles: true}})); e.dispatchEvent(new Event('change', {{bubbles: true}})); }})()"
         ));
     }
 
-    /// A picture of what is in sight, or of the whole page.
+    /// Saves a picture of the window, or of the whole page.
     pub(crate) fn picture(&mut self, path: &Path, whole: bool) {
         let picture =
             self.call("Page.captureScreenshot", json!({ "format": "png", "captureBeyondViewport": whole }));
-        let bytes = decoded(picture["data"].as_str().expect("a picture"));
+        let bytes = BASE64.decode(picture["data"].as_str().expect("a picture").as_bytes()).expect("Base64");
         std::fs::write(path, bytes).expect("it can be written");
     }
 
-    /// Everything that a console would show as an error or warning, and requests to anywhere else.
+    /// Errors and warnings of the console, and requests to other servers.
     pub(crate) fn complaints(&mut self) -> Vec<String> {
-        // What has happened comes before an answer.
-        self.call("Runtime.evaluate", json!({ "expression": "0" }));
-        let own =
-            self.call("Runtime.evaluate", json!({ "expression": "location.host", "returnByValue": true }));
-        let own = own["result"]["value"].as_str().unwrap_or_default().to_owned();
+        // Events arrive before the answer to a later question.
+        let own = self.ask("location.host").as_str().unwrap_or_default().to_owned();
         let is_foreign = |url: &str| {
             !["http", "ws"].iter().any(|scheme| url.starts_with(&format!("{scheme}://{own}/")))
                 && !["about:", "blob:", "data:"].iter().any(|scheme| url.starts_with(scheme))
@@ -247,7 +238,7 @@ impl Tab<'_> {
 
     /// Ends the tab's process, as the system does when there is no memory left.
     pub(crate) fn kill(self) {
-        // It has no time to answer.
+        // A process that has crashed does not answer.
         let command = json!({ "id": 0, "method": "Page.crash", "params": {}, "sessionId": self.session });
         self.browser.socket.send(Message::text(command.to_string())).expect("the browser listens");
     }
@@ -259,44 +250,15 @@ impl Tab<'_> {
     }
 
     /// Number of the process that paints the browser's pages.
-    pub(crate) fn painter(&mut self) -> i64 {
+    pub(crate) fn painter(&mut self) -> u32 {
         let info = self.browser.call(None, "SystemInfo.getProcessInfo", json!({}));
         let processes = info["processInfo"].as_array().expect("processes");
         let painter =
             processes.iter().find(|process| process["type"] == "GPU").expect("a process that paints");
-        painter["id"].as_i64().expect("a number")
+        u32::try_from(painter["id"].as_u64().expect("a number")).expect("a process")
     }
 
     pub(crate) fn close(self) {
         self.browser.call(None, "Target.closeTarget", json!({ "targetId": self.target }));
     }
-}
-
-/// Until there is something.
-pub(crate) fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
-    let end = Instant::now() + PATIENCE;
-    loop {
-        if let Some(found) = look() {
-            return found;
-        }
-        assert!(Instant::now() < end, "never: {what}");
-        std::thread::sleep(Duration::from_millis(10));
-    }
-}
-
-/// Base64.
-fn decoded(text: &str) -> Vec<u8> {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let digits: Vec<u32> = text
-        .bytes()
-        .filter_map(|byte| DIGITS.iter().position(|digit| *digit == byte))
-        .map(|digit| digit as u32)
-        .collect();
-    digits
-        .chunks(4)
-        .flat_map(|four| {
-            let bits = four.iter().fold(0, |bits, digit| bits << 6 | digit) << (6 * (4 - four.len()));
-            bits.to_be_bytes()[1..four.len()].to_vec()
-        })
-        .collect()
 }

@@ -1,18 +1,88 @@
-//! The page of `motor-hub dashboard` in a browser: what its tests do again and again.
+//! The page of `motor-hub dashboard` in a browser: opens it for a test, and does what many tests do on it.
 
-use super::Tab;
+use super::{Browser, Tab, find};
+use crate::common::{alone, side_by_side, wait_for};
+use crate::page::Dashboard;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Where pictures go: `target/dashboard`.
+/// Keys, as [`Tab::press`] takes them.
+pub(crate) const ESCAPE: (&str, u32) = ("Escape", 27);
+pub(crate) const SPACE: (&str, u32) = (" ", 32);
+pub(crate) const ENTER: (&str, u32) = ("Enter", 13);
+
+/// Names of all panels.
+pub(crate) const PANELS: [&str; 9] =
+    ["tune", "learn", "setup", "group", "record", "regimes", "devices", "hub", "world"];
+
+/// Runs a test with a page of a simulated hub, in desktop size. The browser's console must have no errors at the end.
+pub(crate) fn with_page(name: &str, test: impl FnOnce(&mut Tab<'_>)) {
+    with_page_of(name, &[], |_, tab| {
+        test(tab);
+        assert_eq!(tab.complaints(), Vec::<String>::new());
+    });
+}
+
+/// Runs a test with a page of a dashboard that is started with these arguments, in desktop size.
+pub(crate) fn with_page_of(name: &str, arguments: &[&str], test: impl FnOnce(&mut Dashboard, &mut Tab<'_>)) {
+    let Some(program) = find() else { return };
+    let _shared = side_by_side();
+    let mut dashboard = Dashboard::start(arguments);
+    let mut browser = Browser::start(&program, name);
+    let mut tab = browser.open(&dashboard.url, 1280, 1000);
+    live(&mut tab);
+    test(&mut dashboard, &mut tab);
+}
+
+/// Runs a test with two pages of one hub. The first page drives motor 0 at 900 counts/s.
+pub(crate) fn with_driver_and_viewer(name: &str, test: impl FnOnce(Tab<'_>, Tab<'_>)) {
+    let Some(program) = find() else { return };
+    let _alone = alone();
+    let dashboard = Dashboard::start(&[]);
+    // Each page has its own browser, because a hanging browser would block both pages.
+    let mut first = Browser::start(&program, &format!("{name}-driver"));
+    let mut second = Browser::start(&program, &format!("{name}-viewer"));
+    let mut driver = first.open(&dashboard.url, 1280, 1000);
+    live(&mut driver);
+    let mut viewer = second.open(&dashboard.url, 1280, 1000);
+    live(&mut viewer);
+    drive(&mut driver, 0, 900);
+    test(driver, viewer);
+}
+
+/// Ends the page that drives a motor, and checks in a second page that the motors are disabled.
+pub(crate) fn with_two_pages(name: &str, end: impl FnOnce(Tab<'_>), says: &str, most: Duration) {
+    with_driver_and_viewer(name, |driver, mut viewer| {
+        assert_eq!(
+            viewer.ask("document.querySelector('#control').textContent"),
+            "Another page is in control"
+        );
+        let since = Instant::now();
+        end(driver);
+        let took = wait_for("a motor that is off", || {
+            (viewer.ask(&motor(0, "enabled")) == false).then(|| since.elapsed())
+        });
+        println!("{name}: off after {:.0} ms", took.as_secs_f64() * 1e3);
+        assert!(took < most, "{took:?}");
+        viewer.wait(&format!("document.querySelector('#notice').textContent.includes('{says}')"));
+        // A coasting motor has control 0 and current 0.
+        viewer.wait(&format!("{} === 0 && {} === 0", motor(0, "control"), motor(0, "current_a")));
+        viewer.wait("document.querySelector('#take').checkVisibility()");
+        viewer.click("#take");
+        viewer.wait("document.querySelector('#control').textContent.startsWith('You are in control')");
+        assert_eq!(viewer.complaints(), Vec::<String>::new());
+    });
+}
+
+/// The folder of pictures: `target/dashboard`.
 pub(crate) fn pictures() -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap().join("dashboard");
     std::fs::create_dir_all(&folder).unwrap();
     folder
 }
 
-/// What the newest frame says of a motor, as an expression.
+/// A value of a motor in the newest frame, as an expression.
 pub(crate) fn motor(motor: usize, what: &str) -> String {
     format!("dashboard.state.frame.motors[{motor}].{what}")
 }
@@ -45,7 +115,7 @@ pub(crate) fn off(tab: &mut Tab<'_>, since: Instant) -> Duration {
     since.elapsed()
 }
 
-/// Until frames come, and everything is known.
+/// Waits until frames come, and the settings of all motors are known.
 pub(crate) fn live(tab: &mut Tab<'_>) {
     tab.wait("window.dashboard?.state.frame?.number > 20 && dashboard.state.settings.length === 4");
     tab.wait("dashboard.state.frame.battery_v > 11");
@@ -58,7 +128,52 @@ pub(crate) fn drive(tab: &mut Tab<'_>, index: usize, cps: i32) {
     tab.wait(&format!("Math.abs({} - {cps}) < {}", motor(index, "velocity"), cps.abs() / 20));
 }
 
-/// What is cut off, lies over something else, or is too small to be hit, by the boxes that are drawn.
+/// Opens a part of the panel in use.
+pub(crate) fn open(tab: &mut Tab<'_>, words: &str) {
+    tab.ask(&format!(
+        "[...document.querySelectorAll('#panel summary')].find((one) => one.checkVisibility() && one.textContent === '{words}').click(); 0"
+    ));
+}
+
+/// Clicks the button with these words.
+pub(crate) fn press(tab: &mut Tab<'_>, words: &str) {
+    tab.ask(&format!(
+        "document.querySelectorAll('[data-test]').forEach((one) => delete one.dataset.test); \
+         [...document.querySelectorAll('#panel button, #curves button')].find((one) => one.checkVisibility() && one.textContent === '{words}').dataset.test = ''; 0"
+    ));
+    tab.click("[data-test]");
+}
+
+/// Keeps the next file that the page saves in `window.saved`, as a blob.
+pub(crate) const CATCH: &str = "(() => { const make = URL.createObjectURL; \
+     URL.createObjectURL = (blob) => { window.saved = blob; URL.createObjectURL = make; return make.call(URL, new Blob([])); }; })()";
+
+/// Chooses a file in a file field.
+pub(crate) fn choose(tab: &mut Tab<'_>, field: &str, name: &str, bytes: impl AsRef<[u8]>) {
+    let bytes = bytes.as_ref();
+    tab.ask(&format!(
+        "(() => {{ const field = document.querySelector('{field}'); const kept = new DataTransfer(); \
+         kept.items.add(new File([new Uint8Array({bytes:?})], '{name}')); field.files = kept.files; field.dispatchEvent(new Event('change')); }})()"
+    ));
+}
+
+/// The text of a saved file.
+pub(crate) fn saved(tab: &mut Tab<'_>) -> String {
+    tab.wait("window.saved");
+    tab.ask("window.saved.text()").as_str().unwrap().to_owned()
+}
+
+/// Chooses a theme with the page's own button.
+pub(crate) fn theme(tab: &mut Tab<'_>, wanted: &str) {
+    for _ in 0..3 {
+        if tab.ask("document.querySelector('#theme').dataset.chosen") == wanted {
+            return;
+        }
+        tab.click("#theme");
+    }
+}
+
+/// Elements that are cut off, lie over another element, or are too small to be hit, by their boxes.
 pub(crate) fn unobstructed(tab: &mut Tab<'_>) -> Vec<String> {
     let found = tab.ask(LOOK);
     found.as_array().unwrap().iter().map(|found| found.as_str().unwrap_or_default().to_owned()).collect()

@@ -1,20 +1,20 @@
-//! The program, and a place for what it writes.
+//! Runs the program, and reads what the program prints. Folders and files for tests, and waiting.
 
 use crate::conformance::Hub;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::time::{Duration, Instant};
 
 pub(crate) const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
 
+/// Longest wait for anything; a machine may have other work.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
+
 /// Runs the program to its end.
 pub(crate) fn motor_hub(arguments: &[&str]) -> Output {
-    Command::new(PROGRAM).args(arguments).output().expect("it can be started")
-}
-
-/// The simulated hub, served over TCP.
-pub(crate) fn served() -> Hub {
-    Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"])
+    Command::new(PROGRAM).args(arguments).output().expect("the program starts")
 }
 
 /// Runs `client` to its end, for a hub on a TCP port or a pseudo-terminal.
@@ -23,20 +23,57 @@ pub(crate) fn client(hub: &Hub, arguments: &[&str]) -> Output {
     motor_hub(&[&["client", line, &hub.place], arguments].concat())
 }
 
+/// Runs `client scan` for these places, and for hubs that have left a note in a folder. The serial ports of this machine are not
+/// scanned. A row of the table has one line also for a long path.
+pub(crate) fn scan(notes: &Path, arguments: &[&str]) -> Output {
+    let mut scan = Command::new(PROGRAM);
+    scan.args(["client", "--timeout-ms", "500", "scan", "--only"]).args(arguments);
+    scan.env("XDG_RUNTIME_DIR", notes).env("COLUMNS", "300").output().expect("the program starts")
+}
+
+/// A text with one space between words.
+pub(crate) fn words(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
 /// Sends a signal, such as `-INT`, to a process.
 #[cfg(unix)]
 pub(crate) fn signal(process: u32, signal: &str) {
     assert!(Command::new("kill").args([signal, &process.to_string()]).status().expect("kill").success());
 }
 
-/// A folder of its own for each test, empty.
+/// Waits until `look` finds something, and returns it.
+pub(crate) fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+    let end = Instant::now() + PATIENCE;
+    loop {
+        if let Some(found) = look() {
+            return found;
+        }
+        assert!(Instant::now() < end, "never: {what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// The path of a folder for one test. The folder does not exist.
 pub(crate) fn folder(test: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);
     let _ = std::fs::remove_dir_all(&folder);
     folder
 }
 
-/// Writes a file to a folder, which is made if there is none. Returns its path.
+/// An empty folder for one test.
+pub(crate) fn made_folder(test: &str) -> PathBuf {
+    let folder = folder(test);
+    std::fs::create_dir_all(&folder).expect("a folder");
+    folder
+}
+
+/// The path of a file for a hub's stored settings, in an empty folder. The file does not exist.
+pub(crate) fn store(test: &str) -> String {
+    made_folder(test).join("store").display().to_string()
+}
+
+/// Writes a file to a folder, which is made if there is none. Returns the path of the file.
 pub(crate) fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> String {
     std::fs::create_dir_all(folder).expect("a folder");
     let file = folder.join(name);
@@ -44,8 +81,43 @@ pub(crate) fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> Str
     file.display().to_string()
 }
 
-/// One such test at a time: what is measured in real time must not wait for another browser, nor for an emulated chip.
-pub(crate) fn alone() -> MutexGuard<'static, ()> {
-    static ALONE: Mutex<()> = Mutex::new(());
-    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+/// Shared by browsers that run side by side. A test whose times are measured holds it alone.
+static BROWSERS: RwLock<()> = RwLock::new(());
+
+/// Waits until no other browser and no emulated chip runs, and keeps them waiting.
+pub(crate) fn alone() -> RwLockWriteGuard<'static, ()> {
+    BROWSERS.write().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Waits until no test runs [`alone`].
+pub(crate) fn side_by_side() -> RwLockReadGuard<'static, ()> {
+    BROWSERS.read().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Standard output of a run that succeeded.
+#[track_caller]
+pub(crate) fn out(output: &Output) -> String {
+    assert!(output.status.success(), "{}", err(output));
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+/// Standard error.
+#[track_caller]
+pub(crate) fn err(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+/// The JSON document that a run printed which succeeded.
+#[track_caller]
+pub(crate) fn json(output: &Output) -> Value {
+    serde_json::from_str(&out(output)).expect("standard output is one JSON document")
+}
+
+/// Expects an exit code, and words on standard error. Wrong options (exit code 2) print nothing on standard output.
+#[track_caller]
+pub(crate) fn fails(output: &Output, code: i32, says: &str) {
+    let words = err(output);
+    assert_eq!(output.status.code(), Some(code), "{says}: {words}");
+    assert!(words.contains(says), "{says:?} is not in: {words}");
+    assert!(code != 2 || output.stdout.is_empty(), "{says}: {}", String::from_utf8_lossy(&output.stdout));
 }

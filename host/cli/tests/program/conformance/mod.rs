@@ -20,39 +20,50 @@ const GET_ENABLE: u16 = DEKA + 11;
 const SET_POWER: u16 = DEKA + 15;
 const ENCODER: u16 = DEKA + 22;
 
-/// Where hubs of tests leave notes, so that no `scan` of a user finds them.
+/// The folder in which hubs of tests leave notes, so that no `scan` of a user finds them.
 pub(crate) fn notes() -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("notes");
     std::fs::create_dir_all(&folder).unwrap();
     folder
 }
 
-/// A hub in a process of its own, and what it said where it is.
+/// A hub that a process of its own serves.
 pub(crate) struct Hub {
     process: Child,
     pub(crate) place: String,
 }
 
 impl Hub {
-    pub(crate) fn start(program: &str, arguments: &[&str]) -> Self {
-        Self::start_in(&notes(), program, arguments)
+    /// The simulated hub on a TCP port.
+    pub(crate) fn served() -> Self {
+        Self::served_with(&[])
+    }
+
+    /// A hub on a TCP port, with more options.
+    pub(crate) fn served_with(options: &[&str]) -> Self {
+        Self::start(&[&["--tcp", "127.0.0.1:0"], options].concat())
+    }
+
+    /// A hub with all of its options.
+    pub(crate) fn start(options: &[&str]) -> Self {
+        Self::start_in(&notes(), options)
     }
 
     /// A hub that leaves its note in a folder.
-    pub(crate) fn start_in(notes: &Path, program: &str, arguments: &[&str]) -> Self {
-        Self::start_as(notes, program, arguments, Stdio::inherit())
+    pub(crate) fn start_in(notes: &Path, options: &[&str]) -> Self {
+        Self::start_as(notes, options, Stdio::inherit())
     }
 
     /// A hub on a TCP port that leaves its note in a folder, and its standard error.
-    pub(crate) fn start_heard(notes: &Path, program: &str) -> (Self, BufReader<ChildStderr>) {
-        let mut hub = Self::start_as(notes, program, &["--tcp", "127.0.0.1:0"], Stdio::piped());
+    pub(crate) fn start_heard(notes: &Path) -> (Self, BufReader<ChildStderr>) {
+        let mut hub = Self::start_as(notes, &["--tcp", "127.0.0.1:0"], Stdio::piped());
         let errors = hub.process.stderr.take().unwrap();
         (hub, BufReader::new(errors))
     }
 
-    fn start_as(notes: &Path, program: &str, arguments: &[&str], errors: Stdio) -> Self {
-        let mut served = Command::new(program);
-        served.arg("serve").args(arguments).env("XDG_RUNTIME_DIR", notes);
+    fn start_as(notes: &Path, options: &[&str], errors: Stdio) -> Self {
+        let mut served = Command::new(env!("CARGO_BIN_EXE_motor-hub"));
+        served.arg("serve").args(options).env("XDG_RUNTIME_DIR", notes);
         let mut process = served.stdout(Stdio::piped()).stderr(errors).spawn().unwrap();
         let mut place = String::new();
         BufReader::new(process.stdout.take().unwrap()).read_line(&mut place).unwrap();
@@ -63,7 +74,7 @@ impl Hub {
         self.process.id()
     }
 
-    /// Waits for its end.
+    /// Waits until the program has ended.
     pub(crate) fn wait(&mut self) -> ExitStatus {
         self.process.wait().unwrap()
     }
@@ -131,7 +142,7 @@ impl<L: Read + Write> Host<L> {
         Self { line, number: 0 }
     }
 
-    /// Everything that comes until the line falls silent.
+    /// All bytes until the line is silent.
     pub(crate) fn hear(&mut self) -> Vec<u8> {
         let (mut heard, mut chunk) = (Vec::new(), [0; 512]);
         while let Ok(length @ 1..) = self.line.read(&mut chunk) {
@@ -159,7 +170,7 @@ impl<L: Read + Write> Host<L> {
         Some(bytes)
     }
 
-    /// One packet, checked in all but what it says.
+    /// Reads one packet, and checks all of it except the payload.
     pub(crate) fn reply(&mut self) -> Option<(u16, Reply, u8)> {
         let mut bytes = self.take(11)?;
         assert_eq!(bytes[..2], [0x44, 0x4B], "{bytes:02x?}");
@@ -194,7 +205,7 @@ impl<L: Read + Write> Host<L> {
         reply
     }
 
-    /// A command that is obeyed.
+    /// Sends a command that the hub must acknowledge, and returns the attention bit.
     pub(crate) fn order(&mut self, kind: u16, payload: &[u8]) -> bool {
         match self.ask(kind, payload) {
             Ack(attention) => attention,
@@ -209,7 +220,7 @@ impl<L: Read + Write> Host<L> {
         }
     }
 
-    /// Nothing is answered, whatever is said.
+    /// Checks that the hub does not answer these bytes.
     pub(crate) fn is_ignored(&mut self, bytes: &[u8]) {
         self.say(bytes);
         let heard = self.hear();
@@ -225,7 +236,7 @@ impl<L: Read + Write> Host<L> {
     }
 }
 
-/// Everything but silence: what a host may say in any order and at any speed.
+/// Checks framing: packets in any order and at any speed, broken packets, and noise.
 fn packets_are_found_and_answered(host: &mut Host<impl Read + Write>) {
     assert!(host.hear().is_empty(), "the hub sends nothing on its own");
     // Attention, until the reset has been read and cleared; a status word cannot be half cleared.
