@@ -420,6 +420,8 @@ impl Motor {
         let changed = command.bridge.drive != before;
         if changed || self.pulses.are_active() {
             self.command_bridge(command);
+        } else {
+            self.command = Some(command);
         }
         changed
     }
