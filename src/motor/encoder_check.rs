@@ -12,7 +12,7 @@
 //!     │ not slower                            Releasing ────────── motion ─────────▶ Stalled
 //!     │                                           │ time over                         ▲
 //!     ▼                                           ▼                                   │
-//!   Faulty ◀────── expected distance ───────── Probing ─── motion, or no distance ────┘
+//!   Faulty ◀────── expected distance ───────── Probing ─ motion, or out of reach ─────┘
 //! ```
 //!
 //! Terms:

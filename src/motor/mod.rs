@@ -182,7 +182,8 @@ impl Request {
         Self { at, modulation: modulator.open_loop(at, power), control: Some(power), target: None }
     }
 
-    /// The bridge drives against the motion with its full voltage, in every scheme.
+    /// The bridge drives against the motion with duty 1, also in a scheme whose control range ends at less. Only the
+    /// encoder check requests full reverse.
     fn full_reverse(at: OperatingPoint, modulator: &Modulator) -> Self {
         let end = if at.counter_clockwise() { Control::MAX } else { Control::MIN };
         let modulation = modulator.modulation(at, at.full_reverse());
