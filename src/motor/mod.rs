@@ -142,9 +142,9 @@ pub struct Motor {
 /// ```
 ///
 /// A fault is no state. A motor coasts if it is disabled, if the battery voltage is unknown, or if the bridge has a
-/// fault. By the setting [`Settings::on_fault`] a motor coasts or brakes if it is in fail-safe, if it is overheated, or
-/// if its set-point needs an encoder that is missing or at fault. Encoder, bridge and thermal faults are latched. A
-/// missing reading or battery voltage is a fault only while it is missing.
+/// fault. The setting [`Settings::on_fault`] says whether a motor coasts or brakes in fail-safe, while overheated, and
+/// with a set-point whose encoder is missing or at fault. Encoder, bridge and thermal faults are latched. A missing
+/// reading or battery voltage is a fault only while it is missing.
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "there is no heap")]
 enum MotorState {
