@@ -121,7 +121,7 @@ pub struct Motor {
     settle_detector: SettleDetector,
     thermal: Thermal,
     pulses: BurnPulses,
-    /// Present command; `None` while the motor coasts, because its activity or a fault opens the bridge.
+    /// Present command; `None` while the motor coasts, because its set-point or a fault opens the bridge.
     command: Option<Command>,
     /// Current-sense line of the bridge.
     line: Line,
