@@ -25,7 +25,7 @@ use crate::units::{Duty, Milliamperes, Millivolts, RangeError};
 
 /// A state of the bridge: which switches are closed.
 ///
-/// Nine of the sixteen patterns may be commanded. The other seven short the supply and have no value here.
+/// Nine of the sixteen patterns may be commanded. The other seven short the supply and have no variant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[repr(u8)]

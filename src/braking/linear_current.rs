@@ -7,17 +7,23 @@
 //! adjacent points of S, T, Z and G. In Schemes A to D the mean current has no jump at a point. At T a diode replaces a
 //! switch in the current's path, which the formulas include.
 //!
-//! All formulas are for CW motion. Voltages are in V. `R` is the winding's resistance, `Ron` that of a closed switch,
-//! `Vd` the drop of a diode, `V` the battery voltage, `e` the back EMF. `R2 = R + 2 Ron` is the whole resistance
-//! between the battery's terminals. The formulas contain the target current `I` as the voltage `w = R2 I`, which is
-//! positive in the direction of the regime. A DC voltage at the terminals that gives the same current is `e + w` in
-//! forward driving, and `e - w` in braking and reverse driving (paper, sections 2.1 and 3.2). `P` is the PWM period,
-//! and `tau` the winding's time constant. The duty D for the target current is:
+//! All formulas are for CW motion. Voltages are in V:
+//!
+//! * `V` is the battery voltage, `e` the back EMF, `Vd` the drop of a diode.
+//! * `R` is the resistance of the winding, `Ron` that of a closed switch, and `R2 = R + 2 Ron` the whole resistance
+//!   between the battery's terminals.
+//! * `P` is the PWM period, and `tau = L / R2` the winding's time constant.
+//! * `w = R2 I` is the target current `I` as a voltage, positive in the direction of the regime. A DC voltage at the
+//!   terminals that gives the same current is `e + w` in forward driving, and `e - w` in braking and reverse driving
+//!   (paper, sections 2.1 and 3.2).
+//! * `x` is the on time in time constants. `h`, `z` and `q` are abbreviations.
+//!
+//! The duty D for the target current is:
 //!
 //! ```text
 //! continuous:     D = (c + m w) / (a + c - k w)
 //! discontinuous:  D P / tau = x  with  m (x - h) + h (1 - ln(1 + z) / z) = m q,  q = w P / (a tau),
-//!                 h = 1 - exp(-x), z = m h a / c, tau = L / R2
+//!                 h = 1 - exp(-x), z = m h a / c
 //! ```
 //!
 //! While the bridge is on, the current rises towards `a / R2`. While the bridge is off, the current falls towards

@@ -354,8 +354,8 @@ impl Points {
         match Self::scheme_c(at) {
             Some(points) if !at.is_overrun() && points.t.to_bits() >= lowest.to_bits() => points,
             _ => {
-                // S is T (V + e) / e. The formula's T is below `lowest` only from u = 0.5 on, and from there `lowest`
-                // is at least -11 controlMax where it binds. So the product is below 2^63.
+                // S is T (V + e) / e. This branch is taken only for u >= 0.5. `lowest` is then between -11 controlMax
+                // and -controlMax, so the product is below 2^63.
                 let (e, v) = (at.e, at.v());
                 let s = Abscissa::from_bits(lowest.to_bits() + div_round(lowest.to_bits() * v, e));
                 Self { s, ..Self::on_line(lowest, Abscissa::ZERO) }

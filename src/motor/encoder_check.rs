@@ -12,7 +12,7 @@
 //!     │ not slower                            Releasing ────────── motion ─────────▶ Stalled
 //!     │                                           │ time over                         ▲
 //!     ▼                                           ▼                                   │
-//!   Faulty ◀────── expected distance ───────── Probing ─── motion, or no distance ────┘
+//!   Faulty ◀────── expected distance ───────── Probing ─ motion, or out of reach ─────┘
 //! ```
 //!
 //! Terms:
@@ -110,8 +110,8 @@ impl Tick<'_> {
         settings.coefficients.is_some() && matches!(settings.scheme, Scheme::C | Scheme::D(_))
     }
 
-    /// True if the motor runs away: it turns in the wrong direction or at least twice as fast as requested, with the
-    /// bridge in reverse at the end of the control range.
+    /// True if the motor runs away. The bridge is then in reverse at the end of the control range, and the motor turns
+    /// in the wrong direction, or at least twice as fast as requested.
     fn runs_away(&self) -> bool {
         let velocity = i64::from(self.regulator.velocity().to_bits());
         let twice = 2 * i64::from(self.target.to_bits());
@@ -469,10 +469,10 @@ impl Span {
 struct Runaway {
     /// Stall of the motor before the runaway; `None` if the motor was not stalled.
     stall: Option<Stall>,
-    /// Extension of the late span in the second comparison, in ms: the time in which the motor covers
-    /// [`EXPECTED_COUNTS`] from rest, at a voltage beyond the resisting volts as large as the heaviest friction. The
-    /// gain is the least gain. If the encoder is trusted, the gain is that of a motor with the longest mechanical time
-    /// constant. 0 without either.
+    /// Extension of the late span in the second comparison, in ms. In this time the motor covers [`EXPECTED_COUNTS`]
+    /// from rest, if the drive voltage exceeds the resisting volts by the heaviest friction. The gain is the least
+    /// gain. If the encoder is trusted, the gain is that of a motor with the longest mechanical time constant. 0
+    /// without either.
     extension_ms: u32,
     /// True in the second comparison, whose early span contains both spans of the first comparison.
     second: bool,

@@ -121,7 +121,7 @@ pub struct Motor {
     settle_detector: SettleDetector,
     thermal: Thermal,
     pulses: BurnPulses,
-    /// Present command; `None` while the motor coasts, because its activity or a fault opens the bridge.
+    /// Present command; `None` while the motor coasts, because its set-point or a fault opens the bridge.
     command: Option<Command>,
     /// Current-sense line of the bridge.
     line: Line,
@@ -142,9 +142,9 @@ pub struct Motor {
 /// ```
 ///
 /// A fault is no state. A motor coasts if it is disabled, if the battery voltage is unknown, or if the bridge has a
-/// fault. By the setting [`Settings::on_fault`] a motor coasts or brakes if it is in fail-safe, if it is overheated, or
-/// if its set-point needs an encoder that is missing or at fault. Encoder, bridge and thermal faults are latched. A
-/// missing reading or battery voltage is a fault only while it is missing.
+/// fault. The setting [`Settings::on_fault`] says whether a motor coasts or brakes in fail-safe, while overheated, and
+/// with a set-point whose encoder is missing or at fault. Encoder, bridge and thermal faults are latched. A missing
+/// reading or battery voltage is a fault only while it is missing.
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "there is no heap")]
 enum MotorState {
@@ -182,7 +182,8 @@ impl Request {
         Self { at, modulation: modulator.open_loop(at, power), control: Some(power), target: None }
     }
 
-    /// The bridge drives against the motion with its full voltage, in every scheme.
+    /// The bridge drives against the motion with duty 1, also in a scheme whose control range ends at less. Only the
+    /// encoder check requests full reverse.
     fn full_reverse(at: OperatingPoint, modulator: &Modulator) -> Self {
         let end = if at.counter_clockwise() { Control::MAX } else { Control::MIN };
         let modulation = modulator.modulation(at, at.full_reverse());
@@ -420,6 +421,8 @@ impl Motor {
         let changed = command.bridge.drive != before;
         if changed || self.pulses.are_active() {
             self.command_bridge(command);
+        } else {
+            self.command = Some(command);
         }
         changed
     }

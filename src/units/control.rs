@@ -100,12 +100,7 @@ impl Duty {
     }
 }
 
-#[cfg(feature = "defmt")]
-impl defmt::Format for Duty {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        defmt::write!(f, "{}/32768", self.to_bits());
-    }
-}
+logged!(Duty, "{}/32768", to_bits);
 
 /// A fraction of a whole: 0 to 1, in steps of 2^-15. Both ends are exact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -135,12 +130,7 @@ impl Share {
     }
 }
 
-#[cfg(feature = "defmt")]
-impl defmt::Format for Share {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        defmt::write!(f, "{}/32768", self.to_bits());
-    }
-}
+logged!(Share, "{}/32768", to_bits);
 
 /// A coefficient of a PIDF controller, -32 768 to 32 767.99998. The format is signed Q16.16, as hosts send it: 32 bits
 /// in steps of 2^-16.
@@ -162,9 +152,4 @@ impl Coefficient {
     }
 }
 
-#[cfg(feature = "defmt")]
-impl defmt::Format for Coefficient {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        defmt::write!(f, "{}/65536", self.to_bits());
-    }
-}
+logged!(Coefficient, "{}/65536", to_bits);

@@ -99,16 +99,6 @@ impl Acceleration {
     }
 }
 
-#[cfg(feature = "defmt")]
-impl defmt::Format for AccelerationPerVolt {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        defmt::write!(f, "{} cps/s/V", self.to_f32());
-    }
-}
+logged!(AccelerationPerVolt, "{} cps/s/V", to_f32);
 
-#[cfg(feature = "defmt")]
-impl defmt::Format for DecayRate {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        defmt::write!(f, "{}/s", self.to_f32());
-    }
-}
+logged!(DecayRate, "{}/s", to_f32);

@@ -99,12 +99,7 @@ impl Resistance {
     }
 }
 
-#[cfg(feature = "defmt")]
-impl defmt::Format for Resistance {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        defmt::write!(f, "{} mohm", self.as_milliohms());
-    }
-}
+logged!(Resistance, "{} mohm", as_milliohms);
 
 /// Inductance of a winding: 1 to 65 535 microhenries. An unknown inductance is the `None` of an `Option<Inductance>`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -139,12 +134,7 @@ impl Inductance {
     }
 }
 
-#[cfg(feature = "defmt")]
-impl defmt::Format for Inductance {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        defmt::write!(f, "{} uH", self.as_microhenries());
-    }
-}
+logged!(Inductance, "{} uH", as_microhenries);
 
 /// Back-EMF constant keFw in mV s/count (millivolts per count per second).
 ///
@@ -224,12 +214,7 @@ impl EmfConstant {
     }
 }
 
-#[cfg(feature = "defmt")]
-impl defmt::Format for EmfConstant {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        defmt::write!(f, "{}/2^20 mV s/count", self.to_bits());
-    }
-}
+logged!(EmfConstant, "{}/2^20 mV s/count", to_bits);
 
 /// A back EMF in steps of 2^-20 mV, positive when the motor turns CW.
 ///
@@ -305,12 +290,7 @@ impl Voltage {
     }
 }
 
-#[cfg(feature = "defmt")]
-impl defmt::Format for Voltage {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        defmt::write!(f, "{} mV", self.0 / 16);
-    }
-}
+logged!(Voltage, "{} mV", to_millivolts);
 
 /// A current in milliamperes: +-2 147 483 A.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]

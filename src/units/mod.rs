@@ -45,6 +45,18 @@
 //! const WINDING: Resistance = constant!(Resistance::from_ohms(66.0));
 //! ```
 
+/// Prints a quantity to the log of a board: a text with the number that a method of the quantity returns.
+macro_rules! logged {
+    ($quantity:ty, $text:literal, $number:ident) => {
+        #[cfg(feature = "defmt")]
+        impl defmt::Format for $quantity {
+            fn format(&self, f: defmt::Formatter<'_>) {
+                defmt::write!(f, $text, self.$number());
+            }
+        }
+    };
+}
+
 mod control;
 mod dynamics;
 mod electrical;

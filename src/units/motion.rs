@@ -90,9 +90,4 @@ impl CountsPerSecond {
     }
 }
 
-#[cfg(feature = "defmt")]
-impl defmt::Format for CountsPerSecond {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        defmt::write!(f, "{} cps", self.round());
-    }
-}
+logged!(CountsPerSecond, "{} cps", round);
