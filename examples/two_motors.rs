@@ -97,10 +97,7 @@ fn main() {
     let speed = Setpoint::Velocity(CountsPerSecond::new(1_000));
     let place = Setpoint::Position { target: 700, tolerance: 10, speed_limit: CountsPerSecond::new(1_500) };
     for (motor, setpoint) in [speed, place].into_iter().enumerate() {
-        wires
-            .commands
-            .try_send(Command { motor, action: Action::Set(setpoint) })
-            .expect("16 commands may wait");
+        wires.try_send(Command { motor, action: Action::Set(setpoint) }).expect("16 commands may wait");
     }
 
     for ms in 0..=2_000 {
