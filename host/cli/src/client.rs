@@ -20,6 +20,7 @@ mod setup;
 mod shaft_speed;
 mod status;
 mod together;
+mod tune;
 mod update;
 mod watch;
 
@@ -83,6 +84,7 @@ enum Command {
     Settings(settings::Options),
     Update(update::Options),
     Identify(identify::Options),
+    Tune(tune::Options),
     Servo(devices::ServoOptions),
     Analog(devices::AnalogOptions),
     Digital(devices::DigitalOptions),
@@ -140,6 +142,7 @@ impl Command {
             Self::Settings(options) => return options.execute(hub),
             Self::Update(options) => return options.execute(hub),
             Self::Identify(options) => return options.execute(hub),
+            Self::Tune(options) => return options.execute(hub),
             Self::Watch(options) => return options.execute(hub),
             Self::Servo(options) => return options.execute(hub),
             Self::Analog(options) => return options.execute(hub),

@@ -5,12 +5,11 @@ use super::hub::HubOptions;
 use super::interrupt;
 use super::motors_off::DrivingSession;
 use super::readings::Live;
-use super::{settings, setup};
 use crate::output::{Failure, print, print_json};
 use crate::parse::{MotorName, motor, whole};
 use dashboard::proposal::{catalogue_motor, inertia_ratio, proposal};
 use motor_hub::extension::settings::MotorSettings;
-use motor_hub::model::catalogue::{Motor, characterised};
+use motor_hub::model::catalogue::Motor;
 use motor_hub::motor::Settings;
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified};
@@ -28,23 +27,18 @@ const LONGEST: Duration = Duration::from_secs(30);
 
 /// Identifies a motor, compares it with the catalogue, and proposes settings, on hubs of this project
 ///
-/// The result depends on the motor's winding: give --type, or configure the motor first by `setup`. The motor must stand, and
-/// be free to turn with its load. The motion takes some 3 s. The motor is disabled at the end, on Ctrl-C, and on any error.
+/// Configure the motor first, for example by `setup 0 --type "NeveRest 60"`: the result depends on its winding. The
+/// motor must stand, and be free to turn. The motion takes some 3 s. The motor is disabled at the end, on Ctrl-C, and
+/// on any error.
 ///
-/// Proposed are the identified motion, and a largest acceleration of half of what the battery gives the motor at rest. The
-/// motor can reach that acceleration up to half of its free speed, so it does not lag behind its set-point. With --apply the
-/// settings are in force until the hub's reset; coefficients set by a host are dropped. With --save they are also stored.
-///
-/// If the motor is not identified, for example because something pulls at it all the time, the set-up of --type stays in
-/// force, and the hub learns while the motor works. Nothing is then stored, and the exit code is 1.
+/// Proposed are the identified motion, and a largest acceleration of half of what the battery gives the motor at
+/// rest. The motor can reach that acceleration up to half of its free speed, so it does not lag behind its set-point.
+/// With --apply the settings are in force until the hub's reset; coefficients set by a host are dropped.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motor 0 to 3
     #[arg(value_parser = motor)]
     motor: MotorName,
-    /// Configures the motor first: its name in the catalogue, such as "NeveRest 60" [default: the configured motor]
-    #[arg(long = "type", value_name = "NAME")]
-    name: Option<String>,
     /// Longest travel either way, in counts; a small limit makes the motion shorter [default: no limit]
     #[arg(long = "travel-counts", alias = "travel", value_name = "COUNTS", default_value_t = u32::MAX)]
     #[arg(hide_default_value = true, value_parser = whole("a travel", 0..=u32::MAX, "counts"))]
@@ -52,12 +46,6 @@ pub(crate) struct Options {
     /// Applies the proposed settings until the hub's reset
     #[arg(long)]
     apply: bool,
-    /// Applies the proposed settings, and stores all settings of the hub permanently
-    #[arg(long)]
-    save: bool,
-    /// Proposes no acceleration limit: the motor takes what the battery gives
-    #[arg(long)]
-    unlimited: bool,
     /// JSON instead of tables
     #[arg(long)]
     json: bool,
@@ -65,54 +53,26 @@ pub(crate) struct Options {
 
 impl Options {
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
-        if let Some(name) = &self.name {
-            characterised(name).map_err(Failure::input)?;
-        }
         let session = &mut hub.open(self.motor.hub)?;
         let motor = self.motor.number;
-        if let Some(name) = &self.name {
-            setup::write_type(session, motor, name)?;
-        }
         let (before, battery) = (session.settings(motor)?, session.battery()?);
         let outcome = identify(session, motor, self.travel, !self.json)?;
         let Identification::Found(found) = outcome else {
             if self.json {
-                let more = json!({ "motor": motor, "applied": false, "saved": false });
+                let more = json!({ "motor": motor, "applied": false });
                 print_json(&with_fields(identify::json(outcome), more))?;
             }
-            let learns = match self.name {
-                Some(_) => "; its set-up is in force, and the hub learns while the motor works",
-                None => "",
-            };
-            let why = words(outcome);
-            return Err(Failure::Work(format!("motor {motor} was not identified: {why}{learns}")));
+            return Err(Failure::Work(format!("motor {motor} was not identified: {}", words(outcome))));
         };
-        let mut proposed = proposal(&before, &found.dynamics, battery);
-        if self.unlimited {
-            proposed.motor.acceleration = None;
-        }
-        if self.applies() {
+        let proposed = proposal(&before, &found.dynamics, battery);
+        if self.apply {
             session.set_up(motor, &proposed)?;
         }
-        let saved = if self.save { settings::saved(session).map(drop) } else { Ok(()) };
-        let is_saved = self.save && saved.is_ok();
         let catalogue = catalogue_motor(&before.motor);
         if self.json {
-            let document = self.document(&found, catalogue.as_ref(), &before, &proposed);
-            print_json(&with_fields(document, json!({ "saved": is_saved })))?;
-        } else {
-            let end = match (is_saved, self.applies()) {
-                (true, _) => "Applied and stored: the hub regulates the motor by this result",
-                (false, true) => "Applied: until its reset the hub regulates the motor by this result",
-                (false, false) => "Not applied; --apply puts the proposed settings in force",
-            };
-            print(&format!("{}\n{end}\n", self.text(&found, catalogue.as_ref(), &before, &proposed)))?;
+            return print_json(&self.document(&found, catalogue.as_ref(), &before, &proposed));
         }
-        saved
-    }
-
-    const fn applies(&self) -> bool {
-        self.apply || self.save
+        print(&self.text(&found, catalogue.as_ref(), &before, &proposed))
     }
 
     fn text(
@@ -137,8 +97,13 @@ impl Options {
             settings.add_row([name, &now, &proposed]);
         }
         let residual = f64::from(found.residual) / 10.0;
+        let end = if self.apply {
+            "Applied: until its reset the hub regulates the motor by this result"
+        } else {
+            "Not applied; --apply puts the proposed settings in force"
+        };
         format!(
-            "{learned}\nResidual: {residual:.1} % of the changes of speed are not explained\n{load}\n{settings}"
+            "{learned}\nResidual: {residual:.1} % of the changes of speed are not explained\n{load}\n{settings}\n{end}\n"
         )
     }
 
@@ -155,14 +120,14 @@ impl Options {
             "inertia_to_bare_motor": bare.map(|(_, dynamics)| inertia_ratio(dynamics, &found.dynamics)),
             "now": motion_json(before),
             "proposed": motion_json(after),
-            "applied": self.applies(),
+            "applied": self.apply,
         });
         with_fields(identify::json(Identification::Found(*found)), more)
     }
 }
 
 /// Identifies a motor within a travel limit, and disables the motor. Prints the progress if `aloud`.
-fn identify(
+pub(super) fn identify(
     session: &mut Session<Line>,
     motor: u8,
     travel: u32,

@@ -357,7 +357,7 @@ fn a_motor_s_first_minute_is_one_command() {
     let hub = Hub::served_with(&["--store", &store("tune-store")]);
     fails(&client(&hub, &["tune", "1", "--type", "Nope"]), 2, "Nope");
     // A refused identification keeps the set-up and stores nothing.
-    let refused = client(&hub, &["identify", "1", "--type", "NeveRest 20", "--travel-counts", "3", "--save"]);
+    let refused = client(&hub, &["tune", "1", "--type", "NeveRest 20", "--travel-counts", "3", "--save"]);
     fails(&refused, 1, "motor 1 was not identified: refused: the travel");
     fails(&refused, 1, "its set-up is in force");
     let stored = |hub: &Hub| json(&client(hub, &["settings", "show", "--json"]))["stored"].clone();
@@ -367,14 +367,13 @@ fn a_motor_s_first_minute_is_one_command() {
     assert_eq!(set_up["motion"]["decay_per_s"], Value::Null);
 
     let begun = std::time::Instant::now();
-    let more = ["--type", "NeveRest 20", "--unlimited", "--save", "--json"];
-    let found = json(&client(&hub, &[&["identify", "1"], &more[..]].concat()));
+    let tuned = json(&client(&hub, &["tune", "1", "--type", "NeveRest 20", "--save", "--json"]));
     assert!(begun.elapsed().as_secs() < 10);
-    assert_eq!((&found["catalogue"], &found["outcome"]), (&"NeveRest 20".into(), &"found".into()));
-    // With --unlimited the motor takes what the battery gives.
-    assert_eq!((&found["proposed"]["acceleration_cps2"], &found["saved"]), (&Value::Null, &true.into()));
+    assert_eq!((&tuned["catalogue"], &tuned["outcome"]), (&"NeveRest 20".into(), &"found".into()));
+    // Without --gentle the motor takes what the battery gives.
+    assert_eq!((&tuned["motion"]["acceleration_cps2"], &tuned["saved"]), (&Value::Null, &true.into()));
     assert_eq!(stored(&hub), "whole");
-    assert_eq!(json(&client(&hub, &["setup", "1", "--json"]))["motion"], found["proposed"]);
+    assert_eq!(json(&client(&hub, &["setup", "1", "--json"]))["motion"], tuned["motion"]);
     assert_eq!(status(&hub)["motors"][1]["enabled"], false);
 }
 
@@ -397,7 +396,6 @@ fn a_motor_is_identified_beside_the_catalogue_and_settings_are_written_only_when
     let identify = |more: &[&str]| client(&hub, &[&["identify", "0"], more].concat());
     let shown = out(&identify(&[]));
     for says in [
-        "turns at most",
         "NeveRest 20",
         "off by",
         "times the inertia of a bare NeveRest 20",

@@ -1,0 +1,109 @@
+//! `motor-hub client tune`.
+
+use super::hub::HubOptions;
+use super::{identify, settings, setup};
+use crate::output::{Failure, print, print_json};
+use crate::parse::{MotorName, motor, whole};
+use dashboard::proposal::{catalogue_motor, inertia_ratio, proposal};
+use motor_hub::model::catalogue::characterised;
+use motor_hub::regulator::identify::Identification;
+use serde_json::json;
+use studies::identify::words;
+use studies::table;
+
+/// Configures a new motor: sets it up, identifies it, applies and stores the result, on hubs of this project
+///
+/// One command in place of `setup 0 --type NAME`, `identify 0 --apply` and `settings save`. The motor must stand, and
+/// be free to turn with its load. The motion takes some 3 s. The motor is disabled at the end, on Ctrl-C, and on any
+/// error.
+///
+/// Unlike `identify --apply` it sets no acceleration limit, so the motor takes what the battery gives; --gentle sets
+/// the limit that `identify` proposes. Without --save everything is in force until the hub's reset.
+///
+/// If the motor is not identified, for example because something pulls at it all the time, its set-up stays in force
+/// and the hub learns while the motor works. Nothing is then stored, and the exit code is 1.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Motor 0 to 3
+    #[arg(value_parser = motor)]
+    pub(super) motor: MotorName,
+    /// Connected motor by its name in the catalogue, such as "NeveRest 60" [default: the configured motor]
+    #[arg(long = "type", value_name = "NAME")]
+    name: Option<String>,
+    /// Longest travel either way, in counts; a small limit makes the motion shorter [default: no limit]
+    #[arg(long = "travel-counts", value_name = "COUNTS", default_value_t = u32::MAX)]
+    #[arg(hide_default_value = true, value_parser = whole("a travel", 0..=u32::MAX, "counts"))]
+    travel: u32,
+    /// Limits the acceleration to half of what the battery gives the motor at rest
+    #[arg(long)]
+    gentle: bool,
+    /// Stores the settings of the hub permanently
+    #[arg(long)]
+    save: bool,
+    /// JSON instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+impl Options {
+    pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
+        if let Some(name) = &self.name {
+            characterised(name).map_err(Failure::input)?;
+        }
+        let session = &mut hub.open(self.motor.hub)?;
+        let number = self.motor.number;
+        if let Some(name) = &self.name {
+            setup::write_type(session, number, name)?;
+        }
+        let (before, battery) = (session.settings(number)?, session.battery()?);
+        let catalogue = catalogue_motor(&before.motor);
+        let outcome = identify::identify(session, number, self.travel, !self.json)?;
+        let (mut tuned, mut times, mut saved) = (before, None, Ok(false));
+        if let Identification::Found(found) = outcome {
+            tuned = proposal(&before, &found.dynamics, battery);
+            if !self.gentle {
+                tuned.motor.acceleration = None;
+            }
+            session.set_up(number, &tuned)?;
+            times = catalogue.as_ref().map(|(_, bare)| inertia_ratio(bare, &found.dynamics));
+            if self.save {
+                saved = settings::saved(session).map(|_| true);
+            }
+        }
+        let name = catalogue.as_ref().map(|(motor, _)| motor.name);
+        let outcome_words = words(outcome);
+        if self.json {
+            print_json(&json!({
+                "motor": number,
+                "catalogue": name,
+                "outcome": outcome_words,
+                "inertia_to_bare_motor": times,
+                "motion": identify::motion_json(&tuned),
+                "saved": matches!(saved, Ok(true)),
+            }))?;
+        } else {
+            let mut table = table::new(&["motor", &number.to_string()], 1);
+            table.add_row(["motor of the catalogue", name.unwrap_or("none with these constants")]);
+            if let Some(times) = times {
+                table.add_row(["inertia, of that of the bare motor", &format!("{times:.2}")]);
+            }
+            for (name, value) in identify::rows(&tuned) {
+                table.add_row([name, &value]);
+            }
+            let until = match saved {
+                Ok(true) => "stored",
+                _ => "in force until the hub's reset",
+            };
+            table.add_row(["settings", until]);
+            print(&format!("{table}\n"))?;
+        }
+        saved?;
+        match outcome {
+            Identification::Found(_) => Ok(()),
+            _ => Err(Failure::Work(format!(
+                "motor {number} was not identified: {outcome_words}; its set-up is in force, and the hub learns while the \
+                 motor works"
+            ))),
+        }
+    }
+}
