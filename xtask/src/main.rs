@@ -145,7 +145,7 @@ fn test(arguments: &[String]) -> Result<(), Failed> {
 /// Runs the examples in the documentation of the packages of [`IMAGES`].
 fn documented() -> Result<(), Failed> {
     let [packages @ .., _, _, _] = &IMAGES;
-    cargo(&[packages, &["--doc"]].concat())
+    cargo(&[&packages[..], &["--doc"]].concat())
 }
 
 fn long(arguments: &[String]) -> Result<(), Failed> {
