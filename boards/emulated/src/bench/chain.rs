@@ -14,7 +14,7 @@ const STEP: u64 = 100_000;
 const IDLE_STEP: u64 = 1_000_000;
 
 /// Time without a byte after which nobody sends, ns. A parent waits 10 ms for an answer.
-const IDLE_AFTER: u64 = 20_000_000;
+const IDLE_AFTER: u64 = 11_000_000;
 
 /// Bytes that may wait at the input of a hub: those of two steps.
 const WAITING: usize = 8;

@@ -129,7 +129,7 @@ const BACK_WITHIN: Duration = ms(4_000);
 pub(crate) const MODE_CHANGE: Duration = ms(2);
 
 /// Time between two requests to the other hub.
-const REQUEST_INTERVAL: Duration = ms(50);
+const REQUEST_INTERVAL: Duration = ms(100);
 
 /// The address of a hub after its first start, and after each reset of the NUCLEO-F429ZI, which stores none.
 const FIRST: u8 = Address::DEFAULT.get();
