@@ -152,7 +152,7 @@ pub(super) fn regime_duty(case: &Case) -> Result<Value, CaseError> {
     };
     let row = |value: f64| {
         let placed = control(value)?;
-        let turned = if at.counter_clockwise() { -placed } else { placed };
+        let turned = if at.counter_clockwise() { placed.reversed() } else { placed };
         let Location { regime, fraction } = points.locate(turned);
         let mode = regime.mode(at.counter_clockwise());
         Ok(json!([placed.get(), name(regime), mode.name(), fraction.to_duty().to_f64()]))
