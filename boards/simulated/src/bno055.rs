@@ -15,6 +15,8 @@
 //! assert_eq!(i16::from_le_bytes(heading), 270 * 16, "headings grow clockwise, in 1/16 degree");
 //! ```
 
+use crate::scenario::numbers::{Drift, ScaleError, within};
+use serde::Deserialize;
 use std::f64::consts::TAU;
 
 /// Registers. A register of 16 bits has the number of its first byte.
@@ -52,11 +54,14 @@ const GRAVITY: i16 = 981;
 const TEMPERATURE: u8 = 25;
 
 /// Errors of the sensor's gyro.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct GyroErrors {
     /// Angle by which a resting base seems to turn left, in degrees per minute.
+    #[serde(deserialize_with = "within::<Drift, _, _>")]
     pub drift_degrees_per_min: f64,
     /// Share by which a turn seems larger than it is.
+    #[serde(deserialize_with = "within::<ScaleError, _, _>")]
     pub scale_error: f64,
 }
 

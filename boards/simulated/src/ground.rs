@@ -10,16 +10,22 @@
 //! ```
 
 use crate::hardware::{TRACK_MM, WHEEL_DIAMETER_MM};
+use crate::scenario::numbers::{Length, Slip, WithinMillion, within};
 use motor_hub::group::Pose;
+use serde::{Deserialize, Deserializer};
 
 /// True dimensions of the drive base, and how the wheels slip.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Floor {
     /// Diameters of the left and the right wheel in mm. Negative for a wheel that drives backward when its motor turns CW.
+    #[serde(deserialize_with = "wheel_diameters")]
     pub wheel_diameters_mm: [f64; 2],
     /// Distance between the centres of the wheels in mm.
+    #[serde(deserialize_with = "within::<Length, _, _>")]
     pub track_mm: f64,
     /// Part of a turn that is lost because the wheels slip, 0 to 1. The distance of the base is not changed.
+    #[serde(deserialize_with = "within::<Slip, _, _>")]
     pub slip_in_turns: f64,
 }
 
@@ -28,6 +34,11 @@ impl Default for Floor {
     fn default() -> Self {
         Self { wheel_diameters_mm: [WHEEL_DIAMETER_MM; 2], track_mm: TRACK_MM, slip_in_turns: 0.0 }
     }
+}
+
+/// Reads the diameters of both wheels.
+fn wheel_diameters<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 2], D::Error> {
+    <[WithinMillion; 2]>::deserialize(from).map(|diameters_mm| diameters_mm.map(f64::from))
 }
 
 /// A drive base on its floor.

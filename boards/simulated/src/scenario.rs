@@ -14,6 +14,7 @@
 mod error;
 pub mod expectation;
 mod file;
+pub(crate) mod numbers;
 mod other_motor;
 mod types;
 

@@ -180,12 +180,12 @@ impl Served {
         Self { board, wires, health, led: Cell::default() }
     }
 
-    /// Returns all tasks of the hub. A hub without a `host` has a line that is silent.
+    /// Returns all tasks of the hub.
     fn tasks<'a>(
         &'a self,
         scenario: &Scenario,
         address: Address,
-        host: Option<End<'a>>,
+        host: End<'a>,
         chain_end: Option<ChainEnd>,
         memory: Option<Memory>,
     ) -> Result<Pin<Box<dyn Future<Output = ()> + 'a>>, RunError> {
@@ -204,10 +204,7 @@ impl Served {
                 self.health.check_in(Task::Responder);
             };
             let pins = self.board.clone();
-            match host {
-                Some(end) => responder::run(end, end, pins, &mut hub, &self.wires, show).await,
-                None => responder::run(Silent, Silent, pins, &mut hub, &self.wires, show).await,
-            }
+            responder::run(host, host, pins, &mut hub, &self.wires, show).await;
         };
         let keep = async move {
             match memory.and_then(Memory::keeper) {
@@ -247,7 +244,7 @@ pub async fn steps(
     let mut snapshots = parent.wires.snapshot.receiver().ok_or(RunError::Unobserved)?;
     let mut tasks = Vec::new();
     for (index, (hub, &address)) in served.iter().zip(&hubs.addresses).enumerate() {
-        let host = (index == 0).then_some(End { line: &line, left: &left });
+        let host = End { line: (index == 0).then_some(&line), left: &left };
         let chain_end = (served.len() > 1).then(|| hubs.line.end(index));
         tasks.push((Executor::new(), hub.tasks(scenario, address, host, chain_end, memory.take())?));
     }
@@ -313,33 +310,11 @@ pub async fn steps(
     Ok(())
 }
 
-/// A line without a host.
-struct Silent;
-
-impl ErrorType for Silent {
-    type Error = Infallible;
-}
-
-impl Read for Silent {
-    async fn read(&mut self, _: &mut [u8]) -> Result<usize, Infallible> {
-        pending().await
-    }
-}
-
-impl Write for Silent {
-    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
-        Ok(bytes.len())
-    }
-
-    async fn flush(&mut self) -> Result<(), Infallible> {
-        Ok(())
-    }
-}
-
-/// The hub's end of the line. It is polled every millisecond and needs no waker.
+/// A hub's end of the line to its host. It is polled every millisecond and needs no waker.
 #[derive(Clone, Copy)]
 struct End<'a> {
-    line: &'a RefCell<Line>,
+    /// `None` for a hub without a host.
+    line: Option<&'a RefCell<Line>>,
     /// Bytes that may still be received in this step. Without a limit, a host that never pauses would keep the step from
     /// ending.
     left: &'a Cell<usize>,
@@ -348,12 +323,17 @@ struct End<'a> {
 impl End<'_> {
     fn receive(&self, bytes: &mut [u8]) -> usize {
         let room = bytes.len().min(self.left.get());
-        let received = bytes.get_mut(..room).map_or(0, |bytes| match bytes {
-            [] => 0,
-            bytes => self.line.borrow_mut().receive(bytes),
-        });
+        let received = match (self.line, bytes.get_mut(..room)) {
+            (None, _) | (_, None | Some([])) => 0,
+            (Some(line), Some(bytes)) => line.borrow_mut().receive(bytes),
+        };
         self.left.set(self.left.get() - received);
         received
+    }
+
+    /// Sends bytes. Without a host all bytes are dropped.
+    fn send(&self, bytes: &[u8]) -> usize {
+        self.line.map_or(bytes.len(), |line| line.borrow_mut().send(bytes))
     }
 }
 
@@ -369,7 +349,7 @@ impl Read for End<'_> {
 
 impl Write for End<'_> {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
-        poll_fn(|_| ready(self.line.borrow_mut().send(bytes))).await
+        poll_fn(|_| ready(self.send(bytes))).await
     }
 
     async fn flush(&mut self) -> Result<(), Infallible> {

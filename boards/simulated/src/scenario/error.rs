@@ -28,10 +28,11 @@ pub enum ScenarioError {
     },
 }
 
-/// An error at a part of the text.
+/// What is wrong, and the part of the text that it is about.
 #[derive(Debug)]
 pub(super) struct Fault {
-    span: Range<usize>,
+    /// `None` until [`At::at`] names the table that was being checked.
+    span: Option<Range<usize>>,
     message: String,
 }
 
@@ -40,27 +41,36 @@ pub(super) type Checked<T> = Result<T, Fault>;
 impl Fault {
     /// An error of the TOML parser, or of a single value. A message that begins with "= " gets the key of its value.
     pub(super) fn of_toml(error: &toml::de::Error, text: &str) -> Self {
-        let span = error.span().unwrap_or_default();
         let message = error.message().trim_end().replace('\n', "; ");
-        let key = if message.starts_with("= ") { key_of_value(text, span.start) } else { "" };
-        Self { span, message: format!("{key} {message}").trim_start().to_owned() }
+        let start = error.span().unwrap_or_default().start;
+        let key = if message.starts_with("= ") { key_of_value(text, start) } else { "" };
+        Self { span: error.span(), message: format!("{key} {message}").trim_start().to_owned() }
     }
 
     /// Returns the error with line and column.
     pub(super) fn in_file(self, file: &str, text: &str) -> ScenarioError {
-        let (line, column) = line_and_column(text, self.span.start);
+        let (line, column) = line_and_column(text, self.span.unwrap_or_default().start);
         ScenarioError::Wrong { file: file.to_owned(), line, column, message: self.message }
     }
 }
 
-/// Adds the place in the text to an error.
+impl<S: Into<String>> From<S> for Fault {
+    fn from(message: S) -> Self {
+        Self { span: None, message: message.into() }
+    }
+}
+
+/// Adds the place in the text to an error that has none yet.
 pub(super) trait At<T> {
     fn at<S>(self, place: &Spanned<S>) -> Checked<T>;
 }
 
-impl<T> At<T> for Result<T, String> {
+impl<T, E: Into<Fault>> At<T> for Result<T, E> {
     fn at<S>(self, place: &Spanned<S>) -> Checked<T> {
-        self.map_err(|message| Fault { span: place.span(), message })
+        self.map_err(|error| {
+            let fault = error.into();
+            Fault { span: fault.span.or(Some(place.span())), ..fault }
+        })
     }
 }
 

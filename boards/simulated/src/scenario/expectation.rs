@@ -23,7 +23,7 @@ pub struct Expectation {
 }
 
 /// The subject of an expectation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Subject {
     /// A motor, by its index.
     Motor(usize),

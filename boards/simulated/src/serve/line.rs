@@ -3,7 +3,6 @@
 use super::tcp::Tcp;
 use super::wire::Wire;
 use std::fmt;
-use std::io::{Read, Write};
 
 #[cfg(unix)]
 use super::pty::Pty;
@@ -27,17 +26,21 @@ pub enum LineError {
     },
 }
 
-/// A line whose calls never block.
-#[derive(Debug)]
-pub struct Line(Kind);
-
-#[derive(Debug)]
-enum Kind {
-    #[cfg(unix)]
-    Pty(Pty),
-    Tcp(Tcp),
-    Wire(Wire),
+/// One kind of line. Its methods are those of [`Line`].
+pub(super) trait HostLine: fmt::Debug + Send {
+    fn receive(&mut self, bytes: &mut [u8]) -> usize;
+    fn send(&mut self, bytes: &[u8]) -> usize;
+    fn is_taken(&self) -> bool;
+    fn turned_away(&self) -> u32 {
+        0
+    }
+    /// The path or address that hosts open.
+    fn address(&self) -> String;
 }
+
+/// A line whose calls never block. Displayed, it is the path or address that hosts open.
+#[derive(Debug)]
+pub struct Line(Box<dyn HostLine>);
 
 impl Line {
     /// A pseudo-terminal: hosts open its path as a serial port of any speed.
@@ -46,7 +49,7 @@ impl Line {
     /// If the system refuses a pseudo-terminal.
     #[cfg(unix)]
     pub fn pty() -> Result<Self, LineError> {
-        Pty::open().map(|pty| Self(Kind::Pty(pty))).map_err(|errno| LineError::NoPty(errno.into()))
+        Pty::open().map(|pty| Self(Box::new(pty))).map_err(|errno| LineError::NoPty(errno.into()))
     }
 
     /// # Errors
@@ -63,70 +66,41 @@ impl Line {
     /// If the program cannot listen on the address.
     pub fn tcp(address: &str) -> Result<Self, LineError> {
         let fails = |error| LineError::Tcp { address: address.to_owned(), error };
-        Tcp::listen(address).map(|tcp| Self(Kind::Tcp(tcp))).map_err(fails)
+        Tcp::listen(address).map(|tcp| Self(Box::new(tcp))).map_err(fails)
     }
 
     /// A line within this process, and the host's end of it. The host counts as always there.
     #[must_use]
     pub fn within_process() -> (Self, Wire) {
         let (hub, host) = Wire::pair();
-        (Self(Kind::Wire(hub)), host)
+        (Self(Box::new(hub)), host)
     }
 
     /// Reads bytes that have arrived. Returns their number, 0 if there are none.
     pub fn receive(&mut self, bytes: &mut [u8]) -> usize {
-        match &mut self.0 {
-            #[cfg(unix)]
-            Kind::Pty(pty) => pty.receive(bytes),
-            Kind::Tcp(tcp) => tcp.receive(bytes),
-            Kind::Wire(wire) => wire.read(bytes).unwrap_or(0),
-        }
+        self.0.receive(bytes)
     }
 
     /// Sends bytes. Returns the number of accepted bytes, 0 if the line is busy. Without a host all bytes are dropped.
     pub fn send(&mut self, bytes: &[u8]) -> usize {
-        match &mut self.0 {
-            #[cfg(unix)]
-            Kind::Pty(pty) => pty.send(bytes),
-            Kind::Tcp(tcp) => tcp.send(bytes),
-            Kind::Wire(wire) => wire.write(bytes).unwrap_or(0),
-        }
+        self.0.send(bytes)
     }
 
     /// Returns true if a host is on the line. On TCP the host is connected and has sent something within 5 s. On a
     /// pseudo-terminal it has sent something within the hub's keep-alive time of 2.5 s; on Linux it has not closed the
-    /// port since.
+    /// port since. A line within this process always has a host.
     pub fn is_taken(&self) -> bool {
-        match &self.0 {
-            #[cfg(unix)]
-            Kind::Pty(pty) => pty.is_taken(),
-            Kind::Tcp(tcp) => tcp.is_taken(),
-            Kind::Wire(_) => true,
-        }
+        self.0.is_taken()
     }
 
     /// Returns the number of hosts that were disconnected because another host was connected.
-    pub const fn turned_away(&self) -> u32 {
-        match &self.0 {
-            #[cfg(unix)]
-            Kind::Pty(_) => 0,
-            Kind::Tcp(tcp) => tcp.turned_away(),
-            Kind::Wire(_) => 0,
-        }
+    pub fn turned_away(&self) -> u32 {
+        self.0.turned_away()
     }
 }
 
-/// The path or address that hosts open.
 impl fmt::Display for Line {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match &self.0 {
-            #[cfg(unix)]
-            Kind::Pty(pty) => f.write_str(pty.path()),
-            Kind::Tcp(tcp) => match tcp.address() {
-                Ok(address) => write!(f, "{address}"),
-                Err(error) => write!(f, "{error}"),
-            },
-            Kind::Wire(_) => f.write_str("within this process"),
-        }
+        f.write_str(&self.0.address())
     }
 }

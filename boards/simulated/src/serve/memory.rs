@@ -1,9 +1,7 @@
 //! A file instead of flash, for settings that are kept between runs of the program. It has two pages of 16 KB, as the
 //! NUCLEO-F429ZI has.
 
-use embedded_storage_async::nor_flash::{
-    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
-};
+use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use motor_hub::tasks::store::Keeper;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -80,37 +78,26 @@ impl Memory {
         Keeper::new(self, 0..SIZE)
     }
 
-    fn at(&mut self, offset: u32) -> Result<&mut File, Unwritten> {
-        self.0.seek(SeekFrom::Start(offset.into()))?;
-        Ok(&mut self.0)
-    }
-}
-
-/// The operating system has refused.
-#[derive(Debug)]
-pub struct Unwritten;
-
-impl From<io::Error> for Unwritten {
-    fn from(_: io::Error) -> Self {
-        Self
-    }
-}
-
-impl NorFlashError for Unwritten {
-    fn kind(&self) -> NorFlashErrorKind {
-        NorFlashErrorKind::Other
+    fn at<T>(
+        &mut self,
+        offset: u32,
+        act: impl FnOnce(&mut File) -> io::Result<T>,
+    ) -> Result<T, NorFlashErrorKind> {
+        let moved = self.0.seek(SeekFrom::Start(offset.into()));
+        moved.and_then(|_| act(&mut self.0)).map_err(|_| NorFlashErrorKind::Other)
     }
 }
 
 impl ErrorType for Memory {
-    type Error = Unwritten;
+    /// The operating system has refused.
+    type Error = NorFlashErrorKind;
 }
 
 impl ReadNorFlash for Memory {
     const READ_SIZE: usize = 1;
 
-    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Unwritten> {
-        Ok(self.at(offset)?.read_exact(bytes)?)
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        self.at(offset, |file| file.read_exact(bytes))
     }
 
     fn capacity(&self) -> usize {
@@ -122,11 +109,11 @@ impl NorFlash for Memory {
     const WRITE_SIZE: usize = 4;
     const ERASE_SIZE: usize = PAGE as usize;
 
-    async fn erase(&mut self, from: u32, to: u32) -> Result<(), Unwritten> {
-        Ok(self.at(from)?.write_all(&vec![0xFF; to.saturating_sub(from) as usize])?)
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        self.at(from, |file| file.write_all(&vec![0xFF; to.saturating_sub(from) as usize]))
     }
 
-    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Unwritten> {
-        Ok(self.at(offset)?.write_all(bytes)?)
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+        self.at(offset, |file| file.write_all(bytes))
     }
 }

@@ -1,5 +1,6 @@
 //! A pseudo-terminal: one end for the hub, and a path in `/dev` that hosts open as a serial port.
 
+use super::line::HostLine;
 #[cfg(target_os = "linux")]
 use rustix::fs::inotify;
 use rustix::fs::{Mode, OFlags, fcntl_setfl};
@@ -76,13 +77,10 @@ impl Pty {
             }
         }
     }
+}
 
-    pub(super) fn path(&self) -> &str {
-        &self.path
-    }
-
-    /// Reads bytes that have arrived. Returns their number, 0 if there are none.
-    pub(super) fn receive(&mut self, bytes: &mut [u8]) -> usize {
+impl HostLine for Pty {
+    fn receive(&mut self, bytes: &mut [u8]) -> usize {
         self.discard_unread_replies();
         // A host that was killed while it had exclusive use of the port would lock out the next host.
         let _ = termios::ioctl_tiocnxcl(&self.theirs);
@@ -100,16 +98,19 @@ impl Pty {
         received
     }
 
-    pub(super) fn is_taken(&self) -> bool {
+    fn is_taken(&self) -> bool {
         self.last_byte.is_some_and(|last_byte| last_byte.elapsed() < KEEP_ALIVE)
     }
 
-    /// Sends bytes. Returns the number of accepted bytes, 0 if the line is busy. Without a host all bytes are dropped.
-    pub(super) fn send(&self, bytes: &[u8]) -> usize {
+    fn send(&mut self, bytes: &[u8]) -> usize {
         if self.shut {
             return bytes.len();
         }
         rustix::io::write(&self.ours, bytes).unwrap_or(0)
+    }
+
+    fn address(&self) -> String {
+        self.path.clone()
     }
 }
 

@@ -1,8 +1,9 @@
 //! A TCP port with one host at a time.
 
+use super::line::HostLine;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{TcpListener, TcpStream};
 use std::time::{Duration, Instant};
 
 /// Time that a second host waits before it is disconnected. The first host may have hung up, which shows once its last
@@ -54,32 +55,6 @@ impl Tcp {
         })
     }
 
-    pub(super) fn address(&self) -> std::io::Result<SocketAddr> {
-        self.listener.local_addr()
-    }
-
-    /// Returns the number of hosts that were disconnected because another host was connected.
-    pub(super) const fn turned_away(&self) -> u32 {
-        self.turned_away
-    }
-
-    pub(super) fn is_taken(&self) -> bool {
-        self.host.is_some() && self.last_byte.elapsed() < IDLE
-    }
-
-    /// Reads bytes that have arrived. Returns their number, 0 if there are none.
-    pub(super) fn receive(&mut self, bytes: &mut [u8]) -> usize {
-        if self.host.is_none() {
-            self.host = self.waiting.take().map(|(stream, _)| stream).or_else(|| self.accept());
-            self.last_byte = Instant::now();
-        }
-        let received = self.read(bytes);
-        if self.host.is_some() {
-            self.look_for_another();
-        }
-        received
-    }
-
     fn look_for_another(&mut self) {
         match &self.waiting {
             None => self.waiting = self.accept().map(|stream| (stream, Instant::now())),
@@ -91,15 +66,6 @@ impl Tcp {
             }
             Some(_) => (),
         }
-    }
-
-    /// Sends bytes. Returns the number of accepted bytes, 0 if the line is busy. Without a host all bytes are dropped.
-    pub(super) fn send(&mut self, bytes: &[u8]) -> usize {
-        let Some(stream) = self.host.as_mut().filter(|_| !self.takes_no_replies) else { return bytes.len() };
-        moved(stream.write(bytes)).unwrap_or_else(|| {
-            self.takes_no_replies = true;
-            bytes.len()
-        })
     }
 
     fn accept(&self) -> Option<TcpStream> {
@@ -144,6 +110,40 @@ impl Tcp {
     fn forget_host(&mut self) {
         (self.host, self.takes_no_replies, self.at_end) = (None, false, false);
         self.inbox.clear();
+    }
+}
+
+impl HostLine for Tcp {
+    fn receive(&mut self, bytes: &mut [u8]) -> usize {
+        if self.host.is_none() {
+            self.host = self.waiting.take().map(|(stream, _)| stream).or_else(|| self.accept());
+            self.last_byte = Instant::now();
+        }
+        let received = self.read(bytes);
+        if self.host.is_some() {
+            self.look_for_another();
+        }
+        received
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> usize {
+        let Some(stream) = self.host.as_mut().filter(|_| !self.takes_no_replies) else { return bytes.len() };
+        moved(stream.write(bytes)).unwrap_or_else(|| {
+            self.takes_no_replies = true;
+            bytes.len()
+        })
+    }
+
+    fn is_taken(&self) -> bool {
+        self.host.is_some() && self.last_byte.elapsed() < IDLE
+    }
+
+    fn turned_away(&self) -> u32 {
+        self.turned_away
+    }
+
+    fn address(&self) -> String {
+        self.listener.local_addr().map_or_else(|error| error.to_string(), |address| address.to_string())
     }
 }
 

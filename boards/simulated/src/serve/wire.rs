@@ -1,5 +1,6 @@
 //! A line within this process.
 
+use super::line::HostLine;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Result, Write};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -45,5 +46,23 @@ impl Write for Wire {
 
     fn flush(&mut self) -> Result<()> {
         Ok(())
+    }
+}
+
+impl HostLine for Wire {
+    fn receive(&mut self, bytes: &mut [u8]) -> usize {
+        self.read(bytes).unwrap_or(0)
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> usize {
+        self.write(bytes).unwrap_or(0)
+    }
+
+    fn is_taken(&self) -> bool {
+        true
+    }
+
+    fn address(&self) -> String {
+        "within this process".to_owned()
     }
 }

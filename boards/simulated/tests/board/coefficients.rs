@@ -99,26 +99,10 @@ fn all(run: impl Fn(Scheme, DutyRule, u32) -> Vec<f64> + Sync) -> Vec<Line> {
     })
 }
 
-fn show(name: &str, lines: &[Line], unit: &str) {
-    println!("{name}");
-    for ((scheme, duty, ms), misses) in lines {
-        let misses: String = misses.iter().map(|miss| format!("{miss:7.1}")).collect();
-        println!("{:45} {ms:3} ms{misses} {unit}", format!("{scheme:?}, {duty:?}"));
-    }
-}
-
 /// Runs a set of coefficients in all cases; the speed must settle within 2 %.
 fn settles(name: &str, set: Velocity) {
     let fastest = fastest();
-    // By Scheme A with linear current F was a share of the battery's voltage before, too.
-    let per_second = |fastest| {
-        let [p, i, d, f] = set(fastest);
-        [p, i / 20.0, d, f]
-    };
-    let before = misses(at_half(Scheme::A, DutyRule::LinearCurrent, 50), per_second, &fastest);
-    show("with I per second:", &[((Scheme::A, DutyRule::LinearCurrent, 50), before)], "%");
     let lines = all(|scheme, duty, ms| misses(at_half(scheme, duty, ms), set, &fastest));
-    show(name, &lines, "%");
     for (cell, misses) in &lines {
         for (motor, miss) in misses.iter().enumerate() {
             assert!(miss.abs() < 2.0, "{name}: motor {motor} misses by {miss:.1} %: {cell:?}");
@@ -180,7 +164,6 @@ fn positions_are_reached_and_held_by_what_hosts_set() {
             }
             outcome(&scenario, TARGET).into_iter().map(|(_, off)| off as f64).collect()
         });
-        show(&format!("position, P, I, D, F {set:?}"), &lines, "counts");
         for (cell, off) in &lines {
             assert!(off.iter().all(|&off| off <= f64::from(TOLERANCE)), "{set:?}: {off:?}, {cell:?}");
         }

@@ -22,7 +22,7 @@ fn measured(report: &Report) -> Option<f64> {
 }
 
 #[test]
-fn a_sound_line_shows_what_flows_also_of_a_motor_of_which_the_hub_was_told_wrongly() {
+fn a_sound_line_shows_the_current_also_of_a_wrongly_configured_motor() {
     let truth = driving("current_line = \"sound\"");
     let flows = f64::from(truth.current.get());
     let shown = measured(&truth).expect("it is measured");
@@ -35,7 +35,7 @@ fn a_sound_line_shows_what_flows_also_of_a_motor_of_which_the_hub_was_told_wrong
 }
 
 #[test]
-fn a_broken_line_is_named_and_the_model_goes_on() {
+fn a_broken_line_is_reported_and_the_modelled_current_is_used() {
     for (line, is) in
         [("absent", SenseLine::Absent), ("stuck-low", SenseLine::Silent), ("stuck-high", SenseLine::Stuck)]
     {

@@ -1,12 +1,38 @@
 //! The host as a board.
 
+use motor_hub::bridge::BridgeConstants;
+use motor_hub::model::battery::Battery;
+use motor_hub::model::catalogue::characterised;
+use motor_hub::model::load::Load;
+use motor_hub::model::si::{Ohms, Volts};
+use simulated::scenario::Scenario;
+use simulated::sim;
+use simulated::trace::Trace;
+use simulated::world::Board;
+use std::sync::{Mutex, PoisonError};
+
 mod bus;
 mod coefficients;
 mod currents;
 mod devices;
 mod files;
+mod heading;
 mod runs;
 mod scenarios;
 mod scheme;
 mod wires;
 mod world;
+
+/// A board with a NeveRest 60 without load on each of these bridges.
+fn board(bridges: &[BridgeConstants]) -> Board {
+    let motor = characterised("NeveRest 60").expect("known").with_measured_rotor_inertia();
+    let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
+    Board::new(battery, bridges.iter().map(|bridge| (motor, Load::NONE, *bridge)), 1)
+}
+
+/// Runs the hub's tasks. The clock of the mock driver is one for the process, so runs wait for each other.
+fn run_tasks(scenario: &Scenario) -> Trace {
+    static CLOCK: Mutex<()> = Mutex::new(());
+    let _clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
+    sim::run(scenario, &mut |_| ()).expect("it runs")
+}

@@ -1,7 +1,6 @@
 //! A scenario runs alike with and without tasks.
 
 use simulated::scenario::Scenario;
-use simulated::sim;
 use simulated::without_tasks::run;
 
 #[test]
@@ -14,7 +13,7 @@ fn a_run_without_tasks_is_the_run_with_them() {
         for (index, motor) in scenario.motors.iter_mut().enumerate() {
             motor.setpoints.iter_mut().for_each(|setpoint| setpoint.at_s += 1e-3 * index as f64);
         }
-        let trace = sim::run(&scenario, &mut |_| ()).expect("it runs");
+        let trace = crate::run_tasks(&scenario);
         let mut ticks = trace.ticks.iter().peekable();
         run(&scenario, |moment| {
             let at_s = moment.ms as f64 / 1e3;

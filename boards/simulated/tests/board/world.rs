@@ -1,21 +1,15 @@
 //! Plants behind the board's traits.
 
+use crate::board;
 use motor_hub::board::{BridgeFaults, Bridges, Devices};
 use motor_hub::bridge::{Drive, Mode};
-use motor_hub::model::battery::Battery;
-use motor_hub::model::catalogue::characterised;
-use motor_hub::model::load::Load;
-use motor_hub::model::si::{Ohms, Seconds, Volts};
+use motor_hub::model::si::Seconds;
 use motor_hub::units::Duty;
 use simulated::hardware::{BRIDGE, MOTORS, REAL_BRIDGE};
-use simulated::world::Board;
 
 #[test]
 fn a_real_bridge_takes_too_short_a_low_time_for_a_short_circuit_and_is_open_until_its_lines_are_low() {
-    let motor = characterised("AM 60 A").expect("known").with_measured_rotor_inertia();
-    let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
-    let motors = [BRIDGE, REAL_BRIDGE].map(|bridge| (motor, Load::NONE, bridge));
-    let mut board = Board::new(battery, motors.into_iter(), 1);
+    let mut board = board(&[BRIDGE, REAL_BRIDGE]);
     let mut run = |share: f64| {
         let drive = Drive { mode: Mode::Cw98, duty: Duty::from_bits((32_768.0 * share) as u16) };
         let drive = if share == 0.0 { Drive::COAST } else { drive };
@@ -34,9 +28,7 @@ fn a_real_bridge_takes_too_short_a_low_time_for_a_short_circuit_and_is_open_unti
 
 #[test]
 fn digital_pins_are_pulled_up_unless_something_pulls_them_down_or_the_hub_drives_them() {
-    let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
-    let motor = (characterised("AM 60 A").expect("known"), Load::NONE, BRIDGE);
-    let mut board = Board::new(battery, [motor].into_iter(), 1);
+    let mut board = board(&[BRIDGE]);
     assert_eq!(board.exchange(0, 0), 0xFF);
     board.press(3, true);
     assert_eq!(board.exchange(0, 0), 0xF7);
@@ -47,9 +39,7 @@ fn digital_pins_are_pulled_up_unless_something_pulls_them_down_or_the_hub_drives
 
 #[test]
 fn pins_that_a_wire_connects_have_one_level_low_if_either_is_pulled_low() {
-    let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
-    let motor = (characterised("AM 60 A").expect("known"), Load::NONE, BRIDGE);
-    let mut board = Board::new(battery, [motor].into_iter(), 1);
+    let mut board = board(&[BRIDGE]);
     board.wire([4, 5]);
     let (four, five) = (1 << 4, 1 << 5);
     assert_eq!(board.exchange(0, 0), 0xFF, "both are pulled up");

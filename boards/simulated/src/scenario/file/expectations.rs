@@ -1,14 +1,14 @@
 //! The tables `[[expect]]`: each has a motor or a group, a window, and one quantity or several.
 
-use super::find;
-use super::numbers::{
-    BusVoltage, Degrees, Energy, PositionBound, SettlingTime, SpeedBound, Swing, UpTo1000, out_of_range,
-};
+use super::{check_time, find};
 use crate::scenario::expectation::{Bounds, Expectation, Expected, Quantity, Subject, regime_name};
+use crate::scenario::numbers::{
+    BusVoltage, Degrees, Energy, PositionBound, SettlingTime, SpeedBound, Swing, UpTo1000, one_of,
+};
 use crate::scenario::types::{Group, Motor};
 use motor_hub::braking::Regime;
 use motor_hub::record::Fault;
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 use std::ops::Range;
 
 #[derive(Deserialize)]
@@ -31,31 +31,26 @@ pub(super) struct ExpectTable {
     ever: Vec<RegimeWord>,
     #[serde(default)]
     never: Vec<RegimeWord>,
-    fault: Option<FaultWord>,
+    #[serde(default, deserialize_with = "fault")]
+    fault: Option<Expected>,
 }
 
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum FaultWord {
-    None,
-    Stuck,
-    Reversed,
-}
-
-/// A regime by its name.
-#[derive(Clone, Copy, Deserialize)]
-#[serde(try_from = "String")]
+/// A regime by its name; `None` for an open bridge.
+#[derive(Clone, Copy)]
 struct RegimeWord(Option<Regime>);
 
-impl TryFrom<String> for RegimeWord {
-    type Error = String;
-
-    fn try_from(word: String) -> Result<Self, String> {
-        let all = [Some(Regime::Forward), Some(Regime::Braking), Some(Regime::Reverse), None];
-        let regime = all.into_iter().find(|&regime| regime_name(regime) == word);
-        let names = || all.map(|regime| format!("`{}`", regime_name(regime))).join(", ");
-        regime.map(Self).ok_or_else(|| format!("unknown variant `{word}`, expected one of {}", names()))
+impl<'de> Deserialize<'de> for RegimeWord {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let regimes = [Some(Regime::Forward), Some(Regime::Braking), Some(Regime::Reverse), None];
+        one_of(from, &regimes.map(|regime| (regime_name(regime), Self(regime))))
     }
+}
+
+/// Reads the expected fault.
+fn fault<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Expected>, D::Error> {
+    let faults =
+        [("none", None), ("stuck", Some(Fault::EncoderStuck)), ("reversed", Some(Fault::EncoderReversed))];
+    one_of(from, &faults).map(|fault| Some(Expected::Fault(fault)))
 }
 
 impl ExpectTable {
@@ -67,62 +62,62 @@ impl ExpectTable {
         duration_s: f64,
     ) -> Result<Vec<Expectation>, String> {
         let window_s = self.window(duration_s)?;
-        let of_motors = self.of_motors()?;
-        let battery = between(self.bus_between_v, Quantity::Bus)?;
-        let heading = below(self.heading_error_below_degrees, Quantity::HeadingError);
-        if of_motors.is_empty() && battery.is_none() && heading.is_none() {
+        let mut expectations = Vec::new();
+        for expected in self.expected()? {
+            let subjects = self.subjects(&expected, motors, groups)?;
+            expectations.extend(subjects.into_iter().map(|subject| Expectation {
+                subject,
+                window_s: window_s.clone(),
+                expected,
+            }));
+        }
+        if expectations.is_empty() {
             return Err("an expectation needs at least one key of a motor, a group or the battery".to_owned());
         }
-        let mut wanted = Vec::new();
-        if let Some(label) = &self.group {
-            let index = find("group", label, groups.iter().map(|group| &group.label))?;
-            let settling =
-                |expected: &Expected| matches!(expected, Expected::Quantity(Quantity::SettlingTime, _));
-            if self.motor.is_some() {
-                return Err("an expectation has a motor or a group, not both".to_owned());
-            }
-            if battery.is_some() || !of_motors.iter().all(settling) {
-                return Err(
-                    "an expectation of a group allows settles_within_s and heading_error_below_degrees only"
-                        .to_owned(),
-                );
-            }
-            if heading.is_some() && groups.get(index).is_none_or(|group| group.base.is_none()) {
-                return Err(HEADING_OF_BASE.to_owned());
-            }
-            wanted.extend(
-                of_motors.into_iter().chain(heading).map(|expected| (Subject::Group(index), expected)),
-            );
-        } else {
-            if heading.is_some() {
-                return Err(HEADING_OF_BASE.to_owned());
-            }
-            let subjects = match &self.motor {
-                Some(label) => {
-                    let index = find("motor", label, motors.iter().map(|motor| &motor.label))?;
-                    index..index + 1
+        // All expectations of a motor stand together.
+        expectations.sort_by_key(|expectation| expectation.subject);
+        Ok(expectations)
+    }
+
+    /// The subjects that an expected quantity, regime or fault of the table is about.
+    fn subjects(
+        &self,
+        expected: &Expected,
+        motors: &[Motor],
+        groups: &[Group],
+    ) -> Result<Vec<Subject>, String> {
+        let quantity = match expected {
+            Expected::Quantity(quantity, _) => Some(quantity),
+            _ => None,
+        };
+        let subjects = match (&self.motor, &self.group) {
+            (Some(_), Some(_)) => return Err("an expectation has a motor or a group, not both".to_owned()),
+            (None, Some(label)) => {
+                let index = find("group", label, groups.iter().map(|group| &group.label))?;
+                let has_base = groups.get(index).is_some_and(|group| group.base.is_some());
+                match quantity {
+                    Some(Quantity::HeadingError) if !has_base => return Err(HEADING_OF_BASE.to_owned()),
+                    Some(Quantity::SettlingTime | Quantity::HeadingError) => vec![Subject::Group(index)],
+                    _ => return Err(OF_GROUPS.to_owned()),
                 }
-                None => 0..motors.len(),
-            };
-            if battery.is_some() && self.motor.is_some() {
+            }
+            _ if quantity == Some(&Quantity::HeadingError) => return Err(HEADING_OF_BASE.to_owned()),
+            (Some(_), None) if quantity == Some(&Quantity::Bus) => {
                 return Err("bus_between_v is about the battery; remove motor".to_owned());
             }
-            for motor in subjects {
-                wanted.extend(of_motors.iter().map(|&expected| (Subject::Motor(motor), expected)));
+            (Some(label), None) => {
+                vec![Subject::Motor(find("motor", label, motors.iter().map(|motor| &motor.label))?)]
             }
-            wanted.extend(battery.map(|expected| (Subject::Battery, expected)));
-        }
-        let expectation = |(subject, expected)| Expectation { subject, window_s: window_s.clone(), expected };
-        Ok(wanted.into_iter().map(expectation).collect())
+            (None, None) if quantity == Some(&Quantity::Bus) => vec![Subject::Battery],
+            (None, None) => (0..motors.len()).map(Subject::Motor).collect(),
+        };
+        Ok(subjects)
     }
 
     /// The window of the table, by default the whole run.
     fn window(&self, duration_s: f64) -> Result<Range<f64>, String> {
-        for (key, at_s) in [("from_s", self.from_s), ("to_s", self.to_s)] {
-            if let Some(at_s) = at_s.filter(|at_s| !(0.0..=duration_s).contains(at_s)) {
-                return Err(out_of_range(key, at_s, 0.0..=duration_s));
-            }
-        }
+        check_time("from_s", self.from_s, duration_s)?;
+        check_time("to_s", self.to_s, duration_s)?;
         let window = self.from_s.unwrap_or(0.0)..self.to_s.unwrap_or(duration_s);
         if window.is_empty() {
             return Err("from_s must be less than to_s; the window without both is the whole run".to_owned());
@@ -130,7 +125,8 @@ impl ExpectTable {
         Ok(window)
     }
 
-    fn of_motors(&self) -> Result<Vec<Expected>, String> {
+    /// Everything that the table expects.
+    fn expected(&self) -> Result<Vec<Expected>, String> {
         let quantities = [
             below(self.settles_within_s, Quantity::SettlingTime),
             below(self.overshoot_below_percent, Quantity::Overshoot),
@@ -139,21 +135,18 @@ impl ExpectTable {
             between(self.swing_between_cps, Quantity::Swing)?,
             below(self.current_step_below_a, Quantity::CurrentStep),
             between(self.energy_returned_between_j, Quantity::EnergyReturned)?,
+            below(self.heading_error_below_degrees, Quantity::HeadingError),
+            between(self.bus_between_v, Quantity::Bus)?,
         ];
         let ever = self.ever.iter().map(|regime| Expected::Ever(regime.0));
-        let regimes = ever.chain(self.never.iter().map(|regime| Expected::Never(regime.0)));
-        let fault = self.fault.map(|word| {
-            Expected::Fault(match word {
-                FaultWord::None => None,
-                FaultWord::Stuck => Some(Fault::EncoderStuck),
-                FaultWord::Reversed => Some(Fault::EncoderReversed),
-            })
-        });
-        Ok(quantities.into_iter().flatten().chain(regimes).chain(fault).collect())
+        let never = self.never.iter().map(|regime| Expected::Never(regime.0));
+        Ok(quantities.into_iter().flatten().chain(ever).chain(never).chain(self.fault).collect())
     }
 }
 
 const HEADING_OF_BASE: &str = "heading_error_below_degrees needs a group with a base";
+const OF_GROUPS: &str =
+    "an expectation of a group allows settles_within_s and heading_error_below_degrees only";
 
 fn below(high: Option<impl Into<f64>>, quantity: Quantity) -> Option<Expected> {
     high.map(|high| Expected::Quantity(quantity, Bounds { low: 0.0, high: high.into() }))

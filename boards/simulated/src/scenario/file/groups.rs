@@ -1,10 +1,10 @@
 //! The tables `[[groups]]`: motors that move in step, and their courses.
 
-use super::numbers::{
-    AccelerationLimit, Counts, Course as Way, Distance, Length, Name, Speed, SpeedLimit, or,
-};
 use super::{find, timeline};
-use crate::scenario::error::{At, Checked};
+use crate::scenario::error::Checked;
+use crate::scenario::numbers::{
+    AccelerationLimit, Counts, Distance, Length, Name, Speed, SpeedLimit, WithinMillion, or,
+};
 use crate::scenario::types::{Group, Motor};
 use motor_hub::group::{BaseSettings, Course, DriveBase, GroupCommand, Halt};
 use motor_hub::units::{Acceleration, CountsPerSecond};
@@ -14,7 +14,7 @@ use toml::Spanned;
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct GroupTable {
-    label: Name,
+    pub(super) label: Name,
     motors: Vec<String>,
     base: Option<BaseTable>,
     #[serde(default, with = "HaltWord")]
@@ -35,7 +35,7 @@ enum HaltWord {
 struct BaseTable {
     wheel_diameter_mm: Length,
     track_mm: Length,
-    counts_per_turn: Option<[Way; 2]>,
+    counts_per_turn: Option<[WithinMillion; 2]>,
     #[serde(default)]
     use_gyro: bool,
 }
@@ -47,8 +47,8 @@ struct CourseTable {
     by_counts: Option<Vec<Counts>>,
     to_counts: Option<Vec<Counts>>,
     on_cps: Option<Vec<Speed>>,
-    straight_mm: Option<Way>,
-    turn_degrees: Option<Way>,
+    straight_mm: Option<WithinMillion>,
+    turn_degrees: Option<WithinMillion>,
     speed_cps: Option<SpeedLimit>,
     acceleration_cps2: AccelerationLimit,
     lag_counts: Option<Distance>,
@@ -58,26 +58,25 @@ struct CourseTable {
 const TOO_LONG: &str = "the course is longer than 2147483647 counts";
 
 impl GroupTable {
-    pub(super) fn check(&self, whole: &Spanned<Self>, all: &[Motor], duration_s: f64) -> Checked<Group> {
-        let motors = self.members(all).at(whole)?;
-        let base = self.base.as_ref().map(|base| base.check(&motors, all)).transpose().at(whole)?;
+    pub(super) fn check(&self, all: &[Motor], duration_s: f64) -> Checked<Group> {
+        let motors = self.members(all)?;
+        let base = self.base.as_ref().map(|base| base.check(&motors, all)).transpose()?;
         let use_gyro = self.base.as_ref().is_some_and(|base| base.use_gyro);
         if use_gyro && motors != [0, 1] {
             return Err("use_gyro needs the first two motors of the file as wheels, left and right: the \
                         simulated gyro stands on their base"
-                .to_owned())
-            .at(whole);
+                .into());
         }
         if use_gyro && base.as_ref().is_none_or(|base| BaseSettings::new([0, 1], base, true).is_err()) {
-            return Err("a base with use_gyro has wheels and a track of 1 mm to 10 m".to_owned()).at(whole);
+            return Err("a base with use_gyro has wheels and a track of 1 mm to 10 m".into());
         }
         if self.courses.is_empty() {
-            return Err("a group needs at least one course".to_owned()).at(whole);
+            return Err("a group needs at least one course".into());
         }
-        let course = |table: &CourseTable| {
-            Ok(GroupCommand { halt: self.halt, ..table.check(&motors, base.as_ref())? })
-        };
-        let courses = timeline(&self.courses, duration_s, |course| course.at_s, course)?;
+        let courses = timeline(&self.courses, duration_s, |table| {
+            let course = table.check(&motors, base.as_ref());
+            (table.at_s, course.map(|course| GroupCommand { halt: self.halt, ..course }))
+        })?;
         Ok(Group { label: self.label.0.clone(), motors, base, use_gyro, courses })
     }
 

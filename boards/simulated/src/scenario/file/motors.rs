@@ -1,16 +1,16 @@
 //! The tables `[[motors]]`.
 
-use super::numbers::{
-    AccelerationLimit, Backlash, CoefficientValue, Counts, CountsPerRev, Current, CurrentLimit, Distance,
-    DragFactor, Efficiency, FASTEST_CPS, Factor, GearRatio, Glitches, MotorConstant, MotorDrag, Name, OfLoad,
-    Percent, Power, RestPositions, RotorInertia, Seconds, Slots, Speed, SpeedLimit, Stiffness,
-    TemperatureRise, Torque, WindingConstant, or, out_of_range,
-};
 use super::timeline;
 use crate::current_line::CurrentLine;
 use crate::encoder::{Encoder, Wire};
 use crate::hardware::{BRIDGE, REAL_BRIDGE, thermal_limit};
 use crate::scenario::error::{At, Checked};
+use crate::scenario::numbers::{
+    AccelerationLimit, Backlash, CoefficientValue, Counts, CountsPerRev, Current, CurrentLimit, Distance,
+    DragFactor, Efficiency, FASTEST_CPS, Factor, GearRatio, Glitches, MotorConstant, MotorDrag, Name, OfLoad,
+    Percent, Power, RestPositions, RotorInertia, Seconds, Slots, Speed, SpeedLimit, Stiffness,
+    TemperatureRise, Torque, WindingConstant, one_of, or, out_of_range,
+};
 use crate::scenario::types::{Configuration, ConfiguredMotion, Motor, Timed};
 use crate::scheme::{BlendChoice, DutyWord, SchemeName};
 use motor_hub::braking::DutyRule;
@@ -33,7 +33,7 @@ use toml::Spanned;
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct MotorTable {
-    label: Name,
+    pub(super) label: Name,
     motor: Option<String>,
     constants: Option<ConstantsTable>,
     #[serde(default)]
@@ -55,8 +55,8 @@ pub(super) struct MotorTable {
     on_fault: OnFault,
     thermal: Option<ThermalTable>,
     current_limit_a: Option<CurrentLimit>,
-    #[serde(default)]
-    bridge: BridgeWord,
+    #[serde(default, deserialize_with = "bridge")]
+    bridge: Option<BridgeConstants>,
     #[serde(default)]
     current_line: CurrentLine,
     acceleration_cps2: Option<AccelerationLimit>,
@@ -164,14 +164,6 @@ struct ThermalTable {
     case_s: Option<Seconds>,
 }
 
-#[derive(Clone, Copy, Default, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum BridgeWord {
-    #[default]
-    Ideal,
-    Vnh5019,
-}
-
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CoefficientTables {
@@ -220,61 +212,64 @@ struct HeatTable {
 #[serde(deny_unknown_fields)]
 struct EncoderTable {
     at_s: f64,
-    is: Option<EncoderWord>,
+    #[serde(default, deserialize_with = "encoder")]
+    is: Option<Encoder>,
     glitches_per_s: Option<Glitches>,
     slot_missing_of: Option<Slots>,
 }
 
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum EncoderWord {
-    Sound,
-    Reversed,
-    Unplugged,
-    ALow,
-    AHigh,
-    BLow,
-    BHigh,
-    ALoose,
-    BLoose,
+/// Reads the name of a bridge.
+fn bridge<'de, D: Deserializer<'de>>(from: D) -> Result<Option<BridgeConstants>, D::Error> {
+    one_of(from, &[("ideal", BRIDGE), ("vnh5019", REAL_BRIDGE)]).map(Some)
+}
+
+/// Reads the name of an encoder's condition.
+fn encoder<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Encoder>, D::Error> {
+    let stuck = |wire, high| Encoder::Stuck { wire, high };
+    let conditions = [
+        ("sound", Encoder::Sound),
+        ("reversed", Encoder::Reversed),
+        ("unplugged", Encoder::Unplugged),
+        ("a-low", stuck(Wire::A, false)),
+        ("a-high", stuck(Wire::A, true)),
+        ("b-low", stuck(Wire::B, false)),
+        ("b-high", stuck(Wire::B, true)),
+        ("a-loose", Encoder::Loose { wire: Wire::A }),
+        ("b-loose", Encoder::Loose { wire: Wire::B }),
+    ];
+    one_of(from, &conditions).map(Some)
 }
 
 impl MotorTable {
-    pub(super) fn check(&self, whole: &Spanned<Self>, duration_s: f64) -> Checked<Motor> {
-        let constants = self.constants().at(whole)?;
+    pub(super) fn check(&self, duration_s: f64) -> Checked<Motor> {
+        let constants = self.constants()?;
         let load = Load {
             inertia_after: si::KgM2(or(self.load.inertia_kg_m2, 0.0)),
             drag_after: si::Drag(or(self.load.drag_nms_per_rad, 0.0)),
             ..Load::NONE
         };
+        let scheme = self.scheme.unwrap_or(SchemeName::A).with_blend(self.blend);
         Ok(Motor {
             label: self.label.0.clone(),
             constants,
             train: self.train.as_ref().map(|table| table.get_ref().check(&load).at(table)).transpose()?,
             load,
             configuration: self.configured,
-            scheme: match (self.scheme, self.blend) {
-                (None, Some(_)) => Err("blend is allowed with scheme = \"D\" only".to_owned()).at(whole)?,
-                (scheme, blend) => scheme
-                    .unwrap_or(SchemeName::A)
-                    .with_blend(blend)
-                    .map_err(|error| error.to_string())
-                    .at(whole)?,
-            },
+            scheme: scheme.map_err(|error| error.to_string())?,
             duty: self.duty,
             zero_power: self.zero_power,
             on_fault: self.on_fault,
-            bridge: self.bridge.into(),
+            bridge: self.bridge.unwrap_or(BRIDGE),
             current_line: self.current_line,
             thermal: self.thermal.as_ref().and_then(|table| table.check(&constants)),
             current_limit: self.current_limit_a.and_then(|limit| NonZeroU16::new(milliamperes(limit))),
             acceleration: self.acceleration_cps2.and_then(|limit| Acceleration::new(limit.0).ok()),
             velocity: self.coefficients.velocity.map(Pidf::from),
             position: self.coefficients.position.map(Pidf::from),
-            setpoints: timeline(&self.setpoints, duration_s, |s| s.at_s, SetPointTable::check)?,
+            setpoints: timeline(&self.setpoints, duration_s, |table| (table.at_s, table.check()))?,
             torques: self.torques(duration_s)?,
-            heat: timeline(&self.heat, duration_s, |h| h.at_s, HeatTable::check)?,
-            encoder: timeline(&self.encoder, duration_s, |e| e.at_s, EncoderTable::check)?,
+            heat: timeline(&self.heat, duration_s, |table| (table.at_s, Ok(table.into())))?,
+            encoder: timeline(&self.encoder, duration_s, |table| (table.at_s, table.check()))?,
         })
     }
 
@@ -310,14 +305,14 @@ impl MotorTable {
     /// The load's own torque remains from the start until the first change.
     fn torques(&self, duration_s: f64) -> Checked<Vec<Timed<f64>>> {
         let first = Timed { at_s: 0.0, value: or(self.load.torque_nm, 0.0) };
-        let changes = timeline(&self.torques, duration_s, |t| t.at_s, |t| Ok(t.torque_nm.0))?;
+        let changes = timeline(&self.torques, duration_s, |table| (table.at_s, Ok(table.torque_nm.0)))?;
         Ok(std::iter::once(first).chain(changes).collect())
     }
 }
 
-impl HeatTable {
-    fn check(&self) -> Result<Temperatures, String> {
-        Ok(Temperatures { winding_k: self.winding_k.0, magnets_k: self.magnets_k.0 })
+impl From<&HeatTable> for Temperatures {
+    fn from(table: &HeatTable) -> Self {
+        Self { winding_k: table.winding_k.0, magnets_k: table.magnets_k.0 }
     }
 }
 
@@ -414,15 +409,6 @@ fn milliamperes(amperes: CurrentLimit) -> u16 {
     (1e3 * amperes.0).round() as u16
 }
 
-impl From<BridgeWord> for BridgeConstants {
-    fn from(word: BridgeWord) -> Self {
-        match word {
-            BridgeWord::Ideal => BRIDGE,
-            BridgeWord::Vnh5019 => REAL_BRIDGE,
-        }
-    }
-}
-
 impl From<PidfTable> for Pidf {
     fn from(table: PidfTable) -> Self {
         let term = |value: Option<CoefficientValue>| {
@@ -436,43 +422,37 @@ impl SetPointTable {
     fn check(&self) -> Result<Setpoint, String> {
         let &Self { power, current_a, velocity_cps, position_counts, disable, .. } = self;
         let (tolerance, limit) = (self.tolerance_counts, self.speed_limit_cps);
-        let refused = |message: &str| Err(message.to_owned());
+        if tolerance.is_some() && position_counts.is_none() {
+            return Err("tolerance_counts is allowed with position_counts only".to_owned());
+        }
+        if limit.is_some() && position_counts.is_none() && current_a.is_none() {
+            return Err("speed_limit_cps is allowed with position_counts and current_a only".to_owned());
+        }
         let speed_limit = CountsPerSecond::new(or(limit, FASTEST_CPS));
-        let setpoint = match (power, current_a, velocity_cps, position_counts, disable) {
+        match (power, current_a, velocity_cps, position_counts, disable) {
             (Some(power), None, None, None, None) => {
                 let control = power.0 * f64::from(Control::MAX.get());
-                Setpoint::ConstantPower(Control::new(control.round() as i16))
+                Ok(Setpoint::ConstantPower(Control::new(control.round() as i16)))
             }
             // Without a limit the motor may become as fast as it can.
-            (None, Some(amperes), None, None, None) => Setpoint::Current {
-                current: Milliamperes::new((1e3 * amperes.0).round() as i32),
-                speed_limit,
-            },
-            (None, None, Some(cps), None, None) => Setpoint::Velocity(CountsPerSecond::new(cps.0)),
+            (None, Some(amperes), None, None, None) => {
+                let current = Milliamperes::new((1e3 * amperes.0).round() as i32);
+                Ok(Setpoint::Current { current, speed_limit })
+            }
+            (None, None, Some(cps), None, None) => Ok(Setpoint::Velocity(CountsPerSecond::new(cps.0))),
             (None, None, None, Some(target), None) => match (tolerance, limit) {
                 (Some(tolerance), Some(_)) => {
-                    Setpoint::Position { target: target.0, tolerance: tolerance.0, speed_limit }
+                    Ok(Setpoint::Position { target: target.0, tolerance: tolerance.0, speed_limit })
                 }
-                _ => return refused("position_counts needs tolerance_counts and speed_limit_cps"),
+                _ => Err("position_counts needs tolerance_counts and speed_limit_cps".to_owned()),
             },
-            (None, None, None, None, Some(true)) => Setpoint::Disabled,
+            (None, None, None, None, Some(true)) => Ok(Setpoint::Disabled),
             (None, None, None, None, Some(false)) => {
-                return refused("disable = false is not allowed; remove disable");
+                Err("disable = false is not allowed; remove disable".to_owned())
             }
-            _ => {
-                return refused(
-                    "a set-point needs exactly one of power, current_a, velocity_cps, position_counts and disable",
-                );
-            }
-        };
-        let position = position_counts.is_some();
-        if tolerance.is_some() && !position {
-            return refused("tolerance_counts is allowed with position_counts only");
+            _ => Err("a set-point needs exactly one of power, current_a, velocity_cps, position_counts and disable"
+                .to_owned()),
         }
-        if limit.is_some() && !position && current_a.is_none() {
-            return refused("speed_limit_cps is allowed with position_counts and current_a only");
-        }
-        Ok(setpoint)
     }
 }
 
@@ -480,27 +460,10 @@ impl EncoderTable {
     fn check(&self) -> Result<Encoder, String> {
         let not_zero = |number| NonZeroU32::new(number).unwrap_or(NonZeroU32::MIN);
         match (self.is, self.glitches_per_s, self.slot_missing_of) {
-            (Some(word), None, None) => Ok(word.into()),
+            (Some(encoder), None, None) => Ok(encoder),
             (None, Some(rate), None) => Ok(Encoder::Glitches { per_second: not_zero(rate.0) }),
             (None, None, Some(slots)) => Ok(Encoder::MissingSlot { of: not_zero(slots.0) }),
             _ => Err("an encoder needs exactly one of is, glitches_per_s and slot_missing_of".to_owned()),
-        }
-    }
-}
-
-impl From<EncoderWord> for Encoder {
-    fn from(word: EncoderWord) -> Self {
-        let stuck = |wire, high| Self::Stuck { wire, high };
-        match word {
-            EncoderWord::Sound => Self::Sound,
-            EncoderWord::Reversed => Self::Reversed,
-            EncoderWord::Unplugged => Self::Unplugged,
-            EncoderWord::ALow => stuck(Wire::A, false),
-            EncoderWord::AHigh => stuck(Wire::A, true),
-            EncoderWord::BLow => stuck(Wire::B, false),
-            EncoderWord::BHigh => stuck(Wire::B, true),
-            EncoderWord::ALoose => Self::Loose { wire: Wire::A },
-            EncoderWord::BLoose => Self::Loose { wire: Wire::B },
         }
     }
 }

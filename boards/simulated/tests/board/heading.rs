@@ -1,20 +1,9 @@
 //! A drive base that holds the heading of its gyro, on the simulated ground, with faults of the gyro's bus.
 
-#![expect(clippy::expect_used, clippy::panic, reason = "a failed expectation is a failed test")]
-
+use crate::run_tasks;
 use motor_hub::group::GyroState;
 use simulated::scenario::Scenario;
-use simulated::sim;
 use simulated::trace::Trace;
-use std::sync::{Mutex, PoisonError};
-
-/// The mock driver's clock is one for the process.
-static CLOCK: Mutex<()> = Mutex::new(());
-
-fn run(scenario: &Scenario) -> Trace {
-    let _clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
-    sim::run(scenario, &mut |_| ()).expect("it runs")
-}
 
 /// A base that turns by 90 degrees at 3 s, at 6 s and at 10 s, on a floor on which it loses 5 % of each turn.
 fn turns(base: &str, attached: &str) -> Scenario {
@@ -50,19 +39,20 @@ fn gyro_at(trace: &Trace, at_s: f64) -> GyroState {
 
 #[test]
 fn a_base_holds_the_heading_of_its_gyro_and_knows_where_it_is() {
-    let trace = run(&turns(", use_gyro = true", ""));
+    let trace = run_tasks(&turns(", use_gyro = true", ""));
     // The sensor answers 650 ms after its supply is on, and is then configured.
     assert_eq!([gyro_at(&trace, 0.6), gyro_at(&trace, 2.0)], [GyroState::Waiting, GyroState::Good]);
     assert!((end_degrees(&trace) - 270.0).abs() < 0.5, "{}", end_degrees(&trace));
     let base = trace.ticks.last().and_then(|tick| tick.base).expect("a base");
     assert!((f64::from(base.heading_millidegrees) / 1e3 - end_degrees(&trace)).abs() < 0.1, "{base:?}");
-    let by_encoders = run(&turns("", ""));
+    let by_encoders = run_tasks(&turns("", ""));
     assert!((end_degrees(&by_encoders) - 0.95 * 270.0).abs() < 0.5, "{}", end_degrees(&by_encoders));
 }
 
 #[test]
 fn a_base_turns_by_its_gyros_drift_and_scale_error() {
-    let trace = run(&turns(", use_gyro = true", "[gyro]\ndrift_degrees_per_min = 30.0\nscale_error = 0.01"));
+    let trace =
+        run_tasks(&turns(", use_gyro = true", "[gyro]\ndrift_degrees_per_min = 30.0\nscale_error = 0.01"));
     // The gyro drifts by 0.5 degrees a second. From its first turn at 3 s to 13 s the base turns back by that angle.
     let expected = (270.0 - 0.5 * 10.0) / 1.01;
     assert!((end_degrees(&trace) - expected).abs() < 0.6, "{} {expected}", end_degrees(&trace));
@@ -86,7 +76,7 @@ fn faults_of_the_gyros_bus_stop_neither_motors_nor_ticks() {
         let changes = format!(
             "[attached]\nover_time = [{{ at_s = 5, i2c_faults = [\"{fault}\"] }}, {{ at_s = 8, i2c_faults = [\"none\"] }}]"
         );
-        let trace = run(&turns(", use_gyro = true", &changes));
+        let trace = run_tasks(&turns(", use_gyro = true", &changes));
         let during = if is_lost { GyroState::Lost } else { GyroState::Good };
         assert_eq!([gyro_at(&trace, 5.7), gyro_at(&trace, 8.0)], [during; 2], "{fault}");
         assert_eq!(gyro_at(&trace, 9.9), GyroState::Good, "{fault}");
@@ -98,25 +88,4 @@ fn faults_of_the_gyros_bus_stop_neither_motors_nor_ticks() {
         assert_eq!(trace.ticks.len(), 259, "{fault}: no tick is left out");
         assert!(trace.ticks.iter().all(|tick| !tick.motors[0].report.faults.any()), "{fault}");
     }
-}
-
-#[test]
-fn a_base_with_a_gyro_needs_the_wheels_of_the_simulated_ground() {
-    let text = "name = \"x\"\nduration_s = 1\nbattery = { emf_v = 12, resistance_ohm = 0.1 }\n\
-                [[motors]]\nlabel = \"a\"\nmotor = \"AM 60 A\"\n[[motors]]\nlabel = \"b\"\nmotor = \"AM 60 A\"\n\
-                [[groups]]\nlabel = \"g\"\nmotors = [\"b\", \"a\"]\n\
-                base = { wheel_diameter_mm = 90, track_mm = 300, use_gyro = true }\n\
-                courses = [{ at_s = 0, turn_degrees = 90, speed_cps = 1500, acceleration_cps2 = 5000 }]\n";
-    let refused = |text: &str| Scenario::parse("x.toml", text).expect_err("wrong").to_string();
-    assert!(
-        refused(text).contains("use_gyro needs the first two motors of the file as wheels"),
-        "{}",
-        refused(text)
-    );
-    let wide = text.replace("[\"b\", \"a\"]", "[\"a\", \"b\"]").replace("300", "10001");
-    assert!(refused(&wide).contains("wheels and a track of 1 mm to 10 m"), "{}", refused(&wide));
-    let scaled = text.replace("[[groups]]", "[gyro]\nscale_error = 0.2\n[[groups]]");
-    assert!(refused(&scaled).contains("0.2 is out of range; allowed is -0.1 to 0.1"), "{}", refused(&scaled));
-    let slips = text.replace("[[groups]]", "[floor]\nslip_in_turns = 1.0\n[[groups]]");
-    assert!(refused(&slips).contains("1 is out of range; allowed is 0 to 0.9"), "{}", refused(&slips));
 }

@@ -1,12 +1,12 @@
-//! Kinds of numbers and names in a scenario file. Each kind has a range; a value out of its range is refused.
+//! Numbers, words and names in a scenario file. Each kind of number has a range; a value out of its range is refused.
 
-use crate::scenario::types::LONGEST_S;
+use super::types::LONGEST_S;
 use serde::de::{Deserialize, Deserializer, Error, Unexpected, Visitor};
 use std::fmt::{self, Formatter};
 use std::ops::RangeInclusive;
 
 /// Highest speed in counts/s: ten times the speed of any known motor.
-pub(super) const FASTEST_CPS: i32 = 1_000_000;
+pub(crate) const FASTEST_CPS: i32 = 1_000_000;
 
 /// Reads a number from `low` to `high`.
 struct Limits {
@@ -37,7 +37,7 @@ impl Visitor<'_> for Limits {
 }
 
 /// Message for a number out of its range. Without a key the parser's position says which key is meant.
-pub(super) fn out_of_range(key: &str, value: f64, range: RangeInclusive<f64>) -> String {
+pub(crate) fn out_of_range(key: &str, value: f64, range: RangeInclusive<f64>) -> String {
     let message = format!("{key} = {value} is out of range; allowed is {} to {}", range.start(), range.end());
     message.trim_start().to_owned()
 }
@@ -47,7 +47,7 @@ macro_rules! numbers {
     ($($(#[$doc:meta])* $name:ident($inner:ty): $low:expr, $high:expr;)+) => {$(
         $(#[$doc])*
         #[derive(Clone, Copy, Debug)]
-        pub(super) struct $name(pub(super) $inner);
+        pub(crate) struct $name(pub(crate) $inner);
 
         impl From<$name> for $inner {
             fn from(number: $name) -> Self {
@@ -144,8 +144,8 @@ numbers! {
     Drift(f64): -60.0, 60.0;
     /// Share by which a gyro's turns are too large.
     ScaleError(f64): -0.1, 0.1;
-    /// Distance on a course in mm, turn in degrees, or counts per turn of a wheel.
-    Course(f64): -1e6, 1e6;
+    /// Distance on a course in mm, turn in degrees, counts per turn of a wheel, or diameter of a wheel in mm.
+    WithinMillion(f64): -1e6, 1e6;
     /// Expected speed in counts/s.
     SpeedBound(f64): -FASTEST_CPS, FASTEST_CPS;
     /// Expected position in counts.
@@ -157,15 +157,37 @@ numbers! {
     Degrees(f64): 0.0, 360.0;
 }
 
+/// Reads a number of one kind, as a field has it: `#[serde(deserialize_with = "within::<Slip, _, _>")]`.
+pub(crate) fn within<'de, Kind, T, D>(from: D) -> Result<T, D::Error>
+where
+    Kind: Deserialize<'de> + Into<T>,
+    D: Deserializer<'de>,
+{
+    Kind::deserialize(from).map(Into::into)
+}
+
+/// Reads one of these words, and returns the value beside it.
+pub(crate) fn one_of<'de, T: Copy, D: Deserializer<'de>>(
+    from: D,
+    words: &[(&str, T)],
+) -> Result<T, D::Error> {
+    let word = String::deserialize(from)?;
+    let known = words.iter().find(|(known, _)| *known == word);
+    known.map(|(_, value)| *value).ok_or_else(|| {
+        let names: Vec<_> = words.iter().map(|(name, _)| format!("`{name}`")).collect();
+        Error::custom(format!("unknown variant `{word}`, expected one of {}", names.join(", ")))
+    })
+}
+
 /// Returns the given value, or `absent` if no value is given.
-pub(super) fn or<T>(given: Option<impl Into<T>>, absent: T) -> T {
+pub(crate) fn or<T>(given: Option<impl Into<T>>, absent: T) -> T {
     given.map_or(absent, Into::into)
 }
 
 /// A name without control characters. Spaces at both ends are removed; the name then has 1 to 80 bytes in UTF-8.
 #[derive(serde::Deserialize)]
 #[serde(try_from = "String")]
-pub(super) struct Name(pub(super) String);
+pub(crate) struct Name(pub(crate) String);
 
 impl TryFrom<String> for Name {
     type Error = String;
