@@ -52,15 +52,15 @@ fn complaints(row: &Row, seen: &RowResult) -> Vec<String> {
 /// True if a hub has not done what a hub must do while the other hub of its chain has the fault of this row.
 fn disturbed(row: &Row, other: &OtherResult) -> bool {
     let in_parent = other.fault_in == Place::Parent;
-    // Requests to a child pass its parent. After a damaged byte the parent may wait for the rest of a packet, up to 50 ms.
-    let parent_is_garbled = in_parent && matches!(row.fault, Fault::HostGarbled(_));
-    let parent_is_reset = in_parent && row.says.contains(&"device reset");
-    let is_late = other.slowest > ms(2) && !parent_is_garbled;
-    let is_lost = other.unanswered > 0 && !parent_is_garbled && !parent_is_reset;
+    // Requests to a child pass its parent. A parent that is reset loses them, and may answer one late while it starts. After a
+    // damaged byte a parent may wait for the rest of a packet, up to 50 ms.
+    let must_answer =
+        !in_parent || !(row.says.contains(&"device reset") || matches!(row.fault, Fault::HostGarbled(_)));
+    let answered = other.unanswered == 0 && other.slowest <= ms(2);
     // The child has a keep-alive of its own.
     let must_stop: &[Mode] =
         if in_parent && row.fault == Fault::HostGarbled(1_000_000) { &MODES } else { &[] };
-    is_late || is_lost || other.disturbed != must_stop
+    (must_answer && !answered) || other.disturbed != must_stop
 }
 
 #[test]
