@@ -59,7 +59,12 @@ pub(crate) struct Options {
 
 #[derive(clap::Subcommand)]
 enum Command {
-    Ports(ports::Options),
+    /// Lists the serial ports of this machine
+    Ports {
+        /// JSON instead of text
+        #[arg(long)]
+        json: bool,
+    },
     Scan(scan::Options),
     /// Lists all hubs on the line
     Discover {
@@ -76,7 +81,12 @@ enum Command {
     Together(together::Options),
     #[command(name = "drive")]
     DriveBase(base::Options),
-    Odometry(base::OdometryOptions),
+    /// Shows where the drive base is: position and heading since `drive` has begun, on hubs of this project
+    Odometry {
+        /// JSON instead of text
+        #[arg(long)]
+        json: bool,
+    },
     /// Disables all motors of all hubs on the line immediately (fail-safe); with --address, of one hub
     Stop,
     Coefficients(coefficients::Options),
@@ -86,7 +96,12 @@ enum Command {
     Identify(identify::Options),
     Tune(tune::Options),
     Servo(devices::ServoOptions),
-    Analog(devices::AnalogOptions),
+    /// Shows the analog inputs, the 5 V rail, the battery and the temperature
+    Analog {
+        /// JSON instead of a table
+        #[arg(long)]
+        json: bool,
+    },
     Digital(devices::DigitalOptions),
     /// Finds, reads and writes devices on the I2C buses
     I2c {
@@ -126,7 +141,7 @@ impl Command {
     /// Each command checks its options before it opens the session.
     fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
         let done = match self {
-            Self::Ports(options) => return options.execute(),
+            Self::Ports { json } => return ports::show(json),
             Self::Scan(options) => return options.execute(hub.places(), hub.timeout()),
             Self::Discover { json } => return discover(hub.session_of_line()?, json),
             Self::Status(options) => return options.execute(hub),
@@ -136,7 +151,7 @@ impl Command {
             Self::Jog(options) => return options.execute(hub),
             Self::Together(options) => return options.execute(hub),
             Self::DriveBase(options) => return options.execute(hub),
-            Self::Odometry(options) => return options.execute(hub),
+            Self::Odometry { json } => return base::odometry(hub, json),
             Self::Coefficients(options) => return options.execute(hub),
             Self::Setup(options) => return options.execute(hub),
             Self::Settings(options) => return options.execute(hub),
@@ -145,7 +160,7 @@ impl Command {
             Self::Tune(options) => return options.execute(hub),
             Self::Watch(options) => return options.execute(hub),
             Self::Servo(options) => return options.execute(hub),
-            Self::Analog(options) => return options.execute(hub),
+            Self::Analog { json } => return devices::analog(hub, json),
             Self::Digital(options) => return options.execute(hub),
             Self::I2c { what } => return what.execute(hub),
             Self::Stop if hub.address.is_some() => {

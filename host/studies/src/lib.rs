@@ -22,7 +22,8 @@ pub mod table;
 
 use chart::{Figure, Series, Style};
 use motor_hub::model::catalogue::UnknownMotor;
-use motor_hub::units::RangeError;
+use motor_hub::motor::Setpoint;
+use motor_hub::units::{CountsPerSecond, RangeError};
 use serde_json::Value;
 use simulated::sim::RunError;
 use simulated::trace::{Sample, Trace};
@@ -61,6 +62,16 @@ pub fn with_fields(mut object: Value, more: Value) -> Value {
         object.extend(more);
     }
     object
+}
+
+/// A set-point of a speed in counts/s.
+fn velocity(cps: i32) -> Setpoint {
+    Setpoint::Velocity(CountsPerSecond::new(cps))
+}
+
+/// A set-point of a position in counts, with a tolerance of 10 counts.
+fn position(target: i32, speed_limit: CountsPerSecond) -> Setpoint {
+    Setpoint::Position { target, tolerance: 10, speed_limit }
 }
 
 /// A value of a motor over a run. The line has a name, a colour and a style.

@@ -174,22 +174,13 @@ fn await_gyro(session: &mut Session<Line>) -> Result<OdometryReport, Failure> {
     }
 }
 
-/// Shows where the drive base is: position and heading since `drive` has begun, on hubs of this project
-#[derive(clap::Args)]
-pub(super) struct OdometryOptions {
-    /// JSON instead of text
-    #[arg(long)]
-    json: bool,
-}
-
-impl OdometryOptions {
-    pub(super) fn execute(&self, hub: &HubOptions) -> Result<(), Failure> {
-        let report = hub.session(None)?.odometry()?;
-        if !self.json {
-            return print(&text(&report));
-        }
-        print_json(&OdometryValues::of(&report))
+/// Prints where the drive base is.
+pub(super) fn odometry(hub: &HubOptions, json: bool) -> Result<(), Failure> {
+    let report = hub.session(None)?.odometry()?;
+    if !json {
+        return print(&text(&report));
     }
+    print_json(&OdometryValues::of(&report))
 }
 
 fn text(report: &OdometryReport) -> String {

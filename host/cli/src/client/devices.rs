@@ -153,38 +153,29 @@ impl ServoOptions {
     }
 }
 
-/// Shows the analog inputs, the 5 V rail, the battery and the temperature
-#[derive(clap::Args)]
-pub(super) struct AnalogOptions {
-    /// JSON instead of a table
-    #[arg(long)]
-    json: bool,
-}
-
-impl AnalogOptions {
-    pub(super) fn execute(&self, hub: &HubOptions) -> Result<(), Failure> {
-        let session = &mut hub.open(None)?;
-        let mut table = table::new(&["channel", "value", "raw"], 0);
-        let mut document = serde_json::Map::new();
-        for Channel { number, name, key, unit, scale } in channels() {
-            let value = or_reason(session.adc(number, false))?;
-            match value {
-                Ok(value) => {
-                    let value = f64::from(value) * scale;
-                    let raw = session.adc(number, true)?;
-                    let digits = if scale < 0.01 { 3 } else { 1 };
-                    table.add_row([name.to_owned(), format!("{value:.digits$} {unit}"), raw.to_string()]);
-                    document.insert(key.to_owned(), json!(value));
-                    document.insert(format!("{key}_raw"), json!(raw));
-                }
-                Err(reason) => {
-                    table.add_row([name.to_owned(), reason, String::new()]);
-                    document.insert(key.to_owned(), Value::Null);
-                }
+/// Prints the analog inputs, the supplies and the temperature.
+pub(super) fn analog(hub: &HubOptions, json: bool) -> Result<(), Failure> {
+    let session = &mut hub.open(None)?;
+    let mut table = table::new(&["channel", "value", "raw"], 0);
+    let mut document = serde_json::Map::new();
+    for Channel { number, name, key, unit, scale } in channels() {
+        let value = or_reason(session.adc(number, false))?;
+        match value {
+            Ok(value) => {
+                let value = f64::from(value) * scale;
+                let raw = session.adc(number, true)?;
+                let digits = if scale < 0.01 { 3 } else { 1 };
+                table.add_row([name.to_owned(), format!("{value:.digits$} {unit}"), raw.to_string()]);
+                document.insert(key.to_owned(), json!(value));
+                document.insert(format!("{key}_raw"), json!(raw));
+            }
+            Err(reason) => {
+                table.add_row([name.to_owned(), reason, String::new()]);
+                document.insert(key.to_owned(), Value::Null);
             }
         }
-        print_as(self.json, &document, table)
     }
+    print_as(json, &document, table)
 }
 
 /// Shows the digital pins, or drives a pin until the command ends

@@ -8,21 +8,12 @@ use serde_json::json;
 /// Path of the udev rule that gives access to a port without membership of a group.
 const RULE: &str = "boards/nucleo-f429zi/70-motor-hub.rules";
 
-/// Lists the serial ports of this machine
-#[derive(clap::Args)]
-pub(super) struct Options {
-    /// JSON instead of text
-    #[arg(long)]
-    json: bool,
-}
-
-impl Options {
-    pub(super) fn execute(&self) -> Result<(), Failure> {
-        if !self.json {
-            return print(&list()?);
-        }
-        print_json(&json!({ "ports": all()? }))
+/// Prints the serial ports of this machine.
+pub(super) fn show(json: bool) -> Result<(), Failure> {
+    if !json {
+        return print(&list()?);
     }
+    print_json(&json!({ "ports": all()? }))
 }
 
 /// The serial ports of this machine.

@@ -1,11 +1,10 @@
 //! The tasks: a NeveRest 60 with its measured rotor inertia turns a 10 kg flywheel of 10 cm radius.
 
+use crate::velocity;
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{UnknownMotor, characterised};
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{KgM2, Kilograms, Metres, Ohms, Volts};
-use motor_hub::motor::Setpoint;
-use motor_hub::units::CountsPerSecond;
 use serde::Serialize;
 use simulated::scenario::{Configuration, Motor, Scenario, Timed};
 
@@ -86,10 +85,7 @@ pub(super) fn all() -> Result<Vec<Task>, UnknownMotor> {
 
 /// Set-points in counts/s and torques in newton metres, each with the time in seconds when it begins.
 fn plan(speeds: &[(f64, f64)], torques: &[(f64, f64)]) -> Result<Scenario, UnknownMotor> {
-    let speed = |&(at_s, cps): &(f64, f64)| {
-        let value = Setpoint::Velocity(CountsPerSecond::new(cps.round() as i32));
-        Timed { at_s, value }
-    };
+    let speed = |&(at_s, cps): &(f64, f64)| Timed { at_s, value: velocity(cps.round() as i32) };
     let torque = |&(at_s, value): &(f64, f64)| Timed { at_s, value };
     let constants = characterised("NeveRest 60")?.with_measured_rotor_inertia();
     let mut motor = Motor::new(constants, Load::flywheel(Kilograms(10.0), Metres(0.1)));

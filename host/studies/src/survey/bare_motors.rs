@@ -3,12 +3,11 @@
 use super::parallel::{self, ByKnowledge};
 use super::responses::{Verdict, challenges, judge, watch};
 use super::time_constant;
-use crate::StudyError;
+use crate::{StudyError, position, velocity};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{Ohms, Volts};
-use motor_hub::motor::Setpoint;
 use motor_hub::units::CountsPerSecond;
 use serde::Serialize;
 use simulated::scenario::{Motor, Scenario, Timed};
@@ -68,17 +67,16 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<BareMotor>, Stu
 
 /// From rest to half of the free speed and on to a tenth of it; or the distance of half of the free speed in a
 /// second, and back.
-fn scenario(constants: catalogue::Motor, velocity: bool) -> Scenario {
+fn scenario(constants: catalogue::Motor, by_speed: bool) -> Scenario {
     let electrical = constants.ke.0 * constants.kt.0 / constants.r.0;
     let time_constant = time_constant(&constants, &Load::NONE);
     let counts = constants.counts_per_rev_motor / core::f64::consts::TAU;
     let free = counts * constants.kt.0 / constants.r.0 * VOLTS / (electrical + constants.b.0);
     let value = |share: f64| {
-        if velocity {
-            Setpoint::Velocity(CountsPerSecond::new((share * free) as i32))
+        if by_speed {
+            velocity((share * free) as i32)
         } else {
-            let target = if share > 0.2 { (share * free) as i32 } else { 0 };
-            Setpoint::Position { target, tolerance: 10, speed_limit: CountsPerSecond::MAX }
+            position(if share > 0.2 { (share * free) as i32 } else { 0 }, CountsPerSecond::MAX)
         }
     };
     let length = ((LENGTH_S + 2.0 * time_constant) * 10.0).round() / 10.0;

@@ -1,13 +1,13 @@
 //! Random scenarios: any motor, any load, any battery, any period, any scheme.
 
 use super::time_constant;
+use crate::velocity;
 use motor_hub::braking::{Blend, DutyRule, Scheme};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{self, motors};
 use motor_hub::model::friction::Friction;
 use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::si::{Drag, KgM2, NewtonMetres, Ohms, Volts};
-use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
 use simulated::scenario::{Motor, Scenario, Timed, UNLIMITED};
 
@@ -150,13 +150,11 @@ impl Random {
                 let away = self.signed(0.02, 0.5) * free * length;
                 position += away;
                 let speed_limit = CountsPerSecond::new((self.uniform(0.3, 1.2) * free) as i32);
-                let value = Setpoint::Position { target: position as i32, tolerance: 10, speed_limit };
-                setpoints.push(Timed { at_s, value });
+                setpoints.push(Timed { at_s, value: crate::position(position as i32, speed_limit) });
             } else {
                 let speed = self.speed(free);
                 position += speed * length;
-                let value = Setpoint::Velocity(CountsPerSecond::new(speed as i32));
-                setpoints.push(Timed { at_s, value });
+                setpoints.push(Timed { at_s, value: velocity(speed as i32) });
             }
             at_s = (1e3 * (at_s + length)).round() / 1e3;
         }

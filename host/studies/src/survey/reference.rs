@@ -142,13 +142,11 @@ pub fn tasks() -> Result<Vec<Task>, StudyError> {
 }
 
 fn velocities(speeds: &[(f64, i32)]) -> Vec<Timed<Setpoint>> {
-    let velocity = |&(at_s, cps)| Timed { at_s, value: Setpoint::Velocity(CountsPerSecond::new(cps)) };
-    speeds.iter().map(velocity).collect()
+    speeds.iter().map(|&(at_s, cps)| Timed { at_s, value: crate::velocity(cps) }).collect()
 }
 
 fn position(at_s: f64, target: i32) -> Timed<Setpoint> {
-    let value = Setpoint::Position { target, tolerance: 10, speed_limit: CountsPerSecond::MAX };
-    Timed { at_s, value }
+    Timed { at_s, value: crate::position(target, CountsPerSecond::MAX) }
 }
 
 /// A motor alone, with an inertia in kg m² on its output shaft.
@@ -178,10 +176,7 @@ fn with_friction(mut scenario: Scenario) -> Scenario {
 
 /// As the default scenario has it, but with the tolerance of the other tasks.
 fn arm() -> Result<Scenario, StudyError> {
-    let there = |at_s, target| Timed {
-        at_s,
-        value: Setpoint::Position { target, tolerance: 10, speed_limit: CountsPerSecond::new(1800) },
-    };
+    let there = |at_s, target| Timed { at_s, value: crate::position(target, CountsPerSecond::new(1800)) };
     let mut scenario = plan("AM 40 C", 0.02, &[there(0.0, 4000), there(5.0, 500)])?;
     for motor in &mut scenario.motors {
         motor.scheme = Scheme::B;

@@ -74,7 +74,24 @@ impl Soak {
     pub fn new(seed: u64, seconds: f64, progress: &mut dyn FnMut(f64)) -> Result<Self, StudyError> {
         let mut soak = Self { seed: Some(seed), ..Self::default() };
         while soak.seconds < seconds {
-            soak.add(seed, soak.scenarios)?;
+            let number = soak.scenarios;
+            let case = scenario(seed, number);
+            match sim::run(&case.0, &mut |_| ()) {
+                Ok(trace) => {
+                    let mut motors = vec![Observed::default(); case.0.motors.len()];
+                    for tick in &trace.ticks {
+                        for (motor, sample) in motors.iter_mut().zip(&tick.motors) {
+                            motor.see(tick.at_s, sample.report.faults, sample.report.stalled);
+                        }
+                    }
+                    soak.add(number, &case, trace.ticks.len(), motors);
+                }
+                Err(RunError::Starved) => {
+                    soak.starved.push(number);
+                    soak.add(number, &case, 0, Vec::new());
+                }
+                Err(error) => return Err(error.into()),
+            }
             progress(soak.seconds);
         }
         Ok(soak)
@@ -83,32 +100,6 @@ impl Soak {
     /// True without an alarm and without a starved watchdog.
     pub const fn is_clean(&self) -> bool {
         self.alarms.is_empty() && self.starved.is_empty()
-    }
-
-    /// Runs one more random scenario.
-    fn add(&mut self, seed: u64, number: u64) -> Result<(), StudyError> {
-        let (scenario, knowledge) = scenario(seed, number);
-        self.scenarios += 1;
-        self.seconds += scenario.duration_s;
-        self.motors += scenario.motors.len();
-        let trace = match sim::run(&scenario, &mut |_| ()) {
-            Err(RunError::Starved) => {
-                self.starved.push(number);
-                return Ok(());
-            }
-            trace => trace?,
-        };
-        self.ticks += trace.ticks.len();
-        for motor in 0..scenario.motors.len() {
-            let samples = trace.ticks.iter().filter_map(|tick| Some((tick.at_s, tick.motors.get(motor)?)));
-            self.stalled += usize::from(samples.clone().any(|(_, sample)| sample.report.stalled));
-            // The battery is measured before the first tick.
-            let mut faults = samples.map(|(at_s, sample)| (at_s, sample.report.faults));
-            if let Some((at_s, faults)) = faults.find(|(_, faults)| faults.any()) {
-                self.alarms.push(Alarm::new((&scenario, number), motor, at_s, faults, knowledge));
-            }
-        }
-        Ok(())
     }
 
     /// Every motor, inertia, scheme, duty rule, friction, voltage and period, configured and not, or each `every`th scenario of
@@ -129,74 +120,75 @@ impl Soak {
         Self::swept(&sweep::long_scenarios(every), progress)
     }
 
-    fn swept(
-        cases: &[(Scenario, Knowledge)],
-        progress: &mut dyn FnMut(usize, usize),
-    ) -> Result<Self, StudyError> {
-        let numbers: Vec<u64> = (0..).take(cases.len()).collect();
-        let runs = parallel::map(
-            &numbers,
-            |&number| {
-                cases
-                    .get(number as usize)
-                    .map(|(scenario, knowledge)| looked_at(scenario, number, *knowledge))
-            },
-            |done| progress(done, cases.len()),
-        );
-        let mut soak = Self { scenarios: cases.len() as u64, ..Self::default() };
-        for (run, (scenario, _)) in runs.into_iter().flatten().zip(cases) {
-            let (alarms, stalled) = run?;
-            soak.alarms.extend(alarms);
-            soak.stalled += stalled;
-            soak.seconds += scenario.duration_s;
-            soak.motors += scenario.motors.len();
-            soak.ticks += (1e3 * scenario.duration_s) as usize / scenario.period.as_millis() as usize;
+    fn swept(cases: &[Case], progress: &mut dyn FnMut(usize, usize)) -> Result<Self, StudyError> {
+        let runs =
+            parallel::map(cases, |(scenario, _)| observed(scenario), |done| progress(done, cases.len()));
+        let mut soak = Self::default();
+        for (number, (motors, case)) in (0..).zip(runs.into_iter().zip(cases)) {
+            let (scenario, _) = case;
+            let ticks = (1e3 * scenario.duration_s) as usize / scenario.period.as_millis() as usize;
+            soak.add(number, case, ticks, motors?);
         }
         Ok(soak)
     }
-}
 
-impl Alarm {
-    fn new(
-        (scenario, number): (&Scenario, u64),
-        motor: usize,
-        at_s: f64,
-        faults: Faults,
-        knowledge: Knowledge,
-    ) -> Self {
-        let circumstances = format!("{}, {}", circumstances(scenario, motor), knowledge.name());
-        Self { scenario: number, motor, at_s, what: format!("{faults:?}"), knowledge, circumstances }
+    /// Adds a scenario that was run.
+    fn add(&mut self, number: u64, (scenario, knowledge): &Case, ticks: usize, motors: Vec<Observed>) {
+        self.scenarios += 1;
+        self.seconds += scenario.duration_s;
+        self.motors += scenario.motors.len();
+        self.ticks += ticks;
+        for (motor, Observed { fault, stalled }) in motors.into_iter().enumerate() {
+            self.stalled += usize::from(stalled);
+            self.alarms.extend(fault.map(|(at_s, faults)| Alarm {
+                scenario: number,
+                motor,
+                at_s,
+                what: format!("{faults:?}"),
+                knowledge: *knowledge,
+                circumstances: format!("{}, {}", circumstances(scenario, motor), knowledge.name()),
+            }));
+        }
     }
 }
 
-/// The alarms of a scenario that is run without tasks, and the number of its motors that were reported as stalled.
-fn looked_at(
-    scenario: &Scenario,
-    number: u64,
-    knowledge: Knowledge,
-) -> Result<(Vec<Alarm>, usize), StudyError> {
-    let mut first: Vec<(Option<(f64, Faults)>, bool)> = vec![(None, false); scenario.motors.len()];
+/// A scenario, and how its motors are configured.
+type Case = (Scenario, Knowledge);
+
+/// What the hub reported of a motor.
+#[derive(Clone, Copy, Default)]
+struct Observed {
+    /// The first fault with its time in seconds.
+    fault: Option<(f64, Faults)>,
+    /// True if the motor was ever reported as stalled.
+    stalled: bool,
+}
+
+impl Observed {
+    fn see(&mut self, at_s: f64, faults: Faults, stalled: bool) {
+        self.stalled |= stalled;
+        if faults.any() {
+            self.fault.get_or_insert((at_s, faults));
+        }
+    }
+}
+
+/// Runs a scenario without tasks.
+fn observed(scenario: &Scenario) -> Result<Vec<Observed>, StudyError> {
+    let mut motors = vec![Observed::default(); scenario.motors.len()];
     without_tasks::run(scenario, |moment| {
         // The battery is measured before the first tick.
-        if moment.snapshot.tick == 0 {
-            return;
-        }
-        for ((fault, stalled), report) in first.iter_mut().zip(&moment.snapshot.motors) {
-            *stalled |= report.stalled;
-            if fault.is_none() && report.faults.any() {
-                *fault = Some((moment.ms as f64 / 1e3, report.faults));
+        if moment.snapshot.tick > 0 {
+            for (motor, report) in motors.iter_mut().zip(&moment.snapshot.motors) {
+                motor.see(moment.ms as f64 / 1e3, report.faults, report.stalled);
             }
         }
     })?;
-    let stalled = first.iter().filter(|(_, stalled)| *stalled).count();
-    let alarm = |(motor, (fault, _)): (usize, (Option<(f64, Faults)>, bool))| {
-        fault.map(|(at_s, faults)| Alarm::new((scenario, number), motor, at_s, faults, knowledge))
-    };
-    Ok((first.into_iter().enumerate().filter_map(alarm).collect(), stalled))
+    Ok(motors)
 }
 
 /// The random scenario of this number, and how its motors are configured.
-fn scenario(seed: u64, number: u64) -> (Scenario, Knowledge) {
+fn scenario(seed: u64, number: u64) -> Case {
     let mut scenario = random::scenario(seed, number);
     let knowledge = Knowledge::OF_MOTION.get((number % 4) as usize).copied().unwrap_or(Knowledge::Exact);
     for motor in &mut scenario.motors {

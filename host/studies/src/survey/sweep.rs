@@ -4,6 +4,7 @@
 //! sound, so every fault is a false alarm.
 
 use super::Knowledge;
+use crate::{position, velocity};
 use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue;
@@ -97,12 +98,9 @@ const VOLTS_LONG: Volts = Volts(12.0);
 /// Set-points: 0.7 of the free speed, slower for a long time, back, slowly on, and to rest; or to a position and back. `free` is
 /// in counts/s.
 fn long_course(free: f64, positions: bool) -> Vec<Timed<Setpoint>> {
-    let velocity = |share: f64| Setpoint::Velocity(CountsPerSecond::new((share * free) as i32));
-    let position = |turns: f64| Setpoint::Position {
-        target: (turns * free) as i32,
-        tolerance: 10,
-        speed_limit: CountsPerSecond::new((0.5 * free) as i32),
-    };
+    let velocity = |share: f64| velocity((share * free) as i32);
+    let limit = CountsPerSecond::new((0.5 * free) as i32);
+    let position = |turns: f64| position((turns * free) as i32, limit);
     let course = if positions {
         vec![(0.1, position(5.0)), (60.0, position(-2.0))]
     } else {
@@ -139,12 +137,9 @@ fn motors(volts: f64) -> Vec<Motor> {
 
 /// Set-points: half of the free speed, back, slowly on, to rest, to a position, and slowly back. `free` is in counts/s.
 fn course(free: f64) -> Vec<Timed<Setpoint>> {
-    let velocity = |speed: f64| Setpoint::Velocity(CountsPerSecond::new(speed as i32));
-    let position = |turns: f64| Setpoint::Position {
-        target: (turns * free) as i32,
-        tolerance: 10,
-        speed_limit: CountsPerSecond::new(free as i32),
-    };
+    let velocity = |speed: f64| velocity(speed as i32);
+    let limit = CountsPerSecond::new(free as i32);
+    let position = |turns: f64| position((turns * free) as i32, limit);
     let stations = [
         (0.1, velocity(0.5 * free)),
         (1.2, velocity(-0.3 * free)),
