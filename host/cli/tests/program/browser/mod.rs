@@ -181,9 +181,10 @@ impl Tab<'_> {
 
     /// Clicks in the middle of an element.
     pub(crate) fn click(&mut self, selector: &str) {
-        let at = page::point(self, selector, "b.width / 2", "b.height / 2");
+        let (x, y) = page::point(self, selector, "b.width / 2", "b.height / 2");
         for kind in ["mousePressed", "mouseReleased"] {
-            page::mouse(self, kind, at);
+            let event = json!({ "type": kind, "x": x, "y": y, "button": "left", "clickCount": 1 });
+            self.call("Input.dispatchMouseEvent", event);
         }
     }
 
