@@ -14,7 +14,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 /// Long enough for an order to reach the hub, and for its answer to reach the page.
-const ANSWERED: Duration = Duration::from_millis(250);
+const ANSWERED: Duration = Duration::from_millis(400);
 
 /// Share of the slider's track at which its thumb stands, 0 to 1.
 const THUMB: &str = "(() => { const e = document.querySelector('#motors .card:nth-child(1) input[type=range]'); \

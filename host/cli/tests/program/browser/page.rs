@@ -1,7 +1,7 @@
 //! The page of `motor-hub dashboard` in a browser: opens it for a test, and does what many tests do on it.
 
 use super::{Browser, Tab, find};
-use crate::common::{alone, side_by_side, wait_for};
+use crate::common::{alone, wait_for};
 use crate::page::Dashboard;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -27,7 +27,7 @@ pub(crate) fn with_page(name: &str, test: impl FnOnce(&mut Tab<'_>)) {
 /// Runs a test with a page of a dashboard that is started with these arguments, in desktop size.
 pub(crate) fn with_page_of(name: &str, arguments: &[&str], test: impl FnOnce(&mut Dashboard, &mut Tab<'_>)) {
     let Some(program) = find() else { return };
-    let _shared = side_by_side();
+    let _alone = alone();
     let mut dashboard = Dashboard::start(arguments);
     let mut browser = Browser::start(&program, name);
     let mut tab = browser.open(&dashboard.url, 1280, 1000);

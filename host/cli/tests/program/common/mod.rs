@@ -4,7 +4,7 @@ use crate::conformance::Hub;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 pub(crate) const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
@@ -81,17 +81,11 @@ pub(crate) fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> Str
     file.display().to_string()
 }
 
-/// Shared by browsers that run side by side. A test whose times are measured holds it alone.
-static BROWSERS: RwLock<()> = RwLock::new(());
-
-/// Waits until no other browser and no emulated chip runs, and keeps them waiting.
-pub(crate) fn alone() -> RwLockWriteGuard<'static, ()> {
-    BROWSERS.write().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Waits until no test runs [`alone`].
-pub(crate) fn side_by_side() -> RwLockReadGuard<'static, ()> {
-    BROWSERS.read().unwrap_or_else(PoisonError::into_inner)
+/// Waits for other tests that call this function. Times that are measured in real time must not include the work of another
+/// browser or of an emulated chip.
+pub(crate) fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Standard output of a run that succeeded.
