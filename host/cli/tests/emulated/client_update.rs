@@ -2,7 +2,7 @@
 //! H743.
 #![cfg(unix)]
 
-use crate::common::{PROGRAM, alone, client, err, fails, folder, motor_hub, out, write};
+use crate::common::{alone, client, err, fails, folder, motor_hub, out, write};
 use crate::conformance::Hub;
 use emulated::{Board, elf};
 use std::path::Path;

@@ -8,6 +8,5 @@ use crate::conformance::{Hub, conforms};
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn the_image_conforms_over_its_serial_line() {
     let _alone = alone();
-    let program = env!("CARGO_BIN_EXE_motor-hub");
     conforms(&mut Hub::start(&["--emulated", "--tcp", "127.0.0.1:0"]).tcp());
 }
