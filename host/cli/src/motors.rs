@@ -19,7 +19,7 @@ pub(crate) struct Options {
     json: bool,
 }
 
-/// Figures of a motor's output shaft on a battery.
+/// Counts, free speed, stall current and stall torque of a motor's output shaft at a battery voltage.
 struct Figures {
     counts_per_turn: f64,
     cps: f64,
