@@ -132,7 +132,7 @@ impl<L: Read + Write> Session<L> {
     /// base.
     ///
     /// # Errors
-    /// See [`Session::ask`].
+    /// The errors of [`Session::ask`].
     pub fn base_if_reported(&mut self) -> Result<Option<BaseSettings>, Error> {
         if_known(self.ask(HubFunction::Base))
     }

@@ -92,7 +92,7 @@ impl<L: Read + Write> Session<L> {
     /// maker's, or older firmware).
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn equipment(&mut self) -> Result<Option<Equipment>, Error> {
         if_known(self.ask(HubFunction::Equipment))
     }
@@ -172,7 +172,7 @@ impl<L: Read + Write> Session<L> {
     /// if no device acknowledges. The inner error is a text that says why the read failed for another reason.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn finds_i2c(&mut self, bus: I2cBus, address: I2cAddress) -> Result<Result<bool, String>, Error> {
         let Some(one) = I2cCount::new(1) else { return Ok(Ok(false)) };
         match self.read_i2c(bus, address, None, one) {

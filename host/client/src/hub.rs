@@ -50,7 +50,7 @@ impl<L: Read + Write> Session<L> {
     /// firmware).
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn bus(&mut self) -> Result<Option<BusReport>, Error> {
         if_known(self.ask(HubFunction::Bus))
     }
@@ -71,7 +71,7 @@ impl<L: Read + Write> Session<L> {
     /// the next. `None` if the hub keeps no record.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn recorded(&mut self) -> Result<Option<(u32, Vec<Head>)>, Error> {
         let mut heads = Vec::new();
         loop {
@@ -113,7 +113,7 @@ impl<L: Read + Write> Session<L> {
     /// (another maker's, or a board that stores nothing).
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn stored_if_reported(&mut self) -> Result<Option<StoreReport>, Error> {
         if_known(self.stored())
     }
@@ -137,7 +137,7 @@ impl<L: Read + Write> Session<L> {
     /// State of all motors in one exchange; `None` if the hub does not report it (another maker's, or older firmware).
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn report(&mut self) -> Result<Option<HubReport>, Error> {
         if self.interfaces.reports_nothing {
             return Ok(None);
@@ -151,7 +151,7 @@ impl<L: Read + Write> Session<L> {
     /// most. Returns immediately for a hub that does not report its commands.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn catch_up(&mut self) -> Result<(), Error> {
         let end = Instant::now() + CATCHING_UP;
         while self.report()?.is_some_and(|report| !report.is_up_to_date()) && Instant::now() < end {
@@ -163,7 +163,7 @@ impl<L: Read + Write> Session<L> {
     /// Module status; `clear` clears the status word after the hub has read it.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn status(&mut self, clear: bool) -> Result<Status, Error> {
         self.ask(Standard::Status { clear })
     }

@@ -57,7 +57,7 @@ impl Identifying {
     /// motor, takes steps until the identification has ended, and disables the motor.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn begin<L: Read + Write>(
         session: &mut Session<L>,
         motor: u8,

@@ -54,7 +54,7 @@ impl<L: Read + Write> Session<L> {
     /// Reads all settings of a motor, for [`restore_settings`](Self::restore_settings).
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn keep_settings(&mut self, motor: u8) -> Result<KeptSettings, Error> {
         let settings = self.settings(motor)?;
         let report = self.report()?;
@@ -72,7 +72,7 @@ impl<L: Read + Write> Session<L> {
     /// the settings were kept.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn restore_settings(&mut self, motor: u8, kept: &KeptSettings) -> Result<(), Error> {
         let present = self.settings(motor)?;
         for group in Group::ALL {

@@ -1,4 +1,4 @@
-//! The line to a hub: a serial port or a TCP connection, as bytes with timeouts.
+//! The line to a hub: a serial port or a TCP connection, read and written as bytes with time-outs.
 //!
 //! ```
 //! use motor_hub_client::Line;

@@ -67,7 +67,7 @@ impl<L: Read + Write> Session<L> {
     /// enabled the motors is gone.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn stop_abandoned(&mut self) -> Result<Vec<u8>, Error> {
         let mut found = Vec::new();
         for motor in 0..CHANNELS as u8 {
@@ -106,7 +106,7 @@ impl<L: Read + Write> Session<L> {
     /// Mode, enable and all targets of a motor.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn motor(&mut self, motor: u8) -> Result<MotorState, Error> {
         let ChannelMode { mode, floats } = self.ask(ToMotor::Mode.to(motor))?;
         Ok(MotorState {
@@ -145,13 +145,14 @@ impl<L: Read + Write> Session<L> {
         self.order(ToMotor::SetPower { power }.to(motor))
     }
 
-    /// Sets the target of regulated velocity, which is also the speed limit of regulated position, in counts per second.
+    /// Sets the target of regulated velocity, which is also the speed limit of regulated position, in counts per
+    /// second.
     pub fn set_velocity(&mut self, motor: u8, cps: i16) -> Result<(), Error> {
         self.order(ToMotor::SetVelocity { cps }.to(motor))
     }
 
-    /// Sets the target of regulated position, in counts. The motor is within tolerance if its distance to the target is at
-    /// most `tolerance` counts.
+    /// Sets the target of regulated position, in counts. The motor is within tolerance if its distance to the target is
+    /// at most `tolerance` counts.
     pub fn set_position(&mut self, motor: u8, counts: i32, tolerance: u16) -> Result<(), Error> {
         self.order(ToMotor::SetPosition { target: Target { counts, tolerance } }.to(motor))
     }

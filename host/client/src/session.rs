@@ -201,7 +201,8 @@ impl<L: Read + Write> Session<L> {
     /// within milliseconds, because a broadcast precedes the discovery.
     ///
     /// # Errors
-    /// [`Error::NoHub`] if no hub answers. [`Error::Silent`] for the first hub that does not confirm, after all others were stopped.
+    /// [`Error::NoHub`] if no hub answers. [`Error::Silent`] for the first hub that does not confirm, after all others
+    /// were stopped.
     pub fn stop_all(&mut self) -> Result<Vec<u8>, Error> {
         self.count();
         self.transmit(&Standard::FailSafe.into(), BROADCAST, FAIL_SAFE)?;

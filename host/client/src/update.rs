@@ -1,7 +1,7 @@
 //! Updates the firmware of a hub with a bootloader, one step at a time.
 //!
 //! ```text
-//! announcing --> sending --> checking --restart--> restarting --> confirmed, or why not
+//! announcing --> sending --> checking --restart--> restarting --> confirmed
 //! ```
 //!
 //! ```
@@ -35,7 +35,8 @@ pub const LARGEST_IMAGE: usize = 4 << 20;
 /// kB/s.
 const CHUNKS: usize = 4;
 
-/// Time-out of a write or a check in the hub: erasing a page takes up to 4 s, erasing the bootloader's state another 4 s.
+/// Time-out of a write or a check in the hub: erasing a page takes up to 4 s, erasing the bootloader's state another 4
+/// s.
 const WRITING: Duration = Duration::from_secs(10);
 
 /// Time-out for the hub to answer after the restart. The bootloader swaps the slots, which takes 8 erasures of up to 4
@@ -308,7 +309,7 @@ impl<L: Read + Write> Session<L> {
     /// Progress of an update, how the present firmware was started, and the slot's address and size.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn update_state(&mut self) -> Result<UpdateReport, Error> {
         self.ask(HubFunction::Update)
     }

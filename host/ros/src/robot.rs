@@ -141,8 +141,8 @@ impl Robot {
         &self.config
     }
 
-    /// Takes a forward speed in m/s and a turning speed in rad/s for the drive base. Speeds beyond what the protocol can
-    /// express are reduced together, so that the curve keeps its radius.
+    /// Takes a forward speed in m/s and a turning speed in rad/s for the drive base. Speeds beyond what the protocol
+    /// can express are reduced together, so that the curve keeps its radius.
     pub(crate) fn twist(&mut self, from: Source, (forward, turn): (f64, f64), now: Duration) {
         let Some((base, joints)) = self.config.drive_base() else { return };
         if !self.admits(from, now) {

@@ -34,8 +34,8 @@ const SUSPENDS: &[(i32, &str)] = &[
 /// Interval between two checks for signals.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// Time after the first signal until a further signal ends the program immediately. A command that sends no requests
-/// for this time has lost its motors to the hub's keep-alive of 2.5 s.
+/// Time after the first signal until a further signal ends the program immediately. If the command has sent no requests
+/// for this time, the hub's keep-alive of 2.5 s has disabled its motors.
 const HANGS: Duration = Duration::from_secs(3);
 
 /// Name of the first signal received, and the condition variable that announces this signal.
