@@ -1,4 +1,4 @@
-//! `motor-hub eval`.
+//! Implements the command `motor-hub eval`.
 
 use crate::output::{Failure, print_json};
 use serde_json::Value;

@@ -1,4 +1,4 @@
-//! `motor-hub man`.
+//! Implements the command `motor-hub man`.
 
 use crate::output::{Failure, Files, Folder, print_paths};
 use clap::Command;

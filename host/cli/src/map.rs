@@ -1,4 +1,4 @@
-//! `motor-hub map`.
+//! Implements the command `motor-hub map`.
 
 use crate::operating_point::OperatingOptions;
 use crate::output::{Failure, print, print_json};

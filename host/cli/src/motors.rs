@@ -1,4 +1,4 @@
-//! `motor-hub motors`.
+//! Implements the command `motor-hub motors`.
 
 use crate::output::{Failure, print, print_json};
 use crate::parse::number;

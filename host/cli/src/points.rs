@@ -1,4 +1,4 @@
-//! `motor-hub points`.
+//! Implements the command `motor-hub points`.
 
 use crate::operating_point::OperatingOptions;
 use crate::output::{Failure, Folder, drawn, print, print_json};

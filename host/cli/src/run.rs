@@ -1,4 +1,4 @@
-//! `motor-hub run`.
+//! Implements the command `motor-hub run`.
 
 use crate::output::{Failure, Folder, drawn, print, print_json, progress};
 use crate::parse::{run_seconds, whole};

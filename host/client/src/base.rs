@@ -46,7 +46,7 @@ pub enum Part {
 
 impl Part {
     /// Returns the positions of the wheels at the end of the part, and the command that moves the wheels there. `from`
-    /// are the positions at the begin of the part. Positions are corrected positions in counts: see
+    /// are the positions at the start of the part. Positions are corrected positions in counts: see
     /// [`OdometryReport::counts`]. Speed and acceleration apply to the wheels, in mm/s and mm/s².
     ///
     /// # Errors

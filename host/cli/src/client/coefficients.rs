@@ -1,4 +1,4 @@
-//! `motor-hub client coefficients`.
+//! Implements the command `motor-hub client coefficients`.
 
 use super::hub::HubOptions;
 use crate::output::{Failure, print_as, say};

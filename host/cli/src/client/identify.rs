@@ -1,4 +1,4 @@
-//! `motor-hub client identify`.
+//! Implements the command `motor-hub client identify`.
 
 use super::drive::{INTERVAL, LINE};
 use super::hub::HubOptions;

@@ -1,4 +1,4 @@
-//! `motor-hub client settings`.
+//! Implements the command `motor-hub client settings`.
 
 use super::hub::HubOptions;
 use crate::output::{Failure, print, print_json};

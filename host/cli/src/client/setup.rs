@@ -1,4 +1,4 @@
-//! `motor-hub client setup`.
+//! Implements the command `motor-hub client setup`.
 
 use super::hub::HubOptions;
 use super::identify;

@@ -1,4 +1,4 @@
-//! `motor-hub client status`.
+//! Implements the command `motor-hub client status`.
 
 use super::drive::ALL;
 use super::hub::HubOptions;

@@ -1,4 +1,4 @@
-//! `motor-hub client update`.
+//! Implements the command `motor-hub client update`.
 
 mod image;
 mod signature;
