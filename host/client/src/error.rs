@@ -77,8 +77,8 @@ impl Error {
     }
 }
 
-/// Converts a refusal to `None`. A hub of another maker, or with older firmware, refuses requests that it does not
-/// know.
+/// Returns the answer to a request; `None` for [`Error::Refused`] and [`Error::TooOld`]. A hub of another maker, or
+/// with older firmware, refuses requests that it does not know.
 ///
 /// # Errors
 /// All errors of requests except [`Error::Refused`] and [`Error::TooOld`].

@@ -103,8 +103,8 @@ pub const fn why_not_armed(report: &UpdateReport) -> Option<&'static str> {
     }
 }
 
-/// Why the hub does not run the image with the version `sent` after the restart; `None` if the hub runs the image.
-/// `now` is the version that the hub reports.
+/// Why an update to the version `sent` has not succeeded after the restart; `None` if the new firmware runs and has
+/// confirmed itself. `now` is the version that the hub reports.
 #[must_use]
 pub fn why_not_started(booted: Booted, sent: &str, now: &str) -> Option<String> {
     match booted {

@@ -22,7 +22,7 @@ pub(crate) const ALL: [u8; motor_hub::protocol::CHANNELS] = [0, 1, 2, 3];
 /// Interval between readings, far shorter than the hub's keep-alive of 2.5 s.
 pub(crate) const INTERVAL: Duration = Duration::from_millis(100);
 
-/// One of this many readings is printed if standard output is not a terminal.
+/// Number of readings of which one is printed if standard output is not a terminal.
 pub(crate) const LINE: u32 = 10;
 
 /// Options of all four commands.
