@@ -1,7 +1,7 @@
 //! A hub in this process's memory, for trying and testing host programs without hardware.
 //!
-//! The hub in memory runs the protocol code of this project's hubs. It keeps settings and answers requests, but no
-//! motor turns: commands to motors are counted and dropped. Its clock stands still, so its keep-alive never disables
+//! The hub in memory runs the protocol code of this project's hubs. This hub keeps settings and answers requests, but
+//! no motor turns: commands to motors are counted and dropped. Its clock stands still, so its keep-alive never disables
 //! motors.
 //!
 //! ```

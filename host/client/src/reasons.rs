@@ -1,5 +1,5 @@
-//! Reasons as text: why a motor does not turn, by its hub's [report](motor_hub::extension::report), and why settings
-//! were not stored or firmware does not run, by [reports of states](motor_hub::extension::state).
+//! Explains as text why a motor does not turn, from its hub's [report](motor_hub::extension::report). Also explains why
+//! settings were not stored or firmware does not run, from [reports of states](motor_hub::extension::state).
 //!
 //! ```
 //! use motor_hub_client::motor_hub::extension::report::{Commands, HubReport, MotorReport, ReportedSetpoint};

@@ -8,8 +8,8 @@
 //!
 //! * A command is valid for 0.5 s. After 0.5 s without another command the joint stops.
 //! * After `stop` the motors are off until `enable`. After a loss of the hub all motors are off until `enable`. A joint
-//!   is off until `enable` after a fault, after the hub has disabled its motor, and after a loss of the hub behind this
-//!   hub that has its motor.
+//!   is off until `enable` after a fault, and after the hub has disabled its motor. The joints of a child hub are off
+//!   until `enable` after a loss of the child.
 //! * One commander (a process) drives at a time. A new commander drives immediately, instead of the present commander.
 //!   An earlier commander drives again only after the present commander has sent nothing for 5 s.
 
