@@ -138,7 +138,7 @@ impl Options {
 }
 
 impl Command {
-    /// Each command checks its options before it opens the session.
+    /// Runs the command. Each command checks its options before it opens a session.
     fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
         let done = match self {
             Self::Ports { json } => return ports::show(json),
@@ -195,7 +195,7 @@ impl Command {
     }
 }
 
-/// Lists all hubs on the line, and disables the motors that they have enabled.
+/// Lists all hubs on the line, and disables their enabled motors.
 fn discover(mut session: Session<Line>, json: bool) -> Result<(), Failure> {
     let mut table = table::new(&["address", "hub"], 0);
     let mut hubs = Vec::new();

@@ -1,4 +1,4 @@
-//! `motor-hub compare`.
+//! Implements the command `motor-hub compare`.
 
 use crate::output::{Failure, Folder, Report, in_steps};
 use std::path::PathBuf;

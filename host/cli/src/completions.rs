@@ -1,4 +1,4 @@
-//! `motor-hub completions`.
+//! Implements the command `motor-hub completions`.
 
 use crate::output::{Failure, print};
 use clap::Command;

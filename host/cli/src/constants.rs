@@ -30,9 +30,9 @@ pub(crate) struct Constants {
     inductance_mh: Option<f64>,
 }
 
-/// [`EmfConstant`] is below this value.
+/// Upper limit of [`EmfConstant`] in V s/count. The limit itself is not allowed.
 const LARGEST_V_S_PER_COUNT: f64 = 0.032;
-/// Allowed back-EMF constants in V s/rad, as in scenarios.
+/// Allowed back-EMF constants in V s/rad. Scenario files have these limits too.
 const KE: RangeInclusive<f64> = 1e-5..=10.0;
 /// Allowed encoder counts in a turn.
 const COUNTS: RangeInclusive<f64> = 1.0..=1e6;
@@ -42,12 +42,12 @@ const THOUSANDTHS: RangeInclusive<f64> = 0.001..=65.535;
 const CATALOGUE_LACKS: &str = "A motor that the catalogue lacks";
 
 impl Constants {
-    /// True if none is given.
+    /// Returns true if neither back EMF nor resistance nor inductance is given.
     pub(crate) const fn is_empty(&self) -> bool {
         self.ke.is_none() && self.resistance_ohm.is_none() && self.inductance_mh.is_none()
     }
 
-    /// Back EMF, if it is given.
+    /// Returns the back-EMF constant; `None` if it is not given.
     pub(crate) fn emf(&self) -> Result<Option<EmfConstant>, Failure> {
         let (Some(ke), Some(counts)) = (self.ke, self.counts_per_rev) else { return Ok(None) };
         EmfConstant::from_ke(ke, counts).map(Some).map_err(|_| {
@@ -58,21 +58,21 @@ impl Constants {
         })
     }
 
-    /// Resistance, if it is given.
+    /// Returns the resistance; `None` if it is not given.
     pub(crate) fn resistance(&self) -> Result<Option<Resistance>, Failure> {
         let Some(ohms) = self.resistance_ohm else { return Ok(None) };
         let given = Resistance::from_ohms(ohms);
         given.map(Some).map_err(|e| Failure::Input(format!("--resistance-ohm {ohms}: {e}")))
     }
 
-    /// Inductance, if it is given.
+    /// Returns the inductance; `None` if it is not given.
     pub(crate) fn inductance(&self) -> Result<Option<Inductance>, Failure> {
         let Some(mh) = self.inductance_mh else { return Ok(None) };
         let given = Inductance::from_millihenries(mh);
         given.map(Some).map_err(|e| Failure::Input(format!("--inductance-mh {mh}: {e}")))
     }
 
-    /// A motor with these constants, without gearbox, drag and inertia.
+    /// Returns a motor with these constants, without gearbox, drag and inertia.
     pub(crate) fn motor(&self) -> Result<Motor, Failure> {
         let all = (self.emf()?, self.resistance()?, self.inductance()?);
         let (Some(ke), Some(counts), Some(ohms), Some(mh), (Some(_), Some(_), Some(_))) =

@@ -18,7 +18,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
-/// Name of the default scenario. Its set-points are not used; the page gives set-points.
+/// Name that the page shows for the default scenario. The scenario's set-points are not used, because users command the
+/// motors in the page.
 const DEFAULT_NAME: &str = "four motors on a battery";
 
 /// Show a hub in a browser: four motors live, to be moved, tuned and stopped
@@ -95,10 +96,10 @@ impl Options {
             print(&code(&url))?;
             say("warning: anyone on the network who has this URL can move the motors");
         }
-        // The file is removed when the program ends.
+        // The destructor removes the file when the program ends.
         let _handover = self.open.then(|| open(&url));
         server.run(place, &stop);
-        // The simulated hub ends with the server; an error before that is reported here.
+        // The simulated hub ends with the server. If the hub has ended earlier by an error, the error is reported here.
         stop.store(true, Ordering::Relaxed);
         match simulation.map(JoinHandle::join) {
             Some(Ok(Err(error))) => Err(Failure::work(error)),
@@ -108,9 +109,9 @@ impl Options {
     }
 }
 
-/// A URL as a QR code for the camera of a phone, for terminals with a dark ground. Two rows of the code are one line of text.
+/// Returns a URL as a QR code for terminals with a dark background. One line of text shows two rows of the code.
 fn code(url: &str) -> String {
-    // Light modules that must surround a code, by its standard.
+    // Width of the light margin around a QR code in modules (ISO/IEC 18004).
     const MARGIN: i32 = 4;
     let Ok(code) = QrCode::encode_text(url, QrCodeEcc::Low) else { return String::new() };
     let all = -MARGIN..code.size() + MARGIN;
@@ -135,7 +136,7 @@ fn real(name: &str, address: Option<Address>) -> Place {
         }
         Err(error) => {
             let why = error.to_string();
-            // The line is tried repeatedly; the same error is printed once.
+            // The server opens the line repeatedly. An error that repeats is printed once.
             if said.as_ref() != Some(&why) {
                 say(&format!("{place}: {why}; trying again every second"));
                 said = Some(why.clone());
@@ -147,7 +148,7 @@ fn real(name: &str, address: Option<Address>) -> Place {
 
 type Simulation = JoinHandle<Result<(), simulated::sim::RunError>>;
 
-/// Runs a simulated hub in its own thread, on a TCP port of this machine.
+/// Starts a thread that serves a simulated hub on a TCP port of this machine.
 fn simulate(
     file: Option<&Path>,
     hubs: u8,
@@ -181,8 +182,8 @@ fn simulate(
     Ok((Place::simulated(&name, world, script, open), simulation))
 }
 
-/// A file that leads a browser to the page, and that only this user can read. Every user of the machine can read the
-/// arguments of a program, so the URL with its token is not one.
+/// An HTML file that redirects a browser to the page. Only this user can read the file. The URL has a token and must
+/// not be an argument of a program, because every user of the machine can read arguments.
 struct Handover(PathBuf);
 
 impl Handover {
@@ -190,7 +191,7 @@ impl Handover {
         let folder = std::env::var_os("XDG_RUNTIME_DIR").map_or_else(std::env::temp_dir, PathBuf::from);
         let path = folder.join(format!("motor-hub-dashboard-{}.html", std::process::id()));
         let mut options = OpenOptions::new();
-        // A file of another user is not used.
+        // If the file exists, opening fails, because another user may own the file.
         options.write(true).create_new(true);
         #[cfg(unix)]
         std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
@@ -203,12 +204,12 @@ impl Handover {
 
 impl Drop for Handover {
     fn drop(&mut self) {
-        // A file that cannot be removed names a page that no longer exists.
+        // A file that cannot be removed does no harm, because its page no longer exists.
         let _ = std::fs::remove_file(&self.0);
     }
 }
 
-/// Opens the URL with this machine's program for files. If that fails, the user opens the printed URL.
+/// Opens the URL in the default browser. If no browser starts, a message asks the user to open the printed URL.
 fn open(url: &str) -> Option<Handover> {
     let program = if cfg!(target_os = "macos") {
         "open"

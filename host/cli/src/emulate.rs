@@ -59,7 +59,7 @@ impl Options {
     }
 }
 
-/// Says how to build the program so that it can do this.
+/// Returns a failure that says how to build this program with the emulated chips.
 #[cfg(not(feature = "emulated"))]
 pub(crate) fn no_emulator(command: &str) -> Failure {
     Failure::Input(format!(

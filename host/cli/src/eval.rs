@@ -1,4 +1,4 @@
-//! `motor-hub eval`.
+//! Implements the command `motor-hub eval`.
 
 use crate::output::{Failure, print_json};
 use serde_json::Value;
@@ -52,7 +52,7 @@ pub(crate) struct Options {
 }
 
 impl Options {
-    /// Reads, computes, prints.
+    /// Reads the document, computes its cases, and prints the results.
     pub(crate) fn execute(self) -> Result<(), Failure> {
         let wrong = |why: &dyn std::fmt::Display| Failure::Input(format!("{}: {why}", self.file));
         let text = self.read().map_err(|e| wrong(&e))?;

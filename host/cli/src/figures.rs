@@ -1,4 +1,4 @@
-//! `motor-hub figures`.
+//! Implements the command `motor-hub figures`.
 
 use crate::output::{Failure, Folder, drawn, print_paths};
 use std::path::PathBuf;

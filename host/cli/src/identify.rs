@@ -1,4 +1,4 @@
-//! `motor-hub identify`.
+//! Implements the command `motor-hub identify`.
 
 use crate::output::{Failure, Folder, drawn, print, print_json};
 use crate::parse::whole;

@@ -1,10 +1,9 @@
-//! The command line `motor-hub`: one file a command. Options are read here, errors are put into words here, and
-//! nothing else is decided here.
+//! The command line `motor-hub`. Each command has one file, which reads its options and prints its results and errors.
 //!
-//! Exit codes: 0 done, 1 something went wrong on the way, 2 wrong options or input. Nothing is
-//! written before everything that can be checked has been.
+//! Exit codes: 0 done; 1 the command failed; 2 wrong options or input. A command checks its options and input before it
+//! writes files.
 
-// The handler of a Windows console is the only unsafe code.
+// Only the handler of the Windows console has unsafe code.
 #![cfg_attr(not(windows), forbid(unsafe_code))]
 #![cfg_attr(windows, deny(unsafe_code))]
 
@@ -109,7 +108,7 @@ mod tests {
     use super::*;
     use clap::{Arg, Command as Clap};
 
-    /// Texts of parsers of the standard library and of clap, which name neither quantity nor unit.
+    /// Parts of error messages of the standard library and of clap that name neither quantity nor unit.
     const BARE: [&str; 6] = [
         "invalid digit",
         "invalid float",
@@ -119,7 +118,8 @@ mod tests {
         "unexpected argument",
     ];
 
-    /// What is wrong with "-1x", "-1" and "1e99" as the value of an option or the first argument.
+    /// Collects the errors for the values "-1", "99999999999999999999" and "x1" of each option and of each first
+    /// argument.
     fn complaints(path: &[String], command: &Clap, all: &mut Vec<(String, String)>) {
         let awaits = |arg: &&Arg| arg.get_action().takes_values() && !arg.is_trailing_var_arg_set();
         for arg in command.get_arguments().filter(awaits) {
@@ -140,7 +140,7 @@ mod tests {
         }
     }
 
-    /// The short and the long help of each command.
+    /// Collects the short and the long help of each command.
     fn pages(path: &str, command: &mut Clap, all: &mut Vec<(String, String)>) {
         let both = [command.render_help(), command.render_long_help()];
         all.extend(both.map(|page| (path.to_owned(), page.to_string())));

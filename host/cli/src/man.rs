@@ -1,4 +1,4 @@
-//! `motor-hub man`.
+//! Implements the command `motor-hub man`.
 
 use crate::output::{Failure, Files, Folder, print_paths};
 use clap::Command;
@@ -23,7 +23,7 @@ impl Options {
     }
 }
 
-/// A page of the command, and one of each command below it.
+/// Adds the manual page of a command and the pages of its subcommands.
 fn draw(command: &Command, pages: &mut Files) -> Result<(), Failure> {
     let mut page = Vec::new();
     let man = Man::new(command.clone());

@@ -1,4 +1,4 @@
-//! `motor-hub map`.
+//! Implements the command `motor-hub map`.
 
 use crate::operating_point::OperatingOptions;
 use crate::output::{Failure, print, print_json};
@@ -7,7 +7,7 @@ use motor_hub::units::Control;
 use studies::points::PlacedDrive;
 use studies::table;
 
-/// In three lines: a terminal has 80 columns.
+/// Usage of the command in lines of at most 80 columns.
 pub(crate) const USAGE: &str = "\
 motor-hub map [OPTIONS] --scheme <SCHEME>
            --speed-cps <CPS> --battery-mv <MV>
@@ -36,7 +36,7 @@ struct ControlOptions {
 }
 
 impl ControlOptions {
-    /// The control value; one of the options is given.
+    /// Returns the control value. The parser makes sure that one of the options is given.
     fn value(&self) -> Control {
         let steps = self.control.map(|fraction| (fraction * f64::from(Control::MAX.get())).round() as i16);
         Control::new(steps.or(self.control_steps).unwrap_or_default())

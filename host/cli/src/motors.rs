@@ -1,4 +1,4 @@
-//! `motor-hub motors`.
+//! Implements the command `motor-hub motors`.
 
 use crate::output::{Failure, print, print_json};
 use crate::parse::number;
@@ -19,7 +19,7 @@ pub(crate) struct Options {
     json: bool,
 }
 
-/// Figures of a motor's output shaft on a battery.
+/// Counts, free speed, stall current and stall torque of a motor's output shaft at a battery voltage.
 struct Figures {
     counts_per_turn: f64,
     cps: f64,

@@ -1,4 +1,4 @@
-//! The operating point of `points` and `map`.
+//! Options of `points` and `map` that choose an operating point.
 
 use crate::constants::Constants;
 use crate::output::Failure;
@@ -34,7 +34,7 @@ pub(crate) struct OperatingOptions {
 }
 
 impl OperatingOptions {
-    /// The points that the core computes.
+    /// Computes the points S, T, Z and G at the operating point by the firmware's core.
     pub(crate) fn report(&self) -> Result<OperatingReport, Failure> {
         let scheme = scheme(self.scheme, self.blend)?;
         let motor = match &self.motor {

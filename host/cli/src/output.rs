@@ -1,4 +1,4 @@
-//! Output: standard output, files, and the messages of commands that fail.
+//! Writes to standard output and to files, and prints the messages of commands that fail.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use motor_hub_client::Error;
@@ -15,11 +15,11 @@ use studies::{NamedFigure, SCHEMA_VERSION};
 pub(crate) enum Failure {
     /// The options or the input are wrong.
     Input(String),
-    /// Something went wrong during the work.
+    /// The command failed for another reason than its options or input.
     Work(String),
-    /// A hub does not answer, or refuses. The command adds the place of the hub.
+    /// A hub does not answer, or refuses a request. `HubOptions::explain` adds the place of the hub to the message.
     Hub(Error),
-    /// Standard output is closed, as by `head`. There is no message.
+    /// The reader of standard output, such as `head`, has closed it. No message is printed.
     Unread,
 }
 
@@ -34,12 +34,12 @@ impl fmt::Display for Failure {
 }
 
 impl Failure {
-    /// Options or input are wrong.
+    /// Returns the failure for wrong options or input.
     pub(crate) fn input(why: impl ToString) -> Self {
         Self::Input(why.to_string())
     }
 
-    /// The work failed.
+    /// Returns the failure for any other reason.
     pub(crate) fn work(why: impl ToString) -> Self {
         Self::Work(why.to_string())
     }
@@ -64,8 +64,8 @@ pub(crate) fn say(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Columns for tables: the variable COLUMNS, else the width of the terminal on standard output. `None` if there is
-/// neither.
+/// Returns the number of columns for tables: the variable COLUMNS, otherwise the width of the terminal on standard
+/// output. `None` without the variable and without a terminal.
 pub(crate) fn columns() -> Option<u16> {
     let set = std::env::var("COLUMNS").ok().and_then(|columns| columns.parse().ok());
     set.filter(|columns| *columns > 0).or_else(terminal_columns)
@@ -87,7 +87,7 @@ pub(crate) fn print_json(document: &impl Serialize) -> Result<(), Failure> {
     print(&format!("{:#}\n", versioned(document)?))
 }
 
-/// Prints the document as JSON, or the text and the end of its line.
+/// Prints the document as JSON if `json` is true, otherwise the text and a line feed.
 pub(crate) fn print_as(
     json: bool,
     document: &impl Serialize,
@@ -96,7 +96,7 @@ pub(crate) fn print_as(
     if json { print_json(document) } else { print(&format!("{text}\n")) }
 }
 
-/// The document with the version of its schema.
+/// Returns the document with the version of its schema, and without negative zeros.
 pub(crate) fn versioned(document: &impl Serialize) -> Result<Value, Failure> {
     let mut document = serde_json::to_value(document).map_err(Failure::work)?;
     without_negative_zero(&mut document);
@@ -126,7 +126,7 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
     })
 }
 
-/// A progress bar in these units, on standard error if that is a terminal.
+/// Returns a progress bar that shows `units`. The bar is visible only if standard error is a terminal.
 pub(crate) fn progress(length: Option<u64>, units: &'static str) -> ProgressBar {
     let bar = length.map_or_else(ProgressBar::no_length, ProgressBar::new).with_message(units);
     match ProgressStyle::with_template("{wide_bar} {pos} of {len} {msg}, {eta} left") {
@@ -135,7 +135,8 @@ pub(crate) fn progress(length: Option<u64>, units: &'static str) -> ProgressBar 
     }
 }
 
-/// Work in steps, with a progress bar in these units. The work reports how many steps are done, and how many there are.
+/// Runs `work` with a progress bar that shows `units`. `work` calls its argument with the number of steps done and the
+/// number of all steps.
 pub(crate) fn in_steps<T>(units: &'static str, work: impl FnOnce(&mut dyn FnMut(usize, usize)) -> T) -> T {
     let bar = progress(None, units);
     let done = work(&mut |done, total| {
@@ -149,16 +150,17 @@ pub(crate) fn in_steps<T>(units: &'static str, work: impl FnOnce(&mut dyn FnMut(
 /// Files to write: their names and contents.
 pub(crate) type Files = Vec<(String, Vec<u8>)>;
 
-/// Charts as SVG files.
+/// Returns charts as SVG files.
 pub(crate) fn drawn(figures: &[NamedFigure]) -> Files {
     figures.iter().map(|(name, figure)| (format!("{name}.svg"), figure.svg().into_bytes())).collect()
 }
 
-/// A folder for output that can be written to.
+/// A folder for output, to which this program can write.
 pub(crate) struct Folder(PathBuf);
 
 impl Folder {
-    /// Makes the folder if there is none, and writes a file to it for trial before any work is done.
+    /// Creates the folder if it does not exist. Writes and removes an empty file, so that a folder without write
+    /// permission is found before the work.
     pub(crate) fn new(path: &Path) -> Result<Self, Failure> {
         if path.exists() && !path.is_dir() {
             return Err(Failure::Input(format!(
@@ -193,7 +195,7 @@ pub(crate) fn print_paths(files: &[PathBuf]) -> Result<(), Failure> {
     files.iter().try_for_each(|file| print(&format!("{}\n", file.display())))
 }
 
-/// Results of a study: one JSON document, or a text with charts and tables in a folder.
+/// Results of a study: charts, tables as Markdown, and a text for the terminal.
 pub(crate) struct Report<'a> {
     pub(crate) figures: &'a [NamedFigure],
     pub(crate) markdown: String,
@@ -201,7 +203,8 @@ pub(crate) struct Report<'a> {
 }
 
 impl Report<'_> {
-    /// Writes charts and tables to a folder. Prints the text, or the document that `json` makes of the files' paths.
+    /// Writes charts and tables to a folder. Prints the text, or the JSON document that `json` returns for the paths of
+    /// the files.
     pub(crate) fn publish(
         self,
         folder: &Folder,

@@ -1,4 +1,4 @@
-//! `motor-hub paper`.
+//! Implements the command `motor-hub paper`.
 
 use crate::output::{Failure, print, print_json};
 use studies::paper::Document;

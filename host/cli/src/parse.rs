@@ -12,10 +12,11 @@ use std::ops::RangeInclusive;
 use std::str::FromStr;
 use std::time::Duration;
 
-/// The longest time that a command of `client` runs by the clock: a day.
+/// Longest duration of a `client` command: one day in seconds.
 const DAY_S: f64 = 86_400.0;
 
-/// The command with "-1" accepted as the value of an option, so that the error names the allowed range.
+/// Returns the command so that "-1" is accepted as the value of an option. The error of the option's own parser then
+/// names the allowed range.
 pub(crate) fn with_negative_numbers(command: Command) -> Command {
     let values = |arg: Arg| {
         let some = arg.get_action().takes_values() && !arg.is_allow_hyphen_values_set();
@@ -24,18 +25,18 @@ pub(crate) fn with_negative_numbers(command: Command) -> Command {
     command.mut_args(values).mut_subcommands(with_negative_numbers)
 }
 
-/// A hub's address.
+/// Parses a hub's address.
 pub(crate) fn address(text: &str) -> Result<Address, String> {
     let address = text.parse().ok().and_then(Address::new);
     address.ok_or_else(|| "an address is a whole number from 1 to 254".to_owned())
 }
 
-/// HOST:PORT. The connection is made later.
+/// Checks that the text has the form HOST:PORT. The connection is made later.
 pub(crate) fn host_and_port(text: &str) -> Result<String, String> {
     if is_tcp(text) { Ok(text.to_owned()) } else { Err("give HOST:PORT, such as 127.0.0.1:7070".to_owned()) }
 }
 
-/// The two digital pins that a wire connects.
+/// Parses the two digital pins that a wire connects.
 pub(crate) fn wire(text: &str) -> Result<[Pin; 2], String> {
     let pin = |text: &str| text.trim().parse().ok().and_then(Pin::new);
     let ends = text.split_once(',').and_then(|(from, to)| Some([pin(from)?, pin(to)?]));
@@ -46,13 +47,13 @@ pub(crate) fn wire(text: &str) -> Result<[Pin; 2], String> {
 /// A motor of the hub, or of another hub of its chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MotorName {
-    /// Address of the hub; `None` if it is not given.
+    /// Address of the hub; `None` if the user gives no address.
     pub(crate) hub: Option<Address>,
     /// Number of the motor.
     pub(crate) number: u8,
 }
 
-/// A motor by its number, or by the address of its hub and its number, as 3:0.
+/// Parses a motor: its number, or the address of its hub and its number, as 3:0.
 pub(crate) fn motor(text: &str) -> Result<MotorName, String> {
     let (hub, number) = match text.split_once(':') {
         Some((hub, number)) => (Some(address(hub)?), number),
@@ -64,7 +65,7 @@ pub(crate) fn motor(text: &str) -> Result<MotorName, String> {
     Ok(MotorName { hub, number })
 }
 
-/// The hub that all motors of a command belong to; `None` if it is not given.
+/// Returns the address of the hub that all motors of a command belong to; `None` if the user gives no address.
 pub(crate) fn common_hub(mut motors: impl Iterator<Item = MotorName>) -> Result<Option<Address>, String> {
     let first = motors.next().and_then(|motor| motor.hub);
     if motors.all(|motor| motor.hub == first) {
@@ -74,24 +75,24 @@ pub(crate) fn common_hub(mut motors: impl Iterator<Item = MotorName>) -> Result<
     }
 }
 
-/// A length in seconds by the clock, of any size.
+/// Parses a duration in seconds, without an upper limit.
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     within(text, f64::MIN_POSITIVE..=f64::MAX).ok_or_else(|| "a length is more than 0 s".to_owned())
 }
 
-/// A length in seconds by the clock, at most a day.
+/// Parses a duration in seconds, at most a day.
 pub(crate) fn within_a_day(text: &str) -> Result<Duration, String> {
     let length = within(text, f64::MIN_POSITIVE..=DAY_S).map(Duration::from_secs_f64);
     length.ok_or_else(|| format!("a length is more than 0 and at most {DAY_S} s"))
 }
 
-/// The length of a scenario's run in seconds.
+/// Parses the duration of a scenario in seconds.
 pub(crate) fn run_seconds(text: &str) -> Result<f64, String> {
     let length = within(text, 0.001..=LONGEST_S);
     length.ok_or_else(|| format!("a length is more than 0 and at most {LONGEST_S} s"))
 }
 
-/// A parser of whole numbers: `what` names the quantity ("a control period"), `unit` is "" for none.
+/// Returns a parser of whole numbers: `what` names the quantity ("a control period"), `unit` is "" for none.
 pub(crate) fn whole<T: FromStr + PartialOrd + Display + Clone>(
     what: &'static str,
     allowed: RangeInclusive<T>,
@@ -106,7 +107,7 @@ pub(crate) fn whole<T: FromStr + PartialOrd + Display + Clone>(
     }
 }
 
-/// A parser of a whole number by its type: `what` names the number ("a servo output").
+/// Returns a parser of a whole number with the limits of its type: `what` names the number ("a servo output").
 pub(crate) fn byte_in<const LOW: u8, const HIGH: u8>(
     what: &'static str,
     new: fn(u8) -> Option<ByteIn<LOW, HIGH>>,
@@ -114,7 +115,8 @@ pub(crate) fn byte_in<const LOW: u8, const HIGH: u8>(
     move |text| text.parse().ok().and_then(new).ok_or_else(|| format!("{what} is {LOW} to {HIGH}"))
 }
 
-/// A parser of names, in either case. Each name has its description for the help, and its value.
+/// Returns a parser of names in upper or lower case. Each element has a name, its description for the help, and its
+/// value.
 pub(crate) fn named<T: Copy + Send + Sync + 'static, const N: usize>(
     values: [(&'static str, &'static str, T); N],
 ) -> impl TypedValueParser<Value = T> {
@@ -125,7 +127,7 @@ pub(crate) fn named<T: Copy + Send + Sync + 'static, const N: usize>(
     })
 }
 
-/// A parser of numbers: `what` names the quantity ("a resistance").
+/// Returns a parser of numbers: `what` names the quantity ("a resistance").
 pub(crate) fn number(
     what: &'static str,
     allowed: RangeInclusive<f64>,
@@ -137,10 +139,10 @@ pub(crate) fn number(
     }
 }
 
-/// Least battery voltage. A smaller number is probably in volts.
+/// Lowest allowed battery voltage in mV. A user who gives a smaller number probably means volts.
 const LEAST_BATTERY_MV: u16 = 1000;
 
-/// A battery's voltage in millivolts.
+/// Parses a battery's voltage in millivolts.
 pub(crate) fn battery_mv(text: &str) -> Result<u16, String> {
     let allowed = LEAST_BATTERY_MV..=u16::MAX;
     let value = text.parse().ok().filter(|mv| allowed.contains(mv));
@@ -151,7 +153,7 @@ pub(crate) fn battery_mv(text: &str) -> Result<u16, String> {
     })
 }
 
-/// A control value as a fraction of full scale.
+/// Parses a control value as a fraction of full scale.
 pub(crate) fn fraction(text: &str) -> Result<f64, String> {
     let value = within(text, -1.0..=1.0);
     value.ok_or_else(|| "a control value is a number from -1 to 1; give steps by --control-steps".to_owned())

@@ -1,11 +1,11 @@
-//! `motor-hub points`.
+//! Implements the command `motor-hub points`.
 
 use crate::operating_point::OperatingOptions;
 use crate::output::{Failure, Folder, drawn, print, print_json};
 use std::path::PathBuf;
 use studies::table;
 
-/// In two lines: a terminal has 80 columns.
+/// Usage of the command in lines of at most 80 columns.
 pub(crate) const USAGE: &str = "\
 motor-hub points [OPTIONS] --scheme <SCHEME>
            --speed-cps <CPS> --battery-mv <MV>";

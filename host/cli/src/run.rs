@@ -1,4 +1,4 @@
-//! `motor-hub run`.
+//! Implements the command `motor-hub run`.
 
 use crate::output::{Failure, Folder, drawn, print, print_json, progress};
 use crate::parse::{run_seconds, whole};
@@ -54,7 +54,7 @@ impl Options {
         }
     }
 
-    /// The scenario with all options applied.
+    /// Returns the scenario with all options applied.
     fn scenario(&self) -> Result<Scenario, Failure> {
         let mut scenario = self.source.scenario(|default| default)?;
         if let Some(scheme) = self.scheme.scheme()? {
@@ -69,7 +69,7 @@ impl Options {
     }
 }
 
-/// Runs the scenario twice, with a progress bar if standard error is a terminal.
+/// Runs the scenario with and then without a braking regime. A progress bar is shown if standard error is a terminal.
 fn simulate(scenario: Scenario) -> Result<RunReport, RunError> {
     let bar = progress(Some((2000.0 * scenario.duration_s) as u64), "virtual ms");
     let at = |s: f64| bar.set_position((1000.0 * s) as u64);

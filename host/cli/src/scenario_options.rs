@@ -25,7 +25,8 @@ pub(crate) struct ScenarioOptions {
 }
 
 impl ScenarioOptions {
-    /// The scenario of the file, or the program's own after `default`, with the other options applied.
+    /// Returns the scenario of the file, or the default scenario as changed by `default`. The other options are then
+    /// applied.
     pub(crate) fn scenario(&self, default: impl FnOnce(Scenario) -> Scenario) -> Result<Scenario, Failure> {
         let scenario = match &self.scenario {
             Some(path) => Scenario::load(path),

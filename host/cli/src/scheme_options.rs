@@ -24,7 +24,7 @@ const DUTY_RULES: [(&str, &str, DutyRule); 2] = [
     ("linear-duty", "The duty is linear between the points, as in the paper", DutyRule::LinearDuty),
 ];
 
-/// The scheme with its blend.
+/// Returns the scheme with its blend.
 pub(crate) fn scheme(name: SchemeName, blend: Option<BlendChoice>) -> Result<Scheme, Failure> {
     name.with_blend(blend).map_err(without_d)
 }
@@ -48,7 +48,7 @@ pub(crate) struct SchemeOptions {
 }
 
 impl SchemeOptions {
-    /// The scheme, if it is given.
+    /// Returns the scheme; `None` if it is not given.
     pub(crate) fn scheme(&self) -> Result<Option<Scheme>, Failure> {
         match self.scheme {
             None if self.blend.is_some() => Err(without_d(BlendError::NotD)),
@@ -56,7 +56,7 @@ impl SchemeOptions {
         }
     }
 
-    /// True if no option is given.
+    /// Returns true if no option is given.
     pub(crate) const fn is_empty(&self) -> bool {
         self.scheme.is_none() && self.blend.is_none() && self.duty.is_none()
     }

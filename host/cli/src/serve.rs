@@ -24,7 +24,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Time in seconds after which the hub counts as started, even if its battery prevents that motors are enabled.
+/// Time in seconds after which the hub counts as started, even if its battery does not permit enabled motors.
 const AWAKE_S: f64 = 0.5;
 
 /// Serve a simulated hub in real time, for host software that speaks the REV Hub Serial Protocol
@@ -167,7 +167,7 @@ struct Place {
 }
 
 impl Serving {
-    /// Serves the hub, and prints its place once it has started.
+    /// Serves the hub, and prints the place of the hub once the hub has started.
     fn execute<E: std::error::Error>(
         self,
         default: impl FnOnce() -> Result<Scenario, ScenarioError>,
@@ -228,7 +228,7 @@ impl Serving {
 }
 
 impl Serving {
-    /// Place that hosts on this machine open, from any working directory.
+    /// Returns the place by which hosts on this machine open the hub from any working directory.
     #[cfg(unix)]
     fn named(&self, line: &Line) -> Result<String, Failure> {
         if let Some(link) = &self.link {
@@ -240,7 +240,8 @@ impl Serving {
     }
 }
 
-/// The address itself, or the loopback address if it stands for all addresses of this machine.
+/// Returns the address, or the loopback address if the address stands for all interfaces of this machine (0.0.0.0 or
+/// ::).
 #[cfg(unix)]
 fn here(address: SocketAddr) -> SocketAddr {
     let ip = match address.ip() {
@@ -251,7 +252,7 @@ fn here(address: SocketAddr) -> SocketAddr {
     SocketAddr::new(ip, address.port())
 }
 
-/// Leaves a note for `client scan`. A hub without a note is served too.
+/// Writes a note for `client scan`. If this fails, the hub is served without a note.
 #[cfg(unix)]
 fn leave_note(place: &str) -> Option<Note> {
     let left = Note::leave(place);
@@ -261,7 +262,7 @@ fn leave_note(place: &str) -> Option<Note> {
     .ok()
 }
 
-/// A flag that signals set, for the program to end in good order.
+/// Returns a flag that each of the [`SIGNALS`] sets. The reader of the flag then ends the program in good order.
 pub(crate) fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
     let stopped = Arc::new(AtomicBool::new(false));
     for (signal, _) in SIGNALS {

@@ -1,8 +1,9 @@
-//! Notes of the hubs served on this machine: `serve` leaves them, and `client scan` finds hubs by them.
+//! Notes about the hubs served on this machine. `serve` writes the notes, and `client scan` reads them to find the
+//! hubs.
 //!
-//! A note is a file in a folder that only its user can access. It has one line: whether the hub has a host, and its place.
-//! The serving program keeps the file locked, so a note that can be locked was left by a killed program. There are notes on
-//! Unix only.
+//! A note is a file in a folder that only its user can access. It has one line: whether the hub has a host, and its
+//! place. The serving program keeps the file locked. A note that another program can lock is a leftover of a killed
+//! program. Notes exist on Unix only.
 
 /// A served hub.
 #[derive(Debug, PartialEq, Eq)]
@@ -29,8 +30,10 @@ mod unix {
     use std::os::unix::fs::{DirBuilderExt, FileExt, MetadataExt};
     use std::path::{Path, PathBuf};
 
-    /// The two states of a note. They have the same length, so that one write replaces one by the other.
+    /// Word of a note whose hub has no host. It has as many bytes as [`TAKEN`], so one write of these bytes changes the
+    /// note.
     const FREE: &str = "free ";
+    /// Word of a note whose hub has a host.
     const TAKEN: &str = "taken";
 
     /// A note of this program, removed when dropped.
@@ -52,7 +55,7 @@ mod unix {
                 _ => check(folder)?,
             }
             let path = folder.join(std::process::id().to_string());
-            // The file has another name until it is locked, so that no program takes it for a leftover.
+            // The file has another name until it is locked, so that no scan removes it as a leftover.
             let unlocked = path.with_extension("new");
             let file = File::create(&unlocked)?;
             file.try_lock()?;
@@ -65,7 +68,7 @@ mod unix {
         pub(crate) fn tell(&mut self, taken: bool) {
             if taken != self.taken {
                 self.taken = taken;
-                // If this fails, a scan finds out by connecting to the hub.
+                // If the write fails, a scan connects to the hub and finds that the hub has a host.
                 let _ = self.file.write_all_at(if taken { TAKEN } else { FREE }.as_bytes(), 0);
             }
         }
@@ -87,7 +90,7 @@ mod unix {
         }
     }
 
-    /// Checks that only this user can write to the folder: another user's note could lead hosts to any address.
+    /// Checks that only this user can access the folder. A note of another user could lead hosts to any address.
     fn check(folder: &Path) -> io::Result<()> {
         let found = fs::symlink_metadata(folder)?;
         let is_ours = found.uid() == rustix::process::getuid().as_raw();
@@ -98,7 +101,7 @@ mod unix {
         Err(io::Error::new(ErrorKind::PermissionDenied, why))
     }
 
-    /// The hubs served at present. Leftover notes are removed.
+    /// Returns the hubs that are served at present, and removes leftover notes.
     pub(crate) fn all() -> io::Result<Vec<ServedHub>> {
         all_in(&folder())
     }
@@ -122,7 +125,7 @@ mod unix {
     /// Reads a note; `None` if it is a leftover.
     fn read(path: &Path) -> io::Result<Option<ServedHub>> {
         let file = match File::open(path) {
-            // The serving program has just ended.
+            // The serving program has ended and removed its note.
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
             file => file?,
         };
@@ -169,7 +172,7 @@ mod tests {
         assert_eq!(all_in(&folder).unwrap(), served(false));
         drop(note);
         assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
-        // The note of a killed program.
+        // This file stands for the note of a killed program.
         fs::write(folder.join("1"), "free  /dev/pts/8\n").unwrap();
         assert_eq!(all_in(&folder).unwrap(), []);
         assert_eq!(fs::read_dir(&folder).unwrap().count(), 0, "it is forgotten");

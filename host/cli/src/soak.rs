@@ -1,4 +1,4 @@
-//! `motor-hub soak`.
+//! Implements the command `motor-hub soak`.
 
 use crate::output::{Failure, in_steps, print, print_json, progress};
 use crate::parse::{number, whole};

@@ -1,4 +1,4 @@
-//! `motor-hub survey`.
+//! Implements the command `motor-hub survey`.
 
 use crate::output::{Failure, Folder, Report, in_steps, print_paths};
 use crate::parse::whole;

@@ -40,13 +40,14 @@ use std::io::{Read, Write};
 pub enum Part {
     /// A distance in mm, negative backward.
     Straight(f64),
-    /// An angle in degrees, to the left.
+    /// An angle in degrees, positive to the left.
     Turn(f64),
 }
 
 impl Part {
-    /// Returns the course of a part that begins at these corrected positions of the wheels, and the positions at its end. Speed and
-    /// acceleration are those of the wheels, in mm/s and mm/s².
+    /// Returns the positions of the wheels at the end of the part, and the command that moves the wheels there. `from`
+    /// are the positions at the start of the part. Positions are corrected positions in counts: see
+    /// [`OdometryReport::counts`]. Speed and acceleration apply to the wheels, in mm/s and mm/s².
     ///
     /// # Errors
     /// A distance, a speed or an acceleration is out of range.
@@ -77,16 +78,17 @@ impl Part {
     }
 }
 
-/// Where a drive base is, for people and programs.
+/// Odometry of a drive base in mm and degrees, with names for display and JSON.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OdometryValues {
     /// Distance forward from the start in mm.
     pub x_mm: f64,
     /// Distance to the left of the start in mm.
     pub y_mm: f64,
-    /// Angle by which the base has turned left, in degrees, with whole turns.
+    /// Angle by which the base has turned left, in degrees. The angle includes whole turns, so it may exceed 360
+    /// degrees.
     pub heading_degrees: f64,
-    /// Corrected positions of the left and the right wheel in counts.
+    /// Corrected positions of the left and the right wheel in counts: see [`OdometryReport::counts`].
     pub counts: [i32; 2],
     /// State of the gyro: `unused`, `waiting`, `good`, `lost` or `implausible`.
     pub gyro: &'static str,
@@ -95,7 +97,7 @@ pub struct OdometryValues {
 }
 
 impl OdometryValues {
-    /// The values of a report.
+    /// Returns the values of a report.
     pub fn of(report: &OdometryReport) -> Self {
         let gyro = match report.gyro {
             GyroState::Unused => "unused",
@@ -116,8 +118,8 @@ impl OdometryValues {
 }
 
 impl<L: Read + Write> Session<L> {
-    /// Configures the drive base, which then starts at the origin, and waits until the hub has applied the settings. Both motors must be
-    /// disabled. Needs this project's firmware.
+    /// Configures the drive base, and waits until the hub has applied the settings. The odometry of the base then
+    /// starts at the origin. Both motors must be disabled. Needs this project's firmware.
     ///
     /// # Errors
     /// [`Error::Refused`] if the hub lacks a motor, or an I2C bus for the gyro. See also [`Session::ask`].
@@ -126,15 +128,16 @@ impl<L: Read + Write> Session<L> {
         self.catch_up()
     }
 
-    /// The drive base in force. `None` if no base is configured, and for firmware that does not report the base.
+    /// Settings of the drive base in force. `None` if no base is configured, or if the firmware does not report the
+    /// base.
     ///
     /// # Errors
-    /// See [`Session::ask`].
+    /// The errors of [`Session::ask`].
     pub fn base_if_reported(&mut self) -> Result<Option<BaseSettings>, Error> {
         if_known(self.ask(HubFunction::Base))
     }
 
-    /// Where the drive base is, and the state of its gyro. Needs this project's firmware.
+    /// Position and heading of the drive base, and state of its gyro. Needs this project's firmware.
     ///
     /// # Errors
     /// [`Error::Refused`] if no base is configured. See also [`Session::ask`].

@@ -1,4 +1,5 @@
-//! The clock of sessions: the system's. In a browser the system has none, and the program around gives the time.
+//! Clock by which sessions measure time-outs: the clock of the operating system. A browser has no such clock, so a
+//! program for browsers provides the time by `set`.
 
 #[cfg(not(target_arch = "wasm32"))]
 pub use std::time::Instant;
@@ -19,36 +20,36 @@ mod browser {
         let _ = CLOCK.set(clock);
     }
 
-    /// As [`std::time::Instant`].
+    /// Instant of the clock, with the methods of [`std::time::Instant`] that this crate uses.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
     pub struct Instant(Duration);
 
     impl Instant {
-        /// The present time; 0 without a clock.
+        /// Returns the present time; 0 until [`set`] has been called.
         #[must_use]
         pub fn now() -> Self {
             Self(CLOCK.get().map_or(Duration::ZERO, |clock| clock()))
         }
 
-        /// The time that has passed since.
+        /// Returns the time that has passed since this instant.
         #[must_use]
         pub fn elapsed(self) -> Duration {
             Self::now().saturating_duration_since(self)
         }
 
-        /// The time from `earlier` to this instant; 0 if `earlier` is later.
+        /// Returns the time from `earlier` to this instant; 0 if `earlier` is later.
         #[must_use]
         pub fn saturating_duration_since(self, earlier: Self) -> Duration {
             self.0.saturating_sub(earlier.0)
         }
 
-        /// As [`saturating_duration_since`](Self::saturating_duration_since).
+        /// Equals [`saturating_duration_since`](Self::saturating_duration_since).
         #[must_use]
         pub fn duration_since(self, earlier: Self) -> Duration {
             self.saturating_duration_since(earlier)
         }
 
-        /// The instant that is earlier by `duration`; `None` if the clock cannot show it.
+        /// Returns the instant that is earlier by `duration`; `None` if that instant is before time 0 of the clock.
         #[must_use]
         pub fn checked_sub(self, duration: Duration) -> Option<Self> {
             self.0.checked_sub(duration).map(Self)

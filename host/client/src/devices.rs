@@ -1,7 +1,7 @@
-//! Commands to what a hub has besides motors: servos, digital pins, analog inputs and I2C buses.
+//! Commands to the servos, digital pins, analog inputs and I2C buses of a hub.
 //!
-//! A hub refuses what it does not have (NACK 253). When a host is silent for 2.5 s, the hub ends the pulses of all servos and releases
-//! all digital outputs.
+//! A hub refuses requests to devices that it does not have (NACK 253). When a host is silent for 2.5 s, the hub ends
+//! the pulses of all servos and releases all digital outputs.
 //!
 //! ```
 //! use motor_hub_client::motor_hub::protocol::Address;
@@ -46,17 +46,18 @@ pub const I2C_ADDRESSES: (u8, u8) = (0x08, 0x77);
 pub struct Channel {
     /// Number of the channel.
     pub number: AdcChannel,
-    /// Name for people.
+    /// Name for display.
     pub name: &'static str,
-    /// Key for programs, with the unit.
+    /// Key in JSON documents, with the unit.
     pub key: &'static str,
     /// Unit of the value.
     pub unit: &'static str,
-    /// Value of one unit of the protocol, in `unit`.
+    /// Factor that converts the number that the hub reports to `unit`.
     pub scale: f64,
 }
 
-/// The channels that the hub's inputs, its supplies and its temperature have.
+/// Returns the channels of the analog inputs, of the currents of pins, I2C buses and servos, of the supplies and of the
+/// temperature.
 pub fn channels() -> impl Iterator<Item = Channel> {
     let channels = [
         (0, "analog input 0", "input_0_v", "V", 1e-3),
@@ -82,15 +83,16 @@ pub struct Servo {
     pub period_us: u16,
     /// Length of the pulses in microseconds; 0 until a host has set the length.
     pub width_us: u16,
-    /// True if the output has pulses.
+    /// True if the output is enabled, so that it has pulses.
     pub enabled: bool,
 }
 
 impl<L: Read + Write> Session<L> {
-    /// What the hub has besides motors; `None` if the hub does not report it (another maker's, or older firmware).
+    /// Numbers of servos, pins, analog inputs and I2C buses of the hub; `None` if the hub does not report them (another
+    /// maker's, or older firmware).
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn equipment(&mut self) -> Result<Option<Equipment>, Error> {
         if_known(self.ask(HubFunction::Equipment))
     }
@@ -150,8 +152,8 @@ impl<L: Read + Write> Session<L> {
         self.order(ToPin::SetI2cSpeed { bus, fast })
     }
 
-    /// Reads `count` bytes from a device; with a register, writes its number first. The status of the result says whether the transfer
-    /// had an error.
+    /// Reads `count` bytes from a device; with `register`, writes the number of the register first. The status of the
+    /// result says whether the transfer had an error.
     pub fn read_i2c(
         &mut self,
         bus: I2cBus,
@@ -166,10 +168,11 @@ impl<L: Read + Write> Session<L> {
         self.transfer(start, |session| session.ask(ToPin::PollI2cRead { bus }))
     }
 
-    /// True if a device acknowledges its address, by a read of one byte. A text instead says what is wrong with the whole bus.
+    /// Reads one byte from a device. The result is `Ok(true)` if the device acknowledges its address, and `Ok(false)`
+    /// if no device acknowledges. The inner error is a text that says why the read failed for another reason.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn finds_i2c(&mut self, bus: I2cBus, address: I2cAddress) -> Result<Result<bool, String>, Error> {
         let Some(one) = I2cCount::new(1) else { return Ok(Ok(false)) };
         match self.read_i2c(bus, address, None, one) {
@@ -186,7 +189,8 @@ impl<L: Read + Write> Session<L> {
         self.transfer(start, |session| session.ask(ToPin::PollI2cWrite { bus }))
     }
 
-    /// Starts a transfer, and polls its result. Both are repeated while the bus has another transfer to end.
+    /// Starts a transfer, and polls its result. The start is repeated while the bus is busy with another transfer, and
+    /// the poll is repeated while the transfer runs. Start and poll together last [`TRANSFER`] at most.
     fn transfer<T>(
         &mut self,
         start: ToPin,

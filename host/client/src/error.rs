@@ -35,7 +35,7 @@ pub enum Error {
         /// Addresses of all hubs that answered.
         addresses: Addresses,
     },
-    /// The hub answered none of the [`TRIES`](crate::session::TRIES).
+    /// The hub answered none of the [`TRIES`](crate::session::TRIES) transmissions of a request.
     #[error(
         "hub {address} does not answer: check its address, its power, its baud rate ({BAUD}), and that no other host uses it"
     )]
@@ -57,7 +57,7 @@ pub enum Error {
         /// The request.
         request: Box<Request>,
     },
-    /// The hub's firmware has no such function.
+    /// The hub's firmware lacks the function of the request.
     #[error("the hub's firmware is too old to {}", text(.request))]
     TooOld {
         /// The request, which was not sent.
@@ -77,10 +77,11 @@ impl Error {
     }
 }
 
-/// The answer to a request; `None` if the hub does not know the request, because the hub is another maker's or its firmware is older.
+/// Returns the answer to a request; `None` for [`Error::Refused`] and [`Error::TooOld`]. A hub of another maker, or
+/// with older firmware, refuses requests that it does not know.
 ///
 /// # Errors
-/// All errors of requests but refusals.
+/// All errors of requests except [`Error::Refused`] and [`Error::TooOld`].
 pub fn if_known<T>(answer: Result<T, Error>) -> Result<Option<T>, Error> {
     match answer {
         Ok(answer) => Ok(Some(answer)),

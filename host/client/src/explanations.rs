@@ -1,4 +1,4 @@
-//! What each fault number means, for users. The sections of `docs/reference/fault-numbers.md` have these texts.
+//! Explains each fault number to users. The sections of `docs/reference/fault-numbers.md` have these texts.
 //!
 //! ```
 //! use motor_hub_client::explanations::explanation;
@@ -22,7 +22,7 @@ pub struct Explanation {
 }
 
 impl Explanation {
-    /// The three paragraphs, without backticks.
+    /// Returns cause, reaction and check as three paragraphs without backticks.
     #[must_use]
     pub fn sentences(self) -> [String; 3] {
         let Self { means, hub, look_at } = self;
@@ -31,7 +31,7 @@ impl Explanation {
     }
 }
 
-/// Explanation of a fault, or of a reset.
+/// Returns the explanation of a fault or of a reset.
 #[must_use]
 pub const fn explanation(fault: Fault) -> Explanation {
     match fault {

@@ -32,16 +32,17 @@ use motor_hub::units::{Milliamperes, Millivolts};
 use std::io::{Read, Write};
 use std::time::Duration;
 
-/// Highest speed of a group in counts per second. Its fields have 24 bits before the point.
+/// Highest speed of a group in counts per second that this crate's users may request. The protocol's fields have 24
+/// bits before the binary point, so their range is larger.
 pub const FASTEST_GROUP_CPS: i32 = 1_000_000;
 
-/// Time-out of a save, which takes some seconds if flash must be erased.
+/// Time-out of a save, load or reset of settings. A save takes several seconds if the hub must erase flash.
 const STORING: Duration = Duration::from_secs(10);
 
-/// Time-out for a hub to include all commands in its report: a control period is at most 100 ms.
+/// Time-out of [`Session::catch_up`]: three of the longest control periods, which are 100 ms.
 const CATCHING_UP: Duration = Duration::from_millis(300);
 
-/// Interval between two questions to a hub that is busy.
+/// Interval between two requests to a hub that has not finished.
 const POLL: Duration = Duration::from_millis(20);
 
 impl<L: Read + Write> Session<L> {
@@ -49,12 +50,13 @@ impl<L: Read + Write> Session<L> {
     /// firmware).
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn bus(&mut self) -> Result<Option<BusReport>, Error> {
         if_known(self.ask(HubFunction::Bus))
     }
 
-    /// What the hub knows of the hubs behind it; `None` if the hub cannot say it (another maker's, or older firmware).
+    /// Addresses of the hubs behind this hub, and whether the hub is still discovering hubs; `None` if the hub does not
+    /// report its chain line (another maker's, or older firmware).
     ///
     /// # Errors
     /// [`Error::Refused`] if the hub has no chain line. See also [`Session::ask`].
@@ -65,10 +67,11 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// Number of the present run and the recorded faults and resets, newest first; `None` if the hub keeps no record.
+    /// Number of the hub's present run, and the recorded faults and resets, newest first. A run lasts from one reset to
+    /// the next. `None` if the hub keeps no record.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn recorded(&mut self) -> Result<Option<(u32, Vec<Head>)>, Error> {
         let mut heads = Vec::new();
         loop {
@@ -83,7 +86,7 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// The control ticks of one entry of [`recorded`](Self::recorded), oldest first.
+    /// Reads the control ticks of the entry `number` of [`recorded`](Self::recorded), oldest first.
     pub fn recorded_ticks(&mut self, number: u16) -> Result<Vec<Tick>, Error> {
         let mut ticks = Vec::new();
         loop {
@@ -100,23 +103,25 @@ impl<L: Read + Write> Session<L> {
         self.ask(HubFunction::Entries { from: 0, clear: true }).map(|_: Entries| ())
     }
 
-    /// State of the stored settings, and result of the last save. Needs this project's firmware on a board that stores
-    /// settings.
+    /// State of the stored settings, and result of the last save, load or reset of settings. Needs this project's
+    /// firmware on a board that stores settings.
     pub fn stored(&mut self) -> Result<StoreReport, Error> {
         self.ask(HubFunction::Stored)
     }
 
-    /// As [`stored`](Self::stored); `None` if the hub does not report it (another maker's, or a board that stores nothing).
+    /// State of the stored settings, as from [`stored`](Self::stored); `None` if the hub does not report this state
+    /// (another maker's, or a board that stores nothing).
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn stored_if_reported(&mut self) -> Result<Option<StoreReport>, Error> {
         if_known(self.stored())
     }
 
-    /// Stores, loads or resets the hub's settings, and waits until the hub has finished. The report says with what result.
+    /// Stores, loads or resets the hub's settings, and waits until the hub has finished, for 10 s at most. The report
+    /// contains the result.
     pub fn store(&mut self, what: HubFunction) -> Result<StoreReport, Error> {
-        // The hub judges by its last control tick whether motors are disabled.
+        // The hub takes from its last control tick whether motors are disabled.
         self.catch_up()?;
         self.order(what)?;
         let end = Instant::now() + STORING;
@@ -132,7 +137,7 @@ impl<L: Read + Write> Session<L> {
     /// State of all motors in one exchange; `None` if the hub does not report it (another maker's, or older firmware).
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn report(&mut self) -> Result<Option<HubReport>, Error> {
         if self.interfaces.reports_nothing {
             return Ok(None);
@@ -142,11 +147,11 @@ impl<L: Read + Write> Session<L> {
         Ok(report)
     }
 
-    /// Waits until the hub's report includes all commands that follow from the requests before, such as disabling a motor.
-    /// Returns immediately for a hub that does not report its commands.
+    /// Waits until the hub's report includes all commands of earlier requests, such as disabling a motor, for 300 ms at
+    /// most. Returns immediately for a hub that does not report its commands.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn catch_up(&mut self) -> Result<(), Error> {
         let end = Instant::now() + CATCHING_UP;
         while self.report()?.is_some_and(|report| !report.is_up_to_date()) && Instant::now() < end {
@@ -158,7 +163,7 @@ impl<L: Read + Write> Session<L> {
     /// Module status; `clear` clears the status word after the hub has read it.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn status(&mut self, clear: bool) -> Result<Status, Error> {
         self.ask(Standard::Status { clear })
     }
@@ -180,7 +185,8 @@ impl<L: Read + Write> Session<L> {
         self.address = address.get();
         self.forget(address);
         match done {
-            // The answer may be lost, or come from the new address: then the hub answers at the new address.
+            // The answer may be lost, or may come from the new address. If the hub answers at the new address, the
+            // change has succeeded.
             Err(Error::Silent { .. }) if self.status(false).is_ok() => Ok(()),
             Err(error) => {
                 self.address = before;
@@ -200,7 +206,7 @@ impl<L: Read + Write> Session<L> {
         self.order(Standard::SetLedColour { colour })
     }
 
-    /// All values that change while motors run.
+    /// Digital and analog inputs, and the positions, velocities and alerts of all motors, in one answer.
     pub fn bulk(&mut self) -> Result<Bulk, Error> {
         self.ask(ToHub::Bulk)
     }

@@ -1,4 +1,5 @@
-//! Identification of a motor: from the moving motor to the result, one step at a time.
+//! Identifies a motor, one step at a time: brakes the motor until it stands, starts the identification, and reads its
+//! result.
 //!
 //! ```
 //! use motor_hub_client::identification::{Identifying, Progress};
@@ -19,7 +20,7 @@ use motor_hub::regulator::identify::Identification;
 use std::io::{Read, Write};
 use std::time::Duration;
 
-/// Time without motion after which a braked motor stands.
+/// Time without a count after which a braked motor counts as standing.
 const STANDS: Duration = Duration::from_millis(300);
 
 /// Longest wait for a braked motor to stand. If the motor still turns after this time, its load drives the motor. The
@@ -32,18 +33,18 @@ pub struct Identifying {
     motor: u8,
     travel_limit: u32,
     begun: Instant,
-    /// The last position in counts, and since when the motor has it.
+    /// Last position in counts, and the time of the reading at which the motor reached this position.
     position: Option<(i32, Instant)>,
     started: bool,
 }
 
-/// What a step has found.
+/// Result of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Progress {
-    /// The motor brakes until it stands.
+    /// The motor is braked and does not stand yet.
     Braking,
-    /// The hub has accepted the identification. The motor will turn at most this number of counts in either direction: the
-    /// limit that was asked for, or less if the hub permits less.
+    /// The hub has accepted the identification. The motor will turn at most this number of counts in either direction:
+    /// the requested limit, or less if the hub permits less.
     Started(u32),
     /// The identification runs. The number is the progress in percent.
     Turning(u8),
@@ -52,11 +53,11 @@ pub enum Progress {
 }
 
 impl Identifying {
-    /// Sets a motor's power to 0, with which it brakes. The caller then enables the motor, takes steps until the
-    /// identification has ended, and disables the motor.
+    /// Selects constant power 0 for a motor, so that the motor brakes when it is enabled. The caller then enables the
+    /// motor, takes steps until the identification has ended, and disables the motor.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn begin<L: Read + Write>(
         session: &mut Session<L>,
         motor: u8,
@@ -67,11 +68,12 @@ impl Identifying {
     }
 
     /// Takes one step of the identification. The first steps wait until the motor stands. The next step starts the
-    /// identification, and later steps ask the hub for the progress. To be called some ten times a second.
+    /// identification, and later steps ask the hub for the progress. Call this function about ten times a second.
     ///
     /// # Errors
-    /// The errors of all commands. The hub refuses to start if the battery is low, or if the motor is not enabled in the
-    /// mode `Power` with power 0. A motor that still turns is no error: a later step returns [`Progress::Ended`].
+    /// [`Session::ask`] lists the errors of all commands. The hub refuses to start if the battery is low, or if the
+    /// motor is not enabled in the mode `Power` with power 0. A motor that still turns is no error: a later step
+    /// returns [`Progress::Ended`].
     pub fn step<L: Read + Write>(&mut self, session: &mut Session<L>) -> Result<Progress, Error> {
         if self.started {
             return Ok(match session.identification(self.motor)? {

@@ -1,4 +1,4 @@
-//! Settings of motors that are kept before a change, and restored after it.
+//! Reads the settings of motors before a change, and restores these settings if the change fails.
 //!
 //! ```
 //! use motor_hub_client::motor_hub::extension::settings::{Group, Values};
@@ -25,7 +25,7 @@ use std::io::{Read, Write};
 /// All settings of a motor.
 #[derive(Clone, Debug)]
 pub struct KeptSettings {
-    /// All settings but coefficients.
+    /// All settings except the coefficients of the loops.
     pub settings: MotorSettings,
     /// Coefficients of velocity and position loop; `None` if the model regulated the motor.
     loops: Option<[Coefficients; 2]>,
@@ -37,11 +37,12 @@ pub enum ImportError {
     /// The hub refuses a setting. The settings before the import are in force again.
     #[error("{part}: {error}; the settings before the import are in force{failed}")]
     Refused {
-        /// What the setting belongs to: a motor with its number, or the drive base.
+        /// Part whose setting is refused: `motor 0` or `the drive base`.
         part: String,
-        /// The refusal.
+        /// Reason of the refusal.
         error: Error,
-        /// For each motor whose settings could not be restored: `; motor 0 could not be restored: `, and why.
+        /// Text `; motor 0 could not be restored: `, followed by the reason, for each motor whose settings could not be
+        /// restored.
         failed: String,
     },
     /// The exchange with the hub failed.
@@ -53,7 +54,7 @@ impl<L: Read + Write> Session<L> {
     /// Reads all settings of a motor, for [`restore_settings`](Self::restore_settings).
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn keep_settings(&mut self, motor: u8) -> Result<KeptSettings, Error> {
         let settings = self.settings(motor)?;
         let report = self.report()?;
@@ -67,16 +68,18 @@ impl<L: Read + Write> Session<L> {
         Ok(KeptSettings { settings, loops })
     }
 
-    /// Restores all settings of a motor, except its mode.
+    /// Restores all settings of a motor except its mode. Coefficients are restored only if PID regulated the motor when
+    /// the settings were kept.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn restore_settings(&mut self, motor: u8, kept: &KeptSettings) -> Result<(), Error> {
         let present = self.settings(motor)?;
         for group in Group::ALL {
             let restored = match group {
                 Group::Mode | Group::VelocityLoop | Group::PositionLoop => false,
-                // A set-up drops coefficients, which override the model, and the motion.
+                // Sending the set-up deletes the motion and the coefficients that a host has set, so the motion is sent
+                // again after it.
                 Group::SetUp | Group::Motion => true,
                 _ => Values::of(group, &present) != Values::of(group, &kept.settings),
             };
@@ -90,8 +93,9 @@ impl<L: Read + Write> Session<L> {
         Ok(())
     }
 
-    /// Puts settings of motors and of the drive base in force: all of them, or none if the hub refuses one. `None` leaves the base as
-    /// it is. Returns the motors' settings before. All motors must be disabled, because a mode may bring an old set-point in force.
+    /// Puts settings of motors and of the drive base in force. If the hub refuses one of the settings, the former
+    /// settings are restored. `None` leaves the base unchanged. Returns the former settings of the motors. All motors
+    /// must be disabled, because a change of the mode may put an earlier set-point in force.
     ///
     /// # Errors
     /// The hub refuses a setting, or the exchange fails.
@@ -115,7 +119,8 @@ impl<L: Read + Write> Session<L> {
         Ok(kept)
     }
 
-    /// Restores the settings of motors after a failure to set a part.
+    /// Restores the settings of motors after the hub has refused to set `part`. After any other error the settings are
+    /// not restored.
     fn refused(&mut self, part: String, error: Error, kept: &[(u8, KeptSettings)]) -> ImportError {
         match error {
             Error::Refused { .. } | Error::TooOld { .. } | Error::Unexpected { .. } => self
@@ -125,7 +130,7 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// Restores the settings of motors with their modes, and says for which motors that failed.
+    /// Restores the settings and the modes of motors. The text names the motors whose settings could not be restored.
     fn take_back(&mut self, kept: &[(u8, KeptSettings)]) -> Result<String, ImportError> {
         let mut failed = String::new();
         for (motor, before) in kept {

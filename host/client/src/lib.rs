@@ -6,8 +6,8 @@
 //!             <--answer--            <--bytes--
 //! ```
 //!
-//! [`motor_hub::protocol`] and [`motor_hub::extension`] define the bytes, for host and hub. A hub that receives nothing for 2.5 s releases its motors:
-//! a host that keeps motors running must keep sending requests.
+//! [`motor_hub::protocol`] and [`motor_hub::extension`] define the bytes, for host and hub. A hub that receives no
+//! packet for 2.5 s disables its motors. A host that keeps motors running must therefore keep sending requests.
 //!
 //! # Features
 //! `serial` (on by default): serial ports.

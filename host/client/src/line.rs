@@ -1,4 +1,4 @@
-//! The line to a hub: a serial port or a TCP connection, as bytes with timeouts.
+//! The line to a hub: a serial port or a TCP connection, read and written as bytes with time-outs.
 //!
 //! ```
 //! use motor_hub_client::Line;
@@ -25,7 +25,7 @@ use std::io::{self, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::time::Duration;
 
-/// Longest time that one read waits for a byte. The session decides about longer waits.
+/// Longest time that one read waits for a byte. A [`Session`](crate::Session) repeats reads until its time-out.
 pub const POLL: Duration = Duration::from_millis(5);
 
 /// Bytes to and from a hub. A read without bytes fails within [`POLL`] as `TimedOut` or `WouldBlock`.
@@ -39,7 +39,7 @@ pub enum Line {
 }
 
 impl Line {
-    /// Opens a TCP connection if `place` is `HOST:PORT`, else a serial port.
+    /// Opens a TCP connection if `place` is `HOST:PORT`, otherwise a serial port.
     ///
     /// # Errors
     /// The errors of [`tcp`](Self::tcp) and [`serial`](Self::serial).
@@ -67,7 +67,8 @@ impl Line {
         Ok(Self::Serial(port))
     }
 
-    /// Connects to `host:port` within `timeout`.
+    /// Connects to `HOST:PORT`. A host with several network addresses gets one attempt for each address, each within
+    /// `timeout`.
     ///
     /// # Errors
     /// The host does not exist, or no program listens at the port.
@@ -78,7 +79,7 @@ impl Line {
                 Ok(stream) => {
                     stream.set_read_timeout(Some(POLL))?;
                     stream.set_write_timeout(Some(timeout))?;
-                    // A request is one small write, to be sent without delay.
+                    // A request is one small write, which TCP must send without delay.
                     stream.set_nodelay(true)?;
                     return Ok(Self::Tcp(stream));
                 }
@@ -134,10 +135,10 @@ pub struct Port {
     pub description: String,
 }
 
-/// The serial ports of this machine, sorted by path.
+/// Returns the serial ports of this machine, sorted by path.
 ///
 /// # Errors
-/// The system does not list them.
+/// The operating system does not list the ports.
 #[cfg(feature = "serial")]
 pub fn ports() -> io::Result<Vec<Port>> {
     let mut ports: Vec<Port> = serialport::available_ports()?.into_iter().map(Port::from).collect();

@@ -1,7 +1,8 @@
 //! A hub in this process's memory, for trying and testing host programs without hardware.
 //!
-//! It runs the same protocol code as this project's hubs. It stores settings and answers requests, but no motor
-//! turns: commands to motors are counted and dropped. Its clock stands still, so it never releases its motors.
+//! The hub in memory runs the protocol code of this project's hubs. This hub keeps settings and answers requests, but
+//! no motor turns: commands to motors are counted and dropped. Its clock stands still, so its keep-alive never disables
+//! motors.
 //!
 //! ```
 //! use motor_hub_client::Session;
@@ -38,11 +39,12 @@ pub struct MemoryHub {
 }
 
 impl Default for MemoryHub {
-    /// The hub as after a reset, with the battery voltage unknown.
+    /// Returns the hub in its state after a reset. The battery voltage is unknown.
     fn default() -> Self {
         let settings = [Settings::new(Winding::NEVEREST_60); 4];
         let mut responder = Responder::new(Address::DEFAULT, settings);
-        // Transfers need a task, so the hub has no I2C bus.
+        // The firmware performs I2C transfers in a task, which this hub does not have. The hub therefore has no I2C
+        // bus.
         let (servos, analog) = (SERVOS as u8, ANALOG_INPUTS as u8);
         let equipment = Equipment { digital: u8::MAX, servos, analog, i2c: 0, rail: true, temperature: true };
         responder.outputs.equipment = equipment;

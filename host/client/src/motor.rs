@@ -37,7 +37,8 @@ use motor_hub::units::Control;
 use std::io::{Read, Write};
 use std::time::Duration;
 
-/// Largest constant current that a motor can have, in amperes, as for its current limit.
+/// Largest constant current of a motor in amperes. The largest current limit of a motor has this value too, because its
+/// field has 16 bits in mA.
 pub const LARGEST_CURRENT_A: f64 = 65.535;
 
 /// Interval between two attempts to disable motors.
@@ -48,11 +49,11 @@ const RETRY: Duration = Duration::from_millis(10);
 pub struct MotorState {
     /// Constant power, regulated velocity or regulated position.
     pub mode: RunMode,
-    /// Whether the motor brakes or floats at zero.
+    /// What the motor does at power 0 or velocity 0: brake or float.
     pub zero_power: ZeroPower,
     /// True if the motor is enabled.
     pub enabled: bool,
-    /// Target in constant power.
+    /// Target in constant power, as a share of full control.
     pub power: Control,
     /// Target in regulated velocity, in counts per second.
     pub velocity: i16,
@@ -61,15 +62,16 @@ pub struct MotorState {
 }
 
 impl<L: Read + Write> Session<L> {
-    /// Disables motors that a former host has left enabled, and returns them. Any packet would reset the keep-alive that
-    /// stops them. A line has one host at a time, so the host that enabled them is gone.
+    /// Disables motors that a former host has left enabled, and returns them. Without this call the motors would keep
+    /// running, because every packet resets the hub's keep-alive. A line has one host at a time, so the host that
+    /// enabled the motors is gone.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn stop_abandoned(&mut self) -> Result<Vec<u8>, Error> {
         let mut found = Vec::new();
         for motor in 0..CHANNELS as u8 {
-            // A hub with fewer motors refuses.
+            // A hub with fewer motors refuses the request.
             let Some(enabled) = if_known(self.enabled(motor))? else { break };
             if enabled {
                 self.enable(motor, false)?;
@@ -79,11 +81,11 @@ impl<L: Read + Write> Session<L> {
         Ok(found)
     }
 
-    /// Disables motors, and repeats that until the hub's own keep-alive has done so. An error of one motor does not keep the others
-    /// from being disabled.
+    /// Disables motors. After an error all motors are tried again for 2.5 s, the time-out of the hub's keep-alive. An
+    /// error of one motor does not prevent the attempt to disable the others.
     ///
     /// # Errors
-    /// An error of the last attempt. A closed connection ends the attempts.
+    /// The first error of the last attempt. A closed connection ends the attempts.
     pub fn disable_all(&mut self, motors: &[u8]) -> Result<(), Error> {
         let end = Instant::now() + KEEP_ALIVE;
         loop {
@@ -95,7 +97,7 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// Sets a motor's power to 0, with which an enabled motor brakes.
+    /// Selects constant power 0 with braking for a motor. An enabled motor then brakes.
     pub fn brake(&mut self, motor: u8) -> Result<(), Error> {
         self.set_power(motor, Control::ZERO)?;
         self.set_mode(motor, RunMode::Power, ZeroPower::Brake)
@@ -104,7 +106,7 @@ impl<L: Read + Write> Session<L> {
     /// Mode, enable and all targets of a motor.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn motor(&mut self, motor: u8) -> Result<MotorState, Error> {
         let ChannelMode { mode, floats } = self.ask(ToMotor::Mode.to(motor))?;
         Ok(MotorState {
@@ -143,26 +145,28 @@ impl<L: Read + Write> Session<L> {
         self.order(ToMotor::SetPower { power }.to(motor))
     }
 
-    /// Sets the target of regulated velocity, which is also the speed limit of regulated position, in counts per second.
+    /// Sets the target of regulated velocity, which is also the speed limit of regulated position, in counts per
+    /// second.
     pub fn set_velocity(&mut self, motor: u8, cps: i16) -> Result<(), Error> {
         self.order(ToMotor::SetVelocity { cps }.to(motor))
     }
 
-    /// Sets the target of regulated position, in counts. The motor is within tolerance if its distance to the target is at
-    /// most `tolerance` counts.
+    /// Sets the target of regulated position, in counts. The motor is within tolerance if its distance to the target is
+    /// at most `tolerance` counts.
     pub fn set_position(&mut self, motor: u8, counts: i32, tolerance: u16) -> Result<(), Error> {
         self.order(ToMotor::SetPosition { target: Target { counts, tolerance } }.to(motor))
     }
 
-    /// All settings of a motor, without coefficients, whose groups [`get`](Self::get) reads. Needs this project's firmware.
+    /// Reads all settings of a motor except the coefficients of its loops, which [`coefficients`](Self::coefficients)
+    /// reads. Needs this project's firmware.
     pub fn settings(&mut self, motor: u8) -> Result<MotorSettings, Error> {
-        // The groups replace every setting that a hub reports.
+        // The groups that the hub reports replace these initial values.
         let mut settings = MotorSettings::new(Settings::new(Winding::NEVEREST_60));
         for group in Group::ALL {
             match group {
                 Group::VelocityLoop | Group::PositionLoop => (),
                 Group::CurrentLimit => match self.get(motor, group, &settings) {
-                    // Firmware before the current limit has none.
+                    // Older firmware has no current limit.
                     Err(Error::TooOld { .. }) => (),
                     read => settings = read?,
                 },
@@ -172,10 +176,10 @@ impl<L: Read + Write> Session<L> {
         Ok(settings)
     }
 
-    /// `settings` with a group as the hub reports it.
+    /// Returns `settings`, with the values of one group replaced by the values that the hub reports.
     ///
     /// # Errors
-    /// The errors of all commands; an answer with values that do not go together is unexpected.
+    /// [`Error::Unexpected`] if the values of the answer contradict each other. See also [`Session::ask`].
     pub fn get(&mut self, motor: u8, group: Group, settings: &MotorSettings) -> Result<MotorSettings, Error> {
         let read = |payload: &[u8]| -> Result<MotorSettings, Nack> {
             Values::read(group, &mut Fields::new(payload))?.apply_to(settings)
@@ -183,19 +187,21 @@ impl<L: Read + Write> Session<L> {
         self.ask_with(Request::Get(motor, group), read)
     }
 
-    /// Sets a group to its values in `settings`. [`Group::SetUp`] deletes motion and coefficients.
+    /// Sends the values of one group in `settings` to the hub. With [`Group::SetUp`] the hub deletes the motion and the
+    /// coefficients that a host has set.
     pub fn set(&mut self, motor: u8, group: Group, settings: &MotorSettings) -> Result<(), Error> {
         self.order(Request::Set(motor, Values::of(group, settings)))
     }
 
-    /// Sets the set-up and then the motion, because a set-up deletes the motion and a host's coefficients.
+    /// Sends the set-up and then the motion, because the hub deletes the motion and a host's coefficients when it
+    /// receives a set-up.
     pub fn set_up(&mut self, motor: u8, settings: &MotorSettings) -> Result<(), Error> {
         self.set(motor, Group::SetUp, settings)?;
         self.set(motor, Group::Motion, settings)
     }
 
-    /// Has the model with these dynamics regulate a motor; `None` is an unknown motor. The hub deletes a host's
-    /// coefficients, which would override the model.
+    /// Sets the dynamics of a motor's model; `None` makes the motor an unknown motor. The hub deletes coefficients that
+    /// a host has set, so the model regulates the motor.
     pub fn set_dynamics(&mut self, motor: u8, dynamics: Option<Dynamics>) -> Result<(), Error> {
         let mut settings = self.settings(motor)?;
         settings.motor.dynamics = dynamics;
@@ -207,14 +213,15 @@ impl<L: Read + Write> Session<L> {
         self.ask(MotorFunction::Condition.to(motor))
     }
 
-    /// Gives the enabled motor a constant current in mA, while the motor is slower than the limit in counts/s. Another target
-    /// ends it. Needs this project's firmware.
+    /// Sets a constant current in mA for an enabled motor. The hub reduces the current at the speed limit in counts/s.
+    /// Another target ends the constant current. Needs this project's firmware.
     pub fn set_current(&mut self, motor: u8, current_ma: i32, speed_limit_cps: u16) -> Result<(), Error> {
         self.order(MotorFunction::Current { current_ma, speed_limit_cps }.to(motor))
     }
 
-    /// Starts an identification. The motor must be enabled, at rest, with a constant power of 0. It turns at most
-    /// `travel_limit` counts either way. Returns the limit in counts that the hub applies.
+    /// Starts an identification. The motor must be enabled, at rest, with a constant power of 0. The motor turns at
+    /// most `travel_limit` counts in either direction. Returns the limit in counts that the hub applies, which may be
+    /// smaller.
     pub fn identify(&mut self, motor: u8, travel_limit: u32) -> Result<u32, Error> {
         self.ask(MotorFunction::Identify { travel_limit }.to(motor))
     }
@@ -224,12 +231,12 @@ impl<L: Read + Write> Session<L> {
         self.ask(MotorFunction::Identification.to(motor))
     }
 
-    /// The coefficients of a loop.
+    /// Reads the coefficients of a loop.
     pub fn coefficients(&mut self, motor: u8, of: Loop) -> Result<Coefficients, Error> {
         self.ask(ToMotor::Pidf { of }.to(motor))
     }
 
-    /// Sets the coefficients of a loop. From then on PID regulates the motor.
+    /// Sets the coefficients of a loop. PID then regulates the motor instead of the model.
     pub fn set_coefficients(&mut self, motor: u8, of: Loop, coefficients: Coefficients) -> Result<(), Error> {
         self.order(ToMotor::SetPidf { of, coefficients }.to(motor))
     }

@@ -1,5 +1,5 @@
-//! The values of a motor that only hubs of this project report, for people and programs: SI units, counts and shares.
-//! `client watch`, the dashboard and the Python package show these values.
+//! Values of a motor that only hubs of this project report, in SI units, counts and ratios. `client watch`, the
+//! dashboard and the Python package show these values.
 
 use motor_hub::braking::Regime;
 use motor_hub::extension::report::MotorReport;
@@ -13,7 +13,7 @@ pub struct MotorValues {
     pub regulator: &'static str,
     /// Control value as a share of full control, -1 to 1.
     pub control: f64,
-    /// Points S, T, Z and G, as `control`; `None` if the battery voltage is unknown.
+    /// Points S, T, Z and G of the scheme as shares of full control; `None` if the battery voltage is unknown.
     pub points: Option<[f64; 4]>,
     /// Regime: `forward`, `braking` or `reverse`; `None` while the bridge is open.
     pub regime: Option<&'static str>,
@@ -21,28 +21,30 @@ pub struct MotorValues {
     pub mode: Option<&'static str>,
     /// Duty of the bridge, 0 to 1.
     pub duty: f64,
-    /// Mean current in A: measured, with the sign of the modelled current; modelled if the hub does not measure it.
+    /// Best known mean current in A. This is the measured current with the sign of the modelled current, or the
+    /// modelled current without a measurement.
     pub current_a: f64,
     /// Modelled mean current in A.
     pub modelled_a: f64,
-    /// Magnitude of the measured mean current in A; `None` if the hub does not measure it.
+    /// Magnitude of the measured mean current in A. `None` without a sound current-sense line, and while the bridge is
+    /// in mode 5/0.
     pub measured_a: Option<f64>,
-    /// Current that would balance the load, in A; `None` for an unknown motor.
+    /// Current in A that would balance load, friction and drag; `None` for an unknown motor.
     pub load_a: Option<f64>,
-    /// Heat of the winding as a share of its limit; 0 without a limit.
+    /// Heat of the winding as a share of its thermal limit; 0 without a thermal limit.
     pub heat: f64,
-    /// True if the motor has settled at its target, or its group at its end.
+    /// True if the motor has settled at its target, or if all members of its group have settled.
     pub settled: bool,
-    /// True if the motor is regulated, and a stop or a load holds the motor.
+    /// True if the motor is regulated, and a mechanical stop or a load keeps the motor from moving.
     pub stalled: bool,
-    /// True if the winding is so hot that its current is limited.
+    /// True if the current is limited because the winding is hot.
     pub derated: bool,
-    /// True if the motor's current limit holds its current down.
+    /// True if the motor's current limit reduces the current.
     pub current_limited: bool,
 }
 
 impl MotorValues {
-    /// The values of a report.
+    /// Returns the values of a report.
     pub fn of(report: &MotorReport) -> Self {
         Self {
             regulator: report.regulator.name(),

@@ -1,5 +1,5 @@
-//! Reasons as text: why a motor does not turn, by its hub's [report](motor_hub::extension::report), and why settings were
-//! not stored or firmware does not run, by [reports of states](motor_hub::extension::state).
+//! Explains as text why a motor does not turn, from its hub's [report](motor_hub::extension::report). Also explains why
+//! settings were not stored or firmware does not run, from [reports of states](motor_hub::extension::state).
 //!
 //! ```
 //! use motor_hub_client::motor_hub::extension::report::{Commands, HubReport, MotorReport, ReportedSetpoint};
@@ -30,7 +30,7 @@ use motor_hub::supply::BusState;
 use motor_hub::units::{Control, Milliamperes};
 use motor_hub::update::{self, Booted, Phase};
 
-/// Highest speed of a motor that counts as standing, in counts per second.
+/// Highest speed at which a motor counts as standing, in counts per second.
 pub const STANDS_CPS: u16 = 3;
 
 /// Why the last save, load or reset failed; `None` if it succeeded.
@@ -46,7 +46,7 @@ pub const fn why_unsaved(report: &StoreReport) -> Option<&'static str> {
     }
 }
 
-/// What a hub has stored.
+/// Returns a text that says what a hub has stored.
 #[must_use]
 pub fn stored_text(StoreReport { stored, number, version, .. }: &StoreReport) -> String {
     match stored {
@@ -62,7 +62,7 @@ pub fn stored_text(StoreReport { stored, number, version, .. }: &StoreReport) ->
     }
 }
 
-/// Why an image does not fit the hub's slot; `None` if it does.
+/// Why an image does not fit the hub's slot; `None` if the image fits.
 #[must_use]
 pub fn why_unfit(Image { bytes, origin: linked, .. }: &Image, report: &UpdateReport) -> Option<String> {
     let UpdateReport { origin, capacity, .. } = *report;
@@ -88,7 +88,7 @@ pub fn why_unfit(Image { bytes, origin: linked, .. }: &Image, report: &UpdateRep
 pub(crate) const NOT_CHECKED: &str =
     "the hub has not finished the check; it checks a signature only while all motors are disabled";
 
-/// Why the hub does not start the image that it has received; `None` if it does at its next reset.
+/// Why the hub does not start the image that it has received; `None` if the hub starts the image at its next reset.
 #[must_use]
 pub const fn why_not_armed(report: &UpdateReport) -> Option<&'static str> {
     match (report.phase, report.outcome) {
@@ -103,8 +103,8 @@ pub const fn why_not_armed(report: &UpdateReport) -> Option<&'static str> {
     }
 }
 
-/// Why the image with the version `sent` is not the hub's firmware after the restart; `None` if it is. The hub reports the version
-/// `now`.
+/// Why an update to the version `sent` has not succeeded after the restart; `None` if the new firmware runs and has
+/// confirmed itself. `now` is the version that the hub reports.
 #[must_use]
 pub fn why_not_started(booted: Booted, sent: &str, now: &str) -> Option<String> {
     match booted {
@@ -132,7 +132,7 @@ pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
     if motor.velocity.unsigned_abs() > STANDS_CPS && !motor.stalled {
         return None;
     }
-    // The reasons below follow from a set-point that the motor no longer has.
+    // The reasons below depend on the reported set-point, which a newer command may have replaced.
     if motor.enabled && !hub.is_up_to_date() {
         return None;
     }

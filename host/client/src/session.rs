@@ -28,15 +28,16 @@ use std::io::{ErrorKind, Read, Write};
 use std::thread;
 use std::time::Duration;
 
-/// Transmissions of a request before the hub counts as silent. A hub may have executed a request whose answer was lost. That
-/// does no harm: requests set values or ask for values, and none says *by* how much, so a second execution changes nothing.
+/// Number of transmissions of a request before the hub counts as silent. A hub may have executed a request whose answer
+/// was lost. A second execution changes nothing, because requests set or read values and never change a value by an
+/// amount.
 pub const TRIES: u32 = 3;
 
-/// Time for further hubs to answer a discovery, after the first hub's answer. The parent of a chain waits 2 ms for each of 254
-/// addresses.
+/// Time from the first answer to a discovery until the last. The parent of a chain waits 2 ms for each of 254
+/// addresses, which are 508 ms.
 pub const CHAIN: Duration = Duration::from_millis(650);
 
-/// Interval between two questions to a hub that is busy with a discovery.
+/// Interval between two requests to a hub that is discovering the hubs behind it.
 const CHAIN_POLL: Duration = Duration::from_millis(20);
 
 /// Longest time spent on reading and dropping stale input. A line that is never silent must not block a request.
@@ -45,7 +46,7 @@ const STALE: Duration = Duration::from_millis(50);
 /// A hub that answered a discovery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Found {
-    /// 1 to 254.
+    /// Address of the hub, 1 to 254.
     pub address: u8,
     /// True if the hub is on this line, false if it is behind another hub.
     pub parent: bool,
@@ -60,8 +61,8 @@ pub struct Session<L> {
     decoder: Decoder,
     /// Received packets that have not been read yet.
     arrived: VecDeque<Packet>,
-    /// True if the first transmission of the last request was answered, so no stale input can follow. Waiting for stale
-    /// input takes several times as long as an exchange.
+    /// True if the first transmission of the last request was answered and no other packet had arrived. No stale input
+    /// can follow then. A wait for stale input would take several times as long as an exchange.
     quiet: bool,
     since: Instant,
     timeout: Duration,
@@ -69,11 +70,11 @@ pub struct Session<L> {
     number: u8,
     pub(crate) address: u8,
     pub(crate) interfaces: Interfaces,
-    /// The interfaces of the other hubs with which the session has talked, by address.
+    /// Interfaces of the other hubs to which the session has sent requests, by address.
     others: BTreeMap<u8, Interfaces>,
 }
 
-/// What is known of a hub's interfaces.
+/// Interfaces of a hub, as the hub has reported them.
 #[derive(Debug, Default)]
 pub(crate) struct Interfaces {
     /// Packet types of the motor interface; `None` until the hub was asked.
@@ -105,7 +106,7 @@ impl Session<Line> {
 }
 
 impl<L: Read + Write> Session<L> {
-    /// A session with the hub at `address`. A request is sent [`TRIES`] times within `timeout`.
+    /// Makes a session with the hub at `address`. A request without an answer is sent [`TRIES`] times within `timeout`.
     pub fn new(line: L, address: Address, timeout: Duration) -> Self {
         Self {
             line,
@@ -121,7 +122,7 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// A session with the hub that answers a discovery as parent.
+    /// Makes a session with the hub that answers a discovery as parent.
     ///
     /// # Errors
     /// Not exactly one hub answers as parent.
@@ -131,7 +132,7 @@ impl<L: Read + Write> Session<L> {
         Ok(session)
     }
 
-    /// Discovers all hubs on the line, and continues with the hub that answers as parent.
+    /// Discovers all hubs on the line. Later requests go to the hub that answers as parent.
     ///
     /// # Errors
     /// Not exactly one hub answers as parent.
@@ -151,7 +152,7 @@ impl<L: Read + Write> Session<L> {
         self.address
     }
 
-    /// Shortens the time-out of later requests to at most `timeout`.
+    /// Limits the time-out of later requests to `timeout`.
     pub fn hurry(&mut self, timeout: Duration) {
         self.timeout = self.timeout.min(timeout);
     }
@@ -161,7 +162,7 @@ impl<L: Read + Write> Session<L> {
         self.timeout = timeout;
     }
 
-    /// Continues with another hub on the same line.
+    /// Sends later requests to the hub at `address` on the same line.
     pub fn talk_to(&mut self, address: Address) {
         // Another hub may number its functions differently.
         let other = self.others.remove(&address.get()).unwrap_or_default();
@@ -169,16 +170,17 @@ impl<L: Read + Write> Session<L> {
         self.address = address.get();
     }
 
-    /// Forgets the interfaces of the hub at an address, because this session's hub takes over that address.
+    /// Deletes the interfaces of the hub at `address`, because the hub of this session gets this address.
     pub(crate) fn forget(&mut self, address: Address) {
         self.others.remove(&address.get());
     }
 
-    /// All hubs on the line, in the order of their answers. A hub of this project says how long to wait for hubs behind it:
-    /// not at all, if it has no chain line. Other hubs get [`CHAIN`].
+    /// Discovers all hubs on the line. A parent of this project reports the hubs behind it. These hubs follow the
+    /// parent in the order of their addresses. With any other parent the function waits [`CHAIN`] for further answers,
+    /// and the hubs are in the order of their answers.
     ///
     /// # Errors
-    /// [`Error::NoHub`] if none answers within the timeout.
+    /// [`Error::NoHub`] if no hub answers within the time-out.
     pub fn discover(&mut self) -> Result<Vec<Found>, Error> {
         let first = self.discover_for(Duration::ZERO)?;
         let &[Found { address, parent: true, .. }] = first.as_slice() else {
@@ -195,11 +197,12 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// Disables the motors of all hubs on the line, and returns the hubs. Hubs of this project obey within milliseconds, because
-    /// the request goes to all addresses before the hubs are discovered.
+    /// Disables the motors of all hubs on the line, and returns the hubs. Hubs of this project disable their motors
+    /// within milliseconds, because a broadcast precedes the discovery.
     ///
     /// # Errors
-    /// [`Error::NoHub`] if no hub answers. [`Error::Silent`] for the first hub that does not confirm, after all others were stopped.
+    /// [`Error::NoHub`] if no hub answers. [`Error::Silent`] for the first hub that does not confirm, after all others
+    /// were stopped.
     pub fn stop_all(&mut self) -> Result<Vec<u8>, Error> {
         self.count();
         self.transmit(&Standard::FailSafe.into(), BROADCAST, FAIL_SAFE)?;
@@ -208,8 +211,8 @@ impl<L: Read + Write> Session<L> {
         self.confirm_stop(&found).map(|()| found)
     }
 
-    /// Disables the motors of all hubs on the line, and waits until the hubs at the `known` addresses have confirmed it. Without a
-    /// discovery the call is fast.
+    /// Disables the motors of all hubs on the line, and waits until the hubs at the `known` addresses have confirmed.
+    /// This is faster than [`stop_all`](Self::stop_all), which discovers the hubs.
     ///
     /// # Errors
     /// [`Error::Silent`] for the first known hub that does not confirm, after all others were stopped.
@@ -219,7 +222,8 @@ impl<L: Read + Write> Session<L> {
         self.confirm_stop(known)
     }
 
-    /// Has each of these hubs confirm that its motors are disabled. All are asked; the first error is the result.
+    /// Sends *fail-safe* to each of these hubs, and waits for its confirmation. All hubs get the request; the result is
+    /// the first error.
     fn confirm_stop(&mut self, hubs: &[u8]) -> Result<(), Error> {
         let before = self.address;
         let stopped = hubs.iter().map(|&address| {
@@ -231,7 +235,8 @@ impl<L: Read + Write> Session<L> {
         all
     }
 
-    /// The hubs that answer a discovery, the last of them up to `chain` after the first.
+    /// Returns the hubs that answer a discovery within the time-out. The last answer may arrive `chain` after the first
+    /// answer.
     fn discover_for(&mut self, chain: Duration) -> Result<Vec<Found>, Error> {
         let end = Instant::now() + self.timeout;
         self.count();
@@ -253,9 +258,9 @@ impl<L: Read + Write> Session<L> {
         if found.is_empty() { Err(Error::NoHub) } else { Ok(found) }
     }
 
-    /// Waits until the hub at `parent` has asked all addresses of its chain line, for [`CHAIN`] at most, and returns what it has
-    /// found until then. The report is empty if the hub has no chain line;
-    /// `None` for a hub of another maker, or with older firmware.
+    /// Waits until the hub at `parent` has discovered the hubs behind it, for [`CHAIN`] at most, and returns its
+    /// report. The report is empty if the hub has no chain line. `None` for a hub of another maker, or with older
+    /// firmware.
     fn wait_for_chain(&mut self, parent: u8) -> Result<Option<ChainReport>, Error> {
         let Some(parent) = Address::new(parent) else { return Ok(None) };
         let before = Address::new(self.address);
@@ -285,7 +290,7 @@ impl<L: Read + Write> Session<L> {
         self.ask_with(request, |payload| A::read(&mut Fields::new(payload)))
     }
 
-    /// Sends a request and reads its answer by `read`.
+    /// Sends a request and converts the payload of its answer by `read`.
     pub(crate) fn ask_with<A>(
         &mut self,
         request: impl Into<Request>,
@@ -312,7 +317,7 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// Sends a request until the hub answers; a refusal is an error.
+    /// Sends a request up to [`TRIES`] times until the hub answers. A refusal is an error.
     fn exchange(&mut self, request: &Request) -> Result<Reply, Error> {
         let (id, address) = (self.id(request)?, self.address);
         // The retransmitted packet is unchanged, so a late answer to the first transmission is accepted.
@@ -331,7 +336,8 @@ impl<L: Read + Write> Session<L> {
         Err(Error::Silent { address })
     }
 
-    /// Packet type of a request. Each hub numbers its functions as it likes.
+    /// Returns the packet type of a request. Each hub chooses the numbers of its functions, so the session asks the hub
+    /// for them once.
     fn id(&mut self, request: &Request) -> Result<u16, Error> {
         let Some(interface) = request.interface() else { return Ok(request.id()) };
         let known = if interface == INTERFACE { self.interfaces.extension } else { self.interfaces.motors };
@@ -368,8 +374,8 @@ impl<L: Read + Write> Session<L> {
         Ok(())
     }
 
-    /// The next packet to this host that refers to the last request and that `read` accepts;
-    /// `None` if none arrives before `end`.
+    /// Returns the next packet to this host that refers to the last request and that `read` accepts. `None` if no such
+    /// packet arrives before `end`.
     fn next<T>(
         &mut self,
         end: Instant,
@@ -395,7 +401,7 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// Number of bytes read within [`POLL`](crate::line::POLL); 0 if none arrived.
+    /// Reads bytes within [`POLL`](crate::line::POLL), and returns their number; 0 if no byte has arrived.
     fn receive(&mut self, bytes: &mut [u8]) -> Result<usize, Error> {
         match self.line.read(bytes) {
             Ok(0) => Err(Error::HungUp),

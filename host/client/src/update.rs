@@ -1,7 +1,7 @@
 //! Updates the firmware of a hub with a bootloader, one step at a time.
 //!
 //! ```text
-//! announcing --> sending --> checking --restart--> restarting --> confirmed, or why not
+//! announcing --> sending --> checking --restart--> restarting --> confirmed
 //! ```
 //!
 //! ```
@@ -31,17 +31,19 @@ use std::time::Duration;
 /// Largest image in bytes: more than the flash of any supported chip.
 pub const LARGEST_IMAGE: usize = 4 << 20;
 
-/// Chunks that one step sends. With 50 steps a second these are some 20 kB/s, of the 46 kB/s of a serial line.
+/// Number of chunks that one step sends. With 50 steps a second the rate is about 20 kB/s. A serial line carries 46
+/// kB/s.
 const CHUNKS: usize = 4;
 
-/// Time-out of a write or a check in the hub: erasing a page takes up to 4 s, erasing the bootloader's state another 4 s.
+/// Time-out of a write or a check in the hub: erasing a page takes up to 4 s, erasing the bootloader's state another 4
+/// s.
 const WRITING: Duration = Duration::from_secs(10);
 
-/// Time-out for the hub to answer after the restart. The bootloader swaps the slots and may swap them back: 8 erasures of up to 4 s
-/// each way, and the watchdog's time.
+/// Time-out for the hub to answer after the restart. The bootloader swaps the slots, which takes 8 erasures of up to 4
+/// s each. If the new firmware fails, the watchdog resets the hub and the bootloader swaps the slots back.
 const RETURNING: Duration = Duration::from_secs(90);
 
-/// Time-out for the new firmware to confirm itself, which erases flash.
+/// Time-out for the new firmware to confirm itself. The confirmation erases flash.
 const CONFIRMING: Duration = Duration::from_secs(15);
 
 /// New firmware.
@@ -51,7 +53,7 @@ pub struct Image {
     pub bytes: Vec<u8>,
     /// The version that the hub reports once it runs the image.
     pub version: String,
-    /// Address that the image is linked to; `None` if it is unknown.
+    /// Flash address of the image's first byte; `None` if this address is unknown.
     pub origin: Option<u32>,
 }
 
@@ -69,27 +71,27 @@ pub enum UpdateError {
     Hub(#[from] Error),
 }
 
-/// News of an update.
+/// Progress of an update.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// The hub has this many bytes of the image.
+    /// The hub has received this many bytes of the image.
     Sending(usize),
     /// The hub checks the image.
     Checking,
-    /// The hub restarts with the new firmware, and does not answer meanwhile.
+    /// The hub restarts with the new firmware. It does not answer during the restart.
     Restarting,
     /// The hub runs the new firmware, which has confirmed itself. The text is the version that the hub reports.
     Confirmed(String),
 }
 
-/// News, if there is any.
+/// Progress of one step; `None` if nothing has changed.
 type Step = Result<Option<Progress>, UpdateError>;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
-    /// The hub does not know the image yet. It may have to forget an earlier one first.
+    /// The image is not announced yet. The hub may first have to delete an earlier image.
     Announcing,
-    /// The hub has this many bytes.
+    /// The hub has received this many bytes.
     Sending(usize),
     Checking,
     /// `answered` is the time of the first answer after the restart; `None` while the hub is silent.
@@ -104,14 +106,14 @@ pub struct Updating {
     image: Image,
     seal: Option<Seal>,
     stage: Stage,
-    /// Time of the last news.
+    /// Time of the last progress.
     since: Instant,
 }
 
 impl Updating {
-    /// Announces an image to the hub. A hub that was built with a public key accepts only an image with a `seal` by that key. A hub
-    /// without a key refuses any seal. The caller then takes steps until the new firmware has confirmed itself. After an error it
-    /// calls [`abandon`](Self::abandon).
+    /// Announces an image to the hub. A hub that was built with a public key accepts only an image with a `seal` by
+    /// that key. A hub without a key refuses any seal. The caller then takes steps until the new firmware has confirmed
+    /// itself. After an error of a step the caller calls [`abandon`](Self::abandon).
     ///
     /// # Errors
     /// The hub has no bootloader, the image does not fit, or the hub refuses it.
@@ -130,11 +132,11 @@ impl Updating {
         }
     }
 
-    /// Takes one step of the update. Returns the progress where there is news. To be called some 50 times a second, or less often
-    /// while the hub restarts.
+    /// Takes one step of the update. Returns the progress if there is any. Call this function about 50 times a second,
+    /// or less often while the hub restarts.
     ///
     /// # Errors
-    /// The update has failed. After an error of the line, steps with a new session continue the update.
+    /// The update has failed. After an error of the line the update continues if further steps get a new session.
     pub fn step(
         &mut self,
         session: &mut Session<impl Read + Write>,
@@ -159,7 +161,7 @@ impl Updating {
         matches!(self.stage, Stage::Restarting { .. })
     }
 
-    /// Why the update has failed, if nothing has happened for too long.
+    /// Why the update has failed, if the time-out of the present stage is over; `None` before the time-out.
     #[must_use]
     pub fn late(&self) -> Option<&'static str> {
         let (since, longest, why) = match self.stage {
@@ -172,7 +174,8 @@ impl Updating {
         (since.elapsed() > longest).then_some(why)
     }
 
-    /// Makes the hub forget an image that is not complete. Should this fail, the hub forgets the image at its next reset.
+    /// Makes the hub delete an image that is not complete or not checked. If this request fails, the hub deletes the
+    /// image at its next reset.
     pub fn abandon(&self, session: &mut Session<impl Read + Write>) {
         if matches!(self.stage, Stage::Sending(_) | Stage::Checking) {
             let _ = session.order(HubFunction::AbandonUpdate);
@@ -200,7 +203,7 @@ impl Updating {
         let length = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
         let version = version.as_bytes();
         let version = Text::from_slice(version.get(..TEXT).unwrap_or(version)).unwrap_or_default();
-        // The hub judges by its last control tick whether motors are disabled.
+        // The hub takes from its last control tick whether motors are disabled.
         session.catch_up()?;
         session.order(HubFunction::BeginUpdate { length, crc: CRC.checksum(bytes), version })?;
         self.stage = Stage::Sending(0);
@@ -222,7 +225,7 @@ impl Updating {
                 HubFunction::Chunk { offset, bytes: Text::from_slice(chunk).unwrap_or_default() }
             };
             match session.order(request) {
-                // The hub still writes.
+                // The hub has not finished writing the earlier chunks.
                 Err(Error::Refused { reason: Nack::UPDATE_BUSY, .. }) => break,
                 sent => sent?,
             }
@@ -254,7 +257,7 @@ impl Updating {
         let report = match session.update_state() {
             Ok(report) => report,
             Err(error @ (Error::Line(_) | Error::HungUp)) => return Err(error.into()),
-            // A hub that starts is silent, or answers with garbage.
+            // A starting hub is silent, or its answer is damaged.
             Err(_) => {
                 self.stage = Stage::Restarting { answered: None };
                 return Ok(None);
@@ -284,7 +287,7 @@ const fn is_busy(report: &UpdateReport) -> bool {
     report.at_work || matches!(report.phase, Phase::Checking | Phase::Disarming)
 }
 
-/// The signature in the bytes of a signature file.
+/// Returns the signature in the bytes of a signature file.
 ///
 /// # Errors
 /// What is wrong with the file, as the end of a sentence.
@@ -293,7 +296,7 @@ pub fn read_signature(file: &[u8]) -> Result<[u8; 64], String> {
     file.try_into().map_err(|_| format!("has {length} bytes; an Ed25519 signature has 64"))
 }
 
-/// The public key in the bytes of a key file.
+/// Returns the public key in the bytes of a key file.
 ///
 /// # Errors
 /// What is wrong with the file, as the end of a sentence.
@@ -306,7 +309,7 @@ impl<L: Read + Write> Session<L> {
     /// Progress of an update, how the present firmware was started, and the slot's address and size.
     ///
     /// # Errors
-    /// See [`Session::ask`], as for all commands.
+    /// The errors of [`Session::ask`].
     pub fn update_state(&mut self) -> Result<UpdateReport, Error> {
         self.ask(HubFunction::Update)
     }

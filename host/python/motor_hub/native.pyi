@@ -1,4 +1,4 @@
-"""Blocking session with a hub. `motor_hub` makes the asyncio interface of it; use that one."""
+"""Session with a hub, by calls that block. Use the asyncio interface of `motor_hub` instead."""
 
 from collections.abc import Sequence
 from typing import Any

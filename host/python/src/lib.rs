@@ -1,7 +1,8 @@
-//! Native half of the Python package `motor_hub`: a session with one hub, as blocking calls that release Python's lock.
+//! Native module of the Python package `motor_hub`: a session with one hub. Its calls block, and release Python's
+//! global interpreter lock while they wait.
 //!
-//! `motor_hub/__init__.py` calls these functions from threads, and makes an asyncio interface of them. Numbers arrive from
-//! Python as `i64` or `f64`: a number out of range raises a `ValueError` that names the value and the range.
+//! `motor_hub/__init__.py` calls these functions in threads, and offers them as an asyncio interface. Numbers arrive
+//! from Python as `i64` or `f64`: a number out of range raises a `ValueError` that names the value and the range.
 
 mod reading;
 
@@ -49,7 +50,7 @@ impl From<Failure> for PyErr {
     }
 }
 
-/// An error of the session, on its way to Python.
+/// An error of the session, which is converted to a Python exception.
 struct Failure(Error);
 
 impl From<Error> for Failure {
@@ -78,13 +79,13 @@ fn channel(motor: i64) -> PyResult<u8> {
 #[pyclass(frozen, module = "motor_hub")]
 struct Link {
     session: Mutex<Session<Line>>,
-    /// Motors that a former host had left enabled. They were disabled when the link was opened.
+    /// Motors that a former host had left enabled. [`open`](Self::open) has disabled these motors.
     #[pyo3(get)]
     left_running: Vec<u8>,
 }
 
 impl Link {
-    /// Runs a request while other Python threads go on.
+    /// Runs a request. Other Python threads run meanwhile.
     fn run<T: Send>(
         &self,
         py: Python<'_>,
@@ -93,7 +94,8 @@ impl Link {
         Ok(py.detach(|| request(&mut self.lock())).map_err(Failure)?)
     }
 
-    /// A session is usable after a panic of another thread: each request begins with a new packet.
+    /// Locks the session. The session stays usable after a panic of another thread, because each request begins with a
+    /// new packet.
     fn lock(&self) -> MutexGuard<'_, Session<Line>> {
         self.session.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -129,7 +131,8 @@ impl Link {
         self.run(py, Session::fail_safe)
     }
 
-    /// Enables motors with a power of 0. After an error of one motor, none of them is enabled.
+    /// Enables motors with constant power 0, so that they brake. After an error of one motor all these motors are
+    /// disabled again.
     fn enable(&self, py: Python<'_>, motors: Vec<i64>) -> PyResult<()> {
         let motors = motors.into_iter().map(channel).collect::<PyResult<Vec<u8>>>()?;
         let enabled = self.run(py, |session| {
@@ -139,19 +142,20 @@ impl Link {
             })
         });
         if enabled.is_err() {
-            // The error that is reported is the first one.
+            // An error of this call is ignored, because the function returns the first error.
             let _ = self.run(py, |session| session.disable_all(&motors));
         }
         enabled
     }
 
-    /// Disables motors. Tries for as long as the hub would keep them running, and reaches every motor that can be reached.
+    /// Disables motors. After an error all motors are tried again for 2.5 s, the time-out of the hub's keep-alive. An
+    /// error of one motor does not prevent the attempt to disable the others.
     fn disable(&self, py: Python<'_>, motors: Vec<i64>) -> PyResult<()> {
         let motors = motors.into_iter().map(channel).collect::<PyResult<Vec<u8>>>()?;
         self.run(py, |session| session.disable_all(&motors))
     }
 
-    /// Applies a share of full power, -1 to 1.
+    /// Sets constant power as a share of full power, -1 to 1.
     fn power(&self, py: Python<'_>, motor: i64, share: f64) -> PyResult<()> {
         let motor = channel(motor)?;
         if !(-1.0..=1.0).contains(&share) {
@@ -159,7 +163,7 @@ impl Link {
         }
         let power = Control::saturating((share * f64::from(Control::MAX.get())).round() as i64);
         self.run(py, |session| {
-            // The mode takes the last power of the motor, which is therefore set first.
+            // In constant power the motor applies its last power immediately, so the power is set before the mode.
             session.set_power(motor, power)?;
             session.set_mode(motor, RunMode::Power, ZeroPower::Brake)
         })
@@ -180,7 +184,7 @@ impl Link {
         let speed = within("speed", speed, 1, i16::MAX.into(), "counts/s")?;
         let tolerance = within("tolerance", tolerance, 0, u16::MAX.into(), "counts")?;
         self.run(py, |session| {
-            // In velocity mode the speed limit is the speed itself: it may change only after the mode.
+            // In velocity mode this value is the target velocity, so the speed limit is set after the mode has changed.
             let first = session.motor(motor)?.mode != RunMode::Velocity;
             if first {
                 session.set_velocity(motor, speed)?;
@@ -191,7 +195,7 @@ impl Link {
         })
     }
 
-    /// Holds a constant current in amperes, while the motor is slower than `speed` in counts/s.
+    /// Sets a constant current in amperes. The hub reduces the current at the speed `speed` in counts/s.
     fn current(&self, py: Python<'_>, motor: i64, amperes: f64, speed: i64) -> PyResult<()> {
         const MOST: f64 = 1000.0;
         let motor = channel(motor)?;
@@ -207,7 +211,7 @@ impl Link {
         self.run(py, |session| session.reset_encoder(motor))
     }
 
-    /// State of all motors: the fields of `Reading` for each of them.
+    /// Returns the state of all motors: the fields of `Reading` for each motor.
     fn readings<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let state = self.run(py, |session| {
             session.catch_up()?;
@@ -222,20 +226,21 @@ impl Link {
         }
     }
 
-    /// Battery voltage in volts; `None` if the hub does not know it.
+    /// Returns the battery voltage in volts; `None` if the hub does not know the voltage.
     fn battery(&self, py: Python<'_>) -> PyResult<Option<f64>> {
         let mv = self.run(py, Session::battery)?.get();
         Ok((mv != 0).then_some(f64::from(mv) / 1e3))
     }
 
-    /// Starts an identification. Returns how many counts the motor turns at most, either way.
+    /// Starts an identification. Returns the largest travel in counts in either direction.
     fn identify(&self, py: Python<'_>, motor: i64, travel: i64) -> PyResult<u32> {
         let motor = channel(motor)?;
         let travel = within("travel", travel, 1, u32::MAX.into(), "counts")?;
         self.run(py, |session| session.identify(motor, travel))
     }
 
-    /// State of the last identification: percent while it runs, `None` before the first one, else the fields of `Identified`.
+    /// Returns the progress in percent while an identification runs, `None` before the first identification, and then
+    /// the fields of `Identified`. Raises `Refused` if the motor was not identified.
     fn identification<'py>(&self, py: Python<'py>, motor: i64) -> PyResult<Bound<'py, PyAny>> {
         let motor = channel(motor)?;
         match self.run(py, |session| session.identification(motor))? {
@@ -248,7 +253,8 @@ impl Link {
         }
     }
 
-    /// Puts the result of the last identification in force, until the hub's reset. The hub forgets a host's coefficients.
+    /// Puts the result of the last identification in force until the hub's reset. The hub deletes coefficients that a
+    /// host has set.
     fn apply_identification(&self, py: Python<'_>, motor: i64) -> PyResult<()> {
         let motor = channel(motor)?;
         let applied = self.run(py, |session| {
@@ -259,7 +265,7 @@ impl Link {
         if applied { Ok(()) } else { Err(HubError::new_err(format!("motor {motor} is not identified"))) }
     }
 
-    /// Stores the settings in force, so that they outlast the hub's reset.
+    /// Stores the settings in force, so that they are in force after a reset of the hub.
     fn save(&self, py: Python<'_>) -> PyResult<()> {
         let report = self.run(py, |session| session.store(HubFunction::Save))?;
         match reasons::why_unsaved(&report) {
@@ -268,7 +274,7 @@ impl Link {
         }
     }
 
-    /// Configures the drive base, which then starts at the origin.
+    /// Configures the drive base. The odometry of the base then starts at the origin.
     fn set_base(
         &self,
         py: Python<'_>,
@@ -285,13 +291,13 @@ impl Link {
         self.run(py, |session| session.set_base(base))
     }
 
-    /// The drive base in force: the fields of `Base`. `None` without a base.
+    /// Returns the drive base in force: the fields of `Base`. `None` without a base.
     fn base<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let base = self.run(py, Session::base_if_reported)?;
         base.map(|base| reading::base(py, &base)).transpose()
     }
 
-    /// Where the drive base is: the fields of `Odometry`.
+    /// Returns position and heading of the drive base: the fields of `Odometry`.
     fn odometry<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let report = self.run(py, |session| {
             session.catch_up()?;
@@ -300,8 +306,10 @@ impl Link {
         reading::odometry(py, &report)
     }
 
-    /// Drives the base over a distance in mm, or turns it by an angle in degrees if `turns` is true. The part begins at the end of the
-    /// last one, `start`, if the wheels are near these counts. So errors of the parts do not add up. Returns the counts at its end.
+    /// Drives the base over the distance `by` in mm, or turns the base by the angle `by` in degrees if `turns` is true.
+    /// `start` are the target positions of the wheels of the last motion in counts. If the wheels are near `start`, the
+    /// motion is computed from `start`, so that errors of several motions do not add up. Otherwise the motion is
+    /// computed from the present positions. Returns the target positions of this motion.
     fn drive(
         &self,
         py: Python<'_>,
@@ -311,7 +319,8 @@ impl Link {
         speed: f64,
         acceleration: f64,
     ) -> PyResult<(i32, i32)> {
-        /// Largest distance of each wheel from the end of the last part, in counts: the wheels have not moved otherwise since then.
+        /// Largest distance of each wheel from `start` in counts. At a larger distance something else has moved the
+        /// wheels since the last motion.
         const NEAR_COUNTS: u32 = 100;
         for (name, value, unit) in [("speed", speed, "mm/s"), ("acceleration", acceleration, "mm/s²")] {
             if !(0.001..=1e6).contains(&value) {
@@ -339,7 +348,8 @@ impl Link {
         Ok(end.into())
     }
 
-    /// Moves motors in step. The group's members are the motors of `targets`, in counts, or speeds if `on` is true.
+    /// Moves motors in step. The keys of `targets` are the members of the group. The values are positions in counts, or
+    /// speeds in counts/s if `on` is true.
     fn together(
         &self,
         py: Python<'_>,
@@ -376,14 +386,14 @@ impl Link {
         self.run(py, |session| session.move_together(first, GroupCommand { tolerance, ..usual }))
     }
 
-    /// True once all members of the motor's group have settled.
+    /// Returns true once all members of the motor's group have settled.
     fn group_settled(&self, py: Python<'_>, motor: i64) -> PyResult<bool> {
         let motor = channel(motor)?;
         Ok(self.run(py, |session| session.group_state(motor))? == GroupState::Settled)
     }
 }
 
-/// Paths of the USB serial ports.
+/// Returns the paths of the USB serial ports.
 #[pyfunction]
 fn usb_ports() -> PyResult<Vec<String>> {
     let usb = ports()?.into_iter().filter(|port| port.description.starts_with("USB"));

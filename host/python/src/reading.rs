@@ -1,4 +1,4 @@
-//! What a hub reports, as dictionaries whose keys are the fields of Python's dataclasses.
+//! Converts reports of a hub to dictionaries. Their keys are the fields of the dataclasses in `motor_hub/__init__.py`.
 
 use motor_hub_client::base::OdometryValues;
 use motor_hub_client::motor_hub::extension::base::OdometryReport;
@@ -11,7 +11,7 @@ use motor_hub_client::reasons::why_still;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// Readings of a hub of this project.
+/// Returns the readings of a hub of this project: the fields of `Reading` for each motor.
 pub(crate) fn of_report<'py>(py: Python<'py>, report: &HubReport) -> PyResult<Vec<Bound<'py, PyDict>>> {
     report.motors.iter().enumerate().map(|(number, motor)| of_motor(py, report, number, motor)).collect()
 }
@@ -46,7 +46,8 @@ fn of_motor<'py>(
     Ok(reading)
 }
 
-/// Readings of a hub that has no report of this project: another maker's.
+/// Returns the readings of a hub that sends no reports (another maker's, or older firmware). The dictionaries lack the
+/// fields that such a hub does not know.
 pub(crate) fn of_bulk<'py>(py: Python<'py>, bulk: &Bulk) -> PyResult<Vec<Bound<'py, PyDict>>> {
     let readings = bulk.encoders.iter().zip(&bulk.velocities).enumerate();
     readings
@@ -60,7 +61,7 @@ pub(crate) fn of_bulk<'py>(py: Python<'py>, bulk: &Bulk) -> PyResult<Vec<Bound<'
         .collect()
 }
 
-/// The fields of Python's `Identified`.
+/// Returns the fields of `Identified`.
 pub(crate) fn identified<'py>(py: Python<'py>, found: &Identified) -> PyResult<Bound<'py, PyDict>> {
     let fields = PyDict::new(py);
     fields.set_item("acceleration_per_volt", found.dynamics.gain.to_f32())?;
@@ -72,7 +73,7 @@ pub(crate) fn identified<'py>(py: Python<'py>, found: &Identified) -> PyResult<B
     Ok(fields)
 }
 
-/// The fields of Python's `Base`.
+/// Returns the fields of `Base`.
 pub(crate) fn base<'py>(py: Python<'py>, base: &BaseSettings) -> PyResult<Bound<'py, PyDict>> {
     let geometry = base.geometry();
     let fields = PyDict::new(py);
@@ -84,7 +85,7 @@ pub(crate) fn base<'py>(py: Python<'py>, base: &BaseSettings) -> PyResult<Bound<
     Ok(fields)
 }
 
-/// The fields of Python's `Odometry`.
+/// Returns the fields of `Odometry`.
 pub(crate) fn odometry<'py>(py: Python<'py>, report: &OdometryReport) -> PyResult<Bound<'py, PyDict>> {
     let fields = PyDict::new(py);
     let values = OdometryValues::of(report);

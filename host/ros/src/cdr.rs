@@ -1,7 +1,8 @@
 //! CDR, the encoding of ROS messages: a header of 4 bytes, then the fields in their order, little-endian.
 //!
-//! A primitive is aligned to its size, counted from the byte after the header. A string is its length with the final NUL as
-//! u32, the text, and the NUL. A sequence is its count as u32, and its elements.
+//! A primitive value is aligned to its size; offsets are counted from the byte after the header. A string has its
+//! length as u32, its text and a NUL; the length includes the NUL. A sequence has the number of its elements as u32,
+//! and its elements.
 
 const HEADER: [u8; 4] = [0, 1, 0, 0];
 
@@ -49,7 +50,7 @@ impl Writer {
         self.u8(0)
     }
 
-    /// Writes the count of a sequence, whose elements follow.
+    /// Writes the number of elements of a sequence. The caller then writes the elements.
     pub(crate) fn count(&mut self, count: usize) -> &mut Self {
         self.u32(u32::try_from(count).unwrap_or(u32::MAX))
     }
@@ -66,7 +67,7 @@ pub(crate) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// `None` without the header of little-endian CDR.
+    /// Returns `None` if the message does not begin with the header of little-endian CDR.
     pub(crate) fn new(message: &'a [u8]) -> Option<Self> {
         Some(Self { bytes: message.strip_prefix(&HEADER)?, at: 0 })
     }
@@ -97,7 +98,8 @@ impl<'a> Reader<'a> {
         std::str::from_utf8(text).ok()
     }
 
-    /// Reads a sequence. The count is checked against the bytes that are left before anything is allocated.
+    /// Reads a sequence. An element has at least `least_size` bytes, so a count that exceeds the remaining bytes is
+    /// refused before memory is allocated.
     pub(crate) fn sequence<T>(
         &mut self,
         least_size: usize,
@@ -110,7 +112,7 @@ impl<'a> Reader<'a> {
         (0..count).map(|_| element(self)).collect()
     }
 
-    /// `None` if more than the 3 bytes of padding follow that some writers add.
+    /// Returns `None` if more than 3 bytes remain. Some writers add up to 3 bytes of padding.
     pub(crate) fn end(&self) -> Option<()> {
         (self.bytes.len() - self.at <= 3).then_some(())
     }

@@ -8,18 +8,18 @@ use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use std::path::PathBuf;
 
-/// The whole file.
+/// Contents of the configuration file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Config {
-    /// Domain of ROS, 0 to 232; the environment's `ROS_DOMAIN_ID` if it is missing.
+    /// Domain of ROS, 0 to 232. Without this value the environment variable `ROS_DOMAIN_ID` applies, or domain 0.
     pub(crate) domain: Option<u32>,
-    /// Where the Zenoh router listens.
+    /// Zenoh endpoint of the router, such as `tcp/localhost:7447`.
     #[serde(default = "local_router")]
     pub(crate) router: String,
     #[serde(default)]
     pub(crate) distribution: Distribution,
-    /// Messages per second of joint states and odometry, 1 to 100.
+    /// Messages per second of joint states, odometry and heading, 1 to 100.
     #[serde(default = "fifty")]
     pub(crate) rate_hz: u32,
     #[serde(rename = "hub")]
@@ -34,7 +34,7 @@ const fn fifty() -> u32 {
     50
 }
 
-/// A distribution of ROS 2, which decides how names are spelt.
+/// A distribution of ROS 2. The distributions differ in the names on the wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Distribution {
@@ -45,7 +45,7 @@ pub(crate) enum Distribution {
     Lyrical,
 }
 
-/// One hub, which becomes one node with the hubs that are chained behind it.
+/// A hub on a serial port or TCP port. This hub and the hubs behind it on its chain line become one ROS node.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Hub {
@@ -70,11 +70,12 @@ pub(crate) struct Joint {
     pub(crate) address: Option<u8>,
     /// Motor 0 to 3.
     pub(crate) motor: u8,
-    /// Encoder counts per turn of the joint. A negative number turns the direction round.
+    /// Encoder counts per turn of the joint. A negative number reverses the direction of the joint.
     pub(crate) counts_per_turn: f64,
-    /// Torque of the joint in N m per ampere of the motor; effort is neither reported nor accepted without it.
+    /// Torque of the joint in N m per ampere of the motor. Without this value the joint neither reports nor accepts an
+    /// effort.
     pub(crate) torque_per_ampere: Option<f64>,
-    /// Speed limit of positions and efforts, in rad/s.
+    /// Speed limit in rad/s for commands with a position or an effort.
     pub(crate) speed: f64,
 }
 
@@ -89,13 +90,15 @@ impl Joint {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Base {
-    /// Names of the joints of the wheels.
+    /// Name of the joint of the left wheel.
     pub(crate) left: String,
+    /// Name of the joint of the right wheel.
     pub(crate) right: String,
     pub(crate) wheel_diameter_m: f64,
-    /// Distance between the centres of the wheels.
+    /// Distance between the centres of the wheels in m.
     pub(crate) track_m: f64,
-    /// True if the base holds the heading of a BNO055 on I2C bus 0, as far as there is one.
+    /// True if the base holds the heading of a BNO055 on I2C bus 0. A hub without this sensor holds the heading by the
+    /// encoders.
     #[serde(default = "yes")]
     pub(crate) use_gyro: bool,
     #[serde(default = "odom")]
@@ -117,12 +120,12 @@ fn base_link() -> String {
 }
 
 impl Hub {
-    /// Addresses of the hubs behind this hub.
+    /// Returns the addresses of the hubs behind this hub.
     pub(crate) fn children(&self) -> BTreeSet<u8> {
         self.joints.iter().filter_map(|joint| joint.address).collect()
     }
 
-    /// The drive base with the indices of its joints, left and right; `None` without a base.
+    /// Returns the drive base, and the indices of the joints of its left and its right wheel; `None` without a base.
     pub(crate) fn drive_base(&self) -> Option<(DriveBase, [usize; 2])> {
         let base = self.base.as_ref()?;
         let index = |name: &str| self.joints.iter().position(|joint| joint.name == name);
@@ -136,7 +139,7 @@ impl Hub {
         Some((drive, [left, right]))
     }
 
-    /// The drive base as the hub is configured for it. `None` without a base.
+    /// Returns the settings with which the drive base is configured in the hub; `None` without a base.
     pub(crate) fn base_settings(&self) -> Option<Result<BaseSettings, RangeError>> {
         let (drive, joints) = self.drive_base()?;
         let [left, right] = joints.map(|joint| self.joints.get(joint).map(|joint| joint.motor));
@@ -237,7 +240,7 @@ impl Config {
         Ok(config)
     }
 
-    /// The domain, from the file or the environment.
+    /// Returns the domain of the file, otherwise of the environment variable `ROS_DOMAIN_ID`, otherwise 0.
     pub(crate) fn domain(&self) -> Result<u32, String> {
         let domain = match (self.domain, std::env::var("ROS_DOMAIN_ID")) {
             (Some(domain), _) => domain,

@@ -1,6 +1,8 @@
-//! The thread of one hub: passes commands to the hub and its reports to the topics, and connects again after a loss.
+//! The thread of one hub: sends commands to the hub, publishes the reports of the hub, and connects again after a loss
+//! of the hub.
 //!
-//! A *child* is a hub behind this hub, on the same line. A lost child is asked once a second. The other hubs go on.
+//! A *child* is a hub behind this hub, on the same line. A lost child gets a request once a second. The other hubs keep
+//! working.
 
 use crate::config::Joint;
 use crate::messages::{battery_state, diagnostics, imu, joint_state, odometry, transform};
@@ -25,37 +27,38 @@ use std::time::{Duration, Instant};
 
 /// Interval between two tries to reach a lost hub.
 const AGAIN: Duration = Duration::from_secs(1);
-/// Time-out of requests to a hub, as the client has it.
+/// Time-out of requests to the hub at the port.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Time-out of requests to a child. A child answers within 20 ms, and the other hubs wait meanwhile.
+/// Time-out of requests to a child. A child answers within 20 ms. The other hubs get no requests while the thread waits
+/// for a child.
 const CHILD_PATIENCE: Duration = Duration::from_millis(150);
 /// Time-out of the request to a lost child.
 const LOST_PATIENCE: Duration = Duration::from_millis(20);
-/// Longest time in which a hub that has just started makes its first ticks.
+/// Longest wait for the battery voltage of a hub that has just started.
 const FIRST_TICKS: Duration = Duration::from_millis(500);
-/// Interval of battery and diagnostics.
+/// Interval between two messages about battery and diagnostics.
 const SLOW: Duration = Duration::from_secs(1);
 
-/// The most that a hub's clock can seem to run ahead of this machine's without a reset. A control tick and the line's delay are
-/// far below.
+/// Advance of a hub's clock over this machine's clock between two reports, above which the hub counts as reset. Control
+/// period and delay of the line cause far smaller differences.
 const AHEAD: Duration = Duration::from_secs(1);
 /// Why motors are off after a call of `stop`.
 const STOPPED: &str = "stop was called; call enable";
 
-/// What the thread of a hub works with.
+/// State of a hub's thread.
 pub(crate) struct HubThread {
     pub(crate) robot: Robot,
     pub(crate) topics: Topics,
     pub(crate) events: Receiver<Arrived>,
     pub(crate) malformed: Arc<AtomicU64>,
-    /// True once the program should end.
+    /// True once the program must end.
     pub(crate) ends: Arc<AtomicBool>,
-    /// Interval of joint states and odometry.
+    /// Interval between two messages of joint states, odometry and heading.
     pub(crate) interval: Duration,
     pub(crate) start: Instant,
 }
 
-/// What a joint's motor is set to, so that only changes are sent.
+/// Enable and mode that a joint's motor has. They are sent only if they change.
 #[derive(Clone, Copy, Default)]
 struct Sent {
     enabled: bool,
@@ -65,22 +68,23 @@ struct Sent {
 /// A connected hub, with its children.
 struct Connected {
     session: Session<Line>,
-    /// The address of the hub that is no child.
+    /// Address of the hub at the port.
     parent: Address,
-    /// The children that are lost, and when each is asked again.
+    /// Lost children by address, and the time of the next request to each.
     lost: BTreeMap<u8, Instant>,
     joints: Vec<(Joint, Sent)>,
     identification: Option<Identifying>,
-    /// True if the hub has taken the configuration of the drive base.
+    /// True if the hub has accepted the configuration of the drive base.
     has_base: bool,
-    /// When each hub was asked for its last report, and the hub's time in this report.
+    /// Time of the last request for a report, and the hub's time in ms in this report, by address. `None` is the hub at
+    /// the port.
     clocks: BTreeMap<Option<u8>, (Instant, u32)>,
 }
 
 /// An identification of all joints, one after the other.
 struct Identifying {
     answer: Answer,
-    /// The joint under way, and joints that follow.
+    /// The joint that is being identified, followed by the joints that are not identified yet.
     joints: VecDeque<Joint>,
     started: bool,
 }
@@ -110,7 +114,7 @@ impl HubThread {
         }
     }
 
-    /// Works with a hub until the program ends, or until the hub is lost.
+    /// Serves a connected hub until the program ends or the hub is lost. Disables all motors at the end of the program.
     ///
     /// # Errors
     /// Why the hub cannot be used.
@@ -127,7 +131,7 @@ impl HubThread {
         let mut hub = Connected {
             session,
             parent,
-            // Each child is asked at once.
+            // Each child counts as lost until it answers. The first request is sent immediately.
             lost: children.into_iter().map(|child| (child, Instant::now())).collect(),
             joints: joints.collect(),
             identification: None,
@@ -147,7 +151,7 @@ impl HubThread {
         self.start.elapsed()
     }
 
-    /// Answers calls and publishes diagnostics while there is no hub.
+    /// Publishes diagnostics, and answers calls for the time [`AGAIN`] while the hub cannot be reached.
     fn wait_for_hub(&mut self) {
         self.publish_diagnostics();
         let end = Instant::now() + AGAIN;
@@ -166,9 +170,10 @@ impl HubThread {
         }
     }
 
-    /// Serves a connected hub until the program ends, or until the hub is lost.
+    /// Passes events and reports between ROS and the hub until the program ends or the hub is lost.
     fn serve(&mut self, hub: &mut Connected) -> Result<(), Error> {
-        // A former host may have left motors enabled: every packet prolongs their motion.
+        // A former host may have left motors enabled. They would keep running, because every packet resets the hub's
+        // keep-alive.
         hub.disable()?;
         hub.await_battery()?;
         hub.start_base(&mut self.robot)?;
@@ -181,7 +186,8 @@ impl HubThread {
                 Err(RecvTimeoutError::Timeout) => None,
                 Err(RecvTimeoutError::Disconnected) => return Ok(()),
             };
-            // Of several commands that have arrived, the last one counts.
+            // All events that have arrived are taken before set-points are sent. Only the last command of each joint is
+            // sent.
             while let Some(one) = event {
                 self.take(hub, one)?;
                 event = self.events.try_recv().ok();
@@ -205,8 +211,8 @@ impl HubThread {
         Ok(())
     }
 
-    /// Returns the text of an error after which the connection goes on: a refusal, or a child that does not answer, which is lost
-    /// then.
+    /// Returns the text of an error that does not end the connection: a refusal, or a child that does not answer. Such
+    /// a child is then lost. All other errors are returned as errors.
     fn go_on_after(&mut self, hub: &mut Connected, error: Error) -> Result<String, Error> {
         let text = error.to_string();
         match error {
@@ -226,7 +232,8 @@ impl HubThread {
         let at = arrived.saturating_duration_since(self.start);
         match event {
             Event::Call(call, answer) => self.call(hub, call, answer)?,
-            // Another set-point would end the identification. A command that has waited for the hub is too old.
+            // Commands are dropped during an identification, because a set-point would end it. Commands that waited for
+            // the hub longer than [`VALID`] are dropped too.
             _ if hub.identification.is_some() || arrived.elapsed() >= VALID => (),
             Event::Twist(from, twist) => self.robot.twist(from, twist, at),
             Event::Joints(from, commands) => self.robot.joints(from, &commands, at),
@@ -243,7 +250,7 @@ impl HubThread {
                 Ok("all motors are off until enable is called".to_owned())
             }
             Call::Enable(true) => {
-                // A fault is latched until the motor is disabled.
+                // The hub latches a fault until the motor is disabled.
                 hub.disable()?;
                 self.robot.enable();
                 Ok("motors accept commands".to_owned())
@@ -273,7 +280,8 @@ impl HubThread {
                 (_, Some(_), _) => Err("an identification is under way".to_owned()),
                 (.., Some(&address)) => Err(Error::Silent { address }.to_string()),
                 (None, None, None) => {
-                    // Set-points in force end here, without a stop that follows later.
+                    // Motors and commands are reset, so that no earlier command and no later stop disturbs the
+                    // identification.
                     hub.disable()?;
                     self.robot.enable();
                     let joints = self.robot.config().joints.iter().cloned().collect();
@@ -286,7 +294,7 @@ impl HubThread {
         Ok(())
     }
 
-    /// Publishes the newest reports of the hub and its children.
+    /// Reads the reports of the hub and its children, and publishes joint states, odometry and heading.
     fn report(&mut self, hub: &mut Connected) -> Result<(), Error> {
         for address in hub.addresses() {
             if let Err(error) = self.ask(hub, address) {
@@ -323,7 +331,7 @@ impl HubThread {
         Ok(())
     }
 
-    /// Takes the newest report of the hub, or of a child.
+    /// Reads the report of the hub or of a child, and evaluates the report.
     fn ask(&mut self, hub: &mut Connected, address: Option<u8>) -> Result<(), Error> {
         let asked = Instant::now();
         if hub.find(address)? {
@@ -381,7 +389,7 @@ impl HubThread {
     }
 }
 
-/// Prints why a message was not published. Without a router, Zenoh drops messages without an error.
+/// Prints why a message was not published. Zenoh drops messages without an error while no router is connected.
 fn told(published: zenoh::Result<()>) {
     if let Err(error) = published {
         eprintln!("warning: a message could not be published: {error}");
@@ -389,8 +397,8 @@ fn told(published: zenoh::Result<()>) {
 }
 
 impl Connected {
-    /// Waits until the hub knows its battery. A hub that has just started does not before its first tick, and would refuse to
-    /// enable motors.
+    /// Waits until the hub knows its battery voltage, for [`FIRST_TICKS`] at most. A hub does not know the voltage
+    /// before its first control tick, and refuses to enable motors without it.
     fn await_battery(&mut self) -> Result<(), Error> {
         let end = Instant::now() + FIRST_TICKS;
         while self.session.report()?.is_some_and(|report| report.battery.is_none()) && Instant::now() < end {
@@ -399,7 +407,8 @@ impl Connected {
         Ok(())
     }
 
-    /// Configures the drive base, which then starts at the origin. A board without I2C has no gyro.
+    /// Configures the drive base. The odometry of the hub then starts at the origin. If the hub refuses a gyro, for
+    /// example without an I2C bus, the base is configured without a gyro.
     fn start_base(&mut self, robot: &mut Robot) -> Result<(), Error> {
         robot.start_base();
         self.has_base = false;
@@ -419,7 +428,8 @@ impl Connected {
         Ok(())
     }
 
-    /// Where the drive base is. `None` without a base, and after a reset of the hub that the next report shows.
+    /// Reads the odometry of the drive base. `None` without a base, and if the hub refuses because a reset has deleted
+    /// the configuration of the base. The next report shows the reset.
     fn odometry(&mut self) -> Result<Option<OdometryReport>, Error> {
         if !self.has_base {
             return Ok(None);
@@ -430,7 +440,7 @@ impl Connected {
         }
     }
 
-    /// Addresses of the hub and its children, as joints have them.
+    /// Returns the addresses of the hub and its children. `None` is the hub at the port.
     fn addresses(&self) -> Vec<Option<u8>> {
         let mut addresses: Vec<_> = self.joints.iter().map(|(joint, _)| joint.address).collect();
         addresses.push(None);
@@ -439,10 +449,10 @@ impl Connected {
         addresses
     }
 
-    /// Continues with the hub, or with a child.
+    /// Selects the hub, or a child, for the next requests.
     ///
     /// # Errors
-    /// [`Error::Silent`] for a lost child, which is not asked.
+    /// [`Error::Silent`] for a lost child, to which no request is sent.
     fn turn_to(&mut self, address: Option<u8>) -> Result<(), Error> {
         if let Some(address) = address.filter(|address| self.lost.contains_key(address)) {
             return Err(Error::Silent { address });
@@ -452,7 +462,8 @@ impl Connected {
         Ok(())
     }
 
-    /// Continues with the hub or a child, and looks for a lost child from time to time. Returns true if the child is found.
+    /// Selects the hub or a child for the next requests. A lost child first gets a request once in [`AGAIN`]. Returns
+    /// true if a lost child has answered.
     fn find(&mut self, address: Option<u8>) -> Result<bool, Error> {
         let lost = address.and_then(|child| Some((child, *self.lost.get(&child)?)));
         let found = lost.is_some_and(|(_, again)| Instant::now() >= again);
@@ -467,7 +478,7 @@ impl Connected {
         Ok(found)
     }
 
-    /// Notes that a child does not answer. Returns false if that was known.
+    /// Records that a child does not answer. Returns false if the child was lost already.
     fn lose(&mut self, address: u8) -> bool {
         let identifies = |of: &Identifying| of.joints.iter().any(|joint| joint.address == Some(address));
         if self.identification.as_ref().is_some_and(identifies) {
@@ -479,7 +490,7 @@ impl Connected {
         is_new
     }
 
-    /// Disables all motors of a child, with which the session has continued.
+    /// Disables all motors of a child. The session must have selected the child.
     fn disable_child(&mut self, address: u8) -> Result<(), Error> {
         for (_, sent) in self.joints.iter_mut().filter(|(joint, _)| joint.address == Some(address)) {
             *sent = Sent::default();
@@ -487,7 +498,7 @@ impl Connected {
         self.session.fail_safe()
     }
 
-    /// Disables all motors. One packet reaches all hubs of a chain; a child that does not confirm it is lost.
+    /// Disables all motors. One broadcast packet reaches all hubs of a chain. A child that does not confirm is lost.
     fn disable(&mut self) -> Result<(), Error> {
         for (_, sent) in &mut self.joints {
             *sent = Sent::default();
@@ -522,13 +533,14 @@ impl Connected {
         self.session.reset_encoder(joint.motor)
     }
 
-    /// Has a hub store its settings. Returns why the hub did not.
+    /// Makes a hub store its settings. Returns why the hub did not store them; `None` if it did.
     fn save(&mut self, address: Option<u8>) -> Result<Option<&'static str>, Error> {
         self.turn_to(address)?;
         Ok(reasons::why_unsaved(&self.session.store(HubFunction::Save)?))
     }
 
-    /// Sends a set-point, and enables the motor with it. A target precedes its mode, so that no former target is in force.
+    /// Sends a set-point, and enables the motor. The target is sent before the mode, so that an earlier target of this
+    /// mode does not come into force.
     fn set(&mut self, joint: usize, setpoint: Setpoint) -> Result<(), Error> {
         let Some(&(Joint { address, motor, .. }, sent)) = self.joints.get(joint) else { return Ok(()) };
         self.turn_to(address)?;
@@ -539,7 +551,8 @@ impl Connected {
             }
             Setpoint::Position { counts, speed } => {
                 self.session.set_position(motor, counts, 0)?;
-                // In velocity mode the speed limit is the speed itself: it may change only after the mode.
+                // In velocity mode this value is the target velocity, so the speed limit is set after the mode has
+                // changed.
                 if sent.mode == Some(RunMode::Velocity) {
                     self.mode(motor, RunMode::Position, sent)?;
                 }
@@ -568,7 +581,7 @@ impl Connected {
         if sent.mode == Some(mode) { Ok(()) } else { self.session.set_mode(motor, mode, ZeroPower::Brake) }
     }
 
-    /// Notes motors that the hub has disabled by itself, so that the next set-point enables them.
+    /// Records motors that the hub has disabled, so that the next set-point enables them again.
     fn note_disabled(&mut self, address: Option<u8>, report: &HubReport) {
         for (joint, sent) in self.joints.iter_mut().filter(|(joint, _)| joint.address == address) {
             let motor = report.motors.get(usize::from(joint.motor)).filter(|_| report.is_up_to_date());
@@ -576,21 +589,23 @@ impl Connected {
         }
     }
 
-    /// True if a hub was reset since its last report: its clock has begun again, so it does not go on with this machine's.
+    /// Returns true if a hub was reset since its last report. The hub's clock has then restarted at 0, so the
+    /// difference modulo 2^32 ms is far larger than the time that has passed on this machine.
     fn was_reset(&mut self, address: Option<u8>, asked: Instant, at_ms: u32) -> bool {
         self.clocks.insert(address, (asked, at_ms)).is_some_and(|(before, before_ms)| {
             Duration::from_millis(at_ms.wrapping_sub(before_ms).into()) > before.elapsed() + AHEAD
         })
     }
 
-    /// Ends an identification that cannot go on.
+    /// Ends an identification that cannot continue, and answers its call with the reason.
     fn give_up_identification(&mut self, why: &str) {
         if let Some(Identifying { answer, .. }) = self.identification.take() {
             answer.send(Err(why.to_owned()));
         }
     }
 
-    /// Goes on with an identification. Motors are braked until they stand, and identified one after the other.
+    /// Takes the next step of an identification. Each motor is braked until it stands, and is then identified. The
+    /// motors follow one after the other.
     fn identify(&mut self, address: Option<u8>, report: &HubReport) -> Result<(), Error> {
         let Some(Identifying { joints, started, .. }) = &self.identification else { return Ok(()) };
         let Some(Joint { name, address: of, motor, .. }) = joints.front().cloned() else {

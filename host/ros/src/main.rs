@@ -1,4 +1,4 @@
-//! `motor-hub-ros CONFIG.toml`: makes motor hubs nodes of ROS 2, over Zenoh and without a ROS installation.
+//! `motor-hub-ros CONFIG.toml`: makes motor hubs nodes of ROS 2. The program uses Zenoh, and needs no ROS installation.
 //!
 //! ```text
 //!  ROS nodes <--> router (rmw_zenohd, zenohd) <--> [this program] <--> hubs, by serial port or TCP
@@ -55,7 +55,7 @@ fn run(path: &Path) -> Result<(), String> {
     let domain = config.domain()?;
     let ends = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        // A second signal ends the program at once, also while it waits for a router.
+        // A second signal ends the program immediately, also while the program waits for a router.
         signal_hook::flag::register_conditional_default(signal, ends.clone())
             .map_err(|error| error.to_string())?;
         signal_hook::flag::register(signal, ends.clone()).map_err(|error| error.to_string())?;
@@ -90,7 +90,8 @@ fn run(path: &Path) -> Result<(), String> {
     session.close().wait().map_err(|error| error.to_string())
 }
 
-/// A client of the router: it waits for the router without end, also for one that restarts.
+/// Returns the settings of a Zenoh client. The client waits for the router without a time-out, also after the router
+/// has been restarted.
 fn settings(router: &str) -> Result<zenoh::Config, String> {
     let mut settings = zenoh::Config::default();
     let endpoint = format!("[{router:?}]");

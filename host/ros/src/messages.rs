@@ -1,4 +1,4 @@
-//! The ROS messages that a hub sends and receives, with their type names and hashes.
+//! Encodes and decodes the ROS messages of a hub, and defines their type names and hashes.
 
 use crate::cdr::{Reader, Writer};
 
@@ -46,13 +46,13 @@ fn header(stamp: Stamp, frame: &str) -> Writer {
     writer
 }
 
-/// Forward speed in m/s and turning speed in rad/s, positive to the left, of a twist. Other components are ignored: a base
-/// with two wheels has none.
+/// Reads the forward speed in m/s and the turning speed in rad/s, positive to the left, of a twist. The other
+/// components are ignored, because a base with two wheels cannot move in these directions.
 pub(crate) fn read_twist(message: &[u8]) -> Option<(f64, f64)> {
     twist(Reader::new(message)?)
 }
 
-/// The twist of a stamped twist. Its stamp is ignored, because the clocks of two machines differ.
+/// Reads a stamped twist as [`read_twist`] does. The stamp is ignored, because the clocks of two machines differ.
 pub(crate) fn read_twist_stamped(message: &[u8]) -> Option<(f64, f64)> {
     let reader = after_header(message)?;
     twist(reader)
@@ -76,15 +76,15 @@ fn twist(mut reader: Reader<'_>) -> Option<(f64, f64)> {
     Some((values[0], values[5]))
 }
 
-/// Commands for joints by name. An array that has not one value for each name is empty here.
+/// Commands for joints by name. An array is read as empty if its length differs from the number of names.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct JointCommands {
     pub(crate) names: Vec<String>,
-    /// rad.
+    /// Positions in rad.
     pub(crate) positions: Vec<f64>,
-    /// rad/s.
+    /// Velocities in rad/s.
     pub(crate) velocities: Vec<f64>,
-    /// N m.
+    /// Torques in N m.
     pub(crate) efforts: Vec<f64>,
 }
 
@@ -101,7 +101,7 @@ pub(crate) fn read_joint_commands(message: &[u8]) -> Option<JointCommands> {
     Some(JointCommands { names, positions, velocities, efforts })
 }
 
-/// State of the joints, by name. An empty effort is unknown for all of them.
+/// Encodes the state of the joints. Empty `efforts` mean that the effort of every joint is unknown.
 pub(crate) fn joint_state(
     stamp: Stamp,
     names: &[&str],
@@ -120,7 +120,7 @@ pub(crate) fn joint_state(
     writer.finish()
 }
 
-/// Place of a drive base in its frame `odom`: x and y in m, and the heading in rad.
+/// Position and heading of a drive base in its frame `odom`: x and y in m, heading in rad, positive to the left.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Pose {
     pub(crate) x: f64,
@@ -129,7 +129,7 @@ pub(crate) struct Pose {
 }
 
 impl Pose {
-    /// The place that `next` has relative to this place.
+    /// Returns the pose in `odom` of `next`, which is given relative to this pose.
     pub(crate) fn then(self, next: Self) -> Self {
         let (sine, cosine) = self.heading.sin_cos();
         Self {
@@ -139,14 +139,14 @@ impl Pose {
         }
     }
 
-    /// A rotation about z as a quaternion x, y, z, w.
+    /// Returns the heading, a rotation about z, as a quaternion x, y, z, w.
     fn quaternion(self) -> [f64; 4] {
         let (z, w) = (self.heading / 2.0).sin_cos();
         [0.0, 0.0, z, w]
     }
 }
 
-/// Odometry. `twist` is the forward speed in m/s and the turning speed in rad/s.
+/// Encodes odometry. `twist` is the forward speed in m/s and the turning speed in rad/s.
 pub(crate) fn odometry(stamp: Stamp, frames: [&str; 2], pose: Pose, twist: (f64, f64)) -> Vec<u8> {
     let unknown = [0.0; 36];
     let mut writer = header(stamp, frames[0]);
@@ -154,7 +154,7 @@ pub(crate) fn odometry(stamp: Stamp, frames: [&str; 2], pose: Pose, twist: (f64,
     writer.f64s(&[twist.0, 0.0, 0.0, 0.0, 0.0, twist.1]).f64s(&unknown).finish()
 }
 
-/// One transform, from the first frame to the second.
+/// Encodes one transform from the first frame to the second.
 pub(crate) fn transform(stamp: Stamp, frames: [&str; 2], pose: Pose) -> Vec<u8> {
     let mut writer = Writer::new();
     writer.count(1);
@@ -162,27 +162,29 @@ pub(crate) fn transform(stamp: Stamp, frames: [&str; 2], pose: Pose) -> Vec<u8> 
     writer.f64s(&[pose.x, pose.y, 0.0]).f64s(&pose.quaternion()).finish()
 }
 
-/// Heading in rad by an inertial sensor. All its other values are unknown: their covariances begin with -1, as ROS has it.
+/// Encodes the heading of an inertial sensor in rad. All other values are unknown. ROS marks an unknown value by the
+/// covariance -1 in its first element.
 pub(crate) fn imu(stamp: Stamp, frame: &str, heading: f64) -> Vec<u8> {
     let mut absent = [0.0; 9];
     absent[0] = -1.0;
     let orientation = Pose { heading, ..Pose::default() }.quaternion();
     let mut writer = header(stamp, frame);
     writer.f64s(&orientation).f64s(&[0.0; 9]);
-    // Angular velocity and linear acceleration.
+    // Angular velocity and linear acceleration are unknown.
     writer.f64s(&[0.0; 3]).f64s(&absent).f64s(&[0.0; 3]).f64s(&absent).finish()
 }
 
-/// State of the battery in V and A. A current that leaves the battery is negative. All other values are unknown.
+/// Encodes the state of the battery. `amperes` is negative while the battery supplies current. All other values are
+/// unknown.
 pub(crate) fn battery_state(stamp: Stamp, volts: Option<f32>, amperes: f32) -> Vec<u8> {
     let mut writer = header(stamp, "");
     writer.f32(volts.unwrap_or(f32::NAN)).f32(f32::NAN).f32(amperes);
     for _ in ["charge", "capacity", "design capacity", "percentage"] {
         writer.f32(f32::NAN);
     }
-    // Status, health and technology are unknown, which is 0.
+    // Status, health and technology are 0, which means unknown.
     writer.u8(0).u8(0).u8(0).u8(volts.is_some().into());
-    // Voltages and temperatures of cells; location and serial number.
+    // Voltages and temperatures of cells, location and serial number are empty.
     writer.count(0).count(0).text("").text("").finish()
 }
 
@@ -192,11 +194,11 @@ pub(crate) enum Level {
     Ok = 0,
     Warn = 1,
     Error = 2,
-    /// The newest values are too old.
+    /// No new values arrive.
     Stale = 3,
 }
 
-/// What a hub or one of its joints says of itself.
+/// Diagnostic status of a hub or of one of its joints.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Status {
     pub(crate) level: Level,
@@ -221,7 +223,7 @@ pub(crate) fn string(text: &str) -> Vec<u8> {
     Writer::new().text(text).finish()
 }
 
-/// An empty request, which is one byte.
+/// Reads an empty request, which is one byte.
 pub(crate) fn read_trigger(message: &[u8]) -> Option<()> {
     let mut reader = Reader::new(message)?;
     reader.u8()?;
@@ -235,7 +237,7 @@ pub(crate) fn read_set_bool(message: &[u8]) -> Option<bool> {
     Some(on == 1)
 }
 
-/// The answer of both kinds of services.
+/// Encodes the answer of a `Trigger` or a `SetBool` service.
 pub(crate) fn answer(success: bool, message: &str) -> Vec<u8> {
     Writer::new().u8(success.into()).text(message).finish()
 }
@@ -244,7 +246,7 @@ pub(crate) fn answer(success: bool, message: &str) -> Vec<u8> {
 mod tests {
     use super::*;
 
-    /// Bytes of a text in hexadecimal, in which `0*9` means nine zero bytes.
+    /// Converts a hexadecimal text to bytes. `0*9` means nine zero bytes.
     fn bytes(text: &str) -> Vec<u8> {
         let hex: String = text
             .split_whitespace()
@@ -260,7 +262,7 @@ mod tests {
     }
 
     const AT: Stamp = Stamp(1_000_000_002);
-    /// Header of a stamp of 1 s and 2 ns with the frame `base_link`.
+    /// Stamped twist with the stamp 1 s and 2 ns, the frame `base_link`, 0.5 m/s and -1 rad/s.
     const STAMPED: &str = "0001000001000000020000000a000000626173655f6c696e6b 0*9 e03f 0*38 f0bf";
 
     // The bytes below were made by rosbags 0.11.9.
@@ -346,7 +348,7 @@ mod tests {
         assert!(read_twist_stamped(&[&twist[..], &[0; 4]].concat()).is_none());
         let joints = joint_state(AT, &["left", "right"], &[1.0, 2.0], &[0.5, -0.5], &[1.0, 1.0]);
         assert!((0..joints.len()).all(|end| read_joint_commands(&joints[..end]).is_none()));
-        // Big-endian CDR, and a count of 2^32 - 1 elements.
+        // The first message is big-endian CDR. The second has a sequence with a count of 2^32 - 1.
         assert!(read_set_bool(&[0, 0, 0, 0, 1]).is_none());
         assert!(read_joint_commands(&bytes("00010000 0*8 01000000 00 0*3 ffffffff")).is_none());
     }

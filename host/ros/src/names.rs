@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use xxhash_rust::xxh3::xxh3_128;
 
-/// Kind of an entity, as its token spells it.
+/// Kind of an entity of a ROS node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     Publisher,
@@ -31,7 +31,7 @@ pub(crate) struct Entity<'a> {
     /// Absolute name, such as `/hub0/cmd_vel`.
     pub(crate) name: &'a str,
     pub(crate) of: Type,
-    /// True if a late subscriber gets the last message.
+    /// True if a subscriber that joins late receives the last message.
     pub(crate) latched: bool,
 }
 
@@ -40,7 +40,7 @@ pub(crate) struct Entity<'a> {
 pub(crate) struct Node {
     pub(crate) domain: u32,
     pub(crate) distribution: Distribution,
-    /// The session's id, as zenoh prints it.
+    /// Id of the Zenoh session in hexadecimal.
     pub(crate) session: String,
     /// Number of the node, unique among all nodes and entities of the session.
     pub(crate) number: usize,
@@ -50,23 +50,24 @@ pub(crate) struct Node {
 }
 
 impl Node {
-    /// Key of the data of a topic or service.
+    /// Returns the Zenoh key of the messages of a topic or service.
     pub(crate) fn key(&self, entity: &Entity<'_>) -> String {
         let name = entity.name.trim_matches('/');
         format!("{}/{name}/{}/{}", self.domain, entity.of.dds, self.hash(entity.of))
     }
 
-    /// Token that makes the node visible.
+    /// Returns the liveliness token that makes the node visible to ROS.
     pub(crate) fn token(&self) -> String {
         self.token_of("NN", self.number)
     }
 
-    /// Tokens of all publishers of this topic, whatever its type.
+    /// Returns the key expression that matches the tokens of all publishers of a topic, with any type.
     pub(crate) fn publishers(&self, topic: &str) -> String {
         format!("@ros2_lv/{}/*/*/*/MP/*/*/*/{}/**", self.domain, mangled(topic))
     }
 
-    /// Token that makes a topic or service visible. Its number is unique among all nodes and entities of the session.
+    /// Returns the liveliness token that makes a topic or service visible to ROS. `number` is unique among all nodes
+    /// and entities of the session.
     pub(crate) fn entity_token(&self, entity: &Entity<'_>, number: usize) -> String {
         let qos = if entity.latched { ":1:,1:,:,:,," } else { "::,10:,:,:,," };
         let (head, name) = (self.token_of(entity.kind.name(), number), mangled(entity.name));
@@ -78,7 +79,7 @@ impl Node {
         format!("@ros2_lv/{domain}/{session}/{node}/{number}/{kind}/%/{}/{name}", mangled(&self.namespace))
     }
 
-    /// Humble has no hashes of types.
+    /// Returns the hash of a type for keys and tokens. Humble uses one constant text instead of hashes.
     const fn hash(&self, of: Type) -> &'static str {
         match self.distribution {
             Distribution::Humble => "TypeHashNotSupported",
@@ -87,7 +88,7 @@ impl Node {
     }
 }
 
-/// A name in a token, where `/` is `%`; no name is `%`.
+/// Returns a name as tokens spell it: `/` becomes `%`, and an empty name becomes `%`.
 fn mangled(name: &str) -> String {
     if name.is_empty() { "%".to_owned() } else { name.replace('/', "%") }
 }
@@ -95,16 +96,17 @@ fn mangled(name: &str) -> String {
 /// Identifies a publisher, or a client of a service.
 pub(crate) type Gid = [u8; 16];
 
-/// The GID of the entity with this token.
+/// Returns the GID of the entity with this token.
 pub(crate) fn gid(token: &str) -> Gid {
     xxh3_128(token.as_bytes()).to_le_bytes()
 }
 
-/// Where a message comes from.
+/// Source of a message.
 #[derive(Clone, Debug)]
 pub(crate) struct Source {
     pub(crate) gid: Gid,
-    /// Id of the session that wrote the message's time on the wire: the publisher's, else the router's.
+    /// Id of the session that added Zenoh's time stamp to the message: the publisher's session, or the router if the
+    /// publisher adds no time stamp.
     pub(crate) timed_by: Option<String>,
 }
 
@@ -115,12 +117,13 @@ struct Owner {
     node: String,
 }
 
-/// Publishers that are visible at present, by GID. All hubs share them.
+/// Publishers that are visible at present, by GID. All hubs share this table.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Publishers(Arc<Mutex<BTreeMap<Gid, Owner>>>);
 
 impl Publishers {
-    /// Notes a publisher's token, or forgets the publisher. A token of another form is ignored.
+    /// Adds the publisher of a token if `is_alive` is true, otherwise removes the publisher. A token of another form is
+    /// ignored.
     pub(crate) fn note(&self, token: &str, is_alive: bool) {
         let parts: Vec<&str> = token.split('/').collect();
         let [_, _, session, _, _, "MP", _, namespace, node, ..] = parts[..] else { return };
@@ -132,13 +135,15 @@ impl Publishers {
         }
     }
 
-    /// True if both messages come from one session, which is one process. Without visible publishers, GIDs decide.
+    /// Returns true if both messages come from one session, which is one process. If a publisher is not visible, only
+    /// equal GIDs count.
     pub(crate) fn is_same(&self, a: &Source, b: &Source) -> bool {
         let sessions = [a, b].map(|source| self.owner(source).map(|owner| owner.session));
         a.gid == b.gid || matches!(sessions, [Some(a), Some(b)] if a == b)
     }
 
-    /// Name of a message's source for users: its node and the first digits of its session's id, else of its GID.
+    /// Returns the name of a source for users: its node and the first digits of its session's id. Without a visible
+    /// publisher the name is the first digits of its GID.
     pub(crate) fn name(&self, source: &Source) -> String {
         match self.owner(source) {
             Some(Owner { session, node }) => {
@@ -148,7 +153,8 @@ impl Publishers {
         }
     }
 
-    /// Some peers have GIDs that are no hash of their token. Their session has put its time on the message.
+    /// Returns session and node of a source. Some peers have GIDs that are not the hash of their token. Such a peer is
+    /// found by the session that added the time stamp.
     fn owner(&self, source: &Source) -> Option<Owner> {
         let owners = self.lock();
         let by_time = || owners.values().find(|owner| Some(&owner.session) == source.timed_by.as_ref());
@@ -160,10 +166,10 @@ impl Publishers {
     }
 }
 
-/// The attachment of a message. ROS processes abort at an attachment of another length or layout.
+/// The attachment of a message. A ROS process aborts if it receives an attachment of another length or layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Attachment {
-    /// Counts the messages of a publisher or client, from 1.
+    /// Number of the message. Each publisher or client counts its messages from 1.
     pub(crate) sequence: i64,
     pub(crate) at: Stamp,
     pub(crate) gid: Gid,
@@ -172,7 +178,7 @@ pub(crate) struct Attachment {
 impl Attachment {
     /// Length of an attachment in bytes.
     pub(crate) const LENGTH: usize = 33;
-    /// The length of the GID, which precedes the GID.
+    /// Length of the GID in bytes. This byte precedes the GID.
     const GID_LENGTH: u8 = 16;
 
     pub(crate) fn to_bytes(self) -> Vec<u8> {
@@ -180,7 +186,7 @@ impl Attachment {
         [&numbers[..], &[Self::GID_LENGTH], &self.gid].concat()
     }
 
-    /// `None` if the bytes are no attachment.
+    /// Reads an attachment; `None` for bytes of another length or layout.
     pub(crate) fn read(bytes: &[u8]) -> Option<Self> {
         let bytes: &[u8; Self::LENGTH] = bytes.try_into().ok()?;
         let number = |from: usize| Some(i64::from_le_bytes(bytes.get(from..from + 8)?.try_into().ok()?));
@@ -251,7 +257,8 @@ mod tests {
         assert!(!publishers.is_same(&first, &second));
         tokens.iter().for_each(|token| publishers.note(token, true));
         assert!(publishers.is_same(&first, &second) && !publishers.is_same(&first, &other));
-        // A peer whose GID is no hash of its token is known by its time; a time of the router tells nothing.
+        // A peer whose GID is not the hash of its token is found by its time stamp. A time stamp of the router
+        // identifies no peer.
         let timed = |session: &str| Source { gid: [9; 16], timed_by: Some(session.to_owned()) };
         assert!(publishers.is_same(&timed("bb"), &other) && !publishers.is_same(&timed("cc"), &other));
         assert_eq!(publishers.name(&first), "/teleop (session aac3178e)");

@@ -14,10 +14,10 @@ use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig};
 
-/// Interval in which a latched publisher says which message was its last.
+/// Interval at which a latched publisher announces the number of its last message.
 const HEARTBEAT: Duration = Duration::from_millis(500);
 
-/// What arrives for a hub.
+/// Event for the thread of a hub.
 pub(crate) enum Event {
     /// Forward speed in m/s and turning speed in rad/s.
     Twist(Source, (f64, f64)),
@@ -25,7 +25,7 @@ pub(crate) enum Event {
     Call(Call, Answer),
 }
 
-/// An event, and when it arrived.
+/// An event, and the time of its arrival.
 pub(crate) type Arrived = (Instant, Event);
 
 /// A call of a service.
@@ -38,7 +38,7 @@ pub(crate) enum Call {
     SaveSettings,
 }
 
-/// The open end of a call. A client waits for minutes if it gets no answer.
+/// A call that waits for its answer. A client that gets no answer waits for minutes.
 pub(crate) struct Answer {
     query: Query,
     request: Attachment,
@@ -59,7 +59,7 @@ impl Answer {
     }
 }
 
-/// The wall clock.
+/// Returns the time of the wall clock.
 pub(crate) fn now() -> Stamp {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     Stamp(i64::try_from(since.as_nanos()).unwrap_or(i64::MAX))
@@ -70,7 +70,7 @@ enum Channel {
     Latched(AdvancedPublisher<'static>),
 }
 
-/// A publisher, visible while it lives.
+/// A publisher, which is visible to ROS until it is dropped.
 pub(crate) struct Publisher {
     channel: Channel,
     gid: Gid,
@@ -100,19 +100,19 @@ pub(crate) struct Topics {
     pub(crate) battery_state: Publisher,
     pub(crate) diagnostics: Publisher,
     _description: Option<Publisher>,
-    /// What is visible and receives while it lives.
+    /// Subscribers of commands. These and the following fields are active and visible to ROS until they are dropped.
     _subscribers: Vec<(Subscriber<()>, LivelinessToken)>,
     _publishers: Vec<Subscriber<()>>,
     _services: Vec<(Queryable<()>, LivelinessToken)>,
     _node: LivelinessToken,
 }
 
-/// Declares nodes with their entities, which have numbers of their own in the whole session.
+/// Declares nodes and their entities. Each node and each entity has its own number in the session.
 pub(crate) struct Graph<'a> {
     session: &'a Session,
     domain: u32,
     distribution: Distribution,
-    /// Publishers of commands to all hubs.
+    /// Visible publishers of commands to all hubs. The hubs share this table.
     publishers: Publishers,
     numbers: std::ops::RangeFrom<usize>,
 }
@@ -126,7 +126,7 @@ impl<'a> Graph<'a> {
         self.publishers.clone()
     }
 
-    /// Declares a hub's node. What arrives goes to `events`; malformed messages are dropped and counted.
+    /// Declares a hub's node. Commands and calls are sent to `events`. Malformed messages are dropped and counted.
     pub(crate) fn join(
         &mut self,
         hub: &Hub,
@@ -156,7 +156,8 @@ impl<'a> Graph<'a> {
                 Some(Event::Joints(from, messages::read_joint_commands(message)?))
             }),
         ];
-        // Whose commands arrive is known before the commands, as far as the network allows.
+        // The tokens of publishers are watched before the commands are subscribed, so that a command's publisher is
+        // usually known when the command arrives.
         let publishers = ["cmd_vel", "joint_commands"]
             .map(|topic| self.watch(&node.publishers(&name(topic))))
             .into_iter()
@@ -185,7 +186,7 @@ impl<'a> Graph<'a> {
             services.push(self.service(&node, &name(service), of, read, events, malformed)?);
         }
         let odometry = match hub.base {
-            // Transforms and diagnostics of all robots are on one topic, as ROS has it.
+            // In ROS all robots share one topic for transforms and one for diagnostics.
             Some(_) => Some((
                 self.publisher(&node, &name("odom"), messages::ODOMETRY)?,
                 self.publisher(&node, "/tf", messages::TF)?,
@@ -221,7 +222,8 @@ impl<'a> Graph<'a> {
         self.session.liveliness().declare_token(token.to_owned()).wait()
     }
 
-    /// Token of an entity that was declared before: a peer that sees the token uses the entity at once.
+    /// Declares the token of an entity. The entity itself must be declared before, because a peer uses the entity as
+    /// soon as it receives the token.
     fn visible(&mut self, node: &Node, entity: &Entity<'_>) -> zenoh::Result<(LivelinessToken, Gid)> {
         let token = node.entity_token(entity, self.number());
         Ok((self.token(&token)?, gid(&token)))
@@ -234,7 +236,7 @@ impl<'a> Graph<'a> {
         Ok(Publisher { channel, gid, sequence: 0, _token: token })
     }
 
-    /// A publisher whose one message late subscribers get too.
+    /// Declares a latched publisher, and publishes `text`. Subscribers that join later receive this message too.
     fn latched(&mut self, node: &Node, name: &str, of: Type, text: &str) -> zenoh::Result<Publisher> {
         let entity = Entity { kind: Kind::Publisher, name, of, latched: true };
         let publisher = self
@@ -251,7 +253,7 @@ impl<'a> Graph<'a> {
         Ok(publisher)
     }
 
-    /// Notes the publishers whose tokens match.
+    /// Subscribes the liveliness tokens that match `tokens`, and records their publishers.
     fn watch(&self, tokens: &str) -> zenoh::Result<Subscriber<()>> {
         let publishers = self.publishers();
         let liveliness = self.session.liveliness();
@@ -282,7 +284,7 @@ impl<'a> Graph<'a> {
                 let timed_by = sample.timestamp().map(|time| time.get_id().to_string());
                 let source = attachment.map(|Attachment { gid, .. }| Source { gid, timed_by });
                 match source.and_then(|source| read(source, &sample.payload().to_bytes())) {
-                    // The hub's thread ends only with the program.
+                    // Sending fails only after the hub's thread has ended, at the end of the program.
                     Some(event) => drop(events.send((Instant::now(), event))),
                     None => drop(malformed.fetch_add(1, Ordering::Relaxed)),
                 }
@@ -305,7 +307,7 @@ impl<'a> Graph<'a> {
         let queryable = self
             .session
             .declare_queryable(node.key(&entity))
-            // A client asks complete queryables only.
+            // Clients of rmw_zenoh send requests to complete queryables only.
             .complete(true)
             .callback(move |query| {
                 let request = query.attachment().and_then(|bytes| Attachment::read(&bytes.to_bytes()));
@@ -325,5 +327,5 @@ impl<'a> Graph<'a> {
 /// Reads the request of a call.
 type CallReader = fn(&[u8]) -> Option<Call>;
 
-/// Reads a message of a commander.
+/// Reads a message with a command.
 type Reader = fn(Source, &[u8]) -> Option<Event>;

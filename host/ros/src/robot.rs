@@ -1,15 +1,17 @@
-//! One hub's motors as joints of a robot: decides what commands make of them, and places the drive base.
+//! Motors of one hub as joints of a robot: converts commands to set-points of the motors, and computes the pose of the
+//! drive base.
 //!
 //! ```text
 //!  twist, joint commands --> [Robot] --set-points--> hub
 //!      stop, enable     -->         <--report-----
 //! ```
 //!
-//! * A command is valid for 0.5 s. Then its joint stops, unless another command follows.
-//! * After `stop` the motors are off until `enable`. After a loss of the hub, too. A joint with a fault, or whose motor the
-//!   hub has switched off, is off until `enable`. So are the joints of a hub that was lost behind this hub.
-//! * One commander (a process) drives at a time. One that was never heard before takes over at once. One that was heard before
-//!   drives again once the present one has sent nothing for 5 s.
+//! * A command is valid for 0.5 s. After 0.5 s without another command the joint stops.
+//! * After `stop` the motors are off until `enable`. After a loss of the hub all motors are off until `enable`. A joint
+//!   is off until `enable` after a fault, and after the hub has disabled its motor. The joints of a child hub are off
+//!   until `enable` after a loss of the child.
+//! * One commander (a process) drives at a time. A new commander drives immediately, instead of the present commander.
+//!   An earlier commander drives again only after the present commander has sent nothing for 5 s.
 
 use crate::config::{Hub, Joint};
 use crate::messages::{JointCommands, Level, Pose, Status};
@@ -27,50 +29,50 @@ use std::time::Duration;
 pub(crate) const VALID: Duration = Duration::from_millis(500);
 /// Time without commands after which an earlier commander may drive again.
 const SILENT: Duration = Duration::from_secs(5);
-/// The most commanders that are remembered. One that has been forgotten counts as never heard.
+/// Largest number of commanders in the list of known commanders. A commander that has left the list counts as new.
 const REMEMBERED: usize = 64;
-/// Fastest set-point, in counts/s: the protocol has 16 bits for it.
+/// Largest speed of a set-point in counts/s. The protocol has 16 signed bits for a speed.
 const FASTEST: f64 = i16::MAX as f64;
 
 /// Set-point of a motor, in the units of the hub.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Setpoint {
-    /// Counts per second.
+    /// Regulated velocity in counts per second.
     Velocity(i16),
-    /// Counts, and a speed limit in counts per second.
+    /// Regulated position in counts, and a speed limit in counts per second.
     Position { counts: i32, speed: i16 },
-    /// Milliamperes, and a speed limit in counts per second.
+    /// Constant current in mA, and a speed limit in counts per second.
     Current { ma: i32, speed: u16 },
 }
 
 /// State of one joint's command.
 #[derive(Clone, Debug, Default)]
 struct Command {
-    /// Set-point that the hub has, or gets next; `None` if the motor is off.
+    /// Set-point that the hub has or that is sent next; `None` if the motor is off.
     setpoint: Option<Setpoint>,
     /// True if the hub does not have the set-point yet.
     is_new: bool,
-    /// Until when the set-point is valid; `None` for the set-point of a stop.
+    /// End of the set-point's validity, as time since the start of the hub's thread; `None` for a stop.
     until: Option<Duration>,
-    /// Why commands are ignored until `enable`.
+    /// Why commands for this joint are ignored until `enable`; `None` if commands are accepted.
     off: Option<String>,
 }
 
-/// Who drives the robot.
+/// Decides which commander drives the robot. Times count from the start of the hub's thread.
 #[derive(Clone, Debug, Default)]
 struct Commander {
     /// All commanders, in the order of their first command.
     known: Vec<Source>,
-    /// The one that drives, and when its last command came.
+    /// The commander that drives, and the time of its last command.
     driving: Option<(Source, Duration)>,
-    /// The one that was displaced or whose command was ignored last, and when.
+    /// The last commander that was replaced or whose command was ignored, and the time of this event.
     ignored: Option<(Source, Duration)>,
-    /// Which publishers belong to one process.
+    /// Visible publishers, which show whether two sources belong to one process.
     publishers: Publishers,
 }
 
 impl Commander {
-    /// True if this commander may drive now.
+    /// Returns true if this commander may drive now, and records its command.
     fn admits(&mut self, from: Source, now: Duration) -> bool {
         let is_new = !self.known.iter().any(|known| self.publishers.is_same(known, &from));
         if is_new {
@@ -92,7 +94,7 @@ impl Commander {
         true
     }
 
-    /// A warning while a commander is ignored.
+    /// Returns a warning for 5 s after a commander was replaced or ignored.
     fn conflict(&self, now: Duration) -> Option<String> {
         let ((ignored, at), (driving, _)) = (self.ignored.as_ref()?, self.driving.as_ref()?);
         let [driving, ignored] = [driving, ignored].map(|source| self.publishers.name(source));
@@ -101,7 +103,7 @@ impl Commander {
     }
 }
 
-/// The newest reports of the hubs that can be reached, by address. `None` is the hub at the port.
+/// Newest reports of the hubs that can be reached, by address. `None` is the address of the hub at the port.
 type Reports = BTreeMap<Option<u8>, HubReport>;
 
 /// The motors of one hub, and of the hubs behind it.
@@ -110,10 +112,10 @@ pub(crate) struct Robot {
     config: Hub,
     commands: Vec<Command>,
     commander: Commander,
-    /// Why all commands are ignored until `enable`.
+    /// Why all commands are ignored until `enable`; `None` if commands are accepted.
     off: Option<&'static str>,
     reports: Reports,
-    /// Where the hub's odometry has begun.
+    /// Pose in `odom` at which the hub's odometry started.
     start: Pose,
     /// The newest odometry of the hub. `None` without a base.
     odometry: Option<OdometryReport>,
@@ -139,8 +141,8 @@ impl Robot {
         &self.config
     }
 
-    /// Takes a forward speed in m/s and a turning speed in rad/s for the drive base. Speeds beyond what the protocol can
-    /// express are reduced together, so that the curve keeps its radius.
+    /// Takes a forward speed in m/s and a turning speed in rad/s for the drive base. Speeds beyond what the protocol
+    /// can express are reduced together, so that the curve keeps its radius.
     pub(crate) fn twist(&mut self, from: Source, (forward, turn): (f64, f64), now: Duration) {
         let Some((base, joints)) = self.config.drive_base() else { return };
         if !self.admits(from, now) {
@@ -154,9 +156,9 @@ impl Robot {
         }
     }
 
-    /// Takes commands for joints by name. A joint with a position goes there, at the velocity if there is one too; a joint
-    /// with a velocity alone turns at it; a joint with an effort alone has this torque. Unknown names and values that are
-    /// not numbers are ignored.
+    /// Takes commands for joints by name. A joint with a position moves to this position. The velocity, if given,
+    /// limits its speed. A joint without a position turns at its velocity. A joint with an effort only gets a constant
+    /// current for this torque. Unknown names and values that are not finite numbers are ignored.
     pub(crate) fn joints(&mut self, from: Source, commands: &JointCommands, now: Duration) {
         if !self.admits(from, now) {
             return;
@@ -187,8 +189,8 @@ impl Robot {
         }
     }
 
-    /// Set-points that the hubs do not have yet, by the joint's index. Joints whose command is no longer valid stop: a position becomes
-    /// the present one, everything else speed 0.
+    /// Returns the set-points that the hubs do not have yet, with the index of each joint. A joint whose command is no
+    /// longer valid stops. In position mode it gets its present position as target, otherwise speed 0.
     pub(crate) fn due(&mut self, now: Duration) -> Vec<(usize, Setpoint)> {
         let mut due = Vec::new();
         for (index, (joint, command)) in self.config.joints.iter().zip(&mut self.commands).enumerate() {
@@ -210,12 +212,13 @@ impl Robot {
         due
     }
 
-    /// The time until [`due`](Self::due) may have a stop; `None` without a valid command.
+    /// Returns the time until the first command is no longer valid, so that [`due`](Self::due) returns a stop; `None`
+    /// without a valid command.
     pub(crate) fn next_stop(&self, now: Duration) -> Option<Duration> {
         self.commands.iter().filter_map(|command| command.until).min().map(|until| until.saturating_sub(now))
     }
 
-    /// Switches everything off until [`enable`](Self::enable). The caller disables the motors.
+    /// Ignores all commands until [`enable`](Self::enable). The caller disables the motors.
     pub(crate) fn stop(&mut self, why: &'static str) {
         self.off = Some(why);
         for command in &mut self.commands {
@@ -223,20 +226,21 @@ impl Robot {
         }
     }
 
-    /// The hub cannot be reached any more.
+    /// Records that the hub cannot be reached any more. All commands are ignored until [`enable`](Self::enable).
     pub(crate) fn lose(&mut self) {
         self.stop("the hub was lost; call enable");
         self.reports.clear();
     }
 
-    /// The hub at this address, which is behind the hub at the port, cannot be reached.
+    /// Records that a hub behind the hub at the port cannot be reached. Commands for its joints are ignored until
+    /// [`enable`](Self::enable).
     pub(crate) fn lose_child(&mut self, address: u8) {
         if self.reports.remove(&Some(address)).is_some() {
             self.refuse_all_of(Some(address), &format!("the hub at address {address} was lost"));
         }
     }
 
-    /// The joints of one hub are off until [`enable`](Self::enable).
+    /// Ignores commands for the joints of one hub until [`enable`](Self::enable).
     pub(crate) fn refuse_all_of(&mut self, address: Option<u8>, why: &str) {
         for joint in 0..self.config.joints.len() {
             if self.config.joints.get(joint).is_some_and(|joint| joint.address == address) {
@@ -245,13 +249,13 @@ impl Robot {
         }
     }
 
-    /// The hub's odometry begins again at the origin, where the base is now.
+    /// Records that the hub's odometry starts again at its origin. The present pose in `odom` stays unchanged.
     pub(crate) fn start_base(&mut self) {
         self.start = self.pose();
         self.odometry = None;
     }
 
-    /// Place of the drive base.
+    /// Returns the pose of the drive base in `odom`.
     fn pose(&self) -> Pose {
         self.odometry.map_or(self.start, |odometry| {
             let [x, y] = [odometry.x_um, odometry.y_um].map(|um| f64::from(um) / 1e6);
@@ -260,7 +264,7 @@ impl Robot {
         })
     }
 
-    /// Accepts commands again, of joints with a fault too.
+    /// Accepts commands again, also for joints that had a fault.
     pub(crate) fn enable(&mut self) {
         self.off = None;
         for command in &mut self.commands {
@@ -268,19 +272,21 @@ impl Robot {
         }
     }
 
-    /// The hub has refused the set-point of a joint, or has switched the motor off.
+    /// Ignores commands for a joint until [`enable`](Self::enable), because the hub has refused its set-point or has
+    /// disabled its motor.
     pub(crate) fn refuse(&mut self, joint: usize, why: &str) {
         if let Some(command) = self.commands.get_mut(joint) {
             *command = Command { off: Some(format!("{why}; call enable")), ..Command::default() };
         }
     }
 
-    /// Why the motors of this hub are off; `None` if they accept commands.
+    /// Returns why all commands are ignored; `None` if commands are accepted.
     pub(crate) const fn off(&self) -> Option<&'static str> {
         self.off
     }
 
-    /// Takes a report of the hub at an address, and the odometry of the drive base.
+    /// Takes a report of the hub at `address`, and the odometry of the drive base. `None` leaves the odometry
+    /// unchanged.
     pub(crate) fn observe(
         &mut self,
         address: Option<u8>,
@@ -312,18 +318,18 @@ impl Robot {
         self.reports.insert(address, report);
     }
 
-    /// Place and twist of the drive base. The place is that of the hub's last control tick. `None` without a base or a report.
+    /// Returns pose and twist of the drive base at the hub's last control tick. `None` without a base or a report.
     pub(crate) fn odometry(&self) -> Option<(Pose, (f64, f64))> {
         (self.odometry.is_some() && self.reports.contains_key(&None)).then(|| (self.pose(), self.twist))
     }
 
-    /// Heading in rad by the gyro. `None` while no gyro is used, or while there is none.
+    /// Returns the heading in rad; `None` unless the base holds the heading of the gyro.
     pub(crate) fn gyro_heading(&self) -> Option<f64> {
         self.odometry.filter(|odometry| odometry.gyro == GyroState::Good).map(|_| self.pose().heading)
     }
 
-    /// Name, position in rad, velocity in rad/s and effort in N m of each joint whose hub can be reached. The effort is NaN if it is
-    /// unknown.
+    /// Returns name, position in rad, velocity in rad/s and effort in N m of each joint whose hub can be reached. The
+    /// effort is NaN if it is unknown.
     pub(crate) fn joint_states(&self) -> Vec<(&str, f64, f64, f64)> {
         let states = self.config.joints.iter().filter_map(|joint| {
             let (motor, scale) = (motor(&self.reports, joint)?, joint.counts_per_radian());
@@ -339,8 +345,9 @@ impl Robot {
         states.collect()
     }
 
-    /// Voltage in V, if the hub knows it, and the current in A by the duties of the motors, negative while it leaves the battery,
-    /// as ROS 2 has it.
+    /// Returns the battery voltage in V, if the hub knows it, and the battery current in A. The current is the sum over
+    /// the motors of current times duty. As in ROS 2 it is negative while the battery supplies current. `None` without
+    /// a report of the hub.
     pub(crate) fn battery(&self) -> Option<(Option<f32>, f32)> {
         let volts = self.reports.get(&None)?.battery.map(|battery| f32::from(battery.get()) / 1e3);
         let drawn = self
@@ -351,7 +358,8 @@ impl Robot {
         Some((volts, -drawn.sum::<f32>()))
     }
 
-    /// State of the hub and of each joint, for the topic of diagnostics. `malformed` counts messages that were dropped.
+    /// Returns the state of the hub and of each joint for diagnostics. `malformed` is the number of malformed messages
+    /// that were dropped.
     pub(crate) fn diagnostics(&self, malformed: u64, now: Duration) -> Vec<Status> {
         let name = self.config.namespace.trim_start_matches('/').replace('/', " ");
         let name = if name.is_empty() { "hub".to_owned() } else { name };
@@ -406,7 +414,7 @@ fn motor<'a>(reports: &'a Reports, joint: &Joint) -> Option<&'a MotorReport> {
     reports.get(&joint.address)?.motors.get(usize::from(joint.motor))
 }
 
-/// What the heading of a drive base is by.
+/// Returns a text that says what measures the heading of a drive base.
 const fn heading_text(gyro: GyroState) -> &'static str {
     match gyro {
         GyroState::Unused => "by the encoders",
@@ -417,7 +425,8 @@ const fn heading_text(gyro: GyroState) -> &'static str {
     }
 }
 
-/// Share of a motor's current that comes from the battery: the duty while the motor is driven, nothing while it brakes.
+/// Returns the share of a motor's current that the battery supplies: the duty while the motor is driven, 0 while the
+/// motor brakes or coasts.
 fn drawn(motor: &MotorReport) -> f32 {
     use motor_hub_client::motor_hub::braking::Regime;
     match motor.regime {
@@ -586,7 +595,7 @@ mod tests {
             (hub.level, hub.message.as_str()),
             (Level::Warn, "two commanders: 02020202 drives, 01010101 is ignored")
         );
-        // The newer one is silent: the older one drives again after 5 s.
+        // The newer commander is silent, so the older commander drives again after 5 s.
         robot.twist(A, (0.1, 0.0), ms(5009));
         assert!(robot.due(ms(5009)).iter().all(|(_, setpoint)| *setpoint == Setpoint::Velocity(0)));
         robot.twist(A, (0.1, 0.0), ms(5010));
@@ -640,7 +649,8 @@ mod tests {
         let all = velocities(&["left", "lift"], &[1.0, 1.0]);
         robot.joints(A, &all, ms(0));
         assert_eq!(robot.due(ms(0)), [(0, Setpoint::Velocity(267)), (2, Setpoint::Velocity(267))]);
-        // Motor 0 of the other hub is disabled, which is no matter of this joint.
+        // The joint `left` has motor 0 of the hub at the port. A disabled motor 0 of the other hub must not switch this
+        // joint off.
         let mut disabled = report([0, 0]);
         disabled.motors[0].enabled = false;
         robot.observe(Some(3), disabled, None);
@@ -655,7 +665,7 @@ mod tests {
         );
         assert_eq!(told[3].message, "the hub at address 3 cannot be reached");
         assert_eq!(told[3].values, [("motor", "3:0".to_owned())]);
-        // The hub is back.
+        // The hub at address 3 can be reached again.
         robot.observe(Some(3), report([0, 0]), None);
         robot.joints(A, &all, ms(20));
         assert_eq!(robot.due(ms(20)), [(0, Setpoint::Velocity(267))]);
@@ -672,7 +682,7 @@ mod tests {
         };
         assert!(robot.odometry().is_none());
         robot.observe(None, report([0, 0]), odometry(1_000_000, 90_000));
-        // One report without odometry moves no base.
+        // A report without odometry leaves the pose of the base unchanged.
         robot.observe(None, report([0, 0]), None);
         robot.start_base();
         assert!(robot.odometry().is_none(), "nothing old is published");

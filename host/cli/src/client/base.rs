@@ -14,7 +14,8 @@ use motor_hub_client::base::{OdometryValues, Part};
 use motor_hub_client::line::Line;
 use std::time::{Duration, Instant};
 
-/// Longest wait for the first reading of the gyro. A BNO055 answers 0.65 s after its supply is on, and the hub tries once a second.
+/// Longest wait for the first reading of the gyro. A BNO055 answers 0.65 s after power-on, and the hub tries to read it
+/// once a second.
 const GYRO_START: Duration = Duration::from_secs(3);
 const POLL: Duration = Duration::from_millis(50);
 
@@ -86,7 +87,8 @@ fn wheels(text: &str) -> Result<[u8; 2], String> {
 }
 
 impl Options {
-    /// The base of the options. `None` without its dimensions: the base in force is used.
+    /// Returns the drive base that the options configure. `None` if the options give no dimensions; the command then
+    /// uses the base in force.
     fn settings(&self) -> Result<Option<BaseSettings>, Failure> {
         let dimensions = self.wheel_diameter_mm.zip(self.track_mm).zip(self.counts_per_turn);
         let Some(((wheel_diameter_mm, track_mm), counts_per_turn)) = dimensions else { return Ok(None) };
@@ -129,7 +131,8 @@ impl Options {
             stand(driven, &base.wheels)?;
             let (mut losses, mut is_implausible) = (0, false);
             for &part in &self.parts {
-                // Absolute positions: errors of the parts do not add up.
+                // Each part begins at the target positions of the part before, so that errors of the parts do not add
+                // up.
                 let (to, wanted) = self.command(&base, at, part)?;
                 if !lead(driven, &base.wheels, wanted, self.length)? {
                     let seconds = self.length.unwrap_or_default().as_secs_f64();
@@ -174,7 +177,7 @@ fn await_gyro(session: &mut Session<Line>) -> Result<OdometryReport, Failure> {
     }
 }
 
-/// Prints where the drive base is.
+/// Prints position and heading of the drive base.
 pub(super) fn odometry(hub: &HubOptions, json: bool) -> Result<(), Failure> {
     let report = hub.session(None)?.odometry()?;
     if !json {

@@ -1,4 +1,4 @@
-//! `motor-hub client coefficients`.
+//! Implements the command `motor-hub client coefficients`.
 
 use super::hub::HubOptions;
 use crate::output::{Failure, print_as, say};
@@ -41,7 +41,7 @@ enum LoopName {
     Position,
 }
 
-/// Steps of a coefficient per unit: a step is 2^-16.
+/// Number of steps in a coefficient of 1. A step of the protocol is 2^-16.
 const STEPS: f64 = 65_536.0;
 
 fn coefficient(text: &str) -> Result<Coefficient, String> {

@@ -1,4 +1,4 @@
-//! `motor-hub client servo`, `analog`, `digital` and `i2c`: what a hub has besides motors.
+//! `motor-hub client servo`, `analog`, `digital` and `i2c`: commands to the devices of a hub other than motors.
 
 use super::hub::HubOptions;
 use super::interrupt;
@@ -18,7 +18,7 @@ use studies::table;
 /// Interval between two packets that keep servos and digital outputs on.
 const KEEP_ON: Duration = Duration::from_millis(500);
 
-/// Text about what a hub has, such as "6 servos, 4 analog inputs, 8 digital pins, 4 I2C buses".
+/// Returns a text that lists the devices of a hub, such as "6 servos, 4 analog inputs, 8 digital pins, 4 I2C buses".
 pub(super) fn equipment_text(equipment: Equipment) -> String {
     let count = |count: u32, one: &str, many: &str| match count {
         0 => None,
@@ -35,7 +35,7 @@ pub(super) fn equipment_text(equipment: Equipment) -> String {
     if parts.is_empty() { "motors only".to_owned() } else { parts.join(", ") }
 }
 
-/// What a hub has, for programs.
+/// Returns a JSON document that lists the devices of a hub.
 pub(super) fn equipment_json(equipment: Equipment) -> Value {
     json!({
         "servos": equipment.servos,
@@ -51,7 +51,7 @@ fn pins() -> impl Iterator<Item = Pin> {
     (0..DIGITAL_PINS as u8).filter_map(Pin::new)
 }
 
-/// The value of an answer, or the reason of a refusal.
+/// Returns the value of an answer, or the text of a refusal as the inner error.
 fn or_reason<T>(answer: Result<T, Error>) -> Result<Result<T, String>, Error> {
     match answer {
         Ok(value) => Ok(Ok(value)),
@@ -60,8 +60,8 @@ fn or_reason<T>(answer: Result<T, Error>) -> Result<Result<T, String>, Error> {
     }
 }
 
-/// Prints a line, keeps an output on until the length is over or until a signal, and then releases it. It is released
-/// also after an error.
+/// Prints a line, and keeps an output on until `length` is over, a signal arrives or a request fails. The output is
+/// then released.
 fn keep_on(
     session: &mut Session<Line>,
     line: &str,
@@ -139,10 +139,10 @@ impl ServoOptions {
         print_as(self.json, &json!({ "servos": servos }), table)
     }
 
-    /// Gives a servo pulses, and ends them however the command ends.
+    /// Starts the pulses of a servo. Ends the pulses when the duration is over, after a signal, and after an error.
     fn drive(&self, session: &mut Session<Line>, servo: ServoOutput, width: u16) -> Result<(), Failure> {
         interrupt::listen()?;
-        // The parsers have checked the ranges.
+        // The parsers of the options have checked the ranges.
         if let (Some(period), Some(width)) = (WordFrom::new(self.period), WordFrom::new(width)) {
             session.set_servo_period(servo, period)?;
             session.set_servo_width(servo, width)?;
@@ -226,7 +226,7 @@ impl DigitalOptions {
         print_as(self.json, &json!({ "pins": found }), table)
     }
 
-    /// Drives a pin, and releases it however the command ends.
+    /// Drives a pin. Releases the pin when the duration is over, after a signal, and after an error.
     fn drive(&self, session: &mut Session<Line>, pin: Pin, level: Level) -> Result<(), Failure> {
         interrupt::listen()?;
         session.drive_pin(pin, level == Level::High)?;
@@ -351,7 +351,7 @@ fn scan(session: &mut Session<Line>, only: Option<I2cBus>, json: bool) -> Result
                 Ok(false) => (),
                 Err(why) => error = Some(why),
             }
-            // An error that concerns the whole bus.
+            // An error concerns the whole bus, so the remaining addresses are not read.
             if error.is_some() {
                 break;
             }

@@ -16,13 +16,13 @@ use motor_hub_client::motor::LARGEST_CURRENT_A;
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-/// All motors of the protocol.
+/// Numbers of all motors that the protocol supports.
 pub(crate) const ALL: [u8; motor_hub::protocol::CHANNELS] = [0, 1, 2, 3];
 
 /// Interval between readings, far shorter than the hub's keep-alive of 2.5 s.
 pub(crate) const INTERVAL: Duration = Duration::from_millis(100);
 
-/// Readings per printed line, if output is not a terminal.
+/// Number of readings of which one is printed if standard output is not a terminal.
 pub(crate) const LINE: u32 = 10;
 
 /// Options of all four commands.
@@ -98,7 +98,7 @@ pub(crate) struct CurrentOptions {
 /// Largest speed limit of a constant current, which no motor reaches, in counts per second.
 const NO_SPEED_LIMIT: u16 = i16::MAX.unsigned_abs();
 
-/// Amperes as milliamperes.
+/// Parses amperes, and returns milliamperes.
 fn milliamperes(text: &str) -> Result<i32, String> {
     let amperes = text.parse().ok().filter(|amperes: &f64| amperes.abs() <= LARGEST_CURRENT_A);
     let ma = amperes.map(|amperes| (1e3 * amperes).round() as i32);
@@ -153,12 +153,12 @@ impl Drive {
         }
     }
 
-    /// The hub of the motors, if it is given.
+    /// Returns the address of the motors' hub; `None` if the user gives no address.
     pub(super) const fn hub(&self) -> Option<Address> {
         self.common().motors.hub
     }
 
-    /// The requested motion, and the encoder counts in a turn if known.
+    /// Returns the requested motion, and the encoder counts in a turn of the output shaft if the options give them.
     pub(super) fn motion(&self) -> Result<(Motion, Option<f64>), Failure> {
         let common = self.common();
         let turn = common.turn.counts()?;
@@ -203,7 +203,7 @@ impl Drive {
     }
 }
 
-/// Shows the motors until `settled` returns true or the time is over; true if they have settled.
+/// Shows the motors until `settled` returns true or the time is over. Returns true if the motors have settled.
 pub(super) fn follow(
     session: &mut Session<Line>,
     motors: &[u8],

@@ -1,4 +1,4 @@
-//! `motor-hub client faults`.
+//! Implements the command `motor-hub client faults`.
 
 use super::hub::HubOptions;
 use crate::output::{Failure, print, print_json};

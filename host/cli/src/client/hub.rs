@@ -1,4 +1,4 @@
-//! The hub of a command: the options that name it, and the session with it.
+//! Options that name the hub of a command, and the session with this hub.
 
 use super::motors_off::stop_abandoned;
 use super::ports;
@@ -36,7 +36,7 @@ pub(super) struct HubOptions {
 }
 
 impl HubOptions {
-    /// The places of `--port` and `--tcp`.
+    /// Returns the places of `--port` and `--tcp`.
     pub(super) fn places(&self) -> impl Iterator<Item = String> {
         self.port.iter().chain(&self.tcp).cloned()
     }
@@ -59,13 +59,13 @@ impl HubOptions {
         line.map_err(|error| Failure::Work(ports::unopened(name, &error)))
     }
 
-    /// A session on the line for requests to all hubs.
+    /// Opens a session on the line for requests to all hubs.
     pub(super) fn session_of_line(&self) -> Result<Session<Line>, Failure> {
         Ok(Session::new(self.line()?, Address::DEFAULT, self.timeout()))
     }
 
-    /// A session with the hub of `--address`, or else with the hub that the motors of the command name, or else with the
-    /// parent on the line.
+    /// Opens a session with the hub of `--address`. Without the option the hub is `of_motors`, the hub that the motors
+    /// of the command name. Without either the hub is the parent on the line.
     pub(super) fn session(&self, of_motors: Option<Address>) -> Result<Session<Line>, Failure> {
         let address = match (self.address, of_motors) {
             (Some(given), Some(named)) if given != named => {
@@ -84,14 +84,14 @@ impl HubOptions {
         }
     }
 
-    /// A session as [`Self::session`]. Motors that another host has left enabled are disabled.
+    /// Opens a session by [`Self::session`], and disables motors that another host has left enabled.
     pub(super) fn open(&self, of_motors: Option<Address>) -> Result<Session<Line>, Failure> {
         let mut session = self.session(of_motors)?;
         stop_abandoned(&mut session)?;
         Ok(session)
     }
 
-    /// The failure with the place of the hub, if it is an error of the hub.
+    /// Adds the place of the hub to an error of the hub. Other failures are returned unchanged.
     pub(super) fn explain(&self, failure: Failure) -> Failure {
         let Failure::Hub(error) = failure else { return failure };
         let name: String = self.places().collect();

@@ -1,4 +1,4 @@
-//! `motor-hub client identify`.
+//! Implements the command `motor-hub client identify`.
 
 use super::drive::{INTERVAL, LINE};
 use super::hub::HubOptions;
@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 use studies::identify::{self, found_table, words};
 use studies::{table, with_fields};
 
-/// Time-out of an identification; the slowest motor needs half of it.
+/// Time-out of an identification. The slowest motor needs half of this time.
 const LONGEST: Duration = Duration::from_secs(30);
 
 /// Identifies a motor, compares it with the catalogue, and proposes settings, on hubs of this project
@@ -126,7 +126,8 @@ impl Options {
     }
 }
 
-/// Identifies a motor within a travel limit, and disables the motor. Prints the progress if `aloud`.
+/// Identifies a motor, and disables the motor. `travel` limits the motion in counts in either direction. Prints the
+/// progress if `aloud` is true.
 pub(super) fn identify(
     session: &mut Session<Line>,
     motor: u8,
@@ -172,7 +173,7 @@ fn turn(
     Err(Failure::Work(format!("motor {motor} was not identified within {seconds} s")))
 }
 
-/// A motion as rows of a table.
+/// Returns the dynamics and the acceleration limit of a motor as rows of a table.
 pub(super) fn rows(of: &MotorSettings) -> [(&'static str, String); 4] {
     let known = |value: Option<String>| value.unwrap_or_else(|| "not configured".to_owned());
     let Settings { dynamics, acceleration, .. } = of.motor;
@@ -187,7 +188,7 @@ pub(super) fn rows(of: &MotorSettings) -> [(&'static str, String); 4] {
     ]
 }
 
-/// A motion as JSON.
+/// Returns the dynamics and the acceleration limit of a motor as JSON.
 pub(super) fn motion_json(of: &MotorSettings) -> Value {
     let Settings { dynamics, acceleration, .. } = of.motor;
     json!({

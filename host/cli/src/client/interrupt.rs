@@ -1,8 +1,9 @@
-//! Signals that end a command which drives motors: Ctrl-C, SIGTERM, SIGQUIT, a closed terminal, Ctrl-Z, and on Windows a closed
-//! console and the end of the session. The command ends as after any error: it disables the motors that it has enabled. Further signals do not interrupt that.
+//! Signals that end a command which drives motors: Ctrl-C, SIGTERM, SIGQUIT, a closed terminal, Ctrl-Z, and on Windows
+//! a closed console and the end of the session. The command ends as after an error: it disables the motors that it has
+//! enabled. Further signals within 3 s are ignored.
 //!
-//! Ctrl-Z would suspend the command: its motors would turn until the hub's keep-alive has ended, and turn again when the
-//! command continues.
+//! Ctrl-Z must not suspend the command. The motors of a suspended command would turn until the hub's keep-alive ends,
+//! and would turn again when the command continues.
 
 use crate::output::Failure;
 #[cfg(unix)]
@@ -24,7 +25,7 @@ pub(crate) const SIGNALS: &[(i32, &str)] = &[
     (SIGQUIT, "SIGQUIT"),
 ];
 
-/// Signals that end a command which drives motors, and only such a command.
+/// Signals that suspend a command. A command that has called [`listen`] ends instead.
 const SUSPENDS: &[(i32, &str)] = &[
     #[cfg(unix)]
     (SIGTSTP, "Ctrl-Z"),
@@ -33,11 +34,11 @@ const SUSPENDS: &[(i32, &str)] = &[
 /// Interval between two checks for signals.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// Time after a signal from which a command that has not ended counts as hanging. The next signal then ends the program;
-/// by that time the hub's keep-alive has disabled the motors.
+/// Time after the first signal until a further signal ends the program immediately. If the command has sent no requests
+/// for this time, the hub's keep-alive of 2.5 s has disabled its motors.
 const HANGS: Duration = Duration::from_secs(3);
 
-/// Name of the first signal received, and the condition variable that announces it.
+/// Name of the first signal received, and the condition variable that announces this signal.
 static CAUGHT: (Mutex<Option<&str>>, Condvar) = (Mutex::new(None), Condvar::new());
 static LISTENING: OnceLock<()> = OnceLock::new();
 
@@ -92,7 +93,7 @@ mod console {
 
     static ENDS: AtomicBool = AtomicBool::new(false);
 
-    /// Makes the end of the console end the command in good order.
+    /// Installs the handler, which makes the end of the console end the command in good order.
     #[expect(unsafe_code, reason = "the standard library has no handler of the console")]
     pub(super) fn listen() -> io::Result<()> {
         // SAFETY: the handler is a function of the program, and touches one atomic.
@@ -100,13 +101,13 @@ mod console {
         if done == 0 { Err(io::Error::last_os_error()) } else { Ok(()) }
     }
 
-    /// What has ended the console, once.
+    /// Returns the text for the end of the console at the first call after this event; otherwise `None`.
     pub(super) fn ended() -> Option<&'static str> {
         ENDS.swap(false, Ordering::Relaxed).then_some("the end of the console")
     }
 
-    /// Windows calls this in a thread of its own, and ends the program when it returns, or after 5 s. So it does not return: the
-    /// program ends when it has disabled its motors.
+    /// Windows calls this function in a separate thread, and ends the program when the function returns, or after 5 s.
+    /// The function does not return, so the program has 5 s to disable its motors.
     #[expect(unsafe_code, reason = "the type that Windows asks for")]
     unsafe extern "system" fn handle(event: u32) -> BOOL {
         if !matches!(event, CTRL_CLOSE_EVENT | CTRL_LOGOFF_EVENT | CTRL_SHUTDOWN_EVENT) {
@@ -119,7 +120,7 @@ mod console {
     }
 }
 
-/// Waits until a time; fails as soon as a signal has been received.
+/// Waits until the time `until`. Fails as soon as a signal has been received.
 pub(super) fn wait(until: Instant) -> Result<(), Failure> {
     let length = until.saturating_duration_since(Instant::now());
     let caught = CAUGHT.0.lock().unwrap_or_else(PoisonError::into_inner);

@@ -33,7 +33,7 @@ const WORDS: &str = "\
 A terminal repeats a key that is held. After --hold-s seconds without a key the motors are regulated to a stop, also when a \
 remote connection hangs. The terminal is restored at the end, except after SIGKILL.";
 
-/// Text of the long help.
+/// Returns the text of the long help.
 pub(super) fn help() -> String {
     format!("Drives motors by keys, while a key is held\n\n{KEYS}\n\n{WORDS}")
 }
@@ -64,7 +64,7 @@ fn hold(text: &str) -> Result<Duration, String> {
     seconds.map(Duration::from_secs_f64).ok_or_else(|| "the time that a key drives is 0.1 to 5 s".to_owned())
 }
 
-/// Longest interval between two readings of hub and keys.
+/// Longest wait for a key before the hub is read again.
 const LOOK: Duration = Duration::from_millis(50);
 
 impl Options {
@@ -124,7 +124,7 @@ impl Options {
         }
     }
 
-    /// Sends a motor its new level, or disables it if `wanted` is `None`.
+    /// Sends a motor its new level, or disables the motor if `wanted` is `None`.
     fn send(
         &self,
         session: &mut DrivingSession<'_, Line>,
@@ -144,7 +144,7 @@ impl Options {
         if before.is_none() { session.enable(motor) } else { Ok(()) }
     }
 
-    /// Text with a line for the level, and a line for each chosen motor.
+    /// Returns a text with a line for the level, and a line for each chosen motor.
     fn text(&self, jog: &Jog, bulk: &Bulk) -> String {
         let level = match self.power {
             Some(_) => format!("power {:.2}", f64::from(jog.level()) / f64::from(Control::MAX.get())),

@@ -14,21 +14,21 @@ use motor_hub_client::{Error, Session};
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// A set-point.
+/// Set-point of one of the commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Setpoint {
-    /// Share of full power.
+    /// Constant power as a share of full power.
     Power(Control),
-    /// Milliamperes, and a speed limit in counts per second.
+    /// Constant current in mA, and a speed limit in counts per second.
     Current { ma: i32, speed: u16 },
-    /// Counts per second.
+    /// Regulated velocity in counts per second.
     Velocity(i16),
-    /// Counts, and a speed limit in counts per second.
+    /// Regulated position and tolerance in counts, and a speed limit in counts per second.
     Position { counts: i32, tolerance: u16, speed: i16 },
 }
 
 impl Setpoint {
-    /// Mode in which the motor is enabled.
+    /// Returns the mode in which the motor is enabled.
     const fn mode(self) -> RunMode {
         match self {
             Self::Power(_) | Self::Current { .. } => RunMode::Power,
@@ -37,8 +37,8 @@ impl Setpoint {
         }
     }
 
-    /// Sends the set-point to a motor, which applies it once enabled. A motor that is to have a constant current gets power 0,
-    /// because a hub takes a constant current for enabled motors only.
+    /// Sends the set-point to a motor, which applies the set-point once it is enabled. For a constant current the motor
+    /// gets power 0, because a hub accepts a constant current for enabled motors only.
     pub(super) fn set(self, session: &mut Session<Line>, motor: u8) -> Result<(), Error> {
         match self {
             Self::Power(power) => session.set_power(motor, power),
@@ -51,7 +51,8 @@ impl Setpoint {
         }
     }
 
-    /// Requested speed in counts per second; `None` for a power, and for a position, whose speed is only a limit.
+    /// Returns the requested speed in counts per second; `None` for power and current, and for a position, whose speed
+    /// is a limit.
     const fn speed(self) -> Option<u32> {
         match self {
             Self::Velocity(cps) => Some(cps.unsigned_abs() as u32),
@@ -60,7 +61,7 @@ impl Setpoint {
     }
 }
 
-/// Motors, their common set-point, and how long it lasts.
+/// Motors with their common set-point, what they do at zero, and the duration of the motion; `None` for no limit.
 pub(super) struct Motion {
     pub(super) motors: Vec<u8>,
     pub(super) setpoint: Setpoint,
@@ -108,7 +109,7 @@ pub(super) fn check_enabled(session: &mut Session<Line>, motor: u8) -> Result<()
     Err(Failure::Work(format!("the hub has disabled motor {motor}; hub status: {words}")))
 }
 
-/// Answer to a constant current for a hub of another maker.
+/// Error of the command `current` for a hub that does not regulate current.
 const NO_CURRENT: &str = "\
 the hub regulates no current: it is not a hub of this project, or its firmware is too old; use power, velocity or position";
 
@@ -116,7 +117,7 @@ the hub regulates no current: it is not a hub of this project, or its firmware i
 /// motor and speed in counts per second. Hubs that do not report their motors' constants give no warning.
 pub(super) fn warn_of(session: &mut Session<Line>, speeds: &[(u8, u32)]) -> Result<(), Error> {
     let battery = session.battery()?;
-    // Without a battery voltage there is no free speed.
+    // The free speed is unknown while the battery voltage is unknown.
     if battery == Millivolts::default() {
         return Ok(());
     }
@@ -134,7 +135,7 @@ pub(super) fn warn_of(session: &mut Session<Line>, speeds: &[(u8, u32)]) -> Resu
     Ok(())
 }
 
-/// Free speed in counts per second: the speed at which the back EMF equals the battery voltage.
+/// Returns the free speed in counts per second. At this speed the back EMF equals the battery voltage.
 fn free_speed(emf: EmfConstant, battery: Millivolts) -> f64 {
     f64::from(battery.get()) * f64::from(1 << 20) / f64::from(emf.to_bits())
 }
@@ -142,18 +143,18 @@ fn free_speed(emf: EmfConstant, battery: Millivolts) -> f64 {
 /// Longest control period of a hub, in milliseconds.
 const LONGEST_PERIOD_MS: u32 = 100;
 
-/// Time over which a speed is averaged.
+/// Time over which the speed of a motor is averaged to decide whether the requested speed is reached.
 const VELOCITY_TIME: Duration = Duration::from_millis(500);
 /// Allowed error of the mean speed, as a share of the requested speed.
 const VELOCITY_SHARE: f64 = 0.05;
-/// Allowed error of the mean speed at low speeds: two counts in a control period of 50 ms.
+/// Smallest allowed error of the mean speed in counts per second: two counts in a control period of 50 ms.
 const VELOCITY_CPS: f64 = 40.0;
 
 /// Progress of motors towards their set-point.
 pub(super) struct Progress {
     setpoint: Setpoint,
     motors: Vec<u8>,
-    /// Detects whether motors have settled whose hub does not report it.
+    /// Decides whether the motors have settled. It is used for hubs that send no reports.
     settle_detector: SettleDetector,
     /// Time between two readings.
     interval: Period,
@@ -175,8 +176,8 @@ impl Progress {
         }
     }
 
-    /// Takes a reading at a time since the start; true once all motors have settled at a position. `report` is `None` if
-    /// the hub sends no reports.
+    /// Takes a reading. `at` is the time of the reading since the start. Returns true once all motors have settled at a
+    /// position. `report` is `None` if the hub sends no reports.
     pub(super) fn observe(&mut self, at: Duration, bulk: &Bulk, report: Option<&HubReport>) -> bool {
         self.velocities.push_back((at, bulk.velocities));
         while self.velocities.front().is_some_and(|(then, _)| at.saturating_sub(*then) > VELOCITY_TIME) {
@@ -195,7 +196,8 @@ impl Progress {
         self.settle_detector.step(within_tolerance, fastest, self.interval)
     }
 
-    /// Judges the motion when its time is over: fails, and names the motors that did not reach the set-point.
+    /// Fails if the motors have not reached the set-point when the time is over. For a velocity the error names the
+    /// motors that missed it.
     pub(super) fn judge(&self, length: Option<Duration>) -> Result<(), Failure> {
         let seconds = length.unwrap_or_default().as_secs_f64();
         match self.setpoint {
@@ -213,7 +215,7 @@ impl Progress {
         }
     }
 
-    /// Text with a motor's mean speed in counts per second, if the motor has missed the requested speed.
+    /// Returns a text with a motor's mean speed in counts per second if the motor has missed the requested speed.
     fn missed(&self, motor: u8, wanted: i16) -> Option<String> {
         let of_motor = self.velocities.iter().filter_map(|(_, all)| all.get(usize::from(motor)));
         let sum: f64 = of_motor.map(|cps| f64::from(*cps)).sum();
@@ -247,7 +249,7 @@ mod tests {
             let judged = progress(Setpoint::Velocity(wanted), &[is; 9]).judge(None).is_ok();
             assert_eq!(judged, reached, "{wanted} {is}");
         }
-        // The acceleration before does not count.
+        // The readings of the acceleration are older than 0.5 s and do not count.
         assert!(
             progress(Setpoint::Velocity(500), &[0, 200, 500, 500, 500, 500, 500, 500]).judge(None).is_ok()
         );

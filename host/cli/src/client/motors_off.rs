@@ -1,5 +1,6 @@
-//! Disables motors that a command has enabled, however the command ends. Also disables motors that a former host left
-//! enabled, before a command does anything else.
+//! Disables motors that a command has enabled when the command ends: normally, by an error, by a panic or by a signal
+//! other than SIGKILL. Also disables motors that a former host has left enabled, before a command sends its own
+//! requests.
 
 use super::interrupt;
 use crate::output::{Failure, say};
@@ -8,19 +9,21 @@ use std::io::{Read, Write};
 use std::ops::{Deref, DerefMut};
 use std::time::Duration;
 
-/// Time-out for disabling one motor, before the next motor is disabled. It shortens a longer `--timeout-ms`.
+/// Longest time-out of the request that disables a motor, so that the other motors need not wait longer. A shorter
+/// `--timeout-ms` stays in force.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// A session whose motors are disabled when it is dropped.
 pub(super) struct DrivingSession<'a, L: Read + Write> {
     session: &'a mut Session<L>,
-    /// Motors that may be enabled, also if the hub's answer was lost.
+    /// Motors that may be enabled. A motor is listed before the request is sent, because the hub's answer may be lost.
     motors: Vec<u8>,
 }
 
 impl<'a, L: Read + Write> DrivingSession<'a, L> {
     /// Runs `work`, then disables the motors that it has enabled: after success, an error, a panic, or a signal. `work`
-    /// notices a signal by `interrupt::wait`. After anything but success, standard error names the disabled motors.
+    /// notices a signal by `interrupt::wait`. After an error, a panic or a signal, standard error names the disabled
+    /// motors.
     pub(super) fn run<T>(
         session: &'a mut Session<L>,
         work: impl FnOnce(&mut Self) -> Result<T, Failure>,
@@ -38,7 +41,7 @@ impl<'a, L: Read + Write> DrivingSession<'a, L> {
         }
     }
 
-    /// Enables a motor until the work is done.
+    /// Enables a motor. The motor is disabled when the work ends.
     pub(super) fn enable(&mut self, motor: u8) -> Result<(), Error> {
         if !self.motors.contains(&motor) {
             self.motors.push(motor);
@@ -46,7 +49,7 @@ impl<'a, L: Read + Write> DrivingSession<'a, L> {
         self.session.enable(motor, true)
     }
 
-    /// Disables a motor before the work is done.
+    /// Disables a motor before the work ends.
     pub(super) fn disable(&mut self, motor: u8) -> Result<(), Error> {
         self.session.enable(motor, false)?;
         self.motors.retain(|other| *other != motor);
@@ -77,7 +80,7 @@ pub(super) fn report(stopped: Result<Vec<u8>, Failure>) {
     }
 }
 
-/// Text such as "motor 0" or "motors 0, 2".
+/// Returns a text such as "motor 0" or "motors 0, 2".
 fn names(motors: &[u8]) -> String {
     let numbers: Vec<String> = motors.iter().map(u8::to_string).collect();
     format!("motor{} {}", if numbers.len() == 1 { "" } else { "s" }, numbers.join(", "))
@@ -85,7 +88,7 @@ fn names(motors: &[u8]) -> String {
 
 impl<L: Read + Write> Drop for DrivingSession<'_, L> {
     fn drop(&mut self) {
-        // Motors remain only if the work panicked.
+        // The list has motors only if the work has panicked.
         if !self.motors.is_empty() {
             report(self.stop());
         }

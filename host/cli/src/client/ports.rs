@@ -1,4 +1,4 @@
-//! List of the serial ports of this machine, and messages for ports that cannot be opened.
+//! Lists the serial ports of this machine, and explains why a port cannot be opened.
 
 use crate::output::{Failure, print, print_json};
 use motor_hub_client::OpenError;
@@ -16,12 +16,12 @@ pub(super) fn show(json: bool) -> Result<(), Failure> {
     print_json(&json!({ "ports": all()? }))
 }
 
-/// The serial ports of this machine.
+/// Returns the serial ports of this machine.
 pub(super) fn all() -> Result<Vec<Port>, Failure> {
     line::ports().map_err(|e| Failure::Work(format!("serial ports cannot be listed: {e}")))
 }
 
-/// The serial ports of this machine as text.
+/// Returns the serial ports of this machine as text.
 pub(super) fn list() -> Result<String, Failure> {
     let ports = all()?;
     if ports.is_empty() {
@@ -32,7 +32,7 @@ pub(super) fn list() -> Result<String, Failure> {
     Ok(format!("Serial ports found:\n{lines}"))
 }
 
-/// Message for a place that cannot be opened: why, and what to do.
+/// Returns the message for a place that cannot be opened: the reason, and what the user can do.
 pub(super) fn unopened(place: &str, error: &OpenError) -> String {
     match error {
         OpenError::Denied => format!("{place}: {error}; {}", hint(group(place).as_deref())),
@@ -40,11 +40,11 @@ pub(super) fn unopened(place: &str, error: &OpenError) -> String {
     }
 }
 
-/// How a user gets access to a port of a group.
+/// Returns a text that says how a user gets access to a port. `group` is the group that owns the port.
 fn hint(group: Option<&str>) -> String {
     let rule = format!("the udev rule {RULE}");
     match group {
-        // Membership of the group root is no solution.
+        // A user should not join the group root.
         None | Some("root") => {
             format!("only root may open it: install {rule}, or run this command with sudo")
         }
@@ -54,7 +54,7 @@ fn hint(group: Option<&str>) -> String {
     }
 }
 
-/// Name of the group that a file belongs to.
+/// Returns the name of the group that owns a file.
 #[cfg(unix)]
 fn group(path: &str) -> Option<String> {
     use std::os::unix::fs::MetadataExt;
@@ -67,7 +67,7 @@ fn group(_: &str) -> Option<String> {
     None
 }
 
-/// Name of a group in the text of `/etc/group`, by its number.
+/// Returns the name of the group with the number `id` in the text of `/etc/group`.
 #[cfg(any(unix, test))]
 fn named(groups: &str, id: u32) -> Option<String> {
     let mut rows = groups.lines().map(|line| line.split(':'));

@@ -1,4 +1,4 @@
-//! Repeated readings of a hub: on a terminal a table that is redrawn, elsewhere lines.
+//! Repeated readings of a hub. A terminal shows a table that is redrawn; other outputs get one line for a reading.
 
 use super::interrupt;
 use super::shaft_speed::shaft_speed;
@@ -15,13 +15,13 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 use studies::{table, with_fields};
 
-/// State of a hub at one instant. Taking a reading resets the hub's keep-alive.
+/// State of a hub, read by several requests one after the other. Each request resets the hub's keep-alive.
 pub(crate) struct Reading {
     pub(crate) at: Duration,
     pub(crate) bulk: Bulk,
     battery: Millivolts,
     pub(crate) status: Status,
-    /// `None` if the hub does not report it.
+    /// Report of all motors; `None` if the hub sends no reports.
     pub(crate) report: Option<HubReport>,
 }
 
@@ -37,12 +37,13 @@ impl Reading {
         self.report.as_ref()?.motors.get(usize::from(motor))
     }
 
-    /// Word for a motor at its target. Hubs that send no report only know whether a motor is within tolerance.
+    /// Returns the word for a motor at its target. Hubs that send no reports only say whether a motor is within
+    /// tolerance.
     const fn word(&self) -> &'static str {
         if self.report.is_some() { "settled" } else { "within tolerance" }
     }
 
-    /// Why a motor stands, if a reason is known.
+    /// Returns why a motor does not turn; `None` if no reason is known.
     fn why(&self, motor: u8) -> Option<&'static str> {
         why_still(self.report.as_ref()?, motor.into())
     }
@@ -51,7 +52,8 @@ impl Reading {
         f64::from(self.battery.get()) / 1000.0
     }
 
-    /// Table for a terminal. With `turn`, the counts in a turn of the output shaft, the shaft's speed is shown too.
+    /// Returns a table for a terminal. `turn` is the number of counts in a turn of the output shaft; if it is given,
+    /// the table also shows the speed of the shaft.
     pub(crate) fn table(&self, motors: &[u8], turn: Option<f64>) -> String {
         let mut headings = vec!["motor", "position, counts", "velocity, counts/s", self.word()];
         headings.extend(turn.iter().flat_map(|_| ["rpm", "rad/s"]));
@@ -75,7 +77,7 @@ impl Reading {
         format!("{seconds:.1} s, battery {volts:.2} V\n{}\n{table}\n", self.says())
     }
 
-    /// Status and alerts as text.
+    /// Returns status and alerts as text.
     fn says(&self) -> String {
         let words = self.status.words().into_iter().map(str::to_owned);
         let words: Vec<String> = words.chain(alert_words(self.status)).collect();
@@ -83,7 +85,7 @@ impl Reading {
         attention.to_owned() + &if words.is_empty() { "no alerts".to_owned() } else { words.join(", ") }
     }
 
-    /// The reading as one line of text.
+    /// Returns the reading as one line of text.
     pub(crate) fn line(&self, motors: &[u8], turn: Option<f64>) -> String {
         let motors = motors_of(&self.bulk, motors).map(|reading| {
             let MotorReading { motor, position, velocity, within_tolerance } = reading;
@@ -99,7 +101,8 @@ impl Reading {
         format!("{:.1} s, {:.2} V{motors}\n", self.at.as_secs_f64(), self.battery_v())
     }
 
-    /// JSON for programs, in seconds, volts, counts and counts per second; with `turn`, also the shaft's speed.
+    /// Returns the reading as JSON in seconds, volts, counts and counts per second; with `turn`, also the speed of the
+    /// shaft.
     pub(crate) fn json(&self, motors: &[u8], turn: Option<f64>) -> Value {
         let motors: Vec<Value> = motors_of(&self.bulk, motors)
             .map(|MotorReading { motor, position, velocity, within_tolerance }| {
@@ -115,7 +118,7 @@ impl Reading {
                 }
                 if let Some(report) = self.reported(motor) {
                     let more = json!({
-                        // In the documents of the command line a control value is in steps.
+                        // This value in steps (-32767 to 32767) replaces the share of full control in [`MotorValues`].
                         "control": report.control.get(),
                         "enabled": report.enabled,
                         "stands_because": self.why(motor),
@@ -136,7 +139,7 @@ impl Reading {
     }
 }
 
-/// Regime, mode and duty of the bridge as text.
+/// Returns regime, mode and duty of the bridge as text.
 fn bridge(values: &MotorValues) -> String {
     let Some((regime, mode)) = values.regime.zip(values.mode) else { return "open".to_owned() };
     format!("{regime} {mode} {:.0} %", 100.0 * values.duty)
@@ -152,7 +155,7 @@ pub(super) struct MotorReading {
     pub(super) within_tolerance: bool,
 }
 
-/// The readings of the given motors.
+/// Returns the readings of the given motors.
 pub(super) fn motors_of(bulk: &Bulk, motors: &[u8]) -> impl Iterator<Item = MotorReading> {
     let Bulk { encoders, velocities, within_tolerance, .. } = *bulk;
     let all = (0..).zip(encoders).zip(velocities).zip(within_tolerance);
@@ -165,7 +168,7 @@ pub(super) fn motors_of(bulk: &Bulk, motors: &[u8]) -> impl Iterator<Item = Moto
     all.filter(|reading| motors.contains(&reading.motor))
 }
 
-/// The motor alerts as text.
+/// Returns the motor alerts as text.
 pub(super) fn alert_words(status: Status) -> Vec<String> {
     status.alerts().iter().map(MotorAlert::to_string).collect()
 }
@@ -184,10 +187,10 @@ impl Live {
 
     /// Replaces the text shown last.
     pub(crate) fn redraw(&mut self, text: &str) -> Result<(), Failure> {
-        // Move to the first line of the old text, and clear to the end of the screen.
+        // Move the cursor to the first line of the old text, and clear to the end of the screen.
         let back = if self.height == 0 { String::new() } else { format!("\x1b[{}A\x1b[J", self.height) };
         self.height = text.lines().count();
-        // Line wrap is off meanwhile: wrapped lines would not be counted in `height`.
+        // The terminal does not wrap lines of the text, because `height` would not count the wrapped lines.
         print(&format!("{back}\x1b[?7l{text}\x1b[?7h"))
     }
 }
@@ -222,15 +225,16 @@ pub(super) struct Schedule {
 }
 
 impl Schedule {
-    /// Readings from now on, every `interval`, for `length` or without an end.
+    /// Makes a schedule of readings from now on, every `interval`, until `length` is over. `None` is no end.
     pub(super) fn new(interval: Duration, length: Option<Duration>) -> Self {
         let since = Instant::now();
         Self { since, next: since, interval, end: length.map(|length| since + length) }
     }
 
-    /// Waits until the next reading is due, or the time is over; false if the time is over.
+    /// Waits until the next reading is due or the time is over. Returns false if the time is over.
     pub(super) fn wait(&mut self) -> Result<bool, Failure> {
-        // After a reading that took too long the interval is not shortened.
+        // After a reading that took longer than the interval the next reading follows immediately. Missed readings are
+        // not made up for.
         self.next = Instant::now().max(self.next + self.interval);
         interrupt::wait(self.end.map_or(self.next, |end| end.min(self.next)))?;
         Ok(self.end.is_none_or(|end| end > Instant::now()))

@@ -120,7 +120,7 @@ impl Recorder {
         })
     }
 
-    /// Takes readings until the motors have settled (true) or the time is over (false).
+    /// Takes readings until the motors have settled or the time is over. Returns true if the motors have settled.
     fn run(
         &mut self,
         session: &mut Session<Line>,
@@ -176,7 +176,7 @@ impl Recorder {
             let sample = Sample { at_s, motor, battery_v, position, cps, control, current_a, settled };
             rows += &self.recording.push(sample);
         }
-        // Whole rows are written immediately, so that no row is lost however the program ends.
+        // Complete rows are written immediately, so that no row is lost if the program is killed.
         let written = self.file.write_all(rows.as_bytes());
         written.map_err(|e| Failure::Work(format!("{}: {e}", self.path.display())))?;
         (self.readings, self.length) = (self.readings + 1, at);
@@ -212,7 +212,7 @@ impl Recorder {
     }
 }
 
-/// Positions and velocities of a report, as a bulk answer.
+/// Returns a bulk answer with the positions and velocities of a report. All other fields have their defaults.
 fn bulk_of(report: &HubReport) -> Bulk {
     let mut bulk = Bulk::default();
     for (index, motor) in report.motors.iter().enumerate() {

@@ -44,13 +44,13 @@ pub(super) struct Options {
 struct Found {
     address: u8,
     kind: &'static str,
-    /// Empty for several hubs with one address.
+    /// Version text of the hub; empty for several hubs with one address.
     version: String,
-    /// What the hub has besides motors; `None` if the hub does not report it.
+    /// Devices of the hub other than motors; `None` if the hub does not report them.
     equipment: Option<Equipment>,
 }
 
-/// A hub's place on its line.
+/// Returns a text for the kind of a hub: parent, child, or several hubs with one address.
 pub(super) const fn kind(hub: &motor_hub_client::session::Found) -> &'static str {
     match hub {
         _ if hub.clashing => {
@@ -64,7 +64,8 @@ pub(super) const fn kind(hub: &motor_hub_client::session::Found) -> &'static str
 /// A place to scan.
 struct Place {
     name: String,
-    /// `None` if no hub is served there; else true if the served hub has a host.
+    /// True if the place has a served hub with a host, false if the served hub has no host. `None` if no served hub is
+    /// known at this place.
     served: Option<bool>,
 }
 
@@ -75,7 +76,8 @@ impl From<String> for Place {
 }
 
 impl Options {
-    /// Scans the places of the options and of `named`.
+    /// Scans the places of the options and of `named`, the served hubs of this user and, without `--only`, the serial
+    /// ports.
     pub(super) fn execute(
         &self,
         named: impl Iterator<Item = String>,
@@ -134,7 +136,7 @@ impl Options {
     }
 }
 
-/// Places and what is there, as a table.
+/// Returns a table of the places and their hubs.
 fn text(scanned: Vec<(&str, Answer)>) -> String {
     let mut table = table::new(&["place", "address", "hub", "has"], 4);
     for (name, answer) in scanned {
@@ -143,7 +145,7 @@ fn text(scanned: Vec<(&str, Answer)>) -> String {
             table.add_row([name, "", &reason, ""]);
         }
         for Found { address, kind, version, equipment } in answer.hubs() {
-            // A child hangs on the line of its parent, whose row is above.
+            // A child is connected to its parent, whose row is above.
             let branch = if kind == "parent" { "" } else { "└ " };
             let version = if version.is_empty() { version } else { format!(", {version}") };
             let hub = format!("{branch}{kind}{version}");
@@ -154,7 +156,7 @@ fn text(scanned: Vec<(&str, Answer)>) -> String {
     format!("{table}\n")
 }
 
-/// A place and what is there, for programs.
+/// Returns a JSON document of a place and its hubs.
 fn document(name: &str, answer: Answer) -> Value {
     let (in_use, reason) = (matches!(answer, Answer::InUse), answer.reason(name));
     let hubs = answer.hubs().into_iter().map(|Found { address, kind, version, equipment }| {
@@ -164,13 +166,13 @@ fn document(name: &str, answer: Answer) -> Value {
     json!({ "place": name, "hubs": hubs.collect::<Vec<_>>(), "in_use": in_use, "reason": reason })
 }
 
-/// True for two names of one place. A place accepts one host at a time, so it must not be asked twice.
+/// Returns true for two names of one place. A place accepts one host at a time, so it must not be scanned twice.
 fn is_same(one: &str, other: &str) -> bool {
     let (of_one, of_other) = (meant(one), meant(other));
     one == other || of_one.is_some() && of_one == of_other
 }
 
-/// Address or path that a name resolves to, if it resolves.
+/// Returns the network address or the path to which a name resolves; `None` if the name does not resolve.
 fn meant(name: &str) -> Option<PathBuf> {
     if is_tcp(name) {
         return name.to_socket_addrs().ok()?.next().map(|address| address.to_string().into());
@@ -178,12 +180,12 @@ fn meant(name: &str) -> Option<PathBuf> {
     std::fs::canonicalize(name).ok()
 }
 
-/// What is at a place.
+/// Result of the scan of one place.
 enum Answer {
     Hubs(Vec<Found>),
-    /// A hub, which another host uses.
+    /// Another host uses the hub.
     InUse,
-    /// No hub that answers.
+    /// No hub answers.
     Nothing(OpenError),
 }
 
@@ -192,7 +194,8 @@ impl Answer {
         if let Self::Hubs(hubs) = self { hubs } else { Vec::new() }
     }
 
-    /// Why the place shows no hub, as a short text; advice goes to standard error.
+    /// Returns a short text that says why the place has no hub in the table; `None` for a place with hubs. Prints
+    /// advice on standard error.
     fn reason(&self, place: &str) -> Option<String> {
         Some(match self {
             Self::Hubs(_) => return None,
@@ -217,7 +220,7 @@ fn ask(place: &Place, timeout: Duration) -> Answer {
     }
     match hubs_at(&place.name, timeout) {
         Ok(hubs) => Answer::Hubs(hubs),
-        // A served hub that closes the connection has a host.
+        // A served hub closes the connection only if it has another host.
         Err(OpenError::InUse) if place.served.is_some() => Answer::InUse,
         Err(OpenError::Hub(error)) if place.served.is_some() && error.is_hung_up() => Answer::InUse,
         Err(error) => Answer::Nothing(error),

@@ -1,4 +1,4 @@
-//! `motor-hub client settings`.
+//! Implements the command `motor-hub client settings`.
 
 use super::hub::HubOptions;
 use crate::output::{Failure, print, print_json};
@@ -80,7 +80,8 @@ impl Options {
                 "the firmware's defaults are in force and stored".to_owned()
             }
             Command::Export { file } => {
-                // Only the store's report says which coefficients a host has set; without it they would be lost.
+                // Only the report of the stored settings says which coefficients a host has set. A hub without this
+                // report is refused, because the file would lack these coefficients.
                 session.stored()?;
                 let text = settings_file::export(session)?;
                 let Some(file) = file.filter(|file| file != Path::new("-")) else { return print(&text) };
@@ -97,21 +98,22 @@ impl Options {
     }
 }
 
-/// Stores the settings in force, and says so.
+/// Stores the settings in force. Returns the text for the user.
 pub(super) fn saved(session: &mut Session<Line>) -> Result<String, Failure> {
     let report = session.store(HubFunction::Save)?;
     ended(&report)?;
     Ok(format!("stored: {}", stored_text(&report)))
 }
 
-/// Why a hub that stores settings does not keep its new address; `None` if it does, or if it stores nothing.
+/// Why a hub that stores settings does not store its new address. `None` if the hub stores the address, or if the hub
+/// stores no settings.
 pub(super) fn why_address_is_lost(session: &mut Session<Line>) -> Result<Option<String>, Error> {
     let report = session.stored_if_reported()?;
     let lost = report.filter(|report| matches!(report.stored, Stored::Later | Stored::Damaged));
     Ok(lost.map(|report| format!("the memory has {}", stored_text(&report))))
 }
 
-/// The settings of a file.
+/// Reads the settings in a file.
 fn read(file: &Path) -> Result<SettingsFile, Failure> {
     let text = std::fs::read_to_string(file)
         .map_err(|error| Failure::Input(format!("{}: {error}", file.display())))?;
@@ -127,7 +129,7 @@ fn at(file: &Path, error: std::io::Error) -> Failure {
     Failure::Work(format!("{}: {error}", file.display()))
 }
 
-/// Result of a save, load or reset that the hub has accepted.
+/// Fails if a save, load or reset that the hub has accepted has not succeeded.
 fn ended(report: &StoreReport) -> Result<(), Failure> {
     let why = match why_unsaved(report) {
         _ if report.at_work => "the hub has not finished; ask again with `settings show`",

@@ -1,4 +1,4 @@
-//! `motor-hub client setup`.
+//! Implements the command `motor-hub client setup`.
 
 use super::hub::HubOptions;
 use super::identify;
@@ -54,7 +54,7 @@ pub(crate) struct Options {
     json: bool,
 }
 
-/// A parser of amperes as milliamperes, 0 for none. `what` names the limit ("a current limit").
+/// Returns a parser of amperes that returns milliamperes. 0 is no limit. `what` names the limit ("a current limit").
 fn limit_ma(what: &'static str) -> impl Fn(&str) -> Result<u16, String> + Clone {
     move |text| {
         let sound = |amperes: &f64| *amperes == 0.0 || (0.001..=65.535).contains(amperes);
@@ -63,7 +63,7 @@ fn limit_ma(what: &'static str) -> impl Fn(&str) -> Result<u16, String> + Clone 
     }
 }
 
-/// The words of a field, as values of an option.
+/// Returns the allowed words of a setting, as values of an option.
 fn words(name: &str) -> Vec<&'static str> {
     match Field::named(name).map(|field| field.form) {
         Some(Form::Words(words)) => words.to_vec(),
@@ -77,15 +77,15 @@ const BRIDGES: [(&str, &str, Timing); 2] = [
     ("vnh5019", "Switches like a VNH5019", Timing::VNH5019),
 ];
 
-/// The winding and the thermal limit of a motor of the catalogue.
+/// Returns the winding and the thermal limit of a motor of the catalogue.
 fn of_type(name: &str) -> Result<(Winding, Option<ThermalLimit>), Failure> {
     let motor = characterised(name).map_err(Failure::input)?;
     let limit = thermal_limit(&motor).map_err(Failure::input)?;
     Ok((winding(&motor).map_err(Failure::input)?, Some(limit)))
 }
 
-/// Writes the settings that differ. With `set_up` the winding is written also if it does not differ: that deletes motion
-/// and coefficients.
+/// Writes the settings that differ. If `set_up` is true, the set-up is written also if it does not differ, because the
+/// hub then deletes motion and coefficients.
 fn write(
     session: &mut Session<Line>,
     motor: u8,
@@ -126,14 +126,14 @@ impl Options {
         let before = session.settings(self.motor.number)?;
         // All settings are checked before the first one is written.
         let wanted = self.changed(&before)?;
-        // A set-up that was given is written also if it changes nothing.
+        // A set-up that the options give is written also if it changes nothing.
         let given = self.name.is_some() || !self.scheme.is_empty() || !self.constants.is_empty();
         write(session, self.motor.number, &before, &wanted, given)?;
         let settings = session.settings(self.motor.number)?;
         self.show(&settings, session.condition(self.motor.number)?)
     }
 
-    /// The settings that the options ask for.
+    /// Returns the settings that the options request.
     fn changed(&self, before: &MotorSettings) -> Result<MotorSettings, Failure> {
         let mut settings = *before;
         let Settings { winding: constants, scheme, duty, thermal, current_limit, bridge, .. } =

@@ -22,7 +22,7 @@ fn counts_per_turn(text: &str) -> Result<f64, String> {
 }
 
 impl ShaftOptions {
-    /// The encoder counts in a turn; `None` if neither option is given.
+    /// Returns the encoder counts in a turn; `None` if neither option is given.
     pub(super) fn counts(&self) -> Result<Option<f64>, Failure> {
         let Some(name) = &self.name else { return Ok(self.counts_per_turn) };
         let motor = characterised(name).map_err(Failure::input)?;
@@ -30,7 +30,7 @@ impl ShaftOptions {
     }
 }
 
-/// Speed of the output shaft in rpm and in rad/s, of a speed in counts per second.
+/// Converts counts per second to rpm and rad/s of the output shaft. `turn` is the number of encoder counts in a turn.
 pub(super) fn shaft_speed(cps: i16, turn: f64) -> (f64, f64) {
     let turns = f64::from(cps) / turn;
     (60.0 * turns, TAU * turns)
@@ -67,7 +67,7 @@ const TURN_UNKNOWN: &str = "rpm and rad/s need the encoder counts in a turn of t
 give --counts-per-turn COUNTS or --type NAME";
 
 impl Speed {
-    /// The speed in counts per second; `turn` is the number of encoder counts in a turn.
+    /// Returns the speed in counts per second; `turn` is the number of encoder counts in a turn.
     pub(super) fn cps(self, turn: Option<f64>) -> Result<i16, Failure> {
         let turns = match self {
             Self::Counts(cps) => return Ok(cps),

@@ -1,4 +1,4 @@
-//! `motor-hub client status`.
+//! Implements the command `motor-hub client status`.
 
 use super::drive::ALL;
 use super::hub::HubOptions;
@@ -29,7 +29,7 @@ pub(crate) struct Options {
     clear: bool,
 }
 
-/// Answer of a hub that has no motor of this number: the first parameter is out of range.
+/// Refusal of a hub that has no motor with the requested number: the first parameter is out of range.
 const NO_SUCH_MOTOR: Nack = Nack::parameter(0);
 
 /// All values that `status` shows.
@@ -43,7 +43,7 @@ struct Everything {
     bulk: Bulk,
     /// `None` if the hub does not report its bus.
     bus: Option<BusReport>,
-    /// Condition by motor; `None` if the hub does not report it.
+    /// Condition of each motor; `None` if the hub does not report conditions.
     conditions: Vec<Option<Condition>>,
 }
 
@@ -71,7 +71,7 @@ impl Everything {
             Some(_) => (0..).zip(&motors).map(|(motor, _)| session.condition(motor).map(Some)).collect(),
             None => Ok(vec![None; motors.len()]),
         }?;
-        // The status is read last: it is cleared only if all other values could be read and will be shown.
+        // The status is read last, so that the hub clears it only after all other values have been read.
         let status = session.status(clear)?;
         Ok(Self { address: session.address(), status, version, battery, led, motors, bulk, bus, conditions })
     }

@@ -91,7 +91,7 @@ impl Options {
         Ok(())
     }
 
-    /// Given target by motor.
+    /// Returns the target of each motor; `None` for a motor that is not given.
     fn values(&self) -> Result<[Option<i32>; CHANNELS], Failure> {
         let mut values = [None; CHANNELS];
         for &(MotorName { number: motor, .. }, value) in &self.members {
@@ -121,7 +121,8 @@ impl Options {
         } else {
             let mut places = values;
             if self.by {
-                // Absolute positions: if the request is sent twice, the second one has no further effect.
+                // Relative targets are converted to absolute positions. A retransmission of the request then has no
+                // further effect.
                 for (place, now) in places.iter_mut().zip(session.bulk()?.encoders) {
                     *place = place.map(|counts| now.wrapping_add(counts));
                 }
@@ -138,7 +139,7 @@ impl Options {
     }
 }
 
-/// Starts a group and shows its motion; true if all motors have settled, false if the time is over.
+/// Starts a group and shows its motion. Returns true if all motors have settled, false if the time is over.
 pub(super) fn lead(
     session: &mut Session<Line>,
     motors: &[u8],

@@ -1,4 +1,4 @@
-//! `motor-hub client tune`.
+//! Implements the command `motor-hub client tune`.
 
 use super::hub::HubOptions;
 use super::{identify, settings, setup};

@@ -1,4 +1,4 @@
-//! `motor-hub client update`.
+//! Implements the command `motor-hub client update`.
 
 mod image;
 mod signature;
@@ -39,8 +39,9 @@ Sign the SHA-512 of each image as raw bytes (llvm-objcopy -O binary hub.elf hub.
 An image may have a rollback version: a number in its bytes 32 to 35, lowest byte first. Such a hub refuses an image whose \
 number is lower than its firmware's.";
 
-/// Interval between two steps while the hub writes, and while it restarts.
+/// Interval between two steps while the hub writes.
 const WRITES: Duration = Duration::from_millis(20);
+/// Interval between two steps while the hub restarts.
 const RESTARTS: Duration = Duration::from_millis(200);
 
 /// Sends new firmware to a hub with a bootloader, starts it, and waits until it has confirmed itself
@@ -78,7 +79,8 @@ impl Options {
         let (image, seal) = self.read()?;
         let session = &mut hub.open(None)?;
         let before = session.version()?;
-        // After a signal the command makes the hub forget the image, so that the hub does not wait for the rest.
+        // After a signal the command makes the hub delete the image, so that the hub does not wait for the remaining
+        // chunks.
         interrupt::listen()?;
         let bar = progress(Some(image.bytes.len() as u64), "bytes");
         let mut updating = Updating::begin(session, image, seal)?;
@@ -90,7 +92,7 @@ impl Options {
     }
 }
 
-/// Takes steps until the new firmware has confirmed itself. Returns the version that the hub then reports.
+/// Takes steps until the new firmware has confirmed itself. Returns the version that the new firmware reports.
 fn follow(
     session: &mut Session<Line>,
     updating: &mut Updating,

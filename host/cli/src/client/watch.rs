@@ -1,4 +1,4 @@
-//! `motor-hub client watch`.
+//! Implements the command `motor-hub client watch`.
 
 use super::drive;
 use super::hub::HubOptions;

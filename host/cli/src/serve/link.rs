@@ -1,4 +1,5 @@
-//! A symbolic link to a pseudo-terminal, for a name that stays the same from one start to the next.
+//! A symbolic link to a pseudo-terminal. The link keeps its name when the hub is served again on another
+//! pseudo-terminal.
 
 use crate::output::Failure;
 use std::io::ErrorKind;
@@ -11,7 +12,7 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// Makes `path` a link to `target`. A link left by a killed program is replaced.
+    /// Creates the link at `path` to `target`. A link that a killed program has left is replaced.
     pub(super) fn new(path: &Path, target: &str) -> Result<Self, Failure> {
         let shown = path.display();
         let target = PathBuf::from(target);
@@ -39,7 +40,7 @@ impl Link {
     }
 }
 
-/// True for a link to a terminal of the same kind that no longer exists, or that is now `target`.
+/// Returns true if the link points to `target`, or to a missing file in the folder of `target`.
 fn is_left_over(old: &Path, target: &Path) -> bool {
     old == target || old.parent() == target.parent() && !old.exists()
 }
@@ -48,7 +49,7 @@ impl Drop for Link {
     /// Removes the link, unless another program has replaced it.
     fn drop(&mut self) {
         if std::fs::read_link(&self.path).is_ok_and(|target| target == self.target) {
-            // An error has no consequence at the end of the program.
+            // An error is ignored, because the program ends.
             let _ = std::fs::remove_file(&self.path);
         }
     }

@@ -7,14 +7,14 @@ use std::time::Duration;
 /// Shortest interval between two notices of a kind, in seconds.
 const INTERVAL_S: f64 = 5.0;
 
-/// The totals that are noticed.
+/// Totals whose growth is printed: lost real time and closed connections.
 #[derive(Default)]
 pub(super) struct Notices {
     lost: Total<Duration>,
     turned_away: Total<u32>,
 }
 
-/// A total that grows.
+/// One total, with its value at the last notice.
 #[derive(Default)]
 struct Total<T> {
     now: T,
@@ -25,7 +25,7 @@ struct Total<T> {
 }
 
 impl<T: Copy + PartialEq + Sub<Output = T>> Total<T> {
-    /// The growth since the last notice, if there is any and the interval is over.
+    /// Returns the growth since the last notice. `None` if the total has not grown or the interval is not over.
     fn growth(&mut self, at_s: f64, now: T) -> Option<T> {
         self.now = now;
         if now == self.said || at_s < self.again_s {
@@ -38,7 +38,8 @@ impl<T: Copy + PartialEq + Sub<Output = T>> Total<T> {
 }
 
 impl Notices {
-    /// Notices to print at a time in seconds, by the totals so far.
+    /// Returns the notices to print at the time `at_s` in seconds. `lost` and `turned_away` are the totals at this
+    /// time.
     pub(super) fn due(&mut self, at_s: f64, lost: Duration, turned_away: u32) -> Vec<String> {
         let all = lost.as_secs_f64();
         let lost = self.lost.growth(at_s, lost).map(|more| {
@@ -52,7 +53,7 @@ impl Notices {
         lost.into_iter().chain(turned_away).collect()
     }
 
-    /// Notices that remain at the end.
+    /// Returns the notices of growth that has not been printed at the end.
     pub(super) fn rest(&mut self) -> Vec<String> {
         self.due(f64::INFINITY, self.lost.now, self.turned_away.now)
     }

@@ -1,4 +1,4 @@
-//! Meaning of keys, and the motor levels that follow from them. Pure: no clock, no terminal.
+//! Converts keys to motor levels. The functions of this file use neither a clock nor a terminal.
 
 use crate::client::drive::ALL;
 use std::time::{Duration, Instant};
@@ -19,14 +19,14 @@ pub(super) enum Key {
     Quit,
 }
 
-/// The keys in the bytes of one read from a terminal; keys without a meaning are left out.
+/// Returns the keys in the bytes of one read from a terminal. Keys without a meaning are left out.
 pub(super) fn read(mut bytes: &[u8]) -> Vec<Key> {
     let mut keys = Vec::new();
     while let [first, rest @ ..] = bytes {
         let (key, rest) = match (*first, rest) {
             // Arrow keys, in normal and in application mode of the terminal.
             (0x1B, [b'[' | b'O', arrow, rest @ ..]) => (escaped(*arrow), rest),
-            // Escape alone disables all motors.
+            // An escape byte that begins no arrow key is the key Esc, which disables all motors.
             (0x1B, rest) => (Some(Key::Stop), rest),
             (byte, rest) => (plain(byte), rest),
         };
@@ -69,7 +69,7 @@ pub(super) struct Jog {
     hold: Duration,
     /// Requested level by motor; `None` is disabled.
     wanted: [Option<i16>; ALL.len()],
-    /// Time at which turning motors must stop, unless a key comes before.
+    /// Time at which turning motors must stop, unless a key is pressed before this time.
     until: Option<Instant>,
 }
 
@@ -79,12 +79,12 @@ impl Jog {
         Self { motors: [true, false, false, false], level, hold, wanted: [None; ALL.len()], until: None }
     }
 
-    /// The chosen motors.
+    /// Returns the chosen motors.
     pub(super) fn motors(&self) -> Vec<u8> {
         ALL.into_iter().zip(self.motors).filter_map(|(motor, chosen)| chosen.then_some(motor)).collect()
     }
 
-    /// Level of motors that turn: counts per second, or steps of power.
+    /// Returns the level of motors that turn, in counts per second or in steps of power (32767 is full power).
     pub(super) const fn level(&self) -> i16 {
         self.level
     }
@@ -102,7 +102,7 @@ impl Jog {
         }
     }
 
-    /// Step of one key press: a fifth of the level, at least 1.
+    /// Returns the change of the level by one key press: a fifth of the level, at least 1.
     fn step(&self) -> i16 {
         (self.level / 5).max(1)
     }
@@ -125,7 +125,7 @@ impl Jog {
         self.until = None;
     }
 
-    /// Requested level by motor at `now`; `None` is disabled.
+    /// Returns the requested level by motor at `now`; `None` is disabled.
     pub(super) fn at(&mut self, now: Instant) -> [Option<i16>; ALL.len()] {
         if self.until.is_some_and(|until| now >= until) {
             self.stand();
@@ -162,7 +162,7 @@ mod tests {
         assert_eq!(jog.at(begin + ms(1300)), [Some(0), None, None, None]);
         jog.press(Key::Backward, begin + ms(1400));
         assert_eq!(jog.at(begin + ms(1400)), [Some(-300), None, None, None]);
-        // With another motor chosen, the first one stands and stays enabled until Stop.
+        // When another motor is chosen, the first motor gets level 0 and stays enabled until Stop.
         jog.press(Key::One(2), begin + ms(1500));
         jog.press(Key::Faster, begin + ms(1500));
         jog.press(Key::Forward, begin + ms(1500));

@@ -21,12 +21,13 @@ impl Raw {
 
 impl Drop for Raw {
     fn drop(&mut self) {
-        // This fails only if the terminal is gone. Flush drops unread keys, which are not for the shell.
+        // This call fails only if the terminal is gone. `Flush` drops unread keys, so that the shell does not receive
+        // them.
         let _ = tcsetattr(stdin(), OptionalActions::Flush, &self.0);
     }
 }
 
-/// Bytes typed, until the terminal is gone.
+/// Starts a thread that sends the typed bytes until the terminal is gone.
 pub(super) fn keys() -> Receiver<Vec<u8>> {
     let (typed, keys) = channel();
     std::thread::spawn(move || {

@@ -1,4 +1,4 @@
-//! Reads a firmware file as the bytes to be written to flash.
+//! Reads a firmware file, and returns the bytes to be written to flash.
 
 use motor_hub_client::update::{Image, LARGEST_IMAGE};
 use object::Endianness;
@@ -28,7 +28,7 @@ fn read(file: Vec<u8>) -> Result<Image, String> {
     Ok(Image { bytes, version, origin })
 }
 
-/// Address and bytes of an ELF file in flash, from the lowest address on. Gaps are filled with 0xFF.
+/// Returns the lowest flash address of an ELF file, and its bytes from this address on. Gaps are filled with 0xFF.
 fn flash_of(file: &[u8]) -> Result<(u32, Vec<u8>), String> {
     let elf =
         ElfFile32::<Endianness>::parse(file).map_err(|error| format!("is not a 32-bit ELF file: {error}"))?;
@@ -56,7 +56,7 @@ fn flash_of(file: &[u8]) -> Result<(u32, Vec<u8>), String> {
     Ok((origin, bytes))
 }
 
-/// The version text in an image, up to its terminating zero.
+/// Returns the version text in an image, up to its terminating zero.
 fn version_of(bytes: &[u8]) -> Option<String> {
     let at = bytes.windows(VERSION.len()).position(|window| window == VERSION)?;
     let text = bytes.get(at..)?;
@@ -81,12 +81,13 @@ mod tests {
         assert_eq!((image.bytes, &*image.version), (bytes, "HW: 20, Maj: 1, Min: 8, Eng: 2, mh1.2.3"));
     }
 
-    /// An ELF file with these segments: address in memory, address in flash, and bytes.
+    /// Returns an ELF file. Each segment has an address in memory, an address in flash, and bytes.
     fn elf(segments: &[(u32, u32, &[u8])]) -> Vec<u8> {
         let (head, each) = (52_u32, 32_u32);
         let mut file = b"\x7FELF\x01\x01\x01".to_vec();
         file.resize(16, 0);
-        // ARM, executable; offsets and sizes of its headers (ELF-32, figure 1-3).
+        // ELF header: type executable, machine ARM, then offsets and sizes of the headers (ELF-32 specification, figure
+        // 1-3).
         file.extend([2_u16, 40].iter().flat_map(|half| half.to_le_bytes()));
         file.extend([1_u32, 0, head, 0, 0].iter().flat_map(|word| word.to_le_bytes()));
         let halves = [head as u16, each as u16, segments.len() as u16, 40, 0, 0];
