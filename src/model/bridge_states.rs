@@ -159,9 +159,9 @@ impl SwitchPattern {
     }
 }
 
-/// Returns the potential of a terminal while current flows through it, as coefficients of battery voltage and diode drop, and
-/// the number of closed switches in the current's path. The leg of the terminal has these switches closed. A catch diode
-/// carries the current if both switches are open.
+/// Returns the potential of a terminal while current flows through it, as coefficients of battery voltage and diode
+/// drop, and the number of closed switches in the current's path. The leg of the terminal has these switches closed. A
+/// catch diode carries the current if both switches are open.
 const fn node(high: bool, low: bool, current_enters: bool) -> (i8, i8, u8) {
     match (high, low) {
         (true, _) => (1, 0, 1),

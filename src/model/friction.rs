@@ -2,8 +2,8 @@
 //!
 //! Dry friction is Coulomb friction with breakaway. While the shaft turns, the friction torque is constant and against
 //! the motion. While the shaft is at rest, the friction torque balances the other torques up to the *breakaway torque*.
-//! *Cogging* is the attraction between magnets and rotor teeth. The torque of cogging is periodic in the angle, and does
-//! no work over a whole turn.
+//! *Cogging* is the attraction between magnets and rotor teeth. The torque of cogging is periodic in the angle, and
+//! does no work over a whole turn.
 //!
 //! Motors of the catalogue have neither dry friction nor cogging, because they were measured with viscous drag alone.
 //!

@@ -80,8 +80,8 @@ pub enum Loop {
 
 codes!(Loop { 1 = Velocity, 2 = Position });
 
-/// Terms of a control loop that a host states with the coefficients. The hub stores the terms, so that hosts can read them back.
-/// The terms have no effect on the loop.
+/// Terms of a control loop that a host states with the coefficients. The hub stores the terms, so that hosts can read
+/// them back. The terms have no effect on the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Terms {

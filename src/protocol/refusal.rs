@@ -14,7 +14,8 @@ use core::fmt;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Nack(pub u8);
 
-/// Defines the reasons that this hub uses, with their texts. `others` has the texts of reasons that only other hubs use.
+/// Defines the reasons that this hub uses, with their texts. `others` has the texts of reasons that only other hubs
+/// use.
 macro_rules! reasons {
     ({ $($name:ident = $code:literal $text:literal,)+ } others { $($other:literal $other_text:literal,)+ }) => {
         impl Nack {

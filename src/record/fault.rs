@@ -3,8 +3,8 @@
 use crate::motor::EncoderFault;
 use crate::motor::Faults;
 
-/// Defines all faults. Each line has the number, the fault, and its name for users. A fault of a motor also has its word in
-/// JSON documents, and the field of [`Faults`] with the value that means the fault.
+/// Defines all faults. Each line has the number, the fault, and its name for users. A fault of a motor also has its
+/// word in JSON documents, and the field of [`Faults`] with the value that means the fault.
 macro_rules! faults {
     ($($number:literal $fault:ident $name:literal $($word:literal $field:ident == $value:expr)?,)+) => {
         /// A fault, or the cause of a reset. `docs/reference/fault-numbers.md` has a section for each.

@@ -25,9 +25,9 @@ const PLAUSIBLE_TIME_CONSTANT_S: (f32, f32) = (0.01, 30.0);
 /// Variance of ln b for the initial guess. The true gain is then within a factor of 2.7 of the guess (one standard
 /// deviation), or of 7.4 (two).
 const GUESS_VARIANCE: f32 = 1.0;
-/// Growth of the variance in a second, because windings warm up and loads change. Measured with the program
-/// `survey`, which simulates random motors. Motors are regulated equally well with 0.01 to 0.1. With 0.0001 twice as many of
-/// the simulated responses never settle.
+/// Growth of the variance in a second, because windings warm up and loads change. Measured with the program `survey`,
+/// which simulates random motors. Motors are regulated equally well with 0.01 to 0.1. With 0.0001 twice as many of the
+/// simulated responses never settle.
 const VARIANCE_PER_SECOND: f32 = 0.03;
 /// Sensitivity, in counts, up to which the variance does not grow. A smaller sensitivity hardly updates theta,
 /// so a growing variance would never fall again.
@@ -79,8 +79,8 @@ pub(super) struct GainEstimate {
     sensitivity: Sensitivity,
     /// Balance of counts, limited to 0 to [`MOST_TRUST_COUNTS`]. Counts without a voltage are not included.
     trust_counts: i32,
-    /// Remaining time until the observer has forgotten a wrong initial state, in s. Theta is not updated before this time
-    /// is over.
+    /// Remaining time until the observer has forgotten a wrong initial state, in s. Theta is not updated before this
+    /// time is over.
     settling_s: f32,
     /// Accelerating voltage in V: the voltage across the motor less the back EMF; 0 while the bridge is open.
     net_volts: f32,
@@ -210,7 +210,8 @@ impl GainEstimate {
         let (least, most) = (1.0 / (longest * plant.kappa), 1.0 / (shortest * plant.kappa));
         let step = expf(at_most(at_least(self.theta, -1.0), 1.0));
         let gain = at_most(at_least(plant.b * step, least), most);
-        // The gain may change by less than the estimate: at an end of the plausible range, and by a factor of e at most.
+        // The gain may change by less than the estimate: at an end of the plausible range, and by a factor of e at
+        // most.
         let change = gain / plant.b;
         let theta = logf(change);
         self.theta -= theta;

@@ -323,8 +323,8 @@ impl Regulator {
         }
     }
 
-    /// Uses the back EMF constant and the dynamics of these settings from now on, which are corrected for a warm motor. The
-    /// learned gain of an unknown motor, the estimated position and speed, and the present acceleration are kept.
+    /// Uses the back EMF constant and the dynamics of these settings from now on, which are corrected for a warm motor.
+    /// The learned gain of an unknown motor, the estimated position and speed, and the present acceleration are kept.
     pub fn correct_constants(&mut self, settings: &Settings, period: Period) {
         let Motion { plant, observer, state, .. } = self.motion;
         let mut motion = Motion { state, ..Motion::new(settings, plant.b, period, observer) };

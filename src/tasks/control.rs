@@ -1,11 +1,11 @@
 //! Runs the hub: a tick each control period, and faster reactions between two ticks.
 //!
-//! * Between two ticks the task wakes at each encoder sample, and at the first plausible sample of the bus after an alarm. The task then updates the
-//!   estimates of the hub, and passes the feedback of the bridges to the hub. If a direct command waits, the task applies all
-//!   waiting commands, and executes the direct ones without waiting for a tick. A new state of the bus may change the bridge
-//!   commands too.
-//! * At each tick the task applies the commands that still wait, and steps the hub. Then the task publishes the bridge commands
-//!   and the snapshot.
+//! * Between two ticks the task wakes at each encoder sample, and at the first plausible sample of the bus after an
+//!   alarm. The task then updates the estimates of the hub, and passes the feedback of the bridges to the hub. If a
+//!   direct command waits, the task applies all waiting commands, and executes the direct ones without waiting for a
+//!   tick. A new state of the bus may change the bridge commands too.
+//! * At each tick the task applies the commands that still wait, and steps the hub. Then the task publishes the bridge
+//!   commands and the snapshot.
 
 use super::capture::CAPTURE_INTERVAL;
 use super::{Health, Task, Wires, micros, whole_millisecond};
@@ -18,10 +18,12 @@ use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
 
-/// Runs the task. Never returns. The hub is borrowed, because an async function would hold an owned hub twice in its memory.
+/// Runs the task. Never returns. The hub is borrowed, because an async function would hold an owned hub twice in its
+/// memory.
 ///
-/// The first tick is due one control period after the first whole millisecond, and the next ticks each one period later. If a tick
-/// ends when the next one is due already, the ticks that are due by then are left out and counted as missed.
+/// The first tick is due one control period after the first whole millisecond, and the next ticks each one period
+/// later. If a tick ends when the next one is due already, the ticks that are due by then are left out and counted as
+/// missed.
 pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>, health: &Health) -> ! {
     let period = Duration::from_micros(hub.period().as_micros());
     let snapshots = wires.snapshot.sender();
@@ -32,7 +34,8 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
     let mut armed = false;
     loop {
         if news_before(due, &mut armed, wires).await {
-            // After an alarm of the bus the readings are unchanged. Processing unchanged readings does not change the estimates.
+            // After an alarm of the bus the readings are unchanged. Processing unchanged readings does not change the
+            // estimates.
             wires.update_newest(|newest| {
                 hub.sample(newest.readings());
                 if samples_between_ticks {
@@ -91,12 +94,12 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
 
 /// Waits for news or for the tick that is due at this time. Returns true if there is news.
 ///
-/// A poll of a timer stores the time at which the task must wake in the queue of all timers, and searches this queue. News comes every
-/// millisecond, so the timer is polled only once before the tick is due, and `armed` is then true. The time stays in the queue when
-/// the timer is dropped.
+/// A poll of a timer stores the time at which the task must wake in the queue of all timers, and searches this queue.
+/// News comes every millisecond, so the timer is polled only once before the tick is due, and `armed` is then true. The
+/// time stays in the queue when the timer is dropped.
 ///
-/// The queue stores one time for each task. If control shares its task with other futures, they may replace the time. One of them
-/// must then wake the task every millisecond, as the capture does.
+/// The queue stores one time for each task. If control shares its task with other futures, they may replace the time.
+/// One of them must then wake the task every millisecond, as the capture does.
 async fn news_before<M: RawMutex, const N: usize>(
     due: Instant,
     armed: &mut bool,

@@ -72,8 +72,8 @@ pub enum Refusal {
     Uneven,
     /// The motion has too few counts for an error below 10 %.
     Unsure,
-    /// A constant found is out of its range, or the back EMF is implausible: less than 0.7 times the configured back EMF
-    /// or more than 8 times, by more than two standard errors.
+    /// A constant found is out of its range, or the back EMF is implausible: less than 0.7 times the configured back
+    /// EMF or more than 8 times, by more than two standard errors.
     Implausible,
 }
 
