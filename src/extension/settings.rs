@@ -58,14 +58,16 @@ pub struct MotorSettings {
     pub mode: RunMode,
     /// Current above which the hub reports an alert, in milliamperes; 0 for no alert.
     pub current_alert_ma: u16,
-    /// Terms that a host has stated for the velocity loop. Hosts read the terms back; regulation does not use them.
+    /// Terms (PID or PIDF) that a host has sent with the coefficients of the velocity loop. Hosts read the terms back;
+    /// regulation does not use the terms.
     pub velocity_terms: Terms,
-    /// Terms that a host has stated for the position loop. Hosts read the terms back; regulation does not use them.
+    /// Terms (PID or PIDF) that a host has sent with the coefficients of the position loop. Hosts read the terms back;
+    /// regulation does not use the terms.
     pub position_terms: Terms,
 }
 
 impl MotorSettings {
-    /// Creates the settings before a host has changed any: mode power, and no current alert.
+    /// Creates the settings that a motor has before a host changes a setting: mode power, and no current alert.
     pub const fn new(motor: Settings) -> Self {
         let (velocity_terms, position_terms) = (Terms::Pidf, Terms::Pidf);
         Self { motor, mode: RunMode::Power, current_alert_ma: 0, velocity_terms, position_terms }
@@ -387,7 +389,7 @@ impl Values {
         self.group
     }
 
-    /// Returns `settings` with these values.
+    /// Returns a copy of `settings` in which this group has these values.
     ///
     /// # Errors
     /// Refuses linear current if the resistance in these values is 0, although the motor may have a configured
@@ -422,9 +424,10 @@ impl Values {
 ///
 /// A number has the parts `name, integer type in a packet / steps per unit, get, set`. `limits` replaces the limits of
 /// the integer type. `zero` states the meaning of the raw value 0, which otherwise is the number 0. If the setting has
-/// the integer type of the packet, and no other limits, the place in the settings stands instead of `get` and `set`.
+/// the integer type of the packet, and no other limits, the path of the setting replaces `get` and `set`, for example
+/// `; motor.bridge.timing.change_us`.
 ///
-/// A choice has the parts `name, each word with its value; place in the settings`. `up to` replaces the largest raw
+/// A choice has the parts `name, each word with its value; path of the setting`. `up to` replaces the largest raw
 /// value. A raw value beyond the last word sets the value of the last word, and [`Field::word_of`] returns `None` for
 /// the raw value.
 macro_rules! fields {
@@ -465,7 +468,7 @@ macro_rules! fields {
             most: stated_or(&[$($most)?], [$($word),+].len() as i64 - 1),
             get: |settings| {
                 let mut values = [$($value),+].into_iter();
-                // Scheme D with a blend other than 0 is not listed, and has the last word.
+                // Scheme D with a blend other than 0 is not in the list, and is converted to the last word.
                 let last = values.len() as i64 - 1;
                 values.position(|value| value == settings.$($place).+).map_or(last, |code| code as i64)
             },

@@ -146,7 +146,7 @@ impl<'a> Record<'a> {
         }
         self.state = RunState {
             run: self.state.run,
-            // In units of 1024 us: a 64-bit division by 1000 at each tick would be slow.
+            // In units of 1024 us, because a 64-bit division by 1000 at each tick would be slow.
             time: (snapshot.at.get() / 1024) as u32,
             battery: snapshot.battery,
             next: (self.state.next + 1) % SLOTS as u8,
@@ -189,8 +189,8 @@ impl<'a> Record<'a> {
     /// Writes an entry for each new fault of a motor.
     #[cold]
     fn record_faults(&mut self, motor: usize, new: u8) {
-        // At this tick the fault may have changed the command already. The tick before has the command without the
-        // fault.
+        // The fault may have changed the command of this tick. The command of the tick before is the last command
+        // without the fault.
         let drive = self.drive_ago(motor, 2);
         for fault in Fault::in_bits(new) {
             self.write(fault, [0; 2], Some(motor), drive);
@@ -206,7 +206,7 @@ impl<'a> Record<'a> {
             // All motors share one battery, so an unknown battery is recorded once and not once per motor.
             let same_motor = head.motor == index || fault == Fault::BatteryUnknown;
             let repeated = head.fault == fault && head.detail == detail && same_motor;
-            // A hub that resets again and again before its first tick fills one entry, and does not delete older ones.
+            // A hub that resets repeatedly before its first tick fills one entry only, so older entries are kept.
             let both_without_ticks = self.state.filled == 0 && head.ticks == 0;
             repeated && (head.run == self.state.run as u16 || both_without_ticks)
         }) {

@@ -14,10 +14,10 @@
 //! * A *channel* holds the settings, the targets and the pending commands of one motor.
 //! * A request that is refused changes neither settings nor motion.
 //! * A motor is *enabled* by a valid *set enable* only. While the battery is low or unknown, *set enable* is refused.
-//!   Motors that are enabled already go on running within the limits of the supply.
+//!   Motors that were enabled before continue to run within the limits of the supply.
 //! * *Fail-safe* disables all motors and releases all outputs. It begins when a host requests it, or 2.5 s after the
-//!   last packet for this hub. After a request all motors coast. After a silence each motor coasts or brakes according
-//!   to its setting `on_fault`.
+//!   last packet for this hub. If a host has requested fail-safe, all motors coast. If the time has run out, each motor
+//!   coasts or brakes according to its setting `on_fault`.
 //!
 //! The responder has no clock, no await and no hardware. `tasks::responder` is the task that calls the responder.
 //!
@@ -91,7 +91,8 @@ const VERSION_TEXT: &[u8] =
     without_zero(concat!("HW: 20, Maj: 1, Min: 8, Eng: 2, mh", env!("CARGO_PKG_VERSION"), "\0").as_bytes());
 const _: () = assert!(VERSION_TEXT.len() <= LONGEST_VERSION);
 
-/// Returns a text without the zero at its end. Programs find the version text in a firmware image by this zero.
+/// Returns a text without the zero at its end. The zero marks the end of the version text in a firmware image, where
+/// programs search for the text.
 const fn without_zero(text: &[u8]) -> &[u8] {
     match text.split_last() {
         Some((_, text)) => text,
@@ -129,13 +130,13 @@ pub enum Line {
 pub struct Responder<const N: usize> {
     /// Address in force.
     address: Address,
-    /// Message number of the last reply; 0 before the first.
+    /// Message number of the last reply; 0 before the first reply.
     number: u8,
     keep_alive: KeepAlive,
     channels: [MotorChannel; N],
     /// Address that the firmware was built with. A stored address replaces it.
     factory_address: Address,
-    /// Settings that the firmware was built with. Stored settings replace them.
+    /// Settings that the firmware was built with. Stored settings replace these settings.
     factory: [Settings; N],
     /// True if the board has a memory for settings, whose task will report the contents.
     expects_store: bool,
@@ -143,7 +144,7 @@ pub struct Responder<const N: usize> {
     memory: Option<Memory>,
     /// The firmware update. `None` on a board without a bootloader.
     update: Option<Update>,
-    /// Version of new firmware that a host has announced last. Empty before.
+    /// Version of the new firmware that a host has announced last. Empty before the first announcement.
     announced_version: Text,
     /// The hubs behind this hub, at the parent's end of the chain line. `None` on a board without a chain line.
     pub chain: Option<Chain>,
@@ -247,7 +248,8 @@ impl<const N: usize> Responder<N> {
     }
 
     /// Returns the time at which the keep-alive timer runs out or the chain line is free, whichever is earlier.
-    /// [`tick`](Self::tick) must be called then. `None` if neither is awaited.
+    /// [`tick`](Self::tick) must be called at this time. `None` if the timer does not run and the hub does not wait for
+    /// the chain line.
     pub fn deadline(&self) -> Option<Micros> {
         let chain = self.chain.as_ref().and_then(Chain::deadline);
         self.keep_alive.deadline().into_iter().chain(chain).min()
@@ -279,10 +281,11 @@ impl<const N: usize> Responder<N> {
         self.receive_with(packet, Line::Host, now, snapshot, None)
     }
 
-    /// Executes a request like [`receive`](Self::receive), from either line, on a hub that may have a record of faults.
+    /// Executes a request from either line, on a hub that may have a record of faults. Packets from the host's line are
+    /// processed as by [`receive`](Self::receive).
     ///
-    /// Of packets on the chain line, only those with the hub's own address are answered and restart the keep-alive
-    /// timer. A fail-safe to all hubs is executed without an answer.
+    /// On the chain line, only packets with the hub's own address are answered and restart the keep-alive timer. A
+    /// fail-safe to all hubs is executed, but not answered.
     pub fn receive_with(
         &mut self,
         packet: &Packet,
@@ -323,7 +326,7 @@ impl<const N: usize> Responder<N> {
             *attention = self.keep_alive.attention();
         }
         self.number = self.number.checked_add(1).unwrap_or(1);
-        // If the request has changed the address, the reply still has the old one.
+        // If the request has changed the address, the reply still has the old address.
         Some(reply.packet(packet, address, self.number))
     }
 
@@ -390,7 +393,7 @@ impl<const N: usize> Responder<N> {
         self.outputs.disable();
     }
 
-    /// Executes a request, and returns the reply. The caller sets the attention of an acknowledgement.
+    /// Executes a request, and returns the reply. The caller sets the flag `attention` of an acknowledgement.
     fn answer(
         &mut self,
         request: Request,

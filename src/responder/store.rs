@@ -68,7 +68,7 @@ enum Access {
     Save,
     /// Writes the address in force, and keeps all other entries.
     SaveAddress,
-    /// Writes an empty record. The firmware's settings are in force since the request.
+    /// Writes an empty record. The settings that the firmware was built with are in force since the request.
     Reset,
     /// Reads the record.
     Load,
@@ -179,8 +179,8 @@ impl<const N: usize> Responder<N> {
             AccessState::Busy(_) => return None,
             AccessState::Requested(access) => access,
             AccessState::Idle if !memory.address_due => return None,
-            // The last access needed an erasure. The memory may be erased only while all motors are off, so the address
-            // waits.
+            // The last access has failed because it needed an erasure. The memory may be erased only while all motors
+            // are off, so the address waits.
             AccessState::Idle if may_erase || memory.outcome != Outcome::NeedsErase => Access::SaveAddress,
             AccessState::Idle => return None,
         };
@@ -199,8 +199,8 @@ impl<const N: usize> Responder<N> {
 
     /// Ends the running access with its result. A load puts the stored settings in force.
     ///
-    /// `found` is the contents of the memory after the access. `None` if the memory can only be read after an erasure,
-    /// while motors are not off. The contents are then unchanged.
+    /// `found` is the contents of the memory after the access. `None` if the memory must be erased before it can be
+    /// read, and a motor is not off. The contents are then unchanged.
     pub fn store_done(&mut self, found: Option<Found>, outcome: Outcome) {
         let Some(before) = &self.memory else {
             // The first report of the task has come after the time-out of the wait for stored settings.
@@ -235,7 +235,8 @@ impl<const N: usize> Responder<N> {
     /// Reports the state of the memory.
     ///
     /// # Errors
-    /// Returns [`Nack::UNSUPPORTED`] if the hub has no memory, and [`Nack::STORE_BUSY`] before the memory has reported.
+    /// Returns [`Nack::UNSUPPORTED`] if the hub has no memory, and [`Nack::STORE_BUSY`] before the task has reported
+    /// the contents.
     pub(super) fn store_report(&self) -> Result<StoreReport, Nack> {
         let memory = self.memory.as_ref().ok_or(self.no_memory())?;
         let Memory { found: Found { stored, version, record }, outcome, .. } = memory;
@@ -261,7 +262,7 @@ impl<const N: usize> Responder<N> {
         })
     }
 
-    /// True if settings, address or drive base in force would change in a restart with this record.
+    /// True if settings, address or drive base in force would change at a restart with this record.
     fn differs(&self, record: &SettingsRecord) -> bool {
         let stored = |settings: &MotorSettings, group: Group| {
             group.is_configured(settings).then(|| Values::of(group, settings))
@@ -321,7 +322,7 @@ impl<const N: usize> Responder<N> {
         newest_base(record).and_then(|entry| self.base_of(&entry))
     }
 
-    /// True if the drive base in force would change in a restart with this record.
+    /// True if the drive base in force would change at a restart with this record.
     fn base_differs(&self, record: &SettingsRecord) -> bool {
         self.stored_base(record) != self.base
     }
@@ -333,8 +334,8 @@ impl<const N: usize> Responder<N> {
         self.check_base(&base).ok().map(|()| base)
     }
 
-    /// `Some(true)` if this firmware accepts the entry, `Some(false)` if the firmware refuses the entry. `None` if the
-    /// firmware does not know the entry, or has no such motor.
+    /// Returns `Some(true)` if this firmware accepts the entry, and `Some(false)` if this firmware refuses the entry.
+    /// `None` if the firmware does not know the type of the entry, or does not have the motor.
     fn is_accepted(&self, entry: &Entry<'_>) -> Option<bool> {
         if entry.id == ADDRESS {
             return Some(address_of(entry).is_some());
@@ -367,8 +368,9 @@ fn restored(motor: u8, factory: Settings, record: &SettingsRecord) -> MotorSetti
     for group in Group::ALL {
         let entry = entries_of(record, motor, group).last();
         let values = entry.and_then(|entry| values_of(&entry, motor, group, &settings).ok());
-        // The group `SetUp` deletes dynamics, acceleration limit and coefficients when it is applied. So a group with
-        // unchanged values is not applied: the firmware may have been built with such values.
+        // Applying the group `SetUp` deletes dynamics, acceleration limit and coefficients. The firmware may have been
+        // built with a dynamics, acceleration limit or coefficients, so a group whose values do not change is not
+        // applied.
         let changes =
             |values: &Values| !group.is_configured(&settings) || *values != Values::of(group, &settings);
         if let Some(new) = values.filter(changes).and_then(|values| values.apply_to(&settings).ok()) {
