@@ -12,7 +12,8 @@
 //! * passes on the host's requests to other addresses, and the answers to them, unchanged;
 //! * asks each address after a discovery whether it has a hub, and waits [`SLOT_MICROS`] for each answer;
 //! * waits at most [`ANSWER_MICROS`] for the answer to another request. If none comes, the host gets none either;
-//! * passes on a *stop to all*, a fail-safe to the address 255, before all waiting requests. No child answers it.
+//! * passes on a *stop to all*, a fail-safe to the address 255, before all waiting requests. No child answers a stop to
+//!   all.
 //!
 //! The parent's own answers do not pass through the chain line, so no child can delay them. Each hub has its own
 //! keep-alive timer, which only packets to that hub restart.
@@ -44,7 +45,7 @@ use heapless::Deque;
 pub const ANSWER_MICROS: u64 = 10_000;
 
 /// Time for which a discovery waits for the hub at one address, in microseconds. Hosts wait about half a second for a
-/// discovery: 254 addresses take 0.51 s, and the time to send the requests.
+/// discovery: 254 addresses take 0.51 s plus the time to send the requests.
 pub const SLOT_MICROS: u64 = 2_000;
 
 /// Largest number of requests that wait for the chain line. Hosts wait for an answer before they send the next request,

@@ -325,7 +325,6 @@ impl<const N: usize> Hub<N> {
     }
 
     /// Runs one tick of all motors, and returns the state after the tick.
-    ///
     pub fn step(&mut self, inputs: &Inputs<N>) -> Snapshot<N> {
         let battery = inputs.battery.filter(|battery| battery.is_fresh(inputs.now));
         self.update_energy(inputs.now);

@@ -386,9 +386,9 @@ impl Points {
     }
 }
 
-/// The regime of a requested mean voltage at the motor's terminals, and the mean current that it requests, as the
-/// voltage `w` of [`mod@super::linear_current`], in V. The voltage is in V and for CW motion. In overrun the battery
-/// cannot drive a current: the current in forward driving is then at most 0.
+/// The regime of a requested mean voltage at the motor's terminals, and the mean current that the voltage requests, as
+/// the voltage `w` of [`mod@super::linear_current`], in V. The voltage is in V and for CW motion. In overrun the
+/// battery cannot drive a current: the current in forward driving is then at most 0.
 pub(super) fn current(voltage: f32, at: OperatingPoint) -> (Regime, f32) {
     let (e, v) = at.volts();
     if voltage > e {

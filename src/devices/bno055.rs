@@ -98,7 +98,7 @@ enum Step {
     CheckMode,
     /// The write with this index in [`CONFIGURATION`].
     Configure(usize),
-    /// Reads the quaternion. Holds true once a valid quaternion has been read.
+    /// Reads the quaternion. The value is true once a valid quaternion has been read.
     Measure(bool),
 }
 

@@ -106,7 +106,8 @@ impl MotorSettings {
         self.motor.coefficients = Some(both);
     }
 
-    /// Returns the configured coefficients of both loops, or else the guessed ones.
+    /// Returns the configured coefficients of both loops. If no coefficients are configured, returns guessed
+    /// coefficients.
     fn both_loops(&self) -> regulator::Coefficients {
         let Settings { winding, scheme, coefficients, .. } = self.motor;
         coefficients.unwrap_or_else(|| regulator::Coefficients::guessed(winding.emf, scheme, Period::DEFAULT))

@@ -29,7 +29,7 @@ payload! {
         /// Result of the last access to the memory. When a host sets an address, the hub stores the address, which is
         /// an access too.
         pub outcome: store::Outcome,
-        /// True if settings, address or drive base in force would be others after a restart.
+        /// True if settings, address or drive base in force would change at a restart.
         pub differs: bool,
         /// Number of stored entries that this firmware does not know. A save keeps these entries.
         pub unknown: u8,

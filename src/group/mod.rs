@@ -5,10 +5,10 @@
 //!   progress are limited.
 //! * A [`Reference`] is the position and the speed that a member should have now. Each tick the progress gives a
 //!   reference for each member, and the member's own regulator follows the reference.
-//! * The *lag* is how far a member is behind its reference, or, for a member that should stand still, how far it is
-//!   from it. If the largest lag exceeds half of the permitted lag, the progress slows down, and all members with it.
-//!   The larger the lag, the slower the progress. At the full permitted lag the group waits. This slowing has no limit
-//!   of acceleration.
+//! * The *lag* of a member is its distance behind its reference. For a member that should stand still, the lag is the
+//!   distance to its reference in either direction. If the largest lag exceeds half of the permitted lag, the progress
+//!   slows down, and so do all members. The larger the lag, the slower the progress. At the full permitted lag the
+//!   group waits. This slowing has no limit of acceleration.
 //!
 //! ```
 //! use motor_hub::group::{Course, Group, GroupCommand};

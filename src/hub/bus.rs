@@ -11,7 +11,7 @@ pub struct Bus {
     /// Stage of the limit on the current that motors draw from the supply. [`DrawStage::Cut`] without a fresh state of
     /// the battery.
     pub stage: DrawStage,
-    /// Share of their braking for which motors must dissipate the energy in windings and bridges. [`Share::NONE`] while
+    /// Strength with which braking motors dissipate their energy, as a share of full strength. [`Share::NONE`] while
     /// the supply takes the energy.
     pub dissipate: Share,
     /// Energy that braking motors have returned to the bus since boot. The hub computes the energy from motor constants

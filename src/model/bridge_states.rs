@@ -31,9 +31,9 @@ pub struct SwitchPattern(u8);
 /// Sign of the motor current.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CurrentSign {
-    /// Current flows from the left terminal to the right one and makes clockwise torque.
+    /// Current flows from the left terminal to the right terminal and makes clockwise torque.
     Positive,
-    /// Current flows from the right terminal to the left one and makes counter-clockwise torque.
+    /// Current flows from the right terminal to the left terminal and makes counter-clockwise torque.
     Negative,
 }
 
@@ -185,7 +185,8 @@ impl State {
     pub const fn terminal(self, sign: CurrentSign) -> TerminalVoltage {
         match self.pattern().terminal(sign) {
             Some(terminal) => terminal,
-            // No state is a short circuit, which a test checks. If a state were one, this terminal voltage would be 0.
+            // No state is a short circuit, which a test checks. If a state were a short circuit, this terminal voltage
+            // would be 0.
             None => TerminalVoltage { battery: 0, diode: 0, switches: 0 },
         }
     }

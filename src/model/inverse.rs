@@ -108,7 +108,7 @@ impl Circuit {
         let charge = r * i.abs() * periods;
         let fall_time = |x: f64| (ratio * -(-x).exp_m1()).ln_1p();
         // Newton's method. The charge is convex in x, and the first estimate comes from the leading term of the charge.
-        // From any estimate the next one is above the root, so all later estimates approach the root from above.
+        // After any estimate the next estimate is above the root, so all later estimates approach the root from above.
         let mut x = (2.0 * charge / (rise * (1.0 + ratio))).sqrt();
         for _ in 0..60 {
             let decay = (-x).exp();

@@ -153,7 +153,7 @@ impl Temperatures {
         1.0 + 0.0039 * self.winding_k
     }
 
-    /// Returns the back-EMF constant divided by the one in the catalogue. The torque constant has the same ratio.
+    /// Returns the back-EMF constant divided by the constant in the catalogue. The torque constant has the same ratio.
     #[must_use]
     pub fn field_share(&self) -> f64 {
         1.0 - 0.002 * self.magnets_k

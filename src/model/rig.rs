@@ -90,8 +90,8 @@ impl Rig {
         &self.shutdowns
     }
 
-    /// Advances each plant by `dt`, and returns the result of each plant. A plant without an input coasts. So does a
-    /// plant whose bridge has shut down.
+    /// Advances each plant by `dt`, and returns the result of each plant. A plant without an input coasts. A plant
+    /// whose bridge has shut down coasts too.
     pub fn run(&mut self, dt: Seconds, inputs: &[PlantInput]) -> Vec<Flow> {
         let mut flows = vec![Flow::default(); self.plants.len()];
         if dt.0 <= 0.0 {

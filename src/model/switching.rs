@@ -12,7 +12,7 @@
 //!
 //! The solution is an exponential, and the time at which the current reaches zero is a logarithm. The result is exact
 //! for a bridge that switches in no time. A bridge with slow edges is approximated by steps of constant voltage. At
-//! zero current the voltages decide whether current starts in one direction. If none starts, conduction is
+//! zero current the voltages decide whether current starts in one direction. If no current starts, conduction is
 //! *discontinuous*.
 //!
 //! ```

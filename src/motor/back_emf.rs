@@ -1,7 +1,7 @@
 //! Corrects the configured constants of a motor that has become warm, or whose speed hunts.
 //!
-//! Copper gains 0.39 % of its resistance a kelvin, and magnets lose some 0.2 % of their field. Two things correct the
-//! constants in force:
+//! Per kelvin, the resistance of copper grows by 0.39 %, and the field of the magnets falls by some 0.2 %. Two things
+//! correct the constants in force:
 //!
 //! * The [thermal model](super::thermal) computes the temperatures of a motor with a thermal limit. Back EMF constant,
 //!   dynamics and duty rule follow these temperatures.

@@ -87,8 +87,8 @@ const EXPECTED_COUNTS: f32 = 6.0;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EncoderFault {
-    /// The encoder sends no counts although the motor should turn, or toggles by one count. An encoder toggles if one
-    /// of its wires is broken.
+    /// The encoder sends no counts although the motor should turn, or toggles by one count. An encoder with one broken
+    /// wire toggles.
     Stuck,
     /// The encoder sends counts in the wrong direction.
     Reversed,

@@ -20,7 +20,7 @@ macro_rules! faults {
             /// All faults, in the order of their numbers.
             pub const ALL: &[Self] = &[$(Self::$fault),+];
 
-            /// Returns the fault with this number, or `None` if no fault has it.
+            /// Returns the fault with this number, or `None` if no fault has this number.
             pub const fn from_number(number: u8) -> Option<Self> {
                 match number {
                     $($number => Some(Self::$fault),)+

@@ -35,7 +35,7 @@ pub(super) struct RunState {
     pub(super) run: u32,
     /// Time since the run began, in units of 1024 us.
     pub(super) time: u32,
-    /// Battery voltage; `None` if it is unknown.
+    /// Battery voltage; `None` if the voltage is unknown.
     pub(super) battery: Option<Millivolts>,
     /// Index of the next slot to write, in the record's ring of ticks.
     pub(super) next: u8,

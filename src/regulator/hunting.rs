@@ -10,9 +10,9 @@
 //!   level     0      0        1     boundary       2
 //! ```
 //!
-//! The detector adds up the changes of this level with a large enough swing of the current, while the speed is near
-//! its set-point and the set-point is constant. Old swings lose weight with every tick. With a wrong load, inertia or
-//! resistance the current swings less, or only for a while.
+//! The detector counts the changes of this level at which the current has swung far enough. Changes count only while
+//! the speed is near its set-point and the set-point is constant. Old swings lose weight with every tick. With a wrong
+//! load, inertia or resistance the current swings less, or stops swinging after some time.
 
 /// Limits of the detector. The values are from simulations of 558 set-points and two sets of random scenarios.
 struct Limits {
@@ -58,7 +58,7 @@ pub(super) struct Hunting {
 }
 
 impl Hunting {
-    /// Takes a tick. `boundary` computes the boundary, a current as a voltage in V, and is called only while the
+    /// Executes a tick. `boundary` computes the boundary, a current as a voltage in V, and is called only while the
     /// motor is steady and driven. Returns true at a change of level that shows that the motor hunts.
     pub(super) fn step(&mut self, tick: &Tick, boundary: impl FnOnce() -> f32) -> bool {
         let current = (tick.volts - tick.emf_volts) * 1.0f32.copysign(tick.emf_volts);

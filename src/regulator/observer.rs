@@ -23,7 +23,7 @@
 //! speed is demanded, every sample with a late count corrects x.
 //!
 //! The gains follow from the time t since the last correction. They are the gains of a filter with three equal poles at
-//! `exp(-wo t)`, where wo is at most [`Filter::poles`], so a motor at 5 counts/s is estimated as reliably as a motor at
+//! `exp(-wo t)`, where wo is at most [`Filter::poles`]. So a motor at 5 counts/s is estimated as reliably as a motor at
 //! 5000 counts/s:
 //!
 //! ```text
@@ -207,7 +207,7 @@ impl Observer {
         }
         self.overdue = false;
         self.x -= moved as f32;
-        // The edge came at an unknown time since the last sample, so the shaft may be this far beyond it.
+        // The edge came at an unknown time since the last sample, so the shaft may be this far beyond the edge.
         let beyond = at_most(self.w.abs() * SAMPLE_S, 1.0);
         let (least, most) = if moved > 0 { (0.0, beyond) } else { (1.0 - beyond, 1.0) };
         self.confine(plant, least, most)

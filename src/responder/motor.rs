@@ -222,9 +222,9 @@ impl MotorChannel {
         self.release(Setpoint::Disabled);
     }
 
-    /// Disables the motor because the host is silent. The motor then coasts or brakes according to its setting
-    /// `on_fault`. A disabled motor that is to brake keeps its present command, which may be the brake of an earlier
-    /// fail-safe.
+    /// Disables the motor because the keep-alive timer has run out. The motor then coasts or brakes according to its
+    /// setting `on_fault`. If the setting is brake, a motor that is already disabled keeps its present command, which
+    /// may be the brake of an earlier fail-safe.
     pub(super) fn fail_safe(&mut self) {
         match self.settings.motor.on_fault {
             OnFault::Coast => self.disable(),

@@ -85,8 +85,8 @@ pub struct StoreRequest {
 /// Result of a [`StoreRequest`]. At boot the task sends a first result without a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StoreResult {
-    /// Contents of the memory after the request. `None` if the contents cannot be read until all motors are off. They
-    /// have not changed then.
+    /// Contents of the memory after the request. `None` if the contents cannot be read until all motors are off. The
+    /// contents are then unchanged.
     pub found: Option<Found>,
     /// How the request ended.
     pub outcome: Outcome,

@@ -8,8 +8,8 @@
 //! plausible| draw 0   | draw 0..1 |  Derated | draw to 1  |  dissipate energy         | motors dissipate
 //! ```
 //!
-//! * The *draw* is a share from 0 to 1. A motor may take that share of its current at standstill and full duty from the
-//!   bus. After the stage `Derated` the draw rises to 1 within a second.
+//! * The *draw* is a share from 0 to 1. The draw is the current that a motor may take from the bus, divided by its
+//!   current at standstill and full duty. After the stage `Derated` the draw rises to 1 within a second.
 //! * The [`DrawStage`] has hysteresis. The stage `Full` lasts until the filtered voltage is below `derate`. The stage
 //!   `Derated` lasts until the filtered voltage reaches `recover`. The stage `Cut` lasts until the filtered voltage is
 //!   back at `derate`.
@@ -81,7 +81,8 @@ pub struct Battery {
     pub stage: DrawStage,
     /// Current that each motor may draw, as a share of its current at standstill and full duty.
     pub draw: Share,
-    /// How strongly braking motors must dissipate energy. [`Share::NONE`] lets them return it to the bus.
+    /// Strength with which braking motors must dissipate energy, as a share of full strength. With [`Share::NONE`]
+    /// braking motors may return their energy to the bus.
     pub dissipate: Share,
 }
 

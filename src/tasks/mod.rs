@@ -117,8 +117,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub bus: Mutex<M, Cell<BusReading>>,
     /// Queue of commands to motors, from all tasks to control, first in first out.
     commands: Channel<M, Command, COMMANDS>,
-    /// Number of the newest command that has entered `commands`; 0 before the first. The lock is held while a command
-    /// enters, so that commands have their numbers in the order of the queue.
+    /// Number of the newest command that has entered `commands`; 0 before the first command. The lock is held while a
+    /// command enters, so that commands have their numbers in the order of the queue.
     newest_command: Mutex<M, Cell<u32>>,
     /// Set with each direct command: control must apply the waiting commands the next time that `news` wakes control. A
     /// tick applies them too, but does not clear the flag.

@@ -186,7 +186,7 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
     }
 
     /// Writes one word. Missing bytes at its end are written as 0xFF. If the word is the first of a page, the page is
-    /// erased before.
+    /// erased first.
     async fn write_word(&mut self, at: u32, bytes: &[u8]) -> Result<(), D::Error> {
         let page = D::ERASE_SIZE as u32;
         if at.is_multiple_of(page) {
@@ -201,7 +201,7 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
     ///
     /// The image must read back with this CRC-32. If there is a seal, the seal must have a valid signature of the
     /// image, and the image must not be older than the present firmware. The check of a signature blocks the processor
-    /// for some 10 ms, so the method awaits `motors_off` before.
+    /// for some 10 ms, so the method first awaits `motors_off`.
     pub async fn arm(
         &mut self,
         length: u32,

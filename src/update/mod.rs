@@ -23,8 +23,8 @@
 //! If the hub has the key of a [signer](Slot::signer), the host must send a signature before the first chunk. The hub
 //! then arms an image only if its signature is valid.
 //!
-//! [`Update`] decides and does not access the flash. The *slot task* (`tasks::update`) owns the flash. It carries out
-//! each [`UpdateRequest`] and answers with [`Done`].
+//! [`Update`] accepts or refuses requests, and does not access the flash. The *slot task* (`tasks::update`) owns the
+//! flash. It carries out each [`UpdateRequest`] and answers with [`Done`].
 //!
 //! ```
 //! use motor_hub::update::{Booted, CHUNK, Done, UpdateRequest, Outcome, Phase, Slot, Update};
@@ -157,7 +157,7 @@ pub enum Outcome {
     Done,
     /// The flash reported an error, or the chip did not restart.
     Refused,
-    /// The CRC-32 that the flash reads back differs from the announced one.
+    /// The CRC-32 that the flash reads back differs from the announced CRC-32.
     Mismatch,
     /// The signature is not valid for this image.
     WrongSignature,
@@ -372,7 +372,7 @@ impl Update {
     }
 
     /// Hands the pending request to the slot task. `None` if no request is pending, or while the task carries out
-    /// another one.
+    /// another request.
     ///
     /// The task must report the result to [`done`](Self::done).
     pub fn request(&mut self) -> Option<UpdateRequest> {
@@ -418,7 +418,7 @@ impl Update {
         self.outcome
     }
 
-    /// Returns true while the slot task carries out a request or has one waiting.
+    /// Returns true while the slot task carries out a request, or a request waits for the task.
     pub const fn at_work(&self) -> bool {
         self.at_work || self.pending.is_some()
     }
@@ -433,7 +433,7 @@ impl Update {
         self.slot
     }
 
-    /// Refuses if the slot task carries out a request or has one waiting.
+    /// Refuses if the slot task carries out a request, or if a request waits for the task.
     const fn check_idle(&self) -> Result<(), Nack> {
         if self.at_work() { Err(Nack::UPDATE_BUSY) } else { Ok(()) }
     }

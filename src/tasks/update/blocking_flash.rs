@@ -15,8 +15,7 @@ pub struct BlockingFlash<F> {
     pub flash: F,
     /// Function that is called while an operation is pending. It may sleep until the next interrupt.
     pub idle: fn(),
-    /// Function that is called before each erasure. A bootloader can feed its watchdog here, because a step of its work
-    /// has succeeded.
+    /// Function that is called before each erasure. A bootloader can feed its watchdog in this function.
     pub erasing: fn(),
 }
 
