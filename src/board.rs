@@ -151,8 +151,8 @@ impl Devices for () {
     }
 }
 
-/// One I2C bus for hosts. The transfers are those of embedded-hal: a write, a read, and a write with a read after a
-/// repeated start.
+/// One I2C bus for hosts. The transfers are the transfers of embedded-hal: a write, a read, and a write with a read
+/// after a repeated start.
 ///
 /// A transfer's future may be dropped at any time, after which the bus must be [freed](Self::free). A device may
 /// stretch the clock for 30 ms. `NoAcknowledgeSource` says which byte had no acknowledgement.

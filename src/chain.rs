@@ -11,7 +11,7 @@
 //! the parent. A child sends on the chain line only to answer the parent. The parent
 //! * passes on the host's requests to other addresses, and the answers to them, unchanged;
 //! * asks each address after a discovery whether it has a hub, and waits [`SLOT_MICROS`] for each answer;
-//! * waits at most [`ANSWER_MICROS`] for the answer to another request. If none comes, the host gets none either;
+//! * waits at most [`ANSWER_MICROS`] for the answer to another request. If no answer comes, the host gets no answer;
 //! * passes on a *stop to all*, a fail-safe to the address 255, before all waiting requests. No child answers a stop to
 //!   all.
 //!

@@ -325,8 +325,8 @@ struct PwmPeriod {
 
 impl PwmPeriod {
     /// Creates a period from its length in winding time constants. A length above 127 is limited to 127, because the
-    /// current of so long a period follows the switches without a noticeable delay. `None` for a length up to 2^-10,
-    /// because the current hardly changes within so short a period.
+    /// current then follows the switches almost without delay. `None` for a length up to 2^-10, because the current
+    /// then hardly changes within a period.
     fn new(length: f32) -> Option<Self> {
         let length = at_most(length, 127.0);
         (length > 1.0 / 1024.0).then(|| Self { length, growth: at_most(expm1f(length) / length, 4096.0) })

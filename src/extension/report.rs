@@ -1,9 +1,8 @@
 //! Reports of motors, bridges and bus.
 //!
 //! A [`HubReport`] has the state of all motors and of the bus in one answer, for hosts that plot, tune or record while
-//! motors run. Its values are those of the last control tick. Positions and velocities are from the newest encoder
-//! sample, which may be newer than the tick. [`Commands`] tell whether the values include the effects of all earlier
-//! requests.
+//! motors run. Its values are from the last control tick. Positions and velocities are from the newest encoder sample,
+//! which may be newer than the tick. [`Commands`] tell whether the values include the effects of all earlier requests.
 //!
 //! Newer firmware may add fields at the end of each motor's fields, and after all motors. A host ignores fields that it
 //! does not know.

@@ -518,8 +518,8 @@ const SET_UP: &[Field] = fields! {
         motor.scheme
     }
     {
-        // A blend of 1, which is the same as Scheme C, does not fit in 16 bits. Its raw value is that of the largest
-        // blend below 1.
+        // A blend of 1, which is the same as Scheme C, does not fit in 16 bits. A blend of 1 has the raw value of the
+        // largest blend below 1.
         "blend", u16 / 1 << 16,
         |settings| match settings.motor.scheme {
             Scheme::D(Blend::Fixed(blend)) => u16::try_from(blend.to_bits()).unwrap_or(u16::MAX),

@@ -13,8 +13,8 @@
 //! ```
 //! use motor_hub::model::bridge_states::{Effect, SwitchPattern};
 //!
-//! // In state 8 only S1 is closed. With a back EMF of 5 V and a battery of 12 V a motor that turns CW coasts, and a motor
-//! // that turns CCW brakes.
+//! // In state 8 only S1 is closed. The back EMF is 5 V, and the battery has 12 V. A motor that turns CW coasts. A
+//! // motor that turns CCW brakes.
 //! let pattern = SwitchPattern::new(8).expect("one of the sixteen");
 //! assert_eq!(pattern.effect(5_000, 12_000, 700), Effect::Coast);
 //! assert_eq!(pattern.effect(-5_000, 12_000, 700), Effect::BrakeToVcc);

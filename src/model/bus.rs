@@ -83,8 +83,8 @@ impl Bus {
 
     /// Advances by `time`, in which the source charges or discharges the capacitor.
     ///
-    /// The voltage stays as it is while the contactor is open. It also stays if [`one_way`](Self::one_way) is true and
-    /// the voltage of the bus is not below the voltage of the source.
+    /// The voltage does not change while the contactor is open. The voltage also does not change if
+    /// [`one_way`](Self::one_way) is true and the voltage of the bus is not below the voltage of the source.
     pub fn wait(&mut self, time: Seconds, source: &Battery) {
         let difference = self.voltage - source.emf.0;
         if !self.closed || (self.one_way && difference >= 0.0) {

@@ -115,7 +115,8 @@ pub struct CatalogueEntry {
 /// Text of the data file.
 const TABLE: &str = include_str!("motors.csv");
 
-/// Returns the text of a row in the column with this heading. `headings` are those of all columns in their order.
+/// Returns the text of a row in the column with this heading. `headings` are the headings of all columns in their
+/// order.
 fn text<'r>(headings: &[&str], row: &[&'r str], heading: &str) -> Option<&'r str> {
     row.get(headings.iter().position(|&known| known == heading)?).copied()
 }

@@ -191,13 +191,13 @@ mod tests {
         let friction = hot.dynamics.map(|dynamics| dynamics.friction.get());
         assert!(friction.is_some_and(|mv| (500.0 / share(gain) - f32::from(mv)).abs() < 2.0), "{friction:?}");
 
-        // Dynamics that are configured now are those of the hot motor.
+        // Dynamics that are configured now belong to the hot motor.
         let identified = Settings { dynamics: hot.dynamics, ..settings };
         configured.configure(&identified);
         let in_force = configured.in_force(&identified);
         assert_eq!(in_force.dynamics, hot.dynamics);
         assert_eq!(in_force.winding, hot.winding);
-        // A motor that hunts in spite of its temperature has a lower constant.
+        // The constant of a hot motor that also hunts is lower still.
         assert!(
             configured.lower() && (configured.emf_share() - 0.89).abs() < 1e-3,
             "{}",

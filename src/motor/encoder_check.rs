@@ -59,10 +59,10 @@
 //! | turned steadily, then silent | 250 ms, with a control period of any length |
 //! | started from rest, and none of the cases below | 250 ms from full drive voltage on |
 //! | has a least gain, but is slow-counting or heavy | more than 250 ms, until the expected distance is reached |
-//! | without a least gain, last turned in the other direction | 1 s, because a heavy motor may take that long to reverse |
-//! | without a least gain, has toggled a few times | 1 s, because a heavy motor may take that long to start |
+//! | without a least gain, last turned in the other direction | 1 s: a heavy motor may take that long to reverse |
+//! | without a least gain, has toggled a few times | 1 s: a heavy motor may take that long to start |
 //! | without a least gain and slow-counting | some 4 s |
-//! | dynamics not configured, runs away after its encoder has sent counts in the right direction | 2 s if it does not become faster, because the motor may be heavy |
+//! | dynamics not configured, encoder trusted, runs away, does not become faster | 2 s: the motor may be heavy |
 //!
 //! The check for a stuck encoder needs a set-point of speed or position, also in a group, and a requested speed of at
 //! least 40 counts/s. So open loop, constant current and identification are excluded, and so is a motor that holds its
@@ -161,7 +161,7 @@ impl EncoderCheck {
 /// States of the check.
 #[derive(Clone, Copy, Debug)]
 enum State {
-    /// The regulator drives the motor. The expected distance is that of the present silence.
+    /// The regulator drives the motor. `Expected` holds the expected distance of the present silence.
     Watching(Expected),
     /// The bridge is in reverse at the end of the control range, and the motor turns at the wrong speed.
     RunningAway(Runaway),
@@ -171,7 +171,7 @@ enum State {
         /// Time in this state, in ms.
         ms: u32,
     },
-    /// The motor is driven in the other direction. The expected distance is that of the probe.
+    /// The motor is driven in the other direction. `expected` holds the expected distance of the probe.
     Probing { suspect: Suspect, expected: Expected },
     /// The regulator drives the motor against a stop.
     Stalled(Stall),
@@ -369,8 +369,8 @@ impl Suspect {
         }
     }
 
-    /// Executes a tick of Releasing without a motion, `ms` after the release began. Begins the probe when the release is
-    /// over.
+    /// Executes a tick of Releasing without a motion. `ms` is the time since the release began. Begins the probe when
+    /// the release is over.
     fn release(self, ms: u32) -> State {
         if ms < Self::SHORTEST_MS {
             State::Releasing { suspect: self, ms }

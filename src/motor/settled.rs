@@ -54,7 +54,7 @@ mod tests {
     /// Pairs of a period in milliseconds and the number of ticks until the dwell is over.
     const TICKS: [(u32, usize); 4] = [(1, 50), (30, 2), (50, 1), (100, 1)];
 
-    /// Takes a tick at a control period of this number of milliseconds, with a speed in counts/s.
+    /// Executes a tick at a control period of `ms` milliseconds, with a speed in counts/s.
     fn step(detector: &mut SettleDetector, ms: u32, within_tolerance: bool, speed: i32) -> bool {
         let period = Period::from_millis(ms).unwrap_or_default();
         detector.step(within_tolerance, CountsPerSecond::new(speed), period)

@@ -50,7 +50,7 @@ const COPPER_PER_K: f32 = 0.0039;
 /// Loss of the field of ferrite magnets per kelvin, as a share of the field of cold magnets.
 const FERRITE_PER_K: f32 = 0.002;
 
-/// Temperatures of a motor above those of a cold motor.
+/// Temperature rises of a motor above the temperatures of a cold motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Temperatures {
     /// Temperature rise of the winding, in K.
@@ -115,7 +115,7 @@ impl Thermal {
         })
     }
 
-    /// The temperatures of the motor. Without a limit they are those of a cold motor.
+    /// The temperatures of the motor. Without a limit the motor counts as cold.
     pub(super) fn temperatures(&self, limit: Option<ThermalLimit>) -> Temperatures {
         let Some(limit) = limit else { return Temperatures::COLD };
         let per_square = RISE_K / (limit.continuous_amperes() * limit.continuous_amperes());
@@ -171,7 +171,7 @@ mod tests {
             self.0.step(Some(limit()), self.1, Milliamperes::new(ma));
         }
 
-        /// The heat after a constant current in mA for this time.
+        /// The heat after a constant current of `ma` mA for `seconds`.
         fn after(&mut self, seconds: f32, ma: i32) -> f32 {
             for _ in 0..(seconds / self.1.to_seconds()) as u32 {
                 self.step(ma);

@@ -1,8 +1,9 @@
 //! Requests to digital pins, servo outputs and I2C buses. A hub refuses requests to pins, outputs and buses that the
 //! hub does not have.
 //!
-//! A transfer on an I2C bus takes two requests. The first request starts the transfer, and is acknowledged at once. The
-//! second request *polls* the transfer: its answer is the result, or the refusal that the transfer is still running.
+//! A transfer on an I2C bus takes two requests. The first request starts the transfer, and is acknowledged immediately.
+//! The second request *polls* the transfer: its answer is the result, or the refusal that the transfer is still
+//! running.
 //!
 //! ```
 //! use motor_hub::extension::Request;

@@ -73,7 +73,8 @@ reasons! {{
 }}
 
 impl Nack {
-    /// Creates the refusal of a parameter that is out of range or missing. `index` is the number of the parameter, from 0.
+    /// Creates the refusal of a parameter that is out of range or missing. `index` is the number of the parameter; the
+    /// first parameter has number 0.
     ///
     /// The numbers 10 and above are other reasons. A parameter with a number above 9 is therefore reported as number 9.
     pub const fn parameter(index: u8) -> Self {

@@ -322,8 +322,9 @@ impl Regulator {
         }
     }
 
-    /// Replaces the back EMF constant and the dynamics by those of `settings`, which are corrected for a warm motor.
-    /// The learned gain of an unknown motor, the estimated position and speed, and the present acceleration are kept.
+    /// Replaces the back EMF constant and the dynamics by the values in `settings`, which are corrected for a warm
+    /// motor. The learned gain of an unknown motor, the estimated position and speed, and the present acceleration are
+    /// kept.
     pub fn correct_constants(&mut self, settings: &Settings, period: Period) {
         let Motion { plant, observer, state, .. } = self.motion;
         let mut motion = Motion { state, ..Motion::new(settings, plant.b, period, observer) };

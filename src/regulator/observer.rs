@@ -16,8 +16,8 @@
 //! noise: at 1000 counts/s every sample has one count, whatever x is.)
 //!
 //! A count is *late* while the predicted x is outside of its count and the count has not come. When the late count
-//! comes, it shows how long the motor took for the whole count. A correction at every sample before the count would
-//! make the estimate that of a motor that creeps along the edge of its count. So nothing is corrected before the count
+//! comes, it shows how long the motor took for the whole count. With a correction at every sample before the count, the
+//! observer would estimate a motor that creeps along the edge of its count. So nothing is corrected before the count
 //! comes, and [`Observer::with_late_count`] returns the estimate as if the count came now. There are two exceptions.
 //! Once x is late by a whole count, the motor may stand, so every further sample without a count corrects x. While no
 //! speed is demanded, every sample with a late count corrects x.

@@ -50,12 +50,11 @@ pub(super) struct Stream {
 pub(super) struct Target {
     /// Demanded speed of the last set-point, in counts/s.
     pub(super) demanded: f32,
-    /// Speed that the motor should have at the tick's end, in counts/s. The sign is that of `demanded`, or the speed is
-    /// 0.
+    /// Speed that the motor should have at the tick's end, in counts/s. This speed has the sign of `demanded`, or is 0.
     pub(super) end: f32,
     /// Change of the demanded speed within the tick, in counts/s.
     pub(super) change: f32,
-    /// True if the demanded speed is that of the last tick.
+    /// True if the demanded speed is unchanged since the last tick.
     pub(super) is_old: bool,
 }
 

@@ -5,15 +5,15 @@
 //! |---|---|
 //! | 0 to 3, analog inputs | measured |
 //! | 4, 5, 6: currents of digital pins, I2C, servos | measured |
-//! | 7, battery current | *modelled* from the motors' currents and speeds; negative while motors return more than they draw |
+//! | 7, battery current | *modelled* from currents and speeds; negative while motors return more than they draw |
 //! | 8 to 11, current of motor 0 to 3 | magnitude: measured, or else *modelled* from speed and bridge command |
 //! | 12, 5 V rail | measured |
 //! | 13, battery | measured; 0 if unknown |
 //! | 14, temperature | measured |
 //!
-//! Battery voltage, battery current and motor currents are those of the last control tick. All other values are at most
-//! 20 ms old. Values are clamped to 16 bits. A host may request *raw counts* instead. The raw count of an analog input
-//! is the converter's reading. On all other channels one raw count is [`RAW_COUNT`] units.
+//! Battery voltage, battery current and motor currents are from the last control tick. All other values are at most 20
+//! ms old. Values are clamped to 16 bits. A host may request *raw counts* instead. The raw count of an analog input is
+//! the converter's reading. On all other channels one raw count is [`RAW_COUNT`] units.
 
 use super::Responder;
 use crate::devices::{ANALOG_INPUTS, AnalogReading};

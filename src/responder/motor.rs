@@ -352,9 +352,8 @@ impl MotorChannel {
     /// minus position. The distance is therefore limited to [`LONGEST_DISTANCE`] in the direction that the host
     /// expects.
     ///
-    /// There is one exception. A host lets its counts wrap if target minus position does not fit in 32 bits, but the
-    /// way across the ends of the 32-bit range is shorter than 2^30 counts. The motor then takes the way across the
-    /// ends.
+    /// There is one exception: a host whose counts wrap. Target minus position then does not fit in 32 bits, but the
+    /// way across the ends of the 32-bit range is shorter than 2^30 counts. The motor takes this way.
     pub(super) fn goal(&self, counts: i32, position: i32) -> i32 {
         let from = self.host_counts(position);
         let short_way = counts.wrapping_sub(from);

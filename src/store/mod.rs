@@ -21,9 +21,9 @@
 //! `tasks::store` decides where the copies are. The states of the stored record are:
 //!
 //! ```text
-//! Nothing ── first save ──▶ Whole ── power cut in a save, or a damaged copy ──▶ OneCopy ── no copy readable ──▶ Damaged
-//!                             ▲                                                    │                                │
-//!                             └────────────────────── next save ───────────────────┴──── reset of the settings ─────┘
+//! Nothing ── first save ──▶ Whole ── power cut in a save, or a damaged copy ──▶ OneCopy ── no copy readable ─▶ Damaged
+//!                             ▲                                                    │                               │
+//!                             └────────────────────── next save ───────────────────┴──── reset of the settings ────┘
 //! ```
 //!
 //! A copy with a wrong checksum counts as missing. If no copy of the last save is left, the memory may still hold the

@@ -255,7 +255,7 @@ fn found<E>(copies: Result<Found, Error<FlashError<E>>>) -> Option<Found> {
     match copies {
         Ok(found) => Some(found),
         Err(Error::Storage { value: FlashError::MayNotErase, .. }) => None,
-        // This firmware writes no items that are so long.
+        // An item that is longer than the buffer was not written by this firmware.
         Err(Error::BufferTooSmall(_)) => Some(Found::without_record(Stored::Later, 0)),
         Err(_) => Some(Found::without_record(Stored::Damaged, 0)),
     }

@@ -161,7 +161,8 @@ pub enum Outcome {
     Mismatch,
     /// The signature is not valid for this image.
     WrongSignature,
-    /// The image is signed, and its [rollback version](ROLLBACK_VERSION_AT) is lower than that of the present firmware.
+    /// The image is signed, and its [rollback version](ROLLBACK_VERSION_AT) is lower than the rollback version of the
+    /// present firmware.
     Older,
 }
 
