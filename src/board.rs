@@ -7,8 +7,8 @@
 //! | [`Devices`] | boards with digital pins, servo outputs or analog inputs for the host |
 //! | `I2cBus` (feature `tasks`) | boards with I2C buses for the host |
 //!
-//! A board also spawns the tasks of `crate::tasks`. These traits exist because embedded-hal 1.0 has none for quadrature
-//! counters, ADCs and H bridges.
+//! A board also spawns the tasks of `crate::tasks`. These traits exist because embedded-hal 1.0 has no traits for
+//! quadrature counters, ADCs and H bridges.
 //!
 //! ```
 //! use motor_hub::board::Encoders;

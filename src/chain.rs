@@ -129,7 +129,8 @@ impl Chain {
     }
 
     /// Queues a host's request to another hub. The request is dropped if its payload has [`PAYLOAD_KEPT`] bytes or
-    /// more, which no host sends. It is also dropped if eight requests wait already, and the host then repeats it.
+    /// more, which no host sends. The request is also dropped if eight requests wait already. The host then repeats the
+    /// request.
     pub fn request(&mut self, packet: Packet) {
         if packet.payload.len() < PAYLOAD_KEPT {
             let _ = self.requests.push_back(packet);

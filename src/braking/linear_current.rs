@@ -260,11 +260,10 @@ impl DriveState {
         }
     }
 
-    /// False if the current is certainly continuous. This is so if no voltage makes the current fall (c <= 0), and
-    /// above a limit of the duty. The exact limit is an on time of `ln(1 + (exp(P / tau) - 1) c / (a + c))` time
-    /// constants. The limit used here needs no logarithm, and is larger for periods up to 11 time constants, so the
-    /// result can be true for a continuous current. At 20 kHz a period is 0.1 to 1.6 time constants of the catalogue's
-    /// windings.
+    /// False if the current is certainly continuous: if no voltage makes the current fall (c <= 0), or if the duty
+    /// exceeds a limit. The exact limit is an on time of `ln(1 + (exp(P / tau) - 1) c / (a + c))` time constants. The
+    /// limit used here needs no logarithm, and is larger for periods up to 11 time constants, so the result can be true
+    /// for a continuous current. At 20 kHz a period is 0.1 to 1.6 time constants of the catalogue's windings.
     fn may_be_discontinuous(self, duty: f32, period: PwmPeriod) -> bool {
         self.c > 0.0 && duty * (self.a + self.c) < period.growth * self.c
     }

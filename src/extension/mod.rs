@@ -1,6 +1,6 @@
-//! The *extension*: the hub's own interface, with functions that REV's protocol lacks. They are about settings,
-//! reports, groups, drive bases, constant current, identification, the record of faults, stored settings, and new
-//! firmware.
+//! The *extension*: the hub's own interface, with functions that REV's protocol lacks. The functions are about
+//! settings, reports, groups, drive bases, constant current, identification, the record of faults, stored settings, and
+//! new firmware.
 //!
 //! A host finds the interface by its name, [`INTERFACE`]. Hosts that do not query this name are not affected. Settings
 //! last until the next start of the hub, unless they are stored. `docs/reference/extension.md` describes each function
@@ -59,7 +59,7 @@ requests! {
         10 Condition,
         /// Regulates the enabled motor to a constant current, up to a speed limit. The regulation ends when a host sets
         /// a target or a mode, enables or disables the motor, resets its encoder, starts an identification, or moves
-        /// the motor in a group. It also ends with a fail-safe.
+        /// the motor in a group. The regulation also ends with a fail-safe.
         30 Current { current_ma: i32, speed_limit_cps: u16 },
     }
 }

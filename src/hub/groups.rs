@@ -43,6 +43,7 @@ impl<const N: usize> Groups<N> {
     /// Changes the course of the moving group that has exactly the members of `command`. If there is no such group,
     /// each member leaves its old group, and a new group waits to start. The other members of a moving old group halt
     /// by the setting of the old group. A waiting old group is discarded.
+    ///
     /// # Errors
     /// Returns [`RangeError::Motor`] if the hub does not have all members, or if `leader` is not a member. `leader` is
     /// the motor of the host's command.

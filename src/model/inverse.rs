@@ -57,8 +57,8 @@ impl Circuit {
     /// Returns the modulation for a mean current by a formula, without simulation of the bridge.
     ///
     /// `|emf|` must be below the battery voltage. The duty differs from the exact duty by less than 0.001 above 15 kHz,
-    /// and by less than 0.01 from 1 kHz on. This is tested for each motor of the catalogue, with battery voltages of
-    /// 6.5 and 14.5 V, and a back EMF of up to 0.95 times this voltage.
+    /// and by less than 0.01 from 1 kHz on. A test checks these limits for each motor of the catalogue, with battery
+    /// voltages of 6.5 and 14.5 V, and a back EMF of up to 0.95 times this voltage.
     ///
     /// In continuous conduction the mean terminal voltage is linear in the duty. In discontinuous conduction the
     /// current rises from zero for a time `x`, then falls to zero, with times in units of the electrical time constant.

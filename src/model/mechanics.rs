@@ -9,7 +9,7 @@ use super::friction::Friction;
 use super::load::Shaft;
 use super::numeric::{ln_1p_over_x, phi1, phi2};
 
-/// Coefficients of the solution. They depend on the length of the window, not on speed or torque.
+/// Coefficients of the solution. The coefficients depend on the length of the window, not on speed or torque.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mechanics {
     /// Length of the window, s.

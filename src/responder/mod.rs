@@ -15,9 +15,9 @@
 //! * A request that is refused changes neither settings nor motion.
 //! * A motor is *enabled* by a valid *set enable* only. While the battery is low or unknown, *set enable* is refused.
 //!   Motors that were enabled before continue to run within the limits of the supply.
-//! * *Fail-safe* disables all motors and releases all outputs. It begins when a host requests it, or 2.5 s after the
-//!   last packet for this hub. If a host has requested fail-safe, all motors coast. If the time has run out, each motor
-//!   coasts or brakes according to its setting `on_fault`.
+//! * *Fail-safe* disables all motors and releases all outputs. Fail-safe begins when a host requests fail-safe, or 2.5
+//!   s after the last packet for this hub. If a host has requested fail-safe, all motors coast. If the time has run
+//!   out, each motor coasts or brakes according to its setting `on_fault`.
 //!
 //! The responder has no clock, no await and no hardware. `tasks::responder` is the task that calls the responder.
 //!

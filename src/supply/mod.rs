@@ -132,8 +132,8 @@ struct Filter {
 impl Filter {
     /// Returns the filter after a sample. The weight of the sample is dt / (dt + 30 ms), where dt is `passed_us`.
     ///
-    /// The first sample becomes the filtered voltage. So does a sample after a gap of more than
-    /// [`BATTERY_STALE_MICROS`].
+    /// The first sample becomes the filtered voltage. A sample after a gap of more than [`BATTERY_STALE_MICROS`] also
+    /// becomes the filtered voltage.
     fn step(before: Option<Self>, voltage: Millivolts, at: Micros, passed_us: u32) -> Self {
         let new = i32::from(voltage.get()) << 8;
         let value_q8_mv = match before {

@@ -35,7 +35,7 @@ const RECOVERY: Duration = Duration::from_millis(1);
 /// A program whose connections end must call [`attend`] between two connections. Otherwise the keep-alive timer stops.
 ///
 /// If the responder [expects stored settings](Responder::expecting_store), the task first waits until the settings are
-/// restored, or for 5 s. It reads no requests during this wait.
+/// restored, or for 5 s. The task reads no requests during this wait.
 ///
 /// Each reply is written by one `write_all`. The hub does not answer a damaged packet, and a reply that cannot be
 /// written is discarded. Hosts then repeat the request. While a reply waits for the line, commands and timers continue.

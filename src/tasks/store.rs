@@ -2,8 +2,8 @@
 //! responder.
 //!
 //! Two pages of flash hold a *map* of [`sequential_storage`], which stores an *item* for each of two keys. Both items
-//! are copies of one [`SettingsRecord`]. The map appends items to one page until the page is full. It then *moves*: it
-//! copies the newest items to the other page, and erases the full page.
+//! are copies of one [`SettingsRecord`]. The map appends items to one page until the page is full. The map then
+//! *moves*: it copies the newest items to the other page, and erases the full page.
 //!
 //! Other tasks run after each word that is written. Pages are erased only while all motors are off, and at boot, before
 //! a host can enable a motor.

@@ -25,8 +25,8 @@ const LEAD: Duration = Duration::from_micros(150);
 /// Runs the task. Never returns.
 ///
 /// If the converter fails or the voltage is not plausible, the task sends no new state, and the last state becomes
-/// stale. There is one exception. For a [collapsed](Supply::step) bus the task sends the last state with its old time,
-/// and with a draw of 0.
+/// stale. One exception: for a [collapsed](Supply::step) bus the task sends the last state with its old time, and with
+/// a draw of 0.
 pub async fn run<M: RawMutex, const N: usize>(
     mut adc: impl SupplyAdc,
     mut supply: Supply,

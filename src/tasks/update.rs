@@ -69,8 +69,8 @@ const BLANK: u8 = 0xFF;
 
 /// Runs the task. Never returns.
 ///
-/// If this firmware is on trial, the task first waits for [`CONFIRM_AFTER_ROUNDS`] and confirms the firmware. It then
-/// carries out the requests of the responder.
+/// If this firmware is on trial, the task first waits for [`CONFIRM_AFTER_ROUNDS`] and confirms the firmware. The task
+/// then carries out the requests of the responder.
 pub async fn run<M: RawMutex, const N: usize>(
     mut slots: Slots<impl ReadNorFlash, impl NorFlash, impl NorFlash>,
     wires: &Wires<M, N>,
