@@ -1,4 +1,4 @@
-//! Requests to one motor, and the types of their answers. The first field of a request is the motor's number, from 0 to 3.
+//! Requests to one motor, and the types of their answers. The first field of a request is the motor's number, 0 to 3.
 //!
 //! ```
 //! use motor_hub::protocol::motor::{Target, ToMotor};

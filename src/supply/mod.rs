@@ -14,9 +14,10 @@
 //!   `Derated` lasts until the filtered voltage reaches `recover`. The stage `Cut` lasts until the filtered voltage is
 //!   back at `derate`.
 //! * Braking motors *dissipate* energy when their bridges turn energy to heat instead of returning it to the bus. The
-//!   bridge then alternates between two pulses, each of some PWM periods. The first pulse shorts the winding: the
-//!   motor's energy becomes heat. When the short ends, the winding's current flows back into the bus for a moment. The
-//!   second pulse drives the motor slightly above its back EMF, and so takes about as much from the bus again.
+//!   bridge then alternates between two pulses, each of some milliseconds. The first pulse shorts the winding, and the
+//!   motor's energy becomes heat. When the short circuit ends, the winding's current flows back into the bus for a
+//!   moment. The second pulse drives the motor slightly above its back EMF, and so draws about the same energy from the
+//!   bus again.
 //! * Dissipation begins when the voltage that a rising bus will have one sample later exceeds `dissipate`. From halfway
 //!   between `dissipate` and `ceiling` on, braking motors dissipate with full strength.
 //! * The *quiet range* is the range from `derate` to `dissipate`. The bus is *quiet* if its voltage is in this range
