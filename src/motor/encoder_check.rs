@@ -62,7 +62,7 @@
 //! | without a least gain, last turned in the other direction | 1 s: a heavy motor may take that long to reverse |
 //! | without a least gain, has toggled a few times | 1 s: a heavy motor may take that long to start |
 //! | without a least gain and slow-counting | some 4 s |
-//! | dynamics not configured, encoder trusted, runs away, does not become faster | 2 s: the motor may be heavy |
+//! | dynamics not configured, runs away after counts in the right direction | 2 s, unless it clearly becomes faster |
 //!
 //! The check for a stuck encoder needs a set-point of speed or position, also in a group, and a requested speed of at
 //! least 40 counts/s. So open loop, constant current and identification are excluded, and so is a motor that holds its
