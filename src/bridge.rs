@@ -117,8 +117,8 @@ impl Mode {
     }
 }
 
-/// A command to one bridge. The bridge repeats the command every PWM period until it gets another one. The default is
-/// [`COAST`](Self::COAST).
+/// A command to one bridge. The bridge repeats the command every PWM period until the bridge gets another command. The
+/// default is [`COAST`](Self::COAST).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Drive {

@@ -7,15 +7,16 @@
 //!                    child     child
 //! ```
 //!
-//! A *discovery* is the host's request to all hubs to state their addresses. The hub that receives it from the host is the parent.
-//! A child sends on the chain line only to answer the parent. The parent
+//! A *discovery* is the host's request to all hubs to state their addresses. The hub that receives it from the host is
+//! the parent. A child sends on the chain line only to answer the parent. The parent
 //! * passes on the host's requests to other addresses, and the answers to them, unchanged;
 //! * asks each address after a discovery whether it has a hub, and waits [`SLOT_MICROS`] for each answer;
-//! * waits at most [`ANSWER_MICROS`] for the answer to another request. If none comes, the host gets none either;
-//! * passes on a *stop to all*, a fail-safe to the address 255, before all waiting requests. No child answers it.
+//! * waits at most [`ANSWER_MICROS`] for the answer to another request. If no answer comes, the host gets no answer;
+//! * passes on a *stop to all*, a fail-safe to the address 255, before all waiting requests. No child answers a stop to
+//!   all.
 //!
-//! The parent's own answers do not pass through the chain line, so no child can delay them. Each hub has its own keep-alive timer,
-//! which only packets to that hub restart.
+//! The parent's own answers do not pass through the chain line, so no child can delay them. Each hub has its own
+//! keep-alive timer, which only packets to that hub restart.
 //!
 //! ```
 //! use motor_hub::chain::{ANSWER_MICROS, Chain};
@@ -39,16 +40,16 @@ use crate::protocol::{Address, BROADCAST, HOST, Packet};
 use crate::units::Micros;
 use heapless::Deque;
 
-/// Longest time from the end of a request until the end of its answer, in microseconds. A hub answers within 2 ms, and its longest
-/// answer takes 4 ms on the line.
+/// Longest time from the end of a request until the end of its answer, in microseconds. A hub answers within 2 ms, and
+/// its longest answer takes 4 ms on the line.
 pub const ANSWER_MICROS: u64 = 10_000;
 
-/// Time for which a discovery waits for the hub at one address, in microseconds. Hosts wait about half a second for a discovery:
-/// 254 addresses take 0.51 s, and the time to send the requests.
+/// Time for which a discovery waits for the hub at one address, in microseconds. Hosts wait about half a second for a
+/// discovery: 254 addresses take 0.51 s plus the time to send the requests.
 pub const SLOT_MICROS: u64 = 2_000;
 
-/// Largest number of requests that wait for the chain line. Hosts wait for an answer before they send the next request, or send
-/// up to eight requests to one hub.
+/// Largest number of requests that wait for the chain line. Hosts wait for an answer before they send the next request,
+/// or send up to eight requests to one hub.
 const WAITING: usize = 8;
 
 payload! {
@@ -59,8 +60,8 @@ payload! {
         pub discovering: bool,
         /// The addresses from which an answer has come. A discovery removes an address that does not answer.
         pub heard: Addresses,
-        /// The addresses that more than one hub has. Two children answered the last discovery together, which damaged the answer,
-        /// or a child answered with the address of the parent. A hub with such an address cannot be used.
+        /// The addresses that more than one hub has. Two children answered the last discovery together, which damaged
+        /// the answer, or a child answered with the address of the parent. A hub with such an address cannot be used.
         pub clashing: Addresses,
     }
 }
@@ -106,8 +107,8 @@ struct Question {
     disturbed: bool,
 }
 
-/// The parent's end of the chain line: which packet is the next on the line, and which packets go up to the host. The default is the
-/// state after a reset.
+/// The parent's end of the chain line: which packet is the next on the line, and which packets go up to the host. The
+/// default is the state after a reset.
 #[derive(Clone, Debug, Default)]
 pub struct Chain {
     requests: Deque<Packet, WAITING>,
@@ -127,15 +128,17 @@ impl Chain {
         ChainReport { discovering, ..self.report }
     }
 
-    /// Queues a host's request to another hub. The request is dropped if its payload has [`PAYLOAD_KEPT`] bytes or more, which no
-    /// host sends. It is also dropped if eight requests wait already, and the host then repeats it.
+    /// Queues a host's request to another hub. The request is dropped if its payload has [`PAYLOAD_KEPT`] bytes or
+    /// more, which no host sends. The request is also dropped if eight requests wait already. The host then repeats the
+    /// request.
     pub fn request(&mut self, packet: Packet) {
         if packet.payload.len() < PAYLOAD_KEPT {
             let _ = self.requests.push_back(packet);
         }
     }
 
-    /// Queues a stop to all hubs, before all waiting requests. If eight requests wait already, the newest of them is dropped.
+    /// Queues a stop to all hubs, before all waiting requests. If eight requests wait already, the newest of them is
+    /// dropped.
     pub fn stop(&mut self, packet: Packet) {
         if self.requests.is_full() {
             let _ = self.requests.pop_back();
@@ -143,8 +146,8 @@ impl Chain {
         let _ = self.requests.push_front(packet);
     }
 
-    /// Begins a discovery on the chain line, in place of a discovery that is not finished. `request` is the host's packet, to
-    /// which the children's answers refer.
+    /// Begins a discovery on the chain line, in place of a discovery that is not finished. `request` is the host's
+    /// packet, to which the children's answers refer.
     pub fn discover(&mut self, request: &Packet) {
         self.discovery = Some(Packet { destination: 1, id: DISCOVERY, ..request.clone() });
     }
@@ -156,7 +159,8 @@ impl Chain {
         }
     }
 
-    /// Takes an answer from the chain line. Returns the answer if it must go up to the host. `own` is the address of this hub.
+    /// Takes an answer from the chain line. Returns the answer if it must go up to the host. `own` is the address of
+    /// this hub.
     ///
     /// An answer that comes too late goes up too: a host may still accept it, and learns that the child is there.
     pub fn receive(&mut self, packet: Packet, own: Address) -> Option<Packet> {
@@ -175,8 +179,8 @@ impl Chain {
         (!clashes).then_some(packet)
     }
 
-    /// Returns the packet that must be sent now. `None` while an answer may still come, or if no packet waits. After the packet is
-    /// sent, [`sent`](Self::sent) must be called.
+    /// Returns the packet that must be sent now. `None` while an answer may still come, or if no packet waits. After
+    /// the packet is sent, [`sent`](Self::sent) must be called.
     pub fn next(&mut self, now: Micros) -> Option<Packet> {
         if let Some(question) = self.question {
             if question.until.is_none_or(|until| now < until) {
@@ -219,7 +223,8 @@ impl Chain {
         }
     }
 
-    /// Returns the time at which [`next`](Self::next) must be called even if nothing arrives. `None` if no time-out runs.
+    /// Returns the time at which [`next`](Self::next) must be called even if nothing arrives. `None` if no time-out
+    /// runs.
     pub fn deadline(&self) -> Option<Micros> {
         self.question.and_then(|question| question.until)
     }

@@ -1,5 +1,5 @@
-//! What a board may have for hosts besides motors: digital pins, servo outputs, analog inputs and I2C buses. The board, the responder
-//! and both protocols share the types of this module.
+//! What a board may have for hosts besides motors: digital pins, servo outputs, analog inputs and I2C buses. The board,
+//! the responder and both protocols share the types of this module.
 //!
 //! ```
 //! use motor_hub::devices::{AnalogReading, Equipment, SERVOS};
@@ -64,8 +64,8 @@ pub struct AnalogReading {
     pub counts: u16,
 }
 
-/// The newest readings of a board's converters for hosts. A value is `None` if the board does not measure the value, or if the
-/// last reading is older than 20 ms.
+/// The newest readings of a board's converters for hosts. A value is `None` if the board does not measure the value, or
+/// if the last reading is older than 20 ms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AnalogReadings {

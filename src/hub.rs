@@ -17,7 +17,7 @@
 //! let snapshot = hub.step(&Inputs { now, readings: [None; 2], battery });
 //! assert_eq!(snapshot.motors[0].drive, Drive::COAST);
 //! assert_eq!(snapshot.motors[1].drive.mode, Mode::Cw98);
-//! // Open loop needs no encoder, but a missing one is reported.
+//! // Open loop needs no encoder, but a missing encoder is reported.
 //! assert!(snapshot.motors[1].faults.encoder_stale);
 //! # Ok::<(), motor_hub::units::RangeError>(())
 //! ```
@@ -38,13 +38,13 @@ use groups::Groups;
 pub use base::{BaseState, GyroReading};
 pub use bus::Bus;
 
-/// A command to one motor, or to the group that the motor belongs to.
+/// A command to one motor, to a group or to the drive base.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Command {
-    /// Index of the motor, 0 to N - 1.
+    /// Index of the motor, 0 to N - 1. For a group this motor must be a member; for the drive base any motor is valid.
     pub motor: usize,
-    /// The action for this motor.
+    /// The action to apply.
     pub action: Action,
 }
 
@@ -92,7 +92,7 @@ pub struct Snapshot<const N: usize> {
     pub commands: u32,
     /// Battery voltage. `None` without a [fresh](Battery::is_fresh) state of the battery.
     pub battery: Option<Millivolts>,
-    /// Limits of the supply, and the energy that braking motors have returned and dissipated.
+    /// Limits of the supply, and the energy that braking motors have returned and dissipated since boot.
     pub bus: Bus,
     /// State of the drive base. `None` until a base is configured.
     pub base: Option<BaseState>,
@@ -152,8 +152,8 @@ impl<const N: usize> Snapshot<N> {
 /// N motors, each alone or in a group.
 ///
 /// A member leaves its group when it gets its own set-point, joins another group, or has a fault. The other members
-/// then halt according to [`GroupCommand::halt`]. If one member of a moving group is disabled or enters its fail-safe,
-/// all other members are disabled.
+/// then halt according to [`GroupCommand::halt`]. One exception: if a member of a moving group is disabled or enters
+/// fail-safe, all other members are disabled.
 #[derive(Clone, Debug)]
 pub struct Hub<const N: usize> {
     motors: [Motor; N],
@@ -267,8 +267,8 @@ impl<const N: usize> Hub<N> {
         self.missed = self.missed.saturating_add(ticks);
     }
 
-    /// Updates the estimates of motion with a sample of all encoders, between two ticks. Samples every millisecond give
-    /// the best estimates. `None` stands for an encoder without a reading so far.
+    /// Updates the estimates of motion with a sample of all encoders, between two ticks. The estimates are best with a
+    /// sample every millisecond. `None` stands for an encoder without a reading so far.
     pub fn sample(&mut self, readings: &[Option<Reading>; N]) {
         for (motor, reading) in self.motors.iter_mut().zip(readings) {
             if let Some(reading) = reading {
@@ -296,8 +296,8 @@ impl<const N: usize> Hub<N> {
         self.limit_supply(&battery, battery.at).then(|| self.motors.each_ref().map(Motor::drive))
     }
 
-    /// True if the limits have changed, or if braking motors must dissipate energy. The bridges of such motors need a
-    /// new pulse at each new state of the bus.
+    /// True if the limits have changed, or if braking motors must dissipate energy. A braking motor that dissipates
+    /// energy applies one burn pulse for each new state of the bus.
     fn needs_limits(&self, battery: &Battery) -> bool {
         (self.draw, self.dissipate) != (battery.draw, battery.dissipate) || battery.dissipate != Share::NONE
     }
@@ -316,8 +316,8 @@ impl<const N: usize> Hub<N> {
         changed
     }
 
-    /// Adds the energy that the present bridge commands have returned and dissipated between the last addition and
-    /// `now`. Must be called before a bridge command changes.
+    /// Adds the energy that the motors have returned and dissipated with their present bridge commands, between the
+    /// last addition and `now`. Must be called before a bridge command changes.
     fn update_energy(&mut self, now: Micros) {
         let passed_us = self.energy_until.map_or(0, |until| now.since(until)) as u32;
         self.energy_until = self.energy_until.max(Some(now));
@@ -325,9 +325,6 @@ impl<const N: usize> Hub<N> {
     }
 
     /// Runs one tick of all motors, and returns the state after the tick.
-    ///
-    /// A motor depends on other motors in two ways. It may be a member of a group, and while braking motors dissipate
-    /// energy, only one of them may end a short circuit at a time.
     pub fn step(&mut self, inputs: &Inputs<N>) -> Snapshot<N> {
         let battery = inputs.battery.filter(|battery| battery.is_fresh(inputs.now));
         self.update_energy(inputs.now);

@@ -1,6 +1,6 @@
-//! The firmware of a motor hub: it controls several brushed DC gear motors, each on an asynchronous sign-magnitude H bridge.
-//! Motors slow down by *proportional braking* (R. Atkinson, "On Proportional Braking in H Bridges", 2018): the bridge shorts the
-//! winding for a part of each PWM period.
+//! The firmware of a motor hub: it controls several brushed DC gear motors, each on an asynchronous sign-magnitude H
+//! bridge. Motors slow down by *proportional braking* (R. Atkinson, "On Proportional Braking in H Bridges", 2018): the
+//! bridge shorts the winding for a part of each PWM period.
 //!
 //! ```text
 //!     link    --Command-->  +---------+ --Drive[N]--> output --> bridges --> motors
@@ -54,9 +54,9 @@
 //! | `tasks` (feature `tasks`, on by default) | async tasks that run the modules above |
 //! | `model` (feature `model`) | physics in `f64`, for simulators and tests; independent of the control |
 //!
-//! The core is `no_std`, without allocation, panics or `unsafe`. It has no clock and accesses no hardware. Its control path
-//! computes in integers and in single precision, which the FPUs of the chips support. Constants and conversions for users may be
-//! in `f64`.
+//! The core is `no_std`, without allocation, panics or `unsafe`. It has no clock and accesses no hardware. Its control
+//! path computes in integers and in single precision, which the FPUs of the chips support. Constants and conversions
+//! for users may be in `f64`.
 //!
 //! Positive control values, counts and speeds have the same direction, which is called CW.
 //!

@@ -31,8 +31,8 @@ impl Modulator {
             Regime::Braking => {
                 // Current flows into the bus only while the bridge is open. `share` is the part of the mean current
                 // that flows in this time. If the current is continuous, `share` is the open share of the period. If
-                // the current is discontinuous, it rises and falls between 0 and the same peak, so `share` is e /
-                // falling voltage.
+                // the current is discontinuous, the current rises and falls between 0 and the same peak, so `share` is
+                // e / falling voltage.
                 let open = 1.0 - drive.duty.to_f32();
                 let share = open.min(e / self.current.falling_volts(v));
                 let returned = (v * current * share).min(braked);

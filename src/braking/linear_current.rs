@@ -10,13 +10,13 @@
 //! All formulas are for CW motion. Voltages are in V:
 //!
 //! * `V` is the battery voltage, `e` the back EMF, `Vd` the drop of a diode.
-//! * `R` is the resistance of the winding, `Ron` that of a closed switch, and `R2 = R + 2 Ron` the whole resistance
-//!   between the battery's terminals.
+//! * `R` is the resistance of the winding, `Ron` the resistance of a closed switch, and `R2 = R + 2 Ron` the resistance
+//!   of the winding with two closed switches.
 //! * `P` is the PWM period, and `tau = L / R2` the winding's time constant.
 //! * `w = R2 I` is the target current `I` as a voltage, positive in the direction of the regime. A DC voltage at the
 //!   terminals that gives the same current is `e + w` in forward driving, and `e - w` in braking and reverse driving
 //!   (paper, sections 2.1 and 3.2).
-//! * `x` is the on time in time constants. `h`, `z` and `q` are abbreviations.
+//! * `x` is the on time in time constants. `h`, `z` and `q` abbreviate the expressions below.
 //!
 //! The duty D for the target current is:
 //!
@@ -37,16 +37,16 @@
 //!
 //! This module uses the smaller of these two duties. For m = 1 the smaller duty is exact. Where the current stops
 //! within the period, the formula of the continuous current gives too much duty. Where the current never stops, the
-//! formula of the discontinuous current gives too much duty. For m below 1 both formulas are approximations: with m =
-//! 0.95 the duty is wrong by 3e-4 at P = 0.3 tau, and by 2e-3 at P = tau. The inverse solves the same equations for
+//! formula of the discontinuous current gives too much duty. For m below 1 both formulas are approximations. With m =
+//! 0.95 the error of the duty is 3e-4 at P = 0.3 tau, and 2e-3 at P = tau. The inverse solves the same equations for
 //! `w`, and uses the larger of the two currents. Reverse driving (6/2) uses the row of forward driving with `-e` in
 //! place of `e`.
 //!
 //! The duty compensates the edges of the output. The [timing](crate::bridge::Timing) of the bridge has the lengths of
 //! the edges, which are 0 for an ideal bridge. For a continuous current an edge of length t acts like a step in the
-//! middle of the edge. A discontinuous current starts at zero within the edge, and therefore later: as if the step came
-//! `t (1 - a / (2 (a + c)))` after the edge's start. A duty that the timing does not permit is replaced by the nearest
-//! permitted duty. The current then has an error that no duty avoids.
+//! middle of the edge. A discontinuous current starts from zero within the edge at turn-on. This edge acts like a step
+//! at the time `t (1 - a / (2 (a + c)))` after its start. A duty that the timing does not permit is replaced by the
+//! nearest permitted duty. The current then has an error that no duty avoids.
 //!
 //! Single precision is enough, because a duty has 15 bits. For on times far below a time constant, `x - h` and `1 -
 //! ln(1 + z) / z` lose digits. The error of the duty stays below 4 / 32768.
@@ -81,12 +81,12 @@ pub struct LinearCurrent {
     diode_volts: f32,
     /// `Ron / R2`, limited to 1/4. A usable bridge has less.
     switch_share: f32,
-    /// PWM period. `None` if the inductance is unknown, or if the current hardly changes within a period. The current
-    /// is then taken as continuous.
+    /// PWM period, in time constants of the winding. `None` if the inductance is unknown, or if the current hardly
+    /// changes within a period. Every current is then treated as continuous.
     period: Option<PwmPeriod>,
-    /// Shortest time off, as a share of the PWM period.
+    /// Shortest off time that the bridge can switch, as a share of the PWM period.
     least_off: f32,
-    /// Shortest time on, as a share of the PWM period.
+    /// Shortest on time that the bridge can switch, as a share of the PWM period.
     least_on: f32,
     /// Length of the edge at turn-on, as a share of the PWM period.
     turn_on: f32,
@@ -154,7 +154,8 @@ impl LinearCurrent {
         self.period.map_or(0.0, |period| self.drive_state(Regime::Forward, at).boundary(period))
     }
 
-    /// Voltage against which a winding's current falls while its bridge is open: bus and two diodes, in V.
+    /// Voltage in V that makes the current of a winding fall while the bridge is open: the bus voltage and the drops of
+    /// two diodes.
     pub(super) const fn falling_volts(&self, battery: f32) -> f32 {
         battery + 2.0 * self.diode_volts
     }
@@ -238,8 +239,8 @@ impl DriveState {
         self.turn_on * (1.0 - self.a / (2.0 * (self.a + self.c))) - self.turn_off / 2.0
     }
 
-    /// The mean current of a duty as `w`, in V. In overrun the current of the forward regime is negative, in
-    /// proportion to the duty.
+    /// The mean current of a duty, as the voltage `w` in V. If the back EMF exceeds the battery voltage (a <= 0), the
+    /// current is negative and proportional to the duty.
     fn current(self, duty: f32, period: Option<PwmPeriod>) -> f32 {
         let Self { a, c, k, .. } = self;
         if a <= 0.0 {
@@ -259,11 +260,10 @@ impl DriveState {
         }
     }
 
-    /// False if the current is certainly continuous. This is so if no voltage makes the current fall (c <= 0), and
-    /// above a limit of the duty. The exact limit is an on time of `ln(1 + (exp(P / tau) - 1) c / (a + c))` time
-    /// constants. The limit used here needs no logarithm, and is larger for periods up to 11 time constants, so the
-    /// result can be true for a continuous current. At 20 kHz a period is 0.1 to 1.6 time constants of the catalogue's
-    /// windings.
+    /// False if the current is certainly continuous: if no voltage makes the current fall (c <= 0), or if the duty
+    /// exceeds a limit. The exact limit is an on time of `ln(1 + (exp(P / tau) - 1) c / (a + c))` time constants. The
+    /// limit used here needs no logarithm, and is larger for periods up to 11 time constants, so the result can be true
+    /// for a continuous current. At 20 kHz a period is 0.1 to 1.6 time constants of the catalogue's windings.
     fn may_be_discontinuous(self, duty: f32, period: PwmPeriod) -> bool {
         self.c > 0.0 && duty * (self.a + self.c) < period.growth * self.c
     }
@@ -274,8 +274,8 @@ impl DriveState {
         if a <= 0.0 || c <= 0.0 {
             return 0.0;
         }
-        // The duty above which the current is continuous: an on time of `ln(1 + (exp(P / tau) - 1) c / (a + c))` time
-        // constants. `growth * length` is `exp(P / tau) - 1` for periods up to 11 time constants.
+        // Above this duty the current is continuous. The on time at this duty is `ln(1 + (exp(P / tau) - 1) c / (a +
+        // c))` time constants. For periods up to 11 time constants `growth * length` is `exp(P / tau) - 1`.
         let duty = log1pf(period.growth * period.length * c / (a + c)) / period.length;
         at_least((duty * (a + c) - c) / (self.m() + duty * k), 0.0)
     }
@@ -295,8 +295,8 @@ impl DriveState {
     /// With `r = a / c`, the power series of q in x begins with `x^2/2 (1 + r) (1 - (1 + 2r) x/3)`. Inverted, the
     /// series of x begins with `s + (1 + 2r) s^2/6`, where `s^2 = 2 q / (1 + r)`. The series is exact only for m = 1.
     /// As a first guess it is good enough for every m. A second bound is x <= q + 1. The guess is the smaller value.
-    /// One step of Newton's method from this guess leaves an error below 3e-4 of a duty for periods up to 1.5 time
-    /// constants, and below 1e-3 for periods of 4.
+    /// One step of Newton's method follows. The error of the duty is then below 3e-4 for periods up to 1.5 time
+    /// constants, and below 1e-3 for periods of 4 time constants.
     fn on_time(self, q: f32, most: f32) -> f32 {
         let part = q * self.c / (self.a + self.c);
         let series = sqrtf(2.0 * part) + (2.0 * q - part) / 3.0;
@@ -323,9 +323,9 @@ struct PwmPeriod {
 }
 
 impl PwmPeriod {
-    /// Creates a period from its length in winding time constants. A length above 127 becomes 127, because there the
-    /// current already follows the switches without delay. `None` for a length up to 2^-10, because there the current
-    /// hardly changes within a period.
+    /// Creates a period from its length in winding time constants. A length above 127 is limited to 127, because the
+    /// current then follows the switches almost without delay. `None` for a length up to 2^-10, because the current
+    /// then hardly changes within a period.
     fn new(length: f32) -> Option<Self> {
         let length = at_most(length, 127.0);
         (length > 1.0 / 1024.0).then(|| Self { length, growth: at_most(expm1f(length) / length, 4096.0) })

@@ -270,8 +270,8 @@ pub struct Points {
 }
 
 impl Points {
-    /// The points that the firmware uses. The points are those of the paper's formulas, except that Schemes C and D
-    /// keep braking within the control range near and in overrun.
+    /// The points that the firmware uses. They follow from the paper's formulas. One exception: near and in overrun,
+    /// Schemes C and D keep braking within the control range.
     ///
     /// In the paper's formula for Schemes C and D, T goes to minus infinity as |emf| approaches the battery voltage.
     /// Then no control value within the control range brakes noticeably. In *overrun*, where |emf| is at least the
@@ -304,10 +304,10 @@ impl Points {
     }
 
     /// The points that the paper's formula gives, without the limits of [`new`](Self::new). In overrun the points of
-    /// Scheme C describe no braking. A fixed blend of Scheme D mixes these points with those of Scheme B. The automatic
-    /// blend is 0 in overrun; below overrun it needs no formula of its own, because there [`new`](Self::new) gives the
-    /// same points. `None` for Schemes C and D if |emf| equals the battery voltage, where the formula of Scheme C is
-    /// infinite.
+    /// Scheme C describe no braking. A fixed blend of Scheme D mixes these points with the points of Scheme B. The
+    /// automatic blend is 0 in overrun. Below overrun the points of the automatic blend equal the points of
+    /// [`new`](Self::new). `None` for Schemes C and D if |emf| equals the battery voltage, where the formula of Scheme
+    /// C is infinite.
     pub const fn from_formula(scheme: Scheme, at: OperatingPoint) -> Option<Self> {
         match scheme {
             Scheme::C => Self::scheme_c(at),
@@ -315,7 +315,7 @@ impl Points {
                 Some(c) => Some(blended(Self::scheme_b(at), c, weight)),
                 None => None,
             },
-            // In overrun the blend is 0, so the points are those of Scheme B.
+            // In overrun the blend is 0, so the result is the points of Scheme B.
             Scheme::D(Blend::Automatic) if at.is_overrun() => match Self::scheme_c(at) {
                 Some(_) => Some(Self::scheme_b(at)),
                 None => None,
@@ -386,9 +386,9 @@ impl Points {
     }
 }
 
-/// The regime of a requested mean voltage at the motor's terminals, and the mean current that it requests, as the
-/// voltage `w` of [`mod@super::linear_current`], in V. The voltage is in V and for CW motion. In overrun the battery
-/// cannot drive a current: the current in forward driving is then at most 0.
+/// The regime of a requested mean voltage at the motor's terminals, and the mean current that the voltage requests, as
+/// the voltage `w` of [`mod@super::linear_current`], in V. The voltage is in V and for CW motion. In overrun the
+/// battery cannot drive a current: the current in forward driving is then at most 0.
 pub(super) fn current(voltage: f32, at: OperatingPoint) -> (Regime, f32) {
     let (e, v) = at.volts();
     if voltage > e {

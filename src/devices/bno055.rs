@@ -1,7 +1,7 @@
 //! Reads the heading of a BNO055, an inertial sensor with fusion (data sheet 1.4).
 //!
-//! The crate `bno055` waits for the bus and for pauses of the sensor inside its functions, which would stop all other tasks. This driver
-//! only says which registers to access next, and takes the answers.
+//! The crate `bno055` waits for the bus and for pauses of the sensor inside its functions, which would stop all other
+//! tasks. This driver only says which registers to access next, and takes the answers.
 //!
 //! ```text
 //!                          id is A0              not in IMU mode           configured
@@ -11,11 +11,12 @@
 //!     '---------------- from every state after a failure, after RETRY_US -----------------'
 //! ```
 //!
-//! The driver begins again after a wrong answer, and after an access that failed. There is one exception: while the sensor measures,
-//! up to `ERRORS` - 1 accesses in a row may fail.
+//! The driver begins again after a wrong answer, and after an access that failed. There is one exception: while the
+//! sensor measures, up to `ERRORS` - 1 accesses in a row may fail.
 //!
-//! The IMU mode fuses accelerometer and gyro, and ignores the magnetometer, which motors would disturb. The driver never resets the
-//! sensor, and does not configure a sensor that is in the IMU mode already. The sensor must lie flat, with its chip upward.
+//! The IMU mode fuses accelerometer and gyro, and ignores the magnetometer, which motors would disturb. The driver
+//! never resets the sensor, and does not configure a sensor that is in the IMU mode already. The sensor must lie flat,
+//! with its chip upward.
 //!
 //! ```
 //! use motor_hub::devices::bno055::{Access, Bno055};
@@ -60,8 +61,9 @@ const NORMAL_POWER: u8 = 0x00;
 /// Mode with fusion of accelerometer and gyro.
 const IMU_MODE: u8 = 0x08;
 
-/// Writes that set the sensor to the IMU mode, each with the time that the sensor needs afterwards, in microseconds. A change to the
-/// configuration mode takes 19 ms, and a change to another mode 7 ms (data sheet, table 3-6). The times have a margin.
+/// Writes that set the sensor to the IMU mode, each with the time that the sensor needs afterwards, in microseconds. A
+/// change to the configuration mode takes 19 ms, and a change to another mode 7 ms (data sheet, table 3-6). The times
+/// have a margin.
 const CONFIGURATION: [(&[u8], u64); 3] = [
     (&[OPR_MODE, CONFIGURATION_MODE], 25_000),
     (&[PWR_MODE, NORMAL_POWER], 0),
@@ -96,7 +98,7 @@ enum Step {
     CheckMode,
     /// The write with this index in [`CONFIGURATION`].
     Configure(usize),
-    /// Reads the quaternion. Holds true once a valid quaternion has been read.
+    /// Reads the quaternion. The value is true once a valid quaternion has been read.
     Measure(bool),
 }
 
@@ -127,8 +129,9 @@ impl Bno055 {
         })
     }
 
-    /// Takes the answer to the access of [`next`](Self::next): the bytes that were read, or `None` after an error of the bus. Returns
-    /// the angle by which the sensor has turned left since its start, in degrees from -180 to 180. `None` without a measurement.
+    /// Takes the answer to the access of [`next`](Self::next): the bytes that were read, or `None` after an error of
+    /// the bus. Returns the angle by which the sensor has turned left since its start, in degrees from -180 to 180.
+    /// `None` without a measurement.
     pub fn receive(&mut self, now: Micros, answer: Option<&[u8]>) -> Option<f32> {
         let Some(answer) = answer else {
             self.errors = self.errors.saturating_add(1);
@@ -187,8 +190,8 @@ impl Bno055 {
     }
 }
 
-/// Returns the heading of a quaternion with the parts w, x, y and z in 1/16384. `None` if the length of the quaternion is not 1 within
-/// 10 %, as for the zeros of a sensor that does not measure.
+/// Returns the heading of a quaternion with the parts w, x, y and z in 1/16384. `None` if the length of the quaternion
+/// is not 1 within 10 %, as for the zeros of a sensor that does not measure.
 fn heading_degrees(quaternion: [i16; 4]) -> Option<f32> {
     let [w, x, y, z] = quaternion.map(f32::from);
     let square = w * w + x * x + y * y + z * z;

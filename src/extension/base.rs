@@ -1,7 +1,7 @@
 //! Requests to a drive base: its dimensions, and its odometry.
 //!
-//! A host moves the base as a group of its two wheels. With a gyro the targets of the group are *corrected positions*, see
-//! [`OdometryReport::counts`].
+//! A host moves the base as a group of its two wheels. With a gyro the targets of the group are *corrected positions*,
+//! see [`OdometryReport::counts`].
 //!
 //! ```
 //! use motor_hub::extension::{HubFunction, Request};
@@ -50,10 +50,11 @@ payload! {
         pub x_um: i32,
         /// Distance to the left of the start in micrometres.
         pub y_um: i32,
-        /// Angle by which the base has turned left, in 1/1000 degree. The angle includes whole turns, so it may exceed 360 degrees.
+        /// Angle by which the base has turned left, in 1/1000 degree. The angle includes whole turns, so it may exceed
+        /// 360 degrees.
         pub heading_millidegrees: i32,
-        /// Corrected positions of the left and the right wheel, in the host's counts. The targets of a group of both wheels are
-        /// corrected positions. Without a gyro the corrected positions are the positions of the encoders.
+        /// Corrected positions of the left and the right wheel, in the host's counts. The targets of a group of both
+        /// wheels are corrected positions. Without a gyro the corrected positions are the positions of the encoders.
         pub counts: [i32; 2],
         /// State of the gyro.
         pub gyro: GyroState,

@@ -1,5 +1,5 @@
-//! Requests to groups of motors that move synchronously. A repeated request to a group has no further effect, because hosts repeat a
-//! request whose answer is lost.
+//! Requests to groups of motors that move synchronously. A repeated request to a group has no further effect, because
+//! hosts repeat a request whose answer is lost.
 //!
 //! ```
 //! use motor_hub::extension::MotorFunction;
@@ -28,7 +28,8 @@ use crate::units::CountsPerSecond;
 pub enum GroupCourse {
     /// Each member moves to a position in the host's counts.
     To([Option<i32>; CHANNELS]),
-    /// Each member turns at a speed, until the next request to the group or to a member. If all speeds are 0, the group stops.
+    /// Each member turns at a speed, until the next request to the group or to a member. If all speeds are 0, the group
+    /// stops.
     On([Option<CountsPerSecond>; CHANNELS]),
 }
 

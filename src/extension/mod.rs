@@ -1,9 +1,10 @@
-//! The *extension*: the hub's own interface, with functions that REV's protocol lacks. They are about settings, reports, groups,
-//! drive bases, constant current, identification, the record of faults, stored settings, and new firmware.
+//! The *extension*: the hub's own interface, with functions that REV's protocol lacks. The functions are about
+//! settings, reports, groups, drive bases, constant current, identification, the record of faults, stored settings, and
+//! new firmware.
 //!
-//! A host finds the interface by its name, [`INTERFACE`]. Hosts that do not query this name are not affected. Settings last until
-//! the next start of the hub, unless they are stored. `docs/reference/extension.md` describes each function with its fields and
-//! refusals.
+//! A host finds the interface by its name, [`INTERFACE`]. Hosts that do not query this name are not affected. Settings
+//! last until the next start of the hub, unless they are stored. `docs/reference/extension.md` describes each function
+//! with its fields and refusals.
 //!
 //! ```
 //! use motor_hub::extension::{HubFunction, Request};
@@ -42,11 +43,11 @@ pub const FIRST_FUNCTION: u16 = 0x4D00;
 pub const FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 37 };
 
 requests! {
-    /// A function for one motor. The first field of the request is the motor's number. Requests for the settings of a motor are
-    /// [`Request::Set`] and [`Request::Get`].
+    /// A function for one motor. The first field of the request is the motor's number. Requests for the settings of a
+    /// motor are [`Request::Set`] and [`Request::Get`].
     pub enum MotorFunction from FIRST_FUNCTION => {
-        /// Starts an identification. The motor stays within the travel limit, in counts in either direction. The answer is a u32:
-        /// the largest number of counts that the motor will turn in either direction.
+        /// Starts an identification. The motor stays within the travel limit, in counts in either direction. The answer
+        /// is a u32: the largest number of counts that the motor will turn in either direction.
         4 Identify { travel_limit: u32 },
         /// The answer is an [`Identification`](crate::regulator::identify::Identification).
         5 Identification,
@@ -56,9 +57,9 @@ requests! {
         7 Group,
         /// The answer is a [`Condition`](report::Condition).
         10 Condition,
-        /// Regulates the enabled motor to a constant current, up to a speed limit. The regulation ends when a host sets a target or a
-        /// mode, enables or disables the motor, resets its encoder, starts an identification, or moves the motor in a group. It also
-        /// ends with a fail-safe.
+        /// Regulates the enabled motor to a constant current, up to a speed limit. The regulation ends when a host sets
+        /// a target or a mode, enables or disables the motor, resets its encoder, starts an identification, or moves
+        /// the motor in a group. The regulation also ends with a fail-safe.
         30 Current { current_ma: i32, speed_limit_cps: u16 },
     }
 }
@@ -72,23 +73,25 @@ requests! {
         14 Save,
         /// Puts the stored settings in force. The address does not change.
         15 Load,
-        /// Deletes the stored settings and the stored address, and puts the firmware's settings in force. The address in force
-        /// stays until the next start of the hub.
+        /// Deletes the stored settings and the stored address, and puts the firmware's settings in force. The address
+        /// in force stays until the next start of the hub.
         16 Reset,
         /// The answer is a [`StoreReport`](state::StoreReport).
         17 Stored,
-        /// The answer is [`Entries`](record::Entries) without the newest `from` entries. If `clear` is true, all entries are then
-        /// deleted.
+        /// The answer is [`Entries`](record::Entries) without the newest `from` entries. If `clear` is true, all
+        /// entries are then deleted.
         18 Entries { from: u8, clear: bool },
         /// The answer is [`Ticks`](record::Ticks) of the entry with this number, without the oldest `from` ticks.
         ///
-        /// The number 19 is not used, because firmware 0.1.0 answers function 19 with control values instead of voltages.
+        /// The number 19 is not used, because firmware 0.1.0 answers function 19 with control values instead of
+        /// voltages.
         33 Ticks { number: u16, from: u8 },
         /// The answer is a [`HubReport`](report::HubReport).
         20 Report,
         /// Announces new firmware with its length in bytes, its CRC-32 (IEEE 802.3) and its version.
         21 BeginUpdate { length: u32, crc: u32, version: Text },
-        /// Sends the bytes of new firmware that begin at this offset. Each chunk has 96 bytes. The last chunk may have fewer bytes.
+        /// Sends the bytes of new firmware that begin at this offset. Each chunk has 96 bytes. The last chunk may have
+        /// fewer bytes.
         22 Chunk { offset: u32, bytes: Text },
         /// Ends the transfer; the hub checks and arms the new firmware.
         23 FinishUpdate,
@@ -102,7 +105,8 @@ requests! {
         27 Sign { key: [u8; 32], signature: [u8; 64] },
         /// The answer is an [`Equipment`](crate::devices::Equipment).
         32 Equipment,
-        /// The answer is a [`ChainReport`](crate::chain::ChainReport). A board without a chain line refuses the request.
+        /// The answer is a [`ChainReport`](crate::chain::ChainReport). A board without a chain line refuses the
+        /// request.
         31 Chain,
         /// Configures the drive base, which then starts at the origin.
         34 SetBase { base: BaseSettings },
@@ -138,8 +142,8 @@ pub enum Request {
 impl Request {
     /// Reads the request of a packet, for a hub with `motors` motors.
     ///
-    /// Some groups of settings have requests of REV's protocol. Such a request is read as [`ToMotor`](Self::ToMotor), not as
-    /// [`Set`](Self::Set) or [`Get`](Self::Get).
+    /// Some groups of settings have requests of REV's protocol. Such a request is read as [`ToMotor`](Self::ToMotor),
+    /// not as [`Set`](Self::Set) or [`Get`](Self::Get).
     ///
     /// # Errors
     /// Returns the refusal with which the hub must answer.
@@ -162,8 +166,8 @@ impl Request {
         } else if let Some(group) = Group::ALL.into_iter().find(|group| group.get_id() == id) {
             Ok(Self::Get(fields.motor(motors)?, group))
         } else {
-            // The tables lack PWM outputs (functions 25 to 30), which no hub of this project has, I2C transactions (54, 55), whose
-            // flags are not published, and bulk output (56).
+            // The tables lack PWM outputs (functions 25 to 30), which no hub of this project has, I2C transactions (54,
+            // 55), whose flags are not published, and bulk output (56).
             Err(if MOTOR_FUNCTIONS.number(id).is_some() { Nack::UNSUPPORTED } else { Nack::UNKNOWN })
         }
     }
@@ -219,8 +223,8 @@ impl Request {
         payload
     }
 
-    /// Builds a host's packet for this request. `id` is the packet type that the hub has reported for the function. Hubs of this
-    /// project report [`id`](Self::id).
+    /// Builds a host's packet for this request. `id` is the packet type that the hub has reported for the function.
+    /// Hubs of this project report [`id`](Self::id).
     pub fn packet(&self, destination: u8, number: u8, id: u16) -> Packet {
         Packet { destination, source: HOST, number, reference: 0, id, payload: self.payload() }
     }

@@ -50,8 +50,8 @@ payload! {
 }
 
 impl Ticks {
-    /// Reads ticks of the entry with this number, oldest first. The oldest `from` ticks are left out. `None` if the record has no
-    /// ticks of this entry.
+    /// Reads ticks of the entry with this number, oldest first. The oldest `from` ticks are left out. `None` if the
+    /// record has no ticks of this entry.
     pub fn of(record: &Record<'_>, number: u16, from: u8) -> Option<Self> {
         let ticks = record.ticks(number)?;
         Some(Self { count: ticks.len() as u8, ticks: ticks.skip(from.into()).take(TICKS).collect() })

@@ -1,11 +1,11 @@
 //! Reports of motors, bridges and bus.
 //!
-//! A [`HubReport`] has the state of all motors and of the bus in one answer, for hosts that plot, tune or record while motors
-//! run. Its values are those of the last control tick. Positions and velocities are from the newest encoder sample, which may be
-//! newer than the tick. [`Commands`] tell whether the values include the effects of all earlier requests.
+//! A [`HubReport`] has the state of all motors and of the bus in one answer, for hosts that plot, tune or record while
+//! motors run. Its values are from the last control tick. Positions and velocities are from the newest encoder sample,
+//! which may be newer than the tick. [`Commands`] tell whether the values include the effects of all earlier requests.
 //!
-//! Newer firmware may add fields at the end of each motor's fields, and after all motors. A host ignores fields that it does not
-//! know.
+//! Newer firmware may add fields at the end of each motor's fields, and after all motors. A host ignores fields that it
+//! does not know.
 //!
 //! ```
 //! use motor_hub::extension::report::HubReport;
@@ -53,15 +53,15 @@ payload! {
     pub struct Condition {
         /// Mean current, modelled from the motor's constants.
         pub current: Milliamperes,
-        /// Magnitude of the measured mean current in milliamperes. `None` without a sound current-sense line, and while the bridge
-        /// is in mode 5/0.
+        /// Magnitude of the measured mean current in milliamperes. `None` without a sound current-sense line, and while
+        /// the bridge is in mode 5/0.
         pub measured_ma: Option<u16> as measured,
         /// Heat of the winding in 1/1000 of its thermal limit. 0 without a thermal limit.
         pub heat: u16,
         /// True if the current is limited because the winding is hot.
         pub derated: bool,
-        /// True if the winding was too hot. The motor then coasts or brakes until the winding has cooled down and the motor has
-        /// been disabled.
+        /// True if the winding was too hot. The motor then coasts or brakes until the winding has cooled down and the
+        /// motor has been disabled.
         pub overheated: bool,
         /// True if the bridge has switched itself off since the motor was last disabled.
         pub bridge_fault: bool,
@@ -76,10 +76,11 @@ payload! {
     pub struct BusReport {
         /// Range of the bus voltage.
         pub state: BusState,
-        /// Voltage of the newest sample, plausible or not. `None` if the converter does not answer, or if the sample is older than
-        /// 100 ms.
+        /// Voltage of the newest sample, plausible or not. `None` if the converter does not answer, or if the sample is
+        /// older than 100 ms.
         pub measured: Option<Millivolts> as measured,
-        /// Strength with which braking motors dissipate energy, in 1/1000 of full strength. 0 while they may return all energy.
+        /// Strength with which braking motors dissipate energy, in 1/1000 of full strength. 0 while they may return all
+        /// energy.
         pub dissipate: u16,
         /// Energy that braking motors have returned to the bus since boot, in millijoules.
         pub returned_mj: u32,
@@ -130,7 +131,8 @@ codec! {
 }
 
 codec! {
-    /// Codec of the magnitude of a measured current, limited to 65 534 mA. 65 535 stands for a current that is not measured.
+    /// Codec of the magnitude of a measured current, limited to 65 534 mA. 65 535 stands for a current that is not
+    /// measured.
     magnitude: Option<u16> as u16,
     |ma| (ma != u16::MAX).then_some(ma),
     |ma| ma.map_or(u16::MAX, |ma| ma.min(u16::MAX - 1))
@@ -174,7 +176,8 @@ pub struct HubReport {
     pub battery: Option<Millivolts>,
     /// Range of the bus voltage.
     pub bus: BusState,
-    /// Strength with which braking motors dissipate energy, in 1/1000 of full strength. 0 while they may return all energy.
+    /// Strength with which braking motors dissipate energy, in 1/1000 of full strength. 0 while they may return all
+    /// energy.
     pub dissipate: u16,
     /// State of each motor, at most of the first four.
     pub motors: Vec<MotorReport, CHANNELS>,
@@ -187,8 +190,8 @@ pub struct HubReport {
 pub struct Commands {
     /// Number of the newest command that the report includes.
     pub included: u32,
-    /// Number of the newest command that the responder has sent to control for a host. While the next command waits to be sent, the
-    /// number is larger by 1.
+    /// Number of the newest command that the responder has sent to control for a host. While the next command waits to
+    /// be sent, the number is larger by 1.
     pub newest: u32,
 }
 
@@ -219,17 +222,18 @@ pub struct MotorReport {
     pub drive: Drive,
     /// Mean current, modelled from the motor's constants and the command to the bridge. Limited to 32.767 A.
     pub current: Milliamperes,
-    /// Magnitude of the measured mean current in milliamperes, limited to 65 534. `None` without a sound current-sense line, and
-    /// while the bridge is in mode 5/0.
+    /// Magnitude of the measured mean current in milliamperes, limited to 65 534. `None` without a sound current-sense
+    /// line, and while the bridge is in mode 5/0.
     pub measured_ma: Option<u16>,
-    /// Current that would balance load, friction and drag. `None` for an unknown motor, whose dynamics are not configured.
+    /// Current that would balance load, friction and drag. `None` for an unknown motor, whose dynamics are not
+    /// configured.
     pub load: Option<Milliamperes>,
     /// Heat of the winding in 1/1000 of its thermal limit. 0 without a thermal limit.
     pub heat: u16,
     /// True from a host's *set enable* until a host or fail-safe disables the motor.
     pub enabled: bool,
-    /// True if the motor has [settled](crate::motor::Report::settled) at its target position, and the report includes the newest
-    /// target. A member of a group has settled when all members have.
+    /// True if the motor has [settled](crate::motor::Report::settled) at its target position, and the report includes
+    /// the newest target. A member of a group has settled when all members have.
     pub settled: bool,
     /// True if the motor is regulated, and a mechanical stop or a load keeps the motor from moving.
     pub stalled: bool,
@@ -239,8 +243,8 @@ pub struct MotorReport {
     pub current_limited: bool,
     /// Faults of the motor. With an encoder fault, constant power still works.
     pub faults: Faults,
-    /// Points S, T, Z and G of the scheme as control values, at the present speed and battery voltage. `None` if the battery
-    /// voltage is unknown.
+    /// Points S, T, Z and G of the scheme as control values, at the present speed and battery voltage. `None` if the
+    /// battery voltage is unknown.
     pub points: Option<[Control; 4]>,
 }
 
@@ -257,8 +261,8 @@ pub enum ReportedSetpoint {
     /// The motor is disabled, or no host has set a target for its mode.
     #[default]
     Off,
-    /// The keep-alive timer has run out, and the motor brakes according to its setting `on_fault`. A motor that coasts according to
-    /// this setting is `Off`.
+    /// The keep-alive timer has run out, and the motor brakes according to its setting `on_fault`. A motor that coasts
+    /// according to this setting is `Off`.
     FailSafe,
     /// Constant power, as a control value.
     Power(Control),
@@ -289,8 +293,8 @@ impl ReportedSetpoint {
         }
     }
 
-    /// Returns the number of the set-point for users: a share of full power, amperes, counts per second or counts. `None` for
-    /// `Off` and `FailSafe`.
+    /// Returns the number of the set-point for users: a share of full power, amperes, counts per second or counts.
+    /// `None` for `Off` and `FailSafe`.
     pub fn value(self) -> Option<f64> {
         match self {
             Self::Off | Self::FailSafe => None,

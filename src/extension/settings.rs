@@ -1,9 +1,9 @@
-//! The settings of one motor, in one table of fields. Packets, stored records, settings files (TOML, JSON) and options of
-//! programs follow from this table.
+//! The settings of one motor, in one table of fields. Packets, stored records, settings files (TOML, JSON) and options
+//! of programs follow from this table.
 //!
 //! * A *field* is one setting. Its *raw value* is the integer that stands for the setting in a packet.
-//! * A *group* is a list of fields that one request sets together. Groups of motors ([`crate::group`]) have nothing to do with
-//!   groups of fields.
+//! * A *group* is a list of fields that one request sets together. Groups of motors ([`crate::group`]) have nothing to
+//!   do with groups of fields.
 //! * [`Values`] are the raw values of all fields of one group.
 //!
 //! ```text
@@ -13,8 +13,8 @@
 //!                Values::apply_to          Values::read
 //! ```
 //!
-//! The fields of a group are applied in the order of the table, and a field may depend on fields before it. For example,
-//! `blend` has an effect only if `scheme` is `D`. A later firmware may add fields at the end of a group.
+//! The fields of a group are applied in the order of the table, and a field may depend on fields before it. For
+//! example, `blend` has an effect only if `scheme` is `D`. A later firmware may add fields at the end of a group.
 //!
 //! The extension has requests for some groups, and REV's protocol has requests for the others.
 //!
@@ -58,14 +58,16 @@ pub struct MotorSettings {
     pub mode: RunMode,
     /// Current above which the hub reports an alert, in milliamperes; 0 for no alert.
     pub current_alert_ma: u16,
-    /// Terms that a host has stated for the velocity loop. Hosts read the terms back; regulation does not use them.
+    /// Terms (PID or PIDF) that a host has sent with the coefficients of the velocity loop. Hosts read the terms back;
+    /// regulation does not use the terms.
     pub velocity_terms: Terms,
-    /// Terms that a host has stated for the position loop. Hosts read the terms back; regulation does not use them.
+    /// Terms (PID or PIDF) that a host has sent with the coefficients of the position loop. Hosts read the terms back;
+    /// regulation does not use the terms.
     pub position_terms: Terms,
 }
 
 impl MotorSettings {
-    /// Creates the settings before a host has changed any: mode power, and no current alert.
+    /// Creates the settings that a motor has before a host changes a setting: mode power, and no current alert.
     pub const fn new(motor: Settings) -> Self {
         let (velocity_terms, position_terms) = (Terms::Pidf, Terms::Pidf);
         Self { motor, mode: RunMode::Power, current_alert_ma: 0, velocity_terms, position_terms }
@@ -82,7 +84,8 @@ impl MotorSettings {
         self.motor.zero_power = if floats { ZeroPower::Float } else { ZeroPower::Brake };
     }
 
-    /// Returns the coefficients of a loop. If no coefficients are configured, they are guessed from back EMF and scheme.
+    /// Returns the coefficients of a loop. If no coefficients are configured, they are guessed from back EMF and
+    /// scheme.
     pub fn coefficients(&self, of: Loop) -> Coefficients {
         let both = self.both_loops();
         let (Pidf { p, i, d, f }, terms) = match of {
@@ -103,7 +106,8 @@ impl MotorSettings {
         self.motor.coefficients = Some(both);
     }
 
-    /// Returns the configured coefficients of both loops, or else the guessed ones.
+    /// Returns the configured coefficients of both loops. If no coefficients are configured, returns guessed
+    /// coefficients.
     fn both_loops(&self) -> regulator::Coefficients {
         let Settings { winding, scheme, coefficients, .. } = self.motor;
         coefficients.unwrap_or_else(|| regulator::Coefficients::guessed(winding.emf, scheme, Period::DEFAULT))
@@ -116,8 +120,8 @@ impl MotorSettings {
 pub enum Group {
     /// Constants of the connected motor, its scheme and its duty rule.
     ///
-    /// Setting this group deletes dynamics, acceleration limit and coefficients, because they belong to the motor that was
-    /// connected before. A resistance of 0 keeps the present resistance and inductance.
+    /// Setting this group deletes dynamics, acceleration limit and coefficients, because they belong to the motor that
+    /// was connected before. A resistance of 0 keeps the present resistance and inductance.
     SetUp,
     /// Switching times of the motor's bridge.
     Timing,
@@ -183,7 +187,8 @@ impl Group {
         }
     }
 
-    /// Appends the fields before the values of the group: the number of the motor and, for coefficients, the code of the loop.
+    /// Appends the fields before the values of the group: the number of the motor and, for coefficients, the code of
+    /// the loop.
     pub fn write_name(self, motor: u8, payload: &mut Payload) {
         motor.write(payload);
         if let Some(of) = self.loop_of() {
@@ -219,8 +224,8 @@ impl Group {
 /// One field of the table.
 #[derive(Clone, Copy, Debug)]
 pub struct Field {
-    /// Key in a settings file. If the field has a unit, the key ends with the unit. A key with a dot belongs to a table of the
-    /// file.
+    /// Key in a settings file. If the field has a unit, the key ends with the unit. A key with a dot belongs to a table
+    /// of the file.
     pub name: &'static str,
     /// Meaning of the raw values.
     pub form: Form,
@@ -294,8 +299,8 @@ impl Field {
         }
     }
 
-    /// Converts a number of units to the nearest raw value. `None` if the number is out of [range](Self::range), or if the
-    /// field has words.
+    /// Converts a number of units to the nearest raw value. `None` if the number is out of [range](Self::range), or if
+    /// the field has words.
     pub fn raw_of(&self, number: f64) -> Option<i64> {
         let Form::Steps(steps) = self.form else { return None };
         let raw = libm::round(number * f64::from(steps));
@@ -345,7 +350,8 @@ pub struct Values {
 }
 
 impl Values {
-    /// Collects the raw values that `value` returns for the fields. `value` must return values in the range of the field.
+    /// Collects the raw values that `value` returns for the fields. `value` must return values in the range of the
+    /// field.
     ///
     /// # Errors
     /// Returns the first error of `value`.
@@ -363,7 +369,8 @@ impl Values {
         values
     }
 
-    /// Reads the values of a group from a payload. The number of the motor and the code of the loop must have been read.
+    /// Reads the values of a group from a payload. The number of the motor and the code of the loop must have been
+    /// read.
     ///
     /// # Errors
     /// Refuses a field that is missing or out of range, with the number of the field in the payload.
@@ -383,11 +390,12 @@ impl Values {
         self.group
     }
 
-    /// Returns `settings` with these values.
+    /// Returns a copy of `settings` in which this group has these values.
     ///
     /// # Errors
-    /// Refuses linear current if the resistance in these values is 0, although the motor may have a configured resistance. Refuses a
-    /// thermal limit with a time constant of 0. The refusal has the number of the field in the payload.
+    /// Refuses linear current if the resistance in these values is 0, although the motor may have a configured
+    /// resistance. Refuses a thermal limit with a time constant of 0. The refusal has the number of the field in the
+    /// payload.
     pub fn apply_to(&self, settings: &MotorSettings) -> Result<MotorSettings, Nack> {
         let mut new = *settings;
         if self.group == Group::SetUp {
@@ -415,12 +423,14 @@ impl Values {
 
 /// Defines a list of fields.
 ///
-/// A number has the parts `name, integer type in a packet / steps per unit, get, set`. `limits` replaces the limits of the
-/// integer type. `zero` states the meaning of the raw value 0, which otherwise is the number 0. If the setting has the integer
-/// type of the packet, and no other limits, the place in the settings stands instead of `get` and `set`.
+/// A number has the parts `name, integer type in a packet / steps per unit, get, set`. `limits` replaces the limits of
+/// the integer type. `zero` states the meaning of the raw value 0, which otherwise is the number 0. If the setting has
+/// the integer type of the packet, and no other limits, the path of the setting replaces `get` and `set`, for example
+/// `; motor.bridge.timing.change_us`.
 ///
-/// A choice has the parts `name, each word with its value; place in the settings`. `up to` replaces the largest raw value.
-/// A raw value beyond the last word sets the value of the last word, and [`Field::word_of`] returns `None` for the raw value.
+/// A choice has the parts `name, each word with its value; path of the setting`. `up to` replaces the largest raw
+/// value. A raw value beyond the last word sets the value of the last word, and [`Field::word_of`] returns `None` for
+/// the raw value.
 macro_rules! fields {
     (@ {
         $name:literal, $type:ident / $steps:expr $(, limits $least:literal to $most:expr)? $(, zero $zero:ident)?,
@@ -459,7 +469,7 @@ macro_rules! fields {
             most: stated_or(&[$($most)?], [$($word),+].len() as i64 - 1),
             get: |settings| {
                 let mut values = [$($value),+].into_iter();
-                // Scheme D with a blend other than 0 is not listed, and has the last word.
+                // Scheme D with a blend other than 0 is not in the list, and is converted to the last word.
                 let last = values.len() as i64 - 1;
                 values.position(|value| value == settings.$($place).+).map_or(last, |code| code as i64)
             },
@@ -508,7 +518,8 @@ const SET_UP: &[Field] = fields! {
         motor.scheme
     }
     {
-        // A blend of 1, which is the same as Scheme C, does not fit in 16 bits. Its raw value is that of the largest blend below 1.
+        // A blend of 1, which is the same as Scheme C, does not fit in 16 bits. A blend of 1 has the raw value of the
+        // largest blend below 1.
         "blend", u16 / 1 << 16,
         |settings| match settings.motor.scheme {
             Scheme::D(Blend::Fixed(blend)) => u16::try_from(blend.to_bits()).unwrap_or(u16::MAX),

@@ -21,13 +21,15 @@ payload! {
         pub stored: Stored,
         /// Version of the record's format; 0 if no copy of the record has a known version.
         pub version: u8,
-        /// Number of the save that wrote the record. The first save has number 1. The number is 0 if no record can be read.
+        /// Number of the save that wrote the record. The first save has number 1. The number is 0 if no record can be
+        /// read.
         pub number: u32,
         /// True while an access to the memory is requested or running.
         pub at_work: bool,
-        /// Result of the last access to the memory. When a host sets an address, the hub stores the address, which is an access too.
+        /// Result of the last access to the memory. When a host sets an address, the hub stores the address, which is
+        /// an access too.
         pub outcome: store::Outcome,
-        /// True if settings, address or drive base in force would be others after a restart.
+        /// True if settings, address or drive base in force would change at a restart.
         pub differs: bool,
         /// Number of stored entries that this firmware does not know. A save keeps these entries.
         pub unknown: u8,

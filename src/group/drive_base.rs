@@ -4,7 +4,7 @@ use crate::units::{CountsPerSecond, RangeError, nearest};
 use core::f64::consts::PI;
 use core::ops::RangeInclusive;
 
-/// A drive base with a driven wheel on the left and one on the right.
+/// A drive base with a driven wheel on each side.
 ///
 /// Positive distances are forward. Positive headings are to the left: counter-clockwise, seen from above. A motor that
 /// is mounted mirrored counts down while its wheel drives forward. The number of counts per turn of such a wheel is
@@ -106,7 +106,7 @@ impl DriveBase {
     }
 }
 
-/// A drive base as a hub is configured for it.
+/// Configuration of a hub's drive base.
 ///
 /// ```
 /// use motor_hub::group::{BaseSettings, DriveBase};

@@ -5,10 +5,10 @@
 //!   progress are limited.
 //! * A [`Reference`] is the position and the speed that a member should have now. Each tick the progress gives a
 //!   reference for each member, and the member's own regulator follows the reference.
-//! * The *lag* is how far a member is behind its reference, or, for a member that should stand still, how far it is
-//!   from it. If the largest lag exceeds half of the permitted lag, the progress slows down, and all members with it.
-//!   The larger the lag, the slower the progress. At the full permitted lag the group waits. This slowing has no limit
-//!   of acceleration.
+//! * The *lag* of a member is its distance behind its reference. For a member that should stand still, the lag is the
+//!   distance to its reference in either direction. If the largest lag exceeds half of the permitted lag, the progress
+//!   slows down, and so do all members. The larger the lag, the slower the progress. At the full permitted lag the
+//!   group waits. This slowing has no limit of acceleration.
 //!
 //! ```
 //! use motor_hub::group::{Course, Group, GroupCommand};
@@ -163,8 +163,8 @@ const MIN_LAG_COUNTS: u32 = 24;
 /// therefore be at least the lag of a healthy member. For a wheel of a simulated 6 kg robot the largest lags are:
 ///
 /// * 12 counts with the model-based regulator, at control periods of 1 to 100 ms.
-/// * The distance of 52 ms with PID and guessed coefficients, at control periods up to 50 ms. This is more than half of
-///   the usual lag, so the group slows down by some percent.
+/// * The distance of 52 ms with PID and guessed coefficients, at control periods up to 50 ms. This lag is more than
+///   half of the usual lag, so the group slows down by some percent.
 ///
 /// A larger permitted lag would let members move farther apart.
 pub const fn usual_lag(speed: CountsPerSecond) -> u16 {

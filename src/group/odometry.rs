@@ -4,8 +4,8 @@
 //! the angle of the arc, until a reading of the gyro replaces this angle. Wheels of unlike diameters, a wrong track
 //! width and slip in turns make the wheels' angle wrong, but not the gyro's.
 //!
-//! The *slip* is the angle by which the wheels have turned the base according to their counts, minus the heading. A
-//! base that must hold a heading turns its wheels by the slip further.
+//! The *slip* is the angle by which the wheels have turned the base according to their counts, minus the heading. To
+//! reach a heading, the wheels must turn further by the slip.
 
 use super::DriveBase;
 use core::f64::consts::PI;
@@ -17,7 +17,7 @@ pub struct Pose {
     pub x_mm: f64,
     /// Distance to the left of the start in mm.
     pub y_mm: f64,
-    /// Angle by which the base has turned left, in degrees. It counts whole turns.
+    /// Angle by which the base has turned left, in degrees. The angle does not wrap at 360 degrees.
     pub heading_degrees: f64,
 }
 
@@ -101,8 +101,8 @@ impl Odometry {
         self.pose
     }
 
-    /// Goes on with the wheels alone. The next reading of the gyro is the first of a new start, and its angle has no
-    /// meaning.
+    /// Continues the heading with the wheels alone. The next reading of the gyro is treated as its first reading: only
+    /// later changes of its angle turn the heading.
     pub const fn lose_gyro(&mut self) {
         self.gyro_degrees = None;
     }

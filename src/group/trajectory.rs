@@ -16,7 +16,7 @@
 //!   progress, base, start offset and drift in steps of 2^-16 counts.
 //! * *Drift* is motion from before a trajectory that the trajectory cannot continue. A trajectory without end continues
 //!   the part of the old speeds that points in its direction, and lets the rest drift. A trajectory to positions
-//!   continues the old speeds only if they point in its direction and it can stop at its end; otherwise all of them
+//!   continues the old speeds only if they point in its direction and it can stop at its end; otherwise all old speeds
 //!   drift. The drift is braked to 0 while the progress begins. `drift[i]` is the distance that member i will still
 //!   drift.
 //!
@@ -65,8 +65,8 @@ pub(super) struct Trajectory<const N: usize> {
 }
 
 impl<const N: usize> Trajectory<N> {
-    /// Creates a trajectory that brakes from these positions and speeds (in counts/s) to a stop. It uses half of the
-    /// acceleration, and is meant to be given a [motion](Self::turn_at) at once.
+    /// Creates a trajectory that brakes from these positions and speeds (in counts/s) to a stop. The trajectory brakes
+    /// with half of the acceleration. The caller gives the trajectory a [motion](Self::turn_at) immediately.
     pub(super) fn new(positions: [i32; N], speeds_cps: [f32; N], acceleration: Acceleration) -> Self {
         let mut trajectory = Self {
             base: positions.map(|position| i64::from(position) << 16),
@@ -230,8 +230,9 @@ impl<const N: usize> Trajectory<N> {
         let end = self.length << 16;
         let mut target_cps = self.speed_limit_cps;
         if !self.endless {
-            // The speed v after this step may be at most such that v^2 / (2 a), and the distance that v adds in this
-            // step, fit into the rest: the distance to the end without what the old speed covers in this step.
+            // `rest` is the distance to the end, minus the distance that the old speed contributes to this step. The
+            // new speed v contributes v * seconds / 2 to this step, and then needs v^2 / (2 a) to brake. `stoppable` is
+            // the largest v whose two distances fit into `rest`.
             let rest = (end - self.progress) as f32 / STEPS_PER_COUNT - before * seconds / 2.0;
             let half_change = speed_change / 2.0;
             let stoppable =

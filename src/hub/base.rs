@@ -1,5 +1,5 @@
-//! The drive base of a hub, which has a left and a right wheel: its odometry, and how its wheels follow the heading of
-//! a gyro.
+//! The drive base of a hub: odometry of a left and a right wheel, and corrections of the wheels by the heading of a
+//! gyro.
 //!
 //! With a gyro the wheels of the base have *corrected positions*: the counts that the encoders would have if the wheels
 //! had turned the base exactly as the gyro says. The *correction* of a wheel is its encoder's position minus the
@@ -13,8 +13,9 @@
 //!                          '----------------------------> Implausible
 //! ```
 //!
-//! While the gyro is lost or implausible, the correction keeps its last value, and the encoders alone give the heading.
-//! A gyro that is mounted upside down would turn the base faster and faster. Therefore the speed of the correction is
+//! A gyro stays implausible until the base is configured again. A base without a gyro has the state `Unused`. While the
+//! gyro is lost or implausible, the correction keeps its last value, and the heading is computed from the encoders. A
+//! gyro that is mounted upside down would turn the base faster and faster. Therefore the speed of the correction is
 //! limited, and the turns of gyro and wheels are compared.
 
 use crate::group::{BaseSettings, GyroState, Odometry};
@@ -31,7 +32,7 @@ const CORRECTION_DEGREES_PER_S: f64 = 45.0;
 /// A reading of a gyro.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GyroReading {
-    /// Angle by which the base has turned left since the start of the gyro, in degrees. It wraps at 360 degrees.
+    /// Angle by which the base has turned left since the start of the gyro, in degrees. The angle wraps at 360 degrees.
     pub left_degrees: f32,
     /// Time of the reading.
     pub at: Micros,
@@ -45,14 +46,14 @@ pub struct BaseState {
     pub x_um: i32,
     /// Distance to the left of the start in micrometres, limited to 32 bits: +-2147 m.
     pub y_um: i32,
-    /// Angle by which the base has turned left, in 1/1000 degree. It counts whole turns, and is limited to 32 bits:
-    /// +-5965 turns.
+    /// Angle by which the base has turned left, in 1/1000 degree. The angle does not wrap at 360 degrees, and is
+    /// limited to 32 bits: +-5965 turns.
     pub heading_millidegrees: i32,
     /// Correction of the left and of the right wheel in counts.
     pub correction: [i32; 2],
     /// State of the gyro.
     pub gyro: GyroState,
-    /// Number of times that the gyro was lost.
+    /// Number of times that the gyro was lost since the base was configured.
     pub losses: u16,
 }
 
@@ -68,47 +69,50 @@ pub(super) struct Base {
     read_at: Option<Micros>,
     /// Time of the last step.
     stepped_at: Micros,
-    /// Slip of the wheels that the correction contains so far, in degrees of the base's heading.
+    /// Part of the wheels' slip that the correction contains, in degrees of the base's heading.
     corrected_degrees: f64,
     /// Correction of the left and of the right wheel in counts, computed from `corrected_degrees`.
     correction: [i32; 2],
     turns: Turns,
 }
 
-/// Comparison of the turns of gyro and wheels.
+/// Comparison of the turn by the gyro with the turn by the wheels. The motion is divided into *parts* of 100 ms. A part
+/// counts if the wheels have turned the base by at least 1.5 degrees. After 30 degrees in counted parts the sums of
+/// both turns are compared.
 #[derive(Clone, Copy, Debug)]
 struct Turns {
-    /// Time at the start of the present part.
+    /// Time at the start of the present part of the motion.
     since: Micros,
-    /// Heading at the start of the present part, in degrees.
+    /// Heading by the gyro at the start of the present part, in degrees.
     heading: f64,
-    /// Turn of the wheels at the start of the present part, in degrees.
+    /// Heading by the wheels at the start of the present part, in degrees.
     by_wheels: f64,
-    /// Sum of the magnitudes of the counted turns of the wheels, in degrees.
+    /// Sum of the magnitudes of the turns by the wheels in the counted parts, in degrees.
     wheels_degrees: f64,
-    /// Sum of the turns of the gyro in the counted parts, in degrees; positive in the direction of the wheels.
+    /// Sum of the turns by the gyro in the counted parts, in degrees. A turn in the direction of the wheels is
+    /// positive.
     gyro_degrees: f64,
 }
 
 impl Turns {
-    /// Length of the parts of a motion that are compared, in microseconds: ten readings of the gyro.
+    /// Length of a part, in microseconds: ten readings of the gyro.
     const PART_US: u64 = 100_000;
-    /// Smallest turn of the wheels, in degrees, in a part that counts. On a straight course wheels whose diameters
-    /// differ by 5 % seem to turn the base by less, as long as the base moves by less than five track widths per
-    /// second.
+    /// Smallest turn by the wheels, in degrees, in a part that counts. The limit excludes a straight course of wheels
+    /// with unequal diameters. If the diameters differ by 5 % and the base moves by five track widths per second, the
+    /// wheels seem to turn the base by 1.4 degrees in a part.
     const LEAST_DEGREES: f64 = 1.5;
-    /// Sum of counted turns of the wheels, in degrees, after which the gyro is judged.
+    /// Sum of the counted turns by the wheels, in degrees, at which the turn by the gyro is compared with this sum.
     const JUDGED_DEGREES: f64 = 30.0;
-    /// Smallest turn of a plausible gyro, as a share of the turn of the wheels. Wheels that slip by more than 70 % of
-    /// their turn make the gyro implausible too.
+    /// Smallest turn by a plausible gyro, as a share of the turn by the wheels. A working gyro is also found
+    /// implausible if the wheels slip by more than 70 % of their turn.
     const LEAST_SHARE: f64 = 0.3;
 
     /// The state before the first turn.
     const NONE: Self =
         Self { since: Micros::new(0), heading: 0.0, by_wheels: 0.0, wheels_degrees: 0.0, gyro_degrees: 0.0 };
 
-    /// Compares the heading by the gyro with the turn of the wheels, both in degrees since the start of the base.
-    /// Returns false if the gyro does not turn with the wheels.
+    /// Compares the heading by the gyro with the heading by the wheels, both in degrees. Returns false if the gyro does
+    /// not turn with the wheels.
     fn step(&mut self, now: Micros, heading: f64, by_wheels: f64) -> bool {
         if now.since(self.since) < Self::PART_US {
             return true;
@@ -198,7 +202,8 @@ impl Base {
         if self.gyro == GyroState::Good {
             let most = CORRECTION_DEGREES_PER_S * step_s;
             self.corrected_degrees += (slip - self.corrected_degrees).clamp(-most, most);
-            // The position of a wheel has 32 bits, so the slip cannot exceed them.
+            // `turn` fails only if a correction does not fit in 32 bits. A correction always fits, because the
+            // positions of the wheels have 32 bits.
             self.correction = geometry.turn(self.corrected_degrees).unwrap_or_default();
         }
     }
@@ -218,7 +223,7 @@ impl Base {
 
     pub(super) fn state(&self) -> BaseState {
         let pose = self.odometry.map(|odometry| odometry.pose()).unwrap_or_default();
-        // The conversion of a float to an integer limits it to the range of the integer.
+        // The conversion of a float to an integer saturates.
         let thousandths = |value: f64| libm::round(1e3 * value) as i32;
         BaseState {
             x_um: thousandths(pose.x_mm),

@@ -8,12 +8,14 @@ use crate::units::{Microjoules, Share};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Bus {
-    /// How far the supply limits the current that motors draw. [`DrawStage::Cut`] without a fresh state of the battery.
+    /// Stage of the limit on the current that motors draw from the supply. [`DrawStage::Cut`] without a fresh state of
+    /// the battery.
     pub stage: DrawStage,
-    /// How strongly bridges dissipate the energy of braking motors. [`Share::NONE`] if the supply takes the energy.
+    /// Strength with which braking motors dissipate their energy, as a share of full strength. [`Share::NONE`] while
+    /// the supply takes the energy.
     pub dissipate: Share,
-    /// Energy that braking motors have returned to the bus since boot. It is computed from motor constants and bridge
-    /// commands.
+    /// Energy that braking motors have returned to the bus since boot. The hub computes the energy from motor constants
+    /// and bridge commands.
     pub returned: Microjoules,
     /// Energy that braking motors have dissipated in windings and bridges since boot.
     pub dissipated: Microjoules,

@@ -1,15 +1,16 @@
 //! Manages the groups of a hub. A *group* is a set of motors that move synchronously, see [`crate::group`].
 //!
 //! ```text
-//!        lead         readings of all members fresh       no member left, or halt by coasting
+//!        lead         readings of all members fresh       no member left, or others disabled
 //! none ------> Waiting ------------------------> Moving ------------------------------------> none
 //!                 |  a member leaves
 //!                 '-------------------> none
 //! ```
 //!
-//! A member is *lost* when it has a fault, gets a set-point of its own or joins another group. The other members halt
-//! by coasting in two cases: a member is disabled or in fail-safe, or a member is lost and the group's setting is
-//! [`Halt::Coast`]. A group stays `Moving` after the end of its course, and holds the positions of its members.
+//! A member is *lost* when it has a fault, gets a set-point of its own or joins another group. The other members are
+//! disabled (they coast) in two cases: the lost member is disabled or in fail-safe, or the group's setting is
+//! [`Halt::Coast`]. With [`Halt::Stop`] the other members stop on their course. A group stays `Moving` after the end of
+//! its course, and holds the positions of its members.
 
 use super::Inputs;
 use super::base::Base;
@@ -22,8 +23,8 @@ use crate::units::{CountsPerSecond, Period, RangeError};
 enum ActiveGroup<const N: usize> {
     /// The group waits for the first tick at which all members have a fresh encoder reading.
     Waiting(GroupCommand),
-    /// The group follows its course, and then holds its end positions. The detector finds out when all members have
-    /// settled there.
+    /// The group follows its course, and then holds its end positions. The detector reports when all members have
+    /// settled at the end positions.
     Moving(Group<N>, SettleDetector),
 }
 
@@ -41,8 +42,11 @@ impl<const N: usize> Groups<N> {
 
     /// Changes the course of the moving group that has exactly the members of `command`. If there is no such group,
     /// each member leaves its old group, and a new group waits to start. The other members of a moving old group halt
-    /// by the setting of the old group. A waiting old group is discarded. Fails if `leader`, the motor to which the
-    /// host has sent the command, is not a member, or if the hub does not have all members.
+    /// by the setting of the old group. A waiting old group is discarded.
+    ///
+    /// # Errors
+    /// Returns [`RangeError::Motor`] if the hub does not have all members, or if `leader` is not a member. `leader` is
+    /// the motor of the host's command.
     pub(super) fn lead(
         &mut self,
         leader: usize,
@@ -71,8 +75,8 @@ impl<const N: usize> Groups<N> {
     }
 
     /// Removes these motors from their groups. The members that stay halt according to the setting of their group. A
-    /// motor that has left a moving group gets the velocity 0 as its set-point, with which it brakes or coasts as its
-    /// setting `ZeroPower` says.
+    /// motor that has left a moving group gets the velocity 0 as its set-point. The setting `ZeroPower` says whether
+    /// this motor then brakes or coasts.
     pub(super) fn release(&mut self, leaving: [bool; N], motors: &mut [Motor; N]) {
         let left = self.leave(leaving, None, motors);
         members_of(&left, motors).for_each(|motor| motor.set(Setpoint::Velocity(CountsPerSecond::ZERO)));
@@ -114,8 +118,8 @@ impl<const N: usize> Groups<N> {
     }
 
     /// Starts the waiting groups whose members all have a fresh reading. Sets the set-points of all members of moving
-    /// groups for this tick. A group works with positions from which the corrections by the gyro have been subtracted.
-    /// The corrections are added to the set-points again.
+    /// groups for this tick. Groups are computed in corrected positions: the corrections by the gyro are subtracted
+    /// from the encoder positions, and added to the set-points.
     pub(super) fn step(
         &mut self,
         inputs: &Inputs<N>,
@@ -194,7 +198,7 @@ fn corrections_of<const N: usize>(base: Option<&Base>, members: &[bool; N]) -> [
     base.map_or([0; N], |base| base.corrections(members))
 }
 
-/// Returns the positions without their corrections. Positions wrap.
+/// Returns the positions minus the corrections. Positions wrap.
 fn minus<const N: usize>(positions: &[i32; N], corrections: &[i32; N]) -> [i32; N] {
     core::array::from_fn(|motor| {
         let [position, correction] =

@@ -13,8 +13,8 @@
 //! ```
 //! use motor_hub::model::bridge_states::{Effect, SwitchPattern};
 //!
-//! // In state 8 only S1 is closed. With a back EMF of 5 V and a battery of 12 V a motor that turns CW coasts, and a motor
-//! // that turns CCW brakes.
+//! // In state 8 only S1 is closed. The back EMF is 5 V, and the battery has 12 V. A motor that turns CW coasts. A
+//! // motor that turns CCW brakes.
 //! let pattern = SwitchPattern::new(8).expect("one of the sixteen");
 //! assert_eq!(pattern.effect(5_000, 12_000, 700), Effect::Coast);
 //! assert_eq!(pattern.effect(-5_000, 12_000, 700), Effect::BrakeToVcc);
@@ -31,9 +31,9 @@ pub struct SwitchPattern(u8);
 /// Sign of the motor current.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CurrentSign {
-    /// Current flows from the left terminal to the right one and makes clockwise torque.
+    /// Current flows from the left terminal to the right terminal and makes clockwise torque.
     Positive,
-    /// Current flows from the right terminal to the left one and makes counter-clockwise torque.
+    /// Current flows from the right terminal to the left terminal and makes counter-clockwise torque.
     Negative,
 }
 
@@ -159,9 +159,9 @@ impl SwitchPattern {
     }
 }
 
-/// Returns the potential of a terminal while current flows through it, as coefficients of battery voltage and diode drop, and
-/// the number of closed switches in the current's path. The leg of the terminal has these switches closed. A catch diode
-/// carries the current if both switches are open.
+/// Returns the potential of a terminal while current flows through it, as coefficients of battery voltage and diode
+/// drop, and the number of closed switches in the current's path. The leg of the terminal has these switches closed. A
+/// catch diode carries the current if both switches are open.
 const fn node(high: bool, low: bool, current_enters: bool) -> (i8, i8, u8) {
     match (high, low) {
         (true, _) => (1, 0, 1),
@@ -185,7 +185,8 @@ impl State {
     pub const fn terminal(self, sign: CurrentSign) -> TerminalVoltage {
         match self.pattern().terminal(sign) {
             Some(terminal) => terminal,
-            // No state is a short circuit, which a test checks. If a state were one, this terminal voltage would be 0.
+            // No state is a short circuit, which a test checks. If a state were a short circuit, this terminal voltage
+            // would be 0.
             None => TerminalVoltage { battery: 0, diode: 0, switches: 0 },
         }
     }

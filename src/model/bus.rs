@@ -1,5 +1,6 @@
 //! The supply bus of the bridges: a capacitor that a source charges. The source may be unable to take current back, and
-//! may be disconnected. The module also models how a bridge shuts itself down when the bus voltage is too low or too high.
+//! may be disconnected. The module also models how a bridge shuts itself down when the bus voltage is too low or too
+//! high.
 //!
 //! ```
 //! use motor_hub::model::battery::Battery;
@@ -71,8 +72,8 @@ impl Bus {
         Joules(self.lost)
     }
 
-    /// Removes the charge that the bridges have drawn at the present voltage. A negative `charge` is what the bridges have
-    /// returned.
+    /// Removes the charge that the bridges have drawn at the present voltage. A negative `charge` is what the bridges
+    /// have returned.
     ///
     /// The energy of the charge is subtracted from the energy of the capacitor. Energy is therefore conserved.
     pub fn draw(&mut self, charge: Coulombs) {
@@ -82,8 +83,8 @@ impl Bus {
 
     /// Advances by `time`, in which the source charges or discharges the capacitor.
     ///
-    /// The voltage stays as it is while the contactor is open. It also stays if [`one_way`](Self::one_way) is true and the
-    /// voltage of the bus is not below the voltage of the source.
+    /// The voltage does not change while the contactor is open. The voltage also does not change if
+    /// [`one_way`](Self::one_way) is true and the voltage of the bus is not below the voltage of the source.
     pub fn wait(&mut self, time: Seconds, source: &Battery) {
         let difference = self.voltage - source.emf.0;
         if !self.closed || (self.one_way && difference >= 0.0) {

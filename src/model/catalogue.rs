@@ -1,7 +1,7 @@
 //! The motors that R. Atkinson characterised for his paper *On Proportional Braking in H Bridges* (2018).
 //!
-//! The constants are measurements from his repository `rgatkinson/RobotPhysics`. The header of `motors.csv` explains the
-//! columns of the data file. [`CatalogueEntry::caveats`] lists their known weaknesses.
+//! The constants are measurements from his repository `rgatkinson/RobotPhysics`. The header of `motors.csv` explains
+//! the columns of the data file. [`CatalogueEntry::caveats`] lists their known weaknesses.
 //!
 //! The name of a motor is its product name ("NeveRest 60"). [`find`] also accepts the author's name ("AM 60 A") and the
 //! part number.
@@ -56,9 +56,9 @@ pub struct Motor {
 impl Motor {
     /// Returns the motor with the inertia that was measured on its bare armature.
     ///
-    /// The paper treats the measured inertia as an inertia after the gearbox, and so gets the much smaller [`j`](Self::j).
-    /// With `j` a NeveRest 60 without load has a mechanical time constant of 30 us, and with the inertia of its armature
-    /// 98 ms.
+    /// The paper treats the measured inertia as an inertia after the gearbox, and so gets the much smaller
+    /// [`j`](Self::j). With `j` a NeveRest 60 without load has a mechanical time constant of 30 us, and with the
+    /// inertia of its armature 98 ms.
     #[must_use]
     pub const fn with_measured_rotor_inertia(self) -> Self {
         Self { j: self.j_rotor_measured, ..self }
@@ -115,7 +115,8 @@ pub struct CatalogueEntry {
 /// Text of the data file.
 const TABLE: &str = include_str!("motors.csv");
 
-/// Returns the text of a row in the column with this heading. `headings` are those of all columns in their order.
+/// Returns the text of a row in the column with this heading. `headings` are the headings of all columns in their
+/// order.
 fn text<'r>(headings: &[&str], row: &[&'r str], heading: &str) -> Option<&'r str> {
     row.get(headings.iter().position(|&known| known == heading)?).copied()
 }

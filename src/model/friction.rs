@@ -2,8 +2,8 @@
 //!
 //! Dry friction is Coulomb friction with breakaway. While the shaft turns, the friction torque is constant and against
 //! the motion. While the shaft is at rest, the friction torque balances the other torques up to the *breakaway torque*.
-//! *Cogging* is the attraction between magnets and rotor teeth. The torque of cogging is periodic in the angle, and does
-//! no work over a whole turn.
+//! *Cogging* is the attraction between magnets and rotor teeth. The torque of cogging is periodic in the angle, and
+//! does no work over a whole turn.
 //!
 //! Motors of the catalogue have neither dry friction nor cogging, because they were measured with viscous drag alone.
 //!
@@ -16,7 +16,7 @@
 //! use motor_hub::model::si::{Hertz, NewtonMetres, RadPerSec, Seconds, Volts};
 //! use motor_hub::model::switching::Bridge;
 //!
-//! // With 5 % of the stall torque as Coulomb torque the breakaway torque is 6.5 %. So 6 % of the voltage moves nothing.
+//! // With 5 % of the stall torque as Coulomb torque the breakaway torque is 6.5 %. So 6 % voltage moves nothing.
 //! let motor = characterised("AM 60 A")?.with_measured_rotor_inertia();
 //! let coulomb = NewtonMetres(0.05 * motor.stall_torque(Volts(12.0)).0);
 //! let motor = Motor { friction: Friction::with_coulomb(coulomb), ..motor };
@@ -59,7 +59,8 @@ impl Friction {
     }
 }
 
-/// Cogging of a rotor. Its torque is `-amplitude * sin(per_turn * angle)`, so the rotor has a stable position at angle 0.
+/// Cogging of a rotor. Its torque is `-amplitude * sin(per_turn * angle)`, so the rotor has a stable position at the
+/// angle 0 rad.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cogging {
     /// Largest cogging torque on the motor shaft, at least 0.

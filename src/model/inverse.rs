@@ -24,7 +24,8 @@ use super::switching::{Circuit, Conditions, Pwm};
 use crate::bridge::Mode;
 
 impl Circuit {
-    /// Returns the mode for a mean current. *Full dynamic braking* is the current of a motor that is shorted all the time.
+    /// Returns the mode for a mean current. *Full dynamic braking* is the current of a motor that is shorted all the
+    /// time.
     ///
     /// For clockwise rotation a positive current needs mode 9/8. A negative current needs mode 5/0 up to full dynamic
     /// braking, and mode 6/2 beyond. For counter-clockwise rotation 9/8 and 6/2 are exchanged, and so are the signs.
@@ -55,9 +56,9 @@ impl Circuit {
 
     /// Returns the modulation for a mean current by a formula, without simulation of the bridge.
     ///
-    /// `|emf|` must be below the battery voltage. The duty differs from the exact duty by less than 0.001 above 15 kHz, and by
-    /// less than 0.01 from 1 kHz on. This is tested for each motor of the catalogue, with battery voltages of 6.5 and 14.5
-    /// V, and a back EMF of up to 0.95 times this voltage.
+    /// `|emf|` must be below the battery voltage. The duty differs from the exact duty by less than 0.001 above 15 kHz,
+    /// and by less than 0.01 from 1 kHz on. A test checks these limits for each motor of the catalogue, with battery
+    /// voltages of 6.5 and 14.5 V, and a back EMF of up to 0.95 times this voltage.
     ///
     /// In continuous conduction the mean terminal voltage is linear in the duty. In discontinuous conduction the
     /// current rises from zero for a time `x`, then falls to zero, with times in units of the electrical time constant.
@@ -107,7 +108,7 @@ impl Circuit {
         let charge = r * i.abs() * periods;
         let fall_time = |x: f64| (ratio * -(-x).exp_m1()).ln_1p();
         // Newton's method. The charge is convex in x, and the first estimate comes from the leading term of the charge.
-        // From any estimate the next one is above the root, so all later estimates approach the root from above.
+        // After any estimate the next estimate is above the root, so all later estimates approach the root from above.
         let mut x = (2.0 * charge / (rise * (1.0 + ratio))).sqrt();
         for _ in 0..60 {
             let decay = (-x).exp();

@@ -47,8 +47,8 @@ impl Load {
 
 /// Motor and load, combined as one body on the motor shaft.
 ///
-/// `eta` is the efficiency of the gearbox and `N` its reduction ratio (R. Atkinson, *On Proportional Braking in H Bridges*,
-/// 2018, section 2.2.2).
+/// `eta` is the efficiency of the gearbox and `N` its reduction ratio (R. Atkinson, *On Proportional Braking in H
+/// Bridges*, 2018, section 2.2.2).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shaft {
     /// Inertia of motor and load together, `J + Jafter / (eta N²)`.

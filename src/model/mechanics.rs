@@ -1,15 +1,15 @@
 //! Mechanical part of a plant: the exact motion of a shaft during one window of constant torque.
 //!
-//! A *window* is one time step of the simulation. The shaft follows `J w' + B w = torque - friction`, with its speed `w`,
-//! inertia `J` and viscous drag `B`. While the shaft
-//! turns in one direction the solution is an exponential. If the shaft stops within the window, the time of the stop is
-//! a logarithm. Until the end of the window the shaft then stays at rest, or turns in the other direction.
+//! A *window* is one time step of the simulation. The shaft follows `J w' + B w = torque - friction`, with its speed
+//! `w`, inertia `J` and viscous drag `B`. While the shaft turns in one direction the solution is an exponential. If the
+//! shaft stops within the window, the time of the stop is a logarithm. Until the end of the window the shaft then stays
+//! at rest, or turns in the other direction.
 
 use super::friction::Friction;
 use super::load::Shaft;
 use super::numeric::{ln_1p_over_x, phi1, phi2};
 
-/// Coefficients of the solution. They depend on the length of the window, not on speed or torque.
+/// Coefficients of the solution. The coefficients depend on the length of the window, not on speed or torque.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mechanics {
     /// Length of the window, s.

@@ -3,9 +3,10 @@
 //!
 //! Conventions of all modules:
 //! * Clockwise (CW) is positive for speed, angle and torque.
-//! * Positive motor current flows from the left terminal to the right one and makes CW torque.
+//! * Positive motor current flows from the left terminal to the right terminal and makes CW torque.
 //! * Positive battery current leaves the battery.
-//! * A quantity whose name has `after` is after the gearbox, at the output shaft. All others are at the motor shaft.
+//! * A quantity whose name has `after` is after the gearbox, at the output shaft. All other quantities are at the motor
+//!   shaft.
 //!
 //! ```
 //! use motor_hub::bridge::Mode;

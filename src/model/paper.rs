@@ -1,5 +1,6 @@
-//! The four schemes of *the paper* in `f64`, without clamping: R. Atkinson, *On Proportional Braking in H Bridges* (2018).
-//! The module also computes the change from braking to reverse at point T, and the steady speed of a motor at a duty.
+//! The four schemes of *the paper* in `f64`, without clamping: R. Atkinson, *On Proportional Braking in H Bridges*
+//! (2018). The module also computes the change from braking to reverse at point T, and the steady speed of a motor at a
+//! duty.
 //!
 //! A scheme maps control values from `-c_max` to `c_max` to volts (Scheme A) or amperes (Schemes B, C and D). The map
 //! is piecewise linear through four points: S (full reverse), T (full dynamic braking), Z (no current), G (full
@@ -116,20 +117,21 @@ impl Scheme {
 
 /// Returns the largest blend of Scheme D with which full dynamic braking stays within the control range.
 ///
-/// `u` is the back EMF divided by the battery voltage, and must be at least 0. The blend is `(1 - u) / (2 u²)`, limited to
+/// `u` is the back EMF divided by the battery voltage, and must be at least 0. The blend is `(1 - u) / (2 u²)`, limited
+/// to
 /// 1. It is 0 if `u` is 1 or more.
 #[must_use]
 pub fn blend_keeping_t_in_range(u: f64) -> f64 {
     if u >= 1.0 { 0.0 } else { ((1.0 - u) / (2.0 * u * u)).min(1.0) }
 }
 
-/// The change from braking to reverse at point T, where the bridge changes from mode 5/0 to mode 6/2. The paper lists this
-/// change as its first to-do item.
+/// The change from braking to reverse at point T, where the bridge changes from mode 5/0 to mode 6/2. The paper lists
+/// this change as its first to-do item.
 ///
 /// Mode 5/0 shorts the motor during the duty, and opens the bridge for the rest of a PWM period. Mode 6/2 drives
-/// counter-clockwise during the duty, and then freewheels. At duty 0 mode 6/2 brakes through a switch and a diode, and mode
-/// 5/0 at duty 1 through two switches. With ideal switches the braking
-/// current of mode 6/2 is therefore smaller by `Vd/R`, and at least 0.
+/// counter-clockwise during the duty, and then freewheels. At duty 0 mode 6/2 brakes through a switch and a diode, and
+/// mode 5/0 at duty 1 through two switches. With ideal switches the braking current of mode 6/2 is therefore smaller by
+/// `Vd/R`, and at least 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reverse0 {
     /// Duty at which mode 6/2 brakes with the current of full dynamic braking.
@@ -200,8 +202,8 @@ impl OpenLoop {
     #[must_use]
     pub fn steady_speed(&self, pwm: Pwm, battery: Volts) -> RadPerSec {
         let Bridge { vd, ron, .. } = self.circuit.bridge;
-        // No steady speed is above `fastest`. At that speed even an open bridge brakes through its diodes, with a larger
-        // torque than the external one.
+        // No steady speed is above `fastest`. At that speed even an open bridge brakes through its diodes, with a
+        // larger torque than the external one.
         let resistance = self.motor.r.0 + 2.0 * ron.0;
         let limit = battery.0 + 2.0 * vd.0 + self.torque.abs() * resistance / self.motor.kt.0;
         let fastest = 1.01 * limit / self.motor.ke.0;

@@ -5,12 +5,12 @@
 //! 2. The mechanical part is exact under a constant torque, which belongs to the mean current of the window.
 //! 3. Both parts are iterated until they agree. The method is second-order accurate and stable for every motor.
 //!
-//! After a change of the command, current and speed approach their new values with a relative error of about `(w h)² / 24`.
-//! Here `h` is the length of a window and `w = sqrt((Ke Kt / L + k) / J)`: the angular frequency at which motor and load would
-//! swing without losses. `Ke` and `Kt` are the motor's back-EMF and torque constant, `L` is its inductance, `J` the inertia of
-//! motor and load, and `k` the largest stiffness of cogging. Windows are so short that `w h` is at most 0.15. The error of the
-//! mean current over a few PWM periods is then about 0.1 % of the current at standstill. The ripple of the speed within a
-//! window is left out of the back EMF.
+//! After a change of the command, current and speed approach their new values with a relative error of about `(w h)² /
+//! 24`. Here `h` is the length of a window and `w = sqrt((Ke Kt / L + k) / J)`: the angular frequency at which motor
+//! and load would swing without losses. `Ke` and `Kt` are the motor's back-EMF and torque constant, `L` is its
+//! inductance, `J` the inertia of motor and load, and `k` the largest stiffness of cogging. Windows are so short that
+//! `w h` is at most 0.15. The error of the mean current over a few PWM periods is then about 0.1 % of the current at
+//! standstill. The ripple of the speed within a window is left out of the back EMF.
 //!
 //! [Friction and cogging](super::friction) are exact for the mean torque of a window. A shaft can stop within a window.
 //! From this moment it turns back, or rests with a speed of exactly 0. Cogging releases exactly the energy that it
@@ -43,7 +43,8 @@ use super::switching::{Bridge, Circuit, Conditions, Integrals, Pwm};
 use super::train::{Output, ShaftState, Train, WindowEnd};
 use crate::bridge::{Mode, State};
 
-/// Largest product of window length (s) and frequency `w` (rad/s), which the module's documentation defines; without unit.
+/// Largest product of window length (s) and frequency `w` (rad/s), which the module's documentation defines; without
+/// unit.
 const WINDOW_LIMIT: f64 = 0.15;
 
 /// Inputs of a plant: the command to its bridge, and an external torque.
@@ -80,8 +81,8 @@ pub struct Flow {
     pub charge: Coulombs,
     /// Magnitude of the part of `charge` that a current sense in the high-side switches measures, at least 0.
     ///
-    /// The sense measures the current that flows from the battery into the high-side switch that stays closed in mode 9/8
-    /// or 6/2. It measures nothing in mode 5/0, which closes no high-side switch.
+    /// The sense measures the current that flows from the battery into the high-side switch that stays closed in mode
+    /// 9/8 or 6/2. It measures nothing in mode 5/0, which closes no high-side switch.
     pub charge_shown: Coulombs,
     /// Energy that left the battery, at least 0.
     pub energy_from_battery: Joules,
@@ -135,8 +136,8 @@ impl Flow {
 
 /// Temperature rises of a motor above the temperatures at which the constants of the catalogue were measured.
 ///
-/// The resistance of copper rises by 0.39 % per kelvin. The field of ferrite magnets falls by 0.2 % per kelvin, and with it
-/// back EMF and torque.
+/// The resistance of copper rises by 0.39 % per kelvin. The field of ferrite magnets falls by 0.2 % per kelvin, and
+/// with it back EMF and torque.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Temperatures {
     /// Temperature rise of the winding in K.
@@ -152,7 +153,7 @@ impl Temperatures {
         1.0 + 0.0039 * self.winding_k
     }
 
-    /// Returns the back-EMF constant divided by the one in the catalogue. The torque constant has the same ratio.
+    /// Returns the back-EMF constant divided by the constant in the catalogue. The torque constant has the same ratio.
     #[must_use]
     pub fn field_share(&self) -> f64 {
         1.0 - 0.002 * self.magnets_k
@@ -190,8 +191,8 @@ pub struct Plant {
     angle: f64,
     /// Mean current of the last window, A. It is the first estimate of the next window's mean current.
     last_mean: f64,
-    /// Off state of the present mode. The modes 9/8, 6/2 and 5/0 have different off states, so a change of this state is a
-    /// change of the mode. An open bridge has the off state of mode 5/0, so no pause comes between the two.
+    /// Off state of the present mode. The modes 9/8, 6/2 and 5/0 have different off states, so a change of this state
+    /// is a change of the mode. An open bridge has the off state of mode 5/0, so no pause comes between the two.
     off_state: State,
     /// Time for which the bridge still stays open because of the last change of the mode, s.
     open_s: f64,
@@ -253,8 +254,8 @@ impl Plant {
         self
     }
 
-    /// Connects another load, which has the speed of the old load immediately. The change of the kinetic energy is added to
-    /// [`Flow::load_work`] of the next run.
+    /// Connects another load, which has the speed of the old load immediately. The change of the kinetic energy is
+    /// added to [`Flow::load_work`] of the next run.
     pub fn set_load(&mut self, load: Load) {
         let before = self.motion_energy().0;
         self.load = load;
@@ -477,8 +478,8 @@ impl Plant {
         flow.train_heat.0 += train_heat;
     }
 
-    /// Returns the motion of motor and load through a window, under `torque` on the motor and `load_torque` on the load,
-    /// both in N m on the motor shaft.
+    /// Returns the motion of motor and load through a window, under `torque` on the motor and `load_torque` on the
+    /// load, both in N m on the motor shaft.
     fn train_motion(&self, output: &Output, window: f64, torque: f64, load_torque: f64) -> WindowEnd {
         let cogging = self.motor.cogging.mean_torque(self.angle, window * self.speed);
         let state = ShaftState { speed: self.speed, angle: self.angle };
@@ -525,8 +526,8 @@ impl Plant {
     }
 }
 
-/// Returns the charge that flows from the battery into the high-side switch that stays closed, at least 0. `state` is the
-/// off state of the command: the bridge freewheels, or drives all the time.
+/// Returns the charge that flows from the battery into the high-side switch that stays closed, at least 0. `state` is
+/// the off state of the command: the bridge freewheels, or drives all the time.
 const fn sensed_charge(state: State, charge: f64) -> f64 {
     match state {
         State::HighLeft | State::DriveCw => charge.max(0.0),

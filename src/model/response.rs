@@ -1,5 +1,5 @@
-//! Response of a geared motor to a constant voltage, in closed form. The source is *the paper*: R. Atkinson, *On Proportional
-//! Braking in H Bridges* (2018), sections 2.2.2 and 2.2.3.
+//! Response of a geared motor to a constant voltage, in closed form. The source is *the paper*: R. Atkinson, *On
+//! Proportional Braking in H Bridges* (2018), sections 2.2.2 and 2.2.3.
 //!
 //! ```text
 //! L i' + R i + Ke w = v
@@ -8,7 +8,8 @@
 //!
 //! Here `i` is the motor current, `w` the speed of the motor shaft, `v` the voltage, and `tau` the external torque on
 //! the output shaft. `R`, `L`, `Ke` and `Kt` are the constants of the motor, `eta` and `N` efficiency and ratio of its
-//! gearbox. `Jt` and `Bt` are inertia and drag of motor and load on the motor shaft. `A` is the matrix of both equations.
+//! gearbox. `Jt` and `Bt` are inertia and drag of motor and load on the motor shaft. `A` is the matrix of both
+//! equations.
 //!
 //! With `D0 = R Bt + Ke Kt`, `sigma = (R/L + Bt/Jt)/2` and `gamma2 = sigma² - D0/(L Jt)` the poles are
 //! `-sigma ± sqrt(gamma2)`. Within `t` a deviation from the steady state is multiplied by

@@ -27,15 +27,16 @@ use super::si::{Amps, Coulombs, Seconds, Volts};
 
 /// Longest step with a constant battery voltage, in s, for a rig without bus capacitor.
 const LONGEST_STEP_S: f64 = 1e-3;
-/// Longest step with a constant bus voltage, in s. In this time 10 A change the voltage of a capacitor of 1000 uF by 0.5 V.
+/// Longest step with a constant bus voltage, in s. In this time 10 A change the voltage of a capacitor of 1000 uF by
+/// 0.5 V.
 const LONGEST_BUS_STEP_S: f64 = 50e-6;
 
 /// Plants that share a battery. The battery voltage depends on the current of all plants.
 ///
-/// Without a [`Bus`], the voltage of a step follows from the current of the steps before it. Steps are at most 1 ms. After
-/// each step the current is the mean of its last value and the current of the step, as if capacitors smoothed it. The
-/// simulation is stable if the resistance of the battery is below about three times the resistance of all windings in
-/// parallel.
+/// Without a [`Bus`], the voltage of a step follows from the current of the steps before it. Steps are at most 1 ms.
+/// After each step the current is the mean of its last value and the current of the step, as if capacitors smoothed it.
+/// The simulation is stable if the resistance of the battery is below about three times the resistance of all windings
+/// in parallel.
 ///
 /// With a [`Bus`], the capacitor's energy gives the voltage of a step. The current is not smoothed, and steps are at
 /// most 50 us.
@@ -89,8 +90,8 @@ impl Rig {
         &self.shutdowns
     }
 
-    /// Advances each plant by `dt`, and returns the result of each plant. A plant without an input coasts. So does a plant
-    /// whose bridge has shut down.
+    /// Advances each plant by `dt`, and returns the result of each plant. A plant without an input coasts. A plant
+    /// whose bridge has shut down coasts too.
     pub fn run(&mut self, dt: Seconds, inputs: &[PlantInput]) -> Vec<Flow> {
         let mut flows = vec![Flow::default(); self.plants.len()];
         if dt.0 <= 0.0 {

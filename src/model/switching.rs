@@ -1,8 +1,8 @@
 //! The motor current in one state of the bridge, and through one PWM period, including the catch diodes.
 //!
-//! The back EMF `e` is constant. While a current `i` of one sign flows in one state, it follows
-//! `L i' + (R + n Ron) i + e = b Vbat + d Vd`. `L` and `R` are inductance and resistance of the winding, `Ron` is the resistance
-//! of a closed switch, `Vbat` the battery voltage, and `Vd` the voltage drop of a catch diode.
+//! The back EMF `e` is constant. While a current `i` of one sign flows in one state, it follows `L i' + (R + n Ron) i +
+//! e = b Vbat + d Vd`. `L` and `R` are inductance and resistance of the winding, `Ron` is the resistance of a closed
+//! switch, `Vbat` the battery voltage, and `Vd` the voltage drop of a catch diode.
 //!
 //! | term | meaning |
 //! |---|---|
@@ -10,9 +10,9 @@
 //! | `b` | coefficient of the battery voltage across the motor: 1, 0 or -1 |
 //! | `d` | coefficient of the diode drop across the motor, -2 to 2 |
 //!
-//! The solution is an exponential, and the time at which the current reaches zero is a logarithm. The result is exact for a
-//! bridge that switches in no time. A bridge with slow edges is approximated by steps of constant voltage.
-//! At zero current the voltages decide whether current starts in one direction. If none starts, conduction is
+//! The solution is an exponential, and the time at which the current reaches zero is a logarithm. The result is exact
+//! for a bridge that switches in no time. A bridge with slow edges is approximated by steps of constant voltage. At
+//! zero current the voltages decide whether current starts in one direction. If no current starts, conduction is
 //! *discontinuous*.
 //!
 //! ```
@@ -319,8 +319,8 @@ impl Circuit {
         self.part_of_period(pwm, 0.0, 1.0 / pwm.frequency.0, start, at, sums)
     }
 
-    /// Simulates `window_s` seconds of a period, from `from_s` seconds after its beginning. Adds the integrals to `sums` and
-    /// returns the final current.
+    /// Simulates `window_s` seconds of a period, from `from_s` seconds after its beginning. Adds the integrals to
+    /// `sums` and returns the final current.
     pub(super) fn part_of_period(
         &self,
         pwm: Pwm,

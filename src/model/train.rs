@@ -1,11 +1,11 @@
-//! A gear train that is not rigid: backlash and a compliant shaft between the motor and its load. Motor and load are then two
-//! masses with their own speeds.
+//! A gear train that is not rigid: backlash and a compliant shaft between the motor and its load. Motor and load are
+//! then two masses with their own speeds.
 //!
 //! All angles are referred to the motor shaft. `x` is the part of the angle between motor and load that is beyond the
-//! backlash, and `d` is the difference of their speeds. With the stiffness `K` and the damping `C` of the shaft the train
-//! transmits the torque `K x + C d` while teeth touch. It never pulls teeth that part. The implicit midpoint rule gives the
-//! torque for a short step, in which the torque is constant. The motion of each mass under this torque is exact. A step ends
-//! where teeth meet or part.
+//! backlash, and `d` is the difference of their speeds. With the stiffness `K` and the damping `C` of the shaft the
+//! train transmits the torque `K x + C d` while teeth touch. It never pulls teeth that part. The implicit midpoint rule
+//! gives the torque for a short step, in which the torque is constant. The motion of each mass under this torque is
+//! exact. A step ends where teeth meet or part.
 //!
 //! ```
 //! use motor_hub::bridge::Mode;
@@ -32,8 +32,8 @@ use super::load::{Load, Shaft};
 use super::mechanics::{Mechanics, ShaftMotion};
 use super::si::{Drag, Joules, KgM2};
 
-/// Largest product of the train's natural frequency (rad/s) and the length of a step (s), without unit. It limits the error
-/// of a step.
+/// Largest product of the train's natural frequency (rad/s) and the length of a step (s), without unit. It limits the
+/// error of a step.
 const STEP_LIMIT: f64 = 0.05;
 
 /// Largest distance of teeth, in rad, that counts as touching. Rounding errors of the angles are smaller.
@@ -84,8 +84,8 @@ pub(super) struct WindowEnd {
 }
 
 impl Output {
-    /// Converts load and train to the motor shaft. Returns `None` if the load has no inertia, because its motion would then
-    /// be undefined while no teeth touch.
+    /// Converts load and train to the motor shaft. Returns `None` if the load has no inertia, because its motion would
+    /// then be undefined while no teeth touch.
     pub(super) fn new(motor: &Motor, load: &Load, train: &Train) -> Option<Self> {
         let n = motor.gear_ratio;
         let reflection = 1.0 / (motor.eta * n * n);
@@ -103,7 +103,8 @@ impl Output {
         })
     }
 
-    /// Returns the kinetic energy of the load and the energy of the twisted shaft together, for a motor at `angle` in rad.
+    /// Returns the kinetic energy of the load and the energy of the twisted shaft together, for a motor at `angle` in
+    /// rad.
     pub(super) fn energy(&self, angle: f64) -> Joules {
         let speed = self.state.speed;
         Joules(0.5 * self.body.inertia.0 * speed * speed + self.spring_energy(angle - self.state.angle))
@@ -115,8 +116,8 @@ impl Output {
         0.5 * self.stiffness * twist * twist
     }
 
-    /// Returns the end of a window in seconds, under torques in N m on the motor and on the load. The motor alone has `shaft` and
-    /// `friction`, and begins the window in `state`.
+    /// Returns the end of a window in seconds, under torques in N m on the motor and on the load. The motor alone has
+    /// `shaft` and `friction`, and begins the window in `state`.
     pub(super) fn motion(
         &self,
         shaft: &Shaft,
@@ -164,8 +165,8 @@ impl Output {
         WindowEnd { motor: ShaftMotion { mean, end: motor.speed, sliding_angle }, load, heat }
     }
 
-    /// Returns 1 if teeth touch in the clockwise direction, -1 if they touch in the other direction, and 0 if none touch.
-    /// The result is always 1 without backlash.
+    /// Returns 1 if teeth touch in the clockwise direction, -1 if they touch in the other direction, and 0 if none
+    /// touch. The result is always 1 without backlash.
     fn side(&self, theta: f64) -> f64 {
         if self.half_backlash == 0.0 || theta >= self.half_backlash - TOUCH {
             1.0
@@ -176,8 +177,8 @@ impl Output {
         }
     }
 
-    /// Returns the seconds until teeth meet or part at the present difference `d` of the speeds (rad/s), or infinity if they
-    /// do neither. `side` is the result of [`side`](Self::side).
+    /// Returns the seconds until teeth meet or part at the present difference `d` of the speeds (rad/s), or infinity if
+    /// they do neither. `side` is the result of [`side`](Self::side).
     fn to_event(&self, theta: f64, d: f64, side: f64) -> f64 {
         let distance = if self.half_backlash == 0.0 || d == 0.0 {
             return f64::INFINITY;

@@ -85,7 +85,7 @@ pub struct Pid {
 }
 
 impl Pid {
-    /// Takes a tick. Returns the output, rounded down and limited to `input.limit` in both directions.
+    /// Executes a tick. Returns the output, rounded down and limited to `input.limit` in both directions.
     ///
     /// Anti-windup: while the output saturates, the integral changes only towards the range. Integral and feed-forward
     /// are each limited to the range.

@@ -1,7 +1,7 @@
 //! Corrects the configured constants of a motor that has become warm, or whose speed hunts.
 //!
-//! Copper gains 0.39 % of its resistance a kelvin, and magnets lose some 0.2 % of their field. Two things correct the
-//! constants in force:
+//! Per kelvin, the resistance of copper grows by 0.39 %, and the field of the magnets falls by some 0.2 %. Two things
+//! correct the constants in force:
 //!
 //! * The [thermal model](super::thermal) computes the temperatures of a motor with a thermal limit. Back EMF constant,
 //!   dynamics and duty rule follow these temperatures.
@@ -191,13 +191,13 @@ mod tests {
         let friction = hot.dynamics.map(|dynamics| dynamics.friction.get());
         assert!(friction.is_some_and(|mv| (500.0 / share(gain) - f32::from(mv)).abs() < 2.0), "{friction:?}");
 
-        // Dynamics that are configured now are those of the hot motor.
+        // Dynamics that are configured now belong to the hot motor.
         let identified = Settings { dynamics: hot.dynamics, ..settings };
         configured.configure(&identified);
         let in_force = configured.in_force(&identified);
         assert_eq!(in_force.dynamics, hot.dynamics);
         assert_eq!(in_force.winding, hot.winding);
-        // A motor that hunts in spite of its temperature has a lower constant.
+        // The constant of a hot motor that also hunts is lower still.
         assert!(
             configured.lower() && (configured.emf_share() - 0.89).abs() < 1e-3,
             "{}",

@@ -18,15 +18,16 @@
 //! Terms:
 //!
 //! * *Drive voltage*: the mean voltage across the motor.
-//! * *Gain*: the motor's acceleration per volt. Without configured dynamics the regulator estimates the gain. * *Least
-//!   gain*: a lower bound of the gain. The regulator has one if the dynamics are configured, or if the estimated gain
-//!   shows that the motor is heavy. * *Motion*, *steady run*, *toggle*: see `last_motion`.
-//! * *Silence*: the time since the last motion, or since the check last began again if that is later.
-//! * *Expected distance*: the least distance that a healthy motor covers in a silence or a probe (see `expected`). *
-//!   *Heaviest friction*: 6.6 V, the drive voltage that moves every motor for 12 V (see `expected`).
+//! * *Gain*: the motor's acceleration per volt. Without configured dynamics the regulator estimates the gain.
+//! * *Least gain*: a lower bound of the gain. The regulator has a least gain if the dynamics are configured, or if the
+//!   estimated gain shows that the motor is heavy.
+//! * *Motion*, *steady run*, *toggle*: see `last_motion`.
+//! * *Silence*: the time without a motion. A new silence also begins when the check enters Watching again.
+//! * *Expected distance*: the least distance that a healthy motor covers in a silence or a probe (see `expected`).
+//! * *Heaviest friction*: 6.6 V, the drive voltage that moves every motor for 12 V (see `expected`).
 //! * *Time-out*: the longest time for which a motor without a least gain may be silent while the drive voltage exceeds
-//!   the heaviest friction. The time starts again at 0 whenever the drive voltage falls to the heaviest friction. *
-//!   *Too few counts*: a silence of 46 ms or more whose expected distance has reached 12 counts after a steady run, or
+//!   the heaviest friction. The time starts again at 0 whenever the drive voltage falls to the heaviest friction.
+//! * *Too few counts*: a silence of 46 ms or more whose expected distance has reached 12 counts after a steady run, or
 //!   6 counts from rest; or a time-out.
 //! * *Slow-counting motor*: a motor whose encoder sends fewer than 1000 counts/s at a back EMF of 12 V.
 //! * *Examination*: a release or a probe.
@@ -41,35 +42,35 @@
 //!   reached without a motion, the encoder is stuck. A motor that cannot reach the expected distance in the longest
 //!   probe, as on a low battery, is taken for stalled.
 //! * *Stalled*: the regulator drives the motor, and there is no further examination. The stall ends when the requested
-//!   direction changes, or when a set-point is not regulated. A tick without regulation does not end a stall. It also
-//!   ends when the motor has turned beyond its stop for 150 ms, at half of the requested speed or more. A stalled motor
-//!   can run away too, and is stalled again after the runaway.
+//!   direction changes, or when a host sets a set-point that is not regulated. The stall also ends when the motor has
+//!   turned beyond its stop for 150 ms, at half of the requested speed or more. A fault that opens the bridge for some
+//!   ticks does not end a stall. A stalled motor can run away too, and is stalled again after the runaway.
 //! * *RunningAway*: the bridge is in reverse at the end of the control range. Still the motor turns in the wrong
 //!   direction, or at least twice as fast as requested. A motor with a working encoder becomes slower, unless its load
 //!   exceeds the stall torque. If the motor does not become slower, its encoder is reversed.
 //! * *Faulty*: the encoder is stuck or reversed. The check has ended. The motor latches the fault until the motor is
 //!   disabled or in fail-safe.
 //!
-//! A set-point of another kind or direction ends an examination, as does a tick without regulation. The state is then
-//! Watching.
+//! An examination ends when a set-point of another kind or direction arrives, and at a tick without regulation. The
+//! state is then Watching.
 //!
 //! | motor | time to a fault |
 //! |---|---|
 //! | turned steadily, then silent | 250 ms, with a control period of any length |
 //! | started from rest, and none of the cases below | 250 ms from full drive voltage on |
-//! | has a least gain, but is slow-counting or heavy | longer, by the time in which its counts are due |
-//! | without a least gain, last turned in the other direction | 1 s, because a heavy motor may take that long to reverse |
-//! | without a least gain, has toggled a few times | 1 s, because a heavy motor may take that long to start |
+//! | has a least gain, but is slow-counting or heavy | more than 250 ms, until the expected distance is reached |
+//! | without a least gain, last turned in the other direction | 1 s: a heavy motor may take that long to reverse |
+//! | without a least gain, has toggled a few times | 1 s: a heavy motor may take that long to start |
 //! | without a least gain and slow-counting | some 4 s |
-//! | dynamics not configured, runs away after its encoder has sent counts in the right direction | 2 s if it does not become faster, because the motor may be heavy |
+//! | dynamics not configured, runs away after counts in the right direction | 2 s, unless it clearly becomes faster |
 //!
 //! The check for a stuck encoder needs a set-point of speed or position, also in a group, and a requested speed of at
 //! least 40 counts/s. So open loop, constant current and identification are excluded, and so is a motor that holds its
 //! position. A motor at rest is excluded while its drive voltage does not exceed the heaviest friction, as on a low
 //! battery.
 //!
-//! Constants without a stated source have none on record. `motor-hub soak --sweep` finds false alarms of the constants
-//! (see `docs/concepts/faults.md`), and `tests/encoder_check.rs` checks the times.
+//! Constants without a stated source have none on record. `motor-hub soak --sweep` simulates many motors and counts
+//! false alarms (see `docs/concepts/faults.md`). `tests/encoder_check.rs` checks the times of the table.
 
 use super::Request;
 use super::expected::{Expected, Tick};
@@ -79,15 +80,15 @@ use crate::regulator::counts_due;
 use crate::units::{Control, CountsPerSecond};
 use libm::sqrtf;
 
-/// Distance that a motor from rest should cover before missing counts matter, in counts.
+/// Expected distance at which a silence from rest has too few counts, in counts.
 const EXPECTED_COUNTS: f32 = 6.0;
 
 /// A fault of an encoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EncoderFault {
-    /// The encoder sends no counts although the motor should turn. With one broken wire the encoder toggles by one
-    /// count.
+    /// The encoder sends no counts although the motor should turn, or toggles by one count. An encoder with one broken
+    /// wire toggles.
     Stuck,
     /// The encoder sends counts in the wrong direction.
     Reversed,
@@ -104,7 +105,7 @@ impl Tick<'_> {
         self.emf_volts_per_cps() > EncoderCheck::SLOW_COUNTING_EMF_VOLTS_PER_CPS
     }
 
-    /// True if the end of the control range may be less than full reverse: by PID in Schemes C and D.
+    /// True if the control range may end before full reverse: for PID in Schemes C and D.
     fn ends_before_full_reverse(&self) -> bool {
         let settings = self.context.settings;
         settings.coefficients.is_some() && matches!(settings.scheme, Scheme::C | Scheme::D(_))
@@ -136,8 +137,8 @@ pub(super) struct EncoderCheck {
 impl EncoderCheck {
     /// Shortest silence that is checked, in µs. With a shorter silence the motor turns.
     const QUIET_US: u32 = 10_000;
-    /// Largest ratio of the speed before the silence to the requested speed at which a motor should keep turning. A
-    /// faster motor should slow down, and may come to rest.
+    /// Largest ratio of the speed before the silence to the requested speed. Up to this ratio the silence is checked as
+    /// a silence after a steady run. The regulator slows a faster motor down, and this motor may come to rest.
     const SPEED_RATIO: f32 = 1.5;
     /// Shortest silence, in ms, that can have too few counts by its expected distance. At a control period of up to 50
     /// ms, a release and a probe then end within 250 ms.
@@ -160,7 +161,7 @@ impl EncoderCheck {
 /// States of the check.
 #[derive(Clone, Copy, Debug)]
 enum State {
-    /// The regulator drives the motor. The expected distance is that of the present silence.
+    /// The regulator drives the motor. `Expected` holds the expected distance of the present silence.
     Watching(Expected),
     /// The bridge is in reverse at the end of the control range, and the motor turns at the wrong speed.
     RunningAway(Runaway),
@@ -170,7 +171,7 @@ enum State {
         /// Time in this state, in ms.
         ms: u32,
     },
-    /// The motor is driven in the other direction. The expected distance is that of the probe.
+    /// The motor is driven in the other direction. `expected` holds the expected distance of the probe.
     Probing { suspect: Suspect, expected: Expected },
     /// The regulator drives the motor against a stop.
     Stalled(Stall),
@@ -189,12 +190,12 @@ impl EncoderCheck {
         matches!(self.state, State::Stalled(_) | State::RunningAway(Runaway { stall: Some(_), .. }))
     }
 
-    /// Ends a release or a probe, so that it does not disturb the next motion. Returns true if there was a release or
-    /// a probe, or if the motor is stalled. A stall does not end here.
+    /// Ends a release or a probe, so that the next motion begins in Watching. Returns true if there was a release or a
+    /// probe, or if the motor is stalled. A stall does not end.
     ///
-    /// The caller has a set-point of another kind or direction, or a tick without regulation. A set-point that
-    /// continues the motion must not end an examination: a host that streams set-points would hide a fault of the
-    /// encoder.
+    /// Must be called for a set-point of another kind or direction, and at a tick without regulation. Must not be
+    /// called for a set-point that continues the motion, because a host that streams set-points would then hide a fault
+    /// of the encoder.
     pub(super) const fn end_examination(&mut self, last_motion: &mut LastMotion) -> bool {
         let examining = matches!(self.state, State::Releasing { .. } | State::Probing { .. });
         if examining {
@@ -204,8 +205,8 @@ impl EncoderCheck {
         examining || self.is_stalled()
     }
 
-    /// Takes a tick of a regulated motor, and enters the next state. Returns the request of this state; `None` if the
-    /// regulator drives the motor.
+    /// Steps the check by a tick of a regulated motor, and enters the next state. Returns the request of this state;
+    /// `None` if the regulator drives the motor.
     ///
     /// # Errors
     /// Returns the fault of the encoder if the check has found one.
@@ -242,7 +243,7 @@ impl EncoderCheck {
                 Ok(runaway.full_reverse.then_some(Request::full_reverse(at, tick.context.modulator)))
             }
             State::Releasing { .. } => Ok(Some(Request::braking(at))),
-            // The speed is in doubt, so the probe is in open loop.
+            // The probe is in open loop, because the measured speed may be wrong.
             State::Probing { suspect, .. } => {
                 Ok(Some(Request::open_loop(at, suspect.probe_control(), tick.context.modulator)))
             }
@@ -251,7 +252,7 @@ impl EncoderCheck {
     }
 }
 
-/// Takes a tick in Watching: extends the expected distance in a silence, and releases or probes a motor with too few
+/// Executes a tick of Watching: extends the expected distance in a silence, and releases or probes a motor with too few
 /// counts.
 fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> State {
     if !counts_due(tick.target) {
@@ -261,12 +262,12 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> S
     let requested = tick.target.to_f32().abs();
     let clockwise = tick.target > CountsPerSecond::ZERO;
     let drive_volts = along(clockwise, tick.command.limited.voltage.to_volts());
-    // The silence began at the last motion, some time before this tick.
+    // The first tick of a silence also adds the time between the last motion and this tick.
     let ms = match expected.ms {
         0 => (last_motion.silent_us() / 1_000).min(tick.period_ms() + EncoderCheck::QUIET_US / 1_000),
         _ => tick.period_ms(),
     };
-    // A motor that should slow down may come to rest.
+    // The regulator slows a faster motor down, so this motor may come to rest.
     let run =
         last_motion.steady(clockwise).filter(|run| run.speed_cps <= EncoderCheck::SPEED_RATIO * requested);
     let least_gain = tick.regulator.least_gain();
@@ -314,7 +315,8 @@ struct Suspect {
     clockwise: bool,
     /// Position at which the examination began, in counts.
     position: i32,
-    /// Least gain, in counts/s² per V.
+    /// Lower bound of the gain, in counts/s² per V: the least gain, or the bound from the steady run and the longest
+    /// time constant.
     gain_cps2_per_volt: f32,
     /// Largest resisting torque in the probe, in volts.
     resisting_volts: f32,
@@ -349,8 +351,8 @@ impl Suspect {
         let slowest = 1.0 / (time_constant * tick.emf_volts_per_cps());
         let least = run.map_or(slowest, |run| run.least_gain().max(slowest));
         // A load that resisted the motion helps the probe, so the probe meets no more resistance than the motion did.
-        // The uncertainty is added a second time. A motor that started from rest, or that its load drove, may have
-        // the heaviest friction.
+        // The resisting voltage of the run includes an uncertainty, and for the probe the uncertainty is added again.
+        // The heaviest friction is assumed for a motor that started from rest, or that its load drove.
         let resisting_volts = run
             .map(|run| run.resisting_volts(tick))
             .filter(|volts| *volts > Expected::UNCERTAINTY_VOLTS)
@@ -367,8 +369,8 @@ impl Suspect {
         }
     }
 
-    /// Takes a tick in Releasing without a motion, `ms` after the release began. Begins the probe when the release is
-    /// over.
+    /// Executes a tick of Releasing without a motion. `ms` is the time since the release began. Begins the probe when
+    /// the release is over.
     fn release(self, ms: u32) -> State {
         if ms < Self::SHORTEST_MS {
             State::Releasing { suspect: self, ms }
@@ -377,8 +379,8 @@ impl Suspect {
         }
     }
 
-    /// Takes a tick in Probing without a motion. The encoder is at fault when the expected distance is long enough. A
-    /// motor that may be heavy and `may_creep` is probed for the longest time.
+    /// Executes a tick of Probing without a motion. The encoder is at fault when the expected distance is reached. If a
+    /// motor may be heavy and its encoder has toggled (`may_creep`), the probe lasts [`LONGEST_MS`](Self::LONGEST_MS).
     fn probe(self, expected: Expected, may_creep: bool, tick: &Tick<'_>) -> State {
         let volts = Self::DRIVE_SHARE * tick.context.at.battery_volts() - self.resisting_volts;
         let expected = expected.accelerate(tick.period_ms(), self.gain_cps2_per_volt * volts, 0.0);
@@ -416,7 +418,7 @@ struct Stall {
     free_ms: u32,
 }
 
-/// Limits of the state Stalled. A motor that has reached all of these limits is free.
+/// Limits of the state Stalled. A motor is free when all of these limits are reached.
 impl Stall {
     /// Least distance beyond the stop, in counts. Toggling by one count stays below this distance.
     const COUNTS: i32 = 2;
@@ -427,7 +429,7 @@ impl Stall {
 }
 
 impl Stall {
-    /// Takes a tick in Stalled. Ends the stall if the motor is free, or if the requested direction has changed.
+    /// Executes a tick of Stalled. Ends the stall if the motor is free, or if the requested direction has changed.
     fn step(mut self, tick: &Tick<'_>) -> State {
         let moved = tick.position.wrapping_sub(self.position);
         let beyond = if self.clockwise { moved } else { moved.saturating_neg() };
@@ -470,9 +472,9 @@ struct Runaway {
     /// Stall of the motor before the runaway; `None` if the motor was not stalled.
     stall: Option<Stall>,
     /// Extension of the late span in the second comparison, in ms. In this time the motor covers [`EXPECTED_COUNTS`]
-    /// from rest, if the drive voltage exceeds the resisting volts by the heaviest friction. The gain is the least
-    /// gain. If the encoder is trusted, the gain is that of a motor with the longest mechanical time constant. 0
-    /// without either.
+    /// from rest, if the drive voltage exceeds the resisting volts by the heaviest friction. The gain is the least gain
+    /// or, if the encoder is trusted, the gain of a motor with the longest mechanical time constant. The extension is 0
+    /// for a motor without a least gain whose encoder is not trusted.
     extension_ms: u32,
     /// True in the second comparison, whose early span contains both spans of the first comparison.
     second: bool,
@@ -503,9 +505,8 @@ impl Runaway {
     /// Counts by which the late span of a heavy motor must exceed the counts at the mean speed of the early span.
     /// Otherwise a second comparison follows. Each span has an error of one count.
     const FASTER_COUNTS: i32 = 4;
-    /// In a late span with at least this number of counts, the errors of both spans are small beside the speed. A late
-    /// span with fewer counts must be faster than the early span by more than `ERROR_COUNTS`, or a second comparison
-    /// follows.
+    /// Counts of a late span from which on the errors of both spans are negligible. A late span with fewer counts must
+    /// be faster than the early span by more than `ERROR_COUNTS`. Otherwise a second comparison follows.
     const EXACT_COUNTS: i32 = 40;
     /// Errors of both spans together, in counts.
     const ERROR_COUNTS: i32 = 2;
@@ -544,7 +545,7 @@ impl Runaway {
         error > 0 && late.speed_cps(error) <= early.speed_cps(0)
     }
 
-    /// Takes a tick in RunningAway. If the motor has reversed, has become slower or is too slow to be compared, the
+    /// Executes a tick of RunningAway. If the motor has reversed, has become slower or is too slow to be compared, the
     /// comparison begins again.
     fn step(mut self, tick: &Tick<'_>) -> State {
         // A motor that reversed has followed its drive voltage, even if the motor swings back later.

@@ -6,10 +6,10 @@
 //! * *Toggle*: a change of the position within the dead band. A shaft that rests on an edge of the encoder toggles,
 //!   and an encoder with one broken wire toggles at any position.
 //! * *Run*: a series of motions in one direction without a long gap.
-//! * *Silence*: the time since the last motion, or since [`LastMotion::forget`] if that was later.
+//! * *Silence*: the time since the last motion, or since the last call of [`LastMotion::forget`], whichever is later.
 //!
 //! The estimated speed follows the encoder, so it is wrong once the encoder is at fault. The fault may have begun
-//! before the last motion. The record therefore keeps the estimate of the motion before the last one.
+//! before the last motion. The record therefore keeps the estimate of the motion before the last motion.
 
 use super::Command;
 use crate::motion::Reading;
@@ -32,7 +32,7 @@ pub(super) struct LastMotion {
     clockwise: Option<bool>,
     /// Run at the last motion. Its values are positive clockwise.
     run: Run,
-    /// Run at the motion before the last one.
+    /// Run at the motion before the last motion.
     run_before: Run,
     /// Position at the newest sample, in counts.
     position: i32,
@@ -72,8 +72,8 @@ pub(super) struct Run {
 }
 
 impl LastMotion {
-    /// Takes a sample of the encoder, at ticks and best every millisecond between ticks. The regulator must have
-    /// taken this sample before. `command` is the command of the bridge; `None` for an open bridge.
+    /// Takes a sample of the encoder. Must be called at each tick; the record is best with a sample every millisecond.
+    /// The regulator must take each sample first. `command` is the command of the bridge; `None` for an open bridge.
     pub(super) fn sample(&mut self, reading: &Reading, regulator: &Regulator, command: Option<&Command>) {
         self.sampled_at = reading.at.get() as u32;
         if self.silent_us() < Self::PAUSE_US {
@@ -124,8 +124,9 @@ impl LastMotion {
         self.clockwise
     }
 
-    /// True if the shaft may creep: the silence has many samples and a few toggles. An encoder with one broken wire
-    /// toggles more often on a turning shaft, and an unplugged encoder does not toggle.
+    /// True if the shaft may *creep*: a heavy motor may be starting to move. The silence then has many samples and a
+    /// few toggles. An encoder with one broken wire toggles more often on a turning shaft, and an unplugged encoder
+    /// does not toggle.
     pub(super) fn may_creep(&self) -> bool {
         self.samples >= Self::CREEPING_SAMPLES && (1..=Self::CREEPING_TOGGLES).contains(&self.toggles)
     }

@@ -15,7 +15,7 @@
 //! * *State* (`MotorState`): what drives the motor. The state owns the encoder check or the identification.
 //! * *Request*: the command that a set-point asks for, before limits. A fault replaces the set-point first.
 //! * *Command*: the request, the command within all limits, and the command of the bridge.
-//! * *Direct set-point*: a set-point whose command needs no encoder, and does not wait for a tick.
+//! * *Direct set-point*: a set-point that needs no encoder. The bridge is commanded between two ticks.
 //! * *Burn pulses*: braking that returns no energy to the bus (see `burn_pulses`).
 //!
 //! ```
@@ -101,7 +101,7 @@ pub struct Motor {
     settings: Settings,
     /// Configured constants, and their corrections for a warm motor.
     configured: Configured,
-    /// Maps voltages and control values to commands, by the settings.
+    /// Converts voltages and control values to commands of the bridge, as configured.
     modulator: Modulator,
     /// Time between two ticks.
     period: Period,
@@ -114,7 +114,7 @@ pub struct Motor {
     state: MotorState,
     /// State or result of the last identification.
     identification: Identification,
-    /// Last motion of the shaft, as evidence for the encoder check.
+    /// Last motion of the shaft. The encoder check reads this state.
     last_motion: LastMotion,
     /// Fault that the encoder check has found. The fault is latched until the motor is disabled or in fail-safe.
     encoder_fault: Option<EncoderFault>,
@@ -123,7 +123,7 @@ pub struct Motor {
     pulses: BurnPulses,
     /// Present command; `None` while the motor coasts, because its set-point or a fault opens the bridge.
     command: Option<Command>,
-    /// Current-sense line of the bridge.
+    /// State of the bridge's current-sense line.
     line: Line,
     /// True if the last tick had a fresh reading of an encoder without a fault. Only then is the modelled current
     /// compared with the current-sense line.
@@ -141,7 +141,7 @@ pub struct Motor {
 ///    └────────────────── the identification has ended ─────────┘
 /// ```
 ///
-/// A fault is no state. A motor coasts if it is disabled, if the battery voltage is unknown, or if the bridge has a
+/// A fault is not a state. A motor coasts if it is disabled, if the battery voltage is unknown, or if the bridge has a
 /// fault. The setting [`Settings::on_fault`] says whether a motor coasts or brakes in fail-safe, while overheated, and
 /// with a set-point whose encoder is missing or at fault. Encoder, bridge and thermal faults are latched. A missing
 /// reading or battery voltage is a fault only while it is missing.
@@ -360,8 +360,7 @@ impl Motor {
         &self.settings
     }
 
-    /// Takes a sample of the encoder between two ticks, best every millisecond. With more samples the estimate is
-    /// better.
+    /// Takes a sample of the encoder between two ticks. The estimates are best with a sample every millisecond.
     pub fn sample(&mut self, reading: &Reading) {
         if let MotorState::Identifying(identifier) = &mut self.state {
             identifier.sample(reading);
@@ -378,7 +377,7 @@ impl Motor {
         self.line.step(sensed.current, mode, modelled);
     }
 
-    /// Takes one control tick: estimate, decide, limit, modulate, report.
+    /// Executes one control tick: estimate, decide, limit, modulate, report.
     ///
     /// `reading` is the newest reading of the encoder; [`sample`](Self::sample) may have taken the same reading before.
     /// `battery` is the state of the bus; `None` if the state is unknown or [stale](Battery::is_fresh). Without a
@@ -525,14 +524,14 @@ impl Motor {
         (self.settings.on_fault == OnFault::Brake).then_some(Request::braking(at))
     }
 
-    /// The request for a voltage.
+    /// The request for a mean voltage across the motor.
     fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Request {
         Request { at, modulation: self.modulator.for_voltage(at, voltage), control: None, target: None }
     }
 
-    /// Computes the request of a regulated motor. The encoder check is stepped first. A request of the check, or a
-    /// fault that the check finds, replaces the request of the regulator. Lowers the back EMF constant in force if the
-    /// speed hunts because this constant is too high.
+    /// Computes the request of a regulated motor. The encoder check is stepped first. If the check requests a command
+    /// or finds a fault, the regulator is not stepped. Lowers the back EMF constant in force if the speed hunts because
+    /// this constant is too high.
     fn regulate(&mut self, demand: Demand, at: OperatingPoint, moved: i32) -> Option<Request> {
         let Self { settings, modulator, regulator, position, .. } = self;
         let context = Context { settings, modulator, period: self.period, at };
@@ -563,7 +562,8 @@ impl Motor {
         Some(Request { at, modulation, control, target: Some(output.speed) })
     }
 
-    /// Steps an identification. Returns its voltage; `None` for an open bridge, also when the identification ends.
+    /// Steps an identification. Returns the voltage that the identification requests; `None` for an open bridge. The
+    /// bridge also opens when the identification ends.
     fn identify(&mut self, at: OperatingPoint) -> Option<Voltage> {
         let MotorState::Identifying(identifier) = &mut self.state else { return None };
         let voltage = identifier.step(self.settings.winding.emf, at.battery_volts(), self.period);
@@ -583,7 +583,7 @@ impl Motor {
         }
     }
 
-    /// Uses the corrected constants from now on.
+    /// Passes the corrected constants to modulator and regulator.
     fn correct_constants(&mut self) {
         self.settings = self.configured.in_force(&self.settings);
         self.modulator = self.configured.modulator(&self.settings);
@@ -641,7 +641,7 @@ impl Motor {
         command
     }
 
-    /// The voltages that all limits together allow.
+    /// The voltages that are within all limits.
     fn limits(&self, at: OperatingPoint, draw: Share) -> VoltageLimits {
         let (emf, ohms) = (at.emf_volts(), self.settings.ohms());
         let mut limits = VoltageLimits::by_draw(emf, at.battery_volts(), draw);
@@ -683,7 +683,7 @@ impl Motor {
     fn modelled_current(&self) -> Milliamperes {
         match &self.command {
             Some(command) if !command.is_open() => {
-                // The mean voltage of burn pulses is the voltage within the limits.
+                // The mean voltage of burn pulses is the limited voltage.
                 let mean = if self.pulses.are_active() { command.limited } else { command.bridge };
                 Milliamperes::from_amperes(command.amperes(mean.voltage, self.settings.ohms()))
             }
@@ -732,8 +732,8 @@ impl Motor {
             regime: self.command.map(|command| command.request.at.regime(command.limited.drive)),
             drive,
             settled: self.settle_detector.step(within_tolerance, velocity, self.period),
-            // With a small current limit the encoder cannot be checked, so a motor without counts is taken for
-            // stalled.
+            // At its current limit a motor may not reach the drive voltage from which the encoder check works. A motor
+            // without counts is then reported as stalled.
             stalled: self.is_stalled() || current_limited && self.regulator.is_stalled(),
             identification: self.identification,
             faults: Faults {

@@ -61,7 +61,7 @@ pub(super) struct Line {
     mode: Option<Mode>,
     /// Current that the last sample shows; `None` if the sample is no measurement of the motor's current.
     shown: Option<Milliamperes>,
-    /// Samples in 9/8 or 6/2 that have shown a current, up to [`CONFIRMATIONS`]. With fewer of them the line may be
+    /// Samples in 9/8 or 6/2 that have shown a current, up to [`CONFIRMATIONS`]. With fewer samples the line may be
     /// shorted to ground, so that a sample without a current is no measurement.
     current_shown_count: u8,
 }
@@ -113,9 +113,9 @@ impl Line {
         self.shown.filter(|_| used && self.mode == Some(mode))
     }
 
-    /// Takes the condition `found` by a sample. Changes the condition of the line after [`CONFIRMATIONS`] samples in
-    /// a row that contradict it. Samples in 5/0 (`braking`) end every condition if they show a stuck line, and
-    /// otherwise only Stuck. Samples in 9/8 or 6/2 do not end Stuck.
+    /// Takes the condition `found` by a sample. Changes the condition of the line after [`CONFIRMATIONS`] samples in a
+    /// row that contradict the present condition. Samples in 5/0 (`braking`) end every condition if they show a stuck
+    /// line, and otherwise only Stuck. Samples in 9/8 or 6/2 do not end Stuck.
     fn judge(&mut self, found: SenseLine, braking: bool) {
         let proves = match self.condition {
             SenseLine::Stuck => braking,

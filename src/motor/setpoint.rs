@@ -28,7 +28,7 @@ pub enum Setpoint {
     /// Regulated velocity: the motor turns at this speed. At 0 the motor is held or coasts, by the setting
     /// [`ZeroPower`](super::ZeroPower).
     Velocity(CountsPerSecond),
-    /// Regulated position: the motor goes to a position and holds it.
+    /// Regulated position: the motor goes to a position and holds the position.
     Position {
         /// Target position in counts. The motor takes the shorter direction round the ring of 2^32 counts.
         target: i32,
@@ -78,8 +78,8 @@ impl Setpoint {
         }
     }
 
-    /// True if `position` is [within tolerance](within_tolerance) of a target position; false for a set-point without
-    /// one, as in a group.
+    /// True if `position` is [within tolerance](within_tolerance) of a target position; false for a set-point without a
+    /// target position, as in a group.
     pub(super) const fn is_within_tolerance(self, position: i32) -> bool {
         match self {
             Self::Position { target, tolerance, .. } => within_tolerance(target, position, tolerance),

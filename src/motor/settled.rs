@@ -1,9 +1,9 @@
 //! Decides whether a motor is at its target, by two terms that the whole project uses:
 //!
-//! * *Within tolerance*: the distance to the target is at most the tolerance. Hosts of REV's protocol read this. The
+//! * *Within tolerance*: the distance to the target is at most the tolerance. REV's protocol reports this state. The
 //!   speed does not matter, so a motor that passes its target is within tolerance for a short time.
 //! * *Settled*: within tolerance and slow, at every tick of a dwell. This hub's own report, groups, the client and the
-//!   dashboard use this.
+//!   dashboard use this state.
 //!
 //! Both are false for a disabled motor and for a motor without a target position.
 
@@ -35,8 +35,8 @@ impl SettleDetector {
         self.settling_ms = 0;
     }
 
-    /// Takes a tick: whether the motor is within tolerance, and its speed. Returns true if the motor has settled. The
-    /// dwell is 50 ms, or one period if the period is longer.
+    /// Updates the detector at a tick. `within_tolerance` is true if the motor is within tolerance at this tick.
+    /// Returns true if the motor has settled. The dwell is 50 ms, or one period if the period is longer.
     pub fn step(&mut self, within_tolerance: bool, velocity: CountsPerSecond, period: Period) -> bool {
         let slow = velocity.to_bits().unsigned_abs() <= SLOW.to_bits().unsigned_abs();
         let tick_ms = period.as_millis();
@@ -54,7 +54,7 @@ mod tests {
     /// Pairs of a period in milliseconds and the number of ticks until the dwell is over.
     const TICKS: [(u32, usize); 4] = [(1, 50), (30, 2), (50, 1), (100, 1)];
 
-    /// Takes a tick at a control period of this number of milliseconds, with a speed in counts/s.
+    /// Executes a tick at a control period of `ms` milliseconds, with a speed in counts/s.
     fn step(detector: &mut SettleDetector, ms: u32, within_tolerance: bool, speed: i32) -> bool {
         let period = Period::from_millis(ms).unwrap_or_default();
         detector.step(within_tolerance, CountsPerSecond::new(speed), period)

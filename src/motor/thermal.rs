@@ -11,11 +11,11 @@
 //!                                                      case'    = (current² - case) / case_s
 //! ```
 //!
-//! The heat is 1 when the continuous current has flowed for long: the limit is the continuous current of the motor's
-//! data sheet. The model assumes that the winding is then 100 K warmer than the room, and takes the magnets to be as
-//! warm as the case. The regulator's constants follow these [`Temperatures`]. Without a measured current the hub
-//! computes the current with the configured resistance of a cold winding. A hot winding has more resistance, and so
-//! less current than computed.
+//! The heat is 1 after a long time at the continuous current, which is a setting from the motor's data sheet. The model
+//! assumes that the winding is then 100 K warmer than the room, and takes the magnets to be as warm as the case. The
+//! regulator's constants follow these [`Temperatures`]. Without a measured current the hub computes the current with
+//! the configured resistance of a cold winding. A hot winding has more resistance, so its true current is smaller than
+//! the computed current.
 //!
 //! ```text
 //! Running ───── heat above 1.1 ────▶ Cut
@@ -45,12 +45,12 @@ const AVERAGING_S: f32 = 0.05;
 /// Temperature rise of the winding above the room at the heat 1, in K. The value is an assumption: windings of small
 /// brushed motors tolerate 120 to 150 degrees Celsius.
 const RISE_K: f32 = 100.0;
-/// Growth of the resistance of copper a kelvin, as a share of the cold resistance.
+/// Growth of the resistance of copper per kelvin, as a share of the cold resistance.
 const COPPER_PER_K: f32 = 0.0039;
-/// Loss of the field of ferrite magnets a kelvin, as a share of the field of cold magnets.
+/// Loss of the field of ferrite magnets per kelvin, as a share of the field of cold magnets.
 const FERRITE_PER_K: f32 = 0.002;
 
-/// Temperatures of a motor above those of a cold motor.
+/// Temperature rises of a motor above the temperatures of a cold motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Temperatures {
     /// Temperature rise of the winding, in K.
@@ -107,7 +107,7 @@ impl Thermal {
         self.cut |= self.heat(Some(limit)) > CUT_ABOVE;
     }
 
-    /// The heat: 1 after a long time at the continuous current, 0 without a limit.
+    /// The heat as defined in the module, 1 after a long time at the continuous current. 0 without a limit.
     pub(super) fn heat(&self, limit: Option<ThermalLimit>) -> f32 {
         limit.map_or(0.0, |limit| {
             let mean = WINDING_SHARE * self.winding + (1.0 - WINDING_SHARE) * self.case;
@@ -115,13 +115,13 @@ impl Thermal {
         })
     }
 
-    /// The temperatures of the motor; those of a cold motor without a limit.
+    /// The temperatures of the motor. Without a limit the motor counts as cold.
     pub(super) fn temperatures(&self, limit: Option<ThermalLimit>) -> Temperatures {
         let Some(limit) = limit else { return Temperatures::COLD };
         let per_square = RISE_K / (limit.continuous_amperes() * limit.continuous_amperes());
         let magnets_k = (1.0 - WINDING_SHARE) * self.case * per_square;
         let winding_k = magnets_k + WINDING_SHARE * self.winding * per_square;
-        // A rise is limited to 255 K. A motor that hot has been switched off before.
+        // The conversion saturates at 255 K. The motor is switched off before it is so hot.
         Temperatures { winding_k: winding_k as u8, magnets_k: magnets_k as u8 }
     }
 
@@ -171,7 +171,7 @@ mod tests {
             self.0.step(Some(limit()), self.1, Milliamperes::new(ma));
         }
 
-        /// The heat after a constant current in mA for this time.
+        /// The heat after a constant current of `ma` mA for `seconds`.
         fn after(&mut self, seconds: f32, ma: i32) -> f32 {
             for _ in 0..(seconds / self.1.to_seconds()) as u32 {
                 self.step(ma);

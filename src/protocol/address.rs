@@ -19,6 +19,7 @@ pub const BROADCAST: u8 = 255;
 pub type Address = ByteIn<1, 254>;
 
 impl Address {
-    /// The address of a hub without a stored address, until a host sets an address. Hosts find out the address by discovery.
+    /// The address of a hub without a stored address, until a host sets an address. Hosts find out the address by
+    /// discovery.
     pub const DEFAULT: Self = Self::new(2).expect("1 to 254");
 }

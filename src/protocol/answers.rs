@@ -57,8 +57,8 @@ impl Reply {
         Self::Data(payload)
     }
 
-    /// Builds the packet of the answer, from the hub at `source` to the sender of `request`. `number` is the message number of
-    /// the answer.
+    /// Builds the packet of the answer, from the hub at `source` to the sender of `request`. `number` is the message
+    /// number of the answer.
     pub fn packet(self, request: &Packet, source: u8, number: u8) -> Packet {
         let byte = |byte| [byte].into_iter().collect();
         let (id, payload) = match self {
@@ -69,8 +69,8 @@ impl Reply {
         Packet { destination: request.source, source, number, reference: request.number, id, payload }
     }
 
-    /// Reads the answer to a request of type `id` from a packet. `None` if the packet is not an answer to this type of request.
-    /// The caller must compare the packet's reference with the request's number.
+    /// Reads the answer to a request of type `id` from a packet. `None` if the packet is not an answer to this type of
+    /// request. The caller must compare the packet's reference with the request's number.
     pub fn read(packet: &Packet, id: u16) -> Option<Self> {
         let first = packet.payload.first().copied();
         match packet.id {
@@ -115,8 +115,9 @@ payload! {
     pub struct Status {
         /// States and events of the hub, one bit each.
         pub status: u8,
-        /// Alerts of motors. Bit i is set if motor i has lost counts. Bit 4 + i is set if the bridge of motor i is too hot. A hub
-        /// of this project reports an encoder fault as lost counts, and a bridge that has switched itself off as too hot.
+        /// Alerts of motors. Bit i is set if motor i has lost counts. Bit 4 + i is set if the bridge of motor i is too
+        /// hot. A hub of this project reports an encoder fault as lost counts, and a bridge that has switched itself
+        /// off as too hot.
         pub motor_alerts: u8,
     }
 }
@@ -181,20 +182,20 @@ pub struct Bulk {
     pub encoders: [i32; CHANNELS],
     /// For each motor, true if its current exceeds its current alert.
     pub over_current: [bool; CHANNELS],
-    /// For each motor, true if the motor is enabled in position mode, is in no group, and is within the tolerance of its target, at
-    /// any speed.
+    /// For each motor, true if the motor is enabled in position mode, is in no group, and is within the tolerance of
+    /// its target, at any speed.
     pub within_tolerance: [bool; CHANNELS],
     /// Velocity of each motor in counts per second.
     pub velocities: [i16; CHANNELS],
     /// Analog inputs in millivolts.
     pub analog: [i16; CHANNELS],
-    /// True if the module status has events that no host has cleared. `None` from REV's firmware up to 1.8.2, which lacks this
-    /// field.
+    /// True if the module status has events that no host has cleared. `None` from REV's firmware up to 1.8.2, which
+    /// lacks this field.
     pub attention: Option<bool>,
 }
 
-/// The payload has 35 bytes, or 34 without `attention`. One byte has two bits of each motor: bit i is `over_current` of motor i,
-/// and bit 4 + i is `within_tolerance` of motor i.
+/// The payload has 35 bytes, or 34 without `attention`. One byte has two bits of each motor: bit i is `over_current` of
+/// motor i, and bit 4 + i is `within_tolerance` of motor i.
 impl Field for Bulk {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let (digital, encoders) = (u8::read(fields)?, Field::read(fields)?);
@@ -223,8 +224,8 @@ impl Field for Bulk {
 }
 
 payload! {
-    /// Version of firmware and hardware. Hosts derive the available functions from the version. For example, they use PIDF with
-    /// firmware 1.8.2 and later.
+    /// Version of firmware and hardware. Hosts derive the available functions from the version. For example, they use
+    /// PIDF with firmware 1.8.2 and later.
     #[derive(Copy, Default)]
     #[expect(missing_docs, reason = "the names of the protocol")]
     pub struct Version {

@@ -33,7 +33,8 @@ pub const START: [u8; 2] = [0x44, 0x4B];
 /// Length of a frame without payload, in bytes.
 pub const OVERHEAD: usize = 11;
 
-/// Length of the longest frame that the decoder accepts, in bytes. Hosts send frames of at most 523 bytes, with a payload of 512.
+/// Length of the longest frame that the decoder accepts, in bytes. Hosts send frames of at most 523 bytes, with a
+/// payload of 512.
 pub const LONGEST: usize = 600;
 
 /// Time in microseconds from the first byte of a frame, after which the decoder drops an unfinished frame.
@@ -58,8 +59,8 @@ pub struct Packet {
 
 /// Finds packets in a stream of bytes.
 ///
-/// After a damaged frame the search continues with the second byte of that frame. A good frame that begins inside a damaged one
-/// is therefore found.
+/// After a damaged frame the search continues with the second byte of that frame. A good frame that begins inside a
+/// damaged one is therefore found.
 #[derive(Debug)]
 pub struct Decoder {
     /// Received bytes from a possible start of a frame on. The first byte is `44`.
@@ -86,7 +87,8 @@ impl Decoder {
         Self { bytes: Vec::new(), first_at: Micros::new(0), last_at: Micros::new(0) }
     }
 
-    /// Removes bytes from the front of `input` until a packet is complete. `None` if all bytes were removed without a packet.
+    /// Removes bytes from the front of `input` until a packet is complete. `None` if all bytes were removed without a
+    /// packet.
     ///
     /// `now` is the time at which the bytes have arrived. The method must also be called at the time
     /// [`deadline`](Self::deadline), with an empty `input` if there are no bytes.
@@ -95,7 +97,8 @@ impl Decoder {
             match self.candidate() {
                 Candidate::Good(length) => return Some(self.take(length)),
                 Candidate::Bad => self.drop_bytes(1),
-                // The bytes of an unfinished frame may contain further starts of frames, which are dropped one after the other.
+                // The bytes of an unfinished frame may contain further starts of frames, which are dropped one after
+                // the other.
                 Candidate::Unfinished if self.deadline().is_some_and(|deadline| deadline <= now) => {
                     self.drop_bytes(1);
                 }

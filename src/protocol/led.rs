@@ -74,8 +74,8 @@ impl LedPattern {
 
 /// The fields of a step are duration, blue, green and red, in this order.
 ///
-/// Reading ends at a step with duration 0, at the end of the payload, or after 16 steps. The first duration is required, and no
-/// step may be incomplete. Writing always writes 16 steps.
+/// Reading ends at a step with duration 0, at the end of the payload, or after 16 steps. The first duration is
+/// required, and no step may be incomplete. Writing always writes 16 steps.
 impl Field for LedPattern {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let mut pattern = Self::default();

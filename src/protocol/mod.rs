@@ -1,6 +1,6 @@
-//! The REV Hub Serial Protocol as bytes. One definition serves both ends: hosts write what hubs read, and hubs write what hosts
-//! read. REV has not published the protocol, so the protocol is known from published host software. Where this software leaves a
-//! layout open, the documentation of the type states the layout of this project.
+//! The REV Hub Serial Protocol as bytes. One definition serves both ends: hosts write what hubs read, and hubs write
+//! what hosts read. REV has not published the protocol, so the protocol is known from published host software. Where
+//! this software leaves a layout open, the documentation of the type states the layout of this project.
 //!
 //! ```text
 //! host                                             hub
@@ -8,8 +8,9 @@
 //! Reply  <--read--   Packet <--Decoder-- bytes <--encode-- Packet <--write-- Reply
 //! ```
 //!
-//! This module neither executes requests nor accesses a link. [`crate::responder`] executes requests. [`crate::extension`] has
-//! the requests that REV's protocol lacks, and [`Request`](crate::extension::Request), which is a request of either protocol.
+//! This module neither executes requests nor accesses a link. [`crate::responder`] executes requests.
+//! [`crate::extension`] has the requests that REV's protocol lacks, and [`Request`](crate::extension::Request), which
+//! is a request of either protocol.
 //!
 //! ```
 //! use motor_hub::extension::Request;

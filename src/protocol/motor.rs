@@ -1,4 +1,4 @@
-//! Requests to one motor, and the types of their answers. The first field of each request is the motor's number, 0 to 3.
+//! Requests to one motor, and the types of their answers. The first field of a request is the motor's number, 0 to 3.
 //!
 //! ```
 //! use motor_hub::protocol::motor::{Target, ToMotor};
@@ -80,8 +80,8 @@ pub enum Loop {
 
 codes!(Loop { 1 = Velocity, 2 = Position });
 
-/// Terms of a control loop that a host states with the coefficients. The hub stores the terms, so that hosts can read them back.
-/// The terms have no effect on the loop.
+/// Terms of a control loop that a host states with the coefficients. The hub stores the terms, so that hosts can read
+/// them back. The terms have no effect on the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Terms {

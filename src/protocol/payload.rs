@@ -1,5 +1,5 @@
-//! Payloads of packets as sequences of fields. For each type of field, [`Field`] defines how it is read and written. Numbers are
-//! little-endian.
+//! Payloads of packets as sequences of fields. For each type of field, [`Field`] defines how it is read and written.
+//! Numbers are little-endian.
 //!
 //! ```
 //! use motor_hub::protocol::Nack;
@@ -24,8 +24,8 @@ use crate::units::{
 };
 use heapless::Vec;
 
-/// Number of payload bytes that a packet stores. Further bytes of a received packet are ignored. The longest payload of this
-/// project has 164 bytes.
+/// Number of payload bytes that a packet stores. Further bytes of a received packet are ignored. The longest payload of
+/// this project has 164 bytes.
 pub const PAYLOAD_KEPT: usize = 168;
 
 /// The payload of a packet.
@@ -39,7 +39,8 @@ pub trait Field: Sized {
     /// Returns [`Nack::parameter`] with the number of the first field that is missing or out of range.
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack>;
 
-    /// Appends the value to a payload. Bytes beyond [`PAYLOAD_KEPT`] are dropped, but no payload of this project is so long.
+    /// Appends the value to a payload. Bytes beyond [`PAYLOAD_KEPT`] are dropped, but no payload of this project is so
+    /// long.
     fn write(&self, payload: &mut Payload);
 }
 
@@ -126,8 +127,8 @@ macro_rules! numbers {
 
 numbers!(u8, u16, u32, i16, i32);
 
-/// Implements [`Field`] for quantities. Each line states the integer in the payload, and the functions that convert from and to
-/// this integer.
+/// Implements [`Field`] for quantities. Each line states the integer in the payload, and the functions that convert
+/// from and to this integer.
 macro_rules! quantities {
     ($($type:ident: $number:ty, $from:expr, $to:expr;)+) => {$(
         impl Field for $type {
@@ -227,7 +228,8 @@ limited! {
 /// Largest number of bytes in a [`Text`].
 pub const TEXT: usize = 100;
 
-/// A text or other bytes of variable length. In a payload the length comes first. The protocol does not define an encoding.
+/// A text or other bytes of variable length. In a payload the length comes first. The protocol does not define an
+/// encoding.
 pub type Text = Vec<u8, TEXT>;
 
 impl Field for Text {
@@ -293,8 +295,8 @@ pub(crate) use codec;
 
 /// Implements [`Field`] for a struct, whose fields are read and written in the stated order.
 ///
-/// A field whose type is not itself a [`Field`] states a [`codec`]. Bools in brackets are bits of one byte, beginning with bit
-/// 0.
+/// A field whose type is not itself a [`Field`] states a [`codec`]. Bools in brackets are bits of one byte, beginning
+/// with bit 0.
 macro_rules! fields_in_order {
     ($type:ty { $($([$($bit:ident),+])? $($field:ident $(: $codec:ident)?)?),+ $(,)? }) => {
         impl $crate::protocol::payload::Field for $type {
@@ -323,7 +325,8 @@ macro_rules! fields_in_order {
 }
 pub(crate) use fields_in_order;
 
-/// Defines a struct, and implements [`Field`] for the struct like [`fields_in_order`]. `as` states the codec of a field.
+/// Defines a struct, and implements [`Field`] for the struct like [`fields_in_order`]. `as` states the codec of a
+/// field.
 macro_rules! payload {
     (
         $(#[$about:meta])*

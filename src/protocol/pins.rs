@@ -1,8 +1,9 @@
-//! Requests to digital pins, servo outputs and I2C buses. A hub refuses requests to pins, outputs and buses that the hub does not
-//! have.
+//! Requests to digital pins, servo outputs and I2C buses. A hub refuses requests to pins, outputs and buses that the
+//! hub does not have.
 //!
-//! A transfer on an I2C bus takes two requests. The first request starts the transfer, and is acknowledged at once. The second
-//! request *polls* the transfer: its answer is the result, or the refusal that the transfer is still running.
+//! A transfer on an I2C bus takes two requests. The first request starts the transfer, and is acknowledged immediately.
+//! The second request *polls* the transfer: its answer is the result, or the refusal that the transfer is still
+//! running.
 //!
 //! ```
 //! use motor_hub::extension::Request;
@@ -37,9 +38,9 @@ pub type I2cCount = ByteIn<1, 100>;
 requests! {
     /// A request to a pin, an output or a bus.
     ///
-    /// Periods and widths of pulses are in microseconds. In `levels`, bit i stands for pin i. A fast I2C bus runs at 400 kbit/s,
-    /// any other bus at 100 kbit/s. The answer to a request that reads a setting has the type
-    /// of the field that sets it. The answer to `Input` is a bool, and the answer to `Inputs` is a u8.
+    /// Periods and widths of pulses are in microseconds. In `levels`, bit i stands for pin i. A fast I2C bus runs at
+    /// 400 kbit/s, any other bus at 100 kbit/s. The answer to a request that reads a setting has the type of the field
+    /// that sets it. The answer to `Input` is a bool, and the answer to `Inputs` is a u8.
     pub enum ToPin from FIRST_FUNCTION => {
         1 SetOutput { pin: Pin, high: bool },
         2 SetOutputs { levels: u8 },

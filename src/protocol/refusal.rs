@@ -14,7 +14,8 @@ use core::fmt;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Nack(pub u8);
 
-/// Defines the reasons that this hub uses, with their texts. `others` has the texts of reasons that only other hubs use.
+/// Defines the reasons that this hub uses, with their texts. `others` has the texts of reasons that only other hubs
+/// use.
 macro_rules! reasons {
     ({ $($name:ident = $code:literal $text:literal,)+ } others { $($other:literal $other_text:literal,)+ }) => {
         impl Nack {
@@ -72,7 +73,8 @@ reasons! {{
 }}
 
 impl Nack {
-    /// Creates the refusal of a parameter that is out of range or missing. `index` is the number of the parameter, from 0.
+    /// Creates the refusal of a parameter that is out of range or missing. `index` is the number of the parameter; the
+    /// first parameter has number 0.
     ///
     /// The numbers 10 and above are other reasons. A parameter with a number above 9 is therefore reported as number 9.
     pub const fn parameter(index: u8) -> Self {

@@ -1,7 +1,8 @@
 //! A macro that defines requests by a table.
 
-/// Defines an enum of requests by a table. Each line has the number, the name and the fields of a request. The packet type of a
-/// request is its number plus the value after `from`. The macro also defines functions that read and write the requests.
+/// Defines an enum of requests by a table. Each line has the number, the name and the fields of a request. The packet
+/// type of a request is its number plus the value after `from`. The macro also defines functions that read and write
+/// the requests.
 macro_rules! requests {
     (
         $(#[$about:meta])*

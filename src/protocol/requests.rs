@@ -1,9 +1,9 @@
-//! Requests of REV's protocol, in tables. Each line of a table has the number of a request, its name, and its fields in the order
-//! of the payload.
+//! Requests of REV's protocol, in tables. Each line of a table has the number of a request, its name, and its fields in
+//! the order of the payload.
 //!
 //! * A *standard command* has the same packet type on every hub.
-//! * A *function* belongs to an *interface*. The packet type of a function is the packet type of the interface's function 0 plus
-//!   the number of the function. A host queries the packet type of function 0 from the hub.
+//! * A *function* belongs to an *interface*. The packet type of a function is the packet type of the interface's
+//!   function 0 plus the number of the function. A host queries the packet type of function 0 from the hub.
 //!
 //! ```
 //! use motor_hub::extension::Request;
@@ -34,8 +34,8 @@ pub const FIRST_FUNCTION: u16 = 0x1000;
 
 /// The packet types of the motor interface, on hubs of this project.
 ///
-/// The count includes functions that the hub refuses: PWM outputs, I2C transactions and bulk output. With a smaller count hosts would
-/// not use the functions with the highest numbers, among them the coefficients and the version.
+/// The count includes functions that the hub refuses: PWM outputs, I2C transactions and bulk output. With a smaller
+/// count hosts would not use the functions with the highest numbers, among them the coefficients and the version.
 pub const MOTOR_FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 58 };
 
 /// The packet type of a discovery, which is the only request to all hubs that REV's hubs answer.
@@ -87,7 +87,8 @@ requests! {
 /// An ADC channel.
 pub type AdcChannel = ByteIn<0, 14>;
 
-/// The channel of the current of the digital pins' supply, in milliamperes. The supplies of I2C buses and of servos follow.
+/// The channel of the current of the digital pins' supply, in milliamperes. The supplies of I2C buses and of servos
+/// follow.
 pub const FIRST_SUPPLY_CURRENT: AdcChannel = AdcChannel::new(4).expect("in range");
 
 /// The channel of the battery current, in milliamperes.
@@ -118,8 +119,8 @@ requests! {
         46 LogHint { text: Text },
         /// The answer is a [`Text`] with the numbers of a [`Version`](super::answers::Version).
         48 VersionText,
-        /// Sets whether a hub of REV resets its USB bridge when the keep-alive timer runs out. A hub of this project only stores
-        /// the value.
+        /// Sets whether a hub of REV resets its USB bridge when the keep-alive timer runs out. A hub of this project
+        /// only stores the value.
         49 SetFtdiReset { on: bool },
         /// The answer is a bool.
         50 FtdiReset,

@@ -21,23 +21,25 @@ pub struct Head {
     pub number: u16,
     /// The fault or the reset cause.
     pub fault: Fault,
-    /// Number of consecutive occurrences of the fault, with the same motor and detail; 255 means 255 or more. All other fields
-    /// describe the first occurrence.
+    /// Number of consecutive occurrences of the fault, with the same motor and detail; 255 means 255 or more. All other
+    /// fields describe the first occurrence.
     ///
-    /// A fault that repeats in the same run is counted in the entry. A fault that repeats in a later run is counted too, if the entry
-    /// has no ticks and the later run has had no tick. An unknown battery counts once for all motors.
+    /// A fault that repeats in the same run is counted in the entry. A fault that repeats in a later run is counted
+    /// too, if the entry has no ticks and the later run has had no tick. An unknown battery counts once for all motors.
     pub times: u8,
-    /// Number of the run in which the fault occurred, or which the reset ended. Runs are numbered from 1; the number wraps.
+    /// Number of the run in which the fault occurred, or which the reset ended. Runs are numbered from 1; the number
+    /// wraps.
     pub run: u16,
-    /// Time of the control tick at which the fault began, in ms since the run began. For a reset, the time of the run's last tick.
+    /// Time of the control tick at which the fault began, in ms since the run began. For a reset, the time of the run's
+    /// last tick.
     pub uptime_ms: u32,
     /// Battery voltage at `uptime_ms`; `None` if the voltage was unknown.
     pub battery: Option<Millivolts>,
-    /// Index of the motor that had the fault. For a fault of the hub or a reset, the motor that was driven with the largest duty,
-    /// or else braked with the largest duty. `None` if all motors coasted.
+    /// Index of the motor that had the fault. For a fault of the hub or a reset, the motor that was driven with the
+    /// largest duty, or else braked with the largest duty. `None` if all motors coasted.
     pub motor: Option<u8>,
-    /// Last command to the bridge of `motor` before the fault. [`Drive::COAST`] if `motor` is `None`, or if the run had no earlier
-    /// tick.
+    /// Last command to the bridge of `motor` before the fault. [`Drive::COAST`] if `motor` is `None`, or if the run had
+    /// no earlier tick.
     pub drive: Drive,
     /// Two numbers that describe the fault; 0 if the fault has none.
     ///
@@ -46,8 +48,8 @@ pub struct Head {
     /// * Panic: line and column.
     /// * Interrupt without a handler: number of the interrupt.
     pub detail: [u32; 2],
-    /// Number of ticks of `motor` that the record still holds, 0 to 64. The last of these ticks is the tick at which the fault
-    /// began, or the last tick of the run.
+    /// Number of ticks of `motor` that the record still holds, 0 to 64. The last of these ticks is the tick at which
+    /// the fault began, or the last tick of the run.
     pub ticks: u8,
 }
 
@@ -65,7 +67,8 @@ pub struct Tick {
     pub drive: Drive,
 }
 
-/// Returns the FNV-1a checksum of `bytes`. It detects every error in a single byte. Of other errors it misses about one in 2^32.
+/// Returns the FNV-1a checksum of `bytes`. It detects every error in a single byte. Of other errors it misses about one
+/// in 2^32.
 pub(super) fn checksum(bytes: &[u8]) -> u32 {
     bytes.iter().fold(0x811C_9DC5, |sum, byte| (sum ^ u32::from(*byte)).wrapping_mul(0x0100_0193))
 }

@@ -3,8 +3,8 @@
 use crate::motor::EncoderFault;
 use crate::motor::Faults;
 
-/// Defines all faults. Each line has the number, the fault, and its name for users. A fault of a motor also has its word in
-/// JSON documents, and the field of [`Faults`] with the value that means the fault.
+/// Defines all faults. Each line has the number, the fault, and its name for users. A fault of a motor also has its
+/// word in JSON documents, and the field of [`Faults`] with the value that means the fault.
 macro_rules! faults {
     ($($number:literal $fault:ident $name:literal $($word:literal $field:ident == $value:expr)?,)+) => {
         /// A fault, or the cause of a reset. `docs/reference/fault-numbers.md` has a section for each.
@@ -20,7 +20,7 @@ macro_rules! faults {
             /// All faults, in the order of their numbers.
             pub const ALL: &[Self] = &[$(Self::$fault),+];
 
-            /// Returns the fault with this number, or `None` if no fault has it.
+            /// Returns the fault with this number, or `None` if no fault has this number.
             pub const fn from_number(number: u8) -> Option<Self> {
                 match number {
                     $($number => Some(Self::$fault),)+

@@ -1,5 +1,5 @@
-//! State of the present run, in memory that survives a reset. The hub writes the state at every tick. The next run reads the
-//! state, and records how this run ended.
+//! State of the present run, in memory that survives a reset. The hub writes the state at every tick. The next run
+//! reads the state, and records how this run ended.
 
 use super::entry::checksum;
 use super::{Fault, SLOTS, TICKS};
@@ -8,11 +8,11 @@ use crate::units::Millivolts;
 /// Marks memory that holds a record of this layout: "MHR2" in ASCII.
 const MAGIC: u32 = 0x3252_484D;
 
-/// Index of the first of three words about the run. The words are [`MAGIC`], the number of the run, and the complement of that
-/// number.
+/// Index of the first of three words about the run. The words are [`MAGIC`], the number of the run, and the complement
+/// of that number.
 const RUN_INDEX: usize = 0;
-/// Index of the first of three words about the last tick. The words are the time, then battery, `next` and `filled` in one word,
-/// and a check word.
+/// Index of the first of three words about the last tick. The words are the time, then battery, `next` and `filled` in
+/// one word, and a check word.
 ///
 /// The check word is the exclusive or of the two words before it and [`MAGIC`].
 const TICK_INDEX: usize = 3;
@@ -35,7 +35,7 @@ pub(super) struct RunState {
     pub(super) run: u32,
     /// Time since the run began, in units of 1024 us.
     pub(super) time: u32,
-    /// Battery voltage; `None` if it is unknown.
+    /// Battery voltage; `None` if the voltage is unknown.
     pub(super) battery: Option<Millivolts>,
     /// Index of the next slot to write, in the record's ring of ticks.
     pub(super) next: u8,
@@ -44,8 +44,8 @@ pub(super) struct RunState {
 }
 
 impl RunState {
-    /// Reads the run before the reset from its memory; `None` if the memory holds no run. If the check word is wrong, only the
-    /// number of the run is valid, and all other values are 0.
+    /// Reads the run before the reset from its memory; `None` if the memory holds no run. If the check word is wrong,
+    /// only the number of the run is valid, and all other values are 0.
     pub(super) fn read(memory: &[[u8; 4]]) -> Option<Self> {
         let [magic, run, complement] = get(memory, RUN_INDEX);
         if magic != MAGIC || run != !complement {
@@ -68,7 +68,8 @@ impl RunState {
     /// Begins the run with this number in the memory, and returns its state.
     pub(super) fn begin(memory: &mut [[u8; 4]], run: u32) -> Self {
         let state = Self { run, ..Self::default() };
-        // The words about the run are deleted first and written last. A reset in between leaves no run, never a wrong one.
+        // The words about the run are deleted first and written last. A reset in between leaves no run, never a wrong
+        // one.
         put(memory, RUN_INDEX, [0; 3]);
         state.store(memory);
         put(memory, RUN_INDEX, [MAGIC, run, !run]);
@@ -87,8 +88,8 @@ impl RunState {
 impl CrashReport<'_> {
     /// Stores the fault that ends the run, and its [detail](super::Head::detail).
     ///
-    /// A fault handler calls this before the reset. The next start of the hub makes an entry of the fault, if the memory still
-    /// holds a valid run.
+    /// A fault handler calls this before the reset. The next start of the hub makes an entry of the fault, if the
+    /// memory still holds a valid run.
     pub fn store(&mut self, fault: Fault, [first, second]: [u32; 2]) {
         let number = u32::from(fault.number());
         put(self.0, 0, [number, first, second, sum_of([number, first, second])]);

@@ -12,8 +12,9 @@
 //! * A [`Head`] describes one fault or reset. A head, with its ticks if the record still has them, is an *entry*.
 //! * A *page* holds the ticks of one entry: a copy of the ring's ticks of the entry's motor.
 //!
-//! An entry is written when a fault of a motor begins, and at the start after a run has ended. A repetition of the newest entry
-//! is counted in that entry. The record keeps the newest [`HEADS`] heads, and pages for the newest [`PAGES`] entries.
+//! An entry is written when a fault of a motor begins, and at the start after a run has ended. A repetition of the
+//! newest entry is counted in that entry. The record keeps the newest [`HEADS`] heads, and pages for the newest
+//! [`PAGES`] entries.
 //!
 //! A reset may interrupt a write at any byte, and the memory has random content after power-on. Therefore heads, pages
 //! and the state of the run have checksums, and the record ignores content with a wrong checksum.
@@ -65,7 +66,8 @@ pub const TICKS: usize = 64;
 /// Number of motors, from motor 0, whose ticks and faults are recorded. Faults of further motors are not recorded.
 pub const MOTORS: usize = 4;
 
-/// Number of slots in the ring: one more than [`TICKS`], because a reset may leave the slot that is being written incomplete.
+/// Number of slots in the ring: one more than [`TICKS`], because a reset may leave the slot that is being written
+/// incomplete.
 const SLOTS: usize = TICKS + 1;
 /// Size of a slot of the ring in bytes: one tick of each motor.
 const SLOT: usize = MOTORS * TICK;
@@ -94,8 +96,9 @@ pub struct Record<'a> {
 impl<'a> Record<'a> {
     /// Opens the record after a reset with this cause.
     ///
-    /// If the memory holds an earlier run, the end of that run becomes an entry. The fault of this entry is the fault that a
-    /// handler has stored in the [`CrashReport`], or else the reset cause. If the memory holds no run, all entries are deleted.
+    /// If the memory holds an earlier run, the end of that run becomes an entry. The fault of this entry is the fault
+    /// that a handler has stored in the [`CrashReport`], or else the reset cause. If the memory holds no run, all
+    /// entries are deleted.
     #[inline(never)]
     pub fn open(memory: &'a mut [u8; SIZE], cause: Fault) -> (Self, CrashReport<'a>) {
         let (live, rest) = memory.split_at_mut(LIVE_BYTES);
@@ -134,7 +137,8 @@ impl<'a> Record<'a> {
         self.newest = None;
     }
 
-    /// Records one control tick of all motors, and writes an entry for each fault that begins. Must be called at each tick.
+    /// Records one control tick of all motors, and writes an entry for each fault that begins. Must be called at each
+    /// tick.
     pub fn tick<const N: usize>(&mut self, snapshot: &Snapshot<N>) {
         let slot = self.ring.get_mut(usize::from(self.state.next)).map(|slot| slot.as_chunks_mut().0);
         for (bytes, report) in slot.into_iter().flatten().zip(&snapshot.motors) {
@@ -142,7 +146,7 @@ impl<'a> Record<'a> {
         }
         self.state = RunState {
             run: self.state.run,
-            // In units of 1024 us: a 64-bit division by 1000 at each tick would be slow.
+            // In units of 1024 us, because a 64-bit division by 1000 at each tick would be slow.
             time: (snapshot.at.get() / 1024) as u32,
             battery: snapshot.battery,
             next: (self.state.next + 1) % SLOTS as u8,
@@ -165,8 +169,8 @@ impl<'a> Record<'a> {
         self.state.run
     }
 
-    /// Iterates over the heads of the entries, newest first, at most [`HEADS`]. Damaged heads are left out. A head whose ticks the
-    /// record has lost has 0 ticks.
+    /// Iterates over the heads of the entries, newest first, at most [`HEADS`]. Damaged heads are left out. A head
+    /// whose ticks the record has lost has 0 ticks.
     pub fn heads(&self) -> impl Iterator<Item = Head> {
         (0..HEADS as u16).filter_map(|age| {
             let (head, sum) = self.head(self.newest?.wrapping_sub(age))?;
@@ -175,8 +179,8 @@ impl<'a> Record<'a> {
         })
     }
 
-    /// Iterates over the ticks of the entry with this number, oldest first. `None` if the entry does not exist, or if its ticks
-    /// are missing, damaged or overwritten.
+    /// Iterates over the ticks of the entry with this number, oldest first. `None` if the entry does not exist, or if
+    /// its ticks are missing, damaged or overwritten.
     pub fn ticks(&self, number: u16) -> Option<impl ExactSizeIterator<Item = Tick>> {
         let (head, sum) = self.head(number)?;
         Some(self.page(&head, sum)?.iter().map(|bytes| Tick::from_bytes(*bytes)))
@@ -185,7 +189,8 @@ impl<'a> Record<'a> {
     /// Writes an entry for each new fault of a motor.
     #[cold]
     fn record_faults(&mut self, motor: usize, new: u8) {
-        // At this tick the fault may have changed the command already. The tick before has the command without the fault.
+        // The fault may have changed the command of this tick. The command of the tick before is the last command
+        // without the fault.
         let drive = self.drive_ago(motor, 2);
         for fault in Fault::in_bits(new) {
             self.write(fault, [0; 2], Some(motor), drive);
@@ -201,7 +206,7 @@ impl<'a> Record<'a> {
             // All motors share one battery, so an unknown battery is recorded once and not once per motor.
             let same_motor = head.motor == index || fault == Fault::BatteryUnknown;
             let repeated = head.fault == fault && head.detail == detail && same_motor;
-            // A hub that resets again and again before its first tick fills one entry, and does not delete older ones.
+            // A hub that resets repeatedly before its first tick fills one entry only, so older entries are kept.
             let both_without_ticks = self.state.filled == 0 && head.ticks == 0;
             repeated && (head.run == self.state.run as u16 || both_without_ticks)
         }) {
@@ -234,8 +239,8 @@ impl<'a> Record<'a> {
         }
     }
 
-    /// Copies the ticks of a motor from the ring to the page of the entry with this number. Returns the number of ticks and their
-    /// checksum.
+    /// Copies the ticks of a motor from the ring to the page of the entry with this number. Returns the number of ticks
+    /// and their checksum.
     fn copy(&mut self, motor: usize, number: u16) -> (u8, u32) {
         let RunState { next, filled, .. } = self.state;
         let Some(page) = self.pages.get_mut(usize::from(number) % PAGES) else { return (0, 0) };
@@ -263,16 +268,16 @@ impl<'a> Record<'a> {
         numbers.reduce(|one, other| if is_after(other, one) { other } else { one })
     }
 
-    /// Returns the ticks of an entry, as bytes. `None` if the entry has no ticks, if its page is damaged, or if a newer entry has
-    /// overwritten the page.
+    /// Returns the ticks of an entry, as bytes. `None` if the entry has no ticks, if its page is damaged, or if a newer
+    /// entry has overwritten the page.
     fn page(&self, head: &Head, sum: u32) -> Option<&[[u8; TICK]]> {
         let page = self.pages.get(usize::from(head.number) % PAGES)?;
         let ticks = page.get(..usize::from(head.ticks) * TICK).filter(|ticks| !ticks.is_empty())?;
         (checksum(ticks) == sum).then_some(ticks.as_chunks().0)
     }
 
-    /// Returns the command to a motor's bridge `ago` ticks ago; 1 is the last tick. [`Drive::COAST`] if the run has fewer ticks than
-    /// `ago`.
+    /// Returns the command to a motor's bridge `ago` ticks ago; 1 is the last tick. [`Drive::COAST`] if the run has
+    /// fewer ticks than `ago`.
     fn drive_ago(&self, motor: usize, ago: usize) -> Drive {
         let slot = (usize::from(self.state.next) + SLOTS - ago) % SLOTS;
         let slot = self.ring.get(slot).filter(|_| ago <= usize::from(self.state.filled));
@@ -280,8 +285,8 @@ impl<'a> Record<'a> {
         tick.map_or(Drive::COAST, |bytes| Tick::from_bytes(*bytes).drive)
     }
 
-    /// Returns the driven motor with the largest duty at the last tick. If no motor was driven, returns the braked motor with the
-    /// largest duty. `None` if all motors coasted.
+    /// Returns the driven motor with the largest duty at the last tick. If no motor was driven, returns the braked
+    /// motor with the largest duty. `None` if all motors coasted.
     fn most_driven(&self) -> Option<usize> {
         let driven = (0..MOTORS).filter(|motor| self.drive_ago(*motor, 1) != Drive::COAST);
         driven.max_by_key(|motor| {
@@ -296,8 +301,8 @@ const fn is_after(one: u16, other: u16) -> bool {
     one.wrapping_sub(other) as i16 > 0
 }
 
-/// Returns the faults of a motor as bits. The result is 0 for a motor that is disabled or in its fail-safe state, because then a
-/// fault ends no set-point of a host.
+/// Returns the faults of a motor as bits. The result is 0 for a motor that is disabled or in its fail-safe state,
+/// because then a fault ends no set-point of a host.
 fn fault_bits(report: &Report) -> u8 {
     match report.setpoint {
         Setpoint::Disabled | Setpoint::FailSafe => 0,

@@ -1,10 +1,10 @@
 //! Estimates the acceleration per volt of an unknown motor from the corrections of the [observer](super::observer).
 //!
-//! The observer predicts the position of the shaft with a gain b. If the true gain is b exp(theta), its prediction is
-//! wrong by s theta, where s is the *sensitivity* of the predicted position to ln b. The sensitivity follows the
-//! observer's own equations. Between corrections the voltage less the back EMF changes s. Each correction of
-//! position, speed and load reduces s like any other error of the prediction. So the error e of a correction is a
-//! measurement of theta, with the Kalman gain k and the variance r of the noise:
+//! The observer predicts the position of the shaft with a gain b. If the true gain is b exp(theta), the error of the
+//! prediction is s theta. s is the *sensitivity* of the predicted position to ln b. The sensitivity follows the
+//! observer's own equations. Between corrections s grows with the accelerating voltage, which is the voltage less the
+//! back EMF. Each correction of position, speed and load reduces s like any other error of the prediction. So the error
+//! e of a correction is a measurement of theta, with the Kalman gain k and the variance r of the noise:
 //!
 //! ```text
 //! e = s theta + noise        k = P s / (s² P + r)        theta += k (e - s theta)        P -= k s P
@@ -25,12 +25,12 @@ const PLAUSIBLE_TIME_CONSTANT_S: (f32, f32) = (0.01, 30.0);
 /// Variance of ln b for the initial guess. The true gain is then within a factor of 2.7 of the guess (one standard
 /// deviation), or of 7.4 (two).
 const GUESS_VARIANCE: f32 = 1.0;
-/// Growth of the variance in a second, because windings warm up and loads change. Measured with the program
-/// `survey`, which simulates random motors. Motors are regulated equally well with 0.01 to 0.1. With 0.0001 twice as many of
-/// the simulated responses never settle.
+/// Growth of the variance in a second, because windings warm up and loads change. Measured with the program `survey`,
+/// which simulates random motors. Motors are regulated equally well with 0.01 to 0.1. With 0.0001 twice as many of the
+/// simulated responses never settle.
 const VARIANCE_PER_SECOND: f32 = 0.03;
-/// Sensitivity, in counts, up to which the variance does not grow. A smaller sensitivity hardly updates theta,
-/// so a growing variance would never fall again.
+/// Sensitivity, in counts, up to which the variance does not grow. With so small a sensitivity a correction hardly
+/// reduces the variance, so the variance would only grow.
 const LEAST_GROWTH_SENSITIVITY: f32 = 0.02;
 /// Sensitivity, in counts, up to which a correction does not update theta.
 const LEAST_SENSITIVITY: f32 = 0.01;
@@ -79,8 +79,8 @@ pub(super) struct GainEstimate {
     sensitivity: Sensitivity,
     /// Balance of counts, limited to 0 to [`MOST_TRUST_COUNTS`]. Counts without a voltage are not included.
     trust_counts: i32,
-    /// Remaining time until the observer has forgotten a wrong initial state, in s. Theta is not updated before this time
-    /// is over.
+    /// Remaining time until the observer has forgotten a wrong initial state, in s. Theta is not updated before this
+    /// time is over.
     settling_s: f32,
     /// Accelerating voltage in V: the voltage across the motor less the back EMF; 0 while the bridge is open.
     net_volts: f32,
@@ -125,7 +125,8 @@ impl GainEstimate {
         (self.sensitivity, self.settling_s) = (Sensitivity::default(), 0.0);
     }
 
-    /// Pauses the estimate until the observer has corrected a state that is wrong for another reason than the gain.
+    /// Pauses the estimate for [`SETTLING_S`], in which the observer corrects a state that is wrong for another reason
+    /// than the gain.
     pub(super) fn restart(&mut self) {
         (self.sensitivity, self.settling_s) = (Sensitivity::default(), SETTLING_S);
     }
@@ -210,12 +211,14 @@ impl GainEstimate {
         let (least, most) = (1.0 / (longest * plant.kappa), 1.0 / (shortest * plant.kappa));
         let step = expf(at_most(at_least(self.theta, -1.0), 1.0));
         let gain = at_most(at_least(plant.b * step, least), most);
-        // The gain may change by less than the estimate: at an end of the plausible range, and by a factor of e at most.
+        // The gain may change by less than the estimate: at an end of the plausible range, and by a factor of e at
+        // most.
         let change = gain / plant.b;
         let theta = logf(change);
         self.theta -= theta;
         let shift = self.sensitivity.scaled(theta);
-        // A sensitivity is proportional to the gain in use.
+        // The derivative with respect to ln b is b times the derivative with respect to b. So the sensitivity is scaled
+        // with b.
         self.sensitivity = self.sensitivity.scaled(change);
         Some((gain, shift))
     }

@@ -10,15 +10,16 @@
 //!   level     0      0        1     boundary       2
 //! ```
 //!
-//! The detector adds up the changes of this level with a large enough swing of the current, while the speed is near
-//! its set-point and the set-point is constant. Old swings lose weight with every tick. With a wrong load, inertia or
-//! resistance the current swings less, or only for a while.
+//! The detector counts the changes of this level at which the current has swung far enough. Changes count only while
+//! the speed is near its set-point and the set-point is constant. Old swings lose weight with every tick. With a wrong
+//! load, inertia or resistance the current swings less, or stops swinging after some time.
 
 /// Limits of the detector. The values are from simulations of 558 set-points and two sets of random scenarios.
+/// `docs/decisions/0024-a-back-emf-that-is-too-high.md` has figures of such simulations.
 struct Limits {
-    /// Part of the requested voltage that corrects the error of the speed, in V, below which the motor is steady.
+    /// Largest part, in V, of a steady motor's requested voltage that corrects the error of the speed.
     correction_volts: f32,
-    /// Back EMF, in V, above which the motor is steady. A slower motor is not examined.
+    /// Least back EMF, in V, of a steady motor. A slower motor is not examined.
     emf_volts: f32,
     /// Least swing of the current between two changes of its level, as a voltage, in V.
     swing_volts: f32,
@@ -34,13 +35,13 @@ const LIMITS: Limits =
 /// A tick of a motor with a demanded speed. Voltages are in V.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tick {
-    /// True if the demanded speed is the same as at the last tick.
+    /// True if the demanded speed is unchanged since the last tick.
     pub(super) target_is_old: bool,
     /// Part of the requested voltage that corrects the error of the speed.
     pub(super) correction_volts: f32,
-    /// Back EMF.
+    /// Back EMF, in V, positive clockwise.
     pub(super) emf_volts: f32,
-    /// Requested voltage.
+    /// Requested voltage, in V.
     pub(super) volts: f32,
 }
 
@@ -58,7 +59,7 @@ pub(super) struct Hunting {
 }
 
 impl Hunting {
-    /// Takes a tick. `boundary` computes the boundary, a current as a voltage in V, and is called only while the
+    /// Executes a tick. `boundary` computes the boundary, a current as a voltage in V, and is called only while the
     /// motor is steady and driven. Returns true at a change of level that shows that the motor hunts.
     pub(super) fn step(&mut self, tick: &Tick, boundary: impl FnOnce() -> f32) -> bool {
         let current = (tick.volts - tick.emf_volts) * 1.0f32.copysign(tick.emf_volts);

@@ -1,4 +1,4 @@
-//! Inputs and outputs of both regulators.
+//! Inputs and outputs of both regulators, model and PID.
 
 use crate::braking::{Modulator, OperatingPoint};
 use crate::settings::Settings;

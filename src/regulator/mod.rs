@@ -1,14 +1,14 @@
 //! Computes the voltage or control value of a motor at each tick: two regulators behind one interface.
 //!
-//! * **Model** is the default. An observer estimates position, speed and load at each sample of the encoder. The law
-//!   computes in closed form the voltage that brings the motor to the next speed by the next tick. The law has no
-//!   integrator, so nothing winds up. For an *unknown motor*, which has no configured [`Dynamics`], the regulator
-//!   estimates the acceleration per volt while the motor works.
+//! * **Model** is the default. An observer estimates position, speed and load at each sample of the encoder. A control
+//!   law (`model`) computes in closed form the voltage that brings the motor to its planned speed by the next tick. The
+//!   law has no integrator, so nothing winds up. For an *unknown motor*, which has no configured [`Dynamics`], the
+//!   regulator estimates the acceleration per volt while the motor works.
 //! * **PID** runs for a motor with coefficients of a host: a velocity loop, and a position loop above the velocity
 //!   loop. The speeds are estimated by the same observer.
 //!
-//! A change of mode, of coefficients or of the regulator makes no step of current, except by PID without I.
-//! [`Transition`] has the rules.
+//! The current does not jump when the mode, the coefficients or the regulator changes. One exception: the current of
+//! PID without I can jump. See [`Transition`] for the rules.
 //!
 //! ```text
 //! samples ─▶ observer ─▶ position, speed, load ─▶ law or PID ─▶ Output ─▶ modulator
@@ -46,23 +46,23 @@ use stream::Stream;
 const LONGEST_GAP_SAMPLES: u32 = 300;
 /// Time in ms without a count after which a motor that should turn is taken for stalled.
 const STALLED_MS: u32 = 100;
-/// Age of the last edge, in us, from which on a stop may hold a motor that should turn. Samples without a count then
-/// do not update the gain.
+/// Age of the last edge, in us, from which on a motor that should turn may be blocked by a stop. Samples without a
+/// count then do not update the gain.
 const UNCERTAIN_EDGE_MICROS: u64 = 50_000;
 /// Age of the last edge, in us, from which on a motor with an open bridge is at rest.
 const REST_MICROS: u64 = 300_000;
 /// Lowest requested speed at which counts are due: 40 counts/s, which are four counts within [`STALLED_MS`].
 const COUNTS_DUE_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
 
-/// Ratio of the least acceleration per volt to the configured or estimated one. The load may be heavier than
-/// configured.
+/// Least acceleration per volt, as a share of the configured or estimated acceleration per volt. The load may be
+/// heavier than configured.
 const LEAST_GAIN_SHARE: f32 = 0.7;
 
 /// Error of the speed, as a back EMF in V, below which a motor has reached its requested speed.
 const AT_SPEED_VOLTS: f32 = 1.0;
 
-/// A change of a motor's set-point or bridge. The change determines the current with which PID begins or continues.
-/// The model regulator computes each voltage from the estimate.
+/// A change of a motor's set-point or bridge. The change determines the current with which PID begins or continues. The
+/// model regulator needs no such current, because it computes each voltage from the estimate.
 ///
 /// | transition | velocity loop of PID | position loop of PID |
 /// |---|---|---|
@@ -111,8 +111,8 @@ pub struct Regulator {
     stalled_ms: u32,
     /// Speed that the last output should reach; 0 while the bridge is open.
     requested: CountsPerSecond,
-    /// True if the last demand was a speed other than a held 0. False for a position or a reference, and while the
-    /// bridge is open.
+    /// True if the last demand was a speed. False for a position or a reference, for a motor that holds its position at
+    /// the demanded speed 0, and while the bridge is open.
     speed_demanded: bool,
     /// Voltage across the motor; `None` while the bridge is open.
     voltage: Option<Voltage>,
@@ -162,9 +162,9 @@ impl Regulator {
         }
     }
 
-    /// Replaces the motor's settings. The estimates of position and speed are kept, so the motor may run meanwhile.
-    /// With other
-    /// dynamics, a motor at its requested speed gets the load that keeps this speed at the present voltage.
+    /// Replaces the motor's settings. The estimates of position and speed are kept, so the motor may run meanwhile. If
+    /// the dynamics change while the motor is at its requested speed, the estimated load is set so that the present
+    /// voltage keeps this speed.
     pub fn configure(&mut self, old: &Settings, new: &Settings, period: Period) {
         let emf_changed = old.winding.emf != new.winding.emf;
         let dynamics_changed = old.dynamics != new.dynamics;
@@ -205,7 +205,7 @@ impl Regulator {
         self.voltage.map(Voltage::to_volts)
     }
 
-    /// True if the error of the speed is below [`AT_SPEED_VOLTS`], or the bridge is open.
+    /// True if the error of the speed, as a back EMF, is below [`AT_SPEED_VOLTS`]. Also true while the bridge is open.
     fn is_at_speed(&self) -> bool {
         let error = self.requested.to_f32() - self.velocity().to_f32();
         self.voltage.is_none() || (self.motion.plant.kappa * error).abs() < AT_SPEED_VOLTS
@@ -218,8 +218,7 @@ impl Regulator {
         }
     }
 
-    /// Prepares the regulator for another target or mode, or for an open bridge. The next step begins or continues
-    /// regulation.
+    /// Prepares the regulator for another target or mode, or for an open bridge.
     pub fn transition(&mut self, transition: Transition) {
         let leaves_stop = transition == Transition::FromStop || self.is_stalled();
         self.rest_position = None;
@@ -241,7 +240,7 @@ impl Regulator {
         });
     }
 
-    /// Takes a sample of the encoder, best every millisecond with a jitter below 0.5 ms.
+    /// Takes a sample of the encoder. The estimates are best with a sample every millisecond and a jitter below 0.5 ms.
     pub fn sample(&mut self, reading: Reading) {
         let Some(last) = &mut self.last else {
             (self.last, self.predicted_until) = (Some(reading), reading.at);
@@ -292,8 +291,8 @@ impl Regulator {
         }
     }
 
-    /// Begins a control tick, after its newest sample. An estimate that has overflowed is reset. The estimated speed
-    /// of a motor at rest with an open bridge is set to 0.
+    /// Begins a control tick. Must be called after the newest sample of the tick was taken. An estimate that has
+    /// overflowed is reset. The estimated speed of a motor at rest with an open bridge is set to 0.
     pub fn tick(&mut self) {
         let observer = &mut self.motion.observer;
         // With implausible constants the estimate may grow until it overflows.
@@ -310,7 +309,7 @@ impl Regulator {
         }
     }
 
-    /// Uses the estimated gain of an unknown motor from now on, if it differs enough from the gain in use.
+    /// Replaces the gain of an unknown motor by the estimated gain, if both differ enough.
     pub fn update_gain(&mut self, settings: &Settings, period: Period) {
         let Motion { plant, observer, state, .. } = self.motion;
         if let Some((gain, shift)) =
@@ -323,8 +322,9 @@ impl Regulator {
         }
     }
 
-    /// Uses the back EMF constant and the dynamics of these settings from now on, which are corrected for a warm motor. The
-    /// learned gain of an unknown motor, the estimated position and speed, and the present acceleration are kept.
+    /// Replaces the back EMF constant and the dynamics by the values in `settings`, which are corrected for a warm
+    /// motor. The learned gain of an unknown motor, the estimated position and speed, and the present acceleration are
+    /// kept.
     pub fn correct_constants(&mut self, settings: &Settings, period: Period) {
         let Motion { plant, observer, state, .. } = self.motion;
         let mut motion = Motion { state, ..Motion::new(settings, plant.b, period, observer) };
@@ -336,7 +336,7 @@ impl Regulator {
     /// The estimate of the motion at this moment, corrected by a late count if there is one.
     fn present_state(&self) -> Observer {
         let Motion { plant, observer, .. } = &self.motion;
-        // Whether a count is late is known only at a sample.
+        // Only at the time of a sample is it known whether a count is late.
         let sampled = self.last.is_some_and(|last| last.at == self.predicted_until);
         if sampled { observer.with_late_count(plant) } else { *observer }
     }
@@ -349,7 +349,7 @@ impl Regulator {
     /// The estimated speed in counts/s.
     pub fn speed_cps(&self) -> f32 {
         let observer = &self.motion.observer;
-        // This runs after every sample, so the observer is copied only while a count is late.
+        // This function is called after every sample, so the observer is copied only while a count is late.
         if observer.is_late() { self.present_state().speed() } else { observer.speed() }
     }
 
@@ -370,7 +370,7 @@ impl Regulator {
         known.then(|| Voltage::from_volts(-self.external_acceleration() / self.motion.plant.b))
     }
 
-    /// Acceleration by load and drag as of the last count, in counts/s².
+    /// Acceleration by load and drag at this moment, without the correction by a late count, in counts/s².
     pub fn disturbance(&self) -> f32 {
         let Motion { plant, observer, .. } = &self.motion;
         observer.external_acceleration(plant)
@@ -419,7 +419,7 @@ impl Regulator {
     }
 
     /// Computes the output for this tick. `moved` is the counts since the last tick.
-    // The budget of the regulator is counted by this symbol.
+    // The emulated board's budget test finds this function by its symbol, and counts its instructions.
     #[inline(never)]
     pub fn step(&mut self, demand: Demand, moved: i32, context: &Context<'_>) -> Output {
         let demand = self.hold_at_standstill(demand, context.period);
@@ -549,7 +549,7 @@ pub(crate) const fn counts_due(requested: CountsPerSecond) -> bool {
     requested.to_bits().unsigned_abs() >= COUNTS_DUE_SPEED.to_bits().unsigned_abs()
 }
 
-/// Samples of 1 ms from one time to another, rounded. A division of 32 bits is shorter than one of 64 bits.
+/// Number of samples of 1 ms between two times, rounded.
 fn samples(from: Micros, to: Micros) -> u32 {
     u32::try_from(to.since(from)).unwrap_or(u32::MAX).saturating_add(500) / 1000
 }

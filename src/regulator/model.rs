@@ -37,8 +37,8 @@ const HOLDING_RATE: f32 = 2.0;
 pub(super) struct Law {
     /// Share of a speed's error that remains after a tick.
     remaining: f32,
-    /// Mean voltage that changes the speed by 1 count/s within a tick: q / (b (1 - exp(-q T))), with b and q of the
-    /// [`Plant`] and the control period T.
+    /// Mean voltage that changes the speed by 1 count/s within a tick: q / (b (1 - exp(-q T))). b and q are constants
+    /// of the [`Plant`], and T is the control period.
     volts_per_cps: f32,
 }
 
@@ -205,8 +205,8 @@ fn approach(period: Period) -> f32 {
     (0.75 / period.to_seconds()).min(12.0)
 }
 
-/// Speeds of the profile at this distance from the target, in counts/s: the speed now, and the speed at the
-/// tick's end of a motor that has the speed `w` towards the target now.
+/// Speeds of the profile at this distance from the target, in counts/s. The first speed is the speed now. The second
+/// speed is the speed at the tick's end of a motor that now has the speed `w` towards the target.
 fn profile(distance: f32, w: f32, deceleration: f32, limit: f32, period: Period) -> (f32, f32) {
     let (period_s, approach) = (period.to_seconds(), approach(period));
     let knee = deceleration / (approach * approach);

@@ -16,14 +16,14 @@
 //! noise: at 1000 counts/s every sample has one count, whatever x is.)
 //!
 //! A count is *late* while the predicted x is outside of its count and the count has not come. When the late count
-//! comes, it shows how long the motor took for the whole count. A correction at every sample before the count would
-//! make the estimate that of a motor that creeps along the edge of its count. So nothing is corrected before the count
+//! comes, it shows how long the motor took for the whole count. With a correction at every sample before the count, the
+//! observer would estimate a motor that creeps along the edge of its count. So nothing is corrected before the count
 //! comes, and [`Observer::with_late_count`] returns the estimate as if the count came now. There are two exceptions.
 //! Once x is late by a whole count, the motor may stand, so every further sample without a count corrects x. While no
 //! speed is demanded, every sample with a late count corrects x.
 //!
 //! The gains follow from the time t since the last correction. They are the gains of a filter with three equal poles at
-//! `exp(-wo t)`, where wo is at most [`Filter::poles`], so a motor at 5 counts/s is estimated as reliably as a motor at
+//! `exp(-wo t)`, where wo is at most [`Filter::poles`]. So a motor at 5 counts/s is estimated as reliably as a motor at
 //! 5000 counts/s:
 //!
 //! ```text
@@ -207,7 +207,7 @@ impl Observer {
         }
         self.overdue = false;
         self.x -= moved as f32;
-        // The edge came at an unknown time since the last sample, so the shaft may be this far beyond it.
+        // The edge came at an unknown time since the last sample, so the shaft may be this far beyond the edge.
         let beyond = at_most(self.w.abs() * SAMPLE_S, 1.0);
         let (least, most) = if moved > 0 { (0.0, beyond) } else { (1.0 - beyond, 1.0) };
         self.confine(plant, least, most)

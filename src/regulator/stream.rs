@@ -3,26 +3,28 @@
 //!
 //! The motor reaches a streamed speed late. The set-point waits for the next tick, by T / 2 on average. The motor then
 //! needs a tick to reach the speed, and meanwhile the speed of the host has changed. With the slope of the stream the
-//! motor reaches at a tick's end the speed that the stream has at the tick's begin:
+//! motor has at each tick's end the speed that the stream had at the tick's start:
 //!
 //! ```text
 //! speed    slope ──┐       ● target
-//!                  ▼   ╱   :             at the tick's end: target + slope (age + T / 2)
+//!                  ▼   ╱   :             at the tick's end: target + slope * (age + T / 2)
 //!                ●        :              T / 2: the mean time for which a set-point waits for its tick
 //!            ●   :  interval :  age  :
 //! ────────────────────────────────── time
 //! ```
 //!
-//! A demanded speed that stays, or that changes once, has the slope 0.
+//! In the formula the age is at most the mean interval. A demanded speed that stays, or that changes once, has the
+//! slope 0.
 
 use crate::units::single::at_most;
 
 /// Longest interval between two set-points of a stream, in ms.
 const LONGEST_INTERVAL_MS: u32 = 100;
-/// Largest ratio of two consecutive changes of a stream. A larger ratio is a step.
+/// Largest ratio of two consecutive changes of a stream. Changes with a larger ratio are steps.
 const LARGEST_RATIO: f32 = 3.0;
 
-/// Age of a set-point at a tick's end, in mean intervals, above which the stream has ended. The slope is then 0.
+/// Age of a set-point at a tick's end above which the stream has ended, as a multiple of the mean interval. The slope
+/// is then 0.
 const LATEST_INTERVALS: f32 = 1.5;
 
 /// The stream of demanded speeds of one motor. The default is a demand of 0 that has not changed.
@@ -48,17 +50,16 @@ pub(super) struct Stream {
 pub(super) struct Target {
     /// Demanded speed of the last set-point, in counts/s.
     pub(super) demanded: f32,
-    /// Speed that the motor should have at the tick's end, in counts/s. The sign is that of `demanded`, or the speed is
-    /// 0.
+    /// Speed that the motor should have at the tick's end, in counts/s. This speed has the sign of `demanded`, or is 0.
     pub(super) end: f32,
     /// Change of the demanded speed within the tick, in counts/s.
     pub(super) change: f32,
-    /// True if the demanded speed is that of the last tick.
+    /// True if the demanded speed is unchanged since the last tick.
     pub(super) is_old: bool,
 }
 
 impl Stream {
-    /// Takes the demanded speed of a tick, in counts/s.
+    /// Updates the stream with the demanded speed of a tick, in counts/s. Returns the target of the tick.
     pub(super) fn step(&mut self, target: f32, period_ms: u32) -> Target {
         self.age_ms = self.age_ms.saturating_add(period_ms);
         let change = target - self.target;

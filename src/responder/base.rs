@@ -47,8 +47,8 @@ impl<const N: usize> Responder<N> {
     /// Returns the odometry of the drive base.
     ///
     /// # Errors
-    /// Returns [`Nack::NO_BASE`] if no base is configured. Returns [`Nack::NOT_MEASURED`] until a snapshot includes the newest
-    /// configuration.
+    /// Returns [`Nack::NO_BASE`] if no base is configured. Returns [`Nack::NOT_MEASURED`] until a snapshot includes the
+    /// newest configuration.
     pub(super) fn odometry(&self, snapshot: &Snapshot<N>) -> Result<OdometryReport, Nack> {
         let settings = self.base.ok_or(Nack::NO_BASE)?;
         let in_force = !self.base_due && self.base_awaited.is_none();

@@ -5,7 +5,7 @@
 //! | pressed | turn at 1000 counts/s |
 //! | released | are regulated to standstill for a second, then all bridges open |
 //! | pressed while the battery is low or unknown | no effect |
-//! | pressed since before the reset, or since the battery was low | no effect until the button is released and pressed again |
+//! | pressed since before the reset, or since the battery was low | no effect until it is released and pressed again |
 //! | pressed after a host has sent a packet | no effect until a reset |
 //! | pressed before the stored settings are restored | no effect until the button is released and pressed again |
 //!

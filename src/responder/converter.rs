@@ -1,19 +1,19 @@
-//! Values of the ADC channels of REV's protocol. The hub refuses a channel that the board does not measure, except for currents that
-//! follow from the motors' constants.
+//! Values of the ADC channels of REV's protocol. The hub refuses a channel that the board does not measure, except for
+//! currents that follow from the motors' constants.
 //!
 //! | channel | value |
 //! |---|---|
 //! | 0 to 3, analog inputs | measured |
 //! | 4, 5, 6: currents of digital pins, I2C, servos | measured |
-//! | 7, battery current | *modelled* from the motors' currents and speeds; negative while motors return more than they draw |
+//! | 7, battery current | *modelled* from currents and speeds; negative while motors return more than they draw |
 //! | 8 to 11, current of motor 0 to 3 | magnitude: measured, or else *modelled* from speed and bridge command |
 //! | 12, 5 V rail | measured |
 //! | 13, battery | measured; 0 if unknown |
 //! | 14, temperature | measured |
 //!
-//! Battery voltage, battery current and motor currents are those of the last control tick. All other values are at most 20 ms old.
-//! Values are clamped to 16 bits. A host may request *raw counts* instead. The raw count of an analog input is the converter's
-//! reading. On all other channels one raw count is [`RAW_COUNT`] units.
+//! Battery voltage, battery current and motor currents are from the last control tick. All other values are at most 20
+//! ms old. Values are clamped to 16 bits. A host may request *raw counts* instead. The raw count of an analog input is
+//! the converter's reading. On all other channels one raw count is [`RAW_COUNT`] units.
 
 use super::Responder;
 use crate::devices::{ANALOG_INPUTS, AnalogReading};
@@ -23,8 +23,8 @@ use crate::protocol::requests::{
 };
 use crate::protocol::{CHANNELS, Nack};
 
-/// Units in one raw count: millivolts, milliamperes or 0.1 degrees. With 8 units, 0 to 32 767 units are 0 to 4095 raw counts, as of a
-/// converter with 12 bits.
+/// Units in one raw count: millivolts, milliamperes or 0.1 degrees. With 8 units, 0 to 32 767 units are 0 to 4095 raw
+/// counts, as of a converter with 12 bits.
 const RAW_COUNT: i32 = 8;
 
 impl<const N: usize> Responder<N> {
@@ -36,7 +36,8 @@ impl<const N: usize> Responder<N> {
     /// Returns the value of a channel according to the table of the module.
     ///
     /// # Errors
-    /// [`Nack::UNSUPPORTED`] for a channel that the board does not have, [`Nack::NOT_MEASURED`] for a channel without a reading.
+    /// [`Nack::UNSUPPORTED`] for a channel that the board does not have, [`Nack::NOT_MEASURED`] for a channel without a
+    /// reading.
     pub(super) fn adc(&self, channel: AdcChannel, raw: bool, snapshot: &Snapshot<N>) -> Result<i16, Nack> {
         let (readings, equipment) = (&self.readings, &self.outputs.equipment);
         let number = usize::from(channel.get());

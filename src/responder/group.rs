@@ -14,7 +14,8 @@ pub(super) struct Courses<const N: usize> {
 impl<const N: usize> Courses<N> {
     pub(super) const NONE: Self = Self { pending: [None; N] };
 
-    /// Adds the course of a request to the motor `leader`. Removes pending courses that move a member of the new course.
+    /// Adds the course of a request to the motor `leader`. Removes pending courses that move a member of the new
+    /// course.
     pub(super) fn add(&mut self, leader: usize, command: GroupCommand) {
         for (motor, member) in command.course.members().into_iter().enumerate() {
             if member {
@@ -53,8 +54,8 @@ impl<const N: usize> Courses<N> {
     }
 }
 
-/// Converts a command from the host's counts to the motors' counts. `goal(motor, counts)` converts a target of the motor with this
-/// number.
+/// Converts a command from the host's counts to the motors' counts. `goal(motor, counts)` converts a target of the
+/// motor with this number.
 pub(super) fn in_motor_counts(
     wanted: GroupCommand<GroupCourse>,
     goal: impl Fn(usize, i32) -> i32,

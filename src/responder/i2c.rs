@@ -1,6 +1,7 @@
 //! The I2C buses: which transfers run, and their results.
 //!
-//! Each bus has its own state. A result is kept until the next transfer starts, so a host may poll again when an answer was lost.
+//! Each bus has its own state. A result is kept until the next transfer starts, so a host may poll again when an answer
+//! was lost.
 //!
 //! ```text
 //!              a request starts a transfer        the task of the bus has ended it
@@ -10,7 +11,8 @@
 //!                            a request starts a transfer
 //! ```
 //!
-//! In diagram and table, `Running` also stands for the state `Requested`, in which the task of the bus has not taken the transfer.
+//! In diagram and table, `Running` also stands for the state `Requested`, in which the task of the bus has not taken
+//! the transfer.
 //!
 //! | state | start of a transfer | poll of the transfer's kind | poll of the other kind |
 //! |---|---|---|---|
@@ -18,8 +20,9 @@
 //! | `Running` | NACK 40 | NACK 41 | NACK 41 |
 //! | `Finished` | acknowledged; the result is dropped | the result | NACK 43 |
 //!
-//! A transfer always ends: a bus error or a time-out ends it with an error in [`I2cStatus`]. Hosts poll until they get a result, so an
-//! error of the bus is reported as a result and not as a refusal. The result of a transfer with an error has no bytes.
+//! A transfer always ends: a bus error or a time-out ends it with an error in [`I2cStatus`]. Hosts poll until they get
+//! a result, so an error of the bus is reported as a result and not as a refusal. The result of a transfer with an
+//! error has no bytes.
 
 use crate::protocol::answers::{I2cRead, I2cStatus, I2cWritten};
 use crate::protocol::payload::Text;
@@ -40,8 +43,8 @@ pub struct Transfer {
     pub read: u8,
 }
 
-/// State of a bus. `written` is the number of bytes of a write, which the host polls with *poll write*. `written` is `None` for a
-/// transfer that reads, which the host polls with *poll read*.
+/// State of a bus. `written` is the number of bytes of a write, which the host polls with *poll write*. `written` is
+/// `None` for a transfer that reads, which the host polls with *poll read*.
 #[derive(Clone, Debug, Default)]
 enum TransferState {
     #[default]

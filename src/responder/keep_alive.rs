@@ -1,5 +1,5 @@
-//! The keep-alive timer, and REV's module status. The module status has the *events* that no host has cleared, and tells whether
-//! the battery is low.
+//! The keep-alive timer, and REV's module status. The module status has the *events* that no host has cleared, and
+//! tells whether the battery is low.
 //!
 //! ```text
 //!               packet              2.5 s without a packet
@@ -63,8 +63,8 @@ impl KeepAlive {
         !matches!(self.contact, Contact::Awaited)
     }
 
-    /// Checks the timer. If the timer has run out, the host becomes lost, an event is added, and the result is true. The result is
-    /// then false until the timer runs out again.
+    /// Checks the timer. If the timer has run out, the host becomes lost, an event is added, and the result is true.
+    /// The result is then false until the timer runs out again.
     pub fn ran_out(&mut self, now: Micros) -> bool {
         let ran_out = self.deadline().is_some_and(|deadline| deadline <= now);
         if ran_out {

@@ -1,5 +1,5 @@
-//! The colour of the status LED. A host may set a colour or a pattern. Otherwise the LED shows a *signal* in the colours of REV's
-//! Expansion Hubs. The first state of this table that is true decides:
+//! The colour of the status LED. A host may set a colour or a pattern. Otherwise the LED shows a *signal* in the
+//! colours of REV's Expansion Hubs. The first state of this table that is true decides:
 //!
 //! | state | signal |
 //! |---|---|

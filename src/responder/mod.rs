@@ -1,8 +1,8 @@
-//! The hub's side of both protocols: REV's protocol and the extension. A [`Responder`] keeps what hosts have set, answers
-//! requests, and produces the commands to the motors.
+//! The hub's side of both protocols: REV's protocol and the extension. A [`Responder`] keeps what hosts have set,
+//! answers requests, and produces the commands to the motors.
 //!
-//! Programs that were written for a REV Expansion Hub can drive the motors of this hub. Where published host software leaves a
-//! behaviour open, the documentation of the function states what this hub does.
+//! Programs that were written for a REV Expansion Hub can drive the motors of this hub. Where published host software
+//! leaves a behaviour open, the documentation of the function states what this hub does.
 //!
 //! ```text
 //!              Packet +-----------+ Packet
@@ -13,11 +13,11 @@
 //!
 //! * A *channel* holds the settings, the targets and the pending commands of one motor.
 //! * A request that is refused changes neither settings nor motion.
-//! * A motor is *enabled* by a valid *set enable* only. While the battery is low or unknown, *set enable* is refused. Motors that
-//!   are enabled already go on running within the limits of the supply.
-//! * *Fail-safe* disables all motors and releases all outputs. It begins when a host requests it, or 2.5 s after the last
-//!   packet for this hub. After a request all motors coast. After a silence each motor coasts or brakes according to its
-//!   setting `on_fault`.
+//! * A motor is *enabled* by a valid *set enable* only. While the battery is low or unknown, *set enable* is refused.
+//!   Motors that were enabled before continue to run within the limits of the supply.
+//! * *Fail-safe* disables all motors and releases all outputs. Fail-safe begins when a host requests fail-safe, or 2.5
+//!   s after the last packet for this hub. If a host has requested fail-safe, all motors coast. If the time has run
+//!   out, each motor coasts or brakes according to its setting `on_fault`.
 //!
 //! The responder has no clock, no await and no hardware. `tasks::responder` is the task that calls the responder.
 //!
@@ -85,13 +85,14 @@ use motor::MotorChannel;
 use outputs::Outputs;
 use store::Memory;
 
-/// The version text. It begins with the versions of REV's hardware and firmware that the hub is compatible with. Hosts derive the
-/// available functions from these versions. The version of this firmware follows.
+/// The version text. It begins with the versions of REV's hardware and firmware that the hub is compatible with. Hosts
+/// derive the available functions from these versions. The version of this firmware follows.
 const VERSION_TEXT: &[u8] =
     without_zero(concat!("HW: 20, Maj: 1, Min: 8, Eng: 2, mh", env!("CARGO_PKG_VERSION"), "\0").as_bytes());
 const _: () = assert!(VERSION_TEXT.len() <= LONGEST_VERSION);
 
-/// Returns a text without the zero at its end. Programs find the version text in a firmware image by this zero.
+/// Returns a text without the zero at its end. The zero marks the end of the version text in a firmware image, where
+/// programs search for the text.
 const fn without_zero(text: &[u8]) -> &[u8] {
     match text.split_last() {
         Some((_, text)) => text,
@@ -129,13 +130,13 @@ pub enum Line {
 pub struct Responder<const N: usize> {
     /// Address in force.
     address: Address,
-    /// Message number of the last reply; 0 before the first.
+    /// Message number of the last reply; 0 before the first reply.
     number: u8,
     keep_alive: KeepAlive,
     channels: [MotorChannel; N],
     /// Address that the firmware was built with. A stored address replaces it.
     factory_address: Address,
-    /// Settings that the firmware was built with. Stored settings replace them.
+    /// Settings that the firmware was built with. Stored settings replace these settings.
     factory: [Settings; N],
     /// True if the board has a memory for settings, whose task will report the contents.
     expects_store: bool,
@@ -143,7 +144,7 @@ pub struct Responder<const N: usize> {
     memory: Option<Memory>,
     /// The firmware update. `None` on a board without a bootloader.
     update: Option<Update>,
-    /// Version of new firmware that a host has announced last. Empty before.
+    /// Version of the new firmware that a host has announced last. Empty before the first announcement.
     announced_version: Text,
     /// The hubs behind this hub, at the parent's end of the chain line. `None` on a board without a chain line.
     pub chain: Option<Chain>,
@@ -156,8 +157,8 @@ pub struct Responder<const N: usize> {
     base_awaited: Option<u32>,
     /// Number of the newest sent command. `None` before the first command, and once a snapshot includes the command.
     awaited: Option<u32>,
-    /// Digital pins, servo outputs, and what the board has besides motors. A new responder has no equipment, and refuses requests to
-    /// pins, outputs, analog inputs and I2C buses.
+    /// Digital pins, servo outputs, and what the board has besides motors. A new responder has no equipment, and
+    /// refuses requests to pins, outputs, analog inputs and I2C buses.
     pub outputs: Outputs,
     /// The newest readings of the board's converters.
     pub readings: AnalogReadings,
@@ -207,7 +208,8 @@ impl<const N: usize> Responder<N> {
         self
     }
 
-    /// Takes a packet from the chain line that is not a request to this hub. Returns the packet if it must go up to the host.
+    /// Takes a packet from the chain line that is not a request to this hub. Returns the packet if it must go up to the
+    /// host.
     pub fn pass_up(&mut self, packet: Packet) -> Option<Packet> {
         self.chain.as_mut()?.receive(packet, self.address)
     }
@@ -222,14 +224,14 @@ impl<const N: usize> Responder<N> {
         self.channels.each_ref().map(MotorChannel::enabled)
     }
 
-    /// True while the board's button may drive motors: no packet for this hub has arrived since reset, and the hub does not wait
-    /// for stored settings. While the hub waits, the memory may be erased, and no motor may run.
+    /// True while the board's button may drive motors: no packet for this hub has arrived since reset, and the hub does
+    /// not wait for stored settings. While the hub waits, the memory may be erased, and no motor may run.
     pub const fn permits_button(&self) -> bool {
         !self.keep_alive.has_received_packet() && !self.awaits_store()
     }
 
-    /// Returns the number of an I2C bus if the answer to a packet depends on the running transfer of the bus. `None` for all other
-    /// packets.
+    /// Returns the number of an I2C bus if the answer to a packet depends on the running transfer of the bus. `None`
+    /// for all other packets.
     pub fn awaited_transfer(&self, packet: &Packet) -> Option<usize> {
         if packet.destination != self.address.get() || !self.i2c.iter().any(Transfers::is_running) {
             return None;
@@ -246,14 +248,15 @@ impl<const N: usize> Responder<N> {
     }
 
     /// Returns the time at which the keep-alive timer runs out or the chain line is free, whichever is earlier.
-    /// [`tick`](Self::tick) must be called then. `None` if neither is awaited.
+    /// [`tick`](Self::tick) must be called at this time. `None` if the timer does not run and the hub does not wait for
+    /// the chain line.
     pub fn deadline(&self) -> Option<Micros> {
         let chain = self.chain.as_ref().and_then(Chain::deadline);
         self.keep_alive.deadline().into_iter().chain(chain).min()
     }
 
-    /// Updates battery state and keep-alive timer, and ends the wait for commands that the snapshot includes. When the timer runs
-    /// out, the hub goes to fail-safe. A low battery disables all servo outputs.
+    /// Updates battery state and keep-alive timer, and ends the wait for commands that the snapshot includes. When the
+    /// timer runs out, the hub goes to fail-safe. A low battery disables all servo outputs.
     pub fn tick(&mut self, now: Micros, snapshot: &Snapshot<N>) {
         self.keep_alive.battery(snapshot.battery_low());
         self.awaited.take_if(|number| snapshot.includes(*number));
@@ -268,19 +271,21 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// Executes the request of a host's packet and returns the reply. Returns `None` for a packet that is not for this hub.
+    /// Executes the request of a host's packet and returns the reply. Returns `None` for a packet that is not for this
+    /// hub.
     ///
-    /// A packet is for this hub if it has the hub's address, or if it is a discovery or a fail-safe to all hubs. A packet for this hub
-    /// restarts the keep-alive timer, also if the hub refuses the request. On a hub with a chain line, packets to other addresses,
-    /// discoveries, and fail-safes to all hubs go to the hubs behind this hub too.
+    /// A packet is for this hub if it has the hub's address, or if it is a discovery or a fail-safe to all hubs. A
+    /// packet for this hub restarts the keep-alive timer, also if the hub refuses the request. On a hub with a chain
+    /// line, packets to other addresses, discoveries, and fail-safes to all hubs go to the hubs behind this hub too.
     pub fn receive(&mut self, packet: &Packet, now: Micros, snapshot: &Snapshot<N>) -> Option<Packet> {
         self.receive_with(packet, Line::Host, now, snapshot, None)
     }
 
-    /// Executes a request like [`receive`](Self::receive), from either line, on a hub that may have a record of faults.
+    /// Executes a request from either line, on a hub that may have a record of faults. Packets from the host's line are
+    /// processed as by [`receive`](Self::receive).
     ///
-    /// Of packets on the chain line, only those with the hub's own address are answered and restart the keep-alive timer. A fail-safe
-    /// to all hubs is executed without an answer.
+    /// On the chain line, only packets with the hub's own address are answered and restart the keep-alive timer. A
+    /// fail-safe to all hubs is executed, but not answered.
     pub fn receive_with(
         &mut self,
         packet: &Packet,
@@ -321,14 +326,15 @@ impl<const N: usize> Responder<N> {
             *attention = self.keep_alive.attention();
         }
         self.number = self.number.checked_add(1).unwrap_or(1);
-        // If the request has changed the address, the reply still has the old one.
+        // If the request has changed the address, the reply still has the old address.
         Some(reply.packet(packet, address, self.number))
     }
 
     /// Returns the next command to the motors. `None` if no command is pending. After sending the command, call
     /// [`sent`](Self::sent).
     ///
-    /// Commands that disable motors come first, courses of groups last. A drive base is configured before courses are sent.
+    /// Commands that disable motors come first, courses of groups last. A drive base is configured before courses are
+    /// sent.
     pub fn pending(&self) -> Option<Command> {
         if let Some(motor) = self.next_channel() {
             let action = self.channels.get(motor)?.pending()?;
@@ -340,8 +346,8 @@ impl<const N: usize> Responder<N> {
         self.courses.next().map(|(motor, command)| Command { motor, action: Action::Lead(command) })
     }
 
-    /// Removes the command that [`pending`](Self::pending) returns, because it was sent. `number` is the number of the command
-    /// as in [`Snapshot::commands`].
+    /// Removes the command that [`pending`](Self::pending) returns, because it was sent. `number` is the number of the
+    /// command as in [`Snapshot::commands`].
     pub fn sent(&mut self, number: u32) {
         self.awaited = Some(number);
         if let Some(channel) = self.next_channel().and_then(|motor| self.channels.get_mut(motor)) {
@@ -362,8 +368,8 @@ impl<const N: usize> Responder<N> {
         self.courses.moves(motor) || self.channels.get(motor).is_some_and(MotorChannel::awaits_snapshot)
     }
 
-    /// Returns the number of the newest sent command. While a command is pending, returns this number plus 1, because no snapshot
-    /// includes the pending command yet.
+    /// Returns the number of the newest sent command. While a command is pending, returns this number plus 1, because
+    /// no snapshot includes the pending command yet.
     fn newest_command(&self, snapshot: &Snapshot<N>) -> u32 {
         let sent = self.awaited.unwrap_or(snapshot.commands);
         if self.pending().is_some() { sent.wrapping_add(1) } else { sent }
@@ -387,7 +393,7 @@ impl<const N: usize> Responder<N> {
         self.outputs.disable();
     }
 
-    /// Executes a request, and returns the reply. The caller sets the attention of an acknowledgement.
+    /// Executes a request, and returns the reply. The caller sets the flag `attention` of an acknowledgement.
     fn answer(
         &mut self,
         request: Request,
@@ -552,7 +558,8 @@ impl<const N: usize> Responder<N> {
     /// Moves a group that has the motor `leader` as a member.
     ///
     /// # Errors
-    /// Refuses a group without the motor `leader`, a member that the hub does not have, and a member that is not enabled.
+    /// Refuses a group without the motor `leader`, a member that the hub does not have, and a member that is not
+    /// enabled.
     fn move_group(
         &mut self,
         leader: usize,
@@ -622,7 +629,8 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// Returns all values of REV's bulk input. An analog input that is not measured reads 0. Velocities are limited to 16 bits.
+    /// Returns all values of REV's bulk input. An analog input that is not measured reads 0. Velocities are limited to
+    /// 16 bits.
     fn bulk(&self, snapshot: &Snapshot<N>) -> Bulk {
         Bulk {
             digital: self.outputs.inputs(),
@@ -635,8 +643,8 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// Returns the motor alerts of REV's module status. Bit i is set if the encoder of motor i is silent or has a fault. Bit 4 + i
-    /// is set if the bridge of motor i has switched itself off.
+    /// Returns the motor alerts of REV's module status. Bit i is set if the encoder of motor i is silent or has a
+    /// fault. Bit 4 + i is set if the bridge of motor i has switched itself off.
     fn motor_alerts(&self, snapshot: &Snapshot<N>) -> u8 {
         let lost = |_: &_, report: &Report| report.faults.encoder_stale || report.faults.encoder.is_some();
         let off = |_: &_, report: &Report| report.faults.bridge;

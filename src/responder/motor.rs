@@ -1,7 +1,7 @@
 //! A *channel*: the settings and targets that hosts have set for one motor, and the commands to the motor that follow.
 //!
-//! * The *host's counts* are the motor's counts minus an offset. *Reset encoder* sets the offset so that the present position
-//!   is 0. Targets are stored in the host's counts, so a target means another position after *reset encoder*.
+//! * The *host's counts* are the motor's counts minus an offset. *Reset encoder* sets the offset so that the present
+//!   position is 0. Targets are stored in the host's counts, so a target means another position after *reset encoder*.
 //! * A *release* is a command that ends the motor's motion: disable, or fail-safe with braking.
 //!
 //! ```text
@@ -20,14 +20,14 @@ use crate::protocol::{Nack, Reply};
 use crate::regulator::identify::{Identification, travel};
 use crate::units::{Coefficient, Control, CountsPerSecond, Milliamperes, Millivolts, is_included};
 
-/// Speed limit on the way to a position, in counts per second, until a host sets a velocity. It is the largest velocity that a
-/// host can set.
+/// Speed limit on the way to a position, in counts per second, until a host sets a velocity. It is the largest velocity
+/// that a host can set.
 const SPEED_LIMIT: i16 = i16::MAX;
 
 /// Longest distance to a target, in counts.
 ///
-/// Counts wrap at 2^32, and the motor takes the shorter way to its target. This distance is 2^24 counts less than half of 2^32. So
-/// a load may push the motor back by 2^24 counts before the other way is shorter.
+/// Counts wrap at 2^32, and the motor takes the shorter way to its target. This distance is 2^24 counts less than half
+/// of 2^32. So a load may push the motor back by 2^24 counts before the other way is shorter.
 const LONGEST_DISTANCE: i32 = i32::MAX - (1 << 24);
 
 /// The settings, targets and pending commands of one motor.
@@ -38,7 +38,8 @@ pub(super) struct MotorChannel {
     enabled: bool,
     /// Target of mode power. `None` until a host sets the target.
     power: Option<Control>,
-    /// Target of mode velocity in counts per second, and speed limit of mode position. `None` until a host sets the velocity.
+    /// Target of mode velocity in counts per second, and speed limit of mode position. `None` until a host sets the
+    /// velocity.
     velocity: Option<i16>,
     /// Target of mode position in the host's counts. `None` until a host sets the target.
     position: Option<Target>,
@@ -51,14 +52,16 @@ pub(super) struct MotorChannel {
     awaited: Option<u32>,
     /// The motor's counts where the host's counts are 0.
     offset: i32,
-    /// The motor's counts at the last request of REV's protocol to this motor. A target is converted to a distance from this position.
+    /// The motor's counts at the last request of REV's protocol to this motor. A target is converted to a distance from
+    /// this position.
     last_position: i32,
-    /// The set-point of a release that must be sent. A release is sent also to a disabled motor, because a release clears latched
-    /// faults.
+    /// The set-point of a release that must be sent. A release is sent also to a disabled motor, because a release
+    /// clears latched faults.
     release_due: Option<Setpoint>,
     /// True if the settings must be sent.
     settings_due: bool,
-    /// True if the motor's own set-point must be sent. The set-point is computed when the command is sent, not when the request arrives.
+    /// True if the motor's own set-point must be sent. The set-point is computed when the command is sent, not when the
+    /// request arrives.
     target_due: bool,
 }
 
@@ -140,7 +143,8 @@ impl MotorChannel {
             ToMotor::Pid { of } => {
                 let Coefficients { p, i, d, f, .. } = self.settings.coefficients(of);
                 if f != Coefficient::ZERO {
-                    // With feed-forward, P, I and D alone would not describe the loop. After a refusal hosts ask for PIDF.
+                    // With feed-forward, P, I and D alone would not describe the loop. After a refusal hosts ask for
+                    // PIDF.
                     return Err(Nack::parameter(2));
                 }
                 return Ok(Reply::data(&[p, i, d]));
@@ -159,8 +163,8 @@ impl MotorChannel {
         Ok(())
     }
 
-    /// Starts an identification, in which the motor stays within `travel_limit` counts of where it starts. Returns the largest
-    /// number of counts that the motor will turn. `battery` is `None` while the battery is low or unknown.
+    /// Starts an identification, in which the motor stays within `travel_limit` counts of where it starts. Returns the
+    /// largest number of counts that the motor will turn. `battery` is `None` while the battery is low or unknown.
     ///
     /// # Errors
     /// Refuses the request if the battery is low or unknown, or if the motor is not enabled in mode power with power 0.
@@ -218,8 +222,9 @@ impl MotorChannel {
         self.release(Setpoint::Disabled);
     }
 
-    /// Disables the motor because the host is silent. The motor then coasts or brakes according to its setting `on_fault`. A
-    /// disabled motor that is to brake keeps its present command, which may be the brake of an earlier fail-safe.
+    /// Disables the motor because the keep-alive timer has run out. The motor then coasts or brakes according to its
+    /// setting `on_fault`. If the setting is brake, a motor that is already disabled keeps its present command, which
+    /// may be the brake of an earlier fail-safe.
     pub(super) fn fail_safe(&mut self) {
         match self.settings.motor.on_fault {
             OnFault::Coast => self.disable(),
@@ -239,16 +244,16 @@ impl MotorChannel {
         self.target_due = false;
     }
 
-    /// Ends an identification, a constant current or a group's course. For an enabled motor, makes the target of its mode
-    /// pending.
+    /// Ends an identification, a constant current or a group's course. For an enabled motor, makes the target of its
+    /// mode pending.
     const fn retarget(&mut self) {
         self.function = None;
         self.in_group = false;
         self.target_due = self.enabled;
     }
 
-    /// Returns the motor's own set-point: the identification, the constant current, or the target of the present mode. `None` if
-    /// no host has set a target for the mode.
+    /// Returns the motor's own set-point: the identification, the constant current, or the target of the present mode.
+    /// `None` if no host has set a target for the mode.
     fn target(&self) -> Option<Setpoint> {
         if self.function.is_some() {
             return self.function;
@@ -274,8 +279,8 @@ impl MotorChannel {
         self.has_new_target() || self.settings_due
     }
 
-    /// Returns the next command to the motor: first a release, then the settings, then the motor's own set-point. After sending the
-    /// command, call [`sent`](Self::sent).
+    /// Returns the next command to the motor: first a release, then the settings, then the motor's own set-point. After
+    /// sending the command, call [`sent`](Self::sent).
     pub(super) fn pending(&self) -> Option<Action> {
         if let Some(release) = self.release_due {
             Some(Action::Set(release))
@@ -307,13 +312,14 @@ impl MotorChannel {
         self.awaited = Some(number);
     }
 
-    /// Ends the wait for the awaited command if it is included in a snapshot whose newest command has the number `commands`.
+    /// Ends the wait for the awaited command if it is included in a snapshot whose newest command has the number
+    /// `commands`.
     pub(super) fn note_snapshot(&mut self, commands: u32) {
         self.awaited.take_if(|number| is_included(*number, commands));
     }
 
-    /// True until a snapshot includes the newest set-point or the newest sent course. Until then the motor's reports are out of
-    /// date.
+    /// True until a snapshot includes the newest set-point or the newest sent course. Until then the motor's reports
+    /// are out of date.
     pub(super) const fn awaits_snapshot(&self) -> bool {
         self.has_new_target() || self.awaited.is_some()
     }
@@ -342,11 +348,12 @@ impl MotorChannel {
 
     /// Converts a target from the host's counts to the motor's counts. The motor is at `position` in its own counts.
     ///
-    /// The regulator takes the shorter way round the ring of 2^32 counts, but a host expects the direction of target minus
-    /// position. The distance is therefore limited to [`LONGEST_DISTANCE`] in the direction that the host expects.
+    /// The regulator takes the shorter way round the ring of 2^32 counts, but a host expects the direction of target
+    /// minus position. The distance is therefore limited to [`LONGEST_DISTANCE`] in the direction that the host
+    /// expects.
     ///
-    /// There is one exception. A host lets its counts wrap if target minus position does not fit in 32 bits, but the way across the ends
-    /// of the 32-bit range is shorter than 2^30 counts. The motor then takes the way across the ends.
+    /// There is one exception: a host whose counts wrap. Target minus position then does not fit in 32 bits, but the
+    /// way across the ends of the 32-bit range is shorter than 2^30 counts. The motor takes this way.
     pub(super) fn goal(&self, counts: i32, position: i32) -> i32 {
         let from = self.host_counts(position);
         let short_way = counts.wrapping_sub(from);
@@ -371,7 +378,8 @@ impl MotorChannel {
         self.enabled
     }
 
-    /// True if the magnitude of the [best current](Report::best_current) exceeds the current alert. False without an alert.
+    /// True if the magnitude of the [best current](Report::best_current) exceeds the current alert. False without an
+    /// alert.
     pub(super) fn is_over_current(&self, report: &Report) -> bool {
         let level = self.settings.current_alert_ma;
         level != 0 && report.best_current().magnitude() > level
@@ -387,8 +395,8 @@ impl MotorChannel {
         counts.wrapping_sub(self.offset)
     }
 
-    /// True if the motor is [within tolerance](motor::within_tolerance) of the host's target. False unless the motor is enabled
-    /// in mode position and in no group.
+    /// True if the motor is [within tolerance](motor::within_tolerance) of the host's target. False unless the motor is
+    /// enabled in mode position and in no group.
     pub(super) fn within_tolerance(&self, report: &Report) -> bool {
         let near =
             |Target { counts, tolerance }| motor::within_tolerance(counts, self.counts(report), tolerance);

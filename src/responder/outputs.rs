@@ -4,12 +4,12 @@
 //!
 //! * After a reset all digital pins are inputs with a pull-up. A pin without a connection reads 1.
 //! * A pin that becomes an output is low until a host sets its level.
-//! * Fail-safe *releases* the digital outputs: the board stops driving the pins. The direction of a released pin is still output, and
-//!   the board drives the pin again when a host sets its level.
-//! * A request of all inputs returns 0 for outputs, and for pins that the board does not have. It is refused if all pins of the board
-//!   are outputs.
-//! * After a reset servo outputs have a period of 20 ms, and no width. An output can be enabled once a host has set its width. A
-//!   width longer than the period is stored, and the pulse is then as long as the period.
+//! * Fail-safe *releases* the digital outputs: the board stops driving the pins. The direction of a released pin is
+//!   still output, and the board drives the pin again when a host sets its level.
+//! * A request of all inputs returns 0 for outputs, and for pins that the board does not have. It is refused if all
+//!   pins of the board are outputs.
+//! * After a reset servo outputs have a period of 20 ms, and no width. An output can be enabled once a host has set its
+//!   width. A width longer than the period is stored, and the pulse is then as long as the period.
 //! * Fail-safe and a low battery disable all servo outputs. Their periods and widths stay.
 //!
 //! ```
@@ -38,8 +38,8 @@ use crate::devices::{Equipment, SERVOS, ServoPulse};
 use crate::protocol::pins::{Pin, ServoOutput, ToPin};
 use crate::protocol::{Nack, Reply};
 
-/// Period of a servo's pulses after a reset, in microseconds: the usual period of hobby servos. The hub needs a default, because host
-/// software that has set the period once does not set it again after a reset of the hub.
+/// Period of a servo's pulses after a reset, in microseconds: the usual period of hobby servos. The hub needs a
+/// default, because host software that has set the period once does not set it again after a reset of the hub.
 const SERVO_PERIOD_US: u16 = 20_000;
 
 /// Settings of a servo output.
@@ -67,7 +67,8 @@ pub struct Outputs {
     pub driven: u8,
     /// Levels of the driven pins. Bit i is set if pin i must be high.
     pub levels: u8,
-    /// Levels of the pins when the board last read them. Bit i is set if pin i was high. After a reset all bits are set.
+    /// Levels of the pins when the board last read them. Bit i is set if pin i was high. After a reset all bits are
+    /// set.
     pub sensed: u8,
     /// What the board has.
     pub equipment: Equipment,

@@ -6,8 +6,8 @@ use crate::extension::report::{Condition, MotorReport, ReportedSetpoint};
 use crate::motor::{Report, Setpoint};
 use crate::units::{Control, Milliamperes, Millivolts};
 
-/// Returns the state of one motor. `up_to_date` is true if `report` includes the motor's newest set-point. If false, the motor is
-/// not reported as settled.
+/// Returns the state of one motor. `up_to_date` is true if `report` includes the motor's newest set-point. If false,
+/// the motor is not reported as settled.
 pub(super) fn of_motor(
     channel: &MotorChannel,
     report: &Report,
@@ -63,7 +63,8 @@ fn setpoint(channel: &MotorChannel, setpoint: Setpoint) -> ReportedSetpoint {
     }
 }
 
-/// Returns the points S, T, Z and G of the scheme, with the sign of the motor's direction. `None` if the battery voltage is 0.
+/// Returns the points S, T, Z and G of the scheme, with the sign of the motor's direction. `None` if the battery
+/// voltage is 0.
 fn points(channel: &MotorChannel, report: &Report, battery: Millivolts) -> Option<[Control; 4]> {
     let settings = &channel.settings().motor;
     let at = OperatingPoint::new(settings.winding.emf.emf(report.velocity), battery)?;

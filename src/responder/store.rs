@@ -1,9 +1,10 @@
 //! Stored settings: what the hub stores, when it stores settings, and how it restores them.
 //!
 //! * The *memory* keeps settings without power. The task `tasks::store` accesses the memory.
-//! * A *record* that was saved has an entry for the address, one for each configured [`Group`] of each motor's settings, and one
-//!   for a configured drive base. An entry has the type and the payload of the request that would set the same values. Of two
-//!   entries for the same values, the last one counts. The request *reset* writes a record without entries.
+//! * A *record* that was saved has an entry for the address, one for each configured [`Group`] of each motor's
+//!   settings, and one for a configured drive base. An entry has the type and the payload of the request that would set
+//!   the same values. Of two entries for the same values, the last one counts. The request *reset* writes a record
+//!   without entries.
 //! * An *access* writes a record to the memory, or reads the record from it.
 //!
 //! ```text
@@ -15,8 +16,8 @@
 //!       '------------------- store_done() ---------------------'
 //! ```
 //!
-//! When a host has set an address, the hub stores the address without a request to save. The hub first waits for the end of a running
-//! access. If the memory must be erased, the hub also waits until all motors are off.
+//! When a host has set an address, the hub stores the address without a request to save. The hub first waits for the
+//! end of a running access. If the memory must be erased, the hub also waits until all motors are off.
 
 use super::Responder;
 use super::motor::MotorChannel;
@@ -67,7 +68,7 @@ enum Access {
     Save,
     /// Writes the address in force, and keeps all other entries.
     SaveAddress,
-    /// Writes an empty record. The firmware's settings are in force since the request.
+    /// Writes an empty record. The settings that the firmware was built with are in force since the request.
     Reset,
     /// Reads the record.
     Load,
@@ -78,7 +79,8 @@ impl Memory {
         Self { found, outcome: Outcome::None, access: AccessState::Idle, address_due: false }
     }
 
-    /// Returns why the contents of the memory prevent a save. `None` if a save is possible. The contents never prevent a reset.
+    /// Returns why the contents of the memory prevent a save. `None` if a save is possible. The contents never prevent
+    /// a reset.
     const fn refusal(&self) -> Option<Nack> {
         match self.found.stored {
             Stored::Later => Some(Nack::STORE_LATER),
@@ -91,8 +93,8 @@ impl Memory {
 impl<const N: usize> Responder<N> {
     /// Restores settings and address from the contents of the memory. Must be called once after the hub has started.
     ///
-    /// If a host has already sent a packet, settings and address in force do not change. The hub reports whether they differ from the
-    /// memory, and the host may load the stored settings.
+    /// If a host has already sent a packet, settings and address in force do not change. The hub reports whether they
+    /// differ from the memory, and the host may load the stored settings.
     pub fn restore(&mut self, found: Found) {
         if !self.keep_alive.has_received_packet() {
             self.address = self.boot_address(&found.record);
@@ -101,7 +103,8 @@ impl<const N: usize> Responder<N> {
         self.memory = Some(Memory::new(found));
     }
 
-    /// Makes the responder wait for [`restore`](Self::restore): [`awaits_store`](Self::awaits_store) returns true until then.
+    /// Makes the responder wait for [`restore`](Self::restore): [`awaits_store`](Self::awaits_store) returns true until
+    /// then.
     #[must_use]
     pub const fn expecting_store(mut self) -> Self {
         self.expects_store = true;
@@ -113,13 +116,13 @@ impl<const N: usize> Responder<N> {
         self.expects_store && self.memory.is_none()
     }
 
-    /// Notes a requested save, load or reset for [`store_request`](Self::store_request). A reset changes the settings in force
-    /// immediately. The address in force stays until the next start of the hub.
+    /// Notes a requested save, load or reset for [`store_request`](Self::store_request). A reset changes the settings
+    /// in force immediately. The address in force stays until the next start of the hub.
     ///
     /// # Errors
-    /// Refuses the request if the hub has no memory, while another access is running, or before the task has reported the contents. A
-    /// save is refused if the stored record is damaged or has a later format version, or if the settings do not fit. Load and reset
-    /// are refused while a motor is enabled.
+    /// Refuses the request if the hub has no memory, while another access is running, or before the task has reported
+    /// the contents. A save is refused if the stored record is damaged or has a later format version, or if the
+    /// settings do not fit. Load and reset are refused while a motor is enabled.
     pub(super) fn access_store(
         &mut self,
         request: &HubFunction,
@@ -148,8 +151,8 @@ impl<const N: usize> Responder<N> {
         Ok(Reply::ACK)
     }
 
-    /// Marks the address in force to be stored, if the hub would start with another address. Does nothing if the contents of the
-    /// memory prevent a save.
+    /// Marks the address in force to be stored, if the hub would start with another address. Does nothing if the
+    /// contents of the memory prevent a save.
     pub(super) fn store_address(&mut self) {
         let Some(memory) = &self.memory else { return };
         let due = memory.refusal().is_none() && self.boot_address(&memory.found.record) != self.address;
@@ -164,8 +167,8 @@ impl<const N: usize> Responder<N> {
         entries.filter_map(|entry| address_of(&entry)).last().unwrap_or(self.factory_address)
     }
 
-    /// Hands the next access to the task. `None` if no access is due, while an access is running, while an address waits until all
-    /// motors are off, or if the record has no room.
+    /// Hands the next access to the task. `None` if no access is due, while an access is running, while an address
+    /// waits until all motors are off, or if the record has no room.
     ///
     /// The task must report the result to [`store_done`](Self::store_done).
     pub fn store_request(&mut self, snapshot: &Snapshot<N>) -> Option<StoreRequest> {
@@ -176,7 +179,8 @@ impl<const N: usize> Responder<N> {
             AccessState::Busy(_) => return None,
             AccessState::Requested(access) => access,
             AccessState::Idle if !memory.address_due => return None,
-            // The last access needed an erasure. The memory may be erased only while all motors are off, so the address waits.
+            // The last access has failed because it needed an erasure. The memory may be erased only while all motors
+            // are off, so the address waits.
             AccessState::Idle if may_erase || memory.outcome != Outcome::NeedsErase => Access::SaveAddress,
             AccessState::Idle => return None,
         };
@@ -195,8 +199,8 @@ impl<const N: usize> Responder<N> {
 
     /// Ends the running access with its result. A load puts the stored settings in force.
     ///
-    /// `found` is the contents of the memory after the access. `None` if the memory can only be read after an erasure, while motors
-    /// are not off. The contents are then unchanged.
+    /// `found` is the contents of the memory after the access. `None` if the memory must be erased before it can be
+    /// read, and a motor is not off. The contents are then unchanged.
     pub fn store_done(&mut self, found: Option<Found>, outcome: Outcome) {
         let Some(before) = &self.memory else {
             // The first report of the task has come after the time-out of the wait for stored settings.
@@ -207,8 +211,8 @@ impl<const N: usize> Responder<N> {
         };
         let load = before.access == AccessState::Busy(Access::Load);
         let found = found.unwrap_or_else(|| before.found.clone());
-        // A host may have changed the address during the access: then the address must still be stored. If the memory has failed,
-        // the hub does not try again.
+        // A host may have changed the address during the access: then the address must still be stored. If the memory
+        // has failed, the hub does not try again.
         let failed = matches!(outcome, Outcome::Refused | Outcome::Lost);
         let address_due = before.address_due && !failed && self.boot_address(&found.record) != self.address;
         if load {
@@ -217,7 +221,8 @@ impl<const N: usize> Responder<N> {
         self.memory = Some(Memory { outcome, address_due, ..Memory::new(found) });
     }
 
-    /// Returns the refusal of requests that need a memory, on a hub without a memory or before the task has reported the contents.
+    /// Returns the refusal of requests that need a memory, on a hub without a memory or before the task has reported
+    /// the contents.
     const fn no_memory(&self) -> Nack {
         if self.expects_store { Nack::STORE_BUSY } else { Nack::UNSUPPORTED }
     }
@@ -230,7 +235,8 @@ impl<const N: usize> Responder<N> {
     /// Reports the state of the memory.
     ///
     /// # Errors
-    /// Returns [`Nack::UNSUPPORTED`] if the hub has no memory, and [`Nack::STORE_BUSY`] before the memory has reported.
+    /// Returns [`Nack::UNSUPPORTED`] if the hub has no memory, and [`Nack::STORE_BUSY`] before the task has reported
+    /// the contents.
     pub(super) fn store_report(&self) -> Result<StoreReport, Nack> {
         let memory = self.memory.as_ref().ok_or(self.no_memory())?;
         let Memory { found: Found { stored, version, record }, outcome, .. } = memory;
@@ -256,7 +262,7 @@ impl<const N: usize> Responder<N> {
         })
     }
 
-    /// True if settings, address or drive base in force would change in a restart with this record.
+    /// True if settings, address or drive base in force would change at a restart with this record.
     fn differs(&self, record: &SettingsRecord) -> bool {
         let stored = |settings: &MotorSettings, group: Group| {
             group.is_configured(settings).then(|| Values::of(group, settings))
@@ -316,19 +322,20 @@ impl<const N: usize> Responder<N> {
         newest_base(record).and_then(|entry| self.base_of(&entry))
     }
 
-    /// True if the drive base in force would change in a restart with this record.
+    /// True if the drive base in force would change at a restart with this record.
     fn base_differs(&self, record: &SettingsRecord) -> bool {
         self.stored_base(record) != self.base
     }
 
-    /// Reads a drive base from an entry. `None` if a value is out of range, or if the hub lacks a wheel or a bus for the gyro.
+    /// Reads a drive base from an entry. `None` if a value is out of range, or if the hub lacks a wheel or a bus for
+    /// the gyro.
     fn base_of(&self, entry: &Entry<'_>) -> Option<BaseSettings> {
         let base = BaseSettings::read(&mut Fields::new(entry.payload)).ok()?;
         self.check_base(&base).ok().map(|()| base)
     }
 
-    /// `Some(true)` if this firmware accepts the entry, `Some(false)` if the firmware refuses the entry. `None` if the firmware does
-    /// not know the entry, or has no such motor.
+    /// Returns `Some(true)` if this firmware accepts the entry, and `Some(false)` if this firmware refuses the entry.
+    /// `None` if the firmware does not know the type of the entry, or does not have the motor.
     fn is_accepted(&self, entry: &Entry<'_>) -> Option<bool> {
         if entry.id == ADDRESS {
             return Some(address_of(entry).is_some());
@@ -342,8 +349,8 @@ impl<const N: usize> Responder<N> {
         Some(values_of(entry, motor, group, settings).is_ok())
     }
 
-    /// Puts in force the settings that the hub would have after a restart with this record. If the configuration of the drive base
-    /// does not change, its odometry continues.
+    /// Puts in force the settings that the hub would have after a restart with this record. If the configuration of the
+    /// drive base does not change, its odometry continues.
     fn restore_settings(&mut self, record: &SettingsRecord) {
         for ((motor, channel), factory) in (0..).zip(&mut self.channels).zip(self.factory) {
             channel.restore(restored(motor, factory, record));
@@ -354,15 +361,15 @@ impl<const N: usize> Responder<N> {
     }
 }
 
-/// Returns the settings that a motor would have after a restart with this record: the firmware's settings, changed by the
-/// entries of the record. Unknown and refused entries have no effect.
+/// Returns the settings that a motor would have after a restart with this record: the firmware's settings, changed by
+/// the entries of the record. Unknown and refused entries have no effect.
 fn restored(motor: u8, factory: Settings, record: &SettingsRecord) -> MotorSettings {
     let mut settings = MotorSettings::new(factory);
     for group in Group::ALL {
         let entry = entries_of(record, motor, group).last();
         let values = entry.and_then(|entry| values_of(&entry, motor, group, &settings).ok());
-        // The group `SetUp` deletes dynamics, acceleration limit and coefficients when it is applied. So a group with unchanged
-        // values is not applied: the firmware may have been built with such values.
+        // Applying the group `SetUp` deletes dynamics, acceleration limit and coefficients. The firmware may have been
+        // built with these settings, so a group whose values do not change is not applied.
         let changes =
             |values: &Values| !group.is_configured(&settings) || *values != Values::of(group, &settings);
         if let Some(new) = values.filter(changes).and_then(|values| values.apply_to(&settings).ok()) {

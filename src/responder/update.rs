@@ -1,4 +1,5 @@
-//! Requests of a host about new firmware. [`crate::update`] accepts or refuses each request, and `tasks::update` accesses the flash.
+//! Requests of a host about new firmware. [`crate::update`] accepts or refuses each request, and `tasks::update`
+//! accesses the flash.
 
 use super::Responder;
 use crate::extension::HubFunction;
@@ -46,8 +47,8 @@ impl<const N: usize> Responder<N> {
         Ok(Reply::ACK)
     }
 
-    /// Hands the next request to the task. `None` if no request is pending, while the task is busy, and without a bootloader. The
-    /// task must report the result to [`update_done`](Self::update_done).
+    /// Hands the next request to the task. `None` if no request is pending, while the task is busy, and without a
+    /// bootloader. The task must report the result to [`update_done`](Self::update_done).
     pub fn update_request(&mut self) -> Option<UpdateRequest> {
         self.update.as_mut()?.request()
     }

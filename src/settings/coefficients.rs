@@ -36,8 +36,8 @@ impl Coefficients {
     /// hub answers with the suggested coefficients.
     ///
     /// T is the control period in s. From one tick to the next a bare gear motor keeps `a = exp(-T / 0.14 s)` of its
-    /// speed. Both poles are placed at z, which is the larger of `exp(-18 T)` and 0.6. The factor `f` is in control steps per count/s, and gives
-    /// full control at the speed whose back EMF is 12 V. P is at least 0.3 f:
+    /// speed. Both poles are placed at z, which is the larger of `exp(-18 T)` and 0.6. The factor `f` is in control
+    /// steps per count/s, and gives full control at the speed whose back EMF is 12 V. P is at least 0.3 f:
     ///
     /// ```text
     /// P = f (a - z^2) / (1 - a)    I = f (1 - z)^2 / ((1 - a) T)

@@ -43,8 +43,9 @@ pub struct Mechanics {
 }
 
 impl Dynamics {
-    /// Computes the dynamics from physical constants. R is the resistance of winding and bridge, Ke the back EMF per speed, and kc the
-    /// number of counts per radian: `b = Kt kc / (R J)`, `q = b Ke / kc + B / J`, `c = R friction / Kt`.
+    /// Computes the dynamics from physical constants. R is the resistance of winding and bridge, Ke the back EMF per
+    /// speed, and kc the number of counts per radian: `b = Kt kc / (R J)`, `q = b Ke / kc + B / J`, `c = R friction /
+    /// Kt`.
     ///
     /// # Errors
     /// Fails if b, q or c is out of its type's range or not a number.

@@ -127,7 +127,8 @@ impl Settings {
         milliohms as f32 / 1000.0
     }
 
-    /// Returns the modulator for these settings, which maps voltages and control values of the motor to commands of the bridge.
+    /// Returns the modulator for these settings, which maps voltages and control values of the motor to commands of the
+    /// bridge.
     pub(crate) fn modulator(&self) -> Modulator {
         Modulator::new(&self.winding, &self.bridge, self.scheme, self.duty)
     }

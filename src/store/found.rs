@@ -11,14 +11,14 @@ pub enum Stored {
     Nothing,
     /// Both copies hold the same record.
     Whole,
-    /// One copy holds the record. The other copy is damaged, missing or older. Causes are a power cut during the last save, and a
-    /// worn memory.
+    /// One copy holds the record. The other copy is damaged, missing or older. Causes are a power cut during the last
+    /// save, and a worn memory.
     OneCopy,
-    /// There is a record of a later version, in one copy or in both. This firmware cannot read the record, and a save does not
-    /// overwrite it.
+    /// There is a record of a later version, in one copy or in both. This firmware cannot read the record, and a save
+    /// does not overwrite it.
     Later,
-    /// No copy can be read, and at least one copy has a right checksum and a content that is no record. Also the state if the memory
-    /// reports an error.
+    /// No copy can be read, and at least one copy has a right checksum and a content that is no record. Also the state
+    /// if the memory reports an error.
     Damaged,
 }
 

@@ -1,8 +1,8 @@
 //! The stored format of settings, and the choice between two stored copies. The *memory* keeps settings without power.
 //!
-//! A *record* has entries. An entry has the type and the payload of a request that sets some settings. Settings without an entry
-//! have the values that the firmware was built with. If the payload of an entry lacks fields at its end, the settings of these
-//! fields have the firmware's values too.
+//! A *record* has entries. An entry has the type and the payload of a request that sets some settings. Settings without
+//! an entry have the values that the firmware was built with. If the payload of an entry lacks fields at its end, the
+//! settings of these fields have the firmware's values too.
 //!
 //! | type | content of a record |
 //! |---|---|
@@ -13,24 +13,25 @@
 //! | bytes | first entry: payload |
 //! | | the other entries |
 //!
-//! A later firmware may add entries, and fields at the end of an entry, without a new version. This firmware does not know these
-//! additions, but its saves keep them. A record of a later version is neither read nor overwritten by a save. Only a *reset of
-//! the settings*, which writes a record without entries, replaces a record of a later version.
+//! A later firmware may add entries, and fields at the end of an entry, without a new version. This firmware does not
+//! know these additions, but its saves keep them. A record of a later version is neither read nor overwritten by a
+//! save. Only a *reset of the settings*, which writes a record without entries, replaces a record of a later version.
 //!
 //! A save writes two copies of the record, one after the other. A power cut or a damaged bit affects at most one copy.
 //! `tasks::store` decides where the copies are. The states of the stored record are:
 //!
 //! ```text
-//! Nothing ── first save ──▶ Whole ── power cut in a save, or a damaged copy ──▶ OneCopy ── no copy readable ──▶ Damaged
-//!                             ▲                                                    │                                │
-//!                             └────────────────────── next save ───────────────────┴──── reset of the settings ─────┘
+//! Nothing ── first save ──▶ Whole ── power cut in a save, or a damaged copy ──▶ OneCopy ── no copy readable ─▶ Damaged
+//!                             ▲                                                    │                               │
+//!                             └────────────────────── next save ───────────────────┴──── reset of the settings ────┘
 //! ```
 //!
-//! A copy with a wrong checksum counts as missing. If no copy of the last save is left, the memory may still hold the copies of an
-//! older save, which are then found. Otherwise the state is `Nothing`. The state is `Damaged` if a copy with a right checksum is no
-//! record, or if the memory reports an error.
+//! A copy with a wrong checksum counts as missing. If no copy of the last save is left, the memory may still hold the
+//! copies of an older save, which are then found. Otherwise the state is `Nothing`. The state is `Damaged` if a copy
+//! with a right checksum is no record, or if the memory reports an error.
 //!
-//! A fifth state, `Later`, is reached only if later firmware has written the record. It ends with a reset of the settings.
+//! A fifth state, `Later`, is reached only if later firmware has written the record. It ends with a reset of the
+//! settings.
 //!
 //! ```
 //! use motor_hub::store::{Found, SettingsRecord, Stored};
@@ -61,7 +62,8 @@ pub enum Outcome {
     None,
     /// The access has succeeded.
     Done,
-    /// The access has not succeeded, because a part of the memory must be erased first. All motors must be off for an erasure.
+    /// The access has not succeeded, because a part of the memory must be erased first. All motors must be off for an
+    /// erasure.
     NeedsErase,
     /// The memory has reported an error, or the record has no room for what is to be stored.
     Refused,
@@ -83,8 +85,8 @@ pub struct StoreRequest {
 /// Result of a [`StoreRequest`]. At boot the task sends a first result without a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StoreResult {
-    /// Contents of the memory after the request. `None` if the contents cannot be read until all motors are off. They have not
-    /// changed then.
+    /// Contents of the memory after the request. `None` if the contents cannot be read until all motors are off. The
+    /// contents are then unchanged.
     pub found: Option<Found>,
     /// How the request ended.
     pub outcome: Outcome,

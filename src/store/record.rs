@@ -5,8 +5,8 @@ use heapless::{CapacityError, Vec};
 /// Version of the format that this firmware writes and reads.
 pub const VERSION: u8 = 1;
 
-/// Largest size of a record in bytes. All settings of four motors and of a drive base take 515 bytes. With its key of one byte a record
-/// of this size fills 17 of the longest words that a flash writes, 32 bytes each.
+/// Largest size of a record in bytes. All settings of four motors and of a drive base take 515 bytes. With its key of
+/// one byte a record of this size fills 17 of the longest words that a flash writes, 32 bytes each.
 pub const CAPACITY: usize = 543;
 
 /// Size of the record's version and number in bytes.
@@ -38,7 +38,8 @@ impl SettingsRecord {
         Self { bytes: [VERSION, a, b, c, d].into_iter().collect() }
     }
 
-    /// Reads a record of version [`VERSION`], which is the first version. `None` for a later version, and for damaged bytes.
+    /// Reads a record of version [`VERSION`], which is the first version. `None` for a later version, and for damaged
+    /// bytes.
     pub fn read(bytes: &[u8]) -> Option<Self> {
         if bytes.first() != Some(&VERSION) {
             return None;
@@ -78,8 +79,8 @@ impl SettingsRecord {
         self.push_over(id, payload, &[])
     }
 
-    /// Appends an entry with these fields. If the payload of an older entry has more fields at its end, which a later firmware has
-    /// stored, these fields are copied too.
+    /// Appends an entry with these fields. If the payload of an older entry has more fields at its end, which a later
+    /// firmware has stored, these fields are copied too.
     ///
     /// # Errors
     /// See [`push`](Self::push).

@@ -9,8 +9,8 @@ pub struct Levels {
     /// Lowest plausible voltage. After two lower voltages in a row motors draw no current. Motors coast once the last
     /// plausible reading is stale.
     pub min: Millivolts,
-    /// From this voltage downwards motors may draw no current. They may draw current again once the voltage is back at
-    /// `derate`.
+    /// From this voltage downwards motors may draw no current. Motors may draw current again once the voltage is back
+    /// at `derate`.
     pub cut: Millivolts,
     /// Voltage below which the battery counts as low. The permitted current falls linearly from `derate` to 0 at `cut`.
     pub derate: Millivolts,

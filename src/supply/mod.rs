@@ -8,15 +8,16 @@
 //! plausible| draw 0   | draw 0..1 |  Derated | draw to 1  |  dissipate energy         | motors dissipate
 //! ```
 //!
-//! * The *draw* is a share from 0 to 1. A motor may take that share of its current at standstill and full duty from the
-//!   bus. After the stage `Derated` the draw rises to 1 within a second.
+//! * The *draw* is a share from 0 to 1. The draw is the current that a motor may take from the bus, divided by its
+//!   current at standstill and full duty. After the stage `Derated` the draw rises to 1 within a second.
 //! * The [`DrawStage`] has hysteresis. The stage `Full` lasts until the filtered voltage is below `derate`. The stage
 //!   `Derated` lasts until the filtered voltage reaches `recover`. The stage `Cut` lasts until the filtered voltage is
 //!   back at `derate`.
 //! * Braking motors *dissipate* energy when their bridges turn energy to heat instead of returning it to the bus. The
-//!   bridge then alternates between two pulses, each of some PWM periods. The first pulse shorts the winding: the
-//!   motor's energy becomes heat. When the short ends, the winding's current flows back into the bus for a moment. The
-//!   second pulse drives the motor slightly above its back EMF, and so takes about as much from the bus again.
+//!   bridge then alternates between two pulses, each of some milliseconds. The first pulse shorts the winding, and the
+//!   motor's energy becomes heat. When the short circuit ends, the winding's current flows back into the bus for a
+//!   moment. The second pulse drives the motor slightly above its back EMF, and so draws about the same energy from the
+//!   bus again.
 //! * Dissipation begins when the voltage that a rising bus will have one sample later exceeds `dissipate`. From halfway
 //!   between `dissipate` and `ceiling` on, braking motors dissipate with full strength.
 //! * The *quiet range* is the range from `derate` to `dissipate`. The bus is *quiet* if its voltage is in this range
@@ -81,7 +82,8 @@ pub struct Battery {
     pub stage: DrawStage,
     /// Current that each motor may draw, as a share of its current at standstill and full duty.
     pub draw: Share,
-    /// How strongly braking motors must dissipate energy. [`Share::NONE`] lets them return it to the bus.
+    /// Strength with which braking motors must dissipate energy, as a share of full strength. With [`Share::NONE`]
+    /// braking motors may return their energy to the bus.
     pub dissipate: Share,
 }
 
@@ -131,8 +133,8 @@ struct Filter {
 impl Filter {
     /// Returns the filter after a sample. The weight of the sample is dt / (dt + 30 ms), where dt is `passed_us`.
     ///
-    /// The first sample becomes the filtered voltage. So does a sample after a gap of more than
-    /// [`BATTERY_STALE_MICROS`].
+    /// The first sample becomes the filtered voltage. A sample after a gap of more than [`BATTERY_STALE_MICROS`] also
+    /// becomes the filtered voltage.
     fn step(before: Option<Self>, voltage: Millivolts, at: Micros, passed_us: u32) -> Self {
         let new = i32::from(voltage.get()) << 8;
         let value_q8_mv = match before {

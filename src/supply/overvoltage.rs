@@ -14,8 +14,8 @@
 //!
 //! A braking motor returns energy to the bus through its bridge, which works as a boost converter. One ampere lifts the
 //! voltage of 1000 uF by one volt in a millisecond. The filtered voltage follows too slowly. The *predicted* voltage is
-//! therefore the last sample, extrapolated by one sampling interval. The *share* says how strongly braking motors
-//! dissipate.
+//! therefore the last sample, extrapolated by one sampling interval. The *share* is the strength with which braking
+//! motors dissipate energy, 0 to 1.
 
 use super::limits::{Levels, Limits};
 use crate::units::{Micros, Millivolts, Share};
@@ -56,7 +56,8 @@ impl Overvoltage {
         self.exceeded_at.is_some()
     }
 
-    /// Processes a sample, and returns how strongly motors must dissipate. The result is [`Share::NONE`] while idle.
+    /// Processes a sample, and returns the strength with which motors must dissipate energy. The result is
+    /// [`Share::NONE`] while idle.
     pub(super) fn step(&mut self, limits: &Limits, voltage: Millivolts, now: Micros) -> Share {
         let Levels { dissipate, ceiling, .. } = limits.levels();
         let rise_mv = match self.last_sample {

@@ -18,7 +18,7 @@
 use super::limits::{Levels, Limits};
 use crate::units::{Millivolts, Share};
 
-/// How far the supply limits the current that motors draw from the bus.
+/// Stage of the limit on the current that motors draw from the bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum DrawStage {
@@ -28,8 +28,8 @@ pub enum DrawStage {
     /// The battery is low. The draw is below 1 while the voltage is below [`Levels::derate`], and until the draw has
     /// risen to 1 again.
     Derated,
-    /// The voltage fell to [`Levels::cut`] and is not back at [`Levels::derate`], or it is above [`Levels::max`].
-    /// Motors may draw no current, and only brake or coast.
+    /// The voltage fell to [`Levels::cut`] and is not back at [`Levels::derate`], or the voltage is above
+    /// [`Levels::max`]. Motors may draw no current, and only brake or coast.
     Cut,
 }
 

@@ -8,12 +8,12 @@ use embassy_time::{Duration, Ticker};
 
 /// Sampling interval.
 ///
-/// A bridge that has switched itself off reports the fault until its mode changes. A fault is missed only if the mode changes
-/// before the next sample.
+/// A bridge that has switched itself off reports the fault until its mode changes. A fault is missed only if the mode
+/// changes before the next sample.
 ///
-/// Currents are used for slow quantities: the heat of a winding, which changes in seconds, and alerts for a host. A modelled
-/// current is computed at each tick. With two samples in the default control period, a measured current is no older than a
-/// modelled current.
+/// Currents are used for slow quantities: the heat of a winding, which changes in seconds, and alerts for a host. A
+/// modelled current is computed at each tick. With two samples in the default control period, a measured current is no
+/// older than a modelled current.
 pub const SENSE_INTERVAL: Duration = Duration::from_millis(25);
 
 /// Runs the task. Never returns. A board without current-sense lines passes `()` as `currents`.

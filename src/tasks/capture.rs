@@ -1,7 +1,7 @@
 //! Samples all encoder counters every millisecond, and passes positions and times of edges to control.
 //!
-//! If a counter cannot be read, the last reading of the counter stays. If a reading is older than 20 ms, control treats the motor as a
-//! motor without encoder.
+//! If a counter cannot be read, the last reading of the counter stays. If a reading is older than 20 ms, control treats
+//! the motor as a motor without encoder.
 
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::board::Encoders;

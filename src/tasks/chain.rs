@@ -1,7 +1,7 @@
 //! The chain line: sends the responder's packets, and passes on the packets that arrive.
 //!
-//! The line is half-duplex: the driver of a board switches the direction. Its `flush` must not return before the last byte has left.
-//! The responder decides what is sent, and when: see [`crate::chain`].
+//! The line is half-duplex: the driver of a board switches the direction. Its `flush` must not return before the last
+//! byte has left. The responder decides what is sent, and when: see [`crate::chain`].
 
 use super::{Wires, micros, until};
 use crate::protocol::{Decoder, frame};

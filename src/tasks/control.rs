@@ -1,11 +1,11 @@
 //! Runs the hub: a tick each control period, and faster reactions between two ticks.
 //!
-//! * Between two ticks the task wakes at each encoder sample, and at the first plausible sample of the bus after an alarm. The task then updates the
-//!   estimates of the hub, and passes the feedback of the bridges to the hub. If a direct command waits, the task applies all
-//!   waiting commands, and executes the direct ones without waiting for a tick. A new state of the bus may change the bridge
-//!   commands too.
-//! * At each tick the task applies the commands that still wait, and steps the hub. Then the task publishes the bridge commands
-//!   and the snapshot.
+//! * Between two ticks the task wakes at each encoder sample, and at the first plausible sample of the bus after an
+//!   alarm. The task then updates the estimates of the hub, and passes the feedback of the bridges to the hub. If a
+//!   direct command waits, the task applies all waiting commands, and executes the direct commands immediately. A new
+//!   state of the bus may change the bridge commands too.
+//! * At each tick the task applies the commands that still wait, and steps the hub. Then the task publishes the bridge
+//!   commands and the snapshot.
 
 use super::capture::CAPTURE_INTERVAL;
 use super::{Health, Task, Wires, micros, whole_millisecond};
@@ -18,21 +18,24 @@ use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
 
-/// Runs the task. Never returns. The hub is borrowed, because an async function would hold an owned hub twice in its memory.
+/// Runs the task. Never returns. The hub is borrowed, because an async function would hold an owned hub twice in its
+/// memory.
 ///
-/// The first tick is due one control period after the first whole millisecond, and the next ticks each one period later. If a tick
-/// ends when the next one is due already, the ticks that are due by then are left out and counted as missed.
+/// The first tick is due one control period after the first whole millisecond, and the next ticks each one period
+/// later. If a tick ends after the next tick was due, the due ticks are skipped and counted as missed.
 pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>, health: &Health) -> ! {
     let period = Duration::from_micros(hub.period().as_micros());
     let snapshots = wires.snapshot.sender();
     let mut inputs = Inputs { now: micros(Instant::now()), readings: [None; N], battery: None };
-    // At a period of 1 ms there are no samples between ticks, so the snapshot has the newest speeds.
+    // True if the estimated speeds must be published between ticks. At a control period of 1 ms each sample comes with
+    // a tick, and the snapshot has the newest speeds.
     let samples_between_ticks = period > CAPTURE_INTERVAL;
     let mut due = whole_millisecond(Instant::now()) + period;
     let mut armed = false;
     loop {
         if news_before(due, &mut armed, wires).await {
-            // After an alarm of the bus the readings are unchanged. Processing unchanged readings does not change the estimates.
+            // After an alarm of the bus the readings are unchanged. Processing unchanged readings does not change the
+            // estimates.
             wires.update_newest(|newest| {
                 hub.sample(newest.readings());
                 if samples_between_ticks {
@@ -89,14 +92,15 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
     }
 }
 
-/// Waits for news or for the tick that is due at this time. Returns true if there is news.
+/// Waits for the signal `news` or for the time `due` of the next tick. Returns true if the signal came first. Capture
+/// signals `news` at each encoder sample, and supply at the first plausible sample of the bus after an alarm.
 ///
-/// A poll of a timer stores the time at which the task must wake in the queue of all timers, and searches this queue. News comes every
-/// millisecond, so the timer is polled only once before the tick is due, and `armed` is then true. The time stays in the queue when
-/// the timer is dropped.
+/// Each poll of a timer searches the queue of all timers, and stores the wake-up time of this task in the queue. `news`
+/// is signalled every millisecond, so the timer is polled only once before `due`. `armed` is true after this poll. The
+/// queue keeps the wake-up time when this function returns and drops the timer.
 ///
-/// The queue stores one time for each task. If control shares its task with other futures, they may replace the time. One of them
-/// must then wake the task every millisecond, as the capture does.
+/// The queue keeps one wake-up time for each task. Other futures in the same task as control may replace this time. One
+/// of these futures must then wake the task every millisecond, as the future of the capture does.
 async fn news_before<M: RawMutex, const N: usize>(
     due: Instant,
     armed: &mut bool,
@@ -119,7 +123,7 @@ async fn news_before<M: RawMutex, const N: usize>(
 /// Applies all waiting commands in their order.
 fn apply_commands<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>) {
     while let Some(command) = wires.next_command() {
-        // The hub counts a refused command like any other command. No other reaction is needed.
+        // The hub also counts a refused command, so the error needs no other reaction.
         let _ = hub.apply(command);
     }
 }

@@ -1,5 +1,5 @@
-//! Supervises the tasks. A task *checks in* when it has done its work once. When every *expected* task has checked in, the
-//! supervision feeds the watchdog. A *round* is the time from one feeding to the next.
+//! Supervises the tasks. A task *checks in* when it has done its work once. When every *expected* task has checked in,
+//! the supervision feeds the watchdog. A *round* is the time from one feeding to the next.
 //!
 //! The store task and the update task do not check in. They may wait for a host or for a slow flash.
 
@@ -33,7 +33,8 @@ const ALWAYS_EXPECTED: u8 =
 /// The tasks that have checked in since the watchdog was last fed.
 #[derive(Debug)]
 pub struct Health {
-    /// Bits of the tasks that have checked in. The bits are in a mutex, because some cores have no atomic read-modify-write.
+    /// Bits of the tasks that have checked in. The bits are in a mutex, because some cores have no atomic
+    /// read-modify-write.
     checked_in: CriticalSectionMutex<Cell<u8>>,
     /// Bits of the tasks that must check in.
     expected: u8,
@@ -70,7 +71,8 @@ impl Health {
         self.rounds.lock(Cell::get)
     }
 
-    /// Returns true if all expected tasks have checked in. The next round then begins, in which no task has checked in yet.
+    /// Returns true if all expected tasks have checked in. The next round then begins, in which no task has checked in
+    /// yet.
     fn take_if_all(&self) -> bool {
         self.checked_in.lock(|tasks| {
             let all = tasks.get() == self.expected;
@@ -87,8 +89,8 @@ pub const HEALTH_INTERVAL: Duration = Duration::from_millis(10);
 
 /// Runs the task. Never returns.
 ///
-/// If an expected task does not check in within the watchdog's time-out, the watchdog resets the chip. Control checks in once per
-/// control period, so the time-out must be clearly longer than the longest period (100 ms).
+/// If an expected task does not check in within the watchdog's time-out, the watchdog resets the chip. Control checks
+/// in once per control period, so the time-out must be clearly longer than the longest period (100 ms).
 pub async fn run(mut watchdog: impl Watchdog, health: &Health) -> ! {
     let mut ticker = Ticker::every(HEALTH_INTERVAL);
     loop {

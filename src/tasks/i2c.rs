@@ -1,7 +1,8 @@
 //! Transfers on one I2C bus.
 //!
-//! The task takes a transfer from the responder, runs it, and returns its result. A transfer ends within [`TIME_OUT`], also on a bus
-//! with a stuck line. After a time-out or an error of the bus the task frees the bus before it returns the result.
+//! The task takes a transfer from the responder, runs it, and returns its result. A transfer ends within [`TIME_OUT`],
+//! also on a bus with a stuck line. After a time-out or an error of the bus the task frees the bus before it returns
+//! the result.
 //!
 //! On bus [`GYRO_BUS`] the task also reads the gyro of a drive base, between the transfers of the host.
 
@@ -19,8 +20,8 @@ use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_hal_async::i2c::{Error, ErrorKind, NoAcknowledgeSource};
 
-/// Longest time of a transfer. The longest transfer has 103 bytes: the address twice, the number of a register, and 100 bytes of
-/// data. It takes 9.3 ms at 100 kbit/s. A device may also stretch the clock for 30 ms.
+/// Longest time of a transfer. The longest transfer has 103 bytes: the address twice, the number of a register, and 100
+/// bytes of data. It takes 9.3 ms at 100 kbit/s. A device may also stretch the clock for 30 ms.
 pub const TIME_OUT: Duration = Duration::from_millis(50);
 
 /// Number of the bus with the gyro of a drive base.

@@ -6,12 +6,14 @@
 //! responder --commands--> +---------+
 //! ```
 //!
-//! The channels between the tasks are the fields of [`Wires`]. Most of them hold the newest value, which the next value overwrites.
+//! The channels between the tasks are the fields of [`Wires`]. Most of them hold the newest value, which the next value
+//! overwrites.
 //!
-//! A [*direct* command](crate::hub::Action::is_direct) needs no regulator, so a motor can execute the command between two ticks.
+//! A [*direct* command](crate::hub::Action::is_direct) needs no regulator, so a motor can execute the command between
+//! two ticks.
 //!
-//! Control locks the cell `newest` while it updates its estimates. With a mutex type `M` that masks interrupts, interrupts wait
-//! during this time.
+//! Control locks the cell `newest` while it updates its estimates. With a mutex type `M` that masks interrupts,
+//! interrupts wait during this time.
 //!
 //! All tasks are generic over the number of motors and over the board's traits. An embassy task cannot be generic, so a
 //! board wraps each task in an embassy task of one line.
@@ -106,7 +108,8 @@ impl<M: RawMutex> ChainWires<M> {
 
 /// The channels between the tasks of a hub with N motors. A board has one static of this type.
 pub struct Wires<M: RawMutex, const N: usize> {
-    /// Wakes control: capture has taken an encoder sample, or supply has taken the first plausible sample after an alarm of the bus.
+    /// Wakes control: capture has taken an encoder sample, or supply has taken the first plausible sample after an
+    /// alarm of the bus.
     pub news: Signal<M, ()>,
     /// State of the battery, from supply to control. With a state older than 100 ms the battery counts as unknown.
     pub battery: Signal<M, Battery>,
@@ -114,23 +117,24 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub bus: Mutex<M, Cell<BusReading>>,
     /// Queue of commands to motors, from all tasks to control, first in first out.
     commands: Channel<M, Command, COMMANDS>,
-    /// Number of the newest command that has entered `commands`; 0 before the first. The lock is held while a command enters, so
-    /// that commands have their numbers in the order of the queue.
+    /// Number of the newest command that has entered `commands`; 0 before the first command. The lock is held while a
+    /// command enters, so that commands have their numbers in the order of the queue.
     newest_command: Mutex<M, Cell<u32>>,
-    /// Set with each direct command: control must apply the waiting commands the next time that `news` wakes control. A tick
-    /// applies them too, but does not clear the flag.
+    /// Set with each direct command: control must apply the waiting commands the next time that `news` wakes control. A
+    /// tick applies them too, but does not clear the flag.
     pub urgent: Mutex<M, Cell<bool>>,
-    /// Commands to the bridges, from control to output. After three control periods without new commands all bridges coast.
+    /// Commands to the bridges, from control to output. After three control periods without new commands all bridges
+    /// coast.
     pub drives: Signal<M, [Drive; N]>,
     /// Feedback of the bridges, from the bridges' task to control.
     pub sensed: Signal<M, [BridgeFeedback; N]>,
     /// State of all motors at the last tick, from control to all tasks.
     pub snapshot: Watch<M, Snapshot<N>, OBSERVERS>,
-    /// Positions at the newest encoder samples, from capture to all tasks. Control adds the speeds, unless its period is 1 ms. A motor
-    /// whose reading is older than 20 ms counts as a motor without encoder.
+    /// Positions at the newest encoder samples, from capture to all tasks. Control adds the speeds, unless its period
+    /// is 1 ms. A motor whose reading is older than 20 ms counts as a motor without encoder.
     pub newest: Mutex<M, RefCell<Newest<N>>>,
-    /// Record of faults. Control writes the record, and the responder reads and clears the record. `None` if the hub has no
-    /// record.
+    /// Record of faults. Control writes the record, and the responder reads and clears the record. `None` if the hub
+    /// has no record.
     pub record: Mutex<M, RefCell<Option<Record<'static>>>>,
     /// Memory for the fault that ends this run, from a fault handler to the next run. `None` if the hub has no record.
     pub crash_report: CriticalSectionMutex<RefCell<Option<CrashReport<'static>>>>,
@@ -140,15 +144,16 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub update: RequestChannel<M, crate::update::UpdateRequest, crate::update::Done>,
     /// Transfers of the responder to the task of each I2C bus, and their results.
     pub i2c: [RequestChannel<M, Transfer, I2cRead>; I2C_BUSES],
-    /// Newest angle of the gyro, from the task of its bus to control. `None` without a gyro that works. Without a new angle for 100 ms
-    /// the gyro counts as lost.
+    /// Newest angle of the gyro, from the task of its bus to control. `None` without a gyro that works. Without a new
+    /// angle for 100 ms the gyro counts as lost.
     pub gyro: Mutex<M, Cell<Option<GyroReading>>>,
     /// True while a drive base uses the gyro, from control to the task of the gyro's bus.
     pub gyro_wanted: Mutex<M, Cell<bool>>,
-    /// Packets between the responder and the chain line. A packet that finds its queue full is dropped, and its sender repeats it.
+    /// Packets between the responder and the chain line. A packet that finds its queue full is dropped, and its sender
+    /// repeats it.
     pub chain: ChainWires<M>,
-    /// True while the button may drive motors, from the responder to the button's task: after the stored settings are restored, until
-    /// the first packet for this hub.
+    /// True while the button may drive motors, from the responder to the button's task: after the stored settings are
+    /// restored, until the first packet for this hub.
     pub button_permitted: Mutex<M, Cell<bool>>,
 }
 
@@ -187,8 +192,8 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
         self.crash_report.lock(|slot| slot.replace(Some(crash_report)));
     }
 
-    /// Stores the fault that ends the run, for the record. Does nothing on a hub without a record. May be called from any context.
-    /// A fault that occurs during the call is not stored.
+    /// Stores the fault that ends the run, for the record. Does nothing on a hub without a record. May be called from
+    /// any context. A fault that occurs during the call is not stored.
     pub fn report_crash(&self, fault: Fault, detail: [u32; 2]) {
         self.crash_report.lock(|slot| {
             if let Ok(mut slot) = slot.try_borrow_mut()
@@ -199,14 +204,14 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
         });
     }
 
-    /// Sends a command to the control task, and returns the command's number. [`Snapshot::includes`] says whether a snapshot
-    /// includes the command with this number.
+    /// Sends a command to the control task, and returns the command's number. [`Snapshot::includes`] says whether a
+    /// snapshot includes the command with this number.
     ///
-    /// The first command since boot has the number 1. Numbers wrap from 2^32 - 1 to 0. [`Hub`](crate::hub::Hub) counts the
-    /// commands that it applies, so all commands to the hub must be sent by this method or by [`send`](Self::send).
+    /// The first command since boot has the number 1. Numbers wrap from 2^32 - 1 to 0. [`Hub`](crate::hub::Hub) counts
+    /// the commands that it applies, so all commands to the hub must be sent by this method or by [`send`](Self::send).
     ///
-    /// Control applies the command at the next tick. A direct command is applied earlier, at the next encoder sample, and so are
-    /// all commands that wait at that time.
+    /// Control applies the command at the next tick. A direct command is applied earlier, at the next encoder sample,
+    /// and so are all commands that wait at that time.
     ///
     /// # Errors
     /// Returns the command if [`COMMANDS`] commands wait already.
@@ -222,8 +227,8 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
         Ok(number)
     }
 
-    /// Sends a command like [`try_send`](Self::try_send), but waits while the queue is full. If the future is dropped before it is
-    /// ready, the command is not sent.
+    /// Sends a command like [`try_send`](Self::try_send), but waits while the queue is full. If the future is dropped
+    /// before it is ready, the command is not sent.
     pub async fn send(&self, command: Command) -> u32 {
         loop {
             if let Ok(number) = self.try_send(command) {
@@ -260,7 +265,8 @@ fn micros(instant: Instant) -> Micros {
     Micros::new(instant.as_micros())
 }
 
-/// Rounds a time up to a whole millisecond. Capture and control both wait for whole milliseconds, so that they are due together.
+/// Rounds a time up to a whole millisecond. Capture and control both wait for whole milliseconds, so that they are due
+/// together.
 fn whole_millisecond(now: Instant) -> Instant {
     Instant::from_millis(now.as_micros().div_ceil(1000))
 }

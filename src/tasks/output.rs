@@ -1,4 +1,5 @@
-//! Applies the commands of control to the bridges. If control sends no command for three control periods, all bridges coast.
+//! Applies the commands of control to the bridges. If control sends no command for three control periods, all bridges
+//! coast.
 
 use super::{Health, Task, Wires};
 use crate::board::Bridges;
@@ -12,8 +13,8 @@ pub const DRIVE_TIMEOUT_PERIODS: u64 = 3;
 
 /// Runs the task. Never returns.
 ///
-/// The task checks in when it applies a command of control. If control stops sending commands, neither of the two tasks checks
-/// in, and the watchdog resets the chip.
+/// The task checks in when it applies a command of control. If control stops sending commands, neither of the two tasks
+/// checks in, and the watchdog resets the chip.
 pub async fn run<M: RawMutex, const N: usize>(
     mut bridges: impl Bridges<N>,
     period: Period,

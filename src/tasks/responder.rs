@@ -1,8 +1,8 @@
-//! The hub's end of the link to a host. Bytes become packets, and packets become commands and replies. Requests from the parent of a
-//! chain arrive on the chain line, and are answered on the chain line.
+//! The hub's end of the link to a host. Bytes become packets, and packets become commands and replies. Requests from
+//! the parent of a chain arrive on the chain line, and are answered on the chain line.
 //!
-//! Whether or not bytes arrive, the task also runs the keep-alive timer, digital pins and servo outputs, and the status LED: see
-//! [`attend`].
+//! Whether or not bytes arrive, the task also runs the keep-alive timer, digital pins and servo outputs, and the status
+//! LED: see [`attend`].
 
 use super::{OBSERVERS, Wires, instant, micros, until};
 use crate::board::Devices;
@@ -20,8 +20,8 @@ use embassy_sync::watch::AnonReceiver;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
 
-/// Longest time between two updates of the status LED, of the pins and of the battery state. The shortest step of an LED
-/// pattern lasts twice this time.
+/// Longest time between two updates of the status LED, of the pins and of the battery state. The shortest step of an
+/// LED pattern lasts twice this time.
 pub const REFRESH: Duration = Duration::from_millis(50);
 
 /// Most bytes that one read takes from the receiver.
@@ -34,17 +34,17 @@ const RECOVERY: Duration = Duration::from_millis(1);
 ///
 /// A program whose connections end must call [`attend`] between two connections. Otherwise the keep-alive timer stops.
 ///
-/// If the responder [expects stored settings](Responder::expecting_store), the task first waits until the settings are restored,
-/// or for 5 s. It reads no requests during this wait.
+/// If the responder [expects stored settings](Responder::expecting_store), the task first waits until the settings are
+/// restored, or for 5 s. The task reads no requests during this wait.
 ///
-/// Each reply is written by one `write_all`. The hub does not answer a damaged packet, and a reply that cannot be written
-/// is discarded. Hosts then repeat the request. While a reply waits for the line, commands and timers continue.
+/// Each reply is written by one `write_all`. The hub does not answer a damaged packet, and a reply that cannot be
+/// written is discarded. Hosts then repeat the request. While a reply waits for the line, commands and timers continue.
 ///
-/// The task drops the future of `rx.read` while it waits for bytes. Dropping the future must not lose bytes, so a receiver on a
-/// chip needs its own buffer.
+/// The task drops the future of `rx.read` while it waits for bytes. Dropping the future must not lose bytes, so a
+/// receiver on a chip needs its own buffer.
 ///
-/// A board without devices for hosts passes `()` as `devices`. `show` receives the colour of the status LED at each update, also if the
-/// colour has not changed.
+/// A board without devices for hosts passes `()` as `devices`. `show` receives the colour of the status LED at each
+/// update, also if the colour has not changed.
 pub async fn run<M: RawMutex, const N: usize>(
     mut rx: impl Read,
     mut tx: impl Write,
@@ -102,9 +102,11 @@ pub async fn run<M: RawMutex, const N: usize>(
                     let _ = tx.flush().await;
                 }
             };
-            // `attend` is polled first, so that the commands of a request are sent, and pins are set, before the reply leaves.
+            // `attend` is polled first, so that the commands of a request are sent, and pins are set, before the reply
+            // leaves.
             select(service.attend(), write).await;
-            // The rest of `input` has waited for the write. The time-out of an unfinished frame must not include this wait.
+            // The rest of `input` has waited for the write. The time-out of an unfinished frame must not include this
+            // wait.
             received_at = now();
         }
         // A host that sends without pauses must not keep other tasks from running.
@@ -112,15 +114,16 @@ pub async fn run<M: RawMutex, const N: usize>(
     }
 }
 
-/// Longest time that the answer to a request waits for a running I2C transfer. Many hosts start a transfer immediately after another
-/// one, or poll only once. Most transfers end within this time.
+/// Longest time that the answer to a request waits for a running I2C transfer. Many hosts start a transfer immediately
+/// after another one, or poll only once. Most transfers end within this time.
 const TRANSFER_WAIT: Duration = Duration::from_millis(5);
 
-/// Longest wait for the stored settings after a reset. An interrupted erasure is repeated first, which takes at most 4 s.
+/// Longest wait for the stored settings after a reset. An interrupted erasure is repeated first, which takes at most 4
+/// s.
 const STORE_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Runs the responder while no bytes arrive. Sends pending commands and requests to the other tasks, and updates keep-alive
-/// timer, pins and LED.
+/// Runs the responder while no bytes arrive. Sends pending commands and requests to the other tasks, and updates
+/// keep-alive timer, pins and LED.
 ///
 /// Never returns. The future may be dropped at any time, and no command is lost or sent twice.
 pub async fn attend<M: RawMutex, const N: usize>(
@@ -152,7 +155,8 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
 
     /// Waits until the stored settings are restored, or for [`STORE_TIMEOUT`]. A hub without a memory does not wait.
     ///
-    /// After the time-out the hub answers hosts. It refuses requests that need the memory until the task of the memory reports.
+    /// After the time-out the hub answers hosts. It refuses requests that need the memory until the task of the memory
+    /// reports.
     async fn await_store(&mut self) {
         let end = Instant::now() + STORE_TIMEOUT;
         while self.responder.awaits_store() && Instant::now() < end {
@@ -241,8 +245,8 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
         })
     }
 
-    /// Takes the results of I2C transfers. If the answer to a packet depends on a transfer that is still running, first waits for the
-    /// end of the transfer, or for [`TRANSFER_WAIT`].
+    /// Takes the results of I2C transfers. If the answer to a packet depends on a transfer that is still running, first
+    /// waits for the end of the transfer, or for [`TRANSFER_WAIT`].
     async fn await_transfer(&mut self, packet: &Packet) {
         let wires = self.wires;
         for (bus, channel) in self.responder.i2c.iter_mut().zip(&wires.i2c) {
@@ -306,7 +310,8 @@ fn note_sent_on_chain<const N: usize>(responder: &mut Responder<N>) {
     }
 }
 
-/// Passes a result of the update task to the responder. The responder must know the result before it accepts the next chunk.
+/// Passes a result of the update task to the responder. The responder must know the result before it accepts the next
+/// chunk.
 fn take_update_result<M: RawMutex, const N: usize>(responder: &mut Responder<N>, wires: &Wires<M, N>) {
     if let Some(done) = wires.update.done.try_take() {
         responder.update_done(done);

@@ -1,11 +1,12 @@
-//! Stores settings in flash. The task reads the settings once at boot, and then carries out the requests of the responder.
+//! Stores settings in flash. The task reads the settings once at boot, and then carries out the requests of the
+//! responder.
 //!
-//! Two pages of flash hold a *map* of [`sequential_storage`], which stores an *item* for each of two keys. Both items are copies
-//! of one [`SettingsRecord`]. The map appends items to one page until the page is full. It then *moves*: it copies the newest
-//! items to the other page, and erases the full page.
+//! Two pages of flash hold a *map* of [`sequential_storage`], which stores an *item* for each of two keys. Both items
+//! are copies of one [`SettingsRecord`]. The map appends items to one page until the page is full. The map then
+//! *moves*: it copies the newest items to the other page, and erases the full page.
 //!
-//! Other tasks run after each word that is written. Pages are erased only while all motors are off, and at boot, before a host
-//! can enable a motor.
+//! Other tasks run after each word that is written. Pages are erased only while all motors are off, and at boot, before
+//! a host can enable a motor.
 //!
 //! ```
 //! use embassy_futures::block_on;
@@ -98,7 +99,8 @@ pub struct Keeper<F: NorFlash> {
     buffer: [u8; BUFFER_BYTES],
 }
 
-/// The map. Its cache holds the addresses of the two copies. Without the cache a move would search the whole page for each copy.
+/// The map. Its cache holds the addresses of the two copies. Without the cache a move would search the whole page for
+/// each copy.
 type Map<'a, F> =
     MapStorage<u8, &'a mut SharedFlash<F>, Cache<Uncached, Uncached, ArrayKeyPointers<u8, 2>, u8>>;
 
@@ -116,8 +118,8 @@ impl<F: NorFlash> Keeper<F> {
         (MapStorage::new(&mut self.flash, MapConfig::new(self.range.clone()), cache), &mut self.buffer)
     }
 
-    /// Reads the stored settings. All motors must be off, because an erasure that a power failure has interrupted is repeated
-    /// first.
+    /// Reads the stored settings. All motors must be off, because an erasure that a power failure has interrupted is
+    /// repeated first.
     pub async fn read(&mut self) -> Found {
         self.flash.may_erase = true;
         let repaired = self.repair().await;
@@ -131,8 +133,8 @@ impl<F: NorFlash> Keeper<F> {
 
     /// Erases each page whose erasure a power failure has interrupted.
     ///
-    /// The map cannot recognise a page that is erased in part. It would treat the page as blank, or as one of the two pages of an
-    /// interrupted move.
+    /// The map cannot recognise a page that is erased in part. It would treat the page as blank, or as one of the two
+    /// pages of an interrupted move.
     async fn repair(&mut self) -> Result<(), FlashError<F::Error>> {
         // For each page in use, true if the page is full; `None` for a page that is blank or has been erased here.
         let mut in_use = [None; 2];
@@ -147,8 +149,9 @@ impl<F: NorFlash> Keeper<F> {
                 flash.erase(page.start, page.end).await?;
             }
         }
-        // If both pages are in use, a move or an erasure was interrupted. The page with the older save is erased. If both have
-        // the same save, the page with fewer copies is erased. If these numbers are equal too, the full page is erased.
+        // If both pages are in use, a move or an erasure was interrupted. The page with the older save is erased. If
+        // both have the same save, the page with fewer copies is erased. If these numbers are equal too, the full page
+        // is erased.
         let ([first, second], [Some(first_full), Some(second_full)]) = (&pages, in_use) else {
             return Ok(());
         };
@@ -166,8 +169,8 @@ impl<F: NorFlash> Keeper<F> {
         [start..middle, middle..end]
     }
 
-    /// Reads the content of one page, while the other page is hidden. `None` if the content cannot be read, or has a later
-    /// version.
+    /// Reads the content of one page, while the other page is hidden. `None` if the content cannot be read, or has a
+    /// later version.
     async fn content(&mut self, page: &Range<u32>) -> Option<PageContent> {
         self.flash.visible = Some(page.clone());
         let copies = self.copies().await;
@@ -246,13 +249,13 @@ struct PageContent {
     copies: u8,
 }
 
-/// Converts the result of reading the copies to contents of the memory. `None` if the map must erase a page first, and motors are
-/// not off.
+/// Converts the result of reading the copies to contents of the memory. `None` if the map must erase a page first, and
+/// motors are not off.
 fn found<E>(copies: Result<Found, Error<FlashError<E>>>) -> Option<Found> {
     match copies {
         Ok(found) => Some(found),
         Err(Error::Storage { value: FlashError::MayNotErase, .. }) => None,
-        // This firmware writes no items that are so long.
+        // An item that is longer than the buffer was not written by this firmware.
         Err(Error::BufferTooSmall(_)) => Some(Found::without_record(Stored::Later, 0)),
         Err(_) => Some(Found::without_record(Stored::Damaged, 0)),
     }
@@ -269,18 +272,19 @@ const fn outcome<E>(error: &Error<FlashError<E>>) -> Outcome {
     }
 }
 
-/// A flash that lets other tasks run after each word. It refuses to erase pages while motors run or while a page is hidden.
+/// A flash that lets other tasks run after each word. It refuses to erase pages while motors run or while a page is
+/// hidden.
 struct SharedFlash<F> {
     flash: F,
     /// True if motors are off, so that pages may be erased.
     may_erase: bool,
-    /// Range of addresses that can be read. All other addresses are hidden: they read as blank. `None` if the whole flash can be
-    /// read.
+    /// Range of addresses that can be read. All other addresses are hidden: they read as blank. `None` if the whole
+    /// flash can be read.
     visible: Option<Range<u32>>,
 }
 
-/// The map treats a word with at least this number of zero bits as marked. A mark is a byte of zeros, and half of its bits are
-/// enough. The map marks the first word of a page in use, and the last word of a full page.
+/// The map treats a word with at least this number of zero bits as marked. A mark is a byte of zeros, and half of its
+/// bits are enough. The map marks the first word of a page in use, and the last word of a full page.
 const MARK_BITS: u32 = 4;
 
 impl<F: NorFlash> SharedFlash<F> {
@@ -340,7 +344,8 @@ impl<F: NorFlash> ReadNorFlash for SharedFlash<F> {
     const READ_SIZE: usize = F::READ_SIZE;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Self::Error> {
-        // The map computes a checksum after each read, without letting other tasks run. So other tasks run before the read.
+        // The map computes a checksum after each read, without letting other tasks run. So other tasks run before the
+        // read.
         yield_now().await;
         if self.visible.as_ref().is_some_and(|visible| !visible.contains(&offset)) {
             bytes.fill(0xFF);

@@ -1,6 +1,6 @@
-//! Writes new firmware to flash, for [`embassy_boot`]'s bootloader. The firmware runs from the *active slot*, and the task writes
-//! chunks to the *download slot*. The *swap mark*, the first word of the *bootloader's state*, makes the bootloader *swap* the
-//! contents of the two slots at the next reset.
+//! Writes new firmware to flash, for [`embassy_boot`]'s bootloader. The firmware runs from the *active slot*, and the
+//! task writes chunks to the *download slot*. The *swap mark*, the first word of the *bootloader's state*, makes the
+//! bootloader *swap* the contents of the two slots at the next reset.
 //!
 //! ```text
 //!              +-----------+ all tasks check in 40 times +-----------+
@@ -13,8 +13,8 @@
 //!              +-----------+
 //! ```
 //!
-//! If not all tasks of new firmware check in, the watchdog resets the chip. If the confirmation cannot be written, the new
-//! firmware continues to run and reports [`Booted::Unconfirmable`].
+//! If not all tasks of new firmware check in, the watchdog resets the chip. If the confirmation cannot be written, the
+//! new firmware continues to run and reports [`Booted::Unconfirmable`].
 //!
 //! ```
 //! use motor_hub::tasks::update::{CONFIRM_AFTER_ROUNDS, StateFlash};
@@ -69,8 +69,8 @@ const BLANK: u8 = 0xFF;
 
 /// Runs the task. Never returns.
 ///
-/// If this firmware is on trial, the task first waits for [`CONFIRM_AFTER_ROUNDS`] and confirms the firmware. It then carries
-/// out the requests of the responder.
+/// If this firmware is on trial, the task first waits for [`CONFIRM_AFTER_ROUNDS`] and confirms the firmware. The task
+/// then carries out the requests of the responder.
 pub async fn run<M: RawMutex, const N: usize>(
     mut slots: Slots<impl ReadNorFlash, impl NorFlash, impl NorFlash>,
     wires: &Wires<M, N>,
@@ -103,9 +103,9 @@ pub async fn run<M: RawMutex, const N: usize>(
 
 /// Confirms this firmware, and returns what [`Slots::booted`] reads afterwards.
 ///
-/// While the state still says that the firmware is on trial, the confirmation is tried again after a pause, because a reset
-/// would otherwise restore the previous firmware. Returns [`Booted::Unconfirmable`] if [`CONFIRM_ATTEMPTS`] attempts have
-/// failed, and [`Booted::Unknown`] as soon as the state cannot be read.
+/// While the state still says that the firmware is on trial, the confirmation is tried again after a pause, because a
+/// reset would otherwise restore the previous firmware. Returns [`Booted::Unconfirmable`] if [`CONFIRM_ATTEMPTS`]
+/// attempts have failed, and [`Booted::Unknown`] as soon as the state cannot be read.
 async fn confirm(slots: &mut Slots<impl ReadNorFlash, impl NorFlash, impl NorFlash>) -> Booted {
     for _ in 0..CONFIRM_ATTEMPTS {
         slots.confirm().await;
@@ -136,8 +136,8 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
     /// Creates the slots in three flashes, or in partitions of flashes.
     ///
     /// `None` if a word to write to the download slot or to the state, or a word to read from the state, has more than
-    /// 32 bytes. Also `None` if a word of the state has less than 8 bytes, or if a chunk is not a multiple of the download slot's
-    /// word. A chunk must be a multiple of the words to read from both slots; this is not checked.
+    /// 32 bytes. Also `None` if a word of the state has less than 8 bytes, or if a chunk is not a multiple of the
+    /// download slot's word. A chunk must be a multiple of the words to read from both slots; this is not checked.
     pub fn new(active: A, download: D, state: S) -> Option<Self> {
         let words = [D::WRITE_SIZE, S::WRITE_SIZE, S::READ_SIZE];
         let fits = words.iter().all(|word| *word <= WORD) && CHUNK.is_multiple_of(D::WRITE_SIZE);
@@ -155,8 +155,9 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
         FirmwareState::new(&mut self.state, word)
     }
 
-    /// Reads from the bootloader's state how this firmware was started. After [`arm`](Self::arm) the result is [`Booted::OnTrial`],
-    /// although the new firmware has not been started. [`Booted::Unknown`] if the state cannot be read.
+    /// Reads from the bootloader's state how this firmware was started. After [`arm`](Self::arm) the result is
+    /// [`Booted::OnTrial`], although the new firmware has not been started. [`Booted::Unknown`] if the state cannot be
+    /// read.
     pub async fn booted(&mut self) -> Booted {
         let mut word = [0; WORD];
         match self.state(&mut word).get_state().await {
@@ -184,8 +185,8 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
         Outcome::Done
     }
 
-    /// Writes one word. Missing bytes at its end are written as 0xFF. If the word is the first of a page, the page is erased
-    /// before.
+    /// Writes one word. Missing bytes at its end are written as 0xFF. If the word is the first of a page, the page is
+    /// erased first.
     async fn write_word(&mut self, at: u32, bytes: &[u8]) -> Result<(), D::Error> {
         let page = D::ERASE_SIZE as u32;
         if at.is_multiple_of(page) {
@@ -198,9 +199,9 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
 
     /// Checks the written image. If the image is valid, writes the swap mark.
     ///
-    /// The image must read back with this CRC-32. If there is a seal, the seal must have a valid signature of the image, and the
-    /// image must not be older than the present firmware. The check of a signature blocks the processor for some 10 ms, so the
-    /// method awaits `motors_off` before.
+    /// The image must read back with this CRC-32. If there is a seal, the seal must have a valid signature of the
+    /// image, and the image must not be older than the present firmware. The check of a signature blocks the processor
+    /// for some 10 ms, so the method first awaits `motors_off`.
     pub async fn arm(
         &mut self,
         length: u32,
@@ -235,8 +236,8 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
     }
 }
 
-/// Reads `length` bytes of a flash from the address `from` in chunks, and calls `visit` with each chunk. Other tasks run between
-/// two chunks.
+/// Reads `length` bytes of a flash from the address `from` in chunks, and calls `visit` with each chunk. Other tasks
+/// run between two chunks.
 async fn each_chunk<F: ReadNorFlash>(
     flash: &mut F,
     from: u32,
@@ -265,10 +266,11 @@ async fn checksum<F: ReadNorFlash>(flash: &mut F, from: u32, length: u32) -> Res
 /// The flash with the bootloader's state. Hub and bootloader must both access the state through this
 /// type.
 ///
-/// * Before an erasure the swap mark is overwritten with 0. If a power failure interrupted the erasure, the swap mark could
-///   otherwise remain while the progress of the swap is erased already. The bootloader would then swap a second time.
-/// * Only the swap mark is written twice, before an erasure. A write of zeros to another word that is written already is skipped,
-///   because the flash permits no second write to a word.
+/// * Before an erasure the swap mark is overwritten with 0. If a power failure interrupted the erasure, the swap mark
+///   could otherwise remain while the progress of the swap is erased already. The bootloader would then swap a second
+///   time.
+/// * Only the swap mark is written twice, before an erasure. A write of zeros to another word that is written already
+///   is skipped, because the flash permits no second write to a word.
 pub struct StateFlash<S>(pub S);
 
 impl<S: ErrorType> ErrorType for StateFlash<S> {
@@ -292,7 +294,8 @@ impl<S: NorFlash> NorFlash for StateFlash<S> {
     const ERASE_SIZE: usize = S::ERASE_SIZE;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Self::Error> {
-        // A word that is written twice may read back with a wrong bit (RM0433 4.3.9). A word of mostly 0 is no swap mark.
+        // A word that is written twice may read back with a wrong bit (RM0433 4.3.9). A word of mostly 0 is no swap
+        // mark.
         let _ = self.0.write(from, [0; WORD].get(..S::WRITE_SIZE).unwrap_or_default()).await;
         self.0.erase(from, to).await
     }
@@ -302,7 +305,8 @@ impl<S: NorFlash> NorFlash for StateFlash<S> {
         if bytes.iter().all(|byte| *byte == 0)
             && let Some(word) = buffer.get_mut(..bytes.len())
         {
-            // After a power failure the bootloader repeats its last write of zeros. A word without a blank byte counts as written.
+            // After a power failure the bootloader repeats its last write of zeros. A word without a blank byte counts
+            // as written.
             self.0.read(offset, word).await?;
             if !word.contains(&BLANK) {
                 return Ok(());

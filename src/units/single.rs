@@ -1,7 +1,7 @@
 //! Limits for `f32` values.
 //!
-//! Each function is one comparison, and returns the limit for NaN. `f32::max` and `f32::min` are not used: an FPU that
-//! has no instructions for them, such as that of a Cortex-M4, needs some 20 instructions for each.
+//! Each function is one comparison, and returns the limit for NaN. `f32::max` and `f32::min` are not used. An FPU
+//! without minimum and maximum instructions, as in a Cortex-M4, needs some 20 instructions for each of these functions.
 
 /// Returns `value`, but not less than `least`. NaN becomes `least`.
 pub(crate) const fn at_least(value: f32, least: f32) -> f32 {

@@ -1,12 +1,12 @@
 //! Firmware update over the host's link: decides which chunks of an image are accepted, and when the image may start.
 //!
-//! Firmware runs from the *active slot* of the flash, and [`Slot`] describes the active slot. New firmware is written to the
-//! *download slot*, from which no firmware runs.
+//! Firmware runs from the *active slot* of the flash, and [`Slot`] describes the active slot. New firmware is written
+//! to the *download slot*, from which no firmware runs.
 //!
-//! The host announces an image by its length and its CRC-32. The host then sends the image in order, in chunks of [`CHUNK`] bytes,
-//! and the hub writes the chunks to the download slot. The hub then reads the download slot back and checks the image. A correct
-//! image is *armed*: at the next reset the bootloader swaps the contents of the two slots. If the hub loses its power or its host
-//! before the image is armed, the present firmware stays.
+//! The host announces an image by its length and its CRC-32. The host then sends the image in order, in chunks of
+//! [`CHUNK`] bytes, and the hub writes the chunks to the download slot. The hub then reads the download slot back and
+//! checks the image. A correct image is *armed*: at the next reset the bootloader swaps the contents of the two slots.
+//! If the hub loses its power or its host before the image is armed, the present firmware stays.
 //!
 //! New firmware is *on trial* until it *confirms* itself. If a reset comes first, the bootloader restores the previous
 //! firmware.
@@ -20,11 +20,11 @@
 //!    +<-----------------+<-------------------+<------------------ Disarming
 //! ```
 //!
-//! If the hub has the key of a [signer](Slot::signer), the host must send a signature before the first chunk. The hub then arms
-//! an image only if its signature is valid.
+//! If the hub has the key of a [signer](Slot::signer), the host must send a signature before the first chunk. The hub
+//! then arms an image only if its signature is valid.
 //!
-//! [`Update`] decides and does not access the flash. The *slot task* (`tasks::update`) owns the flash. It carries out each
-//! [`UpdateRequest`] and answers with [`Done`].
+//! [`Update`] accepts or refuses requests, and does not access the flash. The *slot task* (`tasks::update`) owns the
+//! flash. It carries out each [`UpdateRequest`] and answers with [`Done`].
 //!
 //! ```
 //! use motor_hub::update::{Booted, CHUNK, Done, UpdateRequest, Outcome, Phase, Slot, Update};
@@ -55,8 +55,9 @@ use heapless::Vec;
 /// Algorithm of an image's checksum: the CRC-32 of Ethernet (IEEE 802.3).
 pub const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
-/// Position in an image of its *rollback version*, a little-endian number: vector 8, which is reserved and 0 on a Cortex-M
-/// (ARMv7-M ARM, B1.5.2). A shorter image has version 0. A hub that checks signatures accepts no image with a lower number than the present firmware.
+/// Position in an image of its *rollback version*, a little-endian number: vector 8, which is reserved and 0 on a
+/// Cortex-M (ARMv7-M ARM, B1.5.2). A shorter image has version 0. A hub that checks signatures accepts no image with a
+/// lower number than the present firmware.
 pub const ROLLBACK_VERSION_AT: u32 = 0x20;
 
 /// Length of each chunk except the last, in bytes. It is a multiple of the longest word that a flash writes, 32 bytes.
@@ -71,7 +72,8 @@ pub struct Slot {
     pub length: u32,
     /// First address of the RAM that the stack of an image may be in, and the address after its last byte.
     pub ram: (u32, u32),
-    /// Public key (Ed25519, RFC 8032) of the signer, whose signature each image must have. `None` if unsigned images are accepted.
+    /// Public key (Ed25519, RFC 8032) of the signer, whose signature each image must have. `None` if unsigned images
+    /// are accepted.
     pub signer: Option<[u8; 32]>,
 }
 
@@ -95,7 +97,8 @@ pub struct Seal {
 /// assert_eq!(motor_hub::update::public_key(b"-----BEGIN PUBLIC KEY-----"), None);
 /// ```
 pub const fn public_key(file: &[u8]) -> Option<[u8; 32]> {
-    /// First 12 bytes of the file: a DER header with Ed25519's object identifier, 1.3.101.112. A key of 32 bytes follows.
+    /// First 12 bytes of the file: a DER header with Ed25519's object identifier, 1.3.101.112. A key of 32 bytes
+    /// follows.
     const HEAD: u128 = 0x302A_3005_0603_2B65_7003_2100;
     let (Some(start), Some((_, key))) = (file.first_chunk(), file.split_first_chunk::<12>()) else {
         return None;
@@ -132,13 +135,14 @@ pub enum Booted {
     Unknown,
     /// The present firmware is confirmed: every reset starts it again.
     Confirmed,
-    /// The present firmware is new and on trial. The next reset restores the previous firmware, unless the present firmware
-    /// confirms itself first.
+    /// The present firmware is new and on trial. The next reset restores the previous firmware, unless the present
+    /// firmware confirms itself first.
     OnTrial,
-    /// The present firmware was started instead of new firmware, which did not confirm itself or which the bootloader refused.
+    /// The present firmware was started instead of new firmware, which did not confirm itself or which the bootloader
+    /// refused.
     WentBack,
-    /// The present firmware is new and runs, but its confirmation cannot be written to the flash. The next reset restores
-    /// the previous firmware.
+    /// The present firmware is new and runs, but its confirmation cannot be written to the flash. The next reset
+    /// restores the previous firmware.
     Unconfirmable,
 }
 
@@ -153,11 +157,12 @@ pub enum Outcome {
     Done,
     /// The flash reported an error, or the chip did not restart.
     Refused,
-    /// The CRC-32 that the flash reads back differs from the announced one.
+    /// The CRC-32 that the flash reads back differs from the announced CRC-32.
     Mismatch,
     /// The signature is not valid for this image.
     WrongSignature,
-    /// The image is signed, and its [rollback version](ROLLBACK_VERSION_AT) is lower than that of the present firmware.
+    /// The image is signed, and its [rollback version](ROLLBACK_VERSION_AT) is lower than the rollback version of the
+    /// present firmware.
     Older,
 }
 
@@ -171,7 +176,8 @@ pub enum UpdateRequest {
         /// Bytes of the chunk.
         bytes: Vec<u8, CHUNK>,
     },
-    /// Check the image in the download slot. If its CRC-32 and its signature are correct, let the next reset start the image.
+    /// Check the image in the download slot. If its CRC-32 and its signature are correct, let the next reset start the
+    /// image.
     Arm {
         /// Length of the image in bytes.
         length: u32,
@@ -195,7 +201,8 @@ pub enum Done {
     Finished(Outcome),
 }
 
-/// The refusal of a chunk with a wrong length. The last chunk must have the rest of the image, and each other chunk [`CHUNK`] bytes.
+/// The refusal of a chunk with a wrong length. The last chunk must have the rest of the image, and each other chunk
+/// [`CHUNK`] bytes.
 const CHUNK_LENGTH: Nack = Nack::parameter(1);
 
 /// State machine of firmware updates. The documentation of the module has a diagram.
@@ -241,8 +248,9 @@ impl Update {
     /// Announces an image of `length` bytes with this CRC-32 (IEEE 802.3). Chunks of an earlier image are discarded.
     ///
     /// # Errors
-    /// Returns a [`Nack`] if a motor runs, the slot task is busy, an image is armed, or the image does not fit the active slot.
-    /// Also returns a [`Nack`] while the present firmware is on trial, or if its confirmation is not known or has failed.
+    /// Returns a [`Nack`] if a motor runs, the slot task is busy, an image is armed, or the image does not fit the
+    /// active slot. Also returns a [`Nack`] while the present firmware is on trial, or if its confirmation is not known
+    /// or has failed.
     pub fn begin(&mut self, length: u32, crc: u32, motors_run: bool) -> Result<(), Nack> {
         if motors_run {
             return Err(Nack::MOTOR_ENABLED);
@@ -262,7 +270,8 @@ impl Update {
         Ok(())
     }
 
-    /// Stores the signature of the announced image. The signature is verified when the whole image is in the download slot.
+    /// Stores the signature of the announced image. The signature is verified when the whole image is in the download
+    /// slot.
     ///
     /// # Errors
     /// Returns a [`Nack`] if the hub has no key, if no image is announced, or if the seal has another key than the hub.
@@ -278,13 +287,13 @@ impl Update {
         Ok(())
     }
 
-    /// Accepts the next chunk. A chunk that was accepted before may be repeated without effect, because the host may not have
-    /// received the answer.
+    /// Accepts the next chunk. A chunk that was accepted before may be repeated without effect, because the host may
+    /// not have received the answer.
     ///
     /// # Errors
-    /// Returns a [`Nack`] if the chunk is not the next chunk, has a wrong length, or comes while the slot task is
-    /// busy. Refuses a first chunk that is not the beginning of an image for this hub, and all chunks while a required signature
-    /// is missing.
+    /// Returns a [`Nack`] if the chunk is not the next chunk, has a wrong length, or comes while the slot task is busy.
+    /// Refuses a first chunk that is not the beginning of an image for this hub, and all chunks while a required
+    /// signature is missing.
     pub fn chunk(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Nack> {
         if self.phase != Phase::Receiving {
             return Err(Nack::UPDATE_NOT_BEGUN);
@@ -363,7 +372,8 @@ impl Update {
         Ok(())
     }
 
-    /// Hands the pending request to the slot task. `None` if no request is pending, or while the task carries out another one.
+    /// Hands the pending request to the slot task. `None` if no request is pending, or while the task carries out
+    /// another request.
     ///
     /// The task must report the result to [`done`](Self::done).
     pub fn request(&mut self) -> Option<UpdateRequest> {
@@ -409,7 +419,7 @@ impl Update {
         self.outcome
     }
 
-    /// Returns true while the slot task carries out a request or has one waiting.
+    /// Returns true while the slot task carries out a request, or a request waits for the task.
     pub const fn at_work(&self) -> bool {
         self.at_work || self.pending.is_some()
     }
@@ -424,7 +434,7 @@ impl Update {
         self.slot
     }
 
-    /// Refuses if the slot task carries out a request or has one waiting.
+    /// Refuses if the slot task carries out a request, or if a request waits for the task.
     const fn check_idle(&self) -> Result<(), Nack> {
         if self.at_work() { Err(Nack::UPDATE_BUSY) } else { Ok(()) }
     }
@@ -436,8 +446,8 @@ const VECTORS: u32 = 8;
 impl Slot {
     /// Returns true if the first two vectors of `image` fit this chip and the active slot (ARMv7-M ARM, B1.5.3).
     ///
-    /// The initial stack pointer must be in the RAM or at its end, and a multiple of 8. The reset vector must be in the slot and
-    /// odd, because its lowest bit selects Thumb code.
+    /// The initial stack pointer must be in the RAM or at its end, and a multiple of 8. The reset vector must be in the
+    /// slot and odd, because its lowest bit selects Thumb code.
     fn accepts(&self, image: &[u8]) -> bool {
         let Some((stack, rest)) = image.split_first_chunk() else { return false };
         let Some((reset, _)) = rest.split_first_chunk() else { return false };

@@ -21,8 +21,8 @@ pub(super) type Row = [f32; UNKNOWNS + 1];
 /// The rows so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Fit {
-    /// Upper triangle of the decomposition, with the rotated right sides, without the zeros: row n begins with its diagonal
-    /// element, and has 6 - n elements.
+    /// Upper triangle of the decomposition, with the rotated right sides, without the zeros: row n begins with its
+    /// diagonal element, and has 6 - n elements.
     triangle: [f32; TRIANGLE],
     /// Sum of the squared residuals with all unknowns.
     residual_squares: f32,

@@ -12,8 +12,8 @@
 //!
 //! The fit finds acceleration per volt, decay and friction. The fit also finds a constant load and a spring; both are
 //! reasons to [refuse](Refusal) a result. Other reasons are an encoder that sends no counts or counts in the wrong
-//! direction, a stop, and a motion that does not fit the equation. A result is only proposed: the settings of the
-//! motor stay.
+//! direction, a stop, and a motion that does not fit the equation. A result does not change the settings of the motor.
+//! A host may configure the result.
 //!
 //! The fit is in single precision, a row at a time and by rotations, so a chip's FPU can compute it while the motor
 //! turns.
@@ -61,7 +61,8 @@ const PHASES: [Phase; 3] = [
 /// Duration of all phases, in ms.
 const MOTION_MS: f32 = 2_800.0;
 /// Largest travel of a motor in these phases, divided by the speed at which the back EMF equals the battery voltage, in
-/// s: 65 % for the 1.1 s of a phase, and 15 % more for a configured back EMF that is too large.
+/// s. The motor turns at 65 % of this speed for at most 1.1 s. The factor 1.15 allows for a configured back EMF that is
+/// too large.
 const TRAVEL_S: f32 = 1.15 * 0.65 * 1.1;
 /// Time in ms before the motion, with the bridge open, in which the motor must not turn.
 const REST_MS: u32 = 200;
@@ -88,7 +89,7 @@ const STALLED_MS: f32 = 300.0;
 const FAST_CPS: f32 = 50.0;
 /// Time in ms without a count after which the identification of a slow motor is refused, for phases of planned
 /// duration. With shorter or longer phases the time is shorter or longer in proportion, but at least [`STALLED_MS`].
-/// A motor with a broken encoder may travel unseen in this time.
+/// During this time the hub does not notice the travel of a motor whose encoder is broken.
 const SLOW_STALLED_MS: f32 = 1_000.0;
 /// Counts by which the shaft may vibrate beyond the announced travel, or turn backwards at the beginning.
 const VIBRATION_COUNTS: i32 = 3;
@@ -163,7 +164,7 @@ impl Identifier {
         })
     }
 
-    /// Takes a sample of the encoder, best every millisecond.
+    /// Takes a sample of the encoder. The result is best with a sample every millisecond.
     pub fn sample(&mut self, reading: &Reading) {
         match self {
             Self::Resting { last, .. } => *last = Some(*reading),
@@ -178,8 +179,8 @@ impl Identifier {
         }
     }
 
-    /// Takes a tick, after its newest sample. Returns the voltage until the next tick; `None` for an open bridge.
-    /// `battery` is in V.
+    /// Executes a tick. Must be called after the newest sample of the tick was taken. Returns the voltage until the
+    /// next tick; `None` for an open bridge. `battery` is in V.
     ///
     /// # Errors
     /// Returns the outcome, found or refused, if the identification has ended.
@@ -245,8 +246,8 @@ impl Excitation {
         })
     }
 
-    /// Takes a tick of the motion. Returns the share of the battery voltage until the next tick, or the outcome as an
-    /// error.
+    /// Executes a tick of the motion. Returns the share of the battery voltage until the next tick, or the outcome as
+    /// an error.
     fn step(&mut self, battery: f32) -> Result<f32, Identification> {
         self.check(battery).map_err(Identification::Refused)?;
         let (seconds, counts) = self.segments.running();

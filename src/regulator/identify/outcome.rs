@@ -59,7 +59,7 @@ pub enum Refusal {
     Battery,
     /// The motor turned further than announced.
     TooFar,
-    /// No counts came: a stop holds the motor, it is jammed or too heavy, or the encoder is unplugged.
+    /// No counts came: a stop holds the motor, the motor is jammed or too heavy, or the encoder is unplugged.
     NoCounts,
     /// The motor turned against the voltage: its encoder is reversed, or a load overpowers it.
     Backwards,
@@ -72,8 +72,8 @@ pub enum Refusal {
     Uneven,
     /// The motion has too few counts for an error below 10 %.
     Unsure,
-    /// A constant found is out of its range, or the back EMF is implausible: less than 0.7 times the configured back EMF
-    /// or more than 8 times, by more than two standard errors.
+    /// A constant found is out of its range, or the back EMF is implausible. An implausible back EMF is below 0.7 times
+    /// or above 8 times the configured back EMF, by more than two standard errors.
     Implausible,
 }
 

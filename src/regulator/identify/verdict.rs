@@ -23,7 +23,7 @@ const LARGEST_LOAD: Threshold = Threshold { battery_share: 0.02, standard_errors
 const LARGEST_SPRING: Threshold = Threshold { battery_share: 0.04, standard_errors: 5.0 };
 /// Largest standard error of a result, as a share of the result.
 const LARGEST_ERROR: f32 = 0.1;
-/// Plausible ratios of the back EMF found to the configured one, least and largest.
+/// Least and largest plausible ratio of the back EMF found to the configured back EMF.
 const PLAUSIBLE_EMF_RATIO: (f32, f32) = (0.7, 8.0);
 
 /// Index of the unknown b, the acceleration per volt.

@@ -8,15 +8,14 @@ use embedded_storage_async::nor_flash::{ErrorType, NorFlash};
 
 /// A flash whose operations block until they are done.
 ///
-/// While an operation is pending, `idle` is called repeatedly. A word of only 0xFF bytes is not written, because an erased word
-/// has these bytes already.
+/// While an operation is pending, `idle` is called repeatedly. A word of only 0xFF bytes is not written, because an
+/// erased word has these bytes already.
 pub struct BlockingFlash<F> {
     /// The async flash.
     pub flash: F,
     /// Function that is called while an operation is pending. It may sleep until the next interrupt.
     pub idle: fn(),
-    /// Function that is called before each erasure. A bootloader can feed its watchdog here, because a step of its work has
-    /// succeeded.
+    /// Function that is called before each erasure. A bootloader can feed its watchdog in this function.
     pub erasing: fn(),
 }
 

@@ -1,6 +1,7 @@
 //! Checks signed images: the signature, Ed25519 (RFC 8032) of the image's SHA-512 hash, and the rollback version.
 //!
-//! The check of [`embassy_boot`] is not used, because that check reads two bytes at a time and does not let other tasks run.
+//! The check of [`embassy_boot`] is not used, because that check reads two bytes at a time and does not let other tasks
+//! run.
 
 use super::swap::{progress, refuse, seal};
 use super::{Outcome, Slots, StateFlash, WORD, each_chunk};
@@ -10,9 +11,8 @@ use embedded_storage_async::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKi
 use salty::{PublicKey, Sha512, Signature};
 
 impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
-    /// Checks that the seal has a valid signature of the written image by the seal's key, and that the image is not older than
-    /// the present firmware. The arithmetic blocks the processor, so the method first awaits
-    /// `motors_off`.
+    /// Checks that the seal has a valid signature of the written image by the seal's key, and that the image is not
+    /// older than the present firmware. The arithmetic blocks the processor, so the method first awaits `motors_off`.
     pub(super) async fn verify(
         &mut self,
         length: u32,
@@ -62,9 +62,10 @@ async fn rollback_version<F: ReadNorFlash>(slot: &mut F, length: u32) -> Result<
     Ok(word.first_chunk().map_or(0, |number| u32::from_le_bytes(*number)))
 }
 
-/// Discards a swap that is marked and has not begun, unless the new firmware has a valid signature by this key and is not older
-/// than the present firmware. The present firmware then finds [`Booted::WentBack`](crate::update::Booted::WentBack). A bootloader
-/// with a key calls this function before it begins a swap.
+/// Discards a swap that is marked and has not begun, unless the new firmware has a valid signature by this key and is
+/// not older than the present firmware. The present firmware then finds
+/// [`Booted::WentBack`](crate::update::Booted::WentBack). A bootloader with a key calls this function before it begins
+/// a swap.
 ///
 /// # Errors
 /// Returns the kind of the flash's error.

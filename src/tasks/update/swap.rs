@@ -1,11 +1,13 @@
 //! Recognises a *stale* swap: the state of a swap whose images are not in the slots any more.
 //!
-//! A debug probe may write firmware to the active slot without the bootloader. If the bootloader then continued a swap, it would
-//! overwrite the new firmware with older firmware. So the hub stores a checksum of each page of both slots together with the swap
-//! mark. The bootloader compares the pages of the active slot with these checksums, and discards a stale swap.
+//! A debug probe may write firmware to the active slot without the bootloader. If the bootloader then continued a swap,
+//! it would overwrite the new firmware with older firmware. So the hub stores a checksum of each page of both slots
+//! together with the swap mark. The bootloader compares the pages of the active slot with these checksums, and discards
+//! a stale swap.
 //!
-//! The *progress* of a swap counts steps. Each page takes two steps. The first step copies the page of the active slot to the
-//! download slot. The second step copies the other image's page to the active slot. With N pages in the active slot:
+//! The *progress* of a swap counts steps. Each page takes two steps. The first step copies the page of the active slot
+//! to the download slot. The second step copies the other image's page to the active slot. With N pages in the active
+//! slot:
 //!
 //! ```text
 //! progress   0                   2 N                             4 N
@@ -31,15 +33,16 @@ use embedded_storage_async::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKi
 /// Value of each byte of the swap mark. It is `SWAP_MAGIC` of embassy-boot, which is not public.
 const SWAP: u8 = 0xF0;
 
-/// Value of each byte of the first word after the previous firmware was restored. It is `REVERT_MAGIC` of embassy-boot, which is not
-/// public.
+/// Value of each byte of the first word after the previous firmware was restored. It is `REVERT_MAGIC` of embassy-boot,
+/// which is not public.
 #[cfg(feature = "signed")]
 const REVERTED: u8 = 0xC0;
 
 /// Index of the first word of the progress.
 const PROGRESS_AT: u32 = 2;
 
-/// Size of [`PageSums`] in bytes. One word of the state holds the checksums of a page, so a word must have at least 8 bytes.
+/// Size of [`PageSums`] in bytes. One word of the state holds the checksums of a page, so a word must have at least 8
+/// bytes.
 pub(super) const SUMS_BYTES: usize = 8;
 
 /// CRC-32 of one page in both slots before the swap.
@@ -58,8 +61,8 @@ impl PageSums {
         Some(Self { previous: u32::from_le_bytes(*previous), new: u32::from_le_bytes(*new) })
     }
 
-    /// True if `sum` is the checksum that the page number `page` of the active slot must have after `progress` steps. `pages` is
-    /// the number of pages.
+    /// True if `sum` is the checksum that the page number `page` of the active slot must have after `progress` steps.
+    /// `pages` is the number of pages.
     const fn fits(&self, sum: u32, page: u32, pages: u32, progress: u32) -> bool {
         let (steps, pages_before, from, to) = match progress.checked_sub(2 * pages) {
             None => (progress, pages - 1 - page, self.previous, self.new),
@@ -130,8 +133,8 @@ pub(super) async fn mark<A: ReadNorFlash, D: NorFlash, S: NorFlash>(
     state.write(0, word).await.map_err(kind)
 }
 
-/// Discards a swap that is marked or begun, if the swap is stale. It is stale if a page of the active slot does not have the
-/// checksum that the progress requires. A bootloader calls this function before it begins or continues a swap.
+/// Discards a swap that is marked or begun, if the swap is stale. It is stale if a page of the active slot does not
+/// have the checksum that the progress requires. A bootloader calls this function before it begins or continues a swap.
 ///
 /// # Errors
 /// Returns the kind of the flash's error.
@@ -184,8 +187,8 @@ async fn discard<S: NorFlash>(state: &mut StateFlash<S>) -> Result<(), NorFlashE
     FirmwareState::new(state, word).mark_booted().await.map_err(|_| NorFlashErrorKind::Other)
 }
 
-/// Discards the marked swap because the new firmware is refused. The firmware in the active slot is started, and reads from the
-/// state that the new firmware was refused ([`Booted::WentBack`](crate::update::Booted::WentBack)).
+/// Discards the marked swap because the new firmware is refused. The firmware in the active slot is started, and reads
+/// from the state that the new firmware was refused ([`Booted::WentBack`](crate::update::Booted::WentBack)).
 #[cfg(feature = "signed")]
 pub(super) async fn refuse<S: NorFlash>(state: &mut StateFlash<S>) -> Result<(), NorFlashErrorKind> {
     let kind = |error: S::Error| error.kind();
