@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Bench, Puppet, configured, motor, plant, position, velocity};
+use common::{Bench, Puppet, configured, free_cps, motor, plant, position, velocity};
 use motor_hub::braking::Winding;
 use motor_hub::model::load::Load;
 use motor_hub::motor::{Report, Settings};
@@ -68,14 +68,20 @@ fn a_motor_that_has_rolled_out_is_known_to_rest() {
     }
 }
 
+/// These settings with `factor` times the inertia.
+fn with_inertia(mut settings: Settings, factor: f64) -> Settings {
+    let dynamics = settings.dynamics.as_mut().expect("configured");
+    dynamics.gain =
+        AccelerationPerVolt::from_f64(f64::from(dynamics.gain.to_f32()) / factor).expect("in range");
+    dynamics.decay = DecayRate::from_f64(f64::from(dynamics.decay.to_f32()) / factor).expect("in range");
+    settings
+}
+
 /// Lowest and highest distance in counts from the target, and changes of the count in a second, of a NeveRest 40 that holds
 /// a torque of 0.3 N m from 5 s to 10 s after the command to move. It is configured with 0.7 times its inertia.
 fn held(period_ms: u32) -> (f64, f64, f64) {
     let motor = motor("AM 40 C");
-    let mut settings = configured(&motor, &Load::NONE);
-    let dynamics = settings.dynamics.as_mut().expect("configured");
-    dynamics.gain = AccelerationPerVolt::from_f64(f64::from(dynamics.gain.to_f32()) / 0.7).expect("in range");
-    dynamics.decay = DecayRate::from_f64(f64::from(dynamics.decay.to_f32()) / 0.7).expect("in range");
+    let settings = with_inertia(configured(&motor, &Load::NONE), 0.7);
     let mut bench = Bench::one(settings, plant(motor, Load::NONE), period_ms);
     bench.axes[0].torque = -0.3;
     bench.set(0, position(500, 5, 1_000));
@@ -99,4 +105,31 @@ fn a_held_position_stays_within_two_counts_also_with_too_little_inertia_configur
     // Without being drawn back the motor swings by 3 counts either way, and up to nine times a second.
     let bad: Vec<_> = rows.iter().filter(|(_, row)| !good(*row)).collect();
     assert!(bad.is_empty(), "period in ms, lowest and highest distance, changes in a second: {bad:?}");
+}
+
+#[test]
+fn a_motor_with_three_times_its_inertia_configured_does_not_swing_about_its_speed_without_end() {
+    let mut bad = Vec::new();
+    for name in ["AM 3.7 A", "AM 20 B", "AM 60 A"] {
+        let motor = motor(name);
+        let settings = with_inertia(configured(&motor, &Load::NONE), 3.0);
+        for period_ms in [2, 10, 50, 100] {
+            for share in [0.5, -0.3] {
+                let cps = (share * free_cps(&motor)) as i32;
+                let mut bench = Bench::one(settings, plant(motor, Load::NONE), period_ms);
+                bench.set(0, velocity(cps));
+                bench.run_ms(3_000);
+                let mut worst: f64 = 0.0;
+                for _ in 0..1_000 {
+                    bench.run_ms(1);
+                    worst = worst.max((bench.speed(0) - f64::from(cps)).abs());
+                }
+                let percent = 100.0 * worst / f64::from(cps.abs());
+                if percent > 2.0 {
+                    bad.push(format!("{name}, {period_ms} ms, {cps} counts/s: {percent:.1} %"));
+                }
+            }
+        }
+    }
+    assert!(bad.is_empty(), "{} bad:\n{}", bad.len(), bad.join("\n"));
 }

@@ -25,6 +25,7 @@ mod loops;
 mod model;
 mod observer;
 mod stream;
+mod swings;
 
 pub use crate::settings::{Coefficients, Dynamics, Mechanics};
 pub use interface::{Context, Demand, Effort, Kind, Output, Reference};
@@ -40,6 +41,7 @@ use loops::{Loops, Start};
 use model::{Law, State};
 use observer::{FASTEST_CPS, Observer, Plant};
 use stream::Stream;
+use swings::Swings;
 
 /// Longest time between two samples of the encoder, in samples of 1 ms. After a longer gap the observer restarts with
 /// the mean speed of the gap. A prediction without samples is not continued for longer either.
@@ -57,6 +59,12 @@ const COUNTS_DUE_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
 /// Least acceleration per volt, as a share of the configured or estimated acceleration per volt. The load may be
 /// heavier than configured.
 const LEAST_GAIN_SHARE: f32 = 0.7;
+
+/// Factor by which the acceleration per volt in use is raised after each half swing of a speed that swings: see
+/// `swings.rs`.
+const GAIN_STEP: f32 = 1.2;
+/// Largest ratio of the acceleration per volt in use to the configured one.
+const LARGEST_GAIN_RATIO: f32 = 2.0;
 
 /// Error of the speed, as a back EMF in V, below which a motor has reached its requested speed.
 const AT_SPEED_VOLTS: f32 = 1.0;
@@ -99,6 +107,11 @@ pub struct Regulator {
     /// PID loops of a motor with coefficients of a host.
     loops: Loops,
     hunting: Hunting,
+    swings: Swings,
+    /// Ratio of the acceleration per volt in use to the configured one, from 1 to [`LARGEST_GAIN_RATIO`]. It is raised
+    /// while the speed swings, and returns to 1 with another demanded speed, a position or a reference. It is 1 for an
+    /// unknown motor.
+    gain_ratio: f32,
     stream: Stream,
     /// Last sample of the encoder; `None` before the first sample.
     last: Option<Reading>,
@@ -129,12 +142,12 @@ struct Motion {
 }
 
 impl Motion {
-    /// Uses the configured dynamics, or the gain `estimated` for an unknown motor, in counts/s² per V.
-    fn new(settings: &Settings, estimated: f32, period: Period, observer: Observer) -> Self {
+    /// Uses the acceleration per volt b, in counts/s² per V. The configured decay of the speed is proportional to b.
+    fn new(settings: &Settings, b: f32, period: Period, observer: Observer) -> Self {
         let kappa = settings.winding.emf.to_volts();
-        let (b, q) = match settings.dynamics {
-            Some(dynamics) => (dynamics.gain.to_f32(), dynamics.decay.to_f32()),
-            None => (estimated, estimated * kappa),
+        let q = match settings.dynamics {
+            Some(dynamics) => dynamics.decay.to_f32() * (b / dynamics.gain.to_f32()),
+            None => b * kappa,
         };
         let plant = Plant::new(b, kappa, q, Law::filter(period));
         let law = Law::new(&plant, period);
@@ -145,12 +158,13 @@ impl Motion {
 impl Regulator {
     /// Creates the regulator of a motor at rest that is stepped every `period`.
     pub fn new(settings: &Settings, period: Period) -> Self {
-        let guess = guessed_gain(settings.winding.emf.to_volts());
         Self {
-            motion: Motion::new(settings, guess, period, Observer::new(0.0)),
+            motion: Motion::new(settings, initial_gain(settings), period, Observer::new(0.0)),
             gain_estimate: settings.dynamics.is_none().then(GainEstimate::new),
             loops: Loops::default(),
             hunting: Hunting::default(),
+            swings: Swings::default(),
+            gain_ratio: 1.0,
             stream: Stream::default(),
             last: None,
             predicted_until: Micros::new(0),
@@ -171,7 +185,8 @@ impl Regulator {
         if emf_changed || dynamics_changed {
             let keeps_gain = self.gain_estimate.is_some() && !emf_changed;
             let gain =
-                if keeps_gain { self.motion.plant.b } else { guessed_gain(new.winding.emf.to_volts()) };
+                if keeps_gain && new.dynamics.is_none() { self.motion.plant.b } else { initial_gain(new) };
+            self.gain_ratio = 1.0;
             let mut motion = Motion::new(new, gain, period, self.present_state());
             if dynamics_changed {
                 // The old load was estimated with other constants.
@@ -323,11 +338,12 @@ impl Regulator {
     }
 
     /// Replaces the back EMF constant and the dynamics by the values in `settings`, which are corrected for a warm
-    /// motor. The learned gain of an unknown motor, the estimated position and speed, and the present acceleration are
-    /// kept.
+    /// motor. The ratio of a raised gain, the learned gain of an unknown motor, the estimated position and speed, and
+    /// the present acceleration are kept.
     pub fn correct_constants(&mut self, settings: &Settings, period: Period) {
         let Motion { plant, observer, state, .. } = self.motion;
-        let mut motion = Motion { state, ..Motion::new(settings, plant.b, period, observer) };
+        let gain = settings.dynamics.map_or(plant.b, |dynamics| self.gain_ratio * dynamics.gain.to_f32());
+        let mut motion = Motion { state, ..Motion::new(settings, gain, period, observer) };
         motion.observer.keep_acceleration(&plant, &motion.plant, self.volts());
         motion.observer.set_voltage(&motion.plant, self.volts());
         self.motion = motion;
@@ -391,7 +407,8 @@ impl Regulator {
     pub fn least_gain(&self) -> Option<f32> {
         let plant = &self.motion.plant;
         let known = self.gain_estimate.as_ref().is_none_or(|estimate| estimate.is_heavy(plant));
-        known.then_some(LEAST_GAIN_SHARE * plant.b)
+        // The raised gain ends swings. The motor's true gain may be the configured one.
+        known.then_some(LEAST_GAIN_SHARE * plant.b / self.gain_ratio)
     }
 
     /// True for an unknown motor whose encoder is trusted, because the motor has turned in the direction of its
@@ -460,9 +477,17 @@ impl Regulator {
         let mut present = self.present_state();
         let load = present.load();
         let Motion { plant, law, observer, state } = &mut self.motion;
+        let mut gain_ratio = 1.0;
         let output = match demand {
             Demand::Velocity(target) => {
-                let target = self.stream.step(target.to_f32(), context.period.as_millis());
+                let period_ms = context.period.as_millis();
+                let target = self.stream.step(target.to_f32(), period_ms);
+                if target.is_old {
+                    gain_ratio = self.gain_ratio;
+                }
+                if self.swings.step(present.speed(), &target, period_ms) {
+                    gain_ratio = at_most(GAIN_STEP * gain_ratio, LARGEST_GAIN_RATIO);
+                }
                 let mut output = law.velocity(state, &mut present, plant, target, context);
                 if let Effort::Voltage(voltage) = output.effort {
                     let tick = hunting::Tick {
@@ -472,6 +497,10 @@ impl Regulator {
                         volts: voltage.to_volts(),
                     };
                     output.hunts = self.hunting.step(&tick, || context.modulator.discontinuous_volts(at));
+                    if output.hunts {
+                        // A lower back EMF may end the swings.
+                        self.swings = Swings::default();
+                    }
                 }
                 output
             }
@@ -488,6 +517,10 @@ impl Regulator {
         // `present` is a copy of the observer. If the law has reversed the friction in the copy, the load of the
         // observer is changed by the same amount.
         observer.add_load(present.load() - load);
+        if gain_ratio != self.gain_ratio && context.settings.dynamics.is_some() {
+            self.gain_ratio = gain_ratio;
+            self.correct_constants(context.settings, context.period);
+        }
         output
     }
 
@@ -541,6 +574,14 @@ impl Regulator {
         let volts = self.volts();
         let Motion { plant, observer, .. } = &mut self.motion;
         observer.set_voltage(plant, volts);
+    }
+}
+
+/// Acceleration per volt of a motor at first, in counts/s² per V: the configured one, or the guess for an unknown motor.
+fn initial_gain(settings: &Settings) -> f32 {
+    match settings.dynamics {
+        Some(dynamics) => dynamics.gain.to_f32(),
+        None => guessed_gain(settings.winding.emf.to_volts()),
     }
 }
 

@@ -1,0 +1,108 @@
+//! Detects a speed that *swings* about its set-point for longer than the regulator needs to settle.
+//!
+//! Such a motor gains more speed per volt than its configured acceleration per volt says. With less than about half
+//! of the true value, the law turns each error of the speed into an error of the other sign, and the swing does not end:
+//!
+//! ```text
+//!   speed         .            .
+//!   + limit ....:..:.........:..:........
+//!   set-point  :    :       :    :
+//!   - limit ..:......:.....:......:......
+//!            '        ' . '        ' . '
+//!              |------------|------------|     half swings: from beyond one limit to beyond the other
+//! ```
+//!
+//! A short half swing that follows several short half swings shows that the swing lasts. A longer half swing has another
+//! cause, for example a load or friction, and the count begins again.
+
+use super::stream::Target;
+use crate::units::single::at_least;
+
+/// Limits of the detector. The values are from random scenarios of `survey` with two seeds: see decision 30.
+struct Limits {
+    /// Error of a speed that counts as a swing, as a share of the set-point.
+    error_share: f32,
+    /// Least error that counts as a swing, in counts/s.
+    error_cps: f32,
+    /// Longest half swing, in ms. It may always last three ticks.
+    half_swing_ms: u32,
+    /// Number of short half swings in a row after which each further one shows that the speed swings.
+    half_swings: u8,
+}
+
+const LIMITS: Limits = Limits { error_share: 0.008, error_cps: 0.8, half_swing_ms: 150, half_swings: 3 };
+
+/// The detector of one motor.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Swings {
+    /// Sign of the last error beyond the limit; 0 before the first one.
+    side: i8,
+    /// Time since the sign has changed, in ms.
+    age_ms: u32,
+    /// Number of short half swings in a row.
+    half_swings: u8,
+}
+
+impl Swings {
+    /// Takes a tick of a motor with a demanded speed. `speed` is the estimated speed in counts/s. Returns true at the end
+    /// of a half swing that shows that the speed swings. Another set-point resets the detector.
+    pub(super) fn step(&mut self, speed: f32, target: &Target, period_ms: u32) -> bool {
+        if !target.is_old {
+            *self = Self::default();
+            return false;
+        }
+        self.age_ms = self.age_ms.saturating_add(period_ms);
+        let error = speed - target.demanded;
+        let limit = at_least(LIMITS.error_share * target.demanded.abs(), LIMITS.error_cps);
+        let side = if error > 0.0 { 1 } else { -1 };
+        if error.abs() <= limit || side == self.side {
+            return false;
+        }
+        let short = self.side != 0 && self.age_ms <= LIMITS.half_swing_ms.max(3 * period_ms);
+        self.half_swings = if short { self.half_swings.saturating_add(1) } else { 0 };
+        (self.side, self.age_ms) = (side, 0);
+        self.half_swings > LIMITS.half_swings
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SET_POINT: f32 = 1_000.0;
+
+    /// Ticks of 50 ms until the detector reports a swing, at most 200; `None` if there is none. The error of the speed in
+    /// counts/s is a function of the tick.
+    fn found(error: impl Fn(u32) -> f32, is_old: impl Fn(u32) -> bool) -> Option<u32> {
+        let mut swings = Swings::default();
+        (0..200).find(|&tick| {
+            let target = Target { demanded: SET_POINT, end: SET_POINT, change: 0.0, is_old: is_old(tick) };
+            swings.step(SET_POINT + error(tick), &target, 50)
+        })
+    }
+
+    /// A speed that is `size` counts/s too high and too low for `ticks` ticks each.
+    fn square(size: f32, ticks: u32) -> impl Fn(u32) -> f32 {
+        move |tick| if tick / ticks % 2 == 0 { size } else { -size }
+    }
+
+    #[test]
+    fn a_speed_that_swings_for_some_half_swings_is_found() {
+        assert_eq!(found(square(20.0, 1), |_| true), Some(4));
+        assert_eq!(found(square(20.0, 3), |_| true), Some(12));
+    }
+
+    #[test]
+    fn a_small_or_slow_or_ending_swing_and_a_constant_error_are_not_found() {
+        assert_eq!(found(square(7.0, 1), |_| true), None);
+        assert_eq!(found(square(20.0, 4), |_| true), None);
+        assert_eq!(found(|_| 20.0, |_| true), None);
+        // Each half swing is half as large as the last one.
+        assert_eq!(found(|tick| square(50.0, 1)(tick) / (1 << tick.min(20)) as f32, |_| true), None);
+    }
+
+    #[test]
+    fn a_changed_set_point_begins_the_count_again() {
+        assert_eq!(found(square(20.0, 1), |tick| tick % 4 != 0), None);
+    }
+}
