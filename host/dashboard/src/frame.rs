@@ -34,7 +34,8 @@ const MOST_CPS: f64 = 1e6;
 /// Highest battery voltage for which points are computed, in volts: the range of [`Millivolts`] is 65.5 V.
 const MOST_VOLTS: f64 = 60.0;
 
-/// Groups of settings that a page changes by the names of their fields. Mode and coefficients have orders of their own.
+/// Groups of settings that a page changes by the names of their fields. Set-points and coefficients have their own
+/// orders.
 pub(crate) const CONFIGURABLE: [Group; 6] =
     [Group::SetUp, Group::Timing, Group::Protection, Group::CurrentLimit, Group::Motion, Group::CurrentAlert];
 
@@ -46,7 +47,7 @@ pub(crate) enum Message {
     Welcome {
         /// Number of this page.
         you: u32,
-        /// Place of the hub.
+        /// Name of the hub's port or address.
         place: String,
         /// True for a simulated hub.
         simulated: bool,
@@ -72,7 +73,7 @@ pub(crate) enum Message {
     Line {
         /// True if the hub answers.
         connected: bool,
-        /// Why the hub does not answer.
+        /// Why the hub does not answer; empty if the hub answers.
         why: String,
         /// True if the hub answers [`HubReport`] requests.
         reports: bool,
@@ -88,12 +89,12 @@ pub(crate) enum Message {
     },
     /// State of the servo outputs.
     Servos {
-        /// By number.
+        /// States of the servos, by the number of the servo.
         servos: Vec<Servo>,
     },
     /// What the hub measures.
     Analog {
-        /// All channels.
+        /// The values of all channels.
         channels: Vec<Value>,
     },
     /// State of the digital pins.
@@ -211,7 +212,7 @@ pub(crate) struct MotorState {
     pub(crate) setpoint: &'static str,
     /// Set-point as a share of power, in amperes, in counts/s or in counts; `None` without one.
     pub(crate) target: Option<f64>,
-    /// Position in counts.
+    /// Set-point as a share of full power, in amperes, in counts/s or in counts; `None` without a set-point.
     pub(crate) position: i32,
     /// Speed in counts per second.
     pub(crate) velocity: i16,
@@ -221,7 +222,7 @@ pub(crate) struct MotorState {
     /// settled.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) within_tolerance: Option<bool>,
-    /// Why the motor stands.
+    /// Why the motor does not turn; `None` if the motor turns or if no reason is known.
     pub(crate) why: Option<&'static str>,
     /// True if the motor is enabled and has a fault. `None` for hubs of other makers.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -240,7 +241,7 @@ impl Message {
     }
 }
 
-/// All motors of the catalogue. A free speed is that at 12 V.
+/// All motors of the catalogue. The free speeds are those at 12 V.
 pub(crate) fn catalogue() -> Vec<Value> {
     let motor = |motor: Motor| {
         json!({
@@ -255,7 +256,7 @@ pub(crate) fn catalogue() -> Vec<Value> {
 }
 
 impl Frame {
-    /// The frame of a hub's report.
+    /// Converts a hub's report to a frame.
     #[must_use]
     pub(crate) fn of(report: &HubReport) -> Self {
         let motors = report.motors.iter().enumerate();
@@ -269,8 +270,8 @@ impl Frame {
         }
     }
 
-    /// The frame of another maker's hub, of the values that all hubs report. Whether motors are enabled, and their
-    /// set-points, are those of `before` unless `look` is true.
+    /// Reads the frame of another maker's hub from the values that all hubs report. If `look` is false, set-points and
+    /// enabled motors are copied from `before`, because reading them takes several requests per motor.
     pub(crate) fn of_other_maker(
         session: &mut Hub,
         before: Vec<MotorState>,
@@ -307,7 +308,7 @@ impl MotorState {
     }
 
     fn of(motor: &MotorReport, why: Option<&'static str>) -> Self {
-        // A page draws a target; the travel limit of an identification is none.
+        // Pages draw the target. The value of an identification's set-point is its travel limit, which is not a target.
         let target = match motor.setpoint {
             ReportedSetpoint::Identify(_) => None,
             setpoint => setpoint.value(),
@@ -327,7 +328,8 @@ impl MotorState {
     }
 }
 
-/// The settings of a motor as the hub reports them. Name and counts are `null` for a motor that is not in the catalogue.
+/// The settings of a motor as the hub reports them. `name` and `counts_per_turn` are `null` for a motor that is not in
+/// the catalogue.
 pub(crate) fn settings_of(
     motor: usize,
     settings: &MotorSettings,
@@ -358,9 +360,10 @@ pub(crate) fn settings_of(
     })
 }
 
-/// The points S, T, Z and G of a motor with this winding, at a speed and a battery voltage: control values by the firmware and by
-/// the paper's formulas, `null` where a formula is infinite or not defined. The values are voltages for Scheme A, and currents in
-/// A for other schemes, by the paper's formulas.
+/// The points S, T, Z and G of a motor with this winding, at a speed and a battery voltage. `firmware` has the control
+/// values that the firmware computes, as shares of full control. `paper` has the control values of the paper's
+/// formulas; a value is `null` where a formula is infinite or not defined. `values` has the voltages in V (Scheme A) or
+/// currents in A (other schemes) of the paper's formulas.
 pub(crate) fn points(winding: &Winding, scheme: SchemeName, cps: f64, volts: f64) -> Result<Value, String> {
     let scheme = scheme.with_blend(None).map_err(|error| error.to_string())?;
     let (cps, volts) = (cps.clamp(0.0, MOST_CPS), volts.clamp(1.0, MOST_VOLTS));

@@ -62,7 +62,7 @@ pub(crate) fn read_head(stream: &mut impl Read, by: Instant) -> Result<Request, 
         match read {
             _ if Instant::now() >= by => return Err(HeadError::CutShort),
             Ok(1..) => bytes.extend(one),
-            // The stream's own time-out is shorter, so that the time `by` is kept.
+            // The stream's own time-out is much shorter than the time until `by`, so that `by` is checked often enough.
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => (),
             _ => return Err(HeadError::CutShort),
         }

@@ -51,7 +51,7 @@ pub(crate) enum WorldOrder {
         /// Name in [`ENCODERS`].
         is: String,
     },
-    /// Resets everything to the scenario.
+    /// Drops all changes, so that the values of the scenario are in force again.
     Reset,
 }
 
