@@ -11,9 +11,9 @@
 //!     decoder.count
 //! };
 //! assert_eq!(turn(Encoder::Sound), 28);
-//! // It trembles, and goes nowhere.
+//! The count changes by one and back, and does not grow.
 //! assert_eq!(turn(Encoder::Stuck { wire: Wire::A, high: false }), 0);
-//! // Of seven slots one is missing.
+//! One of seven slots is missing.
 //! assert_eq!(turn(Encoder::MissingSlot { of: NonZeroU32::MIN.saturating_add(6) }), 24);
 //! ```
 
@@ -43,7 +43,7 @@ pub enum Wire {
 /// Condition of an encoder and its wires. A line that is not driven is pulled up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Encoder {
-    /// Sound.
+    /// Encoder and wires work.
     #[default]
     Sound,
     /// A and B are swapped.
@@ -165,11 +165,11 @@ impl Decoder {
 pub(crate) struct Counter {
     encoder: Encoder,
     to_come: std::iter::Peekable<Disturbances>,
-    /// Time of the last change of condition.
+    /// Time of the last change of condition. The disturbances count from this time.
     since_ns: u64,
     disturbed: Option<Wire>,
     decoder: Decoder,
-    /// Count of the shaft and its time.
+    /// Count of the shaft at the time `now_ns`.
     shaft: i64,
     now_ns: u64,
     seed: u64,
@@ -272,7 +272,7 @@ mod tests {
 
     #[test]
     fn a_loose_wire_loses_what_comes_while_it_has_no_contact() {
-        // Without contact for 30 of 130 ms.
+        // The wire has no contact for 30 of 130 ms on average.
         let share = counted(Encoder::Loose { wire: Wire::B }) as f64 / 10_000.0;
         assert!((0.6..0.9).contains(&share), "{share}");
     }
@@ -284,7 +284,7 @@ mod tests {
             let begun = glitches.disturbances(1).take_while(|(at, _)| *at < 10 * SECOND_NS);
             let begun = begun.filter(|(_, wire)| wire.is_some()).count() as f64 / 10.0;
             assert!((begun / f64::from(rate) - 1.0).abs() < 0.1, "{begun} a second");
-            // Unless a sample falls into one.
+            // The last sample may fall into a glitch; then the count is off by one.
             assert!((counted(glitches) - 10_000).abs() <= 1);
         }
     }

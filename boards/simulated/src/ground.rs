@@ -1,4 +1,4 @@
-//! The ground under a drive base: where the base truly is, as its wheels turn.
+//! True position and heading of a drive base, computed from the angles of its wheels.
 //!
 //! ```
 //! use simulated::ground::{Floor, Ground};
@@ -24,7 +24,8 @@ pub struct Floor {
     /// Distance between the centres of the wheels in mm.
     #[serde(deserialize_with = "within::<Length, _, _>")]
     pub track_mm: f64,
-    /// Part of a turn that is lost because the wheels slip, 0 to 1. The distance of the base is not changed.
+    /// Share of each turn of the base that is lost because the wheels slip, 0 to 1. The travelled distance is not
+    /// reduced.
     #[serde(deserialize_with = "within::<Slip, _, _>")]
     pub slip_in_turns: f64,
 }
@@ -71,7 +72,7 @@ impl Ground {
         self.pose.heading_degrees += turned_rad.to_degrees();
     }
 
-    /// Where the base is.
+    /// True position and heading of the base.
     pub const fn pose(&self) -> Pose {
         self.pose
     }

@@ -34,7 +34,7 @@ const MOST_CPS: f64 = 1e6;
 /// Highest battery voltage for which points are computed, in volts: the range of [`Millivolts`] is 65.5 V.
 const MOST_VOLTS: f64 = 60.0;
 
-/// Groups of settings that a page changes by the names of their fields. Set-points and coefficients have their own
+/// Groups of settings that a page changes by the names of their fields. Run mode and coefficients have their own
 /// orders.
 pub(crate) const CONFIGURABLE: [Group; 6] =
     [Group::SetUp, Group::Timing, Group::Protection, Group::CurrentLimit, Group::Motion, Group::CurrentAlert];

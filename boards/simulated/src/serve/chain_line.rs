@@ -68,8 +68,8 @@ impl ChainLine {
         }
     }
 
-    /// Delivers what the hubs have sent since the last call. What several hubs sent at the same time is damaged. Returns false if
-    /// nothing was sent.
+    /// Delivers what the hubs have sent since the last call. Bytes that several hubs sent at the same time are damaged.
+    /// Returns false if nothing was sent.
     pub(super) fn deliver(&self) -> bool {
         self.0.borrow_mut().deliver()
     }

@@ -1,4 +1,5 @@
-//! The tables `[[expect]]`: each has a motor or a group, a window, and one quantity or several.
+//! The tables `[[expect]]`. Each has a motor, a group or neither, a window, and one or more expectations. Without a
+//! motor and a group, the expectations are about every motor or about the battery.
 
 use super::{check_time, find};
 use crate::scenario::expectation::{Bounds, Expectation, Expected, Quantity, Subject, regime_name};
