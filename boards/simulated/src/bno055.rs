@@ -114,8 +114,8 @@ impl Default for Bno055 {
 }
 
 impl Bno055 {
-    /// Lets `time_s` seconds pass. After this time the base has turned left by `turned_rad` since the start, and turns at
-    /// `rate_rad_s`.
+    /// Lets `time_s` seconds pass. After this time the base has turned left by `turned_rad` since the start, and turns
+    /// at `rate_rad_s`.
     pub fn run(&mut self, time_s: f64, turned_rad: f64, rate_rad_s: f64) {
         self.now_s += time_s;
         let GyroErrors { drift_degrees_per_min, scale_error } = self.errors;
@@ -197,8 +197,8 @@ impl Bno055 {
         }
     }
 
-    /// Returns the contents of all registers with measured values. All are 0 in the configuration mode, and results of the fusion are 0
-    /// in modes without fusion.
+    /// Returns the contents of all registers with measured values. All are 0 in the configuration mode, and results of
+    /// the fusion are 0 in modes without fusion.
     fn measured(&self) -> [u8; 128] {
         let mut registers = [0; 128];
         if self.mode == CONFIGURATION {

@@ -18,7 +18,8 @@ use serde::{Deserialize, Deserializer};
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Floor {
-    /// Diameters of the left and the right wheel in mm. Negative for a wheel that drives backward when its motor turns CW.
+    /// Diameters of the left and the right wheel in mm. Negative for a wheel that drives backward when its motor turns
+    /// CW.
     #[serde(deserialize_with = "wheel_diameters")]
     pub wheel_diameters_mm: [f64; 2],
     /// Distance between the centres of the wheels in mm.

@@ -27,8 +27,8 @@ pub const BRIDGE: BridgeConstants = BridgeConstants::IDEAL;
 /// Constants of the real bridge, a VNH5019, with its switching times.
 pub const REAL_BRIDGE: BridgeConstants = BridgeConstants::VNH5019;
 
-/// Diameter of the wheels of the drive base that the inertial sensor stands on, in mm. Motor 0 drives the left wheel, motor 1 the
-/// right one, and both drive forward when they turn CW.
+/// Diameter of the wheels of the drive base that the inertial sensor stands on, in mm. Motor 0 drives the left wheel,
+/// motor 1 the right one, and both drive forward when they turn CW.
 pub const WHEEL_DIAMETER_MM: f64 = 90.0;
 
 /// Distance between the centres of the wheels, in mm.

@@ -1,7 +1,8 @@
 //! Scenarios: motors with loads, and their set-points over time.
 //!
-//! A scenario is a TOML file; `docs/reference/scenarios.md` lists its keys. [`Scenario::parse`] reads a file. An error names
-//! file, line and column of what is unknown, out of range or contradictory. A `Scenario` with expectations is a test.
+//! A scenario is a TOML file; `docs/reference/scenarios.md` lists its keys. [`Scenario::parse`] reads a file. An error
+//! names file, line and column of what is unknown, out of range or contradictory. A `Scenario` with expectations is a
+//! test.
 //!
 //! ```
 //! use simulated::scenario::Scenario;

@@ -138,8 +138,8 @@ impl Hubs {
 /// Serves the hubs of a scenario with their motors, loads and batteries. Their set-points are left to the host. With a
 /// `memory` the settings of the first hub outlast the program.
 ///
-/// Every millisecond `intervene` is called, and may change the interventions in battery and motors of the first hub. Then
-/// `show` is called. The hubs are served until `show` returns false.
+/// Every millisecond `intervene` is called, and may change the interventions in battery and motors of the first hub.
+/// Then `show` is called. The hubs are served until `show` returns false.
 ///
 /// # Errors
 /// If a motor's constants do not fit the firmware, or if a hub's watchdog was not fed.
@@ -315,8 +315,8 @@ pub async fn steps(
 struct End<'a> {
     /// `None` for a hub without a host.
     line: Option<&'a RefCell<Line>>,
-    /// Bytes that may still be received in this step. Without a limit, a host that never pauses would keep the step from
-    /// ending.
+    /// Bytes that may still be received in this step. Without a limit, a host that never pauses would keep the step
+    /// from ending.
     left: &'a Cell<usize>,
 }
 

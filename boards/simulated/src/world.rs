@@ -327,8 +327,8 @@ impl Board {
 }
 
 impl World {
-    /// Moves the drive base, on which the inertial sensor stands. Motor 0 drives the left wheel, motor 1 the right one. A board with
-    /// less than two motors has no base.
+    /// Moves the drive base, on which the inertial sensor stands. Motor 0 drives the left wheel, motor 1 the right one.
+    /// A board with less than two motors has no base.
     fn move_base(&mut self, time_s: f64) {
         let before = self.ground.pose().heading_degrees;
         if let [left, right, ..] = self.rig.plants.as_slice() {

@@ -323,8 +323,8 @@ fn set_up(
     Ok(settings)
 }
 
-/// The requests that change settings of a motor by their names. A set-up deletes the settings of [`Group::Motion`], which are
-/// then sent again.
+/// The requests that change settings of a motor by their names. A set-up deletes the settings of [`Group::Motion`],
+/// which are then sent again.
 fn configured(
     motor: u8,
     before: &MotorSettings,

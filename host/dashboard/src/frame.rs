@@ -1,5 +1,5 @@
-//! Messages to pages: JSON objects with a `kind`. Control values and duties are shares of full control and of full duty, from
-//! -1 to 1. All other fields have their unit in the name, or are in counts and seconds.
+//! Messages to pages: JSON objects with a `kind`. Control values and duties are shares of full control and of full
+//! duty, from -1 to 1. All other fields have their unit in the name, or are in counts and seconds.
 
 use crate::chain::HubOfChain;
 use crate::devices::Transfer;
@@ -146,7 +146,8 @@ pub(crate) enum Message {
     World(Value),
 }
 
-/// What a hub is: address, version, colour of the lamp, and what is stored, which is `null` for a hub that stores nothing.
+/// What a hub is: address, version, colour of the lamp, and what is stored, which is `null` for a hub that stores
+/// nothing.
 pub(crate) fn status(session: &mut Hub) -> Result<Value, Error> {
     let Colour { red, green, blue } = session.led()?;
     let report = session.stored_if_reported()?;
@@ -159,8 +160,8 @@ pub(crate) fn status(session: &mut Hub) -> Result<Value, Error> {
     }))
 }
 
-/// A setting of a motor, as a form shows it: a number with a range, or one of some words. The value is `null` if the setting is not
-/// configured, which only an optional one can be.
+/// A setting of a motor, as a form shows it: a number with a range, or one of some words. The value is `null` if the
+/// setting is not configured, which only an optional one can be.
 fn field_of(field: &'static Field, settings: &MotorSettings) -> Value {
     let raw = field.get(settings);
     let (words, value) = match field.form {
@@ -218,8 +219,8 @@ pub(crate) struct MotorState {
     pub(crate) velocity: i16,
     /// True if the motor is enabled.
     pub(crate) enabled: bool,
-    /// True if the motor is within tolerance of its target. `None` for hubs of this project, which report whether it has
-    /// settled.
+    /// True if the motor is within tolerance of its target. `None` for hubs of this project, which report whether it
+    /// has settled.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) within_tolerance: Option<bool>,
     /// Why the motor does not turn; `None` if the motor turns or if no reason is known.

@@ -1,5 +1,5 @@
-//! The thread that owns the hub. It reads the motors' state 50 times per second, sends frames to all pages, and executes
-//! orders as they arrive. Motors run only while the page in control is open: see [`pages`](crate::pages).
+//! The thread that owns the hub. It reads the motors' state 50 times per second, sends frames to all pages, and
+//! executes orders as they arrive. Motors run only while the page in control is open: see [`pages`](crate::pages).
 
 use crate::chain::Chain;
 use crate::devices::{Devices, has};

@@ -128,8 +128,8 @@ fn relay_until(stop: &AtomicBool, mut relay: Relay, events: &Receiver<Event>) {
     relay.switch_off("the server has ended");
 }
 
-/// An address that other machines can reach. For a server that listens at all addresses it is the source address of packets
-/// to the internet. No packet is sent to find it.
+/// An address that other machines can reach. For a server that listens at all addresses it is the source address of
+/// packets to the internet. No packet is sent to find it.
 fn reachable(address: SocketAddr) -> SocketAddr {
     if !address.ip().is_unspecified() {
         return address;

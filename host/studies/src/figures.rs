@@ -1,4 +1,5 @@
-//! The paper's figures, and figures of the currents that a control value gives with linear duty and with linear current.
+//! The paper's figures, and figures of the currents that a control value gives with linear duty and with linear
+//! current.
 
 mod circuits;
 

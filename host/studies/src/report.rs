@@ -25,9 +25,9 @@ pub struct RunReport {
     scenario: Scenario,
     as_set: Trace,
     without: Trace,
-    /// Measures by motor: of the run as set, and of the run without a braking regime.
+    /// Measures by motor: of the run with the schemes of the scenario, and of the run without a braking regime.
     measures: Vec<[Measures; 2]>,
-    /// Verdicts on the run as set.
+    /// Verdicts on the run with the schemes of the scenario.
     verdicts: Vec<Verdict>,
 }
 
@@ -55,7 +55,7 @@ impl RunReport {
         Self { scenario, as_set, without, measures, verdicts }
     }
 
-    /// The scenario's expectations of the run as set, and whether they are met.
+    /// The scenario's expectations of the run with its own schemes, and whether they are met.
     pub fn verdicts(&self) -> &[Verdict] {
         &self.verdicts
     }

@@ -131,9 +131,11 @@ pub struct Motor {
     pub current_limit: Option<NonZeroU16>,
     /// Largest acceleration of the model's profiles; `None` for the acceleration that the battery gives.
     pub acceleration: Option<Acceleration>,
-    /// Coefficients of the velocity loop. `None` for the model regulator, or for the suggested ones if `position` is set.
+    /// Coefficients of the velocity loop. `None` for the model regulator, or for the suggested ones if `position` is
+    /// set.
     pub velocity: Option<Pidf>,
-    /// Coefficients of the position loop. `None` for the model regulator, or for the suggested ones if `velocity` is set.
+    /// Coefficients of the position loop. `None` for the model regulator, or for the suggested ones if `velocity` is
+    /// set.
     pub position: Option<Pidf>,
     /// Set-points, times ascending; before the first the motor is disabled.
     pub setpoints: Vec<Timed<Setpoint>>,

@@ -1,4 +1,5 @@
-//! The chain line of several hubs in this process: a half-duplex line, on which every hub receives what another hub sends.
+//! The chain line of several hubs in this process: a half-duplex line, on which every hub receives what another hub
+//! sends.
 
 use embedded_io_async::{ErrorType, Read, Write};
 use std::cell::RefCell;

@@ -9,12 +9,14 @@ use motor_hub::bridge::Mode;
 const WIDTH: f64 = 400.0;
 const HEIGHT: f64 = 410.0;
 const TITLE: f64 = 96.0;
-/// Horizontal places within a circuit: battery, left and right half of the bridge, and the distance of diodes from their switches.
+/// x coordinates within a circuit: battery, left and right half of the bridge, and the distance of diodes from their
+/// switches.
 const BATTERY_X: f64 = 50.0;
 const LEFT_X: f64 = 160.0;
 const RIGHT_X: f64 = 310.0;
 const DIODE: f64 = 38.0;
-/// Vertical places: upper rail, middles of the upper switches, motor, middles of the lower switches, lower rail.
+/// y coordinates within a circuit: upper rail, middles of the upper switches, motor, middles of the lower switches,
+/// lower rail.
 const TOP: f64 = 70.0;
 const UPPER: f64 = 130.0;
 const MOTOR: f64 = 190.0;
@@ -25,7 +27,8 @@ const BESIDE: f64 = 7.0;
 
 type Points = Vec<(f64, f64)>;
 
-/// Six circuits, as an SVG document: by row how the motor turns, by column the regime.
+/// Six circuits as an SVG document. The rows are the directions in which the motor turns, and the columns are the
+/// regimes.
 #[must_use]
 pub fn circuits() -> String {
     let mut drawing =
@@ -47,7 +50,8 @@ pub fn circuits() -> String {
 /// One bridge with the paths of a regime's mode.
 fn circuit(drawing: &mut Drawing, (x0, y0): (f64, f64), regime: Regime, clockwise: bool) {
     let mode = regime.mode(!clockwise);
-    // Braking and reverse driving push against the motion: their current flows through the motor the other way.
+    // The torque of braking and of reverse driving acts against the motion, so the current flows through the motor in
+    // the other direction.
     let rightwards = clockwise == (regime == Regime::Forward);
     let turns = if clockwise { "CW" } else { "CCW" };
     let moved = |points: &[(f64, f64)]| -> Points { points.iter().map(|(x, y)| (x + x0, y + y0)).collect() };
@@ -152,7 +156,7 @@ fn mirrored(path: Points) -> Points {
     path.into_iter().map(|(x, y)| (other(x), y)).collect()
 }
 
-/// Rails, the motor's, and the battery with its poles.
+/// The rails, the wire through the motor, and the battery with its poles.
 fn wires() -> [Points; 7] {
     [
         vec![(BATTERY_X, MOTOR - 6.0), (BATTERY_X, TOP), (RIGHT_X, TOP)],
@@ -171,8 +175,8 @@ const LEAD: f64 = 26.0;
 /// Middles of the switches S1 to S4.
 const HALVES: [(f64, f64); 4] = [(LEFT_X, UPPER), (LEFT_X, LOWER), (RIGHT_X, UPPER), (RIGHT_X, LOWER)];
 
-/// Draws a switch with its diode, which conducts upwards. `closed` says whether the switch is closed in the mode's first and in
-/// its second state.
+/// Draws a switch with its diode, which conducts upwards. `closed` says whether the switch is closed in the mode's
+/// first and in its second state.
 fn half(
     drawing: &mut Drawing,
     moved: &impl Fn(&[(f64, f64)]) -> Points,

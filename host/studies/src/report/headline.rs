@@ -73,7 +73,7 @@ fn result(report: &RunReport) -> String {
     }
 }
 
-/// What the battery gave and got back.
+/// A sentence about the energies that the battery gave and got back, in joules.
 fn energies(report: &RunReport) -> String {
     let sum = |run: usize, of: fn(&Measures) -> f64| -> f64 {
         report.measures.iter().filter_map(|runs| runs.get(run)).map(of).sum()

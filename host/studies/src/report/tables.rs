@@ -49,7 +49,7 @@ pub(super) fn all(comparison: &RunReport) -> String {
     out
 }
 
-/// The expectations of the run as set.
+/// A table of the expectations with their measurements and verdicts.
 fn expectations(verdicts: &[Verdict]) -> String {
     let mut table = table::new(&["expected of", "time, s", "expected", "measured", ""], 2);
     for verdict in verdicts {

@@ -15,7 +15,7 @@ use super::{Knowledge, Response, Survey, Verdict};
 use crate::NamedFigure;
 use chart::{Figure, Panel, Series, Style, colour};
 
-/// What settles later than this is not drawn, in seconds.
+/// Longest settling time that is drawn, in seconds.
 const SHOWN_S: f64 = 4.0;
 
 type Times = Vec<Option<f64>>;
@@ -91,12 +91,13 @@ fn panel(which: &str, curves: Vec<((&str, &'static str), Times)>) -> Panel {
     Panel { y_range: Some((0.0, 102.0)), ..Panel::new(format!("settled, %: {which}"), 260.0, series) }
 }
 
-/// Percent that settles, however late.
+/// Percentage of responses that settle, at any time.
 fn in_all(times: &Times) -> f64 {
     100.0 * times.iter().flatten().count() as f64 / times.len().max(1) as f64
 }
 
-/// Percent by time, from 0 s to `end`; what has not settled by then is missing from the 100.
+/// Percentage of responses that have settled, by time from 0 s to `end`. The last value is below 100 if some responses
+/// have not settled by `end`.
 fn cumulative(times: Times, end: f64) -> Vec<(f64, f64)> {
     let whole = times.len().max(1) as f64;
     let mut settled: Vec<f64> = times.into_iter().flatten().filter(|time| *time <= end).collect();

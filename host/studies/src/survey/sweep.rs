@@ -1,7 +1,6 @@
 //! Every motor of the catalogue without a load, with both of its inertias, under every scheme and duty rule. Friction
 //! is up to 40 % of the stall torque, the battery has 6.5 to 14.5 V, the control period is 1 to 100 ms. The motion is
-//! configured exactly, or not at all. Every encoder is
-//! sound, so every fault is a false alarm.
+//! configured exactly, or not at all. Every encoder is sound, so every fault is a false alarm.
 
 use super::Knowledge;
 use crate::{position, velocity};
@@ -49,7 +48,8 @@ pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
 
 /// Multiples of a rotor's inertia that a motor turns in the long sweep.
 const INERTIAS: [f64; 7] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1_000.0];
-/// How the motion is configured in the long sweep. 0.5 and 2 times the inertia are larger errors than those of [`Knowledge`].
+/// How the motion is configured in the long sweep. 0.5 and 2 times the inertia are larger errors than those of
+/// [`Knowledge`].
 const FACTORS: [(Knowledge, f64); 4] = [
     (Knowledge::Exact, 1.0),
     (Knowledge::Lighter, 0.5),
@@ -58,8 +58,9 @@ const FACTORS: [(Knowledge, f64); 4] = [
 ];
 const LONG_S: f64 = 120.0;
 
-/// Every `every`th of the long scenarios, with one motor each, and how the motor is configured. A motor has 1 to 1000 times its
-/// rotor's inertia and no friction. A motor with a heavy load needs minutes for a motion that a bare motor ends in 0.1 s.
+/// Every `every`th of the long scenarios, with one motor each, and how the motor is configured. A motor has 1 to 1000
+/// times its rotor's inertia and no friction. A motor with a heavy load needs minutes for a motion that a bare motor
+/// ends in 0.1 s.
 pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
     let mut all = Vec::new();
     for constants in catalogue::motors().map(|motor| motor.with_measured_rotor_inertia()) {
@@ -95,8 +96,8 @@ pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
 /// The battery of the long sweep.
 const VOLTS_LONG: Volts = Volts(12.0);
 
-/// Set-points: 0.7 of the free speed, slower for a long time, back, slowly on, and to rest; or to a position and back. `free` is
-/// in counts/s.
+/// Set-points: 0.7, 0.15, -0.5 and 0.3 of the free speed, then standstill; or to a position and back beyond the start.
+/// `free` is in counts/s.
 fn long_course(free: f64, positions: bool) -> Vec<Timed<Setpoint>> {
     let velocity = |share: f64| velocity((share * free) as i32);
     let limit = CountsPerSecond::new((0.5 * free) as i32);
@@ -135,7 +136,8 @@ fn motors(volts: f64) -> Vec<Motor> {
     all
 }
 
-/// Set-points: half of the free speed, back, slowly on, to rest, to a position, and slowly back. `free` is in counts/s.
+/// Set-points: 0.5 and -0.3 of the free speed, 60 counts/s, standstill, a position, and -0.1 of the free speed. `free`
+/// is in counts/s.
 fn course(free: f64) -> Vec<Timed<Setpoint>> {
     let velocity = |speed: f64| velocity(speed as i32);
     let limit = CountsPerSecond::new(free as i32);

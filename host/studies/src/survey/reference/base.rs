@@ -1,7 +1,8 @@
-//! A drive base that turns on the spot and drives a metre: by how much its heading differs from that of its references.
+//! A drive base that turns on the spot and drives a metre. The result is the largest difference between its heading and
+//! the heading of its references.
 //!
-//! The wheels are those of `tests/scenarios/drive-bases.toml`: two unequal NeveRest 60 under a robot of 6 kg, on wheels of
-//! 90 mm that are 300 mm apart.
+//! The wheels are those of `tests/scenarios/drive-bases.toml`: two unequal NeveRest 60 under a robot of 6 kg, on wheels
+//! of 90 mm that are 300 mm apart.
 
 use super::{Figure, PERIODS, Row};
 use crate::StudyError;
@@ -41,7 +42,7 @@ fn scenario(courses: &str) -> Result<Scenario, StudyError> {
         wheel("left", "AM 60 A"),
         wheel("right", "AM 60 B"),
     );
-    // The text has no mistake, as the tests show: the survey would have no base.
+    // A test shows that the text is valid, so this error does not occur.
     Scenario::parse("drive base", &text).map_err(|_| StudyError::NoEvent)
 }
 
