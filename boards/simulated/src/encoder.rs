@@ -57,7 +57,7 @@ pub enum Encoder {
         /// True if the wire is stuck high.
         high: bool,
     },
-    /// A wire makes contact now and then: for 1 to 200 ms, and not for 1 to 60 ms.
+    /// A wire has contact for 1 to 200 ms, then no contact for 1 to 60 ms, and so on at random.
     Loose {
         /// The wire.
         wire: Wire,
@@ -143,7 +143,8 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// Takes new levels of the wires. If both wires change together, the direction is unknown, and nothing is counted.
+    /// Updates the count by new levels of the wires. If both wires change together, the direction is unknown, and
+    /// nothing is counted.
     pub fn see(&mut self, levels: Levels) {
         let place = |[a, b]: Levels| match (a, b) {
             (false, false) => 0,

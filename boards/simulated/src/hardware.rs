@@ -47,8 +47,8 @@ pub fn winding(motor: &Motor) -> Result<Winding, RangeError> {
 }
 
 /// Returns a thermal limit for a motor whose data sheet gives none: the continuous current is a third of the stall
-/// current at 12 V. An AM 60 A then heats its winding by 4.4 W; a stall heats it by 40 W. The time constants are the
-/// usual ones. This is a cautious guess, not a measurement.
+/// current at 12 V. An AM 60 A then heats its winding by 4.4 W; a stall heats it by 40 W. The time constants have their
+/// usual values. This is a cautious guess, not a measurement.
 ///
 /// # Errors
 /// If the continuous current does not fit the firmware's range.

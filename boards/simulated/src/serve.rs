@@ -135,8 +135,8 @@ impl Hubs {
     }
 }
 
-/// Serves the hubs of a scenario with their motors, loads and batteries. Their set-points are left to the host. With a
-/// `memory` the settings of the first hub outlast the program.
+/// Serves the hubs of a scenario with their motors, loads and batteries. The host gives the set-points. With a `memory`
+/// the settings of the first hub outlast the program.
 ///
 /// Every millisecond `intervene` is called, and may change the interventions in battery and motors of the first hub.
 /// Then `show` is called. The hubs are served until `show` returns false.

@@ -1,8 +1,8 @@
 //! Runs the hub's own tasks against the world, in virtual time.
 //!
-//! The tasks are one future, which is polled when its waker was called. Between polls the clock of the mock time driver
-//! and the plants advance together by a millisecond. The hub samples its encoders at the same interval, so no sample
-//! falls between two steps.
+//! All tasks are parts of one future, which is polled after its waker was called. Between polls the clock of the mock
+//! time driver and the plants advance together by a millisecond. The hub samples its encoders at the same interval, so
+//! no sample falls between two steps.
 //!
 //! ```
 //! use simulated::{scenario::Scenario, sim};

@@ -102,7 +102,7 @@ pub struct World {
     starved: bool,
 }
 
-/// The board: handles to one world, one for each task.
+/// The board. Each task has a copy; all copies refer to the same world.
 #[derive(Clone)]
 pub struct Board(Rc<RefCell<World>>);
 

@@ -161,7 +161,7 @@ impl Executor {
         Ok(Changed::Settings(motor))
     }
 
-    /// What the server keeps of a motor.
+    /// The state that the server keeps of a motor.
     pub(crate) fn of(&mut self, motor: u8) -> Result<&mut MotorMemory, RequestError> {
         let motor = channel(motor)?;
         self.motors.get_mut(usize::from(motor)).ok_or_else(|| "a motor is 0 to 3".into())
@@ -270,7 +270,8 @@ fn drive(
     Ok(session.set_mode(motor, mode, zero)?)
 }
 
-/// Gives an enabled motor a constant current. A disabled motor gets power 0, with which it can be enabled.
+/// Gives an enabled motor a constant current. A disabled motor gets the set-point power 0 instead, with which the page
+/// can then enable the motor.
 fn current(session: &mut Hub, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), RequestError> {
     let ma = (1e3 * within("a current in A", amperes, -LARGEST_CURRENT_A, LARGEST_CURRENT_A)?).round();
     let limit = within("a speed limit in counts/s", speed.unwrap_or(NO_SPEED_LIMIT), 1.0, NO_SPEED_LIMIT)?;
@@ -382,7 +383,7 @@ fn together(
     begin_group(session, GroupCourse::To(to), to.map(|to| to.is_some()), speed, acceleration)
 }
 
-/// Enables the members of a group, and starts it.
+/// Enables the members of a group, and starts the group.
 fn begin_group(
     session: &mut Hub,
     course: GroupCourse,

@@ -28,7 +28,7 @@ use serde_json::{Value, json};
 use simulated::scheme::{SchemeName, SchemeWords};
 use std::sync::Arc;
 
-/// Highest speed for which points are computed, in counts/s. No catalogue motor reaches it.
+/// Highest speed for which points are computed, in counts/s. No motor of the catalogue reaches this speed.
 const MOST_CPS: f64 = 1e6;
 
 /// Highest battery voltage for which points are computed, in volts: the range of [`Millivolts`] is 65.5 V.
@@ -146,7 +146,7 @@ pub(crate) enum Message {
     World(Value),
 }
 
-/// What a hub is: address, version, colour of the lamp, and what is stored, which is `null` for a hub that stores
+/// Address, version, colour of the lamp and stored settings of a hub, as JSON. `stored` is `null` for a hub that stores
 /// nothing.
 pub(crate) fn status(session: &mut Hub) -> Result<Value, Error> {
     let Colour { red, green, blue } = session.led()?;
@@ -161,7 +161,7 @@ pub(crate) fn status(session: &mut Hub) -> Result<Value, Error> {
 }
 
 /// A setting of a motor, as a form shows it: a number with a range, or one of some words. The value is `null` if the
-/// setting is not configured, which only an optional one can be.
+/// setting is not configured. Only an optional setting can be not configured.
 fn field_of(field: &'static Field, settings: &MotorSettings) -> Value {
     let raw = field.get(settings);
     let (words, value) = match field.form {
@@ -190,7 +190,7 @@ pub(crate) fn fault_entry(head: &Head) -> Value {
 /// State of the hub at one instant.
 #[derive(Clone, Debug, Default, Serialize)]
 pub(crate) struct Frame {
-    /// Number of the frame, from 1; a page returns it.
+    /// Number of the frame, from 1. A page returns the number when it has shown the frame.
     pub(crate) number: u64,
     /// Time since the server's start.
     pub(crate) at_s: f64,
@@ -219,8 +219,8 @@ pub(crate) struct MotorState {
     pub(crate) velocity: i16,
     /// True if the motor is enabled.
     pub(crate) enabled: bool,
-    /// True if the motor is within tolerance of its target. `None` for hubs of this project, which report whether it
-    /// has settled.
+    /// True if the motor is within tolerance of its target. `None` for hubs of this project, which report instead
+    /// whether the motor has settled.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) within_tolerance: Option<bool>,
     /// Why the motor does not turn; `None` if the motor turns or if no reason is known.

@@ -1,5 +1,5 @@
 //! Reads requests and writes answers: the part of HTTP/1.1 that a browser needs for a page and a socket. The connection
-//! is closed after each answer. [`tungstenite`] parses requests, and answers those for a socket.
+//! is closed after each answer. [`tungstenite`] parses requests, and makes the answers to handshakes of sockets.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::time::Instant;

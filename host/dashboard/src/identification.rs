@@ -31,7 +31,7 @@ pub(crate) enum Progress {
         percent: u8,
     },
     Found {
-        /// Proposed dynamics and acceleration limit, for the order that applies them.
+        /// Proposed dynamics and acceleration limit, which the order `Apply` applies.
         #[serde(skip)]
         proposal: (motor_hub::regulator::Dynamics, Option<Acceleration>),
         found: Found,
@@ -71,13 +71,13 @@ pub(crate) struct Found {
     catalogue: Option<Bare>,
 }
 
-/// A motor of the catalogue without a load, beside an identified motor.
+/// The configured motor of the catalogue without a load, for comparison with the identified motor.
 #[derive(Clone, Copy, Debug, Serialize)]
 struct Bare {
     name: &'static str,
     #[serde(flatten)]
     dynamics: Dynamics,
-    /// Inertia of the identified motor with its load, divided by the inertia of this motor.
+    /// Inertia of the identified motor with its load, divided by the inertia of the catalogue motor without a load.
     inertia_ratio: f64,
 }
 

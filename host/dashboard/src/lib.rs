@@ -24,12 +24,13 @@
 //! | [`server`], `page_socket` | listener, with a thread for each connection; the socket of one page |
 //! | `admission`, `http` | which requests are admitted; requests and answers as bytes |
 //!
-//! The modules of the last two rows need the feature `server`. Without it the relay runs in a browser, beside its page.
+//! The modules of the last two rows need the feature `server`. Without this feature the relay runs in the browser of
+//! its page.
 //!
 //! One page is in control, any number of pages watch, and any page may stop. A page proves that it is open by returning
 //! the numbers of frames that it has shown. All motors are disabled when the page in control is closed, is hidden for
-//! 10 s, or returns no new number for 1 s. They are also disabled when the program ends. If the program is killed, the
-//! hub receives nothing more and disables them itself.
+//! 10 s, or returns no new number for 1 s. The motors are also disabled when the program ends. If the program is
+//! killed, the hub receives nothing more and disables the motors itself.
 //!
 //! ```no_run
 //! use dashboard::{Place, Server, hub};

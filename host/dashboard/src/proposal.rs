@@ -1,4 +1,5 @@
-//! The settings proposed for an identified motor, and the motor of the catalogue to compare it with.
+//! The settings that are proposed for an identified motor, and the catalogue motor with which the identified motor is
+//! compared.
 
 use motor_hub::extension::settings::MotorSettings;
 use motor_hub::model::catalogue::{Motor, motors};

@@ -212,8 +212,8 @@ impl Relay {
     fn execute_for_controller(&mut self, order: &Order) -> Result<(), String> {
         let Some(session) = &mut self.session else { return Err("the hub is not connected".to_owned()) };
         let done = match *order {
-            // A file may change the kind of an enabled motor's set-point. The value of the new kind would be an old
-            // one.
+            // A file may change the kind of an enabled motor's set-point. Then the motor would follow an old value of
+            // the new kind.
             Order::Import { .. } if self.frame.motors.iter().any(|motor| motor.enabled) => {
                 Err("a motor is enabled: disable all motors by STOP, then import the file again".into())
             }

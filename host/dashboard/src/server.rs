@@ -22,7 +22,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 use tungstenite::handshake::server::write_response;
 
-/// Largest number of simultaneous connections; a page has one, and some more while it loads.
+/// Largest number of simultaneous connections. A page has one connection, and some more while it loads.
 const MOST: u32 = 48;
 
 /// Time in which a client must have sent its whole request. Anybody may open a connection without the token. The time

@@ -220,8 +220,9 @@ impl MotorKeys {
         }
     }
 
-    /// Removes the value of a field and returns the raw value. The raw value is 0 for an optional setting outside a
-    /// table that is left out, and for each setting of a table other than `bridge` that is left out.
+    /// Removes the value of a field and returns the raw value. A missing key has the raw value 0 if it is optional.
+    /// Optional are settings outside of tables that need not be configured, and all settings of a missing table other
+    /// than `bridge`.
     fn take(&mut self, field: &Field) -> Result<i64, String> {
         let name = field.name;
         let Some(given) = self.values.remove(name) else {

@@ -19,8 +19,8 @@ const LONGEST_S: f64 = 30.0;
 /// A millivolt, in volts.
 const MV: f64 = 1e-3;
 
-/// The scenario with an identification of every motor instead of its set-points, groups and expectations. The torques
-/// on the shafts stay. `travel_limit` is in counts.
+/// The scenario in which every motor is identified. It has no other set-points, no groups and no expectations. The
+/// torques on the shafts stay. `travel_limit` is in counts.
 #[must_use]
 pub fn scenario(mut scenario: Scenario, travel_limit: u32) -> Scenario {
     for motor in &mut scenario.motors {

@@ -52,7 +52,7 @@ pub struct Response {
     pub task: String,
     /// Unit of the errors: "counts/s" or "counts".
     pub unit: &'static str,
-    /// Seconds until the motor has [settled](crate::settling); null if it never did, or if `too_short`.
+    /// Seconds until the motor has [settled](crate::settling); null if it never settled, or if `too_short`.
     pub settling_s: Option<f64>,
     /// True if the next change comes too soon to judge whether the motor settled.
     pub too_short: bool,

@@ -1,5 +1,5 @@
-//! A scenario run by the flashed image on an emulated chip, beside its run on the simulated board: tables, a chart, and
-//! the differences.
+//! Compares the run of a scenario by the flashed image on an emulated chip with its run on the simulated board: tables,
+//! a chart, and the differences.
 //!
 //! ```
 //! use simulated::{scenario::Scenario, sim};

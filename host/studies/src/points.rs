@@ -24,7 +24,7 @@ use serde::Serialize;
 use simulated::hardware::{BRIDGE, winding};
 use simulated::scheme::{self, SchemeWords};
 
-/// An operating point with its S, T, Z and G.
+/// An operating point with its points S, T, Z and G.
 #[derive(Debug, Serialize)]
 pub struct OperatingReport {
     motor: &'static str,
@@ -44,7 +44,7 @@ pub struct OperatingReport {
     current: LinearCurrent,
 }
 
-/// One of the points.
+/// One of the points S, T, Z and G.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PointReport {
     /// "S", "T", "Z" or "G".

@@ -1,4 +1,4 @@
-//! A scenario's run beside the same run without a braking regime: tables, JSON, charts and CSV.
+//! Compares the run of a scenario with the same run without a braking regime: tables, JSON, charts and CSV.
 
 mod csv;
 mod figures;

@@ -91,7 +91,7 @@ impl Goal {
     }
 
     /// The error at each point, in the unit of the [band](Self::band). At standstill it is the distance to the mean
-    /// position of the last second, because within one count an estimated speed may tremble.
+    /// position of the last second, because an estimated speed may vary while the position stays within one count.
     pub fn errors(self, points: &[Point]) -> Vec<f64> {
         let distance_to =
             |counts: f64| points.iter().map(move |point| point.counts as f64 - counts).collect();
@@ -120,7 +120,7 @@ pub enum Settling {
 }
 
 impl Settling {
-    /// Seconds until the motor settled; `None` if it did not, or was not judged.
+    /// Seconds until the motor settled; `None` if the motor did not settle, or was not judged.
     pub const fn seconds(self) -> Option<f64> {
         match self {
             Self::After(seconds) => Some(seconds),

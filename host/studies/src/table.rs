@@ -52,7 +52,7 @@ impl Table {
         Self { narrowest, ..self }
     }
 
-    /// The table as GitHub Markdown. Lines of a cell become one.
+    /// The table as GitHub Markdown. The lines of a cell become one line.
     #[must_use]
     pub fn markdown(&self) -> String {
         let row = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));

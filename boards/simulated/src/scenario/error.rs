@@ -61,7 +61,7 @@ impl<S: Into<String>> From<S> for Fault {
     }
 }
 
-/// Adds the place in the text to an error that has none yet.
+/// Adds a range of bytes in the text to an error that has no range yet.
 pub(super) trait At<T> {
     fn at<S>(self, place: &Spanned<S>) -> Checked<T>;
 }

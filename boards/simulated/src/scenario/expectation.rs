@@ -38,11 +38,11 @@ pub enum Subject {
 pub enum Expected {
     /// A quantity lies within limits. A quantity that changes with time lies within the limits during the whole window.
     Quantity(Quantity, Bounds),
-    /// The motor is in this regime at one control tick or more; with `None` its bridge is open.
+    /// The motor is in this regime at one control tick or more. `None` means an open bridge.
     Ever(Option<Regime>),
-    /// The motor is in this regime at no control tick; with `None` its bridge is never open.
+    /// The motor is in this regime at no control tick. `None` means an open bridge.
     Never(Option<Regime>),
-    /// This fault and no other occurs; with `None` no fault occurs.
+    /// This fault and no other fault occurs. `None` means that no fault occurs.
     Fault(Option<Fault>),
 }
 
@@ -81,7 +81,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// The key of its expectation in scenario files.
+    /// The key of an expectation about the quantity in scenario files.
     pub const fn key(self) -> &'static str {
         match self {
             Self::SettlingTime => "settles_within_s",

@@ -127,7 +127,7 @@ numbers! {
     SpeedLimit(i32): 1, FASTEST_CPS;
     /// Highest speed minus lowest speed, in counts/s.
     Swing(f64): 0.0, 2 * FASTEST_CPS;
-    /// Acceleration in counts/s². The largest takes a motor to the highest speed in a millisecond.
+    /// Acceleration in counts/s². The largest acceleration takes a motor to the highest speed in a millisecond.
     AccelerationLimit(u32): 1, 1_000_000_000;
     /// Position in counts.
     Counts(i32): i32::MIN, i32::MAX;
@@ -167,7 +167,7 @@ where
     Kind::deserialize(from).map(Into::into)
 }
 
-/// Reads one of these words, and returns the value beside it.
+/// Reads one of these words, and returns the value of the word.
 pub(crate) fn one_of<'de, T: Copy, D: Deserializer<'de>>(
     from: D,
     words: &[(&str, T)],

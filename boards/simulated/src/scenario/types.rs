@@ -157,7 +157,7 @@ pub struct Group {
     pub motors: Vec<usize>,
     /// The drive base whose wheels are the two members; `None` if the group is no drive base.
     pub base: Option<DriveBase>,
-    /// True if the hub holds the base's heading by its gyro.
+    /// True if the hub regulates the heading of the base by its gyro.
     pub use_gyro: bool,
     /// Courses, times ascending.
     pub courses: Vec<Timed<GroupCommand>>,

@@ -20,7 +20,7 @@ pub(super) struct Row {
     pub(super) of: Variant,
     /// The coefficients; null for a model, which has none.
     pub(super) gains: Option<Gains>,
-    /// Seconds until the motor has [settled](crate::settling); null if it never does.
+    /// Seconds until the motor has [settled](crate::settling); null if it never settles.
     pub(super) settling_s: Option<f64>,
     /// Overshoot in percent of the step, or of the set-point after a change of torque; null at standstill.
     pub(super) overshoot_percent: Option<f64>,

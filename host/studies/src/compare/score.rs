@@ -37,7 +37,7 @@ pub(super) struct Winner {
     pub(super) task: &'static str,
     /// The column.
     pub(super) column: &'static str,
-    /// The best variant, and all that tie with it; empty if none succeeded.
+    /// The best variant, and all variants that tie with it; empty if no variant has this measure without a fault.
     pub(super) variants: Vec<String>,
 }
 

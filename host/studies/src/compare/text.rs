@@ -113,7 +113,7 @@ fn verdict(rounds: &[Round]) -> Page {
     page
 }
 
-/// The tasks at which another variant's error is clearly less, as the end of a sentence.
+/// The tasks at which the error of another variant is less by more than [`NEAR`], as the end of a sentence.
 fn beaten_at(best: &Score, tasks: &[TaskResult]) -> String {
     let names: Vec<&str> = tasks
         .iter()

@@ -1,5 +1,5 @@
 //! Coefficients of the speed loop, normalised to the motor's speed at a back EMF of 12 V. They are the same for all
-//! variants, or for each variant the best of one grid.
+//! variants, or each variant has its best coefficients of one grid.
 
 use super::row::Row;
 use super::tasks::Task;

@@ -119,7 +119,7 @@ fn driving() -> [Points; 2] {
     [first, [&[*rest.last().unwrap_or(up)], &second[..], &[*up], rest].concat()]
 }
 
-/// Paths of a current to the right through S4 and S2, and of one through D3, battery and D2.
+/// Paths of two currents: to the right through S4 and S2, and through D3, battery and D2.
 fn braking() -> [Points; 2] {
     let [left, right] = [LEFT_X + BESIDE, RIGHT_X - BESIDE];
     let (row, rail) = (MOTOR + BESIDE, BOTTOM - BESIDE);

@@ -31,8 +31,8 @@ impl Pair<'_> {
     }
 }
 
-/// A sentence about the responses, or about the energy where no set-point is regulated; then whether expectations are
-/// met.
+/// A sentence about the responses, or about the energy if no set-point is regulated. A second sentence says whether the
+/// expectations are met.
 pub(super) fn headline(report: &RunReport) -> String {
     let result = result(report);
     let all = report.verdicts.len();

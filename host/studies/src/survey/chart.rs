@@ -1,4 +1,4 @@
-//! How soon responses settle, as curves: how many of them had settled by a time.
+//! Curves that show how soon responses settle: the percentage of responses that have settled by a time.
 //!
 //! ```
 //! use studies::survey::{Survey, chart};

@@ -54,8 +54,8 @@ pub fn scenario(seed: u64, index: u64) -> Scenario {
     Scenario { period, seed: index, limits: UNLIMITED, ..Scenario::new(&name, duration_s, battery, motors) }
 }
 
-/// Gives some of the motors Coulomb friction, with random numbers of its own, so that the rest of a scenario does not
-/// depend on friction. No motor has cogging: the catalogue has no figures for it.
+/// Gives some of the motors Coulomb friction. The random numbers are from a generator of their own, so that the rest of
+/// a scenario does not depend on friction. No motor has cogging: the catalogue has no figures for it.
 fn roughen(motors: &mut [Motor], seed: u64, index: u64) {
     let mut random = Random(fastrand::Rng::with_seed(fastrand::Rng::with_seed(!seed).u64(..) ^ index));
     for motor in motors {

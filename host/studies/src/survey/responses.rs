@@ -15,7 +15,7 @@ const SWING_MS: usize = 1_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
-    /// A new speed in the same direction, or a change from or to standstill.
+    /// Any other new speed: in the same direction, from or to standstill, or after a position or without regulation.
     Speed,
     /// A new speed in the other direction.
     Reversal,
@@ -116,7 +116,7 @@ pub(super) fn watch(scenario: &Scenario) -> Result<Vec<Vec<Instant>>, StudyError
 /// The judgement of a response.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Verdict {
-    /// Seconds until the motor has [settled](crate::settling); `None` if it never did.
+    /// Seconds until the motor has [settled](crate::settling); `None` if the motor never settled.
     pub settling_s: Option<f64>,
     /// Largest error beyond the goal, in percent of the step. After a change of torque, the largest error in percent of
     /// the speed. `None` for a step of less than 60 counts/s or 60 counts, for a torque on a motor that crawls or holds

@@ -42,8 +42,8 @@ pub struct Soak {
     pub ticks: usize,
     /// The first fault of each motor for which the hub reported a fault.
     pub alarms: Vec<Alarm>,
-    /// Number of motors that were reported as stalled. No motor meets a stop, but friction and load together hold some
-    /// motors for a while.
+    /// Number of motors that were reported as stalled. No motor runs against an end stop, but friction and load
+    /// together stop some motors for a while.
     pub stalled: usize,
     /// Numbers of the scenarios in which the watchdog was not fed in time.
     pub starved: Vec<u64>,
@@ -180,7 +180,7 @@ impl Observed {
 fn observed(scenario: &Scenario) -> Result<Vec<Observed>, StudyError> {
     let mut motors = vec![Observed::default(); scenario.motors.len()];
     without_tasks::run(scenario, |moment| {
-        // The snapshot before the first tick has no report of a motor yet.
+        // Before the first tick the snapshot has initial values instead of reports.
         if moment.snapshot.tick > 0 {
             for (motor, report) in motors.iter_mut().zip(&moment.snapshot.motors) {
                 motor.see(moment.ms as f64 / 1e3, report.faults, report.stalled);

@@ -79,7 +79,7 @@ pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
                 if let Some(motion) = &mut motor.configuration.motion {
                     motion.inertia = inertia;
                 }
-                // Some motions are slower than a hub can be configured for.
+                // Some motors accelerate more slowly than the hub's settings can represent.
                 if motor.settings().is_err() {
                     continue;
                 }

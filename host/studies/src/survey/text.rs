@@ -325,7 +325,7 @@ fn breakdown(title: &str, responses: &[Response], of: impl Fn(&Response) -> (usi
     table
 }
 
-/// The responses that never settle or that swing, then those with the largest error beyond the set-point.
+/// The responses that never settle or that swing, then the responses with the largest error beyond the set-point.
 fn the_worst(index: usize, responses: &[Response], worst: usize) -> Table {
     let mut answers = all(responses, index);
     // Responses that do not settle come first.

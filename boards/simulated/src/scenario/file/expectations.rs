@@ -75,7 +75,7 @@ impl ExpectTable {
         if expectations.is_empty() {
             return Err("an expectation needs at least one key of a motor, a group or the battery".to_owned());
         }
-        // All expectations of a motor stand together.
+        // All expectations of a motor follow each other.
         expectations.sort_by_key(|expectation| expectation.subject);
         Ok(expectations)
     }

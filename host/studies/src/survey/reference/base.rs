@@ -12,7 +12,7 @@ use motor_hub::motor::Setpoint;
 use simulated::scenario::Scenario;
 use simulated::without_tasks;
 
-/// What the base does, and its courses as a scenario file has them.
+/// Name of each task, and the courses of the base in the form of a scenario file.
 const TASKS: [(&str, &str); 2] = [
     (
         "drive base, turns of 90 degrees",
