@@ -66,7 +66,7 @@ pub struct GyroErrors {
     pub scale_error: f64,
 }
 
-/// The sensor.
+/// A simulated BNO055.
 #[derive(Clone, Debug)]
 pub struct Bno055 {
     /// Errors of the gyro.

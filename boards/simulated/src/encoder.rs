@@ -22,7 +22,7 @@ use std::num::NonZeroU32;
 /// Levels of A and B; true is high.
 pub type Levels = [bool; 2];
 
-/// Counts per slot.
+/// Counts per slot of the encoder's disc.
 const SLOT: i64 = 4;
 /// Shortest and longest duration of a glitch in nanoseconds.
 const GLITCH_NS: (u64, u64) = (200, 500);

@@ -61,7 +61,7 @@ pub enum RunError {
 /// Step of the clock and of the world in seconds.
 pub(crate) const STEP_S: f64 = 1e-3;
 
-/// The hub's wires.
+/// Channels and signals between the tasks of the hub.
 pub(crate) type Wires = tasks::Wires<NoopRawMutex, MOTORS>;
 
 /// Set by a waker: the tasks have something to do.

@@ -42,7 +42,7 @@ pub struct Point {
 pub struct Tick {
     /// Seconds since the start.
     pub at_s: f64,
-    /// Voltage at the battery's terminals.
+    /// True voltage at the battery's terminals.
     pub battery_v: f64,
     /// Voltage that the hub has measured; `None` without a measurement.
     pub measured_v: Option<f64>,

@@ -84,7 +84,7 @@ pub struct World {
     counters: Vec<Counter>,
     /// Current-sense lines, and the amperes that their bridges sensed in the last run.
     lines: [(CurrentLine, f64); MOTORS],
-    /// Bridges that have switched themselves off. A bridge stays off until it is commanded to coast.
+    /// True for a bridge that has switched itself off. The bridge stays off until it is commanded to coast.
     faults: [bool; MOTORS],
     /// Levels of the digital pins from outside: bit i is pin i. Pins that are not driven are pulled up.
     outside: u8,

@@ -15,7 +15,7 @@ use tungstenite::handshake::server::{Request, Response, create_response};
 /// Number of random bytes in a token, which is written as hexadecimal digits.
 const TOKEN_BYTES: usize = 16;
 
-/// The path of the socket.
+/// Path of the page's WebSocket in its URL.
 const SOCKET: &str = "/ws";
 
 /// Admits requests with the right token.

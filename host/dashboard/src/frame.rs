@@ -202,7 +202,7 @@ pub(crate) struct Frame {
     pub(crate) bus: Option<&'static str>,
     /// Share of the braking energy that is dissipated instead of returned, 0 to 1.
     pub(crate) burning: f64,
-    /// State by motor.
+    /// States of the motors, by the number of the motor.
     pub(crate) motors: Vec<MotorState>,
 }
 

@@ -18,7 +18,7 @@ const INTERVAL: Duration = Duration::from_millis(100);
 pub(crate) struct Identification {
     pub(crate) motor: u8,
     identifying: Identifying,
-    /// Time of the last step.
+    /// Time of the last request for the progress.
     asked: Instant,
 }
 

@@ -359,7 +359,8 @@ impl Relay {
         Ok(Changed::Nothing)
     }
 
-    /// Checks the page in control, reads the hub's state, and sends a frame. To be called every [`INTERVAL`].
+    /// Checks the page in control, reads the hub's state, and sends a frame. The caller calls this function every
+    /// [`INTERVAL`].
     pub fn tick(&mut self) {
         self.watch();
         if self.session.is_none() && Instant::now() >= self.connect_at {

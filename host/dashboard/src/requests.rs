@@ -39,7 +39,7 @@ pub(crate) enum Order {
     /// Set-point of a motor, applied once the motor is enabled.
     Drive {
         motor: u8,
-        /// Power, velocity or position.
+        /// Kind of the set-point: power, velocity or position.
         mode: RunMode,
         /// Share of full power from -1 to 1, counts/s, or counts.
         value: f64,
@@ -253,7 +253,7 @@ pub(crate) enum DeviceOrder {
         period_us: u16,
         /// Length of the pulses in microseconds.
         width_us: u16,
-        /// True for pulses.
+        /// True to start the pulses, false to end them.
         on: bool,
     },
     /// Sets a digital pin.
@@ -287,7 +287,7 @@ pub(crate) enum DeviceOrder {
         bus: u8,
         /// Address of the device, 0 to 127.
         address: u8,
-        /// 1 to 100 bytes.
+        /// The bytes to write, 1 to 100.
         bytes: Vec<u8>,
         /// True for 400 kbit/s, false for 100 kbit/s.
         fast: bool,

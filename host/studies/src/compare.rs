@@ -95,7 +95,7 @@ impl Comparison {
         text::settling(&self.rounds).markdown()
     }
 
-    /// The document for programs.
+    /// The results as JSON, for programs.
     pub fn json(&self, files: &[PathBuf]) -> serde_json::Value {
         let round = |round: &Round| {
             json!({

@@ -21,11 +21,11 @@ use std::ops::Range;
 pub struct Verdict {
     /// The motor's or group's label, or "battery".
     pub subject: String,
-    /// The window in seconds.
+    /// The part of the run that is judged, in seconds.
     pub window_s: Range<f64>,
     /// The expected quantity, regime or fault.
     pub expected: Expected,
-    /// The measurement.
+    /// The value in the run.
     pub measured: Measured,
 }
 

@@ -90,7 +90,7 @@ impl Identifications {
         out
     }
 
-    /// The document for programs.
+    /// The results as JSON, for programs.
     #[must_use]
     pub fn json(&self) -> Value {
         let motors = self.scenario.motors.iter().zip(&self.truth).zip(self.outcomes());

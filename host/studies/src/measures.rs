@@ -71,7 +71,7 @@ pub struct Response {
 }
 
 impl Response {
-    /// The settling time for people.
+    /// The settling time as text.
     pub(crate) fn settling(&self) -> String {
         if self.too_short { "too short".to_owned() } else { table::seconds(self.settling_s) }
     }

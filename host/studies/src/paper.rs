@@ -66,7 +66,7 @@ impl Document {
         })
     }
 
-    /// Tables for people.
+    /// The comparison as tables, for a terminal.
     pub fn text(&self) -> String {
         let mut numbers = table::new(&["section", "number", "printed", "ours", "agrees"], 2);
         for n in &self.numbers {

@@ -72,7 +72,7 @@ pub struct Placed {
 pub struct PlacedDrive {
     /// The regime, relative to the motion.
     pub regime: &'static str,
-    /// The bridge's mode.
+    /// The mode of the bridge: "9/8", "6/2" or "5/0".
     pub mode: &'static str,
     /// Duty of the mode's first state, 0 to 1.
     pub duty: f64,

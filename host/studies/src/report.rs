@@ -70,7 +70,7 @@ impl RunReport {
         format!("{}\n\n{}", table::paragraph(&self.headline()), tables::all(self))
     }
 
-    /// The document for programs.
+    /// The results as JSON, for programs.
     pub fn json(&self, files: &[PathBuf]) -> serde_json::Value {
         let motors = self.scenario.motors.iter().zip(&self.measures);
         let motors: Vec<_> = motors

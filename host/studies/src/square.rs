@@ -151,7 +151,7 @@ fn calibrated([left, right]: [End; 2]) -> DriveBase {
     DriveBase { track_mm, counts_per_turn, ..BASE }
 }
 
-/// The squares as a page.
+/// A page with a table of all squares.
 pub fn page(all: &[Squares]) -> Page {
     let headings = [
         "heading by",

@@ -117,9 +117,9 @@ pub struct Motor {
     pub scheme: Scheme,
     /// Rule for duties within a regime.
     pub duty: DutyRule,
-    /// Effect of zero power.
+    /// Behaviour at power 0 or speed 0.
     pub zero_power: ZeroPower,
-    /// Effect of a fault.
+    /// Behaviour at a fault.
     pub on_fault: OnFault,
     /// The bridge; the hub is configured for it.
     pub bridge: BridgeConstants,

@@ -57,7 +57,7 @@ impl ChainLine {
         ChainEnd { line: self.clone(), hub }
     }
 
-    /// Begins a millisecond.
+    /// Sets the time of the line in milliseconds. A hub with the fault `Babbles` sends its bytes.
     pub(super) fn begin(&self, now_ms: u64) {
         let shared = &mut *self.0.borrow_mut();
         shared.now_ms = now_ms;

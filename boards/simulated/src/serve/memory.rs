@@ -21,7 +21,7 @@ pub enum MemoryError {
         /// Error of the operating system.
         error: io::Error,
     },
-    /// Another program has the file open.
+    /// Another served hub uses the file.
     #[error(
         "{path} is the store of another served hub, which still runs; give another file, or end that hub"
     )]

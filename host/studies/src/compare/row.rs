@@ -15,7 +15,7 @@ use simulated::trace::Trace;
 pub(super) struct Row {
     /// The variant's name.
     pub(super) variant: String,
-    /// The variant.
+    /// Scheme, duty rule and regulator of the variant.
     #[serde(flatten)]
     pub(super) of: Variant,
     /// The coefficients; null for a model, which has none.

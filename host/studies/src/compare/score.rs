@@ -33,9 +33,9 @@ const NEGLIGIBLE: f64 = 1.0;
 /// The best variants at one task in one column.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Winner {
-    /// The task's key.
+    /// Name of the task in files.
     pub(super) task: &'static str,
-    /// The column.
+    /// Name of the column.
     pub(super) column: &'static str,
     /// The best variant, and all variants that tie with it; empty if no variant has this measure without a fault.
     pub(super) variants: Vec<String>,
@@ -44,7 +44,7 @@ pub(super) struct Winner {
 /// The results of a variant over all tasks.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Score {
-    /// The variant.
+    /// Name of the variant.
     pub(super) variant: String,
     /// The coefficients; null for a model.
     pub(super) gains: Option<Gains>,

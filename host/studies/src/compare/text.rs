@@ -213,7 +213,7 @@ fn cells(row: &Row) -> Vec<String> {
     ]
 }
 
-/// P and I for tables.
+/// P and I as multiples of `f`, as text for tables; "-" for the model.
 fn words(gains: Option<Gains>) -> [String; 2] {
     gains.map_or(["-".to_owned(), "-".to_owned()], |Gains { p, i }| [p.to_string(), i.to_string()])
 }

@@ -15,9 +15,9 @@ use serde::Serialize;
 /// error of the speed whose back EMF is 12 V. D and F are 0.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Gains {
-    /// P / f.
+    /// P divided by `f`.
     pub(super) p: f64,
-    /// I / f, per second.
+    /// I divided by `f`, in 1/s.
     pub(super) i: f64,
 }
 

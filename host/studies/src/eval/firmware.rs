@@ -73,7 +73,7 @@ pub(super) fn bridge_state(case: &Case) -> Result<Value, CaseError> {
     Ok(with_fields(outputs, more))
 }
 
-/// The back-EMF constant in firmware units.
+/// The back-EMF constant in mV s/count: exact, and as the firmware's number with 20 binary places.
 pub(super) fn emf_constant(case: &Case) -> Result<Value, CaseError> {
     let exact = 1000.0 * TAU * case.positive("Ke")? / case.positive("countsPerRev")?;
     let q20 = constant(exact * Q20)?.to_bits();

@@ -11,7 +11,7 @@ use motor_hub::units::Control;
 pub(crate) struct Number {
     /// Section of the paper.
     pub(crate) section: &'static str,
-    /// The quantity.
+    /// Name of the quantity.
     pub(crate) name: &'static str,
     /// The number as printed.
     pub(crate) printed: &'static str,

@@ -15,7 +15,7 @@ use simulated::scenario::{Motor, Scenario, Timed};
 /// Control periods in milliseconds.
 pub const PERIODS: [u32; 4] = [1, 10, 50, 100];
 
-/// The battery, in volts.
+/// Voltage of the battery without load, in volts.
 const VOLTS: f64 = 12.0;
 /// A motor with a longer time constant, in seconds, also runs with the paper's inertia.
 const SLOW: f64 = 3.0;

@@ -181,7 +181,7 @@ struct State {
     speed: f64,
     /// Position in counts.
     counts: f64,
-    /// Largest error of `counts`.
+    /// Largest error of `counts`, in counts.
     slack: f64,
 }
 

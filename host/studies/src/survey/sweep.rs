@@ -93,7 +93,7 @@ pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
     all.into_iter().step_by(every.max(1)).collect()
 }
 
-/// The battery of the long sweep.
+/// Voltage of the battery in the long sweep.
 const VOLTS_LONG: Volts = Volts(12.0);
 
 /// Set-points: 0.7, 0.15, -0.5 and 0.3 of the free speed, then standstill; or to a position and back beyond the start.
