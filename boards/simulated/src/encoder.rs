@@ -11,9 +11,9 @@
 //!     decoder.count
 //! };
 //! assert_eq!(turn(Encoder::Sound), 28);
-//! The count changes by one and back, and does not grow.
+//! // The count changes by one and back, and does not grow.
 //! assert_eq!(turn(Encoder::Stuck { wire: Wire::A, high: false }), 0);
-//! One of seven slots is missing.
+//! // One of seven slots is missing.
 //! assert_eq!(turn(Encoder::MissingSlot { of: NonZeroU32::MIN.saturating_add(6) }), 24);
 //! ```
 

@@ -10,7 +10,7 @@
 //! use simulated::scenario::Scenario;
 //! use simulated::serve::{self, Hubs};
 //!
-//! The hub is served until the process ends. `motor-hub client --tcp 127.0.0.1:7070 status` finds the hub.
+//! // The hub is served until the process ends. `motor-hub client --tcp 127.0.0.1:7070 status` finds the hub.
 //! let line = serve::Line::tcp("127.0.0.1:7070")?;
 //! let hubs = Hubs::one(Address::DEFAULT);
 //! serve::run(&Scenario::default_one()?, &hubs, line, None, &mut |_| (), &mut |_| true)?;
