@@ -28,7 +28,9 @@ const SLOT: i64 = 4;
 const GLITCH_NS: (u64, u64) = (200, 500);
 /// Shortest and longest time in nanoseconds in which a loose wire has no contact.
 const BROKEN_NS: (u64, u64) = (1_000_000, 60_000_000);
+/// Shortest and longest time in nanoseconds in which a loose wire has contact.
 const MADE_NS: (u64, u64) = (1_000_000, 200_000_000);
+/// One second in nanoseconds.
 const SECOND_NS: u64 = 1_000_000_000;
 
 /// One of the two wires.

@@ -54,6 +54,7 @@ use std::pin::{Pin, pin};
 use std::task::Poll;
 use std::time::{Duration, Instant};
 
+/// Length of a step in real time.
 const STEP: Duration = Duration::from_millis(1);
 
 /// Bytes that the serial line of a hub carries in a step; each takes ten bits.

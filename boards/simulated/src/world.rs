@@ -49,6 +49,7 @@ use std::rc::Rc;
 const DIVIDER_OHMS: (u32, u32) = (47_000, 10_000);
 /// Supply of the chip: as on real boards it differs from the nominal 3.3 V.
 const RAIL_V: f64 = 3.27;
+/// Voltage of the chip's internal reference VREFINT.
 const VREFINT_V: f64 = 1.21;
 /// Calibration of VREFINT by the factory.
 const CALIBRATION: VrefintCalibration =
@@ -67,6 +68,7 @@ const TEMPERATURE_DECIDEGREES: i16 = 312;
 const IMU_MA: i32 = 12;
 /// Current of a small servo without load, in mA. A guess.
 const IDLE_SERVO_MA: i32 = 8;
+/// Largest reading of the 12-bit converter.
 const FULL_SCALE: f64 = 4095.0;
 /// Scale of the converter for currents.
 const SENSE_SCALE: SenseScale = SenseScale::VNH5019_CARRIER;

@@ -78,6 +78,7 @@ pub(crate) enum Changed {
     World,
 }
 
+/// The loops whose coefficients pages show.
 const LOOPS: [Loop; 2] = [Loop::Velocity, Loop::Position];
 
 impl Executor {

@@ -17,6 +17,7 @@ use toml::{Table, Value};
 /// Version of the document that this program writes and reads.
 const SCHEMA_VERSION: i64 = 1;
 
+/// First line of a document.
 const HEAD: &str = "# Settings of a motor hub: `motor-hub client settings import FILE` puts them in force.";
 
 /// The settings in force on a hub as a document.

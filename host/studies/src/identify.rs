@@ -13,8 +13,9 @@ use simulated::trace::{Sample, Trace};
 
 /// Start of the identification, in seconds. By this time the hub has measured its battery.
 const BEGIN_S: f64 = 0.5;
-/// Length of a run in seconds, for motors of usual inertia, and for the heaviest motors.
+/// Length of a run in seconds for motors of usual inertia.
 const USUAL_S: f64 = 5.0;
+/// Length of a run in seconds for the heaviest motors.
 const LONGEST_S: f64 = 30.0;
 /// A millivolt, in volts.
 const MV: f64 = 1e-3;

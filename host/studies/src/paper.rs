@@ -108,6 +108,7 @@ impl Document {
     }
 }
 
+/// Explains the estimate of the current below its table.
 const ESTIMATE: &str = "\
 The estimate includes the change of speed within the period: i_inf + (i_q - i_inf) phi + (i0 - i_q) tau_e/P.
 It scales all ordinates of a scheme by one factor, and moves the abscissas by Ke_eff/Ke, which is a few percent. The

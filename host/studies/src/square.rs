@@ -27,12 +27,13 @@ pub const BASE: DriveBase =
     DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
 /// True dimensions and slip of the base.
 const FLOOR: Floor = Floor { wheel_diameters_mm: [90.45, 89.55], track_mm: 306.0, slip_in_turns: 0.05 };
-/// Speed and acceleration of the wheels: 0.35 m/s and 0.7 m/s².
+/// Speed of the wheels in counts/s, which is 0.35 m/s.
 const SPEED_CPS: i32 = 2_080;
+/// Acceleration of the wheels in counts/s², which is 0.7 m/s².
 const ACCELERATION_CPS2: u32 = 4_160;
-/// Time from the start of a side or a turn to the start of the next motion, in seconds. The motions themselves are
-/// shorter.
+/// Time from the start of a side to the start of the next motion, in seconds. The motion on the side is shorter.
 const SIDE_S: f64 = 13.0;
+/// Time from the start of a turn to the start of the next motion, in seconds. The turn itself is shorter.
 const TURN_S: f64 = 2.5;
 /// Errors of a gyro. The scale error is the limit in the data sheet of a BNO055; the drift is what remains after the
 /// sensor's own calibration.

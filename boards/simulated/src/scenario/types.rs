@@ -217,8 +217,8 @@ pub struct Timed<T> {
 }
 
 impl Scenario {
-    /// Creates a run of these motors without expectations. It takes `duration_s` seconds, with a control period of 50
-    /// ms and a constant battery.
+    /// Creates a scenario of these motors without expectations. It takes `duration_s` seconds, with a control period of
+    /// 50 ms and a constant battery.
     pub fn new(name: &str, duration_s: f64, battery: Battery, motors: Vec<Motor>) -> Self {
         Self {
             name: name.to_owned(),

@@ -18,6 +18,7 @@ use motor_hub::model::si::{KgM2, NewtonMetres, Volts};
 
 /// Friction of a shaft that is held, as a multiple of the motor's stall torque at [`NOMINAL_V`].
 const HELD: f64 = 20.0;
+/// Voltage at which the stall torque for [`HELD`] is computed, in volts.
 const NOMINAL_V: f64 = 12.0;
 
 /// Interventions in battery and motors; `None` leaves a value to the scenario.

@@ -7,7 +7,9 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
+/// Size of a page in bytes.
 const PAGE: u32 = 16 * 1024;
+/// Size of the store in bytes.
 const SIZE: u32 = 2 * PAGE;
 
 /// Error of opening a file as the store of settings.

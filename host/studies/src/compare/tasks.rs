@@ -13,6 +13,7 @@ use simulated::scenario::{Configuration, Motor, Scenario, Timed};
 const FREE_CPS: f64 = 2720.0;
 /// Every task's length in seconds.
 const LENGTH_S: f64 = 7.0;
+/// Time of the event in most tasks, in seconds.
 const EVENT_S: f64 = 3.0;
 
 /// A task, and the time from which it is judged.

@@ -9,6 +9,7 @@ use super::{Round, TaskResult};
 use crate::page::Page;
 use crate::table::{self, Table};
 
+/// Explains the measures below the tables.
 const DEFINITIONS: &str = "\
 All measures are from the task's event on. Settling: time until the speed stays within 2 % of the new speed or of the
 step, whichever is more, and of 2 counts/s; a motor at standstill within 3 counts. It must stay there to the end, for a
@@ -20,6 +21,7 @@ error's size, counts. A variant that brakes least has the least jerk. Fault: the
 reverse drive, so the hub took the encoder for reversed and released the motor. Model: regulated by the motor's model
 with linear current; it has no coefficients, and motor and load are configured exactly.";
 
+/// Explains the signs of the variants below the table of winners.
 const SIGNS: &str = "Capitals: linear current. Small letters: linear duty. ': the motor's model. 0: no braking regime. \
                      *: all variants. -: no variant.";
 

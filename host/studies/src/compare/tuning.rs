@@ -24,7 +24,9 @@ pub(super) struct Gains {
 /// The coefficients of all variants in the first round.
 const SAME: Gains = Gains { p: 1.5, i: 7.5 };
 
+/// P of the candidates, as multiples of `f`.
 const P: [f64; 6] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0];
+/// I of the candidates, as multiples of `f`, in 1/s.
 const I: [f64; 4] = [4.0, 7.5, 11.0, 15.0];
 
 /// The candidates for each variant's best coefficients.
@@ -49,8 +51,9 @@ impl Gains {
     }
 }
 
-/// Weights of overshoot and limit cycle in the criterion, in seconds. The weight of the integral of |error| is 1.
+/// Weight of the overshoot in the criterion, in seconds. The weight of the integral of |error| is 1.
 const OF_OVERSHOOT_S: f64 = 0.2;
+/// Weight of the limit cycle in the criterion, in seconds.
 const OF_LIMIT_CYCLE_S: f64 = 1.0;
 
 /// Number of runs that find the best coefficients of all variants.

@@ -21,17 +21,22 @@ use std::f64::consts::TAU;
 /// whole range of speeds. No other constant resolves the back EMF finer.
 const FINEST: f64 = 64.0;
 
-/// Conditions of the printed bridge table, in millivolts: battery and diode drop, and a back EMF below
-/// and one above the battery voltage.
+/// Battery voltage for the printed bridge table, in millivolts.
 const BATTERY_MV: i32 = 12_000;
+/// Drop of a diode for the printed bridge table, in millivolts.
 const DIODE_MV: i32 = 700;
+/// Back EMF below the battery voltage for the printed bridge table, in millivolts.
 const EMF_MV: i32 = 5_000;
+/// Back EMF above the battery voltage for the printed bridge table, in millivolts.
 const OVERRUN_MV: i32 = 20_000;
 
+/// Scale of the firmware's back-EMF constant, which has 20 binary places.
 const Q20: f64 = (1 << 20) as f64;
+/// Largest control value in steps.
 const LARGEST_CONTROL: i64 = Control::MAX.get() as i64;
 /// Message for a battery voltage that the firmware cannot represent.
 const BATTERY: &str = "input Vbat must be 0.001 to 65.535 V";
+/// Largest speed that the firmware can represent, in counts/s.
 const LARGEST_CPS: i64 = 8_388_607;
 
 /// Default control values of a table for counter-clockwise motion.

@@ -13,10 +13,13 @@ use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
 use serde_json::{Value, json};
 use simulated::scheme::SchemeName;
 
-/// Default first columns of tables: times in s, duties, voltages in V.
+/// Default times of a table, in s.
 const TIMES: [f64; 8] = [0.0, 1e-5, 2.1e-4, 1e-3, 0.01, 0.05, 0.31, 3.0];
+/// Default duties of a table of currents.
 const DUTIES: [f64; 8] = [0.0, 0.02, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0];
+/// Default duties of a table of free speeds.
 const STEADY_DUTIES: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
+/// Default voltages of a table, in V.
 const VOLTAGES: [f64; 3] = [12.0, 0.0, -12.0];
 /// Default currents of a table. Positive numbers are shares of the largest forward current, and negative numbers are
 /// shares of the largest current against the motion.

@@ -8,6 +8,7 @@ use simulated::scenario::expectation::regime_name;
 use simulated::trace::{Sample, Trace};
 use std::fmt::Write;
 
+/// The first line of the file. Units are in the names.
 const HEADINGS: &str = "time_s,motor,label,battery_v,battery_measured_v,setpoint,setpoint_value,\
 position_counts,speed_cps,speed_estimate_cps,control,regime,mode,duty,mean_current_a,\
 energy_from_battery_j,energy_to_battery_j,external_torque_nm,settled,stalled,fault,encoder_fault,regulator,observed_load_a,schema_version\n";

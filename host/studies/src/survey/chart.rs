@@ -20,7 +20,9 @@ const SHOWN_S: f64 = 4.0;
 
 type Times = Vec<Option<f64>>;
 
+/// Name and colour of curves with the motor configured exactly.
 const CONFIGURED: (&str, &str) = ("configured exactly", colour::BLUE);
+/// Name and colour of curves with the motor not configured.
 const UNKNOWN: (&str, &str) = ("not configured", colour::RED);
 
 /// The tasks of the reference, at all periods.

@@ -15,10 +15,15 @@ use motor_hub::units::{CountsPerSecond, Period};
 use simulated::hardware::{MOTORS, REAL_BRIDGE};
 use simulated::scenario::{Motor, Scenario, Timed, UNLIMITED};
 
+/// Control periods in milliseconds.
 const PERIODS_MS: [u32; 4] = [1, 10, 50, 100];
+/// Voltages of the battery without load, in volts.
 const VOLTS: [f64; 3] = [6.5, 12.0, 14.5];
+/// Dry frictions in percent of the stall torque at 12 V.
 const FRICTION_PERCENT: [f64; 3] = [0.0, 20.0, 40.0];
+/// How the motors are configured.
 const KNOWLEDGE: [Knowledge; 2] = [Knowledge::Exact, Knowledge::Unknown];
+/// Length of a scenario of the sweep, in seconds.
 const DURATION_S: f64 = 6.0;
 
 /// Every `every`th of the scenarios, with four motors each, and how they are configured.
@@ -56,6 +61,7 @@ const FACTORS: [(Knowledge, f64); 4] = [
     (Knowledge::Heavier, 2.0),
     (Knowledge::Unknown, 1.0),
 ];
+/// Length of a scenario of the long sweep, in seconds.
 const LONG_S: f64 = 120.0;
 
 /// Every `every`th of the long scenarios, with one motor each, and how the motor is configured. A motor has 1 to 1000

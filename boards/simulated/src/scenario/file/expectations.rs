@@ -145,7 +145,9 @@ impl ExpectTable {
     }
 }
 
+/// Message for an expected heading error without a drive base.
 const HEADING_OF_BASE: &str = "heading_error_below_degrees needs a group with a base";
+/// Message for a quantity that a group does not have.
 const OF_GROUPS: &str =
     "an expectation of a group allows settles_within_s and heading_error_below_degrees only";
 
