@@ -145,7 +145,7 @@ impl Bno055 {
         }
     }
 
-    /// Reads registers, from the register after the last one that was read or written.
+    /// Reads registers. The first register is the one after the last register that was read or written.
     pub fn read(&mut self, bytes: &mut [u8]) {
         let measured = self.measured();
         for byte in bytes {

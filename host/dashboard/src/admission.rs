@@ -193,8 +193,8 @@ fn values<'a>(request: &'a Request, name: &str) -> Vec<Cow<'a, str>> {
     request.headers().get_all(name).iter().map(|value| String::from_utf8_lossy(value.as_bytes())).collect()
 }
 
-/// True if both are equal. The comparison takes the same time wherever the bytes differ, so that its time reveals
-/// nothing about the token.
+/// True if both are equal. The time of the comparison does not depend on the bytes that differ, so that the time
+/// reveals nothing about the token.
 fn is_same(one: &[u8], other: &[u8]) -> bool {
     one.len() == other.len()
         && one.iter().zip(other).fold(0, |differs, (one, other)| differs | (one ^ other)) == 0

@@ -1,7 +1,7 @@
 //! What a hub has besides motors: servos, analog inputs, digital pins and I2C buses.
 //!
-//! The hub ends the pulses of all servos and releases all digital outputs when its motors are stopped together: at
-//! STOP, when the page in control is gone, and when its host is silent.
+//! When all motors are stopped together, the hub also ends the pulses of all servos and releases all digital outputs.
+//! This happens at STOP, when the page in control is gone, and when the host is silent.
 
 use crate::frame::Message;
 use crate::hub::{Hub, RequestError};

@@ -20,7 +20,7 @@ pub type Hub = Session<Box<dyn Port>>;
 pub struct Opened {
     /// The session, with the hub that is shown first.
     pub session: Hub,
-    /// Addresses of the hubs. The first address is that of the hub on the line, which is the parent of a chain.
+    /// Addresses of the hubs. The first hub is the hub on the line, which is the parent of a chain.
     pub hubs: Vec<u8>,
 }
 

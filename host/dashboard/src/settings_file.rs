@@ -135,7 +135,7 @@ fn value(field: &Field, settings: &MotorSettings) -> Option<Value> {
 pub struct SettingsFile {
     /// The settings for each motor. A hub puts them in force in this order.
     pub motors: Vec<(u8, Vec<Values>)>,
-    /// The drive base. `None` leaves the base of the hub as it is.
+    /// The drive base. `None` does not change the base of the hub.
     pub base: Option<BaseSettings>,
 }
 

@@ -2,8 +2,8 @@
 //! once to the right. The results are the distance of the base from its start and the error of its heading at the end.
 //!
 //! The base differs from its configuration: the wheels differ by 1 %, the track is 2 % wider, and the wheels lose 5 %
-//! of each turn. The base drives by its encoders, by encoders that are calibrated by one run, and by three gyros: one
-//! without errors, one with a drift and a scale error, and the latter after a calibration of its scale. The hub's own
+//! of each turn. The heading is from the encoders, from encoders that are calibrated by one run, or from a gyro. The
+//! gyro has no errors, or a drift and a scale error, or both errors after a calibration of the scale. The hub's own
 //! tasks run on the simulated board, with the driver of the gyro and the simulated BNO055.
 
 use crate::StudyError;

@@ -102,7 +102,7 @@ numbers! {
     Stiffness(f64): 0.001, 100_000.0;
     /// Angle of a backlash at the output shaft, in degrees.
     Backlash(f64): 0.0, 90.0;
-    /// Temperature above that of a cold motor, in K.
+    /// Temperature above the temperature of a cold motor, in K.
     TemperatureRise(f64): 0.0, 200.0;
     /// Torque on an output shaft in N m.
     Torque(f64): -1000.0, 1000.0;

@@ -27,7 +27,7 @@ pub enum LineError {
     },
 }
 
-/// One kind of line. Its methods are those of [`Line`].
+/// One kind of line. The methods of [`Line`] call the methods of the same name.
 pub(super) trait HostLine: fmt::Debug + Send {
     fn receive(&mut self, bytes: &mut [u8]) -> usize;
     fn send(&mut self, bytes: &[u8]) -> usize;

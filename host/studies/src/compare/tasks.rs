@@ -25,7 +25,7 @@ pub(super) struct Task {
     pub(super) what: String,
     /// Time of the event in seconds. Measures are taken from this time on.
     pub(super) event_s: f64,
-    /// The scenario. Its scheme is replaced by that of a variant.
+    /// The scenario. Each variant replaces the scheme, the duty rule and the coefficients of the scenario.
     #[serde(skip)]
     pub(super) scenario: Scenario,
 }

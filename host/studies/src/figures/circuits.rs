@@ -11,23 +11,23 @@ const WIDTH: f64 = 400.0;
 const HEIGHT: f64 = 410.0;
 /// Height of the title above the circuits, in pixels.
 const TITLE: f64 = 96.0;
-/// x coordinate of the battery within a circuit, in pixels.
+/// The x coordinate of the battery within a circuit, in pixels.
 const BATTERY_X: f64 = 50.0;
-/// x coordinate of the left half of the bridge, in pixels.
+/// The x coordinate of the left half of the bridge, in pixels.
 const LEFT_X: f64 = 160.0;
-/// x coordinate of the right half of the bridge, in pixels.
+/// The x coordinate of the right half of the bridge, in pixels.
 const RIGHT_X: f64 = 310.0;
 /// Distance of a diode from its switch, in pixels.
 const DIODE: f64 = 38.0;
-/// y coordinate of the upper rail within a circuit, in pixels.
+/// The y coordinate of the upper rail within a circuit, in pixels.
 const TOP: f64 = 70.0;
-/// y coordinate of the middles of the upper switches, in pixels.
+/// The y coordinate of the middles of the upper switches, in pixels.
 const UPPER: f64 = 130.0;
-/// y coordinate of the motor, in pixels.
+/// The y coordinate of the motor, in pixels.
 const MOTOR: f64 = 190.0;
-/// y coordinate of the middles of the lower switches, in pixels.
+/// The y coordinate of the middles of the lower switches, in pixels.
 const LOWER: f64 = 250.0;
-/// y coordinate of the lower rail, in pixels.
+/// The y coordinate of the lower rail, in pixels.
 const BOTTOM: f64 = 310.0;
 /// Distance of coloured paths from the wires.
 const BESIDE: f64 = 7.0;

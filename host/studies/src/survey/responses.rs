@@ -119,8 +119,8 @@ pub struct Verdict {
     /// Seconds until the motor has [settled](crate::settling); `None` if the motor never settled.
     pub settling_s: Option<f64>,
     /// Largest error beyond the goal, in percent of the step. After a change of torque, the largest error in percent of
-    /// the speed. `None` for a step of less than 60 counts/s or 60 counts, for a torque on a motor that crawls or holds
-    /// a position, and where torque and speed change together.
+    /// the speed. `None` for a step of less than 60 counts/s or 60 counts. Also `None` for a torque on a motor that
+    /// crawls or holds a position, and if torque and speed change together.
     pub beyond_percent: Option<f64>,
     /// True if the error was beyond the band on both sides within the last second.
     pub cycles: bool,

@@ -53,8 +53,8 @@ pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
 
 /// Multiples of a rotor's inertia that a motor turns in the long sweep.
 const INERTIAS: [f64; 7] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1_000.0];
-/// How the motion is configured in the long sweep. 0.5 and 2 times the inertia are larger errors than those of
-/// [`Knowledge`].
+/// How the motion is configured in the long sweep. The factors 0.5 and 2 of the inertia are larger errors than the
+/// factors 0.7 and 1.4 of [`Knowledge`].
 const FACTORS: [(Knowledge, f64); 4] = [
     (Knowledge::Exact, 1.0),
     (Knowledge::Lighter, 0.5),

@@ -1,8 +1,8 @@
 //! A drive base that turns on the spot and drives a metre. The result is the largest difference between its heading and
 //! the heading of its references.
 //!
-//! The wheels are those of `tests/scenarios/drive-bases.toml`: two unequal NeveRest 60 under a robot of 6 kg, on wheels
-//! of 90 mm that are 300 mm apart.
+//! The drive base is the base in `tests/scenarios/drive-bases.toml`: two unequal NeveRest 60 under a robot of 6 kg, on
+//! wheels of 90 mm that are 300 mm apart.
 
 use super::{Figure, PERIODS, Row};
 use crate::StudyError;
@@ -67,7 +67,7 @@ fn degrees(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<f64,
     let mut heading = HeadingError::new(group, &scenario.motors).ok_or(StudyError::NoEvent)?;
     let mut largest = 0.0;
     without_tasks::run(&scenario, |moment| {
-        // Between two ticks the references are those of the last tick.
+        // Between two ticks the references do not change.
         if !moment.ms.is_multiple_of(period_ms.into()) {
             return;
         }
