@@ -1,4 +1,5 @@
-//! A BNO055, an inertial sensor with fusion, by its registers (data sheet 1.4). It stands on a drive base, flat, and turns with it.
+//! Simulates the registers of a BNO055, an inertial sensor with sensor fusion (data sheet 1.4). The sensor lies flat on
+//! a drive base and turns with the base.
 //!
 //! ```
 //! use simulated::bno055::Bno055;
@@ -19,7 +20,7 @@ use crate::scenario::numbers::{Drift, ScaleError, within};
 use serde::Deserialize;
 use std::f64::consts::TAU;
 
-/// Registers. A register of 16 bits has the number of its first byte.
+/// Numbers of registers. The number of a 16-bit register is the number of its first byte.
 mod register {
     pub(super) const PAGE: u8 = 0x07;
     pub(super) const ACCELERATION: u8 = 0x08;
@@ -65,7 +66,7 @@ pub struct GyroErrors {
     pub scale_error: f64,
 }
 
-/// The sensor.
+/// A simulated BNO055.
 #[derive(Clone, Debug)]
 pub struct Bno055 {
     /// Errors of the gyro.
@@ -82,7 +83,7 @@ pub struct Bno055 {
     /// Time at which the sensor answers, after a reset.
     answers_at_s: f64,
     now_s: f64,
-    /// Measured angle when the fusion started, in radians.
+    /// Measured angle at the last change of mode, in radians. The heading of the fusion starts at 0 there.
     start_rad: f64,
     /// Angle by which the base seems to have turned left, in radians.
     turned_rad: f64,
@@ -113,8 +114,8 @@ impl Default for Bno055 {
 }
 
 impl Bno055 {
-    /// Lets `time_s` seconds pass. After this time the base has turned left by `turned_rad` since the start, and turns at
-    /// `rate_rad_s`.
+    /// Lets `time_s` seconds pass. After this time the base has turned left by `turned_rad` since the start, and turns
+    /// at `rate_rad_s`.
     pub fn run(&mut self, time_s: f64, turned_rad: f64, rate_rad_s: f64) {
         self.now_s += time_s;
         let GyroErrors { drift_degrees_per_min, scale_error } = self.errors;
@@ -133,7 +134,8 @@ impl Bno055 {
         self.now_s >= self.answers_at_s
     }
 
-    /// Writes bytes. The first byte is the number of a register, the next bytes are the contents of this register and the next ones.
+    /// Writes bytes. The first byte is the number of a register. The next bytes are written to this register and to the
+    /// registers after it.
     pub fn write(&mut self, bytes: &[u8]) {
         let Some((register, contents)) = bytes.split_first() else { return };
         self.next = register & 0x7F;
@@ -143,7 +145,7 @@ impl Bno055 {
         }
     }
 
-    /// Reads the next registers.
+    /// Reads registers. The first register is the one after the last register that was read or written.
     pub fn read(&mut self, bytes: &mut [u8]) {
         let measured = self.measured();
         for byte in bytes {
@@ -195,8 +197,8 @@ impl Bno055 {
         }
     }
 
-    /// Returns the contents of all registers with measured values. All are 0 in the configuration mode, and results of the fusion are 0
-    /// in modes without fusion.
+    /// Returns the contents of all registers with measured values. All are 0 in the configuration mode, and results of
+    /// the fusion are 0 in modes without fusion.
     fn measured(&self) -> [u8; 128] {
         let mut registers = [0; 128];
         if self.mode == CONFIGURATION {

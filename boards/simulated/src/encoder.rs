@@ -11,9 +11,9 @@
 //!     decoder.count
 //! };
 //! assert_eq!(turn(Encoder::Sound), 28);
-//! // It trembles, and goes nowhere.
+//! // The count changes by one and back, and does not grow.
 //! assert_eq!(turn(Encoder::Stuck { wire: Wire::A, high: false }), 0);
-//! // Of seven slots one is missing.
+//! // One of seven slots is missing.
 //! assert_eq!(turn(Encoder::MissingSlot { of: NonZeroU32::MIN.saturating_add(6) }), 24);
 //! ```
 
@@ -22,13 +22,15 @@ use std::num::NonZeroU32;
 /// Levels of A and B; true is high.
 pub type Levels = [bool; 2];
 
-/// Counts per slot.
+/// Counts per slot of the encoder's disc.
 const SLOT: i64 = 4;
 /// Shortest and longest duration of a glitch in nanoseconds.
 const GLITCH_NS: (u64, u64) = (200, 500);
 /// Shortest and longest time in nanoseconds in which a loose wire has no contact.
 const BROKEN_NS: (u64, u64) = (1_000_000, 60_000_000);
+/// Shortest and longest time in nanoseconds in which a loose wire has contact.
 const MADE_NS: (u64, u64) = (1_000_000, 200_000_000);
+/// One second in nanoseconds.
 const SECOND_NS: u64 = 1_000_000_000;
 
 /// One of the two wires.
@@ -43,7 +45,7 @@ pub enum Wire {
 /// Condition of an encoder and its wires. A line that is not driven is pulled up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Encoder {
-    /// Sound.
+    /// Encoder and wires work.
     #[default]
     Sound,
     /// A and B are swapped.
@@ -57,7 +59,7 @@ pub enum Encoder {
         /// True if the wire is stuck high.
         high: bool,
     },
-    /// A wire makes contact now and then: for 1 to 200 ms, and not for 1 to 60 ms.
+    /// A wire has contact for 1 to 200 ms, then no contact for 1 to 60 ms, and so on at random.
     Loose {
         /// The wire.
         wire: Wire,
@@ -143,7 +145,8 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// Takes new levels of the wires. If both wires change together, the direction is unknown, and nothing is counted.
+    /// Updates the count by new levels of the wires. If both wires change together, the direction is unknown, and
+    /// nothing is counted.
     pub fn see(&mut self, levels: Levels) {
         let place = |[a, b]: Levels| match (a, b) {
             (false, false) => 0,
@@ -165,11 +168,11 @@ impl Decoder {
 pub(crate) struct Counter {
     encoder: Encoder,
     to_come: std::iter::Peekable<Disturbances>,
-    /// Time of the last change of condition.
+    /// Time of the last change of condition. The disturbances count from this time.
     since_ns: u64,
     disturbed: Option<Wire>,
     decoder: Decoder,
-    /// Count of the shaft and its time.
+    /// Count of the shaft at the time `now_ns`.
     shaft: i64,
     now_ns: u64,
     seed: u64,
@@ -272,7 +275,7 @@ mod tests {
 
     #[test]
     fn a_loose_wire_loses_what_comes_while_it_has_no_contact() {
-        // Without contact for 30 of 130 ms.
+        // The wire has no contact for 30 of 130 ms on average.
         let share = counted(Encoder::Loose { wire: Wire::B }) as f64 / 10_000.0;
         assert!((0.6..0.9).contains(&share), "{share}");
     }
@@ -284,7 +287,7 @@ mod tests {
             let begun = glitches.disturbances(1).take_while(|(at, _)| *at < 10 * SECOND_NS);
             let begun = begun.filter(|(_, wire)| wire.is_some()).count() as f64 / 10.0;
             assert!((begun / f64::from(rate) - 1.0).abs() < 0.1, "{begun} a second");
-            // Unless a sample falls into one.
+            // The last sample may fall into a glitch; then the count is off by one.
             assert!((counted(glitches) - 10_000).abs() <= 1);
         }
     }

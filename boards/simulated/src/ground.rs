@@ -1,4 +1,4 @@
-//! The ground under a drive base: where the base truly is, as its wheels turn.
+//! True position and heading of a drive base, computed from the angles of its wheels.
 //!
 //! ```
 //! use simulated::ground::{Floor, Ground};
@@ -18,13 +18,15 @@ use serde::{Deserialize, Deserializer};
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Floor {
-    /// Diameters of the left and the right wheel in mm. Negative for a wheel that drives backward when its motor turns CW.
+    /// Diameters of the left and the right wheel in mm. Negative for a wheel that drives backward when its motor turns
+    /// CW.
     #[serde(deserialize_with = "wheel_diameters")]
     pub wheel_diameters_mm: [f64; 2],
     /// Distance between the centres of the wheels in mm.
     #[serde(deserialize_with = "within::<Length, _, _>")]
     pub track_mm: f64,
-    /// Part of a turn that is lost because the wheels slip, 0 to 1. The distance of the base is not changed.
+    /// Share of each turn of the base that is lost because the wheels slip, 0 to 1. The travelled distance is not
+    /// reduced.
     #[serde(deserialize_with = "within::<Slip, _, _>")]
     pub slip_in_turns: f64,
 }
@@ -71,7 +73,7 @@ impl Ground {
         self.pose.heading_degrees += turned_rad.to_degrees();
     }
 
-    /// Where the base is.
+    /// True position and heading of the base.
     pub const fn pose(&self) -> Pose {
         self.pose
     }

@@ -24,11 +24,11 @@ pub const MOTORS: usize = 4;
 /// An ideal bridge: it switches without delay and accepts any duty. Scenarios have ideal bridges by default.
 pub const BRIDGE: BridgeConstants = BridgeConstants::IDEAL;
 
-/// The real bridge, with its timing.
+/// Constants of the real bridge, a VNH5019, with its switching times.
 pub const REAL_BRIDGE: BridgeConstants = BridgeConstants::VNH5019;
 
-/// Diameter of the wheels of the drive base that the inertial sensor stands on, in mm. Motor 0 drives the left wheel, motor 1 the
-/// right one, and both drive forward when they turn CW.
+/// Diameter of the wheels of the drive base that the inertial sensor stands on, in mm. Motor 0 drives the left wheel,
+/// motor 1 the right one, and both drive forward when they turn CW.
 pub const WHEEL_DIAMETER_MM: f64 = 90.0;
 
 /// Distance between the centres of the wheels, in mm.
@@ -37,7 +37,7 @@ pub const TRACK_MM: f64 = 300.0;
 /// Returns the winding constants that the firmware is configured with.
 ///
 /// # Errors
-/// If one of its constants does not fit the firmware's range.
+/// If a constant of the motor does not fit the firmware's range.
 pub fn winding(motor: &Motor) -> Result<Winding, RangeError> {
     Ok(Winding {
         emf: EmfConstant::from_ke(motor.ke.0, motor.counts_per_rev_motor)?,
@@ -47,8 +47,8 @@ pub fn winding(motor: &Motor) -> Result<Winding, RangeError> {
 }
 
 /// Returns a thermal limit for a motor whose data sheet gives none: the continuous current is a third of the stall
-/// current at 12 V. An AM 60 A then heats its winding by 4.4 W; a stall heats it by 40 W. The time constants are the
-/// usual ones. This is a cautious guess, not a measurement.
+/// current at 12 V. An AM 60 A then heats its winding by 4.4 W; a stall heats it by 40 W. The time constants have their
+/// usual values. This is a cautious guess, not a measurement.
 ///
 /// # Errors
 /// If the continuous current does not fit the firmware's range.

@@ -26,11 +26,11 @@ pub enum Fault {
     None,
     /// No device acknowledges its address.
     NoAcknowledge,
-    /// In the first transfer a device begins to hold SDA low, until the bus is freed.
+    /// From the first transfer on, a device holds SDA low until the bus is freed.
     StuckData,
     /// A reset of the hub has interrupted a transfer: a device holds SDA low until the bus is freed.
     Interrupted,
-    /// A device holds SCL low for ever.
+    /// A device holds SCL low and never releases it.
     StuckClock,
     /// The devices stretch the clock for 30 ms in each transfer.
     Stretching,

@@ -1,4 +1,5 @@
-//! The hub's ends of the simulated board's I2C buses: the time that a transfer takes, and what a fault of the bus does to it.
+//! The hub's ends of the I2C buses of the simulated board. A transfer takes the time of its bits. A fault of the bus
+//! makes the transfer fail, hang or take longer.
 
 use crate::i2c::Fault;
 use crate::world::Board;

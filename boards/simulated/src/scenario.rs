@@ -1,7 +1,8 @@
 //! Scenarios: motors with loads, and their set-points over time.
 //!
-//! A scenario is a TOML file; `docs/reference/scenarios.md` lists its keys. [`Scenario::parse`] reads a file. An error names
-//! file, line and column of what is unknown, out of range or contradictory. A `Scenario` with expectations is a test.
+//! A scenario is a TOML file; `docs/reference/scenarios.md` lists its keys. [`Scenario::parse`] reads a file. An error
+//! names file, line and column of what is unknown, out of range or contradictory. A `Scenario` with expectations is a
+//! test.
 //!
 //! ```
 //! use simulated::scenario::Scenario;
@@ -30,22 +31,22 @@ pub use types::{
     Attached, Bus, Configuration, ConfiguredMotion, Group, LONGEST_S, Motor, Scenario, Timed, UNLIMITED,
 };
 
-/// Dry friction of motors that are served, of their stall torque at 12 V.
+/// Dry friction of the motors of the served scenario, as a share of their stall torque at 12 V.
 const SERVED_FRICTION: f64 = 0.06;
 
-/// The motor of the fan when it is served. Hosts' usual coefficients of velocity loops suit motors of some 2500 counts/s.
-/// The scenario's own NeveRest 3.7 turns at 650 counts/s, and needs five seconds with P 2, I 0.5, F 11.1, with a load or
-/// without.
+/// Motor of the fan in the served scenario. The usual velocity coefficients of hosts suit motors of some 2500 counts/s.
+/// The NeveRest 3.7 of the default scenario turns at 650 counts/s. With P 2, I 0.5 and F 11.1 it needs five seconds to
+/// settle, with a load or without.
 const SERVED_FAN: &str = "NeveRest 20";
 
-/// The scenario without a file.
+/// File name and text of the default scenario.
 const DEFAULT: (&str, &str) = ("scenarios/default.toml", include_str!("../scenarios/default.toml"));
 
 impl Scenario {
-    /// Reads a scenario; `file` is its name in errors.
+    /// Reads the text of a scenario. Errors have the file name `file`.
     ///
     /// # Errors
-    /// [`ScenarioError::Wrong`]; shown, it is one line.
+    /// [`ScenarioError::Wrong`], whose message is one line.
     pub fn parse(file: &str, text: &str) -> Result<Self, ScenarioError> {
         file::read(text, true).map_err(|fault| fault.in_file(file, text))
     }
@@ -59,7 +60,7 @@ impl Scenario {
         Self::parse(&file, &text)
     }
 
-    /// Reads a scenario file for a host that commands the motors: it needs no set-points.
+    /// Reads a scenario file for a host that commands the motors. The scenario needs no set-points.
     ///
     /// # Errors
     /// As [`Scenario::load`].
@@ -68,8 +69,9 @@ impl Scenario {
         file::read(&text, false).map_err(|fault| fault.in_file(&file, &text))
     }
 
-    /// The served scenario without a file: motors and loads of the default scenario, without torques, all under Scheme A.
-    /// Dry friction stops the motors about as soon as real gear motors. A NeveRest 20 drives the fan.
+    /// The scenario that is served if no file is given. It has the motors and loads of the default scenario, without
+    /// torques, all under Scheme A. Dry friction stops the motors in about the same time as real gear motors. A
+    /// NeveRest 20 drives the fan.
     ///
     /// The scenario is not read from a file, so that a program that only serves it holds no parser of scenario files.
     #[must_use]
@@ -99,10 +101,10 @@ impl Scenario {
         Self::new("Four motors", LONGEST_S, battery, motors.into_iter().filter_map(served).collect())
     }
 
-    /// The program's own scenario.
+    /// The default scenario, which is part of the program.
     ///
     /// # Errors
-    /// None, as a test makes sure.
+    /// None: a test checks that the scenario is valid.
     pub fn default_one() -> Result<Self, ScenarioError> {
         let (file, text) = DEFAULT;
         Self::parse(file, text)

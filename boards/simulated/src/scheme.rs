@@ -1,4 +1,4 @@
-//! Names of a scheme: `none`, `A` to `D`, and for D a blend; and a duty rule. Scenario files and the
+//! Words for schemes (`none`, `A` to `D`), for the blend of scheme D, and for duty rules. Scenario files and the
 //! command line share these words.
 //!
 //! ```
@@ -16,7 +16,7 @@ use serde::Deserialize;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
 use std::str::FromStr;
 
-/// A scheme's name. It is read in either case.
+/// A scheme's name. Upper and lower case are accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub enum SchemeName {
@@ -43,7 +43,7 @@ pub enum BlendError {
     /// The blend is neither a number from 0 to 1 nor "auto".
     #[error("a blend is a number from 0 (scheme B) to 1 (scheme C), or \"auto\"")]
     OutOfRange,
-    /// Another scheme has no blend.
+    /// A blend is given with a scheme other than D.
     #[error("a blend is allowed with scheme D only")]
     NotD,
 }
@@ -77,7 +77,7 @@ impl TryFrom<String> for SchemeName {
 }
 
 impl SchemeName {
-    /// The scheme that the firmware is set to. Scheme D without a blend blends automatically.
+    /// Returns the scheme for the firmware. Scheme D without a blend blends automatically.
     pub fn with_blend(self, blend: Option<BlendChoice>) -> Result<Scheme, BlendError> {
         match (self, blend) {
             (Self::D, None) => Ok(Scheme::D(Blend::Automatic)),
@@ -113,7 +113,7 @@ impl FromStr for BlendChoice {
     }
 }
 
-/// A blend as files have it.
+/// A blend in a file: a number, or "auto".
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "a blend is a number from 0 to 1, or \"auto\"")]
 enum NumberOrAuto {
@@ -132,7 +132,7 @@ impl TryFrom<NumberOrAuto> for BlendChoice {
     }
 }
 
-/// A scheme in JSON: `scheme` and `blend` as they are typed. The blend is null but for D.
+/// A scheme in JSON: `scheme` and `blend` as a user types them. `blend` is null for all schemes but D.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SchemeWords(pub Scheme);
 

@@ -10,7 +10,7 @@
 //! use simulated::scenario::Scenario;
 //! use simulated::serve::{self, Hubs};
 //!
-//! // Until the process ends: `motor-hub client --tcp 127.0.0.1:7070 status` finds it.
+//! // The hub is served until the process ends. `motor-hub client --tcp 127.0.0.1:7070 status` finds the hub.
 //! let line = serve::Line::tcp("127.0.0.1:7070")?;
 //! let hubs = Hubs::one(Address::DEFAULT);
 //! serve::run(&Scenario::default_one()?, &hubs, line, None, &mut |_| (), &mut |_| true)?;
@@ -54,17 +54,18 @@ use std::pin::{Pin, pin};
 use std::task::Poll;
 use std::time::{Duration, Instant};
 
+/// Length of a step in real time.
 const STEP: Duration = Duration::from_millis(1);
 
 /// Bytes that the serial line of a hub carries in a step; each takes ten bits.
 pub const BYTES_A_STEP: usize = (BAUD / 10 / 1000) as usize;
 
-/// Largest delay behind real time that is caught up. A longer delay is given up, because the hub would run a burst of
-/// steps.
+/// Largest delay behind real time that is caught up. A longer delay is not caught up, because the hub would run many
+/// steps at a time.
 const LATE: Duration = Duration::from_millis(100);
 
-/// Calls `step` with its number, from 0, and the time that was lost so far because steps took longer, once a millisecond of
-/// real time, until it returns false.
+/// Calls `step` once per millisecond of real time until it returns false. The arguments are the number of the step,
+/// from 0, and the real time that was given up so far because steps took too long.
 ///
 /// # Errors
 /// Returns the errors of `step`.
@@ -91,7 +92,7 @@ pub fn pace<E>(mut step: impl FnMut(u64, Duration) -> Result<bool, E>) -> Result
 pub struct Moment<'a> {
     /// Seconds since the start.
     pub at_s: f64,
-    /// True if motors can be enabled.
+    /// True if the hub has measured its battery, so that motors can be enabled.
     pub awake: bool,
     /// True if a host is on the line: see [`Line::is_taken`].
     pub taken: bool,
@@ -116,7 +117,7 @@ pub fn line_on(battery_v: f64, motors: impl Iterator<Item = (f64, Drive)>) -> St
 pub struct Hubs {
     /// The address of each hub. The first hub has the line to the host; the others are behind it.
     addresses: Vec<Address>,
-    /// The line between them.
+    /// The chain line between the hubs.
     pub line: ChainLine,
 }
 
@@ -135,11 +136,11 @@ impl Hubs {
     }
 }
 
-/// Serves the hubs of a scenario with their motors, loads and batteries. Their set-points are left to the host. With a
-/// `memory` the settings of the first hub outlast the program.
+/// Serves the hubs of a scenario with their motors, loads and batteries. The host gives the set-points. With a `memory`
+/// the settings of the first hub outlast the program.
 ///
-/// Every millisecond `intervene` is called, and may change the interventions in battery and motors of the first hub. Then
-/// `show` is called. The hubs are served until `show` returns false.
+/// Every millisecond `intervene` is called, and may change the interventions in battery and motors of the first hub.
+/// Then `show` is called. The hubs are served until `show` returns false.
 ///
 /// # Errors
 /// If a motor's constants do not fit the firmware, or if a hub's watchdog was not fed.
@@ -253,7 +254,7 @@ pub async fn steps(
     let (mut interventions, mut begun_s) = (Interventions::default(), 0.0);
     for step in 0_u64.. {
         let at_s = step as f64 * sim::STEP_S;
-        // Bytes may have arrived; the lines have no waker.
+        // Bytes may have arrived, and the lines have no waker. So all tasks are polled.
         left.set(BYTES_A_STEP);
         hubs.line.begin(step);
         loop {
@@ -315,8 +316,8 @@ pub async fn steps(
 struct End<'a> {
     /// `None` for a hub without a host.
     line: Option<&'a RefCell<Line>>,
-    /// Bytes that may still be received in this step. Without a limit, a host that never pauses would keep the step from
-    /// ending.
+    /// Bytes that may still be received in this step. Without a limit, a host that never pauses would keep the step
+    /// from ending.
     left: &'a Cell<usize>,
 }
 

@@ -1,8 +1,8 @@
 //! Runs the hub's own tasks against the world, in virtual time.
 //!
-//! The tasks are one future, which is polled when its waker asks for it. Between polls the clock of the mock time
-//! driver and the plants advance together by a millisecond. The encoders are sampled at the same interval, so the hub
-//! misses nothing.
+//! All tasks are parts of one future, which is polled after its waker was called. Between polls the clock of the mock
+//! time driver and the plants advance together by a millisecond. The hub samples its encoders at the same interval, so
+//! no sample falls between two steps.
 //!
 //! ```
 //! use simulated::{scenario::Scenario, sim};
@@ -61,7 +61,7 @@ pub enum RunError {
 /// Step of the clock and of the world in seconds.
 pub(crate) const STEP_S: f64 = 1e-3;
 
-/// The hub's wires.
+/// Channels and signals between the tasks of the hub.
 pub(crate) type Wires = tasks::Wires<NoopRawMutex, MOTORS>;
 
 /// Set by a waker: the tasks have something to do.
@@ -73,7 +73,7 @@ impl Wake for Flag {
     }
 }
 
-/// Polls one future that never ends, when its waker says so.
+/// Polls a future that never ends, whenever its waker was called.
 pub(crate) struct Executor {
     flag: Arc<Flag>,
     waker: Waker,
@@ -85,12 +85,12 @@ impl Executor {
         Self { waker: Waker::from(flag.clone()), flag }
     }
 
-    /// Polls the future at the next run, though no waker has asked for it.
+    /// Makes the next call of `run` poll the future, even if the waker was not called.
     pub(crate) fn wake(&self) {
         self.waker.wake_by_ref();
     }
 
-    /// Polls the future until its waker is quiet.
+    /// Polls the future until the waker is no longer called.
     pub(crate) fn run<T>(&self, mut future: Pin<&mut (impl Future<Output = T> + ?Sized)>) {
         while self.flag.0.swap(false, Ordering::Relaxed) {
             // The tasks never end, so there is no result to look at.
@@ -159,7 +159,7 @@ pub(crate) fn change(scenario: &Scenario, board: &Board, now_s: f64) {
     }
 }
 
-/// Connects something else to the pins and the I2C buses.
+/// Changes what is connected to the pins and the I2C buses.
 fn connect(board: &Board, change: &Attached) {
     for (input, volts) in change.analog_v.iter().enumerate() {
         board.set_analog(input, *volts);
@@ -181,7 +181,7 @@ pub(crate) fn torques(scenario: &Scenario, now_s: f64) -> Vec<f64> {
 
 /// Runs a scenario. `progress` is called from time to time with the virtual time in seconds.
 ///
-/// The time driver is one for the whole process, so only one run at a time is possible in it.
+/// All runs of a process share its only time driver. So a process can do only one run at a time.
 ///
 /// # Errors
 /// If a motor's constants do not fit the firmware, or if the hub's watchdog was not fed.
@@ -202,7 +202,7 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
         if let Some(snapshot) = snapshots.try_changed() {
             trace.ticks.push(observe(&board, &settings, &snapshot, &torques));
         }
-        // A division, so that 7.95 s is the number that a scenario file writes so.
+        // A division gives the same number as the text 7.95 in a scenario file.
         trace.push_motion(step as f64 / 1e3, board.view().motors);
         let flows = advance(scenario, &board, now_s, &torques);
         for (sample, flow) in
@@ -217,7 +217,8 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
     if board.starved() { Err(RunError::Starved) } else { Ok(trace) }
 }
 
-/// Returns the settings of every channel. A channel without a motor is never enabled.
+/// Returns the settings of every channel. A channel without a motor has the settings of the first motor, and is never
+/// enabled.
 pub(crate) fn all_settings(motors: &[Motor]) -> Result<[Settings; MOTORS], RunError> {
     let spare = motors.first().ok_or(RunError::NoMotors)?;
     let mut settings = [settings_of(spare)?; MOTORS];

@@ -42,13 +42,13 @@ pub struct Point {
 pub struct Tick {
     /// Seconds since the start.
     pub at_s: f64,
-    /// Voltage at the battery's terminals.
+    /// True voltage at the battery's terminals.
     pub battery_v: f64,
     /// Voltage that the hub has measured; `None` without a measurement.
     pub measured_v: Option<f64>,
-    /// The hub's drive base; `None` without one, and on an emulated chip.
+    /// State of the drive base in the hub; `None` without a drive base, and on an emulated chip.
     pub base: Option<BaseState>,
-    /// Where the drive base truly is; the origin on an emulated chip.
+    /// True position and heading of the drive base; the origin on an emulated chip.
     pub pose: Pose,
     /// Samples of the motors.
     pub motors: Vec<Sample>,

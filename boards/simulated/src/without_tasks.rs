@@ -1,7 +1,7 @@
-//! Runs a scenario without tasks and clock. Encoders, battery, hub and bridges take their steps one after the other, as
-//! the tasks of a board do that is never late. Runs on several threads do not disturb each other. The results are those
-//! of [`sim::run`], with one exception: the hub reacts to a bus that leaves its quiet voltages within a tenth of a
-//! millisecond, as on a chip. The time driver of the tasks needs a whole millisecond.
+//! Runs a scenario without tasks and clock. Encoders, battery, hub and bridges take their steps one after the other,
+//! like the tasks of a board that are never late. Runs on several threads do not disturb each other. The results are
+//! equal to the results of [`sim::run`], with one exception. When the voltage of a bus leaves its quiet range, the hub
+//! reacts within 0.1 ms, as on a chip. In [`sim::run`] the hub reacts within 1 ms, the step of the time driver.
 //!
 //! ```
 //! use simulated::{scenario::Scenario, without_tasks};
@@ -113,7 +113,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
         let now_s = ms as f64 * STEP_S;
         sim::change(scenario, &board, now_s);
         let torques = sim::torques(scenario, now_s);
-        // Without a capacitor the voltage leaves no limit within a millisecond.
+        // Without a capacitor the voltage is not watched within a millisecond.
         let parts = if scenario.bus.is_some() { PARTS } else { 1 };
         for part in 1..=parts {
             board.run(Seconds(STEP_S / parts as f64), &torques);
@@ -133,7 +133,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
 
 fn obey(hub: &mut Hub<MOTORS>, waiting: &mut Vec<Command>) {
     for command in waiting.drain(..) {
-        // The motors of a scenario exist.
+        // No command fails, because the motors of a scenario exist.
         let _ = hub.apply(command);
     }
 }

@@ -45,10 +45,11 @@ use std::cell::RefCell;
 use std::ops::RangeInclusive;
 use std::rc::Rc;
 
-/// The bus's divider: 47 k over 10 k brings 18 V within the converter's range. Higher voltages read as 18 V.
+/// The bus's divider: 47 k over 10 k brings up to 18.6 V within the converter's range. Higher voltages read as 18.6 V.
 const DIVIDER_OHMS: (u32, u32) = (47_000, 10_000);
 /// Supply of the chip: as on real boards it differs from the nominal 3.3 V.
 const RAIL_V: f64 = 3.27;
+/// Voltage of the chip's internal reference VREFINT.
 const VREFINT_V: f64 = 1.21;
 /// Calibration of VREFINT by the factory.
 const CALIBRATION: VrefintCalibration =
@@ -67,6 +68,7 @@ const TEMPERATURE_DECIDEGREES: i16 = 312;
 const IMU_MA: i32 = 12;
 /// Current of a small servo without load, in mA. A guess.
 const IDLE_SERVO_MA: i32 = 8;
+/// Largest reading of the 12-bit converter.
 const FULL_SCALE: f64 = 4095.0;
 /// Scale of the converter for currents.
 const SENSE_SCALE: SenseScale = SenseScale::VNH5019_CARRIER;
@@ -84,7 +86,7 @@ pub struct World {
     counters: Vec<Counter>,
     /// Current-sense lines, and the amperes that their bridges sensed in the last run.
     lines: [(CurrentLine, f64); MOTORS],
-    /// Bridges that have switched themselves off, until their lines go low.
+    /// True for a bridge that has switched itself off. The bridge stays off until it is commanded to coast.
     faults: [bool; MOTORS],
     /// Levels of the digital pins from outside: bit i is pin i. Pins that are not driven are pulled up.
     outside: u8,
@@ -102,7 +104,7 @@ pub struct World {
     starved: bool,
 }
 
-/// The board: handles to one world, one for each task.
+/// The board. Each task has a copy; all copies refer to the same world.
 #[derive(Clone)]
 pub struct Board(Rc<RefCell<World>>);
 
@@ -169,14 +171,14 @@ impl Board {
         self.0.borrow_mut().rig.battery.emf = emf;
     }
 
-    /// Connects an encoder differently, from now on.
+    /// Changes the condition of a motor's encoder.
     pub fn set_encoder(&self, motor: usize, encoder: Encoder) {
         if let Some(counter) = self.0.borrow_mut().counters.get_mut(motor) {
             counter.connect(encoder);
         }
     }
 
-    /// Connects a current-sense line differently, from now on.
+    /// Changes the condition of a motor's current-sense line.
     pub fn set_current_line(&self, motor: usize, line: CurrentLine) {
         if let Some((of, _)) = self.0.borrow_mut().lines.get_mut(motor) {
             *of = line;
@@ -190,7 +192,7 @@ impl Board {
         }
     }
 
-    /// Puts a train between a motor and its load.
+    /// Puts a train between a motor and its load: backlash and a compliant shaft.
     pub fn set_train(&self, motor: usize, train: Train) {
         if let Some(plant) = self.0.borrow_mut().rig.plants.get_mut(motor) {
             *plant = plant.clone().with_train(train);
@@ -211,7 +213,7 @@ impl Board {
         }
     }
 
-    /// Presses or releases something that connects a digital pin to ground, 0 to 7.
+    /// Connects a digital pin, 0 to 7, to ground, or disconnects the pin from ground, as a push-button does.
     pub fn press(&self, pin: u8, pressed: bool) {
         let bit = bit(pin);
         let outside = &mut self.0.borrow_mut().outside;
@@ -301,7 +303,7 @@ impl Board {
         flows
     }
 
-    /// Looks at everything.
+    /// Returns the state of the world.
     pub fn view(&self) -> View {
         let world = self.0.borrow();
         let motors = world.rig.plants.iter().map(|plant| {
@@ -313,7 +315,7 @@ impl Board {
         View { battery_v, highest_v, shut_down, motors: motors.collect() }
     }
 
-    /// True if the battery's voltage is none of these, for a converter without noise.
+    /// True if the true voltage of the battery is outside this range.
     pub(crate) fn has_left(&self, quiet: &RangeInclusive<Millivolts>) -> bool {
         let millivolts = 1e3 * self.0.borrow().rig.voltage().0;
         let [low, high] = [quiet.start(), quiet.end()].map(|voltage| f64::from(voltage.get()));
@@ -327,8 +329,8 @@ impl Board {
 }
 
 impl World {
-    /// Moves the drive base, on which the inertial sensor stands. Motor 0 drives the left wheel, motor 1 the right one. A board with
-    /// less than two motors has no base.
+    /// Moves the drive base, on which the inertial sensor stands. Motor 0 drives the left wheel, motor 1 the right one.
+    /// A board with less than two motors has no base.
     fn move_base(&mut self, time_s: f64) {
         let before = self.ground.pose().heading_degrees;
         if let [left, right, ..] = self.rig.plants.as_slice() {
@@ -340,7 +342,7 @@ impl World {
         self.i2c.imu.run(time_s, after.to_radians(), rate.to_radians());
     }
 
-    /// A conversion of a pin voltage.
+    /// Converts a voltage at a pin to counts, with noise.
     fn convert(&mut self, volts: f64) -> u16 {
         // The sum of three uniform numbers has a standard deviation of 1/2.
         let sum = self.noise.f64() + self.noise.f64() + self.noise.f64() - 1.5;
@@ -348,7 +350,7 @@ impl World {
     }
 }
 
-/// A conversion without noise.
+/// Converts a voltage at a pin to counts, without noise.
 fn convert_exactly(volts: f64) -> u16 {
     counts(volts / RAIL_V * FULL_SCALE)
 }
@@ -413,7 +415,8 @@ impl CurrentSense<MOTORS> for Board {
     }
 }
 
-/// A real bridge takes a PWM line that is low for too short a time for a short circuit of its output to the battery.
+/// True if a bridge mistakes this duty for a short circuit of its output to the battery. A real bridge does so if its
+/// PWM line is low for too short a time.
 fn takes_for_a_short_circuit(bridge: &BridgeConstants, duty: Duty) -> bool {
     let low_ns = 1e9 * (1.0 - duty.to_f64()) / f64::from(bridge.pwm_hz());
     // A duty has 15 bits.
@@ -421,7 +424,7 @@ fn takes_for_a_short_circuit(bridge: &BridgeConstants, duty: Duty) -> bool {
     low_ns > 0.0 && low_ns + rounding_ns < f64::from(bridge.timing.least_off_ns)
 }
 
-/// The board has everything. An open analog input is pulled down.
+/// The board has all devices. An open analog input is pulled down.
 impl Devices for Board {
     fn equipment(&self) -> Equipment {
         Equipment {

@@ -1,9 +1,10 @@
 //! Decides which requests the server admits.
 //!
-//! A page of another site in the same browser can also send requests to this server, and its name may even resolve to this
-//! machine. Therefore the Host of a request must be the address that was connected to, or the [`PublicUrl`] that the user has
-//! given. The Origin of a socket must be this server's own page. Page and socket both need the token, which only readers of
-//! the printed URL know.
+//! Pages of other sites in the same browser can also send requests to this server, and the host name of another site
+//! may resolve to this machine (DNS rebinding). Therefore the Host header must be the address at which the connection
+//! arrived, `localhost` with the port on a loopback address, or the host of the [`PublicUrl`]. The Origin header of a
+//! socket must be this server's own page. Page and socket need the token, which only readers of the printed URL know.
+//! The other files are not secret and need no token.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -14,7 +15,7 @@ use tungstenite::handshake::server::{Request, Response, create_response};
 /// Number of random bytes in a token, which is written as hexadecimal digits.
 const TOKEN_BYTES: usize = 16;
 
-/// The path of the socket.
+/// Path of the page's WebSocket in its URL.
 const SOCKET: &str = "/ws";
 
 /// Admits requests with the right token.
@@ -24,12 +25,14 @@ pub(crate) struct Admission {
     public: Option<PublicUrl>,
 }
 
-/// A URL by which browsers reach the server and that is not the server's own address: behind a tunnel, a host name or a proxy.
+/// The URL by which browsers reach a server behind a tunnel, a host name or a proxy. It is not the server's own
+/// address.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PublicUrl {
-    /// `http://` or `https://`, and host with port, as browsers send them in an Origin.
+    /// Scheme and host, as browsers send them in the Origin header. The port is left out if it is the usual port of the
+    /// scheme.
     origin: String,
-    /// Host, with its port unless the port is the scheme's own, as browsers send it in a Host.
+    /// Host, as browsers send it in the Host header. The port is left out if it is the usual port of the scheme.
     host: String,
 }
 
@@ -80,7 +83,7 @@ pub(crate) enum Wanted {
 /// Why a request is refused.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Refusal {
-    /// The Host is missing, repeated, or neither the address that was connected to nor the public URL's.
+    /// The Host header is missing or repeated, or names neither this server's address nor the public URL's host.
     #[error(
         "this server is http://{own}, but the browser asked for `{given}`. Open the URL that `motor-hub dashboard` printed. \
          Behind a tunnel (ssh -L), a host name or a proxy, start it with --public-url and what stands in the browser's \
@@ -89,10 +92,10 @@ pub(crate) enum Refusal {
     Host {
         /// The Host headers of the request.
         given: String,
-        /// The address that was connected to.
+        /// Server address at which the connection arrived.
         own: SocketAddr,
     },
-    /// The request comes from a page of another site.
+    /// The Origin header names another site, or a request for the socket has not exactly one Origin header.
     #[error("the Origin header must be this server")]
     Origin,
     /// The token is missing, repeated or wrong.
@@ -128,7 +131,7 @@ impl Admission {
         Self { public: Some(public), ..self }
     }
 
-    /// The URL that was given, by which browsers reach the server; `None` if they connect to its address.
+    /// The public URL of the server; `None` if browsers connect to the server's own address.
     pub(crate) const fn public(&self) -> Option<&PublicUrl> {
         self.public.as_ref()
     }
@@ -162,7 +165,8 @@ impl Admission {
         Ok(Wanted::Asset(path.to_owned()))
     }
 
-    /// The Origin of this server's own page, by the Host of a request.
+    /// Returns the Origin of this server's own page. The request's Host header chooses between the server's address and
+    /// the public URL.
     fn origin(&self, request: &Request, local: SocketAddr) -> Result<String, Refusal> {
         let hosts = values(request, "host");
         let refused = || Refusal::Host { given: hosts.join(", "), own: local };
@@ -183,12 +187,14 @@ impl Admission {
     }
 }
 
-/// The values of all headers with this name: a repeated header is refused. Bytes that are no text differ from any text.
+/// Returns the values of all headers with this name, so that the caller can refuse a repeated header. Bytes that are
+/// not UTF-8 become U+FFFD, which no allowed value contains.
 fn values<'a>(request: &'a Request, name: &str) -> Vec<Cow<'a, str>> {
     request.headers().get_all(name).iter().map(|value| String::from_utf8_lossy(value.as_bytes())).collect()
 }
 
-/// Compares in constant time, so that the time does not reveal where the two differ.
+/// True if both are equal. The time of the comparison does not depend on the bytes that differ, so that the time
+/// reveals nothing about the token.
 fn is_same(one: &[u8], other: &[u8]) -> bool {
     one.len() == other.len()
         && one.iter().zip(other).fold(0, |differs, (one, other)| differs | (one ^ other)) == 0

@@ -1,8 +1,9 @@
-//! The hubs on one line: a parent, and the hubs of the chain behind it. One hub is shown in full. The others are asked in turn
-//! what they do, which also keeps their motors enabled.
+//! The hubs on one line: a parent, and the hubs of the chain behind it. One hub is shown in full. The server asks the
+//! other hubs in turn which motors are enabled. These requests also reset the keep-alive of a hub, so that its motors
+//! stay enabled.
 //!
-//! A hub that does not answer is not asked again until a page chooses it, so that a lost hub delays no other hub. If it was shown,
-//! the first hub is shown instead.
+//! A hub that does not answer counts as lost. A lost hub is not asked again until a page chooses it, so that it delays
+//! no other hub. If the shown hub does not answer, the first hub is shown instead.
 
 use crate::hub::Hub;
 use motor_hub::protocol::{Address, CHANNELS};
@@ -12,7 +13,7 @@ use serde::Serialize;
 /// Largest number of hubs that are shown.
 const MOST: usize = 4;
 
-/// Number of frames of the shown hub for each question to another hub. With three others, each is asked every 0.3 s.
+/// Number of frames between two requests to other hubs. With three other hubs, each hub is asked every 0.3 s.
 const FRAMES: u64 = 5;
 
 /// A hub of a chain, for pages.
@@ -34,12 +35,12 @@ pub(crate) struct HubOfChain {
 #[derive(Debug, Default)]
 pub(crate) struct Chain {
     hubs: Vec<HubOfChain>,
-    /// The hubs as pages know them.
+    /// The hubs as they were last sent to pages.
     shown: Vec<HubOfChain>,
 }
 
 impl Chain {
-    /// The hubs with these addresses, of which this one is shown.
+    /// Creates the chain of hubs with these addresses. The hub with the address `shown` is shown.
     pub(crate) fn new(addresses: &[u8], shown: u8) -> Self {
         let hub = |&address: &u8| {
             let (running, shown) = (Vec::new(), address == shown);
@@ -48,12 +49,12 @@ impl Chain {
         Self { hubs: addresses.iter().take(MOST).map(hub).collect(), shown: Vec::new() }
     }
 
-    /// True if the first hub is shown, whose motors and battery a page can change in a simulation.
+    /// True if the first hub is shown. In a simulation a page can change motors and battery of the first hub only.
     pub(crate) fn shows_the_first(&self) -> bool {
         self.hubs.first().is_none_or(|hub| hub.shown)
     }
 
-    /// True if a motor of a hub that is not shown was enabled when it was asked last.
+    /// True if, at the last request to another hub, a motor of that hub was enabled.
     pub(crate) fn others_run(&self) -> bool {
         self.hubs.iter().any(|hub| !hub.shown && !hub.running.is_empty())
     }
@@ -95,14 +96,14 @@ impl Chain {
         }
     }
 
-    /// Notes what the shown hub does.
+    /// Notes which motors of the shown hub are enabled, and whether one of them has a fault.
     pub(crate) fn note(&mut self, running: Vec<u8>, fault: bool) {
         if let Some(hub) = self.hubs.iter_mut().find(|hub| hub.shown) {
             (hub.running, hub.fault) = (running, fault);
         }
     }
 
-    /// Asks one of the other hubs what it does, at some frames.
+    /// In every fifth frame, asks one of the other hubs which motors are enabled and whether one of them has a fault.
     ///
     /// # Errors
     /// The line fails.
@@ -120,14 +121,14 @@ impl Chain {
         session.talk_to(shown);
         match asked {
             Ok((running, fault)) => (other.running, other.fault) = (running, fault),
-            // The hub's keep-alive disables its motors.
+            // The silent hub gets no more requests, so its keep-alive disables its motors.
             Err(Error::Silent { .. }) => (other.running, other.fault, other.lost) = (Vec::new(), false, true),
             Err(error) => return Err(error),
         }
         Ok(())
     }
 
-    /// Disables the motors of all hubs.
+    /// Disables the motors of all hubs that are not lost.
     ///
     /// # Errors
     /// A hub does not confirm.
@@ -141,12 +142,12 @@ impl Chain {
         Ok(())
     }
 
-    /// The hubs, if there is more than one.
+    /// Returns the hubs; `None` if there are fewer than two.
     pub(crate) fn several(&self) -> Option<&[HubOfChain]> {
         (self.hubs.len() > 1).then_some(&self.hubs)
     }
 
-    /// The hubs, if there is more than one, and if something has changed since the last call.
+    /// Returns the hubs; `None` if there are fewer than two, or if nothing has changed since the last call.
     pub(crate) fn news(&mut self) -> Option<Vec<HubOfChain>> {
         if self.several().is_none() || self.shown == self.hubs {
             return None;
@@ -165,7 +166,7 @@ fn ask(session: &mut Hub) -> Result<(Vec<u8>, bool), Error> {
             motors().any(|(_, motor)| motor.faults.any()),
         ));
     }
-    // Another maker's hub.
+    // A hub of another maker has no report, so each motor is asked for.
     let mut running = Vec::new();
     for motor in 0..CHANNELS as u8 {
         if session.enabled(motor)? {

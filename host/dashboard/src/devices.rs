@@ -1,7 +1,7 @@
 //! What a hub has besides motors: servos, analog inputs, digital pins and I2C buses.
 //!
-//! The hub ends the pulses of all servos and releases all digital outputs when its motors are stopped together: at STOP, when the
-//! page in control is gone, and when its host is silent.
+//! When all motors are stopped together, the hub also ends the pulses of all servos and releases all digital outputs.
+//! This happens at STOP, when the page in control is gone, and when the host is silent.
 
 use crate::frame::Message;
 use crate::hub::{Hub, RequestError};
@@ -15,10 +15,10 @@ use motor_hub_client::devices::{Channel, I2C_ADDRESSES, channels};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// Number of I2C addresses that are asked between two frames.
+/// Number of I2C addresses that a scan tries between two frames.
 const ADDRESSES_A_FRAME: usize = 4;
 
-/// What a hub has, for pages.
+/// Returns the equipment of a hub as JSON for pages.
 pub(crate) fn has(Equipment { digital, servos, analog, i2c, .. }: Equipment) -> Value {
     let pins: Vec<u8> = (0..DIGITAL_PINS as u8).filter(|pin| digital >> pin & 1 != 0).collect();
     json!({ "servos": servos, "analog": analog, "pins": pins, "buses": i2c })
@@ -32,11 +32,11 @@ pub(crate) struct Transfer {
     what: &'static str,
     /// Addresses of the devices that were found, or the bytes that were read or written.
     bytes: Vec<u8>,
-    /// What went wrong.
+    /// Why the transfer or the scan failed; `None` if it succeeded.
     why: Option<String>,
 }
 
-/// What the server keeps of the devices.
+/// State of the devices that the server keeps.
 #[derive(Debug, Default)]
 pub(crate) struct Devices {
     /// Levels of digital outputs that were set since the last stop. A hub does not report them.
@@ -83,7 +83,8 @@ impl Devices {
                 let all = (0..).filter_map(Pin::new).take(DIGITAL_PINS).zip(self.levels);
                 for (pin, level) in all.filter(|(pin, _)| has.digital >> pin.get() & 1 != 0) {
                     let output = session.is_output(pin)?;
-                    // A released output has no level.
+                    // The level of an output is the level that a page has set since the last stop. The level of an
+                    // input is read.
                     let high = if output { level } else { Some(session.read_pin(pin)?) };
                     pins.push(json!({ "pin": pin.get(), "output": output, "high": high }));
                 }
@@ -152,7 +153,7 @@ impl Devices {
         Ok(None)
     }
 
-    /// Continues a running scan; returns its result at its end.
+    /// Continues a running scan. Returns the result when the scan has ended, else `None`.
     pub(crate) fn go_on(&mut self, session: &mut Hub) -> Result<Option<Transfer>, Error> {
         let Some(Scan { bus, mut next, mut found }) = self.scan.take() else { return Ok(None) };
         let bytes = |found| Transfer { bus: bus.get(), what: "scan", bytes: found, why: None };

@@ -33,19 +33,19 @@ const USUAL_SPEED: f64 = 1_000.0;
 /// Highest speed of a group, in counts/s.
 const FASTEST_CPS: f64 = FASTEST_GROUP_CPS as f64;
 
-/// Speed limit of a constant current that no motor reaches, in counts/s.
+/// Speed limit, in counts/s, of a current set-point without a speed limit. No motor reaches this speed.
 const NO_SPEED_LIMIT: f64 = 32_767.0;
 
 /// Number of changes of a motor's settings that can be undone.
 const UNDOABLE: usize = 20;
 
-/// What the server keeps of each motor.
+/// State of one motor that the server keeps.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MotorMemory {
     undo: Vec<KeptSettings>,
     /// Dynamics and acceleration limit that the last identification proposes, until another motor is configured.
     pub(crate) proposed: Option<(Dynamics, Option<Acceleration>)>,
-    /// Dynamics that were configured last, for a return to the model.
+    /// Dynamics that were configured last. A change from PID back to the model configures them again.
     known: Option<Dynamics>,
 }
 
@@ -78,6 +78,7 @@ pub(crate) enum Changed {
     World,
 }
 
+/// The loops whose coefficients pages show.
 const LOOPS: [Loop; 2] = [Loop::Velocity, Loop::Position];
 
 impl Executor {
@@ -152,7 +153,7 @@ impl Executor {
                 (settings.motor.dynamics, settings.motor.acceleration) = (Some(dynamics), acceleration);
                 session.set_up(motor, &settings)?;
             }
-            // An undo, the last order that changes settings.
+            // Only an undo remains of the orders that change settings.
             _ => {
                 let before = self.of(motor)?.undo.pop().ok_or("there is nothing to undo")?;
                 session.restore_settings(motor, &before)?;
@@ -161,7 +162,7 @@ impl Executor {
         Ok(Changed::Settings(motor))
     }
 
-    /// What the server keeps of a motor.
+    /// The state that the server keeps of a motor.
     pub(crate) fn of(&mut self, motor: u8) -> Result<&mut MotorMemory, RequestError> {
         let motor = channel(motor)?;
         self.motors.get_mut(usize::from(motor)).ok_or_else(|| "a motor is 0 to 3".into())
@@ -174,8 +175,8 @@ impl Executor {
         Ok(())
     }
 
-    /// Puts the settings of a file in force: all of them, or none if the hub refuses one. Each motor's settings before can be
-    /// restored by an undo.
+    /// Puts the settings of a file in force: all of them, or none if the hub refuses one. An undo restores the previous
+    /// settings of a motor.
     fn import(&mut self, session: &mut Hub, text: &str) -> Result<(), RequestError> {
         let document = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
         let file = settings_file::read(document)?;
@@ -187,7 +188,8 @@ impl Executor {
         Ok(())
     }
 
-    /// Configures a motor. If `other` is false, the motor is the same one, and its motion is kept.
+    /// Configures a motor. If `other` is true, another motor is connected, and its dynamics and acceleration limit are
+    /// no longer configured. If `other` is false, they are kept.
     fn set_up(
         &mut self,
         session: &mut Hub,
@@ -269,7 +271,8 @@ fn drive(
     Ok(session.set_mode(motor, mode, zero)?)
 }
 
-/// Gives an enabled motor a constant current. A disabled motor gets power 0, with which it can be enabled.
+/// Gives an enabled motor a constant current. A disabled motor gets the set-point power 0 instead, with which the page
+/// can then enable the motor.
 fn current(session: &mut Hub, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), RequestError> {
     let ma = (1e3 * within("a current in A", amperes, -LARGEST_CURRENT_A, LARGEST_CURRENT_A)?).round();
     let limit = within("a speed limit in counts/s", speed.unwrap_or(NO_SPEED_LIMIT), 1.0, NO_SPEED_LIMIT)?;
@@ -322,8 +325,8 @@ fn set_up(
     Ok(settings)
 }
 
-/// The requests that change settings of a motor by their names. A set-up deletes the settings of [`Group::Motion`], which are
-/// then sent again.
+/// The requests that change settings of a motor by their names. A set-up deletes the settings of [`Group::Motion`],
+/// which are then sent again.
 fn configured(
     motor: u8,
     before: &MotorSettings,
@@ -341,12 +344,12 @@ fn configured(
         let values = Values::collect(group, |field| {
             let raw = match given.get(field.name) {
                 None => field.get(before),
-                // `null` is for a setting that need not be configured.
+                // `null` removes the value of an optional setting.
                 Some(Value::Null) if field.zero == Zero::NotConfigured => 0,
                 Some(Value::Null) => return Err(format!("{} is missing", field.name)),
                 Some(value) => raw_of(field, value.as_str(), value.as_f64(), value)?,
             };
-            // A thermal limit needs time constants.
+            // A thermal limit needs time constants; for 0 the usual time constants are sent.
             Ok::<i64, String>(match (field.name, raw) {
                 ("thermal.winding_s", 0) => ThermalLimit::USUAL_WINDING_S.into(),
                 ("thermal.case_s", 0) => ThermalLimit::USUAL_CASE_S.into(),
@@ -363,7 +366,7 @@ fn configured(
     if requests.is_empty() { Err("no setting has changed".into()) } else { Ok(requests) }
 }
 
-/// Turns motors at speeds in step. The fastest motor's speed is the group's.
+/// Turns motors in step, each at its own speed. The speed of the group is the highest of these speeds.
 fn turn(session: &mut Hub, at: [Option<i32>; CHANNELS], acceleration: u32) -> Result<(), RequestError> {
     let fastest = at.iter().flatten().map(|cps| cps.unsigned_abs()).max().unwrap_or_default();
     let fastest = within("a group's speed in counts/s", fastest.into(), -FASTEST_CPS, FASTEST_CPS)?;
@@ -381,7 +384,7 @@ fn together(
     begin_group(session, GroupCourse::To(to), to.map(|to| to.is_some()), speed, acceleration)
 }
 
-/// Enables the members of a group, and starts it.
+/// Enables the members of a group, and starts the group.
 fn begin_group(
     session: &mut Hub,
     course: GroupCourse,

@@ -1,5 +1,5 @@
-//! Messages to pages: JSON objects with a `kind`. Control values and duties are shares of full control and of full duty, from
-//! -1 to 1. All other fields have their unit in the name, or are in counts and seconds.
+//! Messages to pages: JSON objects with a `kind`. Control values and duties are shares of full control and of full
+//! duty, from -1 to 1. All other fields have their unit in the name, or are in counts and seconds.
 
 use crate::chain::HubOfChain;
 use crate::devices::Transfer;
@@ -28,13 +28,14 @@ use serde_json::{Value, json};
 use simulated::scheme::{SchemeName, SchemeWords};
 use std::sync::Arc;
 
-/// Highest speed for which points are computed, in counts/s. No catalogue motor reaches it.
+/// Highest speed for which points are computed, in counts/s. No motor of the catalogue reaches this speed.
 const MOST_CPS: f64 = 1e6;
 
 /// Highest battery voltage for which points are computed, in volts: the range of [`Millivolts`] is 65.5 V.
 const MOST_VOLTS: f64 = 60.0;
 
-/// Groups of settings that a page changes by the names of their fields. Mode and coefficients have orders of their own.
+/// Groups of settings that a page changes by the names of their fields. Run mode and coefficients have their own
+/// orders.
 pub(crate) const CONFIGURABLE: [Group; 6] =
     [Group::SetUp, Group::Timing, Group::Protection, Group::CurrentLimit, Group::Motion, Group::CurrentAlert];
 
@@ -46,7 +47,7 @@ pub(crate) enum Message {
     Welcome {
         /// Number of this page.
         you: u32,
-        /// Place of the hub.
+        /// Name of the hub's port or address.
         place: String,
         /// True for a simulated hub.
         simulated: bool,
@@ -72,7 +73,7 @@ pub(crate) enum Message {
     Line {
         /// True if the hub answers.
         connected: bool,
-        /// Why the hub does not answer.
+        /// Why the hub does not answer; empty if the hub answers.
         why: String,
         /// True if the hub answers [`HubReport`] requests.
         reports: bool,
@@ -88,12 +89,12 @@ pub(crate) enum Message {
     },
     /// State of the servo outputs.
     Servos {
-        /// By number.
+        /// States of the servos, by the number of the servo.
         servos: Vec<Servo>,
     },
     /// What the hub measures.
     Analog {
-        /// All channels.
+        /// The values of all channels.
         channels: Vec<Value>,
     },
     /// State of the digital pins.
@@ -145,7 +146,8 @@ pub(crate) enum Message {
     World(Value),
 }
 
-/// What a hub is: address, version, colour of the lamp, and what is stored, which is `null` for a hub that stores nothing.
+/// Address, version, colour of the lamp and stored settings of a hub, as JSON. `stored` is `null` for a hub that stores
+/// nothing.
 pub(crate) fn status(session: &mut Hub) -> Result<Value, Error> {
     let Colour { red, green, blue } = session.led()?;
     let report = session.stored_if_reported()?;
@@ -158,8 +160,8 @@ pub(crate) fn status(session: &mut Hub) -> Result<Value, Error> {
     }))
 }
 
-/// A setting of a motor, as a form shows it: a number with a range, or one of some words. The value is `null` if the setting is not
-/// configured, which only an optional one can be.
+/// A setting of a motor, as a form shows it: a number with a range, or one of some words. The value is `null` if the
+/// setting is not configured. Only an optional setting can be not configured.
 fn field_of(field: &'static Field, settings: &MotorSettings) -> Value {
     let raw = field.get(settings);
     let (words, value) = match field.form {
@@ -188,7 +190,7 @@ pub(crate) fn fault_entry(head: &Head) -> Value {
 /// State of the hub at one instant.
 #[derive(Clone, Debug, Default, Serialize)]
 pub(crate) struct Frame {
-    /// Number of the frame, from 1; a page returns it.
+    /// Number of the frame, from 1. A page returns the number when it has shown the frame.
     pub(crate) number: u64,
     /// Time since the server's start.
     pub(crate) at_s: f64,
@@ -200,7 +202,7 @@ pub(crate) struct Frame {
     pub(crate) bus: Option<&'static str>,
     /// Share of the braking energy that is dissipated instead of returned, 0 to 1.
     pub(crate) burning: f64,
-    /// State by motor.
+    /// States of the motors, by the number of the motor.
     pub(crate) motors: Vec<MotorState>,
 }
 
@@ -211,17 +213,17 @@ pub(crate) struct MotorState {
     pub(crate) setpoint: &'static str,
     /// Set-point as a share of power, in amperes, in counts/s or in counts; `None` without one.
     pub(crate) target: Option<f64>,
-    /// Position in counts.
+    /// Set-point as a share of full power, in amperes, in counts/s or in counts; `None` without a set-point.
     pub(crate) position: i32,
     /// Speed in counts per second.
     pub(crate) velocity: i16,
     /// True if the motor is enabled.
     pub(crate) enabled: bool,
-    /// True if the motor is within tolerance of its target. `None` for hubs of this project, which report whether it has
-    /// settled.
+    /// True if the motor is within tolerance of its target. `None` for hubs of this project, which report instead
+    /// whether the motor has settled.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) within_tolerance: Option<bool>,
-    /// Why the motor stands.
+    /// Why the motor does not turn; `None` if the motor turns or if no reason is known.
     pub(crate) why: Option<&'static str>,
     /// True if the motor is enabled and has a fault. `None` for hubs of other makers.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -240,7 +242,7 @@ impl Message {
     }
 }
 
-/// All motors of the catalogue. A free speed is that at 12 V.
+/// All motors of the catalogue. The free speeds are those at 12 V.
 pub(crate) fn catalogue() -> Vec<Value> {
     let motor = |motor: Motor| {
         json!({
@@ -255,7 +257,7 @@ pub(crate) fn catalogue() -> Vec<Value> {
 }
 
 impl Frame {
-    /// The frame of a hub's report.
+    /// Converts a hub's report to a frame.
     #[must_use]
     pub(crate) fn of(report: &HubReport) -> Self {
         let motors = report.motors.iter().enumerate();
@@ -269,8 +271,8 @@ impl Frame {
         }
     }
 
-    /// The frame of another maker's hub, of the values that all hubs report. Whether motors are enabled, and their
-    /// set-points, are those of `before` unless `look` is true.
+    /// Reads the frame of another maker's hub from the values that all hubs report. If `look` is false, set-points and
+    /// enabled motors are copied from `before`, because reading them takes several requests per motor.
     pub(crate) fn of_other_maker(
         session: &mut Hub,
         before: Vec<MotorState>,
@@ -307,7 +309,7 @@ impl MotorState {
     }
 
     fn of(motor: &MotorReport, why: Option<&'static str>) -> Self {
-        // A page draws a target; the travel limit of an identification is none.
+        // Pages draw the target. The value of an identification's set-point is its travel limit, which is not a target.
         let target = match motor.setpoint {
             ReportedSetpoint::Identify(_) => None,
             setpoint => setpoint.value(),
@@ -327,7 +329,8 @@ impl MotorState {
     }
 }
 
-/// The settings of a motor as the hub reports them. Name and counts are `null` for a motor that is not in the catalogue.
+/// The settings of a motor as the hub reports them. `name` and `counts_per_turn` are `null` for a motor that is not in
+/// the catalogue.
 pub(crate) fn settings_of(
     motor: usize,
     settings: &MotorSettings,
@@ -358,9 +361,10 @@ pub(crate) fn settings_of(
     })
 }
 
-/// The points S, T, Z and G of a motor with this winding, at a speed and a battery voltage: control values by the firmware and by
-/// the paper's formulas, `null` where a formula is infinite or not defined. The values are voltages for Scheme A, and currents in
-/// A for other schemes, by the paper's formulas.
+/// The points S, T, Z and G of a motor with this winding, at a speed and a battery voltage. `firmware` has the control
+/// values that the firmware computes, as shares of full control. `paper` has the control values of the paper's
+/// formulas; a value is `null` where a formula is infinite or not defined. `values` has the voltages in V (Scheme A) or
+/// currents in A (other schemes) of the paper's formulas.
 pub(crate) fn points(winding: &Winding, scheme: SchemeName, cps: f64, volts: f64) -> Result<Value, String> {
     let scheme = scheme.with_blend(None).map_err(|error| error.to_string())?;
     let (cps, volts) = (cps.clamp(0.0, MOST_CPS), volts.clamp(1.0, MOST_VOLTS));

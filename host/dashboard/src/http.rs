@@ -1,5 +1,5 @@
-//! Reads requests and writes answers: the part of HTTP/1.1 that a browser needs for a page and a socket. The connection is
-//! closed after each answer. [`tungstenite`] parses requests, and answers those for a socket.
+//! Reads requests and writes answers: the part of HTTP/1.1 that a browser needs for a page and a socket. The connection
+//! is closed after each answer. [`tungstenite`] parses requests, and makes the answers to handshakes of sockets.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::time::Instant;
@@ -10,8 +10,8 @@ use tungstenite::handshake::server::Request;
 /// Longest head of a request, in bytes.
 const LONGEST_HEAD: usize = 8 * 1024;
 
-/// Headers of every answer. The page loads nothing from other servers, cannot be put in a frame, and is not cached. Its URL
-/// with the token is not sent to other sites.
+/// Headers of every answer. The page loads nothing from other servers, cannot be put in a frame, and is not cached. Its
+/// URL with the token is not sent to other sites.
 const ALWAYS: &str = "Content-Security-Policy: default-src 'self'; base-uri 'none'; form-action 'none'; \
 frame-ancestors 'none'\r\n\
 X-Content-Type-Options: nosniff\r\n\
@@ -62,7 +62,7 @@ pub(crate) fn read_head(stream: &mut impl Read, by: Instant) -> Result<Request, 
         match read {
             _ if Instant::now() >= by => return Err(HeadError::CutShort),
             Ok(1..) => bytes.extend(one),
-            // The stream's own time-out is shorter, so that the time `by` is kept.
+            // The stream's own time-out is much shorter than the time until `by`, so that `by` is checked often enough.
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => (),
             _ => return Err(HeadError::CutShort),
         }

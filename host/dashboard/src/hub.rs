@@ -20,7 +20,7 @@ pub type Hub = Session<Box<dyn Port>>;
 pub struct Opened {
     /// The session, with the hub that is shown first.
     pub session: Hub,
-    /// Addresses of the hubs, the first one first.
+    /// Addresses of the hubs. The first hub is the hub on the line, which is the parent of a chain.
     pub hubs: Vec<u8>,
 }
 
@@ -46,11 +46,11 @@ impl From<Hub> for Opened {
     }
 }
 
-/// Opens a session with a hub at `HOST:PORT` or on a serial port, as [`Session::open`]: with the hub that has this address, or
-/// with the parent.
+/// Opens a session with a hub at `HOST:PORT` or on a serial port, as [`Session::open`]. Without an address the session
+/// is with the parent.
 ///
 /// # Errors
-/// The line cannot be opened, or without an address not exactly one hub answers as parent.
+/// The line cannot be opened. Without an address, it is also an error if not exactly one hub answers as parent.
 #[cfg(feature = "server")]
 pub fn open(place: &str, address: Option<Address>) -> Result<Opened, motor_hub_client::OpenError> {
     /// Time-out of answers.

@@ -10,7 +10,7 @@ use motor_hub_client::identification::{Identifying, Progress as Step};
 use serde::Serialize;
 use std::time::Duration;
 
-/// Interval between questions about a running identification.
+/// Interval between requests for the progress of a running identification.
 const INTERVAL: Duration = Duration::from_millis(100);
 
 /// A running identification.
@@ -18,7 +18,7 @@ const INTERVAL: Duration = Duration::from_millis(100);
 pub(crate) struct Identification {
     pub(crate) motor: u8,
     identifying: Identifying,
-    /// Time of the last step.
+    /// Time of the last request for the progress.
     asked: Instant,
 }
 
@@ -27,11 +27,11 @@ pub(crate) struct Identification {
 #[serde(tag = "state", rename_all = "kebab-case")]
 pub(crate) enum Progress {
     Running {
-        /// 0 to 100.
+        /// Progress in percent, 0 to 100.
         percent: u8,
     },
     Found {
-        /// Proposed dynamics and acceleration limit, for the order that applies them.
+        /// Proposed dynamics and acceleration limit, which the order `Apply` applies.
         #[serde(skip)]
         proposal: (motor_hub::regulator::Dynamics, Option<Acceleration>),
         found: Found,
@@ -59,11 +59,11 @@ pub(crate) struct Found {
     dynamics: Dynamics,
     /// Back EMF with drag, in mV s/count.
     emf_mv_s_per_count: f64,
-    /// Standard error of the acceleration per volt, as a share.
+    /// Standard error of the acceleration per volt, as a share of the acceleration per volt.
     gain_error: f64,
-    /// Standard error of the decay, as a share.
+    /// Standard error of the decay, as a share of the decay.
     decay_error: f64,
-    /// Changes of speed that are not explained, as a share of all.
+    /// Share of the changes of speed that the identified dynamics do not explain.
     residual: f64,
     /// Largest acceleration before and as proposed, in counts/s²; `None` for no limit.
     acceleration: [Option<u32>; 2],
@@ -71,13 +71,13 @@ pub(crate) struct Found {
     catalogue: Option<Bare>,
 }
 
-/// A motor of the catalogue without a load, beside an identified motor.
+/// The configured motor of the catalogue without a load, for comparison with the identified motor.
 #[derive(Clone, Copy, Debug, Serialize)]
 struct Bare {
     name: &'static str,
     #[serde(flatten)]
     dynamics: Dynamics,
-    /// Inertia of the identified motor with its load, divided by the inertia of this motor.
+    /// Inertia of the identified motor with its load, divided by the inertia of the catalogue motor without a load.
     inertia_ratio: f64,
 }
 
@@ -89,10 +89,10 @@ impl Identification {
         Ok(Self { motor, identifying, asked: Instant::now() })
     }
 
-    /// Continues. Returns the progress where there is news.
+    /// Continues the identification. Returns the progress, or `None` if there is nothing new.
     ///
     /// # Errors
-    /// The hub may be gone.
+    /// The exchange with the hub fails.
     pub(crate) fn step(&mut self, session: &mut Hub) -> Result<Option<Progress>, RequestError> {
         if self.asked.elapsed() < INTERVAL {
             return Ok(None);

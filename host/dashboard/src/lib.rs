@@ -1,5 +1,5 @@
-//! A hub in a browser: a page that shows four motors live, moves, tunes and stops them, and the server between page and hub.
-//! The files of the page are part of the program. The page loads nothing from other servers.
+//! A hub in a browser: a page that shows four motors live, moves, tunes and stops them, and the server between page and
+//! hub. The files of the page are part of the program. The page loads nothing from other servers.
 //!
 //! ```text
 //! page --orders--> page socket --Event--> relay --requests--> hub
@@ -24,12 +24,13 @@
 //! | [`server`], `page_socket` | listener, with a thread for each connection; the socket of one page |
 //! | `admission`, `http` | which requests are admitted; requests and answers as bytes |
 //!
-//! The modules of the last two rows need the feature `server`. Without it the relay runs in a browser, beside its page.
+//! The modules of the last two rows need the feature `server`. Without this feature the relay runs in the browser of
+//! its page.
 //!
-//! One page is in control, any number of pages watch, and any page may stop. A page proves that it is open by returning the
-//! numbers of frames that it has shown. All motors are disabled when the page in control is closed, is hidden for 10 s, or
-//! returns no new number for 1 s. They are also disabled when the program ends. If the program is killed, the hub receives
-//! nothing more and disables them itself.
+//! One page is in control, any number of pages watch, and any page may stop. A page proves that it is open by returning
+//! the numbers of frames that it has shown. All motors are disabled when the page in control is closed, is hidden for
+//! 10 s, or returns no new number for 1 s. The motors are also disabled when the program ends. If the program is
+//! killed, the hub receives nothing more and disables the motors itself.
 //!
 //! ```no_run
 //! use dashboard::{Place, Server, hub};

@@ -1,31 +1,31 @@
-//! Texts on their way to a page.
+//! Queues of texts for pages, one for each page.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 
-/// Number of waiting texts from which frames to a page are skipped. It is less than one second's frames, so that the page
-/// never shows frames as old as [`SILENCE`](crate::pages::SILENCE).
+/// Number of waiting texts from which frames to a page are skipped. It is less than one second's frames, so that the
+/// page never shows frames as old as [`SILENCE`](crate::pages::SILENCE).
 const BACKLOG: usize = 25;
 
 /// Number of waiting texts from which a page is dropped.
 const MOST: usize = 500;
 
-/// The relay's end: texts enter here.
+/// The relay's end of a queue: the relay puts texts in.
 #[derive(Clone, Debug)]
 pub struct Outbox {
     texts: Sender<Arc<str>>,
     waiting: Arc<AtomicUsize>,
 }
 
-/// The page's end: texts leave here.
+/// The page's end of a queue: the page's socket takes texts out.
 #[derive(Debug)]
 pub struct Texts {
     texts: Receiver<Arc<str>>,
     waiting: Arc<AtomicUsize>,
 }
 
-/// Both ends for a new page.
+/// Creates the queue of a new page, and returns both ends.
 #[must_use]
 pub fn outbox() -> (Outbox, Texts) {
     let (sender, receiver) = channel();

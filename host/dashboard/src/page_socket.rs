@@ -27,7 +27,7 @@ pub(crate) fn attend(stream: TcpStream, id: u32, events: &Sender<Event>) {
         return;
     }
     while receive(&mut socket, id, events) && send(&mut socket, &texts) {}
-    // The relay may have ended before.
+    // Sending fails if the relay has ended already.
     let _ = events.send(Event::Left(id));
     let _ = socket.close(None);
 }

@@ -1,8 +1,10 @@
-//! Decides which page is in control, and whether that page is still open. Pure: events and times are arguments.
+//! Decides which page is in control, and whether that page is still open. The module does no input or output, and reads
+//! no clock: events and times are arguments.
 //!
-//! Frames are numbered, and a page returns the number of each frame that it has shown. The page in control counts as open
-//! while its newest shown frame was sent less than [`SILENCE`] ago. A page that is hidden for [`HIDDEN`] counts as gone. A
-//! dead tab, and a tab that shows old frames from a long queue, therefore count as gone.
+//! Frames are numbered, and a page returns the number of each frame that it has shown. The page in control counts as
+//! open while its newest shown frame was sent at most [`SILENCE`] ago. A page that is hidden for more than [`HIDDEN`]
+//! counts as gone. A page that has crashed, and a page that shows old frames from a long queue, therefore count as
+//! gone.
 //!
 //! ```
 //! use dashboard::pages::{Pages, Gone, SILENCE};
@@ -65,7 +67,7 @@ struct Page {
 }
 
 impl Pages {
-    /// Without pages.
+    /// Creates the state without any page.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -84,7 +86,8 @@ impl Pages {
         self.loses(id).then_some(Gone::Closed)
     }
 
-    /// Puts a page in control if no other page is. Otherwise the page in control is asked to release it; then the answer is true.
+    /// Puts a page in control if no other page is in control. Otherwise notes that the page asks for control, and
+    /// returns true.
     pub fn take(&mut self, id: u32, now: Instant) -> bool {
         let Some(page) = self.pages.get_mut(&id) else { return false };
         if self.controller.is_some_and(|controller| controller != id) {
@@ -92,7 +95,7 @@ impl Pages {
             return true;
         }
         if self.controller.is_none() {
-            // The user has just clicked in this page.
+            // The user has just clicked in this page, so the page is open.
             page.fresh_at = now;
             (self.controller, self.asks) = (Some(id), None);
         }
@@ -108,7 +111,7 @@ impl Pages {
         was
     }
 
-    /// Ends the control of a page that is gone; no other page gets control without its user.
+    /// Ends the control of a page that is gone. Another page gets control only when its user takes it.
     fn loses(&mut self, id: u32) -> bool {
         let was = self.controller == Some(id);
         if was {
@@ -117,13 +120,13 @@ impl Pages {
         was
     }
 
-    /// Number of the page that asks for control.
+    /// Number of the page that asks for control; `None` if no page asks.
     #[must_use]
     pub const fn asks(&self) -> Option<u32> {
         self.asks
     }
 
-    /// Number of the page in control.
+    /// Number of the page in control; `None` if no page is in control.
     #[must_use]
     pub const fn controller(&self) -> Option<u32> {
         self.controller

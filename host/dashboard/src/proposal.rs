@@ -1,4 +1,5 @@
-//! The settings proposed for an identified motor, and the motor of the catalogue to compare it with.
+//! The settings that are proposed for an identified motor, and the catalogue motor with which the identified motor is
+//! compared.
 
 use motor_hub::extension::settings::MotorSettings;
 use motor_hub::model::catalogue::{Motor, motors};
@@ -11,7 +12,7 @@ use simulated::hardware::{BRIDGE, mechanics, winding};
 /// Proposed acceleration, as a share of the acceleration that the battery gives a motor at rest.
 const SHARE: f64 = 0.5;
 
-/// The settings proposed for a motor with these dynamics: the dynamics, and a largest acceleration.
+/// Returns the present settings with these dynamics and the acceleration limit that is proposed for them.
 #[must_use]
 pub fn proposal(before: &MotorSettings, dynamics: &Dynamics, battery: Millivolts) -> MotorSettings {
     let volts = f64::from(battery.get().saturating_sub(dynamics.friction.get())) / 1e3;
@@ -21,7 +22,8 @@ pub fn proposal(before: &MotorSettings, dynamics: &Dynamics, battery: Millivolts
     MotorSettings { motor, ..*before }
 }
 
-/// The motor of the catalogue that is configured, and its dynamics without a load.
+/// Finds the catalogue motor with the configured winding, and its dynamics without a load. `None` if the catalogue has
+/// no such motor.
 #[must_use]
 pub fn catalogue_motor(settings: &Settings) -> Option<(Motor, Dynamics)> {
     let (motor, winding) = motors().find_map(|motor| {

@@ -1,5 +1,5 @@
-//! The thread that owns the hub. It reads the motors' state 50 times per second, sends frames to all pages, and executes
-//! orders as they arrive. Motors run only while the page in control is open: see [`pages`](crate::pages).
+//! The thread that owns the hub. It reads the motors' state 50 times per second, sends frames to all pages, and
+//! executes orders as they arrive. Motors run only while the page in control is open: see [`pages`](crate::pages).
 
 use crate::chain::Chain;
 use crate::devices::{Devices, has};
@@ -34,10 +34,10 @@ const PATIENCE: Duration = Duration::from_millis(300);
 /// Interval between attempts to connect to a lost hub.
 const AGAIN: Duration = Duration::from_secs(1);
 
-/// Interval between questions about a running save.
+/// Interval between requests for the progress of a running save, load or reset.
 const SAVING: Duration = Duration::from_millis(100);
 
-/// Interval between questions whether motors are enabled, to a hub without reports.
+/// Interval between reads of enabled motors and set-points from a hub that has no reports.
 const ENABLED: Duration = Duration::from_millis(200);
 
 /// An event of a page, with the page's number.
@@ -63,7 +63,8 @@ pub struct Relay {
     devices: Devices,
     identification: Option<Identification>,
     playing: Option<Playing>,
-    /// Time of the last question about a running save, load or reset of settings; `None` without one.
+    /// Time of the last request for the progress of a running save, load or reset of settings; `None` if none is
+    /// running.
     saving: Option<(Instant, HubFunction)>,
     /// Parts of new firmware that a page has sent.
     firmware: Vec<u8>,
@@ -141,7 +142,7 @@ impl Relay {
         first.extend(self.settings.values().cloned());
         first.extend(world.iter().map(|world| Message::World(world.state()).text()));
         for text in first {
-            // If the page is gone already, the next event says so.
+            // If the page is closed already, an event `Left` follows.
             outbox.tell(text);
         }
         self.senders.insert(id, outbox);
@@ -186,7 +187,7 @@ impl Relay {
         }
     }
 
-    /// Answers an order that only asks.
+    /// Answers an order that reads and changes nothing.
     fn look_up(&mut self, order: &Order) -> Result<Message, RequestError> {
         let session = self.session.as_mut().ok_or("the hub is not connected")?;
         Ok(match *order {
@@ -211,7 +212,8 @@ impl Relay {
     fn execute_for_controller(&mut self, order: &Order) -> Result<(), String> {
         let Some(session) = &mut self.session else { return Err("the hub is not connected".to_owned()) };
         let done = match *order {
-            // A file may set another kind of set-point, whose value is an old one.
+            // A file may change the kind of an enabled motor's set-point. Then the motor would follow an old value of
+            // the new kind.
             Order::Import { .. } if self.frame.motors.iter().any(|motor| motor.enabled) => {
                 Err("a motor is enabled: disable all motors by STOP, then import the file again".into())
             }
@@ -234,7 +236,7 @@ impl Relay {
                 _ => Err("there is no scenario to play: start the dashboard with --scenario FILE".into()),
             },
             Order::Firmware { offset, ref hex } => self.collect(offset, hex),
-            // A hub that restarts is silent, and counts as lost in a chain.
+            // The update restarts the hub. A silent hub that is not the first one counts as lost.
             Order::Update { .. } if !self.chain.shows_the_first() => {
                 Err("a hub behind another one is updated by a dashboard that is started with its --address"
                     .into())
@@ -357,7 +359,8 @@ impl Relay {
         Ok(Changed::Nothing)
     }
 
-    /// Checks the page in control, reads the hub's state, and sends a frame. To be called every [`INTERVAL`].
+    /// Checks the page in control, reads the hub's state, and sends a frame. The caller calls this function every
+    /// [`INTERVAL`].
     pub fn tick(&mut self) {
         self.watch();
         if self.session.is_none() && Instant::now() >= self.connect_at {
@@ -408,7 +411,8 @@ impl Relay {
         Ok(())
     }
 
-    /// Shows the first hub instead of a child that does not answer. The keep-alive of that hub disables its motors.
+    /// Shows the first hub instead of a child that does not answer. The keep-alive of the silent hub disables its
+    /// motors.
     fn give_up(&mut self, silent: &Error) {
         let Some(session) = &mut self.session else { return };
         self.chain.give_up(session);
@@ -530,8 +534,8 @@ impl Relay {
         self.switch_off_if_any(&gone.to_string());
     }
 
-    /// Disables all motors, even if the last frame showed none enabled: an order may have come since. Pages get a notice only
-    /// if motors were enabled.
+    /// Disables all motors, even if the last frame showed none enabled: an order may have enabled a motor since. Pages
+    /// get a notice only if motors were enabled.
     fn switch_off_if_any(&mut self, why: &str) {
         // Neither an identification nor a scenario may enable a motor again.
         (self.identification, self.playing) = (None, None);

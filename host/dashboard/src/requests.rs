@@ -1,5 +1,7 @@
-//! Orders of pages: JSON objects with one key, the order, whose value has its fields. Unknown, missing or out-of-range fields
-//! are refused with a text. A field `motor` is a motor's number, 0 to 3.
+//! Orders of pages. An order with fields is a JSON object with one key, the name of the order; its value has the
+//! fields. An order without fields is the same object with `null`, or a string with the name. Unknown or missing fields
+//! are refused with a text; a field of type `Option` may be missing. Values out of range are refused when the order is
+//! executed. A field `motor` is a motor's number, 0 to 3.
 
 use crate::world::WorldOrder;
 use motor_hub::braking::DutyRule;
@@ -29,23 +31,23 @@ pub(crate) enum Order {
         motor: u8,
         /// Scheme: `A` to `D`.
         scheme: SchemeName,
-        /// Speed in counts/s, 0 to 1000000.
+        /// Speed in counts/s; values outside 0 to 1000000 are limited to this range.
         cps: f64,
-        /// Battery voltage in volts, 1 to 60.
+        /// Battery voltage in volts; values outside 1 to 60 are limited to this range.
         volts: f64,
     },
     /// Set-point of a motor, applied once the motor is enabled.
     Drive {
         motor: u8,
-        /// Power, velocity or position.
+        /// Kind of the set-point: power, velocity or position.
         mode: RunMode,
         /// Share of full power from -1 to 1, counts/s, or counts.
         value: f64,
-        /// Speed limit towards a position, in counts/s.
+        /// Speed limit towards a position, in counts/s; `None` for 1000 counts/s.
         speed: Option<f64>,
-        /// Largest distance to a position at which a motor can settle, in counts.
+        /// Largest distance to a position at which a motor can settle, in counts; `None` for 10 counts.
         tolerance: Option<u16>,
-        /// Behaviour at zero.
+        /// Behaviour at power 0 or speed 0.
         #[serde(default)]
         zero: ZeroPower,
     },
@@ -98,7 +100,7 @@ pub(crate) enum Order {
     /// Changes settings of a motor, by their names in a settings file.
     Configure {
         motor: u8,
-        /// Number or word by name; `null` for a setting that is not to be configured.
+        /// Number or word by name; `null` removes the value of an optional setting.
         values: Map<String, Value>,
     },
     /// Limits a motor's acceleration.
@@ -110,7 +112,7 @@ pub(crate) enum Order {
     /// Identifies a motor.
     Identify {
         motor: u8,
-        /// Longest travel either way, in counts.
+        /// Longest travel in either direction, in counts; `None` for no limit.
         travel: Option<u32>,
     },
     /// Applies the result of the last identification.
@@ -181,7 +183,7 @@ impl Order {
         serde_json::from_str(text).map_err(|error| format!("not an order: {error}"))
     }
 
-    /// What an executed order has done, for orders whose effect is not in sight.
+    /// Returns a notice of what an executed order has done; `None` if the page shows the effect already.
     pub(crate) fn done(&self) -> Option<String> {
         Some(match *self {
             Self::Coefficients { motor, of: Loop::Velocity, .. } => {
@@ -212,7 +214,7 @@ impl Order {
         })
     }
 
-    /// The motor whose settings an order changes.
+    /// The motor whose settings an order changes; `None` for all other orders.
     pub(crate) const fn changed_motor(&self) -> Option<u8> {
         match *self {
             Self::Coefficients { motor, .. }
@@ -251,7 +253,7 @@ pub(crate) enum DeviceOrder {
         period_us: u16,
         /// Length of the pulses in microseconds.
         width_us: u16,
-        /// True for pulses.
+        /// True to start the pulses, false to end them.
         on: bool,
     },
     /// Sets a digital pin.
@@ -272,11 +274,11 @@ pub(crate) enum DeviceOrder {
         bus: u8,
         /// Address of the device, 0 to 127.
         address: u8,
-        /// Register to read from; `None` for a plain read.
+        /// Register to read from; `None` for a read without a register.
         register: Option<u8>,
         /// Number of bytes, 1 to 100.
         count: u8,
-        /// 400 kbit/s instead of 100 kbit/s.
+        /// True for 400 kbit/s, false for 100 kbit/s.
         fast: bool,
     },
     /// Writes bytes to a device on an I2C bus.
@@ -285,14 +287,14 @@ pub(crate) enum DeviceOrder {
         bus: u8,
         /// Address of the device, 0 to 127.
         address: u8,
-        /// 1 to 100 bytes.
+        /// The bytes to write, 1 to 100.
         bytes: Vec<u8>,
-        /// 400 kbit/s instead of 100 kbit/s.
+        /// True for 400 kbit/s, false for 100 kbit/s.
         fast: bool,
     },
 }
 
-/// The files that sign new firmware, as hexadecimal digits.
+/// Signature and public key of new firmware. Each is the contents of a file as hexadecimal digits.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct SealFiles {

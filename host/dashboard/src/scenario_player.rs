@@ -86,7 +86,7 @@ impl Step {
                 session.set_position(motor, target, tolerance)?;
                 RunMode::Position
             }
-            // Scenarios have no other set-points.
+            // All other set-points disable the motor. A current set-point is not played.
             _ => return Ok(session.enable(motor, false)?),
         };
         session.set_mode(motor, mode, self.zero)?;

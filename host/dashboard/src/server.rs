@@ -22,11 +22,11 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 use tungstenite::handshake::server::write_response;
 
-/// Largest number of simultaneous connections; a page has one, and some more while it loads.
+/// Largest number of simultaneous connections. A page has one connection, and some more while it loads.
 const MOST: u32 = 48;
 
-/// Time in which a client must have sent its whole request. Before the token anybody may hold a connection, so the time is
-/// short: 48 silent connections keep a page out for no longer.
+/// Time in which a client must have sent its whole request. Anybody may open a connection without the token. The time
+/// is short, so that 48 silent connections keep a page out for no longer than this time.
 const ADMISSION: Duration = Duration::from_secs(1);
 
 /// Time-out of one read during [`ADMISSION`].
@@ -106,7 +106,7 @@ impl Server {
     }
 }
 
-/// Passes events to the relay, and has it send frames, until `stop` is set. Then disables all motors.
+/// Passes events to the relay, and calls the relay for each frame, until `stop` is set. Then disables all motors.
 fn relay_until(stop: &AtomicBool, mut relay: Relay, events: &Receiver<Event>) {
     let mut next = Instant::now();
     while !stop.load(Ordering::Relaxed) {
@@ -128,8 +128,8 @@ fn relay_until(stop: &AtomicBool, mut relay: Relay, events: &Receiver<Event>) {
     relay.switch_off("the server has ended");
 }
 
-/// An address that other machines can reach. For a server that listens at all addresses it is the source address of packets
-/// to the internet. No packet is sent to find it.
+/// An address that other machines can reach. For a server that listens at all addresses it is the source address of
+/// packets to the internet. No packet is sent to find it.
 fn reachable(address: SocketAddr) -> SocketAddr {
     if !address.ip().is_unspecified() {
         return address;

@@ -1,4 +1,5 @@
-//! Settings as TOML, by the firmware's table of settings: read from a hub, and read from a file to put them in force again.
+//! Reads the settings of a hub into a TOML document, and reads a document to put its settings in force again. The
+//! firmware's table of settings gives the keys.
 
 use motor_hub::braking::{Blend, BlendFraction, Scheme, Winding};
 use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values, Zero};
@@ -16,6 +17,7 @@ use toml::{Table, Value};
 /// Version of the document that this program writes and reads.
 const SCHEMA_VERSION: i64 = 1;
 
+/// First line of a document.
 const HEAD: &str = "# Settings of a motor hub: `motor-hub client settings import FILE` puts them in force.";
 
 /// The settings in force on a hub as a document.
@@ -49,7 +51,7 @@ pub fn export<L: Read + Write>(session: &mut Session<L>) -> Result<String, Error
     Ok(text)
 }
 
-/// The drive base.
+/// The table `[base]`, which has the settings of the drive base.
 #[derive(Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 struct BaseTable {
@@ -109,11 +111,12 @@ fn motor_text(motor: u8, settings: &MotorSettings) -> String {
     text
 }
 
-/// The value of a field; `None` if nothing is configured.
+/// The value of a field; `None` if the field is left out of a document.
 fn value(field: &Field, settings: &MotorSettings) -> Option<Value> {
     let raw = field.get(settings);
     match (field.name, settings.motor.scheme) {
-        // The codes of Scheme D say whether the blend is automatic; in a document the blend does.
+        // The firmware has two codes of Scheme D, one for the automatic blend. A document has one word, and the key
+        // `blend` is "auto" or a number.
         ("scheme", Scheme::D(_)) => Some("D".into()),
         ("blend", Scheme::D(Blend::Automatic)) => Some("auto".into()),
         ("blend", Scheme::D(Blend::Fixed(_))) => Some(field.number_of(raw).into()),
@@ -132,7 +135,7 @@ fn value(field: &Field, settings: &MotorSettings) -> Option<Value> {
 pub struct SettingsFile {
     /// The settings for each motor. A hub puts them in force in this order.
     pub motors: Vec<(u8, Vec<Values>)>,
-    /// The drive base. `None` leaves the base of the hub as it is.
+    /// The drive base. `None` does not change the base of the hub.
     pub base: Option<BaseSettings>,
 }
 
@@ -200,7 +203,7 @@ struct MotorKeys {
 }
 
 impl MotorKeys {
-    /// Refuses a key that is no setting.
+    /// Collects the keys of a motor. Refuses a key that is no setting.
     fn new(motor: Table) -> Result<Self, String> {
         let (mut values, mut tables) = (Table::new(), BTreeSet::new());
         for (key, value) in motor {
@@ -218,8 +221,9 @@ impl MotorKeys {
         }
     }
 
-    /// Removes the value of a field and returns the raw value. What may be left out is 0: an optional setting of the motor itself,
-    /// and a whole table other than `bridge`.
+    /// Removes the value of a field and returns the raw value. A missing key has the raw value 0 if it is optional.
+    /// Optional are settings outside of tables that need not be configured, and all settings of a missing table other
+    /// than `bridge`.
     fn take(&mut self, field: &Field) -> Result<i64, String> {
         let name = field.name;
         let Some(given) = self.values.remove(name) else {
@@ -241,7 +245,7 @@ fn take_scheme(motor: &mut Table) -> Result<Scheme, String> {
     let blend = motor.remove("blend").map(Value::try_into::<BlendChoice>).transpose();
     let blend = blend.map_err(|error| format!("blend: {error}"))?;
     match name.with_blend(blend).map_err(|error| format!("blend: {error}"))? {
-        // 16 bits end just below 1.
+        // A blend setting has 16 bits, so the largest value is 65535/65536 instead of 1.
         Scheme::D(Blend::Fixed(BlendFraction::ONE)) => {
             let most = BlendFraction::from_bits(u16::MAX.into()).map_err(|error| error.to_string())?;
             Ok(Scheme::D(Blend::Fixed(most)))
@@ -267,7 +271,7 @@ pub(crate) fn raw_of(
     raw.ok_or_else(|| format!("{} is {given}; allowed is {allowed}", field.name))
 }
 
-/// A limit with seven decimals at most.
+/// Formats a limit with at most seven decimals.
 fn shown(limit: f64) -> String {
     let text = format!("{limit:.7}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()

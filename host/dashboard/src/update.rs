@@ -1,5 +1,5 @@
-//! New firmware for a hub with a bootloader. A page sends the image in parts. The relay passes the image on in small chunks
-//! between frames, so that pages see the hub all the time.
+//! New firmware for a hub with a bootloader. A page sends the image in parts. The relay sends the image to the hub in
+//! small chunks between two frames, so that pages get frames during the update.
 
 use crate::hub::{Hub, RequestError};
 use crate::requests::SealFiles;
@@ -15,9 +15,9 @@ pub(crate) use motor_hub_client::update::LARGEST_IMAGE;
 pub(crate) struct Progress {
     /// `running`, `done` or `failed`.
     pub(crate) state: &'static str,
-    /// Bytes that the hub has, as a share, 0 to 100.
+    /// Share of the image that the hub has received, 0 to 100 percent.
     pub(crate) percent: usize,
-    /// What happens now, or what came of it.
+    /// Text for the user: the present step, the result, or why the update failed.
     pub(crate) text: String,
 }
 
@@ -48,7 +48,8 @@ impl Update {
         self.updating.restarts()
     }
 
-    /// Continues. Returns the progress where there is news; after `done` or `failed` the update has ended.
+    /// Continues the update. Returns the progress, or `None` if there is nothing new. After `done` or `failed` the
+    /// update has ended.
     pub(crate) fn go_on(&mut self, session: &mut Hub) -> Result<Option<Progress>, Error> {
         match self.updating.step(session).map_err(RequestError::from) {
             Ok(news) => Ok(news.map(|news| self.progress(news))),
@@ -60,12 +61,12 @@ impl Update {
         }
     }
 
-    /// A failure if nothing has happened for too long.
+    /// Returns a failure if nothing has happened for too long, else `None`.
     pub(crate) fn late(&self) -> Option<Progress> {
         self.updating.late().map(|why| self.failed(why))
     }
 
-    /// The end of an update that cannot go on.
+    /// Returns the progress `failed` with this reason.
     pub(crate) fn failed(&self, why: &str) -> Progress {
         Progress { state: "failed", percent: self.percent, text: why.to_owned() }
     }
@@ -93,13 +94,13 @@ impl From<UpdateError> for RequestError {
     }
 }
 
-/// Bytes of hexadecimal digits.
+/// Converts hexadecimal digits to bytes; `None` if a character is no hexadecimal digit.
 pub(crate) fn bytes_of(hex: &str) -> Option<Vec<u8>> {
     let pairs = hex.as_bytes().chunks(2);
     pairs.map(|pair| u8::from_str_radix(str::from_utf8(pair).ok()?, 16).ok()).collect()
 }
 
-/// The signature and the key of two files.
+/// Reads the signature and the key.
 fn seal(files: &SealFiles) -> Result<Seal, String> {
     let (signature, key) = (bytes_of(&files.signature), bytes_of(&files.key));
     let signature = read_signature(&signature.unwrap_or_default());

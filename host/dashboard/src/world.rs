@@ -39,7 +39,7 @@ pub(crate) enum WorldOrder {
         /// Moment of inertia in kg m²; `None` for the value of the scenario.
         kg_m2: Option<f64>,
     },
-    /// Holds or releases a shaft.
+    /// Blocks a shaft, or lets it turn again.
     Hold {
         motor: u8,
         /// True if the shaft cannot turn.
@@ -51,7 +51,7 @@ pub(crate) enum WorldOrder {
         /// Name in [`ENCODERS`].
         is: String,
     },
-    /// Resets everything to the scenario.
+    /// Drops all changes, so that the values of the scenario are in force again.
     Reset,
 }
 

@@ -1,8 +1,9 @@
-//! The same tasks under every scheme, with linear duty and with linear current.
+//! Compares schemes and duty rules at the same tasks.
 //!
-//! One NeveRest 60 does a few tasks under each scheme with each duty rule. It is regulated by its model, or by PID: once
-//! with the same coefficients for all variants, and once with each variant's best coefficients of a small grid. The best
-//! are chosen on the first task. Scores rank the variants.
+//! One NeveRest 60 does a few tasks in several variants. A variant is a scheme, a duty rule and a regulator: the
+//! motor's model, or PID. PID has the same coefficients for all variants in one round, and each variant's best
+//! coefficients of a small grid in another round. The best coefficients are chosen on the first task. Scores rank the
+//! variants.
 
 mod charts;
 mod row;
@@ -21,22 +22,22 @@ use tasks::Task;
 use tuning::Tuning;
 use variant::Variant;
 
-/// All variants at one task.
+/// The runs of all variants at one task.
 #[derive(Clone, Debug, Serialize)]
 struct TaskResult {
     /// The task.
     #[serde(flatten)]
     task: Task,
-    /// In the order of [`Variant::ALL`].
+    /// One run for each variant, in the order of [`Variant::ALL`].
     rows: Vec<Row>,
 }
 
-/// All tasks with one way of choosing coefficients.
+/// The runs of all tasks with one way of choosing coefficients.
 #[derive(Clone, Debug, Serialize)]
 struct Round {
     /// How coefficients were chosen.
     tuning: Tuning,
-    /// In the order of the tasks.
+    /// One result for each task, in the order of the tasks.
     tasks: Vec<TaskResult>,
 }
 
@@ -47,8 +48,8 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Runs everything, or with `quick` the first three tasks with the same coefficients; `progress`
-    /// gets the number of runs that are done, and of all.
+    /// Runs all tasks in both rounds. With `quick`, runs the first three tasks with the same coefficients only.
+    /// `progress` gets the number of runs that are done, and of all.
     ///
     /// # Errors
     /// If a run fails.
@@ -94,7 +95,7 @@ impl Comparison {
         text::settling(&self.rounds).markdown()
     }
 
-    /// The document for programs.
+    /// The results as JSON, for programs.
     pub fn json(&self, files: &[PathBuf]) -> serde_json::Value {
         let round = |round: &Round| {
             json!({
@@ -110,7 +111,7 @@ impl Comparison {
         })
     }
 
-    /// A chart of each task.
+    /// A chart of each task in each round.
     pub fn figures(&self) -> Vec<NamedFigure> {
         charts::all(&self.rounds)
     }

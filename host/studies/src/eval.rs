@@ -1,7 +1,7 @@
-//! The scripting interface: cases in as JSON, results out as JSON.
+//! Scripting interface: reads cases as JSON and answers them as JSON.
 //!
-//! The core that the firmware runs answers formulas of the firmware (`firmware`). The model answers formulas of motor, load
-//! and bridge (`physics`).
+//! The core that the firmware runs answers formulas of the firmware (`firmware`). The model answers formulas of motor,
+//! load and bridge (`physics`).
 //!
 //! ```
 //! use serde_json::json;
@@ -23,7 +23,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::error::Error;
 
-/// Why a case could not be answered. The document gets its text.
+/// Why a case could not be answered. The document of results contains the text of the error.
 type CaseError = Box<dyn Error>;
 
 /// The answers to a document.
@@ -45,7 +45,7 @@ pub struct NoCases;
 /// Answers every case of a document.
 ///
 /// # Errors
-/// [`NoCases`]. An error of a single case stands in the place of its answer.
+/// [`NoCases`]. The error of a single case is put in the place of its answer.
 pub fn answers(document: &Value) -> Result<Answers, NoCases> {
     let cases = document.get("cases").and_then(Value::as_array).ok_or(NoCases)?;
     let none = Value::Null;
@@ -97,7 +97,7 @@ fn computed(case: &Case) -> Result<Value, CaseError> {
     }
 }
 
-/// A number that the paper prints, by its name: as printed, and as computed here.
+/// Answers with a number of the paper, which is found by its name: as printed, and as computed here.
 fn printed(case: &Case) -> Result<Value, CaseError> {
     let name = case.text("name")?;
     let number = PRINTED.iter().find(|number| number.name == name);

@@ -1,7 +1,7 @@
-//! Whether a run meets its scenario's expectations: each expectation beside its measurement.
+//! Judges whether a run meets its scenario's expectations. Each expectation gets its measurement.
 //!
-//! An expectation without a measurement is not met: there was no change of set-point to settle, too little time to judge
-//! one, or no control tick in the window.
+//! An expectation without a measurement is not met. There is no measurement if no set-point changed, if the time was
+//! too short to judge a change, or if the window has no control tick.
 
 use crate::groups;
 use crate::measures::regime_of;
@@ -21,11 +21,11 @@ use std::ops::Range;
 pub struct Verdict {
     /// The motor's or group's label, or "battery".
     pub subject: String,
-    /// The window in seconds.
+    /// The part of the run that is judged, in seconds.
     pub window_s: Range<f64>,
     /// The expected quantity, regime or fault.
     pub expected: Expected,
-    /// The measurement.
+    /// The value in the run.
     pub measured: Measured,
 }
 
@@ -35,7 +35,7 @@ pub struct Verdict {
 pub enum Measured {
     /// Nothing was measured.
     Nothing,
-    /// One number, in the quantity's unit; infinite if it never settled.
+    /// One number in the unit of the quantity; infinite if a motor never settled.
     Number(f64),
     /// Lowest and highest value, in the quantity's unit.
     Between(f64, f64),
@@ -63,7 +63,7 @@ pub fn judge(scenario: &Scenario, trace: &Trace) -> Vec<Verdict> {
     scenario.expectations.iter().map(verdict).collect()
 }
 
-/// `None` if there is nothing to measure.
+/// Measures the subject of an expectation; `None` if there is nothing to measure.
 fn measure(scenario: &Scenario, trace: &Trace, expectation: &Expectation) -> Option<Measured> {
     let window_s = &expectation.window_s;
     let index = match expectation.subject {
@@ -168,7 +168,7 @@ impl Verdict {
         }
     }
 
-    /// The verdict as JSON. A quantity has the unit at the end of its key in scenario files.
+    /// The verdict as JSON. `expected` is the key of a quantity in scenario files, which ends with the unit.
     #[must_use]
     pub fn json(&self) -> serde_json::Value {
         let (expected, wanted) = match self.expected {

@@ -1,4 +1,5 @@
-//! The paper's figures, and figures of the currents that a control value gives with linear duty and with linear current.
+//! The paper's figures, and figures of the currents that a control value gives with linear duty and with linear
+//! current.
 
 mod circuits;
 
@@ -21,8 +22,11 @@ pub use circuits::circuits;
 
 /// Full scale of control values in figures.
 const CONTROL_MAX: f64 = 1.0;
+/// Battery voltage in figures, in volts.
 const BATTERY: f64 = 12.0;
+/// Bridge of the model in figures.
 const BRIDGE: Bridge = Bridge::new(hardware::BRIDGE);
+/// The duty rules in figures, with name and colour.
 const RULES: [(&str, &str, DutyRule); 2] = [
     ("linear duty", colour::RED, DutyRule::LinearDuty),
     ("linear current", colour::BLUE, DutyRule::LinearCurrent),

@@ -8,8 +8,9 @@ use std::iter::Peekable;
 use std::ops::Range;
 use std::vec::IntoIter;
 
-/// Seconds from a course that begins in the window until all members have settled, up to the next course or the
-/// window's end: the longest. Infinite if a member does not settle; `None` if there is no course.
+/// Longest time in seconds until all members have settled after the start of a course, for the courses that begin in
+/// the window. A course ends with the next course or with the window. Infinite if a member does not settle; `None` if
+/// no course begins in the window.
 pub(crate) fn longest_arrival_s(group: &Group, trace: &Trace, window_s: &Range<f64>) -> Option<f64> {
     let starts = || group.courses.iter().map(|course| course.at_s).filter(|at_s| window_s.contains(at_s));
     let ends = starts().skip(1).chain([window_s.end]);
@@ -22,15 +23,15 @@ fn arrival_s(group: &Group, trace: &Trace, course_s: &Range<f64>) -> f64 {
         members.all(|sample| sample.is_some_and(|sample| sample.report.settled))
     };
     let ticks: Vec<&Tick> = trace.ticks.iter().filter(|tick| course_s.contains(&tick.at_s)).collect();
-    // Settled members report that they have settled until the next course.
+    // A member that has settled reports this until the next course.
     let last_away = ticks.iter().rposition(|tick| !settled(tick));
     last_away
         .and_then(|last| ticks.get(last + 1))
         .map_or(f64::INFINITY, |arrived| arrived.at_s - course_s.start)
 }
 
-/// Largest difference in degrees between the heading of a base and the heading of its wheels' references, at any tick of
-/// the window. `None` if there is no base, or no tick at which both wheels are led.
+/// Largest difference in degrees between the heading of a base and the heading of its wheels' references, at any tick
+/// of the window. `None` if there is no base, or no tick at which both wheels have references.
 pub(crate) fn largest_heading_error(
     group: &Group,
     motors: &[Motor],
@@ -50,8 +51,8 @@ pub(crate) fn largest_heading_error(
     errors.reduce(f64::max)
 }
 
-/// Counts of the left and the right wheel that did not turn a base with a gyro, and that the hub has not corrected yet. 0 for a base
-/// without a gyro: its wheels are all that leads it.
+/// Counts by which the left and the right wheel have slipped in turns, and which the hub has not corrected yet. 0 for a
+/// base without a gyro, because such a base measures its heading by its wheels alone.
 fn slip_counts(group: &Group, tick: &Tick) -> [i64; 2] {
     let none = [0; 2];
     // The simulated gyro stands on the base of the motors 0 and 1.
@@ -69,19 +70,20 @@ fn slip_counts(group: &Group, tick: &Tick) -> [i64; 2] {
 
 /// The heading error of a base, from tick to tick.
 ///
-/// After a wheel is lost, its last reference and that of the other wheel stay in force. So a base that turns while it
-/// halts has an error. They end with the next course, or with a set-point of a wheel's own.
+/// If a wheel no longer follows the group, for example after a fault, the last references of both wheels stay in force.
+/// Therefore a base that turns while it halts has an error. References end with the next course, or with a set-point of
+/// a single wheel.
 pub(crate) struct HeadingError {
     base: DriveBase,
     wheels: [usize; 2],
     /// Times in seconds at which references end, ascending.
     ends: Peekable<IntoIter<f64>>,
-    /// The last references of both wheels, in counts.
+    /// The last references of both wheels, in counts; `None` if there are none.
     led: Option<[f64; 2]>,
 }
 
 impl HeadingError {
-    /// `None` if the group is no drive base.
+    /// Creates the error without references; `None` if the group is no drive base.
     pub(crate) fn new(group: &Group, motors: &[Motor]) -> Option<Self> {
         let &[left, right] = group.motors.as_slice() else { return None };
         let members = [left, right].map(|motor| motors.get(motor).map_or(&[][..], |motor| &motor.setpoints));
@@ -91,7 +93,8 @@ impl HeadingError {
         Some(Self { base: group.base?, wheels: [left, right], ends: ends.into_iter().peekable(), led: None })
     }
 
-    /// The error in degrees at a tick; `wheel` gives the set-point and the true counts of a motor.
+    /// The error in degrees at a tick; `None` without references. `wheel` gives the set-point and the true counts of a
+    /// motor.
     pub(crate) fn step(
         &mut self,
         at_s: f64,
@@ -110,13 +113,13 @@ impl HeadingError {
     }
 }
 
-/// The position in counts that leads a member of a group.
+/// The reference position in counts of a member of a group; `None` for another set-point.
 fn reference(setpoint: Setpoint) -> Option<f64> {
     let Setpoint::Together(reference) = setpoint else { return None };
     Some(f64::from(reference.position) + f64::from(reference.fraction) / 65_536.0)
 }
 
-/// The heading in degrees of a base whose wheels have turned by so many counts, resolved to a thousandth of a count.
+/// The heading in degrees of a base whose wheels have turned by these counts, resolved to a thousandth of a count.
 fn heading(base: &DriveBase, counts: [f64; 2]) -> f64 {
     const PARTS: f64 = 1_000.0;
     base.heading(counts.map(|counts| (PARTS * counts).round() as i32)) / PARTS

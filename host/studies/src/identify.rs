@@ -1,4 +1,4 @@
-//! The identification of motors on a simulated board, beside their true constants.
+//! Compares the constants that the hub identifies on a simulated board with the true constants.
 
 use crate::table::{self, Table};
 use crate::with_fields;
@@ -11,16 +11,17 @@ use serde_json::{Value, json};
 use simulated::scenario::{Configuration, Motor, Scenario, Timed};
 use simulated::trace::{Sample, Trace};
 
-/// Begin of the identification, in seconds. By then the hub has measured its battery.
+/// Start of the identification, in seconds. By this time the hub has measured its battery.
 const BEGIN_S: f64 = 0.5;
-/// Length of a run in seconds, for motors of usual inertia, and for the heaviest motors.
+/// Length of a run in seconds for motors of usual inertia.
 const USUAL_S: f64 = 5.0;
+/// Length of a run in seconds for the heaviest motors.
 const LONGEST_S: f64 = 30.0;
 /// A millivolt, in volts.
 const MV: f64 = 1e-3;
 
-/// The scenario with an identification of every motor instead of its set-points, groups and expectations. The torques on
-/// the shafts stay. `travel_limit` is in counts.
+/// The scenario in which every motor is identified. It has no other set-points, no groups and no expectations. The
+/// torques on the shafts stay. `travel_limit` is in counts.
 #[must_use]
 pub fn scenario(mut scenario: Scenario, travel_limit: u32) -> Scenario {
     for motor in &mut scenario.motors {
@@ -33,7 +34,8 @@ pub fn scenario(mut scenario: Scenario, travel_limit: u32) -> Scenario {
     scenario
 }
 
-/// The scenario with time for heavy motors; `None` if no identification runs at the end of the trace.
+/// The scenario with a longer run for heavy motors; `None` if no identification is still running at the end of the
+/// trace.
 #[must_use]
 pub fn longer(scenario: &Scenario, trace: &Trace) -> Option<Scenario> {
     let last = trace.ticks.last()?;
@@ -89,7 +91,7 @@ impl Identifications {
         out
     }
 
-    /// The document for programs.
+    /// The results as JSON, for programs.
     #[must_use]
     pub fn json(&self) -> Value {
         let motors = self.scenario.motors.iter().zip(&self.truth).zip(self.outcomes());
@@ -143,7 +145,7 @@ impl Identifications {
     }
 }
 
-/// Counts that a motor with these dynamics turns by, under the voltages that the hub reports.
+/// Predicts the counts of a motor with these dynamics. The voltages follow from the reported current and speed.
 fn predicted(samples: &[(f64, &Sample)], configured: &Settings, found: &Dynamics) -> Vec<(f64, f64)> {
     const STEPS: u32 = 50;
     let ohms = MV * f64::from(configured.winding.resistance.as_milliohms())
@@ -171,7 +173,8 @@ fn predicted(samples: &[(f64, &Sample)], configured: &Settings, found: &Dynamics
     data
 }
 
-/// The identified constants with their standard errors, beside other constants with their name, such as the true ones.
+/// A table of the identified constants with their standard errors. `beside` has the name and the values of other
+/// constants, such as the true ones.
 #[must_use]
 pub fn found_table(title: &str, found: &Identified, beside: Option<(&str, &Dynamics)>) -> Table {
     let mut headings = vec![title, "found", "error"];
@@ -182,7 +185,7 @@ pub fn found_table(title: &str, found: &Identified, beside: Option<(&str, &Dynam
         let mut cells = vec![name.to_owned(), format!("{value:.digits$} {unit}"), error];
         if let Some(is) = is {
             let off = if is == 0.0 { "-".into() } else { format!("{:+.1} %", 100.0 * (value / is - 1.0)) };
-            // The unit stands in the column before.
+            // The unit is in the column before.
             cells.extend([format!("{is:.digits$}"), off]);
         }
         table.add_row(cells);

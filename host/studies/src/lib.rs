@@ -55,7 +55,7 @@ pub enum StudyError {
 /// A figure and the name of its files.
 pub type NamedFigure = (String, Figure);
 
-/// A JSON object with further fields.
+/// Adds further fields to a JSON object.
 #[must_use]
 pub fn with_fields(mut object: Value, more: Value) -> Value {
     if let (Value::Object(object), Value::Object(more)) = (&mut object, more) {
@@ -74,7 +74,7 @@ fn position(target: i32, speed_limit: CountsPerSecond) -> Setpoint {
     Setpoint::Position { target, tolerance: 10, speed_limit }
 }
 
-/// A value of a motor over a run. The line has a name, a colour and a style.
+/// Returns the chart line of a value of one motor over a run. The line has a name, a colour and a style.
 fn line(
     (name, colour, style): (&str, &'static str, Style),
     trace: &Trace,

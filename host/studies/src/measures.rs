@@ -1,4 +1,5 @@
-//! Numbers of a run: settling and overshoot of each response, jerk while slowing down, shares of the regimes, energies.
+//! Measures of a run: settling and overshoot of each response, jerk while slowing down, shares of the regimes,
+//! energies.
 //!
 //! ```
 //! use simulated::{scenario::Scenario, sim};
@@ -31,7 +32,7 @@ pub struct Measures {
     pub responses: Vec<Response>,
     /// Changes of the motor current while the motor slowed down.
     pub deceleration_jerk: Jerk,
-    /// Shares of the control ticks, in percent.
+    /// Shares of the control ticks by regime, in percent.
     pub regimes: RegimeShares,
     /// Energy taken from the battery by this motor's bridge, in joules.
     pub energy_from_battery_j: f64,
@@ -51,26 +52,26 @@ pub struct Response {
     pub task: String,
     /// Unit of the errors: "counts/s" or "counts".
     pub unit: &'static str,
-    /// Seconds until the motor has [settled](crate::settling); null if it never did, or if `too_short`.
+    /// Seconds until the motor has [settled](crate::settling); null if it never settled, or if `too_short`.
     pub settling_s: Option<f64>,
     /// True if the next change comes too soon to judge whether the motor settled.
     pub too_short: bool,
-    /// Largest error beyond the set-point in percent of the step. After a change of torque, the largest error in percent of
-    /// the set-point. Null for a hold at zero.
+    /// Largest error beyond the set-point in percent of the step. After a change of torque, the largest error in
+    /// percent of the set-point. Null if this step or set-point is 0.
     pub overshoot_percent: Option<f64>,
-    /// Root mean square of the error in the second half of the response.
+    /// Root mean square of the error in the second half of the response, in `unit`.
     pub residual_rms: f64,
-    /// Root mean square of the error in the whole response.
+    /// Root mean square of the error in the whole response, in `unit`.
     pub rms_error: f64,
     /// Integral of the error's size over the response, in `unit` times seconds.
     pub absolute_error_s: f64,
-    /// Difference of the highest and the lowest value in the last second of the response. For a settled motor it is the size
-    /// of a limit cycle.
+    /// Difference of the highest and the lowest value in the last second of the response, in `unit`. For a settled
+    /// motor it is the size of a limit cycle.
     pub swing: f64,
 }
 
 impl Response {
-    /// The settling time for people.
+    /// The settling time as text.
     pub(crate) fn settling(&self) -> String {
         if self.too_short { "too short".to_owned() } else { table::seconds(self.settling_s) }
     }
@@ -79,8 +80,8 @@ impl Response {
 /// Length of the end of a response in which the swing is measured, in seconds.
 const LAST_S: f64 = 1.0;
 
-/// Changes of the mean motor current from one control period to the next while the motor slows down. Torque, and with it the
-/// deceleration, is proportional to the current.
+/// Changes of the mean motor current from one control period to the next while the motor slows down. Torque, and with
+/// it the deceleration, is proportional to the current.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Jerk {
     /// Largest change in amperes.
@@ -233,7 +234,7 @@ fn jerk(motor: &Motor, span_s: &Range<f64>, ticks: &[(f64, &Sample)]) -> Jerk {
     Jerk { worst_a, worst_nm: worst_a * torque_per_amp, rms_a: rms(&changes) }
 }
 
-/// The regime of a bridge; `None` if the bridge is open, which is also braking with a duty of 0.
+/// The regime of a bridge; `None` if the bridge is open. Braking with a duty of 0 is an open bridge.
 pub(crate) fn regime_of(report: &Report) -> Option<Regime> {
     report.regime.filter(|_| report.drive != Drive::COAST)
 }

@@ -56,7 +56,7 @@ impl Page {
         self.parts.push(Part::Table(table));
     }
 
-    /// The page for a terminal, no wider than it.
+    /// The page for a terminal, no wider than the terminal.
     #[must_use]
     pub fn terminal(&self) -> String {
         let mut out = String::new();

@@ -1,4 +1,4 @@
-//! Every number that the paper prints beside ours, and where its text is wrong.
+//! Compares every number that the paper prints with the number computed here, and lists the misprints of the paper.
 
 pub(crate) mod printed;
 
@@ -27,8 +27,8 @@ struct Misprint {
     right: String,
 }
 
-/// The paper's to-do: the rms error over a control period of a current from `(v - Ke Omega)/R`, over speeds and
-/// voltages. The estimate includes the change of speed.
+/// Errors of two estimates of the mean current over a control period, which is a to-do of the paper. One estimate is
+/// `(v - Ke Omega)/R`; the other one includes the change of speed. The errors are rms values over speeds and voltages.
 #[derive(Serialize)]
 struct Estimate {
     motor: &'static str,
@@ -66,7 +66,7 @@ impl Document {
         })
     }
 
-    /// Tables for people.
+    /// The comparison as tables, for a terminal.
     pub fn text(&self) -> String {
         let mut numbers = table::new(&["section", "number", "printed", "ours", "agrees"], 2);
         for n in &self.numbers {
@@ -108,12 +108,14 @@ impl Document {
     }
 }
 
+/// Explains the estimate of the current below its table.
 const ESTIMATE: &str = "\
 The estimate includes the change of speed within the period: i_inf + (i_q - i_inf) phi + (i0 - i_q) tau_e/P.
 It scales all ordinates of a scheme by one factor, and moves the abscissas by Ke_eff/Ke, which is a few percent. The
 current is much more accurate; the control value hardly changes.";
 
-/// To the last digit printed; a fraction to the last digit of a double.
+/// True if both numbers agree to the last printed digit. A printed fraction must agree with a relative error of at most
+/// 1e-12.
 fn agrees(printed: &str, ours: f64) -> bool {
     if let Some((over, under)) = printed.split_once('/') {
         return match (over.parse::<f64>(), under.parse::<f64>()) {

@@ -24,7 +24,7 @@ use serde::Serialize;
 use simulated::hardware::{BRIDGE, winding};
 use simulated::scheme::{self, SchemeWords};
 
-/// An operating point with its S, T, Z and G.
+/// An operating point with its points S, T, Z and G.
 #[derive(Debug, Serialize)]
 pub struct OperatingReport {
     motor: &'static str,
@@ -36,7 +36,7 @@ pub struct OperatingReport {
     emf_mv: f64,
     /// "V" for Scheme A, "A" for the others.
     y_unit: &'static str,
-    /// In the order S, T, Z, G.
+    /// The points in the order S, T, Z, G.
     pub points: [PointReport; 4],
     #[serde(skip)]
     at: OperatingPoint,
@@ -44,7 +44,7 @@ pub struct OperatingReport {
     current: LinearCurrent,
 }
 
-/// One of the points.
+/// One of the points S, T, Z and G.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PointReport {
     /// "S", "T", "Z" or "G".
@@ -72,7 +72,7 @@ pub struct Placed {
 pub struct PlacedDrive {
     /// The regime, relative to the motion.
     pub regime: &'static str,
-    /// The bridge's mode.
+    /// The mode of the bridge: "9/8", "6/2" or "5/0".
     pub mode: &'static str,
     /// Duty of the mode's first state, 0 to 1.
     pub duty: f64,
@@ -87,7 +87,7 @@ impl PlacedDrive {
 impl OperatingReport {
     /// Computes the points; speed in counts per second, battery in millivolts.
     ///
-    /// For counter-clockwise motion they are the mirror image: control values and ordinates negated.
+    /// For counter-clockwise motion the points are the mirror image: control values and ordinates are negated.
     ///
     /// # Errors
     /// If the firmware cannot represent the motor or the battery.
@@ -99,7 +99,8 @@ impl OperatingReport {
         let Points { s, t, z, g } = Points::new(scheme, at);
         let (v, e) = (f64::from(battery_mv) * 1e-3, emf.to_f64().abs() * 1e-3);
         let volts = scheme == Scheme::A;
-        // Equivalent voltages; as currents they follow from what the back EMF leaves of them.
+        // Ordinates are equivalent voltages in Scheme A. In other schemes they are currents: voltage minus back EMF,
+        // divided by the resistance.
         let y = |volt: f64| side * if volts { volt } else { (volt - e) / motor.r.0 } + 0.0;
         let point = |name, x: braking::Abscissa, volt| PointReport {
             name,

@@ -28,9 +28,9 @@ pub struct Sample {
     pub motor: u8,
     /// Battery voltage that the hub measures.
     pub battery_v: f64,
-    /// Encoder counts.
+    /// Encoder position in counts.
     pub position: i32,
-    /// Counts per second.
+    /// Speed in counts per second.
     pub cps: i16,
     /// Control value in steps; `None` if the hub does not report it.
     pub control: Option<i16>,

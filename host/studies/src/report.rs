@@ -1,4 +1,4 @@
-//! A scenario's run beside the same run without a braking regime: tables, JSON, charts and CSV.
+//! Compares the run of a scenario with the same run without a braking regime: tables, JSON, charts and CSV.
 
 mod csv;
 mod figures;
@@ -25,9 +25,9 @@ pub struct RunReport {
     scenario: Scenario,
     as_set: Trace,
     without: Trace,
-    /// Measures by motor: of the run as set, and of the run without a braking regime.
+    /// Measures by motor: of the run with the schemes of the scenario, and of the run without a braking regime.
     measures: Vec<[Measures; 2]>,
-    /// Verdicts on the run as set.
+    /// Verdicts on the run with the schemes of the scenario.
     verdicts: Vec<Verdict>,
 }
 
@@ -55,7 +55,7 @@ impl RunReport {
         Self { scenario, as_set, without, measures, verdicts }
     }
 
-    /// The scenario's expectations of the run as set, and whether they are met.
+    /// The scenario's expectations of the run with its own schemes, and whether they are met.
     pub fn verdicts(&self) -> &[Verdict] {
         &self.verdicts
     }
@@ -70,7 +70,7 @@ impl RunReport {
         format!("{}\n\n{}", table::paragraph(&self.headline()), tables::all(self))
     }
 
-    /// The document for programs.
+    /// The results as JSON, for programs.
     pub fn json(&self, files: &[PathBuf]) -> serde_json::Value {
         let motors = self.scenario.motors.iter().zip(&self.measures);
         let motors: Vec<_> = motors

@@ -1,8 +1,9 @@
-//! The one judge of whether a motor has settled after a change. `run`, `compare`, `survey` and `[[expect]]` use it.
+//! Judges whether a motor has settled after a change. `run`, `compare`, `survey` and `[[expect]]` all use this
+//! judgement.
 //!
 //! A motor has *settled* when its true motion stays within a band until the next change. It must stay there for at
 //! least a tenth of the time between the two changes, and for at least one second. So a motor that hunts in and out of
-//! the band never settles, and a change with less than a second to the next one is not judged.
+//! the band never settles. A change is not judged if the next change follows within a second.
 //!
 //! ```
 //! use simulated::trace::Point;
@@ -25,11 +26,11 @@ use std::ops::Range;
 const SPEED_BAND: f64 = 0.02;
 /// Least band of a speed, in counts/s. At a few counts/s, 2 % is less than an encoder resolves.
 const LEAST_BAND_CPS: f64 = 2.0;
-/// Band of a motor at standstill about the place where it comes to rest, in counts.
+/// Band of a motor at standstill about the position at which it comes to rest, in counts.
 const STANDSTILL_BAND: f64 = 3.0;
 /// Share of the time between two changes for which a motor must stay within the band.
 const REST_SHARE: f64 = 0.1;
-/// Least time for which a motor must stay within the band, in seconds. It shows a slow hunting.
+/// Least time for which a motor must stay within the band, in seconds. A shorter time would not show a slow hunting.
 const LEAST_REST_S: f64 = 1.0;
 /// Largest rounding error of a difference of two times, in seconds.
 const ROUNDING_S: f64 = 1e-9;
@@ -69,7 +70,8 @@ impl Goal {
         }
     }
 
-    /// The speed that a motor had to keep before a change, in counts/s: that of its goal, or its own.
+    /// The speed before a change, in counts/s: of the previous goal if it was a velocity, else the motor's own speed at
+    /// the change.
     pub fn speed_before(before: Option<Self>, points: &[Point]) -> f64 {
         match before {
             Some(Self::Velocity(cps)) => cps,
@@ -89,7 +91,7 @@ impl Goal {
     }
 
     /// The error at each point, in the unit of the [band](Self::band). At standstill it is the distance to the mean
-    /// position of the last second, because within one count an estimated speed may tremble.
+    /// position of the last second, because an estimated speed may vary while the position stays within one count.
     pub fn errors(self, points: &[Point]) -> Vec<f64> {
         let distance_to =
             |counts: f64| points.iter().map(move |point| point.counts as f64 - counts).collect();
@@ -118,7 +120,7 @@ pub enum Settling {
 }
 
 impl Settling {
-    /// Seconds until the motor settled; `None` if it did not, or was not judged.
+    /// Seconds until the motor settled; `None` if the motor did not settle, or was not judged.
     pub const fn seconds(self) -> Option<f64> {
         match self {
             Self::After(seconds) => Some(seconds),
@@ -127,7 +129,8 @@ impl Settling {
     }
 }
 
-/// How long a motor must stay within the band to its next change, in seconds, if there are `length_s` between two changes.
+/// Time in seconds for which a motor must stay within the band up to the next change. `length_s` is the time between
+/// the two changes.
 pub fn rest_s(length_s: f64) -> f64 {
     (REST_SHARE * length_s).max(LEAST_REST_S)
 }
@@ -155,7 +158,7 @@ pub fn settling(goal: Goal, speed_before: f64, span_s: Range<f64>, points: &[Poi
 mod tests {
     use super::*;
 
-    /// A motion at every millisecond of so many seconds.
+    /// A motion with a point at every millisecond.
     fn motion(seconds: u32, speed_cps: impl Fn(f64) -> f64, counts: impl Fn(f64) -> f64) -> Vec<Point> {
         let point = |at_s: f64| Point { at_s, speed_cps: speed_cps(at_s), counts: counts(at_s) as i64 };
         (0..1_000 * seconds).map(|ms| point(f64::from(ms) / 1e3)).collect()

@@ -1,10 +1,10 @@
-//! The square of UMBmark (Borenstein and Feng, 1996): a drive base drives round a square of 4 m, once to the left and once to the right.
-//! How far from its start does the base end, and by which angle is its heading off?
+//! The square of UMBmark (Borenstein and Feng, 1996): a drive base drives round a square of 4 m, once to the left and
+//! once to the right. The results are the distance of the base from its start and the error of its heading at the end.
 //!
-//! The floor is worse than the hub knows: wheels 1 % unlike, a track 2 % wider, and wheels that lose 5 % of each turn. The base drives
-//! by its encoders, by encoders after a calibration by one run, by a gyro without errors, and by a gyro that drifts and whose scale is
-//! wrong. The hub's own tasks run on the simulated board, with the
-//! driver of the gyro and the simulated BNO055.
+//! The base differs from its configuration: the wheels differ by 1 %, the track is 2 % wider, and the wheels lose 5 %
+//! of each turn. The heading is from the encoders, from encoders that are calibrated by one run, or from a gyro. The
+//! gyro has no errors, or a drift and a scale error, or both errors after a calibration of the scale. The hub's own
+//! tasks run on the simulated board, with the driver of the gyro and the simulated BNO055.
 
 use crate::StudyError;
 use crate::page::Page;
@@ -25,17 +25,20 @@ const SIDE_MM: f64 = 4_000.0;
 /// The base as the hub is first configured for it: wheels of 90 mm on the output shafts of two motors, 300 mm apart.
 pub const BASE: DriveBase =
     DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
-/// The base as it is.
+/// True dimensions and slip of the base.
 const FLOOR: Floor = Floor { wheel_diameters_mm: [90.45, 89.55], track_mm: 306.0, slip_in_turns: 0.05 };
-/// Speed and acceleration of the wheels: 0.35 m/s and 0.7 m/s².
+/// Speed of the wheels in counts/s, which is 0.35 m/s.
 const SPEED_CPS: i32 = 2_080;
+/// Acceleration of the wheels in counts/s², which is 0.7 m/s².
 const ACCELERATION_CPS2: u32 = 4_160;
-/// Time for a side and for a turn, in seconds. Both have ended before.
+/// Time from the start of a side to the start of the next motion, in seconds. The motion on the side is shorter.
 const SIDE_S: f64 = 13.0;
+/// Time from the start of a turn to the start of the next motion, in seconds. The turn itself is shorter.
 const TURN_S: f64 = 2.5;
-/// A gyro at the limits of a BNO055's data sheet for its scale, with a drift that remains after its own calibration.
+/// Errors of a gyro. The scale error is the limit in the data sheet of a BNO055; the drift is what remains after the
+/// sensor's own calibration.
 pub const WORSE_GYRO: GyroErrors = GyroErrors { drift_degrees_per_min: 0.5, scale_error: 0.01 };
-/// Half of a robot of 6 kg at the rim of a wheel.
+/// Inertia of half of a robot of 6 kg, acting at the rim of a wheel.
 const WHEEL: Load = Load::inertia(KgM2(3.0 * 0.045 * 0.045));
 
 /// How a base ends after a square.
@@ -45,24 +48,24 @@ pub struct End {
     pub distance_mm: f64,
     /// True heading minus the heading of a whole turn, in degrees.
     pub heading_degrees: f64,
-    /// Distance between the true position and the position that the hub reports, in mm. `None` for a base without a gyro, whose
-    /// odometry the scenario does not read.
+    /// Distance between the true position and the position that the hub reports, in mm. `None` for a base without a
+    /// gyro, whose odometry the scenario does not read.
     pub odometry_mm: Option<f64>,
 }
 
-/// Both squares with one way to hold the heading.
+/// The squares in both directions with one source of the heading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Squares {
-    /// What holds the heading.
+    /// Name of the source of the heading.
     pub name: &'static str,
     /// The ends of the squares to the left and to the right.
     pub ends: [End; 2],
 }
 
-/// What holds the heading.
+/// Source of the heading that the hub uses.
 #[derive(Clone, Copy, Debug)]
 pub enum Heading {
-    /// The encoders.
+    /// The encoders of the wheels.
     Encoders,
     /// A gyro with these errors. The angle of each turn is multiplied by `turn_scale`.
     Gyro {
@@ -137,8 +140,8 @@ pub fn drive(base: DriveBase, left: f64, heading: Heading) -> Result<End, StudyE
     })
 }
 
-/// The base as calibrated by the headings at the ends of both squares. UMBmark itself uses the positions, which here are too far off for
-/// its small angles.
+/// The base as calibrated by the headings at the ends of both squares. UMBmark itself uses the positions at the ends.
+/// Its formulas need small angles, and the errors here are too large for them.
 fn calibrated([left, right]: [End; 2]) -> DriveBase {
     let (ccw, cw) = (left.heading_degrees, right.heading_degrees);
     // A side bends by `side` degrees to the left. A turn misses `turn` degrees.
@@ -149,7 +152,7 @@ fn calibrated([left, right]: [End; 2]) -> DriveBase {
     DriveBase { track_mm, counts_per_turn, ..BASE }
 }
 
-/// The squares as a page.
+/// A page with a table of all squares.
 pub fn page(all: &[Squares]) -> Page {
     let headings = [
         "heading by",

@@ -1,9 +1,9 @@
-//! How well motors are regulated: the tasks of the [`mod@reference`], every motor of the catalogue without a load
-//! ([`bare_motors`]), and any number of [`random`] scenarios. The hub is configured exactly, with wrong constants, or not at all
-//! (see [`Knowledge`]). [`soak`] runs hours of random scenarios and counts false alarms.
+//! Measures how well motors are regulated: at the tasks of the [`mod@reference`], for every motor of the catalogue
+//! without a load ([`bare_motors`]), and in any number of [`random`] scenarios. The hub is configured exactly, with
+//! wrong constants, or not at all (see [`Knowledge`]). [`soak`] runs hours of random scenarios and counts false alarms.
 //!
-//! Responses are judged by the true motion at every millisecond, see [`settling`](crate::settling). Of the random
-//! responses those are counted that can be settled by some regulator.
+//! Responses are judged by the true motion at every millisecond, see [`settling`](crate::settling). A random response
+//! counts only if some regulator can settle it.
 
 pub mod bare_motors;
 pub mod chart;
@@ -32,30 +32,30 @@ use serde::Serialize;
 use simulated::scenario::{Configuration, ConfiguredMotion, Motor, Scenario};
 use simulated::scheme::{DutyWord, SchemeWords, describe};
 
-/// How the motion of a motor is configured in the hub.
+/// How a motor is configured in the hub.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Knowledge {
-    /// The true inertia, drag and friction.
+    /// The true inertia, drag and friction are configured.
     Exact,
-    /// 0.7 times the inertia.
+    /// 0.7 times the true inertia is configured.
     Lighter,
-    /// 1.4 times the inertia.
+    /// 1.4 times the true inertia is configured.
     Heavier,
     /// Only the winding is configured; the hub learns the acceleration per volt.
     Unknown,
-    /// The constants of the cold motor, while the motor is hot: its magnets are 10 % weaker, and its copper has 24 % more
-    /// resistance. That is a winding 62 K warmer and ferrite magnets 50 K warmer.
+    /// The constants of the cold motor are configured, but the motor is hot: its magnets are 10 % weaker, and its
+    /// copper has 24 % more resistance. The winding is then 62 K warmer, and ferrite magnets are 50 K warmer.
     Hot,
-    /// 0.8 times the winding resistance.
+    /// 0.8 times the true winding resistance is configured.
     ResistanceLow,
-    /// 1.2 times the winding resistance.
+    /// 1.2 times the true winding resistance is configured.
     ResistanceHigh,
-    /// 0.9 times the back-EMF constant.
+    /// 0.9 times the true back-EMF constant is configured.
     EmfLow,
-    /// 1.1 times the back-EMF constant.
+    /// 1.1 times the true back-EMF constant is configured.
     EmfHigh,
-    /// The constants of another specimen of the same product.
+    /// The constants of another specimen of the same product are configured.
     Sibling,
 }
 
@@ -74,11 +74,11 @@ impl Knowledge {
         Self::Sibling,
     ];
 
-    /// The configurations that differ in the motion alone, which are the first four of all. [`soak`] and the tables by
-    /// property have these.
+    /// The configurations that differ in the motion alone. They are the first four of [`Self::ALL`]. [`soak`] and the
+    /// tables by property use them.
     pub const OF_MOTION: [Self; 4] = [Self::Exact, Self::Lighter, Self::Heavier, Self::Unknown];
 
-    /// Text for tables.
+    /// Name of the configuration in tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Exact => "configured exactly",
@@ -157,7 +157,7 @@ pub struct Response {
     pub duty: DutyRule,
     /// Coulomb friction in percent of the stall torque at 12 V.
     pub friction_percent: f64,
-    /// In the order of [`Knowledge::ALL`].
+    /// One verdict for each configuration, in the order of [`Knowledge::ALL`].
     pub verdicts: Vec<Verdict>,
 }
 

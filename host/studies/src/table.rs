@@ -1,5 +1,5 @@
-//! Tables for a terminal, no wider than the terminal, or as Markdown. Text wraps at its words. Columns of numbers
-//! without room go into a further table below, beside the text again.
+//! Tables for a terminal, no wider than the terminal, or as Markdown. Text wraps at its words. Number columns that do
+//! not fit go into a further table below, which repeats the text columns.
 //!
 //! ```
 //! let mut table = studies::table::new(&["motor", "counts/s"], 1);
@@ -11,7 +11,7 @@ use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Table as 
 use std::fmt;
 use std::sync::atomic::{AtomicU16, Ordering};
 
-/// Columns of a terminal of unknown width.
+/// Width in columns that is assumed for a terminal of unknown width.
 pub const USUAL_WIDTH: u16 = 80;
 
 /// Width of the terminal in columns: one for all tables of the process.
@@ -33,7 +33,7 @@ pub struct Table {
     narrowest: usize,
 }
 
-/// A table whose columns are aligned right, but for the first `left` of them.
+/// Creates a table whose first `left` columns are aligned left, and whose other columns are aligned right.
 pub fn new(headings: &[&str], left: usize) -> Table {
     let headings = headings.iter().map(ToString::to_string).collect();
     Table { headings, left, rows: Vec::new(), narrowest: 0 }
@@ -52,7 +52,7 @@ impl Table {
         Self { narrowest, ..self }
     }
 
-    /// The table as GitHub Markdown. Lines of a cell become one.
+    /// The table as GitHub Markdown. The lines of a cell become one line.
     #[must_use]
     pub fn markdown(&self) -> String {
         let row = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
@@ -68,12 +68,12 @@ impl Table {
         self.rows.iter().filter_map(move |row| row.get(index)).map(String::as_str)
     }
 
-    /// Characters that a column takes, and the fewest that leave its words, numbers and lines whole.
+    /// Width in characters of a column without wrapping, and the least width that breaks no word, number or line.
     fn widths(&self, index: usize) -> [usize; 2] {
         let heading = self.headings.get(index).map_or("", String::as_str);
         let most = self.column(index).chain([heading]).flat_map(str::lines).map(chars).max().unwrap_or(0);
         let words = |text: &'_ str| text.split_whitespace().map(chars).max().unwrap_or(0);
-        // Lines of one cell stand beside the lines of its neighbours.
+        // A cell of several lines does not wrap, because its lines belong beside the lines of other cells.
         let whole = |text: &str| {
             let wraps = index < self.left && !text.contains('\n');
             if wraps { words(text) } else { text.lines().map(chars).max().unwrap_or(0) }
@@ -82,8 +82,8 @@ impl Table {
         [most.max(self.narrowest), least]
     }
 
-    /// The columns of each table. There is one table if wrapping the text makes it narrow enough. Otherwise there are several
-    /// tables, each with the text columns.
+    /// The columns of each table. There is one table if wrapping the text makes it narrow enough. Otherwise there are
+    /// several tables, each with the text columns.
     fn parts(&self, room: usize) -> Vec<Vec<usize>> {
         let all = self.headings.len();
         let least: usize = (0..all).map(|column| self.widths(column)[1]).sum();
@@ -180,7 +180,7 @@ fn filled(text: &str, room: usize) -> String {
     out
 }
 
-/// Spaces on both sides of a cell together.
+/// Number of spaces on both sides of a cell, in total.
 const PADDING: usize = 2;
 
 /// Characters of a row that are frame and padding.

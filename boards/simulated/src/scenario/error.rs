@@ -28,10 +28,10 @@ pub enum ScenarioError {
     },
 }
 
-/// What is wrong, and the part of the text that it is about.
+/// An error, and the part of the text that is wrong.
 #[derive(Debug)]
 pub(super) struct Fault {
-    /// `None` until [`At::at`] names the table that was being checked.
+    /// Range of bytes in the text; `None` until [`At::at`] gives the range of the table that was being checked.
     span: Option<Range<usize>>,
     message: String,
 }
@@ -39,7 +39,8 @@ pub(super) struct Fault {
 pub(super) type Checked<T> = Result<T, Fault>;
 
 impl Fault {
-    /// An error of the TOML parser, or of a single value. A message that begins with "= " gets the key of its value.
+    /// An error of the TOML parser, or of a single value. A message that begins with "= " gets the key of the value in
+    /// front.
     pub(super) fn of_toml(error: &toml::de::Error, text: &str) -> Self {
         let message = error.message().trim_end().replace('\n', "; ");
         let start = error.span().unwrap_or_default().start;
@@ -60,7 +61,7 @@ impl<S: Into<String>> From<S> for Fault {
     }
 }
 
-/// Adds the place in the text to an error that has none yet.
+/// Adds a range of bytes in the text to an error that has no range yet.
 pub(super) trait At<T> {
     fn at<S>(self, place: &Spanned<S>) -> Checked<T>;
 }
@@ -81,7 +82,7 @@ fn key_of_value(text: &str, at: usize) -> &str {
     key.rsplit(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap_or(key)
 }
 
-/// Line and column of a byte of a text, counted from 1, columns in characters. Past the end, the end counts.
+/// Line and column of a byte of a text, counted from 1, columns in characters. A byte past the end counts as the end.
 pub fn line_and_column(text: &str, at: usize) -> (usize, usize) {
     let before = text.get(..at).unwrap_or(text);
     let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;

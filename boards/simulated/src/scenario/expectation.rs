@@ -14,9 +14,9 @@ use std::ops::Range;
 /// One expectation of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expectation {
-    /// The subject.
+    /// What the expectation is about.
     pub subject: Subject,
-    /// The window in seconds.
+    /// Part of the run that the expectation is about, in seconds since the start.
     pub window_s: Range<f64>,
     /// The expected quantity, regime or fault.
     pub expected: Expected,
@@ -36,39 +36,41 @@ pub enum Subject {
 /// An expected quantity, regime or fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Expected {
-    /// A quantity lies within limits, during the whole window if it changes.
+    /// A quantity lies within limits. A quantity that changes with time lies within the limits during the whole window.
     Quantity(Quantity, Bounds),
-    /// The motor is in this regime at one control tick or more; with `None` its bridge is open.
+    /// The motor is in this regime at one control tick or more. `None` means an open bridge.
     Ever(Option<Regime>),
-    /// The motor is in this regime at no control tick; with `None` its bridge is never open.
+    /// The motor is in this regime at no control tick. `None` means an open bridge.
     Never(Option<Regime>),
-    /// This fault and no other occurs; with `None` no fault occurs.
+    /// This fault and no other fault occurs. `None` means that no fault occurs.
     Fault(Option<Fault>),
 }
 
 /// Lowest and highest allowed value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Bounds {
-    /// At least.
+    /// Lowest allowed value.
     pub low: f64,
-    /// At most.
+    /// Highest allowed value.
     pub high: f64,
 }
 
 /// A measured quantity of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
-    /// Seconds until a change of set-point or torque has settled, or a group has arrived: the longest.
+    /// Longest time in seconds until a motor has settled after a change of set-point or torque, or until a group has
+    /// arrived.
     SettlingTime,
-    /// Overshoot after such a change in percent: the largest.
+    /// Largest overshoot after a change of set-point or torque, in percent.
     Overshoot,
     /// True speed in counts per second.
     Speed,
     /// True position in encoder counts.
     Position,
-    /// From the lowest to the highest true speed, in counts per second.
+    /// Difference of the highest and the lowest true speed, in counts per second.
     Swing,
-    /// Change of the mean motor current between control periods while slowing down, in amperes: the largest.
+    /// Largest change of the mean motor current from one control period to the next while the motor slows down, in
+    /// amperes.
     CurrentStep,
     /// Energy that the motor's bridge returned to the battery, in joules.
     EnergyReturned,
@@ -79,7 +81,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// The key of its expectation in scenario files.
+    /// The key of an expectation about the quantity in scenario files.
     pub const fn key(self) -> &'static str {
         match self {
             Self::SettlingTime => "settles_within_s",

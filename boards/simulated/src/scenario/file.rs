@@ -1,5 +1,5 @@
-//! Reads a scenario file: its tables become a [`Scenario`]. A kind of number checks its own range; what depends on
-//! several keys is checked here.
+//! Reads a scenario file: its tables become a [`Scenario`]. The types in `numbers` check the range of each value. This
+//! module checks rules between several keys.
 
 mod expectations;
 mod groups;
@@ -103,7 +103,7 @@ struct ChangeTable {
     i2c_faults: Vec<i2c::Fault>,
 }
 
-/// Reads and checks a whole file. A complete one has a set-point or a course for every motor.
+/// Reads and checks a whole file. If `is_complete` is true, every motor needs a set-point or a group.
 pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
     let file: File = toml::from_str(text).map_err(|error| Fault::of_toml(&error, text))?;
     let duration_s = file.duration_s.0;
@@ -163,7 +163,7 @@ impl File {
         Ok((Some(Bus { capacitance_f: capacitance_f.0, one_way, opens_at_s }), limits))
     }
 
-    /// Every motor has a set-point of its own or a group.
+    /// Checks that every motor has a set-point of its own or a group.
     fn check_commanded(&self, groups: &[Group]) -> Checked<()> {
         for (index, table) in self.motors.get_ref().iter().enumerate() {
             let grouped = groups.iter().any(|group| group.motors.contains(&index));
@@ -174,7 +174,8 @@ impl File {
         Ok(())
     }
 
-    /// The emulated chip does not report groups. Its bench has neither a bus nor a train.
+    /// Refuses what the emulated chip cannot run: groups, which the chip does not report, and a bus or a train, which
+    /// its bench does not have.
     fn check_emulated(&self) -> Checked<()> {
         if !self.emulated {
             return Ok(());
@@ -220,7 +221,7 @@ impl AttachedTable {
     }
 }
 
-/// What is connected, if the hub has all these inputs and buses.
+/// Returns what is connected. Refuses more inputs or buses than the hub has.
 fn attached(
     analog_v: &[AnalogVoltage],
     low_pins: Option<&[PinNumber]>,
@@ -240,7 +241,7 @@ fn attached(
     })
 }
 
-/// Checks the tables of a list. Their labels differ.
+/// Checks the tables of a list, and that their labels differ.
 fn labelled<F, T>(
     tables: &[Spanned<F>],
     label: impl Fn(&F) -> &Name,
@@ -267,7 +268,7 @@ fn timeline<F, T>(
     let mut timed: Vec<Timed<T>> = Vec::with_capacity(entries.len());
     for entry in entries {
         let (at_s, value) = time_and_value(entry.get_ref());
-        // Not a number is not within the run either.
+        // NaN is refused too, because no range contains it.
         let value = if !(0.0..=duration_s).contains(&at_s) {
             Err(format!("at_s = {at_s} is outside the run; allowed is 0 to {duration_s}"))
         } else if let Some(last) = timed.last().filter(|last| last.at_s >= at_s) {
@@ -280,7 +281,7 @@ fn timeline<F, T>(
     Ok(timed)
 }
 
-/// A time lies within the run.
+/// Checks that a time lies within the run.
 fn check_time(key: &str, at_s: Option<f64>, duration_s: f64) -> Result<(), String> {
     match at_s.filter(|at_s| !(0.0..=duration_s).contains(at_s)) {
         Some(at_s) => Err(out_of_range(key, at_s, 0.0..=duration_s)),

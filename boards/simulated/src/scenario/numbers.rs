@@ -36,7 +36,8 @@ impl Visitor<'_> for Limits {
     }
 }
 
-/// Message for a number out of its range. Without a key the parser's position says which key is meant.
+/// Message for a number out of its range. If `key` is empty, `Fault::of_toml` finds the key by its position in the
+/// text.
 pub(crate) fn out_of_range(key: &str, value: f64, range: RangeInclusive<f64>) -> String {
     let message = format!("{key} = {value} is out of range; allowed is {} to {}", range.start(), range.end());
     message.trim_start().to_owned()
@@ -57,7 +58,7 @@ macro_rules! numbers {
 
         impl<'de> Deserialize<'de> for $name {
             fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-                // 0.5 as a whole number is 0.
+                // A cast of 0.5 to an integer type is 0.
                 let whole = 0.5_f64 as $inner == 0 as $inner;
                 let limits = Limits { low: $low as f64, high: $high as f64, whole };
                 from.deserialize_any(limits).map(|number| Self(number as $inner))
@@ -101,7 +102,7 @@ numbers! {
     Stiffness(f64): 0.001, 100_000.0;
     /// Angle of a backlash at the output shaft, in degrees.
     Backlash(f64): 0.0, 90.0;
-    /// Temperature above that of a cold motor, in K.
+    /// Temperature above the temperature of a cold motor, in K.
     TemperatureRise(f64): 0.0, 200.0;
     /// Torque on an output shaft in N m.
     Torque(f64): -1000.0, 1000.0;
@@ -124,9 +125,9 @@ numbers! {
     /// Speed in counts/s.
     Speed(i32): -FASTEST_CPS, FASTEST_CPS;
     SpeedLimit(i32): 1, FASTEST_CPS;
-    /// Largest speed less lowest speed, in counts/s.
+    /// Highest speed minus lowest speed, in counts/s.
     Swing(f64): 0.0, 2 * FASTEST_CPS;
-    /// Acceleration in counts/s². The largest takes a motor to the highest speed in a millisecond.
+    /// Acceleration in counts/s². The largest acceleration takes a motor to the highest speed in a millisecond.
     AccelerationLimit(u32): 1, 1_000_000_000;
     /// Position in counts.
     Counts(i32): i32::MIN, i32::MAX;
@@ -157,7 +158,7 @@ numbers! {
     Degrees(f64): 0.0, 360.0;
 }
 
-/// Reads a number of one kind, as a field has it: `#[serde(deserialize_with = "within::<Slip, _, _>")]`.
+/// Reads a field as a number of one kind: `#[serde(deserialize_with = "within::<Slip, _, _>")]`.
 pub(crate) fn within<'de, Kind, T, D>(from: D) -> Result<T, D::Error>
 where
     Kind: Deserialize<'de> + Into<T>,
@@ -166,7 +167,7 @@ where
     Kind::deserialize(from).map(Into::into)
 }
 
-/// Reads one of these words, and returns the value beside it.
+/// Reads one of these words, and returns the value of the word.
 pub(crate) fn one_of<'de, T: Copy, D: Deserializer<'de>>(
     from: D,
     words: &[(&str, T)],

@@ -1,4 +1,4 @@
-//! Another motor in the place of a scenario's own, in a run that stays the same in relation to it.
+//! Replaces the motor of a scenario by another motor, and scales the run to what the other motor can do.
 
 use super::types::{Motor, Timed};
 use motor_hub::model::{catalogue, si};
@@ -28,9 +28,9 @@ impl Reach {
 }
 
 impl Motor {
-    /// The same task for another motor. Speeds and positions scale with the free speeds; torques, friction and
+    /// Returns the same task for another motor. Speeds and positions scale with the free speeds; torques, friction and
     /// cogging scale with the stall torques. Loads scale so that they accelerate in the same time. Coefficients are
-    /// left to the board.
+    /// removed, so that the model regulates the other motor.
     #[must_use]
     pub fn with_constants(&self, constants: catalogue::Motor) -> Self {
         let (old, new) = (Reach::of(&self.constants), Reach::of(&constants));
@@ -60,7 +60,7 @@ impl Motor {
 fn scaled(setpoint: Setpoint, counts: f64) -> Setpoint {
     let speed = |cps: CountsPerSecond| CountsPerSecond::new((cps.to_f64() * counts).round() as i32);
     match setpoint {
-        // A reference is of a group, and set by the hub.
+        // The hub sets the references of a group.
         Setpoint::Disabled | Setpoint::FailSafe | Setpoint::ConstantPower(_) | Setpoint::Together(_) => {
             setpoint
         }
@@ -73,7 +73,7 @@ fn scaled(setpoint: Setpoint, counts: f64) -> Setpoint {
             tolerance: ((f64::from(tolerance) * counts).round() as u16).max(1),
             speed_limit: speed(speed_limit),
         },
-        // Saturates, as no limit at all does.
+        // The cast saturates at `u32::MAX`, which means no limit.
         Setpoint::Identify { travel_limit } => {
             Setpoint::Identify { travel_limit: (f64::from(travel_limit) * counts) as u32 }
         }

@@ -1,4 +1,4 @@
-//! A checked scenario.
+//! Types of a checked scenario.
 
 use super::expectation::Expectation;
 use crate::bno055::GyroErrors;
@@ -26,7 +26,7 @@ use std::num::NonZeroU16;
 /// The longest run, in seconds: a trace must fit in memory.
 pub const LONGEST_S: f64 = 300.0;
 
-/// Limits that never act: the hub accepts any battery from 5 to 18 V, and burns no energy.
+/// Limits that never act: the hub accepts any battery from 5 to 18 V, and dissipates no energy.
 pub const UNLIMITED: Limits = constant!(Limits::new(Levels {
     min: Millivolts::new(5_000),
     cut: Millivolts::new(5_000),
@@ -50,12 +50,12 @@ pub struct Scenario {
     pub seed: u64,
     /// The supply at the start.
     pub battery: Battery,
-    /// The bus between battery and bridges; `None` for a wire.
+    /// The bus between battery and bridges; `None` if the bridges are connected to the battery directly.
     pub bus: Option<Bus>,
     /// The hub's limits of the supply voltage.
     pub limits: Limits,
-    /// Voltage of the battery without load, times ascending: in straight lines from one to the next; the last one
-    /// holds.
+    /// Voltage of the battery without load in volts, at ascending times. Between two times the voltage is interpolated
+    /// linearly. After the last time it stays constant.
     pub emf_over_time: Vec<Timed<f64>>,
     /// One to [`MOTORS`](crate::hardware::MOTORS) motors.
     pub motors: Vec<Motor>,
@@ -69,11 +69,11 @@ pub struct Scenario {
     pub attached_over_time: Vec<Timed<Attached>>,
     /// The floor of the drive base whose left wheel motor 0 drives, and whose right wheel motor 1 drives.
     pub floor: Floor,
-    /// Errors of the gyro that stands on this base.
+    /// Errors of the gyro that stands on the drive base of motors 0 and 1.
     pub gyro: GyroErrors,
-    /// The scenario runs on the emulated chip too, as a test.
+    /// True if a test runs the scenario on the emulated chip too.
     pub emulated: bool,
-    /// The expectations of a scenario that is a test.
+    /// Expectations of the run; empty for a scenario that is no test.
     pub expectations: Vec<Expectation>,
 }
 
@@ -82,7 +82,8 @@ pub struct Scenario {
 pub struct Attached {
     /// Voltages at the analog inputs from input 0, in volts. Further inputs stay as they are: open at the start.
     pub analog_v: Vec<f64>,
-    /// All digital pins that are connected to ground. `None` for no change: no pin at the start.
+    /// All digital pins that are connected to ground. `None` leaves the connections as they are; at the start no pin is
+    /// connected.
     pub low_pins: Option<Vec<Pin>>,
     /// Conditions of the I2C buses from bus 0. Further buses stay as they are: they work at the start.
     pub i2c_faults: Vec<Fault>,
@@ -91,11 +92,11 @@ pub struct Attached {
 /// The bus of a scenario.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bus {
-    /// In farads.
+    /// Capacitance in farads.
     pub capacitance_f: f64,
-    /// The battery gives current and accepts none.
+    /// True if the battery gives current and accepts none.
     pub one_way: bool,
-    /// Time at which a contactor disconnects the battery, in seconds since the start.
+    /// Time at which a contactor disconnects the battery, in seconds since the start; `None` for never.
     pub opens_at_s: Option<f64>,
 }
 
@@ -112,13 +113,13 @@ pub struct Motor {
     pub train: Option<Train>,
     /// The hub's configuration, relative to the constants.
     pub configuration: Configuration,
-    /// The meaning of control values.
+    /// Scheme, which says what control values mean.
     pub scheme: Scheme,
     /// Rule for duties within a regime.
     pub duty: DutyRule,
-    /// Effect of zero power.
+    /// Behaviour at power 0 or speed 0.
     pub zero_power: ZeroPower,
-    /// Effect of a fault.
+    /// Behaviour at a fault.
     pub on_fault: OnFault,
     /// The bridge; the hub is configured for it.
     pub bridge: BridgeConstants,
@@ -128,20 +129,22 @@ pub struct Motor {
     pub thermal: Option<ThermalLimit>,
     /// Current limit configured in the hub, in milliamperes; `None` for no limit.
     pub current_limit: Option<NonZeroU16>,
-    /// Largest acceleration of the model's profiles.
+    /// Largest acceleration of the model's profiles; `None` for the acceleration that the battery gives.
     pub acceleration: Option<Acceleration>,
-    /// Coefficients of the velocity loop. `None` for the model regulator, or for the suggested ones if `position` is set.
+    /// Coefficients of the velocity loop. `None` for the model regulator, or for the suggested ones if `position` is
+    /// set.
     pub velocity: Option<Pidf>,
-    /// Coefficients of the position loop. `None` for the model regulator, or for the suggested ones if `velocity` is set.
+    /// Coefficients of the position loop. `None` for the model regulator, or for the suggested ones if `velocity` is
+    /// set.
     pub position: Option<Pidf>,
     /// Set-points, times ascending; before the first the motor is disabled.
     pub setpoints: Vec<Timed<Setpoint>>,
     /// External torque on the output shaft in newton metres, times ascending, from 0 s on.
     pub torques: Vec<Timed<f64>>,
-    /// Temperatures of the motor, times ascending: in straight lines from a cold motor at 0 s to the first and to the
-    /// next; the last ones hold.
+    /// Temperatures of the motor at ascending times. From a cold motor at 0 s to the first time, and between two times,
+    /// the temperatures are interpolated linearly. After the last time they stay constant.
     pub heat: Vec<Timed<Temperatures>>,
-    /// States of the encoder, times ascending; sound before the first.
+    /// States of the encoder at ascending times. Before the first time the encoder is sound.
     pub encoder: Vec<Timed<Encoder>>,
 }
 
@@ -150,11 +153,11 @@ pub struct Motor {
 pub struct Group {
     /// The label in reports.
     pub label: String,
-    /// Its members, by index.
+    /// Indices of the members among the motors of the scenario.
     pub motors: Vec<usize>,
-    /// The drive base of two members that are wheels.
+    /// The drive base whose wheels are the two members; `None` if the group is no drive base.
     pub base: Option<DriveBase>,
-    /// True if the hub holds the base's heading by its gyro.
+    /// True if the hub regulates the heading of the base by its gyro.
     pub use_gyro: bool,
     /// Courses, times ascending.
     pub courses: Vec<Timed<GroupCommand>>,
@@ -165,9 +168,9 @@ pub struct Group {
 pub struct Configuration {
     /// The motor whose constants are configured; `None` for the constants of the motor itself.
     pub of: Option<catalogue::Motor>,
-    /// Of the winding resistance.
+    /// Factor of the winding resistance.
     pub resistance: f64,
-    /// Of the back-EMF constant, and of the torque constant: both are made by the magnets.
+    /// Factor of the back-EMF constant and of the torque constant, which both depend on the magnets.
     pub emf: f64,
     /// Inertia, drag and friction; `None` for an unknown motor: only its winding is configured.
     pub motion: Option<ConfiguredMotion>,
@@ -176,16 +179,16 @@ pub struct Configuration {
 /// Configured inertia, drag and friction, in factors of the true values with the load.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ConfiguredMotion {
-    /// Of the moment of inertia.
+    /// Factor of the moment of inertia.
     pub inertia: f64,
-    /// Of the viscous drag.
+    /// Factor of the viscous drag.
     pub drag: f64,
-    /// Of the Coulomb friction.
+    /// Factor of the Coulomb friction.
     pub friction: f64,
 }
 
 impl Group {
-    /// The settings of the hub's drive base; `None` for a group without gyro, whose odometry nobody needs.
+    /// The settings of the hub's drive base; `None` for a group without a gyro, because its odometry is not used.
     fn base_settings(&self) -> Option<BaseSettings> {
         let (base, &[left, right]) = (self.base.filter(|_| self.use_gyro)?, self.motors.as_slice()) else {
             return None;
@@ -195,7 +198,7 @@ impl Group {
 }
 
 impl Configuration {
-    /// Configured exactly.
+    /// The true constants are configured.
     pub const EXACT: Self = Self {
         of: None,
         resistance: 1.0,
@@ -204,7 +207,7 @@ impl Configuration {
     };
 }
 
-/// Something that holds from a time on.
+/// A value that is in force from a time on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timed<T> {
     /// Seconds since the start.
@@ -214,8 +217,8 @@ pub struct Timed<T> {
 }
 
 impl Scenario {
-    /// These motors for a number of seconds, with a control period of 50 ms, on a constant battery; nothing is
-    /// expected.
+    /// Creates a scenario of these motors without expectations. It takes `duration_s` seconds, with a control period of
+    /// 50 ms and a constant battery.
     pub fn new(name: &str, duration_s: f64, battery: Battery, motors: Vec<Motor>) -> Self {
         Self {
             name: name.to_owned(),
@@ -244,7 +247,8 @@ impl Scenario {
         si::Volts(on_lines(self.battery.emf.0, emf, at_s))
     }
 
-    /// The hub's commands by time; at the same time by motor, groups last.
+    /// The hub's commands in the order of their times. Commands of the same time are in the order of the motors, and
+    /// the commands of groups come last.
     pub fn commands(&self) -> Vec<Timed<Command>> {
         let mut commands = Vec::new();
         for (motor, plan) in self.motors.iter().enumerate() {
@@ -365,12 +369,12 @@ impl Motor {
         Dynamics::from_mechanics(winding, &BRIDGE, &mechanics)
     }
 
-    /// The set-point that holds at a time in seconds.
+    /// The set-point that is in force at a time in seconds.
     pub fn setpoint_at(&self, at_s: f64) -> Setpoint {
         latest(&self.setpoints, at_s).unwrap_or_default()
     }
 
-    /// The external torque in newton metres that holds at a time in seconds.
+    /// The external torque in newton metres that acts at a time in seconds.
     pub fn torque_at(&self, at_s: f64) -> f64 {
         latest(&self.torques, at_s).unwrap_or_default()
     }
@@ -389,7 +393,8 @@ impl Motor {
     }
 }
 
-/// The value at `at_s` on straight lines from `first` at 0 s through these times and values; the last value holds.
+/// Interpolates linearly from `first` at 0 s through these times and values. After the last time the last value is
+/// returned.
 fn on_lines(first: f64, points: impl Iterator<Item = (f64, f64)>, at_s: f64) -> f64 {
     let (mut from, mut value) = (0.0, first);
     for (to, next) in points {
@@ -401,7 +406,7 @@ fn on_lines(first: f64, points: impl Iterator<Item = (f64, f64)>, at_s: f64) -> 
     value
 }
 
-/// The last value that has begun by `at_s`.
+/// The value that is in force at `at_s`; `None` before the first time.
 fn latest<T: Copy>(timed: &[Timed<T>], at_s: f64) -> Option<T> {
     timed.iter().take_while(|t| t.at_s <= at_s).last().map(|t| t.value)
 }

@@ -1,4 +1,5 @@
-//! The chain line of several hubs in this process: a half-duplex line, on which every hub receives what another hub sends.
+//! The chain line of several hubs in this process: a half-duplex line, on which every hub receives what another hub
+//! sends.
 
 use embedded_io_async::{ErrorType, Read, Write};
 use std::cell::RefCell;
@@ -56,7 +57,7 @@ impl ChainLine {
         ChainEnd { line: self.clone(), hub }
     }
 
-    /// Begins a millisecond.
+    /// Sets the time of the line in milliseconds. A hub with the fault `Babbles` sends its bytes.
     pub(super) fn begin(&self, now_ms: u64) {
         let shared = &mut *self.0.borrow_mut();
         shared.now_ms = now_ms;
@@ -68,8 +69,8 @@ impl ChainLine {
         }
     }
 
-    /// Delivers what the hubs have sent since the last call. What several hubs sent at the same time is damaged. Returns false if
-    /// nothing was sent.
+    /// Delivers what the hubs have sent since the last call. Bytes that several hubs sent at the same time are damaged.
+    /// Returns false if nothing was sent.
     pub(super) fn deliver(&self) -> bool {
         self.0.borrow_mut().deliver()
     }

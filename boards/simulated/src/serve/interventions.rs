@@ -1,4 +1,4 @@
-//! Interventions in the battery and the motors of a served hub. An intervention replaces what the scenario has.
+//! Interventions in the battery and the motors of a served hub. An intervention replaces a value of the scenario.
 //!
 //! ```
 //! use simulated::serve::interventions::{Interventions, OnMotor};
@@ -16,8 +16,9 @@ use motor_hub::model::friction::Friction;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{KgM2, NewtonMetres, Volts};
 
-/// Friction of a shaft that is held, in stall torques of its motor at [`NOMINAL_V`].
+/// Friction of a shaft that is held, as a multiple of the motor's stall torque at [`NOMINAL_V`].
 const HELD: f64 = 20.0;
+/// Voltage at which the stall torque for [`HELD`] is computed, in volts.
 const NOMINAL_V: f64 = 12.0;
 
 /// Interventions in battery and motors; `None` leaves a value to the scenario.

@@ -1,4 +1,5 @@
-//! A line to hosts that connect and disconnect. The hub sees a serial line without end.
+//! The line between a served hub and its hosts. Hosts connect and disconnect. For the hub the line is a serial line
+//! that is always open.
 
 use super::tcp::Tcp;
 use super::wire::Wire;
@@ -26,7 +27,7 @@ pub enum LineError {
     },
 }
 
-/// One kind of line. Its methods are those of [`Line`].
+/// One kind of line. The methods of [`Line`] call the methods of the same name.
 pub(super) trait HostLine: fmt::Debug + Send {
     fn receive(&mut self, bytes: &mut [u8]) -> usize;
     fn send(&mut self, bytes: &[u8]) -> usize;
@@ -38,7 +39,7 @@ pub(super) trait HostLine: fmt::Debug + Send {
     fn address(&self) -> String;
 }
 
-/// A line whose calls never block. Displayed, it is the path or address that hosts open.
+/// A line whose calls never block. `Display` writes the path or address that hosts open.
 #[derive(Debug)]
 pub struct Line(Box<dyn HostLine>);
 
@@ -69,7 +70,7 @@ impl Line {
         Tcp::listen(address).map(|tcp| Self(Box::new(tcp))).map_err(fails)
     }
 
-    /// A line within this process, and the host's end of it. The host counts as always there.
+    /// A line within this process, and the host's end of it. The host counts as connected all the time.
     #[must_use]
     pub fn within_process() -> (Self, Wire) {
         let (hub, host) = Wire::pair();
@@ -87,8 +88,8 @@ impl Line {
     }
 
     /// Returns true if a host is on the line. On TCP the host is connected and has sent something within 5 s. On a
-    /// pseudo-terminal it has sent something within the hub's keep-alive time of 2.5 s; on Linux it has not closed the
-    /// port since. A line within this process always has a host.
+    /// pseudo-terminal a host has sent something within the hub's keep-alive time of 2.5 s. On Linux the host also must
+    /// not have closed the pseudo-terminal since. A line within this process always has a host.
     pub fn is_taken(&self) -> bool {
         self.0.is_taken()
     }

@@ -7,7 +7,9 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
+/// Size of a page in bytes.
 const PAGE: u32 = 16 * 1024;
+/// Size of the store in bytes.
 const SIZE: u32 = 2 * PAGE;
 
 /// Error of opening a file as the store of settings.
@@ -21,7 +23,7 @@ pub enum MemoryError {
         /// Error of the operating system.
         error: io::Error,
     },
-    /// Another program has the file open.
+    /// Another served hub uses the file.
     #[error(
         "{path} is the store of another served hub, which still runs; give another file, or end that hub"
     )]
@@ -46,7 +48,8 @@ pub struct Memory(File);
 impl Memory {
     /// Opens or creates a file, and locks it: no other hub can use the file while this hub runs.
     ///
-    /// A shorter file of erased bytes is completed. A full disk leaves such a file.
+    /// If the file is too short and has only erased bytes, erased bytes are appended up to the full size. Creating a
+    /// file on a full disk leaves such a file.
     ///
     /// # Errors
     /// If the file cannot be read and written, is in use by another hub, or is not a store.
@@ -63,7 +66,7 @@ impl Memory {
         let size = file.metadata().map_err(at)?.len();
         if size != u64::from(SIZE) {
             let mut begun = Vec::new();
-            // One byte more than a whole store says that the file is longer.
+            // One byte more than a store has is enough to find that the file is too long.
             (&file).take(u64::from(SIZE) + 1).read_to_end(&mut begun).map_err(at)?;
             let rest = (SIZE as usize).checked_sub(begun.len());
             let Some(rest) = rest.filter(|_| begun.iter().all(|byte| *byte == 0xFF)) else {
@@ -89,7 +92,7 @@ impl Memory {
 }
 
 impl ErrorType for Memory {
-    /// The operating system has refused.
+    /// The operating system has refused to read or to write.
     type Error = NorFlashErrorKind;
 }
 

@@ -69,7 +69,7 @@ impl Tcp {
     }
 
     fn accept(&self) -> Option<TcpStream> {
-        // No host waits, or the host has gone.
+        // An error means that no host waits, or that the waiting host has gone.
         let (stream, _) = self.listener.accept().ok()?;
         // A reply is one burst and should be sent without delay.
         (stream.set_nonblocking(true).is_ok() && stream.set_nodelay(true).is_ok()).then_some(stream)

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Result, Write};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Bytes on their way in one direction.
+/// Bytes that were sent in one direction and not received yet.
 #[derive(Clone, Debug, Default)]
 struct Queue(Arc<Mutex<VecDeque<u8>>>);
 
@@ -23,7 +23,7 @@ pub struct Wire {
 }
 
 impl Wire {
-    /// Both ends of a line.
+    /// Creates both ends of a line.
     #[must_use]
     pub fn pair() -> (Self, Self) {
         let (one, other) = (Queue::default(), Queue::default());

@@ -47,6 +47,7 @@ fn figure(round: &Round, result: &TaskResult) -> Figure {
 /// Name of a group of variants, and the test for its members.
 pub(super) type Way = (&'static str, fn(&Variant) -> bool);
 
+/// The groups of variants that have a panel or a table of their own.
 pub(super) const WAYS: [Way; 3] = [
     ("PID, linear duty", |variant| by_pid(variant, DutyRule::LinearDuty)),
     ("PID, linear current", |variant| by_pid(variant, DutyRule::LinearCurrent)),

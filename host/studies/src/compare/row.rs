@@ -15,12 +15,12 @@ use simulated::trace::Trace;
 pub(super) struct Row {
     /// The variant's name.
     pub(super) variant: String,
-    /// The variant.
+    /// Scheme, duty rule and regulator of the variant.
     #[serde(flatten)]
     pub(super) of: Variant,
     /// The coefficients; null for a model, which has none.
     pub(super) gains: Option<Gains>,
-    /// Seconds until the motor has [settled](crate::settling); null if it never does.
+    /// Seconds until the motor has [settled](crate::settling); null if it never settles.
     pub(super) settling_s: Option<f64>,
     /// Overshoot in percent of the step, or of the set-point after a change of torque; null at standstill.
     pub(super) overshoot_percent: Option<f64>,

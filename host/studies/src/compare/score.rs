@@ -1,4 +1,4 @@
-//! Which variant wins where, from the numbers alone.
+//! Finds the best variants at each task by the measures alone, and scores all variants.
 
 use super::Round;
 use super::row::Row;
@@ -9,13 +9,15 @@ use serde::Serialize;
 /// A column of the table of winners.
 struct Column {
     name: &'static str,
-    /// The number of a run, of which the smallest wins; `None` if the task has no such number, or the motor did not settle.
+    /// Measure of a run; the smallest is the best. `None` if the task has no such measure, or if the motor did not
+    /// settle.
     value: fn(&Row) -> Option<f64>,
     /// Differences up to this count as a tie.
     tie: f64,
 }
 
-/// Half a control period, half a percent, a count per second and a hundredth of an ampere or a joule are ties.
+/// Differences up to half a control period, half a percent, one count per second, and a hundredth of an ampere or of a
+/// joule are ties.
 const COLUMNS: [Column; 6] = [
     Column { name: "settling", value: |r| r.settling_s, tie: 0.026 },
     Column { name: "overshoot", value: |r| r.overshoot_percent, tie: 0.5 },
@@ -25,39 +27,40 @@ const COLUMNS: [Column; 6] = [
     Column { name: "returned", value: |r| Some(-r.energy_returned_j), tie: 0.01 },
 ];
 
-/// Added to each integral of |error|, in counts, so that variants with hardly any error tie.
+/// Counts that are added to each integral of |error|, so that variants with hardly any error tie.
 const NEGLIGIBLE: f64 = 1.0;
 
-/// The best at one task in one column.
+/// The best variants at one task in one column.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Winner {
-    /// The task's key.
+    /// Name of the task in files.
     pub(super) task: &'static str,
-    /// The column.
+    /// Name of the column.
     pub(super) column: &'static str,
-    /// The best variant, and all that tie with it; empty if none succeeded.
+    /// The best variant, and all variants that tie with it; empty if no variant has this measure without a fault.
     pub(super) variants: Vec<String>,
 }
 
 /// The results of a variant over all tasks.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Score {
-    /// The variant.
+    /// Name of the variant.
     pub(super) variant: String,
     /// The coefficients; null for a model.
     pub(super) gains: Option<Gains>,
-    /// Geometric mean, over the tasks, of the ratio of the variant's integral of |error| to the least of all.
+    /// Geometric mean, over the tasks, of a ratio: the variant's integral of |error| to the least integral of all
+    /// variants in all rounds.
     pub(super) error_ratio: f64,
-    /// The worst of these ratios.
+    /// Largest of the ratios at all tasks, at least 1.
     pub(super) worst_ratio: f64,
-    /// Mean of its peak jerk over the tasks, in amperes.
+    /// Mean of the variant's peak jerk over the tasks, in amperes.
     pub(super) mean_jerk_a: f64,
     /// Number of cells of task and column in which the variant is best of its round, alone or with others.
     pub(super) wins: usize,
-    /// Number of tasks at which the variant does not settle.
+    /// Number of tasks at which the variant does not settle, or at which the hub reports an encoder fault.
     #[serde(skip)]
     pub(super) failures: usize,
-    /// Ratio of the variant's integral of |error| to the least of all, by task.
+    /// By task, ratio of the variant's integral of |error| to the least integral of all variants in all rounds.
     #[serde(skip)]
     pub(super) ratios: Vec<f64>,
 }
@@ -80,8 +83,8 @@ pub(super) fn winners(round: &Round) -> Vec<Winner> {
     winners
 }
 
-/// Every variant's score with every choice of coefficients, the least error first. The least error of a task is the
-/// least of all rounds.
+/// Scores of every variant with every choice of coefficients, sorted by ascending error. The least error of a task is
+/// the least of all rounds.
 pub(super) fn scores(rounds: &[Round]) -> Vec<Score> {
     let mut scores: Vec<Score> = Vec::new();
     for round in rounds {

@@ -1,4 +1,5 @@
-//! The tasks: a NeveRest 60 with its measured rotor inertia turns a 10 kg flywheel of 10 cm radius.
+//! The tasks: a NeveRest 60 with its measured rotor inertia turns a 10 kg flywheel of 10 cm radius. One task has no
+//! flywheel, and one task has a flywheel of 40 kg.
 
 use crate::velocity;
 use motor_hub::model::battery::Battery;
@@ -12,6 +13,7 @@ use simulated::scenario::{Configuration, Motor, Scenario, Timed};
 const FREE_CPS: f64 = 2720.0;
 /// Every task's length in seconds.
 const LENGTH_S: f64 = 7.0;
+/// Time of the event in most tasks, in seconds.
 const EVENT_S: f64 = 3.0;
 
 /// A task, and the time from which it is judged.
@@ -21,9 +23,9 @@ pub(super) struct Task {
     pub(super) key: &'static str,
     /// What happens, in words.
     pub(super) what: String,
-    /// Time of the event in seconds.
+    /// Time of the event in seconds. Measures are taken from this time on.
     pub(super) event_s: f64,
-    /// The scenario. Its scheme is replaced by that of a variant.
+    /// The scenario. Each variant replaces the scheme, the duty rule and the coefficients of the scenario.
     #[serde(skip)]
     pub(super) scenario: Scenario,
 }
@@ -83,7 +85,8 @@ pub(super) fn all() -> Result<Vec<Task>, UnknownMotor> {
     Ok(tasks)
 }
 
-/// Set-points in counts/s and torques in newton metres, each with the time in seconds when it begins.
+/// Returns the scenario with these set-points in counts/s and torques in newton metres. Each is given with the time in
+/// seconds at which it begins.
 fn plan(speeds: &[(f64, f64)], torques: &[(f64, f64)]) -> Result<Scenario, UnknownMotor> {
     let speed = |&(at_s, cps): &(f64, f64)| Timed { at_s, value: velocity(cps.round() as i32) };
     let torque = |&(at_s, value): &(f64, f64)| Timed { at_s, value };

@@ -9,6 +9,7 @@ use super::{Round, TaskResult};
 use crate::page::Page;
 use crate::table::{self, Table};
 
+/// Explains the measures below the tables.
 const DEFINITIONS: &str = "\
 All measures are from the task's event on. Settling: time until the speed stays within 2 % of the new speed or of the
 step, whichever is more, and of 2 counts/s; a motor at standstill within 3 counts. It must stay there to the end, for a
@@ -20,10 +21,11 @@ error's size, counts. A variant that brakes least has the least jerk. Fault: the
 reverse drive, so the hub took the encoder for reversed and released the motor. Model: regulated by the motor's model
 with linear current; it has no coefficients, and motor and load are configured exactly.";
 
+/// Explains the signs of the variants below the table of winners.
 const SIGNS: &str = "Capitals: linear current. Small letters: linear duty. ': the motor's model. 0: no braking regime. \
                      *: all variants. -: no variant.";
 
-/// Mean errors within this factor of the least are near it.
+/// A variant whose mean error is at most this factor times the least one counts as nearly as good.
 const NEAR: f64 = 1.25;
 
 /// The verdict, and every measure of every run.
@@ -41,9 +43,9 @@ pub(super) fn measures(rounds: &[Round]) -> Page {
 /// The verdict, and the settling times by task and variant.
 pub(super) fn settling(rounds: &[Round]) -> Page {
     let mut page = verdict(rounds);
-    // The best coefficients are the last round.
+    // In a full comparison the last round has each variant's best coefficients. This round is shown first.
     for (number, round) in rounds.iter().rev().enumerate() {
-        // Models have no coefficients: their runs are the same in every round.
+        // The model has no coefficients. Its runs are the same in every round, and are shown once.
         let ways = WAYS.into_iter().filter(|(_, shown)| {
             number == 0 || Variant::ALL.iter().any(|variant| shown(variant) && variant.has_coefficients())
         });
@@ -58,7 +60,8 @@ pub(super) fn settling(rounds: &[Round]) -> Page {
     page
 }
 
-/// Which variant wins, where another one is better, and which loses; then the scores and the tasks.
+/// States which variant is the best, at which tasks another variant is better, and which variant is the last. The
+/// tables of scores and tasks follow.
 fn verdict(rounds: &[Round]) -> Page {
     let scores = scores(rounds);
     let tasks: &[TaskResult] = rounds.first().map_or(&[], |round| &round.tasks);
@@ -112,7 +115,7 @@ fn verdict(rounds: &[Round]) -> Page {
     page
 }
 
-/// The tasks at which another variant's error is clearly less, as the end of a sentence.
+/// The tasks at which the error of another variant is less by more than [`NEAR`], as the end of a sentence.
 fn beaten_at(best: &Score, tasks: &[TaskResult]) -> String {
     let names: Vec<&str> = tasks
         .iter()
@@ -212,7 +215,7 @@ fn cells(row: &Row) -> Vec<String> {
     ]
 }
 
-/// P and I for tables.
+/// P and I as multiples of `f`, as text for tables; "-" for the model.
 fn words(gains: Option<Gains>) -> [String; 2] {
     gains.map_or(["-".to_owned(), "-".to_owned()], |Gains { p, i }| [p.to_string(), i.to_string()])
 }
@@ -271,7 +274,7 @@ fn short(winner: &Winner, all: usize) -> String {
     }
 }
 
-/// The variants that win a column at most tasks.
+/// The variants that are the best in a column most often, and at how many tasks they are.
 fn most_often(round: &Round, column: &str) -> String {
     // A cell where all are equal, or none succeeds, has no winner.
     let decided = |w: &Winner| w.column == column && (1..Variant::ALL.len()).contains(&w.variants.len());

@@ -1,5 +1,5 @@
-//! Coefficients of the speed loop, in relation to what the motor can do, and their choice: the same for all variants, or for each
-//! variant the best of one grid.
+//! Coefficients of the speed loop, normalised to the motor's speed at a back EMF of 12 V. They are the same for all
+//! variants, or each variant has its best coefficients of one grid.
 
 use super::row::Row;
 use super::tasks::Task;
@@ -11,20 +11,22 @@ use motor_hub::motor::Setpoint;
 use motor_hub::units::{Coefficient, Control};
 use serde::Serialize;
 
-/// P and I as multiples of `f = 32767 keFw / 12000`, control steps per count/s: full control at the
-/// speed whose back EMF is 12 V. D and F are 0.
+/// P and I as multiples of `f = 32767 keFw / 12000`, in control steps per count/s. P = f gives full control for an
+/// error of the speed whose back EMF is 12 V. D and F are 0.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Gains {
-    /// P / f.
+    /// P divided by `f`.
     pub(super) p: f64,
-    /// I / f, per second.
+    /// I divided by `f`, in 1/s.
     pub(super) i: f64,
 }
 
 /// The coefficients of all variants in the first round.
 const SAME: Gains = Gains { p: 1.5, i: 7.5 };
 
+/// P of the candidates, as multiples of `f`.
 const P: [f64; 6] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0];
+/// I of the candidates, as multiples of `f`, in 1/s.
 const I: [f64; 4] = [4.0, 7.5, 11.0, 15.0];
 
 /// The candidates for each variant's best coefficients.
@@ -39,7 +41,8 @@ const GRID: [Gains; P.len() * I.len()] = {
 };
 
 impl Gains {
-    /// The coefficients for a motor: an integral is given by cycles of 50 ms.
+    /// Returns the coefficients for a motor. The hub adds the integral once per control period of 50 ms, so I is
+    /// divided by 20.
     pub(super) fn coefficients(self, motor: &Motor) -> Pidf {
         let f = f64::from(Control::MAX.get()) * motor.ke_fw() / 12_000.0;
         // Casts from float saturate.
@@ -48,8 +51,9 @@ impl Gains {
     }
 }
 
-/// Weights of the criterion beside the integral of the error's size, in seconds.
+/// Weight of the overshoot in the criterion, in seconds. The weight of the integral of |error| is 1.
 const OF_OVERSHOOT_S: f64 = 0.2;
+/// Weight of the limit cycle in the criterion, in seconds.
 const OF_LIMIT_CYCLE_S: f64 = 1.0;
 
 /// Number of runs that find the best coefficients of all variants.
@@ -57,7 +61,7 @@ pub(super) fn runs() -> usize {
     GRID.len() * Variant::ALL.into_iter().filter(|variant| variant.has_coefficients()).count()
 }
 
-/// A way of choosing coefficients, and what it chose.
+/// A way of choosing coefficients, and the chosen coefficients.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Tuning {
     /// The choice in words.
@@ -87,7 +91,7 @@ impl Tuning {
         }
     }
 
-    /// For each variant its best coefficients of [`GRID`] at a task.
+    /// Chooses for each variant the coefficients of [`GRID`] with the least criterion at a task.
     ///
     /// # Errors
     /// If a run fails.

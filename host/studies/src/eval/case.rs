@@ -49,17 +49,17 @@ impl<'a> Case<'a> {
         Err(format!("unknown input {}; this formula reads {}", unknown.join(", "), read.join(", ")).into())
     }
 
-    /// A number, which is finite in JSON.
+    /// Reads a number. Numbers in JSON are finite.
     pub(super) fn number(&self, key: &str) -> Result<f64, CaseError> {
         Ok(self.input(key)?.as_f64().ok_or_else(|| format!("input {key} must be a number"))?)
     }
 
-    /// A number above 0.
+    /// Reads a number above 0.
     pub(super) fn positive(&self, key: &str) -> Result<f64, CaseError> {
         above_zero(self.number(key)?, key)
     }
 
-    /// A number of at least 0.
+    /// Reads a number of at least 0.
     pub(super) fn not_negative(&self, key: &str) -> Result<f64, CaseError> {
         match self.number(key)? {
             value if value >= 0.0 => Ok(value),
@@ -67,7 +67,7 @@ impl<'a> Case<'a> {
         }
     }
 
-    /// A whole number from `low` to `high`.
+    /// Reads a whole number from `low` to `high`.
     pub(super) fn whole(&self, key: &str, low: i64, high: i64) -> Result<i64, CaseError> {
         let value = self.number(key)?;
         if value.fract() == 0.0 && (low as f64..=high as f64).contains(&value) {
@@ -81,7 +81,7 @@ impl<'a> Case<'a> {
         Ok(self.input(key)?.as_str().ok_or_else(|| format!("input {key} must be a text"))?)
     }
 
-    /// True if there is such an input.
+    /// True if the case has an input with this key.
     pub(super) fn has(&self, key: &str) -> bool {
         self.input(key).is_ok()
     }
@@ -113,7 +113,7 @@ impl<'a> Case<'a> {
             value.ok_or_else(|| format!("motor constant {key} is missing, or is not a number").into())
         };
         let positive = |key: &str| number(key).and_then(|value| above_zero(value, key));
-        // A motor without a gearbox needs no ratio, and a formula without time needs no inertia.
+        // A motor without a gearbox needs no ratio, and a formula without time needs no inertia. Missing values are 1.
         let or_one = |key: &str| if constant(key).is_some() { positive(key) } else { Ok(1.0) };
         let inertia = KgM2(or_one("J")?);
         Ok(Motor {

@@ -1,4 +1,4 @@
-//! Formulas that the firmware computes, answered by the code that it runs.
+//! Formulas that the firmware computes, answered by the firmware's own code.
 
 use super::CaseError;
 use super::case::{Case, table};
@@ -16,27 +16,33 @@ use serde_json::{Value, json};
 use simulated::scheme::{BlendChoice, SchemeName};
 use std::f64::consts::TAU;
 
-/// Speed in counts/s per mV of back EMF, with the constant 1/64 mV s/count. An operating point depends on the product of both
-/// alone. With this constant the largest back EMF needs the whole range of speeds, so no constant resolves it finer.
+/// Speed in counts/s per mV of back EMF, for a back-EMF constant of 1/64 mV s/count. An operating point depends only on
+/// the product of speed and constant, so any constant may be used. With this constant the largest back EMF needs the
+/// whole range of speeds. No other constant resolves the back EMF finer.
 const FINEST: f64 = 64.0;
 
-/// Conditions of the printed bridge table, in millivolts: battery and diode drop, and a back EMF below
-/// and one above the battery voltage.
+/// Battery voltage for the printed bridge table, in millivolts.
 const BATTERY_MV: i32 = 12_000;
+/// Drop of a diode for the printed bridge table, in millivolts.
 const DIODE_MV: i32 = 700;
+/// Back EMF below the battery voltage for the printed bridge table, in millivolts.
 const EMF_MV: i32 = 5_000;
+/// Back EMF above the battery voltage for the printed bridge table, in millivolts.
 const OVERRUN_MV: i32 = 20_000;
 
+/// Scale of the firmware's back-EMF constant, which has 20 binary places.
 const Q20: f64 = (1 << 20) as f64;
+/// Largest control value in steps.
 const LARGEST_CONTROL: i64 = Control::MAX.get() as i64;
 /// Message for a battery voltage that the firmware cannot represent.
 const BATTERY: &str = "input Vbat must be 0.001 to 65.535 V";
+/// Largest speed that the firmware can represent, in counts/s.
 const LARGEST_CPS: i64 = 8_388_607;
 
-/// Control values of a table of counter-clockwise motion without given control values.
+/// Default control values of a table for counter-clockwise motion.
 const CONTROLS_CCW: [f64; 6] = [-32767.0, -20011.0, -12345.0, -777.0, 7777.0, 32767.0];
 
-/// Control values of a table without given control values.
+/// Default control values of a table.
 const CONTROLS: [f64; 12] =
     [-32767.0, -30000.0, -20011.0, -12345.0, -5000.0, -777.0, 0.0, 1234.0, 7777.0, 16384.0, 29000.0, 32767.0];
 
@@ -72,7 +78,7 @@ pub(super) fn bridge_state(case: &Case) -> Result<Value, CaseError> {
     Ok(with_fields(outputs, more))
 }
 
-/// The back-EMF constant in firmware units.
+/// The back-EMF constant in mV s/count: exact, and as the firmware's number with 20 binary places.
 pub(super) fn emf_constant(case: &Case) -> Result<Value, CaseError> {
     let exact = 1000.0 * TAU * case.positive("Ke")? / case.positive("countsPerRev")?;
     let q20 = constant(exact * Q20)?.to_bits();
@@ -120,7 +126,7 @@ pub(super) fn points(case: &Case) -> Result<Value, CaseError> {
     }))
 }
 
-/// Where a control value falls among points that are given.
+/// Regime and duty of a control value, for points that the case gives.
 pub(super) fn example_duty(case: &Case) -> Result<Value, CaseError> {
     let abscissa = |key| case.whole(key, -(1 << 40), 1 << 40).map(|steps| Abscissa::from_bits(steps << 8));
     let points = Points { s: abscissa("S")?, t: abscissa("T")?, z: abscissa("Z")?, g: abscissa("G")? };
@@ -149,7 +155,8 @@ pub(super) fn regime_duty(case: &Case) -> Result<Value, CaseError> {
     let controls = case
         .column("control")?
         .unwrap_or_else(|| if emf_mv < 0.0 { CONTROLS_CCW.to_vec() } else { CONTROLS.to_vec() });
-    // The document has the paper's formulas; the firmware departs from them near overrun.
+    // The paper's formulas answer the case. At overrun, and where a formula is not defined, the firmware's points
+    // answer it.
     let points = match Points::from_formula(scheme, at) {
         Some(points) if !at.is_overrun() => points,
         _ => Points::new(scheme, at),
@@ -164,8 +171,8 @@ pub(super) fn regime_duty(case: &Case) -> Result<Value, CaseError> {
     table(&["control", "regime", "mode", "duty"], controls.into_iter().map(row))
 }
 
-/// The drive by which the firmware, in Scheme A, makes a mean current in amperes. The control value is the nearest to
-/// the equivalent voltage, so the current is exact to 1/32767 of Vbat/R.
+/// Returns the bridge command by which the firmware makes the mean current `wanted`, in amperes, in Scheme A. The
+/// control value is rounded. Therefore the error of the current is below 1/32767 of Vbat/R.
 pub(super) fn current_drive(
     motor: &Motor,
     bridge: Bridge,
@@ -173,7 +180,7 @@ pub(super) fn current_drive(
     at: Conditions,
     wanted: f64,
 ) -> Result<Drive, CaseError> {
-    // Casts from float saturate, and the ends are out of range.
+    // Casts from float saturate. A saturated value is out of range and is refused.
     let winding = Winding {
         emf: constant(Q20 / FINEST)?,
         resistance: Resistance::from_ohms(motor.r.0)?,
@@ -201,7 +208,7 @@ fn full_range(case: &Case) -> Result<(), CaseError> {
 }
 
 fn constant(bits: f64) -> Result<EmfConstant, CaseError> {
-    // A cast from float saturates, and the ends of the integers are out of range here.
+    // A cast from float saturates. A saturated value is out of range and is refused.
     Ok(EmfConstant::from_bits(bits.round() as i32)?)
 }
 

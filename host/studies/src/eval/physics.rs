@@ -13,15 +13,19 @@ use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
 use serde_json::{Value, json};
 use simulated::scheme::SchemeName;
 
-/// First columns of tables without given values: times in s, duties, voltages in V.
+/// Default times of a table, in s.
 const TIMES: [f64; 8] = [0.0, 1e-5, 2.1e-4, 1e-3, 0.01, 0.05, 0.31, 3.0];
+/// Default duties of a table of currents.
 const DUTIES: [f64; 8] = [0.0, 0.02, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0];
+/// Default duties of a table of free speeds.
 const STEADY_DUTIES: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
+/// Default voltages of a table, in V.
 const VOLTAGES: [f64; 3] = [12.0, 0.0, -12.0];
-/// Shares of the largest current forward, and of the largest against the motion.
+/// Default currents of a table. Positive numbers are shares of the largest forward current, and negative numbers are
+/// shares of the largest current against the motion.
 const CURRENT_SHARES: [f64; 8] = [-1.0, -0.6, -0.15, -0.02, 0.02, 0.15, 0.5, 0.9];
 
-/// S, T, Z, G of a scheme, unclamped.
+/// The points S, T, Z and G of a scheme, not limited to the control range.
 pub(super) fn scheme_points(case: &Case) -> Result<Value, CaseError> {
     let name = case.text("scheme")?;
     let scheme = match name.parse()? {
@@ -190,7 +194,7 @@ pub(super) fn duty_for_current(case: &Case) -> Result<Value, CaseError> {
     table(&columns, targets.into_iter().map(row))
 }
 
-/// Free speed at a duty, and the duty from which on the current never rests.
+/// Free speed at a duty, and the duty from which on the current is never 0 within a PWM period.
 pub(super) fn steady_speed(case: &Case) -> Result<Value, CaseError> {
     let (motor, circuit, frequency, at) = bridge(case)?;
     let open_loop = OpenLoop::new(&motor, &Load::NONE, circuit.bridge);

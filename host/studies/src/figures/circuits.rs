@@ -5,27 +5,37 @@ use chart::{Drawing, colour};
 use motor_hub::braking::Regime;
 use motor_hub::bridge::Mode;
 
-/// Width and height of one circuit with its words.
+/// Width of one circuit with its words, in pixels.
 const WIDTH: f64 = 400.0;
+/// Height of one circuit with its words, in pixels.
 const HEIGHT: f64 = 410.0;
+/// Height of the title above the circuits, in pixels.
 const TITLE: f64 = 96.0;
-/// Horizontal places within a circuit: battery, left and right half of the bridge, and the distance of diodes from their switches.
+/// The x coordinate of the battery within a circuit, in pixels.
 const BATTERY_X: f64 = 50.0;
+/// The x coordinate of the left half of the bridge, in pixels.
 const LEFT_X: f64 = 160.0;
+/// The x coordinate of the right half of the bridge, in pixels.
 const RIGHT_X: f64 = 310.0;
+/// Distance of a diode from its switch, in pixels.
 const DIODE: f64 = 38.0;
-/// Vertical places: upper rail, middles of the upper switches, motor, middles of the lower switches, lower rail.
+/// The y coordinate of the upper rail within a circuit, in pixels.
 const TOP: f64 = 70.0;
+/// The y coordinate of the middles of the upper switches, in pixels.
 const UPPER: f64 = 130.0;
+/// The y coordinate of the motor, in pixels.
 const MOTOR: f64 = 190.0;
+/// The y coordinate of the middles of the lower switches, in pixels.
 const LOWER: f64 = 250.0;
+/// The y coordinate of the lower rail, in pixels.
 const BOTTOM: f64 = 310.0;
 /// Distance of coloured paths from the wires.
 const BESIDE: f64 = 7.0;
 
 type Points = Vec<(f64, f64)>;
 
-/// Six circuits, as an SVG document: by row how the motor turns, by column the regime.
+/// Six circuits as an SVG document. The rows are the directions in which the motor turns, and the columns are the
+/// regimes.
 #[must_use]
 pub fn circuits() -> String {
     let mut drawing =
@@ -47,7 +57,8 @@ pub fn circuits() -> String {
 /// One bridge with the paths of a regime's mode.
 fn circuit(drawing: &mut Drawing, (x0, y0): (f64, f64), regime: Regime, clockwise: bool) {
     let mode = regime.mode(!clockwise);
-    // Braking and reverse driving push against the motion: their current flows through the motor the other way.
+    // The torque of braking and of reverse driving acts against the motion, so the current flows through the motor in
+    // the other direction.
     let rightwards = clockwise == (regime == Regime::Forward);
     let turns = if clockwise { "CW" } else { "CCW" };
     let moved = |points: &[(f64, f64)]| -> Points { points.iter().map(|(x, y)| (x + x0, y + y0)).collect() };
@@ -115,7 +126,7 @@ fn driving() -> [Points; 2] {
     [first, [&[*rest.last().unwrap_or(up)], &second[..], &[*up], rest].concat()]
 }
 
-/// Paths of a current to the right through S4 and S2, and of one through D3, battery and D2.
+/// Paths of two currents: to the right through S4 and S2, and through D3, battery and D2.
 fn braking() -> [Points; 2] {
     let [left, right] = [LEFT_X + BESIDE, RIGHT_X - BESIDE];
     let (row, rail) = (MOTOR + BESIDE, BOTTOM - BESIDE);
@@ -152,7 +163,7 @@ fn mirrored(path: Points) -> Points {
     path.into_iter().map(|(x, y)| (other(x), y)).collect()
 }
 
-/// Rails, the motor's, and the battery with its poles.
+/// The rails, the wire through the motor, and the battery with its poles.
 fn wires() -> [Points; 7] {
     [
         vec![(BATTERY_X, MOTOR - 6.0), (BATTERY_X, TOP), (RIGHT_X, TOP)],
@@ -171,8 +182,8 @@ const LEAD: f64 = 26.0;
 /// Middles of the switches S1 to S4.
 const HALVES: [(f64, f64); 4] = [(LEFT_X, UPPER), (LEFT_X, LOWER), (RIGHT_X, UPPER), (RIGHT_X, LOWER)];
 
-/// Draws a switch with its diode, which conducts upwards. `closed` says whether the switch is closed in the mode's first and in
-/// its second state.
+/// Draws a switch with its diode, which conducts upwards. `closed` says whether the switch is closed in the mode's
+/// first and in its second state.
 fn half(
     drawing: &mut Drawing,
     moved: &impl Fn(&[(f64, f64)]) -> Points,

@@ -1,4 +1,4 @@
-//! Numbers that the paper and its revision print, and ours for the motor of their examples.
+//! Numbers that the paper and its revision print, and the numbers computed here for the motor of their examples.
 
 use motor_hub::braking::{Abscissa, Points};
 use motor_hub::model::catalogue::Motor;
@@ -11,12 +11,12 @@ use motor_hub::units::Control;
 pub(crate) struct Number {
     /// Section of the paper.
     pub(crate) section: &'static str,
-    /// The quantity.
+    /// Name of the quantity.
     pub(crate) name: &'static str,
     /// The number as printed.
     pub(crate) printed: &'static str,
-    /// The number as computed here, for the motor of the paper's examples. Speeds "post" are of the output shaft, "pre" of the
-    /// motor shaft.
+    /// The number as computed here, for the motor of the paper's examples. Speeds "post" are of the output shaft, "pre"
+    /// of the motor shaft.
     pub(crate) ours: fn(&Motor) -> f64,
 }
 
@@ -63,7 +63,7 @@ fn post(motor: &Motor, omega: f64) -> RadPerSec {
     RadPerSec(omega * motor.gear_ratio)
 }
 
-/// The paper's flywheel of this mass, 10 cm of radius.
+/// A motor with a flywheel of this mass, which has the paper's radius of 10 cm.
 fn with_flywheel(motor: &Motor, kg: f64) -> GearedMotor {
     GearedMotor::new(motor, &Load::flywheel(Kilograms(kg), Metres(0.1)))
 }
@@ -86,7 +86,8 @@ fn free(motor: &Motor) -> Motion {
     with_flywheel(motor, 10.0).steady(Applied::voltage(Volts(12.0)))
 }
 
-/// Slow and fast pole; no numbers if the motor oscillates, which the paper's does not.
+/// Slow and fast pole in 1/s, both positive; not a number if the motor oscillates. The paper's motor does not
+/// oscillate.
 fn poles(motor: &Motor, flywheel_kg: f64) -> (f64, f64) {
     match with_flywheel(motor, flywheel_kg).poles() {
         Poles::Real { slow, fast } => (slow, fast),
@@ -94,7 +95,7 @@ fn poles(motor: &Motor, flywheel_kg: f64) -> (f64, f64) {
     }
 }
 
-/// The paper's example points (section 1.3), on the firmware's core.
+/// The duty at -10000 for the paper's example points (section 1.3), computed by the firmware's core.
 fn example_duty() -> f64 {
     let at = |steps: i64| Abscissa::from_bits(steps << 8);
     let points = Points { s: at(-32767), t: at(-16384), z: at(8192), g: at(32767) };

@@ -8,15 +8,16 @@ const REACH: f64 = 1.0;
 /// How the points of a motor are drawn.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Look {
-    /// The motor turns counter-clockwise. Then 9/8 and 6/2 change places; a colour shows the regime, and stays.
+    /// True if the motor turns counter-clockwise. Then the labels 9/8 and 6/2 are exchanged. The colours of the regimes
+    /// are not exchanged.
     pub(crate) counter_clockwise: bool,
-    /// There is no braking regime between T and Z.
+    /// True if there is no braking regime between T and Z.
     pub(crate) jump: bool,
     /// Height of the panel in pixels.
     pub(crate) height: f64,
 }
 
-/// Lines from S over T and Z to G within the control range; `points` in that order.
+/// Draws the lines from S via T and Z to G within the control range. `points` are in this order.
 pub(crate) fn panel(y_label: String, points: [Point; 4], look: Look) -> Panel {
     let [s, t, z, g] = &points;
     let [forward, reverse] = if look.counter_clockwise { ["6/2", "9/8"] } else { ["9/8", "6/2"] };

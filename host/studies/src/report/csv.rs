@@ -8,11 +8,12 @@ use simulated::scenario::expectation::regime_name;
 use simulated::trace::{Sample, Trace};
 use std::fmt::Write;
 
+/// The first line of the file. Units are in the names.
 const HEADINGS: &str = "time_s,motor,label,battery_v,battery_measured_v,setpoint,setpoint_value,\
 position_counts,speed_cps,speed_estimate_cps,control,regime,mode,duty,mean_current_a,\
 energy_from_battery_j,energy_to_battery_j,external_torque_nm,settled,stalled,fault,encoder_fault,regulator,observed_load_a,schema_version\n";
 
-/// The whole trace. Means and energies are those from the row's tick to the next.
+/// The whole trace. Means and energies of a row are from its control tick to the next control tick.
 pub(super) fn of(scenario: &Scenario, trace: &Trace) -> String {
     let mut out = HEADINGS.to_owned();
     for tick in &trace.ticks {

@@ -62,7 +62,7 @@ fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> 
     }
 }
 
-/// The current, and the current of the load where the hub observes it.
+/// The current, and the observed load current if the hub reports it.
 fn currents(lines: &Lines) -> Vec<Series> {
     let current = lines.line("current", colour::BLUE, Style::Step, |s| s.flow.mean_current().0);
     let load = |s: &Sample| s.report.load.map_or(f64::NAN, |load| f64::from(load.get()) / 1e3);
@@ -90,7 +90,7 @@ fn has_velocity(motor: &Motor) -> bool {
     motor.setpoints.iter().any(|s| matches!(s.value, Setpoint::Velocity(_)))
 }
 
-/// The motor has position set-points, of its own or of a group.
+/// True if the motor has position set-points, of its own or of a group.
 fn has_position(scenario: &Scenario, index: usize) -> bool {
     let position = |motor: &Motor| {
         motor.setpoints.iter().any(|setpoint| matches!(setpoint.value, Setpoint::Position { .. }))
@@ -204,7 +204,7 @@ fn significant(value: f64) -> String {
     rounded.to_string()
 }
 
-/// Letters and digits of a label, the rest as hyphens.
+/// A label as a part of a file name: letters in lower case and digits. All other characters become hyphens.
 fn file_name(label: &str) -> String {
     label.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect()
 }

@@ -31,8 +31,8 @@ impl Pair<'_> {
     }
 }
 
-/// A sentence about the responses, or about the energy where no set-point is regulated; then whether expectations are
-/// met.
+/// A sentence about the responses, or about the energy if no set-point is regulated. A second sentence says whether the
+/// expectations are met.
 pub(super) fn headline(report: &RunReport) -> String {
     let result = result(report);
     let all = report.verdicts.len();
@@ -73,7 +73,7 @@ fn result(report: &RunReport) -> String {
     }
 }
 
-/// What the battery gave and got back.
+/// A sentence about the energies that the battery gave and got back, in joules.
 fn energies(report: &RunReport) -> String {
     let sum = |run: usize, of: fn(&Measures) -> f64| -> f64 {
         report.measures.iter().filter_map(|runs| runs.get(run)).map(of).sum()

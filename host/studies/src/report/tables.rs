@@ -9,6 +9,7 @@ use simulated::scheme;
 /// Least width of a column in characters, so that the tables line up.
 const NARROWEST: usize = 18;
 
+/// Explains the measures below the tables.
 const DEFINITIONS: &str = "\
 Settling: time until the speed stays within 2 % of the new speed or of the step, whichever is more, at least 2
 counts/s; a position within its tolerance; a motor at standstill within 3 counts. It must stay there until the next
@@ -49,7 +50,7 @@ pub(super) fn all(comparison: &RunReport) -> String {
     out
 }
 
-/// The expectations of the run as set.
+/// A table of the expectations with their measurements and verdicts.
 fn expectations(verdicts: &[Verdict]) -> String {
     let mut table = table::new(&["expected of", "time, s", "expected", "measured", ""], 2);
     for verdict in verdicts {

@@ -15,7 +15,7 @@ use simulated::scenario::{Motor, Scenario, Timed};
 /// Control periods in milliseconds.
 pub const PERIODS: [u32; 4] = [1, 10, 50, 100];
 
-/// The battery, in volts.
+/// Voltage of the battery without load, in volts.
 const VOLTS: f64 = 12.0;
 /// A motor with a longer time constant, in seconds, also runs with the paper's inertia.
 const SLOW: f64 = 3.0;
@@ -31,9 +31,9 @@ pub struct BareMotor {
     pub paper_inertia: bool,
     /// "velocity" or "position".
     pub mode: &'static str,
-    /// Configured exactly: two responses for each period.
+    /// Verdicts with the motor configured exactly: two responses for each period.
     pub configured: Vec<[Verdict; 2]>,
-    /// Not configured: two responses for each period.
+    /// Verdicts with the motor not configured: two responses for each period.
     pub unknown: Vec<[Verdict; 2]>,
 }
 
@@ -65,8 +65,8 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<BareMotor>, Stu
     Ok(names.into_iter().zip(verdicts).map(bare_motor).collect())
 }
 
-/// From rest to half of the free speed and on to a tenth of it; or the distance of half of the free speed in a
-/// second, and back.
+/// The scenario of one motor. By speed, the motor turns at half of its free speed, and then at a tenth of its free
+/// speed. By position, it moves by the distance that half of the free speed covers in a second, and back.
 fn scenario(constants: catalogue::Motor, by_speed: bool) -> Scenario {
     let electrical = constants.ke.0 * constants.kt.0 / constants.r.0;
     let time_constant = time_constant(&constants, &Load::NONE);

@@ -1,4 +1,4 @@
-//! How soon responses settle, as curves: how many of them had settled by a time.
+//! Curves that show how soon responses settle: the percentage of responses that have settled by a time.
 //!
 //! ```
 //! use studies::survey::{Survey, chart};
@@ -15,12 +15,14 @@ use super::{Knowledge, Response, Survey, Verdict};
 use crate::NamedFigure;
 use chart::{Figure, Panel, Series, Style, colour};
 
-/// What settles later than this is not drawn, in seconds.
+/// Longest settling time that is drawn, in seconds.
 const SHOWN_S: f64 = 4.0;
 
 type Times = Vec<Option<f64>>;
 
+/// Name and colour of curves with the motor configured exactly.
 const CONFIGURED: (&str, &str) = ("configured exactly", colour::BLUE);
+/// Name and colour of curves with the motor not configured.
 const UNKNOWN: (&str, &str) = ("not configured", colour::RED);
 
 /// The tasks of the reference, at all periods.
@@ -91,12 +93,13 @@ fn panel(which: &str, curves: Vec<((&str, &'static str), Times)>) -> Panel {
     Panel { y_range: Some((0.0, 102.0)), ..Panel::new(format!("settled, %: {which}"), 260.0, series) }
 }
 
-/// Percent that settles, however late.
+/// Percentage of responses that settle, at any time.
 fn in_all(times: &Times) -> f64 {
     100.0 * times.iter().flatten().count() as f64 / times.len().max(1) as f64
 }
 
-/// Percent by time, from 0 s to `end`; what has not settled by then is missing from the 100.
+/// Percentage of responses that have settled, by time from 0 s to `end`. The last value is below 100 if some responses
+/// have not settled by `end`.
 fn cumulative(times: Times, end: f64) -> Vec<(f64, f64)> {
     let whole = times.len().max(1) as f64;
     let mut settled: Vec<f64> = times.into_iter().flatten().filter(|time| *time <= end).collect();

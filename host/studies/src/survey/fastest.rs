@@ -1,4 +1,5 @@
-//! Whether a response can be settled by some regulator: the time that the battery's full voltage needs.
+//! Decides whether some regulator can settle a response, by the time that the motion takes with the battery's full
+//! voltage.
 
 use super::responses::{Challenge, Kind};
 use crate::StudyError;
@@ -14,21 +15,23 @@ use simulated::scenario::{Motor, Scenario};
 const COUNTED_ON: f64 = 0.95;
 /// Share of the usable voltage that must be left at the set-point.
 const RESERVE: f64 = 0.1;
-/// Largest difference of the needed voltage to the nearest control value's, as a share of the battery's voltage.
+/// Largest difference between the needed voltage and the voltage of the nearest control value, as a share of the
+/// battery's voltage.
 const GAP: f64 = 0.02;
-/// Granted multiple of the ideal time.
+/// Factor by which the granted time exceeds the ideal time.
 const PATIENCE: f64 = 1.5;
-/// Further granted seconds.
+/// Time in seconds that is granted in addition.
 const GRACE_S: f64 = 0.3;
-/// Further granted control periods.
+/// Number of control periods that are granted in addition.
 const GRACE_PERIODS: f64 = 6.0;
-/// Further granted counts, at the speed of the set-point.
+/// Number of counts whose time, at the speed of the set-point, is granted in addition.
 const GRACE_COUNTS: f64 = 3.0;
-/// Time in seconds for which a new torque acts before a regulator can detect it. A control period is added to this time.
+/// Time in seconds for which a new torque acts before a regulator can detect it. A control period is added to this
+/// time.
 const SURPRISE_S: f64 = 0.05;
 /// Step of the integration in seconds.
 const STEP: f64 = 1e-3;
-/// Longest run-up in seconds.
+/// Longest change of speed that is integrated, in seconds.
 const LONGEST: f64 = 60.0;
 
 /// A motor with its load at its scenario's battery, in the encoder's units.
@@ -36,13 +39,13 @@ struct Machine {
     modulator: Modulator,
     emf: EmfConstant,
     battery: Millivolts,
-    /// Counts/s² per volt.
+    /// Acceleration per volt, in counts/s² per volt.
     b: f64,
-    /// Volts per count/s.
+    /// Back EMF per speed, in volts per count/s.
     kappa: f64,
-    /// Drag, 1/s.
+    /// Drag divided by inertia, in 1/s.
     drag: f64,
-    /// Counts/s² per newton metre on the output shaft.
+    /// Acceleration per torque on the output shaft, in counts/s² per newton metre.
     per_torque: f64,
     /// Dry friction of a moving motor, in counts/s².
     friction: f64,
@@ -98,13 +101,13 @@ impl Machine {
         }
     }
 
-    /// The largest accelerations down and up.
+    /// The largest deceleration and the largest acceleration, both signed, in counts/s².
     fn strength(&self, speed: f64, torque: f64) -> Option<(f64, f64)> {
         let (low, high) = self.range(speed)?;
         Some((self.acceleration(speed, low, torque), self.acceleration(speed, high, torque)))
     }
 
-    /// True if the speed can be kept under this torque with the reserve.
+    /// True if the speed can be kept under this torque with [`RESERVE`] of the voltage left.
     fn keeps(&self, speed: f64, torque: f64) -> bool {
         let Some((low, high)) = self.range(speed) else { return false };
         let battery = f64::from(self.battery.get()) / 1e3;
@@ -120,7 +123,8 @@ impl Machine {
         low + reserve <= needed && needed <= high - reserve && given()
     }
 
-    /// Seconds from one speed to another, and the counts meanwhile.
+    /// Time in seconds of the fastest change from one speed to another, and the counts that the motor turns meanwhile.
+    /// `None` if the motor does not reach the speed.
     fn run_up(&self, from: f64, to: f64, torque: f64) -> Option<(f64, f64)> {
         let (mut speed, mut counts, up) = (from, 0.0, to > from);
         let mut steps = 0.0;
@@ -137,7 +141,8 @@ impl Machine {
         Some((steps * STEP, counts))
     }
 
-    /// Seconds for a distance from standstill to standstill, with the fastest speed at every position.
+    /// Time in seconds of a motion from standstill to standstill, with the fastest speed at every position. `None` if
+    /// the motor cannot do the motion.
     fn travel(&self, counts: f64, limit: f64, torque: f64) -> Option<f64> {
         const PLACES: usize = 400;
         let (side, way) = (counts.signum(), counts.abs());
@@ -149,7 +154,8 @@ impl Machine {
                 let place = fastest.get_mut(if backwards { PLACES - index } else { index })?;
                 *place = place.min(square.sqrt());
                 let (down, up) = self.strength(side * *place, torque)?;
-                // Towards the target the motor speeds up; backwards in time from the target it does, too.
+                // The forward pass limits the speeds by the acceleration from the start. The backward pass limits them
+                // by the deceleration to the target.
                 let rate = match (backwards, side > 0.0) {
                     (false, true) => up,
                     (false, false) => -down,
@@ -169,23 +175,24 @@ impl Machine {
     }
 }
 
-/// The state of a motor before a challenge, as far as it is known.
+/// The state of a motor before a challenge, as predicted.
 struct State {
     /// Speed in counts/s.
     speed: f64,
     /// Position in counts.
     counts: f64,
-    /// Largest error of `counts`.
+    /// Largest error of `counts`, in counts.
     slack: f64,
 }
 
-/// For each challenge of a scenario, by motor and time, whether any regulator can settle it in its time.
+/// For each challenge of a scenario, by motor and time, whether some regulator can settle it before the next change.
 ///
-/// The ideal time is that of full voltage within the scheme's range, in one direction and then in the other. The battery has
-/// 95 % of its voltage with all motors stalled. Granted are 1.5 times the ideal time, 0.3 s, six periods and the time of three
-/// counts. A challenge can be settled if the granted time leaves the time for which a motor must stay settled. Some control
-/// value must also keep the speed, or standstill at a position, under its torque with a tenth of the voltage to spare. After a
-/// challenge that cannot be settled the next challenge has no known beginning, and is not judged.
+/// The ideal time is the time with full voltage within the scheme's range, in one direction and then in the other. The
+/// voltage is 95 % of the battery's voltage with all motors stalled. The granted time is 1.5 times the ideal time plus
+/// 0.3 s, six control periods and the time of three counts. After the granted time the motor must still have the time
+/// for which it must stay settled. Some control value must also keep the speed, or standstill at a position, under the
+/// torque with a tenth of the voltage left. After a challenge that cannot be settled the state of the motor is not
+/// known, so the motor's further challenges are not judged.
 pub(super) fn settleable(scenario: &Scenario, challenges: &[Challenge]) -> Result<Vec<bool>, StudyError> {
     let mut all = Vec::with_capacity(challenges.len());
     for (index, motor) in scenario.motors.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Independent work on all cores.
+//! Does independent work on all cores of the processor.
 
 use crate::StudyError;
 use motor_hub::units::Period;
@@ -68,7 +68,7 @@ pub(super) fn at_all_periods<T: Sync, R: Send>(
     Ok(items.iter().map(|_| of_item()).collect())
 }
 
-/// A scenario at this period; its motors are configured as they are, or not at all.
+/// The scenario at this control period. If `configured` is false, the motion of its motors is not configured.
 pub(super) fn variant(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<Scenario, StudyError> {
     let mut scenario = scenario.clone();
     scenario.period = Period::from_millis(period_ms)?;

@@ -13,8 +13,8 @@ use simulated::scenario::{Motor, Scenario, Timed, UNLIMITED};
 
 /// Largest time constant of a motor with its load, in seconds.
 const LONGEST_TIME_CONSTANT: f64 = 3.0;
-/// Least time constant in seconds of a motor with the paper's inertia and a load. A motor whose measured inertia makes it
-/// slower than [`LONGEST_TIME_CONSTANT`] has the paper's inertia.
+/// Least time constant in seconds of a motor with the paper's inertia and a load. A motor whose measured inertia makes
+/// it slower than [`LONGEST_TIME_CONSTANT`] has the paper's inertia.
 const SHORTEST_LOADED: f64 = 0.05;
 /// Least battery voltage with all motors stalled. The supply's limit is 5 V.
 const LEAST_VOLTS: f64 = 5.5;
@@ -49,12 +49,13 @@ pub fn scenario(seed: u64, index: u64) -> Scenario {
     let duration_s = random.rounded(2.0, 4.0, 1e3) + motors.iter().map(last).fold(0.0, f64::max);
     let battery = Battery { emf: Volts(emf), resistance: Ohms(resistance) };
     let name = format!("survey {seed}, scenario {index}");
-    // Any battery from 6.5 to 14.5 V, and it accepts returned energy: only regulation is judged.
+    // Only regulation is judged. Therefore the hub accepts any battery from 6.5 to 14.5 V, and the battery accepts
+    // returned energy.
     Scenario { period, seed: index, limits: UNLIMITED, ..Scenario::new(&name, duration_s, battery, motors) }
 }
 
-/// Gives some of the motors Coulomb friction, with random numbers of its own, so that the rest of a scenario does not
-/// depend on friction. No motor has cogging: the catalogue has no figures for it.
+/// Gives some of the motors Coulomb friction. The random numbers are from a generator of their own, so that the rest of
+/// a scenario does not depend on friction. No motor has cogging: the catalogue has no figures for it.
 fn roughen(motors: &mut [Motor], seed: u64, index: u64) {
     let mut random = Random(fastrand::Rng::with_seed(fastrand::Rng::with_seed(!seed).u64(..) ^ index));
     for motor in motors {

@@ -1,5 +1,5 @@
-//! Reference tasks at several control periods. Their figures were reached by a simulation before the regulator was
-//! written. A drive base and its figures are in `base`.
+//! Reference tasks at several control periods. The reference figures are from a simulation that was made before the
+//! regulator was written. Tasks of a drive base, which have no reference figures, are in `base`.
 
 mod base;
 
@@ -20,10 +20,11 @@ use simulated::scenario::{Motor, Scenario, Timed};
 /// Control periods in milliseconds.
 pub const PERIODS: [u32; 6] = [1, 5, 10, 20, 50, 100];
 
-/// Delay of a change after the tick that it would have been in time for, in seconds. It is the encoder's sampling interval.
+/// Delay of a change after a tick, in seconds, so that the hub acts on the change at the next tick. The delay is the
+/// sampling interval of the encoder.
 const LATE_S: f64 = 1e-3;
 
-/// The figure of a response.
+/// The kind of figure by which a response is compared with the reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Figure {
@@ -60,26 +61,26 @@ pub struct Row {
     pub name: String,
     /// The reference's figure.
     pub reference: &'static str,
-    /// The figure of the verdicts.
+    /// The kind of figure.
     pub figure: Figure,
     /// Configured exactly; in the order of [`PERIODS`].
     pub configured: Vec<Verdict>,
-    /// Not configured; in the order of [`PERIODS`].
+    /// Verdicts with the motor configured exactly, in the order of [`PERIODS`].
     pub unknown: Vec<Verdict>,
-    /// As `configured`, but the change comes 1 ms after a tick, so that the hub acts almost a period later. Empty unless
-    /// the figure is a settling time.
+    /// As `configured`, but the change comes 1 ms after a tick, so that the hub acts almost a period later. Empty
+    /// unless the figure is a settling time.
     pub configured_late: Vec<Verdict>,
-    /// As `unknown`, but 1 ms after a tick.
+    /// As `unknown`, but the change comes 1 ms after a tick. Empty unless the figure is a settling time.
     pub unknown_late: Vec<Verdict>,
     /// Heading errors of a drive base, configured exactly; in the order of [`PERIODS`]. Empty for a motor alone.
     pub configured_degrees: Vec<f64>,
-    /// Heading errors of a drive base, not configured.
+    /// Heading errors of a drive base, not configured; in the order of [`PERIODS`]. Empty for a motor alone.
     pub unknown_degrees: Vec<f64>,
     /// Speed set-point in counts/s; 0 for a position.
     pub speed: f64,
 }
 
-/// The motors that crawl.
+/// The motors of the tasks with slow speeds.
 const CRAWLERS: [&str; 3] = ["AM 60 A", "AM 3.7 A", "Matrix A"];
 
 /// All tasks.
@@ -174,7 +175,7 @@ fn with_friction(mut scenario: Scenario) -> Scenario {
     scenario
 }
 
-/// As the default scenario has it, but with the tolerance of the other tasks.
+/// The arm of the default scenario, but with the tolerance of the other tasks.
 fn arm() -> Result<Scenario, StudyError> {
     let there = |at_s, target| Timed { at_s, value: crate::position(target, CountsPerSecond::new(1800)) };
     let mut scenario = plan("AM 40 C", 0.02, &[there(0.0, 4000), there(5.0, 500)])?;
@@ -186,8 +187,8 @@ fn arm() -> Result<Scenario, StudyError> {
     Ok(scenario)
 }
 
-/// Runs all tasks at all [`PERIODS`], configured exactly and not configured; `progress` gets the number of runs that are
-/// done, and of all.
+/// Runs all tasks at all [`PERIODS`], configured exactly and not configured; `progress` gets the number of runs that
+/// are done, and of all.
 ///
 /// # Errors
 /// If a run fails.
@@ -222,7 +223,7 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyErro
     Ok(rows)
 }
 
-/// True for a task whose settling time counts. Such a task has a second phase.
+/// True for a task whose settling time counts. Such a task also runs with a late change.
 fn settles(task: &Task) -> bool {
     task.figure == Figure::Settling
 }
@@ -236,7 +237,7 @@ fn speed(task: &Task) -> f64 {
     }
 }
 
-/// The verdict on the motor of the task with the largest error at the end.
+/// The verdict on the motor of the task whose rms error in the last second is the largest.
 fn worst(task: &Task, late: bool, configured: bool, period_ms: u32) -> Result<Verdict, StudyError> {
     let mut worst: Option<Verdict> = None;
     for scenario in &task.scenarios {

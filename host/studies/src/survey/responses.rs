@@ -1,4 +1,5 @@
-//! The responses that a scenario asks of its motors, judged by the true motion at every millisecond.
+//! Finds the changes in a scenario to which its motors respond, and judges the responses by the true motion at every
+//! millisecond.
 
 use crate::StudyError;
 use crate::settling::{Goal, rest_s, settling};
@@ -14,9 +15,9 @@ const SWING_MS: usize = 1_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
-    /// A new speed of the same direction, or from or to standstill.
+    /// Any other new speed: in the same direction, from or to standstill, or after a position or without regulation.
     Speed,
-    /// A new speed of the other direction.
+    /// A new speed in the other direction.
     Reversal,
     /// A new speed below 60 counts/s, but not 0.
     Crawl,
@@ -26,7 +27,7 @@ pub enum Kind {
     Position,
 }
 
-/// A slower speed is a crawl, in counts/s.
+/// Speeds below this limit, in counts/s, are a crawl.
 const CRAWL_CPS: f64 = 60.0;
 
 /// A change that a motor responds to.
@@ -115,11 +116,11 @@ pub(super) fn watch(scenario: &Scenario) -> Result<Vec<Vec<Instant>>, StudyError
 /// The judgement of a response.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Verdict {
-    /// Seconds until the motor has [settled](crate::settling); `None` if it never did.
+    /// Seconds until the motor has [settled](crate::settling); `None` if the motor never settled.
     pub settling_s: Option<f64>,
-    /// Largest error beyond the goal, in percent of the step. After a change of torque, the largest error in percent of the
-    /// speed. `None` for a step of less than 60 counts/s or 60 counts, for a torque on a motor that crawls or holds a
-    /// position, and where torque and speed change together.
+    /// Largest error beyond the goal, in percent of the step. After a change of torque, the largest error in percent of
+    /// the speed. `None` for a step of less than 60 counts/s or 60 counts. Also `None` for a torque on a motor that
+    /// crawls or holds a position, and if torque and speed change together.
     pub beyond_percent: Option<f64>,
     /// True if the error was beyond the band on both sides within the last second.
     pub cycles: bool,

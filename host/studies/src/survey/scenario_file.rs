@@ -1,4 +1,4 @@
-//! A scenario as the file that it could have come from.
+//! Writes a scenario as a scenario file.
 
 use super::friction_percent;
 use motor_hub::braking::DutyRule;

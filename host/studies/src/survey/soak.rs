@@ -1,9 +1,10 @@
-//! Hours of random scenarios, run by the hub's own tasks. Every encoder is sound, so every fault is a false alarm. No task
-//! may starve the watchdog, and nothing may panic.
+//! Hours of random scenarios, run by the hub's own tasks. Every encoder is sound, so every fault is a false alarm. No
+//! task may starve the watchdog, and nothing may panic.
 //!
-//! Scenario by scenario the motion is configured exactly, with wrong inertias, or not at all (see [`Knowledge`]), and every other
-//! four have bridges with the timing of real ones. Dry friction is up to 40 % of the stall torque, four times the survey's.
-//! A sweep runs every motor with every setting instead; a long sweep runs heavy motors for minutes.
+//! The motion is configured exactly, with wrong inertias, or not at all (see [`Knowledge`]), in turn from scenario to
+//! scenario. Four of eight scenarios have bridges with the timing of real bridges. Dry friction is up to 40 % of the
+//! stall torque, four times the dry friction of the survey. A sweep runs every motor with every setting instead; a long
+//! sweep runs heavy motors for minutes.
 //!
 //! ```
 //! use studies::survey::soak::Soak;
@@ -39,10 +40,10 @@ pub struct Soak {
     pub motors: usize,
     /// Number of control ticks of all scenarios.
     pub ticks: usize,
-    /// Faults that were reported of sound motors: the first fault of each motor.
+    /// The first fault of each motor for which the hub reported a fault.
     pub alarms: Vec<Alarm>,
-    /// Number of motors that were reported as stalled. No motor meets a stop, but friction and load together hold some motors for
-    /// a while.
+    /// Number of motors that were reported as stalled. No motor runs against an end stop, but friction and load
+    /// together stop some motors for a while.
     pub stalled: usize,
     /// Numbers of the scenarios in which the watchdog was not fed in time.
     pub starved: Vec<u64>,
@@ -102,8 +103,9 @@ impl Soak {
         self.alarms.is_empty() && self.starved.is_empty()
     }
 
-    /// Every motor, inertia, scheme, duty rule, friction, voltage and period, configured and not, or each `every`th scenario of
-    /// these; without tasks, so no watchdog is looked at. `progress` gets the number of scenarios that are done, and of all.
+    /// Runs every motor, inertia, scheme, duty rule, friction, voltage and period, configured and not, or each
+    /// `every`th of these scenarios. The scenarios run without tasks, so the watchdog is not checked. `progress` gets
+    /// the number of scenarios that are done, and of all.
     ///
     /// # Errors
     /// If a motor does not fit the firmware.
@@ -111,8 +113,9 @@ impl Soak {
         Self::swept(&sweep::scenarios(every), progress)
     }
 
-    /// Every motor with 1 to 1000 times its rotor's inertia at every period for two minutes, configured exactly, with 0.5 and
-    /// 2 times the inertia, and not at all; or each `every`th scenario of these. `progress` is as for [`Soak::sweep`].
+    /// Runs every motor with 1 to 1000 times its rotor's inertia at every period for two minutes, or each `every`th of
+    /// these scenarios. The motor is configured exactly, with 0.5 and 2 times the inertia, and not at all. `progress`
+    /// is as for [`Soak::sweep`].
     ///
     /// # Errors
     /// If a motor does not fit the firmware.
@@ -177,7 +180,7 @@ impl Observed {
 fn observed(scenario: &Scenario) -> Result<Vec<Observed>, StudyError> {
     let mut motors = vec![Observed::default(); scenario.motors.len()];
     without_tasks::run(scenario, |moment| {
-        // The battery is measured before the first tick.
+        // Before the first tick the snapshot has initial values instead of reports.
         if moment.snapshot.tick > 0 {
             for (motor, report) in motors.iter_mut().zip(&moment.snapshot.motors) {
                 motor.see(moment.ms as f64 / 1e3, report.faults, report.stalled);
@@ -193,7 +196,7 @@ fn scenario(seed: u64, number: u64) -> Case {
     let knowledge = Knowledge::OF_MOTION.get((number % 4) as usize).copied().unwrap_or(Knowledge::Exact);
     for motor in &mut scenario.motors {
         motor.configuration = knowledge.configured(&motor.constants);
-        // From at most 10 % of the stall torque to at most 40 %.
+        // The friction of the survey is at most 10 % of the stall torque; here it is at most 40 %.
         motor.constants.friction =
             Friction::with_coulomb(NewtonMetres(4.0 * motor.constants.friction.coulomb.0));
         if number % 8 >= 4 {

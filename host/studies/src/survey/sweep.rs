@@ -1,7 +1,6 @@
 //! Every motor of the catalogue without a load, with both of its inertias, under every scheme and duty rule. Friction
 //! is up to 40 % of the stall torque, the battery has 6.5 to 14.5 V, the control period is 1 to 100 ms. The motion is
-//! configured exactly, or not at all. Every encoder is
-//! sound, so every fault is a false alarm.
+//! configured exactly, or not at all. Every encoder is sound, so every fault is a false alarm.
 
 use super::Knowledge;
 use crate::{position, velocity};
@@ -16,10 +15,15 @@ use motor_hub::units::{CountsPerSecond, Period};
 use simulated::hardware::{MOTORS, REAL_BRIDGE};
 use simulated::scenario::{Motor, Scenario, Timed, UNLIMITED};
 
+/// Control periods in milliseconds.
 const PERIODS_MS: [u32; 4] = [1, 10, 50, 100];
+/// Voltages of the battery without load, in volts.
 const VOLTS: [f64; 3] = [6.5, 12.0, 14.5];
+/// Dry frictions in percent of the stall torque at 12 V.
 const FRICTION_PERCENT: [f64; 3] = [0.0, 20.0, 40.0];
+/// How the motors are configured.
 const KNOWLEDGE: [Knowledge; 2] = [Knowledge::Exact, Knowledge::Unknown];
+/// Length of a scenario of the sweep, in seconds.
 const DURATION_S: f64 = 6.0;
 
 /// Every `every`th of the scenarios, with four motors each, and how they are configured.
@@ -49,17 +53,20 @@ pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
 
 /// Multiples of a rotor's inertia that a motor turns in the long sweep.
 const INERTIAS: [f64; 7] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1_000.0];
-/// How the motion is configured in the long sweep. 0.5 and 2 times the inertia are larger errors than those of [`Knowledge`].
+/// How the motion is configured in the long sweep. The factors 0.5 and 2 of the inertia are larger errors than the
+/// factors 0.7 and 1.4 of [`Knowledge`].
 const FACTORS: [(Knowledge, f64); 4] = [
     (Knowledge::Exact, 1.0),
     (Knowledge::Lighter, 0.5),
     (Knowledge::Heavier, 2.0),
     (Knowledge::Unknown, 1.0),
 ];
+/// Length of a scenario of the long sweep, in seconds.
 const LONG_S: f64 = 120.0;
 
-/// Every `every`th of the long scenarios, with one motor each, and how the motor is configured. A motor has 1 to 1000 times its
-/// rotor's inertia and no friction. A motor with a heavy load needs minutes for a motion that a bare motor ends in 0.1 s.
+/// Every `every`th of the long scenarios, with one motor each, and how the motor is configured. A motor has 1 to 1000
+/// times its rotor's inertia and no friction. A motor with a heavy load needs minutes for a motion that a bare motor
+/// ends in 0.1 s.
 pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
     let mut all = Vec::new();
     for constants in catalogue::motors().map(|motor| motor.with_measured_rotor_inertia()) {
@@ -78,7 +85,7 @@ pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
                 if let Some(motion) = &mut motor.configuration.motion {
                     motion.inertia = inertia;
                 }
-                // Some motions are slower than a hub can be configured for.
+                // Some motors accelerate more slowly than the hub's settings can represent.
                 if motor.settings().is_err() {
                     continue;
                 }
@@ -92,11 +99,11 @@ pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
     all.into_iter().step_by(every.max(1)).collect()
 }
 
-/// The battery of the long sweep.
+/// Voltage of the battery in the long sweep.
 const VOLTS_LONG: Volts = Volts(12.0);
 
-/// Set-points: 0.7 of the free speed, slower for a long time, back, slowly on, and to rest; or to a position and back. `free` is
-/// in counts/s.
+/// Set-points: 0.7, 0.15, -0.5 and 0.3 of the free speed, then standstill; or to a position and back beyond the start.
+/// `free` is in counts/s.
 fn long_course(free: f64, positions: bool) -> Vec<Timed<Setpoint>> {
     let velocity = |share: f64| velocity((share * free) as i32);
     let limit = CountsPerSecond::new((0.5 * free) as i32);
@@ -135,7 +142,8 @@ fn motors(volts: f64) -> Vec<Motor> {
     all
 }
 
-/// Set-points: half of the free speed, back, slowly on, to rest, to a position, and slowly back. `free` is in counts/s.
+/// Set-points: 0.5 and -0.3 of the free speed, 60 counts/s, standstill, a position, and -0.1 of the free speed. `free`
+/// is in counts/s.
 fn course(free: f64) -> Vec<Timed<Setpoint>> {
     let velocity = |speed: f64| velocity(speed as i32);
     let limit = CountsPerSecond::new(free as i32);

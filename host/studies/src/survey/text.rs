@@ -96,10 +96,11 @@ fn reference(page: &mut Page, rows: &[Row]) {
 /// The reference's own control period in milliseconds.
 const COMPARED_MS: u32 = 50;
 
-/// Differences of settling times up to this are none, in seconds.
+/// Largest difference of two settling times, in seconds, that counts as none.
 const LATER_S: f64 = 0.01;
 
-/// A task with the periods at which a configured motor settles later than an unknown one, or never where that one settles.
+/// Names a task, with the periods at which a configured motor settles later than an unknown one, or does not settle
+/// although the unknown one does. `None` if there is no such period.
 fn where_configured_is_slower(row: &Row) -> Option<String> {
     if row.figure != Figure::Settling {
         return None;
@@ -127,7 +128,7 @@ fn by_period(rows: &[Row], configured: bool) -> Table {
     table
 }
 
-/// The figure of a task at the period of this index.
+/// The figure of a task at the period of this index; `None` if there is none.
 fn cell(row: &Row, configured: bool, index: usize) -> Option<String> {
     let (verdicts, late, degrees) = if configured {
         (&row.configured, &row.configured_late, &row.configured_degrees)
@@ -266,7 +267,7 @@ fn never(answers: &[Answer<'_>]) -> String {
     percent(never, answers.len())
 }
 
-/// `None` if there are no values.
+/// The value below which this share of the values lies; `None` if there are no values.
 fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let index = (share * values.len().saturating_sub(1) as f64).round() as usize;
@@ -300,7 +301,8 @@ fn summary(knowledge: Knowledge, answers: &[Answer<'_>]) -> Vec<String> {
     ]
 }
 
-/// Percent of the responses that never settle, by a property with its rank.
+/// A table of the percentage of responses that never settle, by a property of the responses. `of` gives the rank of the
+/// property in the table, and its text.
 fn breakdown(title: &str, responses: &[Response], of: impl Fn(&Response) -> (usize, String)) -> Table {
     let mut values: Vec<(usize, String)> = responses.iter().map(&of).collect();
     values.sort();
@@ -323,7 +325,7 @@ fn breakdown(title: &str, responses: &[Response], of: impl Fn(&Response) -> (usi
     table
 }
 
-/// The responses that never settle or that swing, then those with the largest error beyond the set-point.
+/// The responses that never settle or that swing, then the responses with the largest error beyond the set-point.
 fn the_worst(index: usize, responses: &[Response], worst: usize) -> Table {
     let mut answers = all(responses, index);
     // Responses that do not settle come first.

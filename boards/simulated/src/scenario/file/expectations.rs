@@ -1,4 +1,5 @@
-//! The tables `[[expect]]`: each has a motor or a group, a window, and one quantity or several.
+//! The tables `[[expect]]`. Each has a motor, a group or neither, a window, and one or more expectations. Without a
+//! motor and a group, the expectations are about every motor or about the battery.
 
 use super::{check_time, find};
 use crate::scenario::expectation::{Bounds, Expectation, Expected, Quantity, Subject, regime_name};
@@ -74,7 +75,7 @@ impl ExpectTable {
         if expectations.is_empty() {
             return Err("an expectation needs at least one key of a motor, a group or the battery".to_owned());
         }
-        // All expectations of a motor stand together.
+        // All expectations of a motor follow each other.
         expectations.sort_by_key(|expectation| expectation.subject);
         Ok(expectations)
     }
@@ -144,7 +145,9 @@ impl ExpectTable {
     }
 }
 
+/// Message for an expected heading error without a drive base.
 const HEADING_OF_BASE: &str = "heading_error_below_degrees needs a group with a base";
+/// Message for a quantity that a group does not have.
 const OF_GROUPS: &str =
     "an expectation of a group allows settles_within_s and heading_error_below_degrees only";
 

@@ -55,6 +55,7 @@ struct CourseTable {
     tolerance_counts: Option<Distance>,
 }
 
+/// Message for a course that is too long.
 const TOO_LONG: &str = "the course is longer than 2147483647 counts";
 
 impl GroupTable {
@@ -99,7 +100,7 @@ impl BaseTable {
         let &[left, right] = members else {
             return Err("a base needs two motors, left and right".to_owned());
         };
-        // A wheel on the output shaft.
+        // By default each wheel is on the output shaft of its motor.
         let of_motor =
             |index: usize| all.get(index).map_or(f64::NAN, |motor| motor.constants.counts_per_rev_output());
         let counts_per_turn =
@@ -123,7 +124,8 @@ impl CourseTable {
         Ok(GroupCommand { lag, tolerance, ..usual })
     }
 
-    /// The speed of the table. A course without end has its largest speed.
+    /// Returns the speed of the course. A course of `on_cps` has no `speed_cps`; its speed is the largest speed of a
+    /// member.
     fn speed(&self, course: &Course) -> Result<CountsPerSecond, String> {
         match (self.speed_cps, course) {
             (None, Course::On(speeds)) => {

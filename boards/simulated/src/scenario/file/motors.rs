@@ -302,7 +302,7 @@ impl MotorTable {
         })
     }
 
-    /// The load's own torque remains from the start until the first change.
+    /// The load's own torque acts from the start until the first entry of `torques`.
     fn torques(&self, duration_s: f64) -> Checked<Vec<Timed<f64>>> {
         let first = Timed { at_s: 0.0, value: or(self.load.torque_nm, 0.0) };
         let changes = timeline(&self.torques, duration_s, |table| (table.at_s, Ok(table.torque_nm.0)))?;
@@ -394,7 +394,7 @@ fn factors_or_nothing<'de, D: Deserializer<'de>>(from: D) -> Result<Configuratio
 }
 
 impl ThermalTable {
-    /// Missing values are the usual ones.
+    /// Returns the thermal limit. Missing keys get their usual values.
     fn check(&self, motor: &catalogue::Motor) -> Option<ThermalLimit> {
         let continuous_ma = match self.continuous_a {
             Some(amperes) => milliamperes(amperes),
@@ -434,7 +434,7 @@ impl SetPointTable {
                 let control = power.0 * f64::from(Control::MAX.get());
                 Ok(Setpoint::ConstantPower(Control::new(control.round() as i16)))
             }
-            // Without a limit the motor may become as fast as it can.
+            // Without `speed_limit_cps` the limit is a speed that no motor reaches.
             (None, Some(amperes), None, None, None) => {
                 let current = Milliamperes::new((1e3 * amperes.0).round() as i32);
                 Ok(Setpoint::Current { current, speed_limit })

@@ -1,7 +1,8 @@
-//! A drive base that turns on the spot and drives a metre: by how much its heading differs from that of its references.
+//! A drive base that turns on the spot and drives a metre. The result is the largest difference between its heading and
+//! the heading of its references.
 //!
-//! The wheels are those of `tests/scenarios/drive-bases.toml`: two unequal NeveRest 60 under a robot of 6 kg, on wheels of
-//! 90 mm that are 300 mm apart.
+//! The drive base is the base in `tests/scenarios/drive-bases.toml`: two unequal NeveRest 60 under a robot of 6 kg, on
+//! wheels of 90 mm that are 300 mm apart.
 
 use super::{Figure, PERIODS, Row};
 use crate::StudyError;
@@ -11,7 +12,7 @@ use motor_hub::motor::Setpoint;
 use simulated::scenario::Scenario;
 use simulated::without_tasks;
 
-/// What the base does, and its courses as a scenario file has them.
+/// Name of each task, and the courses of the base in the form of a scenario file.
 const TASKS: [(&str, &str); 2] = [
     (
         "drive base, turns of 90 degrees",
@@ -41,7 +42,7 @@ fn scenario(courses: &str) -> Result<Scenario, StudyError> {
         wheel("left", "AM 60 A"),
         wheel("right", "AM 60 B"),
     );
-    // The text has no mistake, as the tests show: the survey would have no base.
+    // A test shows that the text is valid, so this error does not occur.
     Scenario::parse("drive base", &text).map_err(|_| StudyError::NoEvent)
 }
 
@@ -66,7 +67,7 @@ fn degrees(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<f64,
     let mut heading = HeadingError::new(group, &scenario.motors).ok_or(StudyError::NoEvent)?;
     let mut largest = 0.0;
     without_tasks::run(&scenario, |moment| {
-        // Between two ticks the references are those of the last tick.
+        // Between two ticks the references do not change.
         if !moment.ms.is_multiple_of(period_ms.into()) {
             return;
         }
