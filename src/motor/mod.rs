@@ -556,7 +556,7 @@ impl Motor {
             Effort::Voltage(voltage) => (None, modulator.for_voltage(at, voltage)),
             Effort::Control(control) => (Some(control), modulator.for_control(at, control)),
         };
-        if output.hunts && self.configured.lower() {
+        if (output.hunts && self.configured.lower()) || output.changes_gain {
             self.correct_constants();
         }
         Some(Request { at, modulation, control, target: Some(output.speed) })

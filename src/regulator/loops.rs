@@ -81,7 +81,12 @@ impl Loops {
                 self.approach(target, speed_limit, inputs, context.period)
             }
         };
-        Output { effort: self.velocity(target, inputs, context), speed: target, hunts: false }
+        Output {
+            effort: self.velocity(target, inputs, context),
+            speed: target,
+            hunts: false,
+            changes_gain: false,
+        }
     }
 
     /// Steps the velocity loop for a target speed. Returns the request.

@@ -478,7 +478,7 @@ impl Regulator {
         let load = present.load();
         let Motion { plant, law, observer, state } = &mut self.motion;
         let mut gain_ratio = 1.0;
-        let output = match demand {
+        let mut output = match demand {
             Demand::Velocity(target) => {
                 let period_ms = context.period.as_millis();
                 let target = self.stream.step(target.to_f32(), period_ms);
@@ -517,9 +517,9 @@ impl Regulator {
         // `present` is a copy of the observer. If the law has reversed the friction in the copy, the load of the
         // observer is changed by the same amount.
         observer.add_load(present.load() - load);
-        if gain_ratio != self.gain_ratio && context.settings.dynamics.is_some() {
+        if context.settings.dynamics.is_some() {
+            output.changes_gain = gain_ratio != self.gain_ratio;
             self.gain_ratio = gain_ratio;
-            self.correct_constants(context.settings, context.period);
         }
         output
     }

@@ -168,7 +168,12 @@ impl Law {
         // battery voltage does.
         let most = at_least(context.at.battery_volts(), (plant.kappa * w).abs());
         let voltage = Voltage::from_volts(within(wanted, most));
-        Output { effort: Effort::Voltage(voltage), speed: super::speed(speed), hunts: false }
+        Output {
+            effort: Effort::Voltage(voltage),
+            speed: super::speed(speed),
+            hunts: false,
+            changes_gain: false,
+        }
     }
 
     /// Mean voltage in V that brings the motor to the speed `next` by the tick's end.

@@ -376,23 +376,25 @@ impl OnChip {
         counts
     }
 
-    /// Replays inputs and counts the instructions of each call of a function from a step, including the functions that
-    /// it calls.
+    /// Replays inputs and counts the instructions of each call of a function from the motor's own functions, including the
+    /// functions that it calls.
     ///
     /// # Panics
     /// Panics if the program has no function with this name, for example because the compiler has inlined it.
     pub fn count_within(&mut self, inputs: &[Input], function: &str) -> Vec<u64> {
         let entry = self.bench.address(function);
-        let step = self.bench.symbols().iter().find(|s| s.address == self.step.0).expect("the step");
-        let caller = step.address..step.address + step.size;
-        self.bench.watch(caller.clone().step_by(2).chain([entry]).collect());
+        let motor = |s: &&elf::Symbol| s.name.starts_with("<motor_hub::motor::Motor>::");
+        let callers: Vec<_> =
+            self.bench.symbols().iter().filter(motor).map(|s| s.address..s.address + s.size).collect();
+        let watched = callers.iter().flat_map(|caller| caller.clone().step_by(2)).chain([entry]);
+        self.bench.watch(watched.collect());
         self.bench.take_hits();
         self.replay(inputs);
         let (mut counts, mut from) = (Vec::new(), None);
         for (address, count) in self.bench.take_hits() {
             if address == entry {
                 from = Some(count);
-            } else if caller.contains(&address)
+            } else if callers.iter().any(|caller| caller.contains(&address))
                 && let Some(from) = from.take()
             {
                 counts.push(count - from);

@@ -114,7 +114,7 @@ fn four_motors_steps_and_samples_stay_within_the_budget_of_the_whole_hub() {
 
 /// The law and what it asks of the observer, as others count it: trajectory and observer without the bridge.
 #[test]
-fn the_model_regulator_by_itself_takes_at_most_900_instructions_a_step() {
+fn the_model_regulator_by_itself_takes_at_most_500_instructions_a_step() {
     let mut table = String::from(
         "Instructions of the model regulator alone, within one motor's control step every 50 ms.\n\n\
          | set-point | mean | worst |\n|---|---|---|\n",
@@ -127,7 +127,7 @@ fn the_model_regulator_by_itself_takes_at_most_900_instructions_a_step() {
         assert_eq!(counts.len(), recording.answers.len());
         let (step, worst) = (mean(&counts), counts.iter().max().expect("steps"));
         table += &format!("| {mode} | {step} | {worst} |\n");
-        assert!(step <= 900, "{mode}: {step}");
+        assert!(step <= 500, "{mode}: {step}");
     }
     publish("regulator", &table);
 }
