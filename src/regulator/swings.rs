@@ -83,7 +83,7 @@ mod tests {
 
     /// A speed that is `size` counts/s too high and too low for `ticks` ticks each.
     fn square(size: f32, ticks: u32) -> impl Fn(u32) -> f32 {
-        move |tick| if tick / ticks % 2 == 0 { size } else { -size }
+        move |tick| if (tick / ticks).is_multiple_of(2) { size } else { -size }
     }
 
     #[test]
