@@ -1,7 +1,7 @@
 //! The page of `motor-hub dashboard` in a browser: opens it for a test, and does what many tests do on it.
 
 use super::{Browser, Tab, find};
-use crate::common::{alone, wait_for};
+use crate::common::{PATIENCE, alone, wait_for};
 use crate::page::Dashboard;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -121,11 +121,34 @@ pub(crate) fn live(tab: &mut Tab<'_>) {
     tab.wait("dashboard.state.frame.battery_v > 11");
 }
 
-/// Takes a motor to a speed, by the page's own fields.
+/// Takes control if no page has it. A page loses control when it shows no new values for 1 s, which a busy machine and
+/// axe-core can cause.
+pub(crate) fn take_control(tab: &mut Tab<'_>) {
+    let end = Instant::now() + PATIENCE;
+    while tab.ask("dashboard.state.controller === null") == true {
+        assert!(Instant::now() < end, "the page never got control; {:#?}", tab.complaints());
+        tab.click("#take");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
+
+/// Takes a motor to a speed, by the page's own fields. The motor is started again if the page has lost control meanwhile.
 pub(crate) fn drive(tab: &mut Tab<'_>, index: usize, cps: i32) {
-    tab.fill(&card(index, "input[type=number]"), &cps.to_string());
-    tab.click(&card(index, ".run"));
-    tab.wait(&format!("Math.abs({} - {cps}) < {}", motor(index, "velocity"), cps.abs() / 20));
+    let is_reached = format!("Math.abs({} - {cps}) < {}", motor(index, "velocity"), cps.abs() / 20);
+    let end = Instant::now() + PATIENCE;
+    while Instant::now() < end {
+        take_control(tab);
+        tab.fill(&card(index, "input[type=number]"), &cps.to_string());
+        tab.click(&card(index, ".run"));
+        let attempt = Instant::now();
+        while attempt.elapsed() < Duration::from_secs(4) {
+            if tab.ask(&is_reached) == true {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+    panic!("motor {index} never reached {cps} counts/s; {:#?}", tab.complaints());
 }
 
 /// Opens a part of the panel in use.
