@@ -70,7 +70,8 @@ impl Setpoint {
             (Self::Position { target: before, .. }, Self::Position { target: after, .. }) => {
                 same(before.wrapping_sub(position), after.wrapping_sub(position))
             }
-            // The reference of a group stands still while a member lags, and then goes on in the same direction.
+            // The reference of a group stands still while a member lags. A reference that stands still continues the
+            // motion; one that moves again begins a motion.
             (Self::Together(before), Self::Together(after)) => {
                 after.next == CountsPerSecond::ZERO || same(before.next.to_bits(), after.next.to_bits())
             }

@@ -53,7 +53,7 @@ reasons! {{
     UPDATE_BUSY = 70 "new firmware is being written or checked",
     UPDATE_ON_TRIAL = 71 "the firmware that runs has not confirmed itself yet",
     UPDATE_ARMED = 72 "new firmware waits for a restart already",
-    UPDATE_TOO_LONG = 73 "the image is longer than its slot, or empty",
+    UPDATE_TOO_LONG = 73 "the image is longer than the active slot, or shorter than 8 bytes",
     UPDATE_NOT_BEGUN = 74 "no new firmware was announced, or the flash failed",
     UPDATE_GAP = 75 "a chunk is missing before this one",
     UPDATE_NOT_AN_IMAGE = 76 "the image is not for this chip, or not linked to its slot",

@@ -4,8 +4,8 @@
 //!
 //! * After a reset all digital pins are inputs with a pull-up. A pin without a connection reads 1.
 //! * A pin that becomes an output is low until a host sets its level.
-//! * Fail-safe *releases* the digital outputs: the board stops driving the pins. The direction of a released pin is
-//!   still output, and the board drives the pin again when a host sets its level.
+//! * Fail-safe *releases* the digital outputs: the board stops driving the pins, and forgets their levels. The direction
+//!   of a released pin is still output. The board drives the pin again when a host sets its level or its direction.
 //! * A request of all inputs returns 0 for outputs, and for pins that the board does not have. It is refused if all
 //!   pins of the board are outputs.
 //! * After a reset servo outputs have a period of 20 ms, and no width. An output can be enabled once a host has set its
@@ -185,7 +185,7 @@ impl Outputs {
 
     /// Releases all digital outputs, and disables all servo outputs.
     pub fn disable(&mut self) {
-        self.driven = 0;
+        (self.driven, self.levels) = (0, 0);
         self.disable_servos();
     }
 
