@@ -23,7 +23,6 @@
 //! ```
 
 mod base;
-mod bus;
 mod groups;
 
 use crate::bridge::{BridgeFeedback, Drive};
@@ -31,12 +30,13 @@ use crate::group::{BaseSettings, GroupCommand, Halt};
 use crate::motion::Reading;
 use crate::motor::{self, Motor, Report, Setpoint, Settings};
 use crate::supply::{Battery, DrawStage};
-use crate::units::{CountsPerSecond, Micros, Millivolts, Period, RangeError, Share, is_included};
+use crate::units::{
+    CountsPerSecond, Microjoules, Micros, Millivolts, Period, RangeError, Share, is_included,
+};
 use base::Base;
 use groups::Groups;
 
 pub use base::{BaseState, GyroReading};
-pub use bus::Bus;
 
 /// A command to one motor, to a group or to the drive base.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,8 +92,17 @@ pub struct Snapshot<const N: usize> {
     pub commands: u32,
     /// Battery voltage. `None` without a [fresh](Battery::is_fresh) state of the battery.
     pub battery: Option<Millivolts>,
-    /// Limits of the supply, and the energy that braking motors have returned and dissipated since boot.
-    pub bus: Bus,
+    /// Stage of the limit on the current that motors draw from the supply. [`DrawStage::Cut`] without a fresh state of
+    /// the battery.
+    pub draw_stage: DrawStage,
+    /// Strength with which braking motors dissipate their energy, as a share of full strength. [`Share::NONE`] while
+    /// the supply takes the energy.
+    pub dissipate: Share,
+    /// Energy that braking motors have returned to the bus since boot. The hub computes the energy from motor constants
+    /// and bridge commands.
+    pub returned: Microjoules,
+    /// Energy that braking motors have dissipated in windings and bridges since boot.
+    pub dissipated: Microjoules,
     /// State of the drive base. `None` until a base is configured.
     pub base: Option<BaseState>,
     /// Report of each motor.
@@ -116,7 +125,10 @@ impl<const N: usize> Snapshot<N> {
         missed: 0,
         commands: 0,
         battery: None,
-        bus: Bus::INITIAL,
+        draw_stage: DrawStage::Full,
+        dissipate: Share::NONE,
+        returned: Microjoules::ZERO,
+        dissipated: Microjoules::ZERO,
         base: None,
         motors: [Report::INITIAL; N],
     };
@@ -129,13 +141,13 @@ impl<const N: usize> Snapshot<N> {
     /// Returns the battery voltage if motors may be enabled. `None` if the voltage is unknown, low, or above
     /// [`Levels::max`](crate::supply::Levels::max).
     pub fn good_battery(&self) -> Option<Millivolts> {
-        self.battery.filter(|_| self.bus.stage == DrawStage::Full)
+        self.battery.filter(|_| self.draw_stage == DrawStage::Full)
     }
 
     /// True if the battery voltage is known and the [stage](DrawStage) is not `Full`: the battery is low and has not
     /// recovered, or the bus voltage is above [`Levels::max`](crate::supply::Levels::max).
     pub fn battery_low(&self) -> bool {
-        self.battery.is_some() && self.bus.stage != DrawStage::Full
+        self.battery.is_some() && self.draw_stage != DrawStage::Full
     }
 
     /// True if every motor is disabled.
@@ -167,8 +179,11 @@ pub struct Hub<const N: usize> {
     missed: u32,
     /// Number of the newest command that was applied.
     commands: u32,
-    bus: Bus,
-    /// Time up to which the energy of the motors has been added to `bus`; `None` before the first addition.
+    /// Energy that braking motors have returned to the bus.
+    returned: Microjoules,
+    /// Energy that braking motors have dissipated.
+    dissipated: Microjoules,
+    /// Time up to which `returned` and `dissipated` are computed; `None` before the first computation.
     energy_until: Option<Micros>,
     /// The newest [`Battery::draw`] that the motors were limited to.
     draw: Share,
@@ -189,7 +204,8 @@ impl<const N: usize> Hub<N> {
             tick: 0,
             missed: 0,
             commands: 0,
-            bus: Bus::INITIAL,
+            returned: Microjoules::ZERO,
+            dissipated: Microjoules::ZERO,
             energy_until: None,
             draw: Share::ALL,
             dissipate: Share::NONE,
@@ -321,7 +337,15 @@ impl<const N: usize> Hub<N> {
     fn update_energy(&mut self, now: Micros) {
         let passed_us = self.energy_until.map_or(0, |until| now.since(until)) as u32;
         self.energy_until = self.energy_until.max(Some(now));
-        self.bus.add(passed_us, self.motors.iter().map(Motor::braking_power));
+        let (mut returned_watts, mut dissipated_watts) = (0.0, 0.0);
+        for power in self.motors.iter().map(Motor::braking_power) {
+            returned_watts += power.returned_watts;
+            dissipated_watts += power.dissipated_watts;
+        }
+        // A watt is a microjoule per microsecond. The conversion to an integer saturates, and converts NaN to 0.
+        let microjoules = |watts: f32| (watts * passed_us as f32) as u32;
+        self.returned = self.returned.plus(microjoules(returned_watts));
+        self.dissipated = self.dissipated.plus(microjoules(dissipated_watts));
     }
 
     /// Runs one tick of all motors, and returns the state after the tick.
@@ -339,11 +363,20 @@ impl<const N: usize> Hub<N> {
             *report = motor.step(inputs.now, reading, battery);
         }
         self.groups.review(&mut motors, &mut self.motors, self.base.as_ref(), self.period);
-        self.bus.update(battery.as_ref());
-        let battery = battery.map(|battery| battery.voltage);
-        let base = self.base.as_ref().map(Base::state);
-        let Self { tick, missed, commands, bus, .. } = *self;
-        Snapshot { tick, at: inputs.now, missed, commands, battery, bus, base, motors }
+        let Self { tick, missed, commands, returned, dissipated, .. } = *self;
+        Snapshot {
+            tick,
+            at: inputs.now,
+            missed,
+            commands,
+            battery: battery.map(|battery| battery.voltage),
+            draw_stage: battery.map_or(DrawStage::Cut, |battery| battery.stage),
+            dissipate: battery.map_or(Share::NONE, |battery| battery.dissipate),
+            returned,
+            dissipated,
+            base: self.base.as_ref().map(Base::state),
+            motors,
+        }
     }
 
     /// Updates the odometry of the drive base. A wheel without a fresh reading counts as standing still.

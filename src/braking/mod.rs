@@ -49,7 +49,8 @@ pub use scheme::{Blend, BlendFraction, Scheme};
 pub use winding::Winding;
 
 use crate::bridge::{BridgeConstants, Drive};
-use crate::units::{Control, Voltage};
+use crate::units::{Control, Duty, Voltage};
+use linear_current::DriveState;
 
 /// A command of the bridge, and the voltage that the command applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,18 +106,24 @@ impl Modulator {
         let volts = clockwise_volts(at, voltage);
         let (regime, w) = points::current(volts, at);
         let opens = matches!(self.scheme, Scheme::ForwardReverse) && regime == Regime::Braking && volts > 0.0;
-        let duty = self.current.duty(regime, if opens { 0.0 } else { w }, at);
-        self.modulation(at, at.drive(regime, duty))
+        let state = self.current.drive_state(regime, at);
+        let duty = self.current.duty(state, if opens { 0.0 } else { w });
+        self.in_regime(at, regime, state, duty)
     }
 
     /// Computes the voltage that a command applies: the inverse of [`for_voltage`](Self::for_voltage).
     pub fn modulation(&self, at: OperatingPoint, drive: Drive) -> Modulation {
-        let (emf, _) = at.volts();
         let regime = at.regime(drive);
-        let current = self.current.current(regime, drive.duty, at);
+        self.in_regime(at, regime, self.current.drive_state(regime, at), drive.duty)
+    }
+
+    /// The command with this duty of a regime. `state` belongs to this regime and operating point.
+    fn in_regime(&self, at: OperatingPoint, regime: Regime, state: DriveState, duty: Duty) -> Modulation {
+        let (emf, _) = at.volts();
+        let current = self.current.current(state, duty);
         let volts = if regime == Regime::Forward { emf + current } else { emf - current };
         let voltage = Voltage::from_volts(if at.counter_clockwise() { -volts } else { volts });
-        Modulation { drive, voltage }
+        Modulation { drive: at.drive(regime, duty), voltage }
     }
 
     /// The command for a control value, by the scheme and the duty rule.
@@ -145,7 +152,7 @@ impl Modulator {
         let (regime, w) = points::current(clockwise_volts(at, voltage), at);
         let share = match self.rule {
             DutyRule::LinearCurrent => points::share(regime, w, at),
-            DutyRule::LinearDuty => self.current.duty(regime, w, at).to_f32(),
+            DutyRule::LinearDuty => self.current.duty(self.current.drive_state(regime, at), w).to_f32(),
         };
         clockwise(at, points::control(&Points::new(self.scheme, at), regime, share))
     }
@@ -187,5 +194,6 @@ pub fn linear_current(
         Regime::Forward if at.is_overrun() => Location { regime: Regime::Braking, fraction: Fraction::ZERO },
         _ => location,
     };
-    at.drive(location.regime, current.duty(location.regime, location.current(at), at))
+    let state = current.drive_state(location.regime, at);
+    at.drive(location.regime, current.duty(state, location.current(at)))
 }

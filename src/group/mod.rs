@@ -44,20 +44,17 @@ use trajectory::Trajectory;
 /// Number of motors that may be members of groups: the motors 0 to 7.
 pub const MOTORS: usize = 8;
 
-/// A value for each member. The index is the motor's number. `None` for a motor that is not a member.
-pub type ByMotor<T> = [Option<T>; MOTORS];
-
-/// Where a group moves. The motors that have a value are the members.
+/// Where a group moves. The index of a value is the number of its motor. The motors that have a value are the members.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Course {
     /// Each member moves by a distance in counts from its present reference. In a new group the member's position is
     /// the reference.
-    By(ByMotor<i32>),
+    By([Option<i32>; MOTORS]),
     /// Each member moves to a position in counts. Positions wrap, and members take the shorter direction.
-    To(ByMotor<i32>),
+    To([Option<i32>; MOTORS]),
     /// Each member moves at a speed until the next command. Speeds of 0 stop the group.
-    On(ByMotor<CountsPerSecond>),
+    On([Option<CountsPerSecond>; MOTORS]),
 }
 
 impl Course {
@@ -95,7 +92,7 @@ impl Course {
 }
 
 /// Puts each value at the index of its motor.
-fn by_motor<T: Copy>(members: &[(usize, T)]) -> Result<ByMotor<T>, RangeError> {
+fn by_motor<T: Copy>(members: &[(usize, T)]) -> Result<[Option<T>; MOTORS], RangeError> {
     let mut all = [None; MOTORS];
     for (motor, value) in members {
         *all.get_mut(*motor).ok_or(RangeError::Motor)? = Some(*value);

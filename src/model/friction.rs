@@ -43,7 +43,8 @@ impl Friction {
     /// No dry friction.
     pub const NONE: Self = Self { coulomb: NewtonMetres(0.0), breakaway: NewtonMetres(0.0) };
 
-    /// Assumed ratio of breakaway torque to Coulomb torque if only the Coulomb torque is known, without unit.
+    /// Ratio of breakaway torque to Coulomb torque if only the Coulomb torque is known, without unit. The value is an
+    /// assumption. The encoder check allows a ratio of up to 4/3.
     pub const STATIC_RATIO: f64 = 1.3;
 
     /// Creates a friction from its Coulomb torque, at least 0. The breakaway torque is

@@ -28,7 +28,7 @@ use super::switching::{Bridge, Circuit, Conditions, Pwm};
 
 /// Largest relative difference at which back EMF and battery voltage are treated as equal, without unit.
 ///
-/// The value is some 4500 times the resolution of `f64`.
+/// The value is some 4500 times the resolution of `f64`, so that rounding errors of both voltages count as equal.
 const EQUALITY_TOLERANCE: f64 = 1e-12;
 
 /// A scheme of the paper. A is in section 2, B in section 3, C and D are in the revision of 31 August 2018.

@@ -44,7 +44,7 @@ use super::train::{Output, ShaftState, Train, WindowEnd};
 use crate::bridge::{Mode, State};
 
 /// Largest product of window length (s) and frequency `w` (rad/s), which the module's documentation defines; without
-/// unit.
+/// unit. The relative error `(w h)² / 24` of the module's documentation is then 0.1 %.
 const WINDOW_LIMIT: f64 = 0.15;
 
 /// Inputs of a plant: the command to its bridge, and an external torque.

@@ -25,7 +25,8 @@ use super::bus::{Bus, Shutdown};
 use super::plant::{Flow, Plant, PlantInput};
 use super::si::{Amps, Coulombs, Seconds, Volts};
 
-/// Longest step with a constant battery voltage, in s, for a rig without bus capacitor.
+/// Longest step with a constant battery voltage, in s, for a rig without bus capacitor: the interval at which a hub
+/// samples its encoders and a bus that is not quiet.
 const LONGEST_STEP_S: f64 = 1e-3;
 /// Longest step with a constant bus voltage, in s. In this time 10 A change the voltage of a capacitor of 1000 uF by
 /// 0.5 V.

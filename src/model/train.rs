@@ -33,10 +33,12 @@ use super::mechanics::{Mechanics, ShaftMotion};
 use super::si::{Drag, Joules, KgM2};
 
 /// Largest product of the train's natural frequency (rad/s) and the length of a step (s), without unit. It limits the
-/// error of a step.
+/// error of a step. Chosen: the test `a_train_agrees_with_integration_in_small_steps_within_a_thousandth` checks the
+/// error.
 const STEP_LIMIT: f64 = 0.05;
 
-/// Largest distance of teeth, in rad, that counts as touching. Rounding errors of the angles are smaller.
+/// Largest distance of teeth, in rad, that counts as touching. Rounding errors of the angles are smaller: 1e-13 rad at
+/// 1000 rad.
 const TOUCH: f64 = 1e-12;
 
 /// A gear train between motor and load, as seen at the output shaft.

@@ -24,9 +24,6 @@ use fixed::types::{I16F16, I24F8, I40F24};
 /// An input or the output of a loop, in the loop's unit: +-8 388 607, in steps of 1/256.
 pub type Value = I24F8;
 
-/// The exact product of a coefficient and a value, or a sum of products: +-2^39.
-type Term = I40F24;
-
 /// Cycle for which hosts choose I and D, in ms: the control period of REV's hubs. With another period I and D have
 /// the same effect per time.
 const CYCLE_MS: i64 = 50;
@@ -77,8 +74,8 @@ const DERIVATIVE_FILTER_MS: i64 = 20;
 /// The state of one loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pid {
-    /// Integral, in the output's unit.
-    integral: Term,
+    /// Integral, in the output's unit. A term has the exact product of a coefficient and a value: +-2^39.
+    integral: I40F24,
     last_measured: Option<Value>,
     /// Filtered rate of the measurement, per second.
     rate: Value,
@@ -90,10 +87,10 @@ impl Pid {
     /// Anti-windup: while the output saturates, the integral changes only towards the range. Integral and feed-forward
     /// are each limited to the range.
     pub fn step(&mut self, gains: &Pidf, period: Period, input: PidInput) -> Value {
-        let limit = Term::from(input.limit).abs();
+        let limit = I40F24::from(input.limit).abs();
         let last = self.last_measured.replace(input.measured);
         let derivative = if gains.d == Coefficient::ZERO {
-            Term::ZERO
+            I40F24::ZERO
         } else {
             if let Some(last) = last {
                 self.update_rate(input.measured.wrapping_sub(last), period);
@@ -121,14 +118,14 @@ impl Pid {
     fn update_rate(&mut self, change: Value, period: Period) {
         // A period is at least 1 ms. The compiler then leaves out the check for a division by 0.
         let ms = i64::from(period.as_millis()).max(1);
-        let rate = Value::saturating_from_num(Term::from(change) * 1000 / ms);
-        let step = (Term::from(rate) - Term::from(self.rate)) * ms / (ms + DERIVATIVE_FILTER_MS);
+        let rate = Value::saturating_from_num(I40F24::from(change) * 1000 / ms);
+        let step = (I40F24::from(rate) - I40F24::from(self.rate)) * ms / (ms + DERIVATIVE_FILTER_MS);
         self.rate = self.rate.saturating_add(Value::saturating_from_num(step));
     }
 
     /// Resets the loop to its initial state.
     pub const fn reset(&mut self) {
-        *self = Self { integral: Term::ZERO, last_measured: None, rate: Value::ZERO };
+        *self = Self { integral: I40F24::ZERO, last_measured: None, rate: Value::ZERO };
     }
 
     /// Resets the loop for a bumpless start of a loop with I: at an error of 0 the next output is `output`.
@@ -138,12 +135,12 @@ impl Pid {
     pub fn preset(&mut self, gains: &Pidf, output: Value, measured: Value) {
         self.reset();
         if gains.i != Coefficient::ZERO {
-            self.integral = Term::from(output).saturating_sub(product(gains.f, measured));
+            self.integral = I40F24::from(output).saturating_sub(product(gains.f, measured));
         }
     }
 }
 
 /// The exact product of a coefficient and a value.
-fn product(coefficient: Coefficient, value: Value) -> Term {
+fn product(coefficient: Coefficient, value: Value) -> I40F24 {
     I16F16::from_bits(coefficient.to_bits()).wide_mul(value)
 }

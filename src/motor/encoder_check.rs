@@ -69,8 +69,9 @@
 //! position. A motor at rest is excluded while its drive voltage does not exceed the heaviest friction, as on a low
 //! battery.
 //!
-//! Constants without a stated source have none on record. `motor-hub soak --sweep` simulates many motors and counts
-//! false alarms (see `docs/concepts/faults.md`). `tests/encoder_check.rs` checks the times of the table.
+//! Where a constant says *chosen*, no measurement of it is on record. Two commands judge the constants together.
+//! `motor-hub soak --sweep` simulates many motors and counts false alarms (see `docs/concepts/faults.md`). `cargo test
+//! --test encoder_check --test heavy_motors` checks the times of the table, and motors that are blocked or heavy.
 
 use super::Request;
 use super::expected::{Expected, Tick};
@@ -80,7 +81,8 @@ use crate::regulator::counts_due;
 use crate::units::{Control, CountsPerSecond};
 use libm::sqrtf;
 
-/// Expected distance at which a silence from rest has too few counts, in counts.
+/// Expected distance at which a silence from rest has too few counts, in counts: the distance of 150 ms at 40 counts/s,
+/// the lowest checked speed. Release and probe then have the other 100 ms of the 250 ms.
 const EXPECTED_COUNTS: f32 = 6.0;
 
 /// A fault of an encoder.
@@ -114,7 +116,7 @@ impl Tick<'_> {
     /// True if the motor runs away. The bridge is then in reverse at the end of the control range, and the motor turns
     /// in the wrong direction, or at least twice as fast as requested.
     fn runs_away(&self) -> bool {
-        let velocity = i64::from(self.regulator.velocity().to_bits());
+        let velocity = i64::from(self.velocity.to_bits());
         let twice = 2 * i64::from(self.target.to_bits());
         let wrong_speed = if velocity < 0 { twice >= velocity } else { twice <= velocity };
         wrong_speed
@@ -135,26 +137,30 @@ pub(super) struct EncoderCheck {
 
 /// Limits of the state Watching.
 impl EncoderCheck {
-    /// Shortest silence that is checked, in µs. With a shorter silence the motor turns.
+    /// Shortest silence that is checked, in µs. With a shorter silence the motor turns. Chosen: a motor with a
+    /// working encoder and at least 100 counts/s is not checked.
     const QUIET_US: u32 = 10_000;
     /// Largest ratio of the speed before the silence to the requested speed. Up to this ratio the silence is checked as
-    /// a silence after a steady run. The regulator slows a faster motor down, and this motor may come to rest.
+    /// a silence after a steady run. The regulator slows a faster motor down, and this motor may come to rest. Chosen.
     const SPEED_RATIO: f32 = 1.5;
-    /// Shortest silence, in ms, that can have too few counts by its expected distance. At a control period of up to 50
-    /// ms, a release and a probe then end within 250 ms.
+    /// Shortest silence, in ms, that can have too few counts by its expected distance. At a control period of 50 ms
+    /// such a silence is found after at most 96 ms. A release of 50 ms and a probe of up to 100 ms then end within 250
+    /// ms.
     const SILENCE_MS: u32 = 46;
     /// Expected distance at which a silence after a steady run has too few counts, in counts. When a load reverses a
-    /// motor with a working encoder, fewer counts are missing.
+    /// motor with a working encoder, fewer counts are missing (decision 29).
     const TURNING_COUNTS: f32 = 12.0;
-    /// Shortest time-out, in ms. It applies to every motor without a longer one.
+    /// Shortest time-out, in ms. It applies to every motor without a longer one. At a control period of 50 ms the
+    /// time-out is found after at most 190 ms, and a probe of 50 ms ends within 250 ms.
     const UNKNOWN_MS: u32 = 140;
     /// Time-out, in ms, of a motor that last turned in the other direction, or whose encoder has toggled one to three
-    /// times in the silence. A heavy motor may take that long to reverse or to start.
+    /// times in the silence. A heavy motor may take that long to reverse or to start. Chosen: with a
+    /// probe of 50 ms a fault is found within the 1 s of the table.
     const HEAVY_MS: u32 = 800;
     /// Back EMF constant above which a motor is slow-counting, in V per count/s: 12 V at 1000 counts/s. The encoder
     /// of such a motor is behind the gear, or its rotor is heavy.
     const SLOW_COUNTING_EMF_VOLTS_PER_CPS: f32 = 0.012;
-    /// Time-out of a slow-counting motor, in ms.
+    /// Time-out of a slow-counting motor, in ms. Chosen: a fault is found within the 4 s of the table.
     const SLOW_COUNTING_MS: u32 = 3_000;
 }
 
@@ -327,19 +333,22 @@ struct Suspect {
 
 /// Limits of the states Releasing and Probing.
 impl Suspect {
-    /// Time in Releasing, and shortest time in Probing, in ms. With a longer control period a motor is probed without
-    /// a release, and the decision is still taken within 250 ms.
+    /// Time in Releasing, and shortest time in Probing, in ms: the longest control period at which both fit into 250
+    /// ms. With a longer control period a motor is probed without a release, and the decision is still taken within 250
+    /// ms.
     const SHORTEST_MS: u32 = 50;
     /// Longest time in Probing, in ms. A motor whose expected distance is still too short then is taken for stalled.
-    /// Also the longest extension of a span in RunningAway.
+    /// Also the longest extension of a span in RunningAway: the 2 s of the table. Chosen.
     const LONGEST_MS: u32 = 2_000;
-    /// Expected distance of the probe, in counts. If there is no motion within this distance, the encoder is stuck.
+    /// Expected distance of the probe, in counts. If there is no motion within this distance, the encoder is stuck. One
+    /// count may come from a shaft that trembles on an edge of the encoder.
     const COUNTS: f32 = 2.0;
-    /// Drive voltage of the probe, as a share of the battery voltage.
+    /// Drive voltage of the probe, as a share of the battery voltage. Chosen.
     const DRIVE_SHARE: f32 = 0.9;
-    /// Longest mechanical time constant of a motor without a least gain, in s.
+    /// Longest mechanical time constant of a motor without a least gain, in s. A NeveRest 60 with 25 times the inertia
+    /// of its rotor has this time constant: with 1000 times the inertia it has 98 s (decision 29).
     const TIME_CONSTANT_S: f32 = 2.5;
-    /// Longest mechanical time constant of a slow-counting motor without a least gain, in s.
+    /// Longest mechanical time constant of a slow-counting motor without a least gain, in s. Chosen.
     const SLOW_COUNTING_TIME_CONSTANT_S: f32 = 50.0;
 }
 
@@ -422,9 +431,9 @@ struct Stall {
 impl Stall {
     /// Least distance beyond the stop, in counts. Toggling by one count stays below this distance.
     const COUNTS: i32 = 2;
-    /// Least speed, as a share of the requested speed.
+    /// Least speed, as a share of the requested speed. Chosen.
     const SPEED_SHARE: f32 = 0.5;
-    /// Shortest time beyond the stop at that speed, in ms.
+    /// Shortest time beyond the stop at that speed, in ms. Chosen.
     const FREE_MS: u32 = 150;
 }
 
@@ -434,7 +443,7 @@ impl Stall {
         let moved = tick.position.wrapping_sub(self.position);
         let beyond = if self.clockwise { moved } else { moved.saturating_neg() };
         let requested = along(self.clockwise, tick.target.to_f32());
-        let speed = along(self.clockwise, tick.regulator.velocity().to_f32());
+        let speed = along(self.clockwise, tick.velocity.to_f32());
         let free = speed >= Self::SPEED_SHARE * requested && beyond >= Self::COUNTS;
         self.free_ms = if free { self.free_ms.saturating_add(tick.period_ms()) } else { 0 };
         if requested < 0.0 || (requested > 0.0 && self.free_ms >= Self::FREE_MS) {
@@ -497,18 +506,21 @@ impl Runaway {
     const SPAN_MS: u32 = 100;
     /// Length of the early span by PID in Schemes C and D, in ms, and of the late span that ends before full reverse is
     /// commanded. The control range of these schemes may end before full reverse. Any other early span lasts `SPAN_MS`
-    /// less one control period, and at least `SPAN_MS` less this time.
+    /// less one control period, and at least `SPAN_MS` less this time. Two such spans before full reverse, and one of
+    /// `SPAN_MS` after full reverse has begun, fit into 250 ms.
     const SHORT_SPAN_MS: u32 = 50;
-    /// Least mean speed of the early span with which the spans can be compared, in counts/s. With a lower speed the
-    /// comparison begins again.
+    /// Least mean speed of the early span with which the spans can be compared, in counts/s: eight counts in
+    /// `SHORT_SPAN_MS`. With a lower speed the comparison begins again.
     const LEAST_SPEED_CPS: f32 = 160.0;
     /// Counts by which the late span of a heavy motor must exceed the counts at the mean speed of the early span.
-    /// Otherwise a second comparison follows. Each span has an error of one count.
+    /// Otherwise a second comparison follows. Each span has an error of one count. The other two counts are a margin.
+    /// Chosen.
     const FASTER_COUNTS: i32 = 4;
-    /// Counts of a late span from which on the errors of both spans are negligible. A late span with fewer counts must
-    /// be faster than the early span by more than `ERROR_COUNTS`. Otherwise a second comparison follows.
+    /// Counts of a late span from which on the errors of both spans are negligible: `ERROR_COUNTS` are 5 % of them. A
+    /// late span with fewer counts must be faster than the early span by more than `ERROR_COUNTS`. Otherwise a second
+    /// comparison follows.
     const EXACT_COUNTS: i32 = 40;
-    /// Errors of both spans together, in counts.
+    /// Errors of both spans together, in counts: one count at the end of each span.
     const ERROR_COUNTS: i32 = 2;
 }
 
@@ -518,7 +530,7 @@ impl Runaway {
         let heaviest = 1.0 / (Suspect::SLOW_COUNTING_TIME_CONSTANT_S * tick.emf_volts_per_cps());
         let gain = if trusted { Some(heaviest) } else { tick.regulator.least_gain() };
         let ms = |gain| 1_000.0 * sqrtf(2.0 * EXPECTED_COUNTS / (Expected::FRICTION_VOLTS * gain));
-        let clockwise = tick.regulator.velocity() >= CountsPerSecond::ZERO;
+        let clockwise = tick.velocity >= CountsPerSecond::ZERO;
         let empty = Span::default();
         Self {
             stall,
@@ -549,7 +561,7 @@ impl Runaway {
     /// comparison begins again.
     fn step(mut self, tick: &Tick<'_>) -> State {
         // A motor that reversed has followed its drive voltage, even if the motor swings back later.
-        let clockwise = tick.regulator.velocity() >= CountsPerSecond::ZERO;
+        let clockwise = tick.velocity >= CountsPerSecond::ZERO;
         if clockwise != self.clockwise {
             self = self.again(clockwise);
         }

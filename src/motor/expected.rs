@@ -32,6 +32,8 @@ pub(super) struct Tick<'a> {
     pub(super) target: CountsPerSecond,
     /// Position now, in counts.
     pub(super) position: i32,
+    /// Estimated speed now.
+    pub(super) velocity: CountsPerSecond,
     /// Counts since the last tick.
     pub(super) moved: i32,
 }

@@ -387,11 +387,12 @@ impl Motor {
         let moved = fresh(reading, now).map(|reading| self.take_reading(reading));
         self.regulator.predict_until(now);
         self.follow_temperatures();
+        let velocity = self.regulator.velocity();
         // Decide.
-        let request = self.request(battery.as_ref(), moved);
+        let request = self.request(battery.as_ref(), velocity, moved);
         // Limit and modulate.
         self.execute(request, now, battery.as_ref());
-        self.report(battery.as_ref(), moved)
+        self.report(battery.as_ref(), velocity, moved)
     }
 
     /// Commands the bridge between two ticks, if set-point or settings are new and the set-point is direct. Returns
@@ -401,7 +402,7 @@ impl Motor {
             return false;
         }
         let before = self.drive();
-        let request = self.request(battery, None);
+        let request = self.request(battery, self.regulator.velocity(), None);
         self.execute(request, now, battery);
         self.drive() != before
     }
@@ -479,9 +480,14 @@ impl Motor {
 
     /// Computes the request of this tick; `None` for an open bridge. At a tick without regulation, ends the examination
     /// of the encoder. A fault ends an identification. `moved` is as in
-    /// [`permitted_setpoint`](Self::permitted_setpoint).
-    fn request(&mut self, battery: Option<&Battery>, moved: Option<i32>) -> Option<Request> {
-        let emf = self.settings.winding.emf.emf(self.regulator.velocity());
+    /// [`permitted_setpoint`](Self::permitted_setpoint), and `velocity` is the estimated speed.
+    fn request(
+        &mut self,
+        battery: Option<&Battery>,
+        velocity: CountsPerSecond,
+        moved: Option<i32>,
+    ) -> Option<Request> {
+        let emf = self.settings.winding.emf.emf(velocity);
         // Without a battery voltage, or with a fault of the bridge, every motor coasts.
         let battery = battery.filter(|_| !self.bridge_fault);
         let at = battery.and_then(|battery| OperatingPoint::new(emf, battery.voltage));
@@ -507,11 +513,11 @@ impl Motor {
                 let voltage = self.regulator.limit_speed(Voltage::from_volts(volts), speed_limit, at);
                 Some(self.for_voltage(at, voltage))
             }
-            Setpoint::Velocity(target) => self.regulate(Demand::Velocity(target), at, moved?),
+            Setpoint::Velocity(target) => self.regulate(Demand::Velocity(target), at, velocity, moved?),
             Setpoint::Position { target, speed_limit, .. } => {
-                self.regulate(Demand::Position { target, speed_limit }, at, moved?)
+                self.regulate(Demand::Position { target, speed_limit }, at, velocity, moved?)
             }
-            Setpoint::Together(reference) => self.regulate(Demand::Follow(reference), at, moved?),
+            Setpoint::Together(reference) => self.regulate(Demand::Follow(reference), at, velocity, moved?),
             Setpoint::Identify { .. } => {
                 let voltage = self.identify(at)?;
                 Some(self.for_voltage(at, voltage))
@@ -532,14 +538,21 @@ impl Motor {
     /// Computes the request of a regulated motor. The encoder check is stepped first. If the check requests a command
     /// or finds a fault, the regulator is not stepped. Lowers the back EMF constant in force if the speed hunts because
     /// this constant is too high.
-    fn regulate(&mut self, demand: Demand, at: OperatingPoint, moved: i32) -> Option<Request> {
+    fn regulate(
+        &mut self,
+        demand: Demand,
+        at: OperatingPoint,
+        velocity: CountsPerSecond,
+        moved: i32,
+    ) -> Option<Request> {
         let Self { settings, modulator, regulator, position, .. } = self;
         let context = Context { settings, modulator, period: self.period, at };
         if let MotorState::Regulated(check) = &mut self.state
             && let Some(command) = &self.command
             && let Some(target) = command.request.target
         {
-            let tick = Tick { context: &context, regulator, command, target, position: *position, moved };
+            let position = *position;
+            let tick = Tick { context: &context, regulator, command, target, position, velocity, moved };
             match check.step(&mut self.last_motion, &tick) {
                 Ok(None) => (),
                 Ok(Some(request)) => {
@@ -697,8 +710,7 @@ impl Motor {
     }
 
     /// Steps thermal model and settle detector, and reports.
-    fn report(&mut self, battery: Option<&Battery>, moved: Option<i32>) -> Report {
-        let velocity = self.regulator.velocity();
+    fn report(&mut self, battery: Option<&Battery>, velocity: CountsPerSecond, moved: Option<i32>) -> Report {
         let drive = self.drive();
         let current = self.modelled_current();
         self.speed_known = moved.is_some() && self.encoder_fault.is_none();
@@ -711,6 +723,7 @@ impl Motor {
         self.thermal.step(self.settings.thermal, self.period, measured.unwrap_or(heating));
         let current_limited = self.is_current_limited();
         let within_tolerance = self.setpoint.is_within_tolerance(self.position);
+        let command = self.command.as_ref();
         Report {
             setpoint: self.setpoint,
             position: self.position,
@@ -726,10 +739,10 @@ impl Motor {
                 .regulator
                 .load()
                 .map(|voltage| Milliamperes::from_amperes(voltage.to_volts() / self.settings.ohms())),
-            at: self.command.map(|command| command.request.at),
-            voltage: self.command.map_or(Voltage::ZERO, |command| command.limited.voltage),
-            requested: self.command.and_then(|command| command.requested_control()),
-            regime: self.command.map(|command| command.request.at.regime(command.limited.drive)),
+            at: command.map(|command| command.request.at),
+            voltage: command.map_or(Voltage::ZERO, |command| command.limited.voltage),
+            requested: command.and_then(Command::requested_control),
+            regime: command.map(|command| command.request.at.regime(command.limited.drive)),
             drive,
             settled: self.settle_detector.step(within_tolerance, velocity, self.period),
             // At its current limit a motor may not reach the drive voltage from which the encoder check works. A motor

@@ -155,35 +155,23 @@ mod tests {
         ThermalLimit::new(1_000, 20, 600).unwrap_or_else(|error| unreachable!("{error}"))
     }
 
-    /// A thermal model with its limit and the control period.
-    struct Model(Thermal, Period);
+    fn step(model: &mut Thermal, ms: u32, ma: i32) {
+        model.step(Some(limit()), Period::from_millis(ms).unwrap_or_default(), Milliamperes::new(ma));
+    }
 
-    impl Model {
-        fn new(ms: u32) -> Self {
-            Self(Thermal::default(), Period::from_millis(ms).unwrap_or_default())
+    /// The heat after a constant current of `ma` mA for `seconds`, at a control period of `ms`.
+    fn heat_after(model: &mut Thermal, ms: u32, seconds: f32, ma: i32) -> f32 {
+        let period = Period::from_millis(ms).unwrap_or_default();
+        for _ in 0..(seconds / period.to_seconds()) as u32 {
+            step(model, ms, ma);
         }
-
-        fn heat(&self) -> f32 {
-            self.0.heat(Some(limit()))
-        }
-
-        fn step(&mut self, ma: i32) {
-            self.0.step(Some(limit()), self.1, Milliamperes::new(ma));
-        }
-
-        /// The heat after a constant current of `ma` mA for `seconds`.
-        fn after(&mut self, seconds: f32, ma: i32) -> f32 {
-            for _ in 0..(seconds / self.1.to_seconds()) as u32 {
-                self.step(ma);
-            }
-            self.heat()
-        }
+        model.heat(Some(limit()))
     }
 
     #[test]
     fn the_continuous_current_leads_to_the_limit_at_every_period() {
         for ms in [1, 30, 50, 100] {
-            let heat = Model::new(ms).after(6_000.0, -1_000);
+            let heat = heat_after(&mut Thermal::default(), ms, 6_000.0, -1_000);
             assert!((heat - 1.0).abs() < 0.01, "{ms} ms: {heat}");
         }
     }
@@ -195,7 +183,7 @@ mod tests {
                 let rise = |tau: f32| 1.0 - (-seconds / tau).exp();
                 let square = (ma as f32 / 1e3).powi(2);
                 let wanted = square * (0.25 * rise(20.0) + 0.75 * rise(600.0));
-                let heat = Model::new(ms).after(seconds, ma);
+                let heat = heat_after(&mut Thermal::default(), ms, seconds, ma);
                 assert!((heat - wanted).abs() < 0.01 * wanted, "{ms} ms, {seconds} s: {heat}, {wanted}");
             }
         }
@@ -203,30 +191,31 @@ mod tests {
 
     #[test]
     fn the_current_limit_falls_to_the_continuous_current_before_the_motor_is_cut() {
-        let mut model = Model::new(50);
-        let ceiling = |model: &Model| model.0.ceiling(Some(limit()));
+        let mut model = Thermal::default();
+        let ceiling = |model: &Thermal| model.ceiling(Some(limit()));
         assert_eq!(ceiling(&model), None);
         let mut least = f32::INFINITY;
         for _ in 0..200 * 20 {
             // A motor within the current limit is not cut.
             let ma = ceiling(&model).map_or(4_000.0, |ceiling| (1e3 * ceiling).min(4_000.0));
             least = least.min(ma);
-            model.step(ma as i32);
+            step(&mut model, 50, ma as i32);
         }
-        assert!((model.heat() - 1.0).abs() < 0.1 && !model.0.is_cut(), "{}", model.heat());
+        let heat = model.heat(Some(limit()));
+        assert!((heat - 1.0).abs() < 0.1 && !model.is_cut(), "{heat}");
         assert!((1_000.0..1_400.0).contains(&least), "{least}");
     }
 
     #[test]
     fn a_motor_that_was_too_hot_stays_cut_until_it_has_cooled_down_and_is_disabled() {
-        let mut model = Model::new(50);
-        model.after(30.0, 4_000);
-        assert!(model.0.is_cut());
-        model.0.clear(Some(limit()));
-        assert!(model.0.is_cut(), "still hot: {}", model.heat());
-        model.after(900.0, 0);
-        assert!(model.0.is_cut());
-        model.0.clear(Some(limit()));
-        assert!(!model.0.is_cut());
+        let mut model = Thermal::default();
+        heat_after(&mut model, 50, 30.0, 4_000);
+        assert!(model.is_cut());
+        model.clear(Some(limit()));
+        assert!(model.is_cut(), "still hot: {}", model.heat(Some(limit())));
+        heat_after(&mut model, 50, 900.0, 0);
+        assert!(model.is_cut());
+        model.clear(Some(limit()));
+        assert!(!model.is_cut());
     }
 }

@@ -1,7 +1,7 @@
 //! Courses of groups that must still be sent to the motors.
 
 use crate::extension::group::GroupCourse;
-use crate::group::{ByMotor, Course, GroupCommand, MOTORS};
+use crate::group::{Course, GroupCommand, MOTORS};
 use crate::protocol::CHANNELS;
 
 /// Courses of groups that must still be sent. The *leader* of a course is the motor of the host's request.
@@ -74,7 +74,7 @@ pub(super) fn in_motor_counts(
     GroupCommand { course, speed, acceleration, lag, tolerance, halt }
 }
 
-fn by_motor<T: Copy>(channels: [Option<T>; CHANNELS]) -> ByMotor<T> {
+fn by_motor<T: Copy>(channels: [Option<T>; CHANNELS]) -> [Option<T>; MOTORS] {
     let mut all = [None; MOTORS];
     for (slot, value) in all.iter_mut().zip(channels) {
         *slot = value;

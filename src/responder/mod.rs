@@ -63,7 +63,7 @@ use crate::extension::report::{BusReport, Commands, HubReport};
 use crate::extension::settings::Values;
 use crate::extension::{self, HubFunction, MotorFunction, Request};
 use crate::group::{BaseSettings, GroupCommand};
-use crate::hub::{Action, Bus, Command, Snapshot};
+use crate::hub::{Action, Command, Snapshot};
 use crate::motor::{Report, Setpoint, Settings};
 use crate::protocol::answers::{Bulk, Status, Version};
 use crate::protocol::motor::ToMotor;
@@ -457,7 +457,7 @@ impl<const N: usize> Responder<N> {
         record: Option<&mut Record<'_>>,
     ) -> Result<Reply, Nack> {
         match function {
-            HubFunction::Bus => Ok(Reply::data(&self.bus_report(now, &snapshot.bus))),
+            HubFunction::Bus => Ok(Reply::data(&self.bus_report(now, snapshot))),
             HubFunction::Equipment => Ok(Reply::data(&self.outputs.equipment)),
             HubFunction::Report => Ok(Reply::data(&self.report(now, snapshot))),
             HubFunction::Chain => {
@@ -601,15 +601,15 @@ impl<const N: usize> Responder<N> {
         Ok(Reply::data(&state))
     }
 
-    fn bus_report(&self, now: Micros, bus: &Bus) -> BusReport {
+    fn bus_report(&self, now: Micros, snapshot: &Snapshot<N>) -> BusReport {
         let BusReading { measured, state, .. } = self.bus.as_of(now);
         let millijoules = |energy: Microjoules| u32::try_from(energy.get() / 1_000).unwrap_or(u32::MAX);
         BusReport {
             state,
             measured,
-            dissipate: per_mille(bus.dissipate),
-            returned_mj: millijoules(bus.returned),
-            dissipated_mj: millijoules(bus.dissipated),
+            dissipate: per_mille(snapshot.dissipate),
+            returned_mj: millijoules(snapshot.returned),
+            dissipated_mj: millijoules(snapshot.dissipated),
         }
     }
 
@@ -623,7 +623,7 @@ impl<const N: usize> Responder<N> {
             at_ms: (snapshot.at.get() / 1_000) as u32,
             battery,
             bus: self.bus.as_of(now).state,
-            dissipate: per_mille(snapshot.bus.dissipate),
+            dissipate: per_mille(snapshot.dissipate),
             motors: motors.collect(),
             commands: Some(Commands { included: snapshot.commands, newest: self.newest_command(snapshot) }),
         }

@@ -161,7 +161,7 @@ impl TestHost {
     /// The hub has found the battery so.
     pub(crate) fn set_battery(&mut self, millivolts: Option<u16>, stage: DrawStage) {
         self.snapshot.battery = millivolts.map(Millivolts::new);
-        self.snapshot.bus.stage = stage;
+        self.snapshot.draw_stage = stage;
     }
 
     pub(crate) fn wait_ms(&mut self, ms: u64) {

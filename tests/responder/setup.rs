@@ -4,7 +4,7 @@ use crate::host::{Said, TestHost, responder_with, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, OperatingPoint, Points, Regime, Scheme, Winding};
 use motor_hub::bridge::{BridgeConstants, Drive, Mode};
 use motor_hub::extension::FIRST_FUNCTION;
-use motor_hub::hub::{Action, Bus, Command};
+use motor_hub::hub::{Action, Command};
 use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, OnFault, Report, SenseLine, Setpoint, Settings, ThermalLimit, ZeroPower};
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
@@ -273,12 +273,9 @@ fn the_bus_is_reported_as_measured_last_until_the_measurement_is_too_old() {
     let mut host = TestHost::settled();
     let ask = |host: &mut TestHost| host.ask(FIRST_FUNCTION + 13, &[]);
     assert_eq!(ask(&mut host), Said::Data(vec![0; 14]), "nothing is measured");
-    host.snapshot.bus = Bus {
-        dissipate: Share::from_f32(0.5),
-        returned: Microjoules::ZERO.plus(2_500_000),
-        dissipated: Microjoules::ZERO.plus(70_000_000),
-        ..Bus::INITIAL
-    };
+    host.snapshot.dissipate = Share::from_f32(0.5);
+    host.snapshot.returned = Microjoules::ZERO.plus(2_500_000);
+    host.snapshot.dissipated = Microjoules::ZERO.plus(70_000_000);
     let at = host.now;
     for (mv, state) in
         [(19_000, BusState::TooHigh), (14_600, BusState::Dissipating), (4_500, BusState::TooLow)]

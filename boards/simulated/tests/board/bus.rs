@@ -84,8 +84,8 @@ impl Run {
             before = *moment.drives;
             measured.highest_v = moment.highest_v;
             measured.shut_down |= moment.shut_down > 0;
-            measured.returned_j = moment.snapshot.bus.returned.get() as f64 / 1e6;
-            measured.dissipated_j = moment.snapshot.bus.dissipated.get() as f64 / 1e6;
+            measured.returned_j = moment.snapshot.returned.get() as f64 / 1e6;
+            measured.dissipated_j = moment.snapshot.dissipated.get() as f64 / 1e6;
         })
         .expect("it runs");
         measured
@@ -233,8 +233,8 @@ fn a_weak_battery_is_derated_in_few_stages_and_stays_above_the_voltage_at_which_
     let scenario = Scenario::parse("low.toml", &text).expect("valid");
     let (mut stages, mut speed, mut opened) = (Vec::new(), 0.0, 0);
     without_tasks::run(&scenario, |moment| {
-        if moment.ms > 100 && stages.last() != Some(&moment.snapshot.bus.stage) {
-            stages.push(moment.snapshot.bus.stage);
+        if moment.ms > 100 && stages.last() != Some(&moment.snapshot.draw_stage) {
+            stages.push(moment.snapshot.draw_stage);
         }
         opened = opened.max(moment.shut_down);
         speed = moment.motors[0].0;

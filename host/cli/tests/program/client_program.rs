@@ -215,7 +215,7 @@ fn a_motor_that_the_hub_disables_ends_the_command() {
 fn the_reason_of_a_refusal_is_shown() {
     let mut hub = Hub::new();
     hub.snapshot.battery = Some(Millivolts::new(6_000));
-    hub.snapshot.bus.stage = DrawStage::Derated;
+    hub.snapshot.draw_stage = DrawStage::Derated;
     let server = Server::start(hub);
     let output = client(&server, &["power", "0", "0.5", "--for", "5"]);
     fails(&output, 1, "enable motor 0: battery too low (NACK 52)");
