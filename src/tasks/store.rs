@@ -240,7 +240,7 @@ impl<F: NorFlash> Keeper<F> {
     }
 
     /// Reads both copies. If neither can be read, but a save was completed, the state is [`Stored::Damaged`].
-    async fn copies(&mut self) -> Result<Found, MapError<F>> {
+    async fn copies(&mut self) -> Result<Found, Error<FlashError<F::Error>>> {
         let (mut map, buffer) = self.map();
         let mut found = Found::default();
         for copy in COPY_KEYS {
@@ -273,9 +273,6 @@ fn found<E>(copies: Result<Found, Error<FlashError<E>>>) -> Option<Found> {
         Err(_) => Some(Found::without_record(Stored::Damaged, 0)),
     }
 }
-
-/// An error of the map, or of its flash.
-type MapError<F> = Error<FlashError<<F as ErrorType>::Error>>;
 
 /// Converts an error of the map to the outcome of a request.
 const fn outcome<E>(error: &Error<FlashError<E>>) -> Outcome {
