@@ -81,6 +81,8 @@ enum MotorState {
 
 impl MotorState {
     /// An enabled motor with the target of its mode, which must be sent.
+    ///
+    /// A new mode, a new target, *set enable* and *reset encoder* lead to this state. They end a function and a course.
     const NEW_TARGET: Self = Self::OwnSetpoint { function: None, due: true };
 }
 
