@@ -436,6 +436,7 @@ impl<const N: usize> Responder<N> {
         match function {
             MotorFunction::Identify { travel_limit } => {
                 let travel = channel.identify(travel_limit, snapshot.good_battery())?;
+                self.courses.remove(index);
                 Ok(Reply::data(&travel))
             }
             MotorFunction::Identification => Ok(Reply::data(&channel.identification(report))),
@@ -444,7 +445,9 @@ impl<const N: usize> Responder<N> {
             MotorFunction::Group => self.group_state(index, snapshot),
             MotorFunction::Current { current_ma, speed_limit_cps } => {
                 let speed_limit = CountsPerSecond::new(speed_limit_cps.into());
-                channel.set_current(Milliamperes::new(current_ma), speed_limit).map(|()| Reply::ACK)
+                channel.set_current(Milliamperes::new(current_ma), speed_limit)?;
+                self.courses.remove(index);
+                Ok(Reply::ACK)
             }
         }
     }

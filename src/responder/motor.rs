@@ -5,12 +5,17 @@
 //! * A *release* is a command that ends the motor's motion: disable, or fail-safe with braking.
 //!
 //! ```text
-//!            set enable, with a target and a good battery
-//! disabled ---------------------------------------------> enabled
-//!    ^ ^                                                   |  |
-//!    | '---- disable, or host silent and OnFault::Coast ---'  |    the release is Setpoint::Disabled
-//!    '------ host silent and OnFault::Brake ------------------'    the release is Setpoint::FailSafe
+//!                 set enable, with a target                        a group's course
+//!                 and a good battery                               with this motor
+//! [Disabled] -------------------------------> [OwnSetpoint] ---------------------------> [InGroup]
+//!     ^                                           |   ^                                    |  |
+//!     |                                           |   '--- new mode, target or function ---'  |
+//!     '--------------- release -------------------+-------------------------------------------'
 //! ```
+//!
+//! A *function* is an identification or a constant current. If a host disables the motor, or if the host is silent and
+//! the setting is [`OnFault::Coast`], the release is [`Setpoint::Disabled`]. If the host is silent and the setting is
+//! [`OnFault::Brake`], the release is [`Setpoint::FailSafe`].
 
 use crate::extension::settings::{MotorSettings, Values};
 use crate::hub::Action;
@@ -34,8 +39,7 @@ const LONGEST_DISTANCE: i32 = i32::MAX - (1 << 24);
 #[derive(Clone, Debug)]
 pub(super) struct MotorChannel {
     settings: MotorSettings,
-    /// True from a valid *set enable* until the motor is released.
-    enabled: bool,
+    state: MotorState,
     /// Target of mode power. `None` until a host sets the target.
     power: Option<Control>,
     /// Target of mode velocity in counts per second, and speed limit of mode position. `None` until a host sets the
@@ -43,11 +47,6 @@ pub(super) struct MotorChannel {
     velocity: Option<i16>,
     /// Target of mode position in the host's counts. `None` until a host sets the target.
     position: Option<Target>,
-    /// An identification or a constant current, which replaces the target of the mode. It ends with a release, with a
-    /// group's course, and when a host sets a mode or a target, enables the motor, or resets the encoder.
-    function: Option<Setpoint>,
-    /// True if a group's course has replaced the motor's own set-point.
-    in_group: bool,
     /// Number of the command with the newest sent set-point or course. `None` once a snapshot includes the command.
     awaited: Option<u32>,
     /// The motor's counts where the host's counts are 0.
@@ -55,14 +54,36 @@ pub(super) struct MotorChannel {
     /// The motor's counts at the last request of REV's protocol to this motor. A target is converted to a distance from
     /// this position.
     last_position: i32,
-    /// The set-point of a release that must be sent. A release is sent also to a disabled motor, because a release
-    /// clears latched faults.
-    release_due: Option<Setpoint>,
+    /// A release that must be sent: the motor then coasts or brakes. A release is sent also to a disabled motor, because
+    /// a release clears latched faults.
+    release_due: Option<OnFault>,
     /// True if the settings must be sent.
     settings_due: bool,
-    /// True if the motor's own set-point must be sent. The set-point is computed when the command is sent, not when the
-    /// request arrives.
-    target_due: bool,
+}
+
+/// What moves a motor. Only a valid *set enable* ends the state `Disabled`.
+#[derive(Clone, Copy, Debug)]
+enum MotorState {
+    /// Nothing moves the motor.
+    Disabled,
+    /// The motor has its own set-point.
+    OwnSetpoint {
+        /// An identification or a constant current, which replaces the target of the mode. `None` for the target of the
+        /// mode.
+        function: Option<Setpoint>,
+        /// True if the set-point must be sent. The set-point is computed when the command is sent, not when the request
+        /// arrives.
+        due: bool,
+    },
+    /// A group's course moves the motor.
+    InGroup,
+}
+
+impl MotorState {
+    /// An enabled motor with the target of its mode, which must be sent.
+    ///
+    /// A new mode, a new target, *set enable* and *reset encoder* lead to this state. They end a function and a course.
+    const NEW_TARGET: Self = Self::OwnSetpoint { function: None, due: true };
 }
 
 impl MotorChannel {
@@ -70,18 +91,15 @@ impl MotorChannel {
     pub(super) const fn new(settings: Settings) -> Self {
         Self {
             settings: MotorSettings::new(settings),
-            enabled: false,
+            state: MotorState::Disabled,
             power: None,
             velocity: None,
             position: None,
-            function: None,
-            in_group: false,
             awaited: None,
             offset: 0,
             last_position: 0,
             release_due: None,
             settings_due: false,
-            target_due: false,
         }
     }
 
@@ -100,26 +118,26 @@ impl MotorChannel {
             ToMotor::SetMode { mode } => {
                 self.settings.set_channel_mode(mode);
                 self.settings_due = true;
-                self.retarget();
+                self.follow(MotorState::NEW_TARGET);
             }
             ToMotor::SetEnable { on: false } => self.disable(),
             ToMotor::SetEnable { on: true } => self.enable(battery_good)?,
             ToMotor::SetCurrentAlert { milliamperes } => self.settings.current_alert_ma = milliamperes,
             ToMotor::ResetEncoder => {
                 self.offset = report.position;
-                self.retarget();
+                self.follow(MotorState::NEW_TARGET);
             }
             ToMotor::SetPower { power } => {
                 self.power = Some(power);
-                self.retarget();
+                self.follow(MotorState::NEW_TARGET);
             }
             ToMotor::SetVelocity { cps } => {
                 self.velocity = Some(cps);
-                self.retarget();
+                self.follow(MotorState::NEW_TARGET);
             }
             ToMotor::SetPosition { target } => {
                 self.position = Some(target);
-                self.retarget();
+                self.follow(MotorState::NEW_TARGET);
             }
             ToMotor::SetPid { of, p, i, d } => {
                 let terms = Terms::Pid;
@@ -131,7 +149,7 @@ impl MotorChannel {
                 self.settings_due = true;
             }
             ToMotor::Mode => return Ok(Reply::data(&self.settings.channel_mode())),
-            ToMotor::Enable => return Ok(Reply::data(&self.enabled)),
+            ToMotor::Enable => return Ok(Reply::data(&self.enabled())),
             ToMotor::CurrentAlert => return Ok(Reply::data(&self.settings.current_alert_ma)),
             ToMotor::Power => return Ok(Reply::data(&self.power.unwrap_or_default())),
             ToMotor::Velocity => return Ok(Reply::data(&self.velocity.unwrap_or_default())),
@@ -170,17 +188,16 @@ impl MotorChannel {
     /// Refuses the request if the battery is low or unknown, or if the motor is not enabled in mode power with power 0.
     pub(super) fn identify(&mut self, travel_limit: u32, battery: Option<Millivolts>) -> Result<u32, Nack> {
         let battery = battery.ok_or(Nack::BATTERY_LOW)?;
-        if !self.enabled || self.settings.mode != RunMode::Power || self.power != Some(Control::ZERO) {
+        if !self.enabled() || self.settings.mode != RunMode::Power || self.power != Some(Control::ZERO) {
             return Err(Nack::WRONG_MODE);
         }
-        self.retarget();
-        self.function = Some(Setpoint::Identify { travel_limit });
+        self.start(Setpoint::Identify { travel_limit });
         Ok(travel(self.settings.motor.winding.emf, battery, travel_limit))
     }
 
     /// Returns the state or the result of the last identification that a host has requested.
     pub(super) fn identification(&self, report: &Report) -> Identification {
-        if matches!(self.function, Some(Setpoint::Identify { .. })) && self.awaits_snapshot() {
+        if matches!(self.function(), Some(Setpoint::Identify { .. })) && self.awaits_snapshot() {
             // The report is older than the identification.
             return Identification::Running(0);
         }
@@ -196,11 +213,10 @@ impl MotorChannel {
         current: Milliamperes,
         speed_limit: CountsPerSecond,
     ) -> Result<(), Nack> {
-        if !self.enabled {
+        if !self.enabled() {
             return Err(Nack::WRONG_MODE);
         }
-        self.retarget();
-        self.function = Some(Setpoint::Current { current, speed_limit });
+        self.start(Setpoint::Current { current, speed_limit });
         Ok(())
     }
 
@@ -211,15 +227,13 @@ impl MotorChannel {
         if !battery_good {
             return Err(Nack::BATTERY_LOW);
         }
-        self.enabled = true;
-        self.retarget();
+        self.state = MotorState::NEW_TARGET;
         Ok(())
     }
 
     /// Disables the motor, so its bridge opens. Mode, targets and settings do not change.
     pub(super) const fn disable(&mut self) {
-        self.enabled = false;
-        self.release(Setpoint::Disabled);
+        self.release(OnFault::Coast);
     }
 
     /// Disables the motor because the keep-alive timer has run out. The motor then coasts or brakes according to its
@@ -227,38 +241,41 @@ impl MotorChannel {
     /// may be the brake of an earlier fail-safe.
     pub(super) fn fail_safe(&mut self) {
         match self.settings.motor.on_fault {
-            OnFault::Coast => self.disable(),
-            OnFault::Brake if self.enabled => {
-                self.enabled = false;
-                self.release(Setpoint::FailSafe);
-            }
-            OnFault::Brake => (),
+            OnFault::Brake if !self.enabled() => (),
+            on_fault => self.release(on_fault),
         }
     }
 
-    /// Ends the motor's present set-point, and makes a release with the set-point `setpoint` pending.
-    const fn release(&mut self, setpoint: Setpoint) {
-        self.function = None;
-        self.in_group = false;
-        self.release_due = Some(setpoint);
-        self.target_due = false;
+    /// Disables the motor, and makes a release pending.
+    const fn release(&mut self, release: OnFault) {
+        self.state = MotorState::Disabled;
+        self.release_due = Some(release);
     }
 
-    /// Ends an identification, a constant current or a group's course. For an enabled motor, makes the target of its
-    /// mode pending.
-    const fn retarget(&mut self) {
-        self.function = None;
-        self.in_group = false;
-        self.target_due = self.enabled;
+    /// Changes what moves the motor. A disabled motor stays disabled.
+    const fn follow(&mut self, state: MotorState) {
+        if self.enabled() {
+            self.state = state;
+        }
+    }
+
+    /// Starts an identification or a constant current.
+    const fn start(&mut self, function: Setpoint) {
+        self.follow(MotorState::OwnSetpoint { function: Some(function), due: true });
+    }
+
+    /// Returns the identification or the constant current that replaces the target of the mode.
+    const fn function(&self) -> Option<Setpoint> {
+        match self.state {
+            MotorState::OwnSetpoint { function, .. } => function,
+            MotorState::Disabled | MotorState::InGroup => None,
+        }
     }
 
     /// Returns the motor's own set-point: the identification, the constant current, or the target of the present mode.
     /// `None` if no host has set a target for the mode.
     fn target(&self) -> Option<Setpoint> {
-        if self.function.is_some() {
-            return self.function;
-        }
-        match self.settings.mode {
+        let of_mode = match self.settings.mode {
             RunMode::Power => self.power.map(Setpoint::ConstantPower),
             RunMode::Velocity => {
                 self.velocity.map(|cps| Setpoint::Velocity(CountsPerSecond::new(cps.into())))
@@ -271,7 +288,8 @@ impl MotorChannel {
                     speed_limit: CountsPerSecond::new(speed_limit),
                 }
             }),
-        }
+        };
+        self.function().or(of_mode)
     }
 
     /// True if a command to the motor is pending.
@@ -283,10 +301,13 @@ impl MotorChannel {
     /// sending the command, call [`sent`](Self::sent).
     pub(super) fn pending(&self) -> Option<Action> {
         if let Some(release) = self.release_due {
-            Some(Action::Set(release))
+            Some(Action::Set(match release {
+                OnFault::Coast => Setpoint::Disabled,
+                OnFault::Brake => Setpoint::FailSafe,
+            }))
         } else if self.settings_due {
             Some(Action::Configure(self.settings.motor))
-        } else if self.target_due {
+        } else if self.is_setpoint_due() {
             // An enabled motor whose new mode has no target coasts until a host sets a target.
             Some(Action::Set(self.target().unwrap_or_default()))
         } else {
@@ -301,8 +322,8 @@ impl MotorChannel {
             self.awaited = Some(number);
         } else if self.settings_due {
             self.settings_due = false;
-        } else {
-            self.target_due = false;
+        } else if let MotorState::OwnSetpoint { due, .. } = &mut self.state {
+            *due = false;
             self.awaited = Some(number);
         }
     }
@@ -326,7 +347,12 @@ impl MotorChannel {
 
     /// True if a group's course has replaced the motor's own set-point.
     pub(super) const fn in_group(&self) -> bool {
-        self.in_group
+        matches!(self.state, MotorState::InGroup)
+    }
+
+    /// True if the motor's own set-point is pending.
+    const fn is_setpoint_due(&self) -> bool {
+        matches!(self.state, MotorState::OwnSetpoint { due: true, .. })
     }
 
     /// True if a release is pending. A release is sent before the commands of all other motors.
@@ -336,14 +362,12 @@ impl MotorChannel {
 
     /// Replaces the motor's own set-point by a group's course.
     pub(super) const fn join(&mut self) {
-        self.function = None;
-        self.target_due = false;
-        self.in_group = true;
+        self.follow(MotorState::InGroup);
     }
 
     /// True if a release or the motor's own set-point is pending.
     pub(super) const fn has_new_target(&self) -> bool {
-        self.target_due || self.urgent()
+        self.is_setpoint_due() || self.urgent()
     }
 
     /// Converts a target from the host's counts to the motor's counts. The motor is at `position` in its own counts.
@@ -375,7 +399,7 @@ impl MotorChannel {
 
     /// True from a valid *set enable* until a host or fail-safe disables the motor.
     pub(super) const fn enabled(&self) -> bool {
-        self.enabled
+        !matches!(self.state, MotorState::Disabled)
     }
 
     /// True if the magnitude of the [best current](Report::best_current) exceeds the current alert. False without an
@@ -400,7 +424,8 @@ impl MotorChannel {
     pub(super) fn within_tolerance(&self, report: &Report) -> bool {
         let near =
             |Target { counts, tolerance }| motor::within_tolerance(counts, self.counts(report), tolerance);
-        let regulated = self.enabled && !self.in_group && self.settings.mode == RunMode::Position;
+        let has_own_setpoint = matches!(self.state, MotorState::OwnSetpoint { .. });
+        let regulated = has_own_setpoint && self.settings.mode == RunMode::Position;
         regulated && self.position.is_some_and(near)
     }
 }

@@ -8,12 +8,14 @@
 //! * An *access* writes a record to the memory, or reads the record from it.
 //!
 //! ```text
-//!          save, load or reset                store_request()
-//!       .---------------------> requested ---------------------.
-//!       |                                                      v
-//!     idle ------------------ store_request() --------------> busy
-//!       ^          an address must be stored                   |
-//!       '------------------- store_done() ---------------------'
+//!          save, load or reset                      store_request()
+//!       .---------------------> SaveRequested, -----------------------.
+//!       |                       LoadRequested,                        v
+//!       |                       ResetRequested                 Writing, Loading
+//!       |                                                             ^  |
+//!     Idle ---------------------- store_request() --------------------'  |
+//!       ^              an address must be stored                         |
+//!       '----------------------- store_done() ---------------------------'
 //! ```
 //!
 //! When a host has set an address, the hub stores the address without a request to save. The hub first waits for the
@@ -45,38 +47,32 @@ pub(super) struct Memory {
     found: Found,
     /// Result of the last access.
     outcome: Outcome,
-    access: AccessState,
+    access: Access,
     /// True if the address in force must still be stored.
     address_due: bool,
 }
 
-/// State of the accesses to the memory.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum AccessState {
-    /// No access is running.
-    Idle,
-    /// The host has requested the access. The task has not taken the request yet.
-    Requested(Access),
-    /// The task carries out the access.
-    Busy(Access),
-}
-
-/// An access to the memory.
+/// The access to the memory. A host's request is *requested* until the task takes the request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Access {
-    /// Writes the settings and the address in force, and the stored entries that this firmware does not know.
-    Save,
-    /// Writes the address in force, and keeps all other entries.
-    SaveAddress,
-    /// Writes an empty record. The settings that the firmware was built with are in force since the request.
-    Reset,
-    /// Reads the record.
-    Load,
+    /// No access is requested or running.
+    Idle,
+    /// A host has requested to write the settings and the address in force.
+    SaveRequested,
+    /// A host has requested to write an empty record. The settings that the firmware was built with are in force since
+    /// the request.
+    ResetRequested,
+    /// A host has requested to read the record.
+    LoadRequested,
+    /// The task writes a record.
+    Writing,
+    /// The task reads the record. The record's settings come into force at the end of the access.
+    Loading,
 }
 
 impl Memory {
     fn new(found: Found) -> Self {
-        Self { found, outcome: Outcome::None, access: AccessState::Idle, address_due: false }
+        Self { found, outcome: Outcome::None, access: Access::Idle, address_due: false }
     }
 
     /// Returns why the contents of the memory prevent a save. `None` if a save is possible. The contents never prevent
@@ -129,24 +125,24 @@ impl<const N: usize> Responder<N> {
         snapshot: &Snapshot<N>,
     ) -> Result<Reply, Nack> {
         let memory = self.memory.as_ref().ok_or(self.no_memory())?;
-        if memory.access != AccessState::Idle {
+        if memory.access != Access::Idle {
             return Err(Nack::STORE_BUSY);
         }
         let access = match request {
             HubFunction::Save => {
                 memory.refusal().map_or(Ok(()), Err)?;
-                self.record(&memory.found.record, Access::Save).map_err(|_| Nack::STORE_FULL)?;
-                Access::Save
+                self.record_of_all(&memory.found.record).map_err(|_| Nack::STORE_FULL)?;
+                Access::SaveRequested
             }
             _ if !self.is_off(snapshot) => return Err(Nack::MOTOR_ENABLED),
-            HubFunction::Load => Access::Load,
-            _ => Access::Reset,
+            HubFunction::Load => Access::LoadRequested,
+            _ => {
+                self.restore_settings(&SettingsRecord::new(0));
+                Access::ResetRequested
+            }
         };
-        if access == Access::Reset {
-            self.restore_settings(&SettingsRecord::new(0));
-        }
         if let Some(memory) = &mut self.memory {
-            memory.access = AccessState::Requested(access);
+            memory.access = access;
         }
         Ok(Reply::ACK)
     }
@@ -175,25 +171,25 @@ impl<const N: usize> Responder<N> {
         let memory = self.memory.as_ref()?;
         let may_erase = self.is_off(snapshot);
         let stored = &memory.found.record;
-        let access = match memory.access {
-            AccessState::Busy(_) => return None,
-            AccessState::Requested(access) => access,
-            AccessState::Idle if !memory.address_due => return None,
+        let record = match memory.access {
+            Access::Writing | Access::Loading => return None,
+            Access::LoadRequested => Ok(None),
+            Access::ResetRequested => Ok(Some(next_record(stored))),
+            Access::SaveRequested => self.record_of_all(stored).map(Some),
+            Access::Idle if !memory.address_due => return None,
             // The last access has failed because it needed an erasure. The memory may be erased only while all motors
             // are off, so the address waits.
-            AccessState::Idle if may_erase || memory.outcome != Outcome::NeedsErase => Access::SaveAddress,
-            AccessState::Idle => return None,
+            Access::Idle if !may_erase && memory.outcome == Outcome::NeedsErase => return None,
+            Access::Idle => self.record_of_address(stored).map(Some),
         };
-        let record = self.record(stored, access);
-        let erase_first = memory.found.stored == Stored::Damaged && access == Access::Reset;
         let memory = self.memory.as_mut()?;
         let Ok(record) = record else {
             // Settings have changed since the request, or the entries of other firmware leave no room for an address.
-            (memory.access, memory.outcome, memory.address_due) =
-                (AccessState::Idle, Outcome::Refused, false);
+            (memory.access, memory.outcome, memory.address_due) = (Access::Idle, Outcome::Refused, false);
             return None;
         };
-        memory.access = AccessState::Busy(access);
+        let erase_first = memory.found.stored == Stored::Damaged && memory.access == Access::ResetRequested;
+        memory.access = if record.is_some() { Access::Writing } else { Access::Loading };
         Some(StoreRequest { record, erase_first, may_erase })
     }
 
@@ -209,13 +205,13 @@ impl<const N: usize> Responder<N> {
             }
             return;
         };
-        let load = before.access == AccessState::Busy(Access::Load);
+        let loads = before.access == Access::Loading;
         let found = found.unwrap_or_else(|| before.found.clone());
         // A host may have changed the address during the access: then the address must still be stored. If the memory
         // has failed, the hub does not try again.
         let failed = matches!(outcome, Outcome::Refused | Outcome::Lost);
         let address_due = before.address_due && !failed && self.boot_address(&found.record) != self.address;
-        if load {
+        if loads {
             self.restore_settings(&found.record);
         }
         self.memory = Some(Memory { outcome, address_due, ..Memory::new(found) });
@@ -253,7 +249,7 @@ impl<const N: usize> Responder<N> {
             stored: *stored,
             version: *version,
             number: record.number(),
-            at_work: memory.access != AccessState::Idle,
+            at_work: memory.access != Access::Idle,
             outcome: *outcome,
             differs: self.differs(record),
             unknown,
@@ -277,23 +273,15 @@ impl<const N: usize> Responder<N> {
             })
     }
 
-    /// Builds the record that an access writes. `None` for a load.
+    /// Builds the record with the settings and the address in force. The record keeps the entries and the fields of
+    /// `stored` that this firmware does not know.
     ///
     /// # Errors
     /// Returns [`CapacityError`] if the record has no room.
-    fn record(
-        &self,
-        stored: &SettingsRecord,
-        access: Access,
-    ) -> Result<Option<SettingsRecord>, CapacityError> {
-        let mut record = SettingsRecord::new(stored.number().wrapping_add(1));
-        match access {
-            Access::Load => return Ok(None),
-            Access::Reset => return Ok(Some(record)),
-            Access::Save | Access::SaveAddress => record.push(ADDRESS, &[self.address.get()])?,
-        }
-        let all = access == Access::Save;
-        for (motor, channel) in (0..).zip(&self.channels).filter(|_| all) {
+    fn record_of_all(&self, stored: &SettingsRecord) -> Result<SettingsRecord, CapacityError> {
+        let mut record = next_record(stored);
+        record.push(ADDRESS, &[self.address.get()])?;
+        for (motor, channel) in (0..).zip(&self.channels) {
             let settings = channel.settings();
             for group in Group::ALL.into_iter().filter(|group| group.is_configured(settings)) {
                 let fields = payload(motor, &Values::of(group, settings));
@@ -301,20 +289,29 @@ impl<const N: usize> Responder<N> {
                 record.push_over(group.set_id(), &fields, older.unwrap_or_default())?;
             }
         }
-        if let Some(base) = self.base.filter(|_| all) {
+        if let Some(base) = self.base {
             let mut fields = Payload::new();
             base.write(&mut fields);
             let older = newest_base(stored).map(|entry| entry.payload);
             record.push_over(BASE, &fields, older.unwrap_or_default())?;
         }
-        let is_kept = |entry: &Entry<'_>| match all {
-            true => self.is_accepted(entry).is_none(),
-            false => entry.id != ADDRESS,
-        };
-        for entry in stored.entries().filter(is_kept) {
+        for entry in stored.entries().filter(|entry| self.is_accepted(entry).is_none()) {
             record.push(entry.id, entry.payload)?;
         }
-        Ok(Some(record))
+        Ok(record)
+    }
+
+    /// Builds the record with the address in force and all other entries of `stored`.
+    ///
+    /// # Errors
+    /// Returns [`CapacityError`] if the record has no room.
+    fn record_of_address(&self, stored: &SettingsRecord) -> Result<SettingsRecord, CapacityError> {
+        let mut record = next_record(stored);
+        record.push(ADDRESS, &[self.address.get()])?;
+        for entry in stored.entries().filter(|entry| entry.id != ADDRESS) {
+            record.push(entry.id, entry.payload)?;
+        }
+        Ok(record)
     }
 
     /// Returns the drive base that the hub would have after a restart with this record.
@@ -377,6 +374,11 @@ fn restored(motor: u8, factory: Settings, record: &SettingsRecord) -> MotorSetti
         }
     }
     settings
+}
+
+/// Creates the record of the next save, without entries.
+fn next_record(stored: &SettingsRecord) -> SettingsRecord {
+    SettingsRecord::new(stored.number().wrapping_add(1))
 }
 
 /// Returns the payload of the request that sets these values.

@@ -6,7 +6,7 @@ use super::record::{SettingsRecord, VERSION, later_version};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Stored {
-    /// There is no copy. A copy with a wrong checksum counts as missing.
+    /// No save was completed since the memory was erased, and no copy can be read.
     #[default]
     Nothing,
     /// Both copies hold the same record.
@@ -17,8 +17,8 @@ pub enum Stored {
     /// There is a record of a later version, in one copy or in both. This firmware cannot read the record, and a save
     /// does not overwrite it.
     Later,
-    /// No copy can be read, and at least one copy has a right checksum and a content that is no record. Also the state
-    /// if the memory reports an error.
+    /// No copy can be read, although a save was completed, or although a copy has a right checksum. Also the state if
+    /// the memory reports an error.
     Damaged,
 }
 

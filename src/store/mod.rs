@@ -27,8 +27,10 @@
 //! ```
 //!
 //! A copy with a wrong checksum counts as missing. If no copy of the last save is left, the memory may still hold the
-//! copies of an older save, which are then found. Otherwise the state is `Nothing`. The state is `Damaged` if a copy
-//! with a right checksum is no record, or if the memory reports an error.
+//! copies of an older save, which are then found. Otherwise the state is `Damaged` if a save was completed before, and
+//! `Nothing` if a power cut has interrupted the first save. The state is also `Damaged` if a copy with a right checksum
+//! is no record, or if the memory reports an error. The memory knows that a save was completed by a mark, which is
+//! stored after the copies. Earlier firmware stored no mark: without a mark the state is `Nothing` until the next save.
 //!
 //! A fifth state, `Later`, is reached only if later firmware has written the record. It ends with a reset of the
 //! settings.

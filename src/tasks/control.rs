@@ -11,9 +11,7 @@ use super::capture::CAPTURE_INTERVAL;
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::hub::{Hub, Inputs};
 use core::cell::Cell;
-use core::future::{Future, poll_fn};
-use core::pin::{Pin, pin};
-use core::task::Poll;
+use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
@@ -31,9 +29,8 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
     // a tick, and the snapshot has the newest speeds.
     let samples_between_ticks = period > CAPTURE_INTERVAL;
     let mut due = whole_millisecond(Instant::now()) + period;
-    let mut armed = false;
     loop {
-        if news_before(due, &mut armed, wires).await {
+        if let Either::First(()) = select(wires.news.wait(), Timer::at(due)).await {
             // After an alarm of the bus the readings are unchanged. Processing unchanged readings does not change the
             // estimates.
             wires.update_newest(|newest| {
@@ -88,36 +85,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             hub.note_missed(missed);
             due += period * missed;
         }
-        armed = false;
     }
-}
-
-/// Waits for the signal `news` or for the time `due` of the next tick. Returns true if the signal came first. Capture
-/// signals `news` at each encoder sample, and supply at the first plausible sample of the bus after an alarm.
-///
-/// Each poll of a timer searches the queue of all timers, and stores the wake-up time of this task in the queue. `news`
-/// is signalled every millisecond, so the timer is polled only once before `due`. `armed` is true after this poll. The
-/// queue keeps the wake-up time when this function returns and drops the timer.
-///
-/// The queue keeps one wake-up time for each task. Other futures in the same task as control may replace this time. One
-/// of these futures must then wake the task every millisecond, as the future of the capture does.
-async fn news_before<M: RawMutex, const N: usize>(
-    due: Instant,
-    armed: &mut bool,
-    wires: &Wires<M, N>,
-) -> bool {
-    let (mut news, mut timer) = (pin!(wires.news.wait()), Timer::at(due));
-    poll_fn(|context| {
-        if news.as_mut().poll(context).is_ready() {
-            return Poll::Ready(true);
-        }
-        if *armed && Instant::now() < due {
-            return Poll::Pending;
-        }
-        *armed = true;
-        Pin::new(&mut timer).poll(context).map(|()| false)
-    })
-    .await
 }
 
 /// Applies all waiting commands in their order.

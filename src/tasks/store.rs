@@ -1,8 +1,9 @@
 //! Stores settings in flash. The task reads the settings once at boot, and then carries out the requests of the
 //! responder.
 //!
-//! Two pages of flash hold a *map* of [`sequential_storage`], which stores an *item* for each of two keys. Both items
-//! are copies of one [`SettingsRecord`]. The map appends items to one page until the page is full. The map then
+//! Two pages of flash hold a *map* of [`sequential_storage`], which stores an *item* for each of three keys. Two items
+//! are copies of one [`SettingsRecord`]. The third item is a mark without content, which tells that a save was completed
+//! since the memory was erased. The map appends items to one page until the page is full. The map then
 //! *moves*: it copies the newest items to the other page, and erases the full page.
 //!
 //! Other tasks run after each word that is written. Pages are erased only while all motors are off, and at boot, before
@@ -72,6 +73,10 @@ use sequential_storage::map::{MapConfig, MapStorage};
 /// Keys of the two copies in the map.
 const COPY_KEYS: [u8; 2] = [1, 2];
 
+/// Key of the mark that a save was completed. If neither copy can be read, the mark tells damaged copies from a first
+/// save that a power cut has interrupted.
+const SAVED_KEY: u8 = 3;
+
 /// Size of a buffer for a record with its key, in bytes, rounded up to a multiple of the longest word.
 const BUFFER_BYTES: usize = (1 + CAPACITY).next_multiple_of(32);
 
@@ -99,10 +104,10 @@ pub struct Keeper<F: NorFlash> {
     buffer: [u8; BUFFER_BYTES],
 }
 
-/// The map. Its cache holds the addresses of the two copies. Without the cache a move would search the whole page for
-/// each copy.
+/// The map. Its cache holds the addresses of the three items. Without the cache a move would search the whole page for
+/// each item.
 type Map<'a, F> =
-    MapStorage<u8, &'a mut SharedFlash<F>, Cache<Uncached, Uncached, ArrayKeyPointers<u8, 2>, u8>>;
+    MapStorage<u8, &'a mut SharedFlash<F>, Cache<Uncached, Uncached, ArrayKeyPointers<u8, 3>, u8>>;
 
 impl<F: NorFlash> Keeper<F> {
     /// Creates the store in a range of a flash. `None` unless the range is two whole pages.
@@ -212,7 +217,8 @@ impl<F: NorFlash> Keeper<F> {
         StoreResult { found, outcome }
     }
 
-    /// Writes both copies of the request's record, if the request has one.
+    /// Writes both copies of the request's record, and then the mark if it is missing. Writes nothing if the request has
+    /// no record.
     async fn write(&mut self, request: &StoreRequest) -> Outcome {
         let Some(record) = &request.record else { return Outcome::Done };
         let (mut map, buffer) = self.map();
@@ -226,15 +232,22 @@ impl<F: NorFlash> Keeper<F> {
                 return outcome(&error);
             }
         }
-        Outcome::Done
+        let saved = match map.fetch_item::<&[u8]>(buffer, &SAVED_KEY).await {
+            Ok(None) => map.store_item(buffer, &SAVED_KEY, &[].as_slice()).await,
+            saved => saved.map(|_| ()),
+        };
+        saved.map_or_else(|error| outcome(&error), |()| Outcome::Done)
     }
 
-    /// Reads both copies.
-    async fn copies(&mut self) -> Result<Found, MapError<F>> {
+    /// Reads both copies. If neither can be read, but a save was completed, the state is [`Stored::Damaged`].
+    async fn copies(&mut self) -> Result<Found, Error<FlashError<F::Error>>> {
         let (mut map, buffer) = self.map();
         let mut found = Found::default();
         for copy in COPY_KEYS {
             found.add(map.fetch_item::<&[u8]>(buffer, &copy).await?);
+        }
+        if found.stored == Stored::Nothing && map.fetch_item::<&[u8]>(buffer, &SAVED_KEY).await?.is_some() {
+            found.stored = Stored::Damaged;
         }
         Ok(found)
     }
@@ -260,9 +273,6 @@ fn found<E>(copies: Result<Found, Error<FlashError<E>>>) -> Option<Found> {
         Err(_) => Some(Found::without_record(Stored::Damaged, 0)),
     }
 }
-
-/// An error of the map, or of its flash.
-type MapError<F> = Error<FlashError<<F as ErrorType>::Error>>;
 
 /// Converts an error of the map to the outcome of a request.
 const fn outcome<E>(error: &Error<FlashError<E>>) -> Outcome {

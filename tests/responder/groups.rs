@@ -100,6 +100,20 @@ fn a_later_command_to_a_member_alone_takes_it_out_of_the_group() {
             "{function}: {commands:?}"
         );
     }
+    for function in [
+        MotorFunction::Identify { travel_limit: 500 },
+        MotorFunction::Current { current_ma: 500, speed_limit_cps: 1_000 },
+    ] {
+        let mut host = enabled();
+        ask(&mut host, 1, pair(1, 2));
+        let request = function.to(3);
+        host.ask(request.id(), &request.payload());
+        let commands = host.new_commands();
+        assert!(
+            matches!(commands[..], [Command { motor: 3, action: Action::Set(_) }]),
+            "{request:?}: {commands:?}"
+        );
+    }
     // Requests that only read, and requests to other motors, do not take a member out.
     let mut host = enabled();
     ask(&mut host, 1, pair(1, 2));

@@ -1,7 +1,7 @@
 //! Damaged bits, memories that fail, and saves while motors run.
 
-use crate::flash::{block_on, read, write};
-use crate::torn_flash::{Code, Flash, NoPower};
+use crate::flash::{block_on, keeper, read, write};
+use crate::torn_flash::{Code, Cut, Flash, NoPower, Tear};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use motor_hub::store::{Found, Outcome, SettingsRecord, StoreRequest, Stored};
 use motor_hub::tasks::store::Keeper;
@@ -62,6 +62,55 @@ fn a_record_whose_both_copies_are_damaged_falls_back_on_the_one_before() {
     flash.bytes[half + 20] ^= 4;
     let found = read(&mut flash);
     assert_eq!((found.stored, found.record), (Stored::Whole, record(1)));
+}
+
+/// Turns one bit in each copy of the only save.
+fn both_copies_of_the_only_save_damaged<const WORD: usize, const PAGE: usize>() {
+    let mut whole = Flash::<WORD, PAGE>::new(2, Code::None);
+    write(&mut whole, &record(1), true);
+    let item = 8usize.next_multiple_of(WORD) + (1 + record(1).bytes().len()).next_multiple_of(WORD);
+    // The head of an item has 8 bytes. The other bytes of the item begin in its next word.
+    let bits = |copy: usize| {
+        let start = WORD + copy * item;
+        let content = start + 8usize.next_multiple_of(WORD);
+        (8 * start..8 * (start + 8)).chain(8 * content..8 * (content + 1 + record(1).bytes().len()))
+    };
+    for (first, second) in
+        bits(0).flat_map(|first| bits(1).skip(first % 11).step_by(11).map(move |second| (first, second)))
+    {
+        let mut flash = whole.clone();
+        for bit in [first, second] {
+            flash.bytes[bit / 8] ^= 1 << (bit % 8);
+        }
+        let found = read(&mut flash);
+        assert_eq!(found, Found::without_record(Stored::Damaged, 0), "bits {first} and {second}");
+        // A reset of the settings erases the damaged copies.
+        let reset = StoreRequest { record: Some(SettingsRecord::new(1)), erase_first: true, may_erase: true };
+        let done = block_on(keeper(&mut flash).carry_out(&reset));
+        assert_eq!(done.found.map(|found| found.stored), Some(Stored::Whole), "bits {first} and {second}");
+    }
+}
+
+#[test]
+fn a_store_whose_both_copies_are_damaged_is_reported_as_damaged() {
+    both_copies_of_the_only_save_damaged::<4, 1024>();
+    both_copies_of_the_only_save_damaged::<32, 4096>();
+}
+
+#[test]
+fn a_first_save_that_a_power_cut_has_interrupted_is_not_reported_as_damaged() {
+    let mut flash = Flash::<4, 1024>::new(2, Code::None);
+    write(&mut flash, &record(1), true);
+    for step in 0..flash.steps {
+        for tear in [Tear::Before, Tear::Bits] {
+            let mut cut = Flash::<4, 1024>::new(2, Code::None);
+            cut.cut = Some(Cut { step, tear, seed: 1 });
+            write(&mut cut, &record(1), true);
+            let found = read(&mut cut.powered_on());
+            let whole = matches!(found.stored, Stored::Whole | Stored::OneCopy) && found.record == record(1);
+            assert!(whole || found == Found::default(), "step {step} {tear:?}: {found:?}");
+        }
+    }
 }
 
 /// Stores under the key of a copy what this firmware would not.
