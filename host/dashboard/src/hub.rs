@@ -5,6 +5,7 @@ use motor_hub_client::kept_settings::ImportError;
 use motor_hub_client::{Error, Session};
 use std::fmt;
 use std::io::{Read, Write};
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 /// Bytes to and from a hub. A read without bytes fails soon as `WouldBlock` or `TimedOut`.
@@ -71,6 +72,24 @@ pub(crate) enum RequestError {
     /// The exchange with the hub failed; the hub may be gone.
     #[error("{0}")]
     Hub(Error),
+}
+
+/// Returns a value that is in the allowed range. `what` names the quantity ("a power"), `unit` is "" for none.
+///
+/// # Errors
+/// A text with the value and the allowed range.
+pub(crate) fn within(
+    what: &str,
+    value: f64,
+    allowed: RangeInclusive<f64>,
+    unit: &str,
+) -> Result<f64, RequestError> {
+    if allowed.contains(&value) {
+        return Ok(value);
+    }
+    let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+    let (least, most) = (allowed.start(), allowed.end());
+    Err(format!("{what} of {value}{unit} is out of range; allowed is {least} to {most}{unit}").into())
 }
 
 impl From<String> for RequestError {
