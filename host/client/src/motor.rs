@@ -44,6 +44,9 @@ pub const LARGEST_CURRENT_A: f64 = 65.535;
 /// Largest speed limit of a constant current in counts per second. No motor reaches this speed, so it is no limit.
 pub const NO_SPEED_LIMIT_CPS: u16 = i16::MAX.unsigned_abs();
 
+/// Text for a hub that regulates no current: [`Session::report`] returns `None` for such a hub.
+pub const NO_CURRENT: &str = "the hub regulates no current: it is not a hub of this project, or its firmware is too old; use power, velocity or position";
+
 /// A constant current is larger than [`LARGEST_CURRENT_A`], or is not a number.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("a current of {amperes} A is out of range; allowed is -{most} to {most} A", most = LARGEST_CURRENT_A)]

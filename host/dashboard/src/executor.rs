@@ -1,7 +1,7 @@
 //! Executes orders by requests to the hub. Values out of range are refused before anything is sent.
 
-use crate::frame::{CONFIGURABLE, settings_of};
-use crate::hub::{Hub, RequestError, within};
+use crate::frame::{configurable, settings_of};
+use crate::hub::{Hub, RequestError, channel, of_motor, within};
 use crate::requests::Order;
 use crate::settings_file::{self, raw_of};
 use crate::world::World;
@@ -19,7 +19,7 @@ use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
 use motor_hub_client::Error;
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::kept_settings::KeptSettings;
-use motor_hub_client::motor::{NO_SPEED_LIMIT_CPS, constant_current_ma};
+use motor_hub_client::motor::{NO_CURRENT, NO_SPEED_LIMIT_CPS, constant_current_ma};
 use serde_json::{Map, Value};
 use simulated::hardware::winding;
 use simulated::scheme::SchemeName;
@@ -127,8 +127,7 @@ impl Executor {
                 self.set_up(session, motor, &settings, name.is_some())?;
             }
             Order::Acceleration { limit, .. } => {
-                let limit = limit.map(Acceleration::new).transpose();
-                let acceleration = limit.map_err(|_| "an acceleration is 1 to 4294967295 counts/s²")?;
+                let acceleration = limit.map(acceleration_limit).transpose()?;
                 self.keep(session, motor)?;
                 let mut settings = session.settings(motor)?;
                 settings.motor.acceleration = acceleration;
@@ -161,8 +160,7 @@ impl Executor {
 
     /// The state that the server keeps of a motor.
     pub(crate) fn of(&mut self, motor: u8) -> Result<&mut MotorMemory, RequestError> {
-        let motor = channel(motor)?;
-        self.motors.get_mut(usize::from(motor)).ok_or_else(|| "a motor is 0 to 3".into())
+        of_motor(&mut self.motors, motor)
     }
 
     /// Keeps the present settings of a motor for undo.
@@ -231,15 +229,6 @@ impl Executor {
     }
 }
 
-/// Checks a motor's number.
-pub(crate) fn channel(motor: u8) -> Result<u8, RequestError> {
-    if usize::from(motor) < CHANNELS {
-        Ok(motor)
-    } else {
-        Err(format!("there is no motor {motor}; allowed is 0 to 3").into())
-    }
-}
-
 fn drive(
     session: &mut Hub,
     motor: u8,
@@ -275,10 +264,7 @@ fn current(session: &mut Hub, motor: u8, amperes: f64, speed: Option<f64>) -> Re
     let no_limit = f64::from(NO_SPEED_LIMIT_CPS);
     let limit = within("a speed limit", speed.unwrap_or(no_limit), 1.0..=no_limit, "counts/s")?;
     if session.report()?.is_none() {
-        return Err(
-            "this hub regulates no current: it is not a hub of this project, or its firmware is too old"
-                .into(),
-        );
+        return Err(NO_CURRENT.into());
     }
     if session.enabled(motor)? {
         return Ok(session.set_current(motor, ma, limit.round() as u16)?);
@@ -289,6 +275,10 @@ fn current(session: &mut Hub, motor: u8, amperes: f64, speed: Option<f64>) -> Re
 
 fn cps(value: f64) -> Result<i16, RequestError> {
     Ok(within("a velocity", value, i16::MIN.into()..=i16::MAX.into(), "counts/s")?.round() as i16)
+}
+
+fn acceleration_limit(limit: u32) -> Result<Acceleration, RequestError> {
+    Acceleration::new(limit).map_err(|_| "an acceleration is 1 to 4294967295 counts/s²".into())
 }
 
 fn coefficients(pidf: [f64; 4]) -> Result<Coefficients, RequestError> {
@@ -323,15 +313,14 @@ fn configured(
     before: &MotorSettings,
     given: &Map<String, Value>,
 ) -> Result<Vec<Request>, RequestError> {
-    let known = |name: &String| {
-        CONFIGURABLE.iter().any(|group| group.fields().iter().any(|field| field.name == name))
-    };
+    let known =
+        |name: &String| configurable().any(|group| group.fields().iter().any(|field| field.name == name));
     if let Some(name) = given.keys().find(|name| !known(name)) {
         return Err(format!("{name} is no setting").into());
     }
     let mut requests = Vec::new();
     let mut set_up = false;
-    for group in CONFIGURABLE {
+    for group in configurable() {
         let values = Values::collect(group, |field| {
             let raw = match given.get(field.name) {
                 None => field.get(before),
@@ -386,8 +375,7 @@ fn begin_group(
     let speed = CountsPerSecond::new(speed_cps as i32);
     let members: Vec<u8> = (0..).zip(takes_part).filter_map(|(motor, is)| is.then_some(motor)).collect();
     let first = *members.first().ok_or("a group needs at least one motor: enter a distance or a speed")?;
-    let limit =
-        Acceleration::new(acceleration).map_err(|_| "an acceleration is 1 to 4294967295 counts/s²")?;
+    let limit = acceleration_limit(acceleration)?;
     for &motor in &members {
         // The motors brake with power 0 until the group moves.
         session.set_power(motor, Control::ZERO)?;

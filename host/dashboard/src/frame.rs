@@ -39,8 +39,10 @@ const MOST_VOLTS: f64 = 60.0;
 
 /// Groups of settings that a page changes by the names of their fields. Run mode and coefficients have their own
 /// orders.
-pub(crate) const CONFIGURABLE: [Group; 6] =
-    [Group::SetUp, Group::Timing, Group::Protection, Group::CurrentLimit, Group::Motion, Group::CurrentAlert];
+pub(crate) fn configurable() -> impl Iterator<Item = Group> {
+    let by_order = [Group::Mode, Group::VelocityLoop, Group::PositionLoop];
+    Group::ALL.into_iter().filter(move |group| !by_order.contains(group))
+}
 
 /// All messages to pages.
 #[derive(Clone, Debug, Serialize)]
@@ -346,7 +348,7 @@ pub(crate) fn settings_of(
         [p, i, d, f].map(|coefficient| f64::from(coefficient.to_bits()) / f64::from(1 << 16))
     });
     let duty = Field::named("duty").and_then(|field| field.word_of(field.get(settings)));
-    let fields = CONFIGURABLE.iter().flat_map(|group| group.fields()).map(|field| field_of(field, settings));
+    let fields = configurable().flat_map(|group| group.fields()).map(|field| field_of(field, settings));
     json!({
         "motor": motor,
         "name": known.map(|known| known.name),

@@ -3,9 +3,9 @@
 
 use crate::chain::Chain;
 use crate::devices::{Devices, has};
-use crate::executor::{Changed, Executor, channel};
+use crate::executor::{Changed, Executor};
 use crate::frame::{Frame, Message, catalogue, fault_entry, points, status};
-use crate::hub::{Hub, Opened, RequestError};
+use crate::hub::{Hub, Opened, RequestError, channel};
 use crate::identification::{Identification, Progress};
 use crate::outbox::Outbox;
 use crate::pages::{Gone, Pages};

@@ -1,6 +1,6 @@
 //! Changes that a page may make to a simulated hub's motors and battery while the hub runs.
 
-use crate::hub::{RequestError, within};
+use crate::hub::{RequestError, of_motor, within};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use simulated::encoder::{Encoder, Wire};
@@ -100,17 +100,18 @@ impl World {
                 wanted.emf_v = within_or_none("a battery", volts, BATTERY_V, "V")?
             }
             WorldOrder::Torque { motor, nm } => {
-                on(&mut wanted, motor)?.torque_nm = within_or_none("a torque", nm, TORQUE_NM, "N m")?;
+                of_motor(&mut wanted.motors, motor)?.torque_nm =
+                    within_or_none("a torque", nm, TORQUE_NM, "N m")?;
             }
             WorldOrder::Inertia { motor, kg_m2 } => {
                 let inertia = within_or_none("a moment of inertia", kg_m2, INERTIA_KG_M2, "kg m²")?;
-                on(&mut wanted, motor)?.inertia_kg_m2 = inertia;
+                of_motor(&mut wanted.motors, motor)?.inertia_kg_m2 = inertia;
             }
-            WorldOrder::Hold { motor, held } => on(&mut wanted, motor)?.held = held,
+            WorldOrder::Hold { motor, held } => of_motor(&mut wanted.motors, motor)?.held = held,
             WorldOrder::Encoder { motor, ref is } => {
                 let known = ENCODERS.iter().find(|(name, _)| name == is);
                 let (_, encoder) = known.ok_or_else(|| format!("an encoder is not `{is}`"))?;
-                on(&mut wanted, motor)?.encoder = Some(*encoder);
+                of_motor(&mut wanted.motors, motor)?.encoder = Some(*encoder);
             }
             WorldOrder::Reset => {
                 wanted = Interventions { restarts: wanted.restarts, ..Interventions::default() }
@@ -119,11 +120,6 @@ impl World {
         *now = wanted;
         Ok(())
     }
-}
-
-fn on(interventions: &mut Interventions, motor: u8) -> Result<&mut OnMotor, RequestError> {
-    let of = interventions.motors.get_mut(usize::from(motor));
-    of.ok_or_else(|| format!("there is no motor {motor}; allowed is 0 to 3").into())
 }
 
 fn within_or_none(

@@ -8,7 +8,7 @@ use motor_hub::board::{DIGITAL_PINS, Equipment, SERVOS};
 use motor_hub::protocol::answers::I2cStatus;
 use motor_hub::protocol::payload::{Text, WordFrom};
 use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput};
-use motor_hub_client::devices::{Channel, I2C_ADDRESSES, channels};
+use motor_hub_client::devices::{Channel, I2C_ADDRESSES, channels, check_pulse};
 use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
@@ -115,11 +115,9 @@ pub(super) struct ServoOptions {
 
 impl ServoOptions {
     pub(super) fn execute(&self, hub: &HubOptions) -> Result<(), Failure> {
-        let period = self.period;
-        if let Some(width) = self.width.filter(|width| *width > period) {
-            return Err(Failure::Input(format!(
-                "a pulse of {width} us is longer than its period of {period} us; allowed are 1 to {period} us, or a longer --period-us"
-            )));
+        if let Some(width) = self.width {
+            check_pulse(width, self.period)
+                .map_err(|error| Failure::Input(format!("{error}, or a longer --period-us")))?;
         }
         let session = &mut hub.open(None)?;
         if let (Some(servo), Some(width)) = (self.servo, self.width) {
