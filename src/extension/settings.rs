@@ -399,9 +399,21 @@ impl Values {
     pub fn apply_to(&self, settings: &MotorSettings) -> Result<MotorSettings, Nack> {
         let mut new = *settings;
         if self.group == Group::SetUp {
-            // Dynamics, acceleration limit and coefficients are deleted.
-            let Settings { winding, bridge, scheme, zero_power, on_fault, thermal, current_limit, .. } =
-                settings.motor;
+            // Dynamics, acceleration limit and coefficients are deleted. The fields of the group replace the duty. Each
+            // field of the settings is named, so that a new field must be kept or deleted here.
+            let Settings {
+                winding,
+                bridge,
+                scheme,
+                zero_power,
+                on_fault,
+                thermal,
+                current_limit,
+                duty: _,
+                dynamics: _,
+                coefficients: _,
+                acceleration: _,
+            } = settings.motor;
             let unknown = Settings::for_scheme(winding, scheme);
             new.motor = Settings { bridge, zero_power, on_fault, thermal, current_limit, ..unknown };
         }

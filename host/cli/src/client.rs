@@ -81,7 +81,7 @@ enum Command {
     Together(together::Options),
     #[command(name = "drive")]
     DriveBase(base::Options),
-    /// Shows where the drive base is: position and heading since `drive` has begun, on hubs of this project
+    /// Shows where the drive base is: position and heading since the base was configured, on hubs of this project
     Odometry {
         /// JSON instead of text
         #[arg(long)]

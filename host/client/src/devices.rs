@@ -76,6 +76,26 @@ pub fn channels() -> impl Iterator<Item = Channel> {
     })
 }
 
+/// The pulses of a servo output are longer than the time between their starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "a pulse of {width_us} us is longer than its period of {period_us} us; allowed are 1 to {period_us} us"
+)]
+pub struct PulseTooLong {
+    /// Length of the pulses in microseconds.
+    pub width_us: u16,
+    /// Time between the starts of two pulses, in microseconds.
+    pub period_us: u16,
+}
+
+/// Checks that pulses are not longer than their period, both in microseconds.
+///
+/// # Errors
+/// The pulses are longer.
+pub const fn check_pulse(width_us: u16, period_us: u16) -> Result<(), PulseTooLong> {
+    if width_us > period_us { Err(PulseTooLong { width_us, period_us }) } else { Ok(()) }
+}
+
 /// Settings of a servo output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Servo {

@@ -41,6 +41,40 @@ use std::time::Duration;
 /// field has 16 bits in mA.
 pub const LARGEST_CURRENT_A: f64 = 65.535;
 
+/// Largest speed limit of a constant current in counts per second. No motor reaches this speed, so it is no limit.
+pub const NO_SPEED_LIMIT_CPS: u16 = i16::MAX.unsigned_abs();
+
+/// Text for a hub that regulates no current: [`Session::report`] returns `None` for such a hub.
+pub const NO_CURRENT: &str = "the hub regulates no current: it is not a hub of this project, or its firmware is too old; use power, velocity or position";
+
+/// A constant current is larger than [`LARGEST_CURRENT_A`], or is not a number.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("a current of {amperes} A is out of range; allowed is -{most} to {most} A", most = LARGEST_CURRENT_A)]
+pub struct CurrentOutOfRange {
+    /// The current in amperes.
+    pub amperes: f64,
+}
+
+/// Converts a constant current from amperes to milliamperes, the unit of [`Session::set_current`].
+///
+/// # Errors
+/// The current is out of range: see [`LARGEST_CURRENT_A`].
+///
+/// ```
+/// use motor_hub_client::motor::constant_current_ma;
+///
+/// assert_eq!(constant_current_ma(-0.4), Ok(-400));
+/// let refused = constant_current_ma(70.0).unwrap_err().to_string();
+/// assert_eq!(refused, "a current of 70 A is out of range; allowed is -65.535 to 65.535 A");
+/// ```
+pub fn constant_current_ma(amperes: f64) -> Result<i32, CurrentOutOfRange> {
+    if amperes.abs() <= LARGEST_CURRENT_A {
+        Ok((1e3 * amperes).round() as i32)
+    } else {
+        Err(CurrentOutOfRange { amperes })
+    }
+}
+
 /// Interval between two attempts to disable motors.
 const RETRY: Duration = Duration::from_millis(10);
 
@@ -213,7 +247,8 @@ impl<L: Read + Write> Session<L> {
         self.ask(MotorFunction::Condition.to(motor))
     }
 
-    /// Sets a constant current in mA for an enabled motor. The hub reduces the current at the speed limit in counts/s.
+    /// Sets a constant current in mA for an enabled motor; [`constant_current_ma`] converts from amperes and checks the
+    /// range. The hub reduces the current at the speed limit in counts/s; [`NO_SPEED_LIMIT_CPS`] is no limit.
     /// Another target ends the constant current. Needs this project's firmware.
     pub fn set_current(&mut self, motor: u8, current_ma: i32, speed_limit_cps: u16) -> Result<(), Error> {
         self.order(MotorFunction::Current { current_ma, speed_limit_cps }.to(motor))

@@ -171,26 +171,28 @@ const fn fault(motor: &MotorReport) -> Option<&'static str> {
             | ReportedSetpoint::Position(_)
             | ReportedSetpoint::Together(_)
     );
-    match motor.faults {
-        Faults { bridge: true, .. } => {
-            Some("the bridge switched itself off: disable the motor, then enable it again")
-        }
-        Faults { overheated: true, .. } => {
-            Some("the winding is too hot: disable the motor, and let it cool before enabling it again")
-        }
-        Faults { encoder: Some(EncoderFault::Stuck), .. } => Some(
+    // Each fault is named, so that a new fault must get its reason here.
+    let Faults { bridge, overheated, encoder, battery_unknown, encoder_stale } = motor.faults;
+    if bridge {
+        return Some("the bridge switched itself off: disable the motor, then enable it again");
+    }
+    if overheated {
+        return Some("the winding is too hot: disable the motor, and let it cool before enabling it again");
+    }
+    match encoder {
+        Some(EncoderFault::Stuck) => Some(
             "no counts although driven: the shaft is held, or the encoder is unplugged; \
              check both, disable the motor, then enable it again",
         ),
-        Faults { encoder: Some(EncoderFault::Reversed), .. } => Some(
+        Some(EncoderFault::Reversed) => Some(
             "counts go against the drive voltage: the load exceeds the stall torque, or motor leads or encoder wires are \
              swapped; check load and wiring, disable the motor, then enable it again",
         ),
-        Faults { battery_unknown: true, .. } if motor.enabled => {
+        None if battery_unknown && motor.enabled => {
             Some("the battery voltage is unknown: check the battery and its switch")
         }
-        Faults { encoder_stale: true, .. } if regulated => Some("the hub gets no reading from the encoder"),
-        _ => None,
+        None if encoder_stale && regulated => Some("the hub gets no reading from the encoder"),
+        None => None,
     }
 }
 

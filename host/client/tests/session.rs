@@ -5,12 +5,14 @@ mod hub_support;
 
 use hub_support::{ADDRESS, Hub, Memory};
 use motor_hub::extension::Request;
-use motor_hub::motor::ZeroPower;
+use motor_hub::extension::report::MotorReport;
+use motor_hub::motor::{Faults, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::protocol::motor::{Coefficients, Loop, RunMode, Target, Terms, ToMotor};
-use motor_hub::protocol::payload::{Field, Fields};
+use motor_hub::protocol::payload::{Field, Fields, Payload};
 use motor_hub::protocol::requests::{InterfaceName, MOTOR_INTERFACE, Standard};
 use motor_hub::protocol::{Address, Colour, Nack, frame};
+use motor_hub::record::Fault;
 use motor_hub::supply::BusState;
 use motor_hub::units::{Coefficient, Control, Milliamperes, Millivolts};
 use motor_hub_client::session::Found;
@@ -316,4 +318,16 @@ fn what_all_motors_do_takes_one_exchange_and_a_foreign_hub_is_asked_once() {
         assert_eq!(foreign.report().unwrap(), None);
     }
     assert_eq!(requests.load(Ordering::Relaxed), 1);
+}
+
+#[test]
+fn a_report_has_every_fault_of_a_motor() {
+    for fault in Fault::ALL.iter().filter(|fault| fault.word().is_some()) {
+        let mut faults = Faults::NONE;
+        fault.add_to(&mut faults);
+        let mut payload = Payload::new();
+        MotorReport { faults, ..MotorReport::default() }.write(&mut payload);
+        let read = MotorReport::read(&mut Fields::new(&payload)).unwrap();
+        assert!(fault.is_in(read.faults), "FAULTS in src/extension/report.rs lacks {fault:?}");
+    }
 }

@@ -11,7 +11,7 @@ use motor_hub::protocol::answers::I2cStatus;
 use motor_hub::protocol::payload::{ByteIn, Text, WordFrom};
 use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput};
 use motor_hub_client::Error;
-use motor_hub_client::devices::{Channel, I2C_ADDRESSES, channels};
+use motor_hub_client::devices::{Channel, I2C_ADDRESSES, channels, check_pulse};
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -109,12 +109,7 @@ impl Devices {
                 let (Some(period), Some(width)) = pulses else {
                     return Err("a pulse is 1 to 65535 us long, and its period 2 to 65535 us".into());
                 };
-                if width_us > period_us {
-                    return Err(format!(
-                        "a pulse of {width_us} us is longer than its period of {period_us} us; allowed are 1 to {period_us} us"
-                    )
-                    .into());
-                }
+                check_pulse(width_us, period_us).map_err(|error| error.to_string())?;
                 session.set_servo_period(servo, period)?;
                 session.set_servo_width(servo, width)?;
                 session.enable_servo(servo, true)?;

@@ -1,7 +1,7 @@
 //! Executes orders by requests to the hub. Values out of range are refused before anything is sent.
 
-use crate::frame::{CONFIGURABLE, settings_of};
-use crate::hub::{Hub, RequestError};
+use crate::frame::{configurable, settings_of};
+use crate::hub::{Hub, RequestError, channel, of_motor, within};
 use crate::requests::Order;
 use crate::settings_file::{self, raw_of};
 use crate::world::World;
@@ -19,7 +19,7 @@ use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
 use motor_hub_client::Error;
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::kept_settings::KeptSettings;
-use motor_hub_client::motor::LARGEST_CURRENT_A;
+use motor_hub_client::motor::{NO_CURRENT, NO_SPEED_LIMIT_CPS, constant_current_ma};
 use serde_json::{Map, Value};
 use simulated::hardware::winding;
 use simulated::scheme::SchemeName;
@@ -32,9 +32,6 @@ const USUAL_SPEED: f64 = 1_000.0;
 
 /// Highest speed of a group, in counts/s.
 const FASTEST_CPS: f64 = FASTEST_GROUP_CPS as f64;
-
-/// Speed limit, in counts/s, of a current set-point without a speed limit. No motor reaches this speed.
-const NO_SPEED_LIMIT: f64 = 32_767.0;
 
 /// Number of changes of a motor's settings that can be undone.
 const UNDOABLE: usize = 20;
@@ -130,8 +127,7 @@ impl Executor {
                 self.set_up(session, motor, &settings, name.is_some())?;
             }
             Order::Acceleration { limit, .. } => {
-                let limit = limit.map(Acceleration::new).transpose();
-                let acceleration = limit.map_err(|_| "an acceleration is 1 to 4294967295 counts/s²")?;
+                let acceleration = limit.map(acceleration_limit).transpose()?;
                 self.keep(session, motor)?;
                 let mut settings = session.settings(motor)?;
                 settings.motor.acceleration = acceleration;
@@ -164,8 +160,7 @@ impl Executor {
 
     /// The state that the server keeps of a motor.
     pub(crate) fn of(&mut self, motor: u8) -> Result<&mut MotorMemory, RequestError> {
-        let motor = channel(motor)?;
-        self.motors.get_mut(usize::from(motor)).ok_or_else(|| "a motor is 0 to 3".into())
+        of_motor(&mut self.motors, motor)
     }
 
     /// Keeps the present settings of a motor for undo.
@@ -234,15 +229,6 @@ impl Executor {
     }
 }
 
-/// Checks a motor's number.
-pub(crate) fn channel(motor: u8) -> Result<u8, RequestError> {
-    if usize::from(motor) < CHANNELS {
-        Ok(motor)
-    } else {
-        Err(format!("there is no motor {motor}; allowed is 0 to 3").into())
-    }
-}
-
 fn drive(
     session: &mut Hub,
     motor: u8,
@@ -254,7 +240,7 @@ fn drive(
 ) -> Result<(), RequestError> {
     match mode {
         RunMode::Power => {
-            let share = within("a power", value, -1.0, 1.0)?;
+            let share = within("a power", value, -1.0..=1.0, "")?;
             let steps = (share * f64::from(Control::MAX.get())).round();
             session.set_power(motor, Control::saturating(steps as i64))?;
         }
@@ -262,7 +248,7 @@ fn drive(
             session.set_velocity(motor, cps(value)?)?;
         }
         RunMode::Position => {
-            let counts = within("a position in counts", value, i32::MIN.into(), i32::MAX.into())?.round();
+            let counts = within("a position", value, i32::MIN.into()..=i32::MAX.into(), "counts")?.round();
             let speed = cps(speed.unwrap_or(USUAL_SPEED))?;
             session.set_velocity(motor, speed)?;
             session.set_position(motor, counts as i32, tolerance)?;
@@ -274,36 +260,31 @@ fn drive(
 /// Gives an enabled motor a constant current. A disabled motor gets the set-point power 0 instead, with which the page
 /// can then enable the motor.
 fn current(session: &mut Hub, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), RequestError> {
-    let ma = (1e3 * within("a current in A", amperes, -LARGEST_CURRENT_A, LARGEST_CURRENT_A)?).round();
-    let limit = within("a speed limit in counts/s", speed.unwrap_or(NO_SPEED_LIMIT), 1.0, NO_SPEED_LIMIT)?;
+    let ma = constant_current_ma(amperes).map_err(|error| error.to_string())?;
+    let no_limit = f64::from(NO_SPEED_LIMIT_CPS);
+    let limit = within("a speed limit", speed.unwrap_or(no_limit), 1.0..=no_limit, "counts/s")?;
     if session.report()?.is_none() {
-        return Err(
-            "this hub regulates no current: it is not a hub of this project, or its firmware is too old"
-                .into(),
-        );
+        return Err(NO_CURRENT.into());
     }
     if session.enabled(motor)? {
-        return Ok(session.set_current(motor, ma as i32, limit.round() as u16)?);
+        return Ok(session.set_current(motor, ma, limit.round() as u16)?);
     }
     session.set_power(motor, Control::ZERO)?;
     Ok(session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?)
 }
 
 fn cps(value: f64) -> Result<i16, RequestError> {
-    Ok(within("a velocity in counts/s", value, i16::MIN.into(), i16::MAX.into())?.round() as i16)
+    Ok(within("a velocity", value, i16::MIN.into()..=i16::MAX.into(), "counts/s")?.round() as i16)
 }
 
-fn within(what: &str, value: f64, least: f64, most: f64) -> Result<f64, RequestError> {
-    if (least..=most).contains(&value) {
-        return Ok(value);
-    }
-    Err(format!("{what} of {value} is out of range; allowed is {least} to {most}").into())
+fn acceleration_limit(limit: u32) -> Result<Acceleration, RequestError> {
+    Acceleration::new(limit).map_err(|_| "an acceleration is 1 to 4294967295 counts/s²".into())
 }
 
 fn coefficients(pidf: [f64; 4]) -> Result<Coefficients, RequestError> {
     let mut bits = [Coefficient::ZERO; 4];
     for (slot, value) in bits.iter_mut().zip(pidf) {
-        let value = within("a coefficient", value, -32_768.0, 32_767.999)?;
+        let value = within("a coefficient", value, -32_768.0..=32_767.999, "")?;
         *slot = Coefficient::from_bits((value * 65_536.0).round() as i32);
     }
     let [p, i, d, f] = bits;
@@ -332,15 +313,14 @@ fn configured(
     before: &MotorSettings,
     given: &Map<String, Value>,
 ) -> Result<Vec<Request>, RequestError> {
-    let known = |name: &String| {
-        CONFIGURABLE.iter().any(|group| group.fields().iter().any(|field| field.name == name))
-    };
+    let known =
+        |name: &String| configurable().any(|group| group.fields().iter().any(|field| field.name == name));
     if let Some(name) = given.keys().find(|name| !known(name)) {
         return Err(format!("{name} is no setting").into());
     }
     let mut requests = Vec::new();
     let mut set_up = false;
-    for group in CONFIGURABLE {
+    for group in configurable() {
         let values = Values::collect(group, |field| {
             let raw = match given.get(field.name) {
                 None => field.get(before),
@@ -369,7 +349,7 @@ fn configured(
 /// Turns motors in step, each at its own speed. The speed of the group is the highest of these speeds.
 fn turn(session: &mut Hub, at: [Option<i32>; CHANNELS], acceleration: u32) -> Result<(), RequestError> {
     let fastest = at.iter().flatten().map(|cps| cps.unsigned_abs()).max().unwrap_or_default();
-    let fastest = within("a group's speed in counts/s", fastest.into(), -FASTEST_CPS, FASTEST_CPS)?;
+    let fastest = within("a group's speed", fastest.into(), -FASTEST_CPS..=FASTEST_CPS, "counts/s")?;
     let course = GroupCourse::On(at.map(|cps| cps.map(CountsPerSecond::new)));
     begin_group(session, course, at.map(|cps| cps.is_some()), fastest, acceleration)
 }
@@ -380,7 +360,7 @@ fn together(
     speed: u32,
     acceleration: u32,
 ) -> Result<(), RequestError> {
-    let speed = within("a group's speed in counts/s", speed.into(), 1.0, FASTEST_CPS)?;
+    let speed = within("a group's speed", speed.into(), 1.0..=FASTEST_CPS, "counts/s")?;
     begin_group(session, GroupCourse::To(to), to.map(|to| to.is_some()), speed, acceleration)
 }
 
@@ -395,8 +375,7 @@ fn begin_group(
     let speed = CountsPerSecond::new(speed_cps as i32);
     let members: Vec<u8> = (0..).zip(takes_part).filter_map(|(motor, is)| is.then_some(motor)).collect();
     let first = *members.first().ok_or("a group needs at least one motor: enter a distance or a speed")?;
-    let limit =
-        Acceleration::new(acceleration).map_err(|_| "an acceleration is 1 to 4294967295 counts/s²")?;
+    let limit = acceleration_limit(acceleration)?;
     for &motor in &members {
         // The motors brake with power 0 until the group moves.
         session.set_power(motor, Control::ZERO)?;

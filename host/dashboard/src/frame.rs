@@ -3,7 +3,7 @@
 
 use crate::chain::HubOfChain;
 use crate::devices::Transfer;
-use crate::hub::Hub;
+use crate::hub::{Hub, RequestError, within};
 use crate::identification::{Dynamics, Progress as Identification};
 use crate::proposal::catalogue_motor;
 use crate::update::Progress;
@@ -31,13 +31,18 @@ use std::sync::Arc;
 /// Highest speed for which points are computed, in counts/s. No motor of the catalogue reaches this speed.
 const MOST_CPS: f64 = 1e6;
 
+/// Lowest battery voltage for which points are computed, in volts.
+const LEAST_VOLTS: f64 = 1.0;
+
 /// Highest battery voltage for which points are computed, in volts: the range of [`Millivolts`] is 65.5 V.
 const MOST_VOLTS: f64 = 60.0;
 
 /// Groups of settings that a page changes by the names of their fields. Run mode and coefficients have their own
 /// orders.
-pub(crate) const CONFIGURABLE: [Group; 6] =
-    [Group::SetUp, Group::Timing, Group::Protection, Group::CurrentLimit, Group::Motion, Group::CurrentAlert];
+pub(crate) fn configurable() -> impl Iterator<Item = Group> {
+    let by_order = [Group::Mode, Group::VelocityLoop, Group::PositionLoop];
+    Group::ALL.into_iter().filter(move |group| !by_order.contains(group))
+}
 
 /// All messages to pages.
 #[derive(Clone, Debug, Serialize)]
@@ -343,7 +348,7 @@ pub(crate) fn settings_of(
         [p, i, d, f].map(|coefficient| f64::from(coefficient.to_bits()) / f64::from(1 << 16))
     });
     let duty = Field::named("duty").and_then(|field| field.word_of(field.get(settings)));
-    let fields = CONFIGURABLE.iter().flat_map(|group| group.fields()).map(|field| field_of(field, settings));
+    let fields = configurable().flat_map(|group| group.fields()).map(|field| field_of(field, settings));
     json!({
         "motor": motor,
         "name": known.map(|known| known.name),
@@ -365,9 +370,15 @@ pub(crate) fn settings_of(
 /// values that the firmware computes, as shares of full control. `paper` has the control values of the paper's
 /// formulas; a value is `null` where a formula is infinite or not defined. `values` has the voltages in V (Scheme A) or
 /// currents in A (other schemes) of the paper's formulas.
-pub(crate) fn points(winding: &Winding, scheme: SchemeName, cps: f64, volts: f64) -> Result<Value, String> {
+pub(crate) fn points(
+    winding: &Winding,
+    scheme: SchemeName,
+    cps: f64,
+    volts: f64,
+) -> Result<Value, RequestError> {
     let scheme = scheme.with_blend(None).map_err(|error| error.to_string())?;
-    let (cps, volts) = (cps.clamp(0.0, MOST_CPS), volts.clamp(1.0, MOST_VOLTS));
+    let cps = within("a speed", cps, 0.0..=MOST_CPS, "counts/s")?;
+    let volts = within("a battery", volts, LEAST_VOLTS..=MOST_VOLTS, "V")?;
     let emf = winding.emf.emf(CountsPerSecond::new(cps.round() as i32));
     let battery = Millivolts::new((1e3 * volts).round() as u16);
     let at = OperatingPoint::new(emf, battery).ok_or("points need a battery voltage above 0")?;
@@ -378,7 +389,7 @@ pub(crate) fn points(winding: &Winding, scheme: SchemeName, cps: f64, volts: f64
         Scheme::B => paper::Scheme::B,
         Scheme::C => paper::Scheme::C,
         Scheme::D(_) => paper::Scheme::D { blend: paper::blend_keeping_t_in_range(emf_v / volts) },
-        Scheme::ForwardReverse => return Err("without braking regime there are no points".to_owned()),
+        Scheme::ForwardReverse => return Err("without braking regime there are no points".into()),
     };
     let conditions = Conditions { battery: Volts(volts), emf: Volts(emf_v) };
     let points = of_paper.points(1.0, Ohms(ohms), conditions);

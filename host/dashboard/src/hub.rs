@@ -1,10 +1,11 @@
 //! A session with a hub, and errors of its requests.
 
-use motor_hub::protocol::Address;
+use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub_client::kept_settings::ImportError;
 use motor_hub_client::{Error, Session};
 use std::fmt;
 use std::io::{Read, Write};
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 /// Bytes to and from a hub. A read without bytes fails soon as `WouldBlock` or `TimedOut`.
@@ -71,6 +72,38 @@ pub(crate) enum RequestError {
     /// The exchange with the hub failed; the hub may be gone.
     #[error("{0}")]
     Hub(Error),
+}
+
+/// Checks a motor's number.
+pub(crate) fn channel(motor: u8) -> Result<u8, RequestError> {
+    if usize::from(motor) < CHANNELS { Ok(motor) } else { Err(no_motor(motor)) }
+}
+
+/// Returns the element of a list for the motor with this number.
+pub(crate) fn of_motor<T>(list: &mut [T], motor: u8) -> Result<&mut T, RequestError> {
+    list.get_mut(usize::from(motor)).ok_or_else(|| no_motor(motor))
+}
+
+fn no_motor(motor: u8) -> RequestError {
+    format!("there is no motor {motor}; allowed is 0 to {}", CHANNELS - 1).into()
+}
+
+/// Returns a value that is in the allowed range. `what` names the quantity ("a power"), `unit` is "" for none.
+///
+/// # Errors
+/// A text with the value and the allowed range.
+pub(crate) fn within(
+    what: &str,
+    value: f64,
+    allowed: RangeInclusive<f64>,
+    unit: &str,
+) -> Result<f64, RequestError> {
+    if allowed.contains(&value) {
+        return Ok(value);
+    }
+    let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+    let (least, most) = (allowed.start(), allowed.end());
+    Err(format!("{what} of {value}{unit} is out of range; allowed is {least} to {most}{unit}").into())
 }
 
 impl From<String> for RequestError {

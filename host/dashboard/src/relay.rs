@@ -3,9 +3,9 @@
 
 use crate::chain::Chain;
 use crate::devices::{Devices, has};
-use crate::executor::{Changed, Executor, channel};
+use crate::executor::{Changed, Executor};
 use crate::frame::{Frame, Message, catalogue, fault_entry, points, status};
-use crate::hub::{Hub, Opened, RequestError};
+use crate::hub::{Hub, Opened, RequestError, channel};
 use crate::identification::{Identification, Progress};
 use crate::outbox::Outbox;
 use crate::pages::{Gone, Pages};
@@ -233,7 +233,7 @@ impl Relay {
                     self.playing = Some(Script::begin());
                     Ok(Changed::World)
                 }
-                _ => Err("there is no scenario to play: start the dashboard with --scenario FILE".into()),
+                _ => Err("there is no scenario to play: start the dashboard with --scenario FILE, whose scenario has set-points and moves no motors in step".into()),
             },
             Order::Firmware { offset, ref hex } => self.collect(offset, hex),
             // The update restarts the hub. A silent hub that is not the first one counts as lost.

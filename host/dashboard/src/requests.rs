@@ -31,9 +31,9 @@ pub(crate) enum Order {
         motor: u8,
         /// Scheme: `A` to `D`.
         scheme: SchemeName,
-        /// Speed in counts/s; values outside 0 to 1000000 are limited to this range.
+        /// Speed in counts/s, 0 to 1000000.
         cps: f64,
-        /// Battery voltage in volts; values outside 1 to 60 are limited to this range.
+        /// Battery voltage in volts, 1 to 60.
         volts: f64,
     },
     /// Set-point of a motor, applied once the motor is enabled.

@@ -14,6 +14,7 @@ use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::units::CountsPerSecond;
 use motor_hub_client::clock::Instant;
+use motor_hub_client::motor::NO_SPEED_LIMIT_CPS;
 use simulated::scenario::{Scenario, Timed};
 use std::time::Duration;
 
@@ -86,8 +87,19 @@ impl Step {
                 session.set_position(motor, target, tolerance)?;
                 RunMode::Position
             }
-            // All other set-points disable the motor. A current set-point is not played.
-            _ => return Ok(session.enable(motor, false)?),
+            Setpoint::Current { current, speed_limit } => {
+                // The hub takes a constant current only for an enabled motor.
+                if !session.enabled(motor)? {
+                    session.brake(motor)?;
+                    session.enable(motor, true)?;
+                }
+                let limit = speed_limit.round().unsigned_abs().try_into().unwrap_or(NO_SPEED_LIMIT_CPS);
+                return Ok(session.set_current(motor, current.get(), limit)?);
+            }
+            // Scenarios have no identifications, and a script has no motion of motors in step.
+            Setpoint::Disabled | Setpoint::FailSafe | Setpoint::Identify { .. } | Setpoint::Together(_) => {
+                return Ok(session.enable(motor, false)?);
+            }
         };
         session.set_mode(motor, mode, self.zero)?;
         Ok(session.enable(motor, true)?)

@@ -1,5 +1,6 @@
 //! Changes that a page may make to a simulated hub's motors and battery while the hub runs.
 
+use crate::hub::{RequestError, of_motor, within};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use simulated::encoder::{Encoder, Wire};
@@ -91,23 +92,26 @@ impl World {
     ///
     /// # Errors
     /// A text with the value that is out of range, and the allowed range.
-    pub(crate) fn change(&self, order: &WorldOrder) -> Result<(), String> {
+    pub(crate) fn change(&self, order: &WorldOrder) -> Result<(), RequestError> {
         let mut now = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let mut wanted = *now;
         match *order {
-            WorldOrder::Battery { volts } => wanted.emf_v = within("a battery", volts, BATTERY_V, "V")?,
+            WorldOrder::Battery { volts } => {
+                wanted.emf_v = within_or_none("a battery", volts, BATTERY_V, "V")?
+            }
             WorldOrder::Torque { motor, nm } => {
-                on(&mut wanted, motor)?.torque_nm = within("a torque", nm, TORQUE_NM, "N m")?;
+                of_motor(&mut wanted.motors, motor)?.torque_nm =
+                    within_or_none("a torque", nm, TORQUE_NM, "N m")?;
             }
             WorldOrder::Inertia { motor, kg_m2 } => {
-                let inertia = within("a moment of inertia", kg_m2, INERTIA_KG_M2, "kg m²")?;
-                on(&mut wanted, motor)?.inertia_kg_m2 = inertia;
+                let inertia = within_or_none("a moment of inertia", kg_m2, INERTIA_KG_M2, "kg m²")?;
+                of_motor(&mut wanted.motors, motor)?.inertia_kg_m2 = inertia;
             }
-            WorldOrder::Hold { motor, held } => on(&mut wanted, motor)?.held = held,
+            WorldOrder::Hold { motor, held } => of_motor(&mut wanted.motors, motor)?.held = held,
             WorldOrder::Encoder { motor, ref is } => {
                 let known = ENCODERS.iter().find(|(name, _)| name == is);
                 let (_, encoder) = known.ok_or_else(|| format!("an encoder is not `{is}`"))?;
-                on(&mut wanted, motor)?.encoder = Some(*encoder);
+                of_motor(&mut wanted.motors, motor)?.encoder = Some(*encoder);
             }
             WorldOrder::Reset => {
                 wanted = Interventions { restarts: wanted.restarts, ..Interventions::default() }
@@ -118,25 +122,11 @@ impl World {
     }
 }
 
-fn on(interventions: &mut Interventions, motor: u8) -> Result<&mut OnMotor, String> {
-    interventions
-        .motors
-        .get_mut(usize::from(motor))
-        .ok_or_else(|| format!("there is no motor {motor}; allowed is 0 to 3"))
-}
-
-fn within(
+fn within_or_none(
     what: &str,
     value: Option<f64>,
     allowed: RangeInclusive<f64>,
     unit: &str,
-) -> Result<Option<f64>, String> {
-    match value {
-        Some(value) if !allowed.contains(&value) => Err(format!(
-            "{what} of {value} {unit} is out of range; allowed is {} to {} {unit}",
-            allowed.start(),
-            allowed.end()
-        )),
-        value => Ok(value),
-    }
+) -> Result<Option<f64>, RequestError> {
+    value.map(|value| within(what, value, allowed, unit)).transpose()
 }

@@ -474,7 +474,7 @@ class Motor:
         await self._command(self._hub._link.position, position, speed, tolerance)
 
     async def current(self, current: float, *, speed: int) -> None:
-        """Holds a constant current in A, while the motor is slower than ``speed`` in counts/s."""
+        """Holds a constant current in A, -65.535 to 65.535, while the motor is slower than ``speed`` in counts/s."""
         await self._command(self._hub._link.current, current, speed)
 
     async def settled(self, timeout: float | None = None) -> None:

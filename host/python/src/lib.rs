@@ -9,6 +9,7 @@ mod reading;
 use motor_hub_client::base::Part;
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::line::{Line, ports};
+use motor_hub_client::motor::constant_current_ma;
 use motor_hub_client::motor_hub::extension::HubFunction;
 use motor_hub_client::motor_hub::extension::group::{GroupCourse, GroupState};
 use motor_hub_client::motor_hub::group::{BaseSettings, DriveBase, GroupCommand, TOLERANCE};
@@ -197,13 +198,10 @@ impl Link {
 
     /// Sets a constant current in amperes. The hub reduces the current at the speed `speed` in counts/s.
     fn current(&self, py: Python<'_>, motor: i64, amperes: f64, speed: i64) -> PyResult<()> {
-        const MOST: f64 = 1000.0;
         let motor = channel(motor)?;
-        if !(-MOST..=MOST).contains(&amperes) {
-            return Err(outside("current", amperes, -MOST, MOST, "A"));
-        }
+        let ma = constant_current_ma(amperes).map_err(|error| PyValueError::new_err(error.to_string()))?;
         let speed = within("speed", speed, 1, u16::MAX.into(), "counts/s")?;
-        self.run(py, |session| session.set_current(motor, (amperes * 1e3).round() as i32, speed))
+        self.run(py, |session| session.set_current(motor, ma, speed))
     }
 
     fn reset_encoder(&self, py: Python<'_>, motor: i64) -> PyResult<()> {

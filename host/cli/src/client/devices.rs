@@ -8,7 +8,7 @@ use motor_hub::board::{DIGITAL_PINS, Equipment, SERVOS};
 use motor_hub::protocol::answers::I2cStatus;
 use motor_hub::protocol::payload::{Text, WordFrom};
 use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput};
-use motor_hub_client::devices::{Channel, I2C_ADDRESSES, channels};
+use motor_hub_client::devices::{Channel, I2C_ADDRESSES, channels, check_pulse};
 use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
@@ -60,15 +60,21 @@ fn or_reason<T>(answer: Result<T, Error>) -> Result<Result<T, String>, Error> {
     }
 }
 
-/// Prints a line, and keeps an output on until `length` is over, a signal arrives or a request fails. The output is
-/// then released.
+/// Switches an output on, prints a line, and keeps the output on until `length` is over, a signal arrives or a request
+/// fails. The output is then released, also if the hub's answer to `switch_on` is lost, because the hub may have
+/// switched it on.
 fn keep_on(
     session: &mut Session<Line>,
     line: &str,
     length: Option<Duration>,
+    switch_on: impl FnOnce(&mut Session<Line>) -> Result<(), Error>,
     release: impl FnOnce(&mut Session<Line>) -> Result<(), Error>,
 ) -> Result<(), Failure> {
-    let kept = print(&format!("{line}\n")).and_then(|()| keep_alive(session, length));
+    interrupt::listen()?;
+    let kept = switch_on(session)
+        .map_err(Failure::from)
+        .and_then(|()| print(&format!("{line}\n")))
+        .and_then(|()| keep_alive(session, length));
     let released = release(session);
     kept?;
     Ok(released?)
@@ -109,11 +115,9 @@ pub(super) struct ServoOptions {
 
 impl ServoOptions {
     pub(super) fn execute(&self, hub: &HubOptions) -> Result<(), Failure> {
-        let period = self.period;
-        if let Some(width) = self.width.filter(|width| *width > period) {
-            return Err(Failure::Input(format!(
-                "a pulse of {width} us is longer than its period of {period} us; allowed are 1 to {period} us, or a longer --period-us"
-            )));
+        if let Some(width) = self.width {
+            check_pulse(width, self.period)
+                .map_err(|error| Failure::Input(format!("{error}, or a longer --period-us")))?;
         }
         let session = &mut hub.open(None)?;
         if let (Some(servo), Some(width)) = (self.servo, self.width) {
@@ -141,15 +145,14 @@ impl ServoOptions {
 
     /// Starts the pulses of a servo. Ends the pulses when the duration is over, after a signal, and after an error.
     fn drive(&self, session: &mut Session<Line>, servo: ServoOutput, width: u16) -> Result<(), Failure> {
-        interrupt::listen()?;
         // The parsers of the options have checked the ranges.
         if let (Some(period), Some(width)) = (WordFrom::new(self.period), WordFrom::new(width)) {
             session.set_servo_period(servo, period)?;
             session.set_servo_width(servo, width)?;
         }
-        session.enable_servo(servo, true)?;
         let line = format!("servo {}: pulses of {width} us every {} us", servo.get(), self.period);
-        keep_on(session, &line, self.length, |session| session.enable_servo(servo, false))
+        let switch_on = |session: &mut Session<Line>| session.enable_servo(servo, true);
+        keep_on(session, &line, self.length, switch_on, |session| session.enable_servo(servo, false))
     }
 }
 
@@ -228,11 +231,10 @@ impl DigitalOptions {
 
     /// Drives a pin. Releases the pin when the duration is over, after a signal, and after an error.
     fn drive(&self, session: &mut Session<Line>, pin: Pin, level: Level) -> Result<(), Failure> {
-        interrupt::listen()?;
-        session.drive_pin(pin, level == Level::High)?;
-        let level = if level == Level::High { "high" } else { "low" };
-        let line = format!("digital pin {} is {level}", pin.get());
-        keep_on(session, &line, self.length, |session| session.release_pin(pin))
+        let high = level == Level::High;
+        let line = format!("digital pin {} is {}", pin.get(), if high { "high" } else { "low" });
+        let switch_on = |session: &mut Session<Line>| session.drive_pin(pin, high);
+        keep_on(session, &line, self.length, switch_on, |session| session.release_pin(pin))
     }
 }
 

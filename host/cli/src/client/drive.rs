@@ -12,7 +12,7 @@ use motor_hub::protocol::Address;
 use motor_hub::units::Control;
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
-use motor_hub_client::motor::LARGEST_CURRENT_A;
+use motor_hub_client::motor::{NO_SPEED_LIMIT_CPS, constant_current_ma};
 use std::collections::BTreeSet;
 use std::time::Duration;
 
@@ -90,19 +90,15 @@ pub(crate) struct CurrentOptions {
     #[arg(value_name = "AMPERES", value_parser = milliamperes)]
     ma: i32,
     /// Speed in counts per second at which the current decreases, so that the motor becomes no faster; 32767 for no limit
-    #[arg(long = "speed-limit-cps", value_name = "CPS", default_value_t = NO_SPEED_LIMIT)]
-    #[arg(value_parser = whole("a speed limit", 1..=NO_SPEED_LIMIT, "counts/s"))]
+    #[arg(long = "speed-limit-cps", value_name = "CPS", default_value_t = NO_SPEED_LIMIT_CPS)]
+    #[arg(value_parser = whole("a speed limit", 1..=NO_SPEED_LIMIT_CPS, "counts/s"))]
     speed_limit: u16,
 }
 
-/// Largest speed limit of a constant current, which no motor reaches, in counts per second.
-const NO_SPEED_LIMIT: u16 = i16::MAX.unsigned_abs();
-
 /// Parses amperes, and returns milliamperes.
 fn milliamperes(text: &str) -> Result<i32, String> {
-    let amperes = text.parse().ok().filter(|amperes: &f64| amperes.abs() <= LARGEST_CURRENT_A);
-    let ma = amperes.map(|amperes| (1e3 * amperes).round() as i32);
-    ma.ok_or_else(|| format!("a current is -{LARGEST_CURRENT_A} to {LARGEST_CURRENT_A} A"))
+    let amperes = text.parse().map_err(|_| "a current is a number of amperes")?;
+    constant_current_ma(amperes).map_err(|error| error.to_string())
 }
 
 /// Runs motors with regulated velocity, then disables them

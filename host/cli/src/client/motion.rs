@@ -10,6 +10,7 @@ use motor_hub::protocol::motor::RunMode;
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts, Period};
 use motor_hub_client::error::if_known;
 use motor_hub_client::line::Line;
+use motor_hub_client::motor::NO_CURRENT;
 use motor_hub_client::{Error, Session};
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -108,10 +109,6 @@ pub(super) fn check_enabled(session: &mut Session<Line>, motor: u8) -> Result<()
     let words = session.status(false)?.words().join(", ");
     Err(Failure::Work(format!("the hub has disabled motor {motor}; hub status: {words}")))
 }
-
-/// Error of the command `current` for a hub that does not regulate current.
-const NO_CURRENT: &str = "\
-the hub regulates no current: it is not a hub of this project, or its firmware is too old; use power, velocity or position";
 
 /// Warns of motors whose requested speed exceeds their free speed at the present battery voltage. `speeds` are pairs of
 /// motor and speed in counts per second. Hubs that do not report their motors' constants give no warning.

@@ -14,6 +14,7 @@ use motor_hub::model::catalogue::characterised;
 use motor_hub::motor::{SenseLine, Settings, ThermalLimit};
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
+use motor_hub_client::motor::LARGEST_CURRENT_A;
 use serde_json::json;
 use simulated::hardware::{thermal_limit, winding};
 use simulated::scheme::{SchemeWords, describe};
@@ -57,9 +58,9 @@ pub(crate) struct Options {
 /// Returns a parser of amperes that returns milliamperes. 0 is no limit. `what` names the limit ("a current limit").
 fn limit_ma(what: &'static str) -> impl Fn(&str) -> Result<u16, String> + Clone {
     move |text| {
-        let sound = |amperes: &f64| *amperes == 0.0 || (0.001..=65.535).contains(amperes);
+        let sound = |amperes: &f64| *amperes == 0.0 || (0.001..=LARGEST_CURRENT_A).contains(amperes);
         let amperes = text.parse().ok().filter(sound).map(|amperes| (1e3 * amperes).round() as u16);
-        amperes.ok_or_else(|| format!("{what} is 0.001 to 65.535 A, or 0 for no limit"))
+        amperes.ok_or_else(|| format!("{what} is 0.001 to {LARGEST_CURRENT_A} A, or 0 for no limit"))
     }
 }
 

@@ -1,7 +1,10 @@
 //! `motor-hub client drive`, `odometry`, `servo`, `analog`, `digital` and `i2c` against a served hub.
 
+use crate::client_program::client as fake_client;
 use crate::common::{self, client, fails, folder, out, scan, wait_for, write};
 use crate::conformance::{Data, Host, Hub, Nack};
+use crate::hub_support::{Hub as FakeHub, Server};
+use motor_hub::board::{Equipment, SERVOS};
 use serde_json::{Value, json};
 use std::io::{Read, Write};
 use std::thread::sleep;
@@ -152,6 +155,32 @@ fn a_servo_and_an_output_are_on_while_their_commands_run() {
         (&["i2c", "write", "0", "0x28", "256"], "a byte is 0 to 255, or 0x00 to 0xff"),
     ] {
         fails(&client(&hub, wrong), 2, says);
+    }
+}
+
+#[test]
+fn an_output_is_released_when_the_answer_to_its_switch_on_is_lost() {
+    let mut hub = FakeHub::new();
+    let equipment = Equipment { servos: SERVOS as u8, digital: u8::MAX, ..Equipment::default() };
+    hub.responder.outputs.equipment = equipment;
+    // The answers to "enable servo 2" and to "output of pin 5" are lost.
+    hub.loses_reply = |packet| {
+        packet.id == DEKA + 35 && packet.payload[..] == [2, 1]
+            || packet.id == DEKA + 3 && packet.payload[..] == [5, 1]
+    };
+    let server = Server::start(hub);
+    for (switch_on, state) in [
+        (
+            ["servo", "2", "1500"],
+            json!({ "servo": 2, "period_us": 20_000, "width_us": 1500, "enabled": false }),
+        ),
+        (["digital", "5", "low"], json!({ "pin": 5, "direction": "input", "high": true })),
+    ] {
+        let arguments = [&["--timeout-ms", "300"], &switch_on[..], &["--for-s", "0.1"]].concat();
+        fails(&fake_client(&server, &arguments), 1, "does not answer");
+        let [what, number, _] = switch_on;
+        let document = common::json(&fake_client(&server, &[what, number, "--json"]));
+        assert_eq!(document[format!("{what}s").replace("digitals", "pins")], json!([state]));
     }
 }
 

@@ -1,7 +1,9 @@
 //! The server of `motor-hub dashboard`, by sockets without a browser: which page may move motors, and when motors stop.
 
 use crate::client_update::{KEY, RUNS, SIGNATURE, SLOT, goes_back, good, image, serve};
-use crate::common::{PATIENCE, PROGRAM, client, err, fails, json as document, motor_hub, store, wait_for};
+use crate::common::{
+    PATIENCE, PROGRAM, client, err, fails, folder, json as document, motor_hub, store, wait_for, write,
+};
 use crate::conformance::Hub;
 use crate::hub_support::{Hub as FakeHub, Server};
 use crate::page::{Dashboard, Page};
@@ -142,12 +144,12 @@ fn a_motor_has_a_constant_current_once_it_is_enabled() {
 /// Orders, and words of their refusals.
 const OUT_OF_RANGE: &str = r#"
 {"drive":{"motor":0,"mode":"power","value":1.5}} | a power of 1.5 is out of range; allowed is -1 to 1
-{"drive":{"motor":0,"mode":"velocity","value":40000}} | allowed is -32768 to 32767
-{"drive":{"motor":0,"mode":"position","value":3e9}} | a position in counts of 3000000000
+{"drive":{"motor":0,"mode":"velocity","value":40000}} | a velocity of 40000 counts/s is out of range; allowed is -32768 to 32767 counts/s
+{"drive":{"motor":0,"mode":"position","value":3e9}} | a position of 3000000000 counts is out of range
 {"drive":{"motor":4,"mode":"power","value":0}} | there is no motor 4; allowed is 0 to 3
 {"drive":{"motor":0,"mode":"sideways","value":0}} | unknown variant `sideways`
 {"drive":{"motor":0,"mode":"power"}} | missing field `value`
-{"current":{"motor":0,"amperes":70}} | a current in A of 70 is out of range; allowed is -65.535 to 65.535
+{"current":{"motor":0,"amperes":70}} | a current of 70 A is out of range; allowed is -65.535 to 65.535 A
 {"enable":{"motor":0,"on":true,"more":1}} | unknown field `more`
 {"enable":{"motor":0,"on":true}} | no target set
 {"coefficients":{"motor":0,"of":"velocity","pidf":[1e9,0,0,0]}} | a coefficient of 1000000000
@@ -166,6 +168,9 @@ const OUT_OF_RANGE: &str = r#"
 {"device":{"pin":{"pin":8,"level":null}}} | a digital pin is 0 to 7, and not 8
 {"device":{"write":{"bus":0,"address":40,"bytes":[],"fast":false}}} | 1 to 100
 {"device":{"scan":{"bus":4}}} | an I2C bus is 0 to 3, and not 4
+{"points":{"motor":0,"scheme":"A","cps":-1,"volts":12}} | a speed of -1 counts/s is out of range; allowed is 0 to 1000000 counts/s
+{"points":{"motor":0,"scheme":"A","cps":100,"volts":0.5}} | a battery of 0.5 V is out of range; allowed is 1 to 60 V
+{"points":{"motor":0,"scheme":"A","cps":100,"volts":61}} | a battery of 61 V is out of range; allowed is 1 to 60 V
 {"explode":null} | unknown variant `explode`
 { | not an order
 "#;
@@ -215,6 +220,24 @@ fn a_scenario_is_played_from_its_beginning_and_leaves_its_motors_off() {
     let other = Dashboard::start(&[]);
     let mut page = Page::ready(&other);
     assert!(page.refused("play", Value::Null).contains("start the dashboard with --scenario"));
+}
+
+#[test]
+fn a_scenario_with_a_constant_current_is_played() {
+    let text = "name = \"current\"\nduration_s = 30\nbattery = { emf_v = 12, resistance_ohm = 0.1 }\n\
+        [[motors]]\nlabel = \"a\"\nmotor = \"NeveRest 60\"\n\
+        setpoints = [{ at_s = 0, current_a = 0.4, speed_limit_cps = 600 }, { at_s = 1, power = 0.2 }, { at_s = 2, current_a = -0.3 }]\n";
+    let scenario = write(&folder("dashboard-current"), "current.toml", text);
+    let dashboard = Dashboard::start(&["--scenario", &scenario]);
+    let mut page = Page::ready(&dashboard);
+    page.order("play", Value::Null);
+    for (setpoint, target) in [("current", 0.4), ("power", 0.2), ("current", -0.3)] {
+        page.until("a set-point of the scenario", |page, _| {
+            let motor = &page.frame["motors"][0];
+            let is_target = motor["target"].as_f64().is_some_and(|value| (value - target).abs() < 1e-3);
+            motor["enabled"] == true && motor["setpoint"] == setpoint && is_target
+        });
+    }
 }
 
 #[test]

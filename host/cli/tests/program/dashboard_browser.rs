@@ -31,7 +31,7 @@ fn a_tab_that_hangs_loses_its_motors_after_a_second() {
 
 #[test]
 fn a_motor_is_driven_to_a_speed_and_stopped_by_a_click_by_escape_and_by_space() {
-    with_page("stop", |tab| {
+    with_page(|tab| {
         for round in 0..5 {
             drive(tab, 0, 900);
             let since = Instant::now();
@@ -80,7 +80,7 @@ fn a_motor_is_driven_to_a_speed_and_stopped_by_a_click_by_escape_and_by_space() 
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn space_in_a_field_stops_nothing() {
-    with_page("space", |tab| {
+    with_page(|tab| {
         drive(tab, 1, 500);
         tab.ask("document.querySelector('#group-speed').focus()");
         tab.click("#tab-group");
@@ -95,7 +95,7 @@ fn space_in_a_field_stops_nothing() {
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn everything_is_in_sight_and_nothing_lies_over_anything_else() {
-    with_page("boxes", |tab| {
+    with_page(|tab| {
         drive(tab, 0, 800);
         // Also all parts of which the user opens one at a time.
         tab.ask("document.querySelectorAll('#panel details').forEach((one) => { one.removeAttribute('name'); one.open = true; })");
@@ -123,7 +123,7 @@ fn everything_is_in_sight_and_nothing_lies_over_anything_else() {
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn the_regimes_of_a_winch_are_shown() {
-    with_page("winch", |tab| {
+    with_page(|tab| {
         drive(tab, 1, 600);
         drive(tab, 2, -400);
         drive(tab, 0, 700);
@@ -170,7 +170,7 @@ fn the_regimes_of_a_winch_are_shown() {
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn the_reason_why_a_motor_stands_is_shown() {
-    with_page("why", |tab| {
+    with_page(|tab| {
         let why = "document.querySelector('#motors .card:nth-child(2) .why').textContent";
         assert_eq!(tab.ask(why), "Disabled.");
         tab.press(("1", 49));
@@ -191,7 +191,7 @@ fn the_reason_why_a_motor_stands_is_shown() {
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn a_step_is_plotted_over_the_step_before_and_a_change_is_undone() {
-    with_page("step", |tab| {
+    with_page(|tab| {
         tab.click("#tab-tune");
         let step = |tab: &mut Tab<'_>| {
             tab.click("#panel-tune button.primary");
@@ -216,7 +216,7 @@ fn a_step_is_plotted_over_the_step_before_and_a_change_is_undone() {
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn the_result_of_an_identification_predicts_the_measured_speed() {
-    with_page("identify", |tab| {
+    with_page(|tab| {
         tab.click("#tab-learn");
         tab.click("#panel-learn button.primary");
         tab.wait(
@@ -248,7 +248,7 @@ fn the_result_of_an_identification_predicts_the_measured_speed() {
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn every_control_is_reached_by_keys() {
-    with_page("keys", |tab| {
+    with_page(|tab| {
         let chosen = "document.querySelector('.card.chosen').getAttribute('aria-label')";
         tab.press(("2", 50));
         assert_eq!(tab.ask(chosen), "Motor 2");
@@ -276,7 +276,7 @@ fn every_control_is_reached_by_keys() {
 #[test]
 #[ignore = "a report, not a test: times are this machine's"]
 fn report_of_drawing_full_plots() {
-    with_page("drawing", |tab| {
+    with_page(|tab| {
         drive(tab, 0, 900);
         // Fill the history with a minute of frames.
         tab.ask(
@@ -303,7 +303,7 @@ fn report_of_drawing_full_plots() {
 #[test]
 #[ignore = "a report, not a test: times are this machine's"]
 fn report_of_stop_with_eight_viewers() {
-    with_page_of("stop-times", &[], |dashboard, tab| {
+    with_page_of(&[], |dashboard, tab| {
         let dashboard = &*dashboard;
         let ended = AtomicBool::new(false);
         std::thread::scope(|scope| {
@@ -346,7 +346,7 @@ fn report_of_stop_with_eight_viewers() {
 
 #[test]
 fn motors_plots_and_the_panel_in_use_are_in_sight_at_1366_by_768() {
-    with_page("laptop", |tab| {
+    with_page(|tab| {
         tab.resize(1366, 768);
         for panel in PANELS {
             tab.click(&format!("#tab-{panel}"));
@@ -375,7 +375,7 @@ fn in_sight(tab: &mut Tab<'_>, panel: &str) {
 
 #[test]
 fn a_reload_keeps_unit_motor_tab_and_curves() {
-    with_page("reload", |tab| {
+    with_page(|tab| {
         tab.fill("#unit", "rpm");
         tab.press(("2", 50));
         tab.click("#tab-record");
@@ -399,7 +399,7 @@ fn a_reload_keeps_unit_motor_tab_and_curves() {
 
 #[test]
 fn a_step_that_the_server_refuses_is_not_done() {
-    with_page("refused", |tab| {
+    with_page(|tab| {
         tab.click("#tab-tune");
         // The field limits the speed, so the order is changed on its way.
         tab.ask(
@@ -427,7 +427,7 @@ fn a_click_on_release_gives_control_to_the_page_that_asked_with_motors_off() {
 
 #[test]
 fn a_page_of_a_program_that_was_started_again_asks_for_the_new_url() {
-    with_page_of("restart", &[], |dashboard, tab| {
+    with_page_of(&[], |dashboard, tab| {
         let line = "document.querySelector('#line').textContent";
         let address = dashboard.url.trim_start_matches("http://").split('/').next().unwrap().to_owned();
         dashboard.end();

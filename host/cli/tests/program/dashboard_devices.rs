@@ -21,7 +21,7 @@ fn look(tab: &mut Tab<'_>, name: &str) {
 
 #[test]
 fn servos_run_until_stop() {
-    with_page("servos", |tab| {
+    with_page(|tab| {
         tab.click("#tab-devices");
         let run = "#panel-devices [aria-label=\"Pulses of servo 2\"]";
         let is =
@@ -40,7 +40,7 @@ fn servos_run_until_stop() {
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn analog_inputs_are_shown_and_pins_are_outputs_until_stop() {
-    with_page("pins", |tab| {
+    with_page(|tab| {
         tab.click("#tab-devices");
         open(tab, "Analog inputs");
         tab.wait("document.querySelector('#analog').textContent.includes('analog input 3')");
@@ -57,7 +57,7 @@ fn analog_inputs_are_shown_and_pins_are_outputs_until_stop() {
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn devices_on_an_i2c_bus_are_found_read_and_written() {
-    with_page("i2c", |tab| {
+    with_page(|tab| {
         tab.click("#tab-devices");
         open(tab, "I2C buses");
         let says = |tab: &mut Tab<'_>, text: &str| {
@@ -81,7 +81,7 @@ fn devices_on_an_i2c_bus_are_found_read_and_written() {
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn a_chain_shows_what_each_hub_does_and_has_one_stop() {
-    with_page_of("chain", &["--hubs", "3"], |_, tab| {
+    with_page_of(&["--hubs", "3"], |_, tab| {
         tab.resize(1366, 768);
         drive(tab, 1, 600);
         tab.wait("document.querySelector('#hubs button').textContent === 'Hub 2, parentmotor 1 runs'");

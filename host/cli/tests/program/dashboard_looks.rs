@@ -70,7 +70,7 @@ fn open_list(tab: &mut Tab<'_>) {
 #[ignore = "long: cargo xtask long"]
 fn axe_finds_nothing_on_any_panel_at_any_size_in_any_theme() {
     let Some(axe) = axe() else { return };
-    with_page("axe", |tab| {
+    with_page(|tab| {
         tab.ask(&format!("{axe}; 0"));
         busy(tab);
         tab.click("#tab-record");
@@ -108,7 +108,7 @@ fn axe_finds_nothing_on_any_panel_at_any_size_in_any_theme() {
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn pictures_of_four_sizes_and_two_themes() {
-    with_page("sizes", |tab| {
+    with_page(|tab| {
         busy(tab);
         for (width, height) in SIZES {
             tab.resize(width, height);

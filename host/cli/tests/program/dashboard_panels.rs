@@ -2,8 +2,8 @@
 
 use crate::browser::Tab;
 use crate::browser::page::{
-    CATCH, ESCAPE, choose, drive, motor, mouse, off, open, pictures, point, press, saved, with_page,
-    with_page_of,
+    CATCH, ESCAPE, choose, drive, drive_until, motor, mouse, off, open, pictures, point, press, saved,
+    with_page, with_page_of,
 };
 use crate::client_update::{KEY, RUNS, SIGNATURE, SLOT, good, image, serve};
 use motor_hub::update::{Slot, public_key};
@@ -21,7 +21,7 @@ fn number(tab: &mut Tab<'_>, selector: &str) -> f64 {
 
 #[test]
 fn a_step_begins_at_the_speed_that_was_asked_for() {
-    with_page("step-from", |tab| {
+    with_page(|tab| {
         tab.click("#tab-tune");
         // So heavy that it takes longer than a second to the first speed.
         tab.ask("dashboard.link.order('world', { inertia: { motor: 0, kg_m2: 0.02 } })");
@@ -40,7 +40,7 @@ fn a_step_begins_at_the_speed_that_was_asked_for() {
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn a_step_whose_first_speed_is_not_reached_is_not_recorded() {
-    with_page("step-held", |tab| {
+    with_page(|tab| {
         tab.click("#tab-tune");
         tab.ask("dashboard.link.order('world', { hold: { motor: 0, held: true } })");
         tab.fill(FROM, "600");
@@ -53,7 +53,7 @@ fn a_step_whose_first_speed_is_not_reached_is_not_recorded() {
 
 #[test]
 fn the_speeds_of_a_step_are_converted_to_another_unit_and_limited_to_the_motor() {
-    with_page("step-units", |tab| {
+    with_page(|tab| {
         tab.click("#tab-tune");
         let per_turn = tab.ask("dashboard.state.settings[0].counts_per_turn").as_f64().unwrap();
         let free = tab.ask("12000 / dashboard.state.settings[0].emf_mv_s_per_count").as_f64().unwrap();
@@ -72,7 +72,7 @@ fn the_speeds_of_a_step_are_converted_to_another_unit_and_limited_to_the_motor()
 
 #[test]
 fn settings_are_exported_changed_and_imported() {
-    with_page("settings-file", |tab| {
+    with_page(|tab| {
         tab.click("#tab-hub");
         open(tab, "Settings of all motors");
         tab.ask(CATCH);
@@ -89,7 +89,7 @@ fn settings_are_exported_changed_and_imported() {
 
 #[test]
 fn faults_are_listed_with_their_explanation() {
-    with_page("faults", |tab| {
+    with_page(|tab| {
         tab.click("#tab-hub");
         open(tab, "Faults and resets");
         press(tab, "Show faults");
@@ -106,7 +106,7 @@ fn faults_are_listed_with_their_explanation() {
 
 #[test]
 fn currents_are_shown_as_the_torque_of_the_shaft() {
-    with_page("torque", |tab| {
+    with_page(|tab| {
         drive(tab, 0, 800);
         tab.ask("dashboard.link.order('world', { torque: { motor: 0, nm: -0.3 } })");
         tab.click("#curves-button");
@@ -120,16 +120,14 @@ fn currents_are_shown_as_the_torque_of_the_shaft() {
 
 #[test]
 fn a_position_and_its_set_point_are_plotted() {
-    with_page("position", |tab| {
+    with_page(|tab| {
         tab.click("#curves-button");
         tab.click("#curves .row:nth-child(1) button:nth-of-type(2)");
         tab.fill("#motion-speed", "400");
         tab.fill("#motion-zero", "float");
         tab.fill("#motors .card:nth-child(1) [aria-label^=Mode]", "position");
-        tab.fill("#motors .card:nth-child(1) input[type=number]", "600");
         tab.ask("(() => { window.fastest = 0; const { hear } = dashboard.link; dashboard.link.hear = (message) => { hear(message); if (message.kind === 'frame') fastest = Math.max(fastest, message.motors[0].velocity); }; })()");
-        tab.click("#motors .card:nth-child(1) .run");
-        tab.wait(&format!("Math.abs({} - 600) < 12", motor(0, "position")));
+        drive_until(tab, 0, "600", &format!("Math.abs({} - 600) < 12", motor(0, "position")));
         let label = "document.querySelector('.chart[aria-label^=Position]').getAttribute('aria-label')";
         tab.wait(&format!("{label}.includes('set-point 600')"));
         let fastest = tab.ask("fastest").as_f64().unwrap();
@@ -139,7 +137,7 @@ fn a_position_and_its_set_point_are_plotted() {
 
 #[test]
 fn a_card_shows_the_state_of_the_bridge_and_names_slider_and_field_apart() {
-    with_page("words", |tab| {
+    with_page(|tab| {
         let pill = "document.querySelector('#motors .card:nth-child(1) .pill')";
         assert_eq!(tab.ask(&format!("{pill}.textContent")), "Off (coasting)");
         drive(tab, 0, 900);
@@ -163,7 +161,7 @@ const STATUS: &str = "document.querySelector('#panel-record [role=status]').text
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn a_recording_has_a_banner_all_columns_and_marks_of_its_events_and_is_shown_again() {
-    with_page("recording", |tab| {
+    with_page(|tab| {
         tab.click("#tab-record");
         press(tab, "Record");
         tab.wait("document.querySelector('#recording').textContent.startsWith('● Recording, 1 s')");
@@ -201,7 +199,7 @@ fn a_recording_has_a_banner_all_columns_and_marks_of_its_events_and_is_shown_aga
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn a_recording_saved_as_mcap_has_all_rows() {
-    with_page("mcap", |tab| {
+    with_page(|tab| {
         tab.click("#tab-record");
         press(tab, "Record");
         drive(tab, 0, 700);
@@ -239,7 +237,7 @@ print(json.dumps({'rows': len(all), 'topics': sorted({topic for topic, _ in all}
 
 #[test]
 fn every_setting_has_a_field_that_changes_it_and_undo_restores_it() {
-    with_page("form", |tab| {
+    with_page(|tab| {
         tab.click("#tab-setup");
         tab.click("#all-settings summary");
         let value = |name: &str| {
@@ -272,7 +270,7 @@ fn every_setting_has_a_field_that_changes_it_and_undo_restores_it() {
 
 #[test]
 fn the_hub_panel_shows_the_version_and_sets_lamp_and_address() {
-    with_page("status", |tab| {
+    with_page(|tab| {
         tab.click("#tab-hub");
         tab.wait("/version.*HW: 20.*address.*2/.test(document.querySelector('#panel-hub').textContent)");
         tab.fill("#hub-lamp", "#102030");
@@ -295,7 +293,7 @@ fn the_hub_panel_shows_the_version_and_sets_lamp_and_address() {
 fn new_firmware_is_chosen_as_a_file_and_its_progress_is_shown() {
     // Once restarted, this hub has no key.
     let server = serve(Slot { signer: public_key(KEY), ..SLOT }, good);
-    with_page_of("firmware", &["--tcp", &server.address], |_, tab| {
+    with_page_of(&["--tcp", &server.address], |_, tab| {
         tab.click("#tab-hub");
         open(tab, "New firmware");
         let says = "document.querySelector('#firmware-file').closest('.stack').querySelector('[role=status]').textContent";
@@ -339,7 +337,7 @@ fn new_firmware_is_chosen_as_a_file_and_its_progress_is_shown() {
 
 #[test]
 fn a_held_button_drives_and_everything_that_releases_it_stops() {
-    with_page("jog", |tab| {
+    with_page(|tab| {
         tab.click("#tab-group");
         let turns = format!("{} > 250", motor(0, "velocity"));
         tab.fill("#jog-level", "400");
@@ -396,7 +394,7 @@ fn a_held_button_drives_and_everything_that_releases_it_stops() {
 
 #[test]
 fn motors_turn_together_at_speeds() {
-    with_page("turn", |tab| {
+    with_page(|tab| {
         tab.click("#tab-group");
         for (motor, cps) in [(0, "600"), (1, "-300")] {
             tab.fill(&format!("[aria-label=\"Turn motor {motor} at, counts/s\"]"), cps);

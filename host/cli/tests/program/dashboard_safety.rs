@@ -2,7 +2,7 @@
 
 use crate::browser::page::{
     ENTER, ESCAPE, SPACE, card, drive, live, motor, mouse, off, point, with_driver_and_viewer, with_page,
-    with_page_of, with_two_pages,
+    with_page_of, with_two_pages_in,
 };
 use crate::browser::{Browser, Tab, find};
 use crate::common::{alone, made_folder, signal, wait_for};
@@ -54,7 +54,7 @@ fn as_phone(tab: &mut Tab<'_>) {
 
 #[test]
 fn a_swipe_that_scrolls_the_page_does_not_change_the_speed() {
-    with_page("swipe", |tab| {
+    with_page(|tab| {
         as_phone(tab);
         drive(tab, 0, 200);
         let mut scrolled = false;
@@ -77,7 +77,7 @@ fn a_swipe_that_scrolls_the_page_does_not_change_the_speed() {
 
 #[test]
 fn a_tap_or_a_click_on_a_track_does_not_jump() {
-    with_page("tap", |tab| {
+    with_page(|tab| {
         drive(tab, 0, 200);
         for share in [0.05, 0.9, 0.95] {
             let at = on_slider(tab, Some(share));
@@ -98,7 +98,7 @@ fn a_tap_or_a_click_on_a_track_does_not_jump() {
 
 #[test]
 fn a_drag_of_the_thumb_sets_the_speed_and_a_cancelled_one_restores_it() {
-    with_page("drag", |tab| {
+    with_page(|tab| {
         drive(tab, 0, 200);
         let (x, y) = on_slider(tab, None);
         mouse(tab, "mousePressed", (x, y));
@@ -140,13 +140,15 @@ fn a_page_that_paints_nothing_loses_its_motors_after_a_second() {
         signal(painter, "-STOP");
         stopped = Some(Stopped(painter));
     };
-    with_two_pages("unpainted", stop_painting, "showed no new values for 1 s", Duration::from_secs(3));
+    let own = |program: &Path| Browser::own(program, "unpainted");
+    let says = "showed no new values for 1 s";
+    with_two_pages_in(own, "unpainted", stop_painting, says, Duration::from_secs(3));
     drop(stopped);
 }
 
 #[test]
 fn a_gamepad_drives_while_its_button_is_held_and_not_in_a_hidden_page() {
-    with_page("gamepad", |tab| {
+    with_page(|tab| {
         tab.ask(
             "window.pad = { connected: true, buttons: [{ pressed: true }], axes: [0, -1] }; \
              navigator.getGamepads = () => [window.pad]; 0",
@@ -177,7 +179,7 @@ fn a_gamepad_drives_while_its_button_is_held_and_not_in_a_hidden_page() {
 
 #[test]
 fn escape_stops_also_while_a_list_is_open() {
-    with_page("list", |tab| {
+    with_page(|tab| {
         for list in ["#unit", "#motors .card:nth-child(1) [aria-label^=Mode]", "#window"] {
             drive(tab, 0, 900);
             tab.click(list);
@@ -192,7 +194,7 @@ fn escape_stops_also_while_a_list_is_open() {
 
 #[test]
 fn space_stops_after_a_speed_was_entered() {
-    with_page("enter", |tab| {
+    with_page(|tab| {
         drive(tab, 0, 300);
         tab.click(&card(0, "input[type=number]"));
         tab.ask("document.activeElement.select()");
@@ -207,7 +209,7 @@ fn space_stops_after_a_speed_was_entered() {
 
 #[test]
 fn run_after_stop_needs_a_new_speed() {
-    with_page("again", |tab| {
+    with_page(|tab| {
         drive(tab, 0, 900);
         tab.click("#stop");
         off(tab, Instant::now());
@@ -221,7 +223,7 @@ fn run_after_stop_needs_a_new_speed() {
 
 #[test]
 fn a_page_that_only_watches_shows_the_speed_that_runs() {
-    with_driver_and_viewer("mirror", |mut driver, mut viewer| {
+    with_driver_and_viewer(Browser::shared, |mut driver, mut viewer| {
         let shows = |tab: &mut Tab<'_>, what: &str, value: &str| {
             tab.wait(&format!("document.querySelector('{}').value === '{value}'", card(0, what)));
         };
@@ -241,7 +243,7 @@ fn a_page_that_only_watches_shows_the_speed_that_runs() {
 #[ignore = "long: cargo xtask long"]
 fn a_scenario_that_plays_is_shown_in_the_cards() {
     let winch = concat!(env!("CARGO_MANIFEST_DIR"), "/../../boards/simulated/scenarios/winch.toml");
-    with_page_of("scenario", &["--scenario", winch], |_, tab| {
+    with_page_of(&["--scenario", winch], |_, tab| {
         tab.click("#tab-world");
         tab.click("#world-play");
         tab.wait(&motor(0, "enabled"));
@@ -253,7 +255,7 @@ fn a_scenario_that_plays_is_shown_in_the_cards() {
 
 #[test]
 fn another_unit_converts_the_entered_speed_and_leaves_the_motor_alone() {
-    with_page("units", |tab| {
+    with_page(|tab| {
         drive(tab, 0, 900);
         let number = format!("Number(document.querySelector('{}').value)", card(0, "input[type=number]"));
         let per_turn = tab.ask("dashboard.state.settings[0].counts_per_turn").as_f64().unwrap();
@@ -268,7 +270,7 @@ fn another_unit_converts_the_entered_speed_and_leaves_the_motor_alone() {
 
 #[test]
 fn a_speed_above_the_free_speed_is_limited_with_a_message() {
-    with_page("limit", |tab| {
+    with_page(|tab| {
         let free = tab.ask("12000 / dashboard.state.settings[0].emf_mv_s_per_count").as_f64().unwrap();
         drive(tab, 0, 300);
         tab.fill(&card(0, "input[type=number]"), "9999");
@@ -283,7 +285,7 @@ fn a_speed_above_the_free_speed_is_limited_with_a_message() {
 
 #[test]
 fn the_wheel_over_a_field_changes_nothing() {
-    with_page("wheel", |tab| {
+    with_page(|tab| {
         drive(tab, 0, 300);
         tab.click(&card(0, "input[type=number]"));
         let (x, y) = point(tab, &card(0, "input[type=number]"), "b.width / 3", "b.height / 2");
@@ -310,7 +312,7 @@ fn reason(tab: &mut Tab<'_>, word: &str) -> String {
 
 #[test]
 fn a_held_shaft_is_stalled_or_in_doubt_but_its_encoder_is_not_accused() {
-    with_page("held", |tab| {
+    with_page(|tab| {
         drive(tab, 0, 600);
         tab.ask("dashboard.link.order('world', { hold: { motor: 0, held: true } })");
         let stalls = format!("{} || {}", motor(0, "stalled"), motor(0, "fault"));
@@ -322,7 +324,7 @@ fn a_held_shaft_is_stalled_or_in_doubt_but_its_encoder_is_not_accused() {
 
 #[test]
 fn a_load_beyond_the_stall_torque_is_named_before_swapped_wires() {
-    with_page("overload", |tab| {
+    with_page(|tab| {
         drive(tab, 0, 600);
         // Beyond the stall torque of each motor of the scenario.
         tab.ask("dashboard.link.order('world', { torque: { motor: 0, nm: -5 } })");
@@ -351,7 +353,7 @@ fn the_browser_is_started_without_the_token_in_the_process_list() {
     assert_eq!(mode & 0o777, 0o600, "{}", file.display());
     if let Some(program) = find() {
         let _alone = alone();
-        let mut browser = Browser::start(&program, "opened");
+        let mut browser = Browser::shared(&program);
         let mut tab = browser.open(&format!("file://{}", file.display()), 1280, 1000);
         live(&mut tab);
     }

@@ -30,6 +30,8 @@ pub(crate) struct Hub {
     pub(crate) deaf_for: u32,
     /// Number of replies lost on the line.
     pub(crate) lost_replies: u32,
+    /// True for a request whose reply is lost on the line.
+    pub(crate) loses_reply: fn(&Packet) -> bool,
     /// Packet type of the first motor function.
     pub(crate) first: u16,
     /// Another host asks for fail-safe before each bulk read.
@@ -56,6 +58,7 @@ impl Hub {
             before: |_| Vec::new(),
             deaf_for: 0,
             lost_replies: 0,
+            loses_reply: |_| false,
             first: FIRST_FUNCTION,
             fail_safe_at_bulk: false,
             change: |_| (),
@@ -108,6 +111,9 @@ impl Hub {
             self.was_enabled.iter_mut().zip(now_enabled).for_each(|(was, is)| *was |= is);
             if self.lost_replies > 0 {
                 self.lost_replies -= 1;
+                continue;
+            }
+            if (self.loses_reply)(&packet) {
                 continue;
             }
             let frame = frame::encode(&reply);

@@ -25,6 +25,8 @@ const BANDS = ["reverse", "braking", "forward"];
 /** Size of the drawing, and the control value at its edge. */
 const [WIDTH, HEIGHT, EDGE] = [400, 150, 1.25];
 const USUAL_VOLTS = 12;
+/** Highest speed, in counts/s, for which the server computes points. */
+const MOST_CPS = 1_000_000;
 
 const svg = (/** @type {string} */ tag, /** @type {Record<string, any>} */ attributes, text = "") => {
   const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
@@ -39,7 +41,7 @@ export function regimesPanel(link) {
   const chosen = { cps: /** @type {number|null} */ (null), volts: USUAL_VOLTS };
   const settings = () => state.settings[state.chosen];
   const free = () => (settings() ? (1000 * chosen.volts) / settings().emf_mv_s_per_count : 3000);
-  const cps = () => chosen.cps ?? Math.round(free() / 2);
+  const cps = () => Math.min(MOST_CPS, chosen.cps ?? Math.round(free() / 2));
   const turns = labelled({ label: "Speed for the points", min: 0, max: 4000, step: 10, words: (value) => speed(value, settings()), send: (value) => { chosen.cps = value; ask(); } });
   const volts = labelled({ label: "Battery for the points, V", min: 6, max: 16, step: 0.1, words: (value) => `${number(value, 1)} V`, send: (value) => { chosen.volts = value; ask(); } });
   const scheme = select(Object.keys(FORMULAS).map((name) => [name, `Scheme ${name}`]), { id: "regimes-scheme", "aria-label": "Scheme for the points", onchange: () => ask() });
@@ -50,7 +52,7 @@ export function regimesPanel(link) {
 
   function ask() {
     if (!state.open || !state.connected || !settings()) return;
-    turns.input.max = String(Math.round(1.2 * free()));
+    turns.input.max = String(Math.min(MOST_CPS, Math.round(1.2 * free())));
     turns.show(cps(), 0);
     volts.show(chosen.volts, USUAL_VOLTS);
     say(unit, `Speed, ${speedUnit(settings())}`);

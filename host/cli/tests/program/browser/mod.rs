@@ -9,6 +9,7 @@ use std::io::{ErrorKind, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tungstenite::{Error, Message, WebSocket, client};
 
@@ -31,25 +32,32 @@ pub(crate) fn find() -> Option<PathBuf> {
     found
 }
 
-/// A browser with an empty profile of its own.
-pub(crate) struct Browser {
-    process: Child,
-    folder: PathBuf,
-    socket: WebSocket<TcpStream>,
-    number: u64,
-    /// Events that have arrived.
-    events: Vec<Value>,
+/// Ends the browser and removes its profile when standard input is closed. The shell outlives Ctrl-C for this purpose.
+const KEEPER: &str = r#"trap '' INT; "$@" & read -r end; kill -KILL $!; wait; rm -rf "$PROFILE""#;
+
+/// A running Chromium with an empty profile. It ends with this value, or with the process of the tests.
+struct Process {
+    /// The shell that runs [`KEEPER`].
+    keeper: Child,
+    /// Address of the browser's DevTools on this machine.
+    port: u16,
+    /// Path of the browser's DevTools socket.
+    path: String,
 }
 
-impl Browser {
-    pub(crate) fn start(program: &Path, name: &str) -> Self {
+impl Process {
+    fn start(program: &Path, name: &str) -> Self {
         let folder = folder(&format!("browser-{name}-{}", std::process::id()));
-        let process = Command::new(program)
+        let keeper = Command::new("sh")
+            .args(["-c", KEEPER, "sh"])
+            .arg(program)
             .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
             .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
             .args(["--hide-scrollbars", "--force-color-profile=srgb", "--remote-debugging-port=0"])
             .arg(format!("--user-data-dir={}", folder.display()))
             .arg("about:blank")
+            .env("PROFILE", &folder)
+            .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .stderr(Stdio::null())
             .spawn()
@@ -61,12 +69,69 @@ impl Browser {
             let (port, path) = text.split_once('\n')?;
             Some((port.parse::<u16>().ok()?, path.trim().to_owned()))
         });
-        let stream = TcpStream::connect(("127.0.0.1", port)).expect("the browser listens");
+        Self { keeper, port, path }
+    }
+
+    /// A connection to the browser's DevTools; `None` if the browser has ended.
+    fn connect(&self) -> Option<WebSocket<TcpStream>> {
+        let stream = TcpStream::connect(("127.0.0.1", self.port)).ok()?;
         stream.set_nodelay(true).expect("at once");
-        let address = format!("ws://127.0.0.1:{port}{path}");
-        let (socket, _) = client(&address, stream).expect("a WebSocket");
+        let (socket, _) = client(format!("ws://127.0.0.1:{}{}", self.port, self.path), stream).ok()?;
         socket.get_ref().set_read_timeout(Some(Duration::from_millis(20))).expect("a timeout");
-        Self { process, folder, socket, number: 0, events: Vec::new() }
+        Some(socket)
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        drop(self.keeper.stdin.take());
+        let _ = self.keeper.wait();
+    }
+}
+
+/// Windows of one test: in the browser that all tests share, or in a browser of their own.
+pub(crate) struct Browser {
+    socket: WebSocket<TcpStream>,
+    /// The context of this test. It has no cookies, no storage and no windows of other tests.
+    context: Value,
+    number: u64,
+    /// Events that have arrived.
+    events: Vec<Value>,
+    /// Browser of this test alone; `None` in the shared browser.
+    own: Option<Process>,
+}
+
+impl Browser {
+    /// A context of its own in the browser that all tests share.
+    pub(crate) fn shared(program: &Path) -> Self {
+        /// The operating system closes the keeper's standard input when the process of the tests ends.
+        static SHARED: Mutex<Option<Process>> = Mutex::new(None);
+        let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
+        let socket = shared.as_ref().and_then(Process::connect).unwrap_or_else(|| {
+            let process = shared.insert(Process::start(program, "shared"));
+            process.connect().expect("the browser listens")
+        });
+        Self::new(socket, None)
+    }
+
+    /// A browser of its own, for a test that stops the whole browser.
+    pub(crate) fn own(program: &Path, name: &str) -> Self {
+        let process = Process::start(program, name);
+        let socket = process.connect().expect("the browser listens");
+        Self::new(socket, Some(process))
+    }
+
+    fn new(socket: WebSocket<TcpStream>, own: Option<Process>) -> Self {
+        let mut browser = Self { socket, context: Value::Null, number: 0, events: Vec::new(), own };
+        let made = browser.call(None, "Target.createBrowserContext", json!({ "disposeOnDetach": true }));
+        browser.context = made["browserContextId"].clone();
+        browser
+    }
+
+    /// A new window of this context without content, by its number.
+    fn window(&mut self) -> Value {
+        let window = json!({ "url": "about:blank", "browserContextId": self.context });
+        self.call(None, "Target.createTarget", window)["targetId"].clone()
     }
 
     /// Sends a command, and returns its result.
@@ -109,8 +174,7 @@ impl Browser {
 
     /// A tab of this size, at an address.
     pub(crate) fn open(&mut self, url: &str, width: u32, height: u32) -> Tab<'_> {
-        let target =
-            self.call(None, "Target.createTarget", json!({ "url": "about:blank" }))["targetId"].clone();
+        let target = self.window();
         let attached =
             self.call(None, "Target.attachToTarget", json!({ "targetId": target, "flatten": true }));
         let session = attached["sessionId"].as_str().expect("a session").to_owned();
@@ -125,10 +189,28 @@ impl Browser {
 }
 
 impl Drop for Browser {
+    /// Closes the windows of this test before the next test begins.
     fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-        let _ = std::fs::remove_dir_all(&self.folder);
+        if self.own.is_some() {
+            return;
+        }
+        self.number += 1;
+        let command = json!({
+            "id": self.number, "method": "Target.disposeBrowserContext",
+            "params": { "browserContextId": self.context },
+        });
+        let end = Instant::now() + Duration::from_secs(5);
+        let mut answered = self.socket.send(Message::text(command.to_string())).is_err();
+        while !answered && Instant::now() < end {
+            answered = match self.socket.read() {
+                Ok(Message::Text(text)) => {
+                    serde_json::from_str(&text).is_ok_and(|message: Value| message["id"] == self.number)
+                }
+                Ok(_) => false,
+                Err(Error::Io(error)) => !matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut),
+                Err(_) => true,
+            };
+        }
     }
 }
 
@@ -233,7 +315,7 @@ impl Tab<'_> {
 
     /// Shows another tab of the same window.
     pub(crate) fn hide(&mut self) {
-        self.browser.call(None, "Target.createTarget", json!({ "url": "about:blank" }));
+        self.browser.window();
         self.wait("document.hidden");
     }
 

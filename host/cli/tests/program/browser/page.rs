@@ -17,32 +17,35 @@ pub(crate) const PANELS: [&str; 9] =
     ["tune", "learn", "setup", "group", "record", "regimes", "devices", "hub", "world"];
 
 /// Runs a test with a page of a simulated hub, in desktop size. The browser's console must have no errors at the end.
-pub(crate) fn with_page(name: &str, test: impl FnOnce(&mut Tab<'_>)) {
-    with_page_of(name, &[], |_, tab| {
+pub(crate) fn with_page(test: impl FnOnce(&mut Tab<'_>)) {
+    with_page_of(&[], |_, tab| {
         test(tab);
         assert_eq!(tab.complaints(), Vec::<String>::new());
     });
 }
 
 /// Runs a test with a page of a dashboard that is started with these arguments, in desktop size.
-pub(crate) fn with_page_of(name: &str, arguments: &[&str], test: impl FnOnce(&mut Dashboard, &mut Tab<'_>)) {
+pub(crate) fn with_page_of(arguments: &[&str], test: impl FnOnce(&mut Dashboard, &mut Tab<'_>)) {
     let Some(program) = find() else { return };
     let _alone = alone();
     let mut dashboard = Dashboard::start(arguments);
-    let mut browser = Browser::start(&program, name);
+    let mut browser = Browser::shared(&program);
     let mut tab = browser.open(&dashboard.url, 1280, 1000);
     live(&mut tab);
     test(&mut dashboard, &mut tab);
 }
 
-/// Runs a test with two pages of one hub. The first page drives motor 0 at 900 counts/s.
-pub(crate) fn with_driver_and_viewer(name: &str, test: impl FnOnce(Tab<'_>, Tab<'_>)) {
+/// Runs a test with two pages of one hub. The first page is in the browser that `start` returns, and drives motor 0 at
+/// 900 counts/s.
+pub(crate) fn with_driver_and_viewer(
+    start: impl FnOnce(&Path) -> Browser,
+    test: impl FnOnce(Tab<'_>, Tab<'_>),
+) {
     let Some(program) = find() else { return };
     let _alone = alone();
     let dashboard = Dashboard::start(&[]);
-    // Each page has its own browser, because a hanging browser would block both pages.
-    let mut first = Browser::start(&program, &format!("{name}-driver"));
-    let mut second = Browser::start(&program, &format!("{name}-viewer"));
+    let mut first = start(&program);
+    let mut second = Browser::shared(&program);
     let mut driver = first.open(&dashboard.url, 1280, 1000);
     live(&mut driver);
     let mut viewer = second.open(&dashboard.url, 1280, 1000);
@@ -53,7 +56,18 @@ pub(crate) fn with_driver_and_viewer(name: &str, test: impl FnOnce(Tab<'_>, Tab<
 
 /// Ends the page that drives a motor, and checks in a second page that the motors are disabled.
 pub(crate) fn with_two_pages(name: &str, end: impl FnOnce(Tab<'_>), says: &str, most: Duration) {
-    with_driver_and_viewer(name, |driver, mut viewer| {
+    with_two_pages_in(Browser::shared, name, end, says, most);
+}
+
+/// As [`with_two_pages`], with the page that drives in the browser that `start` returns.
+pub(crate) fn with_two_pages_in(
+    start: impl FnOnce(&Path) -> Browser,
+    name: &str,
+    end: impl FnOnce(Tab<'_>),
+    says: &str,
+    most: Duration,
+) {
+    with_driver_and_viewer(start, |driver, mut viewer| {
         assert_eq!(
             viewer.ask("document.querySelector('#control').textContent"),
             "Another page is in control"
@@ -132,23 +146,31 @@ pub(crate) fn take_control(tab: &mut Tab<'_>) {
     }
 }
 
-/// Takes a motor to a speed, by the page's own fields. The motor is started again if the page has lost control meanwhile.
+/// Takes a motor to a speed, by the page's own fields.
 pub(crate) fn drive(tab: &mut Tab<'_>, index: usize, cps: i32) {
     let is_reached = format!("Math.abs({} - {cps}) < {}", motor(index, "velocity"), cps.abs() / 20);
+    drive_until(tab, index, &cps.to_string(), &is_reached);
+}
+
+/// Enters a set-point in the card of a motor, enables the motor, and waits until an expression is true. The motor is
+/// started again if the page has lost control meanwhile. A motor that still runs is not clicked: the click would stop it.
+pub(crate) fn drive_until(tab: &mut Tab<'_>, index: usize, set_point: &str, is_reached: &str) {
     let end = Instant::now() + PATIENCE;
     while Instant::now() < end {
         take_control(tab);
-        tab.fill(&card(index, "input[type=number]"), &cps.to_string());
-        tab.click(&card(index, ".run"));
+        tab.fill(&card(index, "input[type=number]"), set_point);
+        if tab.ask(&motor(index, "enabled")) == false {
+            tab.click(&card(index, ".run"));
+        }
         let attempt = Instant::now();
         while attempt.elapsed() < Duration::from_secs(4) {
-            if tab.ask(&is_reached) == true {
+            if tab.ask(is_reached) == true {
                 return;
             }
             std::thread::sleep(Duration::from_millis(5));
         }
     }
-    panic!("motor {index} never reached {cps} counts/s; {:#?}", tab.complaints());
+    panic!("motor {index} was never at {set_point}: {is_reached}; {:#?}", tab.complaints());
 }
 
 /// Opens a part of the panel in use.
