@@ -121,9 +121,7 @@ impl<L: Read + Write> Session<L> {
     /// Stores, loads or resets the hub's settings, and waits until the hub has finished, for 10 s at most. The report
     /// contains the result.
     pub fn store(&mut self, what: HubFunction) -> Result<StoreReport, Error> {
-        // The hub takes from its last control tick whether motors are disabled.
-        self.catch_up()?;
-        self.order(what)?;
+        self.begin_store(what)?;
         let end = Instant::now() + STORING;
         loop {
             let report = self.stored()?;
@@ -131,6 +129,22 @@ impl<L: Read + Write> Session<L> {
                 return Ok(report);
             }
             std::thread::sleep(POLL);
+        }
+    }
+
+    /// Starts to store, load or reset the hub's settings. [`stored`](Self::stored) reports the end and the result.
+    ///
+    /// # Errors
+    /// The errors of [`Session::ask`].
+    pub fn begin_store(&mut self, what: HubFunction) -> Result<(), Error> {
+        // The hub takes from its last control tick whether motors are disabled.
+        self.catch_up()?;
+        let was_idle = self.stored_if_reported()?.is_some_and(|report| !report.at_work);
+        match self.order(what) {
+            // The hub was idle before, so it is busy with this request. The acknowledgement of the first transmission
+            // was lost, and the hub has refused a retransmission.
+            Err(Error::Refused { reason: Nack::STORE_BUSY, .. }) if was_idle => Ok(()),
+            done => done,
         }
     }
 

@@ -354,7 +354,7 @@ impl Relay {
     /// Begins to save, load or reset the stored settings.
     fn store(&mut self, what: HubFunction) -> Result<Changed, RequestError> {
         let Some(session) = &mut self.session else { return Ok(Changed::Nothing) };
-        session.order(what.clone())?;
+        session.begin_store(what.clone())?;
         self.saving = Some((Instant::now(), what));
         Ok(Changed::Nothing)
     }
