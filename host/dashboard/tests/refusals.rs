@@ -186,3 +186,34 @@ fn a_save_whose_report_is_refused_ends_with_a_notice() {
     let refused = page.until("a refusal", |message| message["kind"] == "refused");
     assert_eq!(refused["why"], "there is no hub 9 on this line");
 }
+
+/// Another maker's hub with two motors: without the extension, and without the motors 2 and 3.
+fn two_motors(packet: &Packet) -> Option<Reply> {
+    let is_extension = packet.id == 0x7F07 && packet.payload.starts_with(INTERFACE);
+    let of_motor = matches!(Request::read(packet, CHANNELS), Ok(Request::ToMotor(2.., _)));
+    match (is_extension, of_motor) {
+        (true, _) => Some(Reply::Nack(Nack::UNKNOWN)),
+        (_, true) => Some(Reply::Nack(Nack::parameter(0))),
+        _ => None,
+    }
+}
+
+#[test]
+fn hubs_with_two_motors_are_shown_and_asked_for_both() {
+    let mut page = Page::new(Line::new(&[2, 3], two_motors));
+    assert_eq!(page.frame()["motors"].as_array().map(Vec::len), Some(2));
+    page.order(&json!({ "hub": { "address": 3 } }));
+    page.until("hub 3", |message| message["hubs"][1]["shown"] == true);
+    page.order(&json!({ "drive": { "motor": 1, "mode": "power", "value": 0.2 } }));
+    page.order(&json!({ "enable": { "motor": 1, "on": true } }));
+    page.until("an enabled motor", |message| message["motors"][1]["enabled"] == true);
+    page.order(&json!({ "hub": { "address": 2 } }));
+    let hubs = page.until("hub 2", |message| message["hubs"][0]["shown"] == true);
+    assert_eq!(hubs["hubs"][1]["running"], json!([1]));
+    // The other hub is asked in every fifth frame.
+    for _ in 0..20 {
+        page.frame();
+    }
+    page.order(&json!({ "enable": { "motor": 0, "on": false } }));
+    page.frame();
+}
