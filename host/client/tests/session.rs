@@ -14,6 +14,7 @@ use motor_hub::protocol::{Address, Colour, Nack, frame};
 use motor_hub::store::{Found, Outcome};
 use motor_hub::supply::BusState;
 use motor_hub::units::{Coefficient, Control, Milliamperes, Millivolts};
+use motor_hub_client::reasons::why_unsaved;
 use motor_hub_client::session;
 use motor_hub_client::{Error, Session};
 use std::cell::Cell;
@@ -204,6 +205,8 @@ fn a_save_while_another_one_runs_is_refused() {
     session.order(HubFunction::Save).unwrap();
     let refused = session.begin_store(HubFunction::Save);
     assert!(matches!(refused, Err(Error::Refused { reason: Nack::STORE_BUSY, .. })), "{refused:?}");
+    let report = session.stored().unwrap();
+    assert_eq!(why_unsaved(&report), Some("the hub has not finished: ask again for its stored settings"));
 }
 
 #[test]
