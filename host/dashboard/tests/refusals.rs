@@ -217,3 +217,30 @@ fn hubs_with_two_motors_are_shown_and_asked_for_both() {
     page.order(&json!({ "enable": { "motor": 0, "on": false } }));
     page.frame();
 }
+
+/// Refuses coefficients and the group of the acceleration limit.
+fn without_changes(packet: &Packet) -> Option<Reply> {
+    let bits = Coefficient::ZERO;
+    let coefficients = Coefficients { p: bits, i: bits, d: bits, f: bits, terms: Terms::Pidf };
+    let coefficients = ToMotor::SetPidf { of: Loop::Velocity, coefficients }.id();
+    [coefficients, Group::Motion.set_id()].contains(&packet.id).then_some(Reply::Nack(Nack::UNSUPPORTED))
+}
+
+#[test]
+fn a_refused_order_adds_no_undo_and_a_refused_undo_is_kept() {
+    let mut page = Page::new(Line::new(&[2], without_changes));
+    let undoable = |page: &mut Page, number: u64| {
+        let of = page.until("settings", |message| message["kind"] == "settings" && message["motor"] == 0);
+        assert_eq!(of["undoable"], number, "{of}");
+    };
+    page.frame();
+    page.order(&json!({ "coefficients": { "motor": 0, "of": "velocity", "pidf": [1.0, 0.0, 0.0, 0.0] } }));
+    undoable(&mut page, 0);
+    page.order(&json!({ "acceleration": { "motor": 0, "limit": 1000 } }));
+    undoable(&mut page, 0);
+    page.order(&json!({ "configure": { "motor": 0, "values": { "current_limit_ma": 2000 } } }));
+    undoable(&mut page, 1);
+    // An undo also sends the group of the acceleration limit, which the hub refuses.
+    page.order(&json!({ "undo": { "motor": 0 } }));
+    undoable(&mut page, 1);
+}
