@@ -296,7 +296,7 @@ impl Relay {
         if offset == 0 {
             self.firmware.clear();
         }
-        let bytes = bytes_of(hex).ok_or("the part has other signs than hexadecimal digits")?;
+        let bytes = bytes_of(hex).ok_or("the part has other signs than pairs of hexadecimal digits")?;
         if offset != self.firmware.len() || offset + bytes.len() > LARGEST_IMAGE {
             return Err(format!(
                 "a part of the firmware begins at {offset}; expected is {}, and at most {LARGEST_IMAGE} bytes",

@@ -187,6 +187,17 @@ fn a_save_whose_report_is_refused_ends_with_a_notice() {
     assert_eq!(refused["why"], "there is no hub 9 on this line");
 }
 
+#[test]
+fn firmware_with_half_a_byte_is_refused() {
+    let mut page = Page::new(Line::new(&[2], |_| None));
+    page.frame();
+    for hex in ["abc", "+f", "xy"] {
+        page.order(&json!({ "firmware": { "offset": 0, "hex": hex } }));
+        let refused = page.until("a refusal", |message| message["kind"] == "refused");
+        assert_eq!(refused["why"], "the part has other signs than pairs of hexadecimal digits");
+    }
+}
+
 /// Another maker's hub with two motors: without the extension, and without the motors 2 and 3.
 fn two_motors(packet: &Packet) -> Option<Reply> {
     let is_extension = packet.id == 0x7F07 && packet.payload.starts_with(INTERFACE);
