@@ -199,15 +199,24 @@ impl<L: Read + Write> Session<L> {
         self.address = address.get();
         self.forget(address);
         match done {
-            // The answer may be lost, or may come from the new address. If the hub answers at the new address, the
-            // change has succeeded.
-            Err(Error::Silent { .. }) if self.status(false).is_ok() => Ok(()),
+            // The answer may be lost, or may come from the new address. If the hub answers at the new address and no
+            // longer at the former one, the change has succeeded. If a hub answers at both, another hub has the new
+            // address.
+            Err(Error::Silent { .. }) if self.status(false).is_ok() && !self.answers_at(before) => Ok(()),
             Err(error) => {
                 self.address = before;
                 Err(error)
             }
             Ok(()) => Ok(()),
         }
+    }
+
+    /// True if a hub answers at `former`, the address before [`set_address`](Self::set_address).
+    fn answers_at(&mut self, former: u8) -> bool {
+        let present = std::mem::replace(&mut self.address, former);
+        let answers = present != former && self.status(false).is_ok();
+        self.address = present;
+        answers
     }
 
     /// The colour last set for the status LED.

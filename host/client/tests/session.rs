@@ -10,7 +10,7 @@ use motor_hub::protocol::answers::Bulk;
 use motor_hub::protocol::motor::{Coefficients, Loop, RunMode, Target, Terms, ToMotor};
 use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::protocol::requests::{InterfaceName, MOTOR_INTERFACE, Standard};
-use motor_hub::protocol::{Address, Colour, Nack, frame};
+use motor_hub::protocol::{Address, Colour, Nack, Packet, frame};
 use motor_hub::store::{Found, Outcome};
 use motor_hub::supply::BusState;
 use motor_hub::units::{Coefficient, Control, Milliamperes, Millivolts};
@@ -185,6 +185,21 @@ fn a_new_address_holds_even_if_its_answer_is_lost() {
     session.set_address(Address::new(77).unwrap()).unwrap();
     assert_eq!(session.address(), 77);
     assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
+}
+
+#[test]
+fn a_new_address_that_another_hub_has_is_no_success() {
+    // The hub does not receive the request for the new address. Another hub answers at the new address.
+    let change = |packet: &mut Packet| match (packet.id, packet.destination) {
+        (0x7F06, _) => packet.destination = 99,
+        (_, 77) => packet.destination = ADDRESS,
+        _ => (),
+    };
+    let before = |reply: &[u8]| with(reply, &[(5, 77)]);
+    let mut session = impatient(Memory::new(Hub { change, before, ..Hub::new() }));
+    let failed = session.set_address(Address::new(77).unwrap());
+    assert!(matches!(failed, Err(Error::Silent { address: ADDRESS })), "{failed:?}");
+    assert_eq!(session.address(), ADDRESS);
 }
 
 #[test]
