@@ -225,8 +225,6 @@ fn hubs_with_two_motors_are_shown_and_asked_for_both() {
     for _ in 0..20 {
         page.frame();
     }
-    page.order(&json!({ "enable": { "motor": 0, "on": false } }));
-    page.frame();
 }
 
 /// Refuses coefficients and the group of the acceleration limit.
