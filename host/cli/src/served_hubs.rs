@@ -29,12 +29,19 @@ mod unix {
     use std::io::{self, ErrorKind};
     use std::os::unix::fs::{DirBuilderExt, FileExt, MetadataExt};
     use std::path::{Path, PathBuf};
+    use std::time::Duration;
 
     /// Word of a note whose hub has no host. It has as many bytes as [`TAKEN`], so one write of these bytes changes the
     /// note.
     const FREE: &str = "free ";
     /// Word of a note whose hub has a host.
     const TAKEN: &str = "taken";
+
+    /// Extension of a note that is not complete.
+    const UNLOCKED: &str = "new";
+    /// Age from which a note that is not complete counts as a leftover. A program completes its note within
+    /// milliseconds.
+    const INCOMPLETE: Duration = Duration::from_secs(60);
 
     /// A note of this program, removed when dropped.
     pub(crate) struct Note {
@@ -56,7 +63,7 @@ mod unix {
             }
             let path = folder.join(std::process::id().to_string());
             // The file has another name until it is locked, so that no scan removes it as a leftover.
-            let unlocked = path.with_extension("new");
+            let unlocked = path.with_extension(UNLOCKED);
             let file = File::create(&unlocked)?;
             file.try_lock()?;
             file.write_all_at(format!("{FREE} {place}\n").as_bytes(), 0)?;
@@ -116,10 +123,18 @@ mod unix {
             let path = note?.path();
             if path.extension().is_none() {
                 served.extend(read(&path)?);
+            } else if path.extension().is_some_and(|extension| extension == UNLOCKED) && is_old(&path) {
+                let _ = fs::remove_file(&path);
             }
         }
         served.sort_by(|a, b| a.place.cmp(&b.place));
         Ok(served)
+    }
+
+    /// True if a file is older than [`INCOMPLETE`].
+    fn is_old(path: &Path) -> bool {
+        let age = fs::metadata(path).and_then(|data| data.modified()).map(|written| written.elapsed());
+        matches!(age, Ok(Ok(age)) if age > INCOMPLETE)
     }
 
     /// Reads a note; `None` if it is a leftover.
@@ -152,6 +167,7 @@ mod tests {
     use super::*;
     use std::fs;
     use std::os::unix::fs::PermissionsExt;
+    use std::time::{Duration, SystemTime};
 
     fn folder(test: &str) -> std::path::PathBuf {
         let folder = std::env::temp_dir().join(format!("motor-hub-test-{test}-{}", std::process::id()));
@@ -176,6 +192,19 @@ mod tests {
         fs::write(folder.join("1"), "free  /dev/pts/8\n").unwrap();
         assert_eq!(all_in(&folder).unwrap(), []);
         assert_eq!(fs::read_dir(&folder).unwrap().count(), 0, "it is forgotten");
+        fs::remove_dir(&folder).unwrap();
+    }
+
+    #[test]
+    fn an_incomplete_note_is_removed_once_it_is_a_minute_old() {
+        let folder = folder("incomplete");
+        drop(Note::leave_in(&folder, "here").unwrap());
+        let incomplete = fs::File::create(folder.join("1.new")).unwrap();
+        assert_eq!(all_in(&folder).unwrap(), []);
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 1, "its program may still complete it");
+        incomplete.set_modified(SystemTime::now() - Duration::from_secs(61)).unwrap();
+        assert_eq!(all_in(&folder).unwrap(), []);
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
         fs::remove_dir(&folder).unwrap();
     }
 

@@ -121,9 +121,7 @@ impl<L: Read + Write> Session<L> {
     /// Stores, loads or resets the hub's settings, and waits until the hub has finished, for 10 s at most. The report
     /// contains the result.
     pub fn store(&mut self, what: HubFunction) -> Result<StoreReport, Error> {
-        // The hub takes from its last control tick whether motors are disabled.
-        self.catch_up()?;
-        self.order(what)?;
+        self.begin_store(what)?;
         let end = Instant::now() + STORING;
         loop {
             let report = self.stored()?;
@@ -131,6 +129,22 @@ impl<L: Read + Write> Session<L> {
                 return Ok(report);
             }
             std::thread::sleep(POLL);
+        }
+    }
+
+    /// Starts to store, load or reset the hub's settings. [`stored`](Self::stored) reports the end and the result.
+    ///
+    /// # Errors
+    /// The errors of [`Session::ask`].
+    pub fn begin_store(&mut self, what: HubFunction) -> Result<(), Error> {
+        // The hub takes from its last control tick whether motors are disabled.
+        self.catch_up()?;
+        let was_idle = self.stored_if_reported()?.is_some_and(|report| !report.at_work);
+        match self.order(what) {
+            // The hub was idle before, so it is busy with this request. The acknowledgement of the first transmission
+            // was lost, and the hub has refused a retransmission.
+            Err(Error::Refused { reason: Nack::STORE_BUSY, .. }) if was_idle => Ok(()),
+            done => done,
         }
     }
 
@@ -185,15 +199,24 @@ impl<L: Read + Write> Session<L> {
         self.address = address.get();
         self.forget(address);
         match done {
-            // The answer may be lost, or may come from the new address. If the hub answers at the new address, the
-            // change has succeeded.
-            Err(Error::Silent { .. }) if self.status(false).is_ok() => Ok(()),
+            // The answer may be lost, or may come from the new address. If the hub answers at the new address and no
+            // longer at the former one, the change has succeeded. If a hub answers at both, another hub has the new
+            // address.
+            Err(Error::Silent { .. }) if self.status(false).is_ok() && !self.answers_at(before) => Ok(()),
             Err(error) => {
                 self.address = before;
                 Err(error)
             }
             Ok(()) => Ok(()),
         }
+    }
+
+    /// True if a hub answers at `former`, the address before [`set_address`](Self::set_address).
+    fn answers_at(&mut self, former: u8) -> bool {
+        let present = std::mem::replace(&mut self.address, former);
+        let answers = present != former && self.status(false).is_ok();
+        self.address = present;
+        answers
     }
 
     /// The colour last set for the status LED.

@@ -33,10 +33,12 @@ use motor_hub::update::{self, Booted, Phase};
 /// Highest speed at which a motor counts as standing, in counts per second.
 pub const STANDS_CPS: u16 = 3;
 
-/// Why the last save, load or reset failed; `None` if it succeeded.
+/// Why the last save, load or reset failed, or that it has not ended; `None` if it succeeded.
 #[must_use]
 pub const fn why_unsaved(report: &StoreReport) -> Option<&'static str> {
     match report.outcome {
+        // The outcome is the one of an earlier access.
+        _ if report.at_work => Some("the hub has not finished: ask again for its stored settings"),
         Outcome::Done | Outcome::None => None,
         Outcome::NeedsErase => {
             Some("the hub must erase flash first, and a motor is enabled: disable all motors and try again")

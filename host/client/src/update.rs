@@ -248,7 +248,12 @@ impl Updating {
             return Err(UpdateError::Failed(why.to_owned()));
         }
         session.catch_up()?;
-        session.order(HubFunction::Restart)?;
+        match session.order(HubFunction::Restart) {
+            // The acknowledgement may be lost. A hub that restarts does not answer the retransmissions. A hub that has
+            // restarted refuses them. The next steps find out which firmware runs.
+            Err(Error::Silent { .. } | Error::Refused { reason: Nack::UPDATE_NOT_ARMED, .. }) => (),
+            done => done?,
+        }
         self.stage = Stage::Restarting { answered: None };
         Ok(Some(Progress::Restarting))
     }

@@ -4,18 +4,20 @@
 mod hub_support;
 
 use hub_support::{ADDRESS, Hub, Memory};
-use motor_hub::extension::Request;
 use motor_hub::extension::report::MotorReport;
+use motor_hub::extension::{HubFunction, Request};
 use motor_hub::motor::{Faults, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::protocol::motor::{Coefficients, Loop, RunMode, Target, Terms, ToMotor};
 use motor_hub::protocol::payload::{Field, Fields, Payload};
 use motor_hub::protocol::requests::{InterfaceName, MOTOR_INTERFACE, Standard};
-use motor_hub::protocol::{Address, Colour, Nack, frame};
+use motor_hub::protocol::{Address, Colour, Nack, Packet, frame};
 use motor_hub::record::Fault;
+use motor_hub::store::{Found, Outcome};
 use motor_hub::supply::BusState;
 use motor_hub::units::{Coefficient, Control, Milliamperes, Millivolts};
-use motor_hub_client::session::Found;
+use motor_hub_client::reasons::why_unsaved;
+use motor_hub_client::session;
 use motor_hub_client::{Error, Session};
 use std::cell::Cell;
 use std::io::{Read, Write};
@@ -76,8 +78,8 @@ fn requests_are_the_bytes_of_the_protocol() {
     }
 }
 
-const fn found(address: u8, parent: bool) -> Found {
-    Found { address, parent, clashing: false }
+const fn found(address: u8, parent: bool) -> session::Found {
+    session::Found { address, parent, clashing: false }
 }
 
 #[test]
@@ -185,6 +187,43 @@ fn a_new_address_holds_even_if_its_answer_is_lost() {
     session.set_address(Address::new(77).unwrap()).unwrap();
     assert_eq!(session.address(), 77);
     assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
+}
+
+#[test]
+fn a_new_address_that_another_hub_has_is_no_success() {
+    // The hub does not receive the request for the new address. Another hub answers at the new address.
+    let change = |packet: &mut Packet| match (packet.id, packet.destination) {
+        (0x7F06, _) => packet.destination = 99,
+        (_, 77) => packet.destination = ADDRESS,
+        _ => (),
+    };
+    let before = |reply: &[u8]| with(reply, &[(5, 77)]);
+    let mut session = impatient(Memory::new(Hub { change, before, ..Hub::new() }));
+    let failed = session.set_address(Address::new(77).unwrap());
+    assert!(matches!(failed, Err(Error::Silent { address: ADDRESS })), "{failed:?}");
+    assert_eq!(session.address(), ADDRESS);
+}
+
+#[test]
+fn a_save_whose_acknowledgement_is_lost_is_accepted() {
+    for what in [HubFunction::Save, HubFunction::Reset] {
+        let mut hub = Hub { lost_reply_to: Some((what.id(), 0)), ..Hub::new() };
+        hub.responder.restore(Found::default());
+        let report = impatient(Memory::new(hub)).store(what).unwrap();
+        assert_eq!((report.outcome, report.number, report.at_work), (Outcome::Done, 1, false));
+    }
+}
+
+#[test]
+fn a_save_while_another_one_runs_is_refused() {
+    let mut hub = Hub::new();
+    hub.responder.restore(Found::default());
+    let mut session = session(Memory::new(Hub { ends_accesses: false, ..hub }));
+    session.order(HubFunction::Save).unwrap();
+    let refused = session.begin_store(HubFunction::Save);
+    assert!(matches!(refused, Err(Error::Refused { reason: Nack::STORE_BUSY, .. })), "{refused:?}");
+    let report = session.stored().unwrap();
+    assert_eq!(why_unsaved(&report), Some("the hub has not finished: ask again for its stored settings"));
 }
 
 #[test]

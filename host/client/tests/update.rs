@@ -31,9 +31,12 @@ fn flash(responder: &mut Responder<4>, request: UpdateRequest) {
     }
 }
 
+fn hub() -> Hub {
+    Hub { responder: started(), flash, ..Hub::new() }
+}
+
 fn session() -> Session<Memory> {
-    let hub = Hub { responder: started(), flash, ..Hub::new() };
-    Session::new(Memory::new(hub), Address::new(ADDRESS).unwrap(), Duration::from_secs(3))
+    Session::new(Memory::new(hub()), Address::new(ADDRESS).unwrap(), Duration::from_secs(3))
 }
 
 /// 500 bytes for the slot.
@@ -64,6 +67,20 @@ fn an_update_makes_the_hub_forget_an_earlier_image_and_ends_with_confirmed_firmw
         news,
         [announced, sent, Progress::Checking, Progress::Restarting, Progress::Confirmed(version)]
     );
+}
+
+#[test]
+fn an_update_goes_on_if_the_acknowledgement_of_the_restart_is_lost() {
+    // After the restart the hub refuses a retransmission, or does not answer.
+    for lost_after in [0, 3] {
+        let hub = Hub { lost_reply_to: Some((HubFunction::Restart.id(), lost_after)), ..hub() };
+        let timeout = Duration::from_millis(150);
+        let mut session = Session::new(Memory::new(hub), Address::new(ADDRESS).unwrap(), timeout);
+        let version = session.version().unwrap();
+        let mut updating = Updating::begin(&mut session, image(&version), None).unwrap();
+        let end = (0..20).filter_map(|_| updating.step(&mut session).unwrap()).nth(3);
+        assert_eq!(end, Some(Progress::Confirmed(version)));
+    }
 }
 
 #[test]

@@ -8,6 +8,7 @@
 use crate::hub::Hub;
 use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub_client::Error;
+use motor_hub_client::error::if_known;
 use serde::Serialize;
 
 /// Largest number of hubs that are shown.
@@ -169,7 +170,9 @@ fn ask(session: &mut Hub) -> Result<(Vec<u8>, bool), Error> {
     // A hub of another maker has no report, so each motor is asked for.
     let mut running = Vec::new();
     for motor in 0..CHANNELS as u8 {
-        if session.enabled(motor)? {
+        // A hub with fewer motors refuses the request.
+        let Some(enabled) = if_known(session.enabled(motor))? else { break };
+        if enabled {
             running.push(motor);
         }
     }

@@ -47,8 +47,8 @@ pub(crate) struct MotorMemory {
 }
 
 impl MotorMemory {
+    /// Keeps the settings before a change, for undo.
     fn keep(&mut self, kept: KeptSettings) {
-        self.known = kept.settings.motor.dynamics.or(self.known);
         self.undo.push(kept);
         if self.undo.len() > UNDOABLE {
             self.undo.remove(0);
@@ -111,63 +111,70 @@ impl Executor {
         Ok(Changed::Nothing)
     }
 
-    /// Executes an order that changes settings of a motor.
+    /// Executes an order that changes settings of a motor, and keeps the settings before the change for undo.
     fn change(&mut self, session: &mut Hub, order: &Order) -> Result<Changed, RequestError> {
         let motor = channel(order.changed_motor().ok_or("this order is not for a motor")?)?;
+        if let Order::Undo { .. } = order {
+            let before = self.of(motor)?.undo.last().cloned().ok_or("there is nothing to undo")?;
+            session.restore_settings(motor, &before)?;
+            self.of(motor)?.undo.pop();
+            return Ok(Changed::Settings(motor));
+        }
+        let before = session.keep_settings(motor)?;
+        let of = self.of(motor)?;
+        of.known = before.settings.motor.dynamics.or(of.known);
+        let done = self.change_settings(session, motor, order);
+        let changed = match done {
+            Ok(()) => true,
+            // The hub may have accepted the first requests of a refused order.
+            Err(RequestError::Refused(_)) => session.settings(motor)? != before.settings,
+            Err(RequestError::Hub(_)) => false,
+        };
+        if changed {
+            self.of(motor)?.keep(before);
+        }
+        done.map(|()| Changed::Settings(motor))
+    }
+
+    fn change_settings(&mut self, session: &mut Hub, motor: u8, order: &Order) -> Result<(), RequestError> {
         match *order {
             Order::Coefficients { of, pidf, .. } => {
                 let pidf = coefficients(pidf)?;
-                self.keep(session, motor)?;
                 session.set_coefficients(motor, of, pidf)?;
             }
             Order::Regulator { kind, .. } => self.regulate(session, motor, kind)?,
             Order::SetUp { ref name, scheme, duty, .. } => {
                 let settings = set_up(session.settings(motor)?, name.as_deref(), scheme, duty)?;
-                self.keep(session, motor)?;
                 self.set_up(session, motor, &settings, name.is_some())?;
             }
             Order::Acceleration { limit, .. } => {
                 let acceleration = limit.map(acceleration_limit).transpose()?;
-                self.keep(session, motor)?;
                 let mut settings = session.settings(motor)?;
                 settings.motor.acceleration = acceleration;
                 session.set(motor, Group::Motion, &settings)?;
             }
             Order::Configure { ref values, .. } => {
                 let requests = configured(motor, &session.settings(motor)?, values)?;
-                self.keep(session, motor)?;
                 for request in requests {
                     session.order(request)?;
                 }
             }
-            Order::Apply { .. } => {
+            // Only this order remains of the orders that change settings.
+            _ => {
                 let proposed = self.of(motor)?.proposed;
                 let (dynamics, acceleration) =
                     proposed.ok_or("this motor was not identified yet: run Identify first")?;
-                self.keep(session, motor)?;
                 let mut settings = session.settings(motor)?;
                 (settings.motor.dynamics, settings.motor.acceleration) = (Some(dynamics), acceleration);
                 session.set_up(motor, &settings)?;
             }
-            // Only an undo remains of the orders that change settings.
-            _ => {
-                let before = self.of(motor)?.undo.pop().ok_or("there is nothing to undo")?;
-                session.restore_settings(motor, &before)?;
-            }
         }
-        Ok(Changed::Settings(motor))
+        Ok(())
     }
 
     /// The state that the server keeps of a motor.
     pub(crate) fn of(&mut self, motor: u8) -> Result<&mut MotorMemory, RequestError> {
         of_motor(&mut self.motors, motor)
-    }
-
-    /// Keeps the present settings of a motor for undo.
-    fn keep(&mut self, session: &mut Hub, motor: u8) -> Result<(), RequestError> {
-        let kept = session.keep_settings(motor)?;
-        self.of(motor)?.keep(kept);
-        Ok(())
     }
 
     /// Puts the settings of a file in force: all of them, or none if the hub refuses one. An undo restores the previous
@@ -208,11 +215,9 @@ impl Executor {
                 let configured = session.settings(motor)?.motor.dynamics;
                 let of = self.of(motor)?;
                 let known = configured.or(of.proposed.map(|(dynamics, _)| dynamics)).or(of.known);
-                self.keep(session, motor)?;
                 Ok(session.set_dynamics(motor, known)?)
             }
             Kind::Pid => {
-                self.keep(session, motor)?;
                 let pidf = session.coefficients(motor, Loop::Velocity)?;
                 Ok(session.set_coefficients(motor, Loop::Velocity, pidf)?)
             }

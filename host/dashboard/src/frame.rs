@@ -20,6 +20,7 @@ use motor_hub::record::Head;
 use motor_hub::units::{Acceleration, Control, CountsPerSecond, Millivolts};
 use motor_hub_client::Error;
 use motor_hub_client::devices::Servo;
+use motor_hub_client::error::if_known;
 use motor_hub_client::explanations::explanation;
 use motor_hub_client::motor_values::MotorValues;
 use motor_hub_client::reasons::{stored_text, why_still};
@@ -277,7 +278,8 @@ impl Frame {
     }
 
     /// Reads the frame of another maker's hub from the values that all hubs report. If `look` is false, set-points and
-    /// enabled motors are copied from `before`, because reading them takes several requests per motor.
+    /// enabled motors are copied from `before`, because reading them takes several requests per motor. A hub with fewer
+    /// motors refuses the first motor that it lacks.
     pub(crate) fn of_other_maker(
         session: &mut Hub,
         before: Vec<MotorState>,
@@ -285,13 +287,19 @@ impl Frame {
     ) -> Result<Self, Error> {
         let (bulk, battery) = (session.bulk()?, session.battery()?);
         let mut motors = Vec::with_capacity(CHANNELS);
+        let look = look || before.is_empty();
         for (index, motor) in (0..).zip(0..CHANNELS) {
-            let known = before.get(motor).cloned().filter(|_| !look);
+            let state = if look {
+                if_known(MotorState::of_other_maker(session, index))?
+            } else {
+                before.get(motor).cloned()
+            };
+            let Some(state) = state else { break };
             motors.push(MotorState {
                 position: bulk.encoders.get(motor).copied().unwrap_or_default(),
                 velocity: bulk.velocities.get(motor).copied().unwrap_or_default(),
                 within_tolerance: bulk.within_tolerance.get(motor).copied(),
-                ..known.map_or_else(|| MotorState::of_other_maker(session, index), Ok)?
+                ..state
             });
         }
         let battery_v = Some(f64::from(battery.get()) / 1e3).filter(|volts| *volts > 0.0);

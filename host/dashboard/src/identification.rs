@@ -5,6 +5,7 @@ use crate::proposal::{catalogue_motor, inertia_ratio, proposal};
 use motor_hub::extension::settings::MotorSettings;
 use motor_hub::regulator::identify::{self, Identified};
 use motor_hub::units::Acceleration;
+use motor_hub_client::Error;
 use motor_hub_client::clock::Instant;
 use motor_hub_client::identification::{Identifying, Progress as Step};
 use serde::Serialize;
@@ -89,21 +90,28 @@ impl Identification {
         Ok(Self { motor, identifying, asked: Instant::now() })
     }
 
-    /// Continues the identification. Returns the progress, or `None` if there is nothing new.
+    /// Continues the identification. Returns the progress, or `None` if there is nothing new. A refusal of the hub ends
+    /// the identification.
     ///
     /// # Errors
     /// The exchange with the hub fails.
-    pub(crate) fn step(&mut self, session: &mut Hub) -> Result<Option<Progress>, RequestError> {
+    pub(crate) fn step(&mut self, session: &mut Hub) -> Result<Option<Progress>, Error> {
         if self.asked.elapsed() < INTERVAL {
             return Ok(None);
         }
         self.asked = Instant::now();
-        let outcome = match self.identifying.step(session).map_err(RequestError::from) {
-            Ok(Step::Braking | Step::Started(_)) => return Ok(None),
-            Ok(Step::Turning(percent)) => return Ok(Some(Progress::Running { percent })),
-            Ok(Step::Ended(outcome)) => outcome,
-            Err(RequestError::Refused(why)) => return Ok(Some(Progress::Refused { why })),
-            Err(lost) => return Err(lost),
+        match self.progress(session).map_err(RequestError::from) {
+            Ok(progress) => Ok(progress),
+            Err(RequestError::Refused(why)) => Ok(Some(Progress::Refused { why })),
+            Err(RequestError::Hub(error)) => Err(error),
+        }
+    }
+
+    fn progress(&mut self, session: &mut Hub) -> Result<Option<Progress>, Error> {
+        let outcome = match self.identifying.step(session)? {
+            Step::Braking | Step::Started(_) => return Ok(None),
+            Step::Turning(percent) => return Ok(Some(Progress::Running { percent })),
+            Step::Ended(outcome) => outcome,
         };
         Ok(Some(match outcome {
             identify::Identification::Found(found) => {

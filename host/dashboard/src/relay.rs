@@ -296,7 +296,7 @@ impl Relay {
         if offset == 0 {
             self.firmware.clear();
         }
-        let bytes = bytes_of(hex).ok_or("the part has other signs than hexadecimal digits")?;
+        let bytes = bytes_of(hex).ok_or("the part has other signs than pairs of hexadecimal digits")?;
         if offset != self.firmware.len() || offset + bytes.len() > LARGEST_IMAGE {
             return Err(format!(
                 "a part of the firmware begins at {offset}; expected is {}, and at most {LARGEST_IMAGE} bytes",
@@ -354,7 +354,7 @@ impl Relay {
     /// Begins to save, load or reset the stored settings.
     fn store(&mut self, what: HubFunction) -> Result<Changed, RequestError> {
         let Some(session) = &mut self.session else { return Ok(Changed::Nothing) };
-        session.order(what.clone())?;
+        session.begin_store(what.clone())?;
         self.saving = Some((Instant::now(), what));
         Ok(Changed::Nothing)
     }
@@ -386,7 +386,7 @@ impl Relay {
             self.switch_off("motors ran, but no page was in control");
         }
         let done = self.identify().and_then(|()| self.follow_save()).and_then(|()| self.follow_chain());
-        if let Err(RequestError::Hub(error)) = done {
+        if let Err(error) = done {
             self.lose(&error.to_string());
         }
         self.play();
@@ -398,7 +398,7 @@ impl Relay {
     }
 
     /// Continues a scan of an I2C bus, and asks another hub of the chain what it does.
-    fn follow_chain(&mut self) -> Result<(), RequestError> {
+    fn follow_chain(&mut self) -> Result<(), Error> {
         let Some(session) = &mut self.session else { return Ok(()) };
         let found = self.devices.go_on(session)?;
         self.chain.ask_another(session, self.frame.number)?;
@@ -574,7 +574,7 @@ impl Relay {
     }
 
     /// Continues a running identification.
-    fn identify(&mut self) -> Result<(), RequestError> {
+    fn identify(&mut self) -> Result<(), Error> {
         let (Some(running), Some(session)) = (&mut self.identification, &mut self.session) else {
             return Ok(());
         };
@@ -585,15 +585,16 @@ impl Relay {
             self.identification = None;
             disabled = session.enable(motor, false);
         }
-        if let Progress::Found { proposal, .. } = progress {
-            self.executor.of(motor)?.proposed = Some(proposal);
+        if let (Progress::Found { proposal, .. }, Ok(of)) = (&progress, self.executor.of(motor)) {
+            of.proposed = Some(*proposal);
         }
         self.tell(&Message::Identification { motor, progress });
-        disabled.map_err(RequestError::Hub)
+        disabled
     }
 
-    /// Asks about a running save, load or reset, and sends a notice when it has ended.
-    fn follow_save(&mut self) -> Result<(), RequestError> {
+    /// Asks about a running save, load or reset, and sends a notice when it has ended, or when the hub refuses to report
+    /// it.
+    fn follow_save(&mut self) -> Result<(), Error> {
         let (Some((asked, what)), Some(session)) = (&mut self.saving, &mut self.session) else {
             return Ok(());
         };
@@ -601,10 +602,12 @@ impl Relay {
             return Ok(());
         }
         *asked = Instant::now();
-        let report = session.stored()?;
-        if report.at_work {
-            return Ok(());
-        }
+        let report = match session.stored().map_err(RequestError::from) {
+            Ok(report) if report.at_work => return Ok(()),
+            Ok(report) => Ok(report),
+            Err(RequestError::Refused(why)) => Err(why),
+            Err(RequestError::Hub(error)) => return Err(error),
+        };
         let done = match what {
             HubFunction::Load => "the stored settings are in force",
             HubFunction::Reset => "the firmware's settings are in force and stored",
@@ -612,9 +615,10 @@ impl Relay {
         };
         let changed = !matches!(what, HubFunction::Save);
         self.saving = None;
-        let text = match why_unsaved(&report) {
-            None => done.to_owned(),
-            Some(why) => format!("settings are not saved: {why}"),
+        let text = match report.as_ref().map(why_unsaved) {
+            Ok(None) => done.to_owned(),
+            Ok(Some(why)) => format!("settings are not saved: {why}"),
+            Err(why) => format!("whether settings are saved is unknown: {why}"),
         };
         if changed {
             self.executor.motors = Default::default();

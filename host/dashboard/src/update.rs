@@ -94,10 +94,11 @@ impl From<UpdateError> for RequestError {
     }
 }
 
-/// Converts hexadecimal digits to bytes; `None` if a character is no hexadecimal digit.
+/// Converts hexadecimal digits to bytes; `None` if a character is no hexadecimal digit, or if a byte has one digit.
 pub(crate) fn bytes_of(hex: &str) -> Option<Vec<u8>> {
-    let pairs = hex.as_bytes().chunks(2);
-    pairs.map(|pair| u8::from_str_radix(str::from_utf8(pair).ok()?, 16).ok()).collect()
+    let (pairs, []) = hex.as_bytes().as_chunks::<2>() else { return None };
+    let digit = |digit: u8| char::from(digit).to_digit(16);
+    pairs.iter().map(|&[high, low]| u8::try_from(16 * digit(high)? + digit(low)?).ok()).collect()
 }
 
 /// Reads the signature and the key.

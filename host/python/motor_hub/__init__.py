@@ -530,6 +530,8 @@ class Motor:
         await _until(stands, _REST_S, f"motor {self.number} does not stand: its load turns it")
         await asyncio.to_thread(link.identify, self.number, travel)
         while not isinstance(found := await asyncio.to_thread(link.identification, self.number), dict):
+            if found is None:
+                raise HubError(f"motor {self.number} was not identified: the hub was reset")
             await asyncio.sleep(_POLL_S)
         if apply:
             await asyncio.to_thread(link.apply_identification, self.number)

@@ -135,6 +135,15 @@ class Commands(WithHub):
             with self.assertRaisesRegex(Refused, "travel limit"):
                 await self.hub[0].identify(travel=1)
 
+    async def test_a_reset_during_an_identification_ends_it_with_an_error(self) -> None:
+        # After a reset the hub reports that it has identified no motor.
+        link = unittest.mock.Mock(wraps=self.hub._link)
+        link.identification.side_effect = [5, None]
+        with unittest.mock.patch.object(self.hub, "_link", link), self.hub.enabled(0):
+            with self.assertRaisesRegex(HubError, "motor 0 was not identified: the hub was reset"):
+                await asyncio.wait_for(self.hub[0].identify(), 20)
+        await self.still()
+
     async def test_stop_disables_every_motor_and_settled_names_the_reason(self) -> None:
         with self.hub.enabled(0, 3):
             await self.hub[3].velocity(500)

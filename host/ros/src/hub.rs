@@ -36,6 +36,8 @@ const CHILD_PATIENCE: Duration = Duration::from_millis(150);
 const LOST_PATIENCE: Duration = Duration::from_millis(20);
 /// Longest wait for the battery voltage of a hub that has just started.
 const FIRST_TICKS: Duration = Duration::from_millis(500);
+/// Longest duration of a save of settings. A save takes several seconds if the hub must erase flash.
+const STORING: Duration = Duration::from_secs(10);
 /// Interval between two messages about battery and diagnostics.
 const SLOW: Duration = Duration::from_secs(1);
 
@@ -74,6 +76,7 @@ struct Connected {
     lost: BTreeMap<u8, Instant>,
     joints: Vec<(Joint, Sent)>,
     identification: Option<Identifying>,
+    saving: Option<Saving>,
     /// True if the hub has accepted the configuration of the drive base.
     has_base: bool,
     /// Time of the last request for a report, and the hub's time in ms in this report, by address. `None` is the hub at
@@ -87,6 +90,17 @@ struct Identifying {
     /// The joint that is being identified, followed by the joints that are not identified yet.
     joints: VecDeque<Joint>,
     started: bool,
+}
+
+/// A save of settings, which runs on several hubs at the same time.
+struct Saving {
+    answer: Answer,
+    /// Hubs that have not finished. `None` is the hub at the port.
+    running: Vec<Option<u8>>,
+    /// Time at which a hub that has not finished counts as failed.
+    end: Instant,
+    /// Answer of the call if the remaining hubs store their settings.
+    outcome: Result<String, String>,
 }
 
 impl HubThread {
@@ -135,11 +149,13 @@ impl HubThread {
             lost: children.into_iter().map(|child| (child, Instant::now())).collect(),
             joints: joints.collect(),
             identification: None,
+            saving: None,
             has_base: false,
             clocks: BTreeMap::new(),
         };
         let ended = self.serve(&mut hub);
         hub.give_up_identification("the hub was lost");
+        hub.give_up_save("the hub was lost");
         match ended {
             Ok(()) => hub.stop(),
             Err(error) => return Err(error.to_string()),
@@ -264,16 +280,17 @@ impl HubThread {
                 }
                 done
             }
+            Call::SaveSettings if hub.saving.is_some() => Err("a save is under way".to_owned()),
             Call::SaveSettings => {
-                let mut done = Ok("settings are stored".to_owned());
+                let (end, outcome) = (Instant::now() + STORING, Ok("settings are stored".to_owned()));
+                hub.saving = Some(Saving { answer, running: hub.addresses(), end, outcome });
                 for address in hub.addresses() {
-                    match hub.save(address) {
-                        Ok(None) => (),
-                        Ok(Some(why)) => done = Err(why.to_owned()),
-                        Err(error) => done = Err(self.go_on_after(hub, error)?),
+                    if let Err(error) = hub.begin_save(address) {
+                        let why = self.go_on_after(hub, error)?;
+                        hub.end_save(address, Some(why));
                     }
                 }
-                done
+                return Ok(());
             }
             Call::Identify => match (self.robot.off(), &hub.identification, hub.lost.keys().next()) {
                 (Some(why), ..) => Err(format!("motors are off: {why}")),
@@ -355,6 +372,7 @@ impl HubThread {
                 self.robot.config().place,
                 hub.session.address()
             );
+            hub.end_save(address, Some("the hub was reset".to_owned()));
             match address {
                 None => {
                     self.robot.stop("the hub was reset; call enable");
@@ -369,6 +387,7 @@ impl HubThread {
             }
         }
         hub.identify(address, &report)?;
+        hub.follow_save(address)?;
         hub.note_disabled(address, &report);
         let placed = if address.is_none() { hub.odometry()? } else { None };
         self.robot.observe(address, report, placed);
@@ -484,6 +503,7 @@ impl Connected {
         if self.identification.as_ref().is_some_and(identifies) {
             self.give_up_identification("a hub of the chain was lost");
         }
+        self.end_save(Some(address), Some(Error::Silent { address }.to_string()));
         self.clocks.remove(&Some(address));
         let is_new = !self.lost.contains_key(&address);
         self.lost.entry(address).or_insert_with(|| Instant::now() + AGAIN);
@@ -533,10 +553,48 @@ impl Connected {
         self.session.reset_encoder(joint.motor)
     }
 
-    /// Makes a hub store its settings. Returns why the hub did not store them; `None` if it did.
-    fn save(&mut self, address: Option<u8>) -> Result<Option<&'static str>, Error> {
+    /// Makes a hub start to store its settings.
+    fn begin_save(&mut self, address: Option<u8>) -> Result<(), Error> {
         self.turn_to(address)?;
-        Ok(reasons::why_unsaved(&self.session.store(HubFunction::Save)?))
+        self.session.begin_store(HubFunction::Save)
+    }
+
+    /// Asks a hub that stores its settings whether it has finished. The session must have selected the hub.
+    fn follow_save(&mut self, address: Option<u8>) -> Result<(), Error> {
+        let Some(end) = self.saving.as_ref().filter(|of| of.running.contains(&address)).map(|of| of.end)
+        else {
+            return Ok(());
+        };
+        let why = match self.session.stored() {
+            Ok(report) if report.at_work && Instant::now() < end => return Ok(()),
+            Ok(report) => reasons::why_unsaved(&report).map(str::to_owned),
+            Err(error @ (Error::Refused { .. } | Error::TooOld { .. })) => Some(error.to_string()),
+            Err(error) => return Err(error),
+        };
+        self.end_save(address, why);
+        Ok(())
+    }
+
+    /// Records that a hub has stored its settings, or why it has not. The last hub ends the save, and the call is
+    /// answered.
+    fn end_save(&mut self, address: Option<u8>, why: Option<String>) {
+        let Some(saving) = &mut self.saving else { return };
+        let Some(index) = saving.running.iter().position(|running| *running == address) else { return };
+        saving.running.remove(index);
+        if let Some(why) = why {
+            saving.outcome = Err(why);
+        }
+        if let Some(Saving { answer, outcome, .. }) = self.saving.take_if(|saving| saving.running.is_empty())
+        {
+            answer.send(outcome);
+        }
+    }
+
+    /// Ends a save that cannot continue, and answers its call with the reason.
+    fn give_up_save(&mut self, why: &str) {
+        if let Some(Saving { answer, .. }) = self.saving.take() {
+            answer.send(Err(why.to_owned()));
+        }
     }
 
     /// Sends a set-point, and enables the motor. The target is sent before the mode, so that an earlier target of this

@@ -179,7 +179,7 @@ fn await_gyro(session: &mut Session<Line>) -> Result<OdometryReport, Failure> {
 
 /// Prints position and heading of the drive base.
 pub(super) fn odometry(hub: &HubOptions, json: bool) -> Result<(), Failure> {
-    let report = hub.session(None)?.odometry()?;
+    let report = hub.open(None)?.odometry()?;
     if !json {
         return print(&text(&report));
     }

@@ -131,12 +131,7 @@ fn at(file: &Path, error: std::io::Error) -> Failure {
 
 /// Fails if a save, load or reset that the hub has accepted has not succeeded.
 fn ended(report: &StoreReport) -> Result<(), Failure> {
-    let why = match why_unsaved(report) {
-        _ if report.at_work => "the hub has not finished; ask again with `settings show`",
-        Some(why) => why,
-        None => return Ok(()),
-    };
-    Err(Failure::work(why))
+    why_unsaved(report).map_or(Ok(()), |why| Err(Failure::work(why)))
 }
 
 fn show(report: &StoreReport, json: bool) -> Result<(), Failure> {

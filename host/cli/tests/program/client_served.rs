@@ -113,6 +113,7 @@ fn questions_do_not_keep_a_motor_going_whose_host_was_killed() {
         &["status", "--json"][..],
         &["watch", "--for", "0.1"],
         &["discover"],
+        &["odometry"],
         &["coefficients", "0", "velocity"],
         &["velocity", "1", "100", "--for", "0.1"],
     ] {

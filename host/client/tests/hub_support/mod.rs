@@ -2,12 +2,13 @@
 #![allow(dead_code, reason = "each test uses its own part")]
 
 use motor_hub::braking::Winding;
-use motor_hub::extension::INTERFACE;
+use motor_hub::extension::{HubFunction, INTERFACE};
 use motor_hub::hub::Snapshot;
 use motor_hub::motor::Settings;
 use motor_hub::protocol::requests::{FIRST_FUNCTION, MOTOR_INTERFACE};
 use motor_hub::protocol::{Address, Decoder, Packet, frame};
 use motor_hub::responder::Responder;
+use motor_hub::store::{self, Found, StoreRequest, Stored, VERSION};
 use motor_hub::units::{Micros, Millivolts};
 use motor_hub::update::{Done, Outcome, UpdateRequest};
 use std::collections::VecDeque;
@@ -32,6 +33,10 @@ pub(crate) struct Hub {
     pub(crate) lost_replies: u32,
     /// True for a request whose reply is lost on the line.
     pub(crate) loses_reply: fn(&Packet) -> bool,
+    /// False if accesses to the memory of stored settings never end.
+    pub(crate) ends_accesses: bool,
+    /// Packet type of the request whose first reply is lost, and the number of requests lost after this request.
+    pub(crate) lost_reply_to: Option<(u16, u32)>,
     /// Packet type of the first motor function.
     pub(crate) first: u16,
     /// Another host asks for fail-safe before each bulk read.
@@ -59,6 +64,8 @@ impl Hub {
             deaf_for: 0,
             lost_replies: 0,
             loses_reply: |_| false,
+            ends_accesses: true,
+            lost_reply_to: None,
             first: FIRST_FUNCTION,
             fail_safe_at_bulk: false,
             change: |_| (),
@@ -103,6 +110,15 @@ impl Hub {
             if let Some(order) = self.responder.update_request() {
                 (self.flash)(&mut self.responder, order);
             }
+            // An access to the memory lasts until the host asks for the state of the stored settings.
+            if self.ends_accesses
+                && packet.id == HubFunction::Stored.id()
+                && let Some(StoreRequest { record: Some(record), .. }) =
+                    self.responder.store_request(&self.snapshot)
+            {
+                let found = Found { stored: Stored::Whole, version: VERSION, record };
+                self.responder.store_done(Some(found), store::Outcome::Done);
+            }
             while self.responder.pending().is_some() {
                 self.snapshot.commands += 1;
                 self.responder.sent(self.snapshot.commands);
@@ -114,6 +130,10 @@ impl Hub {
                 continue;
             }
             if (self.loses_reply)(&packet) {
+                continue;
+            }
+            if let Some((_, lost)) = self.lost_reply_to.take_if(|(id, _)| *id == packet.id) {
+                self.deaf_for = lost;
                 continue;
             }
             let frame = frame::encode(&reply);

@@ -30,7 +30,7 @@ export function setupPanel(link) {
     name.value = settings.name ?? "";
     scheme.value = settings.scheme.scheme;
     duty.value = settings.duty;
-    say(facts, `Back EMF ${number(settings.emf_mv_s_per_count, 3)} mV s/count, winding ${settings.resistance_ohm === null ? "not configured" : `${number(settings.resistance_ohm, 2)} Ω`}${settings.counts_per_turn ? `, ${number(settings.counts_per_turn)} counts per turn` : ""}.`);
+    say(facts, `Back EMF ${number(settings.emf_mv_s_per_count, 3)} mV s/count, winding ${number(settings.resistance_ohm, 2)} Ω${settings.counts_per_turn ? `, ${number(settings.counts_per_turn)} counts per turn` : ""}.`);
   }
   function allow() {
     const may = mayOrder();

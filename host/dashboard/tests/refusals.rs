@@ -1,0 +1,255 @@
+//! Hubs that refuse requests, and other makers' hubs with two motors.
+#![expect(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    reason = "a failed access is a failed test"
+)]
+
+use dashboard::outbox::{Texts, outbox};
+use dashboard::proposal::catalogue_motor;
+use dashboard::relay::{Event, INTERVAL, Relay};
+use dashboard::{Opened, Place, Port};
+use motor_hub::braking::Winding;
+use motor_hub::extension::settings::Group;
+use motor_hub::extension::{HubFunction, INTERFACE, Request};
+use motor_hub::motor::Settings;
+use motor_hub::protocol::motor::{Coefficients, Loop, Terms, ToMotor};
+use motor_hub::protocol::{Address, BROADCAST, CHANNELS, Decoder, Nack, Packet, Reply, frame};
+use motor_hub::regulator::identify::{Identification, Identified};
+use motor_hub::units::{Coefficient, Micros, Millivolts};
+use motor_hub_client::Session;
+use motor_hub_client::memory::MemoryHub;
+use serde_json::{Value, json};
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read, Write};
+use std::time::{Duration, Instant};
+
+/// A line with hubs in memory. The line answers some requests itself, instead of their hub.
+#[derive(Debug)]
+struct Line {
+    /// Hubs by address. Each hub in memory has the default address, so the line translates addresses.
+    hubs: Vec<(u8, MemoryHub)>,
+    /// Returns the answer of the line to a request; `None` if the hub answers.
+    answer: fn(&Packet) -> Option<Reply>,
+    decoder: Decoder,
+    replies: VecDeque<u8>,
+}
+
+impl Line {
+    fn new(addresses: &[u8], answer: fn(&Packet) -> Option<Reply>) -> Self {
+        let hub = |&address: &u8| {
+            let mut hub = MemoryHub::default();
+            hub.snapshot.battery = Some(Millivolts::new(12_000));
+            (address, hub)
+        };
+        let hubs = addresses.iter().map(hub).collect();
+        Self { hubs, answer, decoder: Decoder::new(), replies: VecDeque::new() }
+    }
+}
+
+impl Write for Line {
+    fn write(&mut self, mut bytes: &[u8]) -> std::io::Result<usize> {
+        let (count, now) = (bytes.len(), Micros::new(0));
+        while let Some(packet) = self.decoder.next(&mut bytes, now) {
+            let meant = |address| [address, BROADCAST].contains(&packet.destination);
+            for (address, hub) in self.hubs.iter_mut().filter(|(address, _)| meant(*address)) {
+                let reply = match (self.answer)(&packet) {
+                    Some(reply) => Some(reply.packet(&packet, *address, 1)),
+                    None => exchange(hub, &packet).map(|reply| Packet { source: *address, ..reply }),
+                };
+                self.replies.extend(reply.iter().flat_map(|reply| frame::encode(reply).to_vec()));
+            }
+        }
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Passes a packet to a hub, and returns the hub's reply.
+fn exchange(hub: &mut MemoryHub, packet: &Packet) -> Option<Packet> {
+    let destination = if packet.destination == BROADCAST { BROADCAST } else { Address::DEFAULT.get() };
+    hub.write_all(&frame::encode(&Packet { destination, ..packet.clone() })).unwrap();
+    let mut bytes = [0; 256];
+    let count = hub.read(&mut bytes).unwrap_or(0);
+    Decoder::new().next(&mut &bytes[..count], Micros::new(0))
+}
+
+impl Read for Line {
+    fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
+        if self.replies.is_empty() {
+            std::thread::sleep(Duration::from_micros(200));
+            return Err(ErrorKind::WouldBlock.into());
+        }
+        self.replies.read(bytes)
+    }
+}
+
+/// A relay with one page. The relay can open its line once.
+struct Page {
+    relay: Relay,
+    texts: Texts,
+}
+
+impl Page {
+    fn new(line: Line) -> Self {
+        let hubs: Vec<u8> = line.hubs.iter().map(|(address, _)| *address).collect();
+        let mut line = Some(line);
+        let open = move || {
+            let port: Box<dyn Port> = Box::new(line.take().ok_or("the session was dropped")?);
+            let first = Address::new(hubs[0]).unwrap();
+            let session = Session::new(port, first, Duration::from_millis(300));
+            Ok(Opened { session, hubs: hubs.clone() })
+        };
+        let mut relay = Relay::new(Place::real("hubs in memory", open));
+        relay.tick();
+        let (sender, texts) = outbox();
+        relay.handle(Event::Joined(1, sender));
+        Self { relay, texts }
+    }
+
+    fn order(&mut self, order: &Value) {
+        self.relay.handle(Event::Ordered(1, order.to_string()));
+    }
+
+    /// Returns the first message that `is` accepts. Fails if the relay drops its session.
+    fn until(&mut self, what: &str, is: impl Fn(&Value) -> bool) -> Value {
+        let end = Instant::now() + Duration::from_secs(10);
+        while Instant::now() < end {
+            self.relay.tick();
+            while let Ok(text) = self.texts.next() {
+                let message: Value = serde_json::from_str(&text).unwrap();
+                if message["kind"] == "frame" {
+                    self.order(&json!({ "shown": { "number": message["number"] } }));
+                }
+                assert!(message["connected"] != false, "before {what}: {message}");
+                if is(&message) {
+                    return message;
+                }
+            }
+            std::thread::sleep(INTERVAL);
+        }
+        panic!("never: {what}");
+    }
+
+    fn frame(&mut self) -> Value {
+        self.until("a frame", |message| message["kind"] == "frame")
+    }
+}
+
+/// Refuses requests for settings of a motor.
+fn without_settings(packet: &Packet) -> Option<Reply> {
+    Group::ALL.iter().any(|group| group.get_id() == packet.id).then_some(Reply::Nack(Nack::UNSUPPORTED))
+}
+
+#[test]
+fn a_refusal_at_the_end_of_an_identification_ends_it_and_disables_the_motor() {
+    let mut line = Line::new(&[2], without_settings);
+    let (_, dynamics) = catalogue_motor(&Settings::new(Winding::NEVEREST_60)).unwrap();
+    let found = Identified {
+        dynamics,
+        emf: Winding::NEVEREST_60.emf,
+        emf_is_configured: false,
+        gain_error: 1,
+        decay_error: 1,
+        emf_error: 1,
+        friction_error: Millivolts::new(1),
+        residual: 1,
+    };
+    line.hubs[0].1.snapshot.motors[0].identification = Identification::Found(found);
+    let mut page = Page::new(line);
+    page.order(&json!({ "identify": { "motor": 0 } }));
+    assert_eq!(page.frame()["motors"][0]["enabled"], true);
+    let ended = page.until("a refusal", |message| message["state"] == "refused");
+    let why = ended["why"].as_str().unwrap();
+    assert!(why.contains("the hub refuses to"), "{ended}");
+    assert_eq!(page.frame()["motors"][0]["enabled"], false);
+}
+
+#[test]
+fn a_save_whose_report_is_refused_ends_with_a_notice() {
+    let answer = |packet: &Packet| match packet.id {
+        id if id == HubFunction::Save.id() => Some(Reply::ACK),
+        id if id == HubFunction::Stored.id() => Some(Reply::Nack(Nack::UNSUPPORTED)),
+        _ => None,
+    };
+    let mut page = Page::new(Line::new(&[2], answer));
+    page.order(&json!("save"));
+    let is_of_save =
+        |message: &Value| message["text"].as_str().is_some_and(|text| text.starts_with("whether settings"));
+    page.until("a notice", is_of_save);
+    // While a save runs, no other hub can be shown.
+    page.order(&json!({ "hub": { "address": 9 } }));
+    let refused = page.until("a refusal", |message| message["kind"] == "refused");
+    assert_eq!(refused["why"], "there is no hub 9 on this line");
+}
+
+#[test]
+fn firmware_with_half_a_byte_is_refused() {
+    let mut page = Page::new(Line::new(&[2], |_| None));
+    page.frame();
+    for hex in ["abc", "+f", "xy"] {
+        page.order(&json!({ "firmware": { "offset": 0, "hex": hex } }));
+        let refused = page.until("a refusal", |message| message["kind"] == "refused");
+        assert_eq!(refused["why"], "the part has other signs than pairs of hexadecimal digits");
+    }
+}
+
+/// Another maker's hub with two motors: without the extension, and without the motors 2 and 3.
+fn two_motors(packet: &Packet) -> Option<Reply> {
+    let is_extension = packet.id == 0x7F07 && packet.payload.starts_with(INTERFACE);
+    let of_motor = matches!(Request::read(packet, CHANNELS), Ok(Request::ToMotor(2.., _)));
+    match (is_extension, of_motor) {
+        (true, _) => Some(Reply::Nack(Nack::UNKNOWN)),
+        (_, true) => Some(Reply::Nack(Nack::parameter(0))),
+        _ => None,
+    }
+}
+
+#[test]
+fn hubs_with_two_motors_are_shown_and_asked_for_both() {
+    let mut page = Page::new(Line::new(&[2, 3], two_motors));
+    assert_eq!(page.frame()["motors"].as_array().map(Vec::len), Some(2));
+    page.order(&json!({ "hub": { "address": 3 } }));
+    page.until("hub 3", |message| message["hubs"][1]["shown"] == true);
+    page.order(&json!({ "drive": { "motor": 1, "mode": "power", "value": 0.2 } }));
+    page.order(&json!({ "enable": { "motor": 1, "on": true } }));
+    page.until("an enabled motor", |message| message["motors"][1]["enabled"] == true);
+    page.order(&json!({ "hub": { "address": 2 } }));
+    let hubs = page.until("hub 2", |message| message["hubs"][0]["shown"] == true);
+    assert_eq!(hubs["hubs"][1]["running"], json!([1]));
+    // The other hub is asked in every fifth frame.
+    for _ in 0..20 {
+        page.frame();
+    }
+}
+
+/// Refuses coefficients and the group of the acceleration limit.
+fn without_changes(packet: &Packet) -> Option<Reply> {
+    let bits = Coefficient::ZERO;
+    let coefficients = Coefficients { p: bits, i: bits, d: bits, f: bits, terms: Terms::Pidf };
+    let coefficients = ToMotor::SetPidf { of: Loop::Velocity, coefficients }.id();
+    [coefficients, Group::Motion.set_id()].contains(&packet.id).then_some(Reply::Nack(Nack::UNSUPPORTED))
+}
+
+#[test]
+fn a_refused_order_adds_no_undo_and_a_refused_undo_is_kept() {
+    let mut page = Page::new(Line::new(&[2], without_changes));
+    let undoable = |page: &mut Page, number: u64| {
+        let of = page.until("settings", |message| message["kind"] == "settings" && message["motor"] == 0);
+        assert_eq!(of["undoable"], number, "{of}");
+    };
+    page.frame();
+    page.order(&json!({ "coefficients": { "motor": 0, "of": "velocity", "pidf": [1.0, 0.0, 0.0, 0.0] } }));
+    undoable(&mut page, 0);
+    page.order(&json!({ "acceleration": { "motor": 0, "limit": 1000 } }));
+    undoable(&mut page, 0);
+    page.order(&json!({ "configure": { "motor": 0, "values": { "current_limit_ma": 2000 } } }));
+    undoable(&mut page, 1);
+    // An undo also sends the group of the acceleration limit, which the hub refuses.
+    page.order(&json!({ "undo": { "motor": 0 } }));
+    undoable(&mut page, 1);
+}
