@@ -1,9 +1,9 @@
 //! The comparison as text: the verdict first, then the tables.
 
 use super::charts::WAYS;
+use super::gains::Gains;
 use super::row::Row;
 use super::score::{Score, Winner, scores, winners};
-use super::tuning::Gains;
 use super::variant::{Variant, in_words};
 use super::{Round, TaskResult};
 use crate::page::Page;
