@@ -204,6 +204,12 @@ impl Configuration {
     };
 }
 
+impl Default for Configuration {
+    fn default() -> Self {
+        Self::EXACT
+    }
+}
+
 /// A value that is in force from a time on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timed<T> {

@@ -43,7 +43,7 @@ pub(super) struct MotorTable {
     #[serde(default)]
     load: LoadTable,
     pub(super) train: Option<Spanned<TrainTable>>,
-    #[serde(default = "exact", alias = "told", deserialize_with = "factors_or_nothing")]
+    #[serde(default, alias = "told", deserialize_with = "factors_or_nothing")]
     configured: Configuration,
     scheme: Option<SchemeName>,
     blend: Option<BlendChoice>,
@@ -332,10 +332,6 @@ impl From<&ConstantsTable> for catalogue::Motor {
             counts_per_rev_motor: table.counts_per_rev.0,
         }
     }
-}
-
-const fn exact() -> Configuration {
-    Configuration::EXACT
 }
 
 impl From<FactorsTable> for Configuration {
