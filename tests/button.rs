@@ -81,23 +81,18 @@ fn a_button_that_is_closed_since_a_reset_has_no_effect_until_it_is_pressed_again
 }
 
 #[test]
-fn a_button_that_is_pressed_while_the_battery_is_low_or_unknown_has_no_effect() {
-    let mut bench = Bench { battery_good: false, ..Bench::new() };
-    assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled);
-    bench.battery_good = true;
-    assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled, "held until it was good");
-    bench.look(false);
-    assert_eq!(bench.keep(true, 100_000), TURN, "pressed again");
-}
-
-#[test]
-fn a_button_that_is_pressed_before_it_is_permitted_has_no_effect_until_it_is_pressed_again() {
-    let mut bench = Bench { permitted: false, ..Bench::new() };
-    assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled);
-    bench.permitted = true;
-    assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled, "held until it was permitted");
-    bench.look(false);
-    assert_eq!(bench.keep(true, 100_000), TURN, "pressed again");
+fn a_button_that_is_pressed_without_a_good_battery_or_a_permission_has_no_effect_until_it_is_pressed_again() {
+    let battery: fn(&mut Bench, bool) = |bench, good| bench.battery_good = good;
+    let permission: fn(&mut Bench, bool) = |bench, permitted| bench.permitted = permitted;
+    for (what, allow) in [("battery", battery), ("permission", permission)] {
+        let mut bench = Bench::new();
+        allow(&mut bench, false);
+        assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled, "{what}");
+        allow(&mut bench, true);
+        assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled, "{what}: held before it was good");
+        bench.look(false);
+        assert_eq!(bench.keep(true, 100_000), TURN, "{what}: pressed again");
+    }
 }
 
 #[test]

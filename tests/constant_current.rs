@@ -2,27 +2,22 @@
 
 mod common;
 
-use common::{BATTERY, BRIDGE, Bench, inertia, plant, unknown, velocity};
+use common::{BATTERY, BRIDGE, Bench, free_cps, inertia, plant, unknown, velocity};
 use motor_hub::model::catalogue::{self, Motor};
 use motor_hub::motor::{Report, Setpoint, Settings};
 use motor_hub::units::{CountsPerSecond, Milliamperes};
-use std::f64::consts::TAU;
 use std::num::NonZeroU16;
 
 /// A motor with a flywheel of this inertia in kg m², which turns at a share of the free speed.
 fn bench(motor: Motor, kg_m2: f64, share: f64, limit_ma: Option<u16>, period_ms: u32) -> Bench<1> {
     let settings = Settings { current_limit: limit_ma.and_then(NonZeroU16::new), ..unknown(&motor) };
     let mut bench = Bench::one(settings, plant(motor, inertia(kg_m2)), period_ms);
-    bench.place(0, 0.5, share * free_speed_cps(&motor));
+    bench.place(0, 0.5, share * free_cps(&motor));
     bench
 }
 
 fn stall_current(motor: &Motor) -> f64 {
     BATTERY / (motor.r.0 + 2e-3 * f64::from(BRIDGE.switch_mohm()))
-}
-
-fn free_speed_cps(motor: &Motor) -> f64 {
-    BATTERY / motor.ke.0 * motor.counts_per_rev_motor / TAU
 }
 
 fn current(amperes: f64, speed_limit: f64) -> Setpoint {
@@ -48,7 +43,7 @@ fn neverest_60() -> Motor {
 fn every_motor_has_the_current_of_its_set_point_in_all_regimes_and_at_every_speed() {
     let mut worst = (0.0f64, String::new());
     for (name, motor) in motors() {
-        let (stall, free) = (stall_current(&motor), free_speed_cps(&motor));
+        let (stall, free) = (stall_current(&motor), free_cps(&motor));
         for speed in [-0.8, -0.5, -0.2, 0.0, 0.2, 0.5, 0.8] {
             for share in [-0.6, -0.3, -0.1, 0.05, 0.1, 0.3, 0.6] {
                 // The battery cannot drive more current than this at this speed.
@@ -75,7 +70,7 @@ fn every_motor_has_the_current_of_its_set_point_in_all_regimes_and_at_every_spee
 #[test]
 fn a_motor_with_a_constant_current_becomes_no_faster_than_its_limit() {
     let motor = neverest_60();
-    let limit = 0.4 * free_speed_cps(&motor);
+    let limit = 0.4 * free_cps(&motor);
     for side in [1.0, -1.0] {
         let mut bench = bench(motor, 0.02, 0.0, None, 10);
         bench.run_ms(50);
@@ -96,7 +91,7 @@ fn a_stalled_motor_keeps_its_current_limit_and_says_so() {
         for period in [1, 10, 50] {
             let mut bench = bench(motor, HEAVY, 0.0, Some(800), period);
             bench.run_ms(50);
-            bench.set(0, velocity((0.5 * free_speed_cps(&motor)) as i32));
+            bench.set(0, velocity((0.5 * free_cps(&motor)) as i32));
             bench.run_ms(500);
             let [amperes] = bench.run_ms(200);
             assert!((amperes - 0.8).abs() < 0.05, "{name}, {period} ms: {amperes} A {:?}", bench.report());
@@ -116,7 +111,7 @@ fn the_current_limit_holds_while_a_motor_reverses() {
     let mut bench = bench(motor, 0.03, 0.0, Some(900), 10);
     bench.run_ms(50);
     for speed in [0.6, -0.6, 0.6, 0.0] {
-        let target = (speed * free_speed_cps(&motor)) as i32;
+        let target = (speed * free_cps(&motor)) as i32;
         bench.set(0, velocity(target));
         for _ in 0..150 {
             let [amperes] = bench.run_ms(10);

@@ -158,8 +158,6 @@ fn setups(loads: &[f64], frictions: &[f64], configured: &[(f64, f64)]) -> Vec<Se
     motors().map(Motor::with_measured_rotor_inertia).flat_map(each).collect()
 }
 
-const CONFIGURED: [(f64, f64); 5] = [(1.0, 1.0), (0.7, 1.1), (1.3, 0.9), (0.7, 0.9), (1.3, 1.1)];
-
 /// Runs all of them; the errors of b in order, and how many were refused.
 fn sweep(benches: &[Setup]) -> (Vec<f64>, usize) {
     let mut errors = Vec::new();
@@ -186,37 +184,6 @@ fn every_motor_of_the_catalogue_is_known_within_10_percent() {
         assert!(quantile(&errors, 0.9) < 0.06, "{period_ms} ms: {errors:?}");
         // A Core Hex with four rotors of its own is too heavy for its four counts a turn.
         assert!(refused * 10 <= benches.len(), "{period_ms} ms: {refused} of {}", benches.len());
-    }
-}
-
-/// For the record: `cargo test --test identify report -- --ignored --nocapture`.
-#[test]
-#[ignore = "a report, not a test"]
-fn report_of_what_all_of_the_catalogue_comes_to() {
-    for (period_ms, emf, ohms, limit) in [
-        (1, 12.6, 0.0, u32::MAX),
-        (10, 12.6, 0.0, u32::MAX),
-        (20, 12.6, 0.0, u32::MAX),
-        (50, 12.6, 0.0, u32::MAX),
-        (100, 12.6, 0.0, u32::MAX),
-        (50, 8.0, 0.0, u32::MAX),
-        (50, 12.6, 0.15, u32::MAX),
-        (50, 12.6, 0.0, 1_000),
-        (10, 12.6, 0.0, 500),
-    ] {
-        let mut benches = setups(&[0.0, 1.0, 4.0], &[0.0, 0.05, 0.1], &CONFIGURED);
-        for bench in &mut benches {
-            bench.period_ms = period_ms;
-            bench.battery = Battery { emf: Volts(emf), resistance: Ohms(ohms) };
-            bench.limit = limit;
-        }
-        let (errors, refused) = sweep(&benches);
-        let [median, p90, most] = [0.5, 0.9, 1.0].map(|share| 100.0 * quantile(&errors, share));
-        println!(
-            "T {period_ms} ms, {emf} V, {ohms} ohm, limit {limit}: {} cases, {refused} refused, b off by \
-             {median:.1} / {p90:.1} / {most:.1} %",
-            benches.len()
-        );
     }
 }
 

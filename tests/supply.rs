@@ -130,15 +130,6 @@ fn noise_is_filtered_with_a_time_constant_of_30_ms_and_a_sample() {
 }
 
 #[test]
-fn after_an_implausible_sample_the_filter_restarts() {
-    let mut supply = supply();
-    supply.step(sample(16_000.0, 3300.0), Micros::new(0));
-    assert_eq!(supply.step(sample(0.0, 3300.0), Micros::new(1)), None);
-    let battery = supply.step(sample(8_000.0, 3300.0), Micros::new(2)).expect("plausible");
-    assert!((f64::from(battery.voltage.get()) - 8_000.0).abs() < 10.0, "{battery:?}");
-}
-
-#[test]
 fn a_voltage_goes_stale() {
     let battery = Battery::good(Millivolts::new(12_000), Micros::new(1_000_000));
     assert!(battery.is_fresh(Micros::new(1_100_000)));
@@ -158,13 +149,4 @@ fn a_reference_calibrated_at_another_rail_and_resolution_gives_the_same_voltage(
             scale.expect("sound").battery(convert(12_000.0 / 5.7), convert(1_210.0)).expect("a rail").get();
         assert!((11_985..=12_015).contains(&voltage), "{bits} bits at {rail:?}: {voltage}");
     }
-}
-
-#[test]
-fn after_a_failure_of_the_converter_the_filter_restarts() {
-    let mut supply = Supply::new(Limits::default());
-    supply.step(Some(Millivolts::new(16_000)), Micros::new(0));
-    assert_eq!(supply.step(None, Micros::new(1)), None);
-    let battery = supply.step(Some(Millivolts::new(8_000)), Micros::new(2)).expect("plausible");
-    assert_eq!(battery.voltage, Millivolts::new(8_000));
 }

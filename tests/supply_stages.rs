@@ -41,12 +41,20 @@ fn the_filter_settles_about_equally_fast_at_every_sampling_interval() {
 }
 
 #[test]
-fn after_a_gap_between_samples_the_filter_restarts() {
-    let mut supply = Supply::new(Limits::default());
-    supply.step(Some(Millivolts::new(12_600)), Micros::new(0));
-    // The task was delayed, and no missing reading was reported.
-    let battery = supply.step(Some(Millivolts::new(9_000)), Micros::new(10_000_000)).expect("plausible");
-    assert_eq!(battery.voltage, Millivolts::new(9_000));
+fn the_filter_restarts_after_a_missing_and_an_implausible_reading_and_after_a_gap() {
+    // Times in us, and readings in mV. No reading is reported missing in the gap: the task was delayed.
+    for readings in [
+        &[(0, Some(16_000)), (1, None), (2, Some(8_000))][..],
+        &[(0, Some(16_000)), (1, Some(0)), (2, Some(8_000))],
+        &[(0, Some(12_600)), (10_000_000, Some(9_000))],
+    ] {
+        let mut supply = Supply::new(Limits::default());
+        for (us, mv) in readings {
+            let battery = supply.step(mv.map(Millivolts::new), Micros::new(*us));
+            let voltage = battery.map(|battery| battery.voltage.get());
+            assert_eq!(voltage, mv.filter(|mv| *mv > 0), "at {us} us of {readings:?}");
+        }
+    }
 }
 
 #[test]

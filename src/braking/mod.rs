@@ -69,6 +69,7 @@ impl Modulation {
 /// Map from a location within a regime to a duty.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize, serde::Serialize), serde(rename_all = "kebab-case"))]
 pub enum DutyRule {
     /// Between two points the duty is linear in the control value, as in the paper.
     LinearDuty,

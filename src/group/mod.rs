@@ -107,6 +107,7 @@ fn by_motor<T: Copy>(members: &[(usize, T)]) -> Result<[Option<T>; MOTORS], Rang
 /// disables the other members too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum Halt {
     /// The other members brake together, limited by the group's acceleration. The members then hold the positions where
     /// they stopped.

@@ -53,6 +53,7 @@ pub enum ZeroPower {
 /// Braking shorts the winding (5/0 at 100 %), and so needs no estimate of the speed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum OnFault {
     /// The bridge is open. The motor does not heat up, but a load may drive the motor faster and faster.
     #[default]

@@ -1,20 +1,15 @@
 //! Motors that move in step, on simulated plants.
 
 use crate::common::{self, Cable, NO_STOPS, configured, motor, unknown, velocity};
+use crate::{BASE, WHEEL};
 use motor_hub::bridge::Drive;
-use motor_hub::group::{Course, DriveBase, GroupCommand, Halt};
+use motor_hub::group::{Course, GroupCommand, Halt};
 use motor_hub::hub::{Action, Command};
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
-use motor_hub::model::si::{Drag, KgM2};
+use motor_hub::model::si::Drag;
 use motor_hub::motor::Setpoint;
 use motor_hub::units::{Acceleration, CountsPerSecond};
-
-/// Wheels of 90 mm, 300 mm apart, each on the output of a NeveRest 60.
-const BASE: DriveBase =
-    DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0, 1680.0] };
-/// Half of a robot of 6 kg at the rim of a wheel.
-const WHEEL: Load = Load { inertia_after: KgM2(3.0 * 0.045 * 0.045), ..Load::NONE };
 
 type Bench<const N: usize> = common::Bench<N>;
 

@@ -1,9 +1,7 @@
 //! Odometry of a drive base. The benchmark of a square is a study: `host/studies/src/square.rs`.
 
-use motor_hub::group::{DriveBase, Odometry};
-
-/// What the hub is configured with.
-const BASE: DriveBase = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
+use crate::BASE;
+use motor_hub::group::Odometry;
 
 #[test]
 fn a_gyro_that_is_lost_and_found_leaves_no_jump() {

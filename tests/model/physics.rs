@@ -534,22 +534,3 @@ fn plants_on_one_battery_share_its_sag_and_its_gain() {
     assert!(rig.voltage().0 > 12.05, "{}", rig.voltage());
     assert_eq!(flows.last().map(|flow| flow.charge.0), Some(0.0));
 }
-
-#[test]
-#[ignore = "a report, not a test; meant for an optimised build"]
-fn report_of_the_plant_s_speed() {
-    for (name, motor) in [("rotor inertia", am60()), ("paper inertia", motor("AM 60 A"))] {
-        for frequency in [1e3, 20e3] {
-            for mode in MODES {
-                let mut plant = Plant::new(motor, Load::NONE, BRIDGE, Hertz(frequency));
-                plant.place(Amps(0.0), RadPerSec(300.0), 0.0);
-                let begin = std::time::Instant::now();
-                for _ in 0..1000 {
-                    plant.run(Seconds(1e-3), PlantInput::pwm(mode, 0.4), Volts(BATTERY));
-                }
-                let spent = begin.elapsed().as_secs_f64() * 1e3;
-                println!("{name}, {frequency} Hz, {}: {spent:.2} ms per second", mode.name());
-            }
-        }
-    }
-}

@@ -69,6 +69,65 @@ macro_rules! same_on_every_chip {
         fn line_errors(&mut self, line: usize) -> &mut Errors {
             self.part.usart[wiring::lines(BOARD)[line]].errors_mut()
         }
+
+        fn set_power_dead(&mut self, dead: bool) {
+            self.power_dead = dead;
+        }
+    };
+}
+
+/// Methods of [`Mcu`] whose text is the same for every chip. They use the fields that `same_on_every_chip` uses, and the
+/// chip's own models. `apb` gives the buses of the servos' timers. `models` lists the slots whose model is replaced: a slot, a
+/// field that must be true for it, if any, and the model. The first entry that fits is used. `before` names a slot, and a
+/// method that is called before each access to the slot.
+macro_rules! mcu_on_every_chip {
+    (
+        apb: [$one:expr, $two:expr],
+        models: { $($slot:ident $(if $active:ident)? => $model:ident),+ $(,)? }
+        $(, before: $before:ident => $update:ident)?
+    ) => {
+        fn bus(&self) -> &Bus {
+            self.part.bus()
+        }
+
+        fn bus_mut(&mut self) -> &mut Bus {
+            self.part.bus_mut()
+        }
+
+        fn poll(&mut self, now: VirtualNanos) {
+            self.part.poll(now);
+        }
+
+        fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
+            $(
+                if slot == self.$before {
+                    self.$update();
+                }
+            )?
+            if slot == self.timer_slot && self.pwm == Pwm::Registers {
+                return (self.part.bus_mut(), Some(&mut self.plain_timer));
+            }
+            if slot == self.power_slot && self.power_dead {
+                return (self.part.bus_mut(), Some(&mut self.plain_power));
+            }
+            $(
+                if slot == self.$slot $(&& self.$active)? {
+                    return (self.part.bus_mut(), Some(&mut self.$model));
+                }
+            )+
+            if let Some(servo) = self.servos.iter().position(|(place, _)| *place == slot) {
+                let bus = if ON_APB2.contains(&servo) { $two } else { $one };
+                let (rcc, registers) = self.part.clocks();
+                let hz = rcc.timer_clock(registers, bus);
+                let timer = &mut self.servos[servo].1;
+                timer.set_clock(hz);
+                return (self.part.bus_mut(), Some(&mut **timer));
+            }
+            if let Some((_, lines)) = self.buses.iter_mut().find(|(place, _)| *place == slot) {
+                return (self.part.bus_mut(), Some(lines));
+            }
+            self.part.split(slot)
+        }
     };
 }
 
@@ -141,7 +200,7 @@ use rigless::mcu::Mcu;
 use rigless::snapshot::Store;
 use rigless::soc::st::gpio::Pin;
 use rigless::soc::st::tim::Channel;
-use rigless::soc::{Error, Layout};
+use rigless::soc::{Bus, Error, Layout};
 use rigless::time::VirtualNanos;
 
 use crate::board::Board;
@@ -150,6 +209,7 @@ use crate::pwm::Registers;
 use crate::register_device::RegisterDevice;
 use crate::serial::Terminal;
 use crate::system_break::Connections;
+use crate::wiring;
 pub use flash_interface::FlashFaults;
 pub(crate) use servo_timer::Edge;
 
@@ -306,6 +366,15 @@ pub(crate) trait Part: Mcu + Debug + Send {
 /// Returns the contents of registers.
 fn words<const N: usize>(registers: &RegisterFile, of: [impl Layout; N]) -> [u32; N] {
     of.map(|register| registers.get(register) as u32)
+}
+
+/// Returns the numbers of all ports on the emulator's bus.
+fn port_slots(bus: &Bus) -> Result<[usize; wiring::PORTS.len()], Error> {
+    let mut slots = [0; wiring::PORTS.len()];
+    for (slot, name) in slots.iter_mut().zip(wiring::PORTS) {
+        *slot = bus.slot(name)?;
+    }
+    Ok(slots)
 }
 
 /// Number of bits of an interrupt's priority, on both cores (PM0214 4.3, RM0433 19.1).

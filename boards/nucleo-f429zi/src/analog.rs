@@ -17,8 +17,11 @@ const RAIL: u8 = 9;
 static NEWEST: Newest = Newest::new();
 
 /// Sets the converter up, after ADC1: all converters share one reset and one divider of the clock. The pins are those of
-/// [`INPUTS`], and then that of [`RAIL`].
-pub(crate) fn set_up(_: Peri<'static, ADC2>, mut pins: [Flex<'static>; ANALOG_INPUTS + 1]) {
+/// [`INPUTS`], and then that of [`RAIL`]. Returns the function that reads the inputs.
+pub(crate) fn set_up(
+    _: Peri<'static, ADC2>,
+    mut pins: [Flex<'static>; ANALOG_INPUTS + 1],
+) -> fn() -> AnalogReadings {
     pins.iter_mut().for_each(Flex::set_as_analog);
     // Never dropped: analogue inputs for good.
     core::mem::forget(pins);
@@ -39,6 +42,7 @@ pub(crate) fn set_up(_: Peri<'static, ADC2>, mut pins: [Flex<'static>; ANALOG_IN
         w.set_jauto(true);
     });
     pac::ADC2.cr2().modify(|w| w.set_adon(true));
+    read
 }
 
 /// The newest reading of VREFINT, which is the first of ADC1's injected group.
@@ -73,7 +77,7 @@ pub(crate) fn next() {
 }
 
 /// The newest readings.
-pub(crate) fn read() -> AnalogReadings {
+fn read() -> AnalogReadings {
     collect();
     NEWEST.readings(factory())
 }

@@ -1,8 +1,8 @@
-//! The chip's own set-up, in addition to the HAL's: clocks, caches, the debugger, the cause of a reset, and the supply's limit.
+//! The chip's own set-up, in addition to the HAL's: clocks, the cause of a reset, and the supply's limit.
 
 use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
-use motor_hub_stm32::{record, stack, start};
+use motor_hub_stm32::{record, start};
 
 /// 2.93 V falling, 2.85 V at the least (DS9405 table 22): at 168 MHz with 5 wait states the flash needs 2.7 V
 /// (RM0090 table 12).
@@ -35,30 +35,6 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
     config.rcc.apb2_pre = rcc::APBPrescaler::DIV2;
     config.rcc.sys = rcc::Sysclk::PLL1_P;
     config
-}
-
-/// Fast flash, a guard under the stack, and bridges off while a debugger holds the core. To be called right
-/// after the HAL's initialisation, before the core sleeps for the first time.
-///
-/// # Flash
-/// Prefetch and both caches are on. Without them each jump costs five cycles. Prefetch also avoids erratum 2.2.3 (ES0206): with
-/// prefetch off, and a debugger that keeps the core's clock on in sleep, the instruction after a WFE at an address that ends
-/// in 4 may be executed wrongly. While code of one bank writes the other bank, the data cache must be off (erratum 2.2.15): the
-/// HAL does this.
-///
-/// # Debugger
-/// While the core is halted TIM1 stands still, and its outputs are off as after a break (RM0090 17.3.21): low, with
-/// OSSI set. The watchdog runs on.
-pub(crate) fn set_up() {
-    pac::FLASH.acr().modify(|w| {
-        w.set_prften(true);
-        w.set_icen(true);
-        w.set_dcen(true);
-    });
-    if let Some(mut core) = cortex_m::Peripherals::take() {
-        stack::guard(&mut core.MPU);
-    }
-    pac::DBGMCU.apb2fzr().modify(|w| w.set_tim1(true));
 }
 
 /// Why the chip was reset.

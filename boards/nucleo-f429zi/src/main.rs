@@ -32,7 +32,7 @@ use motor_hub_stm32::lamp::Lamp;
 use motor_hub_stm32::pins::{DigitalLines, low};
 use motor_hub_stm32::servo::Servo;
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
-use motor_hub_stm32::{pins, serial};
+use motor_hub_stm32::{after_clocks, pins, serial};
 use static_cell::ConstStaticCell;
 
 /// Where settings are stored, from the start of the second bank: its first two sectors. The code is in the first bank, so it
@@ -67,10 +67,13 @@ bind_interrupts!(struct Irqs {
 async fn main(spawner: Spawner) {
     chip::before_clocks();
     let mut p = embassy_stm32::init(chip::clocks());
-    chip::set_up();
+    after_clocks::set_up();
     // Before anything that could hang, and before a bridge can be anything but open.
     let watchdog = begin(p.IWDG);
 
+    static BUFFERS: ConstStaticCell<[serial::Buffers; 3]> =
+        ConstStaticCell::new([const { serial::Buffers::new() }; 3]);
+    let [first, second, third] = BUFFERS.take();
     let pwm = Pwm::new(p.TIM1);
     let bridges = [
         pwm.bridge(p.PE9, low(p.PD0), low(p.PD1)),
@@ -78,63 +81,49 @@ async fn main(spawner: Spawner) {
         pwm.bridge(p.PE13, low(p.PD4), low(p.PD5)),
         pwm.bridge(p.PE14, low(p.PD6), low(p.PD7)),
     ];
-    let encoders = QuadratureCounters((
-        Counter::new(p.TIM2, p.PA15, p.PB3),
-        Counter::new(p.TIM3, p.PB4, p.PB5),
-        Counter::new(p.TIM4, p.PD12, p.PD13),
-        Counter::new(p.TIM8, p.PC6, p.PC7),
-    ));
-    let diag = DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]);
-    let battery = unwrap!(BatteryAdc::new(p.ADC1, p.PA3, p.PC2));
-    let currents = CurrentLines::new(p.ADC3, pins!(p.PC0, p.PC3, p.PF3, p.PF5));
-    static BUFFERS: ConstStaticCell<[serial::Buffers; 3]> =
-        ConstStaticCell::new([const { serial::Buffers::new() }; 3]);
-    let [first, second, third] = BUFFERS.take();
-    let link = serial::host_link(
-        unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, first, Some(transmission::ST_LINK))),
-        Some(unwrap!(serial::open(p.USART6, p.PG14, p.PG9, Irqs, second, Some(transmission::ADAPTER)))),
-    );
     // The transceiver drives nothing until the first transmission.
     core::mem::forget(low(p.PC12));
-    let chain = serial::has_transceiver(p.PC11.reborrow())
-        .then(|| unwrap!(serial::open(p.UART4, p.PC10, p.PC11, Irqs, third, Some(transmission::CHAIN))));
-    let lamp = Lamp { red: low(p.PB14), green: low(p.PB0), blue: low(p.PB7) };
-    analog::set_up(p.ADC2, pins!(p.PA4, p.PA5, p.PA6, p.PA0, p.PB1));
-    let servos = [
-        Servo::new(p.TIM10, p.PF6),
-        Servo::new(p.TIM11, p.PF7),
-        Servo::new(p.TIM13, p.PF8),
-        Servo::new(p.TIM14, p.PF9),
-        Servo::new(p.TIM12, p.PB15),
-        Servo::new(p.TIM9, p.PE5),
-    ];
-    let buses = [
-        Bus::new::<I2C1>(i2c::i2c1(), p.PB8, p.PB9),
-        Bus::new::<I2C2>(i2c::i2c2(), p.PF1, p.PF0),
-        Bus::new::<I2C3>(i2c::i2c3(), p.PA8, p.PC9),
-    ];
-    let digital = DigitalLines::new(pins!(p.PF14, p.PF15, p.PE7, p.PE8, p.PE10, p.PE12, p.PE15, p.PE0));
-    let connectors = Connectors { digital, servos, analog: Some(analog::read), i2c: 3 };
-    let button = Input::new(p.PC13, Pull::None);
     let region = Flash::new(p.FLASH, Irqs).into_regions().bank2_region1;
-    let store = Keeper::new(region, STORE).filter(|_| chip::reads_second_bank());
-    let bridges = Vnh5019::new(pwm, bridges);
-    start(
-        spawner,
-        Parts {
-            watchdog,
-            bridges,
-            diag,
-            currents,
-            encoders,
-            battery,
-            link,
-            connectors,
-            buses,
-            lamp,
-            button,
-            store,
-            chain,
+    let parts = Parts {
+        watchdog,
+        bridges: Vnh5019::new(pwm, bridges),
+        encoders: QuadratureCounters((
+            Counter::new(p.TIM2, p.PA15, p.PB3),
+            Counter::new(p.TIM3, p.PB4, p.PB5),
+            Counter::new(p.TIM4, p.PD12, p.PD13),
+            Counter::new(p.TIM8, p.PC6, p.PC7),
+        )),
+        diag: DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]),
+        // ADC1 before the other converters: its set-up resets them all.
+        battery: unwrap!(BatteryAdc::new(p.ADC1, p.PA3, p.PC2)),
+        currents: CurrentLines::new(p.ADC3, pins!(p.PC0, p.PC3, p.PF3, p.PF5)),
+        link: serial::host_link(
+            unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, first, Some(transmission::ST_LINK))),
+            Some(unwrap!(serial::open(p.USART6, p.PG14, p.PG9, Irqs, second, Some(transmission::ADAPTER)))),
+        ),
+        chain: serial::has_transceiver(p.PC11.reborrow())
+            .then(|| unwrap!(serial::open(p.UART4, p.PC10, p.PC11, Irqs, third, Some(transmission::CHAIN)))),
+        lamp: Lamp { red: low(p.PB14), green: low(p.PB0), blue: low(p.PB7) },
+        connectors: Connectors {
+            digital: DigitalLines::new(pins!(p.PF14, p.PF15, p.PE7, p.PE8, p.PE10, p.PE12, p.PE15, p.PE0)),
+            servos: [
+                Servo::new(p.TIM10, p.PF6),
+                Servo::new(p.TIM11, p.PF7),
+                Servo::new(p.TIM13, p.PF8),
+                Servo::new(p.TIM14, p.PF9),
+                Servo::new(p.TIM12, p.PB15),
+                Servo::new(p.TIM9, p.PE5),
+            ],
+            analog: Some(analog::set_up(p.ADC2, pins!(p.PA4, p.PA5, p.PA6, p.PA0, p.PB1))),
+            i2c: 3,
         },
-    );
+        buses: [
+            Bus::new::<I2C1>(i2c::i2c1(), p.PB8, p.PB9),
+            Bus::new::<I2C2>(i2c::i2c2(), p.PF1, p.PF0),
+            Bus::new::<I2C3>(i2c::i2c3(), p.PA8, p.PC9),
+        ],
+        button: Input::new(p.PC13, Pull::None),
+        store: Keeper::new(region, STORE).filter(|_| chip::reads_second_bank()),
+    };
+    start(spawner, parts);
 }

@@ -1,8 +1,8 @@
-//! The chip's own set-up, in addition to the HAL's: clocks, caches, the debugger, the cause of a reset, and the supply's limit.
+//! The chip's own set-up, in addition to the HAL's: clocks, the cause of a reset, and the supply's limit.
 
 use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
-use motor_hub_stm32::{record, stack, start};
+use motor_hub_stm32::{record, start};
 
 /// About 2.9 V falling (DS12288, embedded reset and power control block): the chip runs on to 1.71 V, but not what hangs
 /// on its pins.
@@ -33,27 +33,6 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
     config.rcc.hsi48 = None;
     config.rcc.ls = rcc::LsConfig::off();
     config
-}
-
-/// Fast flash, a guard under the stack, and bridges off while a debugger holds the core. To be called right
-/// after the HAL's initialisation, before the core sleeps for the first time.
-///
-/// # Flash
-/// Prefetch and both caches. They are between flash and core alone, so DMA does not know of them.
-///
-/// # Debugger
-/// While the core is halted TIM1 stands still, and its outputs are off as after a break (RM0440 28.3.31): low, with
-/// OSSI set. The watchdog runs on.
-pub(crate) fn set_up() {
-    pac::FLASH.acr().modify(|w| {
-        w.set_prften(true);
-        w.set_icen(true);
-        w.set_dcen(true);
-    });
-    if let Some(mut core) = cortex_m::Peripherals::take() {
-        stack::guard(&mut core.MPU);
-    }
-    pac::DBGMCU.apb2fzr().modify(|w| w.set_tim1(true));
 }
 
 /// Why the chip was reset.

@@ -22,7 +22,7 @@ use motor_hub_stm32::encoders::{Counter, QuadratureCounters};
 use motor_hub_stm32::lamp::Lamp;
 use motor_hub_stm32::pins::{DigitalLines, low};
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
-use motor_hub_stm32::{pins, serial};
+use motor_hub_stm32::{after_clocks, pins, serial};
 use static_cell::ConstStaticCell;
 
 motor_hub_stm32::hub! {
@@ -47,10 +47,11 @@ bind_interrupts!(struct Irqs {
 async fn main(spawner: Spawner) {
     chip::before_clocks();
     let p = embassy_stm32::init(chip::clocks());
-    chip::set_up();
+    after_clocks::set_up();
     // Before anything that could hang, and before a bridge can be anything but open.
     let watchdog = begin(p.IWDG);
 
+    static BUFFERS: ConstStaticCell<serial::Buffers> = ConstStaticCell::new(serial::Buffers::new());
     let pwm = Pwm::new(p.TIM1);
     let bridges = [
         pwm.bridge(p.PA8, low(p.PC0), low(p.PC1)),
@@ -58,24 +59,28 @@ async fn main(spawner: Spawner) {
         pwm.bridge(p.PA10, low(p.PB0), low(p.PB1)),
         pwm.bridge(p.PA11, low(p.PB2), low(p.PB10)),
     ];
-    let encoders = QuadratureCounters((
-        Counter::new(p.TIM2, p.PA15, p.PB3),
-        Counter::new(p.TIM3, p.PB4, p.PB5),
-        Counter::new(p.TIM4, p.PB6, p.PB7),
-        Counter::new(p.TIM8, p.PC6, p.PC7),
-    ));
-    let diag = DiagLines([line(p.PB11), line(p.PB12), line(p.PB13), line(p.PB14)]);
-    let battery = unwrap!(adc::battery((p.ADC1, p.ADC3), p.PA0));
-    static BUFFERS: ConstStaticCell<serial::Buffers> = ConstStaticCell::new(serial::Buffers::new());
-    let line = unwrap!(serial::open(p.LPUART1, p.PA2, p.PA3, Irqs, BUFFERS.take(), None));
-    let link = serial::host_link(line, None);
-    let lamp = Lamp { red: low(p.PC10), green: low(p.PA5), blue: low(p.PC11) };
-    let digital = DigitalLines::new(pins!(p.PC8, p.PC9));
-    let connectors = Connectors { digital, servos: [], analog: None, i2c: 0 };
-    let button = Input::new(p.PC13, Pull::None);
-    let bridges = Vnh5019::new(pwm, bridges);
-    start(
-        spawner,
-        Parts { watchdog, bridges, diag, currents: (), encoders, battery, link, connectors, lamp, button },
-    );
+    let line_to_host = unwrap!(serial::open(p.LPUART1, p.PA2, p.PA3, Irqs, BUFFERS.take(), None));
+    let parts = Parts {
+        watchdog,
+        bridges: Vnh5019::new(pwm, bridges),
+        encoders: QuadratureCounters((
+            Counter::new(p.TIM2, p.PA15, p.PB3),
+            Counter::new(p.TIM3, p.PB4, p.PB5),
+            Counter::new(p.TIM4, p.PB6, p.PB7),
+            Counter::new(p.TIM8, p.PC6, p.PC7),
+        )),
+        diag: DiagLines([line(p.PB11), line(p.PB12), line(p.PB13), line(p.PB14)]),
+        battery: unwrap!(adc::battery((p.ADC1, p.ADC3), p.PA0)),
+        currents: (),
+        link: serial::host_link(line_to_host, None),
+        lamp: Lamp { red: low(p.PC10), green: low(p.PA5), blue: low(p.PC11) },
+        connectors: Connectors {
+            digital: DigitalLines::new(pins!(p.PC8, p.PC9)),
+            servos: [],
+            analog: None,
+            i2c: 0,
+        },
+        button: Input::new(p.PC13, Pull::None),
+    };
+    start(spawner, parts);
 }

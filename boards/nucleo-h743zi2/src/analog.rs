@@ -31,11 +31,13 @@ const SLOW: SampleTime = SampleTime::CYCLES387_5;
 
 static NEWEST: Newest = Newest::new();
 
-/// Makes the pins of [`INPUTS`], and then that of [`RAIL`], analogue inputs for good.
-pub(crate) fn connect(mut pins: [Flex<'static>; ANALOG_INPUTS + 1]) {
+/// Makes the pins of [`INPUTS`], and then that of [`RAIL`], analogue inputs for good. Returns the function that reads
+/// the inputs.
+pub(crate) fn set_up(mut pins: [Flex<'static>; ANALOG_INPUTS + 1]) -> fn() -> AnalogReadings {
     pins.iter_mut().for_each(Flex::set_as_analog);
     // Never dropped.
     core::mem::forget(pins);
+    read
 }
 
 /// Prepares the sequence of a converter that is calibrated.
@@ -97,7 +99,7 @@ pub(crate) fn next() {
 }
 
 /// The newest readings.
-pub(crate) fn read() -> AnalogReadings {
+fn read() -> AnalogReadings {
     collect();
     NEWEST.readings(factory())
 }

@@ -89,6 +89,9 @@ async fn main(spawner: Spawner) {
     // Before anything that could hang, and before a bridge can be anything but open.
     let watchdog = begin(p.IWDG1);
 
+    static BUFFERS: ConstStaticCell<[serial::Buffers; 3]> =
+        ConstStaticCell::new([const { serial::Buffers::new() }; 3]);
+    let [first, second, third] = BUFFERS.take();
     let pwm = Pwm::new(p.TIM1);
     chip::break_pwm();
     let bridges = [
@@ -97,73 +100,59 @@ async fn main(spawner: Spawner) {
         pwm.bridge(p.PE13, low(p.PD4), low(p.PD5)),
         pwm.bridge(p.PE14, low(p.PD6), low(p.PD7)),
     ];
-    let encoders = QuadratureCounters((
-        Counter::new(p.TIM2, p.PA15, p.PB3),
-        Counter::new(p.TIM3, p.PB4, p.PB5),
-        Counter::new(p.TIM4, p.PD12, p.PD13),
-        Counter::new(p.TIM8, p.PC6, p.PC7),
-    ));
-    let diag = DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]);
-    let battery = unwrap!(adc::battery((p.ADC1, p.ADC3), p.PA3));
-    let currents = CurrentLines::new(p.ADC2, pins!(p.PC0, p.PB1, p.PA6, p.PA5));
-    static BUFFERS: ConstStaticCell<[serial::Buffers; 3]> =
-        ConstStaticCell::new([const { serial::Buffers::new() }; 3]);
-    let [first, second, third] = BUFFERS.take();
-    let link = serial::host_link(
-        unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, first, None)),
-        Some(unwrap!(serial::open(p.USART6, p.PG14, p.PG9, Irqs, second, None))),
-    );
-    let chain = serial::has_transceiver(p.PB12.reborrow())
-        .then(|| unwrap!(serial::open_with_driver_enable(p.UART5, p.PC12, p.PB12, p.PC8, Irqs, third)));
-    let lamp = Lamp { red: low(p.PB14), green: low(p.PB0), blue: low(p.PE1) };
-    analog::connect(pins!(p.PF3, p.PF4, p.PF5, p.PF10, p.PC2));
-    let servos = [
-        Servo::new(p.TIM16, p.PF6),
-        Servo::new(p.TIM17, p.PF7),
-        Servo::new(p.TIM13, p.PF8),
-        Servo::new(p.TIM14, p.PF9),
-        Servo::new(p.TIM12, p.PB15),
-        Servo::new(p.TIM15, p.PE5),
-    ];
-    let buses = [
-        Bus::new::<I2C1>(i2c::i2c1(), p.PB8, p.PB9),
-        Bus::new::<I2C2>(i2c::i2c2(), p.PF1, p.PF0),
-        Bus::new::<I2C3>(i2c::i2c3(), p.PA8, p.PC9),
-        Bus::new::<I2C4>(i2c::i2c4(), p.PB6, p.PB7),
-    ];
-    let digital = DigitalLines::new(pins!(p.PF14, p.PF15, p.PE7, p.PE8, p.PE10, p.PE12, p.PE15, p.PE0));
-    let connectors = Connectors { digital, servos, analog: Some(analog::read), i2c: 4 };
-    let button = Input::new(p.PC13, Pull::None);
     static BANKS: StaticCell<[Mutex<ThreadModeRawMutex, Bank<Timer>>; 2]> = StaticCell::new();
-    let [first, second] = BANKS.init(Bank::both(p.FLASH, || Timer::after(FLASH_PAUSE)).map(Mutex::new));
-    let part = |at: Range<u32>| Part::new(second, at.start, at.end - at.start);
-    let store = Keeper::new(part(layout::STORE), 0..layout::STORE.end - layout::STORE.start);
-    let booted = Part::new(first, layout::ACTIVE.start, layout::ACTIVE.end - layout::ACTIVE.start);
+    let [first_bank, second_bank] =
+        BANKS.init(Bank::both(p.FLASH, || Timer::after(FLASH_PAUSE)).map(Mutex::new));
+    let part = |at: Range<u32>| Part::new(second_bank, at.start, at.end - at.start);
+    let booted = Part::new(first_bank, layout::ACTIVE.start, layout::ACTIVE.end - layout::ACTIVE.start);
+    let parts = Parts {
+        watchdog,
+        bridges: Vnh5019::new(pwm, bridges),
+        encoders: QuadratureCounters((
+            Counter::new(p.TIM2, p.PA15, p.PB3),
+            Counter::new(p.TIM3, p.PB4, p.PB5),
+            Counter::new(p.TIM4, p.PD12, p.PD13),
+            Counter::new(p.TIM8, p.PC6, p.PC7),
+        )),
+        diag: DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]),
+        battery: unwrap!(adc::battery((p.ADC1, p.ADC3), p.PA3)),
+        currents: CurrentLines::new(p.ADC2, pins!(p.PC0, p.PB1, p.PA6, p.PA5)),
+        link: serial::host_link(
+            unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, first, None)),
+            Some(unwrap!(serial::open(p.USART6, p.PG14, p.PG9, Irqs, second, None))),
+        ),
+        chain: serial::has_transceiver(p.PB12.reborrow())
+            .then(|| unwrap!(serial::open_with_driver_enable(p.UART5, p.PC12, p.PB12, p.PC8, Irqs, third))),
+        lamp: Lamp { red: low(p.PB14), green: low(p.PB0), blue: low(p.PE1) },
+        connectors: Connectors {
+            digital: DigitalLines::new(pins!(p.PF14, p.PF15, p.PE7, p.PE8, p.PE10, p.PE12, p.PE15, p.PE0)),
+            servos: [
+                Servo::new(p.TIM16, p.PF6),
+                Servo::new(p.TIM17, p.PF7),
+                Servo::new(p.TIM13, p.PF8),
+                Servo::new(p.TIM14, p.PF9),
+                Servo::new(p.TIM12, p.PB15),
+                Servo::new(p.TIM15, p.PE5),
+            ],
+            analog: Some(analog::set_up(pins!(p.PF3, p.PF4, p.PF5, p.PF10, p.PC2))),
+            i2c: 4,
+        },
+        buses: [
+            Bus::new::<I2C1>(i2c::i2c1(), p.PB8, p.PB9),
+            Bus::new::<I2C2>(i2c::i2c2(), p.PF1, p.PF0),
+            Bus::new::<I2C3>(i2c::i2c3(), p.PA8, p.PC9),
+            Bus::new::<I2C4>(i2c::i2c4(), p.PB6, p.PB7),
+        ],
+        button: Input::new(p.PC13, Pull::None),
+        store: Keeper::new(part(layout::STORE), 0..layout::STORE.end - layout::STORE.start),
+    };
     let slots = Slots::new(booted, part(layout::DOWNLOAD), part(layout::STATE));
     if SLOT.is_some()
         && let Some(slots) = slots
     {
         spawner.spawn(unwrap!(update(slots)));
     }
-    let bridges = Vnh5019::new(pwm, bridges);
-    start(
-        spawner,
-        Parts {
-            watchdog,
-            bridges,
-            diag,
-            currents,
-            encoders,
-            battery,
-            link,
-            connectors,
-            buses,
-            lamp,
-            button,
-            store,
-            chain,
-        },
-    );
+    start(spawner, parts);
 }
 
 #[embassy_executor::task]

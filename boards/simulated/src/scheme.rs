@@ -1,5 +1,5 @@
-//! Words for schemes (`none`, `A` to `D`), for the blend of scheme D, and for duty rules. Scenario files and the
-//! command line share these words.
+//! Words for schemes (`none`, `A` to `D`) and for the blend of scheme D. Scenario files and the command line share these
+//! words.
 //!
 //! ```
 //! use simulated::scheme::{SchemeName, describe};
@@ -11,7 +11,7 @@
 //! # Ok::<(), simulated::scheme::BlendError>(())
 //! ```
 
-use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
+use motor_hub::braking::{Blend, BlendFraction, Scheme};
 use serde::Deserialize;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
 use std::str::FromStr;
@@ -158,16 +158,6 @@ impl Serialize for SchemeWords {
 
 fn share(fraction: BlendFraction) -> f64 {
     f64::from(fraction.to_bits()) / f64::from(BlendFraction::ONE.to_bits())
-}
-
-/// A [`DutyRule`]'s name in files: `#[serde(with = "DutyWord")]`.
-#[derive(Deserialize, serde::Serialize)]
-#[serde(remote = "DutyRule", rename_all = "kebab-case")]
-pub enum DutyWord {
-    /// `linear-current`.
-    LinearCurrent,
-    /// `linear-duty`.
-    LinearDuty,
 }
 
 /// A scheme in words, for headings.

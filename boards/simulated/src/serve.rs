@@ -18,6 +18,7 @@
 //! ```
 
 mod chain_line;
+mod host_line;
 pub mod interventions;
 mod line;
 mod memory;

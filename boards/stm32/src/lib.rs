@@ -23,9 +23,12 @@
 //! | [`stack`] | a guard at the stack's end |
 //! | [`demo`] | motors that turn while a button is held |
 //! | [`start`] | what is started before the clocks: a lamp and the watchdog |
+//! | `after_clocks` | caches of the flash, guard of the stack, debugger; feature `flash-caches` |
 //! | [`status`] | the log |
 #![no_std]
 
+#[cfg(feature = "flash-caches")]
+pub mod after_clocks;
 pub mod analog;
 pub mod bridge_faults;
 pub mod connectors;

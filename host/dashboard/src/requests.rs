@@ -10,7 +10,7 @@ use motor_hub::protocol::motor::{Loop, RunMode};
 use motor_hub::regulator::Kind;
 use serde::Deserialize;
 use serde_json::{Map, Value};
-use simulated::scheme::{DutyWord, SchemeName};
+use simulated::scheme::SchemeName;
 
 /// An order of a page.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -87,7 +87,6 @@ pub(crate) enum Order {
         name: Option<String>,
         /// Scheme: `none`, `A` to `D`.
         scheme: SchemeName,
-        #[serde(with = "DutyWord")]
         duty: DutyRule,
     },
     /// Turns motors at speeds in step, until the next request.

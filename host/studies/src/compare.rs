@@ -6,6 +6,7 @@
 //! variants.
 
 mod charts;
+mod gains;
 mod row;
 mod score;
 mod tasks;

@@ -12,7 +12,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::settling::{Goal, Settling, settling};
+use crate::settling::{Goal, Settling, changes, settling};
 use crate::table;
 use motor_hub::braking::Regime;
 use motor_hub::bridge::Drive;
@@ -157,10 +157,7 @@ impl Measures {
 }
 
 fn responses(motor: &Motor, span_s: &Range<f64>, motion: &[Point]) -> Vec<Response> {
-    let mut changes: Vec<f64> = motor.setpoints.iter().map(|s| s.at_s).collect();
-    changes.extend(motor.torques.iter().skip(1).map(|t| t.at_s));
-    changes.sort_by(f64::total_cmp);
-    changes.dedup();
+    let mut changes = changes(motor);
     changes.retain(|at_s| span_s.contains(at_s));
     let ends = changes.iter().skip(1).copied().chain([span_s.end]);
     let phases = changes.iter().copied().zip(ends);

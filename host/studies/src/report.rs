@@ -13,7 +13,7 @@ use motor_hub::braking::DutyRule;
 use serde::Serialize;
 use serde_json::json;
 use simulated::scenario::Scenario;
-use simulated::scheme::{DutyWord, SchemeWords};
+use simulated::scheme::SchemeWords;
 use simulated::trace::Trace;
 use std::path::PathBuf;
 
@@ -38,7 +38,6 @@ struct MotorReport<'a> {
     motor: &'a str,
     #[serde(flatten)]
     scheme: SchemeWords,
-    #[serde(with = "DutyWord")]
     duty: DutyRule,
     as_set: &'a Measures,
     without_braking_regime: &'a Measures,

@@ -19,6 +19,7 @@
 //! ```
 
 use motor_hub::motor::Setpoint;
+use simulated::scenario::Motor;
 use simulated::trace::Point;
 use std::ops::Range;
 
@@ -34,6 +35,17 @@ const REST_SHARE: f64 = 0.1;
 const LEAST_REST_S: f64 = 1.0;
 /// Largest rounding error of a difference of two times, in seconds.
 const ROUNDING_S: f64 = 1e-9;
+
+/// Explains settling and overshoot below tables.
+pub(crate) fn definitions() -> String {
+    format!(
+        "Settling: time until the speed stays within {:.0} % of the new speed or of the step, whichever is more, at least \
+         {LEAST_BAND_CPS} counts/s; a position within its tolerance; a motor at standstill within {STANDSTILL_BAND} counts. It \
+         must stay there until the next change, for a tenth of the time and for {LEAST_REST_S} s at least. Overshoot: largest \
+         error beyond the set-point in % of the step; after a change of torque the largest deviation in % of the set-point.",
+        100.0 * SPEED_BAND
+    )
+}
 
 /// What a regulated motor should do.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -133,6 +145,16 @@ impl Settling {
 /// the two changes.
 pub fn rest_s(length_s: f64) -> f64 {
     (REST_SHARE * length_s).max(LEAST_REST_S)
+}
+
+/// Times in seconds at which the set-point of a motor or the torque on its shaft changes, each once, ascending. The
+/// torque at the start is no change.
+pub(crate) fn changes(motor: &Motor) -> Vec<f64> {
+    let torques = motor.torques.iter().map(|timed| timed.at_s).filter(|at_s| *at_s > 0.0);
+    let mut changes: Vec<f64> = motor.setpoints.iter().map(|timed| timed.at_s).chain(torques).collect();
+    changes.sort_by(f64::total_cmp);
+    changes.dedup();
+    changes
 }
 
 /// Judges the points of a motor from a change to the next one.

@@ -30,7 +30,7 @@ use motor_hub::model::si::Volts;
 use responses::Challenge;
 use serde::Serialize;
 use simulated::scenario::{Configuration, ConfiguredMotion, Motor, Scenario};
-use simulated::scheme::{DutyWord, SchemeWords, describe};
+use simulated::scheme::{SchemeWords, describe};
 
 /// How a motor is configured in the hub.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -153,7 +153,6 @@ pub struct Response {
     #[serde(flatten)]
     pub scheme: SchemeWords,
     /// The duty rule.
-    #[serde(with = "DutyWord")]
     pub duty: DutyRule,
     /// Coulomb friction in percent of the stall torque at 12 V.
     pub friction_percent: f64,

@@ -29,7 +29,7 @@ use rigless::time::VirtualNanos;
 use super::bus_lines::Lines;
 use super::sampling_capacitor::Sampled;
 use super::servo_timer::{Edge, ServoTimer, Servos};
-use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, Remembers, words};
+use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, Remembers, port_slots, words};
 use crate::board::Board;
 use crate::processor::Mpu;
 use crate::pwm::Registers;
@@ -113,10 +113,7 @@ impl Chip {
         let [timer_slot, converter_slot, exti_slot] =
             [part.bus().slot("TIM1")?, part.bus().slot("ADC1")?, part.bus().slot("EXTI")?];
         let power_slot = part.bus().slot("PWR")?;
-        let mut port_slots = [0; wiring::PORTS.len()];
-        for (slot, name) in port_slots.iter_mut().zip(wiring::PORTS) {
-            *slot = part.bus().slot(name)?;
-        }
+        let port_slots = port_slots(part.bus())?;
         let slot = |name| part.bus().slot(name);
         let servos: Servos = [
             (slot("TIM10")?, Box::new(ServoTimer::<tim10::Register>::new(1))),
@@ -166,14 +163,6 @@ impl Chip {
 }
 
 impl Mcu for Chip {
-    fn bus(&self) -> &Bus {
-        self.part.bus()
-    }
-
-    fn bus_mut(&mut self) -> &mut Bus {
-        self.part.bus_mut()
-    }
-
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
         Device::reset(&mut self.converter);
@@ -181,35 +170,15 @@ impl Mcu for Chip {
         self.buses.iter_mut().for_each(|(_, lines)| Device::reset(lines));
     }
 
-    fn poll(&mut self, now: VirtualNanos) {
-        self.part.poll(now);
-    }
-
-    fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
-        if slot == self.timer_slot && self.pwm == Pwm::Registers {
-            (self.part.bus_mut(), Some(&mut self.plain_timer))
-        } else if slot == self.power_slot && self.power_dead {
-            (self.part.bus_mut(), Some(&mut self.plain_power))
-        } else if slot == self.converter_slot && self.adc_dead {
-            (self.part.bus_mut(), Some(&mut self.plain_converter))
-        } else if slot == self.converter_slot {
-            self.follow_open_pins();
-            (self.part.bus_mut(), Some(&mut self.converter))
-        } else if slot == self.exti_slot {
-            (self.part.bus_mut(), Some(&mut self.plain_exti))
-        } else if let Some(servo) = self.servos.iter().position(|(place, _)| *place == slot) {
-            let bus = if ON_APB2.contains(&servo) { Apb::Two } else { Apb::One };
-            let (rcc, registers) = self.part.clocks();
-            let hz = rcc.timer_clock(registers, bus);
-            let timer = &mut self.servos[servo].1;
-            timer.set_clock(hz);
-            (self.part.bus_mut(), Some(&mut **timer))
-        } else if let Some((_, lines)) = self.buses.iter_mut().find(|(place, _)| *place == slot) {
-            (self.part.bus_mut(), Some(lines))
-        } else {
-            self.part.split(slot)
-        }
-    }
+    mcu_on_every_chip!(
+        apb: [Apb::One, Apb::Two],
+        models: {
+            converter_slot if adc_dead => plain_converter,
+            converter_slot => converter,
+            exti_slot => plain_exti,
+        },
+        before: converter_slot => follow_open_pins
+    );
 }
 
 impl Part for Chip {
@@ -287,10 +256,6 @@ impl Part for Chip {
     }
 
     fn set_revision(&mut self, _: VirtualNanos, _: u16) {}
-
-    fn set_power_dead(&mut self, dead: bool) {
-        self.power_dead = dead;
-    }
 
     fn drive_encoder(&mut self, at: VirtualNanos, motor: usize, channel: Channel, level: Level) {
         match wiring::ENCODERS[motor] {

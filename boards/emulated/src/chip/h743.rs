@@ -35,7 +35,7 @@ use super::flash_interface::{FlashFaults, Interface};
 use super::late_converter::Late;
 use super::servo_timer::{Edge, ServoTimer, Servos};
 use super::watchdog::Watchdog;
-use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, Remembers, words};
+use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, Remembers, port_slots, words};
 use crate::board::Board;
 use crate::processor::Mpu;
 use crate::pwm::Registers;
@@ -154,10 +154,7 @@ impl Chip {
             })?;
         }
         let [power_slot, identity_slot] = [part.bus().slot("PWR")?, part.bus().slot("DBGMCU")?];
-        let mut port_slots = [0; wiring::PORTS.len()];
-        for (slot, name) in port_slots.iter_mut().zip(wiring::PORTS) {
-            *slot = part.bus().slot(name)?;
-        }
+        let port_slots = port_slots(part.bus())?;
         Ok(Self {
             part,
             pwm,
@@ -187,14 +184,6 @@ impl Chip {
 }
 
 impl Mcu for Chip {
-    fn bus(&self) -> &Bus {
-        self.part.bus()
-    }
-
-    fn bus_mut(&mut self) -> &mut Bus {
-        self.part.bus_mut()
-    }
-
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
         self.connections.reset();
@@ -206,36 +195,15 @@ impl Mcu for Chip {
         self.buses.iter_mut().for_each(|(_, lines)| Device::reset(lines));
     }
 
-    fn poll(&mut self, now: VirtualNanos) {
-        self.part.poll(now);
-    }
-
-    fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
-        if slot == self.timer_slot && self.pwm == Pwm::Registers {
-            (self.part.bus_mut(), Some(&mut self.plain_timer))
-        } else if slot == self.power_slot && self.power_dead {
-            (self.part.bus_mut(), Some(&mut self.plain_power))
-        } else if slot == self.converter_slot {
-            (self.part.bus_mut(), Some(&mut self.converter))
-        } else if slot == self.flash_slot {
-            (self.part.bus_mut(), Some(&mut self.flash))
-        } else if slot == self.currents_slot {
-            (self.part.bus_mut(), Some(&mut self.currents))
-        } else if slot == self.watchdog_slot {
-            (self.part.bus_mut(), Some(&mut self.watchdog))
-        } else if let Some(servo) = self.servos.iter().position(|(place, _)| *place == slot) {
-            let bus = if ON_APB2.contains(&servo) { TimerBus::Apb2 } else { TimerBus::Apb1 };
-            let (rcc, registers) = self.part.clocks();
-            let hz = rcc.timer_clock(registers, bus);
-            let timer = &mut self.servos[servo].1;
-            timer.set_clock(hz);
-            (self.part.bus_mut(), Some(&mut **timer))
-        } else if let Some((_, lines)) = self.buses.iter_mut().find(|(place, _)| *place == slot) {
-            (self.part.bus_mut(), Some(lines))
-        } else {
-            self.part.split(slot)
+    mcu_on_every_chip!(
+        apb: [TimerBus::Apb1, TimerBus::Apb2],
+        models: {
+            converter_slot => converter,
+            flash_slot => flash,
+            currents_slot => currents,
+            watchdog_slot => watchdog,
         }
-    }
+    );
 }
 
 /// Drives an input of a timer. The timer is taken out of the emulator's part meanwhile, because the part cannot drive it.
@@ -351,10 +319,6 @@ impl Part for Chip {
     fn set_revision(&mut self, at: VirtualNanos, revision: u16) {
         let (registers, _) = self.part.bus_mut().drive(at, self.identity_slot);
         registers.set(dbgmcu::Register::Idc, u64::from(revision) << 16 | DEVICE);
-    }
-
-    fn set_power_dead(&mut self, dead: bool) {
-        self.power_dead = dead;
     }
 
     fn drive_encoder(&mut self, at: VirtualNanos, motor: usize, channel: Channel, level: Level) {

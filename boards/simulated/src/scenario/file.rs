@@ -80,15 +80,12 @@ struct BusTable {
     limits: Limits,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 struct AttachedTable {
-    #[serde(default)]
     analog_v: Vec<AnalogVoltage>,
     low_pins: Option<Vec<PinNumber>>,
-    #[serde(default)]
     i2c_faults: Vec<i2c::Fault>,
-    #[serde(default)]
     over_time: Vec<Spanned<ChangeTable>>,
 }
 

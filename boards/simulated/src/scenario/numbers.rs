@@ -1,9 +1,11 @@
 //! Numbers, words and names in a scenario file. Each kind of number has a range; a value out of its range is refused.
 
-use super::types::LONGEST_S;
 use serde::de::{Deserialize, Deserializer, Error, Unexpected, Visitor};
 use std::fmt::{self, Formatter};
 use std::ops::RangeInclusive;
+
+/// The longest run, in seconds: a trace must fit in memory.
+pub const LONGEST_S: f64 = 300.0;
 
 /// Highest speed in counts/s: ten times the speed of any known motor.
 pub(crate) const FASTEST_CPS: i32 = 1_000_000;

@@ -23,9 +23,6 @@ use motor_hub::supply::{Levels, Limits};
 use motor_hub::units::{Acceleration, Millivolts, Period, RangeError, constant};
 use std::num::NonZeroU16;
 
-/// The longest run, in seconds: a trace must fit in memory.
-pub const LONGEST_S: f64 = 300.0;
-
 /// Limits that never act: the hub accepts any battery from 5 to 18 V, and dissipates no energy.
 pub const UNLIMITED: Limits = constant!(Limits::new(Levels {
     min: Millivolts::new(5_000),
@@ -205,6 +202,12 @@ impl Configuration {
         emf: 1.0,
         motion: Some(ConfiguredMotion { inertia: 1.0, drag: 1.0, friction: 1.0 }),
     };
+}
+
+impl Default for Configuration {
+    fn default() -> Self {
+        Self::EXACT
+    }
 }
 
 /// A value that is in force from a time on.

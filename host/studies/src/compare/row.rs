@@ -1,7 +1,7 @@
 //! One run of the comparison, and its measures.
 
+use super::gains::Gains;
 use super::tasks::Task;
-use super::tuning::Gains;
 use super::variant::Variant;
 use crate::StudyError;
 use crate::measures::Measures;

@@ -1,8 +1,8 @@
 //! Finds the best variants at each task by the measures alone, and scores all variants.
 
 use super::Round;
+use super::gains::Gains;
 use super::row::Row;
-use super::tuning::Gains;
 use super::variant::Variant;
 use serde::Serialize;
 

@@ -1,25 +1,27 @@
 //! The comparison as text: the verdict first, then the tables.
 
 use super::charts::WAYS;
+use super::gains::Gains;
 use super::row::Row;
 use super::score::{Score, Winner, scores, winners};
-use super::tuning::Gains;
 use super::variant::{Variant, in_words};
 use super::{Round, TaskResult};
 use crate::page::Page;
 use crate::table::{self, Table};
 
-/// Explains the measures below the tables.
+/// Explains the other measures below the tables.
 const DEFINITIONS: &str = "\
-All measures are from the task's event on. Settling: time until the speed stays within 2 % of the new speed or of the
-step, whichever is more, and of 2 counts/s; a motor at standstill within 3 counts. It must stay there to the end, for a
-second at least. Overshoot: largest error beyond the set-point in % of the step; after a
-change of torque the largest deviation in % of the set-point. Rms error: of the speed, counts/s. Peak jerk: largest
+Rms error: of the speed, counts/s. Peak jerk: largest
 change of the mean motor current from one control period to the next while the motor slows down, A. Limit cycle: peak
 to peak of the speed in the last second, counts/s. Returned: energy into the battery, J. |error|: integral of the
 error's size, counts. A variant that brakes least has the least jerk. Fault: the load drove the motor on against full
 reverse drive, so the hub took the encoder for reversed and released the motor. Model: regulated by the motor's model
 with linear current; it has no coefficients, and motor and load are configured exactly.";
+
+/// Explains all measures below the tables.
+fn definitions() -> String {
+    format!("All measures are from the task's event on. {} {DEFINITIONS}", crate::settling::definitions())
+}
 
 /// Explains the signs of the variants below the table of winners.
 const SIGNS: &str = "Capitals: linear current. Small letters: linear duty. ': the motor's model. 0: no braking regime. \
@@ -36,7 +38,7 @@ pub(super) fn measures(rounds: &[Round]) -> Page {
         page.text(&setting(round));
         winners_of(&mut page, round);
     }
-    page.text(DEFINITIONS);
+    page.text(&definitions());
     page
 }
 
@@ -56,7 +58,7 @@ pub(super) fn settling(rounds: &[Round]) -> Page {
         page.text(&setting(round));
         winners_of(&mut page, round);
     }
-    page.text(DEFINITIONS);
+    page.text(&definitions());
     page
 }
 

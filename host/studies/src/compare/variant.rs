@@ -3,7 +3,7 @@
 use motor_hub::braking::{Blend, DutyRule, Scheme};
 use motor_hub::regulator::Kind;
 use serde::{Serialize, Serializer};
-use simulated::scheme::{DutyWord, SchemeWords};
+use simulated::scheme::SchemeWords;
 
 /// A scheme, a duty rule and a regulator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -12,7 +12,6 @@ pub(super) struct Variant {
     #[serde(flatten, serialize_with = "scheme_words")]
     pub(super) scheme: Scheme,
     /// The rule for duties between the points.
-    #[serde(with = "DutyWord")]
     pub(super) duty: DutyRule,
     /// The regulator, which gives control values.
     #[serde(serialize_with = "regulator_word")]

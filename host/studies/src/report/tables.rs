@@ -3,18 +3,15 @@
 use super::{RunReport, WITHOUT};
 use crate::expectations::{Verdict, Wanted};
 use crate::measures::Measures;
+use crate::settling;
 use crate::table;
 use simulated::scheme;
 
 /// Least width of a column in characters, so that the tables line up.
 const NARROWEST: usize = 18;
 
-/// Explains the measures below the tables.
+/// Explains the other measures below the tables.
 const DEFINITIONS: &str = "\
-Settling: time until the speed stays within 2 % of the new speed or of the step, whichever is more, at least 2
-counts/s; a position within its tolerance; a motor at standstill within 3 counts. It must stay there until the next
-change, for a tenth of the time and for a second at least. Overshoot: largest error beyond the
-set-point, in % of the step; after a change of torque the largest deviation, in % of the set-point.
 Residual: rms error in the second half of the time to the next change. Swing: difference of the highest and the
 lowest value in the last second before the next change. Deceleration jerk: change of the mean motor current from one
 control period to the next while the motor slows down (N m: at the output shaft). Energies are of the motor's own
@@ -40,7 +37,7 @@ pub(super) fn all(comparison: &RunReport) -> String {
         out.push_str(&table.to_string());
         out.push('\n');
     }
-    out.push_str(&table::paragraph(DEFINITIONS));
+    out.push_str(&table::paragraph(&format!("{} {DEFINITIONS}", settling::definitions())));
     out.push('\n');
     if !comparison.verdicts.is_empty() {
         out.push('\n');

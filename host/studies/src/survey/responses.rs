@@ -2,7 +2,7 @@
 //! millisecond.
 
 use crate::StudyError;
-use crate::settling::{Goal, rest_s, settling};
+use crate::settling::{Goal, changes, rest_s, settling};
 use serde::Serialize;
 use simulated::scenario::{Motor, Scenario};
 use simulated::trace::Point;
@@ -63,10 +63,7 @@ fn millisecond(at_s: f64) -> usize {
 }
 
 fn of_motor(scenario: &Scenario, index: usize, motor: &Motor) -> Vec<Challenge> {
-    let torques = motor.torques.iter().map(|timed| timed.at_s).filter(|&at_s| at_s > 0.0);
-    let mut times: Vec<f64> = motor.setpoints.iter().map(|timed| timed.at_s).chain(torques).collect();
-    times.sort_by(f64::total_cmp);
-    times.dedup();
+    let times = changes(motor);
     let ends = times.iter().copied().skip(1).chain([scenario.duration_s]);
     let mut before = (None, 0.0);
     let mut all = Vec::new();

@@ -12,8 +12,8 @@ use motor_hub::record::Fault;
 use serde::{Deserialize, Deserializer};
 use std::ops::Range;
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub(super) struct ExpectTable {
     motor: Option<String>,
     group: Option<String>,
@@ -28,11 +28,9 @@ pub(super) struct ExpectTable {
     energy_returned_between_j: Option<[Energy; 2]>,
     heading_error_below_degrees: Option<Degrees>,
     bus_between_v: Option<[BusVoltage; 2]>,
-    #[serde(default)]
     ever: Vec<RegimeWord>,
-    #[serde(default)]
     never: Vec<RegimeWord>,
-    #[serde(default, deserialize_with = "fault")]
+    #[serde(deserialize_with = "fault")]
     fault: Option<Expected>,
 }
 

@@ -17,17 +17,9 @@ pub(super) struct GroupTable {
     pub(super) label: Name,
     motors: Vec<String>,
     base: Option<BaseTable>,
-    #[serde(default, with = "HaltWord")]
+    #[serde(default)]
     halt: Halt,
     courses: Vec<Spanned<CourseTable>>,
-}
-
-/// Words of [`Halt`].
-#[derive(Deserialize)]
-#[serde(remote = "Halt", rename_all = "lowercase")]
-enum HaltWord {
-    Stop,
-    Coast,
 }
 
 #[derive(Deserialize)]

@@ -12,7 +12,7 @@ use crate::scenario::numbers::{
     TemperatureRise, Torque, WindingConstant, one_of, or, out_of_range,
 };
 use crate::scenario::types::{Configuration, ConfiguredMotion, Motor, Timed};
-use crate::scheme::{BlendChoice, DutyWord, SchemeName};
+use crate::scheme::{BlendChoice, SchemeName};
 use motor_hub::braking::DutyRule;
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::model::catalogue::{self, characterised};
@@ -43,15 +43,15 @@ pub(super) struct MotorTable {
     #[serde(default)]
     load: LoadTable,
     pub(super) train: Option<Spanned<TrainTable>>,
-    #[serde(default = "exact", alias = "told", deserialize_with = "factors_or_nothing")]
+    #[serde(default, alias = "told", deserialize_with = "factors_or_nothing")]
     configured: Configuration,
     scheme: Option<SchemeName>,
     blend: Option<BlendChoice>,
-    #[serde(default, with = "DutyWord")]
+    #[serde(default)]
     duty: DutyRule,
-    #[serde(default, with = "ZeroPowerWord")]
+    #[serde(default)]
     zero_power: ZeroPower,
-    #[serde(default, with = "OnFaultWord")]
+    #[serde(default)]
     on_fault: OnFault,
     thermal: Option<ThermalTable>,
     current_limit_a: Option<CurrentLimit>,
@@ -138,22 +138,6 @@ struct FactorsTable {
     inertia: Option<Factor>,
     drag: Option<DragFactor>,
     friction: Option<Factor>,
-}
-
-/// Words of [`ZeroPower`].
-#[derive(Deserialize)]
-#[serde(remote = "ZeroPower", rename_all = "lowercase")]
-enum ZeroPowerWord {
-    Brake,
-    Float,
-}
-
-/// Words of [`OnFault`].
-#[derive(Deserialize)]
-#[serde(remote = "OnFault", rename_all = "lowercase")]
-enum OnFaultWord {
-    Coast,
-    Brake,
 }
 
 #[derive(Deserialize)]
@@ -348,10 +332,6 @@ impl From<&ConstantsTable> for catalogue::Motor {
             counts_per_rev_motor: table.counts_per_rev.0,
         }
     }
-}
-
-const fn exact() -> Configuration {
-    Configuration::EXACT
 }
 
 impl From<FactorsTable> for Configuration {
