@@ -237,7 +237,7 @@ fn tick_control(bench: &mut Bench<1>) -> Control {
 }
 
 #[test]
-fn nothing_winds_up_while_the_bridge_cannot_obey() {
+fn the_integrator_holds_while_the_battery_is_not_read() {
     let [interrupted, steady] = [true, false].map(|interrupted| {
         let mut bench = Bench::turned(settings(), [0.0]);
         bench.set(0, velocity(1000));
@@ -367,7 +367,7 @@ type Neighbour = (Option<i32>, u64, u64, Setpoint);
 
 proptest! {
     #[test]
-    fn one_motors_troubles_never_show_in_another(
+    fn readings_and_setpoints_of_one_motor_do_not_change_another(
         own in any_setpoint(),
         own_positions in prop::collection::vec(any::<i16>(), 12),
         neighbours in prop::collection::vec(
