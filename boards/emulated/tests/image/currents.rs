@@ -130,7 +130,7 @@ fn the_current_of_a_motor_that_brakes_by_5_0_is_modelled_because_no_line_shows_i
 }
 
 #[test]
-pub(crate) fn a_line_that_is_broken_is_named_and_not_believed_and_another_one_is() {
+pub(crate) fn a_broken_sense_line_is_reported_and_not_used() {
     let (mut bench, mut host) = with_host(vec![held(), held(), held()]);
     bench.set_current_line(0, CurrentLine::StuckLow);
     bench.set_current_line(1, CurrentLine::StuckHigh);

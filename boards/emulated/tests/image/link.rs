@@ -91,7 +91,7 @@ fn a_reversal_goes_over_braking_and_never_an_illegal_way() {
 const REPLY_S: f64 = 0.002;
 
 #[test]
-pub(crate) fn power_and_letting_go_reach_the_bridge_within_two_milliseconds() {
+pub(crate) fn power_and_coast_reach_the_bridge_within_2_ms() {
     let (mut bench, mut host) = with_host(vec![am60(); 4]);
     let mut slowest = Duration::ZERO;
     host.power(&mut bench, 0, 8_000);
