@@ -177,7 +177,7 @@ impl Mcu for Chip {
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
         Device::reset(&mut self.converter);
-        self.servos.iter_mut().for_each(|(_, servo)| servo.reset());
+        self.servos.iter_mut().for_each(|(_, servo)| servo.reset_at(at.0));
         self.buses.iter_mut().for_each(|(_, lines)| Device::reset(lines));
     }
 

@@ -202,7 +202,7 @@ impl Mcu for Chip {
         Device::reset(&mut self.converter);
         Device::reset(&mut self.flash);
         Device::reset(&mut self.currents);
-        self.servos.iter_mut().for_each(|(_, servo)| servo.reset());
+        self.servos.iter_mut().for_each(|(_, servo)| servo.reset_at(at.0));
         self.buses.iter_mut().for_each(|(_, lines)| Device::reset(lines));
     }
 
