@@ -10,7 +10,7 @@ use motor_hub::motion::{Pidf, Reading};
 use motor_hub::motor::{Motor, Setpoint, Settings, ZeroPower};
 use motor_hub::regulator::Coefficients;
 use motor_hub::supply::Battery;
-use motor_hub::units::{Coefficient, Control, Micros, Millivolts, Period, RangeError};
+use motor_hub::units::{Coefficient, Control, Duty, Micros, Millivolts, Period, RangeError};
 use proptest::prelude::*;
 
 /// 1 % of the range of control values.
@@ -198,6 +198,17 @@ fn without_a_battery_voltage_everything_coasts_and_says_why() {
 }
 
 #[test]
+fn an_old_battery_voltage_is_none() {
+    let mut hub = Hub::new([settings()], Period::DEFAULT);
+    hub.apply(Command { motor: 0, action: Action::Set(power(32_767)) }).expect("motor");
+    let battery = Some(Battery::good(Millivolts::new(12_000), Micros::new(0)));
+    let mut drive_at =
+        |now| hub.step(&Inputs { now: Micros::new(now), readings: [None], battery }).drives()[0];
+    assert_eq!(drive_at(100_000).duty, Duty::ONE);
+    assert_eq!(drive_at(150_000), Drive::COAST);
+}
+
+#[test]
 fn an_encoder_that_is_silent_for_more_than_20_ms_stops_the_regulation_of_its_own_motor_until_it_is_read_again()
  {
     for (silent_ms, is_stale) in [(20, false), (21, true)] {
@@ -226,7 +237,7 @@ fn tick_control(bench: &mut Bench<1>) -> Control {
 }
 
 #[test]
-fn nothing_winds_up_while_the_bridge_cannot_obey() {
+fn the_integrator_holds_while_the_battery_is_not_read() {
     let [interrupted, steady] = [true, false].map(|interrupted| {
         let mut bench = Bench::turned(settings(), [0.0]);
         bench.set(0, velocity(1000));
@@ -356,7 +367,7 @@ type Neighbour = (Option<i32>, u64, u64, Setpoint);
 
 proptest! {
     #[test]
-    fn one_motors_troubles_never_show_in_another(
+    fn readings_and_setpoints_of_one_motor_do_not_change_another(
         own in any_setpoint(),
         own_positions in prop::collection::vec(any::<i16>(), 12),
         neighbours in prop::collection::vec(

@@ -367,7 +367,7 @@ fn a_stop_on_the_way_is_refused() {
 }
 
 #[test]
-fn no_load_makes_it_say_something_wrong() {
+fn no_load_leads_to_a_wrong_identification() {
     for name in ["AM 60 A", "AM 40 B", "AM 20 B", "AM 3.7 B", "Matrix C"] {
         for (inertia, friction, period_ms) in [(0.0, 0.0, 50), (1.0, 0.05, 10), (4.0, 0.05, 50)] {
             let bench = Setup { inertia, friction, period_ms, ..Setup::new(name) };
@@ -426,7 +426,7 @@ fn half_a_second() -> Bench<1> {
 }
 
 #[test]
-fn anything_else_that_is_asked_of_the_motor_ends_it() {
+fn another_command_ends_an_identification() {
     for other in [Setpoint::Disabled, Setpoint::ConstantPower(Control::ZERO), velocity(100)] {
         let mut bench = half_a_second();
         bench.set(0, other);

@@ -207,7 +207,7 @@ fn a_wheel_that_is_blocked_stops_the_other_and_both_finish_when_it_is_free() {
 }
 
 #[test]
-fn a_fault_of_one_stops_all_or_lets_all_go() {
+fn a_fault_of_one_member_stops_or_coasts_the_group() {
     for (halt, period) in [Halt::Stop, Halt::Coast].into_iter().flat_map(|halt| PERIODS.map(|p| (halt, p))) {
         let mut bench = set_up(period, two(), true, [WHEEL; 2]);
         lead(&mut bench, GroupCommand { halt, ..together(pair([20_000; 2]), 300.0, 700.0) });

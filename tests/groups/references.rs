@@ -163,7 +163,7 @@ fn a_course_without_an_end_adds_nothing_up() {
 }
 
 #[test]
-fn who_lags_slows_all_down_and_stops_all() {
+fn a_member_that_lags_slows_and_stops_the_group() {
     for (lag, pace) in [(0, 1.0), (50, 1.0), (75, 0.5), (100, 0.0), (1_000, 0.0)] {
         for sign in [1, -1] {
             let on = [sign * 1_000, sign * 500].map(CountsPerSecond::new);

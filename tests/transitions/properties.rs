@@ -94,7 +94,7 @@ fn happening() -> impl Strategy<Value = Happening> {
         .prop_map(|(setpoint, settings, samples, battery)| Happening { setpoint, settings, samples, battery })
 }
 
-fn suffer(puppet: &mut Puppet, happening: &Happening) -> Report {
+fn apply_event(puppet: &mut Puppet, happening: &Happening) -> Report {
     if let Some(settings) = happening.settings {
         puppet.configure(settings);
     }
@@ -146,7 +146,7 @@ proptest! {
     ) {
         let mut puppet = Puppet::new(settings, period);
         for happening in &story {
-            let report = suffer(&mut puppet, happening);
+            let report = apply_event(&mut puppet, happening);
             check(&report, puppet.settings().dynamics.is_some())?;
         }
     }
@@ -160,7 +160,7 @@ proptest! {
     ) {
         let mut puppet = Puppet::new(settings, period);
         for happening in &story {
-            suffer(&mut puppet, happening);
+            apply_event(&mut puppet, happening);
         }
         // The settings were random too.
         puppet.configure(settings);

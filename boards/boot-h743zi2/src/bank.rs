@@ -72,7 +72,7 @@ pub enum Error {
     /// The addresses are not all in the bank.
     OutOfBounds,
     /// The flash does not read back what was written, or is not blank after an erasure.
-    Lost,
+    VerifyFailed,
 }
 
 impl NorFlashError for Error {
@@ -80,7 +80,7 @@ impl NorFlashError for Error {
         match self {
             Self::NotAligned => NorFlashErrorKind::NotAligned,
             Self::OutOfBounds => NorFlashErrorKind::OutOfBounds,
-            Self::Lost => NorFlashErrorKind::Other,
+            Self::VerifyFailed => NorFlashErrorKind::Other,
         }
     }
 }
@@ -134,7 +134,7 @@ impl<T: Future<Output = ()>> Bank<T> {
     }
 
     /// Clears all error flags and unlocks the bank. A flag that stays set may block the next operation (RM0433 4.7.3).
-    fn open(&self) -> pac::flash::Bank {
+    fn unlock(&self) -> pac::flash::Bank {
         let registers = self.registers();
         registers.ccr().write(|w| {
             w.set_clr_wrperr(true);
@@ -154,7 +154,7 @@ impl<T: Future<Output = ()>> Bank<T> {
     }
 
     /// Locks the bank again. The flash drops a word that was stored in part.
-    fn close(&self) {
+    fn lock(&self) {
         self.registers().cr().write(|w| {
             w.set_psize(PARALLELISM);
             w.set_lock(true);
@@ -164,14 +164,14 @@ impl<T: Future<Output = ()>> Bank<T> {
     async fn write_word(&mut self, offset: u32, new: Word) -> Result<(), Error> {
         for _ in 0..ATTEMPTS {
             self.idle().await;
-            self.open().cr().write(|w| {
+            self.unlock().cr().write(|w| {
                 w.set_psize(PARALLELISM);
                 w.set_pg(true);
             });
             dsb();
             store(self.address(offset), new);
             self.idle().await;
-            self.close();
+            self.lock();
             let word = self.word(offset);
             if word == new {
                 return Ok(());
@@ -181,13 +181,13 @@ impl<T: Future<Output = ()>> Bank<T> {
                 break;
             }
         }
-        Err(Error::Lost)
+        Err(Error::VerifyFailed)
     }
 
     async fn erase_sector(&mut self, offset: u32) -> Result<(), Error> {
         for _ in 0..ATTEMPTS {
             self.idle().await;
-            let registers = self.open();
+            let registers = self.unlock();
             let sector = (offset / SECTOR) as u8;
             let erase = |w: &mut pac::flash::regs::Cr| {
                 w.set_psize(PARALLELISM);
@@ -197,12 +197,12 @@ impl<T: Future<Output = ()>> Bank<T> {
             registers.cr().write(erase);
             registers.cr().modify(|w| w.set_start(true));
             self.idle().await;
-            self.close();
+            self.lock();
             if self.is_blank(offset).await {
                 return Ok(());
             }
         }
-        Err(Error::Lost)
+        Err(Error::VerifyFailed)
     }
 
     /// True if the sector from this offset on is blank.

@@ -229,15 +229,15 @@ pub enum Pwm {
 
 /// A peripheral that only stores what is written to its registers.
 #[derive(Debug)]
-struct Remembers<R>(core::marker::PhantomData<R>);
+struct StoredRegisters<R>(core::marker::PhantomData<R>);
 
-impl<R> Default for Remembers<R> {
+impl<R> Default for StoredRegisters<R> {
     fn default() -> Self {
         Self(core::marker::PhantomData)
     }
 }
 
-impl<R: Layout> rigless::device::Device for Remembers<R> {
+impl<R: Layout> rigless::device::Device for StoredRegisters<R> {
     type Register = R;
 }
 

@@ -76,11 +76,11 @@ struct Translator {
 }
 
 /// Cores that wait for their next run, each with the code that it has translated.
-static SHELF: Mutex<Vec<(Code, Translator)>> = Mutex::new(Vec::new());
+static CORE_POOL: Mutex<Vec<(Code, Translator)>> = Mutex::new(Vec::new());
 
 fn shelf() -> std::sync::MutexGuard<'static, Vec<(Code, Translator)>> {
     // A panic in another thread cannot leave the list in an invalid state.
-    SHELF.lock().unwrap_or_else(PoisonError::into_inner)
+    CORE_POOL.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Makes a run reuse a core that has run `code`, if such a core waits. After the run the core waits again, if it has run nothing
@@ -111,7 +111,7 @@ pub(crate) fn keep(spec: &mut CoreSpec, code: Code, connections: &Connections) {
             let Range { start, end } = code.board.ram();
             processor.ask(Queued::Invalidate(start, end));
         }
-        let core = Kept {
+        let core = ReusedCore {
             translator: Some(translator),
             code,
             placing: Some(translated),
@@ -126,7 +126,7 @@ pub(crate) fn keep(spec: &mut CoreSpec, code: Code, connections: &Connections) {
 
 /// The emulator's core for one run.
 #[derive(Debug)]
-struct Kept {
+struct ReusedCore {
     /// The core; `None` only while this value is dropped.
     translator: Option<Translator>,
     code: Code,
@@ -141,7 +141,7 @@ struct Kept {
     locked_up: bool,
 }
 
-impl Kept {
+impl ReusedCore {
     fn processor(&self) -> &dyn Processor {
         &*self.translator.as_ref().expect("until it is dropped").processor
     }
@@ -162,7 +162,7 @@ impl Kept {
     }
 }
 
-impl Drop for Kept {
+impl Drop for ReusedCore {
     fn drop(&mut self) {
         let Some(mut translator) = self.translator.take() else { return };
         for &address in &self.breakpoints {
@@ -174,7 +174,7 @@ impl Drop for Kept {
     }
 }
 
-impl Processor for Kept {
+impl Processor for ReusedCore {
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
         self.placing = None;
         let (connections, mpu) = (self.connections.clone(), self.code.mpu);

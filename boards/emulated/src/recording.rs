@@ -5,7 +5,7 @@
 //!
 //! ```
 //! use emulated::Mounting;
-//! use emulated::recording::{Knowledge, Recording, Way};
+//! use emulated::recording::{ControlVariant, Knowledge, Recording};
 //! use motor_hub::braking::DutyRule;
 //! use motor_hub::model::{catalogue::characterised, load::Load};
 //! use motor_hub::motor::Setpoint;
@@ -15,8 +15,8 @@
 //! let motor = characterised("AM 60 A")?;
 //! let alone = Mounting { motor, load: Load::NONE, bridge: BRIDGE.into(), stops: None };
 //! let full = |_| Setpoint::ConstantPower(Control::MAX);
-//! let way = Way { rule: DutyRule::LinearCurrent, knowledge: Knowledge::Unknown };
-//! let recording = Recording::new(&alone, way, Period::DEFAULT, 10, full, |_| 0.0);
+//! let variant = ControlVariant { rule: DutyRule::LinearCurrent, knowledge: Knowledge::Unknown };
+//! let recording = Recording::new(&alone, variant, Period::DEFAULT, 10, full, |_| 0.0);
 //! assert_eq!(recording.answers.last().map(|answer| answer.control), Some(Control::MAX.get()));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -62,7 +62,7 @@ pub struct Tick {
 
 /// How the motor is controlled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Way {
+pub struct ControlVariant {
     /// Rule by which the duty is computed.
     pub rule: DutyRule,
     /// What the hub knows of the motor.
@@ -141,11 +141,11 @@ pub struct Recording {
     pub answers: Vec<Answer>,
 }
 
-fn settings(mounting: &Mounting, way: Way, period: Period) -> Result<Settings, RangeError> {
+fn settings(mounting: &Mounting, variant: ControlVariant, period: Period) -> Result<Settings, RangeError> {
     let motor = &mounting.motor;
     let emf = EmfConstant::from_ke(motor.ke.0, motor.counts_per_rev_motor)?;
-    let settings = Settings { duty: way.rule, ..Settings::new(Winding { emf, ..Winding::NEVEREST_60 }) };
-    Ok(match way.knowledge {
+    let settings = Settings { duty: variant.rule, ..Settings::new(Winding { emf, ..Winding::NEVEREST_60 }) };
+    Ok(match variant.knowledge {
         Knowledge::Configured => Settings { dynamics: Some(dynamics(mounting, &settings)?), ..settings },
         Knowledge::Unknown => settings,
         Knowledge::Coefficients => {
@@ -173,13 +173,13 @@ impl Recording {
     #[must_use]
     pub fn new(
         mounting: &Mounting,
-        way: Way,
+        variant: ControlVariant,
         period: Period,
         ticks: usize,
         setpoint: impl Fn(usize) -> Setpoint,
         torque: impl Fn(usize) -> f64,
     ) -> Self {
-        let settings = settings(mounting, way, period).expect("a motor's constants");
+        let settings = settings(mounting, variant, period).expect("a motor's constants");
         let pwm = Hertz(settings.bridge.pwm_hz().into());
         let mut plant = Plant::new(mounting.motor, mounting.load, mounting.bridge, pwm);
         let mut motor = Motor::new(settings, period);

@@ -26,9 +26,12 @@ use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, OnFault, Report, Setpoint, ZeroPower};
 use motor_hub::protocol::answers::Reply;
 use motor_hub::protocol::motor::{ChannelMode, RunMode, ToMotor};
+use motor_hub::supply::Limits;
 use motor_hub::units::{Control, CountsPerSecond, Duty, Period, RangeError};
+use simulated::bno055::GyroErrors;
 use simulated::encoder::Encoder;
-use simulated::scenario::{Motor, Scenario};
+use simulated::ground::Floor;
+use simulated::scenario::{Attached, Motor, Scenario};
 use simulated::trace::{Sample, Tick, Trace};
 
 use crate::bench::{self, Bench};
@@ -49,12 +52,9 @@ pub enum ReplayError {
         /// Period of the image, in milliseconds.
         image: u32,
     },
-    /// The scenario has a bus. The bench has no bus: its battery takes all returned energy.
-    #[error("a bus is not run on the emulated chip")]
-    Bus,
-    /// The scenario has groups. The lines of a chip do not show what groups do.
-    #[error("groups are not run on the emulated chip")]
-    Groups,
+    /// The scenario has a part that the bench lacks, or whose effect the bench does not observe.
+    #[error("the emulated board does not run {0} of a scenario; remove it from the scenario")]
+    Part(&'static str),
     /// A motor's constants do not fit the firmware.
     #[error("{label}: {error}")]
     Motor {
@@ -104,28 +104,23 @@ pub fn on_a_line(mut scenario: Scenario) -> Scenario {
 /// # Panics
 /// Panics if the firmware refuses a command.
 pub fn run(scenario: &Scenario, board: Board, progress: &mut dyn FnMut(f64)) -> Result<Trace, ReplayError> {
-    if scenario.period != Period::DEFAULT {
-        let (asked, image) = (scenario.period.as_millis(), Period::DEFAULT.as_millis());
-        return Err(ReplayError::Period { asked, image });
-    }
-    if scenario.bus.is_some() {
-        return Err(ReplayError::Bus);
-    }
+    check(scenario)?;
+    // The lines of a chip do not show the references of a group.
     if !scenario.groups.is_empty() {
-        return Err(ReplayError::Groups);
+        return Err(ReplayError::Part("a group ([[groups]])"));
     }
     let mut bench = Bench::new(stand(scenario, board));
     let mut host = HostLink::default();
-    let mut orders = orders(scenario).into_iter().peekable();
+    let mut events = events(scenario).into_iter().peekable();
     let period_s = f64::from(scenario.period.as_millis()) * 1e-3;
     let mut trace = Trace::default();
     let mut heard_s = 0.0;
     let ticks = (scenario.duration_s / period_s).floor() as usize;
     for tick in 1..=ticks {
         let at_s = tick as f64 * f64::from(scenario.period.as_millis()) / 1e3;
-        while let Some((order_s, order)) = orders.next_if(|&(order_s, _)| order_s < at_s) {
-            run_to(&mut bench, order_s);
-            carry_out(&mut bench, &mut host, scenario, order)?;
+        while let Some((event_s, event)) = events.next_if(|&(event_s, _)| event_s < at_s) {
+            run_to(&mut bench, event_s);
+            carry_out(&mut bench, &mut host, scenario, event)?;
         }
         if at_s - heard_s > KEEP_ALIVE_S {
             heard_s = at_s;
@@ -146,6 +141,29 @@ pub fn run(scenario: &Scenario, board: Board, progress: &mut dyn FnMut(f64)) -> 
     note_faults(&bench.log(), &mut trace);
     let gaps = bench.gaps();
     if gaps.is_empty() { Ok(trace) } else { Err(ReplayError::Gaps(gaps)) }
+}
+
+/// Checks that the image has the control period of a scenario, and that the bench has all parts of the scenario.
+pub(crate) fn check(scenario: &Scenario) -> Result<(), ReplayError> {
+    if scenario.period != Period::DEFAULT {
+        let (asked, image) = (scenario.period.as_millis(), Period::DEFAULT.as_millis());
+        return Err(ReplayError::Period { asked, image });
+    }
+    let any = |has: fn(&Motor) -> bool| scenario.motors.iter().any(has);
+    let is_attached = scenario.attached != Attached::default() || !scenario.attached_over_time.is_empty();
+    let parts = [
+        ("a bus ([bus])", scenario.bus.is_some()),
+        ("other limits of the supply voltage (battery.unlimited)", scenario.limits != Limits::TWELVE_VOLTS),
+        ("a connection of a pin or an I2C bus ([attached])", is_attached),
+        ("a floor ([floor])", scenario.floor != Floor::default()),
+        ("an error of a gyro ([gyro])", scenario.gyro != GyroErrors::default()),
+        ("a train between motor and load (motors.train)", any(|motor| motor.train.is_some())),
+        ("a temperature of a motor (motors.heat)", any(|motor| !motor.heat.is_empty())),
+    ];
+    match parts.into_iter().find(|&(_, is_present)| is_present) {
+        Some((part, _)) => Err(ReplayError::Part(part)),
+        None => Ok(()),
+    }
 }
 
 /// Returns a bench with the scenario's motors, loads and battery.
@@ -195,7 +213,7 @@ fn set_up(
 }
 
 #[derive(Clone, Copy)]
-enum Order {
+enum ScenarioEvent {
     SetUp(usize),
     Setpoint(usize, Setpoint),
     Torque(usize, f64),
@@ -203,29 +221,29 @@ enum Order {
 }
 
 /// Returns all commands and changes of the scenario with their times in s, in ascending order.
-fn orders(scenario: &Scenario) -> Vec<(f64, Order)> {
-    let mut orders = Vec::new();
+fn events(scenario: &Scenario) -> Vec<(f64, ScenarioEvent)> {
+    let mut events = Vec::new();
     for (index, motor) in scenario.motors.iter().enumerate() {
-        orders.push((0.6 * READY_S, Order::SetUp(index)));
-        orders.extend(motor.torques.iter().map(|t| (t.at_s, Order::Torque(index, t.value))));
-        orders.extend(motor.encoder.iter().map(|t| (t.at_s, Order::Encoder(index, t.value))));
-        orders.extend(motor.setpoints.iter().map(|t| (t.at_s, Order::Setpoint(index, t.value))));
+        events.push((0.6 * READY_S, ScenarioEvent::SetUp(index)));
+        events.extend(motor.torques.iter().map(|t| (t.at_s, ScenarioEvent::Torque(index, t.value))));
+        events.extend(motor.encoder.iter().map(|t| (t.at_s, ScenarioEvent::Encoder(index, t.value))));
+        events.extend(motor.setpoints.iter().map(|t| (t.at_s, ScenarioEvent::Setpoint(index, t.value))));
     }
-    orders.sort_by(|a, b| a.0.total_cmp(&b.0));
-    orders
+    events.sort_by(|a, b| a.0.total_cmp(&b.0));
+    events
 }
 
 fn carry_out(
     bench: &mut Bench,
     host: &mut HostLink,
     scenario: &Scenario,
-    order: Order,
+    event: ScenarioEvent,
 ) -> Result<(), ReplayError> {
-    match order {
-        Order::SetUp(index) => return set_up(bench, host, index as u8, scenario),
-        Order::Torque(motor, torque) => bench.set_torque(motor, torque),
-        Order::Encoder(motor, encoder) => bench.set_encoder(motor, encoder),
-        Order::Setpoint(motor, setpoint) => {
+    match event {
+        ScenarioEvent::SetUp(index) => return set_up(bench, host, index as u8, scenario),
+        ScenarioEvent::Torque(motor, torque) => bench.set_torque(motor, torque),
+        ScenarioEvent::Encoder(motor, encoder) => bench.set_encoder(motor, encoder),
+        ScenarioEvent::Setpoint(motor, setpoint) => {
             let floats = scenario.motors[motor].zero_power == ZeroPower::Float;
             let motor = motor as u8;
             let whole = |speed: CountsPerSecond| speed.round() as i16;

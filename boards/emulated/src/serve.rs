@@ -20,7 +20,7 @@ use simulated::serve::{BYTES_A_STEP, Line, Moment, line_on, pace};
 use crate::bench::{Bench, Setup};
 use crate::board::Board;
 use crate::host_link::HostLink;
-use crate::replay::{ReplayError, drive, stand};
+use crate::replay::{ReplayError, check, drive, stand};
 
 const STEP: Duration = Duration::from_millis(1);
 
@@ -50,11 +50,11 @@ pub fn scenario() -> Result<Scenario, ScenarioError> {
 }
 
 /// Serves a board's image with the motors, loads and battery of a scenario, as [`simulated::serve::run`] serves the simulated
-/// board. With `bootloader` the board's bootloader starts the image. If the scenario has a wire, digital pins 0 and 1 are
+/// board. The battery's voltage, the torques and the encoders change at the times of the scenario. With `bootloader` the board's bootloader starts the image. If the scenario has a wire, digital pins 0 and 1 are
 /// connected.
 ///
 /// # Errors
-/// Returns an error if the emulator had a gap.
+/// Returns an error if the bench lacks a part of the scenario, or if the emulator had a gap.
 pub fn run(
     scenario: &Scenario,
     board: Board,
@@ -62,6 +62,7 @@ pub fn run(
     mut line: Line,
     show: &mut dyn FnMut(Moment<'_>) -> bool,
 ) -> Result<(), ReplayError> {
+    check(scenario)?;
     let mut bench = Bench::new(Setup { bootloader, ..stand(scenario, board) });
     let mut chunk = [0; BYTES_A_STEP];
     let mut reply: Vec<u8> = Vec::new();
@@ -79,10 +80,17 @@ pub fn run(
         if let Some(bytes @ [_, ..]) = chunk.get(..length) {
             bench.send(bytes);
         }
+        let before_s = at_s - STEP.as_secs_f64();
         for (index, motor) in scenario.motors.iter().enumerate() {
-            if motor.torque_at(at_s) != motor.torque_at(at_s - STEP.as_secs_f64()) || step == 0 {
+            if motor.torque_at(at_s) != motor.torque_at(before_s) || step == 0 {
                 bench.set_torque(index, motor.torque_at(at_s));
             }
+            if motor.encoder_at(at_s) != motor.encoder_at(before_s) {
+                bench.set_encoder(index, motor.encoder_at(at_s));
+            }
+        }
+        if scenario.emf_at(at_s) != scenario.emf_at(before_s) {
+            bench.set_battery(scenario.emf_at(at_s).0);
         }
         bench.run(STEP);
         let heard = bench.receive();

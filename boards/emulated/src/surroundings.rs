@@ -370,6 +370,8 @@ impl Driver<Nucleo> for Surroundings {
                 } else if self.stuck.is_some_and(|(bus, ..)| is_port(wiring::BUSES[bus][0].0)) {
                     self.now = at;
                     self.follow_clock(session);
+                    // The port of the bus may also have the digital pins.
+                    self.follow_wire(session, at);
                 } else if self.transceiver && is_port(wiring::CHAIN_DIRECTION.0) {
                     self.follow_transceiver(session, at);
                 } else if is_port(wiring::DIGITAL[0].0) {

@@ -89,7 +89,7 @@ impl Controller {
         self.wait(Sr1::addr, false, Error::NoAddress).await
     }
 
-    fn go_on(&self) {
+    fn clear_addr(&self) {
         let _ = self.registers.sr2().read();
     }
 
@@ -137,7 +137,7 @@ impl i2c_bus::Controller for Controller {
 
     async fn write(&mut self, address: u8, bytes: &[u8], read_follows: bool) -> Result<(), Error> {
         self.address(address << 1).await?;
-        self.go_on();
+        self.clear_addr();
         for byte in bytes {
             self.wait(Sr1::txe, true, Error::NoData).await?;
             self.registers.dr().write(|w| w.set_dr(*byte));
@@ -158,14 +158,14 @@ impl i2c_bus::Controller for Controller {
         self.address(address << 1 | 1).await?;
         match into {
             [] => {
-                self.go_on();
+                self.clear_addr();
                 self.stop();
             }
             [only] => {
                 // The stop must be requested before the byte has ended.
                 cortex_m::interrupt::free(|_| {
                     registers.cr1().modify(|w| w.set_ack(false));
-                    self.go_on();
+                    self.clear_addr();
                     self.stop();
                 });
                 *only = self.next_byte().await?;
@@ -174,7 +174,7 @@ impl i2c_bus::Controller for Controller {
                 // POS: ACK is for the next byte.
                 cortex_m::interrupt::free(|_| {
                     registers.cr1().modify(|w| w.set_pos(Pos::NEXT));
-                    self.go_on();
+                    self.clear_addr();
                     registers.cr1().modify(|w| w.set_ack(false));
                 });
                 self.wait(Sr1::btf, false, Error::NoData).await?;
@@ -183,7 +183,7 @@ impl i2c_bus::Controller for Controller {
                 *second = registers.dr().read().dr();
             }
             [early @ .., third_last, second_last, last] => {
-                self.go_on();
+                self.clear_addr();
                 for byte in early {
                     *byte = self.next_byte().await?;
                 }

@@ -216,7 +216,7 @@ impl Bno055 {
             let turned_rad = self.turned_rad - self.start_rad;
             let per_turn = TAU * per_radian(units & 4 != 0);
             let heading = (-turned_rad).rem_euclid(TAU) / TAU * per_turn;
-            put(register::EULER, (heading.round() % per_turn.floor()) as i16);
+            put(register::EULER, (heading.round() % per_turn.round()) as i16);
             let half = 0.5 * turned_rad;
             put(register::QUATERNION, (16_384.0 * half.cos()).round() as i16);
             put(register::QUATERNION + 6, (16_384.0 * half.sin()).round() as i16);

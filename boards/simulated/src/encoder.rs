@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn one_wire_alone_trembles_by_a_count() {
+    fn an_encoder_with_a_stuck_wire_or_no_wires_counts_at_most_once() {
         for wire in [Wire::A, Wire::B] {
             for high in [false, true] {
                 assert!(counted(Encoder::Stuck { wire, high }).abs() <= 1, "{wire:?}, {high}");

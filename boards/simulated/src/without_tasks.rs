@@ -122,7 +122,8 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
                 let sample = supply.step(block_on(SupplyAdc::sample(&mut board)), now);
                 battery = sample.or(battery);
                 if let Some(changed) = sample.and_then(|sample| hub.apply_limits(sample)) {
-                    board.apply(&changed);
+                    drives = changed;
+                    board.apply(&drives);
                 }
                 look_ms = ms + 1;
             }

@@ -102,7 +102,7 @@ macro_rules! hub {
         }
 
         /// What the responder has besides motors and connectors.
-        struct Has {
+        struct OptionalParts {
             store: bool,
             chain: bool,
         }
@@ -177,7 +177,7 @@ macro_rules! hub {
                 }
             )?
             let (tx, rx) = parts.link;
-            let state = new_responder(settings, Has { store: has_store, chain: has_chain });
+            let state = new_responder(settings, OptionalParts { store: has_store, chain: has_chain });
             spawner.spawn(unwrap!(responder(rx, tx, parts.connectors, parts.lamp, state)));
             spawner.spawn(unwrap!(button(parts.button)));
         }
@@ -233,7 +233,7 @@ macro_rules! hub {
         #[inline(never)]
         fn new_responder(
             settings: ::motor_hub::motor::Settings,
-            has: Has,
+            has: OptionalParts,
         ) -> &'static mut ::motor_hub::responder::Responder<MOTORS> {
             static RESPONDER: ::static_cell::StaticCell<::motor_hub::responder::Responder<MOTORS>> =
                 ::static_cell::StaticCell::new();

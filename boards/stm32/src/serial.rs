@@ -33,7 +33,7 @@ const SENT: usize = 128;
 
 /// Bytes after which the reader is woken while a line is busy. Without this number the reader would be woken when the line falls
 /// idle, or when half the buffer is full. The first of eight requests without a pause would then be answered after the last one.
-const EAGER: usize = 16;
+const RX_WAKE_BYTES: usize = 16;
 
 /// Buffers of a line for bytes that have not been read or sent yet.
 pub struct Buffers {
@@ -106,7 +106,7 @@ fn config() -> Config {
     config.baudrate = BAUD;
     // An ST-LINK without power does not drive the line, nor does a transceiver while it sends. The line must then read as idle.
     config.rx_pull = Pull::Up;
-    config.eager_reads = Some(EAGER);
+    config.eager_reads = Some(RX_WAKE_BYTES);
     config
 }
 

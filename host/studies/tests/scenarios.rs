@@ -77,7 +77,7 @@ fn every_expectation_can_hold_and_can_fail() {
 }
 
 #[test]
-fn what_there_is_nothing_of_is_not_as_expected() {
+fn an_expectation_that_measures_nothing_is_not_met() {
     // No change begins in the window; no control tick falls into it; nothing slows down.
     for nothing in [
         "from_s = 2.3\nsettles_within_s = 10",
@@ -173,7 +173,7 @@ fn a_base_that_turns_after_it_lost_a_wheel_has_a_heading_error() {
 }
 
 #[test]
-fn a_change_with_less_than_a_second_to_the_next_is_not_judged() {
+fn a_change_with_at_most_a_second_to_the_next_is_not_judged() {
     // The torque changes 0.8 s before the end; the first speed has 1 s in this window.
     for window in ["from_s = 2.0", "to_s = 1.2"] {
         let verdict = with(&format!("{window}\nsettles_within_s = 10"));

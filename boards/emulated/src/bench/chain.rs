@@ -25,7 +25,7 @@ const NOISE_PERIOD: u64 = 7;
 /// A fault of the line, or of a hub on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineFault {
-    /// The line is cut between the first hub and the others.
+    /// The line is cut at each hub, so that no byte arrives.
     Cut,
     /// A wire of the line is shorted, so that all receivers read low.
     Shorted,

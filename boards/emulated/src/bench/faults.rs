@@ -125,12 +125,12 @@ impl Bench {
 
     /// Makes the reader of the log go away after it has switched the log to "wait while the buffer is full", as probe-rs does. Or
     /// makes the reader return.
-    pub fn abandon_log(&mut self, gone: bool) {
+    pub fn set_log_abandoned(&mut self, gone: bool) {
         self.at_stop(move |surroundings, _, _| surroundings.rtt.gone = gone);
     }
 
     /// Makes the battery's converter accept commands but convert nothing, or work again.
-    pub fn kill_adc(&mut self, dead: bool) {
+    pub fn set_adc_dead(&mut self, dead: bool) {
         self.at_stop(move |_, session, _| session.board_mut().chip.set_dead(dead));
     }
 
@@ -143,7 +143,7 @@ impl Bench {
 
     /// Makes the chip's power controller report nothing, as with a broken regulator, so that the clocks never start. Or makes it
     /// work again.
-    pub fn kill_power(&mut self, dead: bool) {
+    pub fn set_power_dead(&mut self, dead: bool) {
         self.at_stop(move |_, session, _| session.board_mut().chip.set_power_dead(dead));
     }
 

@@ -10,7 +10,7 @@ use rigless::time::{EventId, VirtualNanos};
 const INTERRUPT: usize = 0;
 
 #[derive(Debug)]
-pub(super) struct Guarded {
+pub(super) struct AdcWithWatchdog {
     pub(super) converter: Adc,
     pub(super) dead: bool,
     /// Flag AWD1: a reading was beyond a threshold.
@@ -19,7 +19,7 @@ pub(super) struct Guarded {
     raised: bool,
 }
 
-impl Guarded {
+impl AdcWithWatchdog {
     pub(super) fn new(converter: Converter) -> Self {
         // Without a clock until the clock tree gives one.
         Self { converter: Adc::new(converter, 0), dead: false, left: false, raised: false }
@@ -59,7 +59,7 @@ impl Guarded {
     }
 }
 
-impl Device for Guarded {
+impl Device for AdcWithWatchdog {
     type Register = Register;
 
     forward!(converter: on_clock, on_request);

@@ -27,9 +27,9 @@ use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
 use super::bus_lines::Lines;
-use super::sampling_capacitor::Sampled;
+use super::sampling_capacitor::AdcWithCapacitor;
 use super::servo_timer::{Edge, ServoTimer, Servos};
-use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, Remembers, port_slots, words};
+use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, StoredRegisters, port_slots, words};
 use crate::board::Board;
 use crate::processor::Mpu;
 use crate::pwm::Registers;
@@ -82,14 +82,14 @@ pub(super) struct Chip {
     pwm: Pwm,
     adc_dead: bool,
     /// ADC1.
-    converter: Sampled,
+    converter: AdcWithCapacitor,
     /// True if nothing is connected to the battery's pin.
     battery_open: bool,
-    plain_timer: Remembers<Tim1>,
-    plain_converter: Remembers<adc1::Register>,
-    plain_exti: Remembers<exti::Register>,
+    plain_timer: StoredRegisters<Tim1>,
+    plain_converter: StoredRegisters<adc1::Register>,
+    plain_exti: StoredRegisters<exti::Register>,
     power_dead: bool,
-    plain_power: Remembers<pwr::Register>,
+    plain_power: StoredRegisters<pwr::Register>,
     power_slot: usize,
     timer_slot: usize,
     converter_slot: usize,
@@ -105,7 +105,7 @@ impl Chip {
     pub(super) fn new(pwm: Pwm) -> Result<Self, Error> {
         let mut part = Stm32f427::new()?;
         part.set_supply(RAIL_MV);
-        let mut converter = Sampled::new();
+        let mut converter = AdcWithCapacitor::new();
         for converter in part.adc.iter_mut().chain([&mut converter.converter]) {
             converter.set_reference(RAIL_MV);
             converter.set_backup_battery(RAIL_MV);
@@ -135,11 +135,11 @@ impl Chip {
             adc_dead: false,
             converter,
             battery_open: false,
-            plain_timer: Remembers::default(),
-            plain_converter: Remembers::default(),
-            plain_exti: Remembers::default(),
+            plain_timer: StoredRegisters::default(),
+            plain_converter: StoredRegisters::default(),
+            plain_exti: StoredRegisters::default(),
             power_dead: false,
-            plain_power: Remembers::default(),
+            plain_power: StoredRegisters::default(),
             power_slot,
             timer_slot,
             converter_slot,
@@ -166,7 +166,7 @@ impl Mcu for Chip {
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
         Device::reset(&mut self.converter);
-        self.servos.iter_mut().for_each(|(_, servo)| servo.reset());
+        self.servos.iter_mut().for_each(|(_, servo)| servo.reset_at(at.0));
         self.buses.iter_mut().for_each(|(_, lines)| Device::reset(lines));
     }
 

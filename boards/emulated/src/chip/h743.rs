@@ -29,13 +29,13 @@ use rigless::soc::stm32h743::peripherals::tim::{ADVANCED_TIMERS, Stm32h743Family
 use rigless::soc::{Bus, Error, Width};
 use rigless::time::VirtualNanos;
 
-use super::analog_watchdog::Guarded;
+use super::analog_watchdog::AdcWithWatchdog;
 use super::bus_lines::Lines;
 use super::flash_interface::{FlashFaults, Interface};
-use super::late_converter::Late;
+use super::late_converter::DelayedAdc;
 use super::servo_timer::{Edge, ServoTimer, Servos};
 use super::watchdog::Watchdog;
-use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, Remembers, port_slots, words};
+use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, StoredRegisters, port_slots, words};
 use crate::board::Board;
 use crate::processor::Mpu;
 use crate::pwm::Registers;
@@ -94,17 +94,17 @@ const BOARD: Board = Board::NucleoH743zi2;
 pub(super) struct Chip {
     part: Stm32h743,
     pwm: Pwm,
-    plain_timer: Remembers<Tim1>,
+    plain_timer: StoredRegisters<Tim1>,
     watchdog: Watchdog,
     /// ADC1.
-    converter: Guarded,
+    converter: AdcWithWatchdog,
     flash: Interface,
     /// ADC2.
-    currents: Late,
+    currents: DelayedAdc,
     identity_slot: usize,
     connections: Connections,
     power_dead: bool,
-    plain_power: Remembers<pwr::Register>,
+    plain_power: StoredRegisters<pwr::Register>,
     power_slot: usize,
     timer_slot: usize,
     watchdog_slot: usize,
@@ -125,8 +125,8 @@ impl Chip {
         let mut part = Stm32h743::new()?;
         part.set_supply(RAIL_MV);
         part.set_analog_supply(RAIL_MV);
-        let mut converter = Guarded::new(adc::Converter::Adc1);
-        let mut currents = Late::new(adc::Converter::Adc2);
+        let mut converter = AdcWithWatchdog::new(adc::Converter::Adc1);
+        let mut currents = DelayedAdc::new(adc::Converter::Adc2);
         for converter in part.adc.iter_mut().chain([&mut converter.converter, &mut currents.converter]) {
             converter.set_reference(RAIL_MV);
             converter.set_backup_battery(RAIL_MV);
@@ -160,7 +160,7 @@ impl Chip {
             pwm,
             servos,
             buses,
-            plain_timer: Remembers::default(),
+            plain_timer: StoredRegisters::default(),
             watchdog: Watchdog::default(),
             converter,
             flash: Interface::new(faults),
@@ -168,7 +168,7 @@ impl Chip {
             identity_slot,
             connections: Connections::default(),
             power_dead: false,
-            plain_power: Remembers::default(),
+            plain_power: StoredRegisters::default(),
             power_slot,
             timer_slot,
             watchdog_slot,
@@ -191,7 +191,7 @@ impl Mcu for Chip {
         Device::reset(&mut self.converter);
         Device::reset(&mut self.flash);
         Device::reset(&mut self.currents);
-        self.servos.iter_mut().for_each(|(_, servo)| servo.reset());
+        self.servos.iter_mut().for_each(|(_, servo)| servo.reset_at(at.0));
         self.buses.iter_mut().for_each(|(_, lines)| Device::reset(lines));
     }
 

@@ -6,7 +6,7 @@ use rigless::soc::stm32h743::peripherals::adc::{Adc, Converter};
 use rigless::time::{EventId, VirtualNanos};
 
 #[derive(Debug)]
-pub(super) struct Late {
+pub(super) struct DelayedAdc {
     pub(super) converter: Adc,
     /// Time by which the next conversion ends later, ns.
     pub(super) next_is_late_by: Option<u64>,
@@ -14,14 +14,14 @@ pub(super) struct Late {
     late: Option<(EventId, EventId)>,
 }
 
-impl Late {
+impl DelayedAdc {
     pub(super) fn new(converter: Converter) -> Self {
         // Without a clock until the clock tree gives one.
         Self { converter: Adc::new(converter, 0), next_is_late_by: None, late: None }
     }
 }
 
-impl Device for Late {
+impl Device for DelayedAdc {
     type Register = Register;
 
     forward!(converter: read, write, on_clock, on_request, reset_line);

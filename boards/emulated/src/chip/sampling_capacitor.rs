@@ -21,7 +21,7 @@ const DATA: [Register; 5] = [Register::Dr, Register::Jdr1, Register::Jdr2, Regis
 const NO_WORD: u64 = 0xFFFF_FFFF;
 
 #[derive(Debug)]
-pub(super) struct Sampled {
+pub(super) struct AdcWithCapacitor {
     pub(super) converter: Adc,
     /// Channels that nothing drives.
     pub(super) floating: Vec<Channel>,
@@ -29,14 +29,14 @@ pub(super) struct Sampled {
     held: u32,
 }
 
-impl Sampled {
+impl AdcWithCapacitor {
     pub(super) fn new() -> Self {
         // Without a clock until the common block gives one.
         Self { converter: Adc::with_clock(0), floating: Vec::new(), held: 0 }
     }
 }
 
-impl Sampled {
+impl AdcWithCapacitor {
     /// Runs a function while JL is hidden from the emulator, if SCAN is cleared.
     fn with_one_channel(registers: &mut RegisterFile, act: impl FnOnce(&mut RegisterFile)) {
         let sequence = registers.get(Register::Jsqr);
@@ -48,7 +48,7 @@ impl Sampled {
     }
 }
 
-impl Device for Sampled {
+impl Device for AdcWithCapacitor {
     type Register = Register;
 
     forward!(converter: read, on_clock, on_request, reset_line);

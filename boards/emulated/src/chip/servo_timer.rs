@@ -47,6 +47,9 @@ pub(super) trait Servo: ErasedDevice + std::fmt::Debug + Send {
 
     /// Sets the clock of the timer, Hz.
     fn set_clock(&mut self, hz: u64);
+
+    /// Resets the timer at the time `at`, ns. A reset ends a pulse.
+    fn reset_at(&mut self, at: u64);
 }
 
 impl<R: Layout + Send + 'static> Servo for ServoTimer<R> {
@@ -56,6 +59,11 @@ impl<R: Layout + Send + 'static> Servo for ServoTimer<R> {
 
     fn set_clock(&mut self, hz: u64) {
         self.hz = hz;
+    }
+
+    fn reset_at(&mut self, at: u64) {
+        self.drive(at, false);
+        Device::reset(self);
     }
 }
 

@@ -18,7 +18,7 @@ use motor_hub::regulator;
 use motor_hub::units::Period;
 
 #[test]
-pub(crate) fn bridges_are_open_from_power_on_until_somebody_asks_for_something() {
+pub(crate) fn bridges_stay_open_from_power_on_without_a_command() {
     let mut bench = booted(four_loads());
     bench.run(ms(1000));
     assert_eq!(bench.transitions(), []);

@@ -8,7 +8,7 @@ use crate::common::{board, ms, publish};
 use addr2line::Context;
 use addr2line::gimli::{self, Dwarf, EndianSlice, LittleEndian, SectionId};
 use emulated::elf::{self, Symbol};
-use emulated::recording::{Counts, Knowledge, OnChip, Recording, Way, expected};
+use emulated::recording::{ControlVariant, Counts, Knowledge, OnChip, Recording, expected};
 use motor_hub::braking::DutyRule;
 use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
@@ -37,32 +37,34 @@ fn torque(tick: usize) -> f64 {
 
 const MODES: [&str; 2] = ["velocity", "position"];
 
-fn ways() -> impl Iterator<Item = Way> {
-    Knowledge::ALL.into_iter().flat_map(|knowledge| DutyRule::EACH.map(|rule| Way { rule, knowledge }))
+fn variants() -> impl Iterator<Item = ControlVariant> {
+    Knowledge::ALL
+        .into_iter()
+        .flat_map(|knowledge| DutyRule::EACH.map(|rule| ControlVariant { rule, knowledge }))
 }
 
-fn record(mode: &str, way: Way, ms: u32, ticks: usize) -> Recording {
+fn record(mode: &str, variant: ControlVariant, ms: u32, ticks: usize) -> Recording {
     let period = Period::from_millis(ms).expect("a period");
     let per_second = 1000 / ms as usize;
     match mode {
         "velocity" => {
-            Recording::new(&crate::common::am60(), way, period, ticks, velocities(per_second), torque)
+            Recording::new(&crate::common::am60(), variant, period, ticks, velocities(per_second), torque)
         }
-        _ => Recording::new(&crate::common::am60(), way, period, ticks, positions(per_second), torque),
+        _ => Recording::new(&crate::common::am60(), variant, period, ticks, positions(per_second), torque),
     }
 }
 
 #[test]
 fn control_to_drive_is_the_same_to_the_last_bit_as_on_the_host() {
     for ms in [50, 1] {
-        for way in ways() {
+        for variant in variants() {
             for mode in MODES {
-                let recording = record(mode, way, ms, if ms == 50 { 1000 } else { 8000 });
+                let recording = record(mode, variant, ms, if ms == 50 { 1000 } else { 8000 });
                 let mut chip = OnChip::new(&recording);
                 let answers = chip.replay(&recording.inputs);
                 let expected = expected(&recording);
                 let differs = answers.iter().zip(&expected).position(|(chip, host)| chip != host);
-                assert_eq!(differs, None, "{mode} at {ms} ms, {way:?}: tick differs");
+                assert_eq!(differs, None, "{mode} at {ms} ms, {variant:?}: tick differs");
                 assert_eq!(answers.len(), expected.len());
                 assert_eq!(chip.gaps(), Vec::<String>::new());
             }
@@ -86,16 +88,16 @@ fn four_motors_steps_and_samples_stay_within_the_budget_of_the_whole_hub() {
          |---|---|---|---|---|---|---|\n",
     );
     for (ms, percent) in [(50, 2), (10, 2), (1, 10)] {
-        for way in ways() {
+        for variant in variants() {
             for mode in MODES {
-                let recording = record(mode, way, ms, 2000 / ms as usize + 200);
+                let recording = record(mode, variant, ms, 2000 / ms as usize + 200);
                 let Counts { mut steps, samples } = OnChip::new(&recording).count(&recording.inputs);
                 steps.sort_unstable();
                 let step = mean(&steps);
                 let sample = mean(&samples);
                 let (median, worst) = (steps[steps.len() / 2], steps[steps.len() - 1]);
-                let knowledge = way.knowledge.name();
-                let rule = match way.rule {
+                let knowledge = variant.knowledge.name();
+                let rule = match variant.rule {
                     DutyRule::LinearCurrent => "linear current",
                     DutyRule::LinearDuty => "linear duty",
                 };
@@ -105,7 +107,10 @@ fn four_motors_steps_and_samples_stay_within_the_budget_of_the_whole_hub() {
                 );
                 let per_period = step + u64::from(ms - 1) * sample;
                 let per_second = 4 * per_period * 1000 / u64::from(ms);
-                assert!(per_second <= percent * CORE / 100, "{mode} at {ms} ms, {way:?}: {step}, {sample}");
+                assert!(
+                    per_second <= percent * CORE / 100,
+                    "{mode} at {ms} ms, {variant:?}: {step}, {sample}"
+                );
             }
         }
     }
@@ -120,8 +125,8 @@ fn the_model_regulator_by_itself_takes_at_most_500_instructions_a_step() {
          | set-point | mean | worst |\n|---|---|---|\n",
     );
     for mode in MODES {
-        let way = Way { rule: DutyRule::LinearCurrent, knowledge: Knowledge::Configured };
-        let recording = record(mode, way, 50, 240);
+        let variant = ControlVariant { rule: DutyRule::LinearCurrent, knowledge: Knowledge::Configured };
+        let recording = record(mode, variant, 50, 240);
         let mut chip = OnChip::new(&recording);
         let counts = chip.count_within(&recording.inputs, "<motor_hub::regulator::Regulator>::step");
         assert_eq!(counts.len(), recording.answers.len());
@@ -152,11 +157,11 @@ fn room(function: &str) -> String {
 #[test]
 #[ignore = "a report, not a test"]
 fn report_of_a_step() {
-    for (way, mode) in ways().flat_map(|way| MODES.map(|mode| (way, mode))) {
-        let recording = record(mode, way, 50, 200);
+    for (variant, mode) in variants().flat_map(|variant| MODES.map(|mode| (variant, mode))) {
+        let recording = record(mode, variant, 50, 200);
         let mut chip = OnChip::new(&recording);
         let counts = chip.profile(&recording.inputs);
-        println!("\n{mode}, {way:?}, 50 ms: instructions a step");
+        println!("\n{mode}, {variant:?}, 50 ms: instructions a step");
         report(chip.image(), chip.symbols(), &counts, recording.answers.len() as f64);
     }
 }

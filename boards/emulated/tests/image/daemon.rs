@@ -66,8 +66,8 @@ impl Daemon {
 
     /// The requests of a cycle: those whose answers the others wait for, and the others.
     fn requests(&mut self, full: bool) -> [VecDeque<Request>; 2] {
-        self.power = -self.power.saturating_add(100);
-        let power = (8_000 + self.power % 2_000).to_le_bytes();
+        self.power = (self.power + 100) % 2_000;
+        let power = (8_000 + self.power).to_le_bytes();
         let [width, period] = [1_500_u16, 20_000].map(u16::to_le_bytes);
         let mut first: VecDeque<Request> =
             [(0x7F04, vec![]), (0x7F03, vec![1]), (0x1007, vec![13, 0]), (0x1000, vec![])].into();

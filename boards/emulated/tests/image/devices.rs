@@ -193,6 +193,28 @@ fn servos_are_off_after_fail_safe_and_after_the_host_has_gone() {
 }
 
 #[test]
+fn a_reset_ends_the_pulse_of_a_servo() {
+    let mut hub = Devices::new();
+    hub.servo(2, 20_000, 1500);
+    hub.bench.run(ms(50));
+    let last = hub.bench.servo_pulses(2).pop().expect("a pulse").at;
+    // In the middle of the pulse after the next one.
+    let reset = last + ms(40) + 750 * MICROSECOND;
+    hub.bench.pull_reset(reset);
+    hub.bench.run(ms(400));
+    hub.host = HostLink::default();
+    hub.servo(2, 20_000, 1500);
+    hub.bench.run(ms(50));
+    let pulses = hub.pulses(2, last);
+    let cut = pulses.iter().filter(|pulse| pulse.high.abs_diff(1500 * MICROSECOND) > MICROSECOND);
+    let ends: Vec<_> = cut.map(|pulse| pulse.at + pulse.high).collect();
+    assert_eq!(ends.len(), 1, "one pulse is cut off: {pulses:?}");
+    assert!(ends[0].abs_diff(reset) <= MICROSECOND, "at the reset at {reset:?}: {pulses:?}");
+    assert!(pulses.last().is_some_and(|pulse| pulse.at > reset), "pulses after the reset: {pulses:?}");
+    hub.bench.assert_sound();
+}
+
+#[test]
 pub(crate) fn analog_inputs_rail_and_temperature_are_measured_and_never_old() {
     let mut hub = Devices::new();
     hub.bench.set_five_volts(5_040);

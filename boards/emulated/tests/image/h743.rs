@@ -23,16 +23,16 @@ mod repeated {
     }
 
     on_h743!(
-        boot::bridges_are_open_from_power_on_until_somebody_asks_for_something,
+        boot::bridges_stay_open_from_power_on_without_a_command,
         boot::pins_drive_their_idle_levels_within_a_millisecond_of_reset,
         running::four_motors_with_different_loads_reach_their_speed_and_stand_still_again,
         running::what_the_chip_measures_is_what_the_physics_does,
         chain::both_motors_turn_and_the_parent_answers_in_time_whatever_the_line_does,
         currents::a_host_gets_the_currents_that_flow_also_of_a_motor_whose_constants_are_wrong,
-        currents::a_line_that_is_broken_is_named_and_not_believed_and_another_one_is,
+        currents::a_broken_sense_line_is_reported_and_not_used,
         devices::analog_inputs_rail_and_temperature_are_measured_and_never_old,
         devices::i2c_devices_are_read_and_written_at_both_speeds_on_every_bus,
-        link::power_and_letting_go_reach_the_bridge_within_two_milliseconds,
+        link::power_and_coast_reach_the_bridge_within_2_ms,
         link::digital_pins_are_read_and_driven,
         faults::a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_named,
         supply::a_halted_core_leaves_no_pwm_on,

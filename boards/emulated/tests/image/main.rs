@@ -17,6 +17,7 @@ mod pressed;
 mod pwm;
 mod record;
 mod running;
+mod scenario_parts;
 mod speed;
 mod stack;
 mod store;

@@ -1,7 +1,7 @@
 //! The button of the board must not drive motors once a host has sent a packet, also not after the host has gone. `running` tests
 //! how the button drives motors without a host.
 
-use crate::common::{am60, booted, ms, turning, with_host};
+use crate::common::{am60, booted, expect_speed, ms, turning, with_host};
 use emulated::Bench;
 use emulated::host_link::HostLink;
 
@@ -14,6 +14,16 @@ fn press_anew(bench: &mut Bench) {
     bench.run(ms(50));
     bench.press(true);
     bench.run(ms(500));
+}
+
+/// Closes the contact of the button for 3 ms and opens the contact for 2 ms, ten times.
+fn bounce(bench: &mut Bench) {
+    for _ in 0..10 {
+        bench.press(true);
+        bench.run(ms(3));
+        bench.press(false);
+        bench.run(ms(2));
+    }
 }
 
 #[test]
@@ -70,17 +80,28 @@ fn a_low_battery_is_no_time_to_start() {
 }
 
 #[test]
-fn a_contact_that_bounces_starts_the_motors_once() {
+fn a_contact_that_bounces_and_is_released_starts_no_motor() {
     let mut bench = booted(vec![am60()]);
-    for _ in 0..10 {
-        bench.press(true);
-        bench.run(ms(3));
-        bench.press(false);
-        bench.run(ms(2));
-    }
+    bounce(&mut bench);
     bench.run(ms(100));
     assert!(all_open(&mut bench), "{:?}", bench.transitions());
     assert_eq!(bench.transitions(), []);
+    bench.assert_sound();
+}
+
+#[test]
+fn a_contact_that_bounces_and_then_stays_closed_starts_the_motors_once() {
+    let mut bench = booted(vec![am60()]);
+    bounce(&mut bench);
+    let closed = bench.now();
+    bench.press(true);
+    bench.run(ms(1500));
+    expect_speed(&mut bench, [0], 100.0);
+    let transitions = bench.transitions();
+    let start = transitions.first().expect("the bridge is driven").at;
+    assert!(start > closed, "the motor starts at {start:?}, before the contact stays closed at {closed:?}");
+    let openings: Vec<_> = transitions.iter().filter(|transition| transition.lines.open()).collect();
+    assert!(openings.is_empty(), "the motor runs on from its start: {openings:?}");
     bench.assert_sound();
 }
 

@@ -4,7 +4,7 @@ use crate::common::{booted_as, four_loads, ms, setup};
 use emulated::{Bench, Encoder, Mpu, Output, Pwm, Setup};
 
 /// Speeds up, is disturbed, brakes, loses an encoder, is reset in mid-run, and starts again.
-fn story(pwm: Pwm, mpu: Mpu) -> Bench {
+fn reference_run(pwm: Pwm, mpu: Mpu) -> Bench {
     let mut bench = booted_as(Setup { pwm, mpu, ..setup(four_loads()) });
     bench.press(true);
     bench.run(ms(900));
@@ -26,8 +26,8 @@ fn story(pwm: Pwm, mpu: Mpu) -> Bench {
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn light_models_of_timer_and_memory_protection_make_the_same_run_to_the_last_edge() {
-    let mut light = story(Pwm::Registers, Mpu::Registers);
-    let mut full = story(Pwm::Emulated, Mpu::Emulated);
+    let mut light = reference_run(Pwm::Registers, Mpu::Registers);
+    let mut full = reference_run(Pwm::Emulated, Mpu::Emulated);
     assert_eq!(light.transitions(), full.transitions());
     assert!(light.transitions().len() > 100);
     assert_eq!(light.log(), full.log());

@@ -220,7 +220,7 @@ fn an_erasure_that_power_has_cut_is_done_again_at_power_on_and_starves_nobody() 
 }
 
 #[test]
-fn flash_that_drops_what_is_written_is_told_of() {
+fn a_flash_that_drops_writes_is_reported() {
     let (mut bench, mut host) = on(Board::NucleoF429zi, || with_host(vec![am60()]));
     assert_eq!(state(&mut bench, &mut host), StoreReport::default());
     let (report, _) = save(&mut bench, &mut host);

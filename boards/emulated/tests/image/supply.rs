@@ -208,9 +208,9 @@ fn a_bus_that_rises_ends_what_a_braking_motor_returns_before_the_next_millisecon
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_log_that_is_abandoned_in_mid_run_stops_nothing_and_is_whole_when_somebody_reads_it_again() {
     let mut bench = turning(four_loads());
-    bench.abandon_log(true);
+    bench.set_log_abandoned(true);
     runs_on_unread(&mut bench);
-    bench.abandon_log(false);
+    bench.set_log_abandoned(false);
     let lines = bench.log().len();
     bench.run(ms(2000));
     assert!(bench.log().len() > lines + 8);
@@ -221,7 +221,7 @@ fn a_log_that_is_abandoned_in_mid_run_stops_nothing_and_is_whole_when_somebody_r
 #[test]
 fn a_log_that_nobody_ever_reads_stops_nothing() {
     let mut bench = Bench::new(setup(four_loads()));
-    bench.abandon_log(true);
+    bench.set_log_abandoned(true);
     bench.run(ms(300));
     bench.press(true);
     bench.run(ms(1500));
@@ -237,7 +237,7 @@ pub(crate) fn clocks_that_never_start_leave_the_red_lamp_on_and_the_watchdog_tri
 /// Expects a red lamp and resets while the regulator is not ready, and a hub once it is.
 pub(crate) fn clocks_never_start(setup: Setup) {
     let mut bench = Bench::new(setup);
-    bench.kill_power(true);
+    bench.set_power_dead(true);
     bench.run(ms(1_700));
     let causes: Vec<String> = bench.resets().into_iter().map(|reset| reset.cause).collect();
     assert!(causes.len() >= 2, "the watchdog has reset the chip {} times", causes.len());
@@ -247,7 +247,7 @@ pub(crate) fn clocks_never_start(setup: Setup) {
     let [modes, outputs] = [port_b, port_b + 0x14].map(|at| bench.register(at));
     assert_eq!((modes >> 28 & 3, outputs >> 14 & 1), (1, 1), "the red lamp is driven high");
     assert!(bench.lines(0).open());
-    bench.kill_power(false);
+    bench.set_power_dead(false);
     bench.run(ms(800));
     assert!(log(&mut bench).contains("motor-hub"), "the clocks start again, and the hub does too");
 }

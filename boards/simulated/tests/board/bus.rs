@@ -244,3 +244,22 @@ fn a_weak_battery_is_derated_in_few_stages_and_stays_above_the_voltage_at_which_
     assert!(!stages.contains(&DrawStage::Cut) && stages.len() <= 3, "{stages:?}");
     assert!(speed > 1_200.0, "slowly reached: {speed} counts/s");
 }
+
+#[test]
+fn a_moment_shows_the_commands_of_the_bridges_after_a_change_within_a_millisecond() {
+    let run = Run { motors: 1, bus: ONE_WAY, motor: WINCH, seconds: 3.0 };
+    let (mut before, mut stale_ms) = ((0.0, Drive::BRAKE), Vec::new());
+    without_tasks::run(&run.scenario(50), |moment| {
+        let (bus_v, drive) = before;
+        // The battery gives no current to a bus above 13 V, so the voltage changes unless the bridge shorts the motor.
+        if bus_v > 13.0 && drive != Drive::BRAKE && moment.battery_v == bus_v {
+            stale_ms.push(moment.ms);
+        }
+        before = (moment.battery_v, moment.drives[0]);
+    })
+    .expect("it runs");
+    assert!(
+        stale_ms.is_empty(),
+        "the bridge shorts its motor, but another command is shown: {stale_ms:?} ms"
+    );
+}

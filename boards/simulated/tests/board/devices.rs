@@ -121,6 +121,12 @@ fn heading_grows_clockwise_and_rate_and_quaternion_to_the_left() {
     imu.run(0.01, 0.0, 0.0);
     imu.run(0.01, -1.0, -2.0);
     assert_eq!([word(&mut imu, 0x1A), word(&mut imu, 0x18)], [900, -1800]);
+    // A turn has 5654.87 units of 1/900 radian. Values from 5654.5 on round to a full turn, which reads 0.
+    for (units, heading) in [(5653.0, 5653), (5654.0, 5654), (5654.4, 5654), (5654.6, 0), (0.4, 0), (0.6, 1)]
+    {
+        imu.run(0.01, -units / 900.0, 0.0);
+        assert_eq!(word(&mut imu, 0x1A), heading, "{units}");
+    }
 }
 
 #[test]

@@ -57,12 +57,12 @@ impl Fault {
     pub(crate) fn apply(self, bench: &mut Bench) {
         match self {
             Self::Encoder(encoder) => (0..4).for_each(|motor| bench.set_encoder(motor, encoder)),
-            Self::ConverterDead => bench.kill_adc(true),
+            Self::ConverterDead => bench.set_adc_dead(true),
             Self::Battery(volts) => bench.set_battery(volts),
             Self::BridgesOff => (0..4).for_each(|motor| bench.pull_diag(motor, true)),
             Self::HostSilent => {}
             Self::HostGarbled(per_million) => bench.garble_serial(per_million, 7),
-            Self::LogAbandoned => bench.abandon_log(true),
+            Self::LogAbandoned => bench.set_log_abandoned(true),
             Self::TaskHangs(task) => bench.hang(task),
             Self::BusError => bench.fail_next_access(COUNTER),
             Self::ResetPin => bench.pull_reset(bench.now()),
@@ -70,7 +70,7 @@ impl Fault {
             Self::SupplyFalls => bench.set_rail(too_low()),
             Self::LockUp => bench.lock_up(COUNTER),
             Self::ClocksDoNotStart => {
-                bench.kill_power(true);
+                bench.set_power_dead(true);
                 bench.pull_reset(bench.now());
             }
             Self::FlashFaulty(faults) => bench.set_flash_faults(faults),
@@ -123,14 +123,14 @@ impl Fault {
     pub(crate) fn remove(self, bench: &mut Bench) {
         match self {
             Self::Encoder(_) => (0..4).for_each(|motor| bench.set_encoder(motor, Encoder::Sound)),
-            Self::ConverterDead => bench.kill_adc(false),
+            Self::ConverterDead => bench.set_adc_dead(false),
             Self::Battery(_) => bench.set_battery(NOMINAL),
             Self::BridgesOff => (0..4).for_each(|motor| bench.pull_diag(motor, false)),
             Self::HostGarbled(_) => bench.garble_serial(0, 7),
-            Self::LogAbandoned => bench.abandon_log(false),
+            Self::LogAbandoned => bench.set_log_abandoned(false),
             Self::BatteryPinOpen => bench.open_battery_pin(false),
             Self::SupplyFalls => bench.set_rail(3_300),
-            Self::ClocksDoNotStart => bench.kill_power(false),
+            Self::ClocksDoNotStart => bench.set_power_dead(false),
             Self::FlashFaulty(_) => bench.set_flash_faults(FlashFaults::default()),
             // These faults end without help.
             Self::HostSilent | Self::TaskHangs(_) | Self::BusError | Self::ResetPin | Self::LockUp => {}
