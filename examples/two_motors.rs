@@ -1,4 +1,4 @@
-//! Two motors on a board of one's own: four traits, five tasks, two commands.
+//! Shows how a new board drives two motors. The board implements four traits, runs five tasks, and gets two commands.
 //!
 //! The board is a mock, so that this runs anywhere: `cargo run --example two_motors`. On a chip the traits read
 //! timers and write pins, the clock is the chip's, and an executor polls the tasks; nothing else is different.
@@ -32,7 +32,7 @@ const WINDING: Winding = Winding {
     inductance: Some(constant!(Inductance::from_millihenries(0.694))),
 };
 
-/// What a board is made of: here, motors of the library's own physical model (its feature `model`).
+/// A board. Its motors are simulated by the library's own physical model (feature `model`).
 struct Board {
     plants: RefCell<[Plant; 2]>,
     drives: Cell<[Drive; 2]>,
@@ -93,7 +93,7 @@ fn main() {
         tasks::health::run(&board, &health),
     ));
 
-    // Anyone may send commands, from any task. Forward, and a position to hold.
+    // Any task may send commands. Motor 0 turns forward, and motor 1 moves to a position and holds it.
     let speed = Setpoint::Velocity(CountsPerSecond::new(1_000));
     let place = Setpoint::Position { target: 700, tolerance: 10, speed_limit: CountsPerSecond::new(1_500) };
     for (motor, setpoint) in [speed, place].into_iter().enumerate() {
@@ -101,8 +101,8 @@ fn main() {
     }
 
     for ms in 0..=2_000 {
-        // The work of an executor and of time: a timer that is due, and a task that yields, are polled again at once.
-        // The tasks never end.
+        // Replaces an executor: the tasks are polled several times, so that tasks whose timer is due, and tasks that
+        // yield, continue in the same millisecond. The tasks never end.
         for _ in 0..4 {
             let _ = tasks.as_mut().poll(&mut Context::from_waker(Waker::noop()));
         }

@@ -107,8 +107,8 @@ struct Question {
     disturbed: bool,
 }
 
-/// The parent's end of the chain line: which packet is the next on the line, and which packets go up to the host. The
-/// default is the state after a reset.
+/// The parent's end of the chain line: decides which packet is the next on the line, and which packets the parent
+/// passes on to the host. The default is the state after a reset.
 #[derive(Clone, Debug, Default)]
 pub struct Chain {
     requests: Deque<Packet, WAITING>,
@@ -159,10 +159,10 @@ impl Chain {
         }
     }
 
-    /// Takes an answer from the chain line. Returns the answer if it must go up to the host. `own` is the address of
-    /// this hub.
+    /// Takes an answer from the chain line. Returns the answer if the parent must pass the answer on to the host. `own`
+    /// is the address of this hub.
     ///
-    /// An answer that comes too late goes up too: a host may still accept it, and learns that the child is there.
+    /// An answer that comes too late is passed on too: a host may still accept it, and learns that the child is there.
     pub fn receive(&mut self, packet: Packet, own: Address) -> Option<Packet> {
         let Packet { source, .. } = packet;
         if let Some(question) = &mut self.question {

@@ -1,4 +1,4 @@
-//! Command of every control value among the points, for many speeds and battery voltages.
+//! Tests the bridge command of every control value, for many speeds and battery voltages.
 
 use motor_hub::braking::{
     Abscissa, Blend, BlendFraction, Location, OperatingPoint, Points, Regime, Scheme, Winding, linear_duty,
@@ -38,7 +38,7 @@ fn every_control() -> impl Iterator<Item = Control> {
     (-i16::MAX..=i16::MAX).map(Control::new)
 }
 
-/// A number that grows with the torque that a placement asks for: regime first, then duty.
+/// Returns a number that grows with the torque of a bridge command: first by the regime, then by the duty.
 fn order(at: OperatingPoint, placement: Drive) -> i32 {
     let duty = i32::from(placement.duty.to_bits());
     match at.regime(placement) {
@@ -149,7 +149,7 @@ fn a_regime_lies_where_the_paper_puts_it() {
     assert_eq!(linear_duty(Scheme::B, half, Control::new(-10_930)).mode, Mode::Ccw62);
     // Scheme C: T just reaches the end of the range at half of the battery voltage.
     assert!((Points::new(Scheme::C, half).t.to_f64() + 32_767.0).abs() < 40.0);
-    // No braking regime at all.
+    // Without a braking regime, negative control values drive in reverse.
     assert_eq!(linear_duty(Scheme::ForwardReverse, half, Control::new(-1)).mode, Mode::Ccw62);
 }
 
@@ -198,7 +198,8 @@ fn a_fixed_blend_lies_between_b_and_c_and_full_braking_comes_within_reach_in_ove
     }
 }
 
-/// The torque at a place as a share of stall torque: the current that its fraction stands for.
+/// Returns the torque of a regime and a fraction, as a share of the stall torque. It is the current that the fraction
+/// stands for.
 fn torque(place: Location, u: f64) -> f64 {
     let f = place.fraction.to_f64();
     match place.regime {
@@ -241,7 +242,8 @@ fn the_automatic_blend_keeps_full_dynamic_braking_in_the_control_range() {
         let c = Points::new(Scheme::C, at);
         if c.t < points.t {
             below_c += 1;
-            // It gives up no more of C than it must: one step of the blend.
+            // The automatic blend differs from Scheme C by no more than necessary, with a resolution of one step of the
+            // blend.
             let step = c.t.to_f64().abs() / 65_536.0;
             assert!(points.t.to_f64() < -32_766.0 + 1.1 * step, "{cps} cps: {points:?}");
         } else {
@@ -258,7 +260,7 @@ fn schemes_c_and_d_have_no_formula_where_the_emf_equals_the_battery() {
     let at = OperatingPoint::new(emf, Millivolts::new(12_000)).expect("battery");
     for scheme in [Scheme::C, fraction(1 << 14), Scheme::D(Blend::Automatic)] {
         assert_eq!(Points::from_formula(scheme, at), None);
-        // So near below that it hardly differs.
+        // The points are nearly the same at a back EMF just below the battery voltage, where the formula is defined.
         let below =
             EmfConstant::from_bits((1 << 20) - 1).expect("in range").emf(CountsPerSecond::new(12_000));
         let below = OperatingPoint::new(below, Millivolts::new(12_000)).expect("battery");

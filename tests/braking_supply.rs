@@ -28,7 +28,7 @@ fn returned_and_dissipated_power_are_those_of_the_model() {
             let drive = Drive { mode: Mode::Brake50, duty: Duty::ratio(percent, 100) };
             let command = modulator().modulation(at(cps), drive);
             let computed = modulator().braking_power(at(cps), command, OHMS);
-            // A flywheel so heavy that the speed stays.
+            // The flywheel is so heavy that the speed does not change.
             let mut plant = plant(neverest_60(), inertia(100.0));
             let speed = f64::from(cps) / 28.0 * std::f64::consts::TAU;
             plant.place(Amps(0.0), RadPerSec(speed), 0.0);

@@ -1,4 +1,4 @@
-//! A bridge that takes its time to switch, as the model has it and as the hub reckons with it.
+//! Tests a bridge with switching times: in the model, and in the hub's compensation for these times.
 
 mod common;
 
@@ -13,7 +13,7 @@ use motor_hub::units::Control;
 
 const PWM: Hertz = Hertz(20_000.0);
 
-/// A flywheel so heavy that the speed stays.
+/// Inertia of a flywheel that is so heavy that the speed does not change.
 const HEAVY_KG_M2: f64 = 1e6;
 
 fn bridge(timing: Timing) -> Bridge {
@@ -22,7 +22,7 @@ fn bridge(timing: Timing) -> Bridge {
 
 #[test]
 fn edges_shift_the_voltage_of_a_continuous_current_by_half_of_their_difference() {
-    // 1 us more to turn on than to turn off is 0.5 us of 50 less of V + Vd.
+    // If turning on takes 1 us longer than turning off, the mean voltage is lower by 0.5 us of 50 us of V + Vd.
     let at = Conditions { battery: Volts(12.0), emf: Volts(3.0) };
     let mean = |turn_on_ns, turn_off_ns| {
         let timing = Timing { turn_on_ns, turn_off_ns, ..Timing::IDEAL };
@@ -31,9 +31,9 @@ fn edges_shift_the_voltage_of_a_continuous_current_by_half_of_their_difference()
     let (fast, slow) = (mean(0, 0), mean(2_000, 1_000));
     let lost = (fast - slow) * (am60().r.0 + 0.1);
     assert!((lost - 0.01 * 12.7).abs() < 0.003, "{lost}");
-    // Edges of the same length cancel out, but for a switch that is half closed meanwhile.
+    // Edges of equal duration cancel out, except for the voltage across a switch that is half closed during an edge.
     assert!((mean(2_000, 2_000) - fast).abs() < 2e-3 * fast);
-    // So does a line that does not move.
+    // At a duty of 0 or 1 the PWM line has no edges, so the timing has no effect.
     let timing = Timing::VNH5019;
     for duty in [0.0, 1.0] {
         let steady =
@@ -44,13 +44,13 @@ fn edges_shift_the_voltage_of_a_continuous_current_by_half_of_their_difference()
 
 #[test]
 fn switches_get_the_heat_of_their_edges() {
-    // Half of V I for as long as both edges take: 12.7 V, 2.2 us of 50.
+    // During both edges the switches dissipate half of V I: 12.7 V, for 2.2 us of 50 us.
     let at = Conditions { battery: Volts(12.0), emf: Volts(3.0) };
     let steady = |timing| Circuit::new(&am60(), bridge(timing)).steady(Pwm::new(Mode::Cw98, 0.6, PWM), at);
     let (fast, slow) = (steady(Timing::IDEAL), steady(Timing::VNH5019));
     let power = |steady: motor_hub::model::periodic::Steady| {
         let work = 3.0 * steady.sums.current;
-        // Nothing gets lost: what the battery gives is heat or work.
+        // Energy is conserved: the energy from the battery becomes heat or work.
         assert!((12.0 * steady.sums.battery() - work - steady.sums.heat).abs() < 1e-9);
         steady.sums.heat / steady.period.0 - steady.rms.0.powi(2) * (am60().r.0 + 0.08)
     };
@@ -93,11 +93,11 @@ fn a_bridge_is_open_while_its_mode_changes_and_at_no_other_time() {
         |mode, duty, seconds| plant.run(Seconds(seconds), PlantInput::pwm(mode, duty), Volts(12.0)).charge.0;
     assert!(charge(Mode::Cw98, 1.0, 6e-4).abs() < 1e-12);
     assert!(charge(Mode::Cw98, 1.0, 6e-4) > 1e-4);
-    // Another duty is no other mode.
+    // A new duty in the same mode does not open the bridge.
     charge(Mode::Cw98, 1.0, 1e-2);
     let going_on = charge(Mode::Cw98, 0.9, 6e-4);
     assert!(going_on > 1.5e-3, "{going_on}");
-    // The current that there was dies away within the time.
+    // The previous current decays to zero while the bridge is open.
     charge(Mode::Ccw62, 1.0, 5.9e-4);
     assert!(charge(Mode::Ccw62, 1.0, 5e-6).abs() < 1e-12);
     assert!(charge(Mode::Ccw62, 1.0, 1e-3) < -1e-3);

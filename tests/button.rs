@@ -10,7 +10,7 @@ const HALT: Setpoint = Setpoint::Velocity(CountsPerSecond::ZERO);
 /// Interval in us at which a board reads its button.
 const STEP: u64 = 10_000;
 
-/// A board with a button, looked at every 10 ms.
+/// A board whose button is read every 10 ms.
 struct Bench {
     button: Button,
     now: u64,

@@ -27,7 +27,7 @@ fn current(amperes: f64, speed_limit: f64) -> Setpoint {
     }
 }
 
-/// A flywheel in kg m² so heavy that the speed stays.
+/// Inertia in kg m² of a flywheel that is so heavy that the speed does not change.
 const HEAVY: f64 = 1e3;
 
 /// Every motor of the catalogue that is characterised, with the inertia of the paper.

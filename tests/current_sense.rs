@@ -1,4 +1,4 @@
-//! Current-sense lines: what of a motor's current they show, and which of them a hub believes.
+//! Current-sense lines: which part of a motor's current they show, and which lines a hub accepts.
 
 mod common;
 
@@ -60,7 +60,7 @@ impl Held {
         self.0.report()
     }
 
-    /// The current that the hub uses, if it is the modelled one.
+    /// Returns the modelled current in mA, and asserts that the hub uses it.
     fn modelled_ma(&self) -> i32 {
         let report = self.0.report();
         assert_eq!(report.best_current(), report.current);
@@ -112,10 +112,10 @@ fn in_5_0_a_line_shows_nothing_and_the_model_goes_on() {
 fn a_sample_of_another_mode_is_not_the_current_of_this_one() {
     Held::after(&[
         (HALF, 500, Some(1_800), Sound, Some(1_800)),
-        // The tick at 550 ms shorts it; the sample of 525 ms was of 9/8.
+        // The tick at 550 ms changes to the short of mode 5/0. The sample at 525 ms was taken in mode 9/8.
         (SHORT, 50, Some(1_800), Sound, None),
         (HALF, 50, Some(0), Sound, None),
-        // The first sample in it may belong to the mode before.
+        // The first sample in a mode may belong to the mode before, so it is not used.
         (SAME, 50, Some(1_800), Sound, Some(1_800)),
     ]);
 }
@@ -150,13 +150,14 @@ fn a_line_is_not_judged_without_encoder_readings() {
 
 #[test]
 fn a_line_to_ground_measures_nothing_however_little_the_motor_takes() {
-    // Nothing has been due at first, and a spike is no current. No tick follows the spike.
+    // At first the modelled current is too small to judge the line. A single spike does not count as a current. No tick
+    // follows the spike within its step.
     let spike = (SAME, 25, Some(80), Sound, None);
     let mut held =
         Held::after(&[(LOW, 1_000, Some(0), Sound, None), spike, (SAME, 1_000, Some(0), Sound, None)]);
     let modelled = held.modelled_ma();
     assert!(modelled > 200, "{modelled}");
-    // The current at speed does not prove that the line is mended.
+    // At low power the current is too small to judge the line, so the line stays silent.
     held.follow(&[(HALF, 500, Some(0), Silent, None), (LOW, 2_000, Some(0), Silent, None)]);
     let modelled = held.modelled_ma();
     assert!(modelled > 200, "{modelled}");
@@ -166,10 +167,10 @@ fn a_line_to_ground_measures_nothing_however_little_the_motor_takes() {
 fn a_line_that_has_shown_a_current_may_show_none() {
     Held::after(&[
         (LOW, 200, Some(600), Sound, Some(600)),
-        // It slips.
+        // The line shows 10 mA because the stalled motor slips, for example.
         (SAME, 500, Some(10), Sound, Some(10)),
         (SAME, 500, None, Absent, None),
-        // It may be another line.
+        // After a missing line, the line may be another one, so it must show a current again.
         (SAME, 500, Some(0), Sound, None),
     ]);
 }
@@ -189,7 +190,7 @@ fn a_line_that_shows_a_current_where_the_bridge_can_show_none_is_stuck_until_it_
 fn a_silent_line_that_is_mended_is_believed_again_by_what_it_shows() {
     Held::after(&[
         (HALF, 500, Some(0), Silent, None),
-        // Nothing is what it should show here.
+        // In mode 5/0 a sound line shows 0, so the 0 proves nothing.
         (SHORT, 500, Some(0), Silent, None),
         (HALF, 500, Some(1_700), Sound, Some(1_700)),
     ]);

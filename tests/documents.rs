@@ -1,4 +1,4 @@
-//! What the documents show is there: files that they link to, and the code of the guide to boards.
+//! Checks that the files exist that documents link to, and that the code in the guide to boards is compiled.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -27,7 +27,7 @@ fn documents() -> Vec<PathBuf> {
     found
 }
 
-/// A heading as a link names it.
+/// Returns the anchor by which a link names a heading.
 fn anchor(heading: &str) -> String {
     let text = heading.trim_start_matches('#').trim().to_lowercase();
     text.chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c)).collect::<String>().replace(' ', "-")

@@ -15,7 +15,7 @@ use proptest::prelude::*;
 
 /// 1 % of the range of control values.
 const ONE_PERCENT: i16 = 328;
-/// Feeds forward 10 steps for a count/s: the control value says which speed is requested.
+/// Coefficients with a feed-forward of 10 steps per count/s, so that the control value shows the requested speed.
 const ONLY_F: Pidf = Pidf { p: Coefficient::ZERO, i: Coefficient::ZERO, d: Coefficient::ZERO, f: q16(10) };
 
 const fn q16(whole: i32) -> Coefficient {
@@ -31,7 +31,7 @@ fn pid(velocity: Pidf, position: Pidf) -> Settings {
     Settings { coefficients: Some(Coefficients { velocity, position }), ..settings() }
 }
 
-/// The position loop of a motor for which no host has sent one.
+/// Returns the coefficients that a motor has until a host sends some.
 fn guessed() -> Coefficients {
     Coefficients::guessed(settings().winding.emf, Scheme::A, Period::DEFAULT)
 }
@@ -92,7 +92,8 @@ fn a_bridge_draws_its_duty_of_the_current_and_returns_it_while_it_is_open() {
         assert!((f64::from(*drawn) / share - 1.0).abs() < 0.1, "{motors:?}");
     }
     assert!(motors[0].0 > 800 && motors[1].0 == -motors[0].0, "{motors:?}");
-    // A full short takes nothing from the bus; the rest of a braking bridge's period gives back.
+    // While the bridge shorts the motor, no current flows from the bus. In the rest of the period a braking bridge
+    // returns current.
     assert!(motors[2].0 < -1_000 && motors[2].1.abs() < 10, "{motors:?}");
     let (current, drawn, drive) = motors[3];
     assert_eq!(drive.mode, Mode::Brake50);
@@ -141,7 +142,7 @@ fn position_is_approached_at_the_speed_limit_however_far_it_is_and_the_short_way
     // From 2^23 on a distance in steps of 1/256 count no longer fits 32 bits.
     let powers = (9..31).flat_map(|bits| [(1 << bits) - 1, 1 << bits, (1 << bits) + 1, 3 << (bits - 1)]);
     for distance in powers.chain([i32::MAX]) {
-        // The sign of a speed limit means nothing.
+        // The sign of a speed limit has no effect.
         for cps in [700, -700] {
             assert_eq!(control(0, position(distance, 5, cps)), limit, "{distance}");
             assert_eq!(control(0, position(-distance, 5, cps)), limit.reversed(), "{distance}");
@@ -246,7 +247,8 @@ fn the_integrator_holds_while_the_battery_is_not_read() {
             bench.battery_read = false;
             bench.run_ms(10_000);
             bench.battery_read = true;
-            // One tick in which the integrator still holds, and then both go on alike.
+            // In the first tick after the interruption the integrator keeps its value. After this tick both runs
+            // continue alike.
             bench.tick();
         }
         tick_control(&mut bench).get()
@@ -268,7 +270,7 @@ fn a_change_of_run_mode_starts_from_what_the_motor_does_and_a_new_target_does_no
     bench.set(0, velocity(300));
     assert!(tick_control(&mut bench) >= wound);
     bench.set(0, Setpoint::Disabled);
-    // What held it under power is known to be gone.
+    // After a second without power, the hub no longer assumes the load that held the motor.
     settle(&mut bench);
     bench.set(0, velocity(300));
     let again = tick_control(&mut bench);
@@ -289,7 +291,7 @@ fn a_change_of_run_mode_starts_the_position_loop_afresh() {
         bench.run_ms(100);
         assert!(tick_control(&mut bench) > fresh, "wound up");
         bench.set(0, between);
-        // Before a tick has come.
+        // No tick comes between both commands.
         bench.set(0, target);
         // The voltage of the loop's request is rounded to a control value at the estimated speed.
         let control = tick_control(&mut bench);
@@ -306,10 +308,10 @@ fn a_motor_that_floated_at_zero_starts_its_velocity_loop_afresh() {
     assert!(fresh > Control::ZERO);
     bench.run_ms(100);
     assert!(tick_control(&mut bench) > fresh, "wound up");
-    // The run mode stays.
+    // The new set-point has the same run mode.
     bench.set(0, velocity(0));
     assert_eq!(bench.tick().drives(), [Drive::COAST]);
-    // What held it under power is known to be gone.
+    // After a second without power, the hub no longer assumes the load that held the motor.
     settle(&mut bench);
     bench.set(0, velocity(1_000));
     let again = tick_control(&mut bench);
@@ -399,7 +401,8 @@ proptest! {
 
 #[test]
 fn a_motor_takes_no_more_memory_than_it_has_been_given() {
-    // On a computer. A chip's pointers are shorter, but a motor has none. Raise the limit only for a good reason.
+    // This is the size on a 64-bit computer. Pointers are shorter on the chip, but a motor contains no pointers. Raise
+    // the limit only for a good reason.
     let bytes = size_of::<Motor>();
     assert!(bytes <= 1_024, "{bytes} bytes");
 }

@@ -108,7 +108,7 @@ impl Setup {
         self.disturbed(|bench| bench.axes[0].torque = share(bench.counts(0), bench.ms) * stall_after)
     }
 
-    /// `act` does something to the bench every millisecond.
+    /// Runs the identification. `act` is called every millisecond, and may change the bench.
     fn disturbed(&self, act: impl Fn(&mut Bench<1>)) -> Outcome {
         let mut bench = self.bench();
         let mut travel = (0, 0);
@@ -158,7 +158,7 @@ fn setups(loads: &[f64], frictions: &[f64], configured: &[(f64, f64)]) -> Vec<Se
     motors().map(Motor::with_measured_rotor_inertia).flat_map(each).collect()
 }
 
-/// Runs all of them; the errors of b in order, and how many were refused.
+/// Runs all setups. Returns the errors of b in ascending order, and the number of refused identifications.
 fn sweep(benches: &[Setup]) -> (Vec<f64>, usize) {
     let mut errors = Vec::new();
     for bench in benches {
@@ -182,13 +182,14 @@ fn every_motor_of_the_catalogue_is_known_within_10_percent() {
         benches.iter_mut().for_each(|bench| bench.period_ms = period_ms);
         let (errors, refused) = sweep(&benches);
         assert!(quantile(&errors, 0.9) < 0.06, "{period_ms} ms: {errors:?}");
-        // A Core Hex with four rotors of its own is too heavy for its four counts a turn.
+        // A Core Hex motor with a load of four times its rotor's inertia may be refused. It is too slow for an encoder
+        // with four counts per turn.
         assert!(refused * 10 <= benches.len(), "{period_ms} ms: {refused} of {}", benches.len());
     }
 }
 
-/// Times in s that a motor with these configured dynamics needs from rest to 0.5 of its free speed, and on to 0.15 of it, each
-/// to within 2 %. The first set-point comes this long after the start.
+/// Times in s that a motor with these configured dynamics needs from rest to 0.5 of its free speed, and on to 0.15 of
+/// it, each to within 2 %. The first set-point comes `at_ms` after the start.
 fn settling(setup: &Setup, configured: Dynamics, at_ms: u64) -> [f64; 2] {
     let truth = common::dynamics(&setup.motor, &setup.load());
     let mut bench = setup.bench();
@@ -272,7 +273,7 @@ fn friction_and_back_emf_are_found_with_honest_errors() {
 
 #[test]
 fn what_a_short_motion_cannot_show_is_taken_as_configured() {
-    // A time constant of 13 s.
+    // The motor has a time constant of 13 s, which is too long for the identification to measure the decay.
     let bench = Setup { inertia: 4.0, configured: (1.0, 0.9), ..Setup::new("Matrix C") };
     let found = found(&bench.run());
     assert!(found.emf_is_configured && found.emf_error > 100, "{found:?}");
@@ -281,7 +282,7 @@ fn what_a_short_motion_cannot_show_is_taken_as_configured() {
 
 #[test]
 fn a_scheme_changes_nothing_of_what_is_found() {
-    // If the configured back EMF is too large, the bridge is open at the end of a stretch.
+    // If the configured back EMF is too large, the bridge is open at the end of a section of the motion.
     for configured in [(1.0, 1.0), (1.0, 1.1)] {
         for scheme in [Scheme::ForwardReverse, Scheme::A, Scheme::B, Scheme::C] {
             let bench = Setup { scheme, configured, friction: 0.0, ..Setup::new("AM 60 A") };

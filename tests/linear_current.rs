@@ -1,4 +1,4 @@
-//! The duty stage against the event-exact switching bridge.
+//! Compares the duty rules with the event-exact model of the switching bridge.
 
 use motor_hub::braking::{
     Blend, BlendFraction, DutyRule, LinearCurrent, Modulator, OperatingPoint, Points, Regime, Scheme,
@@ -90,20 +90,22 @@ impl Point {
         Self { at, emf: emf.to_f64() / 1e3, battery }
     }
 
-    /// Mean current that the bridge gives for a placement.
+    /// Returns the mean current of the bridge for a bridge command, in A.
     fn current(&self, motor: &Motor, frequency: f64, placement: Drive) -> f64 {
         let pwm = Pwm::new(placement.mode, placement.duty.to_f64(), Hertz(frequency));
         let conditions = Conditions { battery: Volts(self.battery), emf: Volts(self.emf) };
         Circuit::new(motor, BRIDGE).steady(pwm, conditions).mean.0
     }
 
-    /// The current on the scheme's straight lines (paper, sections 2 and 3), written down once more.
+    /// Returns the current that the straight lines of the scheme request (paper, sections 2 and 3). It is computed here
+    /// independently of the hub's code.
     fn asked(&self, motor: &Motor, scheme: Scheme, control: i16) -> f64 {
         let turn = if self.emf < 0.0 { -1.0 } else { 1.0 };
         let c = turn * f64::from(control) / 32_767.0;
         let (v, e) = (self.battery, self.emf.abs());
         let u = e / v;
-        // C's stretch of S and T, and how much of it leaves a share a of full braking within reach.
+        // `rho` is the factor by which Scheme C stretches S and T. `leaving(a)` limits the factor, so that a share `a`
+        // of full braking stays within the control range.
         let rho = (1.0 + u) / (1.0 - u);
         let leaving = |a: f64| if a > 0.0 { rho.min((1.0 + u) / (u * a)) } else { rho };
         let near_overrun = leaving(10.0 * u - 9.0);
@@ -284,7 +286,7 @@ fn regimes_are_those_of_the_points() {
 
 #[test]
 fn braking_passes_smoothly_into_reverse_driving() {
-    // The drop across one diode, which linear duty loses at T, is Vd/R: 5.8 % of Vbat/R.
+    // At T linear duty loses the drop of one diode. The current is wrong by Vd/R, which is 5.8 % of Vbat/R.
     let motor = catalogue::find("AM 60 A").and_then(|entry| entry.motor.as_ref()).expect("known");
     let winding = winding(electrical(motor, 20_000.0));
     let point = Point::new(6.0, 12.0);

@@ -59,7 +59,7 @@ fn each_coefficient_has_its_stated_unit() {
     let fed = PidInput { feed_forward: value(400), ..input(0, 0) };
     assert_eq!(Pid::default().step(&only_f, PERIOD, fed), value(1200));
 
-    // One second of an error of 100 at 0.2 per cycle, whatever the period.
+    // An error of 100 for one second with I = 0.2 per cycle of 50 ms gives 400 at every period.
     let only_i = Pidf { i: q16(0.2), ..Pidf::default() };
     for ms in [1, 10, 50, 100] {
         let mut pid = Pid::default();
@@ -68,11 +68,12 @@ fn each_coefficient_has_its_stated_unit() {
         assert!((output - value(400)).abs() <= Value::from_bits(8), "{output} at {ms} ms");
     }
 
-    // Acceleration of 1000 counts/s^2, 50 counts/s from one cycle to the next, against 10 cycles.
+    // An acceleration of 1000 counts/s² changes the speed by 50 counts/s per cycle of 50 ms. With D = 10 the output is
+    // -500.
     let only_d = Pidf { d: q16(10.0), ..Pidf::default() };
     let mut pid = Pid::default();
     assert_eq!(pid.step(&only_d, PERIOD, input(0, 0)), Value::ZERO, "no kick at the start");
-    // Its filter takes 20 ms of the 50.
+    // The filter of the D term has a time constant of 20 ms, so the first step gives 50/70 of the value.
     let output = pid.step(&only_d, PERIOD, input(0, 50)).to_num::<f64>();
     assert!((output + 500.0 * 50.0 / 70.0).abs() < 0.02, "{output}");
     let output = (2..20).map(|n| pid.step(&only_d, PERIOD, input(0, 50 * n))).last().expect("steps");
@@ -130,10 +131,10 @@ fn a_preset_loop_goes_on_from_the_output_that_there_was() {
         pid.step(&gains, PERIOD, input(1000, 10 * measured));
     }
     pid.preset(&gains, value(5_000), value(700));
-    // Nothing is wrong with the speed, and it is what is fed forward.
+    // The error of the speed is 0, and the feed-forward is the speed.
     let there = PidInput { feed_forward: value(700), ..input(0, 700) };
     assert_eq!(pid.step(&gains, PERIOD, there), value(5_000));
-    // Without integration there is nothing that could bring it back.
+    // Without an I term the loop cannot keep the preset output. The output is then the feed-forward alone.
     let gains = Pidf { i: Coefficient::ZERO, ..gains };
     pid.preset(&gains, value(5_000), value(700));
     assert_eq!(pid.step(&gains, PERIOD, there), value(2_100));

@@ -39,7 +39,8 @@ fn a_load_whose_encoder_is_unplugged_runs_away_from_a_motor_that_coasts_and_sink
     let braking = unplugged(OnFault::Brake);
     assert!(braking.report().faults.encoder.is_some());
     assert_eq!((braking.report().drive, braking.report().regime), (Drive::BRAKE, Some(Regime::Braking)));
-    // 0.8 N m behind 60 turns take 0.75 A of 17.8 mN m/A, and those 2.55 V behind 3.4 ohm: 144 rad/s, 28 counts a turn.
+    // A torque of 0.8 N m behind a gear of 60 : 1 needs 0.75 A at 17.8 mN m/A. This current needs 2.55 V at 3.4 ohm,
+    // which is the back EMF at 144 rad/s. With 28 counts per turn the speed is 640 counts/s.
     assert!((braking.speed(0) - 640.0).abs() < 10.0, "{}", braking.speed(0));
 }
 
@@ -98,7 +99,7 @@ fn a_motor_that_needs_no_encoder_is_not_braked_for_want_of_one() {
     }
 }
 
-/// A third of the stall current of 12 V behind 3.4 ohm.
+/// Returns settings with a thermal limit. The continuous current is a third of the stall current, 12 V at 3.4 ohm.
 fn limited(on_fault: OnFault) -> Settings {
     Settings { thermal: ThermalLimit::new(1_200, 20, 600).ok(), ..settings(on_fault) }
 }
@@ -123,7 +124,8 @@ fn a_motor_without_a_limit_is_stalled_for_ever_and_one_with_is_derated_to_what_i
     for setpoint in [full, Setpoint::ConstantPower(Control::MIN)] {
         let (amperes, mut bench) = stalled(limited(OnFault::Coast), setpoint, 600);
         let amperes: Vec<f64> = amperes.iter().map(|amperes| amperes.abs()).collect();
-        // The full current for the time of a start, then less in steps; the motor is never cut.
+        // The motor gets the full current for the time of a start, and then less current in steps. It is never switched
+        // off.
         assert!(amperes[..7].iter().all(|amperes| *amperes > 3.5), "{amperes:?}");
         assert!(amperes[29] < 2.2, "{}", amperes[29]);
         assert!(amperes.is_sorted_by(|before, after| *after <= before + 0.03), "{amperes:?}");

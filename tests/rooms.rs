@@ -1,5 +1,5 @@
-//! Who may import whom. The rules stand in CONTRIBUTING.md, in two tables that are read here: a plain look at
-//! the text of sources and manifests, comments left out.
+//! Checks which modules (rooms) and packages may import which others. Two tables in CONTRIBUTING.md have the rules. The
+//! checks search the text of sources and manifests, without comments.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -20,7 +20,8 @@ fn read(path: impl AsRef<Path>) -> String {
     fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// The table of CONTRIBUTING.md under a heading: what stands between back-ticks, by its first column.
+/// Reads the table of CONTRIBUTING.md under a heading. Returns the names between back-ticks of each row, by the names
+/// in its first column.
 fn table(heading: &str) -> Rules {
     let text = read("CONTRIBUTING.md");
     let mut lines = text.lines().skip_while(|line| *line != heading);
@@ -57,7 +58,7 @@ fn code(path: &Path) -> Vec<(usize, String)> {
     without_comments(&read(path))
 }
 
-/// An import that goes over several lines is one, with the number of its first.
+/// Joins an import of several lines to one line, with the number of its first line.
 fn without_comments(text: &str) -> Vec<(usize, String)> {
     let unfinished = |line: &str| {
         let import = line.trim_start();
@@ -210,7 +211,7 @@ struct Dependency {
     name: String,
     /// Everything after the name.
     how: String,
-    /// For tests only.
+    /// True for a dependency of the tests only.
     dev: bool,
 }
 
@@ -255,7 +256,7 @@ fn by_name(packages: &Rules) -> BTreeMap<String, String> {
     packages.keys().filter_map(name).collect()
 }
 
-/// Order of the wings from the inside out: src, boards, host. Tools are outside.
+/// Returns the level of a package's wing, from the inside out: src, boards, host, and then tools.
 fn wing(package: &str) -> usize {
     ["src", "boards", "host"].iter().position(|wing| package.starts_with(wing)).unwrap_or(3)
 }

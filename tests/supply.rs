@@ -5,7 +5,7 @@ use motor_hub::units::{Micros, Millivolts, RangeError};
 
 const CALIBRATION: u16 = 1500;
 
-/// An STM32F4's.
+/// Returns the calibration of an STM32F4 with this reading.
 fn calibration(reading: u16) -> VrefintCalibration {
     VrefintCalibration { reading, rail: Millivolts::new(3_300), bits: 12 }
 }

@@ -35,7 +35,7 @@ fn the_filter_settles_about_equally_fast_at_every_sampling_interval() {
             .last()
             .expect("plausible");
         let left = f64::from(last.voltage.get() - 10_000) / 2_000.0;
-        // Two time constants of 30 ms and an interval.
+        // The time is two time constants of 30 ms and one sampling interval.
         assert!((0.1..0.2).contains(&left), "{interval} us: {left}");
     }
 }
@@ -93,7 +93,7 @@ fn after_a_cut_the_draw_rises_slowly_from_the_derate_level() {
 
 #[test]
 fn the_draw_from_a_weak_battery_converges_without_a_cut() {
-    // 8 V behind a resistance at which the motors would take 3 V.
+    // A battery of 8 V. At the full draw of the motors the voltage falls by 3 V.
     let (mut supply, mut share) = (Sampled::new(), 1.0);
     supply.hold(8_000);
     let mut late = Vec::new();
@@ -193,7 +193,7 @@ fn motors_dissipate_above_the_dissipate_level_and_fully_below_the_ceiling() {
         let dissipate = Sampled::new().hold(mv).dissipate;
         assert_eq!((dissipate > Share::NONE, dissipate == Share::ALL), (some, all), "{mv} mV");
     }
-    // 200 mV a millisecond: where it will be counts.
+    // The voltage rises by 200 mV per millisecond, so the hub uses the voltage that it expects.
     let mut supply = Sampled::new();
     supply.see(13_700);
     assert!(supply.see(13_900).dissipate > Share::NONE);

@@ -21,7 +21,7 @@ use std::task::{Context, Wake, Waker};
 const N: usize = 4;
 const GOOD: Millivolts = Millivolts::new(12_000);
 
-/// The mock driver's clock is one for the process.
+/// All tests of the process share the clock of the mock driver, so they run one after another.
 static CLOCK: Mutex<()> = Mutex::new(());
 
 #[derive(Default)]
@@ -30,7 +30,7 @@ struct World {
     /// Encoder counters that do not answer.
     dead: [Cell<bool>; N],
     sample: Cell<Option<Millivolts>>,
-    /// The converter takes this long.
+    /// Time of a conversion, in ms.
     conversion_ms: Cell<u64>,
     applied: RefCell<Vec<(u64, [Drive; N])>>,
     fed: RefCell<Vec<u64>>,
@@ -229,7 +229,7 @@ fn constant_power_and_coasting_wait_for_no_tick_and_regulation_does() {
     parts.send(2, Setpoint::FailSafe);
     board.run_ms(1);
     assert_eq!(modes(), [None, Some(Mode::Brake50), None, None]);
-    // It stays so.
+    // No further command is applied.
     let applied = parts.world.applied.borrow().len();
     board.run_ms(200);
     assert!(
@@ -243,7 +243,7 @@ fn constant_power_and_coasting_wait_for_no_tick_and_regulation_does() {
 fn where_motors_are_and_how_fast_is_as_new_as_the_last_sample() {
     let parts = Parts::new(50);
     let mut board = parts.board();
-    // As a host reads it.
+    // Returns position and velocity as a host reads them.
     let look = || {
         let snapshot = parts.wires.snapshot.try_get()?;
         let report = snapshot.motors[0];
@@ -269,7 +269,7 @@ fn where_motors_are_and_how_fast_is_as_new_as_the_last_sample() {
             _ => (),
         }
     }
-    // Not of a tick.
+    // The snapshot of the last tick has an older position.
     assert!(parts.snapshot().motors[0].position <= look().expect("sampled").0);
 }
 
@@ -432,7 +432,7 @@ fn when_one_encoder_fails_its_motor_coasts_if_regulated_and_no_other_until_it_re
     turn(&mut board, 210);
     assert_eq!(coasting(), [false; N]);
 
-    // One is silent for 40 ms before the tick, one for 20 ms.
+    // One encoder is silent for 40 ms before the tick, and another one for 20 ms.
     let [constant_power, _, regulated, _] = &parts.world.dead;
     constant_power.set(true);
     turn(&mut board, 20);

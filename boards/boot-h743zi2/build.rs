@@ -3,7 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-/// Of the RAM all but the hub's record of what happened: a reset leaves that alone, and so does this.
+/// Memory map of the bootloader. RAM leaves out the last 4 kB of the DTCM, which hold the hub's record of faults. A
+/// reset does not clear this record, and the bootloader must not overwrite it.
 const MEMORY: &str = "MEMORY {
     FLASH : ORIGIN = 0x08000000, LENGTH = 128K
     RAM   : ORIGIN = 0x20000000, LENGTH = 124K
@@ -14,9 +15,10 @@ fn main() {
     let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets it")).join("boot");
     std::fs::create_dir_all(&out).expect("the output directory is writable");
     std::fs::write(out.join("memory.x"), MEMORY).expect("the output directory is writable");
-    // For the program alone: the hub, which uses the library beside it, has a memory map of its own.
+    // These arguments are for the bootloader's program only. The hub uses the library of this package, and has a memory
+    // map of its own.
     println!("cargo:rustc-link-arg-bins=-L{}", out.display());
-    // Without page alignment, or the first segment would begin before the flash does.
+    // Turns page alignment off. With page alignment the first segment would begin before the flash.
     println!("cargo:rustc-link-arg-bins=--nmagic");
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
     println!("cargo:rerun-if-changed=build.rs");

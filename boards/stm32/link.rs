@@ -6,7 +6,7 @@ fn link(memory: &str) {
     let map = [memory, include_str!("../stm32/sections.x")].concat();
     std::fs::write(out.join("memory.x"), map).expect("the output directory is writable");
     println!("cargo:rustc-link-search={}", out.display());
-    // Without page alignment, or the first segment would begin before the flash does.
+    // Turns page alignment off. With page alignment the first segment would begin before the flash.
     println!("cargo:rustc-link-arg-bins=--nmagic");
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
     println!("cargo:rustc-link-arg-bins=-Tdefmt.x");

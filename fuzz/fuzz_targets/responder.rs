@@ -1,8 +1,8 @@
-//! The decoder and the whole state of the hub, given anything: the same property as in
-//! `tests/responder/properties.rs`, which also says what must hold.
+//! Sends random events to the decoder and the responder. The checked property is that of
+//! `tests/responder/properties.rs`: no motor is enabled without a request, and the hub still answers.
 //!
-//! The input is a script: a byte that says what happens, a byte that says how much, then the bytes
-//! concerned. Whole frames are among it, because no fuzzer guesses a checksum.
+//! The input is a script of events. An event has a byte for its kind, a byte for its length, and then its bytes. Some
+//! kinds make whole frames, because a fuzzer cannot guess a checksum.
 #![no_main]
 
 #[path = "../../tests/responder/host.rs"]
@@ -23,7 +23,7 @@ fn event(script: &mut &[u8]) -> Option<Event> {
     let piece = usize::from(kind >> 3) + 1;
     let event = match kind & 7 {
         0 => {
-            // Nothing more than its two bytes.
+            // A pause has no further bytes, so the bytes after its first two bytes stay in the script.
             *script = script.get(2..)?;
             return Some(Event::Pause(u16::from(amount) * 20));
         }

@@ -1,5 +1,6 @@
-//! What a hub finds stored, given anything: the same property as `any_record_is_survived` in `tests/responder/store.rs`.
-//! Whatever the bytes are, nothing panics and no motor runs, and what is in force then is found again when it is saved.
+//! Restores random bytes as stored settings. The checked property is that of `any_record_is_survived` in
+//! `tests/responder/store.rs`. For any bytes nothing panics and no motor is enabled. The settings that are then in
+//! force can be saved and restored again.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -12,13 +13,13 @@ use motor_hub::responder::Responder;
 use motor_hub::store::{Found, VERSION};
 use motor_hub::units::Micros;
 
-/// A hub that has just been powered on with this in its memory, and the settings of its motors.
+/// Returns a hub that has just been powered on with these stored settings, and the settings of its motors.
 fn powered_on(found: Found) -> (Responder<4>, Vec<Settings>) {
     let mut responder = Responder::new(Address::DEFAULT, [Settings::new(Winding::NEVEREST_60); 4]);
     responder.restore(found);
     let mut settings = Vec::new();
     while let Some(command) = responder.pending() {
-        let Action::Configure(of) = command.action else { panic!("a motor is told {command:?}") };
+        let Action::Configure(of) = command.action else { panic!("a restore sends {command:?} instead of a configuration") };
         settings.push(of);
         responder.sent(settings.len() as u32);
     }

@@ -108,7 +108,7 @@ impl OperatingPoint {
     }
 }
 
-/// Converts units of 2^-20 mV to volts. The voltage is first cut to units of 1/16 mV. The number of units is at most
+/// Converts units of 2^-20 mV to volts. The voltage is first rounded down to units of 1/16 mV, whose number is at most
 /// 2^21, and an `f32` holds this number exactly. So only the division to volts rounds.
 const fn volts_of(bits: i64) -> f32 {
     (bits >> 16) as i32 as f32 / 16_000.0

@@ -43,7 +43,7 @@ impl Field for BaseSettings {
 }
 
 payload! {
-    /// Where a drive base is, since the base was configured.
+    /// Position and heading of a drive base, measured from its place and direction when the base was configured.
     #[derive(Copy, Default)]
     pub struct OdometryReport {
         /// Distance forward from the start in micrometres.

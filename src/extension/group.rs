@@ -22,7 +22,7 @@ use crate::protocol::payload::{ByteIn, Field, Fields, Payload, bits, byte, codes
 use crate::protocol::{CHANNELS, Nack};
 use crate::units::CountsPerSecond;
 
-/// Where a group moves. The motors that have a value are the members.
+/// Target positions or speeds of the members of a group. The motors that have a value are the members.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum GroupCourse {
@@ -37,7 +37,8 @@ pub enum GroupCourse {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum GroupState {
-    /// The motor is in no group, or its group waits for the first encoder readings of all members.
+    /// The motor is in no group, or its group waits for the first tick at which all members have a fresh encoder
+    /// reading.
     Alone,
     /// The group moves, or its members have not settled yet.
     Moving,

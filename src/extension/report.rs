@@ -53,8 +53,8 @@ payload! {
     pub struct Condition {
         /// Mean current, modelled from the motor's constants.
         pub current: Milliamperes,
-        /// Magnitude of the measured mean current in milliamperes. `None` without a sound current-sense line, and while
-        /// the bridge is in mode 5/0.
+        /// Magnitude of the measured mean current in milliamperes. `None` without a current-sense line, with a line
+        /// that is silent or stuck, and while the bridge is in mode 5/0.
         pub measured_ma: Option<u16> as measured,
         /// Heat of the winding in 1/1000 of its thermal limit. 0 without a thermal limit.
         pub heat: u16,
@@ -179,7 +179,7 @@ pub struct HubReport {
     /// Strength with which braking motors dissipate energy, in 1/1000 of full strength. 0 while they may return all
     /// energy.
     pub dissipate: u16,
-    /// State of each motor, at most of the first four.
+    /// State of each of the first four motors. A hub with fewer motors has fewer states.
     pub motors: Vec<MotorReport, CHANNELS>,
     /// Numbers of the newest commands. `None` in a report of version 1.
     pub commands: Option<Commands>,
@@ -222,8 +222,8 @@ pub struct MotorReport {
     pub drive: Drive,
     /// Mean current, modelled from the motor's constants and the command to the bridge. Limited to 32.767 A.
     pub current: Milliamperes,
-    /// Magnitude of the measured mean current in milliamperes, limited to 65 534. `None` without a sound current-sense
-    /// line, and while the bridge is in mode 5/0.
+    /// Magnitude of the measured mean current in milliamperes, limited to 65 534. `None` without a current-sense line,
+    /// with a line that is silent or stuck, and while the bridge is in mode 5/0.
     pub measured_ma: Option<u16>,
     /// Current that would balance load, friction and drag. `None` for an unknown motor, whose dynamics are not
     /// configured.

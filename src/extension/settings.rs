@@ -393,7 +393,7 @@ impl Values {
     /// Returns a copy of `settings` in which this group has these values.
     ///
     /// # Errors
-    /// Refuses linear current if the resistance in these values is 0, although the motor may have a configured
+    /// Refuses linear current if the resistance in these values is 0, even if the motor already has a configured
     /// resistance. Refuses a thermal limit with a time constant of 0. The refusal has the number of the field in the
     /// payload.
     pub fn apply_to(&self, settings: &MotorSettings) -> Result<MotorSettings, Nack> {

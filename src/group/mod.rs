@@ -8,7 +8,7 @@
 //! * The *lag* of a member is its distance behind its reference. For a member that should stand still, the lag is the
 //!   distance to its reference in either direction. If the largest lag exceeds half of the permitted lag, the progress
 //!   slows down, and so do all members. The larger the lag, the slower the progress. At the full permitted lag the
-//!   group waits. This slowing has no limit of acceleration.
+//!   group waits. The acceleration limit does not apply to this slowing.
 //!
 //! ```
 //! use motor_hub::group::{Course, Group, GroupCommand};

@@ -14,11 +14,11 @@
 //!   in 1/256 counts/s: only their ratios matter.
 //! * *Progress* is the distance that the member with the largest share has moved along the trajectory. The code stores
 //!   progress, base, start offset and drift in steps of 2^-16 counts.
-//! * *Drift* is motion from before a trajectory that the trajectory cannot continue. A trajectory without end continues
-//!   the part of the old speeds that points in its direction, and lets the rest drift. A trajectory to positions
-//!   continues the old speeds only if they point in its direction and it can stop at its end; otherwise all old speeds
-//!   drift. The drift is braked to 0 while the progress begins. `drift[i]` is the distance that member i will still
-//!   drift.
+//! * *Drift* is the part of an earlier motion that a new trajectory cannot continue. A trajectory without end continues
+//!   the part of the old speeds that is parallel to its direction, forwards or backwards. The rest of the old speeds
+//!   drifts. A trajectory to positions continues the old speeds only if they are nearly parallel to its direction and
+//!   the members can stop within its length. Otherwise all old speeds drift. The drift is braked to 0 while the
+//!   progress begins. `drift[i]` is the distance that member i will still drift.
 //!
 //! Progress and positions are integers, and all members have the same progress, so no rounding error grows with the
 //! distance. A trajectory without end consists of *rounds*: whenever the progress has covered `length`, the base moves
@@ -41,8 +41,8 @@ pub(super) struct Trajectory<const N: usize> {
     base: [i64; N],
     /// Distance that a motor moves while the progress covers `length`, in counts.
     share: [i32; N],
-    /// Distance from the nearest whole count to the base, in steps. The trajectory removes this distance bit by bit
-    /// along its length, so that it ends at a whole count.
+    /// Distance from the nearest whole count to the base, in steps. The trajectory removes this distance gradually
+    /// along its length, so that the trajectory ends at a whole count.
     start_offset: [i32; N],
     /// Magnitude of the largest share, at least 1.
     length: i64,
@@ -66,7 +66,8 @@ pub(super) struct Trajectory<const N: usize> {
 
 impl<const N: usize> Trajectory<N> {
     /// Creates a trajectory that brakes from these positions and speeds (in counts/s) to a stop. The trajectory brakes
-    /// with half of the acceleration. The caller gives the trajectory a [motion](Self::turn_at) immediately.
+    /// with half of the acceleration. The caller must call [`turn_at`](Self::turn_at) or [`move_to`](Self::move_to)
+    /// immediately.
     pub(super) fn new(positions: [i32; N], speeds_cps: [f32; N], acceleration: Acceleration) -> Self {
         let mut trajectory = Self {
             base: positions.map(|position| i64::from(position) << 16),
@@ -116,7 +117,7 @@ impl<const N: usize> Trajectory<N> {
         self.head_for(&targets);
         let (along, sideways) = split(&present_cps, &self.direction());
         let stoppable = along * along <= 2.0 * self.acceleration_cps2 * self.length as f32;
-        // A small drift is neglected: if no sideways speed is above a quarter of the largest speed change in a tick.
+        // The sideways speeds are neglected if none of them is above a quarter of the largest speed change in a tick.
         if along == 0.0 || !stoppable || largest(&sideways) > self.acceleration_cps2 * tick_s / 4.0 {
             self.start_drift(present_cps);
             // The drift has moved the base.

@@ -117,9 +117,8 @@ impl Scheme {
 
 /// Returns the largest blend of Scheme D with which full dynamic braking stays within the control range.
 ///
-/// `u` is the back EMF divided by the battery voltage, and must be at least 0. The blend is `(1 - u) / (2 u²)`, limited
-/// to
-/// 1. It is 0 if `u` is 1 or more.
+/// `u` is the back EMF divided by the battery voltage, and must be at least 0. The blend is `(1 - u) / (2 u²)`, but at
+/// most 1. The blend is 0 if `u` is 1 or more.
 #[must_use]
 pub fn blend_keeping_t_in_range(u: f64) -> f64 {
     if u >= 1.0 { 0.0 } else { ((1.0 - u) / (2.0 * u * u)).min(1.0) }

@@ -3,9 +3,10 @@
 //!
 //! All angles are referred to the motor shaft. `x` is the part of the angle between motor and load that is beyond the
 //! backlash, and `d` is the difference of their speeds. With the stiffness `K` and the damping `C` of the shaft the
-//! train transmits the torque `K x + C d` while teeth touch. It never pulls teeth that part. The implicit midpoint rule
-//! gives the torque for a short step, in which the torque is constant. The motion of each mass under this torque is
-//! exact. A step ends where teeth meet or part.
+//! train transmits the torque `K x + C d` while teeth touch. With a backlash, teeth can only push: where the formula
+//! gives a pulling torque, the torque is 0, and the teeth separate. The implicit midpoint rule gives the torque for a
+//! short step, in which the torque is constant. The motion of each mass under this torque is exact. A step ends where
+//! teeth meet or separate.
 //!
 //! ```
 //! use motor_hub::bridge::Mode;

@@ -30,9 +30,9 @@ const CYCLE_MS: i64 = 50;
 
 /// Coefficients of one loop, in the units of the protocol.
 ///
-/// * Velocity loop: control steps per count/s, of the error (P), the error in each cycle of 50 ms (I), the error's
-///   change per cycle (D) and the set-point (F). Without F a step is one of the control value. With F a step is
-///   1/32767 of the battery voltage, in every scheme and by both duty rules.
+/// * Velocity loop: output steps per count/s, of the error (P), the error in each cycle of 50 ms (I), the error's
+///   change per cycle (D) and the set-point (F). If F is 0, an output step is a step of the control value. If F is not
+///   0, an output step is 1/32767 of the battery voltage, in every scheme and with both duty rules.
 /// * Position loop: counts/s per count, of the error (P, I and D). F is not used, because the set-point has no rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

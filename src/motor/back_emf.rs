@@ -24,7 +24,8 @@ const STEP_PERCENT: u8 = 1;
 /// Largest correction by hunting, in % of the configured constant. The magnets of a motor lose 15 % of their field when
 /// they warm up by 75 K.
 const LARGEST_PERCENT: u8 = 15;
-/// Change of the winding's temperature, in K, that the constants in force follow: some 1 % of the resistance.
+/// Least change of the winding's temperature, in K, after which the constants in force are corrected again. This change
+/// alters the resistance by some 1 %.
 const STEP_K: u8 = 3;
 
 /// The configured constants of a motor, and what has changed since they were configured. The motor's settings have the
@@ -42,7 +43,7 @@ pub(super) struct Configured {
 }
 
 impl Configured {
-    /// Takes the configured constants of a cold motor from settings that are not corrected.
+    /// Takes the configured constants of a cold motor from settings as configured, without corrections.
     pub(super) const fn new(settings: &Settings) -> Self {
         Self {
             emf: settings.winding.emf,
@@ -53,8 +54,8 @@ impl Configured {
         }
     }
 
-    /// Takes the constants of new settings that are not corrected. A correction by hunting stays for the same back EMF
-    /// and the same dynamics.
+    /// Takes the constants of new settings as configured, without corrections. A correction by hunting stays if the
+    /// back EMF and the dynamics are the same as before.
     pub(super) fn configure(&mut self, settings: &Settings) {
         if self.emf != settings.winding.emf || self.dynamics != settings.dynamics {
             let temperatures = self.temperatures;

@@ -20,12 +20,13 @@
 //! * *e*: back EMF of the motor, in volts.
 //! * *Requested voltage*: the mean voltage that the motor should have, between 0 and e.
 //! * *Applied voltage*: the voltage of the present pulse.
-//! * *Surplus*: the time integral of requested less applied voltage, signed in the direction of motion. Above 0 the
-//!   motor was braked too much. The pulses keep the surplus near 0, so on average the motor brakes as requested.
+//! * *Surplus*: the time integral of requested less applied voltage, signed in the direction of motion. If the surplus
+//!   is above 0, the motor was braked too much. The pulses keep the surplus near 0, so on average the motor brakes as
+//!   requested.
 //!
-//! No single command brakes in part without returning energy. Proportional braking returns the energy that the winding
-//! does not dissipate. A bridge that opens returns the energy of the winding. Reverse driving returns nothing, but
-//! brakes more than a short circuit.
+//! There is no single command that brakes less than a short circuit and returns no energy. Proportional braking returns
+//! the energy that the winding does not dissipate. A bridge that opens returns the energy of the winding. Reverse
+//! driving returns nothing, but brakes more than a short circuit.
 
 use super::{Command, Motor};
 use crate::braking::{Modulation, OperatingPoint};
@@ -35,12 +36,13 @@ use crate::units::{Micros, Share, Voltage};
 use libm::sqrtf;
 
 /// Magnitude of the surplus at which one pulse ends and the other begins, in us times the back EMF. A pulse then
-/// lasts long enough for the energy of the winding to be small beside the energy of the pulse, and for the bridge to
-/// change its mode. The pulse is short enough for the speed to stay even.
+/// lasts long enough for the bridge to change its mode, and for the energy of the winding to be small compared with the
+/// energy of the pulse. A pulse is so short that the speed hardly changes within the pulse.
 const PULSE_MICROS: f32 = 1_500.0;
 
-/// Largest surplus that is kept, in multiples of [`PULSE_MICROS`]. A larger surplus is cut to this limit. The surplus
-/// grows this large only while the motor may not end its short circuit.
+/// Largest surplus that is kept, in multiples of [`PULSE_MICROS`]. A larger surplus is reduced to this limit. The
+/// surplus grows this large only while the motor must stay in its short circuit. Causes are another motor that ends a
+/// short circuit first, a limited draw of the supply, and a back EMF near the battery voltage.
 const LARGEST_SURPLUS: f32 = 4.0;
 
 /// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF, at the least dissipation. At the
@@ -157,7 +159,7 @@ impl BurnPulses {
         (self.voltages, self.pulse) = (voltages, Some(pulse));
     }
 
-    /// Voltage beyond the back EMF, in V, whose constant current heats the winding as much as the pulses do. The pulses
+    /// Constant voltage across the resistance, in V, that would heat the winding as much as the pulses do. The pulses
     /// heat the winding more than their mean current would.
     pub(super) fn heating(&self) -> f32 {
         let Voltages { requested, emf, .. } = self.voltages;

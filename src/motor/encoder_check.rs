@@ -36,16 +36,17 @@
 //! States:
 //!
 //! * *Watching*: the regulator drives the motor. The check computes the expected distance of each silence.
-//! * *Releasing*: the bridge brakes, so that a springy stop or a lifted load can move the motor. A motion shows a
-//!   stall. After the release the motor is probed. If there is no time for a release, the motor is probed without one.
-//! * *Probing*: the motor is driven in the other direction once. A motion shows a stall. If the expected distance is
-//!   reached without a motion, the encoder is stuck. A motor that cannot reach the expected distance in the longest
-//!   probe, as on a low battery, is taken for stalled.
+//! * *Releasing*: the bridge brakes, so that a springy stop or a lifted load can move the motor. If a motion follows,
+//!   the motor counts as stalled. Otherwise the motor is probed after the release. If there is no time for a release,
+//!   the motor is probed without one.
+//! * *Probing*: the motor is driven in the other direction once. If a motion follows, the motor counts as stalled. If
+//!   the expected distance is reached without a motion, the encoder is stuck. If the motor cannot reach the expected
+//!   distance in the longest probe, as on a low battery, the motor counts as stalled too.
 //! * *Stalled*: the regulator drives the motor, and there is no further examination. The stall ends when the requested
 //!   direction changes, or when a host sets a set-point that is not regulated. The stall also ends when the motor has
 //!   turned beyond its stop for 150 ms, at half of the requested speed or more. A fault that opens the bridge for some
 //!   ticks does not end a stall. A stalled motor can run away too, and is stalled again after the runaway.
-//! * *RunningAway*: the bridge is in reverse at the end of the control range. Still the motor turns in the wrong
+//! * *RunningAway*: the bridge is in reverse at the end of the control range. Nevertheless the motor turns in the wrong
 //!   direction, or at least twice as fast as requested. A motor with a working encoder becomes slower, unless its load
 //!   exceeds the stall torque. If the motor does not become slower, its encoder is reversed.
 //! * *Faulty*: the encoder is stuck or reversed. The check has ended. The motor latches the fault until the motor is
@@ -337,7 +338,8 @@ impl Suspect {
     /// ms. With a longer control period a motor is probed without a release, and the decision is still taken within 250
     /// ms.
     const SHORTEST_MS: u32 = 50;
-    /// Longest time in Probing, in ms. A motor whose expected distance is still too short then is taken for stalled.
+    /// Longest time in Probing, in ms. If the expected distance is still too short after this time, the motor counts as
+    /// stalled.
     /// Also the longest extension of a span in RunningAway: the 2 s of the table. Chosen.
     const LONGEST_MS: u32 = 2_000;
     /// Expected distance of the probe, in counts. If there is no motion within this distance, the encoder is stuck. One
@@ -361,7 +363,7 @@ impl Suspect {
         let least = run.map_or(slowest, |run| run.least_gain().max(slowest));
         // A load that resisted the motion helps the probe, so the probe meets no more resistance than the motion did.
         // The resisting voltage of the run includes an uncertainty, and for the probe the uncertainty is added again.
-        // The heaviest friction is assumed for a motor that started from rest, or that its load drove.
+        // The heaviest friction is assumed for a motor that started from rest, or that was driven by its load.
         let resisting_volts = run
             .map(|run| run.resisting_volts(tick))
             .filter(|volts| *volts > Expected::UNCERTAINTY_VOLTS)
@@ -502,7 +504,7 @@ impl Runaway {
     /// Least magnitude of a control value at the end of the control range: 15/16 of the range. The other 1/16 allows
     /// for rounding in the loop.
     const FULL_CONTROL: i16 = 30_720;
-    /// Length of a span, in ms. A springy stop throws a motor back for some 50 ms, which are within the early span.
+    /// Length of a span, in ms. A springy stop pushes a motor back for some 50 ms, which are within the early span.
     const SPAN_MS: u32 = 100;
     /// Length of the early span by PID in Schemes C and D, in ms, and of the late span that ends before full reverse is
     /// commanded. The control range of these schemes may end before full reverse. Any other early span lasts `SPAN_MS`
@@ -525,7 +527,7 @@ impl Runaway {
 }
 
 impl Runaway {
-    /// Begins a runaway without a span. The caller then passes the first tick to [`step`](Self::step).
+    /// Creates a runaway whose spans are empty. The caller then passes the first tick to [`step`](Self::step).
     fn new(tick: &Tick<'_>, stall: Option<Stall>, trusted: bool) -> Self {
         let heaviest = 1.0 / (Suspect::SLOW_COUNTING_TIME_CONSTANT_S * tick.emf_volts_per_cps());
         let gain = if trusted { Some(heaviest) } else { tick.regulator.least_gain() };

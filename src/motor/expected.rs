@@ -70,8 +70,8 @@ pub(super) struct Expected {
 
 /// Limits of friction and load of a motor for 12 V. A torque is given as the voltage that balances the torque.
 impl Expected {
-    /// Largest resisting torque of friction, in volts. Friction of 40 % of 12 V needs a third more to break away: 6.4
-    /// V. The limit is 0.2 V higher.
+    /// Largest resisting torque of friction, in volts. The largest friction of a turning motor is assumed to be 40 % of
+    /// 12 V. To break away the motor needs a third more, which is 6.4 V. The limit is 0.2 V higher.
     pub(super) const FRICTION_VOLTS: f32 = 6.6;
     /// Largest change of a load, in volts: the stall torque at 12 V, and some 6 V for the heaviest friction.
     const CHANGE_VOLTS: f32 = 18.0;
@@ -91,7 +91,7 @@ impl Expected {
     /// Adds a step of a motor that accelerates from rest, in counts/s².
     ///
     /// `speed` is the motor's estimated speed in counts/s, positive in the requested direction. A motor that turns in
-    /// the other direction must stop first. A motor that turns in the requested direction is taken for a motor at
+    /// the other direction must stop first. A motor that turns in the requested direction is treated like a motor at
     /// rest.
     pub(super) fn accelerate(self, ms: u32, acceleration: f32, speed: f32) -> Self {
         let before = self.speed_cps.map_or(speed.min(0.0), |expected| expected.max(speed.min(0.0)));
@@ -100,8 +100,8 @@ impl Expected {
 
     /// Adds a step of a motor that keeps turning under its load.
     ///
-    /// A rising speed follows from the least gain, and a falling speed from the configured or estimated gain. Each
-    /// gives the lower speed, because a heavier motor slows down later.
+    /// A rising speed is computed with the least gain, and a falling speed with the configured or estimated gain. Both
+    /// choices give the lowest speed of a healthy motor: a heavier motor speeds up later, and also slows down later.
     pub(super) fn keep_turning(self, ms: u32, run: &Run, drive_volts: f32, tick: &Tick<'_>) -> Self {
         let before = self.speed_cps.unwrap_or(run.speed_cps);
         let (mut volts, mut kappa) = (drive_volts - run.resisting_volts(tick), tick.emf_volts_per_cps());

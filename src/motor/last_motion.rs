@@ -50,7 +50,7 @@ impl LastMotion {
     const PAUSE_US: u32 = 4_000;
     /// Longest time between two successive motions of one run, in µs.
     const GAP_US: u32 = 50_000;
-    /// Shortest duration of a steady run, in µs. A motor that a load has thrown back turns for a shorter time.
+    /// Shortest duration of a steady run, in µs. A motor that its load has pushed back turns for a shorter time.
     const STEADY_US: u32 = 200_000;
     /// Most toggles in a silence of a heavy motor that begins to move: one forward, one back in a probe, and one
     /// because of vibration.

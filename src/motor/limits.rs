@@ -21,8 +21,9 @@ impl VoltageLimits {
         Self { least: emf - amperes * ohms, most: emf + amperes * ohms }
     }
 
-    /// Limits the current that drives the motor. The current that brakes the motor is not limited, up to a short
-    /// circuit: a falling load does more harm than the heat. Reverse driving is limited to a short circuit.
+    /// Limits the current that drives the motor. Braking up to a short circuit of the winding is not limited, because a
+    /// load that falls does more harm than a hot winding. Reverse driving is limited to `amperes` or to the current of
+    /// the short circuit, whichever is higher.
     pub(super) const fn by_driving_current(emf: f32, amperes: f32, ohms: f32) -> Self {
         let Self { least, most } = Self::by_current(emf, amperes, ohms);
         Self { least: at_most(least, 0.0), most: at_least(most, 0.0) }

@@ -464,7 +464,7 @@ impl Motor {
     /// fresh reading.
     ///
     /// Fail-safe replaces the set-point if the motor is overheated, or if the set-point needs an encoder that is
-    /// missing or at fault. With [`ZeroPower::Float`] a set-point of 0 counts as disabled.
+    /// missing or at fault. With [`ZeroPower::Float`], constant power 0 and velocity 0 count as disabled.
     fn permitted_setpoint(&self, moved: Option<i32>) -> Setpoint {
         let no_encoder = moved.is_none() || self.encoder_fault.is_some();
         let needs_encoder = !self.setpoint.is_direct();

@@ -68,8 +68,8 @@ impl RunState {
     /// Begins the run with this number in the memory, and returns its state.
     pub(super) fn begin(memory: &mut [[u8; 4]], run: u32) -> Self {
         let state = Self { run, ..Self::default() };
-        // The words about the run are deleted first and written last. A reset in between leaves no run, never a wrong
-        // one.
+        // The words about the run are deleted first and written last. If a reset comes between these two writes, the
+        // memory holds no run instead of a wrong run.
         put(memory, RUN_INDEX, [0; 3]);
         state.store(memory);
         put(memory, RUN_INDEX, [MAGIC, run, !run]);

@@ -43,8 +43,8 @@ const COUNTING_NOISE: f32 = 0.25;
 /// and friction that change between two counts.
 const VOLTAGE_NOISE: f32 = 0.3;
 /// Number of standard deviations of ln b up to which a wrong gain may explain a correction. A correction beyond this
-/// error and [`LARGEST_NOISE_SIGMAS`] together is unexplained. It comes from a blow, from a stop, or from a motor
-/// that was already turning when the observer started.
+/// error and [`LARGEST_NOISE_SIGMAS`] together is unexplained. Causes are an impact, a mechanical stop, or a motor that
+/// was already turning when the observer started.
 const LARGEST_GAIN_ERROR_SIGMAS: f32 = 3.0;
 /// Number of standard deviations of the noise up to which noise may explain a correction.
 const LARGEST_NOISE_SIGMAS: f32 = 4.0;

@@ -6,8 +6,10 @@
 //! is discontinuous:
 //!
 //! ```text
-//!          braking   |  discontinuous  |  continuous          requested current in the direction of motion
-//!   level     0      0        1     boundary       2
+//!              braking  |  discontinuous  |  continuous
+//!   level         0     |        1        |      2
+//!             ----------+-----------------+------------>  requested current in the direction of motion
+//!                       0              boundary
 //! ```
 //!
 //! The detector counts the changes of this level at which the current has swung far enough. Changes count only while

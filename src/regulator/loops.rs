@@ -1,4 +1,4 @@
-//! PID regulation by coefficients of a host: the velocity loop, and the position loop above it.
+//! PID regulation with coefficients that a host has configured: the velocity loop, and the position loop above it.
 //!
 //! ```text
 //! distance ─▶ position loop ─▶ target speed ─▶ velocity loop ─▶ voltage (with F) or control value (without F)

@@ -4,8 +4,8 @@
 //!   law (`model`) computes in closed form the voltage that brings the motor to its planned speed by the next tick. The
 //!   law has no integrator, so nothing winds up. For an *unknown motor*, which has no configured [`Dynamics`], the
 //!   regulator estimates the acceleration per volt while the motor works.
-//! * **PID** runs for a motor with coefficients of a host: a velocity loop, and a position loop above the velocity
-//!   loop. The speeds are estimated by the same observer.
+//! * **PID** runs for a motor whose PID coefficients a host has configured: a velocity loop, and a position loop above
+//!   the velocity loop. The speeds are estimated by the same observer.
 //!
 //! The current does not jump when the mode, the coefficients or the regulator changes. One exception: the current of
 //! PID without I can jump. See [`Transition`] for the rules.
@@ -46,7 +46,7 @@ use swings::Swings;
 /// Longest time between two samples of the encoder, in samples of 1 ms. After a longer gap the observer restarts with
 /// the mean speed of the gap. A prediction without samples is not continued for longer either.
 const LONGEST_GAP_SAMPLES: u32 = 300;
-/// Time in ms without a count after which a motor that should turn is taken for stalled.
+/// Time in ms without a count after which a motor that should turn counts as stalled.
 const STALLED_MS: u32 = 100;
 /// Age of the last edge, in us, from which on a motor that should turn may be blocked by a stop. Samples without a
 /// count then do not update the gain.
@@ -79,8 +79,9 @@ const AT_SPEED_VOLTS: f32 = 1.0;
 /// | `OpenBridge`, `FromOpenLoop` | restarts with the current that balances the load | restarts |
 /// | `FromBrake`, `FromStop` | restarts with a current of zero | restarts |
 ///
-/// A motor that is [stalled](Regulator::is_stalled) leaves its stop at every transition. Both regulators then forget
-/// the estimated load of the stop. PID restarts as after `FromStop`, except after `OpenBridge`.
+/// If the motor is [stalled](Regulator::is_stalled), every transition is treated as if the motor left its stop: both
+/// regulators set the estimated load to 0, and PID restarts as after `FromStop`. Only `OpenBridge` restarts PID as the
+/// table says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transition {
     /// The motor gets another target in the same mode.
@@ -104,13 +105,13 @@ pub struct Regulator {
     motion: Motion,
     /// Estimate of the acceleration per volt; `None` for a motor with configured dynamics.
     gain_estimate: Option<GainEstimate>,
-    /// PID loops of a motor with coefficients of a host.
+    /// PID loops of a motor whose PID coefficients a host has configured.
     loops: Loops,
     hunting: Hunting,
     swings: Swings,
-    /// Ratio of the acceleration per volt in use to the configured one, from 1 to [`LARGEST_GAIN_RATIO`]. It is raised
-    /// while the speed swings, and returns to 1 with another demanded speed, a position or a reference. It is 1 for an
-    /// unknown motor.
+    /// Ratio of the acceleration per volt in use to the configured one, from 1 to [`LARGEST_GAIN_RATIO`]. The ratio is
+    /// raised while the speed swings, and returns to 1 with another demanded speed, a position or a reference. The
+    /// ratio of an unknown motor is 1.
     gain_ratio: f32,
     stream: Stream,
     /// Last sample of the encoder; `None` before the first sample.
@@ -142,7 +143,8 @@ struct Motion {
 }
 
 impl Motion {
-    /// Uses the acceleration per volt b, in counts/s² per V. The configured decay of the speed is proportional to b.
+    /// Computes the constants of a motor from the acceleration per volt b, in counts/s² per V. If b differs from the
+    /// configured acceleration per volt, the configured decay of the speed is scaled by the same factor.
     fn new(settings: &Settings, b: f32, period: Period, observer: Observer) -> Self {
         let kappa = settings.winding.emf.to_volts();
         let q = match settings.dynamics {
@@ -337,9 +339,11 @@ impl Regulator {
         }
     }
 
-    /// Replaces the back EMF constant and the dynamics by the values in `settings`, which are corrected for a warm
-    /// motor. The ratio of a raised gain, the learned gain of an unknown motor, the estimated position and speed, and
-    /// the present acceleration are kept.
+    /// Replaces the back EMF constant and the dynamics by the values in `settings`. Must be called when these values
+    /// were corrected for a warm motor or for a speed that hunts, and when a step has reported
+    /// [`changes_gain`](Output::changes_gain). The acceleration per volt in use is the value in `settings` times the
+    /// ratio of a raised gain. The estimated gain of an unknown motor, the estimated position and speed, and the
+    /// present acceleration are kept.
     pub fn correct_constants(&mut self, settings: &Settings, period: Period) {
         let Motion { plant, observer, state, .. } = self.motion;
         let gain = settings.dynamics.map_or(plant.b, |dynamics| self.gain_ratio * dynamics.gain.to_f32());
@@ -407,7 +411,7 @@ impl Regulator {
     pub fn least_gain(&self) -> Option<f32> {
         let plant = &self.motion.plant;
         let known = self.gain_estimate.as_ref().is_none_or(|estimate| estimate.is_heavy(plant));
-        // The raised gain ends swings. The motor's true gain may be the configured one.
+        // A gain is raised only to end swings. The motor's true gain may still be the configured gain.
         known.then_some(LEAST_GAIN_SHARE * plant.b / self.gain_ratio)
     }
 
@@ -577,7 +581,7 @@ impl Regulator {
     }
 }
 
-/// Acceleration per volt of a motor at first, in counts/s² per V: the configured one, or the guess for an unknown motor.
+/// Initial acceleration per volt of a motor, in counts/s² per V: the configured one, or the guess for an unknown motor.
 fn initial_gain(settings: &Settings) -> f32 {
     match settings.dynamics {
         Some(dynamics) => dynamics.gain.to_f32(),

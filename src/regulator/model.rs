@@ -82,8 +82,8 @@ impl Law {
         context: &Context<'_>,
     ) -> Output {
         state.holding = false;
-        // The error that remains is measured to `target.end - target.change`, the speed of the stream a tick before
-        // `target.end`.
+        // One tick before `target.end` the stream has the speed `target.end - target.change`. The share `remaining` of
+        // the present speed's difference from this stream speed remains at the tick's end.
         let next = self.next_speed(observer, target.end) + self.remaining * target.change;
         self.request(state, observer, plant, next, context, target.demanded)
     }
@@ -164,8 +164,8 @@ impl Law {
         };
         reverse_friction(state, observer, plant, next, context);
         let wanted = self.voltage_to(observer, plant, next);
-        // In overrun the back EMF is above the battery voltage. A voltage between the two brakes less than the
-        // battery voltage does.
+        // In overrun the back EMF is above the battery voltage. At a motor voltage between battery voltage and back EMF
+        // the motor brakes less than at the battery voltage.
         let most = at_least(context.at.battery_volts(), (plant.kappa * w).abs());
         let voltage = Voltage::from_volts(within(wanted, most));
         Output {

@@ -71,7 +71,7 @@ pub(super) struct Plant {
     driven: SampleResponse,
     /// Response to an acceleration while the bridge is open, where only drag brakes.
     open: SampleResponse,
-    /// Factor of z in a sample, exp(-wo T).
+    /// Factor by which z falls in one sample: exp(-wo times [`SAMPLE_S`]).
     z_per_sample: f32,
     /// Least z.
     least_z: f32,
@@ -358,7 +358,7 @@ mod tests {
     #[test]
     fn a_steady_speed_and_its_load_are_estimated() {
         for speed in [40.0f64, -80.0, 700.0, -2_500.0] {
-            // The voltage of the speed, and half a volt against a load.
+            // The voltage that keeps the speed without a load, and half a volt against a load.
             let (b, _, q) = PLANT;
             let load = 0.5 * b;
             let voltage = q * speed as f32 / b + 0.5;

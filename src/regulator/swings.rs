@@ -20,11 +20,12 @@ use crate::units::single::at_least;
 
 /// Limits of the detector. The values are from random scenarios of `survey` with two seeds: see decision 30.
 struct Limits {
-    /// Error of a speed that counts as a swing, as a share of the set-point.
+    /// Least error of the speed that counts as a swing, as a share of the set-point.
     error_share: f32,
     /// Least error that counts as a swing, in counts/s.
     error_cps: f32,
-    /// Longest half swing, in ms. It may always last three ticks.
+    /// Longest duration of a short half swing, in ms. At a long control period a half swing of up to three ticks is
+    /// short too.
     half_swing_ms: u32,
     /// Number of short half swings in a row after which each further one shows that the speed swings.
     half_swings: u8,

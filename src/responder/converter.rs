@@ -23,8 +23,8 @@ use crate::protocol::requests::{
 };
 use crate::protocol::{CHANNELS, Nack};
 
-/// Units in one raw count: millivolts, milliamperes or 0.1 degrees. With 8 units, 0 to 32 767 units are 0 to 4095 raw
-/// counts, as of a converter with 12 bits.
+/// Number of units in one raw count. The unit is a millivolt, a milliampere or 0.1 degrees. With 8 units the values 0
+/// to 32 767 become 0 to 4095 raw counts, like the readings of a converter with 12 bits.
 const RAW_COUNT: i32 = 8;
 
 impl<const N: usize> Responder<N> {

@@ -63,8 +63,8 @@ impl KeepAlive {
         !matches!(self.contact, Contact::Awaited)
     }
 
-    /// Checks the timer. If the timer has run out, the host becomes lost, an event is added, and the result is true.
-    /// The result is then false until the timer runs out again.
+    /// Checks the timer. If the timer has run out, the host then counts as lost, an event is added, and the result is
+    /// true. The result is then false until the timer runs out again.
     pub fn ran_out(&mut self, now: Micros) -> bool {
         let ran_out = self.deadline().is_some_and(|deadline| deadline <= now);
         if ran_out {

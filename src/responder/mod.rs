@@ -208,8 +208,8 @@ impl<const N: usize> Responder<N> {
         self
     }
 
-    /// Takes a packet from the chain line that is not a request to this hub. Returns the packet if it must go up to the
-    /// host.
+    /// Takes a packet from the chain line that is not a request to this hub. Returns the packet if the hub must pass it
+    /// on to the host.
     pub fn pass_up(&mut self, packet: Packet) -> Option<Packet> {
         self.chain.as_mut()?.receive(packet, self.address)
     }
@@ -646,8 +646,8 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// Returns the motor alerts of REV's module status. Bit i is set if the encoder of motor i is silent or has a
-    /// fault. Bit 4 + i is set if the bridge of motor i has switched itself off.
+    /// Returns the motor alerts of REV's module status. Bit i is set if the encoder of motor i gives no reading, or has
+    /// a fault. Bit 4 + i is set if the bridge of motor i has switched itself off.
     fn motor_alerts(&self, snapshot: &Snapshot<N>) -> u8 {
         let lost = |_: &_, report: &Report| report.faults.encoder_stale || report.faults.encoder.is_some();
         let off = |_: &_, report: &Report| report.faults.bridge;

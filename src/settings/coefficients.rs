@@ -1,4 +1,4 @@
-//! Coefficients of a host for PID regulation.
+//! PID coefficients that a host configures.
 
 use super::dynamics::GUESSED_TIME_CONSTANT_S;
 use crate::braking::{Blend, BlendFraction, Scheme};

@@ -86,7 +86,7 @@ pub struct Settings {
     /// Dynamics of the motor with its load; `None` for an unknown motor, whose acceleration per volt the regulator
     /// estimates.
     pub dynamics: Option<Dynamics>,
-    /// Coefficients of a host, with which the motor is regulated by PID; `None` for the model regulator.
+    /// PID coefficients that a host has configured. `None` if the model regulator regulates the motor.
     pub coefficients: Option<Coefficients>,
     /// Largest acceleration that the model regulator requests; `None` for no limit.
     pub acceleration: Option<Acceleration>,

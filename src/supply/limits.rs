@@ -21,7 +21,7 @@ pub struct Levels {
     /// Voltage that the bus does not exceed while motors dissipate, unless another source raises the voltage. Motors
     /// dissipate with full strength from halfway between `dissipate` and this voltage.
     pub ceiling: Millivolts,
-    /// Highest voltage of the operating range. The filter takes a higher voltage as this voltage. Motors then draw no
+    /// Highest voltage of the operating range. A higher voltage enters the filter as this voltage. Motors then draw no
     /// current, and braking motors dissipate all energy.
     pub max: Millivolts,
 }

@@ -78,7 +78,7 @@ pub struct Battery {
     pub newest: Millivolts,
     /// Time of the newest sample.
     pub at: Micros,
-    /// Stage of the draw. The stage is `Cut` below [`Levels::cut`] and above [`Levels::max`].
+    /// Stage of the draw. The stage is also `Cut` while the newest sample is above [`Levels::max`].
     pub stage: DrawStage,
     /// Current that each motor may draw, as a share of its current at standstill and full duty.
     pub draw: Share,

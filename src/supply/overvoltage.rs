@@ -34,8 +34,8 @@ const BAND_FRACTION_AT_FULL_SHARE: f32 = 0.5;
 /// Time in microseconds for which motors go on dissipating after the predicted voltage last exceeded `dissipate`.
 ///
 /// Without this time the motors would return energy again immediately, and the voltage would rise again. After this
-/// time the bus can be quiet, and then the converter's analog watchdog reports the next rise immediately. Sampling
-/// every millisecond is not enough for this: between two samples the voltage could rise by the whole band.
+/// time the bus can be quiet, and then the converter's analog watchdog reports the next rise immediately. Samples every
+/// millisecond would show the next rise too late: between two samples the voltage could rise by the whole band.
 const HOLD_MICROS: u64 = 50_000;
 
 /// State of the overvoltage protection.

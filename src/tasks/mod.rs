@@ -113,7 +113,7 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub news: Signal<M, ()>,
     /// State of the battery, from supply to control. With a state older than 100 ms the battery counts as unknown.
     pub battery: Signal<M, Battery>,
-    /// Last reading of the bus, from supply to all tasks. A reading older than 100 ms counts as silent.
+    /// Last reading of the bus, from supply to all tasks. A reading older than 100 ms counts as no reading.
     pub bus: Mutex<M, Cell<BusReading>>,
     /// Queue of commands to motors, from all tasks to control, first in first out.
     commands: Channel<M, Command, COMMANDS>,

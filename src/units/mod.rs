@@ -22,8 +22,8 @@
 //! | [`Period`] of control | 1 to 100 ms | 1 ms |
 //!
 //! The number inside each type is private. `new` takes whole units, and `from_...` names the unit of its argument. A
-//! constructor that can fail returns a [`RangeError`]. `get` and `as_...` return whole units; `to_...` returns
-//! fixed-point bits or a float.
+//! constructor that can fail returns a [`RangeError`]. `get` and `as_...` return whole units. `to_...` returns
+//! fixed-point bits, a float, or a number that is rounded to whole units.
 //!
 //! Data sheets use ohms, rpm and V s/rad. Constructors from these units take `f64` and are called at compile time or at
 //! set-up. The control path does not use `f64`. [`constant!`] checks a range while the program is compiled:

@@ -206,7 +206,8 @@ impl<const N: usize> Bench<N> {
             ms: 0,
             snapshot: Snapshot::INITIAL,
         };
-        // In the middle of a count, so that a shaft at rest does not tremble across an edge.
+        // Each shaft starts in the middle of a count, so that a shaft at rest does not move across an edge again and
+        // again.
         (0..N).for_each(|motor| bench.place(motor, 0.5, 0.0));
         bench.sample();
         bench

@@ -88,7 +88,7 @@ fn a_base_turns_by_the_angle_of_its_gyro_although_its_wheels_slip() {
         for turns in 1..=4 {
             robot.turn(90.0);
             let heading = robot.heading();
-            // Five counts of tolerance at each wheel.
+            // The tolerance is five counts at each wheel.
             assert!((heading - 90.0 * f64::from(turns)).abs() < 5.0 * COUNT_DEGREES, "{period_ms} {heading}");
         }
         let state = robot.state();
@@ -142,7 +142,7 @@ fn a_standing_base_that_is_pushed_turns_back_to_its_heading() {
 
 #[test]
 fn a_gyro_that_does_not_turn_with_the_wheels_is_not_used() {
-    // Upside down, and on a base that wheels do not turn.
+    // The gyro is mounted upside down, or it measures nothing or a fifth of the turns of the base.
     for gyro_gain in [-1.0, 0.0, 0.2] {
         for period_ms in [1, 100] {
             let mut robot = Robot::new(true, period_ms);
@@ -152,11 +152,11 @@ fn a_gyro_that_does_not_turn_with_the_wheels_is_not_used() {
             let turned = robot.heading();
             robot.run_ms(2_000);
             assert!((robot.heading() - turned).abs() < 1.0, "{gyro_gain} {period_ms}: the base stands");
-            // What the gyro has turned the base too far.
+            // Until the hub rejects the gyro, the base turns too far, by less than 60 degrees.
             assert!(turned < 180.0 + 60.0, "{gyro_gain} {period_ms} {turned}");
         }
     }
-    // A gyro that is off by a fifth is used.
+    // A gyro whose scale is wrong by a fifth is used.
     let mut robot = Robot::new(true, 50);
     robot.gyro_gain = 0.8;
     robot.turn(180.0);

@@ -1,4 +1,4 @@
-//! The driver of the gyro, against a sensor by its registers.
+//! Tests the driver of the gyro with a simulated sensor that has only the registers that the driver uses.
 
 use motor_hub::devices::bno055::{Access, Bno055};
 use motor_hub::units::Micros;
@@ -129,7 +129,7 @@ fn a_sensor_that_lost_its_supply_and_a_wrong_chip_give_no_heading() {
     bus.sensor.id = 0xEA;
     assert_eq!(bus.run_ms(5_000), None);
     assert!(bus.sensor.writes.iter().all(|write| *write == [0x07, 0]), "{:?}", bus.sensor.writes);
-    // Something that answers, and is no rotation.
+    // The sensor answers with a quaternion that is not a rotation.
     let mut bus = Bus::new();
     bus.sensor.quaternion = [16_384, 16_384, 0, 0];
     assert_eq!(bus.run_ms(3_000), None);

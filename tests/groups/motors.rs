@@ -13,7 +13,8 @@ use motor_hub::units::{Acceleration, CountsPerSecond};
 
 type Bench<const N: usize> = common::Bench<N>;
 
-/// Motors with these loads 100 ms after the start. Where they are configured, it is for a wheel.
+/// Sets up motors with these loads, and runs them for 100 ms. If `known` is true, each motor is configured for the load
+/// of a wheel.
 fn set_up<const N: usize>(period_ms: u32, motors: [Motor; N], known: bool, loads: [Load; N]) -> Bench<N> {
     let settings = motors.map(|motor| if known { configured(&motor, &WHEEL) } else { unknown(&motor) });
     let plants = std::array::from_fn(|n| common::plant(motors[n], loads[n]));
@@ -75,7 +76,7 @@ fn pair(counts: [i32; 2]) -> Course {
     Course::by(&[(0, counts[0]), (1, counts[1])]).expect("two motors")
 }
 
-/// Heading of the base in degrees, to parts of a count.
+/// Returns the heading of the base in degrees, from fractions of counts.
 fn heading(places: [f64; 2]) -> f64 {
     (places[1] - places[0]) * BASE.heading([0, 1_000_000]) / 1e6
 }
@@ -86,7 +87,7 @@ fn two() -> [Motor; 2] {
     [motor("AM 60 A"), motor("AM 60 B")]
 }
 
-/// The share of a motor's stall torque at its free speed, as drag.
+/// Returns the drag that takes this share of the stall torque at the free speed.
 fn drag(share: f64) -> Drag {
     let [motor, _] = two();
     let stall = motor.kt.0 * 12.0 / motor.r.0 * motor.gear_ratio * motor.eta;
@@ -110,7 +111,7 @@ fn a_drive_base_goes_straight_with_equal_loads_and_with_unequal_ones() {
                     "1 m, known {known}, drag {dragged}, {period} ms: {ms} ms, heading {worst:.3}, in the end {end:.3}"
                 );
                 assert!(end <= limit, "{end}");
-                // An unknown motor keeps it in the end only.
+                // With unknown motors the heading may be wrong by 1 degree during the course.
                 assert!(worst <= if known { limit } else { 1.0 }, "{worst}");
             }
         }
@@ -122,7 +123,8 @@ fn with_the_usual_lag_nobody_waits_for_a_member_that_follows_as_well_as_it_can()
     for (known, periods) in [(true, &[1, 10, 20, 50, 100][..]), (false, &[1, 10, 20, 50])] {
         for &period in periods {
             for (mm_s, mm_s2) in [(20.0, 100.0), (150.0, 500.0), (350.0, 700.0)] {
-                // Milliseconds until the references have come to their end, which nothing but a lag delays.
+                // Time in milliseconds until the references have reached their end. Only the lag of a member delays the
+                // references.
                 let [usual, endless] = [false, true].map(|endless| {
                     let loads = [WHEEL, Load { drag_after: drag(0.12), ..WHEEL }];
                     let mut bench = set_up(period, two(), known, loads);
@@ -159,7 +161,7 @@ fn a_turn_by_90_degrees_takes_little_more_than_a_second() {
             );
             // A count of one wheel is 0.032 degrees; a held unknown motor is up to 2 counts off.
             assert!(error.abs() <= if known { 0.1 } else { 0.15 }, "{error}");
-            // The dwell of 50 ms at the end is part of it.
+            // The time includes the dwell of 50 ms at the end.
             assert!(!known || ms <= 1_150 + 50, "{ms}");
         }
     }
@@ -253,7 +255,7 @@ fn a_member_with_a_new_set_point_leaves_and_the_others_halt() {
                 let place = bench.counts(0);
                 bench.run_ms(200);
                 let moved = bench.counts(0) - place;
-                // The resolution of the encoder.
+                // The limit of one count is the resolution of the encoder.
                 assert!(moved.abs() < 1.0, "{period} ms: {moved} {other:?}");
                 // The other members still form a group.
                 lead(&mut bench, together(Course::by(&[(0, 500)]).expect("a motor"), 300.0, 700.0));
@@ -310,7 +312,7 @@ fn another_course_in_mid_move_makes_no_step_of_current() {
                 bench.run_ms(1_000);
                 lead(&mut bench, together(course, 300.0, 700.0));
                 let step = largest_current_step(&mut bench, 800);
-                println!("{name}, known {known}, {period} ms: {step:.2} A, on setting out {ordinary:.2} A");
+                println!("{name}, known {known}, {period} ms: {step:.2} A, at the start {ordinary:.2} A");
                 assert!(step <= 1.2 * ordinary, "{step} {ordinary}");
             }
         }

@@ -26,7 +26,8 @@ fn a_gyro_that_is_lost_and_found_leaves_no_jump() {
 fn a_reading_of_the_gyro_replaces_what_the_wheels_have_given_since_the_reading_before() {
     let mut odometry = Odometry::new(BASE, [0, 0]);
     odometry.step([0, 0], Some(10.0));
-    // The wheels turn by ten steps of 1 degree, of which the base turns by 8 degrees in all.
+    // The wheels turn the base by ten steps of 1 degree by their counts. Because of slip the base turns by 8 degrees in
+    // all.
     let mut counts = [0, 0];
     for step in 1..=10 {
         let [left, right] = BASE.turn(1.0).expect("in range");

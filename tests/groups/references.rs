@@ -24,11 +24,11 @@ fn period(ms: u32) -> Period {
     Period::from_millis(ms).expect("in range")
 }
 
-/// Motors that are where they should have been a tick ago.
+/// Motors that follow their references exactly, but one tick late.
 struct Perfect<const N: usize> {
     group: Group<N>,
     last: [Reference; N],
-    /// Since the start, in counts, however often positions wrapped.
+    /// Counts since the start, also after positions have wrapped.
     moved: [f64; N],
 }
 
@@ -133,7 +133,7 @@ proptest! {
                     let change = new.next.to_f64() - new.speed.to_f64();
                     prop_assert!(change.abs() <= 1.01 * gained + 1.0, "{change} of {gained}");
                 }
-                // Positions are where the speeds lead to.
+                // Each change of position is the integral of the speed.
                 for ((new, old), reference) in motors.moved.iter().zip(moved).zip(before) {
                     let mean = (reference.speed.to_f64() + reference.next.to_f64()) / 2.0;
                     let off = new - old - mean * seconds;
@@ -154,7 +154,7 @@ fn a_course_without_an_end_adds_nothing_up() {
         motors.step();
     }
     let [most, ..] = motors.moved;
-    // 3.5 days: the positions have wrapped.
+    // After 3.5 days the positions have wrapped.
     assert!(most > 1e9, "{most}");
     for (moved, rate) in motors.moved.iter().zip(rates) {
         let right = most * f64::from(rate.to_bits()) / 1e6;

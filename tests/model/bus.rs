@@ -98,7 +98,7 @@ fn a_bridge_opens_on_over_voltage_and_stays_open_until_its_lines_change() {
     assert!(rig.range().1.0 < Protection::VNH5019.over.0 + 1.0, "{}", rig.range().1);
     let coasting = rig.run(Seconds(0.1), &braking)[0];
     assert!(coasting.shaft_work.0.abs() < 1e-6, "it brakes no more");
-    // Other lines close it again, once the bus is down.
+    // New levels of the lines close the bridge again, after the bus voltage has fallen.
     rig.bus = Some(Bus::new(SOURCE, 1e-3));
     rig.run(Seconds(1e-3), &braking);
     assert_ne!(rig.shutdowns(), [Shutdown::None], "the same lines do not");

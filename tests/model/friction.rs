@@ -160,7 +160,7 @@ fn a_resting_motor_neither_creeps_nor_trembles() {
     plant.place(Amps(0.0), RadPerSec(0.0), 0.123);
     let mut flow = Flow::default();
     for ms in 0..10_000 {
-        // Up to 6 % of the stall torque, either way, driven and pushed.
+        // The motor gets up to 6 % of the stall torque in either direction, by its drive and by an external torque.
         let torque_after = NewtonMetres(0.03 * motor.stall_torque(BATTERY).0 * motor.gear_ratio * motor.eta);
         let command = match ms % 4 {
             0 => PlantInput::pwm(Mode::Cw98, 0.06),
@@ -243,7 +243,7 @@ fn coasting_down_ends_when_the_closed_form_says_and_where() {
                 let offset = torque / drag;
                 let speed = (start.abs() + offset) * (-0.5 * stop * drag / inertia).exp() - offset;
                 close(plant.speed().0 / start, speed / start.abs(), 1e-9, (name, coulomb, "half-way"));
-                // To within a microsecond: no sooner, no later.
+                // The motor stops within a microsecond of the computed time.
                 let rest = 0.5 * stop;
                 let mut flow = plant.run(Seconds(rest - 1e-6), PlantInput::COAST, BATTERY);
                 assert!(plant.speed().0 * start > 0.0, "{name} {coulomb}");
@@ -266,7 +266,8 @@ fn pulled_by_a_slow_spring_the_shaft_sticks_and_slips() {
     let motor = Motor { b: Drag(0.0), ..am60(5.0, 0.0) };
     let ratio = Shaft::new(&motor, &Load::NONE).torque_ratio;
     let (coulomb, breakaway) = (motor.friction.coulomb.0, motor.friction.breakaway.0);
-    // The spring gives with 20 Hz on the free shaft, and is pulled so slowly that a slip is an instant.
+    // The free shaft oscillates on the spring at 20 Hz. The spring is pulled so slowly that a slip takes no time in
+    // comparison.
     let stiffness = motor.j.0 * (core::f64::consts::TAU * 20.0).powi(2);
     let pull = (breakaway - coulomb) / stiffness;
     let mut plant = bare(motor);
@@ -286,7 +287,8 @@ fn pulled_by_a_slow_spring_the_shaft_sticks_and_slips() {
         assert!(plant.speed().0 >= 0.0, "step {step}: it never turns back");
         moving = moves;
     }
-    // Half an oscillation about where the spring and Coulomb friction balance: twice the way there.
+    // A slip is half an oscillation about the position at which spring and Coulomb friction balance. It is twice the
+    // distance to this position.
     let slip = 2.0 * (breakaway - coulomb) / stiffness;
     assert_eq!(slips.len(), 1 + ((20.0 * pull - breakaway / stiffness) / slip) as usize);
     for got in &slips {
@@ -313,7 +315,8 @@ fn battery_energy_is_heat_friction_and_what_is_stored() {
                         0.5 * motor.j.0 * plant.speed().0.powi(2) + motor.cogging.energy(plant.angle()).0;
                     let scale = flow.energy_from_battery.0;
                     let what = (name, coulomb, cogging);
-                    // The bridge's side to rounding; motor constants differ in their last digits.
+                    // The energy balance of the bridge is exact to rounding errors. The balance of the shaft is less
+                    // exact, because Kt and Ke differ in their last digits.
                     close(battery, flow.heat.0 + flow.shaft_work.0 + coil, 1e-9 * scale, what);
                     let shaft = flow.shaft_work.0 * motor.kt.0 / motor.ke.0;
                     let miss = (shaft - flow.friction_heat.0 - motion).abs() / scale;
@@ -329,7 +332,7 @@ fn battery_energy_is_heat_friction_and_what_is_stored() {
 
 #[test]
 fn without_friction_the_way_through_it_changes_no_bit() {
-    // Teeth without a pull: the plant takes the way of rough motors.
+    // Cogging with an amplitude of 0: the plant uses the computation for motors with friction and cogging.
     let toothed = Motor { cogging: Cogging { amplitude: NewtonMetres(0.0), per_turn: 10 }, ..am60(0.0, 0.0) };
     let smooth = Motor { cogging: Cogging::NONE, ..toothed };
     for mode in [Mode::Cw98, Mode::Brake50] {
@@ -355,7 +358,7 @@ fn cogging_alone_takes_nothing_from_a_coasting_rotor() {
     let energy =
         |plant: &Plant| 0.5 * motor.j.0 * plant.speed().0.powi(2) + motor.cogging.energy(plant.angle()).0;
     let peak = motor.cogging.energy(0.5 * tooth).0;
-    // From just above what it takes to pass the teeth, to the free speed.
+    // The energies are from just above the energy that passes the cogging teeth, to the energy at the free speed.
     for share in [1.01, 2.0, 1e3] {
         let start = (2.0 * share * peak / motor.j.0).sqrt();
         let mut plant = bare(motor);

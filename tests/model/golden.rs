@@ -189,7 +189,7 @@ fn plant_quantities() {
         let free = geared.steady(Applied::voltage(Volts(12.0)));
         see(free.speed.0, "free_speed_12V", 12.0 / motor.ke.0);
         see(free.current.0, "no_load_current_12V", 12.0 / motor.r.0);
-        // Poles that all but coincide hide half of the digits.
+        // If both poles are nearly equal, only half of their digits are exact.
         let pole_scale = if f(&outputs["gamma2"]).abs() < 1e-6 * sigma * sigma { 1e5 } else { 1.0 } * sigma;
         let (poles, oscillatory) = match geared.poles() {
             Poles::Real { slow, fast } => ([-slow, 0.0, -fast, 0.0], false),
@@ -274,7 +274,7 @@ fn mean_current_over_a_control_period() {
     println!("mean_current: worst {:.1e}", 1e-12 * worst.0);
 }
 
-/// Null stands for infinity.
+/// Compares a point with its reference value, where null stands for infinity.
 fn see_point(worst: &mut Worst, point: Point, outputs: &Value, name: &str, amps: f64, c_max: f64) {
     let what = format!("{name} {outputs}");
     match outputs[format!("x{name}")].as_f64() {

@@ -56,7 +56,7 @@ fn terminal_voltage(state: State, current: f64, direction: f64) -> f64 {
     left - right
 }
 
-/// Where current of a state starts from zero: 1, -1, or 0 for nowhere.
+/// Returns the direction in which a current starts from zero in a state: 1, -1, or 0 if no current starts.
 fn direction(state: State, current: f64, emf: f64) -> f64 {
     if current != 0.0 {
         current.signum()
@@ -324,7 +324,7 @@ fn duty_for_current_inverts_the_bridge_for_every_motor() {
                             worst = worst.max(miss);
                             assert!(miss < 1e-12, "{} {frequency} {at:?} {wanted}: {got}", motor.name);
                         } else {
-                            // Out of reach: the bridge gives its largest voltage.
+                            // The current is out of reach, so the bridge applies its largest voltage.
                             assert!(got.0.abs() <= wanted.0.abs() + 1e-12 * full);
                         }
                         let formula = circuit.duty_for_current_formula(wanted, frequency, at);
@@ -429,7 +429,7 @@ fn plant_conserves_energy() {
             let coil = 0.5 * frictionless.l.0 * (plant.current().0.powi(2) - before.1.powi(2));
             let scale = battery.abs() + flow.heat.0 + flow.shaft_work.0.abs();
             close(battery, flow.heat.0 + flow.shaft_work.0 + coil, 1e-9 * scale, (name, mode));
-            // Without drag the shaft's work is all there as motion.
+            // Without drag all work of the shaft becomes kinetic energy.
             let motion = energies(&plant) - before.0 - coil;
             close(flow.shaft_work.0, motion, 1e-5 * scale, (name, mode, "motion"));
         }

@@ -1,4 +1,5 @@
-//! A plant behind a train, with backlash and a compliant shaft, against integration in small steps and the law of energy.
+//! Compares a plant behind a train, with backlash and a compliant shaft, with integration in small steps and with the
+//! conservation of energy.
 
 #![cfg(feature = "model")]
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
@@ -74,7 +75,8 @@ fn a_train_agrees_with_integration_in_small_steps_within_a_thousandth() {
     for train in [train(0.0, 30.0, 0.02), train(2.0, 300.0, 0.1), train(10.0, 60.0, 0.0)] {
         let mut reference = Reference { motor: motor(), train, state: [0.0; 5] };
         let mut plant = plant(motor(), LOAD, train);
-        // Up, and against the motion: the teeth part and meet on the other side.
+        // The motor is driven up, and then against its motion. The teeth of the gear separate, and meet on their other
+        // sides.
         for (mode, volts, ms) in [(Mode::Cw98, BATTERY, 60), (Mode::Ccw62, -BATTERY, 60)] {
             for _ in 0..ms {
                 (0..1_000).for_each(|_| reference.step(volts, 1e-6));

@@ -253,12 +253,12 @@ fn hub_report() -> impl Strategy<Value = HubReport> {
     )
 }
 
-/// What the other end finds.
+/// Returns the packet that the other end decodes.
 fn over_the_line(packet: &Packet) -> Packet {
     Decoder::new().next(&mut &*frame::encode(packet), Micros::new(0)).expect("a whole frame")
 }
 
-/// What is read of what was written, if nothing is left.
+/// Writes an answer to a packet, and reads the packet. Bytes that are left over are an error.
 fn read_back<T: Field>(answer: &T) -> Result<T, Nack> {
     let asked = Packet { id: 0x1000, number: 9, ..Packet::default() };
     let packet = over_the_line(&Reply::data(answer).packet(&asked, 2, 1));
@@ -406,7 +406,7 @@ proptest! {
     #[test]
     fn a_hub_report_is_read_as_it_was_written_and_fits_a_frame(report in hub_report(), more in 0u8..4) {
         prop_assert_eq!(read_back(&report), Ok(report.clone()));
-        // A newer hub tells more of each motor, and more behind them.
+        // A newer hub reports more fields of each motor, and more fields after the motors.
         let mut payload = Payload::new();
         report.write(&mut payload);
         let (head, rest) = payload.split_at(12);

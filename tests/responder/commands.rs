@@ -138,7 +138,7 @@ const FORMS: &[Form] = &[
     read(OWN + 1, &[3], 12, NO_MOTOR),
 ];
 
-/// A hub whose motors 0 can answer everything.
+/// A host at a hub on which all commands of [`FORMS`] can be tried.
 fn host() -> TestHost {
     let mut host = TestHost::settled();
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 1, 0, 0, 0, 5, 0]), (8, &[1, 1, 0]), (3, &[6, 1])]);
@@ -231,8 +231,8 @@ fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
             assert_eq!(said, Said::Data(expected.to_le_bytes().to_vec()), "{channel} {raw}");
         }
     }
-    // At standstill a winding of 3.3 ohms and a bridge take I²R / V; a short while turning returns nothing, half of one
-    // half of its current.
+    // At standstill winding and bridge draw I²R / V from the battery. A turning motor that is shorted all the time
+    // returns nothing. A motor that is shorted half of the time returns half of its current.
     let resistance = 3.3 + 0.002 * f64::from(crate::host::settings().bridge.switch_mohm());
     let drawn = |host: &mut TestHost, ma: i32, cps: i32| {
         for motor in &mut host.snapshot.motors {
@@ -265,7 +265,7 @@ fn an_input_without_a_connection_is_high() {
     };
     assert_eq!(host.call(6, &[]), Said::Data(vec![0xFF]));
     assert_eq!(bulk(&mut host), 0xFF);
-    // A touch sensor on pin 2 is pressed; pin 7 is an output.
+    // A touch sensor pulls pin 2 low. Pin 7 is an output.
     host.responder.outputs.sensed = 0b1111_1011;
     host.do_all(&[(3, &[7, 1])]);
     for pin in 0..7 {
@@ -412,7 +412,7 @@ fn the_lowest_power_is_the_negative_of_the_highest() {
 fn the_version_is_in_the_form_that_hosts_parse() {
     let mut host = TestHost::settled();
     let Said::Data(text) = host.call(48, &[]) else { panic!() };
-    // Hosts have room for 39 bytes; what follows the numbers is this firmware's own.
+    // Hosts have room for 39 bytes. The text after the numbers is specific to this firmware.
     assert!(text[1..].starts_with(b"HW: 20, Maj: 1, Min: 8, Eng: 2, mh0.") && text.len() <= 40);
     assert_eq!(text[1..], *VERSION.as_bytes());
     assert_eq!(usize::from(text[0]), text.len() - 1);

@@ -1,4 +1,4 @@
-//! A host that talks to the pure hub: for the tests of the responder.
+//! A host that exchanges packets with a responder, without tasks and clock. The tests of the responder use it.
 #![allow(dead_code, reason = "each test uses its own part")]
 
 use motor_hub::board::Equipment;
@@ -54,7 +54,7 @@ pub(crate) enum Said {
     Data(Vec<u8>),
 }
 
-/// Everything that a board can have besides motors.
+/// All devices that a board can have besides motors.
 pub(crate) const FULL: Equipment =
     Equipment { digital: 0xFF, servos: 6, analog: 4, i2c: 4, rail: true, temperature: true };
 
@@ -69,7 +69,7 @@ pub(crate) struct TestHost {
 }
 
 impl TestHost {
-    /// At a hub with everything just after its reset, whose battery has 12.345 V.
+    /// Creates a host at a hub with all devices, just after the hub's reset. The battery has 12.345 V.
     pub(crate) fn new() -> Self {
         let snapshot = Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL };
         let mut responder = responder_with(settings());
@@ -84,14 +84,14 @@ impl TestHost {
         }
     }
 
-    /// At a hub that has nothing to call attention to.
+    /// Creates a host at a hub whose attention flag is cleared.
     pub(crate) fn settled() -> Self {
         let mut host = Self::new();
         assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![2, 0]));
         host
     }
 
-    /// Frames that come back.
+    /// Sends bytes. Returns the frames that the hub sends back.
     pub(crate) fn send(&mut self, mut bytes: &[u8]) -> Vec<Vec<u8>> {
         let mut replies = Vec::new();
         while let Some(packet) = self.decoder.next(&mut bytes, self.now) {
@@ -158,7 +158,7 @@ impl TestHost {
         self.snapshot.commands = self.commands;
     }
 
-    /// The hub has found the battery so.
+    /// Sets the battery voltage in mV and the stage of the draw that the hub has measured.
     pub(crate) fn set_battery(&mut self, millivolts: Option<u16>, stage: DrawStage) {
         self.snapshot.battery = millivolts.map(Millivolts::new);
         self.snapshot.draw_stage = stage;
@@ -195,7 +195,7 @@ pub(crate) fn enables(frame: &[u8]) -> bool {
 /// What happens on the line.
 #[derive(Clone, Debug)]
 pub(crate) enum Event {
-    /// Bytes come, in pieces of this many.
+    /// Bytes arrive, in pieces of this length.
     Bytes(Vec<u8>, usize),
     /// Milliseconds pass.
     Pause(u16),
@@ -205,7 +205,7 @@ pub(crate) enum Event {
 /// answered.
 pub(crate) fn survive(events: &[Event]) {
     let mut host = TestHost::settled();
-    // With everything that a hub can have.
+    // The hub also has a slot for new firmware.
     host.responder = host.responder.with_slot(SLOT);
     host.responder.update_done(Done::Booted(Booted::Confirmed));
     let mut stream = Vec::new();
@@ -235,8 +235,8 @@ pub(crate) fn survive(events: &[Event]) {
     let keep_alive = |host: &TestHost| frame_to(host.responder.address().get(), 99, 0x7F04, &[]);
     let answers = |replies: Vec<Vec<u8>>| replies.last().map(|reply| reply[7..10].to_vec());
     let answered = Some(vec![99, 0x01, 0x7F]);
-    // Immediately, unless the end of the stream and the beginning of the packet make another frame, or a
-    // frame that is found on the way changes the address.
+    // The hub answers immediately. There are two exceptions: the end of the stream and the beginning of the packet form
+    // another frame, or a frame in the stream changes the address.
     let address = host.responder.address();
     let packet = keep_alive(&host);
     let end = stream.len();

@@ -4,7 +4,7 @@ use crate::host::{Event, HUB, frame_to, survive};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-/// Types that mean something, and some that do not.
+/// Packet types: mostly types that exist, and some that do not.
 fn id() -> impl Strategy<Value = u16> {
     prop_oneof![0x7F00u16..=0x7F10, 0x1000u16..=0x103F, 0x4D00u16..=0x4D02, 0x4D15u16..=0x4D1B, any::<u16>()]
 }
@@ -31,7 +31,7 @@ fn damaged() -> impl Strategy<Value = Vec<u8>> {
 }
 
 fn noise() -> impl Strategy<Value = Vec<u8>> {
-    // Start bytes and short lengths are what may mislead.
+    // Start bytes and short lengths are frequent, because they may mislead the decoder.
     let byte = prop_oneof![2 => Just(0x44), 2 => Just(0x4B), 1 => 0u8..20, 4 => any::<u8>()];
     vec(byte, 0..200)
 }

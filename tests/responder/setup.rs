@@ -18,7 +18,7 @@ use motor_hub::units::{
 /// An AM 40 C: 3.12 mV s/count.
 const KE: i32 = 3_271_557;
 
-/// Code, blend, and what they are called here.
+/// Code and blend of a scheme in a packet, and the scheme of the library.
 fn schemes() -> [(u8, u16, Scheme); 8] {
     let blend = |bits| Scheme::D(Blend::Fixed(BlendFraction::from_bits(bits).expect("in range")));
     [
@@ -53,7 +53,7 @@ fn a_motor_is_set_up_with_the_coefficients_that_go_with_it() {
     for (code, blend, scheme) in schemes() {
         for (rule, uh) in [(0, 700), (1, 700), (1, 0)] {
             let mut host = TestHost::settled();
-            // What zero means is not part of it.
+            // The behaviour at power 0 is not part of the set-up, so it is set separately.
             host.do_all(&[(8, &[2, 1, 1])]);
             host.new_commands();
             let fields = fields(KE, 4_200, uh, code, blend, rule);
@@ -246,7 +246,7 @@ fn a_protection_reads_back_and_outlasts_a_set_up() {
     set_up(&mut host, 1, &fields(KE, 4_200, 0, 1, 0, 1));
     assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Said::Data([&[1], &limit[..]].concat()));
     assert_eq!(host.ask(FIRST_FUNCTION + 9, &[0]), Said::Data([&[0], &none[..]].concat()));
-    // Neither coast nor brake; a limit without time.
+    // The hub refuses an action at a fault that is neither coast nor brake, and a limit without a time constant.
     assert_eq!(host.ask(FIRST_FUNCTION + 8, &[&[1, 2], &none[..]].concat()), Said::Nack(1));
     assert_eq!(host.ask(FIRST_FUNCTION + 8, &[1, 0, 0xB0, 4, 20, 0, 0, 0]), Said::Nack(4));
 }
@@ -340,7 +340,7 @@ fn all_motors_are_reported_in_one_answer() {
         .map(|point| (-point.to_f64().round()).clamp(-32_767.0, 32_767.0) as i16);
     assert_eq!(points, expected);
 
-    // Places are in the host's counts.
+    // Positions in the report are in the host's counts.
     host.snapshot.motors[1].setpoint =
         Setpoint::Position { target: 70_005, tolerance: 5, speed_limit: CountsPerSecond::new(100) };
     host.do_all(&[(14, &[1])]);

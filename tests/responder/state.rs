@@ -143,7 +143,7 @@ fn a_far_target_is_in_the_direction_of_the_hosts_counts() {
                 panic!("{commands:?}")
             };
             let ahead = i64::from(to) - i64::from(from);
-            // The ends of the numbers are neighbours on the way of a motor that counts through them.
+            // Positions wrap: the largest and the smallest number are neighbours.
             let round = ahead - ahead.signum() * 4 * QUARTER;
             let meant = if round.abs() < QUARTER { round } else { ahead };
             for pushed in [0, -1_000_000, 1_000_000] {
@@ -455,7 +455,7 @@ fn a_motor_set_to_brake_at_faults_brakes_when_its_host_is_silent() {
     for motor in [0, 1] {
         assert_eq!(host.ask(setup + 8, &[motor, 1, 0, 0, 0, 0, 0, 0]), Said::Ack(0));
     }
-    // Of those two only the first runs.
+    // Motor 1 is disabled, so of both motors only motor 0 runs.
     host.do_all(&[(10, &[1, 0])]);
     host.new_commands();
     let silence = |host: &mut TestHost| {

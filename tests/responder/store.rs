@@ -33,7 +33,7 @@ fn found(record: &SettingsRecord) -> Found {
     Found { stored: Stored::Whole, version: 1, record: record.clone() }
 }
 
-/// A hub that has just been powered on with this in its memory.
+/// Returns a host at a hub that has just been powered on with these stored settings.
 fn powered_on(found: Found) -> TestHost {
     let mut host = TestHost::new();
     host.responder.restore(found);
@@ -49,7 +49,7 @@ fn order(host: &mut TestHost) -> StoreRequest {
     host.responder.store_request(&host.snapshot).expect("an order")
 }
 
-/// Carries out the order; what is stored then.
+/// Carries out the hub's request to its store. Returns the record that is stored.
 fn carried_out(host: &mut TestHost) -> SettingsRecord {
     let record = order(host).record.expect("something to write");
     host.responder.store_done(Some(found(&record)), Outcome::Done);
@@ -61,7 +61,7 @@ fn report(host: &mut TestHost) -> StoreReport {
     StoreReport::read(&mut Fields::new(&payload)).expect("a report")
 }
 
-/// Everything of all motors that is stored, as a host reads it.
+/// Returns all stored settings of all motors, as a host reads them.
 fn all(host: &mut TestHost) -> Vec<Said> {
     let mut all = Vec::new();
     for motor in 0..N as u8 {
@@ -197,7 +197,7 @@ fn unknown_entries_are_kept_and_refused_entries_change_nothing() {
     for (id, payload) in unknown {
         record.push(id, payload).expect("room");
     }
-    // A later firmware's fields behind the fields of this firmware.
+    // The entry has fields of a later firmware after the fields of this firmware.
     let longer = [2, 1, 0, 0, 0, 0, 0, 0, 77, 78];
     record.push(FIRST_FUNCTION + 8, &longer).expect("room");
     // An unknown action at a fault, and a set-up that is out of range.
@@ -220,7 +220,7 @@ fn unknown_entries_are_kept_and_refused_entries_change_nothing() {
 
 #[test]
 fn additional_bytes_of_an_entry_are_kept_or_the_save_is_refused() {
-    // Of the longer one there is not room for all.
+    // A record has no room for the longer entry.
     for (length, fits) in [(161, true), (255, false)] {
         let mut longer = vec![2, 1, 0, 0, 0, 0, 0, 0];
         longer.resize(length, 77);
@@ -279,7 +279,7 @@ fn a_drive_base_is_stored_and_restored_and_a_reset_removes_it() {
     assert!(again.new_commands().iter().any(is_base));
     again.tick();
     assert!(!report(&mut again).differs);
-    // A base that stays the same stays where it is.
+    // If the base does not change, its position is not reset.
     again.ask(LOAD, &[]);
     order(&mut again);
     again.responder.store_done(Some(found(&record)), Outcome::Done);
@@ -329,7 +329,7 @@ fn while_a_motor_runs_settings_are_saved_without_erasing_and_not_read() {
     assert_eq!((outcome, stored), (Outcome::NeedsErase, Stored::Nothing));
     // The hub does not try again.
     assert_eq!(host.responder.store_request(&host.snapshot), None);
-    // Disabled, while the motors' reports still have a set-point, or a button has set one.
+    // The motor is disabled, but its report still has a set-point, or the button has set one.
     host.do_all(&[(10, &[1, 0])]);
     for setpoint in [Setpoint::ConstantPower(Control::MAX), Setpoint::Velocity(CountsPerSecond::ZERO)] {
         host.snapshot.motors[3].setpoint = setpoint;
@@ -411,7 +411,7 @@ fn a_new_address_is_stored_alone() {
     };
     assert_eq!(others(&record), others(&before));
     assert_eq!(powered_on(found(&record)).responder.address().get(), 9);
-    // Once.
+    // The address is stored only once.
     assert_eq!(host.responder.store_request(&host.snapshot), None);
 }
 
@@ -463,7 +463,7 @@ fn entry() -> impl Strategy<Value = (u16, Vec<u8>)> {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever is stored, no motor runs for it, and what is in force can be saved and found again.
+    /// For any stored bytes no motor is enabled, and the settings in force can be saved and found again.
     #[test]
     fn any_record_is_survived(entries in prop::collection::vec(entry(), 0..12)) {
         let mut record = SettingsRecord::new(3);

@@ -23,19 +23,19 @@ use std::pin::{Pin, pin};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Waker};
 
-/// The mock driver's clock is one for the process.
+/// All tests of the process share the clock of the mock driver, so they run one after another.
 static CLOCK: Mutex<()> = Mutex::new(());
 
-/// What the host sees of a hub's line.
+/// The line from the hub to the host.
 #[derive(Default)]
 struct Line {
     /// Each write.
     writes: RefCell<Vec<Vec<u8>>>,
-    /// The host takes nothing.
+    /// True if the host accepts no bytes.
     jammed: Cell<bool>,
-    /// The most bytes of one write; `None` for no limit.
+    /// Largest number of bytes of one write; `None` for no limit.
     piece: Cell<Option<usize>>,
-    /// What is longer is refused, and never flushed.
+    /// True if the line refuses a write that is longer than `piece`. A flush after a refused write never ends.
     refuses: Cell<bool>,
     stuck: Cell<bool>,
 }
@@ -46,7 +46,7 @@ impl ErrorType for &Line {
 
 impl Write for &Line {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
-        // Polled again and again, whatever the waker says.
+        // The test polls the task again and again, so no waker is needed.
         poll_fn(|_| if self.jammed.get() { Poll::Pending } else { Poll::Ready(()) }).await;
         let taken = bytes.len().min(self.piece.get().unwrap_or(usize::MAX));
         let refused = self.refuses.get() && taken < bytes.len();
@@ -88,7 +88,7 @@ impl Devices for &Pins {
     }
 }
 
-/// Errors first, then what is in the pipe, then the end.
+/// A line that first gives errors, then the bytes of the pipe, and then the end of the line.
 struct Rough<'a> {
     errors: u32,
     pipe: &'a Pipe<NoopRawMutex, 1024>,
@@ -185,7 +185,7 @@ impl World {
     }
 }
 
-/// Lets everything happen that is due now: as often as something may have become due by it.
+/// Polls the task several times, so that everything happens that is due now or becomes due by a poll.
 fn poll(task: &mut Pin<&mut impl Future<Output = ()>>) -> bool {
     let mut context = Context::from_waker(Waker::noop());
     (0..50).any(|_| task.as_mut().poll(&mut context).is_ready())
@@ -236,7 +236,7 @@ fn the_button_is_permitted_until_the_first_packet_to_this_hub() {
     world.send(&frame_to(HUB, 1, 0x7F04, &[]));
     run_ms(&mut task, 1);
     assert!(!permitted());
-    // Even when it has been silent for long.
+    // The button also stays forbidden after the host has been silent for 3 s.
     run_ms(&mut task, 3000);
     assert!(!permitted());
 }
@@ -304,7 +304,7 @@ fn a_line_that_refuses_a_reply_does_not_block_the_hub() {
     let mut task = pin!(world.task());
     world.line.piece.set(Some(16));
     world.line.refuses.set(true);
-    // A bulk read, and what is answered by a short ACK.
+    // The host sends a bulk read, whose answer is long, and a request that is answered by a short ACK.
     world.call(0, &[]);
     world.call(10, &[0, 0]);
     run_ms(&mut task, 0);
@@ -325,7 +325,7 @@ fn a_request_that_comes_while_a_reply_waits_is_not_late() {
     world.send(end);
     run_ms(&mut task, 1);
     assert_eq!(world.replies().len(), 2);
-    // But it is late after 50 ms more.
+    // A request of which a part is missing for more than 50 ms is late.
     world.send(begin);
     run_ms(&mut task, 51);
     world.send(end);
@@ -392,7 +392,7 @@ fn the_led_follows() {
 fn digital_pins_are_set_before_the_acknowledgement_and_read_at_the_request() {
     let world = World::new();
     let mut task = pin!(world.task());
-    // Pin 0 becomes an output, low, and pin 1 is read in the same breath; then high.
+    // First pin 0 becomes a low output, then it becomes high. Pin 1 is read immediately after each request.
     for (level, function) in [(0, 3), (1, 1)] {
         world.call(function, &[0, 1]);
         world.call(5, &[1]);
@@ -400,7 +400,7 @@ fn digital_pins_are_set_before_the_acknowledgement_and_read_at_the_request() {
         assert_eq!(world.pins.0.get(), (1, level));
         assert_eq!(world.replies(), [(0x7F01, 1), (0x9005, level)]);
     }
-    // A host that has fallen silent drives nothing.
+    // After the host has fallen silent, no pin is an output.
     run_ms(&mut task, 2_600);
     assert_eq!(world.pins.0.get().0, 0);
 }
@@ -619,7 +619,7 @@ fn a_memory_that_never_reports_does_not_block_the_hub() {
     assert_eq!(world.replies(), []);
     run_ms(&mut task, 200);
     assert_eq!(world.replies(), [(0x7F01, 1)]);
-    // The memory is there, and a save must wait for it.
+    // The hub has a memory. A save must wait until the memory has reported.
     world.send(&frame_to(HUB, 2, 0x4D0E, &[]));
     run_ms(&mut task, 2);
     assert_eq!(world.replies(), [(0x7F02, Nack::STORE_BUSY.0)]);
@@ -637,7 +637,7 @@ fn the_button_waits_until_the_memory_has_reported() {
     let world = World::with(responder().expecting_store());
     let mut task = pin!(world.task());
     let permitted = || world.wires.button_permitted.lock(Cell::get);
-    // Longer than hosts wait.
+    // Runs for longer than hosts wait for an answer.
     run_ms(&mut task, 6_000);
     assert!(!permitted(), "the memory may be erased");
     world.wires.store.done.signal(alert_of_motor_2());
@@ -671,7 +671,7 @@ fn a_memory_that_reports_after_a_host_has_spoken_changes_nothing_and_is_reported
     run_ms(&mut task, 2);
     let alert = world.replies();
     assert!(matches!(alert[..], [(0x900D, alert)] if alert != 7), "{alert:?}");
-    // The report of the memory.
+    // The host asks for the report of the memory.
     world.send(&frame_to(HUB, 3, 0x4D11, &[]));
     run_ms(&mut task, 2);
     let report = world.line.writes.take();

@@ -124,7 +124,7 @@ fn signatures_are_required_with_a_key_and_refused_without_one() {
     let progress = report(&mut host);
     assert_eq!((progress.phase, progress.outcome), (Phase::Nothing, Outcome::WrongSignature));
     assert_eq!(say(&mut host, HubFunction::Restart), Said::Nack(77));
-    // A signature is of one image.
+    // A signature is valid only for the image that was announced before it.
     assert_eq!(begin(&mut host, 96), ACK);
     assert_eq!(chunk(&mut host, 0), Said::Nack(78));
 }

@@ -14,7 +14,8 @@ fn record(number: u32) -> SettingsRecord {
     record
 }
 
-/// Saves 1 and 2, and how far each has filled the first page.
+/// Makes two saves with the numbers 1 and 2. Returns the flash, and the offsets at which each save begins and the last
+/// save ends.
 fn two_saves<const WORD: usize, const PAGE: usize>() -> (Flash<WORD, PAGE>, [usize; 3]) {
     let mut flash = Flash::new(2, Code::None);
     let end = |flash: &Flash<WORD, PAGE>| {
@@ -35,11 +36,11 @@ fn each_bit_turned<const WORD: usize, const PAGE: usize>() {
         let mut flash = whole.clone();
         flash.bytes[bit / 8] ^= 1 << (bit % 8);
         let Found { stored, record: found, .. } = read(&mut flash);
-        // With a copy of it whole not even the latest is lost.
+        // Each record has two copies. The other copy is intact, so the latest record is found.
         assert_eq!(found, record(2), "bit {bit}");
         assert!(matches!(stored, Stored::Whole | Stored::OneCopy), "bit {bit}: {stored:?}");
         reported += usize::from(stored == Stored::OneCopy);
-        // The next save makes it good.
+        // The next save repairs the damage.
         let done = write(&mut flash, &record(3), true);
         assert_eq!((done.outcome, read(&mut flash).stored), (Outcome::Done, Stored::Whole), "bit {bit}");
     }
@@ -113,7 +114,7 @@ fn a_first_save_that_a_power_cut_has_interrupted_is_not_reported_as_damaged() {
     }
 }
 
-/// Stores under the key of a copy what this firmware would not.
+/// Stores a value that this firmware would not store, under the key of a copy of the record.
 fn store_as_is(flash: &mut Flash<4, 1024>, key: u8, value: &[u8]) {
     let mut map = MapStorage::<u8, _, _>::new(flash, MapConfig::new(0..2048), Cache::new_uncached());
     assert!(block_on(map.store_item(&mut [0; 1024], &key, &value)).is_ok());
@@ -134,7 +135,8 @@ fn a_later_version_is_reported_and_kept() {
     }
 }
 
-/// A memory that takes nothing and says so, or takes marks of pages only.
+/// A flash that stores no settings. If `says_so` is true, each write fails with an error. Otherwise writes succeed, but
+/// only marks of pages are stored.
 struct Worn {
     says_so: bool,
     bytes: [u8; 2048],

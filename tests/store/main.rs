@@ -1,4 +1,4 @@
-//! Settings that outlast power: records, a flash that loses power anywhere, and what comes of it.
+//! Settings that are kept without power: records, power cuts at any step of a save, and damaged contents.
 
 mod damage;
 mod flash;

@@ -28,7 +28,7 @@ struct Tally {
     failed: usize,
 }
 
-/// What must hold when power comes back: old value or new, and the next save is as good as any.
+/// Checks the flash after power comes back: it has the old or the new settings.
 fn survives<const WORD: usize, const PAGE: usize>(
     flash: &Flash<WORD, PAGE>,
     (old, new): (&SettingsRecord, &SettingsRecord),
@@ -64,7 +64,7 @@ fn history<const WORD: usize, const PAGE: usize>(
 
         for at in which(&mut random, flash.steps, flash.erased > 0) {
             for tear in [Tear::Before, Tear::Bits, Tear::Half, Tear::Ends] {
-                // Words have one way to be torn.
+                // A word can be torn in one way only.
                 if flash.erased == 0 && matches!(tear, Tear::Half | Tear::Ends) {
                     continue;
                 }
@@ -78,13 +78,14 @@ fn history<const WORD: usize, const PAGE: usize>(
                 if flash.erased == 0 && tally.cuts % 16 != 0 {
                     continue;
                 }
-                // On it goes, and may be cut once more.
+                // The next save runs, and its power may fail too.
                 let after = again.powered_on();
                 let next = record(number + 1, &mut random, longest);
                 again.steps = 0;
                 let mut done = write(&mut again, &next, true);
                 if code == Code::WritesBlank && done.outcome != Outcome::Done {
-                    // A word does not read back, as the driver reports. Settings are there, and the next save is whole.
+                    // A word does not read back, and the driver reports an error. The settings are still there, and the
+                    // next save succeeds.
                     survives(&again, (&held, &next), &what);
                     tally.failed += 1;
                     done = write(&mut again, &next, true);
@@ -113,7 +114,8 @@ fn history<const WORD: usize, const PAGE: usize>(
     tally
 }
 
-/// Random words: many of a save that erases, one of any other save.
+/// Returns random steps at which power is cut, and the last step: 30 steps of a save that erases, and one step of any
+/// other save.
 fn some(random: &mut Random, steps: usize, erases: bool) -> Vec<usize> {
     (0..if erases { 30 } else { 1 }).map(|_| random.below(steps)).chain([steps - 1]).collect()
 }

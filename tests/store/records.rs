@@ -1,4 +1,4 @@
-//! Which bytes are a record.
+//! Tests which bytes are accepted as a record.
 
 use crate::flash::{read, write};
 use crate::torn_flash::{Code, Flash, Random};
@@ -86,7 +86,7 @@ fn any_contents_of_a_flash_are_read_in_finite_time() {
         if round % 2 == 0 {
             write(&mut flash, &record, true);
         }
-        // From a few bytes to all of it.
+        // Between one byte and the whole flash is written.
         let bytes = 1 << random.below(12);
         for _ in 0..bytes {
             let at = random.below(2048);
@@ -109,7 +109,7 @@ fn any_contents_of_a_flash_are_read_in_finite_time() {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// No bytes make it panic, and what is a record says the same when it is read again.
+    /// No bytes cause a panic. A record that is accepted has the same contents when it is written and read again.
     #[test]
     fn any_bytes_are_read_or_refused(mut bytes in prop::collection::vec(any::<u8>(), 0..600), known in any::<bool>()) {
         if let Some(first) = bytes.first_mut().filter(|_| known) {

@@ -63,7 +63,7 @@ fn explained(subject: &Subject, demand: Demand) -> Range {
     (low, high)
 }
 
-/// The rules that the transition of an event breaks, with by how much; `entered` is the motor before it.
+/// Returns the rules that a transition breaks, and by how much. `entered` is the motor before the event.
 fn broken(event: Event, state: State, entered: &Subject) -> Vec<(&'static str, f64)> {
     let mut subject = entered.clone();
     happen(event, state, &mut subject);
@@ -188,7 +188,8 @@ fn column(motion: Motion, knowledge: Knowledge, scheme: Scheme, ms: u32) -> (usi
 
 #[test]
 fn a_transition_makes_no_step_that_its_demand_does_not_explain() {
-    // A prime number, so that every motion, knowledge, scheme and period is among them.
+    // Every 7th column is tried. 7 is prime, so every motion, configuration, scheme and period is among the tried
+    // columns.
     every_column(7);
 }
 

@@ -115,9 +115,9 @@ pub(crate) enum Event {
     Scheme(Scheme),
     LinearDuty,
     BatteryGap,
-    /// Five samples do not come.
+    /// Five samples of the encoder are missing.
     EncoderBlink,
-    /// For 60 ms no sample comes.
+    /// The samples of the encoder are missing for 60 ms.
     EncoderGap,
 }
 

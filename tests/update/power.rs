@@ -21,7 +21,7 @@ pub(crate) const ACTIVE: Range<usize> = 0..3 * PAGE;
 pub(crate) const DOWNLOAD: Range<usize> = 3 * PAGE..7 * PAGE;
 pub(crate) const STATE: Range<usize> = 7 * PAGE..8 * PAGE;
 
-/// Bytes of both images: not whole pages, nor whole words.
+/// Length of both images in bytes. It is neither a multiple of a page nor of a word.
 const LENGTH: usize = 2 * PAGE + 5 * WORD + 7;
 
 /// States of a page after a cut.
@@ -136,7 +136,7 @@ fn live(chip: &RefCell<Chip>, good: bool) -> Result<(), NoPower> {
             }
         }
     }
-    panic!("it comes to no end");
+    panic!("no confirmed firmware after all restarts");
 }
 
 /// Cuts the power at every step of an update, and again at every step after the cut.

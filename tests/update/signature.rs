@@ -134,7 +134,7 @@ fn a_signed_image_that_is_older_than_the_firmware_is_not_armed() {
         let expected = if armed { ARMED } else { (Outcome::Older, Booted::Confirmed) };
         assert_eq!(sent_to(&chip(present), &image, Some(seal)), expected, "{new} over {present}");
     }
-    // What lies behind the signed bytes is no version.
+    // The bytes after the signed bytes are not used as a version.
     let short = &image()[..32];
     assert_eq!(sent_to(&chip(1), short, Some(sealed(short))), (Outcome::Older, Booted::Confirmed));
     // Bytes with a wrong signature have no version.
@@ -152,11 +152,11 @@ fn a_bootloader_with_a_key_swaps_in_only_what_the_key_has_signed() {
     };
     assert_eq!(checked(&armed(), seal.key), Booted::OnTrial);
     assert_eq!(checked(&armed(), public_key(KEY).expect("a key")), Booted::WentBack, "another key");
-    // A hub that asks for no signatures has armed it.
+    // A hub without a key has armed an image without a signature.
     let unsigned = chip(7);
     assert_eq!(sent_to(&unsigned, &image, None), ARMED);
     assert_eq!(checked(&unsigned, seal.key), Booted::WentBack);
-    // Firmware that has changed since, and firmware that has become older than the present one.
+    // The bootloader refuses an armed image that has changed since, and one that is older than the present firmware.
     for at in [0, 40, 999] {
         let turned = armed();
         turned.borrow_mut().bytes[DOWNLOAD.start + at] ^= 1;

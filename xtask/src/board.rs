@@ -78,7 +78,7 @@ pub(crate) fn named(arguments: &[String]) -> Result<&'static Board, Failed> {
             .iter()
             .find(|board| board.name == name)
             .ok_or_else(|| Failed(format!("there is no board {name}; cargo xtask lists them"))),
-        _ => Err(Failed("one board at a time".to_owned())),
+        _ => Err(Failed("this task takes the name of one board, or none for the first board".to_owned())),
     }
 }
 

@@ -64,7 +64,7 @@ const TASKS: [Task; 18] = [
     task(
         "ros [measure]",
         ros::task,
-        "checks and builds the ROS 2 package and tests it against programs of others; or measures what fleets cost",
+        "checks, builds and tests the ROS 2 package with third-party programs; or measures the load by fleets",
     ),
     task(
         "second",
@@ -82,7 +82,7 @@ const TASKS: [Task; 18] = [
         "crates of the default build; seconds that the README's commands build",
     ),
     task("size [BOARD]", size::task, "builds an image, or all: flash and static RAM against their limits"),
-    task("image [BOARD]", board::image, "builds an image as the USB drive of a NUCLEO takes it"),
+    task("image [BOARD]", board::image, "builds an image in the format for the USB drive of a NUCLEO"),
     task(
         "sign ELF SECRET [VERSION]",
         sign::task,
@@ -91,7 +91,7 @@ const TASKS: [Task; 18] = [
     task("flash [BOARD]", flash::task, "builds an image, flashes it with probe-rs and shows its log"),
     task("dist", dist::task, "the files that a release carries, in target/dist"),
     task("package", package, "the two published packages, built as their users build them"),
-    task("fuzz", fuzz::task, "random bytes into the host link for a minute; needs a C++ compiler"),
+    task("fuzz", fuzz::task, "random bytes into host link and store, a minute each; needs a C++ compiler"),
     task("ci", ci, "everything that must hold: .ci/run"),
 ];
 

@@ -1,11 +1,12 @@
-//! Shared by the bootloader of the NUCLEO-H743ZI2 and the hub that it boots: the layout and the driver of the flash, the regions
-//! of memory that are not executable, and the key of signed firmware.
+//! Code that the bootloader of the NUCLEO-H743ZI2 shares with the hub that it boots: the layout and the driver of the
+//! flash, the regions of memory that are not executable, and the key of signed firmware.
 #![no_std]
 
 mod bank;
 pub mod layout;
 mod memory;
-// The two files are shared with the package of the hub's drivers. The package itself would be too large for a bootloader of 16 kB.
+// These two files belong to the package of the hub's drivers. The bootloader includes the files instead of the package,
+// because it must not exceed 16 kB.
 #[path = "../../stm32/src/mpu.rs"]
 mod mpu;
 #[path = "../../stm32/src/start.rs"]

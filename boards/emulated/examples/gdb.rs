@@ -1,5 +1,5 @@
 //! The emulated hub under GDB. Run `cargo run --release --package emulated --example gdb`. Then, in another terminal,
-//! `gdb-multiarch target/thumbv7em-none-eabihf/firmware/nucleo-f429zi`, and there
+//! `gdb-multiarch target/images/nucleo-f429zi`, and there
 //!
 //! ```text
 //! (gdb) target remote :3333
@@ -7,9 +7,9 @@
 //! (gdb) continue
 //! ```
 //!
-//! Set a breakpoint before the first `continue`: a sleeping core takes no real time, so the run would
-//! be over before you can type. Button B1 is pressed after 300 ms; virtual time stands still while GDB
-//! holds the core, and the motors with it. The run ends after 10 virtual seconds.
+//! Set a breakpoint before the first `continue`. A sleeping core takes no real time, so without a breakpoint the run
+//! would end before you can type. Button B1 is pressed after 300 ms. While GDB halts the core, virtual time and the
+//! motors stop. The run ends after 10 virtual seconds.
 
 use std::time::Duration;
 

@@ -115,7 +115,7 @@ pub struct Reset {
 enum Stopped {
     #[error(transparent)]
     Chip(#[from] rigless::soc::Error),
-    #[error("no debugger can be listened to: {0}")]
+    #[error("the bench cannot listen for GDB: {0}")]
     Debugger(#[from] std::io::Error),
     #[error(transparent)]
     Emulator(#[from] rigless::emulator::Error),

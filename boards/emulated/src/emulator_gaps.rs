@@ -1,4 +1,4 @@
-//! Gaps of the emulator: what a chip would have done and the emulator did not. A run with a gap proves nothing.
+//! Gaps of the emulator: actions of a real chip that the emulator does not model. A run with a gap proves nothing.
 
 use rigless::session::Session;
 

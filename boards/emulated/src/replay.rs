@@ -45,7 +45,7 @@ use crate::shafts::{Look, Mounting};
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ReplayError {
     /// The scenario's control period is not that of the image.
-    #[error("control_period_ms = {asked}, but the image's is {image}")]
+    #[error("control_period_ms = {asked} is not the control period of the image, which is {image} ms")]
     Period {
         /// Period of the scenario, in milliseconds.
         asked: u32,
@@ -64,7 +64,7 @@ pub enum ReplayError {
         error: RangeError,
     },
     /// The hub refuses a motor's set-up.
-    #[error("the hub refuses a set-up")]
+    #[error("the hub refuses the configuration of a motor")]
     SetupRefused,
     /// The emulator had gaps: it could not do what the chip would have done.
     #[error("{}", .0.join("\n"))]

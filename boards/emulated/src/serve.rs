@@ -33,7 +33,7 @@ const OTHER: Address = Address::new(254).expect("in range");
 /// Time without a byte after which a reply is complete. It is longer than four bytes take.
 const PAUSE: Duration = Duration::from_micros(100);
 
-/// Number of bytes that exceeds the longest reply. With more bytes a reply is sent in parts.
+/// Largest number of bytes that are sent together. It exceeds the length of the longest reply.
 const LONGEST: usize = 192;
 
 /// Returns the scenario that is served by default, with the motors that the image is set up for.

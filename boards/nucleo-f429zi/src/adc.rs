@@ -1,9 +1,11 @@
-//! Battery (PA3), VREFINT and the chip's temperature sensor on ADC1, which converts them in turn without end. The newest readings
-//! can always be read. The converter's analog watchdog wakes the core when the battery leaves its quiet range.
+//! Battery (PA3), VREFINT and the chip's temperature sensor on ADC1, which converts these three channels in turn
+//! without end. The newest readings can always be read. The converter's analog watchdog wakes the core when the battery
+//! leaves its quiet range.
 //!
-//! The HAL has neither of these. The battery is the regular group, and the others an injected group behind it (RM0090 13.3.9,
-//! auto-injection). Each channel has a data register, so there is no DMA. A converter that has stopped raises no new flag, which
-//! shows. Each sample of the battery also starts the next sequence of the host's [analog inputs](crate::analog).
+//! The HAL supports neither conversions without end nor the analog watchdog. The battery is the regular group, and the
+//! others an injected group behind it (RM0090 13.3.9, auto-injection). Each channel has a data register, so there is no
+//! DMA. A converter that has stopped raises no new flag; [`BatteryAdc`] then restarts the converter. Each sample of the
+//! battery also starts the next sequence of the host's [analog inputs](crate::analog).
 //!
 //! All channels share one sampling capacitor. Without a wire, the battery's pin would keep the voltage of the last conversion.
 //! VREFINT would then read as a battery of 11 V. So the injected group ends with a pin that the chip drives low (PC2): an open
@@ -79,7 +81,7 @@ impl BatteryAdc {
         let quick = SampleTime::CYCLES28;
         pac::ADC1.smpr1().modify(|w| w.set_smp(usize::from(GROUND_CHANNEL) - 10, quick));
         pac::ADC1.sqr3().write(|w| w.set_sq(0, BATTERY_CHANNEL));
-        // A group of three is the last three of the four places (RM0090 13.13.12).
+        // A group of three channels uses the last three of the four positions in JSQR (RM0090 13.13.12).
         pac::ADC1.jsqr().write(|w| {
             w.set_jl(2);
             w.set_jsq(1, VREFINT_CHANNEL);
@@ -100,7 +102,7 @@ impl BatteryAdc {
     }
 }
 
-/// Starts the converter again, whatever its state.
+/// Starts the converter, or restarts it in whatever state it is.
 fn start() {
     pac::ADC1.cr2().modify(|w| w.set_adon(false));
     pac::ADC1.cr2().modify(|w| {
@@ -144,7 +146,8 @@ impl SupplyAdc for BatteryAdc {
     }
 }
 
-/// The flag stays raised for the task, which is woken once.
+/// Handles the interrupt of the analog watchdog: disables it, and wakes the task once. The flag AWD stays set, because
+/// the task reads it.
 #[interrupt]
 fn ADC() {
     pac::ADC1.cr1().modify(|w| w.set_awdie(false));

@@ -1,5 +1,6 @@
-//! The host's analog inputs (PA4, PA5, PA6, PA0) and the divider of the 5 V rail (PB1) on ADC2. The rail is the regular group, and
-//! the inputs an injected group behind it: each has a data register, so there is no DMA. ADC1 has the temperature sensor.
+//! The host's analog inputs (PA4, PA5, PA6, PA0) and the divider of the 5 V rail (PB1) on ADC2. The rail is the regular
+//! group. The inputs are an injected group that is converted after the rail. Each channel has a data register, so no
+//! DMA is needed. ADC1 has the temperature sensor.
 
 use embassy_stm32::adc::SampleTime;
 use embassy_stm32::gpio::Flex;
@@ -23,7 +24,7 @@ pub(crate) fn set_up(
     mut pins: [Flex<'static>; ANALOG_INPUTS + 1],
 ) -> fn() -> AnalogReadings {
     pins.iter_mut().for_each(Flex::set_as_analog);
-    // Never dropped: analogue inputs for good.
+    // The pins are never dropped, so they stay analog inputs.
     core::mem::forget(pins);
     pac::RCC.apb2enr().modify(|w| w.set_adc2en(true));
     // 6.9 us, for a source of up to 50 kohm with a capacitor, or of 10 kohm without one. Five conversions take 37 us.

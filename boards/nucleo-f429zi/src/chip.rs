@@ -4,8 +4,8 @@ use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
 use motor_hub_stm32::{record, start};
 
-/// 2.93 V falling, 2.85 V at the least (DS9405 table 22): at 168 MHz with 5 wait states the flash needs 2.7 V
-/// (RM0090 table 12).
+/// Level of the programmable voltage detector (PVD): 2.93 V for a falling supply, and at least 2.85 V (DS9405 table
+/// 22). At 168 MHz with 5 wait states the flash needs 2.7 V (RM0090 table 12).
 pub(crate) const PVD_LEVEL: u8 = 0b110;
 
 /// RAM can be read before the first write.
@@ -17,8 +17,9 @@ pub(crate) fn before_clocks() {
     start::before_clocks(pac::IWDG, pac::GPIOB, 14);
 }
 
-/// 168 MHz from the chip's own 16 MHz oscillator, which nothing outside the chip can stop. The ST-LINK's 8 MHz on OSC_IN stop
-/// with its USB. The README has the oscillator's accuracy. Timers on APB2 run at 168 MHz too.
+/// Returns the clocks: 168 MHz from the chip's internal 16 MHz oscillator (HSI), which nothing outside the chip can
+/// stop. The 8 MHz clock of the ST-LINK on OSC_IN is not used, because it stops when the USB of the ST-LINK is
+/// disconnected. The README has the oscillator's accuracy. Timers on APB2 run at 168 MHz too.
 pub(crate) fn clocks() -> embassy_stm32::Config {
     let mut config = embassy_stm32::Config::default();
     config.rcc.pll_src = rcc::PllSource::HSI;
@@ -26,7 +27,8 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
         prediv: rcc::PllPreDiv::DIV8,
         mul: rcc::PllMul::MUL168,
         divp: Some(rcc::PllPDiv::DIV2),
-        // Nothing runs on these 48 MHz, but left out it is 0, which is forbidden (RM0090 6.3.2).
+        // No peripheral uses this clock of 48 MHz. Without this setting PLLQ would be 0, which is forbidden (RM0090
+        // 6.3.2).
         divq: Some(rcc::PllQDiv::DIV7),
         divr: None,
     });
@@ -37,7 +39,7 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
     config
 }
 
-/// Why the chip was reset.
+/// Returns the cause of the last reset, and clears the reset flags.
 pub(crate) fn reset_cause() -> Fault {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|w| w.set_rmvf(true));
@@ -52,8 +54,9 @@ pub(crate) fn reset_cause() -> Fault {
     ])
 }
 
-/// False on chips whose second bank may be read wrongly, depending on the level of PA12, which is USB's here: those before
-/// revision 3 (ES0206 rev 24, erratum 2.2.14). The HAL panics there.
+/// True if the second bank of the flash can be read reliably. On chips before revision 3 a read may give wrong data,
+/// depending on the level of PA12, a USB pin of this board (ES0206 rev 24, erratum 2.2.14). The HAL panics when such a
+/// chip accesses the second bank.
 pub(crate) fn reads_second_bank() -> bool {
     const REVISION_3: u16 = 0x2001;
     pac::DBGMCU.idcode().read().rev_id() >= REVISION_3

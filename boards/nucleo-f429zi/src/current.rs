@@ -1,5 +1,5 @@
-//! The bridges' current-sense lines (PC0, PC3, PF3, PF5) on ADC3. They are an injected group: each has a data register, so there
-//! is no DMA. ADC1 goes on watching the battery.
+//! The bridges' current-sense lines (PC0, PC3, PF3, PF5) on ADC3. They are an injected group, in which each channel has
+//! a data register, so no DMA is needed. Meanwhile ADC1 watches the battery.
 
 use embassy_stm32::Peri;
 use embassy_stm32::adc::SampleTime;

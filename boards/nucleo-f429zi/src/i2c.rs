@@ -1,6 +1,7 @@
-//! The controllers of the I2C buses (RM0090 27.3.3): I2C1, I2C2 and I2C3. Each waits for one interrupt a byte.
+//! The controllers of the I2C buses (RM0090 27.3.3): I2C1, I2C2 and I2C3. A controller waits for one interrupt per
+//! byte.
 //!
-//! A byte that the core has not yet taken or given stops the clock, so a busy core loses nothing.
+//! The controller stretches the clock until the core has read or written the byte, so a busy core loses no byte.
 
 use embassy_stm32::pac::i2c::I2c;
 use embassy_stm32::pac::i2c::regs::Sr1;
@@ -12,7 +13,7 @@ use motor_hub_stm32::supply::Watcher;
 /// Clock of the controllers, PCLK1, in MHz.
 const CLOCK_MHZ: u16 = 42;
 
-/// Time between two looks at a stop condition that is on its way: a period of a slow bus, in microseconds.
+/// Time in microseconds between two checks whether a stop condition is complete. It is one clock period at 100 kHz.
 const STOP_MICROS: u64 = 10;
 
 motor_hub_stm32::i2c_controllers! {
@@ -21,7 +22,8 @@ motor_hub_stm32::i2c_controllers! {
     i2c3: I2C3, I2C3_EV, I2C3_ER;
 }
 
-/// The flags stay raised for the task, which is woken once. A bus error means nothing: the transfer goes on (ES0206 2.9.6).
+/// Handles an interrupt of a controller: disables its interrupts, and wakes the task once. The event flags stay set,
+/// because the task reads them. A bus error is cleared and ignored, because the transfer continues (ES0206 2.9.6).
 fn interrupted(registers: I2c, watcher: &Watcher) {
     registers.sr1().write(|w| {
         // A written 0 clears a flag, and a written 1 changes nothing.
@@ -37,11 +39,12 @@ fn interrupted(registers: I2c, watcher: &Watcher) {
 }
 
 impl Controller {
-    /// Waits for a flag. `buffered` enables the interrupts of single bytes, which stay raised while the data register is not
-    /// used.
+    /// Waits for a flag. If `buffered` is true, the interrupts TXE and RXNE are enabled too. These interrupts stay
+    /// pending until the data register is written or read.
     ///
     /// # Errors
-    /// `refused` after a byte without acknowledgement, or a lost arbitration. A stop follows.
+    /// Returns `refused` after a byte without acknowledgement, and requests a stop condition. Returns
+    /// [`Error::Arbitration`] after a lost arbitration.
     async fn wait(&self, flag: fn(&Sr1) -> bool, buffered: bool, refused: Error) -> Result<(), Error> {
         let registers = self.registers;
         let failed = |status: Sr1| status.af() || status.arlo();
@@ -106,11 +109,12 @@ impl i2c_bus::Controller for Controller {
 
     fn reset(&mut self) {
         let registers = self.registers;
-        // Also ends a bus that the controller takes for busy (RM0090 27.6.1, SWRST).
+        // The reset also clears BUSY if the controller takes a free bus for busy (RM0090 27.6.1, SWRST).
         registers.cr1().write(|w| w.set_swrst(true));
         registers.cr1().write(|w| w.set_swrst(false));
         registers.cr2().write(|w| w.set_freq(CLOCK_MHZ as u8));
-        // Low and high phase: 1 and 1 at 100 kHz, 2 and 1 at 400 kHz (RM0090 27.6.8). A line may rise for 1000 or 300 ns.
+        // Low and high phase: 1 and 1 at 100 kHz, 2 and 1 at 400 kHz (RM0090 27.6.8). The rise time of a line is at
+        // most 1000 ns or 300 ns.
         let (mode, ticks, rise) = if self.fast {
             (FS::FAST, CLOCK_MHZ * 10 / 12, CLOCK_MHZ * 3 / 10)
         } else {
@@ -171,7 +175,7 @@ impl i2c_bus::Controller for Controller {
                 *only = self.next_byte().await?;
             }
             [first, second] => {
-                // POS: ACK is for the next byte.
+                // With POS set, the bit ACK applies to the next byte.
                 cortex_m::interrupt::free(|_| {
                     registers.cr1().modify(|w| w.set_pos(Pos::NEXT));
                     self.clear_addr();
@@ -187,7 +191,7 @@ impl i2c_bus::Controller for Controller {
                 for byte in early {
                     *byte = self.next_byte().await?;
                 }
-                // Two bytes wait, and the clock stands.
+                // Two received bytes wait in the controller, which holds SCL low.
                 self.wait(Sr1::btf, false, Error::NoData).await?;
                 cortex_m::interrupt::free(|_| {
                     registers.cr1().modify(|w| w.set_ack(false));

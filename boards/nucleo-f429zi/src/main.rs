@@ -35,8 +35,8 @@ use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
 use motor_hub_stm32::{after_clocks, pins, serial};
 use static_cell::ConstStaticCell;
 
-/// Where settings are stored, from the start of the second bank: its first two sectors. The code is in the first bank, so it
-/// runs on while these sectors are written and erased (RM0090 3.6.5).
+/// Range of the stored settings, in bytes from the start of the second bank: its first two sectors. The code is in the
+/// first bank, so it continues to run while these sectors are written or erased (RM0090 3.6.5).
 const STORE: core::ops::Range<u32> = 0..32 * 1024;
 
 motor_hub_stm32::hub! {
@@ -68,7 +68,7 @@ async fn main(spawner: Spawner) {
     chip::before_clocks();
     let mut p = embassy_stm32::init(chip::clocks());
     after_clocks::set_up();
-    // Before anything that could hang, and before a bridge can be anything but open.
+    // The watchdog starts before any code that could hang, while all bridges are still open.
     let watchdog = begin(p.IWDG);
 
     static BUFFERS: ConstStaticCell<[serial::Buffers; 3]> =

@@ -1,9 +1,10 @@
 //! The end of a transmission of the host's lines and of the chain line. The USARTs of this chip do not switch an RS-485 transceiver,
 //! so the same handler releases the chain line: PC12 is high while this hub sends.
 //!
-//! At the end embassy's handler clears the flag TC by reading and writing the status register. A byte that arrives between the two
-//! loses its flag RXNE by this, and is never read. So these handlers come first. They disable the interrupt of TC, and wake the
-//! sender. The next byte that is sent clears the flag (RM0090 30.6.1, TC).
+//! At the end of a transmission, embassy's handler reads the status register and writes it back to clear the flag TC.
+//! If a byte arrives between the read and the write, the write clears its flag RXNE, and the byte is never read.
+//! Therefore the handlers of this module run before embassy's handler. They disable the interrupt of TC, and wake the
+//! sender. The next byte that is sent clears TC (RM0090 30.6.1, TC).
 
 use core::marker::PhantomData;
 use embassy_stm32::interrupt::typelevel::{self, Handler};
@@ -42,10 +43,11 @@ lines! {
     CHAIN: UART4, drive_chain, release_chain;
 }
 
-/// The lines of hosts have no transceiver.
+/// Does nothing, because the lines of hosts have no transceiver.
 fn nothing() {}
 
-/// Sets PC12, the transceiver's DE and RE. The driver drives the line within 0.1 us, before the start bit, which is 2 us long.
+/// Sets PC12, the transceiver's DE and RE. The transceiver drives the line after 0.1 us, which is short against a start
+/// bit of 2.2 us.
 fn drive_chain() {
     pac::GPIOC.bsrr().write(|w| w.set_bs(DIRECTION, true));
 }
@@ -58,7 +60,7 @@ fn release_chain() {
 /// The pin of port C that switches the transceiver.
 const DIRECTION: usize = 12;
 
-/// True if nothing is being sent: embassy enables one of these interrupts while it sends.
+/// Returns true if nothing is being sent. Embassy enables TXE or TC as an interrupt while it sends.
 fn ended(usart: Usart) -> bool {
     let control = usart.cr1().read();
     !control.txeie() && !control.tcie()

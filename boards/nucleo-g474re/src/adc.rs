@@ -48,7 +48,7 @@ impl Kind for G4 {
     }
 }
 
-/// Converters that are not calibrated yet.
+/// Creates the converters, which are not calibrated yet.
 ///
 /// # Errors
 /// [`RangeError::Divider`] if a resistance of the divider is 0.

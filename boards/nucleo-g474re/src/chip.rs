@@ -4,8 +4,8 @@ use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
 use motor_hub_stm32::{record, start};
 
-/// About 2.9 V falling (DS12288, embedded reset and power control block): the chip runs on to 1.71 V, but not what hangs
-/// on its pins.
+/// Level of the programmable voltage detector (PVD): about 2.9 V for a falling supply (DS12288, embedded reset and
+/// power control block). The chip itself works down to 1.71 V, but the devices on its pins do not.
 pub(crate) const PVD_LEVEL: u8 = 0b110;
 
 /// RAM can be read before the first write.
@@ -17,7 +17,8 @@ pub(crate) fn before_clocks() {
     start::before_clocks(pac::IWDG, pac::GPIOC, 10);
 }
 
-/// 170 MHz from the chip's own 16 MHz oscillator, so that nothing outside the chip can stop it. All timers run at that.
+/// Returns the clocks: 170 MHz from the chip's internal 16 MHz oscillator (HSI), which nothing outside the chip can
+/// stop. All timers run at 170 MHz.
 pub(crate) fn clocks() -> embassy_stm32::Config {
     let mut config = embassy_stm32::Config::default();
     config.rcc.pll = Some(rcc::Pll {
@@ -35,7 +36,7 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
     config
 }
 
-/// Why the chip was reset.
+/// Returns the cause of the last reset, and clears the reset flags.
 ///
 /// This chip has one flag, BORRSTF, for power-on and brown-out (RM0440 7.4.29). Power-on is the usual cause.
 pub(crate) fn reset_cause() -> Fault {

@@ -48,7 +48,7 @@ async fn main(spawner: Spawner) {
     chip::before_clocks();
     let p = embassy_stm32::init(chip::clocks());
     after_clocks::set_up();
-    // Before anything that could hang, and before a bridge can be anything but open.
+    // The watchdog starts before any code that could hang, while all bridges are still open.
     let watchdog = begin(p.IWDG);
 
     static BUFFERS: ConstStaticCell<serial::Buffers> = ConstStaticCell::new(serial::Buffers::new());

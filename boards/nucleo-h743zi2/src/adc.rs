@@ -29,8 +29,8 @@ impl Kind for H7 {
     /// 165 010 cycles of a calibration with linearity (DS12110, ADC characteristics) take 10.3 ms. This is twice as long.
     const CALIBRATION_MS: u32 = 25;
 
-    /// Sets the current that the converter needs for its clock: half of 32 MHz, or 32 MHz up to revision Y. That revision
-    /// has one bit of BOOST, for more than 20 MHz.
+    /// Sets BOOST, the converter's supply current, for its clock. The clock is 16 MHz, and 32 MHz up to revision Y. In
+    /// revision Y BOOST is a single bit, which must be set above 20 MHz.
     fn prepare_calibration(converter: Adc) {
         const REVISION_Y: u16 = 0x1003;
         let halves = pac::DBGMCU.idc().read().rev_id() > REVISION_Y;
@@ -64,7 +64,7 @@ impl Kind for H7 {
     }
 }
 
-/// Converters that are not calibrated yet.
+/// Creates the converters, which are not calibrated yet.
 ///
 /// # Errors
 /// [`RangeError::Divider`] if a resistance of the divider is 0.
@@ -74,7 +74,7 @@ pub(crate) fn battery(
 ) -> Result<BatteryAdc, RangeError> {
     rcc::enable_and_reset::<ADC1>();
     rcc::enable_and_reset::<ADC3>();
-    // While all converters are disabled (RM0433 25.4.10).
+    // These bits may be written only while all converters are disabled (RM0433 25.4.10).
     pac::ADC3_COMMON.ccr().modify(|w| {
         w.set_vrefen(true);
         w.set_vsenseen(true);

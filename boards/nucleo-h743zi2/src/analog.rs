@@ -1,6 +1,7 @@
-//! Readings on ADC3: the host's analog inputs (PF3, PF4, PF5, PF10), the divider of the 5 V rail (PC2), the temperature sensor,
-//! and VREFINT. The package has the pad PC2_C of PC2. Each sample of the battery starts one sequence of these readings. The FIFO of
-//! the data register has room for eight words (RM0433 25.4.27), so there is no DMA.
+//! Readings on ADC3: the host's analog inputs (PF3, PF4, PF5, PF10), the divider of the 5 V rail (PC2), the temperature
+//! sensor, and VREFINT. Of the two pads of PC2, the package of this chip has only PC2_C. Each sample of the battery
+//! starts one sequence of these readings. The FIFO of the data register has room for eight words (RM0433 25.4.27), so
+//! there is no DMA.
 
 use embassy_stm32::gpio::Flex;
 use embassy_stm32::pac;
@@ -31,11 +32,11 @@ const SLOW: SampleTime = SampleTime::CYCLES387_5;
 
 static NEWEST: Newest = Newest::new();
 
-/// Makes the pins of [`INPUTS`], and then that of [`RAIL`], analogue inputs for good. Returns the function that reads
+/// Makes the pins of [`INPUTS`], and then the pin of [`RAIL`], analog inputs. Returns the function that reads
 /// the inputs.
 pub(crate) fn set_up(mut pins: [Flex<'static>; ANALOG_INPUTS + 1]) -> fn() -> AnalogReadings {
     pins.iter_mut().for_each(Flex::set_as_analog);
-    // Never dropped.
+    // The pins are never dropped, so they stay analog inputs.
     core::mem::forget(pins);
     read
 }
@@ -49,7 +50,7 @@ pub(crate) fn prepare(converter: Adc, vrefint: u8) {
         let (register, position) = (usize::from(channel) / 10, usize::from(channel) % 10);
         converter.smpr(register).modify(|w| w.set_smp(position, time));
         converter.pcsel().modify(|w| w.set_pcsel(channel.into(), Pcsel::PRESELECTED));
-        // Four places in the first register, and five in the second (RM0433 25.6.11).
+        // SQR1 has four positions of the sequence, and SQR2 has five (RM0433 25.6.11).
         if place < 4 {
             converter.sqr1().modify(|w| w.set_sq(place, channel));
         } else {
@@ -65,7 +66,8 @@ fn collect() {
         converter.isr().write(|w| w.set_eos(true));
         let [a, b, c, d, rail, temperature, vrefint] =
             core::array::from_fn(|_| converter.dr().read().rdata());
-        // More words than one sequence has are left over from a sequence that was stopped.
+        // If the FIFO has more words than one sequence, a stopped sequence has left some of them. All words are then
+        // discarded.
         if converter.isr().read().eoc() {
             drain();
         } else {

@@ -8,8 +8,8 @@ use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
 use motor_hub_stm32::{record, stack, start};
 
-/// 2.86 V rising, 2.76 V falling (DS12110 table 116): the chip itself runs on to 1.62 V, but not what
-/// hangs on its pins.
+/// Level of the programmable voltage detector (PVD): 2.86 V for a rising supply, and 2.76 V for a falling one (DS12110
+/// table 116). The chip itself works down to 1.62 V, but the devices on its pins do not.
 pub(crate) const PVD_LEVEL: u8 = 0b110;
 
 /// SYSCFG_CFGR, with its bits CM7L and PVDL (RM0433 12.3.6). The peripheral access crate does not have the register.
@@ -17,10 +17,11 @@ const SYSCFG_CFGR: usize = 0x5800_0418;
 const LOCK_UP_BREAKS: u32 = 1 << 6;
 const SUPPLY_BREAKS: u32 = 1 << 2;
 
-/// Divisor of HSI before all PLLs, which multiply 8 MHz.
+/// Divisor of HSI before all PLLs. The PLLs therefore multiply 8 MHz.
 const PREDIV: rcc::PllPreDiv = rcc::PllPreDiv::DIV8;
 
-/// RAM has an error code, which fits nothing before the first write. Reading RAM before could be a bus error.
+/// RAM has an error-correcting code, which is not valid before the first write. A read of RAM before the first write
+/// may be a bus error.
 pub(crate) const RAM_HAS_ERROR_CODE: bool = true;
 
 /// Lights the red lamp, PB14, and starts the watchdog.
@@ -29,8 +30,9 @@ pub(crate) fn before_clocks() {
     start::before_clocks(pac::IWDG1, pac::GPIOB, 14);
 }
 
-/// 400 MHz from the chip's own 64 MHz oscillator, which nothing outside the chip can stop. The ST-LINK's 8 MHz on OSC_IN stop
-/// with its USB. The README has the oscillator's accuracy. Buses run at 200 and 100 MHz, all timers at 200 MHz.
+/// Returns the clocks: 400 MHz from the chip's internal 64 MHz oscillator (HSI), which nothing outside the chip can
+/// stop. The 8 MHz clock of the ST-LINK on OSC_IN is not used, because it stops when the USB of the ST-LINK is
+/// disconnected. The README has the oscillator's accuracy. Buses run at 200 and 100 MHz, all timers at 200 MHz.
 pub(crate) fn clocks() -> embassy_stm32::Config {
     let pll = |mul, divp| rcc::Pll {
         source: rcc::PllSource::HSI,
@@ -44,10 +46,11 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
     let mut config = embassy_stm32::Config::default();
     config.rcc.voltage_scale = rcc::VoltageScale::Scale1;
     config.rcc.pll1 = Some(pll(rcc::PllMul::MUL100, Some(rcc::PllDiv::DIV2)));
-    // 32 MHz for the converters, which halve it (of revision Y they do not, and take 36 MHz).
+    // The converters get 32 MHz, and halve this clock. In revision Y they do not halve it, and work with up to 36 MHz.
     config.rcc.pll2 = Some(pll(rcc::PllMul::MUL48, Some(rcc::PllDiv::DIV12)));
     config.rcc.mux.adcsel = rcc::mux::Adcsel::PLL2_P;
-    // PLL3 has no user. The HAL switches an unused PLL off by a register that the running PLL1 locks.
+    // PLL3 is configured, although nothing uses it. To switch an unused PLL off, the HAL writes a register that the
+    // running PLL1 locks. `set_up` switches PLL3 off.
     config.rcc.pll3 = Some(pll(rcc::PllMul::MUL20, None));
     config.rcc.sys = rcc::Sysclk::PLL1_P;
     config.rcc.ahb_pre = rcc::AHBPrescaler::DIV2;
@@ -55,22 +58,23 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
     config.rcc.apb2_pre = rcc::APBPrescaler::DIV2;
     config.rcc.apb3_pre = rcc::APBPrescaler::DIV2;
     config.rcc.apb4_pre = rcc::APBPrescaler::DIV2;
-    // No USB, and no clock of day: the backup domain is left alone.
+    // The hub uses neither USB nor a real-time clock, so the backup domain is not configured.
     config.rcc.hsi48 = None;
     config.rcc.ls = rcc::LsConfig::off();
     config
 }
 
-/// Code from the cache and from the first bank alone, a guard under the stack, and bridges off while a debugger holds the
-/// core. To be called right after the HAL's initialisation, before the core sleeps for the first time.
+/// Enables the instruction cache, sets the guard of the stack, forbids code outside the first bank of the flash, and
+/// stops the PWM timer while a debugger halts the core. Call this function right after the HAL's initialisation, before
+/// the core sleeps for the first time.
 ///
 /// # Caches
-/// Only the instruction cache is on: docs/decisions/0014-caches-of-the-h743.md. The image's flash does not change while the
-/// image runs, and data are in the DTCM, beside all caches. So no cache line can be stale.
+/// Only the instruction cache is on: docs/decisions/0014-caches-of-the-h743.md. The image's flash does not change while
+/// the image runs, and data are in the DTCM, which no cache serves. So no cache line can be stale.
 ///
 /// # Debugger
-/// While the core is halted TIM1 stands still, and its outputs are off as after a break (RM0433 38.3.29): low, with
-/// OSSI set. The watchdog runs on.
+/// While the core is halted, TIM1 is stopped and its outputs are off as after a break (RM0433 38.3.29). With OSSI set,
+/// the outputs are then low. The watchdog continues to run.
 pub(crate) fn set_up() {
     if let Some(mut core) = cortex_m::Peripherals::take() {
         core.SCB.enable_icache();
@@ -81,12 +85,13 @@ pub(crate) fn set_up() {
     pac::DBGMCU.apb2fzr1().modify(|w| w.set_tim1(true));
 }
 
-/// From here on the chip switches all PWM off without any code when the core locks up, and when the supply falls. To be called
+/// Makes the chip switch all PWM off without any code when the core locks up or the supply falls. Call this function
 /// after the set-up of TIM1. Before revision V the timer ignores both (ES0392 2.2.2).
 ///
-/// Double ECC errors are not connected. The core takes each as a bus fault, whose handler opens the bridges at once; if the
-/// handler fails too, the core locks up. The connection of the flash would also fire at words that a power cut has torn, which
-/// the store reads as empty, and the connection of the DTCM at stack that has not been written since power-on.
+/// Double ECC errors are not connected to the timer's break input. The core takes such an error as a bus fault, whose
+/// handler opens the bridges. If the handler fails too, the core locks up. A connection of the flash would also cause a
+/// break at words that a power cut has damaged, which the store reads as empty. A connection of the DTCM would also
+/// cause a break at stack memory that has not been written since power-on.
 pub(crate) fn break_pwm() {
     const REVISION_V: u16 = 0x2003;
     if pac::DBGMCU.idc().read().rev_id() < REVISION_V {
@@ -96,17 +101,18 @@ pub(crate) fn break_pwm() {
     // SAFETY: a register of SYSCFG, which the HAL has given its clock, and no other code has the register.
     let connections = unsafe { Reg::<u32, RW>::from_ptr(with_exposed_provenance_mut(SYSCFG_CFGR)) };
     connections.write_value(LOCK_UP_BREAKS | SUPPLY_BREAKS);
-    // The pin BKIN, which no driver sets up, is no source: its input is low then, and the timer waits for a high one.
+    // The pin BKIN is not a break source, because no driver sets it up. Its disabled input is low, and the break input
+    // is active high.
     pac::TIM1.af1().modify(|w| w.set_bkine(false));
     pac::TIM1.bdtr().modify(|w| {
         w.set_bkp(0, Bkp::ACTIVE_HIGH);
         w.set_bke(0, true);
     });
-    // The change of polarity may have passed for a break.
+    // The timer may have taken the change of polarity for a break, which clears MOE. MOE is therefore set again.
     pac::TIM1.bdtr().modify(|w| w.set_moe(true));
 }
 
-/// Why the chip was reset.
+/// Returns the cause of the last reset, and clears the reset flags.
 pub(crate) fn reset_cause() -> Fault {
     let flags = pac::RCC.rsr().read();
     pac::RCC.rsr().modify(|w| w.set_rmvf(true));

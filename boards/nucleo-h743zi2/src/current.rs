@@ -1,5 +1,5 @@
-//! The bridges' current-sense lines (PC0, PB1, PA6, PA5) on ADC2. The FIFO of its data register has room for four words
-//! (RM0433 25.4.27), so there is no DMA. ADC1 goes on watching the battery.
+//! The bridges' current-sense lines (PC0, PB1, PA6, PA5) on ADC2. The FIFO of its data register holds eight words
+//! (RM0433 25.4.27), more than the four readings, so no DMA is needed. Meanwhile ADC1 watches the battery.
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::Flex;
@@ -61,7 +61,7 @@ impl Calibrate for CurrentLines {
 
 impl CurrentSense<MOTORS> for CurrentLines {
     async fn sample(&mut self) -> [Option<Milliamperes>; MOTORS] {
-        // Words that came too late for the last sample would pass for currents of other motors.
+        // Discards readings that came too late for the last sample. They would be taken for currents of other motors.
         stop(pac::ADC2);
         for _ in 0..FIFO_WORDS {
             let _ = pac::ADC2.dr().read();

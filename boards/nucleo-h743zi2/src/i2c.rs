@@ -1,6 +1,6 @@
-//! The controllers of the I2C buses (RM0433 47.4.9): I2C1 to I2C4. Each waits for one interrupt a byte.
+//! The controllers of the I2C buses (RM0433 47.4.9): I2C1 to I2C4. A controller waits for one interrupt per byte.
 //!
-//! A byte that the core has not yet taken or given stops the clock, so a busy core loses nothing.
+//! The controller stretches the clock until the core has read or written the byte, so a busy core loses no byte.
 
 use embassy_stm32::pac::i2c::I2c;
 use embassy_stm32::pac::i2c::regs::Isr;
@@ -17,9 +17,10 @@ struct Timing {
     data_setup: u8,
 }
 
-/// At most 100 kHz: the low and the high phase have 5.0 us each, and a line may rise for 1000 ns.
+/// At most 100 kHz. The low and the high phase have 5.0 us each. The rise time of a line is at most 1000 ns.
 const SLOW: Timing = Timing { prescaler: 9, low: 49, high: 49, data_hold: 3, data_setup: 12 };
-/// At most 400 kHz: the low phase has 1.35 us, the high phase 1.15 us, and a line may rise for 300 ns.
+/// At most 400 kHz. The low phase has 1.35 us, and the high phase has 1.15 us. The rise time of a line is at most 300
+/// ns.
 const FAST: Timing = Timing { prescaler: 4, low: 26, high: 22, data_hold: 5, data_setup: 7 };
 
 motor_hub_stm32::i2c_controllers! {
@@ -29,14 +30,16 @@ motor_hub_stm32::i2c_controllers! {
     i2c4: I2C4, I2C4_EV, I2C4_ER;
 }
 
-/// The flags stay raised for the task, which is woken once. A bus error means nothing: the transfer goes on (ES0392 2.19.4).
+/// Handles an interrupt of a controller: disables its interrupts, and wakes the task once. The event flags stay set,
+/// because the task reads them. A bus error is cleared and ignored, because the transfer continues (ES0392 2.19.4).
 fn interrupted(registers: I2c, watcher: &Watcher) {
     registers.icr().write(|w| w.set_berrcf(true));
     enable(registers, false);
     watcher.wake();
 }
 
-/// Enables or disables all interrupts of a transfer. A missing acknowledgement has none: its stop has one.
+/// Enables or disables all interrupts of a transfer. A missing acknowledgement needs no interrupt, because the stop
+/// condition that follows has one.
 fn enable(registers: I2c, on: bool) {
     registers.cr1().modify(|w| {
         w.set_txie(on);
@@ -51,10 +54,11 @@ impl Controller {
     /// Waits for a flag.
     ///
     /// # Errors
-    /// `refused` after a byte without acknowledgement, whose stop the controller has made, or a lost arbitration.
+    /// Returns `refused` after a byte without acknowledgement; the controller has then made a stop condition. Returns
+    /// [`Error::Arbitration`] after a lost arbitration.
     async fn wait(&self, flag: fn(&Isr) -> bool, refused: Error) -> Result<(), Error> {
         let registers = self.registers;
-        // The stop follows a missing acknowledgement by itself.
+        // After a missing acknowledgement the controller makes a stop condition without a request.
         let failed = |status: Isr| status.arlo() || status.nackf() && status.stopf();
         let due = || {
             let status = registers.isr().read();
@@ -66,7 +70,7 @@ impl Controller {
             return Ok(());
         }
         self.clear();
-        // A byte that has not been sent.
+        // Setting TXE discards a byte in TXDR that has not been sent.
         registers.isr().write(|w| w.set_txe(true));
         Err(if status.arlo() { Error::Arbitration } else { refused })
     }
@@ -79,7 +83,7 @@ impl Controller {
         });
     }
 
-    /// Puts a start and an address on the bus, for this many bytes.
+    /// Puts a start condition and an address on the bus, for a transfer of `count` bytes.
     fn start(&self, address: u8, count: usize, direction: Dir, then_stop: bool) {
         self.registers.cr2().write(|w| {
             w.set_add10(Addmode::BIT7);
@@ -106,7 +110,8 @@ impl i2c_bus::Controller for Controller {
     fn reset(&mut self) {
         let registers = self.registers;
         registers.cr1().write(|w| w.set_pe(false));
-        // The controller is off for three cycles of its bus at least (RM0433 47.4.6): a read takes that long.
+        // The controller must be disabled for at least three cycles of its APB clock (RM0433 47.4.6). Reading the
+        // register takes this time.
         let _ = registers.cr1().read();
         let timing = if self.fast { FAST } else { SLOW };
         registers.timingr().write(|w| {
@@ -120,7 +125,7 @@ impl i2c_bus::Controller for Controller {
         self.set = self.fast;
     }
 
-    /// Every transfer waits for its stop already.
+    /// Applies a changed speed. No wait is needed, because every transfer has waited for its stop condition.
     async fn idle(&mut self) {
         if self.set != self.fast {
             self.reset();

@@ -43,10 +43,10 @@ use static_cell::{ConstStaticCell, StaticCell};
 /// A part of a bank.
 type Part = Partition<'static, ThreadModeRawMutex, Bank<Timer>>;
 
-/// Time between two looks at a busy flash. A word takes 0.1 to 0.3 ms.
+/// Time between two checks of a busy flash. The write of a word takes 0.1 to 0.3 ms.
 const FLASH_PAUSE: Duration = Duration::from_micros(200);
 
-/// Where the bootloader starts this image from, if there is a bootloader.
+/// The slot from which the bootloader starts this image. `None` without a bootloader.
 const SLOT: Option<Slot> = if cfg!(feature = "bootloader") {
     Some(Slot {
         origin: layout::ORIGIN,
@@ -86,7 +86,7 @@ async fn main(spawner: Spawner) {
     chip::before_clocks();
     let mut p = embassy_stm32::init(chip::clocks());
     chip::set_up();
-    // Before anything that could hang, and before a bridge can be anything but open.
+    // The watchdog starts before any code that could hang, while all bridges are still open.
     let watchdog = begin(p.IWDG1);
 
     static BUFFERS: ConstStaticCell<[serial::Buffers; 3]> =

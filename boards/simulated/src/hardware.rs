@@ -47,7 +47,7 @@ pub fn winding(motor: &Motor) -> Result<Winding, RangeError> {
 }
 
 /// Returns a thermal limit for a motor whose data sheet gives none: the continuous current is a third of the stall
-/// current at 12 V. An AM 60 A then heats its winding by 4.4 W; a stall heats it by 40 W. The time constants have their
+/// current at 12 V. An AM 60 A then heats its winding by 4.8 W; a stall heats it by 44 W. The time constants have their
 /// usual values. This is a cautious guess, not a measurement.
 ///
 /// # Errors

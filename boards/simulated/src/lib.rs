@@ -1,4 +1,4 @@
-//! The host as a board: the hub's own async tasks under virtual time against simulated motors.
+//! The simulated board: the hub's own async tasks run on this computer in virtual time, with simulated motors.
 //!
 //! ```text
 //!     scenario --> sim: tasks of motor-hub <--> world: plants, battery --> trace

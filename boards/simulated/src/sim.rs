@@ -48,13 +48,13 @@ pub enum RunError {
         error: RangeError,
     },
     /// The scenario has no motor.
-    #[error("a scenario without a motor")]
+    #[error("the scenario has no motor; it needs 1 to 4")]
     NoMotors,
     /// The hub did not feed its watchdog.
     #[error("the hub did not feed its watchdog: a real board would have been reset")]
     Starved,
     /// All receivers of the hub's snapshots are in use.
-    #[error("the hub has no receiver to spare")]
+    #[error("all receivers of the hub's snapshots are in use")]
     Unobserved,
 }
 

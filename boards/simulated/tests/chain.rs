@@ -1,4 +1,4 @@
-//! A chain of simulated hubs, in virtual time: what a host at the parent sees of its children.
+//! A chain of simulated hubs, in virtual time: answers and reports that a host at the parent gets from the children.
 
 use motor_hub::chain::ChainReport;
 use motor_hub::extension::report::HubReport;
@@ -24,7 +24,7 @@ use std::pin::Pin;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Waker};
 
-/// The clock of the mock driver is one for the process.
+/// All tests of the process share the clock of the mock driver, so they run one after another.
 static CLOCK: Mutex<()> = Mutex::new(());
 
 /// Time after which a motor can be enabled.
@@ -187,7 +187,7 @@ fn the_parent_answers_within_two_milliseconds_whatever_its_child_does() {
         chain.pass(3);
         let mut answers_of_other_child = 0;
         for _ in 0..100 {
-            // The host neither waits for the child nor gives it up.
+            // The host sends to the child without waiting for its answer, and sends again in the next round.
             chain.send(Standard::Status { clear: false }, 3);
             let (_, ms) = chain.ask(Standard::KeepAlive, PARENT).expect("an answer");
             assert!(ms <= 2, "{fault:?}: {ms} ms");
@@ -198,7 +198,7 @@ fn the_parent_answers_within_two_milliseconds_whatever_its_child_does() {
         if fault != Some(LineFault::Babbles(1)) {
             assert!(answers_of_other_child >= 99, "{fault:?}: {answers_of_other_child} of 100");
         }
-        // The child is there again as soon as the fault has gone.
+        // The child answers again immediately after the end of the fault.
         chain.line.set_fault(None);
         chain.pass(100);
         assert!(chain.ask(Standard::KeepAlive, 3).is_some(), "{fault:?}");
@@ -241,15 +241,15 @@ fn hubs_with_one_address_are_told() {
     assert!(chain.obeys(Standard::KeepAlive, PARENT) && chain.obeys(Standard::KeepAlive, 9));
 }
 
-/// Rows of the fault matrix of `docs/results`, as far as a simulated hub has their faults.
+/// Faults of the fault matrix in `docs/results` that a simulated hub can have.
 enum Fault {
     Encoder(Encoder),
-    /// Voltage of the battery, and whether open loop follows it.
+    /// The battery has this open-circuit voltage, V.
     Battery(f64),
     HostSilent,
 }
 
-/// What becomes of a motor.
+/// Expected effect of a fault on a motor.
 #[derive(Clone, Copy, Debug)]
 enum Becomes {
     /// The motor turns as commanded.
@@ -265,7 +265,8 @@ use Becomes::{Opens, Turns, Works};
 struct Row {
     name: &'static str,
     fault: Fault,
-    /// Of a motor in open loop, and of motors regulated to a speed, to a position, and to a speed against a load.
+    /// Expected effects on four motors: in open loop, and regulated to a speed, to a position, and to a speed against a
+    /// load.
     motors: [Becomes; 4],
 }
 
@@ -329,7 +330,7 @@ fn faulty_chain(row: &Row, in_parent: bool) -> Chain {
     let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
     let mut scenario = Scenario::new("matrix", 10.0, battery, motors);
     let (mut sound, mut faulty) = (Interventions::default(), Interventions::default());
-    // The scenario is that of both hubs. Interventions in the parent replace it.
+    // Both hubs have this scenario. For the parent, interventions replace values of the scenario.
     match row.fault {
         Fault::Encoder(encoder) if in_parent => {
             faulty.motors = [OnMotor { encoder: Some(encoder), ..OnMotor::default() }; 4];
@@ -356,7 +357,7 @@ fn faulty_chain(row: &Row, in_parent: bool) -> Chain {
 const CHILD: u8 = 3;
 
 impl Chain {
-    /// Sets four motors going, each in another mode.
+    /// Starts four motors, each in another mode.
     fn start_modes(&mut self, address: u8) {
         let modes = [RunMode::Power, RunMode::Velocity, RunMode::Position, RunMode::Velocity];
         for ((motor, mode), cps) in (0..).zip(modes).zip([0, 1000, 1000, 300]) {
@@ -394,7 +395,8 @@ impl Chain {
     }
 }
 
-/// Puts a fault into one hub of a chain, and says what is not as the row has it, or if the other hub has noticed.
+/// Applies a fault to one hub of a chain. Asserts that the motors of this hub do what the row expects, and that the
+/// other hub is not disturbed.
 fn judge(row: &Row, in_parent: bool) {
     let name = row.name;
     let mut chain = faulty_chain(row, in_parent);

@@ -20,7 +20,7 @@ pub async fn run<M: RawMutex, const N: usize>(input: Input<'static>, wires: &Wir
     loop {
         ticker.next().await;
         let down = input.is_high();
-        // To look at a snapshot is to copy all of it, so only a pressed button does.
+        // Reading a snapshot copies all of it, so the battery is checked only while the button is pressed.
         let battery_good =
             down && wires.snapshot.try_get().is_some_and(|snapshot| snapshot.good_battery().is_some());
         let wanted = button.step(ButtonInputs {

@@ -1,4 +1,4 @@
-//! Handlers of what ends a run: a panic, a HardFault, a falling supply, or an interrupt without a handler.
+//! Handlers for the events that end a run: a panic, a HardFault, a falling supply, or an interrupt without a handler.
 //!
 //! Each handler opens all bridges, stores the fault for the record, logs the fault, and waits until the watchdog resets the
 //! chip. If the fault interrupts the writing of a log line, the fault is not logged, because the log holds one line at a time.
@@ -36,7 +36,7 @@ macro_rules! end_faults_with {
     };
 }
 
-/// How the run of a board's program ends.
+/// What the handlers do when the run of a board's program ends.
 pub struct End {
     /// Opens all bridges until the next reset. The function accesses only registers, so it may be called in any context.
     pub open: fn(),
@@ -83,7 +83,7 @@ impl End {
         })
     }
 
-    /// Ends the run when the supply falls: for the interrupt of a board's voltage detector.
+    /// Ends the run when the supply falls. The interrupt handler of a board's voltage detector calls this function.
     pub fn supply_fell(&self) -> ! {
         self.stop(Fault::SupplyFell, [0; 2], || error!("the chip's supply fell; bridges off"))
     }

@@ -101,13 +101,14 @@ macro_rules! hub {
             )?
         }
 
-        /// What the responder has besides motors and connectors.
+        /// Parts that the responder serves besides motors and connectors; true if the board has the part.
         struct OptionalParts {
             store: bool,
             chain: bool,
         }
 
-        /// Starts the watchdog, opens the record, and watches the supply: below the detector's level its interrupt ends the run.
+        /// Starts the watchdog, opens the record of faults, and switches the voltage detector on. If the supply falls
+        /// below the detector's level, the detector's interrupt ends the run.
         fn begin(watchdog: ::embassy_stm32::Peri<'static, ::embassy_stm32::peripherals::$watchdog>) -> Watchdog {
             use ::embassy_stm32::pac;
             $crate::status::started(env!("CARGO_PKG_NAME"));
@@ -139,7 +140,7 @@ macro_rules! hub {
             use ::defmt::unwrap;
             let hz = ::embassy_stm32::rcc::frequency::<::embassy_stm32::peripherals::$pwm>().0;
             ::defmt::info!("{=u32} Hz, {} motors every {=u32} ms", hz, MOTORS, PERIOD.as_millis());
-            // The timing of the real VNH5019; the default settings have an ideal bridge.
+            // The settings have the timing of a real VNH5019. The default settings have an ideal bridge.
             let settings = ::motor_hub::motor::Settings {
                 bridge: ::motor_hub::bridge::BridgeConstants::VNH5019,
                 ..::motor_hub::motor::Settings::new(::motor_hub::braking::Winding::NEVEREST_60)
@@ -261,7 +262,7 @@ macro_rules! hub {
             mut lamp: $crate::lamp::Lamp,
             responder: &'static mut ::motor_hub::responder::Responder<MOTORS>,
         ) {
-            // The lamp is shown at least every 100 ms, whatever the line does.
+            // The task shows the lamp at least every 100 ms, also while the line is silent or busy.
             let show = |colour| {
                 lamp.show(colour);
                 HEALTH.check_in(::motor_hub::tasks::Task::Responder);

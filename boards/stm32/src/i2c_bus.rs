@@ -1,9 +1,10 @@
 //! An I2C bus for hosts: its lines SCL and SDA, and the controller of the chip that transfers bytes.
 //!
-//! The HAL's driver is not used. On the STM32F4 a transfer goes on after its future is dropped. On the STM32H7 other tasks cannot
-//! run while the driver waits for a busy bus, and the driver's DMA does not reach the memory that holds the tasks. A [`Controller`]
-//! waits for one interrupt per byte, and never in a loop for a line. [`motor_hub::tasks::i2c`] has the time-out of a transfer. A
-//! line that a device holds low is found before a transfer starts.
+//! The HAL's driver is not used. On the STM32F4 a transfer continues after its future is dropped. On the STM32H7 other
+//! tasks cannot run while the driver waits for a busy bus, and the driver's DMA does not reach the memory that holds
+//! the tasks. A [`Controller`] waits for one interrupt per byte, and never in a loop for a line.
+//! [`motor_hub::tasks::i2c`] has the time-out of a transfer. A line that a device holds low is found before a transfer
+//! starts.
 //!
 //! Resistors outside the chip pull both lines up to 3.3 V. The chip's own pull-ups are too weak for 400 kbit/s.
 
@@ -92,7 +93,7 @@ macro_rules! i2c_controllers {
             registers: ::embassy_stm32::pac::i2c::I2c,
             watcher: &'static Watcher,
             fast: bool,
-            /// The speed that the registers are set for.
+            /// True if the registers are set for the fast speed, 400 kbit/s.
             set: bool,
         }
 

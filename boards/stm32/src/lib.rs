@@ -1,6 +1,6 @@
-//! What boards with an STM32 share: drivers behind the traits of [`motor_hub::board`], handlers of panics and faults, and the
-//! program of a hub. The drivers are generic over the number of motors and over peripherals. The crate of a board adds its pins
-//! and clocks.
+//! Code that boards with an STM32 share: drivers behind the traits of [`motor_hub::board`], handlers of panics and
+//! faults, and the program of a hub. The drivers are generic over the number of motors and over peripherals. The crate
+//! of a board adds its pins and clocks.
 //!
 //! | module | what is in it |
 //! |---|---|

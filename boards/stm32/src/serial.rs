@@ -24,7 +24,7 @@ use motor_hub::protocol::frame::{self, Frame};
 use motor_hub::protocol::{BAUD, Decoder};
 use motor_hub::units::Micros;
 
-/// Size of the buffer for received bytes: several of the longest requests that hosts send (112 bytes).
+/// Size of the buffer for received bytes. The buffer holds several of the longest requests that hosts send (112 bytes).
 const RECEIVED: usize = 512;
 
 /// Size of the buffer for bytes to send. Every answer of REV's protocol fits. The longest reports of this hub's own interface
@@ -59,11 +59,11 @@ impl Default for Buffers {
 /// A line: its sending and its receiving half.
 pub type Line = (Sender, Receiver);
 
-/// Opens a line of 460 800 baud, 8 data bits, no parity and one stop bit, with RX pulled up. `end` says how to wait for the end
-/// of a transmission, where embassy's own way does not work.
+/// Opens a line of 460 800 baud, 8 data bits, no parity and one stop bit, with RX pulled up. `end` gives the way to
+/// wait for the end of a transmission on boards where embassy's flush does not work. `None` selects embassy's flush.
 ///
 /// # Errors
-/// If the clocks cannot make that speed.
+/// Returns an error if the clocks cannot make this speed.
 pub fn open<T: Instance>(
     usart: Peri<'static, T>,
     tx: Peri<'static, impl TxPin<T>>,
@@ -81,7 +81,7 @@ pub fn open<T: Instance>(
 /// and one bit longer at both ends.
 ///
 /// # Errors
-/// If the clocks cannot make that speed.
+/// Returns an error if the clocks cannot make this speed.
 #[cfg(feature = "driver-enable")]
 pub fn open_with_driver_enable<T: Instance>(
     usart: Peri<'static, T>,
@@ -147,9 +147,9 @@ impl Read for Receiver {
     }
 }
 
-/// The line's sending half. A write to embassy's half that is longer than its buffer is refused, and each later flush waits
-/// without end. A write that does not fit yet waits without being woken. So a write here is at most the buffer, and waits until
-/// the buffer is empty.
+/// The line's sending half. Embassy's half refuses a write that is longer than its buffer, and each later flush then
+/// waits without end. A write that does not fit into the free part of the buffer waits and is never woken. Therefore a
+/// write of this half is at most as long as the buffer, and waits until the buffer is empty.
 pub struct Sender {
     line: BufferedUartTx<'static>,
     end: Option<TransmissionEnd>,
@@ -228,7 +228,7 @@ impl Read for HostReceiver {
                 1 => return second.read(into).await,
                 _ => {}
             }
-            // One byte at a time: what follows the first packet stays in its line.
+            // Bytes are read one at a time, so bytes after the first packet stay in the buffer of their line.
             let (mut a, mut b) = ([0], [0]);
             let (line, decoder, byte) = match select(first.read(&mut a), second.read(&mut b)).await {
                 Either::First(result) => result.map(|_| (0, &mut first.decoder, a))?,

@@ -1,4 +1,4 @@
-//! What is started before the clocks: a lamp and the watchdog.
+//! Starts a lamp and the watchdog before the clocks run.
 
 use embassy_stm32::pac::gpio::{Gpio, vals::Moder};
 use embassy_stm32::pac::iwdg::{Iwdg, vals::Key};

@@ -21,7 +21,8 @@ const PVD_LINE: usize = 16;
 /// The brown-out reset is not used, because its level is an option byte. If the supply failed while firmware writes option
 /// bytes, the chip could lose all of them.
 pub fn watch(interrupt: pac::Interrupt, enable: impl FnOnce()) {
-    // The line comes first: a supply that is low already then makes an edge when the detector is switched on.
+    // The EXTI line is set before the detector is enabled. A supply that is already low then makes an edge when the
+    // detector is switched on.
     pac::EXTI.rtsr(0).modify(|w| w.set_line(PVD_LINE, true));
     pac::EXTI.imr(0).modify(|w| w.set_line(PVD_LINE, true));
     unmask(interrupt);

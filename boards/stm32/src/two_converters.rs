@@ -30,7 +30,7 @@ const REFERENCE_STALE: Duration = Duration::from_millis(25);
 
 static WATCHER: Watcher = Watcher::new();
 
-/// What differs between the converters of two chips.
+/// The properties in which the converters of two chips differ.
 pub trait Kind {
     /// Interrupt of the battery's converter.
     const INTERRUPT: Interrupt;
@@ -175,7 +175,8 @@ pub async fn calibrate<K: Kind>(converters: &[Adc]) {
     for converter in converters {
         converter.cr().modify(|w| w.set_aden(true));
     }
-    // A converter becomes ready in a shorter time. A converter that does not become ready gives no readings, and is restarted later.
+    // A converter becomes ready in less than 20 us. A converter that does not become ready gives no readings, and is
+    // restarted later.
     Timer::after_micros(20).await;
 }
 

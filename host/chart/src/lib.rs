@@ -127,7 +127,7 @@ pub struct Band {
 pub enum Style {
     /// Straight from sample to sample.
     Line,
-    /// As `Line`, dashed. A dashed line shows wanted values beside measured values.
+    /// As `Line`, dashed. A dashed line shows requested or predicted values beside measured values.
     Dashed,
     /// Each value holds until the next sample.
     Step,

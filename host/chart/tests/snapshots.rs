@@ -1,4 +1,4 @@
-//! What small figures look like, element by element. Together they use everything that a figure can have.
+//! Compares the SVG of small figures with stored files. Together the figures use all features of a figure.
 
 mod snapshot;
 
@@ -34,7 +34,7 @@ fn styles() -> Figure {
     }
 }
 
-/// Bands that two panels share, each named once; one sticks out of the axis.
+/// Bands that two panels share. Each band is named once, and one band extends beyond the axis.
 fn bands() -> Figure {
     let bands = vec![
         Band { from: -1.0, to: 0.5, colour: fill::FORWARD, name: "forward" },
@@ -52,7 +52,7 @@ fn bands() -> Figure {
     }
 }
 
-/// Named points, on either side of their mark and beyond the axis; a line that leaves the axes is cut.
+/// Points with their names on either side, and points beyond the axis. A line that leaves the axes is clipped.
 fn points() -> Figure {
     let point = |x: f64, y: f64, name: &str| Point { at: (x, y), name: name.into(), colour: colour::INK };
     Figure {
@@ -81,7 +81,7 @@ fn points() -> Figure {
     }
 }
 
-/// Nothing to show, a single value, very small and very large numbers; words that must be escaped.
+/// Panels without data, with a single value, and with very small and very large numbers. Some words must be escaped.
 fn edges() -> Figure {
     let line = |data: &[(f64, f64)]| vec![series("<a> & \"b\"", colour::BLUE, Style::Line, data)];
     Figure {

@@ -40,13 +40,14 @@ use studies::table;
 /// the motor: 3:0 is motor 0 of the hub at address 3.
 ///
 /// A command that runs motors disables them when it ends: normally, after an error, after a panic, or by Ctrl-C,
-/// SIGTERM, SIGQUIT or SIGHUP (closed terminal). Ctrl-Z ends it too, instead of suspending it. It reports that on
-/// standard error, unless it ended normally. After SIGKILL, and after the console window of Windows is closed, the
-/// hub receives nothing more, and disables all motors after its keep-alive timeout of 2.5 s. `stop` disables all
-/// motors immediately.
+/// SIGTERM, SIGQUIT or SIGHUP (closed terminal). Ctrl-Z also ends the command, instead of suspending it. Unless the
+/// command ended normally, standard error names the motors that it has disabled. After SIGKILL, and after the console
+/// window of Windows is closed, the hub receives nothing more, and disables all motors after its keep-alive timeout
+/// of 2.5 s. `stop` disables all motors immediately.
 ///
 /// Any packet resets the hub's keep-alive. Each command, also `status` and `watch`, therefore first disables motors
-/// that it finds enabled, and reports that. A line has one host at a time, so the host that enabled them is gone.
+/// that it finds enabled, and names these motors on standard error. A line has one host at a time, so the host that
+/// enabled the motors is gone.
 ///
 /// Exit codes: 0 done; 1 no answer, a refusal, or a position or velocity that was not reached; 2 wrong options.
 #[derive(clap::Args)]

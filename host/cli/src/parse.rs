@@ -77,19 +77,19 @@ pub(crate) fn common_hub(mut motors: impl Iterator<Item = MotorName>) -> Result<
 
 /// Parses a duration in seconds, without an upper limit.
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
-    within(text, f64::MIN_POSITIVE..=f64::MAX).ok_or_else(|| "a length is more than 0 s".to_owned())
+    within(text, f64::MIN_POSITIVE..=f64::MAX).ok_or_else(|| "a duration is more than 0 s".to_owned())
 }
 
 /// Parses a duration in seconds, at most a day.
 pub(crate) fn within_a_day(text: &str) -> Result<Duration, String> {
     let length = within(text, f64::MIN_POSITIVE..=DAY_S).map(Duration::from_secs_f64);
-    length.ok_or_else(|| format!("a length is more than 0 and at most {DAY_S} s"))
+    length.ok_or_else(|| format!("a duration is more than 0 and at most {DAY_S} s"))
 }
 
 /// Parses the duration of a scenario in seconds.
 pub(crate) fn run_seconds(text: &str) -> Result<f64, String> {
     let length = within(text, 0.001..=LONGEST_S);
-    length.ok_or_else(|| format!("a length is more than 0 and at most {LONGEST_S} s"))
+    length.ok_or_else(|| format!("a duration is more than 0 and at most {LONGEST_S} s"))
 }
 
 /// Returns a parser of whole numbers: `what` names the quantity ("a control period"), `unit` is "" for none.

@@ -36,9 +36,9 @@ const AWAKE_S: f64 = 0.5;
 /// set-points. The torques of a scenario act from the start. In the default scenario no load acts on the motors, and
 /// dry friction is 6 % of the stall torque. All motors use Scheme A.
 ///
-/// The hub accepts one host at a time. It closes a second TCP connection, and reports that on standard error; a host
-/// that has been silent for 5 s gives way instead. Standard error also reports when this machine is too slow for real
-/// time.
+/// The hub accepts one host at a time. The hub closes a second TCP connection, and reports this on standard error. If
+/// the first host has been silent for 5 s, the hub serves the second host instead. Standard error also reports when
+/// this machine is too slow for real time.
 ///
 /// `motor-hub client scan` finds the hub by a note in a folder of this user: motor-hub in XDG_RUNTIME_DIR, else in
 /// the folder for temporary files. The note is removed at the end.

@@ -28,13 +28,15 @@ enum Part {
 ///
 /// cells: every motor of the catalogue without a load, at a speed and to a position, at four control periods.
 ///
-/// random: scenarios with random motors, loads, batteries, periods and schemes. The constants are configured exactly;
-/// with an inertia of 0.7 and 1.4 times, R of 0.8 and 1.2 times, Ke of 0.9 and 1.1 times; cold for a hot motor; and
-/// those of another specimen. Half of the motors have dry friction of up to 10 % of the stall torque.
+/// random: scenarios with random motors, loads, batteries, periods and schemes. Each scenario runs with the exact
+/// constants and with wrong constants: an inertia of 0.7 and 1.4 times, R of 0.8 and 1.2 times and Ke of 0.9 and 1.1
+/// times the true value, the constants of the cold motor while the motor is hot, and the constants of another
+/// specimen. Half of the motors have dry friction of up to 10 % of the stall torque.
 ///
-/// A random response counts only if it can be settled. Its ideal time is that of full voltage: 95 % of the battery
-/// voltage with all motors stalled, within the scheme's range. 1.5 times that time plus 0.3 s, six control periods
-/// and three counts must leave a tenth of the time, and a second, with a tenth of the voltage to spare at the end.
+/// A random response counts only if a regulator can settle it. The ideal time is the time of the motion at the usable
+/// voltage, which is 95 % of the battery voltage with all motors stalled. The granted time is 1.5 times the ideal time
+/// plus 0.3 s, six control periods and the time of three counts. After the granted time at least a tenth of the
+/// response, and at least one second, must be left. A tenth of the usable voltage must be left at the set-point.
 ///
 /// Seed and number identify a scenario; --dump writes it as a file for `motor-hub run`. The folder gets the charts,
 /// and the tables as Markdown in tables.md.

@@ -174,7 +174,7 @@ impl<L: Read + Write> Session<L> {
         Ok(())
     }
 
-    /// Module status; `clear` clears the status word after the hub has read it.
+    /// Module status. If `clear` is true, the hub clears its status word after it has put the word into the answer.
     ///
     /// # Errors
     /// The errors of [`Session::ask`].
@@ -182,7 +182,7 @@ impl<L: Read + Write> Session<L> {
         self.ask(Standard::Status { clear })
     }
 
-    /// Resets the hub's keep-alive timer, as any other request does.
+    /// Resets the hub's keep-alive timer and has no other effect. Every other request resets the timer too.
     pub fn keep_alive(&mut self) -> Result<(), Error> {
         self.order(Standard::KeepAlive)
     }

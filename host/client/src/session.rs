@@ -29,8 +29,9 @@ use std::thread;
 use std::time::Duration;
 
 /// Number of transmissions of a request before the hub counts as silent. A hub may have executed a request whose answer
-/// was lost. A second execution changes nothing, because requests set or read values and never change a value by an
-/// amount.
+/// was lost. A second execution leaves the hub in the state of one execution, because no request changes a value by an
+/// amount. The second answer may differ: for example, the first execution has cleared the status word already, or a
+/// save is running already.
 pub const TRIES: u32 = 3;
 
 /// Time from the first answer to a discovery until the last. The parent of a chain waits 2 ms for each of 254

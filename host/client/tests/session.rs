@@ -32,7 +32,7 @@ fn session<L: Read + Write>(line: L) -> Session<L> {
     Session::new(line, Address::new(ADDRESS).unwrap(), TIMEOUT)
 }
 
-/// A session that soon gives a silent hub up.
+/// A session with a time-out of 60 ms, for tests in which the hub does not answer.
 fn impatient<L: Read + Write>(line: L) -> Session<L> {
     Session::new(line, Address::new(ADDRESS).unwrap(), Duration::from_millis(60))
 }

@@ -217,9 +217,10 @@ pub(crate) struct Frame {
 pub(crate) struct MotorState {
     /// Kind of the set-point.
     pub(crate) setpoint: &'static str,
-    /// Set-point as a share of power, in amperes, in counts/s or in counts; `None` without one.
+    /// Set-point as a share of full power, in amperes, in counts/s or in counts. `None` without a set-point, and for an
+    /// identification.
     pub(crate) target: Option<f64>,
-    /// Set-point as a share of full power, in amperes, in counts/s or in counts; `None` without a set-point.
+    /// Position in counts.
     pub(crate) position: i32,
     /// Speed in counts per second.
     pub(crate) velocity: i16,

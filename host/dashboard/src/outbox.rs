@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 
-/// Number of waiting texts from which frames to a page are skipped. It is less than one second's frames, so that the
-/// page never shows frames as old as [`SILENCE`](crate::pages::SILENCE).
+/// Number of waiting texts from which frames to a page are skipped: the frames of half a second. The page therefore
+/// never shows frames as old as [`SILENCE`](crate::pages::SILENCE).
 const BACKLOG: usize = 25;
 
 /// Number of waiting texts from which a page is dropped.

@@ -81,7 +81,7 @@ pub struct Relay {
 }
 
 impl Relay {
-    /// Serves the hub at `place`, without pages.
+    /// Creates the relay of the hub at `place`. The relay has no pages yet.
     #[must_use]
     pub fn new(place: Place) -> Self {
         let now = Instant::now();
@@ -534,8 +534,8 @@ impl Relay {
         self.switch_off_if_any(&gone.to_string());
     }
 
-    /// Disables all motors, even if the last frame showed none enabled: an order may have enabled a motor since. Pages
-    /// get a notice only if motors were enabled.
+    /// Disables all motors, even if the last frame showed no enabled motor, because an order may have enabled a motor
+    /// since that frame. Pages get a notice only if motors were enabled.
     fn switch_off_if_any(&mut self, why: &str) {
         // Neither an identification nor a scenario may enable a motor again.
         (self.identification, self.playing) = (None, None);

@@ -99,7 +99,7 @@ class Reading:
     current_a: float | None = None
     """Mean current in A: measured where the hub measures it, else modelled."""
     load_a: float | None = None
-    """Current in A that balances the load; ``None`` for a motor that is not configured."""
+    """Current in A that balances load, friction and drag; ``None`` for a motor whose dynamics are not configured."""
     heat: float | None = None
     """Heat of the winding as a share of its limit; 0 without a limit."""
     battery_v: float | None = None
@@ -165,7 +165,10 @@ def connect(place: str | None = None) -> Hub:
 
 
 def _served() -> list[str]:
-    """Places of the hubs that this user serves. Each has a note, which its program keeps locked."""
+    """Returns the places of the hubs that this user serves.
+
+    Each hub has a note: a file that the serving program keeps locked.
+    """
     try:
         import fcntl
     except ImportError:
@@ -432,7 +435,7 @@ class Base:
         acceleration: float = 400.0,
         timeout: float | None = None,
     ) -> None:
-        """Turns on the spot by an angle in degrees, to the left if it is positive. All else is as for ``drive``."""
+        """Turns on the spot by an angle in degrees, positive to the left. Options and errors are those of ``drive``."""
         await self._move(True, angle, speed, acceleration, timeout)
 
     async def odometry(self) -> Odometry:

@@ -418,7 +418,7 @@ fn motor<'a>(reports: &'a Reports, joint: &Joint) -> Option<&'a MotorReport> {
 const fn heading_text(gyro: GyroState) -> &'static str {
     match gyro {
         GyroState::Unused => "by the encoders",
-        GyroState::Waiting => "by the encoders: there is no gyro",
+        GyroState::Waiting => "by the encoders: the gyro has given no reading yet",
         GyroState::Good => "by the gyro",
         GyroState::Lost => "by the encoders: the gyro is lost",
         GyroState::Implausible => "by the encoders: the gyro did not turn with the wheels",

@@ -40,7 +40,7 @@ load = {{ inertia_kg_m2 = 0.002 }}
 
 
 class Tap(Relay):
-    """Notes when which report came: arrival, the hub's time in ms, and of each motor set-point, position and velocity."""
+    """Records each report: its arrival, the hub's time in ms, and set-point, position and velocity of each motor."""
 
     def __init__(self) -> None:
         self.reports: list[tuple[float, int, list[tuple[int, int, int]]]] = []
@@ -161,7 +161,8 @@ def measure(hubs: int) -> None:
     cpu = {name: (processor_s(process) - before[name]) / seconds for name, process in watched.items()}
     reports = list(bench.tap.reports)
     bench.close()
-    # The hub's clock on this machine's: the quickest report of the last 2 s. A command that is in no report is late without end.
+    # Time of this machine minus time of the hub. The smallest difference of the last 200 reports has the shortest delay
+    # of the line. The delay of a command that no report shows is infinite.
     offsets = [arrived - ms / 1e3 for arrived, ms, _ in reports]
 
     def delay_ms(when: float, wanted: int) -> float:

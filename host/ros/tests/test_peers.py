@@ -825,7 +825,10 @@ class OthersCode(WithRobot):
 
 
 def sdk_peer(port: int, folder: Path) -> None:
-    """Lists, calls, commands and listens by zenoh-ros2-sdk. It gets the types' texts, which it else fetches from the network."""
+    """Lists, calls, commands and listens by zenoh-ros2-sdk. The test gives the package the definitions of the types.
+
+    Otherwise the package would fetch the definitions from the network.
+    """
     import zenoh_ros2_sdk as sdk
 
     for name in STORE.types:

@@ -48,7 +48,7 @@ pub enum StudyError {
     #[error("the battery voltage is 0")]
     NoBattery,
     /// A task of a comparison has no motor, or no event.
-    #[error("a task without an event")]
+    #[error("a task of the comparison has no motor, or no event")]
     NoEvent,
 }
 

@@ -1,8 +1,8 @@
-//! What is drawn in every figure that the program draws: its words, axes, lines and points.
+//! Tests the contents of every figure that the program draws: words, axes, lines and points.
 //!
 //! A figure of curves is some 70 kB of SVG. It is too long for a review, and changes in many places with the last bit
-//! of a duty. How lines become SVG is tested with the charts themselves; so of each line here stand its look, length,
-//! ends, extremes and mean, to five digits.
+//! of a duty. The tests of the package `chart` check how lines become SVG. Therefore the files here have for each line
+//! only its style, number of samples, ends, extremes and mean, with five digits.
 
 #[path = "../../chart/tests/snapshot/mod.rs"]
 mod snapshot;
@@ -31,8 +31,8 @@ fn figures_show_what_they_did() {
     snapshot::assert_all(&digests.collect::<Vec<_>>());
 }
 
-/// Of the default scenario, of the comparison, and of two runs over each other. One after the other: the mock
-/// clock is one for the whole process.
+/// Returns the figures of runs: of the default scenario, of the comparison, and of the overlay of two runs. All runs
+/// share the clock of the mock driver, so they run one after another.
 fn of_runs() -> Vec<NamedFigure> {
     let scenario = Scenario::default_one().expect("it is valid");
     let run = |scenario: &Scenario| sim::run(scenario, &mut |_| ()).expect("it runs");
@@ -105,7 +105,7 @@ fn at((x, y): (f64, f64)) -> String {
     format!("({}, {})", digits(x), digits(y))
 }
 
-/// Five significant digits; next to nothing is 0.
+/// Returns five significant digits. A value below 1e-9 is 0.
 fn digits(value: f64) -> String {
     let rounded: f64 = format!("{value:.4e}").parse().unwrap_or(value);
     if value.abs() < 1e-9 { "0".to_owned() } else { rounded.to_string() }

@@ -1,4 +1,5 @@
-//! What people read first: the result of a run, a comparison and a survey in a sentence, and tables in their words.
+//! Tests the texts that users read first: the sentence with the result of a run, a comparison or a survey, and the
+//! tables below it.
 
 use simulated::scenario::Scenario;
 use simulated::sim;
@@ -8,7 +9,7 @@ use studies::report::RunReport;
 use studies::survey::text::{self, Parts};
 use studies::survey::{Survey, reference};
 
-/// The mock driver's clock is one for the process.
+/// All tests of the process share the clock of the mock driver, so they run one after another.
 static CLOCK: Mutex<()> = Mutex::new(());
 
 fn report(scenario: Scenario) -> RunReport {
@@ -27,7 +28,8 @@ fn with(motor: &str) -> Scenario {
     Scenario::parse("one.toml", &text).expect("it is valid")
 }
 
-/// No words of a program or of infinity, and no table wider than a page of Markdown.
+/// Asserts that the text has no internal words, no infinite numbers, and no table that is wider than a page of
+/// Markdown.
 fn assert_readable(text: &str) {
     for word in ["inf s", "NaN", "told", "by lot", "| none"] {
         assert!(!text.contains(word), "{word}: {text}");

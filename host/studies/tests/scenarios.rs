@@ -1,4 +1,4 @@
-//! Every scenario in `tests/scenarios`, run on the simulated board, is as it expects.
+//! Runs every scenario in `tests/scenarios` on the simulated board, and checks its expectations.
 
 mod scenario_files;
 
@@ -7,7 +7,7 @@ use simulated::sim;
 use std::sync::{Mutex, PoisonError};
 use studies::expectations::{Verdict, judge};
 
-/// The mock driver's clock is one for the process.
+/// All tests of the process share the clock of the mock driver, so they run one after another.
 static CLOCK: Mutex<()> = Mutex::new(());
 
 fn verdicts(scenario: &Scenario) -> Vec<Verdict> {
@@ -78,7 +78,8 @@ fn every_expectation_can_hold_and_can_fail() {
 
 #[test]
 fn an_expectation_that_measures_nothing_is_not_met() {
-    // No change begins in the window; no control tick falls into it; nothing slows down.
+    // In each of these windows there is nothing to measure: no change begins, there is no control tick, or no motor
+    // slows down.
     for nothing in [
         "from_s = 2.3\nsettles_within_s = 10",
         "from_s = 2.3\novershoot_below_percent = 100",
@@ -103,7 +104,7 @@ fn a_verdict_says_who_when_what_was_wanted_and_what_was() {
     assert_eq!(with("fault = \"stuck\"").to_string(), "one, 0 to 3 s: expected fault: stuck, measured none");
 }
 
-/// Two wheels, the right one dragging behind its reference, with one expectation.
+/// Two wheels, of which the right one lags behind its reference, with one expectation.
 fn of_group(expectation: &str) -> Verdict {
     of_group_with("", expectation)
 }
@@ -152,7 +153,7 @@ fn every_expectation_of_a_group_can_hold_can_fail_and_can_find_nothing() {
         let verdict = of_group(wanted);
         assert_eq!(verdict.met(), met, "{wanted}: {verdict}");
     }
-    // No course begins, no wheel is led.
+    // In these windows no course begins, or no wheel has a reference.
     for nothing in ["from_s = 2.5\nsettles_within_s = 300", "to_s = 0.4\nheading_error_below_degrees = 360"] {
         let verdict = of_group(nothing);
         assert!(!verdict.met() && verdict.to_string().ends_with("measured nothing"), "{nothing}: {verdict}");
@@ -163,10 +164,11 @@ fn every_expectation_of_a_group_can_hold_can_fail_and_can_find_nothing() {
 fn a_base_that_turns_after_it_lost_a_wheel_has_a_heading_error() {
     let expectation = "to_s = 2.0\nheading_error_below_degrees = 5";
     assert!(of_group(expectation).met());
-    // The right wheel loses its encoder in the middle of the way, while both turn at full speed.
+    // The encoder of the right wheel is unplugged in the middle of the course, while both wheels turn at full speed.
     let verdict = of_group_with("encoder = [{ at_s = 0.8, is = \"unplugged\" }]", expectation);
     assert!(!verdict.met(), "{verdict}");
-    // The heading of the next course is judged anew, and the lost wheel is not led on it.
+    // The heading error is measured again for each course. The wheel with the encoder fault has no reference on the
+    // next course.
     let next = "from_s = 2.2\nheading_error_below_degrees = 360";
     let verdict = of_group_with("encoder = [{ at_s = 0.8, is = \"unplugged\" }]", next);
     assert!(verdict.to_string().ends_with("measured nothing"), "{verdict}");
@@ -174,7 +176,8 @@ fn a_base_that_turns_after_it_lost_a_wheel_has_a_heading_error() {
 
 #[test]
 fn a_change_with_at_most_a_second_to_the_next_is_not_judged() {
-    // The torque changes 0.8 s before the end; the first speed has 1 s in this window.
+    // In the first window the torque changes 0.8 s before the end of the run. In the second window the first speed has
+    // only 1 s, which is too short to settle and stay settled for 1 s.
     for window in ["from_s = 2.0", "to_s = 1.2"] {
         let verdict = with(&format!("{window}\nsettles_within_s = 10"));
         assert!(verdict.to_string().ends_with("measured nothing"), "{verdict}");

@@ -1,4 +1,4 @@
-//! The limits that regulation is held to, on a share of the survey that a test has time for.
+//! Tests the limits of regulation on a part of the survey that is short enough for a test.
 
 use motor_hub::braking::DutyRule;
 use studies::survey::soak::{self, Soak};
@@ -12,7 +12,7 @@ fn never(responses: &[&Response], knowledge: usize) -> f64 {
 #[test]
 fn what_can_be_settled_is_settled_by_a_configured_motor() {
     let survey = Survey::new(7, 40, &mut |_, _| ()).expect("it runs");
-    // What a duty rule that is linear in nothing makes of a motor is another matter.
+    // Responses with linear duty are not judged here, because this rule makes neither voltage nor current linear.
     let responses: Vec<&Response> =
         survey.responses.iter().filter(|response| response.duty == DutyRule::LinearCurrent).collect();
     assert!(responses.len() > 100, "{} of {}", responses.len(), survey.asked);
@@ -99,17 +99,17 @@ fn a_drawn_scenario_is_its_own_file_again() {
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn no_sound_encoder_is_doubted_and_no_watchdog_starves() {
-    // Of the hours that `motor-hub soak --hours 10` runs.
+    // This is a part of the scenarios that `motor-hub soak --hours 10` runs.
     let soak = Soak::new(2, 180.0, &mut |_| ()).expect("it runs");
     assert!(soak.is_clean(), "{}", soak::text(&soak));
-    // 180 s at 100 ms, at least.
+    // 180 s have at least 1800 ticks, because the longest period is 100 ms.
     assert!(soak.ticks > 1_800, "{soak:?}");
 }
 
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn no_motor_s_sound_encoder_is_doubted_however_it_is_regulated() {
-    // Every seventh of what `motor-hub soak --sweep` runs.
+    // This is every seventh scenario of `motor-hub soak --sweep`.
     let soak = Soak::sweep(7, &mut |_, _| ()).expect("it runs");
     assert!(soak.is_clean(), "{}", soak::text(&soak));
     assert!(soak.motors > 4_000, "{soak:?}");
@@ -118,9 +118,11 @@ fn no_motor_s_sound_encoder_is_doubted_however_it_is_regulated() {
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn no_heavy_motor_s_sound_encoder_is_doubted_within_minutes() {
-    // A part of what `motor-hub soak --sweep --long` runs, prime to the numbers of periods, inertias and configurations.
+    // This is every 61st scenario of `motor-hub soak --sweep --long`. 61 is prime, so all periods, inertias and
+    // configurations occur.
     let soak = Soak::long_sweep(61, &mut |_, _| ()).expect("it runs");
-    // What nobody configured is known to be doubted beyond this inertia, and after a slowing.
+    // For unknown motors with large inertias the hub is known to report false alarms, so alarms of unknown motors are
+    // not counted.
     let configured = |alarm: &&soak::Alarm| alarm.knowledge != Knowledge::Unknown;
     assert!(!soak.alarms.iter().any(|alarm| configured(&alarm)), "{}", soak::text(&soak));
     assert!(soak.seconds > 3_600.0, "{soak:?}");

@@ -1,5 +1,5 @@
-// The way of texts between page and relay, which runs in this tab: see the package `tab`. The file is in the place of the
-// dashboard's own.
+// Sends texts to the relay, and receives texts from the relay. The relay runs in this tab: see the package `tab`. This
+// file replaces the dashboard's file of the same name.
 
 import { by, h } from "./dom.js";
 
@@ -8,10 +8,10 @@ const FRAME_MS = 15;
 /** Speed of a hub's serial line. */
 const BAUD = 460800;
 
-/** No program has to admit this page. */
+/** Always `null`: there is no server that must admit this page. */
 export const admitted = async () => null;
 
-/** Bytes of the serial port, and functions to its other end; `null` without one. */
+/** The open serial port: arrived bytes, a function that wakes their reader, and one that sends bytes; else `null`. */
 let port = /** @type {{arrived: number[], wake: () => void, write: (bytes: Uint8Array) => void}|null} */ (null);
 
 /** Reads a serial port until it is closed, and returns why it was closed. */
@@ -27,7 +27,7 @@ async function read(/** @type {any} */ opened) {
       own.wake();
     }
   } catch {
-    // Unplugged. The relay says that the port is closed.
+    // The port was unplugged. The relay then reports that the port is closed.
   }
   if (port === own) port = null;
   own.wake();

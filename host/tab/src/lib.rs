@@ -35,8 +35,9 @@ const PAGE: u32 = 1;
 /// Time-out of answers while a hub is connected.
 const TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Largest difference of the simulated time from the page's, in milliseconds. What a delay of the page has added beyond it
-/// is not simulated. What waits for answers have added beyond it is not waited for.
+/// Largest difference between the simulated time and the time of the page, in milliseconds. If the page was delayed for
+/// longer, the hub does not simulate the rest of the delay. If waits for answers have advanced the simulated time by
+/// more, the hub stands still afterwards for this difference at most.
 const LARGEST_LAG_MS: i64 = 100;
 
 #[link(wasm_import_module = "page")]

@@ -81,7 +81,7 @@ const FIRST_PHASE_COUNTS: f32 = 100.0;
 const LONGEST_FIRST_PHASE_MS: f32 = 8_800.0;
 /// Least battery voltage, in V.
 const LEAST_VOLTS: f32 = 6.0;
-/// Largest sag of the battery voltage under the motor's current, as a share of the voltage before.
+/// Largest sag of the battery voltage under the motor's current, as a share of the battery voltage before the motion.
 const LARGEST_SAG: f32 = 0.3;
 /// Time in ms without a count after which the identification of a fast motor is refused.
 const STALLED_MS: f32 = 300.0;
@@ -205,7 +205,7 @@ impl Identifier {
 }
 
 /// Returns the last sample if the motor has been at rest for [`REST_MS`]; `None` if the time is not over. The first
-/// call stores the sample `since` which the motor must be at rest. A motor that turns is refused.
+/// call stores the last sample in `since`. A motor that has moved by more than one count from this sample is refused.
 fn rest(since: &mut Option<Reading>, last: Option<Reading>) -> Result<Option<Reading>, Identification> {
     let Some(last) = last else { return Err(Identification::Refused(Refusal::Interrupted)) };
     let since = since.get_or_insert(last);
@@ -303,7 +303,8 @@ impl Excitation {
         ms + 0.5 > self.scale * length
     }
 
-    /// Factor, at least 1, by which the phases so far make the segments longer than planned.
+    /// Factor by which a segment lasts longer than planned, at least 1. A segment is made longer by the same factor as
+    /// the present phase.
     fn slowness(&self) -> f32 {
         let [Phase { ms: length, .. }, ..] = PHASES;
         let present = if self.phase == 0 { self.phase_ms() / length } else { 0.0 };

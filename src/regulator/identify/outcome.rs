@@ -88,7 +88,7 @@ impl fmt::Display for Refusal {
             Self::TravelLimit => "the travel limit makes the motion too short: allow more travel",
             Self::Battery => "the battery is below 6 V or sags by more than 30 %: charge the battery",
             Self::TooFar => {
-                "the motor turned further than announced: check that the configured winding is that of the motor"
+                "the motor turned further than announced: check that the configured winding belongs to this motor"
             }
             Self::NoCounts => {
                 "the encoder did not count: a stop, a jam, too heavy a load, or an unplugged encoder"

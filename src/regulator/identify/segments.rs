@@ -176,7 +176,8 @@ pub(super) struct Change {
     pub(super) position: f32,
     /// Time between the middles of the segments, in s.
     pub(super) seconds: f32,
-    /// Duration of the shorter segment, in s. Whole counts blur the change of speed by some 0.7 counts in this time.
+    /// Duration of the shorter segment, in s. Because the encoder shows only whole counts, the change of speed has an
+    /// error of some 0.7 counts divided by this duration.
     pub(super) shorter_s: f32,
     /// Direction of motion: 1 forward, -1 backward.
     pub(super) side: f32,

@@ -1,8 +1,9 @@
-//! One motor's control step, fed by the host with recorded inputs through words in memory, and watched
-//! by it. It is compiled as the firmware is, but its functions are kept apart so that they can be watched.
+//! Runs the control step of one motor with recorded inputs. The host, the program on the computer, writes the inputs to
+//! words in memory and counts the instructions of each step. The program is compiled like the firmware. The watched
+//! functions are not inlined, so that the host can watch their first instructions.
 //!
-//! The host writes [`SETTINGS`] once and [`INPUTS`] in batches, then the number of inputs into
-//! [`PENDING`]; the program answers in [`OUTPUTS`] and sets [`PENDING`] to 0. All are little-endian words.
+//! The host writes [`SETTINGS`] once. It writes [`INPUTS`] in batches, and then the number of inputs to [`PENDING`].
+//! The program writes its results to [`OUTPUTS`], and sets [`PENDING`] to 0. All are little-endian words.
 #![no_std]
 #![no_main]
 
@@ -29,9 +30,9 @@ const OUTPUT: usize = 4;
 
 type Words<const N: usize> = [AtomicU32; N];
 
-/// Back-EMF constant (6q20), period in ms, and duty rule (0 linear duty, 1 linear current). Then acceleration per volt
-/// (0 for an unknown motor) and decay rate, in the steps of their types. Last, coefficients (0 none, 1 the suggested
-/// ones).
+/// Settings of the motor, one word each: back-EMF constant (6q20), period in ms, duty rule (0 linear duty, 1 linear
+/// current), acceleration per volt (0 for an unknown motor), decay rate, and coefficients (0 none, 1 the suggested
+/// ones). Acceleration per volt and decay rate are in the steps of their types.
 static SETTINGS: Words<6> = [const { AtomicU32::new(0) }; 6];
 static INPUTS: Words<{ BATCH * INPUT }> = [const { AtomicU32::new(0) }; BATCH * INPUT];
 static OUTPUTS: Words<{ BATCH * OUTPUT }> = [const { AtomicU32::new(0) }; BATCH * OUTPUT];
@@ -64,7 +65,7 @@ fn setpoint(words: &[AtomicU32], at: usize) -> Setpoint {
     }
 }
 
-/// The kind of an input that is a sample between two ticks.
+/// Word that stands for a sample between two ticks, in place of the kind of a set-point.
 const SAMPLE: u32 = 4;
 
 /// The count of a sample begins at the first instruction of this function.
@@ -79,13 +80,14 @@ fn sampled() {
     core::hint::black_box(());
 }
 
-/// A step is counted from here, its first instruction.
+/// The count of a control step begins at the first instruction of this function.
 #[inline(never)]
 fn step_motor(motor: &mut Motor, now: Micros, reading: Reading, battery: Millivolts) -> Report {
     motor.step(now, Some(reading), Some(Battery::good(battery, now)))
 }
 
-/// It ends here, at its first instruction. The answer, in words: control, mode and duty, velocity, position.
+/// Writes the results of a step: control value, mode and duty, velocity, position. The count of a control step ends at
+/// the first instruction of this function.
 #[inline(never)]
 fn stepped(index: usize, motor: &Motor, report: &Report) {
     let drive = report.drive;
@@ -102,7 +104,7 @@ fn time(words: &[AtomicU32], at: usize) -> Micros {
 
 #[entry]
 fn main() -> ! {
-    // The host writes these, which the compiler cannot know.
+    // The host writes these words while the program runs, so the compiler must not assume constant values.
     core::hint::black_box((&SETTINGS, &INPUTS, &OUTPUTS, &PENDING));
     let mut motor = None;
     let mut last = Setpoint::Disabled;

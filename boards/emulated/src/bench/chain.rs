@@ -10,13 +10,14 @@ use crate::wiring;
 /// Time for which the chips run before bytes are exchanged, ns. A byte arrives at most this time later than on a real line.
 const STEP: u64 = 100_000;
 
-/// As [`STEP`], while nobody sends.
+/// Time for which the chips run before bytes are exchanged while the line is idle, ns.
 const IDLE_STEP: u64 = 1_000_000;
 
-/// Time without a byte after which nobody sends, ns. A parent waits 10 ms for an answer.
+/// Time without a byte after which the line counts as idle, ns. It is longer than the 10 ms that a parent waits for an
+/// answer.
 const IDLE_AFTER: u64 = 11_000_000;
 
-/// Bytes that may wait at the input of a hub: those of two steps.
+/// Largest number of bytes that may wait at the input of a hub: the bytes of two steps.
 const WAITING: usize = 8;
 
 /// Mean time between two bytes of noise, in steps of [`STEP`].
@@ -29,9 +30,9 @@ pub enum LineFault {
     Cut,
     /// A wire of the line is shorted, so that all receivers read low.
     Shorted,
-    /// One of sixteen bytes is damaged, at random, and there are bytes that no hub has sent.
+    /// One of sixteen bytes is damaged at random, and further bytes arrive that no hub has sent.
     Noise,
-    /// A transceiver sends without end: the beginnings of packets that never end.
+    /// A transceiver sends without end. It sends the beginnings of packets that are never completed.
     Babble,
 }
 

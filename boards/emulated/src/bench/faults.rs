@@ -19,8 +19,8 @@ use crate::faulty_code::FaultyCode;
 use crate::wiring;
 
 impl Bench {
-    /// Damages bytes to the chip on the line of the host, or of the parent, at random: `per_million` of a million, half of them with noise and half with a
-    /// framing error.
+    /// Damages bytes that the chip receives, at random: `per_million` of a million bytes. One half of the damaged bytes
+    /// has noise, the other half a framing error. The line is the line of the host, or the chain line of a child.
     pub fn garble_serial(&mut self, per_million: u32, seed: u64) {
         let line = self.line;
         self.at_stop(move |_, session, _| {

@@ -33,13 +33,13 @@ pub(crate) fn bridges_stay_open_from_power_on_without_a_command() {
 
 #[test]
 fn the_first_log_line_is_stamped_a_microsecond_at_most() {
-    // The time driver starts at zero, by the work-around for a gap of the emulator.
+    // The time driver starts at zero because of the bench's work-around for a gap of the emulator.
     let mut bench = Bench::new(setup(vec![am60()]));
     bench.run(ms(5));
     let log = bench.log();
     let [first, second, ..] = log.as_slice() else { panic!("two lines of log") };
     assert!(["0.000000", "0.000001"].contains(&first.stamp.as_str()), "{first}");
-    // The clock of TIM1: on the H743 half of the core's.
+    // The log names the clock of TIM1, which on the H743 is half of the core's clock.
     let hertz = by_board("168000000 Hz", "200000000 Hz");
     assert!(second.text.contains(hertz), "{}", second.text);
     bench.assert_sound();
@@ -52,7 +52,8 @@ pub(crate) fn pins_drive_their_idle_levels_within_a_millisecond_of_reset() {
     assert!(safe < ms(1), "{safe:?}");
 }
 
-/// The time after power-on at which port D and PWM first drive their idle levels. Until then pull-downs hold the lines.
+/// Returns the time after power-on at which port D and the PWM pins first drive their idle levels. Until then pull-down
+/// resistors hold the lines low.
 pub(crate) fn first_safe_output(bench: &mut Bench) -> Duration {
     let safe = bench.run_while(Duration::from_micros(10), ms(20), |bench| {
         // RCC_AHB1ENR, RCC_AHB4ENR: registers of a port without a clock cannot be read.
@@ -80,7 +81,7 @@ fn ticks_come_every_fifty_milliseconds() {
     gaps.retain(|gap| *gap > ms(1));
     let (least, most) = (gaps.iter().min().expect("changes"), gaps.iter().max().expect("changes"));
     println!("outputs change every {least:?} to {most:?}");
-    // One PWM period, since the duty waits for its end.
+    // The tolerance is one PWM period, because a new duty takes effect at the end of a period.
     assert!(*least >= ms(50) - Duration::from_micros(60), "{least:?}");
     bench.assert_sound();
 }
@@ -117,7 +118,7 @@ pub(crate) fn at_speed(image: &Path, knowledge: Knowledge) -> Bench {
     bench
 }
 
-/// Share of the core's instructions that the hub at this speed needs, in percent.
+/// Returns the share of the core's instructions in percent that the hub with motors at 1000 counts/s needs.
 fn share(image: &Path, knowledge: Knowledge) -> f64 {
     let mut bench = at_speed(image, knowledge);
     let before = bench.instructions();
@@ -139,7 +140,7 @@ fn the_whole_hub_needs_little_of_the_core_every_1_ms() {
     the_whole_hub_needs_at_most(1, 20.0);
 }
 
-/// Expects the hub to need at most this percentage of the core's instructions, at a control period.
+/// Expects the hub to need at most `most` percent of the core's instructions at this control period.
 fn the_whole_hub_needs_at_most(period_ms: u32, most: f64) {
     let board = board();
     let mut table = format!(

@@ -14,7 +14,7 @@ use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
 use object::{Object, ObjectSection};
 
-/// Speeds and directions of all sizes, a second each.
+/// Set-points of low and high speeds in both directions, each for a second.
 fn velocities(per_second: usize) -> impl Fn(usize) -> Setpoint {
     move |tick| {
         let speeds = [1000, 2400, 300, -700, -2600, -40, 0, 1500, 15, 2000, -2000, 5];
@@ -30,7 +30,7 @@ fn positions(per_second: usize) -> impl Fn(usize) -> Setpoint {
     }
 }
 
-/// External torque on the output shaft, N m: none, some with and against the motion, and more.
+/// External torque on the output shaft in N m: none, one in each direction, and a larger one.
 fn torque(tick: usize) -> f64 {
     [0.0, 0.3, -0.3, 0.0, 0.8][tick / 37 % 5]
 }
@@ -72,7 +72,7 @@ fn control_to_drive_is_the_same_to_the_last_bit_as_on_the_host() {
     }
 }
 
-/// Instructions of the core, a second.
+/// Instructions per second of the core of the NUCLEO-F429ZI.
 const CORE: u64 = 168_000_000;
 
 fn mean(counts: &[u64]) -> u64 {
@@ -117,7 +117,8 @@ fn four_motors_steps_and_samples_stay_within_the_budget_of_the_whole_hub() {
     publish("step", &table);
 }
 
-/// The law and what it asks of the observer, as others count it: trajectory and observer without the bridge.
+/// Counts `Regulator::step`: trajectory, observer and control law, without the modulator of the bridge. Other projects
+/// count the same parts.
 #[test]
 fn the_model_regulator_by_itself_takes_at_most_500_instructions_a_step() {
     let mut table = String::from(
@@ -137,7 +138,7 @@ fn the_model_regulator_by_itself_takes_at_most_500_instructions_a_step() {
     publish("regulator", &table);
 }
 
-/// Which address is which line.
+/// Returns the image's table of source lines by address.
 fn lines(image: &[u8]) -> Context<EndianSlice<'_, LittleEndian>> {
     let elf = object::File::parse(image).expect("an ELF file");
     let section = |id: SectionId| {
@@ -147,13 +148,14 @@ fn lines(image: &[u8]) -> Context<EndianSlice<'_, LittleEndian>> {
     Dwarf::load(section).and_then(Context::from_dwarf).expect("debug information")
 }
 
-/// The room that a function belongs to, or whose it is otherwise.
+/// Returns the module of `motor_hub` that a function belongs to, or a name for all functions of other crates.
 fn room(function: &str) -> String {
     let ours = function.split("motor_hub::").nth(1).and_then(|path| path.split("::").next());
-    ours.map_or_else(|| "what they call of others".to_owned(), str::to_owned)
+    ours.map_or_else(|| "other crates".to_owned(), str::to_owned)
 }
 
-/// `cargo test --test image report -- --ignored --nocapture`: where the instructions of a step go.
+/// `cargo test --test image report -- --ignored --nocapture`: prints which functions and lines execute the instructions
+/// of a step.
 #[test]
 #[ignore = "a report, not a test"]
 fn report_of_a_step() {
@@ -161,12 +163,12 @@ fn report_of_a_step() {
         let recording = record(mode, variant, 50, 200);
         let mut chip = OnChip::new(&recording);
         let counts = chip.profile(&recording.inputs);
-        println!("\n{mode}, {variant:?}, 50 ms: instructions a step");
+        println!("\n{mode}, {variant:?}, 50 ms: instructions per step");
         report(chip.image(), chip.symbols(), &counts, recording.answers.len() as f64);
     }
 }
 
-/// The instructions of the whole hub, by motor and millisecond.
+/// Prints the instructions of the whole hub per motor and millisecond.
 #[test]
 #[ignore = "a report, not a test"]
 fn report_of_the_hub() {
@@ -175,7 +177,7 @@ fn report_of_the_hub() {
         let image = elf::hub_with_period(board(), 1);
         let mut bench = crate::boot::at_speed(&image, knowledge);
         let counts = bench.profile(ms(MILLISECONDS));
-        println!("\n{knowledge:?}, 1 ms: instructions a motor and ms");
+        println!("\n{knowledge:?}, 1 ms: instructions per motor and ms");
         report(&image, bench.symbols(), &counts, 4.0 * MILLISECONDS as f64);
     }
 }
@@ -199,7 +201,7 @@ pub(crate) fn report(image: &Path, symbols: &[Symbol], counts: &BTreeMap<u64, u6
                 .map(|l| format!("{}:{}", l.file.unwrap_or("?"), l.line.unwrap_or(0)))
                 .unwrap_or_default();
             let function = function.unwrap_or_default();
-            // Of inlined functions the innermost that is ours.
+            // Of nested inlined functions, the innermost one of this project counts.
             let ours = !location.contains("/library/") && !location.contains("/registry/");
             if named.is_none() || ours {
                 named = Some((function, location));

@@ -23,14 +23,14 @@ fn booted_pair(motors: usize) -> (ChainBench, HostLink) {
     (chain, HostLink::default())
 }
 
-/// The same with different addresses.
+/// Returns a [`booted_pair`] whose hubs have different addresses.
 fn pair(motors: usize) -> (ChainBench, HostLink) {
     let (mut chain, mut host) = booted_pair(motors);
     set_address(&mut chain, &mut host, CHILD, PARENT);
     (chain, host)
 }
 
-/// Gives a hub another address. Of two hubs with one address the parent gets it.
+/// Gives a hub another address. If two hubs have the address `from`, only the parent gets the new address.
 pub(crate) fn set_address(chain: &mut ChainBench, host: &mut HostLink, from: u8, to: u8) {
     host.to(from).order(chain, Standard::SetAddress { address: Address::new(to).expect("an address") });
 }
@@ -51,7 +51,7 @@ fn turning(motors: usize) -> (ChainBench, HostLink) {
 fn two_hubs_with_one_address_are_told_and_both_obey_after_set_address() {
     let (mut chain, mut host) = booted_pair(1);
     host.to(BROADCAST).send(&mut chain, Standard::Discovery);
-    // 254 questions of 11 bytes, and 2 ms for each answer. The client waits for 650 ms.
+    // A discovery takes 254 requests of 11 bytes, with 2 ms for each answer. The client waits for 650 ms.
     chain.run(ms(630));
     let found: Vec<u8> = host.arrivals(chain.first()).iter().map(|arrival| arrival.packet.source).collect();
     assert_eq!(found, [CHILD], "the parent alone");
@@ -80,7 +80,7 @@ pub(crate) fn both_motors_turn_and_the_parent_answers_in_time_whatever_the_line_
         chain.set_fault(Some(fault));
         let mut slowest = Duration::ZERO;
         for _ in 0..12 {
-            // The host neither waits for the child nor gives the child up.
+            // The host sends to the child without waiting for its answer, and sends again in the next round.
             host.to(CHILD).send(&mut chain, Standard::Status { clear: false });
             let answer = host.to(PARENT).timed(&mut chain, Standard::KeepAlive);
             let (_, time) = answer.unwrap_or_else(|| panic!("{fault:?}"));
@@ -91,7 +91,7 @@ pub(crate) fn both_motors_turn_and_the_parent_answers_in_time_whatever_the_line_
         assert!(slowest <= ms(2), "{fault:?}: {slowest:?}");
         chain.set_fault(None);
         chain.run(ms(20));
-        // The child is there again at once, and its motor has not stopped.
+        // The child answers again immediately after the fault, and its motor has not stopped.
         host.to(CHILD).keep_alive(&mut chain);
         chain.hubs.iter_mut().for_each(|hub| expect_speed(hub, [0], 100.0));
     }
@@ -127,8 +127,8 @@ fn a_hub_drives_the_line_for_its_own_bytes_and_a_byte_longer_at_most() {
         let sent = chain.sent(hub);
         assert!(sent.len() > 80, "{board}: {} bytes", sent.len());
         if board == Board::NucleoH743zi2 {
-            // The USART drives the pin DE by itself, a bit longer than its bytes: CR1 has DEAT and DEDT in sixteenths of a bit,
-            // CR3 has DEM (RM0433 48.8.1, 48.8.3). PC8 belongs to the USART.
+            // The USART drives the pin DE without software, one bit before and after its bytes: CR1 has DEAT and DEDT
+            // in sixteenths of a bit, CR3 has DEM (RM0433 48.8.1, 48.8.3). PC8 belongs to the USART.
             let [cr1, cr3, moder] =
                 [0x4000_5000, 0x4000_5008, 0x5802_0800].map(|at| chain.hubs[hub].register(at));
             assert_eq!((cr1 >> 21 & 31, cr1 >> 16 & 31, cr3 >> 14 & 1, moder >> 16 & 3), (16, 16, 1, 2));

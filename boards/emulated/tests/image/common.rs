@@ -102,7 +102,7 @@ pub(crate) fn turning_as(setup: Setup) -> Bench {
     bench
 }
 
-/// Has the host set all four motors to 1000 counts/s.
+/// Makes the host command 1000 counts/s to all four motors.
 pub(crate) fn set_speeds(bench: &mut Bench, host: &mut HostLink) {
     (0..4).for_each(|motor| host.velocity(bench, motor, 1000));
 }

@@ -22,7 +22,7 @@ fn condition(bench: &mut Bench, host: &mut HostLink, motor: u8) -> Condition {
     host.question(bench, MotorFunction::Condition.to(motor))
 }
 
-/// The answer to a host for an analog channel, in mA.
+/// Returns the hub's answer for the current on an analog channel, in mA.
 fn analog(bench: &mut Bench, host: &mut HostLink, channel: AdcChannel) -> f64 {
     let ma: i16 = host.question(bench, ToHub::Adc { channel, raw: false });
     f64::from(ma)
@@ -46,7 +46,8 @@ fn flowing(bench: &mut Bench) -> ([f64; 4], f64) {
 
 #[test]
 pub(crate) fn a_host_gets_the_currents_that_flow_also_of_a_motor_whose_constants_are_wrong() {
-    // Half of the configured resistance; one held, one free, one against its load, one reversed.
+    // Motor 0 is held, motor 1 runs free, motor 2 is held and has half of its configured resistance, and motor 3 turns
+    // in reverse under a load.
     let mut other = held();
     other.motor.r = Ohms(0.5 * other.motor.r.0);
     let (mut bench, mut host) = with_host(vec![held(), am60(), other, am60()]);
@@ -89,7 +90,7 @@ pub(crate) fn a_host_gets_the_currents_that_flow_also_of_a_motor_whose_constants
 fn after_conversions_that_came_too_late_each_motor_has_its_own_current_again() {
     on(Board::NucleoH743zi2, || {
         let (mut bench, mut host) = with_host(vec![held(), held(), held(), held()]);
-        // Three late conversions have more words than the converter's buffer.
+        // Three late conversions make more words than the FIFO of the converter holds.
         for _ in 0..3 {
             bench.delay_currents(Duration::from_micros(300));
             bench.run(ms(60));
@@ -114,7 +115,8 @@ fn the_over_current_bit_is_that_of_the_measured_current() {
     let mut other = held();
     other.motor.r = Ohms(0.5 * other.motor.r.0);
     let (mut bench, mut host) = with_host(vec![held(), am60(), other, am60()]);
-    // By their configured resistance neither motor 0 nor motor 2 draws 1.5 A.
+    // Computed from the configured resistance, neither motor 0 nor motor 2 draws 1.5 A. Motor 2 has half of this
+    // resistance.
     for motor in 0..4 {
         host.order(&mut bench, ToMotor::SetCurrentAlert { milliamperes: 1_500 }.to(motor));
         host.power(&mut bench, motor, 12_000);
@@ -130,12 +132,12 @@ fn the_over_current_bit_is_that_of_the_measured_current() {
 fn the_current_of_a_motor_that_brakes_by_5_0_is_modelled_because_no_line_shows_it() {
     let (mut bench, mut host) = with_host(vec![am60()]);
     bench.set_torque(0, 0.8);
-    // With a full short 0.8 N m would turn the motor slower than 1000 counts/s.
+    // If the bridge shorted the motor all the time, a load of 0.8 N m would turn it slower than 1000 counts/s.
     host.velocity(&mut bench, 0, 1_000);
     bench.run(ms(1_500));
     let Condition { current, measured_ma, sense_line, .. } = condition(&mut bench, &mut host, 0);
     assert_eq!((measured_ma, sense_line), (None, SenseLine::Sound));
-    // 0.8 N m behind 60 turns of 17.8 mN m/A.
+    // A torque of 0.8 N m behind a gear of 60 : 1 needs 0.75 A at 17.8 mN m/A.
     assert!((-900..=-500).contains(&current.get()), "{current:?}");
     let reported = analog(&mut bench, &mut host, motor_channel(0));
     assert!((reported - f64::from(-current.get())).abs() < 100.0, "{reported} mA");

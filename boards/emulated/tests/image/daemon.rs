@@ -1,5 +1,5 @@
-//! A robot controller's daemon: a cycle of 18 requests every 12 ms with at most 8 unanswered, the first cycle of 38
-//! (wpilibsuite/scservices, commit 4c3d7bd).
+//! The load by the daemon of a robot controller: 18 requests every 12 ms, with at most 8 requests unanswered. The first
+//! cycle has 38 requests (wpilibsuite/scservices, commit 4c3d7bd).
 
 use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
@@ -17,9 +17,9 @@ use motor_hub::units::{Acceleration, CountsPerSecond};
 
 /// Time from one cycle to the next.
 const PERIOD: Duration = Duration::from_millis(12);
-/// Most requests without an answer.
+/// Largest number of requests that may be unanswered.
 const UNANSWERED: usize = 8;
-/// Time between two looks at the line, by which the daemon is late.
+/// Time between two checks of the line. The daemon sees an answer by at most this time late.
 const STEP: Duration = Duration::from_micros(100);
 
 type Request = (u16, Vec<u8>);
@@ -44,7 +44,7 @@ impl Daemon {
         daemon
     }
 
-    /// Has the motors 0 and 1 drive straight on as a base with a gyro.
+    /// Makes motors 0 and 1 drive straight ahead as a drive base with a gyro.
     fn drive_base(&mut self) {
         let geometry = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
         let base = BaseSettings::new([0, 1], &geometry, true).expect("in range");
@@ -64,7 +64,7 @@ impl Daemon {
         channels.map(move |channel| (id, [&[channel], rest].concat()))
     }
 
-    /// The requests of a cycle: those whose answers the others wait for, and the others.
+    /// Returns the requests of a cycle in two parts. The second part is sent after the first four answers of the cycle.
     fn requests(&mut self, full: bool) -> [VecDeque<Request>; 2] {
         self.power = (self.power + 100) % 2_000;
         let power = (8_000 + self.power).to_le_bytes();
@@ -83,13 +83,13 @@ impl Daemon {
         [first, then]
     }
 
-    /// Runs a cycle to its last answer, and then to the next tick. Returns the cycle's time.
+    /// Runs a cycle to its last answer, and then to the start of the next cycle. Returns the time to the last answer.
     fn cycle(&mut self, full: bool) -> Duration {
         let start = self.bench.now();
         let [mut first, mut then] = self.requests(full);
         let mut left = first.len() + then.len();
         let (mut unanswered, mut last) = (0, start);
-        // The 3rd and the 4th request, and the 2nd, have their answers.
+        // The second part of the requests waits for four answers, so that the first four requests are answered.
         let mut awaited = 4;
         while left > 0 {
             while unanswered < UNANSWERED {
@@ -113,7 +113,8 @@ impl Daemon {
         time
     }
 
-    /// Runs cycles, the first one full. Returns the times of the first and of all others, in order of size.
+    /// Runs one full cycle, and then `cycles` further cycles. Returns the time of the full cycle, and the times of the
+    /// others in ascending order.
     fn run(cycles: usize) -> (Duration, Vec<Duration>) {
         let mut daemon = Self { bench: booted(four_loads()), host: HostLink::default(), power: 0 };
         let first = daemon.cycle(true);
@@ -124,7 +125,7 @@ impl Daemon {
     }
 }
 
-/// The time that this share of cycles, in percent, does not exceed.
+/// Returns the time that this percentage of the cycles does not exceed.
 fn percentile(times: &[Duration], percent: usize) -> Duration {
     times[(times.len() * percent / 100).min(times.len() - 1)]
 }
@@ -137,9 +138,9 @@ fn a_daemons_cycle_takes_at_most_9_ms() {
     assert!(first <= ms(24), "{first:?}");
 }
 
-/// The core's load in percent with everything on: four motors, of which two are a base that holds its heading by a gyro on the
-/// I2C bus, six servos and all inputs; without requests of a host, with the daemon's cycles, and with a read of eight bytes from
-/// an I2C device in each cycle as well.
+/// Returns the core's load in percent while the hub uses all its devices: four motors, of which two are a drive base
+/// with a gyro on the I2C bus, six servos, and all inputs. The three loads are without requests of a host, with the
+/// daemon's cycles, and with the daemon's cycles and a read of eight bytes from an I2C device in each cycle.
 fn loads() -> [f64; 3] {
     const CYCLES: u32 = 40;
     let mut daemon = Daemon::with_all_devices(&elf::build(board().name()));
@@ -186,8 +187,8 @@ fn report_of_10000_cycles_without_a_lost_request() {
     assert!(p99 <= ms(9), "{p99:?}");
 }
 
-/// `cargo test --test image daemon::report_of_a_request -- --ignored --nocapture`: where the instructions of a request go. Those
-/// of the hub without requests are among them.
+/// `cargo test --test image daemon::report_of_a_request -- --ignored --nocapture`: prints which functions execute the
+/// instructions of a request. The instructions of the hub without requests are included.
 #[test]
 #[ignore = "a report, not a test"]
 fn report_of_a_request() {

@@ -29,7 +29,7 @@ const TIME_OUT: u8 = 1 << 3;
 
 const MICROSECOND: Duration = Duration::from_micros(1);
 
-/// A host that never gets NACK.
+/// A hub with four regulated motors, and a host that accepts no NACK.
 struct Devices {
     bench: Bench,
     host: HostLink,
@@ -84,7 +84,7 @@ impl Devices {
         self.bench.servo_pulses(servo).into_iter().filter(|pulse| pulse.at >= since).collect()
     }
 
-    /// The status of a transfer that has been started, the bytes read, and how long it ran at most.
+    /// Polls a transfer that has been started. Returns its status, the bytes read, and an upper limit of its time.
     fn result(&mut self, poll: u16, bus: u8) -> (u8, Vec<u8>, Duration) {
         let started = self.bench.now();
         loop {
@@ -120,7 +120,7 @@ fn servo_pulses_are_exact_to_a_microsecond_while_four_motors_are_regulated() {
     }
     hub.bench.run(ms(100));
     let start = hub.bench.now();
-    // Bulk reads and a silent line in turn.
+    // Bulk reads alternate with a silent line.
     for _ in 0..12 {
         hub.host.bulk(&mut hub.bench);
         hub.bench.run(ms(20));
@@ -138,7 +138,7 @@ fn servo_pulses_are_exact_to_a_microsecond_while_four_motors_are_regulated() {
             assert!((pair[1].at - pair[0].at).abs_diff(period) <= MICROSECOND, "servo {servo}: {pair:?}");
         }
     }
-    // Another width between two pulses, and in the middle of a pulse: no pulse has a third width.
+    // The width is changed between two pulses and in the middle of a pulse. Each pulse has the old or the new width.
     let start = hub.bench.now();
     for step in 0..20_u16 {
         let width = if step % 2 == 0 { 600_u16 } else { 2400 }.to_le_bytes();
@@ -150,7 +150,7 @@ fn servo_pulses_are_exact_to_a_microsecond_while_four_motors_are_regulated() {
         pulses.iter().all(|pulse| [600, 2400].iter().any(|us| pulse.high == MICROSECOND * *us)),
         "{pulses:?}"
     );
-    // Disabled, the other servos go on.
+    // Servo 0 is disabled. The other servos continue.
     hub.order(SET_SERVO_ENABLE, &[0, 0]);
     hub.bench.run(ms(21));
     let start = hub.bench.now();
@@ -168,7 +168,7 @@ fn servo_pulses_are_exact_to_a_microsecond_while_four_motors_are_regulated() {
 fn servos_are_off_after_fail_safe_and_after_the_host_has_gone() {
     let mut hub = Devices::new();
     let off = |hub: &mut Devices| {
-        // The pulse of a running period still ends.
+        // A pulse that has begun is completed.
         hub.bench.run(ms(21));
         let start = hub.bench.now();
         hub.bench.run(ms(100));
@@ -184,7 +184,7 @@ fn servos_are_off_after_fail_safe_and_after_the_host_has_gone() {
     assert!(!off(&mut hub));
     hub.bench.run(ms(2_600));
     assert!(off(&mut hub), "after the keep-alive time");
-    // Not configured, and a battery below 7 V.
+    // A servo that is not configured is refused, and so is any servo while the battery is below 7 V.
     assert_eq!(hub.ask(SET_SERVO_ENABLE, &[4, 1]), Reply::Nack(Nack(30)));
     hub.bench.set_battery(6.5);
     hub.bench.run(ms(300));
@@ -232,7 +232,7 @@ pub(crate) fn analog_inputs_rail_and_temperature_are_measured_and_never_old() {
     }
     assert!((hub.adc(12, false) - 5_040).abs() <= 6, "{}", hub.adc(12, false));
     assert!((hub.adc(14, false) - 470).abs() <= 10, "{}", hub.adc(14, false));
-    // Steps at every phase of the sampling: an answer shows what the input was 20 ms before, or later.
+    // The voltage steps at different phases of the sampling. An answer shows a voltage that is at most 20 ms old.
     for step in 0..12_u32 {
         let mv = 300 + 200 * step;
         hub.bench.set_analog(3, mv);
@@ -240,7 +240,7 @@ pub(crate) fn analog_inputs_rail_and_temperature_are_measured_and_never_old() {
         let measured = hub.adc(3, false);
         assert!((i32::from(measured) - mv as i32).abs() <= 3, "{measured} for {mv} mV");
     }
-    // What no board measures.
+    // Channel 6 is measured by no board.
     assert!(matches!(hub.ask(ADC, &[6, 0]), Reply::Nack(_)));
     hub.bench.assert_sound();
 }
@@ -256,7 +256,7 @@ pub(crate) fn i2c_devices_are_read_and_written_at_both_speeds_on_every_bus() {
     }
     assert_eq!(hub.read_register(0, 0x00, 1).0, 0);
     assert_eq!(hub.read_register(0, 0x00, 1).1, [0xA0]);
-    // Into the mode that fuses; its status and quaternion.
+    // Sets the sensor to a fusion mode, and reads its status and its quaternion.
     hub.order(WRITE_I2C, &[0, 0x28, 2, 0x3D, 0x08]);
     assert_eq!(hub.result(POLL_I2C_WRITE, 0).0, 0);
     hub.bench.run(ms(30));
@@ -268,7 +268,7 @@ pub(crate) fn i2c_devices_are_read_and_written_at_both_speeds_on_every_bus() {
             for count in [1, 2, 3, 4, 100] {
                 let (status, bytes, time) = hub.read_register(bus, 0x10, count);
                 assert_eq!((status, &bytes[..]), (0, &numbers[0x10..0x10 + usize::from(count)]), "bus {bus}");
-                // Nine clocks a byte, with the address twice and the register.
+                // A byte takes nine clocks. The transfer also has two addresses and the number of the register.
                 let least = (u64::from(count) + 3) * if fast == 0 { 90 } else { 22 };
                 assert!(
                     time < Duration::from_micros(2 * least) + ms(4),
@@ -281,7 +281,7 @@ pub(crate) fn i2c_devices_are_read_and_written_at_both_speeds_on_every_bus() {
         let written =
             hub.bench.device(bus.into(), 0, |device| [0x40, 0x41, 0x42].map(|r| device.register(r)));
         assert_eq!(written, [1, 2, 3], "bus {bus}");
-        // A read by itself goes on behind the last register.
+        // A read without a register number begins after the last register that was read.
         hub.order(READ_I2C, &[bus, 0x28, 2]);
         assert_eq!(hub.result(POLL_I2C_READ, bus).1, numbers[0x43..0x45], "bus {bus}");
     }
@@ -299,7 +299,7 @@ fn faults_of_an_i2c_bus_end_and_neither_motors_nor_the_line_notice() {
         assert_eq!((status, &bytes[..]), (0, &[0xA0, 0xFB, 0x32, 0x0F][..]));
     };
     works(&mut hub);
-    // Nobody at the address, for reads and for writes.
+    // No device is at the address, for reads and for writes.
     hub.bench.device(0, 0, |device| device.set_present(false));
     assert_eq!(hub.read_register(0, 0x00, 4).0, NO_ADDRESS);
     hub.order(WRITE_I2C, &[0, 0x28, 2, 0x3E, 0]);
@@ -312,7 +312,8 @@ fn faults_of_an_i2c_bus_end_and_neither_motors_nor_the_line_notice() {
     let (status, bytes, time) = hub.result(POLL_I2C_READ, 0);
     assert_eq!((status, bytes.len()), (0, 8));
     assert!(time >= ms(29), "{time:?}");
-    // A device that holds the clock for good, and lets go later. Meanwhile the line answers at once.
+    // A device holds the clock for 100 ms, longer than the time-out of a transfer. Meanwhile the hub answers the host
+    // immediately.
     hub.order(READ_I2C_REGISTER, &[0, 0x28, 8, 0x00]);
     hub.bench.hold_scl(0, ms(100));
     let asked = hub.bench.now();
@@ -360,9 +361,10 @@ fn a_base_reads_its_gyro_and_goes_on_without_it_while_motors_run() {
     };
     hub.bench.run(ms(350));
     assert_eq!(gyro(&mut hub), (2, 0), "good");
-    // Transfers of the host go on beside those of the hub.
+    // Transfers of the host continue beside the transfers of the hub.
     assert_eq!(hub.read_register(0, 0x00, 4).1, [0xA0, 0xFB, 0x32, 0x0F]);
-    // A held clock: each reading of the gyro ends by its time-out, and the line answers at once.
+    // A device holds the clock. Each reading of the gyro ends by its time-out, and the hub answers the host
+    // immediately.
     hub.bench.hold_scl(0, ms(400));
     hub.bench.run(ms(300));
     let asked = hub.bench.now();
@@ -373,7 +375,7 @@ fn a_base_reads_its_gyro_and_goes_on_without_it_while_motors_run() {
     hub.bench.assert_sound();
 }
 
-/// What a base with its gyro costs: the share of the core's instructions, with two motors at 600 counts/s.
+/// Prints the share of the core's instructions that a drive base with its gyro needs, with two motors at 600 counts/s.
 #[test]
 #[ignore = "a report, not a test"]
 fn report_of_a_base_with_its_gyro() {

@@ -19,7 +19,7 @@ fn only_motor_1_stops(bench: &mut Bench, what: &str, since: Duration, limit: Dur
     bench.assert_sound();
 }
 
-/// Presses the button. Returns the time at which motor 1 is first driven, to a millisecond.
+/// Presses the button. Returns the time at which motor 1 is first driven, with a resolution of a millisecond.
 fn started(bench: &mut Bench) -> Duration {
     bench.press(true);
     assert!(bench.run_while(ms(1), ms(100), |bench| !bench.lines(1).open()));

@@ -18,7 +18,8 @@ use salty::{Keypair, Sha512};
 
 const BOARD: Board = Board::NucleoH743zi2;
 
-/// Errors come at all points of an operation: how often is prime to how many accesses one has.
+/// The error flags appear at all points of an operation, because 7 does not divide the number of accesses of an
+/// operation.
 const ERRORS: FlashFaults = FlashFaults { errors_every: 7, late_reads: 0 };
 const LATE: FlashFaults = FlashFaults { errors_every: 0, late_reads: 5 };
 
@@ -76,14 +77,14 @@ fn armed() -> Armed {
     armed_with(setup(vec![am60()]), |_| None)
 }
 
-/// The same, with another bootloader, and with a seal that is made of the new image.
+/// Returns an armed flash for another setup, with a seal that `seal` makes from the new image.
 fn armed_with(setup: Setup, seal: impl FnOnce(&[u8]) -> Option<Seal>) -> Armed {
     let setup = Setup { board: BOARD, bootloader: true, ..setup };
     let mut flash = Bench::new(setup).flash();
     let slot = &flash[ACTIVE..ACTIVE + 4 * PAGE];
     let end = slot.iter().rposition(|byte| *byte != 0xFF).expect("a hub");
     let before = slot[..(end + 1).next_multiple_of(CHUNK)].to_vec();
-    // The same hub, with unused bytes behind its code.
+    // The new image is the same hub with unused bytes behind its code.
     let new = [&before[..], &[0x5A; CHUNK]].concat();
     let mut booted = Pages(flash[ACTIVE..ACTIVE + 4 * PAGE].to_vec());
     let mut download = Pages(vec![0xFF; 5 * PAGE]);
@@ -104,23 +105,23 @@ fn powered_on(flash: Vec<u8>, flash_faults: FlashFaults) -> Bench {
     on(BOARD, || Bench::new(Setup { flash, flash_faults, bootloader: true, ..setup(vec![am60()]) }))
 }
 
-/// True while the bootloader's state holds the order to swap, which it does until firmware confirms itself.
+/// True while the bootloader's state orders a swap. The order stays until firmware confirms itself.
 fn is_ordered(bench: &mut Bench) -> bool {
     let at = BOARD.flash().start + STATE as u64;
     bench.read_words(at, 8) == [u32::from_le_bytes([ORDERED; 4]); 8]
 }
 
-/// Runs until the hub is no longer on trial, and returns how it was booted, in its own words.
+/// Runs until the hub is no longer on trial. Returns the hub's report of how it was booted.
 ///
-/// The state itself does not tell it: a confirmation erases the order first, and power may go before the new mark is
-/// written. Without an order the firmware is confirmed all the same.
+/// The bootloader's state alone does not show this. A confirmation first erases the order, and power may fail before
+/// the new mark is written. Without an order the firmware counts as confirmed.
 #[track_caller]
 fn booted(bench: &mut Bench) -> Booted {
     let begun = bench.now();
     bench.run(ms(500));
     let swapped = bench.run_while(ms(250), Duration::from_secs(60), |bench| !is_ordered(bench));
     assert!(swapped, "still ordered to swap; resets: {}", bench.resets().len());
-    // The mark is written after an erasure, by the hub or, if it discards a stale swap, by the bootloader.
+    // The mark is written after an erasure. The hub writes it, or the bootloader if it discards a stale swap.
     bench.run(ms(3_000));
     let report: UpdateReport = HostLink::default().question(bench, HubFunction::Update);
     println!("{:?} after {:?}", report.booted, bench.now() - begun);
@@ -175,7 +176,8 @@ fn clocks_that_never_start_before_the_bootloader_leave_the_red_lamp_on_and_the_w
 /// ODR of GPIOB: PB14 is the red lamp.
 const LAMPS: u64 = 0x5802_0414;
 
-/// The bootloader's clock has 64 MHz, at which the lamp changes every 250 ms. The emulated core has 400 MHz from the start.
+/// Time between two changes of the lamp on the emulated chip. The bootloader assumes a clock of 64 MHz, at which the
+/// lamp changes every 250 ms. The emulated core runs at 400 MHz from the start.
 const BLINKS_EVERY: Duration = Duration::from_millis(250 * 64 / 400);
 
 #[test]
@@ -197,7 +199,7 @@ fn an_operation_that_never_ends_in_a_swap_is_ended_by_the_watchdog_and_the_swap_
     let mut bench = powered_on(flash, FlashFaults::default());
     bench.run(ms(3_000));
     bench.hold_flash();
-    assert!(bench.run_while(ms(500), ms(34_000), |bench| !bench.resets().is_empty()), "it hangs for ever");
+    assert!(bench.run_while(ms(500), ms(34_000), |bench| !bench.resets().is_empty()), "no watchdog reset");
     println!("reset after {:?}: {:?}", bench.now(), bench.resets());
     boots(&mut bench, &new);
     assert_eq!(bench.resets().len(), 1, "{:?}", bench.resets());
@@ -221,7 +223,7 @@ fn firmware_on_trial_drives_its_motors_while_the_flash_does_not_take_the_confirm
     assert_eq!(bench.resets(), []);
 }
 
-/// The bootloader jumps to the reset vector of the slot, wherever that is.
+/// The bootloader jumps to the reset vector of the slot, whatever address the vector has.
 #[test]
 fn from_the_bootloader_on_nothing_is_executed_in_the_second_bank_and_in_the_system_memory() {
     const SPIN: [u8; 2] = 0xE7FE_u16.to_le_bytes();
@@ -229,7 +231,8 @@ fn from_the_bootloader_on_nothing_is_executed_in_the_second_bank_and_in_the_syst
     for entry in [0x0810_0000_u32, 0x1FF0_0000] {
         let mut flash = armed().flash;
         flash[STATE..STATE + PAGE].fill(0xFF);
-        // Stack, reset, NMI, HardFault; the handler spins, and so would the second bank.
+        // The vectors are stack, reset, NMI and HardFault. The handler is an endless loop, and so is the code in the
+        // second bank.
         let vectors = [0x2002_0000, entry + 1, handler + 1, handler + 1].map(u32::to_le_bytes);
         flash[ACTIVE..ACTIVE + 16].copy_from_slice(vectors.as_flattened());
         flash[ACTIVE + 0x200..ACTIVE + 0x202].copy_from_slice(&SPIN);
@@ -247,7 +250,7 @@ fn from_the_bootloader_on_nothing_is_executed_in_the_second_bank_and_in_the_syst
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn what_a_probe_has_written_boots_though_other_firmware_was_armed() {
     let Armed { mut flash, new, .. } = armed();
-    // The same hub, with something else behind its code.
+    // The probe writes the same hub with other bytes behind its code.
     let probed = [&new[..new.len() - CHUNK], &[0xA5; CHUNK]].concat();
     flash[ACTIVE..ACTIVE + probed.len()].copy_from_slice(&probed);
     let mut bench = powered_on(flash, FlashFaults::default());
@@ -260,7 +263,7 @@ fn what_a_probe_has_written_boots_though_other_firmware_was_armed() {
 fn a_bootloader_with_a_key_begins_to_swap_only_what_the_key_has_signed() {
     let keys = Keypair::from(&[3; 32]);
     let key = keys.public.to_bytes();
-    // The file as OpenSSL writes it.
+    // The file of the public key as OpenSSL writes it.
     let head = [0x30, 0x2A, 0x30, 0x05, 0x06, 0x03, 0x2B, 0x65, 0x70, 0x03, 0x21, 0x00];
     let file = std::env::temp_dir().join(format!("motor-hub-{}.der", std::process::id()));
     std::fs::write(&file, [&head[..], &key].concat()).expect("a file for the key");
@@ -283,7 +286,7 @@ fn a_bootloader_with_a_key_begins_to_swap_only_what_the_key_has_signed() {
     }
 }
 
-/// Time between two cuts: each page is erased for 1.1 s, and written for up to 0.53 s.
+/// Time between two power cuts. The erasure of a page takes 1.1 s, and its write takes up to 0.53 s.
 const BETWEEN_CUTS: Duration = Duration::from_millis(350);
 
 #[test]
@@ -300,7 +303,7 @@ fn power_that_goes_at_any_step_of_a_swap_leaves_whole_firmware_that_runs() {
         let is_on_trial = left[STATE] == ORDERED && left[ACTIVE..].starts_with(&new);
         let mut powered_on = powered_on(left, FlashFaults::default());
         let booted = booted(&mut powered_on);
-        // A reset of firmware on trial restores the firmware before, also if the reset is a loss of power.
+        // A reset of firmware on trial restores the previous firmware, also if the reset is a loss of power.
         let expected = match booted {
             Booted::WentBack if is_on_trial => &before,
             _ => &new,

@@ -65,7 +65,7 @@ fn nothing_outside_the_chip_makes_its_clock() {
     );
     let source = bench.register(RCC_PLLCKSELR);
     assert_eq!(bits(source, 1, 0), 0, "PLLSRC is the HSI");
-    // The registers hold DIVMx, and DIVNx and DIVPx less one.
+    // The registers hold DIVMx, DIVNx - 1 and DIVPx - 1.
     for (prediv, at, mhz) in [(9, RCC_PLL1DIVR, 400), (17, RCC_PLL2DIVR, 32)] {
         let divider = bench.register(at);
         let made =
@@ -101,8 +101,8 @@ fn driving(revision: u16) -> Bench {
     bench
 }
 
-/// Watches both bridges, and returns the time from now until no PWM is on for good. A break leaves the direction lines as they are: with PWM low the low sides are
-/// off, and nothing is driven.
+/// Watches both bridges for this time. Returns the time from now until all PWM lines are low and stay low. A break does
+/// not change the direction lines. With PWM low the low-side switches are open, so no motor is driven.
 fn time_to_low(bench: &mut Bench, watched: Duration) -> Duration {
     let at = bench.now();
     bench.press(false);
@@ -115,7 +115,8 @@ fn time_to_low(bench: &mut Bench, watched: Duration) -> Duration {
     low.map(|since| since.expect("PWM is low")).into_iter().max().expect("motors").saturating_sub(at)
 }
 
-/// Before revision V nothing breaks the timer (ES0392 2.2.2), and the watchdog ends it.
+/// Before revision V the timer ignores the break of a lock-up (ES0392 2.2.2), and the PWM stays on until the watchdog
+/// resets the chip.
 #[test]
 fn a_core_that_locks_up_leaves_no_pwm_on_from_revision_v_on() {
     for (revision, limit) in [(0x2003, Duration::from_micros(1_100)), (0x1003, ms(600))] {
@@ -140,7 +141,7 @@ fn a_supply_that_falls_leaves_no_pwm_on_though_a_hung_core_takes_no_interrupt() 
     assert!(time < Duration::from_micros(10), "{time:?}");
 }
 
-/// An open pin BKIN is no source, and nothing asserts an input that is active high.
+/// The open pin BKIN is not a break source, and no other source asserts the break input, which is active high.
 #[test]
 fn no_pin_breaks_the_timer() {
     let mut bench = driving(0x2003);

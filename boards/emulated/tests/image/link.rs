@@ -32,7 +32,7 @@ fn all_three_run_modes_at_once_with_different_loads() {
     host.position(&mut bench, 3, 2500, 10, 1500);
     run(&mut bench, &mut host, ms(4000));
     let speeds: Vec<f64> = (0..4).map(|motor| bench.look(motor).counts_per_second).collect();
-    // Half of the battery, less the bridge's losses.
+    // Motor 0 gets half of the battery voltage, less the losses of the bridge.
     assert!((1200.0..1500.0).contains(&speeds[0]), "{speeds:?}");
     assert!((speeds[1] - 1500.0).abs() < 40.0, "{speeds:?}");
     assert!((speeds[2] + 700.0).abs() < 30.0, "{speeds:?}");
@@ -51,7 +51,8 @@ fn regulated_velocity_holds_at_several_speeds() {
             host.velocity(&mut bench, motor, speed);
         }
         run(&mut bench, &mut host, ms(2000));
-        // The mean over half a second: the estimate chatters by one sampling interval in its window.
+        // The speed is the mean over half a second, because the hub's estimate varies by one sampling interval in its
+        // window.
         let before: Vec<i64> = (0..4).map(|motor| bench.look(motor).counts).collect();
         run(&mut bench, &mut host, ms(500));
         for (motor, speed) in speeds.into_iter().enumerate() {
@@ -68,7 +69,7 @@ fn a_reversal_goes_over_braking_and_never_an_illegal_way() {
     let (mut bench, mut host) = with_host(four_loads());
     for round in 0..8usize {
         for motor in 0..4 {
-            // Slower, then in the other direction, then slower again.
+            // Each motor slows down, reverses, and slows down again.
             let speed = [1800, 600, -1800, -600][(round + usize::from(motor)) % 4];
             host.velocity(&mut bench, motor, speed);
         }
@@ -87,7 +88,8 @@ fn a_reversal_goes_over_braking_and_never_an_illegal_way() {
     bench.assert_sound();
 }
 
-/// A bulk read's 46 bytes at 460 800 baud, and up to a millisecond until the bench looks for them.
+/// Time of the 46 bytes of a bulk read's answer at 460 800 baud, and up to a millisecond until the bench reads them, in
+/// s.
 const REPLY_S: f64 = 0.002;
 
 #[test]
@@ -95,7 +97,8 @@ pub(crate) fn power_and_coast_reach_the_bridge_within_2_ms() {
     let (mut bench, mut host) = with_host(vec![am60(); 4]);
     let mut slowest = Duration::ZERO;
     host.power(&mut bench, 0, 8_000);
-    // At every phase of the control tick: more power, braking, the other direction, disabled, enabled.
+    // The commands come at different phases of the control tick: more power, braking, the other direction, disabled,
+    // enabled.
     let words: [(u16, &[u8]); 5] = [
         (0x100F, &[0, 0, 0x40]),
         (0x100F, &[0, 0, 0]),
@@ -129,7 +132,8 @@ fn the_host_reads_what_the_physics_does() {
     let Bulk { encoders, velocities, .. } = host.bulk(&mut bench);
     for motor in 0..4 {
         let look = bench.look(motor);
-        // A position is at most two milliseconds old when the hub reads it; then the reply is sent.
+        // A position is at most two milliseconds old when the hub puts it into the reply. The time of the reply is
+        // added.
         let late = (look.counts_per_second * (0.002 + REPLY_S)).abs() as i64 + 1;
         assert!((look.counts - i64::from(encoders[motor])).abs() <= late, "{look:?}, {encoders:?}");
         let error = (look.counts_per_second - f64::from(velocities[motor])).abs();
@@ -158,7 +162,7 @@ fn a_saturated_line_does_not_move_the_control_ticks() {
     let from = bench.now() + ms(300);
     let mut answers = 0;
     for _ in 0..300 {
-        // Bulk reads back to back: 11 bytes in, 46 out.
+        // Bulk reads follow each other without pauses: 11 bytes to the hub, 46 bytes from the hub.
         let requests: Vec<u8> = (0..10).flat_map(|_| host.packet(0x1000, &[])).collect();
         bench.send(&requests);
         bench.run(ms(10));
@@ -202,7 +206,7 @@ fn every_command_is_answered_within_5_ms_while_four_motors_are_regulated() {
     for round in 0..6000_u64 {
         let (kind, payload) = COMMANDS[round as usize % COMMANDS.len()];
         let packet = host.packet(kind, payload);
-        // At every phase of the control tick and of the log.
+        // The requests come at different phases of the control tick and of the log.
         bench.run(Duration::from_micros(round * 7919 % 1500));
         let last_byte = send(&mut bench, &packet);
         let mut reply = None;
@@ -269,8 +273,8 @@ fn interrupts_are_masked_for_less_than_a_byte_of_the_line_whatever_is_logged() {
     }
     println!("{lines} log lines of up to {slowest} instructions; interrupts masked for {longest} at most");
     assert!(lines >= 10 && longest > 0, "{lines}, {longest}");
-    // A byte takes 21.7 us: 3645 cycles at 168 MHz, where on flash with 5 wait states an instruction takes 6 of them if
-    // every one misses the caches.
+    // A byte takes 21.7 us, which are 3645 cycles at 168 MHz. An instruction that misses the caches takes 6 cycles from
+    // flash with 5 wait states. The test assumes that every instruction misses the caches.
     assert!(6 * longest < board().core_hz() / 46_080, "{longest}");
     assert!(crate::common::log(&mut bench).contains("encoder: Some(Stuck)"));
 }
@@ -288,7 +292,7 @@ fn garbled_words_do_no_harm_and_the_line_recovers() {
         answers += host.arrivals(&mut bench).len();
     }
     println!("{answers} of 150 requests answered with 2 % of the words garbled");
-    // More answers than requests would be old bytes read again, such as an old "enable".
+    // More answers than requests would show that the hub reads old bytes again, for example an old "enable".
     assert!((75..150).contains(&answers), "{answers}");
     bench.garble_serial(0, 7);
     bench.run(ms(60));
@@ -301,7 +305,7 @@ fn garbled_words_do_no_harm_and_the_line_recovers() {
 fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
     let (mut bench, mut host) = with_host(vec![am60(); 4]);
     let (mut soonest, mut latest) = (Duration::MAX, Duration::ZERO);
-    // The last packet at every phase of the control tick.
+    // The last packet comes at different phases of the control tick.
     for phase in (0..50).step_by(7) {
         set_speeds(&mut bench, &mut host);
         let tick = bench.now().as_millis() as u64 / 50 * 50;
@@ -331,7 +335,7 @@ fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
 #[test]
 pub(crate) fn digital_pins_are_read_and_driven() {
     let (mut bench, mut host) = with_host(vec![am60()]);
-    // Nothing is connected.
+    // Nothing is connected to the pins, so all are pulled up.
     assert_eq!(host.bulk(&mut bench).digital, 0xFF);
     for pin in 0..8 {
         bench.connect_pin(pin, Some(false));

@@ -38,7 +38,7 @@ fn a_host_that_speaks_ends_what_the_button_began_and_disarms_it() {
     bench.press(true);
     bench.run(ms(1000));
     assert!(all_open(&mut bench));
-    // Nor does it, once the host is gone.
+    // The button also has no effect after the host has gone.
     bench.press(false);
     bench.run(ms(3000));
     bench.press(true);
@@ -70,7 +70,7 @@ fn a_low_battery_is_no_time_to_start() {
     bench.press(true);
     bench.run(ms(500));
     assert!(all_open(&mut bench));
-    // Nor when it recovers while the button is held.
+    // The motors also do not start when the battery recovers while the button is held.
     bench.set_battery(12.0);
     bench.run(ms(500));
     assert!(all_open(&mut bench));

@@ -1,9 +1,10 @@
-//! The light models of TIM1 and of the memory protection unit against the emulator's own.
+//! Compares the bench's simple models of TIM1 and of the memory protection unit with the emulator's own models.
 
 use crate::common::{booted_as, four_loads, ms, setup};
 use emulated::{Bench, Encoder, Mpu, Output, Pwm, Setup};
 
-/// Speeds up, is disturbed, brakes, loses an encoder, is reset in mid-run, and starts again.
+/// Runs a hub whose motors speed up, are disturbed, brake and lose an encoder. The hub is then reset while motors run,
+/// and starts again.
 fn reference_run(pwm: Pwm, mpu: Mpu) -> Bench {
     let mut bench = booted_as(Setup { pwm, mpu, ..setup(four_loads()) });
     bench.press(true);

@@ -25,8 +25,8 @@ fn ticks(bench: &mut Bench, of: &Head) -> Vec<Tick> {
     all
 }
 
-/// Lets four motors turn at 1000 counts/s, then lets `happens` stop the firmware, so that the watchdog resets the chip.
-/// Returns the only entry of the record.
+/// Runs four motors at 1000 counts/s. Then `happens` stops the firmware, so that the watchdog resets the chip. Returns
+/// the only entry of the record.
 fn after(happens: impl FnOnce(&mut Bench)) -> (Bench, Head) {
     after_with(Mpu::Registers, happens)
 }
@@ -43,7 +43,7 @@ fn after_with(mpu: Mpu, happens: impl FnOnce(&mut Bench)) -> (Bench, Head) {
     assert!(log(&mut bench).contains(&said), "{}", log(&mut bench));
     let seconds = f64::from(head.uptime_ms) / 1e3;
     println!("{head:?}");
-    // The emulated clock is exact. The last tick was up to 50 ms before.
+    // The emulated clock is exact. The last tick before the fault was up to 50 ms earlier.
     assert!((at.as_secs_f64() - 0.06..at.as_secs_f64() + 0.06).contains(&seconds), "{at:?}: {head:?}");
     let volts = f64::from(head.battery.expect("a battery").get()) / 1e3;
     assert!((11.0..12.2).contains(&volts), "{head:?}");
@@ -85,7 +85,7 @@ pub(crate) fn a_panic_is_on_record_with_its_line() {
 fn a_stack_overflow_is_on_record_with_how_far_it_went() {
     let (_, head) = after_with(Mpu::Emulated, |bench| bench.overflow_stack("capture"));
     assert_eq!(head.fault, Fault::StackOverflow);
-    // The guard's end, and an exception's frame below it.
+    // The stack pointer is one exception frame below the end of the guard, 0x2000_2000.
     assert!((0x2000_1F00..0x2000_2000).contains(&head.detail[0]), "{head:?}");
 }
 
@@ -106,7 +106,8 @@ fn an_unplugged_encoder_is_on_record_with_the_ticks_before_also_after_a_reset() 
     let [newest, same] = after[..] else { panic!("two entries: {after:?}") };
     assert_eq!((newest.fault, newest.run), (Fault::ResetPin, 1));
     assert_eq!(same, head);
-    // The motor turned, its counts stopped. It was braked, driven in the other direction, and released.
+    // The motor turned until its counts stopped. The hub then braked it, drove it in the other direction, and released
+    // it.
     let ticks = ticks(&mut bench, &head);
     let stopped =
         ticks.windows(2).rposition(|pair| pair[0].position != pair[1].position).expect("it turned") + 1;

@@ -4,7 +4,7 @@ use crate::common::{am60, booted, expect_speed, four_loads, log, ms, turning};
 use emulated::Transition;
 use motor_hub::bridge::State;
 
-/// The modes of a bridge in their order, by its direction lines and its PWM.
+/// Returns the modes of a bridge in the order of time, from its direction lines and its PWM.
 fn modes(transitions: &[Transition], motor: usize) -> Vec<&'static str> {
     let mut modes: Vec<&'static str> = Vec::new();
     for t in transitions.iter().filter(|t| t.motor == motor) {
@@ -25,11 +25,11 @@ fn modes(transitions: &[Transition], motor: usize) -> Vec<&'static str> {
 pub(crate) fn four_motors_with_different_loads_reach_their_speed_and_stand_still_again() {
     let mut bench = turning(four_loads());
     bench.run(ms(1000));
-    // The estimate is off by up to one sampling interval in its window: 2 %.
+    // The estimate is wrong by up to one sampling interval in its window, which is 2 %.
     expect_speed(&mut bench, 0..4, 30.0);
     bench.press(false);
     bench.run(ms(800));
-    // Held at standstill: the encoder may change by a count.
+    // The hub holds the motors at standstill. The encoder may still change by a few counts.
     let before: Vec<i64> = (0..4).map(|motor| bench.look(motor).counts).collect();
     bench.run(ms(150));
     for (motor, before) in before.into_iter().enumerate() {
@@ -57,14 +57,14 @@ pub(crate) fn what_the_chip_measures_is_what_the_physics_does() {
     };
     let speeds: [f64; 4] = std::array::from_fn(|motor| read(&format!("motor {motor}: ")));
     for (motor, speed) in speeds.into_iter().enumerate() {
-        // One sampling interval of 1 ms in the window of 50 ms is 2 %; and the loop still settles, so
-        // the speed is not the window's mean.
+        // One sampling interval of 1 ms in the window of 50 ms is 2 %. The loop still settles, so the present speed
+        // differs from the mean speed of the window.
         let real = bench.look(motor).counts_per_second;
         assert!((speed - real).abs() < 0.04 * real, "motor {motor}: {speed} read, {real} real");
     }
     let millivolts = read("Millivolts(");
     let (volts, _) = bench.battery();
-    // The converter resolves 4.6 mV of battery; the filter lags by 40 ms.
+    // The F429's converter resolves 7.4 mV of battery voltage. The filter lags by 40 ms.
     assert!((millivolts - 1000.0 * volts).abs() < 30.0, "{millivolts:?} mV read, {volts} V real");
 }
 

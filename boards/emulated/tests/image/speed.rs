@@ -8,15 +8,15 @@ use crate::common::{am60, booted_as, ms, setup};
 use emulated::host_link::HostLink;
 use emulated::{Pwm, Setup};
 
-/// Prints virtual seconds a second.
+/// Prints how many virtual seconds pass in a real second.
 fn rate(pwm: Pwm) {
     let mut bench = booted_as(Setup { pwm, ..setup(vec![am60(); 4]) });
     let mut host = HostLink::default();
     for motor in 0..4 {
-        // Nearly all of it, so that TIM1 has something to do.
+        // The power is nearly full, so that TIM1 still makes pulses.
         host.power(&mut bench, motor, 32_000);
     }
-    // Until the emulator has translated the firmware.
+    // Runs for 2 s, until the emulator has translated the firmware.
     for _ in 0..2 {
         bench.run(ms(1000));
         host.keep_alive(&mut bench);

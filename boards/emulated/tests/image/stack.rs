@@ -16,7 +16,8 @@ fn the_stack_stays_below_nine_of_its_24_kilobytes() {
     let words = usize::try_from((stack.end - stack.start) / 4).expect("fits");
     bench.write_words(stack.start, vec![PAINT; words]);
 
-    // Motors set up and regulated on a busy line, a fault, a bus error with its log line, and a watchdog reset.
+    // The run has motors that are configured and regulated on a busy line, a fault of a motor, a bus error with its log
+    // line, and a watchdog reset.
     let mut host = HostLink::default();
     bench.run(ms(300));
     for motor in 0..4 {
@@ -51,7 +52,7 @@ fn a_stack_that_overflows_ends_in_the_fault_path_with_all_bridges_open() {
     for motor in 0..4 {
         let time = time_to_safe(&mut bench, motor, at);
         println!("time to safe: {:8.3} ms  stack overflow, bridge {motor}", time.as_secs_f64() * 1e3);
-        // Up to a millisecond until the task is polled.
+        // The task is polled up to a millisecond after the fault.
         assert!(time <= ms(2), "{time:?}");
     }
     assert!(log(&mut bench).contains("stack overflow"), "{}", log(&mut bench));

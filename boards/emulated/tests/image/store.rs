@@ -74,7 +74,7 @@ fn settings_are_there_again_after_the_power_was_gone() {
     let (report, took) = save(&mut bench, &mut host);
     println!("a save into blank flash took {took:?}");
     assert_eq!((report.stored, report.number, report.outcome), (Stored::Whole, 1, Outcome::Done));
-    // The protocol's own command stores the address, and that alone.
+    // The protocol's command for a new address stores only the address.
     protect(&mut bench, &mut host, 4_321);
     let address = Address::new(7).expect("an address");
     host.order(&mut bench, Standard::SetAddress { address });
@@ -99,7 +99,7 @@ fn power_that_goes_during_a_save_leaves_the_old_settings_or_the_new() {
     protect(&mut bench, &mut host, 1_000);
     save(&mut bench, &mut host);
     let mut seen = [0; 2];
-    // While the save goes on, copies of its flash are given to hubs that are powered on.
+    // During the save, copies of the flash are given to other hubs, which are then powered on.
     protect(&mut bench, &mut host, 2_000);
     host.order(&mut bench, HubFunction::Save);
     for cut in 0..5_u32 {
@@ -151,7 +151,7 @@ impl NorFlash for &mut Pages {
     }
 }
 
-/// A flash whose both pages are in use, without room for another save; and the number of the last save.
+/// Returns a flash with both pages in use and without room for another save, and the number of the last save.
 fn full() -> (Vec<u8>, u32) {
     let mut pages = Pages(vec![0xFF; 256 * 1024]);
     let save = |pages: &mut Pages, number| {
@@ -206,7 +206,7 @@ fn a_save_that_erases_waits_for_motors_to_be_off_and_holds_nobody_up() {
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn an_erasure_that_power_has_cut_is_done_again_at_power_on_and_starves_nobody() {
     let (mut stored, number) = full();
-    // The second page begins blank, and is not blank.
+    // The second page is blank at its beginning, but not everywhere.
     stored[128 * 1024 + 4096..][..64].fill(0x5A);
     let mut bench = powered_on(stored);
     bench.run(ms(2_200));

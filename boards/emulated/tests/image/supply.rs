@@ -53,7 +53,7 @@ pub(crate) fn a_halted_core_leaves_no_pwm_on() {
 pub(crate) fn encoder_inputs_are_filtered() {
     let mut bench = booted(vec![am60()]);
     for timer in [0x4000_0000, 0x4000_0400, 0x4000_0800, 0x4001_0400] {
-        // CKD: a quarter of the timer's clock. IC1F, IC2F: a 32nd of that, eight samples.
+        // CKD divides the timer's clock by 4. IC1F and IC2F divide it by 32 more, and need eight equal samples.
         assert_eq!(bits(bench.register(timer), 9, 8), 2, "{timer:#x}: CKD");
         let inputs = bench.register(timer + 0x18);
         assert_eq!([bits(inputs, 7, 4), bits(inputs, 15, 12)], [15, 15], "{timer:#x}: filters");
@@ -122,7 +122,7 @@ fn a_battery_that_breaks_down_is_seen_at_once() {
     let (mut bench, mut host) = with_host(vec![am60(); 4]);
     for phase in 0..4 {
         set_speeds(&mut bench, &mut host);
-        // By then the motors may draw their full current again.
+        // After this time the hub no longer limits the current of the motors.
         bench.run(ms(1500 + 3 * phase));
         let at = bench.now();
         bench.set_battery(4.5);
@@ -166,7 +166,7 @@ fn runs_on_unread(bench: &mut Bench) {
         let changes = bench.transitions().len() - changes;
         assert!(changes > 4, "{changes} changes of four PWMs in a second after {from:?}");
         for (motor, before) in counts.into_iter().enumerate() {
-            // The mean of a second, because the present speed may be some percent off.
+            // The speed is the mean over a second, because the present speed may be wrong by some percent.
             let counts = bench.look(motor).counts - before;
             assert!(
                 (counts - 1000).abs() < 30,
@@ -184,7 +184,7 @@ fn a_bus_that_rises_ends_what_a_braking_motor_returns_before_the_next_millisecon
     bench.run(ms(1_000));
     for round in 0..6 {
         host.keep_alive(&mut bench);
-        // Each time at another phase between two samples of the hub.
+        // Each round begins at another phase between two samples of the hub.
         bench.run(ms(80) + Duration::from_micros(170) * round);
         let from = bench.now();
         bench.set_battery(15.0);

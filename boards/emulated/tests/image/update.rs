@@ -33,7 +33,7 @@ fn version(bench: &mut Bench, host: &mut HostLink) -> String {
     String::from_utf8_lossy(&text).into_owned()
 }
 
-/// A request that the hub refuses until it has written the data before. It is repeated until then.
+/// Repeats a request until the hub accepts it. The hub refuses the request until it has written the previous data.
 fn persist(bench: &mut Bench, host: &mut HostLink, request: &HubFunction) {
     let request = Request::from(request.clone());
     let end = bench.now() + ms(10_000);
@@ -83,7 +83,7 @@ fn write(bench: &mut Bench, host: &mut HostLink, image: &[u8]) {
     persist(bench, host, &HubFunction::FinishUpdate);
 }
 
-/// The report once the hub has checked the image.
+/// Waits until the hub has checked the image, and returns the report.
 fn settled(bench: &mut Bench, host: &mut HostLink) -> UpdateReport {
     let end = bench.now() + ms(10_000);
     loop {
@@ -95,7 +95,8 @@ fn settled(bench: &mut Bench, host: &mut HostLink) -> UpdateReport {
     }
 }
 
-/// An image that hangs: its stack, its entry, and a branch to itself (ARMv7-M ARM A7.7.12, B1.5.3).
+/// Returns an image that hangs: initial stack pointer, reset vector, and a branch to itself (ARMv7-M ARM A7.7.12,
+/// B1.5.3).
 fn hangs(origin: u32) -> Vec<u8> {
     let words = [0x2002_0000, origin + 9, 0xE7FE_E7FE];
     words.into_iter().flat_map(u32::to_le_bytes).collect()
@@ -193,7 +194,7 @@ fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_
     bench.assert_sound();
 }
 
-/// A public key and its owner's signature of the image [`hangs`], made by OpenSSL.
+/// A public key. [`SIGNATURE`] is the signature of the image [`hangs`] with the secret key, made by OpenSSL.
 const KEY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/update/signed/public.der");
 const SIGNATURE: &[u8; 64] = include_bytes!("hangs.sig");
 

@@ -13,13 +13,13 @@ use super::pty::Pty;
 #[derive(Debug, thiserror::Error)]
 pub enum LineError {
     /// The system refuses a pseudo-terminal.
-    #[error("no pseudo-terminal: {0}")]
+    #[error("the system refuses a pseudo-terminal: {0}")]
     NoPty(std::io::Error),
     /// Only Unix has pseudo-terminals.
     #[error("this system has no pseudo-terminals")]
     NoPtys,
     /// The program cannot listen on the address.
-    #[error("{address} cannot be listened to: {error}")]
+    #[error("cannot listen on {address}: {error}")]
     Tcp {
         /// The given address.
         address: String,

@@ -32,7 +32,7 @@ pub enum MemoryError {
         path: String,
     },
     /// The file is not a store of settings.
-    #[error("{path} is not a store of a hub's settings: it has {size} bytes, which would be {SIZE}")]
+    #[error("{path} is not a store of a hub's settings: it has {size} bytes; a store has {SIZE} bytes")]
     NotAStore {
         /// The file.
         path: String,

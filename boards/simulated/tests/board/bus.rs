@@ -41,7 +41,7 @@ struct Measured {
     speeds: Vec<Vec<f64>>,
     highest_v: f64,
     coasted: bool,
-    /// Motors that went over from a short to driving in the same millisecond between two ticks.
+    /// Largest number of motors that changed from a short to driving in the same millisecond between two ticks.
     most_at_once: usize,
     shut_down: bool,
     returned_j: f64,

@@ -32,7 +32,7 @@ fn served(scheme: Scheme, duty: DutyRule, period_ms: u32, setpoint: impl Fn(&Mot
     scenario
 }
 
-/// Mean speed of each motor in the last half second, and its largest distance from its position.
+/// Returns the mean speed of each motor in the last half second, and its largest distance from `position`.
 fn outcome(scenario: &Scenario, position: i64) -> Vec<(f64, i64)> {
     let from = (1e3 * scenario.duration_s) as u64 - 500;
     let mut sums = vec![(0.0, 0); scenario.motors.len()];
@@ -126,9 +126,9 @@ fn coefficients_with_feed_forward_settle_at_every_period_and_in_every_scheme() {
     settles("P 2, I 0.5, F 11.1", FED_FORWARD);
 }
 
-/// The fan of the default scenario. In shares of full control at full speed, P is 0.042 and I is 0.0106 in a cycle. The
-/// time constant is 1.042 / 0.0106 cycles, or 4.9 s, for the three quarters that F leaves. It is the same without a
-/// flywheel.
+/// The motor is the fan of the default scenario. Relative to the full control value per full speed, P is 0.042 and I is
+/// 0.0106 per cycle of 50 ms. F gives only a quarter of the control value. The rest of the error decays with a time
+/// constant of 1.042 / 0.0106 cycles, or 4.9 s. The time constant is the same without a load.
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn coefficients_that_are_small_for_a_motor_take_the_time_that_they_stand_for() {

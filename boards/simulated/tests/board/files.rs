@@ -1,4 +1,5 @@
-//! What scenario files mean. Files with mistakes are refused: the error gives the position, the value, and what is allowed.
+//! Meaning of scenario files. Files with mistakes are refused: the error gives the position, the value, and the allowed
+//! values.
 
 use motor_hub::group::{Course, GroupCommand, Halt, TOLERANCE, usual_lag};
 use motor_hub::hub::{Action, Command};
@@ -343,7 +344,8 @@ fn a_group_is_sent_on_courses_by_the_wheels_of_its_base() {
     let group = scenario.groups.first().expect("a group");
     let courses: Vec<GroupCommand> = group.courses.iter().map(|course| course.value).collect();
     let [first, second]: [GroupCommand; 2] = courses.try_into().expect("two courses");
-    // 100 mm less and more the 235.6 mm that a wheel goes in a quarter of a turn, the right one mirrored.
+    // The left wheel travels 100 mm minus 235.6 mm, and the right wheel 100 mm plus 235.6 mm. 235.6 mm is the path of a
+    // wheel in a quarter turn of the base. The counts of the right wheel are negative, because it is mirrored.
     assert_eq!(first.course, Course::by(&[(0, -806), (1, -1994)]).expect("two motors"));
     let usual = (usual_lag(CountsPerSecond::new(1_000)), TOLERANCE);
     assert_eq!(((first.lag, first.tolerance), first.halt), (usual, Halt::Stop));

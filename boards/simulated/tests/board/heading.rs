@@ -56,7 +56,7 @@ fn a_base_turns_by_its_gyros_drift_and_scale_error() {
     // The gyro drifts by 0.5 degrees a second. From its first turn at 3 s to 13 s the base turns back by that angle.
     let expected = (270.0 - 0.5 * 10.0) / 1.01;
     assert!((end_degrees(&trace) - expected).abs() < 0.6, "{} {expected}", end_degrees(&trace));
-    // The hub cannot know. The sensor measures from 0.7 s on.
+    // The hub cannot measure these errors of the gyro. The sensor measures from 0.7 s on.
     let measured = end_degrees(&trace) * 1.01 + 0.5 * 12.3;
     let base = trace.ticks.last().and_then(|tick| tick.base).expect("a base");
     assert!((f64::from(base.heading_millidegrees) / 1e3 - measured).abs() < 0.5, "{measured} {base:?}");
@@ -80,7 +80,7 @@ fn faults_of_the_gyros_bus_stop_neither_motors_nor_ticks() {
         let during = if is_lost { GyroState::Lost } else { GyroState::Good };
         assert_eq!([gyro_at(&trace, 5.7), gyro_at(&trace, 8.0)], [during; 2], "{fault}");
         assert_eq!(gyro_at(&trace, 9.9), GyroState::Good, "{fault}");
-        // The turn at 6 s is by encoders while the gyro is lost.
+        // If the gyro is lost, the turn at 6 s uses the encoders.
         let expected = if is_lost { 270.0 - 0.05 * 90.0 } else { 270.0 };
         assert!((end_degrees(&trace) - expected).abs() < 1.0, "{fault} {}", end_degrees(&trace));
         let losses = trace.ticks.last().and_then(|tick| tick.base).map(|base| base.losses);

@@ -1,4 +1,4 @@
-//! The host as a board.
+//! Tests of the simulated board.
 
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::model::battery::Battery;
@@ -30,7 +30,7 @@ fn board(bridges: &[BridgeConstants]) -> Board {
     Board::new(battery, bridges.iter().map(|bridge| (motor, Load::NONE, *bridge)), 1)
 }
 
-/// Runs the hub's tasks. The clock of the mock driver is one for the process, so runs wait for each other.
+/// Runs the hub's tasks. All runs of the process share the clock of the mock driver, so they wait for each other.
 fn run_tasks(scenario: &Scenario) -> Trace {
     static CLOCK: Mutex<()> = Mutex::new(());
     let _clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);

@@ -9,7 +9,8 @@ fn a_run_without_tasks_is_the_run_with_them() {
         let mut scenario = Scenario::default_one().expect("it is valid");
         scenario.duration_s = 2.0;
         scenario.period = motor_hub::units::Period::from_millis(period_ms).expect("in range");
-        // A host that sends several commands in one millisecond needs more than that.
+        // The set-points of the motors are moved to different milliseconds. The tasks need more than a millisecond for
+        // several commands of the same millisecond.
         for (index, motor) in scenario.motors.iter_mut().enumerate() {
             motor.setpoints.iter_mut().for_each(|setpoint| setpoint.at_s += 1e-3 * index as f64);
         }

@@ -1,4 +1,4 @@
-//! What scenarios hold, and what holds when.
+//! Contents of scenarios, and the values that are in force at a time.
 
 use motor_hub::braking::Scheme;
 use motor_hub::model::plant::Temperatures;

@@ -1,4 +1,4 @@
-//! What people call schemes and blends.
+//! Names of schemes and blends.
 
 use simulated::scheme::{BlendChoice, BlendError, SchemeName, describe};
 

@@ -74,7 +74,7 @@ impl Axis {
         scenario
     }
 
-    /// Milliseconds from the break until the encoder is known to be at fault.
+    /// Returns the time in milliseconds from the break until the hub reports the encoder fault.
     fn until_known(&self, period_ms: u32, configured: bool, broken: Encoder, phase_ms: u64) -> Option<u64> {
         let mut scenario = self.scenario(period_ms, configured);
         let breaks_ms = BREAKS_MS + phase_ms;

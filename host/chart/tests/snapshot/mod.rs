@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-/// Compares each text, byte by byte, with the file of its name in `tests/snapshots`, which must hold
-/// these files and no others; with `UPDATE_SNAPSHOTS=1` in the environment it writes them instead.
+/// Compares each text, byte by byte, with the file of its name in `tests/snapshots`, which must contain exactly these
+/// files. With `UPDATE_SNAPSHOTS=1` in the environment it writes the files instead.
 pub(crate) fn assert_all(snapshots: &[(String, String)]) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/snapshots");
     if std::env::var_os("UPDATE_SNAPSHOTS").is_some_and(|value| value == "1") {

@@ -22,12 +22,13 @@ const POLL: Duration = Duration::from_millis(50);
 /// Drives a base with two wheels along straight lines and through turns, then disables its motors, on hubs of this
 /// project
 ///
-/// Options for the base configure it, and it then starts at the origin. Without them the hub's base goes on from
-/// where it is. `settings save` stores the base.
+/// The options that describe the base configure it, and the base then starts at the origin. Without these options the
+/// command uses the base that the hub has, and the base continues from its present position. `settings save` stores
+/// the base.
 ///
-/// The hub counts where the base is: `odometry` shows that afterwards. With --use-gyro the hub reads a BNO055 on I2C
-/// bus 0, and the base holds the heading of the gyro, although wheels slip or are unlike. If the gyro fails, the base
-/// goes on by its encoders, and the command says so.
+/// The hub computes the position of the base: `odometry` shows the position afterwards. With --use-gyro the hub reads
+/// a BNO055 on I2C bus 0, and the base holds the heading of the gyro, even if wheels slip or differ. If the gyro fails,
+/// the base holds its heading by the encoders, and the command prints a warning.
 #[derive(clap::Args)]
 pub(super) struct Options {
     /// Parts of the course in their order: straight=MM, backward if negative, or turn=DEGREES, positive to the left

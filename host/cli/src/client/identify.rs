@@ -31,9 +31,10 @@ const LONGEST: Duration = Duration::from_secs(30);
 /// motor must stand, and be free to turn. The motion takes some 3 s. The motor is disabled at the end, on Ctrl-C, and
 /// on any error.
 ///
-/// Proposed are the identified motion, and a largest acceleration of half of what the battery gives the motor at
-/// rest. The motor can reach that acceleration up to half of its free speed, so it does not lag behind its set-point.
-/// With --apply the settings are in force until the hub's reset; coefficients set by a host are dropped.
+/// The command proposes the identified motion and an acceleration limit. The limit is half of the acceleration that
+/// the battery can give the motor at rest. The motor can reach the limit up to half of its free speed, so it does not
+/// lag behind its set-point. With --apply the settings are in force until the hub's reset. The hub then deletes
+/// coefficients that a host has set.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motor 0 to 3

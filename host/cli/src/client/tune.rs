@@ -17,11 +17,12 @@ use studies::table;
 /// be free to turn with its load. The motion takes some 3 s. The motor is disabled at the end, on Ctrl-C, and on any
 /// error.
 ///
-/// Unlike `identify --apply` it sets no acceleration limit, so the motor takes what the battery gives; --gentle sets
-/// the limit that `identify` proposes. Without --save everything is in force until the hub's reset.
+/// Unlike `identify --apply`, this command sets no acceleration limit, so the motor accelerates as fast as the battery
+/// permits. --gentle sets the limit that `identify` proposes. Without --save the settings are in force until the hub's
+/// reset.
 ///
-/// If the motor is not identified, for example because something pulls at it all the time, its set-up stays in force
-/// and the hub learns while the motor works. Nothing is then stored, and the exit code is 1.
+/// If the motor is not identified, for example because a constant load pulls at the motor, its set-up stays in force.
+/// The hub then learns the acceleration per volt while the motor works. Nothing is stored, and the exit code is 1.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motor 0 to 3

@@ -1,4 +1,4 @@
-//! `motor-hub compare`: that the tasks tell the variants apart, and how.
+//! `motor-hub compare`: the tasks show the differences between the variants.
 
 use crate::common::{folder, json, motor_hub};
 use serde_json::Value;

@@ -20,7 +20,7 @@ const ANSWERED: Duration = Duration::from_millis(400);
 const THUMB: &str = "(() => { const e = document.querySelector('#motors .card:nth-child(1) input[type=range]'); \
                      return (e.value - e.min) / (e.max - e.min) })()";
 
-/// Place of the slider of motor 0 at a share of its track: the thumb's middle, where `None`.
+/// Returns the point of the slider of motor 0 at a share of the track; `None` is the middle of the thumb.
 fn on_slider(tab: &mut Tab<'_>, share: Option<f64>) -> (f64, f64) {
     let share = share.unwrap_or_else(|| tab.ask(THUMB).as_f64().unwrap());
     // A thumb's middle stays half a thumb away from both ends.

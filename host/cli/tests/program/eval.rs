@@ -146,8 +146,8 @@ fn the_firmware_s_abscissas_are_within_a_count() {
         let emf = case["outputs"]["emf_mV"].as_f64().unwrap();
         let at_the_pole = (emf - inputs["mvBattery"].as_f64().unwrap()).abs() < 1.0;
         compare(&outputs, &case["outputs"], &format!("{inputs}"), &|key, want| match key {
-            // Where C and D run to infinity, the rounding of keFw to 2^-20 is worth many counts; the
-            // fields with the rounded constant are compared without mercy.
+            // At the pole the points of Schemes C and D are nearly infinite, so the rounding of keFw to 2^-20 changes
+            // these points by many counts. Elsewhere points must agree within one count.
             "C_xT" | "D_xT" | "D_xS" if at_the_pole => 1e-3 * want.abs(),
             key if key.contains("_x") => 1.0,
             _ => 1e-9 * want.abs().max(1.0),

@@ -45,7 +45,7 @@ pub(crate) struct Hub {
     pub(crate) change: fn(&mut Packet),
     /// True for a hub without this project's own interface.
     pub(crate) foreign: bool,
-    /// Keeper of the slot for new firmware, which also restarts the hub.
+    /// Executes the requests to the slot for new firmware, and the restart of the hub.
     pub(crate) flash: fn(&mut Responder<4>, UpdateRequest),
     /// Number of requests received.
     pub(crate) requests: Arc<AtomicU32>,

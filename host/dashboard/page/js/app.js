@@ -138,7 +138,7 @@ const stop = () => {
 /** Fields in which Space enters a character. */
 const typing = (/** @type {any} */ target) => target.matches?.("input:not([type=range]), textarea");
 
-// On the window and while the event goes down, so that nothing on the page can take a key before STOP.
+// The listener is on the window and in the capture phase, so that STOP gets a key before any element gets the key.
 addEventListener("keydown", (event) => {
   if (event.key === "Escape" || (event.key === " " && !typing(event.target))) {
     event.preventDefault();
@@ -151,7 +151,7 @@ addEventListener("keydown", (event) => {
   }
 }, true);
 
-// The wheel changes a number field that has the focus, and scrolls the page elsewhere. Here it always scrolls.
+// By default the mouse wheel changes a number field that has the focus. On this page the wheel always scrolls the page.
 addEventListener("wheel", (event) => {
   if (event.ctrlKey || event.target !== document.activeElement || !typing(event.target)) return;
   event.preventDefault();

@@ -7,7 +7,7 @@ import { labelled } from "./slider.js";
 import { mayOrder, on, state } from "./state.js";
 import { number } from "./units.js";
 
-/** Interval between two looks at devices in sight, in milliseconds. */
+/** Interval between two requests for the state of the devices that the page shows, in milliseconds. */
 const LOOK_MS = 1000;
 /** Number of servo outputs of a whole hub. */
 const SERVOS = 6;
@@ -88,7 +88,7 @@ function servos(/** @type {any} */ link) {
   return {
     element: part("devices", "Servos", true,
       h("div", { class: "pair servos" }, ...all.flatMap(({ row }) => row), h("label", { for: "servo-period" }, "Period, µs"), period),
-      h("p", { class: "muted" }, "STOP ends the pulses of all servos. So does the hub by itself when this page is gone, and below 7 V.")),
+      h("p", { class: "muted" }, "STOP ends the pulses of all servos. The hub also ends them when this page is gone, and below 7 V.")),
     allow: (/** @type {boolean} */ may) => { for (const element of [period, ...all.flatMap(({ slider, run }) => [slider.input, run])]) element.disabled = !may; },
   };
 }
@@ -172,7 +172,7 @@ function i2c(/** @type {any} */ link) {
     element: part("devices", "I2C buses", false,
       h("div", { class: "pair" }, h("label", { for: "i2c-bus" }, "Bus"), bus, h("label", { for: "i2c-address" }, "Address"), address, h("label", { for: "i2c-register" }, "Register to read"), register, h("label", { for: "i2c-count" }, "Bytes to read"), length, h("label", { for: "i2c-bytes" }, "Bytes to write"), bytes, h("label", { for: "i2c-speed" }, "Speed"), fast),
       h("div", { class: "row" }, ...buttons), result,
-      h("p", { class: "muted" }, "A scan reads one byte from each address, which some devices take for an order.")),
+      h("p", { class: "muted" }, "A scan reads one byte from each address. Some devices take such a read for a command.")),
     allow: (/** @type {boolean} */ may) => { for (const element of [bus, address, register, length, bytes, fast, ...buttons]) element.disabled = !may; },
     buses: (/** @type {number} */ buses) => { if (buses && bus.options.length !== buses) bus.options = count(buses).map((index) => [String(index), String(index)]); },
   };

@@ -1,5 +1,6 @@
-// A gamepad drives the chosen motor while its button A is held: the left stick, forward and back, sets the speed. Released,
-// without the gamepad, or in a page that is hidden or without the focus, the motor is off.
+// A gamepad drives the chosen motor while its button A is held: the left stick, forward and back, sets the speed. The
+// motor is disabled when the button is released, when the gamepad disconnects, and when the page is hidden or loses the
+// focus.
 
 import { inControl, on, onLeave, state } from "./state.js";
 import { freeSpeed } from "./units.js";
@@ -17,7 +18,7 @@ const EVERY_MS = 50;
 export function startGamepad(link) {
   /** @type {number|null} the motor that is driven */
   let driven = null;
-  /** STOP was pressed, or the page could not drive: the button must be seen released first. */
+  /** True after STOP, and while the page may not drive. The gamepad drives again only after its button was released. */
   let stopped = true;
   let [sent, speed] = [0, 0];
 
@@ -52,7 +53,7 @@ export function startGamepad(link) {
     if (!grave) return;
     [driven, stopped] = [null, true];
   });
-  // A hidden page looks at no gamepad: nothing calls `look`.
+  // The browser does not call `look` in a hidden page, so a hidden page must disable the motor by this listener.
   onLeave(leave);
   look();
 }

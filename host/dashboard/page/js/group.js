@@ -1,5 +1,5 @@
-// Panel for motors that are driven by a held button, or that move in step: to positions, or at speeds. It also has what the
-// set-points of the cards have besides their values.
+// Panel for motors that are driven by a held button, or that move in step to positions or at speeds. The panel also
+// sets the speed limits, the tolerance and the behaviour at zero for the set-points of the cards.
 
 import { h, part } from "./dom.js";
 import { jogForm } from "./jog.js";
@@ -35,7 +35,7 @@ export function groupPanel(link) {
     part("move", "Limits of set-points", false, ...limits()));
 }
 
-/** Fields for what a set-point has besides its value. */
+/** Fields for speed limits, tolerance and behaviour at zero of the set-points. */
 function limits() {
   const zero = select([["brake", "brakes"], ["float", "coasts"]], { id: "motion-zero", onchange: () => { motion.zero = zero.value; } });
   const field = (/** @type {"speed"|"tolerance"|"current"} */ name, /** @type {string} */ words, /** @type {number} */ most, /** @type {string} */ empty) => {
@@ -45,6 +45,6 @@ function limits() {
   return [
     h("div", { class: "pair" }, h("label", { for: "motion-zero" }, "At power or speed 0 a motor"), zero,
       ...field("speed", "Speed to a position, counts/s", 32767, "1000"), ...field("tolerance", "Tolerance of a position, counts", 65535, "10"), ...field("current", "Speed limit of a constant current, counts/s", 32767, "no limit")),
-    h("p", { class: "muted" }, "These hold for all motors, from the next set-point on."),
+    h("p", { class: "muted" }, "These values apply to all motors, from the next set-point on."),
   ];
 }

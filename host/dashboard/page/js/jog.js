@@ -49,7 +49,7 @@ export function jogForm(link) {
     }, words);
   });
   onLeave(leave);
-  // STOP, and whatever else has switched the motors off.
+  // A grave notice says that the server has disabled all motors, for example after STOP.
   on("notice", ({ grave }) => { if (grave) driven = []; });
 
   function show() {

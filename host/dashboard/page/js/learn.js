@@ -7,7 +7,7 @@ import { inControl, mayOrder, on, onControl, state } from "./state.js";
 import { number } from "./units.js";
 
 /**
- * Speeds of a motor with the dynamics found, by the voltages applied.
+ * Speeds in counts/s that the identified dynamics predict for the applied voltages.
  * @param {{at: number, cps: number, volts: number}[]} seen @param {{gain: number, decay: number, friction_v: number}} found
  */
 export function predict(seen, found) {

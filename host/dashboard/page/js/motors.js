@@ -11,12 +11,12 @@ import { freeSpeed, fromCps, number, speed, speedUnit, toCps } from "./units.js"
 const DRAG_MS = 50;
 /** Time after an order during which reported set-points may be older than the order, in milliseconds. */
 const ORDER_MS = 500;
-/** Time for which a limited value is said, in milliseconds. */
+/** Time for which the card shows the message about a limited value, in milliseconds. */
 const SAID_MS = 8000;
 /** Highest speed of a motor that counts as standing, as in the client. */
 const STANDS_CPS = 3;
 
-/** What set-points have besides their value: at zero, speed limits in counts/s, and a tolerance in counts. */
+/** Options of set-points: behaviour at zero, speed limits in counts/s, and the tolerance of positions in counts. */
 export const motion = { zero: "brake", speed: /** @type {number|null} */ (1000), tolerance: /** @type {number|null} */ (10), current: /** @type {number|null} */ (null) };
 
 /** @type {{order: (order: string, fields?: any) => boolean}} */

@@ -1,4 +1,4 @@
-// Tabs below the plots. All panels are built at the start and only hidden, so that typed values are kept.
+// The tabs and their panels. All panels are built at the start and only hidden, so that typed values are kept.
 
 import { by, h } from "./dom.js";
 import { devicesPanel } from "./devices.js";

@@ -109,7 +109,7 @@ function valuesOf(/** @type {Line} */ line, /** @type {Record<string, any>} */ o
 
 const plotShown = (/** @type {string} */ name) => !chosen.hidden.includes(name);
 const lineShown = (/** @type {string} */ name, /** @type {Line} */ line) => (line.of === undefined ? !chosen.hidden.includes(`${name}.${line.name}`) : chosen.motors.includes(line.of) && line.of !== state.chosen);
-/** The lowest plot, which has the times. */
+/** The lowest visible plot, which shows the time axis. */
 const lowest = () => Object.keys(PLOTS).filter(plotShown).at(-1);
 
 function swatch(/** @type {Line} */ line) {

@@ -50,7 +50,8 @@ export function slider(attributes, moved) {
     move(Number(drag.from) + (by / room()) * range());
   });
   element.addEventListener("pointerup", () => { drag = null; });
-  // The browser scrolls the page, or the finger came too near to the screen's edge: that was no drag.
+  // The browser has taken over the touch, to scroll the page or for a gesture at the edge of the screen. `cancel`
+  // restores the value from before the drag.
   element.addEventListener("pointercancel", cancel);
   element.addEventListener("lostpointercapture", cancel);
   // Arrow keys. The pointer does not reach the input element.

@@ -1,5 +1,5 @@
-// The way of texts between page and server: a socket, which connects again after a loss. The page without a server has another
-// file in the place of this one.
+// Sends texts to the server, and receives texts from the server. The connection is a WebSocket, which connects again
+// after a loss. The page without a server has its own version of this file, in host/tab/page.
 
 const AGAIN_MS = 1000;
 

@@ -10,11 +10,11 @@ import { fromCps, number, speed, speedUnit } from "./units.js";
 const WATCHED_S = 2;
 /** Longest wait for the speed from which a step begins, in seconds. */
 const REACHED_S = 6;
-/** Time for which the motor must have that speed, in seconds. */
+/** Time for which the motor must have the first speed before the step begins, in seconds. */
 const HELD_S = 0.2;
-/** Largest error of that speed: in counts/s, and as a share. */
+/** Largest error of the first speed: in counts/s, and as a share of the first speed. */
 const [NEAR_CPS, NEAR] = [10, 0.05];
-/** Time after which an order to enable a motor must show, in seconds. */
+/** Time after which a frame must show that the motor is enabled, in seconds. */
 const ENABLED_S = 0.3;
 /** Largest error of a settled motor, as a share of the step. */
 const SETTLED = 0.05;

@@ -24,7 +24,7 @@ const MOST_CPS = 32767;
 /** Free speed of a motor at 12 V, in counts/s, as far as a hub accepts it. @param {any} settings */
 export const freeSpeed = (settings) => Math.min(MOST_CPS, settings ? 12000 / settings.emf_mv_s_per_count : 3000);
 
-/** Text of a number, with spaces between thousands; "–" if unknown. @param {number|null|undefined} value @param {number} [digits] */
+/** Text of a number, with a space between thousands from 10 000 on; "–" if unknown. @param {number|null|undefined} value @param {number} [digits] */
 export function number(value, digits = 0) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
   return value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1").replace("-", "−").replace(/\B(?=(\d{3})+(?!\d|.*\.\d))/g, value >= 1e4 || value <= -1e4 ? " " : "");

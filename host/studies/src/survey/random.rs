@@ -49,8 +49,7 @@ pub fn scenario(seed: u64, index: u64) -> Scenario {
     let duration_s = random.rounded(2.0, 4.0, 1e3) + motors.iter().map(last).fold(0.0, f64::max);
     let battery = Battery { emf: Volts(emf), resistance: Ohms(resistance) };
     let name = format!("survey {seed}, scenario {index}");
-    // Only regulation is judged. Therefore the hub accepts any battery from 6.5 to 14.5 V, and the battery accepts
-    // returned energy.
+    // Only regulation is judged. Therefore the supply's limits never act, and the battery accepts returned energy.
     Scenario { period, seed: index, limits: UNLIMITED, ..Scenario::new(&name, duration_s, battery, motors) }
 }
 

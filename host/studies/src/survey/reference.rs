@@ -63,9 +63,9 @@ pub struct Row {
     pub reference: &'static str,
     /// The kind of figure.
     pub figure: Figure,
-    /// Configured exactly; in the order of [`PERIODS`].
-    pub configured: Vec<Verdict>,
     /// Verdicts with the motor configured exactly, in the order of [`PERIODS`].
+    pub configured: Vec<Verdict>,
+    /// Verdicts with the motor not configured, in the order of [`PERIODS`].
     pub unknown: Vec<Verdict>,
     /// As `configured`, but the change comes 1 ms after a tick, so that the hub acts almost a period later. Empty
     /// unless the figure is a settling time.

@@ -4,7 +4,7 @@ use simulated::scenario::Scenario;
 use std::path::Path;
 use studies::expectations::Verdict;
 
-/// All of them by name, in its order.
+/// Returns all scenarios with their file names, in the order of the names.
 pub(crate) fn all() -> Vec<(String, Scenario)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/scenarios");
     let entries = std::fs::read_dir(folder).expect("the folder exists");

@@ -37,7 +37,7 @@ pub(crate) enum Fault {
 }
 
 const NOMINAL: f64 = 12.0;
-/// Time-out of the watchdog and time of the hub's start together.
+/// Sum of the time-out of the watchdog and the time in which the hub starts.
 const UNTIL_STARTED: Duration = ms(700);
 const REQUEST_INTERVAL: Duration = ms(20);
 

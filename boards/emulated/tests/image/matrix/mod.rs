@@ -67,7 +67,7 @@ fn disturbed(row: &Row, other: &OtherResult) -> bool {
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn every_fault_in_every_mode_ends_as_it_should() {
     let table = run_rows(Setup::AsTheyCome, on_one_hub(&rows_of_board()));
-    let head = "Motors as they come: only the winding is configured. A fault lets a motor coast.";
+    let head = "Default settings: only the winding is configured. A motor coasts after a fault.";
     publish("matrix-as-they-come", &format!("{head}\n\n{table}"));
 }
 

@@ -99,7 +99,7 @@ const BLIND: [Cell; 4] = [Cell {
 }; 4];
 const BRIDGE: &[&str] = &["bridge too hot", "bridge off"];
 
-/// All of them.
+/// All rows that both boards have.
 pub(crate) static ROWS: [Row; 28] = [
     row("encoder unplugged", Fault::Encoder(Encoder::Unplugged), &[], SILENT_ENCODER),
     row("A low for ever", stuck(Wire::A, false), &[], SILENT_ENCODER),
@@ -123,18 +123,18 @@ pub(crate) static ROWS: [Row; 28] = [
     row("20 glitches/s", glitches(20), &[], [WORKS; 4]),
     row("200 glitches/s", glitches(200), &[], [WORKS; 4]),
     row("converter dead", Fault::ConverterDead, &["battery reads 0 V", "bus: silent"], BLIND),
-    // Open loop is a share of the voltage.
+    // In open loop the motor's voltage is a share of the battery voltage, so its speed changes with the battery.
     row("19 V", Fault::Battery(19.0), &["bus: too high"], [turns(1_350.0, 1_600.0), WORKS, WORKS, WORKS]),
     row("16 V", Fault::Battery(16.0), &["bus: too high"], [turns(1_150.0, 1_350.0), WORKS, WORKS, WORKS]),
     row("6.5 V", Fault::Battery(6.5), &["battery low"], [turns(450.0, 650.0), WORKS, WORKS, WORKS]),
     row("4.5 V", Fault::Battery(4.5), &["battery low", "battery reads 0 V", "bus: too low"], BLIND),
-    // Bridges are asked every 25 ms.
+    // The hub reads the DIAG lines of the bridges every 25 ms.
     row("bridge switched itself off", Fault::BridgesOff, &[], [off(85, BRIDGE); 4]),
     row("host silent", Fault::HostSilent, &["keep-alive timeout"], [off(2_555, &[]); 4]),
     row("2 % of its words garbled", Fault::HostGarbled(20_000), &[], [WORKS; 4]),
     row("all garbled", Fault::HostGarbled(1_000_000), &["keep-alive timeout"], [off(2_555, &[]); 4]),
     row("nobody reads the log any more", Fault::LogAbandoned, &[], [WORKS; 4]),
-    // The watchdog's time-out at the emulated LSI of 32 kHz: 0.5 s and a feeding interval.
+    // The watchdog's time-out is 0.5 s at the emulated LSI of 32 kHz. The time since the last feeding is added.
     row(
         "a task hangs",
         Fault::TaskHangs("capture"),
@@ -160,7 +160,7 @@ pub(crate) static ROWS: [Row; 28] = [
         &["device reset", "log: supply fell", "log: started by the watchdog"],
         [off(1, &[]); 4],
     ),
-    // PWM may be low long before: see `h743`.
+    // The tests in `h743` check that a break switches the PWM off earlier.
     row(
         "the core locks up",
         Fault::LockUp,
@@ -170,9 +170,9 @@ pub(crate) static ROWS: [Row; 28] = [
     row("reset, and the clocks do not start", Fault::ClocksDoNotStart, &["device reset"], [off(1, &[]); 4]),
 ];
 
-/// Rows that end otherwise on the H743, or that it has alone.
+/// Rows with other results on the H743, and rows that only the H743 has.
 pub(crate) static ROWS_OF_H743: [Row; 3] = [
-    // ADC1 converts the battery alone, so the pin keeps its charge.
+    // ADC1 converts only the battery's channel, so the open pin keeps its charge and its voltage.
     row("nothing connected to the battery's pin", Fault::BatteryPinOpen, &[], [WORKS; 4]),
     row(
         "settings are saved, and the flash shows errors that nobody made",
@@ -188,8 +188,8 @@ pub(crate) static ROWS_OF_H743: [Row; 3] = [
     ),
 ];
 
-/// Rows that end otherwise, or may, where motors are configured and brake at faults. Without a battery's voltage, or a
-/// bridge, or the hub, no motor can brake.
+/// Rows whose results differ, or may differ, for motors that are configured and brake at faults. A motor cannot brake
+/// without a known battery voltage, without a working bridge, or while the hub does not run.
 pub(crate) const CONFIGURED_AND_BRAKE: [Row; 9] = [
     row(
         "encoder unplugged",

@@ -57,7 +57,8 @@ pub(crate) struct RowResult {
 pub(crate) struct MotorResult {
     /// Time from the fault until the bridge opened and stayed open. `None` if it was not open at the end of the fault.
     pub(crate) open_after: Option<Duration>,
-    /// Time from the fault until the bridge shorted its motor and went on. `None` if it did not at the end of the fault.
+    /// Time from the fault until the bridge shorted its motor and continued to short it. `None` if it did not short the
+    /// motor at the end of the fault.
     pub(crate) shorted_after: Option<Duration>,
     /// Longest time for which the bridge was open during the fault.
     pub(crate) longest_open: Duration,

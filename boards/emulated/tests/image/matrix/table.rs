@@ -32,7 +32,7 @@ pub(crate) fn text<'a>(rows: impl Iterator<Item = (&'a Row, &'a RowResult)>) -> 
 }
 
 fn cell(seen: &MotorResult) -> String {
-    // The sum with 0 makes a positive zero of a negative one.
+    // Adding 0 turns a negative zero into a positive zero.
     let speed = format!("{:.0} counts/s", seen.speed.round() + 0.0);
     match (seen.open_after, seen.shorted_after) {
         (Some(after), _) => format!("open after {:.0} ms", after.as_secs_f64() * 1e3),
@@ -50,7 +50,7 @@ fn answers(other: &OtherResult) -> String {
     }
 }
 
-/// Words without repetition and without empty ones.
+/// Returns the words without repetitions and without empty words.
 fn once(words: Vec<&str>) -> String {
     let mut once: Vec<&str> = Vec::new();
     for word in words.into_iter().filter(|word| !word.is_empty()) {

@@ -81,8 +81,8 @@ impl Hub {
 
     pub(crate) fn serial(&self) -> Host<Box<dyn serialport::SerialPort>> {
         let open = || serialport::new(&self.place, 460_800).timeout(PATIENCE).open();
-        // Another test that starts a program at this moment has the port that was just closed open for another
-        // moment, and with it the lock: between fork and exec.
+        // Another test may start a program at this moment. Between fork and exec the new process also holds the port
+        // that was just closed, and the lock of the port. Opening the port is therefore tried several times.
         let mut port = open();
         for _ in 0..20 {
             if port.is_ok() {
@@ -239,7 +239,7 @@ impl<L: Read + Write> Host<L> {
 /// Checks framing: packets in any order and at any speed, broken packets, and noise.
 fn packets_are_found_and_answered(host: &mut Host<impl Read + Write>) {
     assert!(host.hear().is_empty(), "the hub sends nothing on its own");
-    // Attention, until the reset has been read and cleared; a status word cannot be half cleared.
+    // The attention bit is set until the reset has been read and cleared. A parameter other than 0 or 1 is refused.
     assert!(host.order(KEEP_ALIVE, &[]));
     assert_eq!(host.ask(STATUS, &[2]), Nack(0));
     assert_eq!(host.data(STATUS, &[1]), [2, 0]);
@@ -262,8 +262,8 @@ fn packets_are_found_and_answered(host: &mut Host<impl Read + Write>) {
     {
         host.is_ignored(bad);
     }
-    // A good one after each kind of garbage: noise, a doubled start byte, within the bytes that a wrong
-    // length swallowed, and after a torn one and a pause.
+    // A valid packet is found after each kind of invalid input: noise, a single or doubled start byte, a wrong
+    // checksum, a wrong length followed by a pause, and an incomplete packet followed by a pause.
     let mut swallowed = good[..10].to_vec();
     swallowed[2] = 60;
     for (garbage, pause) in [
@@ -315,13 +315,13 @@ fn every_command_is_answered_and_bad_ones_change_nothing(host: &mut Host<impl Re
         assert_eq!(host.ask(DEKA + kind, payload), Nack(field), "{kind} {payload:02x?}");
     }
     assert_eq!(host.data(DEKA + 9, &[0]), [0, 0]);
-    // Programs say 2 where they mean that zero power floats.
+    // Some programs send 2 instead of 1 for a motor that floats at zero power.
     host.order(DEKA + 8, &[0, 0, 2]);
     assert_eq!(host.data(DEKA + 9, &[0]), [0, 1]);
     host.order(DEKA + 8, &[0, 0, 0]);
     assert!(!matches!(host.ask(SET_POWER, &[0, 1]), Ack(_)), "cut short");
     assert_eq!(host.data(DEKA + 16, &[0]), [0, 0]);
-    // More than is asked for does not matter.
+    // Bytes after the last field of a request are ignored.
     let coefficients = [1_i32 << 16, -2, 3].map(i32::to_le_bytes).concat();
     host.order(DEKA + 23, &[&[1, 1], &coefficients[..], &[9; 5]].concat());
     let read = host.data(DEKA + 53, &[1, 1]);
@@ -330,7 +330,7 @@ fn every_command_is_answered_and_bad_ones_change_nothing(host: &mut Host<impl Re
     assert_ne!(host.data(DEKA + 53, &[2, 1])[..12], coefficients, "of its own motor");
     assert_eq!(host.ask(DEKA + 21, &[0]), Nack(51), "at target without a position");
 
-    // What a hub lacks is refused by this number, in all requests.
+    // All requests for a device that the hub does not have are refused with this number.
     let refused = Nack(253);
     // Digital pins are inputs, and high while nothing is connected.
     let pins: Vec<u8> = (0..8).filter(|pin| host.ask(DEKA + 4, &[*pin]) != refused).collect();
@@ -398,7 +398,7 @@ pub(crate) fn drive(host: &mut Host<impl Read + Write>) {
 
 fn silence_and_fail_safe_stop_the_motors(host: &mut Host<impl Read + Write>) {
     assert!(!host.enabled());
-    // Not every mode has a set-point yet, and none enables.
+    // A motor without a target for its mode cannot be enabled. Setting a target does not enable a motor.
     host.order(DEKA + 8, &[3, 2, 0]);
     assert_eq!(host.ask(SET_ENABLE, &[3, 1]), Nack(50));
     host.order(SET_POWER, &[0, 0xFF, 0x3F]);
@@ -407,7 +407,8 @@ fn silence_and_fail_safe_stop_the_motors(host: &mut Host<impl Read + Write>) {
     assert!(!host.enabled());
 
     drive(host);
-    // It speeds up. (What a bare motor then draws is less than a sense line shows.)
+    // The current is read while the motor speeds up, because the current of a motor without a load at constant speed is
+    // too small for the current-sense line.
     let draws = |host: &mut Host<_>| {
         sleep(Duration::from_millis(10));
         i16::from_le_bytes(host.data(DEKA + 7, &[8, 0]).try_into().unwrap())
@@ -420,7 +421,7 @@ fn silence_and_fail_safe_stop_the_motors(host: &mut Host<impl Read + Write>) {
     let (moved, took) = (host.counts(0) - from, began.elapsed().as_secs_f64());
     assert!(moved > 500, "positive power counts up: {moved} in {took} s");
 
-    // Damaged packets, noise and packets for others are silence.
+    // Damaged packets and packets for other hubs do not reset the keep-alive timer.
     let mut damaged = packet(HUB, 1, KEEP_ALIVE, &[]);
     damaged[10] ^= 0x80;
     for _ in 0..3 {
