@@ -44,7 +44,7 @@ use trajectory::Trajectory;
 /// Number of motors that may be members of groups: the motors 0 to 7.
 pub const MOTORS: usize = 8;
 
-/// Where a group moves. The index of a value is the number of its motor. The motors that have a value are the members.
+/// Distances, target positions or speeds of the members of a group. The index of a value is the number of its motor. The motors that have a value are the members.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Course {

@@ -3,19 +3,19 @@
 use crate::stack;
 use embassy_stm32::pac;
 
-/// Fast flash, a guard under the stack, and bridges off while a debugger holds the core. To be called right after the
-/// HAL's initialisation, before the core sleeps for the first time.
+/// Enables the prefetch and the caches of the flash, sets the guard of the stack, and stops the PWM timer while a debugger
+/// halts the core. Call this function right after the HAL's initialisation, before the core sleeps for the first time.
 ///
 /// # Flash
-/// Prefetch and both caches are on. They are between flash and core alone, so DMA does not know of them. Without them each
-/// jump costs five cycles on an STM32F42x. There prefetch also avoids erratum 2.2.3 (ES0206): with prefetch off, and a
+/// Prefetch and both caches are on. They serve only the core's accesses to the flash, so they have no effect on DMA. Without
+/// prefetch and caches each jump costs five cycles on an STM32F42x. There prefetch also avoids erratum 2.2.3 (ES0206): with prefetch off, and a
 /// debugger that keeps the core's clock on in sleep, the instruction after a WFE at an address that ends in 4 may be
 /// executed wrongly. While code of one bank writes the other bank, the data cache must be off (erratum 2.2.15): the HAL
 /// does this.
 ///
 /// # Debugger
-/// While the core is halted TIM1 stands still, and its outputs are off as after a break (RM0090 17.3.21, RM0440 28.3.31):
-/// low, with OSSI set. The watchdog runs on.
+/// While the core is halted, TIM1 is stopped and its outputs are off as after a break (RM0090 17.3.21, RM0440 28.3.31).
+/// With OSSI set, the outputs are then low. The watchdog continues to run.
 pub fn set_up() {
     pac::FLASH.acr().modify(|w| {
         w.set_prften(true);
