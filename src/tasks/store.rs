@@ -70,12 +70,12 @@ use sequential_storage::cache::key_pointers::ArrayKeyPointers;
 use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::map::{MapConfig, MapStorage};
 
+/// Keys of the two copies in the map.
+const COPY_KEYS: [u8; 2] = [1, 2];
+
 /// Key of the mark that a save was completed. If neither copy can be read, the mark tells damaged copies from a first
 /// save that a power cut has interrupted.
 const SAVED_KEY: u8 = 3;
-
-/// Keys of all items in the map: the two copies, and then the mark.
-const KEYS: [u8; 3] = [1, 2, SAVED_KEY];
 
 /// Size of a buffer for a record with its key, in bytes, rounded up to a multiple of the longest word.
 const BUFFER_BYTES: usize = (1 + CAPACITY).next_multiple_of(32);
@@ -217,7 +217,8 @@ impl<F: NorFlash> Keeper<F> {
         StoreResult { found, outcome }
     }
 
-    /// Writes both copies of the request's record, and then the mark. Writes nothing if the request has no record.
+    /// Writes both copies of the request's record, and then the mark if it is missing. Writes nothing if the request has
+    /// no record.
     async fn write(&mut self, request: &StoreRequest) -> Outcome {
         let Some(record) = &request.record else { return Outcome::Done };
         let (mut map, buffer) = self.map();
@@ -226,26 +227,27 @@ impl<F: NorFlash> Keeper<F> {
         {
             return outcome(&error);
         }
-        for key in KEYS {
-            let item = if key == SAVED_KEY { &[] } else { record.bytes() };
-            if let Err(error) = map.store_item(buffer, &key, &item).await {
+        for copy in COPY_KEYS {
+            if let Err(error) = map.store_item(buffer, &copy, &record.bytes()).await {
                 return outcome(&error);
             }
         }
-        Outcome::Done
+        let saved = match map.fetch_item::<&[u8]>(buffer, &SAVED_KEY).await {
+            Ok(None) => map.store_item(buffer, &SAVED_KEY, &[].as_slice()).await,
+            saved => saved.map(|_| ()),
+        };
+        saved.map_or_else(|error| outcome(&error), |()| Outcome::Done)
     }
 
     /// Reads both copies. If neither can be read, but a save was completed, the state is [`Stored::Damaged`].
     async fn copies(&mut self) -> Result<Found, Error<FlashError<F::Error>>> {
         let (mut map, buffer) = self.map();
         let mut found = Found::default();
-        for key in KEYS {
-            let item = map.fetch_item::<&[u8]>(buffer, &key).await?;
-            if key != SAVED_KEY {
-                found.add(item);
-            } else if found.stored == Stored::Nothing && item.is_some() {
-                found.stored = Stored::Damaged;
-            }
+        for copy in COPY_KEYS {
+            found.add(map.fetch_item::<&[u8]>(buffer, &copy).await?);
+        }
+        if found.stored == Stored::Nothing && map.fetch_item::<&[u8]>(buffer, &SAVED_KEY).await?.is_some() {
+            found.stored = Stored::Damaged;
         }
         Ok(found)
     }
