@@ -25,7 +25,8 @@ use std::ops::RangeInclusive;
 use std::pin::pin;
 use std::task::{Context, Waker};
 
-/// A 12 V gear motor: Ke in V s/rad with 28 counts per revolution of the same shaft; ohms; millihenries.
+/// Constants of a 12 V gear motor: back EMF in V s/rad and 28 counts per revolution, both of the motor shaft, resistance
+/// in ohms, and inductance in mH.
 const WINDING: Winding = Winding {
     emf: constant!(EmfConstant::from_ke(0.017_77, 28.0)),
     resistance: constant!(Resistance::from_ohms(3.3)),
@@ -118,8 +119,8 @@ fn main() {
         board.turn();
         MockDriver::get().advance(Duration::from_millis(1));
     }
-    let [a, b] = wires.snapshot.try_get().expect("many ticks have been").motors;
+    let [a, b] = wires.snapshot.try_get().expect("the hub has taken ticks").motors;
     // A count in a control period is 20 counts/s.
     assert!((a.velocity.to_f64() - 1_000.0).abs() <= 20.0, "not at its speed");
-    assert!(b.settled, "not at its place");
+    assert!(b.settled, "not at its target");
 }

@@ -19,9 +19,9 @@ impl Sampled {
         self.supply.step(Some(Millivolts::new(mv)), Micros::new(1000 * self.ms)).expect("plausible")
     }
 
-    /// Holds a voltage until the filter has followed and derating has ended.
+    /// Holds a voltage for 2 s, until the filter and the draw have settled.
     fn hold(&mut self, mv: u16) -> Battery {
-        (0..2_000).map(|_| self.see(mv)).last().expect("seen")
+        (0..2_000).map(|_| self.see(mv)).last().expect("2 000 samples")
     }
 }
 
@@ -35,7 +35,7 @@ fn the_filter_settles_about_equally_fast_at_every_sampling_interval() {
             .last()
             .expect("plausible");
         let left = f64::from(last.voltage.get() - 10_000) / 2_000.0;
-        // The time is two time constants of 30 ms and one sampling interval.
+        // The time is two time constants of 30 ms. With a longer sampling interval the filter is a little slower.
         assert!((0.1..0.2).contains(&left), "{interval} us: {left}");
     }
 }
@@ -84,9 +84,9 @@ fn a_low_battery_stays_low_until_it_has_recovered() {
 fn after_a_cut_the_draw_rises_slowly_from_the_derate_level() {
     let mut supply = Sampled::new();
     supply.hold(5_900);
-    assert_eq!(supply.hold(6_950).stage, DrawStage::Cut, "without load a battery recovers");
+    assert_eq!(supply.hold(6_950).stage, DrawStage::Cut, "the stage stays Cut below the derate level");
     let shares: Vec<f32> = (0..1_200).map(|_| supply.see(7_400).draw.to_f32()).collect();
-    let first = shares.iter().position(|&share| share > 0.0).expect("it comes back");
+    let first = shares.iter().position(|&share| share > 0.0).expect("the draw rises again");
     assert!((0.45..0.55).contains(&shares[first + 500]), "half of it after half a second");
     assert!(shares.windows(2).all(|pair| pair[1] >= pair[0] && pair[1] - pair[0] < 2e-3), "without a step");
 }
@@ -126,7 +126,7 @@ fn a_collapsed_bus_gives_a_draw_of_zero_until_the_last_state_is_stale() {
         supply.step(None, Micros::new(14_000));
         supply.step(Some(Millivolts::new(4_700)), Micros::new(15_000))
     };
-    assert_eq!(after_silence, None, "of what did not answer nothing is known");
+    assert_eq!(after_silence, None, "after a failed conversion, one low voltage is no collapse");
 }
 
 #[test]
@@ -182,11 +182,15 @@ fn the_first_sample_outside_the_quiet_range_counts_for_one_millisecond() {
     let mut supply = Supply::new(Limits::default());
     supply.step(Some(Millivolts::new(7_600)), Micros::new(0));
     let battery = supply.step(Some(Millivolts::new(5_000)), Micros::new(9_000)).expect("plausible");
-    assert!(battery.voltage > Millivolts::new(7_500), "a millisecond of 30: {:?}", battery.voltage);
+    assert!(
+        battery.voltage > Millivolts::new(7_500),
+        "the sample has the weight of 1 ms in a filter of 30 ms: {:?}",
+        battery.voltage
+    );
 }
 
 #[test]
-fn motors_dissipate_above_the_dissipate_level_and_fully_below_the_ceiling() {
+fn motors_dissipate_above_the_dissipate_level_and_fully_from_halfway_to_the_ceiling() {
     for (mv, some, all) in
         [(12_600, false, false), (14_000, false, false), (14_100, true, false), (15_000, true, true)]
     {
@@ -200,7 +204,7 @@ fn motors_dissipate_above_the_dissipate_level_and_fully_below_the_ceiling() {
 }
 
 #[test]
-fn above_the_highest_plausible_voltage_nothing_is_drawn_and_all_energy_is_dissipated() {
+fn above_the_largest_operating_voltage_nothing_is_drawn_and_all_energy_is_dissipated() {
     for mv in [24_001, u16::MAX] {
         let Battery { voltage, stage, draw, dissipate, .. } = Sampled::new().hold(mv);
         assert_eq!((stage, draw, dissipate), (DrawStage::Cut, Share::NONE, Share::ALL), "{mv} mV");

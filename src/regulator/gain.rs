@@ -114,8 +114,8 @@ impl GainEstimate {
         self.trust_counts >= TRUSTED_COUNTS
     }
 
-    /// True if the motor is surely heavier than a bare gear motor. The estimate is not used if the encoder is not
-    /// trusted, because the encoder may be reversed.
+    /// True if the motor is surely heavier than a bare gear motor. False while the encoder is not trusted, because the
+    /// encoder may be reversed.
     pub(super) fn is_heavy(&self, plant: &Plant) -> bool {
         self.is_trusted() && self.variance < SURE_VARIANCE && HEAVY * plant.b < guessed_gain(plant.kappa)
     }

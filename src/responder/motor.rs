@@ -1,4 +1,4 @@
-//! A *channel*: the settings and targets that hosts have set for one motor, and the commands to the motor that follow.
+//! A *channel*: the settings and targets that hosts have set for one motor, and the commands that follow from them.
 //!
 //! * The *host's counts* are the motor's counts minus an offset. *Reset encoder* sets the offset so that the present
 //!   position is 0. Targets are stored in the host's counts, so a target means another position after *reset encoder*.
@@ -13,9 +13,10 @@
 //!     '--------------- release -------------------+-------------------------------------------'
 //! ```
 //!
-//! A *function* is an identification or a constant current. If a host disables the motor, or if the host is silent and
-//! the setting is [`OnFault::Coast`], the release is [`Setpoint::Disabled`]. If the host is silent and the setting is
-//! [`OnFault::Brake`], the release is [`Setpoint::FailSafe`].
+//! *Set enable* and *reset encoder* also take a motor out of a group. A *function* is an identification or a constant
+//! current. If a host disables the motor, also by its request *fail-safe*, the release is [`Setpoint::Disabled`].
+//! If the host is silent, the setting [`OnFault`] decides: with [`OnFault::Coast`] the release is
+//! [`Setpoint::Disabled`], and with [`OnFault::Brake`] it is [`Setpoint::FailSafe`].
 
 use crate::extension::settings::{MotorSettings, Values};
 use crate::hub::Action;

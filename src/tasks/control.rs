@@ -95,8 +95,8 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
 /// Waits for the signal `news` or for the time `due` of the next tick. Returns true if the signal came first. Capture
 /// signals `news` at each encoder sample, and supply at the first plausible sample of the bus after an alarm.
 ///
-/// The function does what `select(wires.news.wait(), Timer::at(due))` does, but asks the time driver only once for each
-/// tick. The time driver keeps one wake-up time for each task in a queue. Each poll of a timer searches the whole queue.
+/// The function does what `select(wires.news.wait(), Timer::at(due))` does, but asks the time driver only
+/// when a wait begins for a tick, and when the tick is due. The time driver keeps one wake-up time for each task in a queue. Each poll of a timer searches the whole queue.
 /// A plain `select` would poll the timer at each signal, which comes every millisecond. With a plain `select` the hub
 /// needs 2.09 % of an F429 for unknown motors and 2.15 % for PID at 50 ms, and so exceeds its limit of 2 %
 /// (`the_whole_hub_needs_little_of_the_core_every_50_ms`).

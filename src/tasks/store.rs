@@ -98,7 +98,7 @@ pub struct Keeper<F: NorFlash> {
     flash: SharedFlash<F>,
     /// Addresses of the two pages.
     range: Range<u32>,
-    /// True if no operation has failed since the pages were last repaired.
+    /// True if the last repair of the pages has succeeded, and the last request after the repair too.
     intact: bool,
     /// Memory for one item of the map.
     buffer: [u8; BUFFER_BYTES],
@@ -124,7 +124,7 @@ impl<F: NorFlash> Keeper<F> {
     }
 
     /// Reads the stored settings. All motors must be off, because an erasure that a power failure has interrupted is
-    /// repeated first.
+    /// repeated first. If this repair fails, the settings count as damaged.
     pub async fn read(&mut self) -> Found {
         self.flash.may_erase = true;
         let repaired = self.repair().await;
@@ -156,7 +156,7 @@ impl<F: NorFlash> Keeper<F> {
         }
         // If both pages are in use, a move or an erasure was interrupted. The page with the older save is erased. If
         // both have the same save, the page with fewer copies is erased. If these numbers are equal too, the full page
-        // is erased.
+        // is erased. If one page cannot be read, or has a later version, both pages stay.
         let ([first, second], [Some(first_full), Some(second_full)]) = (&pages, in_use) else {
             return Ok(());
         };
@@ -194,7 +194,9 @@ impl<F: NorFlash> Keeper<F> {
         Some(PageContent { save: record.number(), copies })
     }
 
-    /// Carries out a request: writes a record if the request has one, and then reads what is stored.
+    /// Carries out a request: writes a record if the request has one, and then reads what is stored. The pages are
+    /// repaired first if the last request has failed. The outcome is [`Outcome::NeedsErase`] if a page must be erased
+    /// first, and [`Outcome::Lost`] if the memory does not return what was written.
     pub async fn carry_out(&mut self, request: &StoreRequest) -> StoreResult {
         self.flash.may_erase = request.may_erase;
         let repaired = if self.intact { Ok(()) } else { self.repair().await };

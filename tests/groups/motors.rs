@@ -46,7 +46,7 @@ fn places<const N: usize>(bench: &Bench<N>) -> [f64; N] {
     std::array::from_fn(|motor| bench.counts(motor))
 }
 
-/// Lets time pass. Returns the largest change of the first motor's reported current from one tick to the next, in A.
+/// Lets time pass. Returns the largest change of any motor's reported current from one tick to the next, in A.
 fn largest_current_step<const N: usize>(bench: &mut Bench<N>, ms: u64) -> f64 {
     let mut largest = 0.0f64;
     for _ in 0..ms {
@@ -76,7 +76,7 @@ fn pair(counts: [i32; 2]) -> Course {
     Course::by(&[(0, counts[0]), (1, counts[1])]).expect("two motors")
 }
 
-/// Returns the heading of the base in degrees, from fractions of counts.
+/// Returns the heading of the base in degrees, from positions in counts with their fractions.
 fn heading(places: [f64; 2]) -> f64 {
     (places[1] - places[0]) * BASE.heading([0, 1_000_000]) / 1e6
 }
@@ -123,8 +123,8 @@ fn with_the_usual_lag_nobody_waits_for_a_member_that_follows_as_well_as_it_can()
     for (known, periods) in [(true, &[1, 10, 20, 50, 100][..]), (false, &[1, 10, 20, 50])] {
         for &period in periods {
             for (mm_s, mm_s2) in [(20.0, 100.0), (150.0, 500.0), (350.0, 700.0)] {
-                // Time in milliseconds until the references have reached their end. Only the lag of a member delays the
-                // references.
+                // Time in milliseconds until the references have reached their end. The references wait only if a member
+                // lags too far.
                 let [usual, endless] = [false, true].map(|endless| {
                     let loads = [WHEEL, Load { drag_after: drag(0.12), ..WHEEL }];
                     let mut bench = set_up(period, two(), known, loads);
@@ -139,7 +139,9 @@ fn with_the_usual_lag_nobody_waits_for_a_member_that_follows_as_well_as_it_can()
                     }
                     bench.ms
                 });
-                println!("known {known}, {period} ms, {mm_s} mm/s: {usual} ms, without a lag {endless} ms");
+                println!(
+                    "known {known}, {period} ms, {mm_s} mm/s: {usual} ms, without a limit on the lag {endless} ms"
+                );
                 assert!(usual <= endless + u64::from(2 * period), "{usual} {endless}");
             }
         }

@@ -1,5 +1,4 @@
-//! `cargo xtask results`: the pages of measured results in `docs/results`, written by the programs and tests that
-//! measure them.
+//! `cargo xtask results`: writes the pages in `docs/results` from tables that programs and tests have measured.
 
 use crate::IMAGES;
 use crate::generated::Generated;

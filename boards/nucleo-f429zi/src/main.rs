@@ -1,7 +1,7 @@
 //! A motor hub for four motors on a NUCLEO-F429ZI: pins and peripherals.
 //!
-//! All decisions are in `motor_hub`. Drivers and the program, which other STM32 boards share, are in `motor_hub_stm32`. Wiring,
-//! sizes and flashing are in the README.
+//! All decisions are in `motor_hub`. `motor_hub_stm32` has the program, and the drivers that all STM32 boards share. The
+//! modules here have the drivers of this chip. Wiring, sizes and flashing are in the README.
 #![no_std]
 #![no_main]
 
@@ -68,7 +68,7 @@ async fn main(spawner: Spawner) {
     chip::before_clocks();
     let mut p = embassy_stm32::init(chip::clocks());
     after_clocks::set_up();
-    // The watchdog starts before any code that could hang, while all bridges are still open.
+    // `before_clocks` has started the watchdog. Its time-out is set here, while all bridges are still open.
     let watchdog = begin(p.IWDG);
 
     static BUFFERS: ConstStaticCell<[serial::Buffers; 3]> =

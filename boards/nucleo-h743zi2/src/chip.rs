@@ -64,8 +64,9 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
     config
 }
 
-/// Enables the instruction cache, sets the guard of the stack, forbids code outside the first bank of the flash, and
-/// stops the PWM timer while a debugger halts the core. Call this function right after the HAL's initialisation, before
+/// Enables the instruction cache, sets the guard of the stack, forbids the execution of code in the second bank of the
+/// flash, in the system memory and in the DTCM, switches PLL3 off, and stops the PWM timer while a debugger halts the
+/// core. Call this function right after the HAL's initialisation, before
 /// the core sleeps for the first time.
 ///
 /// # Caches
@@ -89,9 +90,10 @@ pub(crate) fn set_up() {
 /// after the set-up of TIM1. Before revision V the timer ignores both (ES0392 2.2.2).
 ///
 /// Double ECC errors are not connected to the timer's break input. The core takes such an error as a bus fault, whose
-/// handler opens the bridges. If the handler fails too, the core locks up. A connection of the flash would also cause a
-/// break at words that a power cut has damaged, which the store reads as empty. A connection of the DTCM would also
-/// cause a break at stack memory that has not been written since power-on.
+/// handler opens the bridges. If the handler fails too, the core locks up. If
+/// errors of the flash were connected, a read of a word that a power cut has damaged would also cause a break. The store
+/// reads such words as empty. If errors of the DTCM were connected, a read of stack memory that has not been written
+/// since power-on would also cause a break.
 pub(crate) fn break_pwm() {
     const REVISION_V: u16 = 0x2003;
     if pac::DBGMCU.idc().read().rev_id() < REVISION_V {

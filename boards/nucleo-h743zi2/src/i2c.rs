@@ -8,7 +8,8 @@ use embassy_stm32::pac::i2c::vals::{Addmode, Autoend, Dir};
 use motor_hub_stm32::i2c_bus::{self, Error};
 use motor_hub_stm32::supply::Watcher;
 
-/// Phases of the clock in units of `prescaler` + 1 periods of the controller's clock of 100 MHz (RM0433 47.4.10).
+/// Fields of the register TIMINGR (RM0433 47.4.10). One unit is `prescaler` + 1 periods of the controller's clock of
+/// 100 MHz. `low`, `high` and `data_setup` are one less than their number of units.
 struct Timing {
     prescaler: u8,
     low: u8,

@@ -7,11 +7,11 @@ use embassy_stm32::pac;
 /// halts the core. Call this function right after the HAL's initialisation, before the core sleeps for the first time.
 ///
 /// # Flash
-/// Prefetch and both caches are on. They serve only the core's accesses to the flash, so they have no effect on DMA. Without
-/// prefetch and caches each jump costs five cycles on an STM32F42x. There prefetch also avoids erratum 2.2.3 (ES0206): with prefetch off, and a
-/// debugger that keeps the core's clock on in sleep, the instruction after a WFE at an address that ends in 4 may be
-/// executed wrongly. While code of one bank writes the other bank, the data cache must be off (erratum 2.2.15): the HAL
-/// does this.
+/// Prefetch and both caches are on. They serve only the core's accesses to the flash, so they have no effect on DMA.
+/// Without prefetch and caches each jump costs five cycles on an STM32F42x. On this chip prefetch also avoids erratum 2.2.3
+/// (ES0206): without prefetch, and while a debugger keeps the core's clock on in sleep, the instruction after a WFE may be
+/// executed wrongly at an address that ends in 4. While code of one bank writes the other bank, the data cache must be
+/// off (erratum 2.2.15): the HAL does this.
 ///
 /// # Debugger
 /// While the core is halted, TIM1 is stopped and its outputs are off as after a break (RM0090 17.3.21, RM0440 28.3.31).

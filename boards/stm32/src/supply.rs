@@ -9,7 +9,7 @@ use motor_hub::supply::VrefintCalibration;
 use motor_hub::units::Millivolts;
 
 /// Resistances in ohm of the battery's voltage divider, to the battery and to ground. A battery of 24 V, the highest voltage of
-/// the bridges' operating range, gives 2.61 V at the pin. The converter's full scale of 3.3 V is 30.3 V.
+/// the bridges' operating range, gives 2.61 V at the pin. The converter's full scale of 3.3 V corresponds to 30.4 V.
 pub const DIVIDER_OHMS: (u32, u32) = (82_000, 10_000);
 
 /// EXTI line of the programmable voltage detector (RM0090 12.2.5, RM0433 table 150, RM0440 table 103).

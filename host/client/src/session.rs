@@ -30,7 +30,7 @@ use std::time::Duration;
 
 /// Number of transmissions of a request before the hub counts as silent. A hub may have executed a request whose answer
 /// was lost. A second execution leaves the hub in the state of one execution, because no request changes a value by an
-/// amount. The second answer may differ: for example, the first execution has cleared the status word already, or a
+/// amount. (A second *reset encoder* of a turning motor sets the zero to the later position.) The second answer may differ: for example, the first execution has cleared the status word already, or a
 /// save is running already.
 pub const TRIES: u32 = 3;
 
@@ -144,7 +144,9 @@ impl<L: Read + Write> Session<L> {
             let addresses = Addresses(found.iter().map(|hub| hub.address).collect());
             return Err(Error::Parents { found: parents.len(), addresses });
         };
-        self.address = *parent;
+        if let Some(parent) = Address::new(*parent) {
+            self.talk_to(parent);
+        }
         Ok(found)
     }
 
@@ -165,6 +167,9 @@ impl<L: Read + Write> Session<L> {
 
     /// Sends later requests to the hub at `address` on the same line.
     pub fn talk_to(&mut self, address: Address) {
+        if address.get() == self.address {
+            return;
+        }
         // Another hub may number its functions differently.
         let other = self.others.remove(&address.get()).unwrap_or_default();
         self.others.insert(self.address, std::mem::replace(&mut self.interfaces, other));
@@ -177,8 +182,8 @@ impl<L: Read + Write> Session<L> {
     }
 
     /// Discovers all hubs on the line. A parent of this project reports the hubs behind it. These hubs follow the
-    /// parent in the order of their addresses. With any other parent the function waits [`CHAIN`] for further answers,
-    /// and the hubs are in the order of their answers.
+    /// parent in the order of their addresses. With any other parent the function waits for further answers, until
+    /// [`CHAIN`] or the time-out has passed, and the hubs are in the order of their answers.
     ///
     /// # Errors
     /// [`Error::NoHub`] if no hub answers within the time-out.

@@ -7,7 +7,8 @@ use crate::host_link::{BYTE, Line};
 use crate::surroundings::terminal;
 use crate::wiring;
 
-/// Time for which the chips run before bytes are exchanged, ns. A byte arrives at most this time later than on a real line.
+/// Time for which the chips run before bytes are exchanged, ns. A byte arrives at most this time later than on a real
+/// line. The first byte after an idle time arrives at most [`IDLE_STEP`] later.
 const STEP: u64 = 100_000;
 
 /// Time for which the chips run before bytes are exchanged while the line is idle, ns.
@@ -17,7 +18,8 @@ const IDLE_STEP: u64 = 1_000_000;
 /// answer.
 const IDLE_AFTER: u64 = 11_000_000;
 
-/// Largest number of bytes that may wait at the input of a hub: the bytes of two steps.
+/// Number of bytes waiting at the input of a hub from which on further bytes for the hub are dropped: about the bytes of
+/// two steps.
 const WAITING: usize = 8;
 
 /// Mean time between two bytes of noise, in steps of [`STEP`].
@@ -134,7 +136,7 @@ impl ChainBench {
         (0..self.hubs.len()).for_each(|to| self.deliver(to, &disturbance));
     }
 
-    /// Puts bytes on the input of a hub, unless bytes of more than two steps still wait there.
+    /// Puts bytes on the input of a hub. Drops the bytes if [`WAITING`] or more bytes still wait there.
     fn deliver(&mut self, hub: usize, bytes: &[u8]) {
         let bytes = bytes.to_vec();
         self.hubs[hub].at_stop(move |surroundings, session, _| {
@@ -154,8 +156,8 @@ impl ChainBench {
         self.random
     }
 
-    /// Returns the beginnings and ends of the times in which a hub had its transceiver switched to sending. Only the emulated F427
-    /// shows them.
+    /// Returns the beginnings and ends of the times in which a hub had its transceiver switched to sending. Only the
+    /// emulated STM32F427, which stands for the F429, records these times.
     pub fn sending(&mut self, hub: usize) -> Vec<(Duration, Duration)> {
         let directions = self.hubs[hub].at_stop(|surroundings, _, _| surroundings.directions.clone());
         let (pairs, _) = directions.as_chunks::<2>();

@@ -75,11 +75,12 @@ pub(crate) fn a_host_gets_the_currents_that_flow_also_of_a_motor_whose_constants
     // The hub multiplies each motor's current by the motor voltage and divides the product by the battery voltage. The
     // motor voltage is computed from the configured resistance, of which motor 2 has half.
     let excess = 1e-3 * flows[2].powi(2) * 0.5 * held().motor.r.0 / battery_v;
-    // The hub leaves out the bridge. The current flows through two switches, or through a switch and a catch diode.
+    // The hub does not count the losses of the bridge. The current flows through two switches, or through a switch and a catch diode.
     let bridge = held().bridge;
     let lost_volts = |ma: f64| bridge.vd.0 + 2.0 * bridge.ron.0 * 1e-3 * ma;
     let lost: f64 = flows.iter().map(|ma| ma.abs() * lost_volts(ma.abs()) / battery_v).sum();
-    // No motor voltage exceeds the battery voltage, so the errors of the motor currents are an upper limit.
+    // No motor voltage exceeds the battery voltage. The error of the battery current is therefore at most the sum of the
+    // errors of the motor currents.
     let tolerance: f64 = flows.iter().map(|ma| 10.0 + 0.02 * ma.abs()).sum();
     let expected = drawn + excess - lost - tolerance..=drawn + excess + tolerance;
     assert!(expected.contains(&reported), "battery: {reported} mA reported, {expected:?} mA expected");
