@@ -100,7 +100,9 @@ fn a_contact_that_bounces_and_then_stays_closed_starts_the_motors_once() {
     let transitions = bench.transitions();
     let start = transitions.first().expect("the bridge is driven").at;
     assert!(start > closed, "the motor starts at {start:?}, before the contact stays closed at {closed:?}");
-    let openings: Vec<_> = transitions.iter().filter(|transition| transition.lines.open()).collect();
+    // The bridges of motors that are not connected open, because these motors send no counts.
+    let openings: Vec<_> =
+        transitions.iter().filter(|transition| transition.motor == 0 && transition.lines.open()).collect();
     assert!(openings.is_empty(), "the motor runs on from its start: {openings:?}");
     bench.assert_sound();
 }
