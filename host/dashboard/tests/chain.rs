@@ -1,46 +1,17 @@
 //! The hubs of a chain, of which one is lost.
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a failed access is a failed test")]
 
+mod page;
+
 use dashboard::Place;
-use dashboard::outbox::{Texts, outbox};
-use dashboard::relay::{Event, INTERVAL, Relay};
 use motor_hub::protocol::Address;
-use serde_json::{Value, json};
+use page::Page;
+use serde_json::json;
 use simulated::scenario::Scenario;
 use simulated::serve::{self, Hubs, LineFault};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
-
-/// A relay with one page.
-struct Page {
-    relay: Relay,
-    texts: Texts,
-}
-
-impl Page {
-    fn order(&mut self, order: &Value) {
-        self.relay.handle(Event::Ordered(1, order.to_string()));
-    }
-
-    fn until(&mut self, what: &str, is: impl Fn(&Value) -> bool) -> Value {
-        let end = Instant::now() + Duration::from_secs(10);
-        while Instant::now() < end {
-            self.relay.tick();
-            while let Ok(text) = self.texts.next() {
-                let message: Value = serde_json::from_str(&text).unwrap();
-                if message["kind"] == "frame" {
-                    self.order(&json!({ "shown": { "number": message["number"] } }));
-                }
-                if is(&message) {
-                    return message;
-                }
-            }
-            std::thread::sleep(INTERVAL);
-        }
-        panic!("never: {what}");
-    }
-}
+use std::time::Instant;
 
 #[test]
 #[ignore = "long: cargo xtask long"]
@@ -58,11 +29,7 @@ fn a_child_that_is_lost_while_it_is_shown_gives_way_to_the_parent_whose_motor_go
         })
     });
     let open = move || dashboard::hub::open(&place, None).map_err(|error| error.to_string());
-    let mut relay = Relay::new(Place::real("a chain", open));
-    relay.tick();
-    let (sender, texts) = outbox();
-    relay.handle(Event::Joined(1, sender));
-    let mut page = Page { relay, texts };
+    let mut page = Page::new(Place::real("a chain", open));
 
     page.until("a battery", |message| message["battery_v"].as_f64() > Some(11.0));
     page.order(&json!({ "drive": { "motor": 0, "mode": "power", "value": 0.2 } }));
@@ -78,6 +45,6 @@ fn a_child_that_is_lost_while_it_is_shown_gives_way_to_the_parent_whose_motor_go
     });
     let hubs = page.until("the parent", |message| message["hubs"][0]["shown"] == true);
     assert_eq!(hubs["hubs"][1]["lost"], true, "{hubs}");
-    let frame = page.until("a frame", |message| message["kind"] == "frame");
+    let frame = page.frame();
     assert_eq!(frame["motors"][0]["enabled"], true);
 }

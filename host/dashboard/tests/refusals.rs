@@ -6,9 +6,9 @@
     reason = "a failed access is a failed test"
 )]
 
-use dashboard::outbox::{Texts, outbox};
+mod page;
+
 use dashboard::proposal::catalogue_motor;
-use dashboard::relay::{Event, INTERVAL, Relay};
 use dashboard::{Opened, Place, Port};
 use motor_hub::braking::Winding;
 use motor_hub::extension::settings::Group;
@@ -20,10 +20,11 @@ use motor_hub::regulator::identify::{Identification, Identified};
 use motor_hub::units::{Coefficient, Micros, Millivolts};
 use motor_hub_client::Session;
 use motor_hub_client::memory::MemoryHub;
+use page::Page;
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// A line with hubs in memory. The line answers some requests itself, instead of their hub.
 #[derive(Debug)]
@@ -88,56 +89,17 @@ impl Read for Line {
     }
 }
 
-/// A relay with one page. The relay can open its line once.
-struct Page {
-    relay: Relay,
-    texts: Texts,
-}
-
-impl Page {
-    fn new(line: Line) -> Self {
-        let hubs: Vec<u8> = line.hubs.iter().map(|(address, _)| *address).collect();
-        let mut line = Some(line);
-        let open = move || {
-            let port: Box<dyn Port> = Box::new(line.take().ok_or("the session was dropped")?);
-            let first = Address::new(hubs[0]).unwrap();
-            let session = Session::new(port, first, Duration::from_millis(300));
-            Ok(Opened { session, hubs: hubs.clone() })
-        };
-        let mut relay = Relay::new(Place::real("hubs in memory", open));
-        relay.tick();
-        let (sender, texts) = outbox();
-        relay.handle(Event::Joined(1, sender));
-        Self { relay, texts }
-    }
-
-    fn order(&mut self, order: &Value) {
-        self.relay.handle(Event::Ordered(1, order.to_string()));
-    }
-
-    /// Returns the first message that `is` accepts. Fails if the relay drops its session.
-    fn until(&mut self, what: &str, is: impl Fn(&Value) -> bool) -> Value {
-        let end = Instant::now() + Duration::from_secs(10);
-        while Instant::now() < end {
-            self.relay.tick();
-            while let Ok(text) = self.texts.next() {
-                let message: Value = serde_json::from_str(&text).unwrap();
-                if message["kind"] == "frame" {
-                    self.order(&json!({ "shown": { "number": message["number"] } }));
-                }
-                assert!(message["connected"] != false, "before {what}: {message}");
-                if is(&message) {
-                    return message;
-                }
-            }
-            std::thread::sleep(INTERVAL);
-        }
-        panic!("never: {what}");
-    }
-
-    fn frame(&mut self) -> Value {
-        self.until("a frame", |message| message["kind"] == "frame")
-    }
+/// A page of the hubs on a line. The relay can open the line once, so a dropped session is never opened again.
+fn page_of(line: Line) -> Page {
+    let hubs: Vec<u8> = line.hubs.iter().map(|(address, _)| *address).collect();
+    let mut line = Some(line);
+    let open = move || {
+        let port: Box<dyn Port> = Box::new(line.take().ok_or("the session was dropped")?);
+        let first = Address::new(hubs[0]).unwrap();
+        let session = Session::new(port, first, Duration::from_millis(300));
+        Ok(Opened { session, hubs: hubs.clone() })
+    };
+    Page::new(Place::real("hubs in memory", open))
 }
 
 /// Refuses requests for settings of a motor.
@@ -160,7 +122,7 @@ fn a_refusal_at_the_end_of_an_identification_ends_it_and_disables_the_motor() {
         residual: 1,
     };
     line.hubs[0].1.snapshot.motors[0].identification = Identification::Found(found);
-    let mut page = Page::new(line);
+    let mut page = page_of(line);
     page.order(&json!({ "identify": { "motor": 0 } }));
     assert_eq!(page.frame()["motors"][0]["enabled"], true);
     let ended = page.until("a refusal", |message| message["state"] == "refused");
@@ -176,7 +138,7 @@ fn a_save_whose_report_is_refused_ends_with_a_notice() {
         id if id == HubFunction::Stored.id() => Some(Reply::Nack(Nack::UNSUPPORTED)),
         _ => None,
     };
-    let mut page = Page::new(Line::new(&[2], answer));
+    let mut page = page_of(Line::new(&[2], answer));
     page.order(&json!("save"));
     let is_of_save =
         |message: &Value| message["text"].as_str().is_some_and(|text| text.starts_with("whether settings"));
@@ -189,7 +151,7 @@ fn a_save_whose_report_is_refused_ends_with_a_notice() {
 
 #[test]
 fn firmware_with_half_a_byte_is_refused() {
-    let mut page = Page::new(Line::new(&[2], |_| None));
+    let mut page = page_of(Line::new(&[2], |_| None));
     page.frame();
     for hex in ["abc", "+f", "xy"] {
         page.order(&json!({ "firmware": { "offset": 0, "hex": hex } }));
@@ -211,7 +173,7 @@ fn two_motors(packet: &Packet) -> Option<Reply> {
 
 #[test]
 fn hubs_with_two_motors_are_shown_and_asked_for_both() {
-    let mut page = Page::new(Line::new(&[2, 3], two_motors));
+    let mut page = page_of(Line::new(&[2, 3], two_motors));
     assert_eq!(page.frame()["motors"].as_array().map(Vec::len), Some(2));
     page.order(&json!({ "hub": { "address": 3 } }));
     page.until("hub 3", |message| message["hubs"][1]["shown"] == true);
@@ -237,7 +199,7 @@ fn without_changes(packet: &Packet) -> Option<Reply> {
 
 #[test]
 fn a_refused_order_adds_no_undo_and_a_refused_undo_is_kept() {
-    let mut page = Page::new(Line::new(&[2], without_changes));
+    let mut page = page_of(Line::new(&[2], without_changes));
     let undoable = |page: &mut Page, number: u64| {
         let of = page.until("settings", |message| message["kind"] == "settings" && message["motor"] == 0);
         assert_eq!(of["undoable"], number, "{of}");
