@@ -242,11 +242,19 @@ impl Tab<'_> {
 
     /// Waits until an expression is true.
     pub(crate) fn wait(&mut self, expression: &str) {
-        let end = Instant::now() + PATIENCE;
+        assert!(self.becomes(expression, PATIENCE), "never: {expression}; {:#?}", self.complaints());
+    }
+
+    /// Waits until an expression is true. Returns false if the expression is not true within this time.
+    pub(crate) fn becomes(&mut self, expression: &str, within: Duration) -> bool {
+        let end = Instant::now() + within;
         while self.ask(&format!("Boolean({expression})")) != true {
-            assert!(Instant::now() < end, "never: {expression}; {:#?}", self.complaints());
+            if Instant::now() >= end {
+                return false;
+            }
             std::thread::sleep(Duration::from_millis(5));
         }
+        true
     }
 
     /// Presses a key and releases it.

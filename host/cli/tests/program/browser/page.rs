@@ -162,12 +162,8 @@ pub(crate) fn drive_until(tab: &mut Tab<'_>, index: usize, set_point: &str, is_r
         if tab.ask(&motor(index, "enabled")) == false {
             tab.click(&card(index, ".run"));
         }
-        let attempt = Instant::now();
-        while attempt.elapsed() < Duration::from_secs(4) {
-            if tab.ask(is_reached) == true {
-                return;
-            }
-            std::thread::sleep(Duration::from_millis(5));
+        if tab.becomes(is_reached, Duration::from_secs(4)) {
+            return;
         }
     }
     panic!("motor {index} was never at {set_point}: {is_reached}; {:#?}", tab.complaints());
