@@ -123,7 +123,7 @@ impl Executor {
         let before = session.keep_settings(motor)?;
         let of = self.of(motor)?;
         of.known = before.settings.motor.dynamics.or(of.known);
-        let done = self.change_settings(session, motor, order);
+        let done = self.change_settings(session, motor, order, before.settings);
         let changed = match done {
             Ok(()) => true,
             // The hub may have accepted the first requests of a refused order.
@@ -136,25 +136,33 @@ impl Executor {
         done.map(|()| Changed::Settings(motor))
     }
 
-    fn change_settings(&mut self, session: &mut Hub, motor: u8, order: &Order) -> Result<(), RequestError> {
+    /// Executes an order that changes settings of a motor. `settings` are those in force.
+    fn change_settings(
+        &mut self,
+        session: &mut Hub,
+        motor: u8,
+        order: &Order,
+        mut settings: MotorSettings,
+    ) -> Result<(), RequestError> {
         match *order {
             Order::Coefficients { of, pidf, .. } => {
                 let pidf = coefficients(pidf)?;
                 session.set_coefficients(motor, of, pidf)?;
             }
-            Order::Regulator { kind, .. } => self.regulate(session, motor, kind)?,
+            Order::Regulator { kind, .. } => {
+                self.regulate(session, motor, kind, settings.motor.dynamics)?;
+            }
             Order::SetUp { ref name, scheme, duty, .. } => {
-                let settings = set_up(session.settings(motor)?, name.as_deref(), scheme, duty)?;
+                let settings = set_up(settings, name.as_deref(), scheme, duty)?;
                 self.set_up(session, motor, &settings, name.is_some())?;
             }
             Order::Acceleration { limit, .. } => {
                 let acceleration = limit.map(acceleration_limit).transpose()?;
-                let mut settings = session.settings(motor)?;
                 settings.motor.acceleration = acceleration;
                 session.set(motor, Group::Motion, &settings)?;
             }
             Order::Configure { ref values, .. } => {
-                let requests = configured(motor, &session.settings(motor)?, values)?;
+                let requests = configured(motor, &settings, values)?;
                 for request in requests {
                     session.order(request)?;
                 }
@@ -164,7 +172,6 @@ impl Executor {
                 let proposed = self.of(motor)?.proposed;
                 let (dynamics, acceleration) =
                     proposed.ok_or("this motor was not identified yet: run Identify first")?;
-                let mut settings = session.settings(motor)?;
                 (settings.motor.dynamics, settings.motor.acceleration) = (Some(dynamics), acceleration);
                 session.set_up(motor, &settings)?;
             }
@@ -209,10 +216,15 @@ impl Executor {
         Ok(())
     }
 
-    fn regulate(&mut self, session: &mut Hub, motor: u8, kind: Kind) -> Result<(), RequestError> {
+    fn regulate(
+        &mut self,
+        session: &mut Hub,
+        motor: u8,
+        kind: Kind,
+        configured: Option<Dynamics>,
+    ) -> Result<(), RequestError> {
         match kind {
             Kind::Model => {
-                let configured = session.settings(motor)?.motor.dynamics;
                 let of = self.of(motor)?;
                 let known = configured.or(of.proposed.map(|(dynamics, _)| dynamics)).or(of.known);
                 Ok(session.set_dynamics(motor, known)?)

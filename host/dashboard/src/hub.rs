@@ -74,6 +74,18 @@ pub(crate) enum RequestError {
     Hub(Error),
 }
 
+/// Returns the value of an answer, or the text of a refusal as the inner error.
+///
+/// # Errors
+/// The exchange with the hub failed.
+pub(crate) fn or_refusal<T>(answer: Result<T, impl Into<RequestError>>) -> Result<Result<T, String>, Error> {
+    match answer.map_err(Into::into) {
+        Ok(value) => Ok(Ok(value)),
+        Err(RequestError::Refused(why)) => Ok(Err(why)),
+        Err(RequestError::Hub(error)) => Err(error),
+    }
+}
+
 /// Checks a motor's number.
 pub(crate) fn channel(motor: u8) -> Result<u8, RequestError> {
     if usize::from(motor) < CHANNELS { Ok(motor) } else { Err(no_motor(motor)) }

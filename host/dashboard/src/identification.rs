@@ -1,6 +1,6 @@
 //! A running identification of a motor, and its progress and result for pages.
 
-use crate::hub::{Hub, RequestError};
+use crate::hub::{Hub, RequestError, or_refusal};
 use crate::proposal::{catalogue_motor, inertia_ratio, proposal};
 use motor_hub::extension::settings::MotorSettings;
 use motor_hub::regulator::identify::{self, Identified};
@@ -100,11 +100,8 @@ impl Identification {
             return Ok(None);
         }
         self.asked = Instant::now();
-        match self.progress(session).map_err(RequestError::from) {
-            Ok(progress) => Ok(progress),
-            Err(RequestError::Refused(why)) => Ok(Some(Progress::Refused { why })),
-            Err(RequestError::Hub(error)) => Err(error),
-        }
+        let progress = or_refusal(self.progress(session))?;
+        Ok(progress.unwrap_or_else(|why| Some(Progress::Refused { why })))
     }
 
     fn progress(&mut self, session: &mut Hub) -> Result<Option<Progress>, Error> {

@@ -5,7 +5,7 @@ use crate::chain::Chain;
 use crate::devices::{Devices, has};
 use crate::executor::{Changed, Executor};
 use crate::frame::{Frame, Message, catalogue, fault_entry, points, status};
-use crate::hub::{Hub, Opened, RequestError, channel};
+use crate::hub::{Hub, Opened, RequestError, channel, or_refusal};
 use crate::identification::{Identification, Progress};
 use crate::outbox::Outbox;
 use crate::pages::{Gone, Pages};
@@ -602,12 +602,10 @@ impl Relay {
             return Ok(());
         }
         *asked = Instant::now();
-        let report = match session.stored().map_err(RequestError::from) {
-            Ok(report) if report.at_work => return Ok(()),
-            Ok(report) => Ok(report),
-            Err(RequestError::Refused(why)) => Err(why),
-            Err(RequestError::Hub(error)) => return Err(error),
-        };
+        let report = or_refusal(session.stored())?;
+        if report.as_ref().is_ok_and(|report| report.at_work) {
+            return Ok(());
+        }
         let done = match what {
             HubFunction::Load => "the stored settings are in force",
             HubFunction::Reset => "the firmware's settings are in force and stored",

@@ -1,7 +1,7 @@
 //! New firmware for a hub with a bootloader. A page sends the image in parts. The relay sends the image to the hub in
 //! small chunks between two frames, so that pages get frames during the update.
 
-use crate::hub::{Hub, RequestError};
+use crate::hub::{Hub, RequestError, or_refusal};
 use crate::requests::SealFiles;
 use motor_hub::update::Seal;
 use motor_hub_client::Error;
@@ -51,10 +51,9 @@ impl Update {
     /// Continues the update. Returns the progress, or `None` if there is nothing new. After `done` or `failed` the
     /// update has ended.
     pub(crate) fn go_on(&mut self, session: &mut Hub) -> Result<Option<Progress>, Error> {
-        match self.updating.step(session).map_err(RequestError::from) {
+        match or_refusal(self.updating.step(session))? {
             Ok(news) => Ok(news.map(|news| self.progress(news))),
-            Err(RequestError::Hub(error)) => Err(error),
-            Err(RequestError::Refused(why)) => {
+            Err(why) => {
                 self.updating.abandon(session);
                 Ok(Some(self.failed(&why)))
             }
