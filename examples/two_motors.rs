@@ -50,7 +50,7 @@ impl SupplyAdc for &Board {
         Some(Millivolts::new(12_000))
     }
 
-    async fn leaves(&mut self, _: RangeInclusive<Millivolts>) {
+    async fn wait_until_outside(&mut self, _: RangeInclusive<Millivolts>) {
         pending().await
     }
 }

@@ -56,7 +56,7 @@ pub trait SupplyAdc {
     /// May also return while the voltage is in the range, if it differs from a limit by less than the converter's
     /// resolution. The analog watchdog of an ADC can watch the range without the processor. The future may be dropped
     /// at any time.
-    async fn leaves(&mut self, quiet: RangeInclusive<Millivolts>);
+    async fn wait_until_outside(&mut self, quiet: RangeInclusive<Millivolts>);
 }
 
 /// N H bridges.
@@ -102,7 +102,7 @@ pub trait Devices {
     ///
     /// A pin whose bit in `driven` is 1 is an output with its level in `levels`. All other pins are inputs with a
     /// pull-up. Bits of pins that the board does not have are ignored.
-    fn exchange(&mut self, driven: u8, levels: u8) -> u8;
+    fn update_digital_pins(&mut self, driven: u8, levels: u8) -> u8;
 
     /// Sets the pulses of all servo outputs. `None` for an output without pulses, which is low.
     ///
@@ -121,8 +121,8 @@ impl<T: Devices + ?Sized> Devices for &mut T {
         (**self).equipment()
     }
 
-    fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
-        (**self).exchange(driven, levels)
+    fn update_digital_pins(&mut self, driven: u8, levels: u8) -> u8 {
+        (**self).update_digital_pins(driven, levels)
     }
 
     fn set_servos(&mut self, servos: &[Option<ServoPulse>; SERVOS]) {
@@ -140,7 +140,7 @@ impl Devices for () {
         Equipment::default()
     }
 
-    fn exchange(&mut self, _: u8, _: u8) -> u8 {
+    fn update_digital_pins(&mut self, _: u8, _: u8) -> u8 {
         0
     }
 
@@ -167,7 +167,7 @@ pub trait I2cBus: embedded_hal_async::i2c::I2c {
     /// the bus is then ready for the next transfer.
     ///
     /// Must return within 2 ms, also if a device holds SCL or SDA.
-    async fn free(&mut self);
+    async fn recover(&mut self);
 }
 
 /// A watchdog that resets the chip unless it is fed within its time-out. A reset opens all bridges.

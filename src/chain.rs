@@ -59,10 +59,10 @@ payload! {
         /// True while a discovery has addresses to ask, or waits for an answer.
         pub discovering: bool,
         /// The addresses from which an answer has come. A discovery removes an address that does not answer.
-        pub heard: Addresses,
+        pub answering: Addresses,
         /// The addresses that more than one hub has. Two children answered the last discovery together, which damaged
         /// the answer, or a child answered with the address of the parent. A hub with such an address cannot be used.
-        pub clashing: Addresses,
+        pub duplicate: Addresses,
     }
 }
 
@@ -97,14 +97,14 @@ impl Addresses {
 
 /// A request on the chain line that is not answered yet.
 #[derive(Clone, Copy, Debug)]
-struct Question {
+struct PendingRequest {
     address: u8,
-    /// True if the question is part of a discovery.
+    /// True if the request is part of a discovery.
     discovery: bool,
-    /// Time at which the line is free again without an answer. `None` until the question has been sent.
+    /// Time at which the line is free again without an answer. `None` until the request has been sent.
     until: Option<Micros>,
-    /// True if bytes have arrived after the question, and no packet since these bytes.
-    disturbed: bool,
+    /// True if bytes have arrived after the request, and no packet since these bytes.
+    received_bytes: bool,
 }
 
 /// The parent's end of the chain line: decides which packet is the next on the line, and which packets the parent
@@ -112,19 +112,18 @@ struct Question {
 #[derive(Clone, Debug, Default)]
 pub struct Chain {
     requests: Deque<Packet, WAITING>,
-    /// The next question of a discovery. `None` once a discovery has asked all addresses.
+    /// The next request of a discovery. `None` once a discovery has sent a request to all addresses.
     discovery: Option<Packet>,
-    question: Option<Question>,
+    pending: Option<PendingRequest>,
     /// The addresses that this hub has sent a request to.
-    asked: Addresses,
+    addressed: Addresses,
     report: ChainReport,
 }
 
 impl Chain {
     /// Returns the state of the chain line.
     pub fn report(&self) -> ChainReport {
-        let discovering =
-            self.discovery.is_some() || self.question.is_some_and(|question| question.discovery);
+        let discovering = self.discovery.is_some() || self.pending.is_some_and(|pending| pending.discovery);
         ChainReport { discovering, ..self.report }
     }
 
@@ -154,8 +153,8 @@ impl Chain {
 
     /// Notes that bytes have arrived, whether or not they form a packet.
     pub fn note_bytes(&mut self) {
-        if let Some(question) = &mut self.question {
-            question.disturbed = true;
+        if let Some(pending) = &mut self.pending {
+            pending.received_bytes = true;
         }
     }
 
@@ -165,45 +164,49 @@ impl Chain {
     /// An answer that comes too late is passed on too: a host may still accept it, and learns that the child is there.
     pub fn receive(&mut self, packet: Packet, own: Address) -> Option<Packet> {
         let Packet { source, .. } = packet;
-        if let Some(question) = &mut self.question {
+        if let Some(pending) = &mut self.pending {
             // The bytes that arrived were a packet, so no answers have collided.
-            question.disturbed = false;
+            pending.received_bytes = false;
         }
-        if packet.destination != HOST || !self.asked.has(source) {
+        if packet.destination != HOST || !self.addressed.has(source) {
             return None;
         }
-        self.question.take_if(|question| question.address == source);
-        let clashes = source == own.get();
-        self.report.heard.set(source, true);
-        self.report.clashing.set(source, clashes);
-        (!clashes).then_some(packet)
+        self.pending.take_if(|pending| pending.address == source);
+        let is_duplicate = source == own.get();
+        self.report.answering.set(source, true);
+        self.report.duplicate.set(source, is_duplicate);
+        (!is_duplicate).then_some(packet)
     }
 
     /// Returns the packet that must be sent now. `None` while an answer may still come, or if no packet waits. After
     /// the packet is sent, [`sent`](Self::sent) must be called.
     pub fn next(&mut self, now: Micros) -> Option<Packet> {
-        if let Some(question) = self.question {
-            if question.until.is_none_or(|until| now < until) {
+        if let Some(pending) = self.pending {
+            if pending.until.is_none_or(|until| now < until) {
                 return None;
             }
-            self.question = None;
-            if question.discovery {
+            self.pending = None;
+            if pending.discovery {
                 // No packet has arrived from this address. Bytes without a packet are answers that collided.
-                self.report.clashing.set(question.address, question.disturbed);
-                self.report.heard.set(question.address, false);
+                self.report.duplicate.set(pending.address, pending.received_bytes);
+                self.report.answering.set(pending.address, false);
             }
         }
         // A discovery takes half a second, so requests go first.
         let request = self.requests.pop_front();
         let discovery = request.is_none();
         let packet = request.or_else(|| self.next_of_discovery())?;
-        self.asked.set(packet.destination, true);
-        self.question =
-            Some(Question { address: packet.destination, discovery, until: None, disturbed: false });
+        self.addressed.set(packet.destination, true);
+        self.pending = Some(PendingRequest {
+            address: packet.destination,
+            discovery,
+            until: None,
+            received_bytes: false,
+        });
         Some(packet)
     }
 
-    /// Returns the question to the next address of a discovery.
+    /// Returns the request to the next address of a discovery.
     fn next_of_discovery(&mut self) -> Option<Packet> {
         let packet = self.discovery.take()?;
         let next = packet.destination.checked_add(1).filter(|next| *next != BROADCAST);
@@ -213,19 +216,19 @@ impl Chain {
 
     /// Notes that the last byte of the packet from [`next`](Self::next) has been sent.
     pub fn sent(&mut self, now: Micros) {
-        if let Some(question) = &mut self.question {
-            let wait = match question.address {
+        if let Some(pending) = &mut self.pending {
+            let wait = match pending.address {
                 BROADCAST => 0,
-                _ if question.discovery => SLOT_MICROS,
+                _ if pending.discovery => SLOT_MICROS,
                 _ => ANSWER_MICROS,
             };
-            question.until = Some(Micros::new(now.get().saturating_add(wait)));
+            pending.until = Some(Micros::new(now.get().saturating_add(wait)));
         }
     }
 
     /// Returns the time at which [`next`](Self::next) must be called even if nothing arrives. `None` if no time-out
     /// runs.
     pub fn deadline(&self) -> Option<Micros> {
-        self.question.and_then(|question| question.until)
+        self.pending.and_then(|pending| pending.until)
     }
 }

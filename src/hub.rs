@@ -3,7 +3,7 @@
 //! ```
 //! use motor_hub::braking::Winding;
 //! use motor_hub::bridge::{Drive, Mode};
-//! use motor_hub::hub::{Action, Command, Hub, Inputs};
+//! use motor_hub::hub::{Action, Command, Hub};
 //! use motor_hub::motor::{Setpoint, Settings};
 //! use motor_hub::supply::Battery;
 //! use motor_hub::units::{Control, Micros, Millivolts, Period};
@@ -13,8 +13,8 @@
 //! hub.apply(Command { motor: 1, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) })?;
 //!
 //! let now = Micros::new(50_000);
-//! let battery = Some(Battery::good(Millivolts::new(12_000), now));
-//! let snapshot = hub.step(&Inputs { now, readings: [None; 2], battery });
+//! let battery = Some(Battery::unlimited(Millivolts::new(12_000), now));
+//! let snapshot = hub.step(now, &[None; 2], battery);
 //! assert_eq!(snapshot.motors[0].drive, Drive::COAST);
 //! assert_eq!(snapshot.motors[1].drive.mode, Mode::Cw98);
 //! // Open loop needs no encoder, but a missing encoder is reported.
@@ -60,21 +60,10 @@ pub enum Action {
     ///
     /// If a group with exactly these members is moving already, its references continue on the new course without a
     /// jump. Otherwise the members leave their other groups and form a new group.
-    Lead(GroupCommand),
+    MoveGroup(GroupCommand),
     /// Configures the drive base. [`Command::motor`] is any motor. The base starts at the origin, and both wheels leave
     /// their groups. `None` removes the drive base.
     Base(Option<BaseSettings>),
-}
-
-/// The inputs of a tick.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Inputs<const N: usize> {
-    /// Time of the tick.
-    pub now: Micros,
-    /// Newest reading of each encoder, of any age. `None` before the first reading.
-    pub readings: [Option<Reading>; N],
-    /// Newest state of the battery, of any age. `None` before the first state.
-    pub battery: Option<Battery>,
 }
 
 /// The state of the hub after one tick.
@@ -92,7 +81,7 @@ pub struct Snapshot<const N: usize> {
     pub commands: u32,
     /// Battery voltage. `None` without a [fresh](Battery::is_fresh) state of the battery.
     pub battery: Option<Millivolts>,
-    /// Stage of the limit on the current that motors draw from the supply. [`DrawStage::Cut`] without a fresh state of
+    /// Stage of the limit on the current that motors draw from the supply. [`DrawStage::Cutoff`] without a fresh state of
     /// the battery.
     pub draw_stage: DrawStage,
     /// Strength with which braking motors dissipate their energy, as a share of full strength. [`Share::NONE`] while
@@ -236,7 +225,7 @@ impl<const N: usize> Hub<N> {
                 groups.leave(leaving, releases.then_some(Halt::Coast), motors);
             }
             Action::Configure(settings) => motor.configure(settings),
-            Action::Lead(group) => groups.lead(index, group, motors)?,
+            Action::MoveGroup(group) => groups.command(index, group, motors)?,
             Action::Base(None) => self.base = None,
             Action::Base(Some(settings)) => {
                 let [left, right] = settings.wheels;
@@ -348,29 +337,35 @@ impl<const N: usize> Hub<N> {
         self.dissipated = self.dissipated.plus(microjoules(dissipated_watts));
     }
 
-    /// Runs one tick of all motors, and returns the state after the tick.
-    pub fn step(&mut self, inputs: &Inputs<N>) -> Snapshot<N> {
-        let battery = inputs.battery.filter(|battery| battery.is_fresh(inputs.now));
-        self.update_energy(inputs.now);
+    /// Runs one tick of all motors at the time `now`, and returns the state after the tick. The newest readings of the
+    /// encoders and the newest state of the battery may have any age. They are `None` before the first one.
+    pub fn step(
+        &mut self,
+        now: Micros,
+        readings: &[Option<Reading>; N],
+        battery: Option<Battery>,
+    ) -> Snapshot<N> {
+        let battery = battery.filter(|battery| battery.is_fresh(now));
+        self.update_energy(now);
         if let Some(battery) = battery.filter(|battery| self.needs_limits(battery)) {
-            self.limit_supply(&battery, inputs.now);
+            self.limit_supply(&battery, now);
         }
         self.tick = self.tick.wrapping_add(1);
-        self.step_base(inputs);
-        self.groups.step(inputs, self.period, self.base.as_ref(), &mut self.motors);
+        self.step_base(now, readings);
+        self.groups.step(now, readings, self.period, self.base.as_ref(), &mut self.motors);
         let mut motors = [Report::INITIAL; N];
-        for ((motor, &reading), report) in self.motors.iter_mut().zip(&inputs.readings).zip(&mut motors) {
-            *report = motor.step(inputs.now, reading, battery);
+        for ((motor, &reading), report) in self.motors.iter_mut().zip(readings).zip(&mut motors) {
+            *report = motor.step(now, reading, battery);
         }
         self.groups.review(&mut motors, &mut self.motors, self.base.as_ref(), self.period);
         let Self { tick, missed, commands, returned, dissipated, .. } = *self;
         Snapshot {
             tick,
-            at: inputs.now,
+            at: now,
             missed,
             commands,
             battery: battery.map(|battery| battery.voltage),
-            draw_stage: battery.map_or(DrawStage::Cut, |battery| battery.stage),
+            draw_stage: battery.map_or(DrawStage::Cutoff, |battery| battery.stage),
             dissipate: battery.map_or(Share::NONE, |battery| battery.dissipate),
             returned,
             dissipated,
@@ -380,13 +375,13 @@ impl<const N: usize> Hub<N> {
     }
 
     /// Updates the odometry of the drive base. A wheel without a fresh reading counts as standing still.
-    fn step_base(&mut self, inputs: &Inputs<N>) {
+    fn step_base(&mut self, now: Micros, readings: &[Option<Reading>; N]) {
         let Some(base) = &mut self.base else { return };
         let mut positions =
-            inputs.readings.map(|reading| motor::fresh(reading, inputs.now).map(|reading| reading.position));
-        for ((position, motor), reading) in positions.iter_mut().zip(&self.motors).zip(&inputs.readings) {
+            readings.map(|reading| motor::fresh(reading, now).map(|reading| reading.position));
+        for ((position, motor), reading) in positions.iter_mut().zip(&self.motors).zip(readings) {
             *position = position.or_else(|| reading.map(|_| motor.position()));
         }
-        base.step(inputs.now, &positions, self.gyro);
+        base.step(now, &positions, self.gyro);
     }
 }

@@ -21,7 +21,7 @@
 //! let mut motor = Motor::new(Settings::new(Winding::NEVEREST_60), Period::DEFAULT);
 //! motor.set(Setpoint::ConstantPower(Control::MAX));
 //! let now = Micros::new(50_000);
-//! let battery = Battery::good(Millivolts::new(12_000), now);
+//! let battery = Battery::unlimited(Millivolts::new(12_000), now);
 //! let report = motor.step(now, None, Some(battery));
 //! assert_eq!(report.drive.mode, Mode::Cw98);
 //! // Without a battery voltage the motor coasts.

@@ -1,7 +1,8 @@
 //! Tests the bridge command of every control value, for many speeds and battery voltages.
 
 use motor_hub::braking::{
-    Abscissa, Blend, BlendFraction, Location, OperatingPoint, Points, Regime, Scheme, Winding, linear_duty,
+    Blend, BlendFraction, Location, OperatingPoint, Points, Regime, Scheme, UnboundedControl, Winding,
+    linear_duty,
 };
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts};
@@ -191,7 +192,7 @@ fn a_fixed_blend_lies_between_b_and_c_and_full_braking_comes_within_reach_in_ove
         for bits in [0, 1, 1 << 8, 1 << 14, 1 << 16] {
             let d = Points::new(fraction(bits), at);
             assert!(c.t <= d.t && d.t <= b.t && c.s <= d.s && d.s <= b.s, "{cps} cps: {d:?}");
-            assert!(!at.is_overrun() || d.t >= Abscissa::of(Control::MIN), "{cps} cps: {d:?}");
+            assert!(!at.is_overrun() || d.t >= UnboundedControl::of(Control::MIN), "{cps} cps: {d:?}");
         }
         assert_eq!(Points::new(fraction(0), at), b);
         assert_eq!(Points::new(fraction(1 << 16), at), c);

@@ -31,7 +31,7 @@ fn returned_and_dissipated_power_are_those_of_the_model() {
             // The flywheel is so heavy that the speed does not change.
             let mut plant = plant(neverest_60(), inertia(100.0));
             let speed = f64::from(cps) / 28.0 * std::f64::consts::TAU;
-            plant.place(Amps(0.0), RadPerSec(speed), 0.0);
+            plant.set_state(Amps(0.0), RadPerSec(speed), 0.0);
             let influence = PlantInput::pwm(drive.mode, drive.duty.to_f64());
             plant.run(Seconds(0.005), influence, Volts(BATTERY));
             let flow = plant.run(Seconds(0.01), influence, Volts(BATTERY));

@@ -68,7 +68,7 @@ fn a_plant_runs_as_its_steady_current_says_whatever_the_step() {
         let wanted = Circuit::new(&am60(), bridge(timing)).steady(Pwm::new(mode, duty, PWM), at).mean.0;
         for step in [1e-3, 1.7e-5] {
             let mut plant = Plant::new(am60(), inertia(HEAVY_KG_M2), bridge(timing), PWM);
-            plant.place(Amps(wanted), RadPerSec(100.0), 0.0);
+            plant.set_state(Amps(wanted), RadPerSec(100.0), 0.0);
             let mut run = |seconds: f64| {
                 let mut charge = 0.0;
                 for _ in 0..(seconds / step) as u64 {

@@ -8,7 +8,7 @@ use motor_hub::bridge::{BridgeFeedback, Drive, Mode, SenseScale};
 use motor_hub::extension::report::MotorReport;
 use motor_hub::model::plant::PlantInput;
 use motor_hub::model::si::{Amps, RadPerSec, Seconds, Volts};
-use motor_hub::motor::SenseLine::{self, Absent, Excessive, Silent, Sound, Stuck};
+use motor_hub::motor::SenseLine::{self, Absent, Excessive, NoCurrent, Sound, Stuck};
 use motor_hub::motor::{Report, Setpoint, Settings};
 use motor_hub::units::{Control, Milliamperes, Millivolts, RangeError};
 use proptest::prelude::*;
@@ -128,13 +128,13 @@ fn the_first_sample_of_a_mode_proves_nothing_and_four_after_it_do() {
         (HALF, 50, Some(0), Sound, None),
         // Four samples in mode 9/8. The first may belong to the short, so the next sample is the fourth that counts.
         (SAME, 100, Some(0), Sound, Some(0)),
-        (SAME, 50, Some(0), Silent, None),
+        (SAME, 50, Some(0), NoCurrent, None),
     ]);
 }
 
 #[test]
 fn nothing_where_an_ampere_is_due_is_a_broken_line_but_little_is_another_motor() {
-    for (ma, line, measured_ma) in [(0, Silent, None), (40, Silent, None), (60, Sound, Some(60))] {
+    for (ma, line, measured_ma) in [(0, NoCurrent, None), (40, NoCurrent, None), (60, Sound, Some(60))] {
         Held::after(&[(HALF, 500, Some(ma), line, measured_ma)]);
     }
     Held::after(&[(LOW, 500, Some(0), Sound, None)]);
@@ -158,7 +158,7 @@ fn a_line_to_ground_measures_nothing_however_little_the_motor_takes() {
     let modelled = held.modelled_ma();
     assert!(modelled > 200, "{modelled}");
     // At low power the current is too small to judge the line, so the line stays silent.
-    held.follow(&[(HALF, 500, Some(0), Silent, None), (LOW, 2_000, Some(0), Silent, None)]);
+    held.follow(&[(HALF, 500, Some(0), NoCurrent, None), (LOW, 2_000, Some(0), NoCurrent, None)]);
     let modelled = held.modelled_ma();
     assert!(modelled > 200, "{modelled}");
 }
@@ -189,9 +189,9 @@ fn a_line_that_shows_a_current_where_the_bridge_can_show_none_is_stuck_until_it_
 #[test]
 fn a_silent_line_that_is_mended_is_believed_again_by_what_it_shows() {
     Held::after(&[
-        (HALF, 500, Some(0), Silent, None),
+        (HALF, 500, Some(0), NoCurrent, None),
         // In mode 5/0 a sound line shows 0, so the 0 proves nothing.
-        (SHORT, 500, Some(0), Silent, None),
+        (SHORT, 500, Some(0), NoCurrent, None),
         (HALF, 500, Some(1_700), Sound, Some(1_700)),
     ]);
 }
@@ -253,7 +253,7 @@ proptest! {
 fn shown(mode: Mode, duty: f64, speed: f64) -> (f64, f64) {
     // The load is so heavy that the speed does not change.
     let mut plant = plant(neverest_60(), inertia(1e3));
-    plant.place(Amps(0.0), RadPerSec(speed * BATTERY / plant.motor().ke.0), 0.0);
+    plant.set_state(Amps(0.0), RadPerSec(speed * BATTERY / plant.motor().ke.0), 0.0);
     let mut run = || plant.run(Seconds(0.1), PlantInput::pwm(mode, duty), Volts(BATTERY));
     run();
     let flow = run();

@@ -51,8 +51,8 @@ fn run_until_fault(bench: &mut Bench<1>) -> u64 {
 
 /// Settings of every scheme with every duty rule.
 fn all_schemes() -> impl Iterator<Item = Settings> {
-    Scheme::EACH.into_iter().flat_map(|scheme| {
-        DutyRule::EACH.map(|duty| Settings { duty, ..Settings::for_scheme(Winding::NEVEREST_60, scheme) })
+    Scheme::ALL.into_iter().flat_map(|scheme| {
+        DutyRule::ALL.map(|duty| Settings { duty, ..Settings::for_scheme(Winding::NEVEREST_60, scheme) })
     })
 }
 

@@ -5,7 +5,7 @@ mod common;
 use common::{Bench, Puppet, position, velocity};
 use motor_hub::braking::{Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode};
-use motor_hub::hub::{Action, Command, Hub, Inputs, Snapshot};
+use motor_hub::hub::{Action, Command, Hub, Snapshot};
 use motor_hub::motion::{Pidf, Reading};
 use motor_hub::motor::{Motor, Setpoint, Settings, ZeroPower};
 use motor_hub::regulator::Coefficients;
@@ -84,7 +84,7 @@ fn a_bridge_draws_its_duty_of_the_current_and_returns_it_while_it_is_open() {
     bench.configure(3, |at| *at = with_velocity(Pidf { f: q16(12), ..Pidf::default() }));
     bench.set(3, velocity(1_300));
     let motors = settle(&mut bench).motors.map(|motor| {
-        let drawn = motor.drawn(&settings(), Millivolts::new(12_000));
+        let drawn = motor.bus_current(&settings(), Millivolts::new(12_000));
         (motor.current.get(), drawn.get(), motor.drive)
     });
     for (current, drawn, drive) in &motors[..2] {
@@ -202,9 +202,8 @@ fn without_a_battery_voltage_everything_coasts_and_says_why() {
 fn an_old_battery_voltage_is_none() {
     let mut hub = Hub::new([settings()], Period::DEFAULT);
     hub.apply(Command { motor: 0, action: Action::Set(power(32_767)) }).expect("motor");
-    let battery = Some(Battery::good(Millivolts::new(12_000), Micros::new(0)));
-    let mut drive_at =
-        |now| hub.step(&Inputs { now: Micros::new(now), readings: [None], battery }).drives()[0];
+    let battery = Some(Battery::unlimited(Millivolts::new(12_000), Micros::new(0)));
+    let mut drive_at = |now| hub.step(Micros::new(now), &[None], battery).drives()[0];
     assert_eq!(drive_at(100_000).duty, Duty::ONE);
     assert_eq!(drive_at(150_000), Drive::COAST);
 }
@@ -382,7 +381,7 @@ proptest! {
                 let now = (n as u64 + 10) * 50_000;
                 let (other, edge_age, age, setpoint) = *neighbour;
                 hub.apply(Command { motor: 1, action: Action::Set(setpoint) }).expect("motor");
-                let battery = Some(Battery::good(Millivolts::new(12_000), Micros::new(now)));
+                let battery = Some(Battery::unlimited(Millivolts::new(12_000), Micros::new(now)));
                 let readings = [
                     Some(Reading { position: position.into(), edge_at: Micros::new(now), at: Micros::new(now) }),
                     other.map(|position| Reading {
@@ -391,7 +390,7 @@ proptest! {
                         at: Micros::new(now - age),
                     }),
                 ];
-                hub.step(&Inputs { now: Micros::new(now), readings, battery }).motors[0]
+                hub.step(Micros::new(now), &readings, battery).motors[0]
             }).collect::<Vec<_>>()
         };
         let quiet = vec![(Some(0), 0, 0, Setpoint::Disabled); 12];

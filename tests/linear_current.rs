@@ -484,7 +484,7 @@ fn no_bridge_is_given_a_duty_that_it_must_be_spared() {
     {
         let current = configured_for(motor, f64::from(hz), Timing::VNH5019);
         let bridge = BridgeConstants::new(700, 50, hz).expect("in range").with_timing(Timing::VNH5019);
-        for rule in DutyRule::EACH {
+        for rule in DutyRule::ALL {
             let modulator = Modulator::new(&winding, &bridge, Scheme::A, rule);
             for emf in [-11.0, -3.0, 0.0, 0.4, 6.0, 11.5, 13.0] {
                 let at = Point::new(emf, 12.0).at;

@@ -143,7 +143,7 @@ fn a_motor_without_a_limit_is_stalled_for_ever_and_one_with_is_derated_to_what_i
 
 #[test]
 fn every_scheme_derates_a_motor_that_is_held() {
-    for (scheme, duty) in Scheme::EACH.into_iter().flat_map(|s| DutyRule::EACH.map(|duty| (s, duty))) {
+    for (scheme, duty) in Scheme::ALL.into_iter().flat_map(|s| DutyRule::ALL.map(|duty| (s, duty))) {
         for power in [Control::MAX, Control::MIN] {
             let settings = Settings { scheme, duty, ..limited(OnFault::Coast) };
             let (amperes, _) = stalled(settings, Setpoint::ConstantPower(power), 200);

@@ -122,12 +122,15 @@ fn an_encoder_unplugged_in_a_group_under_a_stream_of_courses_is_at_fault_within_
                 }
                 if bench.ms.is_multiple_of(every) {
                     let speed = CountsPerSecond::new(1_000 + k % 2);
-                    let course = Course::on(&[(0, speed), (1, speed)]).expect("members");
+                    let course = Course::velocities(&[(0, speed), (1, speed)]).expect("members");
                     let acceleration = Acceleration::new(5_000).expect("in range");
                     // A group with this lag does not wait for a member.
                     let command =
                         GroupCommand { lag: u16::MAX, ..GroupCommand::new(course, speed, acceleration) };
-                    bench.hub.apply(Command { motor: 0, action: Action::Lead(command) }).expect("members");
+                    bench
+                        .hub
+                        .apply(Command { motor: 0, action: Action::MoveGroup(command) })
+                        .expect("members");
                     k += 1;
                 }
                 bench.run_ms(1);

@@ -131,7 +131,7 @@ fn noise_is_filtered_with_a_time_constant_of_30_ms_and_a_sample() {
 
 #[test]
 fn a_voltage_goes_stale() {
-    let battery = Battery::good(Millivolts::new(12_000), Micros::new(1_000_000));
+    let battery = Battery::unlimited(Millivolts::new(12_000), Micros::new(1_000_000));
     assert!(battery.is_fresh(Micros::new(1_100_000)));
     assert!(!battery.is_fresh(Micros::new(1_100_001)));
 }

@@ -63,7 +63,7 @@ fn below_derate_the_draw_falls_to_zero_at_cut() {
         (12_000, DrawStage::Full, 1.0),
         (7_000, DrawStage::Full, 1.0),
         (6_500, DrawStage::Derated, 0.5),
-        (6_000, DrawStage::Cut, 0.0),
+        (6_000, DrawStage::Cutoff, 0.0),
     ];
     for (mv, stage, share) in levels {
         let battery = Sampled::new().hold(mv);
@@ -84,7 +84,7 @@ fn a_low_battery_stays_low_until_it_has_recovered() {
 fn after_a_cut_the_draw_rises_slowly_from_the_derate_level() {
     let mut supply = Sampled::new();
     supply.hold(5_900);
-    assert_eq!(supply.hold(6_950).stage, DrawStage::Cut, "the stage stays Cut below the derate level");
+    assert_eq!(supply.hold(6_950).stage, DrawStage::Cutoff, "the stage stays Cutoff below the derate level");
     let shares: Vec<f32> = (0..1_200).map(|_| supply.see(7_400).draw.to_f32()).collect();
     let first = shares.iter().position(|&share| share > 0.0).expect("the draw rises again");
     assert!((0.45..0.55).contains(&shares[first + 500]), "half of it after half a second");
@@ -99,7 +99,7 @@ fn the_draw_from_a_weak_battery_converges_without_a_cut() {
     let mut late = Vec::new();
     for ms in 0..8_000 {
         let battery = supply.see((8_000.0 - 3_000.0 * share) as u16);
-        assert_ne!(battery.stage, DrawStage::Cut, "at {ms} ms");
+        assert_ne!(battery.stage, DrawStage::Cutoff, "at {ms} ms");
         share = f64::from(battery.draw.to_f32());
         if ms > 4_000 {
             late.push(share);
@@ -207,7 +207,7 @@ fn motors_dissipate_above_the_dissipate_level_and_fully_from_halfway_to_the_ceil
 fn above_the_largest_operating_voltage_nothing_is_drawn_and_all_energy_is_dissipated() {
     for mv in [24_001, u16::MAX] {
         let Battery { voltage, stage, draw, dissipate, .. } = Sampled::new().hold(mv);
-        assert_eq!((stage, draw, dissipate), (DrawStage::Cut, Share::NONE, Share::ALL), "{mv} mV");
+        assert_eq!((stage, draw, dissipate), (DrawStage::Cutoff, Share::NONE, Share::ALL), "{mv} mV");
         assert_eq!(voltage, Millivolts::new(24_000));
     }
 }
@@ -219,7 +219,7 @@ fn levels_that_do_not_ascend_are_refused() {
     let v = Millivolts::new;
     let wrong = [
         Levels { min: v(6_001), ..good },
-        Levels { cut: v(7_000), ..good },
+        Levels { cutoff: v(7_000), ..good },
         Levels { derate: v(7_501), ..good },
         Levels { recover: v(14_000), ..good },
         Levels { dissipate: v(15_500), ..good },
@@ -229,14 +229,14 @@ fn levels_that_do_not_ascend_are_refused() {
     for levels in wrong {
         assert_eq!(Limits::new(levels), Err(RangeError::SupplyLevels), "{levels:?}");
     }
-    assert!(RangeError::SupplyLevels.to_string().contains("min <= cut < derate"));
+    assert!(RangeError::SupplyLevels.to_string().contains("min <= cutoff < derate"));
 }
 
 #[test]
 fn every_voltage_is_reported_in_its_range() {
     for (mv, state) in [
         (4_500, BusState::TooLow),
-        (5_900, BusState::Cut),
+        (5_900, BusState::Cutoff),
         (6_500, BusState::Derated),
         (12_000, BusState::Quiet),
         (14_600, BusState::Dissipating),
@@ -249,8 +249,11 @@ fn every_voltage_is_reported_in_its_range() {
         }
         let seen = supply.last_reading();
         assert_eq!((seen.state, seen.measured), (state, Some(Millivolts::new(mv))), "{mv} mV");
-        assert_eq!(seen.as_of(Micros::new(199_001)).state, BusState::Silent, "{mv} mV, long ago");
+        assert_eq!(seen.as_of(Micros::new(199_001)).state, BusState::NoReading, "{mv} mV, long ago");
         supply.step(None, Micros::new(100_000));
-        assert_eq!((supply.last_reading().state, supply.last_reading().measured), (BusState::Silent, None));
+        assert_eq!(
+            (supply.last_reading().state, supply.last_reading().measured),
+            (BusState::NoReading, None)
+        );
     }
 }

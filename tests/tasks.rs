@@ -52,7 +52,7 @@ impl SupplyAdc for &World {
         self.sample.get()
     }
 
-    async fn leaves(&mut self, quiet: RangeInclusive<Millivolts>) {
+    async fn wait_until_outside(&mut self, quiet: RangeInclusive<Millivolts>) {
         while self.sample.get().is_none_or(|voltage| quiet.contains(&voltage)) {
             Timer::after(Duration::from_millis(1)).await;
         }
@@ -247,7 +247,7 @@ fn where_motors_are_and_how_fast_is_as_new_as_the_last_sample() {
     let look = || {
         let snapshot = parts.wires.snapshot.try_get()?;
         let report = snapshot.motors[0];
-        let newer = parts.wires.newest.lock(|newest| newest.borrow().look(0, snapshot.at));
+        let newer = parts.wires.newest.lock(|newest| newest.borrow().newer_than(0, snapshot.at));
         let (position, velocity) = newer.unwrap_or((report.position, None));
         Some((position, velocity.unwrap_or(report.velocity)))
     };

@@ -44,7 +44,7 @@ mod winding;
 
 pub use braking_power::BrakingPower;
 pub use linear_current::LinearCurrent;
-pub use points::{Abscissa, Fraction, Location, OperatingPoint, Points, Regime};
+pub use points::{Fraction, Location, OperatingPoint, Points, Regime, UnboundedControl};
 pub use scheme::{Blend, BlendFraction, Scheme};
 pub use winding::Winding;
 
@@ -80,7 +80,7 @@ pub enum DutyRule {
 
 impl DutyRule {
     /// Both rules.
-    pub const EACH: [Self; 2] = [Self::LinearCurrent, Self::LinearDuty];
+    pub const ALL: [Self; 2] = [Self::LinearCurrent, Self::LinearDuty];
 }
 
 /// Maps voltages and control values of one motor to commands of its bridge, and back.

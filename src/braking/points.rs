@@ -116,9 +116,9 @@ const fn volts_of(bits: i64) -> f32 {
 
 /// A control value that may lie outside the control range, with a resolution of 1/256.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Abscissa(I56F8);
+pub struct UnboundedControl(I56F8);
 
-impl Abscissa {
+impl UnboundedControl {
     const ZERO: Self = Self::from_bits(0);
     /// Upper end of the control range.
     const CONTROL_MAX: Self = Self::from_bits((Control::MAX.get() as i64) << 8);
@@ -260,13 +260,13 @@ impl Fraction {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Points {
     /// S, the end of reverse driving: reverse 100 %.
-    pub s: Abscissa,
+    pub s: UnboundedControl,
     /// T, from reverse driving to braking: reverse 0 %, braking 100 %.
-    pub t: Abscissa,
+    pub t: UnboundedControl,
     /// Z, from braking to forward driving: both 0 %.
-    pub z: Abscissa,
+    pub z: UnboundedControl,
     /// G, the end of forward driving: forward 100 %.
-    pub g: Abscissa,
+    pub g: UnboundedControl,
 }
 
 impl Points {
@@ -292,14 +292,14 @@ impl Points {
     /// control range, and every positive control value brakes.
     pub const fn new(scheme: Scheme, at: OperatingPoint) -> Self {
         match scheme {
-            Scheme::ForwardReverse => Self::on_line(Abscissa::ZERO, Abscissa::ZERO),
+            Scheme::ForwardReverse => Self::on_line(UnboundedControl::ZERO, UnboundedControl::ZERO),
             Scheme::A => Self::scheme_a(at),
             Scheme::B => Self::scheme_b(at),
             Scheme::C => Self::scheme_c_down_to(near_overrun(at), at),
             Scheme::D(Blend::Fixed(weight)) => {
                 blended(Self::scheme_b(at), Self::scheme_c_down_to(near_overrun(at), at), weight)
             }
-            Scheme::D(Blend::Automatic) => Self::scheme_c_down_to(Abscissa::CONTROL_MIN, at),
+            Scheme::D(Blend::Automatic) => Self::scheme_c_down_to(UnboundedControl::CONTROL_MIN, at),
         }
     }
 
@@ -328,13 +328,13 @@ impl Points {
 
     /// The points of Scheme A: Z is at `controlMax e / V`.
     const fn scheme_a(at: OperatingPoint) -> Self {
-        Self::on_line(Abscissa::ZERO, scaled(at.e, at.v()))
+        Self::on_line(UnboundedControl::ZERO, scaled(at.e, at.v()))
     }
 
     /// The points of Scheme B: T is at `-controlMax e / (V + e)`.
     const fn scheme_b(at: OperatingPoint) -> Self {
         let (e, v) = (at.e, at.v());
-        Self::on_line(scaled(-e, v + e), Abscissa::ZERO)
+        Self::on_line(scaled(-e, v + e), UnboundedControl::ZERO)
     }
 
     /// The points of Scheme C by the paper's formula: S and T of Scheme B times `(V + e) / (V - e)`. `None` for e = V.
@@ -344,28 +344,30 @@ impl Points {
             return None;
         }
         Some(Self {
-            s: Abscissa::from_bits(Abscissa::CONTROL_MAX.to_bits() - scaled(2 * v, v - e).to_bits()),
-            ..Self::on_line(scaled(e, e - v), Abscissa::ZERO)
+            s: UnboundedControl::from_bits(
+                UnboundedControl::CONTROL_MAX.to_bits() - scaled(2 * v, v - e).to_bits(),
+            ),
+            ..Self::on_line(scaled(e, e - v), UnboundedControl::ZERO)
         })
     }
 
     /// The points of Scheme C, with T limited to `lowest`: in overrun, and where the formula gives a lower T.
-    const fn scheme_c_down_to(lowest: Abscissa, at: OperatingPoint) -> Self {
+    const fn scheme_c_down_to(lowest: UnboundedControl, at: OperatingPoint) -> Self {
         match Self::scheme_c(at) {
             Some(points) if !at.is_overrun() && points.t.to_bits() >= lowest.to_bits() => points,
             _ => {
                 // S is T (V + e) / e. This branch is taken only for u >= 0.5. `lowest` is then between -11 controlMax
                 // and -controlMax, so the product is below 2^63.
                 let (e, v) = (at.e, at.v());
-                let s = Abscissa::from_bits(lowest.to_bits() + div_round(lowest.to_bits() * v, e));
-                Self { s, ..Self::on_line(lowest, Abscissa::ZERO) }
+                let s = UnboundedControl::from_bits(lowest.to_bits() + div_round(lowest.to_bits() * v, e));
+                Self { s, ..Self::on_line(lowest, UnboundedControl::ZERO) }
             }
         }
     }
 
     /// Points with S and G at the ends of the control range.
-    const fn on_line(t: Abscissa, z: Abscissa) -> Self {
-        Self { s: Abscissa::CONTROL_MIN, t, z, g: Abscissa::CONTROL_MAX }
+    const fn on_line(t: UnboundedControl, z: UnboundedControl) -> Self {
+        Self { s: UnboundedControl::CONTROL_MIN, t, z, g: UnboundedControl::CONTROL_MAX }
     }
 
     /// Locates a control value among the points (paper, section 1.3).
@@ -373,7 +375,7 @@ impl Points {
     /// A control value at Z is in the braking regime with the fraction 0, which opens the bridge. This also holds where
     /// T = Z. Where T differs from Z, a control value at T is full braking.
     pub const fn locate(&self, control: Control) -> Location {
-        let c = Abscissa::of(control).to_bits();
+        let c = UnboundedControl::of(control).to_bits();
         let (s, t) = (self.s.to_bits(), self.t.to_bits());
         let (z, g) = (self.z.to_bits(), self.g.to_bits());
         if c > z {
@@ -432,9 +434,9 @@ const POINT_LIMIT_BITS: i64 = 1 << 45;
 /// `controlMax * numerator / denominator`, rounded to 1/256 control step.
 ///
 /// |numerator| must be below 2^38, so that the product stays below 2^61.
-const fn scaled(numerator: i64, denominator: i64) -> Abscissa {
-    let steps = div_round(Abscissa::CONTROL_MAX.to_bits() * numerator, denominator);
-    Abscissa::from_bits(if steps > POINT_LIMIT_BITS {
+const fn scaled(numerator: i64, denominator: i64) -> UnboundedControl {
+    let steps = div_round(UnboundedControl::CONTROL_MAX.to_bits() * numerator, denominator);
+    UnboundedControl::from_bits(if steps > POINT_LIMIT_BITS {
         POINT_LIMIT_BITS
     } else if steps < -POINT_LIMIT_BITS {
         -POINT_LIMIT_BITS
@@ -444,13 +446,13 @@ const fn scaled(numerator: i64, denominator: i64) -> Abscissa {
 }
 
 /// Lowest T of Scheme C: `-controlMax / a`, where a = 10 u - 9, limited to 0 to 1 (see [`Points::new`]).
-const fn near_overrun(at: OperatingPoint) -> Abscissa {
+const fn near_overrun(at: OperatingPoint) -> UnboundedControl {
     let (e, v) = (at.e, at.v());
     let part = 10 * e - 9 * v;
     if part <= 0 {
-        Abscissa::from_bits(-POINT_LIMIT_BITS)
+        UnboundedControl::from_bits(-POINT_LIMIT_BITS)
     } else if part >= v {
-        Abscissa::CONTROL_MIN
+        UnboundedControl::CONTROL_MIN
     } else {
         scaled(-v, part)
     }
@@ -462,9 +464,9 @@ const fn blended(b: Points, c: Points, weight: BlendFraction) -> Points {
 }
 
 /// Blends one point.
-const fn between(b: Abscissa, c: Abscissa, weight: BlendFraction) -> Abscissa {
+const fn between(b: UnboundedControl, c: UnboundedControl, weight: BlendFraction) -> UnboundedControl {
     let step = (c.to_bits() - b.to_bits()) * weight.to_bits() as i64;
-    Abscissa::from_bits(b.to_bits() + div_round(step, BlendFraction::ONE.to_bits() as i64))
+    UnboundedControl::from_bits(b.to_bits() + div_round(step, BlendFraction::ONE.to_bits() as i64))
 }
 
 /// Divides and rounds to the nearest integer, halves away from zero. The denominator must not be 0.

@@ -35,7 +35,7 @@ pub enum Scheme {
 
 impl Scheme {
     /// Every scheme. Scheme D is listed twice: with the automatic blend, and with the fixed blend 1/2.
-    pub const EACH: [Self; 6] = [
+    pub const ALL: [Self; 6] = [
         Self::ForwardReverse,
         Self::A,
         Self::B,

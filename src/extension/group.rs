@@ -10,7 +10,7 @@
 //! // A drive base on motors 0 and 1 turns a quarter to the left.
 //! let base = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
 //! let [left, right] = base.turn(90.0)?;
-//! let course = GroupCourse::To([Some(left), Some(right), None, None]);
+//! let course = GroupCourse::Position([Some(left), Some(right), None, None]);
 //! let turn = GroupCommand::new(course, CountsPerSecond::new(2_000), Acceleration::new(5_000)?);
 //! let request = MotorFunction::Move { wanted: turn }.to(0);
 //! assert_eq!((request.id(), request.payload().len()), (0x4D06, 32));
@@ -27,10 +27,10 @@ use crate::units::CountsPerSecond;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum GroupCourse {
     /// Each member moves to a position in the host's counts.
-    To([Option<i32>; CHANNELS]),
+    Position([Option<i32>; CHANNELS]),
     /// Each member turns at a speed, until the next request to the group or to a member. If all speeds are 0, the group
     /// stops.
-    On([Option<CountsPerSecond>; CHANNELS]),
+    Velocity([Option<CountsPerSecond>; CHANNELS]),
 }
 
 /// State of the group that a motor is in.
@@ -51,26 +51,26 @@ codes!(GroupState { 0 = Alone, 1 = Moving, 2 = Settled });
 
 impl Field for GroupCourse {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        let goes_on = bool::read(fields)?;
+        let of_speeds = bool::read(fields)?;
         let members = bits(ByteIn::<0, 15>::read(fields)?.get());
         let values = <[i32; CHANNELS]>::read(fields)?;
         let mut all = [None; CHANNELS];
         for (slot, (member, value)) in all.iter_mut().zip(members.into_iter().zip(values)) {
             *slot = member.then_some(value);
         }
-        Ok(if goes_on {
-            Self::On(all.map(|bits| bits.map(CountsPerSecond::from_bits)))
+        Ok(if of_speeds {
+            Self::Velocity(all.map(|bits| bits.map(CountsPerSecond::from_bits)))
         } else {
-            Self::To(all)
+            Self::Position(all)
         })
     }
 
     fn write(&self, payload: &mut Payload) {
-        let (goes_on, all) = match self {
-            Self::To(counts) => (false, *counts),
-            Self::On(speeds) => (true, speeds.map(|speed| speed.map(CountsPerSecond::to_bits))),
+        let (of_speeds, all) = match self {
+            Self::Position(counts) => (false, *counts),
+            Self::Velocity(speeds) => (true, speeds.map(|speed| speed.map(CountsPerSecond::to_bits))),
         };
-        goes_on.write(payload);
+        of_speeds.write(payload);
         byte(all.map(|value| value.is_some())).write(payload);
         all.map(Option::unwrap_or_default).write(payload);
     }

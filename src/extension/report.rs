@@ -44,8 +44,8 @@ codes!(Mode { 0 = Cw98, 1 = Ccw62, 2 = Brake50 });
 // `None` stands for an open bridge.
 codes!(Option<Regime> { 0 = None, 1 = Some(Regime::Reverse), 2 = Some(Regime::Braking), 3 = Some(Regime::Forward) });
 codes!(Kind { 0 = Model, 1 = Pid });
-codes!(SenseLine { 0 = Absent, 1 = Sound, 2 = Silent, 3 = Stuck, 4 = Excessive });
-codes!(BusState { 0 = Silent, 1 = TooLow, 2 = Cut, 3 = Derated, 4 = Quiet, 5 = Dissipating, 6 = TooHigh });
+codes!(SenseLine { 0 = Absent, 1 = Sound, 2 = NoCurrent, 3 = Stuck, 4 = Excessive });
+codes!(BusState { 0 = NoReading, 1 = TooLow, 2 = Cutoff, 3 = Derated, 4 = Quiet, 5 = Dissipating, 6 = TooHigh });
 
 payload! {
     /// State of a motor and its bridge.
@@ -141,7 +141,7 @@ codec! {
 /// Faults of a motor in a report, by the bits of a byte.
 const FAULTS: [Fault; 6] = [
     Fault::BatteryUnknown,
-    Fault::EncoderSilent,
+    Fault::EncoderStale,
     Fault::EncoderStuck,
     Fault::EncoderReversed,
     Fault::Overheated,
@@ -271,7 +271,7 @@ pub enum ReportedSetpoint {
     /// Position in the host's counts.
     Position(i32),
     /// Motion in a group. The number is the present reference position in the host's counts.
-    Together(i32),
+    Follow(i32),
     /// Constant current.
     Current(Milliamperes),
     /// Identification. The number is the travel limit in counts in either direction.
@@ -287,7 +287,7 @@ impl ReportedSetpoint {
             Self::Power(_) => "power",
             Self::Velocity(_) => "velocity",
             Self::Position(_) => "position",
-            Self::Together(_) => "together",
+            Self::Follow(_) => "together",
             Self::Current(_) => "current",
             Self::Identify(_) => "identify",
         }
@@ -300,7 +300,7 @@ impl ReportedSetpoint {
             Self::Off | Self::FailSafe => None,
             Self::Power(control) => Some(control.to_f64()),
             Self::Current(current) => Some(f64::from(current.get()) / 1e3),
-            Self::Velocity(number) | Self::Position(number) | Self::Together(number) => Some(number.into()),
+            Self::Velocity(number) | Self::Position(number) | Self::Follow(number) => Some(number.into()),
             Self::Identify(travel) => Some(travel.into()),
         }
     }
@@ -369,7 +369,7 @@ impl Field for ReportedSetpoint {
             2 => Self::Power(Control::saturating(value.into())),
             3 => Self::Velocity(value),
             4 => Self::Position(value),
-            5 => Self::Together(value),
+            5 => Self::Follow(value),
             6 => Self::Identify(value.cast_unsigned()),
             _ => Self::Current(Milliamperes::new(value)),
         })
@@ -382,7 +382,7 @@ impl Field for ReportedSetpoint {
             Self::Power(control) => (2, control.get().into()),
             Self::Velocity(cps) => (3, cps),
             Self::Position(counts) => (4, counts),
-            Self::Together(counts) => (5, counts),
+            Self::Follow(counts) => (5, counts),
             Self::Identify(travel) => (6, travel.cast_signed()),
             Self::Current(current) => (7, current.get()),
         };

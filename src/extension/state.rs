@@ -8,7 +8,7 @@ use crate::update::{self, Booted, Phase};
 codes!(Stored { 0 = Nothing, 1 = Whole, 2 = OneCopy, 3 = Later, 4 = Damaged });
 codes!(store::Outcome { 0 = None, 1 = Done, 2 = NeedsErase, 3 = Refused, 4 = Lost });
 codes!(Phase { 0 = Nothing, 1 = Receiving, 2 = Checking, 3 = Armed, 4 = Disarming });
-codes!(Booted { 0 = Unknown, 1 = Confirmed, 2 = OnTrial, 3 = WentBack, 4 = Unconfirmable });
+codes!(Booted { 0 = Unknown, 1 = Confirmed, 2 = OnTrial, 3 = Reverted, 4 = Unconfirmable });
 codes!(update::Outcome { 0 = None, 1 = Done, 2 = Refused, 3 = Mismatch, 4 = WrongSignature, 5 = Older });
 
 fields_in_order!(Equipment { digital, servos, analog, i2c, rail, temperature });
@@ -25,7 +25,7 @@ payload! {
         /// read.
         pub number: u32,
         /// True while an access to the memory is requested or running.
-        pub at_work: bool,
+        pub is_busy: bool,
         /// Result of the last access to the memory. When a host sets an address, the hub stores the address, which is
         /// an access too.
         pub outcome: store::Outcome,
@@ -49,7 +49,7 @@ payload! {
         /// Result of the last request to the task `tasks::update`.
         pub outcome: update::Outcome,
         /// True while the task `tasks::update` has a request that is not finished.
-        pub at_work: bool,
+        pub is_busy: bool,
         /// How the present firmware was started.
         pub booted: Booted,
         /// Number of bytes of the image that were accepted so far.

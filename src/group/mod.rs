@@ -15,7 +15,7 @@
 //! use motor_hub::units::{Acceleration, CountsPerSecond, Period};
 //!
 //! // Motor 0 moves 1000 counts forward, motor 2 moves 500 counts back.
-//! let course = Course::by(&[(0, 1_000), (2, -500)])?;
+//! let course = Course::distances(&[(0, 1_000), (2, -500)])?;
 //! let usual = GroupCommand::new(course, CountsPerSecond::new(2_000), Acceleration::new(4_000)?);
 //! let command = GroupCommand { tolerance: 0, ..usual };
 //! let mut positions = [70, 0, -30];
@@ -44,17 +44,18 @@ use trajectory::Trajectory;
 /// Number of motors that may be members of groups: the motors 0 to 7.
 pub const MOTORS: usize = 8;
 
-/// Distances, target positions or speeds of the members of a group. The index of a value is the number of its motor. The motors that have a value are the members.
+/// Distances, target positions or speeds of the members of a group. The index of a value is the number of its motor. The
+/// motors that have a value are the members.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Course {
     /// Each member moves by a distance in counts from its present reference. In a new group the member's position is
     /// the reference.
-    By([Option<i32>; MOTORS]),
+    Distance([Option<i32>; MOTORS]),
     /// Each member moves to a position in counts. Positions wrap, and members take the shorter direction.
-    To([Option<i32>; MOTORS]),
+    Position([Option<i32>; MOTORS]),
     /// Each member moves at a speed until the next command. Speeds of 0 stop the group.
-    On([Option<CountsPerSecond>; MOTORS]),
+    Velocity([Option<CountsPerSecond>; MOTORS]),
 }
 
 impl Course {
@@ -62,31 +63,31 @@ impl Course {
     ///
     /// # Errors
     /// [`RangeError::Motor`] if a motor's number is not below [`MOTORS`].
-    pub fn by(members: &[(usize, i32)]) -> Result<Self, RangeError> {
-        by_motor(members).map(Self::By)
+    pub fn distances(members: &[(usize, i32)]) -> Result<Self, RangeError> {
+        by_motor(members).map(Self::Distance)
     }
 
     /// Creates a course that moves each of these motors to a position in counts.
     ///
     /// # Errors
     /// [`RangeError::Motor`] if a motor's number is not below [`MOTORS`].
-    pub fn to(members: &[(usize, i32)]) -> Result<Self, RangeError> {
-        by_motor(members).map(Self::To)
+    pub fn positions(members: &[(usize, i32)]) -> Result<Self, RangeError> {
+        by_motor(members).map(Self::Position)
     }
 
     /// Creates a course that moves each of these motors at a speed.
     ///
     /// # Errors
     /// [`RangeError::Motor`] if a motor's number is not below [`MOTORS`].
-    pub fn on(members: &[(usize, CountsPerSecond)]) -> Result<Self, RangeError> {
-        by_motor(members).map(Self::On)
+    pub fn velocities(members: &[(usize, CountsPerSecond)]) -> Result<Self, RangeError> {
+        by_motor(members).map(Self::Velocity)
     }
 
     /// Returns for each motor whether it is a member.
     pub fn members(&self) -> [bool; MOTORS] {
         match self {
-            Self::By(counts) | Self::To(counts) => counts.map(|each| each.is_some()),
-            Self::On(speeds) => speeds.map(|each| each.is_some()),
+            Self::Distance(counts) | Self::Position(counts) => counts.map(|each| each.is_some()),
+            Self::Velocity(speeds) => speeds.map(|each| each.is_some()),
         }
     }
 }
@@ -125,7 +126,7 @@ pub enum Halt {
 pub struct GroupCommand<C = Course> {
     /// Members, and where they move.
     pub course: C,
-    /// Speed of the member that moves farthest. The sign of the speed has no effect. Not used for [`Course::On`].
+    /// Speed of the member that moves farthest. The sign of the speed has no effect. Not used for [`Course::Velocity`].
     pub speed: CountsPerSecond,
     /// Largest acceleration of any member's reference while no lag slows the group down.
     pub acceleration: Acceleration,
@@ -139,20 +140,20 @@ pub struct GroupCommand<C = Course> {
 }
 
 impl<C> GroupCommand<C> {
-    /// Creates a command with the [usual lag](usual_lag) for `speed`, a tolerance of [`TOLERANCE`] counts, and
+    /// Creates a command with the [usual lag](default_lag) for `speed`, a tolerance of [`DEFAULT_TOLERANCE`] counts, and
     /// [`Halt::Stop`].
     pub const fn new(course: C, speed: CountsPerSecond, acceleration: Acceleration) -> Self {
-        let (lag, halt) = (usual_lag(speed), Halt::Stop);
-        Self { course, speed, acceleration, lag, tolerance: TOLERANCE, halt }
+        let (lag, halt) = (default_lag(speed), Halt::Stop);
+        Self { course, speed, acceleration, lag, tolerance: DEFAULT_TOLERANCE, halt }
     }
 }
 
 /// Default tolerance of a group in counts. REV's host software has the same default for a motor.
-pub const TOLERANCE: u16 = 5;
+pub const DEFAULT_TOLERANCE: u16 = 5;
 /// Time in ms in which a member at full speed covers the usual lag.
 const LAG_MS: u32 = 100;
 /// Smallest usual lag in counts, for slow groups: twice the 12 counts by which a healthy member lags, see
-/// [`usual_lag`].
+/// [`default_lag`].
 const MIN_LAG_COUNTS: u32 = 24;
 
 /// Returns the default lag for members with this maximum speed: the distance of 0.1 s, and at least 24 counts.
@@ -165,7 +166,7 @@ const MIN_LAG_COUNTS: u32 = 24;
 ///   half of the usual lag, so the group slows down by some percent.
 ///
 /// A larger permitted lag would let members move farther apart.
-pub const fn usual_lag(speed: CountsPerSecond) -> u16 {
+pub const fn default_lag(speed: CountsPerSecond) -> u16 {
     // The bits of a speed are steps of 1/256 counts/s.
     let counts = (speed.to_bits().unsigned_abs() as u64 * LAG_MS as u64) / 256_000;
     if counts < MIN_LAG_COUNTS as u64 {
@@ -200,7 +201,7 @@ impl<const N: usize> Group<N> {
         period: Period,
     ) -> Self {
         let GroupCommand { course, acceleration, lag, tolerance, halt, .. } = command;
-        let members = to_hub_motors(course.members(), false);
+        let members = for_motors(course.members(), false);
         for (speed, member) in speeds.iter_mut().zip(members) {
             if !member {
                 *speed = CountsPerSecond::ZERO;
@@ -220,10 +221,10 @@ impl<const N: usize> Group<N> {
         let GroupCommand { course, speed, acceleration, lag, tolerance, halt } = command;
         (self.acceleration, self.lag, self.tolerance, self.halt) = (acceleration, lag, tolerance, halt);
         let (values, are_distances) = match course {
-            Course::By(distances) => (distances, true),
-            Course::To(positions) => (positions, false),
-            Course::On(speeds) => {
-                let speeds = to_hub_motors(speeds.map(Option::unwrap_or_default), CountsPerSecond::ZERO);
+            Course::Distance(distances) => (distances, true),
+            Course::Position(positions) => (positions, false),
+            Course::Velocity(speeds) => {
+                let speeds = for_motors(speeds.map(Option::unwrap_or_default), CountsPerSecond::ZERO);
                 return self.trajectory.turn_at(speeds, acceleration);
             }
         };
@@ -316,8 +317,12 @@ impl<const N: usize> Group<N> {
     }
 }
 
-/// Converts values by motor to an array with the hub's number of motors. Motors beyond [`MOTORS`] get `default`.
-fn to_hub_motors<T: Copy, const N: usize>(values: [T; MOTORS], default: T) -> [T; N] {
+/// Converts values by motor to an array for another number of motors. Motors without a value get `default`, and values
+/// beyond the last motor are dropped.
+pub(crate) fn for_motors<T: Copy, const FROM: usize, const N: usize>(
+    values: [T; FROM],
+    default: T,
+) -> [T; N] {
     let mut all = [default; N];
     for (slot, value) in all.iter_mut().zip(values) {
         *slot = value;

@@ -1,7 +1,7 @@
 //! Manages the groups of a hub. A *group* is a set of motors that move synchronously, see [`crate::group`].
 //!
 //! ```text
-//!        lead         readings of all members fresh       no member left, or others disabled
+//!       command       readings of all members fresh       no member left, or others disabled
 //! none ------> Waiting ------------------------> Moving ------------------------------------> none
 //!                 |  a member leaves
 //!                 '-------------------> none
@@ -12,11 +12,11 @@
 //! [`Halt::Coast`]. With [`Halt::Stop`] the other members stop on their course. A group stays `Moving` after the end of
 //! its course, and holds the positions of its members.
 
-use super::Inputs;
 use super::base::Base;
 use crate::group::{Group, GroupCommand, Halt, MOTORS};
+use crate::motion::Reading;
 use crate::motor::{self, Motor, Report, Setpoint, SettleDetector};
-use crate::units::{CountsPerSecond, Period, RangeError};
+use crate::units::{CountsPerSecond, Micros, Period, RangeError};
 
 /// The state of one group.
 #[derive(Clone, Debug)]
@@ -45,17 +45,17 @@ impl<const N: usize> Groups<N> {
     /// by the setting of the old group. A waiting old group is discarded.
     ///
     /// # Errors
-    /// Returns [`RangeError::Motor`] if the hub does not have all members, or if `leader` is not a member. `leader` is
-    /// the motor of the host's command.
-    pub(super) fn lead(
+    /// Returns [`RangeError::Motor`] if the hub does not have all members, or if `addressed` is not a member. `addressed`
+    /// is the motor of the host's command.
+    pub(super) fn command(
         &mut self,
-        leader: usize,
+        addressed: usize,
         command: GroupCommand,
         motors: &mut [Motor; N],
     ) -> Result<(), RangeError> {
         let new_members = command.course.members();
         let is_new_member = |motor: usize| new_members.get(motor) == Some(&true);
-        if !is_new_member(leader) || (N..MOTORS).any(is_new_member) {
+        if !is_new_member(addressed) || (N..MOTORS).any(is_new_member) {
             return Err(RangeError::Motor);
         }
         for state in self.states.iter_mut().flatten() {
@@ -122,7 +122,8 @@ impl<const N: usize> Groups<N> {
     /// from the encoder positions, and added to the set-points.
     pub(super) fn step(
         &mut self,
-        inputs: &Inputs<N>,
+        now: Micros,
+        readings: &[Option<Reading>; N],
         period: Period,
         base: Option<&Base>,
         motors: &mut [Motor; N],
@@ -130,7 +131,7 @@ impl<const N: usize> Groups<N> {
         if self.states.iter().all(Option::is_none) {
             return;
         }
-        let fresh = inputs.readings.map(|reading| motor::fresh(reading, inputs.now));
+        let fresh = readings.map(|reading| motor::fresh(reading, now));
         let mut positions = motors.each_ref().map(|motor| motor.position());
         for (position, reading) in positions.iter_mut().zip(fresh) {
             *position = reading.map_or(*position, |reading| reading.position);
@@ -152,7 +153,7 @@ impl<const N: usize> Groups<N> {
             for ((motor, reference), correction) in motors.iter_mut().zip(references).zip(corrections) {
                 if let Some(mut reference) = reference {
                     reference.position = reference.position.wrapping_add(correction);
-                    motor.set(Setpoint::Together(reference));
+                    motor.set(Setpoint::Follow(reference));
                 }
             }
         }

@@ -62,7 +62,7 @@ impl Bus {
 
     /// Returns the net energy that the source has delivered so far, including the heat in its resistance.
     #[must_use]
-    pub const fn given(&self) -> Joules {
+    pub const fn delivered(&self) -> Joules {
         Joules(self.delivered)
     }
 

@@ -132,7 +132,7 @@ pub fn blend_keeping_t_in_range(u: f64) -> f64 {
 /// mode 5/0 at duty 1 through two switches. With ideal switches the braking current of mode 6/2 is therefore smaller by
 /// `Vd/R`, and at least 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reverse0 {
+pub struct ReverseTransition {
     /// Duty at which mode 6/2 brakes with the current of full dynamic braking.
     pub duty_at_t: f64,
     /// Motor current of mode 6/2 at duty 0.
@@ -155,13 +155,13 @@ impl Circuit {
     /// The currents and the duty include the resistance of the switches. The control values are for ideal switches:
     /// `x_T + (x_T - x_S) Vd/Vbat`.
     #[must_use]
-    pub fn reverse0(&self, c_max: f64, at: Conditions) -> Reverse0 {
+    pub fn reverse0(&self, c_max: f64, at: Conditions) -> ReverseTransition {
         let (v, e) = (at.battery.0, at.emf.0);
         let (vd, ron, r) = (self.bridge.vd.0, self.bridge.ron.0, self.r.0);
         // Voltage drop of one switch at full braking. Mode 6/2 has one switch in the current's path, mode 5/0 has two.
         let switch_drop = ron * e / (r + 2.0 * ron);
         let b = Scheme::B.points(c_max, self.r, at);
-        Reverse0 {
+        ReverseTransition {
             duty_at_t: (vd - switch_drop) / (v + vd - switch_drop),
             current: Amps(-(e - vd).max(0.0) / (r + ron)),
             current_at_t: Amps(-e / (r + 2.0 * ron)),

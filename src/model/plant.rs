@@ -352,7 +352,7 @@ impl Plant {
     }
 
     /// Sets the state of the plant: motor current, speed of the motor shaft, and angle of the motor shaft in rad.
-    pub fn place(&mut self, current: Amps, speed: RadPerSec, angle: f64) {
+    pub fn set_state(&mut self, current: Amps, speed: RadPerSec, angle: f64) {
         self.current = current.0;
         self.last_mean = current.0;
         self.speed = speed.0;

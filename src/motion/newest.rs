@@ -7,9 +7,9 @@
 //! let (mut newest, mut encoder) = (Newest::<1>::new(), Tracker::default());
 //! let at = Micros::new(151_000);
 //! newest.sample(|readings| *readings = [Some(encoder.step(0, at))]);
-//! newest.observe([CountsPerSecond::new(2_000)].into_iter());
+//! newest.set_velocities([CountsPerSecond::new(2_000)].into_iter());
 //! let tick = Micros::new(150_000);
-//! assert_eq!(newest.look(0, tick), Some((0, Some(CountsPerSecond::new(2_000)))));
+//! assert_eq!(newest.newer_than(0, tick), Some((0, Some(CountsPerSecond::new(2_000)))));
 //! ```
 
 use super::Reading;
@@ -40,16 +40,16 @@ impl<const N: usize> Newest<N> {
     }
 
     /// Takes the speeds that the observers estimate, in the order of the motors.
-    pub fn observe(&mut self, velocities: impl Iterator<Item = CountsPerSecond>) {
+    pub fn set_velocities(&mut self, velocities: impl Iterator<Item = CountsPerSecond>) {
         for (last, new) in self.velocities.iter_mut().zip(velocities) {
             *last = Some(new);
         }
     }
 
     /// The position of a motor in counts, and its speed. `None` without such a motor, or without a sample newer than
-    /// `tick`. The speed is `None` before the first call of [`observe`](Self::observe), as on a board that estimates
+    /// `tick`. The speed is `None` before the first call of [`set_velocities`](Self::set_velocities), as on a board that estimates
     /// speeds at ticks only.
-    pub fn look(&self, motor: usize, tick: Micros) -> Option<(i32, Option<CountsPerSecond>)> {
+    pub fn newer_than(&self, motor: usize, tick: Micros) -> Option<(i32, Option<CountsPerSecond>)> {
         let new = (*self.readings.get(motor)?).filter(|new| new.at > tick)?;
         Some((new.position, self.velocities.get(motor).copied().flatten()))
     }

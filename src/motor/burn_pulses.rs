@@ -161,7 +161,7 @@ impl BurnPulses {
 
     /// Constant voltage across the resistance, in V, that would heat the winding as much as the pulses do. The pulses
     /// heat the winding more than their mean current would.
-    pub(super) fn heating(&self) -> f32 {
+    pub(super) fn heating_volts(&self) -> f32 {
         let Voltages { requested, emf, .. } = self.voltages;
         let forward = self.forward_volts / emf;
         // At standstill `forward` is infinite or not a number, and nothing heats.
@@ -185,16 +185,16 @@ impl Motor {
             .unwrap_or(command.request.at);
         let emf = at.emf_volts();
         let (least, most) = (LEAST_FORWARD_SHARE, LARGEST_FORWARD_SHARE);
-        let beyond = least + (most - least) * battery.dissipate.to_f32();
-        let room = at.battery_volts() - emf.abs();
+        let forward_share = least + (most - least) * battery.dissipate.to_f32();
+        let headroom_volts = at.battery_volts() - emf.abs();
         self.pulses.integrate(now);
         let mut pulse = self.pulses.next(emf, may_end_short);
-        if battery.draw != Share::ALL || room <= least * emf.abs() {
+        if battery.draw != Share::ALL || headroom_volts <= least * emf.abs() {
             pulse = Pulse::Short;
         }
         command.bridge = match pulse {
             Pulse::Forward => {
-                let volts = emf + (beyond * emf.abs()).min(room).copysign(emf);
+                let volts = emf + (forward_share * emf.abs()).min(headroom_volts).copysign(emf);
                 self.modulator.for_voltage(at, Voltage::from_volts(volts))
             }
             Pulse::Short => Modulation::BRAKE,
@@ -233,7 +233,7 @@ mod tests {
             mean += (applied * (1.0 - open) + emf * open) / f32::from(MS);
             square += (applied - emf) * (applied - emf) * (1.0 - open) / f32::from(MS);
         }
-        assert!((pulses.heating() / square.sqrt() - 1.0).abs() < 0.1 || change_us > 0);
+        assert!((pulses.heating_volts() / square.sqrt() - 1.0).abs() < 0.1 || change_us > 0);
         (mean, square)
     }
 

@@ -29,7 +29,7 @@
 //! let mut motor = Motor::new(settings, Period::DEFAULT);
 //! motor.set(Setpoint::Velocity(CountsPerSecond::new(1_000)));
 //!
-//! let battery = |at| Some(Battery::good(Millivolts::new(12_000), at));
+//! let battery = |at| Some(Battery::unlimited(Millivolts::new(12_000), at));
 //! let reading = |ms: u64, position| {
 //!     let at = Micros::new(1_000 * ms);
 //!     Reading { position, edge_at: at, at }
@@ -82,7 +82,7 @@ use encoder_check::EncoderCheck;
 use expected::Tick;
 use last_motion::LastMotion;
 use limits::VoltageLimits;
-use sense_line::Line;
+use sense_line::SenseLineMonitor;
 use thermal::Thermal;
 
 /// Largest age in us of a reading that is used; an older reading is treated as missing. The counters are sampled
@@ -124,7 +124,7 @@ pub struct Motor {
     /// Present command; `None` while the motor coasts, because its set-point or a fault opens the bridge.
     command: Option<Command>,
     /// State of the bridge's current-sense line.
-    line: Line,
+    line: SenseLineMonitor,
     /// True if the last tick had a fresh reading of an encoder without a fault. Only then is the modelled current
     /// compared with the current-sense line.
     speed_known: bool,
@@ -250,7 +250,7 @@ impl Motor {
             thermal: Thermal::default(),
             pulses: BurnPulses::NONE,
             command: None,
-            line: Line::default(),
+            line: SenseLineMonitor::default(),
             speed_known: false,
             bridge_fault: false,
         }
@@ -294,7 +294,7 @@ impl Motor {
     /// Enters the state for the set-point `to`, and passes the transition to the regulator.
     fn transition(&mut self, to: Setpoint) {
         let from = self.setpoint;
-        let follows = matches!((from, to), (Setpoint::Together(_), Setpoint::Together(_)));
+        let follows = matches!((from, to), (Setpoint::Follow(_), Setpoint::Follow(_)));
         if to != from && !follows {
             self.settle_detector.reset();
         }
@@ -471,7 +471,7 @@ impl Motor {
         let floats = self.settings.zero_power == ZeroPower::Float;
         match self.setpoint {
             Setpoint::Disabled => Setpoint::Disabled,
-            _ if self.thermal.is_cut() || needs_encoder && no_encoder => Setpoint::FailSafe,
+            _ if self.thermal.is_tripped() || needs_encoder && no_encoder => Setpoint::FailSafe,
             Setpoint::ConstantPower(Control::ZERO) if floats => Setpoint::Disabled,
             Setpoint::Velocity(target) if floats && target == CountsPerSecond::ZERO => Setpoint::Disabled,
             setpoint => setpoint,
@@ -517,7 +517,7 @@ impl Motor {
             Setpoint::Position { target, speed_limit, .. } => {
                 self.regulate(Demand::Position { target, speed_limit }, at, velocity, moved?)
             }
-            Setpoint::Together(reference) => self.regulate(Demand::Follow(reference), at, velocity, moved?),
+            Setpoint::Follow(reference) => self.regulate(Demand::Follow(reference), at, velocity, moved?),
             Setpoint::Identify { .. } => {
                 let voltage = self.identify(at)?;
                 Some(self.for_voltage(at, voltage))
@@ -658,7 +658,7 @@ impl Motor {
     fn limits(&self, at: OperatingPoint, draw: Share) -> VoltageLimits {
         let (emf, ohms) = (at.emf_volts(), self.settings.ohms());
         let mut limits = VoltageLimits::by_draw(emf, at.battery_volts(), draw);
-        if let Some(amperes) = self.thermal.ceiling(self.settings.thermal) {
+        if let Some(amperes) = self.thermal.driving_current_limit_amperes(self.settings.thermal) {
             limits = limits.and(VoltageLimits::by_driving_current(emf, amperes, ohms));
         }
         if let Some(amperes) = self.settings.current_limit_amperes() {
@@ -716,7 +716,7 @@ impl Motor {
         self.speed_known = moved.is_some() && self.encoder_fault.is_none();
         let measured = self.line.measured(drive.mode);
         let heating = if self.pulses.are_active() {
-            Milliamperes::from_amperes(self.pulses.heating() / self.settings.ohms())
+            Milliamperes::from_amperes(self.pulses.heating_volts() / self.settings.ohms())
         } else {
             current
         };
@@ -733,13 +733,13 @@ impl Motor {
             measured,
             sense_line: self.line.condition(),
             heat: (1000.0 * self.thermal.heat(self.settings.thermal)) as u16,
-            derated: self.thermal.ceiling(self.settings.thermal).is_some(),
+            derated: self.thermal.driving_current_limit_amperes(self.settings.thermal).is_some(),
             current_limited,
             load: self
                 .regulator
                 .load()
                 .map(|voltage| Milliamperes::from_amperes(voltage.to_volts() / self.settings.ohms())),
-            at: command.map(|command| command.request.at),
+            operating_point: command.map(|command| command.request.at),
             voltage: command.map_or(Voltage::ZERO, |command| command.limited.voltage),
             requested: command.and_then(Command::requested_control),
             regime: command.map(|command| command.request.at.regime(command.limited.drive)),
@@ -753,7 +753,7 @@ impl Motor {
                 battery_unknown: battery.is_none(),
                 encoder_stale: moved.is_none(),
                 encoder: self.encoder_fault,
-                overheated: self.thermal.is_cut(),
+                overheated: self.thermal.is_tripped(),
                 bridge: self.bridge_fault,
             },
         }

@@ -86,7 +86,7 @@ pub struct Report {
     /// unknown motor, whose dynamics are not configured.
     pub load: Option<Milliamperes>,
     /// Back EMF and battery voltage for which the command was computed; `None` while the motor coasts.
-    pub at: Option<OperatingPoint>,
+    pub operating_point: Option<OperatingPoint>,
     /// Mean voltage across the motor that the command applies, within all limits; 0 while the motor coasts.
     pub voltage: Voltage,
     /// Control value that the set-point or PID requests. `None` if a voltage is requested, or if a limit changes the
@@ -118,7 +118,7 @@ impl Report {
 
     /// Control value of the command, by the scheme and the duty rule of these settings; 0 while the motor coasts.
     pub fn control(&self, settings: &Settings) -> Control {
-        match (self.requested, self.at) {
+        match (self.requested, self.operating_point) {
             (Some(control), _) => control,
             (None, Some(at)) => settings.modulator().control(at, self.voltage),
             (None, None) => Control::ZERO,
@@ -129,7 +129,7 @@ impl Report {
     ///
     /// The bridge stores no energy. So the current from the bus is the motor's current times the ratio of motor voltage
     /// to battery voltage. Without a battery voltage every bridge is open, and the current is 0.
-    pub fn drawn(&self, settings: &Settings, battery: Millivolts) -> Milliamperes {
+    pub fn bus_current(&self, settings: &Settings, battery: Millivolts) -> Milliamperes {
         let amperes = self.best_current().to_amperes();
         let across = settings.winding.emf.emf(self.velocity).to_volts() + amperes * settings.ohms();
         let share = if battery.get() == 0 { 0.0 } else { across / battery.to_volts() };
@@ -149,7 +149,7 @@ impl Report {
         derated: false,
         current_limited: false,
         load: None,
-        at: None,
+        operating_point: None,
         voltage: Voltage::ZERO,
         requested: None,
         regime: None,

@@ -26,7 +26,7 @@ pub enum SenseLine {
     Sound,
     /// The line shows no current while the modelled current is at least 1 A: the line or a lead of the motor is
     /// broken. The line is not used.
-    Silent,
+    NoCurrent,
     /// The line shows a current in 5/0, in which a bridge shows no current. The line is not used.
     Stuck,
     /// The line shows far more than the modelled current: the configured constants are wrong for this motor, or the
@@ -53,7 +53,7 @@ const fn largest_plausible(modelled_ma: u32) -> u32 {
 
 /// State of one motor's line.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Line {
+pub(super) struct SenseLineMonitor {
     condition: SenseLine,
     /// Samples in a row that contradict the condition.
     contradictions: u8,
@@ -66,7 +66,7 @@ pub(super) struct Line {
     current_shown_count: u8,
 }
 
-impl Line {
+impl SenseLineMonitor {
     /// Takes a sample. `shown` is `None` if the converter does not answer. `mode` is the mode of the bridge; `None`
     /// during burn pulses, because the mode then changes within milliseconds. `modelled` is the current by the motor's
     /// constants; `None` if the speed is unknown.
@@ -119,7 +119,7 @@ impl Line {
     fn judge(&mut self, found: SenseLine, braking: bool) {
         let proves = match self.condition {
             SenseLine::Stuck => braking,
-            SenseLine::Silent | SenseLine::Excessive => !braking || found == SenseLine::Stuck,
+            SenseLine::NoCurrent | SenseLine::Excessive => !braking || found == SenseLine::Stuck,
             SenseLine::Absent | SenseLine::Sound => true,
         };
         if found == self.condition || !proves {
@@ -146,7 +146,7 @@ const fn in_braking(ma: u32) -> SenseLine {
 /// motor may be another motor than configured.
 const fn in_driving(ma: u32, modelled_ma: u32) -> Option<SenseLine> {
     match (ma < NOTHING_MA, modelled_ma >= DUE_MA) {
-        (true, true) => Some(SenseLine::Silent),
+        (true, true) => Some(SenseLine::NoCurrent),
         (true, false) => None,
         (false, _) if ma > largest_plausible(modelled_ma) => Some(SenseLine::Excessive),
         (false, _) => Some(SenseLine::Sound),

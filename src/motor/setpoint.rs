@@ -46,13 +46,13 @@ pub enum Setpoint {
     },
     /// Regulated position in a [group](crate::group): the motor follows this reference. The hub sets a new reference
     /// at every tick. Without a new reference the motor stays near the last reference.
-    Together(Reference),
+    Follow(Reference),
 }
 
 impl Setpoint {
     /// True if a regulator computes the bridge's command.
     pub(super) const fn is_regulated(self) -> bool {
-        matches!(self, Self::Velocity(_) | Self::Position { .. } | Self::Together(_))
+        matches!(self, Self::Velocity(_) | Self::Position { .. } | Self::Follow(_))
     }
 
     /// True if the command needs no encoder and no tick: a disabled motor, fail-safe and constant power. A constant
@@ -72,7 +72,7 @@ impl Setpoint {
             }
             // The reference of a group stands still while a member lags. A reference that stands still continues the
             // motion; one that moves again begins a motion.
-            (Self::Together(before), Self::Together(after)) => {
+            (Self::Follow(before), Self::Follow(after)) => {
                 after.next == CountsPerSecond::ZERO || same(before.next.to_bits(), after.next.to_bits())
             }
             _ => false,

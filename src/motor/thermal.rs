@@ -18,9 +18,9 @@
 //! the computed current.
 //!
 //! ```text
-//! Running ───── heat above 1.1 ────▶ Cut
-//!    ▲                              │
-//!    └─ disabled at heat 1 or less ─┘
+//! Running ───── heat above 1.1 ────▶ Tripped
+//!    ▲                                │
+//!    └── disabled at heat 1 or less ──┘
 //! ```
 
 use crate::settings::ThermalLimit;
@@ -35,8 +35,8 @@ const WINDING_SHARE: f32 = 0.25;
 const DERATED_FROM: f32 = 0.8;
 /// Heat above which the motor is switched off. The limited driving current keeps the heat near 1. The braking current
 /// is not limited, so a load that drives the motor can exceed this heat.
-const CUT_ABOVE: f32 = 1.1;
-/// Largest heat at which disabling a motor, or fail-safe, ends the cut.
+const TRIP_HEAT: f32 = 1.1;
+/// Largest heat at which disabling a motor, or fail-safe, ends the trip.
 const COOL: f32 = 1.0;
 /// Time in s over which squares of the current are averaged before the filters are stepped. A filter with a time
 /// constant of minutes that is stepped every millisecond would lose small squares in rounding.
@@ -82,11 +82,11 @@ pub(super) struct Thermal {
     /// Filtered square of the current with the case's time constant, in A².
     case: f32,
     /// Integral of the squared current since the filters were last stepped, in A² s.
-    gathered: f32,
+    squared_current_integral: f32,
     /// Time since the filters were last stepped, in s.
-    gathered_s: f32,
-    /// True if the motor was too hot and is switched off. The cut is latched.
-    cut: bool,
+    averaged_s: f32,
+    /// True if the motor was too hot and is switched off. The trip is latched.
+    tripped: bool,
 }
 
 impl Thermal {
@@ -94,17 +94,17 @@ impl Thermal {
     pub(super) fn step(&mut self, limit: Option<ThermalLimit>, period: Period, current: Milliamperes) {
         let Some(limit) = limit else { return };
         let (amperes, seconds) = (current.to_amperes(), period.to_seconds());
-        self.gathered += amperes * amperes * seconds;
-        self.gathered_s += seconds;
-        if self.gathered_s < AVERAGING_S {
+        self.squared_current_integral += amperes * amperes * seconds;
+        self.averaged_s += seconds;
+        if self.averaged_s < AVERAGING_S {
             return;
         }
-        let square = self.gathered / self.gathered_s;
+        let square = self.squared_current_integral / self.averaged_s;
         for (mean, seconds) in [(&mut self.winding, limit.winding_s()), (&mut self.case, limit.case_s())] {
-            *mean += (square - *mean) * at_most(self.gathered_s / f32::from(seconds), 1.0);
+            *mean += (square - *mean) * at_most(self.averaged_s / f32::from(seconds), 1.0);
         }
-        (self.gathered, self.gathered_s) = (0.0, 0.0);
-        self.cut |= self.heat(Some(limit)) > CUT_ABOVE;
+        (self.squared_current_integral, self.averaged_s) = (0.0, 0.0);
+        self.tripped |= self.heat(Some(limit)) > TRIP_HEAT;
     }
 
     /// The heat as defined in the module, 1 after a long time at the continuous current. 0 without a limit.
@@ -127,7 +127,7 @@ impl Thermal {
 
     /// Largest current in A that may drive the motor; `None` if no thermal limit is configured, or if the motor is
     /// not hot.
-    pub(super) fn ceiling(&self, limit: Option<ThermalLimit>) -> Option<f32> {
+    pub(super) fn driving_current_limit_amperes(&self, limit: Option<ThermalLimit>) -> Option<f32> {
         let heat = self.heat(limit);
         limit.filter(|_| heat > DERATED_FROM).map(|limit| {
             let left = at_least((1.0 - heat) / (1.0 - DERATED_FROM), 0.0);
@@ -136,13 +136,13 @@ impl Thermal {
     }
 
     /// True if the motor was too hot and is switched off.
-    pub(super) const fn is_cut(&self) -> bool {
-        self.cut
+    pub(super) const fn is_tripped(&self) -> bool {
+        self.tripped
     }
 
-    /// Ends the cut of a motor that has cooled down, or that has no limit any more.
+    /// Ends the trip of a motor that has cooled down, or that has no limit any more.
     pub(super) fn clear(&mut self, limit: Option<ThermalLimit>) {
-        self.cut &= self.heat(limit) > COOL;
+        self.tripped &= self.heat(limit) > COOL;
     }
 }
 
@@ -190,32 +190,35 @@ mod tests {
     }
 
     #[test]
-    fn the_current_limit_falls_to_the_continuous_current_before_the_motor_is_cut() {
+    fn the_current_limit_falls_to_the_continuous_current_before_the_motor_trips() {
         let mut model = Thermal::default();
-        let ceiling = |model: &Thermal| model.ceiling(Some(limit()));
-        assert_eq!(ceiling(&model), None);
+        let driving_current_limit_amperes =
+            |model: &Thermal| model.driving_current_limit_amperes(Some(limit()));
+        assert_eq!(driving_current_limit_amperes(&model), None);
         let mut least = f32::INFINITY;
         for _ in 0..200 * 20 {
-            // A motor within the current limit is not cut.
-            let ma = ceiling(&model).map_or(4_000.0, |ceiling| (1e3 * ceiling).min(4_000.0));
+            // A motor within the current limit does not trip.
+            let ma = driving_current_limit_amperes(&model).map_or(4_000.0, |driving_current_limit_amperes| {
+                (1e3 * driving_current_limit_amperes).min(4_000.0)
+            });
             least = least.min(ma);
             step(&mut model, 50, ma as i32);
         }
         let heat = model.heat(Some(limit()));
-        assert!((heat - 1.0).abs() < 0.1 && !model.is_cut(), "{heat}");
+        assert!((heat - 1.0).abs() < 0.1 && !model.is_tripped(), "{heat}");
         assert!((1_000.0..1_400.0).contains(&least), "{least}");
     }
 
     #[test]
-    fn a_motor_that_was_too_hot_stays_cut_until_it_has_cooled_down_and_is_disabled() {
+    fn a_motor_that_was_too_hot_stays_tripped_until_it_has_cooled_down_and_is_disabled() {
         let mut model = Thermal::default();
         heat_after(&mut model, 50, 30.0, 4_000);
-        assert!(model.is_cut());
+        assert!(model.is_tripped());
         model.clear(Some(limit()));
-        assert!(model.is_cut(), "still hot: {}", model.heat(Some(limit())));
+        assert!(model.is_tripped(), "still hot: {}", model.heat(Some(limit())));
         heat_after(&mut model, 50, 900.0, 0);
-        assert!(model.is_cut());
+        assert!(model.is_tripped());
         model.clear(Some(limit()));
-        assert!(!model.is_cut());
+        assert!(!model.is_tripped());
     }
 }

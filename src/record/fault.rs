@@ -70,7 +70,7 @@ macro_rules! faults {
 
 // A number never changes its meaning. The number of a removed fault is not used again.
 faults! {
-    1 EncoderSilent "encoder gives no reading" "encoder_stale" encoder_stale == true,
+    1 EncoderStale "encoder gives no reading" "encoder_stale" encoder_stale == true,
     2 EncoderStuck "no counts although driven" "stuck" encoder == Some(EncoderFault::Stuck),
     3 EncoderReversed "counts against the drive voltage" "reversed" encoder == Some(EncoderFault::Reversed),
     4 Overheated "winding too hot" "overheated" overheated == true,

@@ -47,7 +47,8 @@ impl<const N: usize> Responder<N> {
             BATTERY_CURRENT => {
                 let battery = snapshot.battery.unwrap_or_default();
                 let motors = self.channels.iter().zip(&snapshot.motors);
-                let drawn = motors.map(|(channel, report)| report.drawn(&channel.settings().motor, battery));
+                let drawn =
+                    motors.map(|(channel, report)| report.bus_current(&channel.settings().motor, battery));
                 Some(Some(drawn.fold(0, |sum: i32, drawn| sum.saturating_add(drawn.get()))))
             }
             RAIL => equipment.rail.then_some(readings.rail.map(|rail| rail.get().into())),

@@ -1,10 +1,9 @@
 //! Courses of groups that must still be sent to the motors.
 
 use crate::extension::group::GroupCourse;
-use crate::group::{Course, GroupCommand, MOTORS};
-use crate::protocol::CHANNELS;
+use crate::group::{Course, GroupCommand, for_motors};
 
-/// Courses of groups that must still be sent. The *leader* of a course is the motor of the host's request.
+/// Courses of groups that must still be sent. The *addressed motor* of a course is the motor of the host's request.
 #[derive(Clone, Debug)]
 pub(super) struct Courses<const N: usize> {
     /// Element i is the pending course that a request to motor i has started.
@@ -14,23 +13,21 @@ pub(super) struct Courses<const N: usize> {
 impl<const N: usize> Courses<N> {
     pub(super) const NONE: Self = Self { pending: [None; N] };
 
-    /// Adds the course of a request to the motor `leader`. Removes pending courses that move a member of the new
+    /// Adds the course of a request to the motor `addressed`. Removes pending courses that move a member of the new
     /// course.
-    pub(super) fn add(&mut self, leader: usize, command: GroupCommand) {
-        for (motor, member) in command.course.members().into_iter().enumerate() {
-            if member {
-                self.remove(motor);
-            }
-        }
-        if let Some(slot) = self.pending.get_mut(leader) {
+    pub(super) fn add(&mut self, addressed: usize, command: GroupCommand) {
+        let members = command.course.members();
+        self.retain(|motor| members.get(motor) != Some(&true));
+        if let Some(slot) = self.pending.get_mut(addressed) {
             *slot = Some(command);
         }
     }
 
-    /// Removes the pending courses that move this motor.
-    pub(super) fn remove(&mut self, motor: usize) {
+    /// Removes the pending courses with a member for which `keep` is false.
+    pub(super) fn retain(&mut self, keep: impl Fn(usize) -> bool) {
         for slot in &mut self.pending {
-            slot.take_if(|command| command.course.members().get(motor) == Some(&true));
+            let is_removed = |(motor, member)| member && !keep(motor);
+            slot.take_if(|command| command.course.members().into_iter().enumerate().any(is_removed));
         }
     }
 
@@ -38,9 +35,9 @@ impl<const N: usize> Courses<N> {
         *self = Self::NONE;
     }
 
-    /// Returns the pending course to send next, with its leader.
+    /// Returns the pending course to send next, with its addressed motor.
     pub(super) fn next(&self) -> Option<(usize, GroupCommand)> {
-        self.pending.iter().enumerate().find_map(|(leader, command)| Some((leader, (*command)?)))
+        self.pending.iter().enumerate().find_map(|(addressed, command)| Some((addressed, (*command)?)))
     }
 
     /// Removes and returns the course that [`next`](Self::next) returns, because the course has been sent.
@@ -62,22 +59,14 @@ pub(super) fn in_motor_counts(
 ) -> GroupCommand {
     let GroupCommand { course, speed, acceleration, lag, tolerance, halt } = wanted;
     let course = match course {
-        GroupCourse::To(counts) => {
-            let mut targets = by_motor(counts);
+        GroupCourse::Position(counts) => {
+            let mut targets = for_motors(counts, None);
             for (motor, counts) in targets.iter_mut().enumerate() {
                 *counts = counts.map(|counts| goal(motor, counts));
             }
-            Course::To(targets)
+            Course::Position(targets)
         }
-        GroupCourse::On(speeds) => Course::On(by_motor(speeds)),
+        GroupCourse::Velocity(speeds) => Course::Velocity(for_motors(speeds, None)),
     };
     GroupCommand { course, speed, acceleration, lag, tolerance, halt }
-}
-
-fn by_motor<T: Copy>(channels: [Option<T>; CHANNELS]) -> [Option<T>; MOTORS] {
-    let mut all = [None; MOTORS];
-    for (slot, value) in all.iter_mut().zip(channels) {
-        *slot = value;
-    }
-    all
 }

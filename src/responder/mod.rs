@@ -210,7 +210,7 @@ impl<const N: usize> Responder<N> {
 
     /// Takes a packet from the chain line that is not a request to this hub. Returns the packet if the hub must pass it
     /// on to the host.
-    pub fn pass_up(&mut self, packet: Packet) -> Option<Packet> {
+    pub fn pass_to_host(&mut self, packet: Packet) -> Option<Packet> {
         self.chain.as_mut()?.receive(packet, self.address)
     }
 
@@ -321,6 +321,8 @@ impl<const N: usize> Responder<N> {
         self.keep_alive.packet(now);
         let answer = Request::read(packet, N.min(CHANNELS))
             .and_then(|request| self.answer(request, from, now, snapshot, record));
+        // A request to a member of a waiting course may have taken the member out of its group.
+        self.courses.retain(|motor| self.channels.get(motor).is_some_and(MotorChannel::in_group));
         let mut reply = answer.unwrap_or_else(Reply::Nack);
         if let Reply::Ack { attention } = &mut reply {
             *attention = self.keep_alive.attention();
@@ -343,7 +345,7 @@ impl<const N: usize> Responder<N> {
         if self.base_due {
             return Some(Command { motor: 0, action: Action::Base(self.base) });
         }
-        self.courses.next().map(|(motor, command)| Command { motor, action: Action::Lead(command) })
+        self.courses.next().map(|(motor, command)| Command { motor, action: Action::MoveGroup(command) })
     }
 
     /// Removes the command that [`pending`](Self::pending) returns, because it was sent. `number` is the number of the
@@ -436,7 +438,6 @@ impl<const N: usize> Responder<N> {
         match function {
             MotorFunction::Identify { travel_limit } => {
                 let travel = channel.identify(travel_limit, snapshot.good_battery())?;
-                self.courses.remove(index);
                 Ok(Reply::data(&travel))
             }
             MotorFunction::Identification => Ok(Reply::data(&channel.identification(report))),
@@ -446,7 +447,6 @@ impl<const N: usize> Responder<N> {
             MotorFunction::Current { current_ma, speed_limit_cps } => {
                 let speed_limit = CountsPerSecond::new(speed_limit_cps.into());
                 channel.set_current(Milliamperes::new(current_ma), speed_limit)?;
-                self.courses.remove(index);
                 Ok(Reply::ACK)
             }
         }
@@ -550,22 +550,17 @@ impl<const N: usize> Responder<N> {
         let motor = usize::from(motor);
         let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
         let channel = self.channels.get_mut(motor).ok_or(NO_MOTOR)?;
-        let battery_good = snapshot.good_battery().is_some();
-        let answer = channel.receive(request, report, battery_good);
-        if channel.has_new_target() {
-            self.courses.remove(motor);
-        }
-        answer
+        channel.receive(request, report, snapshot.good_battery().is_some())
     }
 
-    /// Moves a group that has the motor `leader` as a member.
+    /// Moves a group that has the motor `addressed` as a member.
     ///
     /// # Errors
-    /// Refuses a group without the motor `leader`, a member that the hub does not have, and a member that is not
+    /// Refuses a group without the motor `addressed`, a member that the hub does not have, and a member that is not
     /// enabled.
     fn move_group(
         &mut self,
-        leader: usize,
+        addressed: usize,
         wanted: GroupCommand<GroupCourse>,
         snapshot: &Snapshot<N>,
     ) -> Result<Reply, Nack> {
@@ -576,7 +571,7 @@ impl<const N: usize> Responder<N> {
         let command = group::in_motor_counts(wanted, goal);
         let members = command.course.members();
         let mut others = members.iter().skip(N);
-        if members.get(leader) != Some(&true) || others.any(|member| *member) {
+        if members.get(addressed) != Some(&true) || others.any(|member| *member) {
             return Err(Nack::parameter(2));
         }
         if !self.channels.iter().zip(members).all(|(channel, member)| !member || channel.enabled()) {
@@ -587,7 +582,7 @@ impl<const N: usize> Responder<N> {
                 channel.join();
             }
         }
-        self.courses.add(leader, command);
+        self.courses.add(addressed, command);
         Ok(Reply::ACK)
     }
 
@@ -597,8 +592,8 @@ impl<const N: usize> Responder<N> {
         let state = match (self.awaits_snapshot(motor), report.setpoint) {
             (true, _) if channel.in_group() => GroupState::Moving,
             (true, _) => GroupState::Alone,
-            (false, Setpoint::Together(_)) if report.settled => GroupState::Settled,
-            (false, Setpoint::Together(_)) => GroupState::Moving,
+            (false, Setpoint::Follow(_)) if report.settled => GroupState::Settled,
+            (false, Setpoint::Follow(_)) => GroupState::Moving,
             (false, _) => GroupState::Alone,
         };
         Ok(Reply::data(&state))

@@ -9,11 +9,11 @@
 //!                 and a good battery                               with this motor
 //! [Disabled] -------------------------------> [OwnSetpoint] ---------------------------> [InGroup]
 //!     ^                                           |   ^                                    |  |
-//!     |                                           |   '--- new mode, target or function ---'  |
+//!     |                                           |   '--- new mode, target or override ---'  |
 //!     '--------------- release -------------------+-------------------------------------------'
 //! ```
 //!
-//! *Set enable* and *reset encoder* also take a motor out of a group. A *function* is an identification or a constant
+//! *Set enable* and *reset encoder* also take a motor out of a group. An *override* is an identification or a constant
 //! current. If a host disables the motor, also by its request *fail-safe*, the release is [`Setpoint::Disabled`].
 //! If the host is silent, the setting [`OnFault`] decides: with [`OnFault::Coast`] the release is
 //! [`Setpoint::Disabled`], and with [`OnFault::Brake`] it is [`Setpoint::FailSafe`].
@@ -71,7 +71,7 @@ enum MotorState {
     OwnSetpoint {
         /// An identification or a constant current, which replaces the target of the mode. `None` for the target of the
         /// mode.
-        function: Option<Setpoint>,
+        override_setpoint: Option<Setpoint>,
         /// True if the set-point must be sent. The set-point is computed when the command is sent, not when the request
         /// arrives.
         due: bool,
@@ -83,8 +83,8 @@ enum MotorState {
 impl MotorState {
     /// An enabled motor with the target of its mode, which must be sent.
     ///
-    /// A new mode, a new target, *set enable* and *reset encoder* lead to this state. They end a function and a course.
-    const NEW_TARGET: Self = Self::OwnSetpoint { function: None, due: true };
+    /// A new mode, a new target, *set enable* and *reset encoder* lead to this state. They end an override and a course.
+    const NEW_TARGET: Self = Self::OwnSetpoint { override_setpoint: None, due: true };
 }
 
 impl MotorChannel {
@@ -198,7 +198,7 @@ impl MotorChannel {
 
     /// Returns the state or the result of the last identification that a host has requested.
     pub(super) fn identification(&self, report: &Report) -> Identification {
-        if matches!(self.function(), Some(Setpoint::Identify { .. })) && self.awaits_snapshot() {
+        if matches!(self.override_setpoint(), Some(Setpoint::Identify { .. })) && self.awaits_snapshot() {
             // The report is older than the identification.
             return Identification::Running(0);
         }
@@ -261,14 +261,14 @@ impl MotorChannel {
     }
 
     /// Starts an identification or a constant current.
-    const fn start(&mut self, function: Setpoint) {
-        self.follow(MotorState::OwnSetpoint { function: Some(function), due: true });
+    const fn start(&mut self, override_setpoint: Setpoint) {
+        self.follow(MotorState::OwnSetpoint { override_setpoint: Some(override_setpoint), due: true });
     }
 
     /// Returns the identification or the constant current that replaces the target of the mode.
-    const fn function(&self) -> Option<Setpoint> {
+    const fn override_setpoint(&self) -> Option<Setpoint> {
         match self.state {
-            MotorState::OwnSetpoint { function, .. } => function,
+            MotorState::OwnSetpoint { override_setpoint, .. } => override_setpoint,
             MotorState::Disabled | MotorState::InGroup => None,
         }
     }
@@ -290,7 +290,7 @@ impl MotorChannel {
                 }
             }),
         };
-        self.function().or(of_mode)
+        self.override_setpoint().or(of_mode)
     }
 
     /// True if a command to the motor is pending.
@@ -367,7 +367,7 @@ impl MotorChannel {
     }
 
     /// True if a release or the motor's own set-point is pending.
-    pub(super) const fn has_new_target(&self) -> bool {
+    const fn has_new_target(&self) -> bool {
         self.is_setpoint_due() || self.urgent()
     }
 

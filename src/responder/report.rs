@@ -1,7 +1,7 @@
 //! Builds the reports of the extension from a snapshot and from the channels of the motors.
 
 use super::motor::MotorChannel;
-use crate::braking::{Abscissa, OperatingPoint, Points};
+use crate::braking::{OperatingPoint, Points, UnboundedControl};
 use crate::extension::report::{Condition, MotorReport, ReportedSetpoint};
 use crate::motor::{Report, Setpoint};
 use crate::units::{Control, Milliamperes, Millivolts};
@@ -58,7 +58,7 @@ fn setpoint(channel: &MotorChannel, setpoint: Setpoint) -> ReportedSetpoint {
         Setpoint::Current { current, .. } => ReportedSetpoint::Current(current),
         Setpoint::Velocity(velocity) => ReportedSetpoint::Velocity(velocity.round()),
         Setpoint::Position { target, .. } => ReportedSetpoint::Position(channel.host_counts(target)),
-        Setpoint::Together(reference) => ReportedSetpoint::Together(channel.host_counts(reference.position)),
+        Setpoint::Follow(reference) => ReportedSetpoint::Follow(channel.host_counts(reference.position)),
         Setpoint::Identify { travel_limit } => ReportedSetpoint::Identify(travel_limit),
     }
 }
@@ -70,7 +70,7 @@ fn points(channel: &MotorChannel, report: &Report, battery: Millivolts) -> Optio
     let at = OperatingPoint::new(settings.winding.emf.emf(report.velocity), battery)?;
     let Points { s, t, z, g } = Points::new(settings.scheme, at);
     let sign = if at.counter_clockwise() { -1 } else { 1 };
-    Some([s, t, z, g].map(|point: Abscissa| Control::saturating(sign * point.round())))
+    Some([s, t, z, g].map(|point: UnboundedControl| Control::saturating(sign * point.round())))
 }
 
 /// Returns the state of a motor and its bridge.

@@ -249,7 +249,7 @@ impl<const N: usize> Responder<N> {
             stored: *stored,
             version: *version,
             number: record.number(),
-            at_work: memory.access != Access::Idle,
+            is_busy: memory.access != Access::Idle,
             outcome: *outcome,
             differs: self.differs(record),
             unknown,

@@ -7,7 +7,7 @@ use crate::extension::state::UpdateReport;
 use crate::hub::Snapshot;
 use crate::protocol::payload::Text;
 use crate::protocol::{Nack, Reply};
-use crate::update::{Done, Seal, Slot, Update, UpdateRequest};
+use crate::update::{ImageSignature, Slot, SlotReport, Update, UpdateRequest};
 
 /// Longest announced version in bytes that the hub stores. The rest of a longer version is dropped.
 const LONGEST_VERSION: usize = 40;
@@ -37,7 +37,7 @@ impl<const N: usize> Responder<N> {
                 update.begin(length, crc, motors_run)?;
                 *version = announced.into_iter().take(LONGEST_VERSION).collect();
             }
-            HubFunction::Sign { key, signature } => update.sign(Seal { key, signature })?,
+            HubFunction::Sign { key, signature } => update.sign(ImageSignature { key, bytes: signature })?,
             HubFunction::Chunk { offset, bytes } => update.chunk(offset, &bytes)?,
             HubFunction::FinishUpdate => update.finish()?,
             HubFunction::Restart => update.restart(motors_run)?,
@@ -54,9 +54,9 @@ impl<const N: usize> Responder<N> {
     }
 
     /// Processes a report of the task `tasks::update`.
-    pub fn update_done(&mut self, done: Done) {
+    pub fn update_done(&mut self, report: SlotReport) {
         if let Some(update) = &mut self.update {
-            update.done(done);
+            update.done(report);
         }
     }
 }
@@ -66,7 +66,7 @@ fn report(update: &Update, version: &Text) -> UpdateReport {
     UpdateReport {
         phase: update.phase(),
         outcome: update.outcome(),
-        at_work: update.at_work(),
+        is_busy: update.is_busy(),
         booted: update.booted(),
         received,
         length,

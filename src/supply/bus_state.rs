@@ -11,12 +11,12 @@ pub enum BusState {
     /// The converter does not answer, or its last reading is stale. Motors coast once the last plausible reading is
     /// stale.
     #[default]
-    Silent,
+    NoReading,
     /// The voltage is below [`Levels::min`]. After two such voltages in a row motors draw no current. Motors coast once
     /// the last plausible reading is stale.
     TooLow,
-    /// The voltage fell to [`Levels::cut`] and is not back at [`Levels::derate`]. Motors may draw no current.
-    Cut,
+    /// The voltage fell to [`Levels::cutoff`] and is not back at [`Levels::derate`]. Motors may draw no current.
+    Cutoff,
     /// The battery is low. Motors may draw a limited current.
     Derated,
     /// The battery is not low, and braking motors may return energy to the bus. After a low voltage the permitted
@@ -33,12 +33,12 @@ impl BusState {
     /// Returns the name of the state, for documents and pages.
     pub const fn name(self) -> &'static str {
         match self {
-            Self::Silent => "silent",
+            Self::NoReading => "silent",
             Self::TooLow => "too-low",
-            Self::Cut => "cut",
+            Self::Cutoff => "cut",
             Self::Derated => "derated",
             Self::Quiet => "quiet",
-            Self::Dissipating => "burning",
+            Self::Dissipating => "dissipating",
             Self::TooHigh => "too-high",
         }
     }
@@ -59,7 +59,7 @@ pub struct BusReading {
 
 impl BusReading {
     /// The state before the first reading.
-    pub const INITIAL: Self = Self { measured: None, state: BusState::Silent, at: Micros::new(0) };
+    pub const INITIAL: Self = Self { measured: None, state: BusState::NoReading, at: Micros::new(0) };
 
     /// Creates a reading. `battery` is the result of [`Supply::step`](super::Supply::step) for this measurement.
     pub(super) fn new(
@@ -70,10 +70,10 @@ impl BusReading {
     ) -> Self {
         let Levels { min, ceiling, .. } = limits.levels();
         let state = match (measured, battery) {
-            (None, _) => BusState::Silent,
+            (None, _) => BusState::NoReading,
             (Some(voltage), _) if voltage < min => BusState::TooLow,
             (Some(voltage), _) if voltage > ceiling => BusState::TooHigh,
-            (_, Some(Battery { stage: DrawStage::Cut, .. })) => BusState::Cut,
+            (_, Some(Battery { stage: DrawStage::Cutoff, .. })) => BusState::Cutoff,
             (_, Some(Battery { stage: DrawStage::Derated, .. })) => BusState::Derated,
             (_, Some(battery)) if battery.dissipate != Share::NONE => BusState::Dissipating,
             _ => BusState::Quiet,
@@ -81,7 +81,7 @@ impl BusReading {
         Self { measured, state, at }
     }
 
-    /// Returns the reading, or [`BusState::Silent`] without a voltage if the reading is older than
+    /// Returns the reading, or [`BusState::NoReading`] without a voltage if the reading is older than
     /// [`BATTERY_STALE_MICROS`] at `now`.
     #[must_use]
     pub fn as_of(self, now: Micros) -> Self {

@@ -11,8 +11,8 @@ pub struct Levels {
     pub min: Millivolts,
     /// From this voltage downwards motors may draw no current. Motors may draw current again once the voltage is back
     /// at `derate`.
-    pub cut: Millivolts,
-    /// Voltage below which the battery counts as low. The permitted current falls linearly from `derate` to 0 at `cut`.
+    pub cutoff: Millivolts,
+    /// Voltage below which the battery counts as low. The permitted current falls linearly from `derate` to 0 at `cutoff`.
     pub derate: Millivolts,
     /// Voltage at which a low battery counts as recovered.
     pub recover: Millivolts,
@@ -35,11 +35,11 @@ impl Limits {
     /// Creates limits from levels that ascend.
     ///
     /// # Errors
-    /// [`RangeError::SupplyLevels`] unless min <= cut < derate <= recover < dissipate < `ceiling` <= max.
+    /// [`RangeError::SupplyLevels`] unless min <= cutoff < derate <= recover < dissipate < `ceiling` <= max.
     pub const fn new(levels: Levels) -> Result<Self, RangeError> {
-        let Levels { min, cut, derate, recover, dissipate, ceiling, max } = levels;
-        let ascend = min.get() <= cut.get()
-            && cut.get() < derate.get()
+        let Levels { min, cutoff, derate, recover, dissipate, ceiling, max } = levels;
+        let ascend = min.get() <= cutoff.get()
+            && cutoff.get() < derate.get()
             && derate.get() <= recover.get()
             && recover.get() < dissipate.get()
             && dissipate.get() < ceiling.get()
@@ -58,7 +58,7 @@ impl Limits {
     /// for noise at the lower end. The bridges' absolute maximum is 41 V.
     pub const TWELVE_VOLTS: Self = Self(Levels {
         min: Millivolts::new(5_000),
-        cut: Millivolts::new(6_000),
+        cutoff: Millivolts::new(6_000),
         derate: Millivolts::new(7_000),
         recover: Millivolts::new(7_500),
         dissipate: Millivolts::new(14_000),

@@ -2,17 +2,17 @@
 //! from the bus and return to it.
 //!
 //! ```text
-//!         min        cut        derate    recover     dissipate     ceiling       max
+//!         min       cutoff      derate    recover     dissipate     ceiling       max
 //!  --------+----------+-----------+----------+------------+------------+-----------+-----> bus voltage
-//!    not   |   Cut    |  Derated  |  Full or |    Full    |  Full, and braking motors | Cut, and braking
+//!    not   |  Cutoff  |  Derated  |  Full or |    Full    |  Full, and braking motors | Cutoff, and braking
 //! plausible| draw 0   | draw 0..1 |  Derated | draw to 1  |  dissipate energy         | motors dissipate
 //! ```
 //!
 //! * The *draw* is a share from 0 to 1. The draw is the current that a motor may take from the bus, divided by its
 //!   current at standstill and full duty. After the stage `Derated` the draw rises to 1 within a second.
 //! * The [`DrawStage`] has hysteresis. The stage `Full` lasts until the filtered voltage is below `derate`. The stage
-//!   `Derated` lasts until the filtered voltage reaches `recover`. The stage `Cut` lasts until the filtered voltage is
-//!   back at `derate`.
+//!   `Derated` lasts until the filtered voltage reaches `recover`. The stage `Cutoff` lasts until the filtered voltage
+//!   is back at `derate`.
 //! * Braking motors *dissipate* energy when their bridges turn energy to heat instead of returning it to the bus. The
 //!   bridge then alternates between two pulses, each of some milliseconds. The first pulse shorts the winding, and the
 //!   motor's energy becomes heat. When the short circuit ends, the winding's current flows back into the bus for a
@@ -78,7 +78,7 @@ pub struct Battery {
     pub newest: Millivolts,
     /// Time of the newest sample.
     pub at: Micros,
-    /// Stage of the draw. The stage is also `Cut` while the newest sample is above [`Levels::max`].
+    /// Stage of the draw. The stage is also `Cutoff` while the newest sample is above [`Levels::max`].
     pub stage: DrawStage,
     /// Current that each motor may draw, as a share of its current at standstill and full duty.
     pub draw: Share,
@@ -89,7 +89,7 @@ pub struct Battery {
 
 impl Battery {
     /// Creates the state of a bus that does not limit its motors.
-    pub const fn good(voltage: Millivolts, at: Micros) -> Self {
+    pub const fn unlimited(voltage: Millivolts, at: Micros) -> Self {
         Self {
             voltage,
             newest: voltage,
@@ -184,7 +184,7 @@ impl Supply {
     ///
     /// The bus has *collapsed* if two or more voltages in a row are below [`Levels::min`], without a failed conversion
     /// between them. The result is then the last state with its old time, a draw of 0, no dissipation, and the stage
-    /// `Derated` or `Cut`. The result is `None` before the first plausible sample.
+    /// `Derated` or `Cutoff`. The result is `None` before the first plausible sample.
     ///
     /// A voltage above [`Levels::max`] enters the filter as [`Levels::max`]. Motors then draw nothing, and braking
     /// motors dissipate. If such a voltage were not plausible, a converter at the end of its range would make braking
@@ -230,7 +230,7 @@ impl Supply {
         self.filter = Some(filter);
         let dissipate = self.overvoltage.step(&self.limits, measured, now);
         let (stage, draw) = self.derating.step(&self.limits, filter.voltage(), passed_us);
-        let (stage, draw) = if measured > max { (DrawStage::Cut, Share::NONE) } else { (stage, draw) };
+        let (stage, draw) = if measured > max { (DrawStage::Cutoff, Share::NONE) } else { (stage, draw) };
         let battery = Battery { voltage: filter.voltage(), newest, at: now, stage, draw, dissipate };
         self.last_battery = Some(battery);
         battery

@@ -1,19 +1,19 @@
 //! Undervoltage: limits the current that motors may draw from a weak battery.
 //!
 //! ```text
-//!             voltage < derate               voltage <= cut
-//!     +------+ ---------------> +---------+ ----------------> +-----+
-//!     | Full |                  | Derated |                   | Cut |
-//!     +------+ <--------------- +---------+ <---------------- +-----+
+//!             voltage < derate               voltage <= cutoff
+//!     +------+ ---------------> +---------+ ----------------> +--------+
+//!     | Full |                  | Derated |                   | Cutoff |
+//!     +------+ <--------------- +---------+ <---------------- +--------+
 //!             voltage >= recover             voltage >= derate
 //! ```
 //!
-//! `Full` changes to `Cut` directly when the voltage falls to `cut` between two samples.
+//! `Full` changes to `Cutoff` directly when the voltage falls to `cutoff` between two samples.
 //!
 //! The *draw* is the current that each motor may draw, as a share of its current at standstill and full duty. It is 0
-//! in `Cut`. In the other stages the draw rises linearly with the voltage, from 0 at `cut` to 1 at `derate`, and is 1
-//! above. The draw falls immediately. It rises by at most 1 in [`FULL_RISE_MICROS`]. A [collapse](super::Supply::step)
-//! of the bus sets the draw to 0, and changes `Full` to `Derated`.
+//! in `Cutoff`. In the other stages the draw rises linearly with the voltage, from 0 at `cutoff` to 1 at `derate`, and is
+//! 1 above. The draw falls immediately. It rises by at most 1 in [`FULL_RISE_MICROS`]. A
+//! [collapse](super::Supply::step) of the bus sets the draw to 0, and changes `Full` to `Derated`.
 
 use super::limits::{Levels, Limits};
 use crate::units::{Millivolts, Share};
@@ -28,15 +28,15 @@ pub enum DrawStage {
     /// The battery is low. The draw is below 1 while the voltage is below [`Levels::derate`], and until the draw has
     /// risen to 1 again.
     Derated,
-    /// The voltage fell to [`Levels::cut`] and is not back at [`Levels::derate`], or the voltage is above
+    /// The voltage fell to [`Levels::cutoff`] and is not back at [`Levels::derate`], or the voltage is above
     /// [`Levels::max`]. Motors may draw no current, and only brake or coast.
-    Cut,
+    Cutoff,
 }
 
 /// Time in microseconds in which the draw rises from 0 to 1.
 ///
 /// A battery's voltage recovers as soon as motors draw less current. If the draw rose immediately, the stage would
-/// alternate between `Cut` and `Derated`.
+/// alternate between `Cutoff` and `Derated`.
 const FULL_RISE_MICROS: f32 = 1e6;
 
 /// State of the undervoltage protection.
@@ -72,17 +72,17 @@ impl Derating {
         voltage: Millivolts,
         passed_us: u32,
     ) -> (DrawStage, Share) {
-        let Levels { cut, derate, recover, .. } = limits.levels();
+        let Levels { cutoff, derate, recover, .. } = limits.levels();
         self.stage = match self.stage {
-            _ if voltage <= cut => DrawStage::Cut,
-            DrawStage::Cut if voltage < derate => DrawStage::Cut,
+            _ if voltage <= cutoff => DrawStage::Cutoff,
+            DrawStage::Cutoff if voltage < derate => DrawStage::Cutoff,
             DrawStage::Full if voltage >= derate => DrawStage::Full,
             DrawStage::Derated if voltage >= recover => DrawStage::Full,
             _ => DrawStage::Derated,
         };
         let limit = match self.stage {
-            DrawStage::Cut => 0.0,
-            DrawStage::Full | DrawStage::Derated => fraction_between(voltage, cut, derate),
+            DrawStage::Cutoff => 0.0,
+            DrawStage::Full | DrawStage::Derated => fraction_between(voltage, cutoff, derate),
         };
         self.draw = limit.min(self.draw + passed_us as f32 / FULL_RISE_MICROS);
         (self.stage, Share::from_f32(self.draw))

@@ -31,7 +31,7 @@ pub async fn run<M: RawMutex, const N: usize>(
             }
         };
         wires.update_newest(|newest| newest.sample(read));
-        wires.news.signal(());
+        wires.control_wake.signal(());
         health.check_in(Task::Capture);
         // If the next sample is overdue already, samples are skipped up to the next whole millisecond.
         due += CAPTURE_INTERVAL;

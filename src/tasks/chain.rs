@@ -29,7 +29,7 @@ pub async fn run<M: RawMutex, const N: usize>(mut rx: impl Read, mut tx: impl Wr
             Either3::First(Ok(0)) => return,
             Either3::First(Ok(length)) => length,
             Either3::First(Err(_)) => {
-                chain.disturbed.signal(());
+                chain.received_bytes.signal(());
                 Timer::after(RECOVERY).await;
                 continue;
             }
@@ -45,10 +45,10 @@ pub async fn run<M: RawMutex, const N: usize>(mut rx: impl Read, mut tx: impl Wr
         };
         let mut input = chunk.get(..length).unwrap_or_default();
         if length > 0 {
-            chain.disturbed.signal(());
+            chain.received_bytes.signal(());
         }
         while let Some(packet) = decoder.next(&mut input, micros(Instant::now())) {
-            chain.disturbed.reset();
+            chain.received_bytes.reset();
             let _ = chain.received.try_send(packet);
         }
         // A hub that sends without pauses must not keep other tasks from running.

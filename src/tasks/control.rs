@@ -9,7 +9,7 @@
 
 use super::capture::CAPTURE_INTERVAL;
 use super::{Health, Task, Wires, micros, whole_millisecond};
-use crate::hub::{Hub, Inputs};
+use crate::hub::Hub;
 use core::cell::Cell;
 use core::future::{Future, poll_fn};
 use core::pin::{Pin, pin};
@@ -26,25 +26,25 @@ use embassy_time::{Duration, Instant, Timer};
 pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>, health: &Health) -> ! {
     let period = Duration::from_micros(hub.period().as_micros());
     let snapshots = wires.snapshot.sender();
-    let mut inputs = Inputs { now: micros(Instant::now()), readings: [None; N], battery: None };
+    let (mut readings, mut battery) = ([None; N], None);
     // True if the estimated speeds must be published between ticks. At a control period of 1 ms each sample comes with
     // a tick, and the snapshot has the newest speeds.
     let samples_between_ticks = period > CAPTURE_INTERVAL;
     let mut due = whole_millisecond(Instant::now()) + period;
-    let mut armed = false;
+    let mut timer_is_registered = false;
     loop {
-        if news_before(due, &mut armed, wires).await {
+        if woken_before(due, &mut timer_is_registered, wires).await {
             // After an alarm of the bus the readings are unchanged. Processing unchanged readings does not change the
             // estimates.
             wires.update_newest(|newest| {
                 hub.sample(newest.readings());
                 if samples_between_ticks {
-                    newest.observe(hub.velocities());
+                    newest.set_velocities(hub.velocities());
                 }
             });
             if wires.urgent.lock(|urgent| urgent.replace(false)) {
                 apply_commands(hub, wires);
-                if let Some(drives) = hub.execute_direct(micros(Instant::now()), inputs.battery) {
+                if let Some(drives) = hub.execute_direct(micros(Instant::now()), battery) {
                     wires.drives.signal(drives);
                 }
             }
@@ -52,8 +52,8 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
                 hub.sense(&sensed);
             }
             if wires.battery.signaled() {
-                inputs.battery = wires.battery.try_take();
-                if let Some(drives) = inputs.battery.and_then(|sample| hub.apply_limits(sample)) {
+                battery = wires.battery.try_take();
+                if let Some(drives) = battery.and_then(|sample| hub.apply_limits(sample)) {
                     wires.drives.signal(drives);
                 }
             }
@@ -61,16 +61,16 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
         }
         // The capture task is due at the same time, and must take its sample before the tick.
         yield_now().await;
-        wires.news.reset();
-        wires.update_newest(|newest| inputs.readings = *newest.readings());
-        inputs.now = micros(Instant::now());
+        wires.control_wake.reset();
+        wires.update_newest(|newest| readings = *newest.readings());
+        let now = micros(Instant::now());
         apply_commands(hub, wires);
         if wires.battery.signaled() {
-            inputs.battery = wires.battery.try_take();
+            battery = wires.battery.try_take();
         }
         wires.gyro_wanted.lock(|wanted| wanted.set(hub.uses_gyro()));
         hub.sense_gyro(wires.gyro.lock(Cell::get));
-        let snapshot = hub.step(&inputs);
+        let snapshot = hub.step(now, &readings, battery);
         wires.drives.signal(snapshot.drives());
         wires.record.lock(|record| {
             if let Ok(mut record) = record.try_borrow_mut()
@@ -88,37 +88,37 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             hub.note_missed(missed);
             due += period * missed;
         }
-        armed = false;
+        timer_is_registered = false;
     }
 }
 
-/// Waits for the signal `news` or for the time `due` of the next tick. Returns true if the signal came first. Capture
-/// signals `news` at each encoder sample, and supply at the first plausible sample of the bus after an alarm.
+/// Waits for the signal `control_wake` or for the time `due` of the next tick. Returns true if the signal came first. Capture
+/// signals `control_wake` at each encoder sample, and supply at the first plausible sample of the bus after an alarm.
 ///
-/// The function does what `select(wires.news.wait(), Timer::at(due))` does, but asks the time driver only
+/// The function does what `select(wires.control_wake.wait(), Timer::at(due))` does, but asks the time driver only
 /// when a wait begins for a tick, and when the tick is due. The time driver keeps one wake-up time for each task in a queue. Each poll of a timer searches the whole queue.
 /// A plain `select` would poll the timer at each signal, which comes every millisecond. With a plain `select` the hub
 /// needs 2.09 % of an F429 for unknown motors and 2.15 % for PID at 50 ms, and so exceeds its limit of 2 %
 /// (`the_whole_hub_needs_little_of_the_core_every_50_ms`).
 ///
-/// * `armed` is true once the queue has the time `due`. The queue keeps this time when the timer is dropped.
-/// * While `armed` is true, the function only compares the clock with `due`.
+/// * `timer_is_registered` is true once the queue has the time `due`. The queue keeps this time when the timer is dropped.
+/// * While `timer_is_registered` is true, the function only compares the clock with `due`.
 /// * Another future of the same task may replace the wake-up time. Such a future must wake the task every millisecond,
 ///   as the future of the capture does. Then the function still sees the time `due` at most a millisecond late.
-async fn news_before<M: RawMutex, const N: usize>(
+async fn woken_before<M: RawMutex, const N: usize>(
     due: Instant,
-    armed: &mut bool,
+    timer_is_registered: &mut bool,
     wires: &Wires<M, N>,
 ) -> bool {
-    let (mut news, mut timer) = (pin!(wires.news.wait()), Timer::at(due));
+    let (mut control_wake, mut timer) = (pin!(wires.control_wake.wait()), Timer::at(due));
     poll_fn(|context| {
-        if news.as_mut().poll(context).is_ready() {
+        if control_wake.as_mut().poll(context).is_ready() {
             return Poll::Ready(true);
         }
-        if *armed && Instant::now() < due {
+        if *timer_is_registered && Instant::now() < due {
             return Poll::Pending;
         }
-        *armed = true;
+        *timer_is_registered = true;
         Pin::new(&mut timer).poll(context).map(|()| false)
     })
     .await

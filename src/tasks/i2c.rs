@@ -37,7 +37,7 @@ const IDLE_INTERVAL: Duration = Duration::from_millis(100);
 pub async fn run<M: RawMutex, const N: usize>(mut bus: impl I2cBus, number: usize, wires: &Wires<M, N>) -> ! {
     let Some(channel) = wires.i2c.get(number) else { pending().await };
     // A reset of the hub may have interrupted a transfer.
-    bus.free().await;
+    bus.recover().await;
     let (mut sensor, mut due) = (Bno055::default(), Instant::now());
     loop {
         let reading = async {
@@ -112,7 +112,7 @@ async fn transfer_on(bus: &mut impl I2cBus, transfer: &Transfer) -> I2cRead {
         Err(_) => I2cStatus::TIME_OUT,
     };
     if status == I2cStatus::ARBITRATION_LOST || status == I2cStatus::TIME_OUT {
-        bus.free().await;
+        bus.recover().await;
     }
     I2cRead { status, ..I2cRead::default() }
 }

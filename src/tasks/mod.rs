@@ -88,7 +88,7 @@ impl<M: RawMutex, O, D> RequestChannel<M, O, D> {
 }
 
 /// The channels between the responder and the task of the chain line. Unused on a board without a chain line.
-pub struct ChainWires<M: RawMutex> {
+pub struct ChainChannels<M: RawMutex> {
     /// Packets that have arrived: answers to the host, and requests to this hub.
     pub received: Channel<M, Packet, 4>,
     /// Packets to send: a request of this hub to a child, and an answer of this hub to its parent.
@@ -96,13 +96,18 @@ pub struct ChainWires<M: RawMutex> {
     /// Set when the last byte of a packet has been sent.
     pub sent: Signal<M, ()>,
     /// Set when bytes or an error of the line arrive. Cleared when the bytes complete a packet.
-    pub disturbed: Signal<M, ()>,
+    pub received_bytes: Signal<M, ()>,
 }
 
-impl<M: RawMutex> ChainWires<M> {
+impl<M: RawMutex> ChainChannels<M> {
     /// Creates empty channels.
     const fn new() -> Self {
-        Self { received: Channel::new(), send: Channel::new(), sent: Signal::new(), disturbed: Signal::new() }
+        Self {
+            received: Channel::new(),
+            send: Channel::new(),
+            sent: Signal::new(),
+            received_bytes: Signal::new(),
+        }
     }
 }
 
@@ -110,7 +115,7 @@ impl<M: RawMutex> ChainWires<M> {
 pub struct Wires<M: RawMutex, const N: usize> {
     /// Wakes control: capture has taken an encoder sample, or supply has taken the first plausible sample after an
     /// alarm of the bus.
-    pub news: Signal<M, ()>,
+    pub control_wake: Signal<M, ()>,
     /// State of the battery, from supply to control. With a state older than 100 ms the battery counts as unknown.
     pub battery: Signal<M, Battery>,
     /// Last reading of the bus, from supply to all tasks. A reading older than 100 ms counts as no reading.
@@ -120,7 +125,7 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// Number of the newest command that has entered `commands`; 0 before the first command. The lock is held while a
     /// command enters, so that commands have their numbers in the order of the queue.
     newest_command: Mutex<M, Cell<u32>>,
-    /// Set with each direct command: control must apply the waiting commands the next time that `news` wakes control. A
+    /// Set with each direct command: control must apply the waiting commands the next time that `control_wake` wakes control. A
     /// tick applies them too, but does not clear the flag.
     pub urgent: Mutex<M, Cell<bool>>,
     /// Commands to the bridges, from control to output. After three control periods without new commands all bridges
@@ -141,7 +146,7 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// Requests of the responder to the task that stores settings, and their results.
     pub store: RequestChannel<M, StoreRequest, StoreResult>,
     /// Requests of the responder to the task that writes new firmware, and their results.
-    pub update: RequestChannel<M, crate::update::UpdateRequest, crate::update::Done>,
+    pub update: RequestChannel<M, crate::update::UpdateRequest, crate::update::SlotReport>,
     /// Transfers of the responder to the task of each I2C bus, and their results.
     pub i2c: [RequestChannel<M, Transfer, I2cRead>; I2C_BUSES],
     /// Newest angle of the gyro, from the task of its bus to control. `None` without a gyro that works. Without a new
@@ -151,7 +156,7 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub gyro_wanted: Mutex<M, Cell<bool>>,
     /// Packets between the responder and the chain line. A packet that finds its queue full is dropped, and its sender
     /// repeats it.
-    pub chain: ChainWires<M>,
+    pub chain: ChainChannels<M>,
     /// True while the button may drive motors, from the responder to the button's task: after the stored settings are
     /// restored, until the first packet for this hub.
     pub button_permitted: Mutex<M, Cell<bool>>,
@@ -161,7 +166,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
     /// Creates empty channels.
     pub const fn new() -> Self {
         Self {
-            news: Signal::new(),
+            control_wake: Signal::new(),
             battery: Signal::new(),
             bus: Mutex::new(Cell::new(BusReading::INITIAL)),
             commands: Channel::new(),
@@ -178,7 +183,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             i2c: [const { RequestChannel::new() }; I2C_BUSES],
             gyro: Mutex::new(Cell::new(None)),
             gyro_wanted: Mutex::new(Cell::new(false)),
-            chain: ChainWires::new(),
+            chain: ChainChannels::new(),
             button_permitted: Mutex::new(Cell::new(false)),
         }
     }

@@ -81,7 +81,7 @@ pub async fn run<M: RawMutex, const N: usize>(
         let mut received_at = now();
         loop {
             let packet = match from_chain.take() {
-                Some(packet) if packet.destination == HOST => service.responder.pass_up(packet),
+                Some(packet) if packet.destination == HOST => service.responder.pass_to_host(packet),
                 Some(packet) => {
                     // The parent sends one request at a time, so there is room for the answer.
                     if let Some(reply) = service.answer(&packet, Line::Chain).await {
@@ -265,7 +265,7 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
     /// Drives the digital outputs, and reads the levels of all pins.
     fn exchange_pins(&mut self) {
         let outputs = &mut self.responder.outputs;
-        outputs.sensed = self.devices.exchange(outputs.driven, outputs.levels);
+        outputs.sensed = self.devices.update_digital_pins(outputs.driven, outputs.levels);
     }
 
     /// Takes the newest snapshot. A motor whose encoder has a newer sample gets position and velocity of the sample.
@@ -277,7 +277,7 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
         self.wires.newest.lock(|newest| {
             let Ok(newest) = newest.try_borrow() else { return };
             for (motor, report) in snapshot.motors.iter_mut().enumerate() {
-                if let Some((position, velocity)) = newest.look(motor, snapshot.at) {
+                if let Some((position, velocity)) = newest.newer_than(motor, snapshot.at) {
                     report.position = position;
                     report.velocity = velocity.unwrap_or(report.velocity);
                 }
@@ -296,7 +296,7 @@ fn attend_chain<M: RawMutex, const N: usize>(now: Micros, responder: &mut Respon
     if !wires.chain.received.is_empty() || wires.chain.send.is_full() {
         return;
     }
-    if wires.chain.disturbed.try_take().is_some() {
+    if wires.chain.received_bytes.try_take().is_some() {
         chain.note_bytes();
     }
     if let Some(question) = chain.next(now) {

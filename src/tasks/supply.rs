@@ -40,7 +40,7 @@ pub async fn run<M: RawMutex, const N: usize>(
         if let Some(battery) = supply.step(voltage, micros(Instant::now())) {
             wires.battery.signal(battery);
             if alarm {
-                wires.news.signal(());
+                wires.control_wake.signal(());
             }
         }
         wires.bus.lock(|bus| bus.set(supply.last_reading()));
@@ -54,7 +54,9 @@ pub async fn run<M: RawMutex, const N: usize>(
             whole_millisecond(Instant::now() + LEAD) + WATCH_INTERVAL - LEAD
         };
         alarm = match quiet {
-            Some(quiet) => matches!(select(adc.leaves(quiet), Timer::at(due)).await, Either::First(())),
+            Some(quiet) => {
+                matches!(select(adc.wait_until_outside(quiet), Timer::at(due)).await, Either::First(()))
+            }
             None => {
                 Timer::at(due).await;
                 false

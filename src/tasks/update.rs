@@ -9,7 +9,7 @@
 //!                    | reset
 //!                    v
 //!              +-----------+
-//!              | went back | the bootloader has restored the previous firmware, or has refused the new one
+//!              | reverted  | the bootloader has restored the previous firmware, or has refused the new one
 //!              +-----------+
 //! ```
 //!
@@ -37,7 +37,7 @@ pub use signature::discard_refused_swap;
 pub use swap::discard_stale_swap;
 
 use super::{Health, Wires};
-use crate::update::{Booted, CHUNK, CRC, Done, Outcome, Seal, UpdateRequest};
+use crate::update::{Booted, CHUNK, CRC, ImageSignature, Outcome, SlotReport, UpdateRequest};
 use embassy_boot::{FirmwareState, State};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -78,17 +78,19 @@ pub async fn run<M: RawMutex, const N: usize>(
     mut restart: impl FnMut(),
 ) -> ! {
     let booted = slots.booted().await;
-    wires.update.done.signal(Done::Booted(booted));
+    wires.update.done.signal(SlotReport::Booted(booted));
     if booted == Booted::OnTrial {
         while health.rounds() < CONFIRM_AFTER_ROUNDS {
             Timer::after(POLL_INTERVAL).await;
         }
-        wires.update.done.signal(Done::Booted(confirm(&mut slots).await));
+        wires.update.done.signal(SlotReport::Booted(confirm(&mut slots).await));
     }
     loop {
         let outcome = match wires.update.request.wait().await {
             UpdateRequest::Write { offset, bytes } => slots.write(offset, &bytes).await,
-            UpdateRequest::Arm { length, crc, seal } => slots.arm(length, crc, seal, motors_off(wires)).await,
+            UpdateRequest::Arm { length, crc, signature } => {
+                slots.arm(length, crc, signature, motors_off(wires)).await
+            }
             UpdateRequest::Disarm => slots.confirm().await,
             UpdateRequest::Restart => {
                 Timer::after(RESTART_DELAY).await;
@@ -97,7 +99,7 @@ pub async fn run<M: RawMutex, const N: usize>(
                 Outcome::Refused
             }
         };
-        wires.update.done.signal(Done::Finished(outcome));
+        wires.update.done.signal(SlotReport::Result(outcome));
     }
 }
 
@@ -162,7 +164,7 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
         let mut word = [0; WORD];
         match self.state(&mut word).get_state().await {
             Ok(State::Swap) => Booted::OnTrial,
-            Ok(State::Revert) => Booted::WentBack,
+            Ok(State::Revert) => Booted::Reverted,
             Ok(State::Boot | State::DfuDetach) => Booted::Confirmed,
             Err(_) => Booted::Unknown,
         }
@@ -199,14 +201,14 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
 
     /// Checks the written image. If the image is valid, writes the swap mark.
     ///
-    /// The image must read back with this CRC-32. If there is a seal, the seal must have a valid signature of the
+    /// The image must read back with this CRC-32. If there is a signature, the signature must be valid for the
     /// image, and the image must not be older than the present firmware. The check of a signature blocks the processor
     /// for some 10 ms, so the method first awaits `motors_off`.
     pub async fn arm(
         &mut self,
         length: u32,
         crc: u32,
-        seal: Option<Seal>,
+        signature: Option<ImageSignature>,
         motors_off: impl Future<Output = ()>,
     ) -> Outcome {
         match checksum(&mut self.download, 0, length).await {
@@ -214,14 +216,14 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
             Ok(found) if found != crc => return Outcome::Mismatch,
             Ok(_) => (),
         }
-        if let Some(seal) = seal {
-            let genuine = self.verify(length, &seal, motors_off).await;
+        if let Some(signature) = signature {
+            let genuine = self.verify(length, &signature, motors_off).await;
             if genuine != Outcome::Done {
                 return genuine;
             }
         }
-        let seal = seal.map(|seal| (length, seal.signature));
-        if swap::mark(&mut self.active, &mut self.download, &mut self.state, seal).await.is_err() {
+        let signature = signature.map(|signature| (length, signature.bytes));
+        if swap::mark(&mut self.active, &mut self.download, &mut self.state, signature).await.is_err() {
             // The host gets an error, so a swap mark that was written only in part must not start the image.
             self.confirm().await;
             return Outcome::Refused;
@@ -229,9 +231,9 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
         Outcome::Done
     }
 
-    /// Rejects every seal, because a build without the feature `signed` cannot check signatures.
+    /// Rejects every signature, because a build without the feature `signed` cannot check signatures.
     #[cfg(not(feature = "signed"))]
-    async fn verify(&mut self, _: u32, _: &Seal, _: impl Future<Output = ()>) -> Outcome {
+    async fn verify(&mut self, _: u32, _: &ImageSignature, _: impl Future<Output = ()>) -> Outcome {
         Outcome::WrongSignature
     }
 }

@@ -172,7 +172,7 @@ impl core::fmt::Display for RangeError {
             Self::Divider => "both resistances of the battery divider must be above 0",
             Self::Resolution => "resolution of the converter must be 1 to 16 bits",
             Self::SupplyLevels => {
-                "supply levels must be min <= cut < derate <= recover < dissipate < ceiling <= max"
+                "supply levels must be min <= cutoff < derate <= recover < dissipate < ceiling <= max"
             }
             Self::Bridge => {
                 "diode drop must be 0 to 2000 mV, switch resistance 0 to 4095 mohm, PWM 100 to 200000 Hz"

@@ -24,14 +24,14 @@
 //! then arms an image only if its signature is valid.
 //!
 //! [`Update`] accepts or refuses requests, and does not access the flash. The *slot task* (`tasks::update`) owns the
-//! flash. It carries out each [`UpdateRequest`] and answers with [`Done`].
+//! flash. It carries out each [`UpdateRequest`] and answers with [`SlotReport`].
 //!
 //! ```
-//! use motor_hub::update::{Booted, CHUNK, Done, UpdateRequest, Outcome, Phase, Slot, Update};
+//! use motor_hub::update::{Booted, CHUNK, SlotReport, UpdateRequest, Outcome, Phase, Slot, Update};
 //!
 //! let slot = Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
 //! let mut update = Update::new(slot);
-//! update.done(Done::Booted(Booted::Confirmed));
+//! update.done(SlotReport::Booted(Booted::Confirmed));
 //! // An image begins with its stack pointer, in the RAM, and its reset vector, in the slot.
 //! let mut image = [0; CHUNK];
 //! image[..8].copy_from_slice(&[0, 0, 2, 0x20, 0x41, 0, 2, 8]);
@@ -39,11 +39,11 @@
 //! update.begin(image.len() as u32, 0x1234_5678, false)?;
 //! update.chunk(0, &image)?;
 //! assert!(matches!(update.request(), Some(UpdateRequest::Write { offset: 0, .. })));
-//! update.done(Done::Finished(Outcome::Done));
+//! update.done(SlotReport::Result(Outcome::Done));
 //! update.finish()?;
-//! assert_eq!(update.request(), Some(UpdateRequest::Arm { length: 96, crc: 0x1234_5678, seal: None }));
+//! assert_eq!(update.request(), Some(UpdateRequest::Arm { length: 96, crc: 0x1234_5678, signature: None }));
 //! // The flash reads back other bytes than the host announced.
-//! update.done(Done::Finished(Outcome::Mismatch));
+//! update.done(SlotReport::Result(Outcome::Mismatch));
 //! assert_eq!(update.phase(), Phase::Nothing);
 //! # Ok::<(), motor_hub::protocol::Nack>(())
 //! ```
@@ -79,11 +79,11 @@ pub struct Slot {
 
 /// The signature of an image, with the public key of its signer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Seal {
+pub struct ImageSignature {
     /// The signer's public key (Ed25519, RFC 8032).
     pub key: [u8; 32],
     /// The signer's signature of the image's SHA-512 hash.
-    pub signature: [u8; 64],
+    pub bytes: [u8; 64],
 }
 
 /// Reads the public key from a file that `openssl pkey -pubout -outform DER` wrote (RFC 8410, section 4).
@@ -140,7 +140,7 @@ pub enum Booted {
     OnTrial,
     /// The present firmware was started instead of new firmware, which did not confirm itself or which the bootloader
     /// refused.
-    WentBack,
+    Reverted,
     /// The present firmware is new and runs, but its confirmation cannot be written to the flash. The next reset
     /// restores the previous firmware.
     Unconfirmable,
@@ -184,7 +184,7 @@ pub enum UpdateRequest {
         /// CRC-32 that the host announced.
         crc: u32,
         /// Signature of the image; `None` on a hub that accepts unsigned images.
-        seal: Option<Seal>,
+        signature: Option<ImageSignature>,
     },
     /// Let the next reset start the present firmware again, not the armed image.
     Disarm,
@@ -194,11 +194,11 @@ pub enum UpdateRequest {
 
 /// A report of the slot task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Done {
+pub enum SlotReport {
     /// How the present firmware was started. The slot task sends this report at boot, and again after the confirmation.
     Booted(Booted),
     /// Result of the last request.
-    Finished(Outcome),
+    Result(Outcome),
 }
 
 /// The refusal of a chunk with a wrong length. The last chunk must have the rest of the image, and each other chunk
@@ -218,13 +218,25 @@ pub struct Update {
     /// Number of bytes of the image that were accepted so far.
     received: u32,
     /// Signature of the announced image. `None` until the host sends a signature.
-    seal: Option<Seal>,
+    signature: Option<ImageSignature>,
     /// Result of the last request.
     outcome: Outcome,
-    /// Request that the slot task has not taken yet.
-    pending: Option<UpdateRequest>,
-    /// True from the time at which the slot task takes a request until it reports the result.
-    at_work: bool,
+    task: TaskState,
+}
+
+/// What the slot task does.
+///
+/// ```text
+/// Idle ── request ──▶ Requested ── the task takes the request ──▶ Busy ── result ──▶ Idle
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum TaskState {
+    /// There is no request.
+    Idle,
+    /// The slot task has not taken this request yet.
+    Requested(UpdateRequest),
+    /// The slot task carries out a request.
+    Busy,
 }
 
 impl Update {
@@ -238,10 +250,9 @@ impl Update {
             length: 0,
             crc: 0,
             received: 0,
-            seal: None,
+            signature: None,
             outcome: Outcome::None,
-            pending: None,
-            at_work: false,
+            task: TaskState::Idle,
         }
     }
 
@@ -266,7 +277,7 @@ impl Update {
             return Err(Nack::UPDATE_TOO_LONG);
         }
         (self.phase, self.outcome) = (Phase::Receiving, Outcome::None);
-        (self.length, self.crc, self.received, self.seal) = (length, crc, 0, None);
+        (self.length, self.crc, self.received, self.signature) = (length, crc, 0, None);
         Ok(())
     }
 
@@ -274,16 +285,16 @@ impl Update {
     /// slot.
     ///
     /// # Errors
-    /// Returns a [`Nack`] if the hub has no key, if no image is announced, or if the seal has another key than the hub.
-    pub fn sign(&mut self, seal: Seal) -> Result<(), Nack> {
+    /// Returns a [`Nack`] if the hub has no key, if no image is announced, or if the signature has another key than the hub.
+    pub fn sign(&mut self, signature: ImageSignature) -> Result<(), Nack> {
         let signer = self.slot.signer.ok_or(Nack::UPDATE_NO_SIGNER)?;
         if self.phase != Phase::Receiving {
             return Err(Nack::UPDATE_NOT_BEGUN);
         }
-        if seal.key != signer {
+        if signature.key != signer {
             return Err(Nack::UPDATE_OTHER_KEY);
         }
-        self.seal = Some(seal);
+        self.signature = Some(signature);
         Ok(())
     }
 
@@ -298,7 +309,7 @@ impl Update {
         if self.phase != Phase::Receiving {
             return Err(Nack::UPDATE_NOT_BEGUN);
         }
-        if self.slot.signer.is_some() && self.seal.is_none() {
+        if self.slot.signer.is_some() && self.signature.is_none() {
             return Err(Nack::UPDATE_UNSIGNED);
         }
         if offset < self.received && offset.is_multiple_of(CHUNK as u32) {
@@ -317,7 +328,7 @@ impl Update {
         self.check_idle()?;
         let bytes = Vec::from_slice(bytes).map_err(|_| CHUNK_LENGTH)?;
         self.received += bytes.len() as u32;
-        self.pending = Some(UpdateRequest::Write { offset, bytes });
+        self.task = TaskState::Requested(UpdateRequest::Write { offset, bytes });
         Ok(())
     }
 
@@ -336,7 +347,11 @@ impl Update {
         }
         self.check_idle()?;
         self.phase = Phase::Checking;
-        self.pending = Some(UpdateRequest::Arm { length: self.length, crc: self.crc, seal: self.seal });
+        self.task = TaskState::Requested(UpdateRequest::Arm {
+            length: self.length,
+            crc: self.crc,
+            signature: self.signature,
+        });
         Ok(())
     }
 
@@ -351,8 +366,8 @@ impl Update {
         if motors_run {
             return Err(Nack::MOTOR_ENABLED);
         }
-        if !self.at_work {
-            self.pending = Some(UpdateRequest::Restart);
+        if !self.is_busy() {
+            self.task = TaskState::Requested(UpdateRequest::Restart);
         }
         Ok(())
     }
@@ -365,7 +380,7 @@ impl Update {
         self.check_idle()?;
         if self.phase == Phase::Armed {
             self.phase = Phase::Disarming;
-            self.pending = Some(UpdateRequest::Disarm);
+            self.task = TaskState::Requested(UpdateRequest::Disarm);
         } else {
             self.phase = Phase::Nothing;
         }
@@ -377,24 +392,25 @@ impl Update {
     ///
     /// The task must report the result to [`done`](Self::done).
     pub fn request(&mut self) -> Option<UpdateRequest> {
-        if self.at_work {
-            return None;
+        match core::mem::replace(&mut self.task, TaskState::Busy) {
+            TaskState::Requested(request) => Some(request),
+            other => {
+                self.task = other;
+                None
+            }
         }
-        let request = self.pending.take();
-        self.at_work = request.is_some();
-        request
     }
 
     /// Processes a report of the slot task.
-    pub fn done(&mut self, done: Done) {
-        let outcome = match done {
-            Done::Booted(booted) => {
+    pub fn done(&mut self, report: SlotReport) {
+        let outcome = match report {
+            SlotReport::Booted(booted) => {
                 self.booted = booted;
                 return;
             }
-            Done::Finished(outcome) => outcome,
+            SlotReport::Result(outcome) => outcome,
         };
-        (self.at_work, self.outcome) = (false, outcome);
+        (self.task, self.outcome) = (TaskState::Idle, outcome);
         self.phase = match (self.phase, outcome) {
             (Phase::Checking, Outcome::Done) => Phase::Armed,
             (Phase::Receiving, Outcome::Done) => Phase::Receiving,
@@ -420,8 +436,8 @@ impl Update {
     }
 
     /// Returns true while the slot task carries out a request, or a request waits for the task.
-    pub const fn at_work(&self) -> bool {
-        self.at_work || self.pending.is_some()
+    pub fn is_busy(&self) -> bool {
+        self.task != TaskState::Idle
     }
 
     /// Returns the number of accepted bytes and the announced length of the image, both in bytes.
@@ -435,8 +451,8 @@ impl Update {
     }
 
     /// Refuses if the slot task carries out a request, or if a request waits for the task.
-    const fn check_idle(&self) -> Result<(), Nack> {
-        if self.at_work() { Err(Nack::UPDATE_BUSY) } else { Ok(()) }
+    fn check_idle(&self) -> Result<(), Nack> {
+        if self.is_busy() { Err(Nack::UPDATE_BUSY) } else { Ok(()) }
     }
 }
 

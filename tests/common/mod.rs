@@ -8,7 +8,7 @@
 
 use motor_hub::braking::{Scheme, Winding};
 use motor_hub::bridge::{BridgeConstants, Drive};
-use motor_hub::hub::{Action, Command, Hub, Inputs, Snapshot};
+use motor_hub::hub::{Action, Command, Hub, Snapshot};
 use motor_hub::model::battery::Battery as Source;
 use motor_hub::model::catalogue::{self, Motor};
 use motor_hub::model::load::{Load, Shaft};
@@ -227,7 +227,7 @@ impl<const N: usize> Bench<N> {
     pub(crate) fn place(&mut self, motor: usize, counts: f64, cps: f64) {
         let plant = &mut self.rig.plants[motor];
         let rad = TAU / plant.motor().counts_per_rev_motor;
-        plant.place(plant.current(), RadPerSec(cps * rad), counts * rad);
+        plant.set_state(plant.current(), RadPerSec(cps * rad), counts * rad);
     }
 
     pub(crate) fn set(&mut self, motor: usize, setpoint: Setpoint) {
@@ -293,9 +293,9 @@ impl<const N: usize> Bench<N> {
     fn step_hub(&mut self) {
         let now = self.now();
         let voltage = Millivolts::from_volts(self.rig.voltage().0).ok().filter(|_| self.battery_read);
-        let battery = voltage.map(|voltage| Battery::good(voltage, now));
+        let battery = voltage.map(|voltage| Battery::unlimited(voltage, now));
         let readings = self.axes.each_ref().map(|axis| axis.reading);
-        self.snapshot = self.hub.step(&Inputs { now, readings, battery });
+        self.snapshot = self.hub.step(now, &readings, battery);
     }
 
     fn step_physics(&mut self) {
@@ -385,7 +385,7 @@ impl Puppet {
 
     /// Takes a tick at the time of the last sample. The battery's voltage is in mV.
     pub(crate) fn step(&mut self, battery: Option<u16>) -> Report {
-        let battery = battery.map(|voltage| Battery::good(Millivolts::new(voltage), self.at));
+        let battery = battery.map(|voltage| Battery::unlimited(Millivolts::new(voltage), self.at));
         self.motor.step(self.at, self.reading, battery)
     }
 

@@ -61,10 +61,10 @@ impl Robot {
     /// Turns by this angle from the present reference, and waits until the base has settled.
     fn turn(&mut self, degrees: f64) {
         let [left, right] = BASE.turn(degrees).expect("in range");
-        let course = Course::by(&[(0, left), (1, right)]).expect("motors of the hub");
+        let course = Course::distances(&[(0, left), (1, right)]).expect("motors of the hub");
         let acceleration = Acceleration::new(5_000).expect("above 0");
         let turn = GroupCommand::new(course, CountsPerSecond::new(1_500), acceleration);
-        self.bench.hub.apply(Command { motor: 0, action: Action::Lead(turn) }).expect("members");
+        self.bench.hub.apply(Command { motor: 0, action: Action::MoveGroup(turn) }).expect("members");
         self.run_ms(50);
         for _ in 0..50 {
             self.run_ms(100);

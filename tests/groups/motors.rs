@@ -25,7 +25,7 @@ fn set_up<const N: usize>(period_ms: u32, motors: [Motor; N], known: bool, loads
 
 fn lead<const N: usize>(bench: &mut Bench<N>, together: GroupCommand) {
     let motor = together.course.members().iter().position(|member| *member).expect("members");
-    bench.hub.apply(Command { motor, action: Action::Lead(together) }).expect("members");
+    bench.hub.apply(Command { motor, action: Action::MoveGroup(together) }).expect("members");
 }
 
 /// Runs until the group has arrived. Returns the time in ms.
@@ -73,7 +73,7 @@ fn together(course: Course, mm_s: f64, mm_s2: f64) -> GroupCommand {
 }
 
 fn pair(counts: [i32; 2]) -> Course {
-    Course::by(&[(0, counts[0]), (1, counts[1])]).expect("two motors")
+    Course::distances(&[(0, counts[0]), (1, counts[1])]).expect("two motors")
 }
 
 /// Returns the heading of the base in degrees, from positions in counts with their fractions.
@@ -133,7 +133,7 @@ fn with_the_usual_lag_nobody_waits_for_a_member_that_follows_as_well_as_it_can()
                     let usual = GroupCommand::new(course, speed, acceleration);
                     lead(&mut bench, if endless { GroupCommand { lag: u16::MAX, ..usual } } else { usual });
                     while !matches!(bench.snapshot.motors[0].setpoint,
-                        Setpoint::Together(reference) if reference.position == 1_000)
+                        Setpoint::Follow(reference) if reference.position == 1_000)
                     {
                         bench.run_ms(1);
                     }
@@ -224,7 +224,7 @@ fn a_fault_of_one_member_stops_or_coasts_the_group() {
         let place = bench.counts(0);
         match halt {
             Halt::Stop => {
-                assert!(matches!(other.setpoint, Setpoint::Together(_)), "{other:?}");
+                assert!(matches!(other.setpoint, Setpoint::Follow(_)), "{other:?}");
                 bench.axes[0].torque = 0.4;
                 bench.run_ms(1_000);
                 let moved = bench.counts(0) - place;
@@ -253,14 +253,14 @@ fn a_member_with_a_new_set_point_leaves_and_the_others_halt() {
             if halt == Halt::Coast || setpoint == Setpoint::Disabled {
                 assert_eq!(other.setpoint, Setpoint::Disabled);
             } else {
-                assert!(matches!(other.setpoint, Setpoint::Together(_)), "{other:?}");
+                assert!(matches!(other.setpoint, Setpoint::Follow(_)), "{other:?}");
                 let place = bench.counts(0);
                 bench.run_ms(200);
                 let moved = bench.counts(0) - place;
                 // The limit of one count is the resolution of the encoder.
                 assert!(moved.abs() < 1.0, "{period} ms: {moved} {other:?}");
                 // The other members still form a group.
-                lead(&mut bench, together(Course::by(&[(0, 500)]).expect("a motor"), 300.0, 700.0));
+                lead(&mut bench, together(Course::distances(&[(0, 500)]).expect("a motor"), 300.0, 700.0));
                 let place = bench.counts(0);
                 arrive(&mut bench, |_| ());
                 assert!((bench.counts(0) - place - 500.0).abs() < 8.0);
@@ -273,7 +273,7 @@ fn a_member_with_a_new_set_point_leaves_and_the_others_halt() {
 fn a_new_group_of_some_members_lets_only_the_other_members_coast() {
     let three = [motor("AM 60 A"); 3];
     let mut bench = set_up(50, three, true, [WHEEL; 3]);
-    let course = Course::by(&[(0, 20_000), (1, 20_000), (2, 20_000)]).expect("motors");
+    let course = Course::distances(&[(0, 20_000), (1, 20_000), (2, 20_000)]).expect("motors");
     lead(&mut bench, GroupCommand { halt: Halt::Coast, ..together(course, 300.0, 700.0) });
     bench.run_ms(1_000);
     // An encoder that is not read keeps the new group from starting.
@@ -288,9 +288,9 @@ fn a_new_group_of_some_members_lets_only_the_other_members_coast() {
 fn another_course_in_mid_move_makes_no_step_of_current() {
     let on = |left: i32, right: i32| {
         let speeds = [left, right].map(CountsPerSecond::new);
-        Course::on(&[(0, speeds[0]), (1, speeds[1])]).expect("two motors")
+        Course::velocities(&[(0, speeds[0]), (1, speeds[1])]).expect("two motors")
     };
-    let to = |left, right| Course::to(&[(0, left), (1, right)]).expect("two motors");
+    let to = |left, right| Course::positions(&[(0, left), (1, right)]).expect("two motors");
     let courses = [
         ("further", pair([6_000, 6_000])),
         ("a turn", pair([2_000, -2_000])),
@@ -331,7 +331,8 @@ fn a_gantry_of_four_different_motors_comes_level_and_goes_up() {
             for (axis, torque) in bench.axes.iter_mut().zip([-0.1, -0.3, -0.2, -0.1]) {
                 axis.torque = torque;
             }
-            let level = |counts| Course::to(&[0, 1, 2, 3].map(|motor| (motor, counts))).expect("four motors");
+            let level =
+                |counts| Course::positions(&[0, 1, 2, 3].map(|motor| (motor, counts))).expect("four motors");
             lead(&mut bench, together(level(100), 100.0, 700.0));
             arrive(&mut bench, |_| ());
             let mut apart = 0.0f64;

@@ -60,9 +60,10 @@ fn counts(most: i32) -> impl Strategy<Value = [i32; 4]> {
 
 fn course() -> impl Strategy<Value = Course> {
     prop_oneof![
-        counts(20_000).prop_map(|by| Course::by(&numbered(&by)).expect("four")),
-        counts(20_000).prop_map(|to| Course::to(&numbered(&to)).expect("four")),
-        counts(3_000).prop_map(|on| Course::on(&numbered(&on.map(CountsPerSecond::new))).expect("four")),
+        counts(20_000).prop_map(|by| Course::distances(&numbered(&by)).expect("four")),
+        counts(20_000).prop_map(|to| Course::positions(&numbered(&to)).expect("four")),
+        counts(3_000)
+            .prop_map(|on| Course::velocities(&numbered(&on.map(CountsPerSecond::new))).expect("four")),
     ]
 }
 
@@ -77,7 +78,7 @@ proptest! {
         acceleration in 100..10_000_000u32,
         ms in 1..=100u32,
     ) {
-        let course = Course::by(&numbered(&by)).expect("four");
+        let course = Course::distances(&numbered(&by)).expect("four");
         let mut motors = Perfect::new(together(course, speed, acceleration), start, ms);
         let longest = by.iter().map(|by| f64::from(by.abs())).fold(1.0, f64::max);
         for _ in 0..500 {
@@ -98,7 +99,7 @@ proptest! {
         acceleration in 1_000..50_000u32,
         ms in 1..=100u32,
     ) {
-        let course = Course::by(&numbered(&by)).expect("four");
+        let course = Course::distances(&numbered(&by)).expect("four");
         let mut motors = Perfect::new(together(course, speed, acceleration), start, ms);
         let longest = by.iter().map(|by| f64::from(by.abs())).fold(0.0, f64::max);
         let (speed, acceleration) = (f64::from(speed), f64::from(acceleration));
@@ -148,7 +149,7 @@ proptest! {
 #[test]
 fn a_course_without_an_end_adds_nothing_up() {
     let rates = [1_000_000, 333_333, -7, 65_537].map(CountsPerSecond::from_bits);
-    let course = Course::on(&numbered(&rates)).expect("four");
+    let course = Course::velocities(&numbered(&rates)).expect("four");
     let mut motors = Perfect::new(together(course, 0, 4_000_000), [i32::MAX; 4], 100);
     for _ in 0..3_000_000 {
         motors.step();
@@ -167,7 +168,7 @@ fn a_member_that_lags_slows_and_stops_the_group() {
     for (lag, pace) in [(0, 1.0), (50, 1.0), (75, 0.5), (100, 0.0), (1_000, 0.0)] {
         for sign in [1, -1] {
             let on = [sign * 1_000, sign * 500].map(CountsPerSecond::new);
-            let course = Course::on(&numbered(&on)).expect("two");
+            let course = Course::velocities(&numbered(&on)).expect("two");
             let together = GroupCommand { lag: 100, ..together(course, 0, 1_000_000) };
             let mut motors = Perfect::new(together, [0; 2], 10);
             for _ in 0..10 {
@@ -188,8 +189,8 @@ fn a_member_that_lags_slows_and_stops_the_group() {
 
 #[test]
 fn a_course_names_its_members() {
-    assert_eq!(Course::by(&[(MOTORS, 1)]), Err(RangeError::Motor));
-    let members = Course::to(&[(1, 5), (3, 0)]).expect("in range").members();
+    assert_eq!(Course::distances(&[(MOTORS, 1)]), Err(RangeError::Motor));
+    let members = Course::positions(&[(1, 5), (3, 0)]).expect("in range").members();
     assert_eq!(members, [false, true, false, true, false, false, false, false]);
 }
 

@@ -19,7 +19,7 @@ fn spinning(share: f64, bus: impl FnOnce(&mut Bus)) -> Rig {
     let motor = characterised("AM 60 A").expect("known").with_measured_rotor_inertia();
     let load = Load { inertia_after: KgM2(0.2), ..Load::NONE };
     let mut plant = Plant::new(motor, load, BRIDGE, Hertz(20_000.0));
-    plant.place(Amps(0.0), RadPerSec(share * 12.0 / motor.ke.0), 0.0);
+    plant.set_state(Amps(0.0), RadPerSec(share * 12.0 / motor.ke.0), 0.0);
     let mut capacitor = Bus::new(SOURCE, 1e-3);
     bus(&mut capacitor);
     Rig::new(SOURCE, vec![plant]).with_bus(capacitor)
@@ -55,8 +55,8 @@ fn source_capacitor_winding_shaft_and_heat_balance_to_1e_9() {
             // What left the source is in the capacitor and the winding, or became heat and motion.
             let found =
                 bus.stored().0 - before + bus.lost().0 + magnetic(&rig) + flow.heat.0 + flow.shaft_work.0;
-            let moved = flow.energy_from_battery.0 + flow.energy_to_battery.0 + bus.given().0.abs();
-            let miss = (found - bus.given().0).abs();
+            let moved = flow.energy_from_battery.0 + flow.energy_to_battery.0 + bus.delivered().0.abs();
+            let miss = (found - bus.delivered().0).abs();
             assert!(miss <= 1e-9 * moved.max(1.0), "{name}, {} at {duty}: {miss} J of {moved}", mode.name());
         }
     }

@@ -157,7 +157,7 @@ fn plant_with_friction_and_cogging_follows_an_integration_in_small_steps() {
 fn a_resting_motor_neither_creeps_nor_trembles() {
     let motor = am60(5.0, 0.0);
     let mut plant = bare(motor);
-    plant.place(Amps(0.0), RadPerSec(0.0), 0.123);
+    plant.set_state(Amps(0.0), RadPerSec(0.0), 0.123);
     let mut flow = Flow::default();
     for ms in 0..10_000 {
         // The motor gets up to 6 % of the stall torque in either direction, by its drive and by an external torque.
@@ -238,7 +238,7 @@ fn coasting_down_ends_when_the_closed_form_says_and_where() {
                 // w(t) = (w0 + C/B) exp(-t B/J) - C/B.
                 let stop = inertia / drag * (drag * start.abs() / torque).ln_1p();
                 let mut plant = bare(motor);
-                plant.place(Amps(0.0), RadPerSec(start), 2.0);
+                plant.set_state(Amps(0.0), RadPerSec(start), 2.0);
                 let half = plant.run(Seconds(0.5 * stop), PlantInput::COAST, BATTERY);
                 let offset = torque / drag;
                 let speed = (start.abs() + offset) * (-0.5 * stop * drag / inertia).exp() - offset;
@@ -338,7 +338,7 @@ fn without_friction_the_way_through_it_changes_no_bit() {
     for mode in [Mode::Cw98, Mode::Brake50] {
         let (mut a, mut b) = (bare(toothed), bare(smooth));
         for plant in [&mut a, &mut b] {
-            plant.place(Amps(0.2), RadPerSec(200.0), 1.0);
+            plant.set_state(Amps(0.2), RadPerSec(200.0), 1.0);
         }
         for ms in 0..500 {
             let command = PlantInput::pwm(mode, f64::from(ms % 100) / 100.0);
@@ -362,7 +362,7 @@ fn cogging_alone_takes_nothing_from_a_coasting_rotor() {
     for share in [1.01, 2.0, 1e3] {
         let start = (2.0 * share * peak / motor.j.0).sqrt();
         let mut plant = bare(motor);
-        plant.place(Amps(0.0), RadPerSec(start), 0.0);
+        plant.set_state(Amps(0.0), RadPerSec(start), 0.0);
         let first = energy(&plant);
         let (mut slowest, mut fastest) = (start, start);
         for _ in 0..100_000 {
@@ -390,7 +390,7 @@ fn a_rotor_swings_in_its_notch_as_a_pendulum_does() {
         }
         let period = core::f64::consts::TAU / own / a;
         let mut plant = bare(motor);
-        plant.place(Amps(0.0), RadPerSec(0.0), swing / teeth);
+        plant.set_state(Amps(0.0), RadPerSec(0.0), swing / teeth);
         plant.run(Seconds(20.0 * period), PlantInput::COAST, BATTERY);
         close(plant.angle() * teeth / swing, 1.0, 2e-3, swing);
         plant.run(Seconds(0.5 * period), PlantInput::COAST, BATTERY);

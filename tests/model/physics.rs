@@ -380,7 +380,7 @@ fn plant_follows_the_event_exact_motor_within_a_thousandth() {
                     let torque = 0.5 * shaft.torque_ratio;
                     let mut reference = Reference { motor, shaft, torque, state: [0.0, 300.0, 0.0] };
                     let mut plant = Plant::new(motor, load, BRIDGE, Hertz(frequency));
-                    plant.place(Amps(0.0), RadPerSec(300.0), 0.0);
+                    plant.set_state(Amps(0.0), RadPerSec(300.0), 0.0);
                     let command =
                         PlantInput { torque_after: NewtonMetres(0.5), ..PlantInput::pwm(mode, duty) };
                     // Means over 5 ms, as a controller would see them.
@@ -422,7 +422,7 @@ fn plant_conserves_energy() {
         let frictionless = Motor { b: Drag(0.0), ..motor(name).with_measured_rotor_inertia() };
         for mode in MODES {
             let mut plant = Plant::new(frictionless, Load::inertia(KgM2(0.01)), BRIDGE, Hertz(20e3));
-            plant.place(Amps(0.5), RadPerSec(400.0), 0.0);
+            plant.set_state(Amps(0.5), RadPerSec(400.0), 0.0);
             let before = (energies(&plant), plant.current().0);
             let flow = plant.run(Seconds(0.1), PlantInput::pwm(mode, 0.6), Volts(BATTERY));
             let battery = flow.energy_from_battery.0 - flow.energy_to_battery.0;
@@ -467,7 +467,7 @@ fn plant_settles_at_the_steady_speed_of_its_duty() {
 #[test]
 fn a_plant_out_of_current_coasts_down_by_its_drag_alone() {
     let mut plant = Plant::new(am60(), Load::NONE, BRIDGE, Hertz(20e3));
-    plant.place(Amps(0.0), RadPerSec(500.0), 1.0);
+    plant.set_state(Amps(0.0), RadPerSec(500.0), 1.0);
     let flow = plant.run(Seconds(1.0), PlantInput::COAST, Volts(BATTERY));
     let rate = am60().b.0 / am60().j.0;
     close(plant.speed().0, 500.0 * (-rate).exp(), 1e-9, "speed");
@@ -516,7 +516,7 @@ fn plants_on_one_battery_share_its_sag_and_its_gain() {
     let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.2) };
     let plant = |speed: f64| {
         let mut plant = Plant::new(am60(), Load::inertia(KgM2(10.0)), BRIDGE, Hertz(20e3));
-        plant.place(Amps(0.0), RadPerSec(speed), 0.0);
+        plant.set_state(Amps(0.0), RadPerSec(speed), 0.0);
         plant
     };
     // Two motors at standstill with full voltage: v = emf - Rb 2 v / (R + 2 Ron).

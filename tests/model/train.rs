@@ -161,6 +161,6 @@ fn the_output_shaft_turns_freely_by_the_backlash_and_no_farther() {
     // The motor pushes its load, so it leads by half of the backlash, and by the twist of the shaft.
     let lead = plant.angle() / motor().gear_ratio - plant.angle_after();
     assert!((lead.to_degrees() - 5.0).abs() < 0.5, "{} degrees", lead.to_degrees());
-    plant.place(motor_hub::model::si::Amps(0.0), RadPerSec(0.0), 0.0);
+    plant.set_state(motor_hub::model::si::Amps(0.0), RadPerSec(0.0), 0.0);
     assert_eq!((plant.speed_after(), plant.angle_after()), (RadPerSec(0.0), 0.0));
 }

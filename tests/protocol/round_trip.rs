@@ -330,11 +330,11 @@ fn an_answer_is_read_as_it_was_written() {
 
 #[test]
 fn each_kind_of_setpoint_is_read_as_it_was_written() {
-    use ReportedSetpoint::{Current, FailSafe, Identify, Off, Position, Power, Together, Velocity};
+    use ReportedSetpoint::{Current, FailSafe, Follow, Identify, Off, Position, Power, Velocity};
     let power = Power(Control::new(-3));
     let current = Current(Milliamperes::new(i32::MIN));
     for setpoint in
-        [Off, FailSafe, power, Velocity(-4), Position(i32::MAX), Together(5), Identify(u32::MAX), current]
+        [Off, FailSafe, power, Velocity(-4), Position(i32::MAX), Follow(5), Identify(u32::MAX), current]
     {
         assert_eq!(read_back(&setpoint), Ok(setpoint));
     }

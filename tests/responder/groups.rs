@@ -25,15 +25,16 @@ fn wanted(course: GroupCourse) -> GroupCommand<GroupCourse> {
 }
 
 fn pair(left: i32, right: i32) -> GroupCommand<GroupCourse> {
-    wanted(GroupCourse::To([None, Some(left), None, Some(right)]))
+    wanted(GroupCourse::Position([None, Some(left), None, Some(right)]))
 }
 
 fn lead(motor: usize, left: i32, right: i32) -> Command {
     let mut counts = [None; MOTORS];
     (counts[1], counts[3]) = (Some(left), Some(right));
     let GroupCommand { speed, acceleration, lag, tolerance, halt, .. } = pair(0, 0);
-    let together = GroupCommand { course: Course::To(counts), speed, acceleration, lag, tolerance, halt };
-    Command { motor, action: Action::Lead(together) }
+    let together =
+        GroupCommand { course: Course::Position(counts), speed, acceleration, lag, tolerance, halt };
+    Command { motor, action: Action::MoveGroup(together) }
 }
 
 fn ask(host: &mut TestHost, motor: u8, wanted: GroupCommand<GroupCourse>) -> Said {
@@ -123,6 +124,18 @@ fn a_later_command_to_a_member_alone_takes_it_out_of_the_group() {
 }
 
 #[test]
+fn a_question_to_a_member_keeps_the_course_that_waits_behind_a_release() {
+    let mut host = enabled();
+    // Disable and enable motor 3. The queue of commands is full, so neither command is sent yet.
+    host.do_all(&[(10, &[3, 0]), (10, &[3, 1])]);
+    assert!(matches!(ask(&mut host, 1, pair(1, 2)), Said::Ack(_)));
+    // Get enable of motor 3.
+    assert!(matches!(host.call(11, &[3]), Said::Data(_)));
+    let release = Command { motor: 3, action: Action::Set(Setpoint::Disabled) };
+    assert_eq!(host.new_commands(), [release, lead(1, 1, 2)]);
+}
+
+#[test]
 fn a_later_course_replaces_a_pending_one() {
     let mut host = enabled();
     ask(&mut host, 1, pair(1, 2));
@@ -148,7 +161,7 @@ fn a_group_with_a_disabled_member_is_refused() {
 fn a_request_to_a_motor_outside_the_group_is_refused() {
     let mut host = enabled();
     assert_eq!(ask(&mut host, 0, pair(1, 2)), Said::Nack(2));
-    assert_eq!(ask(&mut host, 0, wanted(GroupCourse::On([None; 4]))), Said::Nack(2));
+    assert_eq!(ask(&mut host, 0, wanted(GroupCourse::Velocity([None; 4]))), Said::Nack(2));
     assert_eq!(ask(&mut host, 7, pair(1, 2)), Said::Nack(0));
     assert_eq!(host.new_commands(), []);
 }
@@ -161,7 +174,7 @@ fn the_state_of_a_group_is_reported_once_the_report_is_new_enough() {
 
     // A report that is older than the course does not say that it is at its end.
     let settled =
-        Report { setpoint: Setpoint::Together(Reference::default()), settled: true, ..Report::INITIAL };
+        Report { setpoint: Setpoint::Follow(Reference::default()), settled: true, ..Report::INITIAL };
     host.snapshot.motors[1] = settled;
     ask(&mut host, 1, pair(1, 2));
     assert_eq!(state(&mut host), Said::Data(vec![1]), "not sent yet");
@@ -183,8 +196,7 @@ fn a_member_that_gets_a_target_of_its_own_is_alone_even_before_a_snapshot_says_s
     ask(&mut host, 1, pair(1, 2));
     host.new_commands();
     host.tick();
-    host.snapshot.motors[1] =
-        Report { setpoint: Setpoint::Together(Reference::default()), ..Report::INITIAL };
+    host.snapshot.motors[1] = Report { setpoint: Setpoint::Follow(Reference::default()), ..Report::INITIAL };
     assert_eq!(host.ask(STATE, &[1]), Said::Data(vec![1]));
     host.do_all(&[(15, &[1, 0, 1])]);
     assert_eq!(host.ask(STATE, &[1]), Said::Data(vec![0]), "not sent yet");

@@ -13,7 +13,7 @@ use motor_hub::protocol::{Address, Decoder, Packet, frame};
 use motor_hub::responder::Responder;
 use motor_hub::supply::DrawStage;
 use motor_hub::units::{Micros, Millivolts};
-use motor_hub::update::{Booted, Done, Slot};
+use motor_hub::update::{Booted, Slot, SlotReport};
 
 pub(crate) const N: usize = 4;
 pub(crate) const HUB: u8 = 3;
@@ -207,7 +207,7 @@ pub(crate) fn survive(events: &[Event]) {
     let mut host = TestHost::settled();
     // The hub also has a slot for new firmware.
     host.responder = host.responder.with_slot(SLOT);
-    host.responder.update_done(Done::Booted(Booted::Confirmed));
+    host.responder.update_done(SlotReport::Booted(Booted::Confirmed));
     let mut stream = Vec::new();
     let mut commands = Vec::new();
     for event in events {

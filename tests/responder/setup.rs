@@ -163,7 +163,7 @@ fn a_motor_that_is_driven_is_not_identified() {
         assert_eq!(learn(&mut host, 500), Said::Nack(51), "{calls:?}");
         assert_eq!(host.new_commands(), []);
     }
-    for (battery, stage) in [(None, DrawStage::Cut), (Some(6_900), DrawStage::Derated)] {
+    for (battery, stage) in [(None, DrawStage::Cutoff), (Some(6_900), DrawStage::Derated)] {
         let mut host = standing();
         host.set_battery(battery, stage);
         assert_eq!(learn(&mut host, 500), Said::Nack(52));

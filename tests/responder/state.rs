@@ -249,8 +249,8 @@ fn a_motor_is_not_enabled_on_a_low_or_unknown_battery() {
     for (battery, stage, said) in [
         (Some(7_000), DrawStage::Full, Said::Ack(0)),
         (Some(7_200), DrawStage::Derated, Said::Nack(52)),
-        (Some(5_900), DrawStage::Cut, Said::Nack(52)),
-        (None, DrawStage::Cut, Said::Nack(52)),
+        (Some(5_900), DrawStage::Cutoff, Said::Nack(52)),
+        (None, DrawStage::Cutoff, Said::Nack(52)),
     ] {
         let mut host = TestHost::settled();
         host.do_all(&[(15, &[0, 1, 0])]);

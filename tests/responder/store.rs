@@ -107,10 +107,10 @@ fn only_saved_settings_are_restored() {
     let (before, enabled) = (all(&mut host), host.responder.enabled());
     assert_eq!((enabled, report(&mut host).differs), ([false, false, true, false], true));
     assert!(matches!(host.ask(SAVE, &[]), Said::Ack(_)));
-    assert!(report(&mut host).at_work);
+    assert!(report(&mut host).is_busy);
     let record = carried_out(&mut host);
     let status = report(&mut host);
-    assert_eq!((status.stored, status.number, status.at_work), (Stored::Whole, 1, false));
+    assert_eq!((status.stored, status.number, status.is_busy), (Stored::Whole, 1, false));
     assert_eq!(
         (status.outcome, status.differs, status.unknown, status.refused),
         (Outcome::Done, false, 0, 0)

@@ -82,7 +82,7 @@ impl Devices for &Pins {
         AnalogReadings { inputs: [Some(reading), None, None, None], ..AnalogReadings::default() }
     }
 
-    fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
+    fn update_digital_pins(&mut self, driven: u8, levels: u8) -> u8 {
         self.0.set((driven, levels));
         if driven & 1 != 0 && levels & 1 == 0 { !3 } else { u8::MAX }
     }
@@ -476,7 +476,7 @@ impl I2cBus for Bus<'_> {
         self.fast.set(fast);
     }
 
-    async fn free(&mut self) {
+    async fn recover(&mut self) {
         self.freed.set(self.freed.get() + 1);
     }
 }

@@ -6,7 +6,7 @@ use motor_hub::extension::Request;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::hub::Snapshot;
 use motor_hub::protocol::payload::{Field, Fields, Text};
-use motor_hub::update::{Booted, CHUNK, Done, Outcome, Phase, Seal, Slot, UpdateRequest};
+use motor_hub::update::{Booted, CHUNK, ImageSignature, Outcome, Phase, Slot, SlotReport, UpdateRequest};
 
 fn say(host: &mut TestHost, request: HubFunction) -> Said {
     let request = Request::from(request);
@@ -42,7 +42,7 @@ fn signed_hub() -> TestHost {
 fn with_slot(slot: Slot) -> TestHost {
     let mut host = TestHost::settled();
     host.responder = host.responder.with_slot(slot);
-    host.responder.update_done(Done::Booted(Booted::Confirmed));
+    host.responder.update_done(SlotReport::Booted(Booted::Confirmed));
     host.ask(0x7F03, &[1]);
     host
 }
@@ -68,12 +68,15 @@ fn a_host_sends_an_image_and_has_it_started() {
             matches!(host.responder.update_request(), Some(UpdateRequest::Write { offset: to, .. }) if to == offset)
         );
         assert_eq!(chunk(&mut host, offset + 96), Said::Nack(if offset == 0 { 70 } else { 1 }));
-        host.responder.update_done(Done::Finished(Outcome::Done));
+        host.responder.update_done(SlotReport::Result(Outcome::Done));
     }
     assert_eq!(say(&mut host, HubFunction::Restart), Said::Nack(77));
     assert_eq!(say(&mut host, HubFunction::FinishUpdate), ACK);
-    assert_eq!(host.responder.update_request(), Some(UpdateRequest::Arm { length: 192, crc: 7, seal: None }));
-    host.responder.update_done(Done::Finished(Outcome::Done));
+    assert_eq!(
+        host.responder.update_request(),
+        Some(UpdateRequest::Arm { length: 192, crc: 7, signature: None })
+    );
+    host.responder.update_done(SlotReport::Result(Outcome::Done));
     let progress = report(&mut host);
     let version = Text::from_slice(b"mh9.9.9").expect("short");
     assert_eq!(
@@ -90,9 +93,9 @@ fn each_refusal_has_its_own_number() {
     let mut host = hub();
     assert_eq!(chunk(&mut host, 0), Said::Nack(74));
     assert_eq!(begin(&mut host, 512 * 1024 + 1), Said::Nack(73));
-    host.responder.update_done(Done::Booted(Booted::OnTrial));
+    host.responder.update_done(SlotReport::Booted(Booted::OnTrial));
     assert_eq!(begin(&mut host, 96), Said::Nack(71));
-    host.responder.update_done(Done::Booted(Booted::Confirmed));
+    host.responder.update_done(SlotReport::Booted(Booted::Confirmed));
     assert_eq!(begin(&mut host, 96), ACK);
     assert_eq!(chunk(&mut host, 96), Said::Nack(75));
     let blank = Text::from_slice(&[0xFF; CHUNK]).expect("short");
@@ -116,11 +119,11 @@ fn signatures_are_required_with_a_key_and_refused_without_one() {
     assert_eq!(sign(&mut host, 5), ACK);
     assert_eq!(chunk(&mut host, 0), ACK);
     host.responder.update_request().expect("a chunk to write");
-    host.responder.update_done(Done::Finished(Outcome::Done));
+    host.responder.update_done(SlotReport::Result(Outcome::Done));
     assert_eq!(say(&mut host, HubFunction::FinishUpdate), ACK);
-    let seal = Some(Seal { key: [5; 32], signature: [9; 64] });
-    assert_eq!(host.responder.update_request(), Some(UpdateRequest::Arm { length: 96, crc: 7, seal }));
-    host.responder.update_done(Done::Finished(Outcome::WrongSignature));
+    let signature = Some(ImageSignature { key: [5; 32], bytes: [9; 64] });
+    assert_eq!(host.responder.update_request(), Some(UpdateRequest::Arm { length: 96, crc: 7, signature }));
+    host.responder.update_done(SlotReport::Result(Outcome::WrongSignature));
     let progress = report(&mut host);
     assert_eq!((progress.phase, progress.outcome), (Phase::Nothing, Outcome::WrongSignature));
     assert_eq!(say(&mut host, HubFunction::Restart), Said::Nack(77));

@@ -204,7 +204,7 @@ fn every_column(nth: usize) {
     let mut columns = vec![];
     for motion in Motion::ALL {
         for knowledge in [Knowledge::Configured, Knowledge::Unknown, Knowledge::Coefficients] {
-            for scheme in Scheme::EACH {
+            for scheme in Scheme::ALL {
                 columns.extend([1, 10, 50, 100].map(|ms| (motion, knowledge, scheme, ms)));
             }
         }

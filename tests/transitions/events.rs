@@ -126,7 +126,7 @@ impl Event {
         use Event::*;
         let mut all = vec![Disable, Float, Brake, Power, Velocity, Zero, Back, Here, Far, Behind];
         all.extend([SetCoefficients, ClearCoefficients, ConfigureDynamics, ForgetDynamics]);
-        all.extend(braking::Scheme::EACH.map(Scheme));
+        all.extend(braking::Scheme::ALL.map(Scheme));
         all.extend([LinearDuty, BatteryGap, EncoderBlink, EncoderGap]);
         all
     }

@@ -21,8 +21,8 @@ fn mean(subject: &mut Subject, ms: u32) -> f64 {
 #[test]
 fn a_motor_that_is_given_other_coefficients_while_it_runs_goes_on_as_it_was() {
     let sets = [[1.2, 0.12, 0.0, 12.0], [10.0, 3.0, 0.0, 0.0], [2.0, 0.5, 0.1, 11.1], [10.0, 3.0, 0.1, 11.1]];
-    for scheme in Scheme::EACH {
-        for duty in DutyRule::EACH {
+    for scheme in Scheme::ALL {
+        for duty in DutyRule::ALL {
             for ms in [1, 10, 50, 100] {
                 let period = Period::from_millis(ms).expect("in range");
                 let mut subject = Subject::new(Knowledge::Configured, scheme, period, 0.0, 0.0);

@@ -4,7 +4,7 @@ use crate::power::{ACTIVE, Chip, DOWNLOAD, Part, STATE, WORD, new_chip, slots};
 use crate::torn_flash::Code;
 use embassy_futures::block_on;
 use motor_hub::tasks::update::{StateFlash, discard_refused_swap};
-use motor_hub::update::{Booted, CHUNK, CRC, Outcome, ROLLBACK_VERSION_AT, Seal, public_key};
+use motor_hub::update::{Booted, CHUNK, CRC, ImageSignature, Outcome, ROLLBACK_VERSION_AT, public_key};
 use proptest::prelude::*;
 use salty::{Keypair, Sha512};
 use std::cell::{Cell, RefCell};
@@ -29,7 +29,7 @@ fn chip(version: u32) -> RefCell<Chip> {
 }
 
 /// Sends an image with a seal. Returns the outcome, and what the bootloader would start.
-fn sent_to(chip: &RefCell<Chip>, image: &[u8], seal: Option<Seal>) -> (Outcome, Booted) {
+fn sent_to(chip: &RefCell<Chip>, image: &[u8], seal: Option<ImageSignature>) -> (Outcome, Booted) {
     let mut slots = slots(chip);
     for (at, bytes) in (0..).step_by(CHUNK).zip(image.chunks(CHUNK)) {
         assert_eq!(block_on(slots.write(at, bytes)), Outcome::Done);
@@ -40,12 +40,12 @@ fn sent_to(chip: &RefCell<Chip>, image: &[u8], seal: Option<Seal>) -> (Outcome, 
 }
 
 /// Sends an image to a chip whose firmware is not newer.
-fn sent(image: &[u8], seal: Option<Seal>) -> (Outcome, Booted) {
+fn sent(image: &[u8], seal: Option<ImageSignature>) -> (Outcome, Booted) {
     sent_to(&chip(0), image, seal)
 }
 
-fn seal(signature: [u8; 64]) -> Seal {
-    Seal { key: public_key(KEY).expect("a key"), signature }
+fn seal(signature: [u8; 64]) -> ImageSignature {
+    ImageSignature { key: public_key(KEY).expect("a key"), bytes: signature }
 }
 
 const ARMED: (Outcome, Booted) = (Outcome::Done, Booted::OnTrial);
@@ -74,11 +74,11 @@ fn an_image_or_signature_with_a_bit_turned_is_not_armed() {
 
 #[test]
 fn another_key_signs_nothing() {
-    let Seal { key, signature } = sealed(&image());
+    let ImageSignature { key, bytes: signature } = sealed(&image());
     assert_eq!(sent(&image(), Some(seal(signature))), REFUSED);
-    assert_eq!(sent(&image(), Some(Seal { key, signature })), ARMED, "it is that one's own");
+    assert_eq!(sent(&image(), Some(ImageSignature { key, bytes: signature })), ARMED, "it is that one's own");
     // The key is no point of the curve.
-    assert_eq!(sent(&image(), Some(Seal { key: [2; 32], signature })), REFUSED);
+    assert_eq!(sent(&image(), Some(ImageSignature { key: [2; 32], bytes: signature })), REFUSED);
 }
 
 #[test]
@@ -102,15 +102,15 @@ fn nothing_is_armed_before_it_is_calm() {
 }
 
 /// Signs an image by a key of our own.
-fn sealed(image: &[u8]) -> Seal {
+fn sealed(image: &[u8]) -> ImageSignature {
     let keys = Keypair::from(&[3; 32]);
     let mut hash = Sha512::new();
     hash.update(image);
-    Seal { key: keys.public.to_bytes(), signature: keys.sign(&hash.finalize()).to_bytes() }
+    ImageSignature { key: keys.public.to_bytes(), bytes: keys.sign(&hash.finalize()).to_bytes() }
 }
 
 /// A signed image with this rollback version.
-fn versioned(version: u32) -> (Vec<u8>, Seal) {
+fn versioned(version: u32) -> (Vec<u8>, ImageSignature) {
     let mut image = image();
     image[ROLLBACK_VERSION_AT as usize..][..4].copy_from_slice(&version.to_le_bytes());
     let seal = sealed(&image);
@@ -151,20 +151,20 @@ fn a_bootloader_with_a_key_swaps_in_only_what_the_key_has_signed() {
         chip
     };
     assert_eq!(checked(&armed(), seal.key), Booted::OnTrial);
-    assert_eq!(checked(&armed(), public_key(KEY).expect("a key")), Booted::WentBack, "another key");
+    assert_eq!(checked(&armed(), public_key(KEY).expect("a key")), Booted::Reverted, "another key");
     // A hub without a key has armed an image without a signature.
     let unsigned = chip(7);
     assert_eq!(sent_to(&unsigned, &image, None), ARMED);
-    assert_eq!(checked(&unsigned, seal.key), Booted::WentBack);
+    assert_eq!(checked(&unsigned, seal.key), Booted::Reverted);
     // The bootloader refuses an armed image that has changed since, and one that is older than the present firmware.
     for at in [0, 40, 999] {
         let turned = armed();
         turned.borrow_mut().bytes[DOWNLOAD.start + at] ^= 1;
-        assert_eq!(checked(&turned, seal.key), Booted::WentBack, "byte {at}");
+        assert_eq!(checked(&turned, seal.key), Booted::Reverted, "byte {at}");
     }
     let newer = armed();
     newer.borrow_mut().put(ACTIVE.start + ROLLBACK_VERSION_AT as usize, &8_u32.to_le_bytes());
-    assert_eq!(checked(&newer, seal.key), Booted::WentBack);
+    assert_eq!(checked(&newer, seal.key), Booted::Reverted);
 }
 
 #[test]
@@ -190,7 +190,7 @@ proptest! {
     #[test]
     fn any_bytes_are_no_signature_and_do_no_harm(key: [u8; 32], halves: [[u8; 32]; 2]) {
         let signature = halves.concat().try_into().expect("64 bytes");
-        prop_assert_eq!(sent(&image(), Some(Seal { key, signature })), REFUSED);
+        prop_assert_eq!(sent(&image(), Some(ImageSignature { key, bytes: signature })), REFUSED);
         prop_assert_eq!(sent(&image(), Some(seal(signature))), REFUSED);
     }
 }

@@ -1,7 +1,7 @@
 //! Reception of an image, step by step.
 
 use motor_hub::protocol::Nack;
-use motor_hub::update::{Booted, CHUNK, CRC, Done, Outcome, Phase, Slot, Update, UpdateRequest};
+use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Phase, Slot, SlotReport, Update, UpdateRequest};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -9,7 +9,7 @@ const SLOT: Slot = Slot { origin: 0x0802_0000, length: 4_096, ram: (0x2000_0000,
 
 fn confirmed() -> Update {
     let mut update = Update::new(SLOT);
-    update.done(Done::Booted(Booted::Confirmed));
+    update.done(SlotReport::Booted(Booted::Confirmed));
     update
 }
 
@@ -58,7 +58,7 @@ impl Memory {
             }
             UpdateRequest::Restart => Outcome::Done,
         };
-        update.done(Done::Finished(outcome));
+        update.done(SlotReport::Result(outcome));
     }
 }
 
@@ -88,11 +88,11 @@ fn an_image_that_came_whole_is_armed() {
 fn nothing_begins_while_it_would_harm() {
     let mut update = Update::new(SLOT);
     assert_eq!(update.begin(1_000, 0, false), Err(Nack::UPDATE_ON_TRIAL), "how it was started is not known");
-    update.done(Done::Booted(Booted::OnTrial));
+    update.done(SlotReport::Booted(Booted::OnTrial));
     assert_eq!(update.begin(1_000, 0, false), Err(Nack::UPDATE_ON_TRIAL), "the slot has the firmware before");
-    update.done(Done::Booted(Booted::Unconfirmable));
+    update.done(SlotReport::Booted(Booted::Unconfirmable));
     assert_eq!(update.begin(1_000, 0, false), Err(Nack::UPDATE_ON_TRIAL), "the slot has the firmware before");
-    update.done(Done::Booted(Booted::WentBack));
+    update.done(SlotReport::Booted(Booted::Reverted));
     assert_eq!(update.begin(1_000, 0, true), Err(Nack::MOTOR_ENABLED));
     for length in [0, 7, SLOT.length + 1, u32::MAX] {
         assert_eq!(update.begin(length, 0, false), Err(Nack::UPDATE_TOO_LONG));
@@ -153,7 +153,7 @@ fn a_flash_that_refuses_a_chunk_ends_the_update() {
     update.begin(1_000, crc(&image), false).expect("begun");
     update.chunk(0, &image[..96]).expect("the first");
     assert!(update.request().is_some());
-    update.done(Done::Finished(Outcome::Refused));
+    update.done(SlotReport::Result(Outcome::Refused));
     assert_eq!((update.phase(), update.outcome()), (Phase::Nothing, Outcome::Refused));
     assert_eq!(update.chunk(96, &image[96..192]), Err(Nack::UPDATE_NOT_BEGUN));
 }

@@ -10,7 +10,7 @@ use embedded_storage_async::nor_flash::{
 use motor_hub::board::Watchdog;
 use motor_hub::tasks::update::{CONFIRM_AFTER_ROUNDS, Slots};
 use motor_hub::tasks::{self, Health, Task, Wires};
-use motor_hub::update::{Booted, Done};
+use motor_hub::update::{Booted, SlotReport};
 use std::pin::pin;
 use std::task::{Context, Waker};
 
@@ -98,5 +98,5 @@ fn firmware_that_cannot_confirm_itself_lets_all_other_tasks_run_and_says_so() {
         done.extend(wires.update.done.try_take());
         MockDriver::get().advance(Duration::from_millis(50));
     }
-    assert_eq!(done, [Booted::OnTrial, Booted::Unconfirmable].map(Done::Booted));
+    assert_eq!(done, [Booted::OnTrial, Booted::Unconfirmable].map(SlotReport::Booted));
 }

@@ -210,7 +210,7 @@ impl Recording {
                 last = setpoint;
                 motor.set(last);
             }
-            let report = motor.step(now, Some(reading), Some(Battery::good(battery, now)));
+            let report = motor.step(now, Some(reading), Some(Battery::unlimited(battery, now)));
             drive = report.drive;
             recording.inputs.push(Input { reading, tick: Some(Tick { now, battery, setpoint }) });
             recording.answers.push(Answer::new(&report, &settings));
@@ -229,7 +229,7 @@ impl Input {
         let [kind, target, tolerance, limit] = match setpoint {
             _ if self.tick.is_none() => [SAMPLE, 0, 0, 0],
             // A motor that is replayed alone is in no group.
-            Setpoint::Disabled | Setpoint::FailSafe | Setpoint::Together(_) => [0; 4],
+            Setpoint::Disabled | Setpoint::FailSafe | Setpoint::Follow(_) => [0; 4],
             Setpoint::ConstantPower(power) => [1, i32::from(power.get()).cast_unsigned(), 0, 0],
             Setpoint::Current { current, speed_limit } => {
                 [6, current.get().cast_unsigned(), 0, speed(speed_limit)]

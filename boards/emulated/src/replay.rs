@@ -249,7 +249,7 @@ fn carry_out(
             let whole = |speed: CountsPerSecond| speed.round() as i16;
             match setpoint {
                 // A set-point in a scenario is never a reference of a group.
-                Setpoint::Disabled | Setpoint::FailSafe | Setpoint::Together(_) => {
+                Setpoint::Disabled | Setpoint::FailSafe | Setpoint::Follow(_) => {
                     host.enable(bench, motor, false)
                 }
                 Setpoint::ConstantPower(power) => host.power(bench, motor, power.get()),

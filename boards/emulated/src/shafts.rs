@@ -127,7 +127,7 @@ impl Shaft {
         let per_count = core::f64::consts::TAU / self.mounting.motor.counts_per_rev_motor;
         let angle = plant.angle().clamp((low as f64 + 0.5) * per_count, (high as f64 + 0.5) * per_count);
         if angle != plant.angle() {
-            plant.place(plant.current(), RadPerSec(0.0), angle);
+            plant.set_state(plant.current(), RadPerSec(0.0), angle);
         }
     }
 
@@ -308,7 +308,7 @@ impl Shafts {
             let mounting = &shaft.mounting;
             let mut plant =
                 Plant::new(mounting.motor, mounting.load, mounting.bridge, Hertz(1.0 / grid.seconds()));
-            plant.place(shaft.base.current(), shaft.base.speed(), shaft.base.angle());
+            plant.set_state(shaft.base.current(), shaft.base.speed(), shaft.base.angle());
             shaft.base = plant;
         }
         self.grid = Some(grid);

@@ -136,7 +136,7 @@ impl SupplyAdc for BatteryAdc {
         self.scale.battery(pac::ADC1.dr().read().data(), self.vrefint)
     }
 
-    async fn leaves(&mut self, quiet: RangeInclusive<Millivolts>) {
+    async fn wait_until_outside(&mut self, quiet: RangeInclusive<Millivolts>) {
         let reading = |voltage: &Millivolts| self.scale.reading(*voltage, self.vrefint);
         pac::ADC1.ltr().write(|w| w.set_lt(reading(quiet.start())));
         pac::ADC1.htr().write(|w| w.set_ht(reading(quiet.end())));

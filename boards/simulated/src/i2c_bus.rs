@@ -58,7 +58,7 @@ impl I2cBus for SimulatedBus {
         self.fast = fast;
     }
 
-    async fn free(&mut self) {
+    async fn recover(&mut self) {
         self.board.with_i2c(|devices| devices.free_data(self.bus));
     }
 }

@@ -19,7 +19,7 @@ use crate::world::View;
 use embassy_futures::block_on;
 use motor_hub::board::{BridgeFaults, Bridges, CurrentSense, Encoders, SupplyAdc};
 use motor_hub::bridge::{BridgeFeedback, Drive};
-use motor_hub::hub::{Command, Hub, Inputs, Snapshot};
+use motor_hub::hub::{Command, Hub, Snapshot};
 use motor_hub::model::si::Seconds;
 use motor_hub::motion::Tracker;
 use motor_hub::supply::Supply;
@@ -103,7 +103,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
         }
         if ms > 0 && ms % u64::from(scenario.period.as_millis()) == 0 {
             obey(&mut hub, &mut waiting);
-            snapshot = hub.step(&Inputs { now, readings, battery });
+            snapshot = hub.step(now, &readings, battery);
             drives = snapshot.drives();
             board.apply(&drives);
         }

@@ -379,7 +379,7 @@ impl SupplyAdc for Board {
         SCALE.battery(divider, world.convert(VREFINT_V))
     }
 
-    async fn leaves(&mut self, quiet: RangeInclusive<Millivolts>) {
+    async fn wait_until_outside(&mut self, quiet: RangeInclusive<Millivolts>) {
         loop {
             Timer::after(WATCH_INTERVAL).await;
             if self.has_left(&quiet) {
@@ -458,7 +458,7 @@ impl Devices for Board {
         }
     }
 
-    fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
+    fn update_digital_pins(&mut self, driven: u8, levels: u8) -> u8 {
         let world = self.0.borrow();
         let alone = world.outside & !driven | levels & driven;
         // A wire is low if one of its pins is low.

@@ -153,8 +153,8 @@ fn a_discovery_finds_the_parent_at_once_and_every_child_within_a_second() {
     );
     let report = chain.report();
     assert!(!report.discovering);
-    assert_eq!(report.heard.iter().collect::<Vec<_>>(), [1, 130, 254]);
-    assert_eq!(report.clashing.iter().count(), 0);
+    assert_eq!(report.answering.iter().collect::<Vec<_>>(), [1, 130, 254]);
+    assert_eq!(report.duplicate.iter().count(), 0);
 }
 
 #[test]
@@ -232,7 +232,7 @@ fn hubs_with_one_address_are_told() {
         let mut chain = Chain::new(addresses);
         chain.send(Standard::Discovery, BROADCAST);
         let found: Vec<u8> = chain.pass(600).iter().map(|packet| packet.source).collect();
-        assert_eq!(chain.report().clashing.iter().collect::<Vec<_>>(), [clashing], "{addresses:?}");
+        assert_eq!(chain.report().duplicate.iter().collect::<Vec<_>>(), [clashing], "{addresses:?}");
         assert!(!found.contains(&7), "{found:?}");
     }
     // The parent gets another address, and the child can be used.

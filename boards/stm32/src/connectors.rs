@@ -29,8 +29,8 @@ impl<const P: usize, const S: usize> Devices for Connectors<P, S> {
         }
     }
 
-    fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
-        self.digital.exchange(driven, levels)
+    fn update_digital_pins(&mut self, driven: u8, levels: u8) -> u8 {
+        self.digital.update_digital_pins(driven, levels)
     }
 
     fn set_servos(&mut self, pulses: &[Option<ServoPulse>; SERVOS]) {

@@ -209,7 +209,7 @@ impl<C: Controller> I2cBus for Bus<C> {
         self.controller.set_speed(fast);
     }
 
-    async fn free(&mut self) {
+    async fn recover(&mut self) {
         self.controller.reset();
         let half_pulse = || Timer::after_micros(HALF_PULSE_US);
         self.scl.set_high();

@@ -36,7 +36,7 @@ impl<const P: usize> DigitalLines<P> {
 
     /// Sets directions and levels, and returns the levels of all lines. Bit i stands for line i. A line whose bit in `driven` is 1
     /// is an output with its level in `levels`. Only lines that change are written.
-    pub fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
+    pub fn update_digital_pins(&mut self, driven: u8, levels: u8) -> u8 {
         let mut sensed = u8::MAX;
         for (line, pin) in self.lines.iter_mut().zip(0..8) {
             let bit = 1 << pin;

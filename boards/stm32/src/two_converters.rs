@@ -215,7 +215,7 @@ impl<K: Kind> SupplyAdc for TwoConverters<K> {
         self.scale.battery(battery?, self.vrefint)
     }
 
-    async fn leaves(&mut self, quiet: RangeInclusive<Millivolts>) {
+    async fn wait_until_outside(&mut self, quiet: RangeInclusive<Millivolts>) {
         let reading = |voltage: &Millivolts| self.scale.reading(*voltage, self.vrefint);
         let (converter, _) = self.battery;
         // Thresholds may change only while the converter is stopped (RM0440 21.4.10, RM0433 25.4.10).

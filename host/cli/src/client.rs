@@ -201,8 +201,8 @@ fn discover(mut session: Session<Line>, json: bool) -> Result<(), Failure> {
     let mut table = table::new(&["address", "hub"], 0);
     let mut hubs = Vec::new();
     for hub in session.discover()? {
-        if let Some(address) = Address::new(hub.address).filter(|_| !hub.clashing) {
-            session.talk_to(address);
+        if let Some(address) = Address::new(hub.address).filter(|_| !hub.duplicate) {
+            session.switch_to(address);
             stop_abandoned(&mut session)?;
         }
         let kind = scan::kind(&hub);

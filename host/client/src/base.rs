@@ -74,7 +74,7 @@ impl Part {
         let [speed, _] = geometry.speeds(speed_mm_per_s, 0.0)?;
         let [acceleration, _] = geometry.speeds(acceleration_mm_per_s2, 0.0)?;
         let acceleration = Acceleration::new(acceleration.round().unsigned_abs().max(1))?;
-        Ok((to, GroupCommand::new(GroupCourse::To(course), speed, acceleration)))
+        Ok((to, GroupCommand::new(GroupCourse::Position(course), speed, acceleration)))
     }
 }
 

@@ -35,7 +35,7 @@ impl Explanation {
 #[must_use]
 pub const fn explanation(fault: Fault) -> Explanation {
     match fault {
-        Fault::EncoderSilent => Explanation {
+        Fault::EncoderStale => Explanation {
             means: "A motor's counter could not be read for 20 ms while the motor had a set-point. On STM32 boards the \
                       counters are in the chip and always answer. There a task that samples too late looks like this \
                       fault.",

@@ -125,7 +125,7 @@ impl<L: Read + Write> Session<L> {
         let end = Instant::now() + STORING;
         loop {
             let report = self.stored()?;
-            if !report.at_work || Instant::now() > end {
+            if !report.is_busy || Instant::now() > end {
                 return Ok(report);
             }
             std::thread::sleep(POLL);
@@ -139,7 +139,7 @@ impl<L: Read + Write> Session<L> {
     pub fn begin_store(&mut self, what: HubFunction) -> Result<(), Error> {
         // The hub takes from its last control tick whether motors are disabled.
         self.catch_up()?;
-        let was_idle = self.stored_if_reported()?.is_some_and(|report| !report.at_work);
+        let was_idle = self.stored_if_reported()?.is_some_and(|report| !report.is_busy);
         match self.order(what) {
             // The hub was idle before, so it is busy with this request. The acknowledgement of the first transmission
             // was lost, and the hub has refused a retransmission.

@@ -38,7 +38,7 @@ pub const STANDS_CPS: u16 = 3;
 pub const fn why_unsaved(report: &StoreReport) -> Option<&'static str> {
     match report.outcome {
         // The outcome is the one of an earlier access.
-        _ if report.at_work => Some("the hub has not finished: ask again for its stored settings"),
+        _ if report.is_busy => Some("the hub has not finished: ask again for its stored settings"),
         Outcome::Done | Outcome::None => None,
         Outcome::NeedsErase => {
             Some("the hub must erase flash first, and a motor is enabled: disable all motors and try again")
@@ -110,7 +110,7 @@ pub const fn why_not_armed(report: &UpdateReport) -> Option<&'static str> {
 #[must_use]
 pub fn why_not_started(booted: Booted, sent: &str, now: &str) -> Option<String> {
     match booted {
-        Booted::WentBack => Some(format!(
+        Booted::Reverted => Some(format!(
             "{sent} was refused by the bootloader or did not confirm itself, and the hub returned to the former firmware, {now}"
         )),
         Booted::OnTrial | Booted::Unknown => Some("the new firmware runs, but has not confirmed itself".to_owned()),
@@ -152,7 +152,7 @@ pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
     match motor.setpoint {
         ReportedSetpoint::Power(Control::ZERO) => Some("the set-point is power 0"),
         ReportedSetpoint::Velocity(0) => Some("the set-point is speed 0"),
-        ReportedSetpoint::Position(_) | ReportedSetpoint::Together(_) if motor.settled => {
+        ReportedSetpoint::Position(_) | ReportedSetpoint::Follow(_) if motor.settled => {
             Some("settled at its target")
         }
         ReportedSetpoint::Identify(_) => None,
@@ -171,7 +171,7 @@ const fn fault(motor: &MotorReport) -> Option<&'static str> {
         ReportedSetpoint::Current(_)
             | ReportedSetpoint::Velocity(_)
             | ReportedSetpoint::Position(_)
-            | ReportedSetpoint::Together(_)
+            | ReportedSetpoint::Follow(_)
     );
     // Each fault is named, so that a new fault must get its reason here.
     let Faults { bridge, overheated, encoder, battery_unknown, encoder_stale } = motor.faults;
@@ -200,9 +200,9 @@ const fn fault(motor: &MotorReport) -> Option<&'static str> {
 
 const fn supply(bus: BusState) -> Option<&'static str> {
     match bus {
-        BusState::Silent => Some("the battery voltage is unknown: check the battery and its switch"),
+        BusState::NoReading => Some("the battery voltage is unknown: check the battery and its switch"),
         BusState::TooLow => Some("the battery voltage is below what the bridges need"),
-        BusState::Cut => Some("the battery voltage is too low: the hub draws no current"),
+        BusState::Cutoff => Some("the battery voltage is too low: the hub draws no current"),
         BusState::TooHigh => Some("the bus voltage is too high, raised by another source than these motors"),
         BusState::Derated | BusState::Quiet | BusState::Dissipating => None,
     }

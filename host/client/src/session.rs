@@ -52,7 +52,7 @@ pub struct Found {
     /// True if the hub is on this line, false if it is behind another hub.
     pub parent: bool,
     /// True if several hubs have this address, so that none of them can be used.
-    pub clashing: bool,
+    pub duplicate: bool,
 }
 
 /// A host's session with one hub. Reads of the line must not block for long: see [`crate::line::POLL`].
@@ -145,7 +145,7 @@ impl<L: Read + Write> Session<L> {
             return Err(Error::Parents { found: parents.len(), addresses });
         };
         if let Some(parent) = Address::new(*parent) {
-            self.talk_to(parent);
+            self.switch_to(parent);
         }
         Ok(found)
     }
@@ -156,7 +156,7 @@ impl<L: Read + Write> Session<L> {
     }
 
     /// Limits the time-out of later requests to `timeout`.
-    pub fn hurry(&mut self, timeout: Duration) {
+    pub fn shorten_timeout(&mut self, timeout: Duration) {
         self.timeout = self.timeout.min(timeout);
     }
 
@@ -166,7 +166,7 @@ impl<L: Read + Write> Session<L> {
     }
 
     /// Sends later requests to the hub at `address` on the same line.
-    pub fn talk_to(&mut self, address: Address) {
+    pub fn switch_to(&mut self, address: Address) {
         if address.get() == self.address {
             return;
         }
@@ -193,10 +193,14 @@ impl<L: Read + Write> Session<L> {
             return self.discover_for(CHAIN);
         };
         match self.wait_for_chain(address)? {
-            Some(ChainReport { heard, clashing, .. }) => {
-                let children = (1..BROADCAST).filter(|&address| heard.has(address) || clashing.has(address));
+            Some(ChainReport { answering, duplicate, .. }) => {
                 let children =
-                    children.map(|address| Found { address, parent: false, clashing: clashing.has(address) });
+                    (1..BROADCAST).filter(|&address| answering.has(address) || duplicate.has(address));
+                let children = children.map(|address| Found {
+                    address,
+                    parent: false,
+                    duplicate: duplicate.has(address),
+                });
                 Ok(first.into_iter().chain(children).collect())
             }
             None => self.discover_for(CHAIN),
@@ -213,7 +217,7 @@ impl<L: Read + Write> Session<L> {
         self.count();
         self.transmit(&Standard::FailSafe.into(), BROADCAST, FAIL_SAFE)?;
         let found: Vec<u8> =
-            self.discover()?.iter().filter(|hub| !hub.clashing).map(|hub| hub.address).collect();
+            self.discover()?.iter().filter(|hub| !hub.duplicate).map(|hub| hub.address).collect();
         self.confirm_stop(&found).map(|()| found)
     }
 
@@ -258,7 +262,7 @@ impl<L: Read + Write> Session<L> {
                 wait_until = end.min(Instant::now() + chain);
             }
             if found.iter().all(|hub| hub.address != packet.source) {
-                found.push(Found { address: packet.source, parent, clashing: false });
+                found.push(Found { address: packet.source, parent, duplicate: false });
             }
         }
         if found.is_empty() { Err(Error::NoHub) } else { Ok(found) }
@@ -270,7 +274,7 @@ impl<L: Read + Write> Session<L> {
     fn wait_for_chain(&mut self, parent: u8) -> Result<Option<ChainReport>, Error> {
         let Some(parent) = Address::new(parent) else { return Ok(None) };
         let before = Address::new(self.address);
-        self.talk_to(parent);
+        self.switch_to(parent);
         let end = Instant::now() + CHAIN;
         let report = loop {
             match self.chain() {
@@ -283,7 +287,7 @@ impl<L: Read + Write> Session<L> {
             }
         };
         if let Some(before) = before {
-            self.talk_to(before);
+            self.switch_to(before);
         }
         report
     }

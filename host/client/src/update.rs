@@ -24,7 +24,7 @@ use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::payload::{TEXT, Text};
-use motor_hub::update::{Booted, CHUNK, CRC, Phase, Seal, public_key};
+use motor_hub::update::{Booted, CHUNK, CRC, ImageSignature, Phase, public_key};
 use std::io::{Read, Write};
 use std::time::Duration;
 
@@ -104,15 +104,15 @@ enum Stage {
 #[derive(Debug)]
 pub struct Updating {
     image: Image,
-    seal: Option<Seal>,
+    signature: Option<ImageSignature>,
     stage: Stage,
     /// Time of the last progress.
     since: Instant,
 }
 
 impl Updating {
-    /// Announces an image to the hub. A hub that was built with a public key accepts only an image with a `seal` by
-    /// that key. A hub without a key refuses any seal. The caller then takes steps until the new firmware has confirmed
+    /// Announces an image to the hub. A hub that was built with a public key accepts only an image with a `signature` by
+    /// that key. A hub without a key refuses any signature. The caller then takes steps until the new firmware has confirmed
     /// itself. After an error of a step the caller calls [`abandon`](Self::abandon).
     ///
     /// # Errors
@@ -120,9 +120,9 @@ impl Updating {
     pub fn begin(
         session: &mut Session<impl Read + Write>,
         image: Image,
-        seal: Option<Seal>,
+        signature: Option<ImageSignature>,
     ) -> Result<Self, UpdateError> {
-        let mut updating = Self { image, seal, stage: Stage::Announcing, since: Instant::now() };
+        let mut updating = Self { image, signature, stage: Stage::Announcing, since: Instant::now() };
         match updating.announce(session) {
             Ok(_) => Ok(updating),
             Err(error) => {
@@ -207,8 +207,8 @@ impl Updating {
         session.catch_up()?;
         session.order(HubFunction::BeginUpdate { length, crc: CRC.checksum(bytes), version })?;
         self.stage = Stage::Sending(0);
-        if let Some(Seal { key, signature }) = self.seal {
-            session.order(HubFunction::Sign { key, signature })?;
+        if let Some(ImageSignature { key, bytes }) = self.signature {
+            session.order(HubFunction::Sign { key, signature: bytes })?;
         }
         Ok(Some(Progress::Sending(0)))
     }
@@ -289,7 +289,7 @@ const NOT_CONFIRMED: &str =
 
 /// True while the hub writes or checks.
 const fn is_busy(report: &UpdateReport) -> bool {
-    report.at_work || matches!(report.phase, Phase::Checking | Phase::Disarming)
+    report.is_busy || matches!(report.phase, Phase::Checking | Phase::Disarming)
 }
 
 /// Returns the signature in the bytes of a signature file.

@@ -79,7 +79,7 @@ fn requests_are_the_bytes_of_the_protocol() {
 }
 
 const fn found(address: u8, parent: bool) -> session::Found {
-    session::Found { address, parent, clashing: false }
+    session::Found { address, parent, duplicate: false }
 }
 
 #[test]
@@ -210,7 +210,7 @@ fn a_save_whose_acknowledgement_is_lost_is_accepted() {
         let mut hub = Hub { lost_reply_to: Some((what.id(), 0)), ..Hub::new() };
         hub.responder.restore(Found::default());
         let report = impatient(Memory::new(hub)).store(what).unwrap();
-        assert_eq!((report.outcome, report.number, report.at_work), (Outcome::Done, 1, false));
+        assert_eq!((report.outcome, report.number, report.is_busy), (Outcome::Done, 1, false));
     }
 }
 
@@ -266,7 +266,7 @@ fn a_hub_is_opened_by_where_it_is() {
 fn a_session_goes_on_with_another_hub_on_its_line() {
     let mut session = Session::new(Memory::new(Hub::new()), Address::DEFAULT, Duration::from_millis(60));
     assert!(session.battery().is_err(), "nobody is there");
-    session.talk_to(Address::new(ADDRESS).unwrap());
+    session.switch_to(Address::new(ADDRESS).unwrap());
     assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
 }
 
@@ -323,7 +323,7 @@ fn after_an_answer_nothing_stale_is_waited_for_and_after_a_lost_one_it_is() {
 #[test]
 fn a_hub_that_has_no_words_for_its_bus_tells_nothing_of_it_and_that_is_no_failure() {
     let ours = session(Memory::new(Hub::new())).bus().unwrap();
-    assert_eq!(ours.map(|bus| bus.state), Some(BusState::Silent), "nothing is measured");
+    assert_eq!(ours.map(|bus| bus.state), Some(BusState::NoReading), "nothing is measured");
     let mut session = session(Memory::new(Hub { foreign: true, ..Hub::new() }));
     assert_eq!(session.bus().unwrap(), None);
     assert_eq!(session.battery().unwrap().get(), 12_345, "it goes on");

@@ -8,7 +8,7 @@ use motor_hub::extension::HubFunction;
 use motor_hub::protocol::Address;
 use motor_hub::protocol::payload::Text;
 use motor_hub::responder::Responder;
-use motor_hub::update::{Booted, CRC, Done, Outcome, Phase, Slot, UpdateRequest};
+use motor_hub::update::{Booted, CRC, Outcome, Phase, Slot, SlotReport, UpdateRequest};
 use motor_hub_client::Session;
 use motor_hub_client::update::{Image, Progress, UpdateError, Updating};
 use std::time::Duration;
@@ -19,7 +19,7 @@ const SLOT: Slot =
 /// Protocol code of a hub whose firmware is confirmed.
 fn started() -> Responder<4> {
     let mut responder = responder().with_slot(SLOT);
-    responder.update_done(Done::Booted(Booted::Confirmed));
+    responder.update_done(SlotReport::Booted(Booted::Confirmed));
     responder
 }
 
@@ -27,7 +27,7 @@ fn started() -> Responder<4> {
 fn flash(responder: &mut Responder<4>, request: UpdateRequest) {
     match request {
         UpdateRequest::Restart => *responder = started(),
-        _ => responder.update_done(Done::Finished(Outcome::Done)),
+        _ => responder.update_done(SlotReport::Result(Outcome::Done)),
     }
 }
 

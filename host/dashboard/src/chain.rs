@@ -63,7 +63,7 @@ impl Chain {
     /// Continues the session with the first hub, because the hub that is shown does not answer.
     pub(crate) fn give_up(&mut self, session: &mut Hub) {
         let Some(first) = self.hubs.first().and_then(|hub| Address::new(hub.address)) else { return };
-        session.talk_to(first);
+        session.switch_to(first);
         for hub in &mut self.hubs {
             if hub.shown {
                 (hub.shown, hub.lost) = (false, true);
@@ -82,7 +82,7 @@ impl Chain {
         let Some(hub) = Address::new(address).filter(|_| known) else {
             return Err(format!("there is no hub {address} on this line"));
         };
-        session.talk_to(hub);
+        session.switch_to(hub);
         for hub in &mut self.hubs {
             hub.shown = hub.address == address;
             hub.lost &= !hub.shown;
@@ -117,9 +117,9 @@ impl Chain {
             return Ok(());
         };
         let Some(address) = Address::new(other.address) else { return Ok(()) };
-        session.talk_to(address);
+        session.switch_to(address);
         let asked = ask(session);
-        session.talk_to(shown);
+        session.switch_to(shown);
         match asked {
             Ok((running, fault)) => (other.running, other.fault) = (running, fault),
             // The silent hub gets no more requests, so its keep-alive disables its motors.

@@ -367,7 +367,7 @@ fn configured(
 fn turn(session: &mut Hub, at: [Option<i32>; CHANNELS], acceleration: u32) -> Result<(), RequestError> {
     let fastest = at.iter().flatten().map(|cps| cps.unsigned_abs()).max().unwrap_or_default();
     let fastest = within("a group's speed", fastest.into(), -FASTEST_CPS..=FASTEST_CPS, "counts/s")?;
-    let course = GroupCourse::On(at.map(|cps| cps.map(CountsPerSecond::new)));
+    let course = GroupCourse::Velocity(at.map(|cps| cps.map(CountsPerSecond::new)));
     begin_group(session, course, at.map(|cps| cps.is_some()), fastest, acceleration)
 }
 
@@ -378,7 +378,7 @@ fn together(
     acceleration: u32,
 ) -> Result<(), RequestError> {
     let speed = within("a group's speed", speed.into(), 1.0..=FASTEST_CPS, "counts/s")?;
-    begin_group(session, GroupCourse::To(to), to.map(|to| to.is_some()), speed, acceleration)
+    begin_group(session, GroupCourse::Position(to), to.map(|to| to.is_some()), speed, acceleration)
 }
 
 /// Enables the members of a group, and starts the group.

@@ -207,7 +207,7 @@ pub(crate) struct Frame {
     /// State of the bus; `None` if the hub does not report it.
     pub(crate) bus: Option<&'static str>,
     /// Share of the braking energy that is dissipated instead of returned, 0 to 1.
-    pub(crate) burning: f64,
+    pub(crate) dissipating: f64,
     /// States of the motors, by the number of the motor.
     pub(crate) motors: Vec<MotorState>,
 }
@@ -272,7 +272,7 @@ impl Frame {
             tick_ms: report.at_ms,
             battery_v: report.battery.map(|mv| f64::from(mv.get()) / 1e3),
             bus: Some(report.bus.name()),
-            burning: f64::from(report.dissipate) / 1e3,
+            dissipating: f64::from(report.dissipate) / 1e3,
             motors: motors.map(|(index, motor)| MotorState::of(motor, why_still(report, index))).collect(),
             ..Self::default()
         }

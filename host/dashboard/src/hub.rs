@@ -33,7 +33,7 @@ impl Opened {
     pub fn with_parent(line: Box<dyn Port>, timeout: Duration) -> Result<Self, Error> {
         let mut session = Session::new(line, Address::DEFAULT, timeout);
         let found = session.find_parent()?;
-        let mut found: Vec<_> = found.iter().filter(|hub| !hub.clashing).collect();
+        let mut found: Vec<_> = found.iter().filter(|hub| !hub.duplicate).collect();
         found.sort_by_key(|hub| (!hub.parent, hub.address));
         let hubs = found.iter().map(|hub| hub.address).collect();
         Ok(Self { session, hubs })

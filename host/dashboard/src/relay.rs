@@ -491,7 +491,7 @@ impl Relay {
     fn connect(&mut self) {
         self.connect_at = Instant::now() + AGAIN;
         let met = (self.place.open)().and_then(|Opened { mut session, hubs }| {
-            session.hurry(PATIENCE);
+            session.shorten_timeout(PATIENCE);
             self.chain = Chain::new(&hubs, session.address());
             self.session = Some(session);
             self.meet().map_err(|error| error.to_string())
@@ -603,7 +603,7 @@ impl Relay {
         }
         *asked = Instant::now();
         let report = or_refusal(session.stored())?;
-        if report.as_ref().is_ok_and(|report| report.at_work) {
+        if report.as_ref().is_ok_and(|report| report.is_busy) {
             return Ok(());
         }
         let done = match what {

@@ -165,7 +165,7 @@ pub(crate) enum Order {
         /// Version text in the firmware.
         version: String,
         /// Signature of the firmware; `None` for a hub that needs none.
-        seal: Option<SealFiles>,
+        seal: Option<SignatureFiles>,
     },
     /// Plays the scenario of a simulated hub from its beginning.
     Play,
@@ -296,7 +296,7 @@ pub(crate) enum DeviceOrder {
 /// Signature and public key of new firmware. Each is the contents of a file as hexadecimal digits.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct SealFiles {
+pub(crate) struct SignatureFiles {
     /// The signature: 64 bytes.
     pub(crate) signature: String,
     /// The signer's public key in DER, as OpenSSL writes it.

@@ -97,7 +97,7 @@ impl Step {
                 return Ok(session.set_current(motor, current.get(), limit)?);
             }
             // Scenarios have no identifications, and a script has no motion of motors in step.
-            Setpoint::Disabled | Setpoint::FailSafe | Setpoint::Identify { .. } | Setpoint::Together(_) => {
+            Setpoint::Disabled | Setpoint::FailSafe | Setpoint::Identify { .. } | Setpoint::Follow(_) => {
                 return Ok(session.enable(motor, false)?);
             }
         };

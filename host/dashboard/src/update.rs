@@ -2,8 +2,8 @@
 //! small chunks between two frames, so that pages get frames during the update.
 
 use crate::hub::{Hub, RequestError, or_refusal};
-use crate::requests::SealFiles;
-use motor_hub::update::Seal;
+use crate::requests::SignatureFiles;
+use motor_hub::update::ImageSignature;
 use motor_hub_client::Error;
 use motor_hub_client::update::{Image, Progress as News, UpdateError, Updating, read_key, read_signature};
 use serde::Serialize;
@@ -35,12 +35,12 @@ impl Update {
         session: &mut Hub,
         bytes: Vec<u8>,
         version: &str,
-        files: Option<&SealFiles>,
+        files: Option<&SignatureFiles>,
     ) -> Result<Self, RequestError> {
-        let seal = files.map(seal).transpose()?;
+        let signature = files.map(read_files).transpose()?;
         let length = bytes.len().max(1);
         let image = Image { bytes, version: version.to_owned(), origin: None };
-        Ok(Self { updating: Updating::begin(session, image, seal)?, length, percent: 0 })
+        Ok(Self { updating: Updating::begin(session, image, signature)?, length, percent: 0 })
     }
 
     /// True while the hub may be silent because it restarts.
@@ -101,12 +101,12 @@ pub(crate) fn bytes_of(hex: &str) -> Option<Vec<u8>> {
 }
 
 /// Reads the signature and the key.
-fn seal(files: &SealFiles) -> Result<Seal, String> {
+fn read_files(files: &SignatureFiles) -> Result<ImageSignature, String> {
     let (signature, key) = (bytes_of(&files.signature), bytes_of(&files.key));
     let signature = read_signature(&signature.unwrap_or_default());
     let key = read_key(&key.unwrap_or_default());
-    Ok(Seal {
-        signature: signature.map_err(|why| format!("the signature {why}"))?,
+    Ok(ImageSignature {
+        bytes: signature.map_err(|why| format!("the signature {why}"))?,
         key: key.map_err(|why| format!("the key {why}"))?,
     })
 }

@@ -12,7 +12,7 @@ use motor_hub_client::line::{Line, ports};
 use motor_hub_client::motor::constant_current_ma;
 use motor_hub_client::motor_hub::extension::HubFunction;
 use motor_hub_client::motor_hub::extension::group::{GroupCourse, GroupState};
-use motor_hub_client::motor_hub::group::{BaseSettings, DriveBase, GroupCommand, TOLERANCE};
+use motor_hub_client::motor_hub::group::{BaseSettings, DEFAULT_TOLERANCE, DriveBase, GroupCommand};
 use motor_hub_client::motor_hub::motor::ZeroPower;
 use motor_hub_client::motor_hub::protocol::CHANNELS;
 use motor_hub_client::motor_hub::protocol::motor::RunMode;
@@ -376,10 +376,10 @@ impl Link {
         let Some(first) = targets.keys().next().copied() else {
             return Err(PyValueError::new_err("no motor is given; a group has one motor at least"));
         };
-        let course = if on { GroupCourse::On(speeds) } else { GroupCourse::To(places) };
+        let course = if on { GroupCourse::Velocity(speeds) } else { GroupCourse::Position(places) };
         let usual = GroupCommand::new(course, CountsPerSecond::new(speed), acceleration);
         let tolerance =
-            within("tolerance", tolerance.unwrap_or(TOLERANCE.into()), 0, u16::MAX.into(), "counts")?;
+            within("tolerance", tolerance.unwrap_or(DEFAULT_TOLERANCE.into()), 0, u16::MAX.into(), "counts")?;
         let first = channel(first)?;
         self.run(py, |session| session.move_together(first, GroupCommand { tolerance, ..usual }))
     }

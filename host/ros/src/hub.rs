@@ -476,7 +476,7 @@ impl Connected {
         if let Some(address) = address.filter(|address| self.lost.contains_key(address)) {
             return Err(Error::Silent { address });
         }
-        self.session.talk_to(address.and_then(Address::new).unwrap_or(self.parent));
+        self.session.switch_to(address.and_then(Address::new).unwrap_or(self.parent));
         self.session.set_timeout(if address.is_some() { CHILD_PATIENCE } else { PATIENCE });
         Ok(())
     }
@@ -488,7 +488,7 @@ impl Connected {
         let found = lost.is_some_and(|(_, again)| Instant::now() >= again);
         if let Some((child, _)) = lost.filter(|_| found) {
             self.lost.insert(child, Instant::now() + AGAIN);
-            self.session.talk_to(Address::new(child).unwrap_or(self.parent));
+            self.session.switch_to(Address::new(child).unwrap_or(self.parent));
             self.session.set_timeout(LOST_PATIENCE);
             self.disable_child(child)?;
             self.lost.remove(&child);
@@ -566,7 +566,7 @@ impl Connected {
             return Ok(());
         };
         let why = match self.session.stored() {
-            Ok(report) if report.at_work && Instant::now() < end => return Ok(()),
+            Ok(report) if report.is_busy && Instant::now() < end => return Ok(()),
             Ok(report) => reasons::why_unsaved(&report).map(str::to_owned),
             Err(error @ (Error::Refused { .. } | Error::TooOld { .. })) => Some(error.to_string()),
             Err(error) => return Err(error),

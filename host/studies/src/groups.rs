@@ -115,7 +115,7 @@ impl HeadingError {
 
 /// The reference position in counts of a member of a group; `None` for another set-point.
 fn reference(setpoint: Setpoint) -> Option<f64> {
-    let Setpoint::Together(reference) = setpoint else { return None };
+    let Setpoint::Follow(reference) = setpoint else { return None };
     Some(f64::from(reference.position) + f64::from(reference.fraction) / 65_536.0)
 }
 

@@ -49,7 +49,7 @@ pub struct OperatingReport {
 pub struct PointReport {
     /// "S", "T", "Z" or "G".
     pub name: &'static str,
-    /// Abscissa in steps; may lie outside the control range.
+    /// UnboundedControl in steps; may lie outside the control range.
     pub control: f64,
     /// Ordinate in the scheme's unit.
     pub y: f64,
@@ -102,7 +102,7 @@ impl OperatingReport {
         // Ordinates are equivalent voltages in Scheme A. In other schemes they are currents: voltage minus back EMF,
         // divided by the resistance.
         let y = |volt: f64| side * if volts { volt } else { (volt - e) / motor.r.0 } + 0.0;
-        let point = |name, x: braking::Abscissa, volt| PointReport {
+        let point = |name, x: braking::UnboundedControl, volt| PointReport {
             name,
             control: side * x.to_f64() + 0.0,
             y: y(volt),

@@ -72,7 +72,7 @@ impl Goal {
             | Setpoint::ConstantPower(_)
             | Setpoint::Current { .. }
             | Setpoint::Identify { .. }
-            | Setpoint::Together(_) => None,
+            | Setpoint::Follow(_) => None,
             Setpoint::Velocity(cps) => Some(Self::Velocity(cps.to_f64())),
             Setpoint::Position { target, tolerance, speed_limit } => Some(Self::Position {
                 counts: target.into(),

@@ -113,7 +113,7 @@ pub fn drive(base: DriveBase, left: f64, heading: Heading) -> Result<End, StudyE
             [(base.straight(SIDE_MM)?, SIDE_S), (base.turn(90.0 * left * turn_scale)?, TURN_S)]
         {
             let [left, right] = counts;
-            let course = Course::by(&[(0, left), (1, right)])?;
+            let course = Course::distances(&[(0, left), (1, right)])?;
             let value = GroupCommand::new(course, CountsPerSecond::new(SPEED_CPS), acceleration);
             courses.push(Timed { at_s, value });
             at_s += time_s;

@@ -3,34 +3,34 @@
 //! The check of [`embassy_boot`] is not used, because that check reads two bytes at a time and does not let other tasks
 //! run.
 
-use super::swap::{progress, refuse, seal};
+use super::swap::{progress, refuse, stored_signature};
 use super::{Outcome, Slots, StateFlash, WORD, each_chunk};
-use crate::update::{ROLLBACK_VERSION_AT, Seal};
+use crate::update::{ImageSignature, ROLLBACK_VERSION_AT};
 use core::future::ready;
 use embedded_storage_async::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 use salty::{PublicKey, Sha512, Signature};
 
 impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
-    /// Checks that the seal has a valid signature of the written image by the seal's key, and that the image is not
+    /// Checks that the signature is valid for the written image, and that the image is not
     /// older than the present firmware. The arithmetic blocks the processor, so the method first awaits `motors_off`.
     pub(super) async fn verify(
         &mut self,
         length: u32,
-        seal: &Seal,
+        signature: &ImageSignature,
         motors_off: impl Future<Output = ()>,
     ) -> Outcome {
-        check(&mut self.active, &mut self.download, length, seal, motors_off)
+        check(&mut self.active, &mut self.download, length, signature, motors_off)
             .await
             .unwrap_or(Outcome::Refused)
     }
 }
 
-/// Checks the new firmware in the download slot against its seal and the present firmware.
+/// Checks the new firmware in the download slot against its signature and the present firmware.
 async fn check<A: ReadNorFlash, D: ReadNorFlash>(
     active: &mut A,
     download: &mut D,
     length: u32,
-    seal: &Seal,
+    signature: &ImageSignature,
     motors_off: impl Future<Output = ()>,
 ) -> Result<Outcome, NorFlashErrorKind> {
     let mut hash = Sha512::new();
@@ -39,9 +39,9 @@ async fn check<A: ReadNorFlash, D: ReadNorFlash>(
     let present = rollback_version(active, active.capacity() as u32).await.map_err(|error| error.kind())?;
     let new = rollback_version(download, length).await.map_err(|error| error.kind())?;
     motors_off.await;
-    let signature = Signature::from(&seal.signature);
-    Ok(match PublicKey::try_from(&seal.key) {
-        Ok(key) if key.verify(&hash, &signature).is_ok() => {
+    let bytes = Signature::from(&signature.bytes);
+    Ok(match PublicKey::try_from(&signature.key) {
+        Ok(key) if key.verify(&hash, &bytes).is_ok() => {
             if new < present {
                 Outcome::Older
             } else {
@@ -64,7 +64,7 @@ async fn rollback_version<F: ReadNorFlash>(slot: &mut F, length: u32) -> Result<
 
 /// Discards a swap that is marked and has not begun, unless the new firmware has a valid signature by this key and is
 /// not older than the present firmware. The present firmware then finds
-/// [`Booted::WentBack`](crate::update::Booted::WentBack). A bootloader with a key calls this function before it begins
+/// [`Booted::Reverted`](crate::update::Booted::Reverted). A bootloader with a key calls this function before it begins
 /// a swap.
 ///
 /// # Errors
@@ -80,9 +80,9 @@ pub async fn discard_refused_swap<A: NorFlash, D: NorFlash, S: NorFlash>(
     if progress(state, pages).await.map_err(|error| error.kind())? != Some(0) {
         return Ok(());
     }
-    let (length, signature) = seal(state, pages).await.map_err(|error| error.kind())?;
+    let (length, bytes) = stored_signature(state, pages).await.map_err(|error| error.kind())?;
     // The length of unsigned firmware reads as 2^32 - 1, which is too long.
     let accepted = length <= capacity
-        && check(active, download, length, &Seal { key, signature }, ready(())).await? == Outcome::Done;
+        && check(active, download, length, &ImageSignature { key, bytes }, ready(())).await? == Outcome::Done;
     if accepted { Ok(()) } else { refuse(state).await }
 }

@@ -83,21 +83,21 @@ fn sums_at<S: NorFlash>(state: &StateFlash<S>, page: u32) -> u32 {
 }
 
 /// Size of length and signature in the state, in bytes: a multiple of each possible word.
-const SEAL_BYTES: usize = 96;
+const SIGNATURE_BYTES: usize = 96;
 
 /// Returns the address of the new firmware's length and signature in the state.
-fn seal_at<S: NorFlash>(state: &StateFlash<S>, pages: u32) -> u32 {
-    sums_at(state, pages.saturating_sub(1)).saturating_sub(SEAL_BYTES as u32)
+fn signature_at<S: NorFlash>(state: &StateFlash<S>, pages: u32) -> u32 {
+    sums_at(state, pages.saturating_sub(1)).saturating_sub(SIGNATURE_BYTES as u32)
 }
 
 /// Reads length and signature of the new firmware. All their bytes are 0xFF if the firmware was not signed.
 #[cfg(feature = "signed")]
-pub(super) async fn seal<S: NorFlash>(
+pub(super) async fn stored_signature<S: NorFlash>(
     state: &mut StateFlash<S>,
     pages: u32,
 ) -> Result<(u32, [u8; 64]), S::Error> {
-    let (mut bytes, mut signature) = ([0; SEAL_BYTES], [0; 64]);
-    state.read(seal_at(state, pages), &mut bytes).await?;
+    let (mut bytes, mut signature) = ([0; SIGNATURE_BYTES], [0; 64]);
+    state.read(signature_at(state, pages), &mut bytes).await?;
     let (length, rest) = bytes.split_first_chunk().unwrap_or((&[0; 4], &[]));
     signature.iter_mut().zip(rest).for_each(|(to, byte)| *to = *byte);
     Ok((u32::from_le_bytes(*length), signature))
@@ -108,7 +108,7 @@ pub(super) async fn mark<A: ReadNorFlash, D: NorFlash, S: NorFlash>(
     active: &mut A,
     download: &mut D,
     state: &mut StateFlash<S>,
-    seal: Option<(u32, [u8; 64])>,
+    signature: Option<(u32, [u8; 64])>,
 ) -> Result<(), NorFlashErrorKind> {
     let kind = |error: S::Error| error.kind();
     let mut buffer = [0; WORD];
@@ -116,11 +116,11 @@ pub(super) async fn mark<A: ReadNorFlash, D: NorFlash, S: NorFlash>(
     state.erase(0, state.capacity() as u32).await.map_err(kind)?;
     let length = D::ERASE_SIZE as u32;
     let pages = active.capacity() as u32 / length;
-    if let Some((length, signature)) = seal {
-        let mut bytes = [BLANK; SEAL_BYTES];
+    if let Some((length, signature)) = signature {
+        let mut bytes = [BLANK; SIGNATURE_BYTES];
         let stored = length.to_le_bytes().into_iter().chain(signature);
         bytes.iter_mut().zip(stored).for_each(|(to, byte)| *to = byte);
-        state.write(seal_at(state, pages), &bytes).await.map_err(kind)?;
+        state.write(signature_at(state, pages), &bytes).await.map_err(kind)?;
     }
     for page in 0..pages {
         let previous = checksum(active, page * length, length).await?;
@@ -188,7 +188,7 @@ async fn discard<S: NorFlash>(state: &mut StateFlash<S>) -> Result<(), NorFlashE
 }
 
 /// Discards the marked swap because the new firmware is refused. The firmware in the active slot is started, and reads
-/// from the state that the new firmware was refused ([`Booted::WentBack`](crate::update::Booted::WentBack)).
+/// from the state that the new firmware was refused ([`Booted::Reverted`](crate::update::Booted::Reverted)).
 #[cfg(feature = "signed")]
 pub(super) async fn refuse<S: NorFlash>(state: &mut StateFlash<S>) -> Result<(), NorFlashErrorKind> {
     let kind = |error: S::Error| error.kind();

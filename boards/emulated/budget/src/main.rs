@@ -83,7 +83,7 @@ fn sampled() {
 /// The count of a control step begins at the first instruction of this function.
 #[inline(never)]
 fn step_motor(motor: &mut Motor, now: Micros, reading: Reading, battery: Millivolts) -> Report {
-    motor.step(now, Some(reading), Some(Battery::good(battery, now)))
+    motor.step(now, Some(reading), Some(Battery::unlimited(battery, now)))
 }
 
 /// Writes the results of a step: control value, mode and duty, velocity, position. The count of a control step ends at

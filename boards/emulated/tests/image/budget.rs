@@ -40,7 +40,7 @@ const MODES: [&str; 2] = ["velocity", "position"];
 fn variants() -> impl Iterator<Item = ControlVariant> {
     Knowledge::ALL
         .into_iter()
-        .flat_map(|knowledge| DutyRule::EACH.map(|rule| ControlVariant { rule, knowledge }))
+        .flat_map(|knowledge| DutyRule::ALL.map(|rule| ControlVariant { rule, knowledge }))
 }
 
 fn record(mode: &str, variant: ControlVariant, ms: u32, ticks: usize) -> Recording {

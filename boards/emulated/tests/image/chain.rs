@@ -55,9 +55,9 @@ fn two_hubs_with_one_address_are_told_and_both_obey_after_set_address() {
     chain.run(ms(630));
     let found: Vec<u8> = host.arrivals(chain.first()).iter().map(|arrival| arrival.packet.source).collect();
     assert_eq!(found, [CHILD], "the parent alone");
-    let ChainReport { discovering, clashing, .. } = host.to(CHILD).question(&mut chain, HubFunction::Chain);
+    let ChainReport { discovering, duplicate, .. } = host.to(CHILD).question(&mut chain, HubFunction::Chain);
     assert!(!discovering);
-    assert_eq!(clashing.iter().collect::<Vec<_>>(), [CHILD]);
+    assert_eq!(duplicate.iter().collect::<Vec<_>>(), [CHILD]);
     set_address(&mut chain, &mut host, CHILD, PARENT);
     // Now a discovery finds the child, the second address that the parent asks.
     host.to(BROADCAST).send(&mut chain, Standard::Discovery);
@@ -69,7 +69,7 @@ fn two_hubs_with_one_address_are_told_and_both_obey_after_set_address() {
         host.to(address).keep_alive(&mut chain);
     }
     let report: ChainReport = host.to(PARENT).question(&mut chain, HubFunction::Chain);
-    assert_eq!(report.clashing.iter().count(), 0);
+    assert_eq!(report.duplicate.iter().count(), 0);
     chain.hubs.iter_mut().for_each(Bench::assert_sound);
 }
 

@@ -157,7 +157,7 @@ pub(crate) fn a_broken_sense_line_is_reported_and_not_used() {
     let said = [0, 1, 2].map(|motor| condition(&mut bench, &mut host, motor));
     assert_eq!(
         said.map(|is| (is.sense_line, is.measured_ma.is_some())),
-        [(SenseLine::Silent, false), (SenseLine::Stuck, false), (SenseLine::Sound, true)]
+        [(SenseLine::NoCurrent, false), (SenseLine::Stuck, false), (SenseLine::Sound, true)]
     );
     let modelled = f64::from(said[0].current.get());
     for motor in 0..2 {

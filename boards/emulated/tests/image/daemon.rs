@@ -53,7 +53,7 @@ impl Daemon {
         self.host.order(&mut self.bench, HubFunction::SetBase { base });
         (0..2).for_each(|motor| self.host.velocity(&mut self.bench, motor, 1_000));
         let speed = CountsPerSecond::new(1_000);
-        let course = GroupCourse::On([Some(speed), Some(speed), None, None]);
+        let course = GroupCourse::Velocity([Some(speed), Some(speed), None, None]);
         let wanted = GroupCommand::new(course, speed, Acceleration::new(5_000).expect("in range"));
         self.host.order(&mut self.bench, MotorFunction::Move { wanted }.to(0));
         self.bench.run(ms(1_500));

@@ -13,7 +13,7 @@ use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::store::{Outcome as Saved, Stored};
 use motor_hub::tasks::update::Slots;
-use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Seal};
+use motor_hub::update::{Booted, CHUNK, CRC, ImageSignature, Outcome};
 use salty::{Keypair, Sha512};
 
 const BOARD: Board = Board::NucleoH743zi2;
@@ -77,8 +77,8 @@ fn armed() -> Armed {
     armed_with(setup(vec![am60()]), |_| None)
 }
 
-/// Returns an armed flash for another setup, with a seal that `seal` makes from the new image.
-fn armed_with(setup: Setup, seal: impl FnOnce(&[u8]) -> Option<Seal>) -> Armed {
+/// Returns an armed flash for another setup, with a signature that `sign` makes from the new image.
+fn armed_with(setup: Setup, sign: impl FnOnce(&[u8]) -> Option<ImageSignature>) -> Armed {
     let setup = Setup { board: BOARD, bootloader: true, ..setup };
     let mut flash = Bench::new(setup).flash();
     let slot = &flash[ACTIVE..ACTIVE + 4 * PAGE];
@@ -94,7 +94,7 @@ fn armed_with(setup: Setup, seal: impl FnOnce(&[u8]) -> Option<Seal>) -> Armed {
         assert_eq!(block_on(slots.write(at, bytes)), Outcome::Done);
     }
     let crc = CRC.checksum(&new);
-    let done = block_on(slots.arm(new.len() as u32, crc, seal(&new), std::future::ready(())));
+    let done = block_on(slots.arm(new.len() as u32, crc, sign(&new), std::future::ready(())));
     assert_eq!(done, Outcome::Done);
     flash[DOWNLOAD..DOWNLOAD + 5 * PAGE].copy_from_slice(&download.0);
     flash[STATE..STATE + PAGE].copy_from_slice(&state.0);
@@ -271,7 +271,7 @@ fn a_bootloader_with_a_key_begins_to_swap_only_what_the_key_has_signed() {
     let sign = |image: &[u8]| {
         let mut hash = Sha512::new();
         hash.update(image);
-        Some(Seal { key, signature: keys.sign(&hash.finalize()).to_bytes() })
+        Some(ImageSignature { key, bytes: keys.sign(&hash.finalize()).to_bytes() })
     };
     let (unsigned, signed) = (armed_with(with_key(), |_| None), armed_with(with_key(), sign));
     std::fs::remove_file(&file).expect("the file of the key");
@@ -305,15 +305,15 @@ fn power_that_goes_at_any_step_of_a_swap_leaves_whole_firmware_that_runs() {
         let booted = booted(&mut powered_on);
         // A reset of firmware on trial restores the previous firmware, also if the reset is a loss of power.
         let expected = match booted {
-            Booted::WentBack if is_on_trial => &before,
+            Booted::Reverted if is_on_trial => &before,
             _ => &new,
         };
         assert!(
             powered_on.flash()[ACTIVE..].starts_with(expected),
             "other firmware than expected: {booted:?}"
         );
-        restored += u32::from(booted == Booted::WentBack);
-        assert_eq!(booted == Booted::WentBack, expected == &before);
+        restored += u32::from(booted == Booted::Reverted);
+        assert_eq!(booted == Booted::Reverted, expected == &before);
         cuts += 1;
         if is_over {
             break;

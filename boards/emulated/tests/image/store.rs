@@ -58,7 +58,7 @@ pub(crate) fn save(line: &mut impl Line, host: &mut HostLink) -> (StoreReport, D
     host.order(line, HubFunction::Save);
     loop {
         let (report, took) = (state(line, host), line.first().now() - begun);
-        if !report.at_work {
+        if !report.is_busy {
             return (report, took);
         }
         assert!(took < ms(6000), "{report:?}");

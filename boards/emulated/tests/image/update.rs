@@ -133,7 +133,7 @@ fn the_bootloader_starts_the_hub_and_firmware_that_hangs_is_rolled_back() {
     );
     bench.run(Duration::from_secs(1));
     host.arrivals(&mut bench);
-    assert_eq!(state(&mut bench, &mut host).booted, Booted::WentBack);
+    assert_eq!(state(&mut bench, &mut host).booted, Booted::Reverted);
     assert_eq!(version(&mut bench, &mut host), before);
     let causes: Vec<_> = bench.resets().into_iter().map(|reset| reset.cause).collect();
     println!("{causes:?}");

@@ -61,7 +61,7 @@ fn scaled(setpoint: Setpoint, counts: f64) -> Setpoint {
     let speed = |cps: CountsPerSecond| CountsPerSecond::new((cps.to_f64() * counts).round() as i32);
     match setpoint {
         // The hub sets the references of a group.
-        Setpoint::Disabled | Setpoint::FailSafe | Setpoint::ConstantPower(_) | Setpoint::Together(_) => {
+        Setpoint::Disabled | Setpoint::FailSafe | Setpoint::ConstantPower(_) | Setpoint::Follow(_) => {
             setpoint
         }
         Setpoint::Current { current, speed_limit } => {

@@ -26,7 +26,7 @@ use std::num::NonZeroU16;
 /// Limits that never act: the hub accepts any battery from 5 to 18 V, and dissipates no energy.
 pub const UNLIMITED: Limits = constant!(Limits::new(Levels {
     min: Millivolts::new(5_000),
-    cut: Millivolts::new(5_000),
+    cutoff: Millivolts::new(5_000),
     derate: Millivolts::new(5_001),
     recover: Millivolts::new(5_001),
     dissipate: Millivolts::new(17_999),
@@ -270,7 +270,7 @@ impl Scenario {
             );
             commands.extend(group.courses.iter().map(|&Timed { at_s, value }| Timed {
                 at_s,
-                value: Command { motor, action: Action::Lead(value) },
+                value: Command { motor, action: Action::MoveGroup(value) },
             }));
         }
         commands.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));

@@ -87,7 +87,7 @@ type Line = ((Scheme, DutyRule, u32), Vec<f64>);
 
 /// All schemes, duty rules and periods, a line each.
 fn all(run: impl Fn(Scheme, DutyRule, u32) -> Vec<f64> + Sync) -> Vec<Line> {
-    let rules = Scheme::EACH.iter().flat_map(|&scheme| DutyRule::EACH.map(|duty| (scheme, duty)));
+    let rules = Scheme::ALL.iter().flat_map(|&scheme| DutyRule::ALL.map(|duty| (scheme, duty)));
     let cells: Vec<_> = rules.flat_map(|(scheme, duty)| PERIODS_MS.map(|ms| (scheme, duty, ms))).collect();
     let line = |&(scheme, duty, ms): &(Scheme, DutyRule, u32)| ((scheme, duty, ms), run(scheme, duty, ms));
     let (some, others) = cells.split_at(cells.len() / 2);

@@ -37,7 +37,7 @@ fn a_sound_line_shows_the_current_also_of_a_wrongly_configured_motor() {
 #[test]
 fn a_broken_line_is_reported_and_the_modelled_current_is_used() {
     for (line, is) in
-        [("absent", SenseLine::Absent), ("stuck-low", SenseLine::Silent), ("stuck-high", SenseLine::Stuck)]
+        [("absent", SenseLine::Absent), ("stuck-low", SenseLine::NoCurrent), ("stuck-high", SenseLine::Stuck)]
     {
         let report = driving(&format!("current_line = \"{line}\""));
         assert_eq!((report.sense_line, report.measured), (is, None), "{line}");

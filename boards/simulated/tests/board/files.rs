@@ -1,7 +1,7 @@
 //! Meaning of scenario files. Files with mistakes are refused: the error gives the position, the value, and the allowed
 //! values.
 
-use motor_hub::group::{Course, GroupCommand, Halt, TOLERANCE, usual_lag};
+use motor_hub::group::{Course, DEFAULT_TOLERANCE, GroupCommand, Halt, default_lag};
 use motor_hub::hub::{Action, Command};
 use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::model::si::{NewtonMetres, Volts};
@@ -346,14 +346,14 @@ fn a_group_is_sent_on_courses_by_the_wheels_of_its_base() {
     let [first, second]: [GroupCommand; 2] = courses.try_into().expect("two courses");
     // The left wheel travels 100 mm minus 235.6 mm, and the right wheel 100 mm plus 235.6 mm. 235.6 mm is the path of a
     // wheel in a quarter turn of the base. The counts of the right wheel are negative, because it is mirrored.
-    assert_eq!(first.course, Course::by(&[(0, -806), (1, -1994)]).expect("two motors"));
-    let usual = (usual_lag(CountsPerSecond::new(1_000)), TOLERANCE);
+    assert_eq!(first.course, Course::distances(&[(0, -806), (1, -1994)]).expect("two motors"));
+    let usual = (default_lag(CountsPerSecond::new(1_000)), DEFAULT_TOLERANCE);
     assert_eq!(((first.lag, first.tolerance), first.halt), (usual, Halt::Stop));
     let on = [(0, CountsPerSecond::new(-500)), (1, CountsPerSecond::new(300))];
-    assert_eq!(second.course, Course::on(&on).expect("two motors"));
+    assert_eq!(second.course, Course::velocities(&on).expect("two motors"));
     assert_eq!((second.lag, second.tolerance), (7, 0));
     let leads = scenario.commands().into_iter().map(|command| (command.at_s, command.value));
-    let lead = |together| Command { motor: 0, action: Action::Lead(together) };
+    let lead = |together| Command { motor: 0, action: Action::MoveGroup(together) };
     assert_eq!(leads.collect::<Vec<_>>(), [(0.0, lead(first)), (1.0, lead(second))]);
     let subjects: Vec<Subject> = scenario.expectations.iter().map(|wanted| wanted.subject).collect();
     assert_eq!(subjects, [Subject::Group(0), Subject::Group(0)]);

@@ -29,12 +29,12 @@ fn a_real_bridge_takes_too_short_a_low_time_for_a_short_circuit_and_is_open_unti
 #[test]
 fn digital_pins_are_pulled_up_unless_something_pulls_them_down_or_the_hub_drives_them() {
     let mut board = board(&[BRIDGE]);
-    assert_eq!(board.exchange(0, 0), 0xFF);
+    assert_eq!(board.update_digital_pins(0, 0), 0xFF);
     board.press(3, true);
-    assert_eq!(board.exchange(0, 0), 0xF7);
-    assert_eq!(board.exchange(0b11, 0b10), 0xF6);
+    assert_eq!(board.update_digital_pins(0, 0), 0xF7);
+    assert_eq!(board.update_digital_pins(0b11, 0b10), 0xF6);
     board.press(3, false);
-    assert_eq!(board.exchange(0, 0b10), 0xFF);
+    assert_eq!(board.update_digital_pins(0, 0b10), 0xFF);
 }
 
 #[test]
@@ -42,12 +42,12 @@ fn pins_that_a_wire_connects_have_one_level_low_if_either_is_pulled_low() {
     let mut board = board(&[BRIDGE]);
     board.wire([4, 5]);
     let (four, five) = (1 << 4, 1 << 5);
-    assert_eq!(board.exchange(0, 0), 0xFF, "both are pulled up");
+    assert_eq!(board.update_digital_pins(0, 0), 0xFF, "both are pulled up");
     for driven in [four, five] {
-        assert_eq!(board.exchange(driven, 0), 0xCF, "driven low");
-        assert_eq!(board.exchange(driven, driven), 0xFF, "driven high");
+        assert_eq!(board.update_digital_pins(driven, 0), 0xCF, "driven low");
+        assert_eq!(board.update_digital_pins(driven, driven), 0xFF, "driven high");
     }
-    assert_eq!(board.exchange(1, 0), 0xFE, "another pin");
+    assert_eq!(board.update_digital_pins(1, 0), 0xFE, "another pin");
     board.press(5, true);
-    assert_eq!(board.exchange(0, 0), 0xCF, "connected to ground");
+    assert_eq!(board.update_digital_pins(0, 0), 0xCF, "connected to ground");
 }

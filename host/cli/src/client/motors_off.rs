@@ -59,7 +59,7 @@ impl<'a, L: Read + Write> DrivingSession<'a, L> {
     /// Disables the motors that were enabled, and returns them.
     pub(super) fn stop(&mut self) -> Result<Vec<u8>, Failure> {
         let motors = std::mem::take(&mut self.motors);
-        self.session.hurry(PATIENCE);
+        self.session.shorten_timeout(PATIENCE);
         match self.session.disable_all(&motors) {
             Ok(()) => Ok(motors),
             Err(error) => Err(Failure::Work(format!(

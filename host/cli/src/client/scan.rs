@@ -53,7 +53,7 @@ struct Found {
 /// Returns a text for the kind of a hub: parent, child, or several hubs with one address.
 pub(super) const fn kind(hub: &motor_hub_client::session::Found) -> &'static str {
     match hub {
-        _ if hub.clashing => {
+        _ if hub.duplicate => {
             "several hubs with this address: connect each alone, and give it another by set-address"
         }
         _ if hub.parent => "parent",
@@ -234,8 +234,8 @@ fn hubs_at(place: &str, timeout: Duration) -> Result<Vec<Found>, OpenError> {
     for hub in session.discover()? {
         let Some(address) = Address::new(hub.address) else { continue };
         let (mut version, mut equipment) = (String::new(), None);
-        if !hub.clashing {
-            session.talk_to(address);
+        if !hub.duplicate {
+            session.switch_to(address);
             stop_abandoned(&mut session)?;
             (version, equipment) = (session.version()?, session.equipment()?);
         }

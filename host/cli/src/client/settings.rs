@@ -135,7 +135,7 @@ fn ended(report: &StoreReport) -> Result<(), Failure> {
 }
 
 fn show(report: &StoreReport, json: bool) -> Result<(), Failure> {
-    let StoreReport { stored, version, number, at_work, outcome, differs, unknown, refused, .. } = *report;
+    let StoreReport { stored, version, number, is_busy, outcome, differs, unknown, refused, .. } = *report;
     if json {
         let stored = match stored {
             Stored::Nothing => "nothing",
@@ -155,7 +155,7 @@ fn show(report: &StoreReport, json: bool) -> Result<(), Failure> {
             "stored": stored,
             "version": version,
             "number": number,
-            "at_work": at_work,
+            "busy": is_busy,
             "outcome": outcome,
             "differs": differs,
             "unknown_entries": unknown,

@@ -246,7 +246,7 @@ const fn line_word(line: SenseLine) -> &'static str {
     match line {
         SenseLine::Absent => "absent",
         SenseLine::Sound => "sound",
-        SenseLine::Silent => "silent",
+        SenseLine::NoCurrent => "silent",
         SenseLine::Stuck => "stuck",
         SenseLine::Excessive => "excessive",
     }

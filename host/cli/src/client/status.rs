@@ -165,9 +165,9 @@ const NOT_REPORTED: &str = "not reported";
 
 fn bus_words(bus: BusReport) -> String {
     let meaning = match bus.state {
-        BusState::Silent => "voltage unknown, motors coast",
+        BusState::NoReading => "voltage unknown, motors coast",
         BusState::TooLow => "below what the bridges need, motors coast",
-        BusState::Cut => "too low, motors draw no current",
+        BusState::Cutoff => "too low, motors draw no current",
         BusState::Derated => "low, motors draw less current",
         BusState::Quiet => "normal",
         BusState::Dissipating => "takes no energy back, braking motors dissipate it",
@@ -183,7 +183,7 @@ fn bus_json(bus: BusReport) -> Value {
     json!({
         "state": bus.state.name(),
         "measured_v": bus.measured.map(|mv| f64::from(mv.get()) / 1e3),
-        "burning_percent": f64::from(bus.dissipate) / 10.0,
+        "dissipating_percent": f64::from(bus.dissipate) / 10.0,
         "returned_j": f64::from(bus.returned_mj) / 1e3,
         "burnt_j": f64::from(bus.dissipated_mj) / 1e3,
     })
@@ -200,7 +200,7 @@ fn condition_words(is: &Condition) -> String {
     };
     let line = match is.sense_line {
         SenseLine::Absent | SenseLine::Sound => "",
-        SenseLine::Silent => ", current-sense line or motor lead broken",
+        SenseLine::NoCurrent => ", current-sense line or motor lead broken",
         SenseLine::Stuck => ", current-sense line stuck",
         SenseLine::Excessive => ", more current than the configured motor can draw",
     };

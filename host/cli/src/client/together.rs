@@ -7,7 +7,7 @@ use super::motors_off::DrivingSession;
 use crate::output::{Failure, print};
 use crate::parse::{MotorName, common_hub, whole, within_a_day};
 use motor_hub::extension::group::{GroupCourse, GroupState};
-use motor_hub::group::{GroupCommand, Halt, TOLERANCE};
+use motor_hub::group::{DEFAULT_TOLERANCE, GroupCommand, Halt};
 use motor_hub::protocol::CHANNELS;
 use motor_hub::units::{Acceleration, CountsPerSecond};
 use motor_hub_client::Session;
@@ -41,7 +41,7 @@ pub(crate) struct Options {
     #[arg(value_parser = whole("a lag", 0..=u16::MAX, "counts"))]
     lag: Option<u16>,
     /// Largest distance to its target, in counts, at which a motor can settle
-    #[arg(long = "tolerance-counts", alias = "tolerance", value_name = "COUNTS", default_value_t = TOLERANCE)]
+    #[arg(long = "tolerance-counts", alias = "tolerance", value_name = "COUNTS", default_value_t = DEFAULT_TOLERANCE)]
     #[arg(value_parser = whole("a tolerance", 0..=u16::MAX, "counts"))]
     tolerance: u16,
     /// A fault of one motor disables all [default: the others stop in step]
@@ -117,7 +117,7 @@ impl Options {
         let course = if self.on {
             let fastest = values.iter().flatten().map(|cps| cps.abs()).max();
             speed = CountsPerSecond::new(fastest.unwrap_or_default());
-            GroupCourse::On(values.map(|cps| cps.map(CountsPerSecond::new)))
+            GroupCourse::Velocity(values.map(|cps| cps.map(CountsPerSecond::new)))
         } else {
             let mut places = values;
             if self.by {
@@ -127,7 +127,7 @@ impl Options {
                     *place = place.map(|counts| now.wrapping_add(counts));
                 }
             }
-            GroupCourse::To(places)
+            GroupCourse::Position(places)
         };
         let usual = GroupCommand::new(course, speed, self.acceleration);
         Ok(GroupCommand {

@@ -7,7 +7,7 @@ use super::hub::HubOptions;
 use super::interrupt;
 use crate::output::{Failure, print, progress};
 use indicatif::ProgressBar;
-use motor_hub::update::Seal;
+use motor_hub::update::ImageSignature;
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use motor_hub_client::update::{Image, Progress, UpdateError, Updating};
@@ -62,7 +62,7 @@ pub(crate) struct Options {
 }
 
 impl Options {
-    fn read(&self) -> Result<(Image, Option<Seal>), Failure> {
+    fn read(&self) -> Result<(Image, Option<ImageSignature>), Failure> {
         let image = image::open(&self.file).map_err(Failure::Input)?;
         let (Some(signature), Some(key)) = (&self.signature, &self.key) else { return Ok((image, None)) };
         if image.origin.is_some() {
@@ -71,19 +71,19 @@ impl Options {
                 "{file} is an ELF file, but a signature needs raw bytes: make them by llvm-objcopy -O binary, then sign and send them"
             )));
         }
-        let seal = signature::open(signature, key).map_err(Failure::Input)?;
-        Ok((image, Some(seal)))
+        let signature = signature::open(signature, key).map_err(Failure::Input)?;
+        Ok((image, Some(signature)))
     }
 
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
-        let (image, seal) = self.read()?;
+        let (image, signature) = self.read()?;
         let session = &mut hub.open(None)?;
         let before = session.version()?;
         // After a signal the command makes the hub delete the image, so that the hub does not wait for the remaining
         // chunks.
         interrupt::listen()?;
         let bar = progress(Some(image.bytes.len() as u64), "bytes");
-        let mut updating = Updating::begin(session, image, seal)?;
+        let mut updating = Updating::begin(session, image, signature)?;
         let now = follow(session, &mut updating, bar);
         if now.is_err() {
             updating.abandon(session);

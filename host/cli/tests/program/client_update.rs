@@ -4,7 +4,7 @@ use crate::client_program::client;
 use crate::common::{err, fails, folder, motor_hub, out, write};
 use crate::hub_support::{Hub, Server, responder};
 use motor_hub::responder::Responder;
-use motor_hub::update::{Booted, Done, Outcome, Seal, Slot, UpdateRequest, public_key};
+use motor_hub::update::{Booted, ImageSignature, Outcome, Slot, SlotReport, UpdateRequest, public_key};
 
 pub(crate) const SLOT: Slot =
     Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
@@ -21,7 +21,7 @@ const SIGNATURE_OF_OLDER: [u8; 64] = [6; 64];
 /// Protocol code of a hub that was started in this way, with this slot.
 fn started(slot: Slot, booted: Booted) -> Responder<4> {
     let mut responder = responder().with_slot(slot);
-    responder.update_done(Done::Booted(booted));
+    responder.update_done(SlotReport::Booted(booted));
     responder
 }
 
@@ -36,20 +36,20 @@ pub(crate) fn good(responder: &mut Responder<4>, request: UpdateRequest) {
 
 /// A fake flash whose restart ends with the former firmware.
 pub(crate) fn goes_back(responder: &mut Responder<4>, request: UpdateRequest) {
-    carry_out(responder, request, Booted::WentBack);
+    carry_out(responder, request, Booted::Reverted);
 }
 
 fn carry_out(responder: &mut Responder<4>, request: UpdateRequest, restarted: Booted) {
-    let wrong = |seal: Seal| seal.signature != SIGNATURE;
+    let wrong = |signature: ImageSignature| signature.bytes != SIGNATURE;
     match request {
         UpdateRequest::Restart => *responder = started(SLOT, restarted),
-        UpdateRequest::Arm { seal: Some(seal), .. } if seal.signature == SIGNATURE_OF_OLDER => {
-            responder.update_done(Done::Finished(Outcome::Older));
+        UpdateRequest::Arm { signature: Some(signature), .. } if signature.bytes == SIGNATURE_OF_OLDER => {
+            responder.update_done(SlotReport::Result(Outcome::Older));
         }
-        UpdateRequest::Arm { seal: Some(seal), .. } if wrong(seal) => {
-            responder.update_done(Done::Finished(Outcome::WrongSignature));
+        UpdateRequest::Arm { signature: Some(signature), .. } if wrong(signature) => {
+            responder.update_done(SlotReport::Result(Outcome::WrongSignature));
         }
-        _ => responder.update_done(Done::Finished(Outcome::Done)),
+        _ => responder.update_done(SlotReport::Result(Outcome::Done)),
     }
 }
 

@@ -10,7 +10,7 @@ use motor_hub::protocol::{Address, Decoder, Packet, frame};
 use motor_hub::responder::Responder;
 use motor_hub::store::{self, Found, StoreRequest, Stored, VERSION};
 use motor_hub::units::{Micros, Millivolts};
-use motor_hub::update::{Done, Outcome, UpdateRequest};
+use motor_hub::update::{Outcome, SlotReport, UpdateRequest};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -70,7 +70,7 @@ impl Hub {
             fail_safe_at_bulk: false,
             change: |_| (),
             foreign: false,
-            flash: |responder, _| responder.update_done(Done::Finished(Outcome::Done)),
+            flash: |responder, _| responder.update_done(SlotReport::Result(Outcome::Done)),
             requests: Arc::default(),
             decoder: Decoder::new(),
             since: Instant::now(),

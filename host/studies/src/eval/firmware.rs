@@ -4,7 +4,7 @@ use super::CaseError;
 use super::case::{Case, table};
 use crate::with_fields;
 use motor_hub::braking::{
-    self, Abscissa, LinearCurrent, Location, OperatingPoint, Points, Regime, Scheme, Winding,
+    self, LinearCurrent, Location, OperatingPoint, Points, Regime, Scheme, UnboundedControl, Winding,
 };
 use motor_hub::bridge::{BridgeConstants, Drive};
 use motor_hub::model::bridge_states::{CurrentSign, SwitchPattern};
@@ -99,8 +99,8 @@ pub(super) fn points(case: &Case) -> Result<Value, CaseError> {
     let at = operating_point(emf, battery as u16)?;
     let formula = |scheme| Points::from_formula(scheme, at);
     let d = formula(SchemeName::D.with_blend(Some(BlendChoice::fixed(case.number("blend")?)?))?);
-    let x = |points: Option<Points>, which: fn(&Points) -> Abscissa| {
-        points.as_ref().map(which).map(Abscissa::to_f64)
+    let x = |points: Option<Points>, which: fn(&Points) -> UnboundedControl| {
+        points.as_ref().map(which).map(UnboundedControl::to_f64)
     };
     let a_z = x(formula(Scheme::A), |p| p.z);
     let b_t = x(formula(Scheme::B), |p| p.t);
@@ -128,7 +128,8 @@ pub(super) fn points(case: &Case) -> Result<Value, CaseError> {
 
 /// Regime and duty of a control value, for points that the case gives.
 pub(super) fn example_duty(case: &Case) -> Result<Value, CaseError> {
-    let abscissa = |key| case.whole(key, -(1 << 40), 1 << 40).map(|steps| Abscissa::from_bits(steps << 8));
+    let abscissa =
+        |key| case.whole(key, -(1 << 40), 1 << 40).map(|steps| UnboundedControl::from_bits(steps << 8));
     let points = Points { s: abscissa("S")?, t: abscissa("T")?, z: abscissa("Z")?, g: abscissa("G")? };
     if !(points.s < points.t && points.t <= points.z && points.z < points.g) {
         return Err("the points must ascend: S < T <= Z < G".into());

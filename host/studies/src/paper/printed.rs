@@ -1,6 +1,6 @@
 //! Numbers that the paper and its revision print, and the numbers computed here for the motor of their examples.
 
-use motor_hub::braking::{Abscissa, Points};
+use motor_hub::braking::{Points, UnboundedControl};
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
 use motor_hub::model::response::{Applied, GearedMotor, Motion, Poles};
@@ -97,7 +97,7 @@ fn poles(motor: &Motor, flywheel_kg: f64) -> (f64, f64) {
 
 /// The duty at -10000 for the paper's example points (section 1.3), computed by the firmware's core.
 fn example_duty() -> f64 {
-    let at = |steps: i64| Abscissa::from_bits(steps << 8);
+    let at = |steps: i64| UnboundedControl::from_bits(steps << 8);
     let points = Points { s: at(-32767), t: at(-16384), z: at(8192), g: at(32767) };
     points.locate(Control::new(-10_000)).fraction.to_f64()
 }

@@ -38,7 +38,7 @@ fn row(out: &mut String, sample: &Sample) {
         Setpoint::Velocity(cps) => ("velocity", cps.to_f64().to_string()),
         Setpoint::Position { target, .. } => ("position", target.to_string()),
         Setpoint::Identify { travel_limit } => ("identify", travel_limit.to_string()),
-        Setpoint::Together(reference) => ("together", reference.position.to_string()),
+        Setpoint::Follow(reference) => ("together", reference.position.to_string()),
     };
     // An encoder fault is latched, so another fault may exist beside it.
     let others = Faults { encoder: None, ..report.faults };

@@ -164,7 +164,7 @@ impl Lines<'_> {
 fn velocity_goal(sample: &Sample) -> f64 {
     match sample.report.setpoint {
         Setpoint::Velocity(cps) => cps.to_f64(),
-        Setpoint::Together(reference) => reference.speed.to_f64(),
+        Setpoint::Follow(reference) => reference.speed.to_f64(),
         _ => f64::NAN,
     }
 }
@@ -172,7 +172,7 @@ fn velocity_goal(sample: &Sample) -> f64 {
 fn position_goal(sample: &Sample) -> f64 {
     match sample.report.setpoint {
         Setpoint::Position { target, .. } => target.into(),
-        Setpoint::Together(reference) => reference.position.into(),
+        Setpoint::Follow(reference) => reference.position.into(),
         _ => f64::NAN,
     }
 }

@@ -79,7 +79,7 @@ fn table(motor: &Motor) -> Value {
 fn setpoint(&Timed { at_s, value }: &Timed<Setpoint>) -> Value {
     match value {
         // A survey has neither identifications nor groups.
-        Setpoint::Disabled | Setpoint::FailSafe | Setpoint::Identify { .. } | Setpoint::Together(_) => {
+        Setpoint::Disabled | Setpoint::FailSafe | Setpoint::Identify { .. } | Setpoint::Follow(_) => {
             json!({ "at_s": at_s, "disable": true })
         }
         Setpoint::ConstantPower(power) => {

@@ -127,7 +127,7 @@ fn motors(volts: f64) -> Vec<Motor> {
     let mut all = Vec::new();
     for constants in catalogue::motors().flat_map(|motor| [motor, motor.with_measured_rotor_inertia()]) {
         for (scheme, duty) in
-            Scheme::EACH.into_iter().flat_map(|scheme| DutyRule::EACH.map(|duty| (scheme, duty)))
+            Scheme::ALL.into_iter().flat_map(|scheme| DutyRule::ALL.map(|duty| (scheme, duty)))
         {
             for percent in FRICTION_PERCENT {
                 let mut constants = constants;

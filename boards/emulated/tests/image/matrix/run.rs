@@ -113,7 +113,7 @@ const OF_MOTOR: [(&str, &str); 4] = [
 ];
 /// States of the bus that count as reports, and their names in the table. Other states are normal, or are in the status word.
 const BUS: [(BusState, &str); 3] = [
-    (BusState::Silent, "bus: silent"),
+    (BusState::NoReading, "bus: silent"),
     (BusState::TooLow, "bus: too low"),
     (BusState::TooHigh, "bus: too high"),
 ];

@@ -120,11 +120,11 @@ impl CourseTable {
     /// member.
     fn speed(&self, course: &Course) -> Result<CountsPerSecond, String> {
         match (self.speed_cps, course) {
-            (None, Course::On(speeds)) => {
+            (None, Course::Velocity(speeds)) => {
                 let largest = speeds.iter().flatten().max_by_key(|speed| speed.to_bits().unsigned_abs());
                 Ok(largest.copied().unwrap_or_default())
             }
-            (Some(_), Course::On(_)) => Err("on_cps has its own speeds; remove speed_cps".to_owned()),
+            (Some(_), Course::Velocity(_)) => Err("on_cps has its own speeds; remove speed_cps".to_owned()),
             (Some(speed), _) => Ok(CountsPerSecond::new(speed.0)),
             (None, _) => Err("a course needs speed_cps; only on_cps is without".to_owned()),
         }
@@ -135,19 +135,19 @@ impl CourseTable {
         // Members are motors of the hub, so only the length of a course can be wrong.
         let course = match (&self.by_counts, &self.to_counts, &self.on_cps, of_base) {
             (Some(counts), None, None, None) => {
-                Course::by(&by_member("by_counts", counts, members, |n| n.0)?)
+                Course::distances(&by_member("by_counts", counts, members, |n| n.0)?)
             }
             (None, Some(counts), None, None) => {
-                Course::to(&by_member("to_counts", counts, members, |n| n.0)?)
+                Course::positions(&by_member("to_counts", counts, members, |n| n.0)?)
             }
             (None, None, Some(speeds), None) => {
-                Course::on(&by_member("on_cps", speeds, members, |n| CountsPerSecond::new(n.0))?)
+                Course::velocities(&by_member("on_cps", speeds, members, |n| CountsPerSecond::new(n.0))?)
             }
             (None, None, None, Some(())) => {
                 let base = base.ok_or("straight_mm and turn_degrees need a base in the group")?;
                 let counts = base.arc(or(self.straight_mm, 0.0), or(self.turn_degrees, 0.0));
                 let counts = counts.map_err(|_| TOO_LONG)?;
-                Course::by(&members.iter().copied().zip(counts).collect::<Vec<_>>())
+                Course::distances(&members.iter().copied().zip(counts).collect::<Vec<_>>())
             }
             _ => {
                 return Err(

@@ -1,13 +1,13 @@
 //! Reads a signature and its public key from files.
 
-use motor_hub::update::Seal;
+use motor_hub::update::ImageSignature;
 use motor_hub_client::update::{read_key, read_signature};
 use std::fmt::Display;
 use std::path::Path;
 
 /// Reads a file with the signature alone, and a file with the public key in DER.
-pub(super) fn open(signature: &Path, key: &Path) -> Result<Seal, String> {
-    Ok(Seal { signature: read(signature, read_signature)?, key: read(key, read_key)? })
+pub(super) fn open(signature: &Path, key: &Path) -> Result<ImageSignature, String> {
+    Ok(ImageSignature { bytes: read(signature, read_signature)?, key: read(key, read_key)? })
 }
 
 fn read<T, E: Display>(file: &Path, parse: impl FnOnce(&[u8]) -> Result<T, E>) -> Result<T, String> {
