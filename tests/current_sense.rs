@@ -124,12 +124,27 @@ fn a_sample_of_another_mode_is_not_the_current_of_this_one() {
 fn the_first_sample_of_a_mode_proves_nothing_and_four_after_it_do() {
     Held::after(&[
         (HALF, 500, Some(1_800), Sound, Some(1_800)),
-        (SHORT, 500, Some(0), Sound, None),
+        // The tick at 550 ms changes to the short of mode 5/0. Until then the line shows the current of mode 9/8.
+        (SHORT, 50, Some(1_800), Sound, None),
+        (SAME, 450, Some(0), Sound, None),
         (HALF, 50, Some(0), Sound, None),
         // Four samples in mode 9/8. The first may belong to the short, so the next sample is the fourth that counts.
         (SAME, 100, Some(0), Sound, Some(0)),
         (SAME, 50, Some(0), NoCurrent, None),
     ]);
+}
+
+#[test]
+fn a_broken_line_is_found_although_the_motor_brakes_before_it_has_four_samples_of_a_mode() {
+    let mut held = Held::after(&[(HALF, 500, Some(1_800), Sound, Some(1_800))]);
+    // Each mode lasts 100 ms. The first of its samples is not used, and two or three remain.
+    for _ in 0..3 {
+        held.0.set(0, Setpoint::ConstantPower(Control::ZERO));
+        held.run(100, Some(0));
+        held.0.set(0, Setpoint::ConstantPower(Control::new(16_384)));
+        held.run(100, Some(0));
+    }
+    assert_eq!(held.0.report().sense_line, NoCurrent);
 }
 
 #[test]

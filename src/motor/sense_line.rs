@@ -7,7 +7,7 @@
 //! shows 0.7 to 1.5 times the current, depending on the chip.
 //!
 //! ```text
-//! Absent ──a sample──▶ Sound ◀──4 contradictions in a row──▶ Silent, Stuck, Excessive
+//! Absent ──a sample──▶ Sound ◀──4 contradictions in a row──▶ NoCurrent, Stuck, Excessive
 //!    ▲                                                              │
 //!    └──────────── from every state: the converter does not answer ─┘
 //! ```
@@ -34,7 +34,8 @@ pub enum SenseLine {
     Excessive,
 }
 
-/// Samples in a row that must contradict the condition of a line before the condition changes.
+/// Samples in a row, of those in 5/0 or of those in 9/8 and 6/2, that must contradict the condition of a line before
+/// the condition changes.
 const CONFIRMATIONS: u8 = 4;
 
 /// A line that shows less than this current, in mA, shows no current. The value is above a converter's offset, and
@@ -55,8 +56,10 @@ const fn largest_plausible(modelled_ma: u32) -> u32 {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SenseLineMonitor {
     condition: SenseLine,
-    /// Samples in a row that contradict the condition.
-    contradictions: u8,
+    /// Samples in 9/8 or 6/2 in a row that contradict the condition.
+    driving_contradictions: u8,
+    /// Samples in 5/0 in a row that contradict the condition.
+    braking_contradictions: u8,
     /// Mode of the bridge at the last sample; `None` during burn pulses.
     mode: Option<Mode>,
     /// Current that the last sample shows; `None` if the sample is no measurement of the motor's current.
@@ -80,7 +83,8 @@ impl SenseLineMonitor {
         let settled = mode.filter(|_| mode == self.mode);
         (self.mode, self.shown) = (mode, None);
         let Some(current) = shown else {
-            (self.condition, self.contradictions, self.current_shown_count) = (SenseLine::Absent, 0, 0);
+            self.change_condition(SenseLine::Absent);
+            self.current_shown_count = 0;
             return;
         };
         if self.condition == SenseLine::Absent {
@@ -115,24 +119,32 @@ impl SenseLineMonitor {
 
     /// Takes the condition `found` by a sample. Changes the condition of the line after [`CONFIRMATIONS`] samples in a
     /// row that contradict the present condition. Samples in 5/0 (`braking`) end every condition if they show a stuck
-    /// line, and otherwise only Stuck. Samples in 9/8 or 6/2 do not end Stuck.
+    /// line, and otherwise only Stuck. Samples in 9/8 or 6/2 do not end Stuck. Samples in 5/0 are counted apart from
+    /// other samples, because a motor may change between braking and driving before it has four samples of one mode.
     fn judge(&mut self, found: SenseLine, braking: bool) {
         let proves = match self.condition {
             SenseLine::Stuck => braking,
             SenseLine::NoCurrent | SenseLine::Excessive => !braking || found == SenseLine::Stuck,
             SenseLine::Absent | SenseLine::Sound => true,
         };
+        let contradictions =
+            if braking { &mut self.braking_contradictions } else { &mut self.driving_contradictions };
         if found == self.condition || !proves {
-            self.contradictions = 0;
+            *contradictions = 0;
             return;
         }
-        self.contradictions += 1;
-        if self.contradictions >= CONFIRMATIONS {
-            (self.condition, self.contradictions) = (found, 0);
-            if matches!(found, SenseLine::Silent | SenseLine::Stuck) {
+        *contradictions += 1;
+        if *contradictions >= CONFIRMATIONS {
+            self.change_condition(found);
+            if matches!(found, SenseLine::NoCurrent | SenseLine::Stuck) {
                 self.current_shown_count = 0;
             }
         }
+    }
+
+    const fn change_condition(&mut self, condition: SenseLine) {
+        self.condition = condition;
+        (self.driving_contradictions, self.braking_contradictions) = (0, 0);
     }
 }
 
