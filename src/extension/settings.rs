@@ -38,7 +38,7 @@ use super::FIRST_FUNCTION;
 use crate::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use crate::motion::Pidf;
 use crate::motor::{OnFault, Settings, ThermalLimit, ZeroPower};
-use crate::protocol::motor::{ChannelMode, Coefficients, Loop, RunMode, Terms};
+use crate::protocol::motor::{ChannelMode, Loop, LoopCoefficients, RunMode, Terms};
 use crate::protocol::payload::{Field as _, Fields, Payload};
 use crate::protocol::{Nack, requests};
 use crate::regulator::{self, Dynamics};
@@ -86,18 +86,18 @@ impl MotorSettings {
 
     /// Returns the coefficients of a loop. If no coefficients are configured, they are guessed from back EMF and
     /// scheme.
-    pub fn coefficients(&self, of: Loop) -> Coefficients {
+    pub fn coefficients(&self, of: Loop) -> LoopCoefficients {
         let both = self.both_loops();
         let (Pidf { p, i, d, f }, terms) = match of {
             Loop::Velocity => (both.velocity, self.velocity_terms),
             Loop::Position => (both.position, self.position_terms),
         };
-        Coefficients { p, i, d, f, terms }
+        LoopCoefficients { p, i, d, f, terms }
     }
 
     /// Sets the coefficients of one loop. PID with the coefficients of both loops then regulates the motor.
-    pub fn set_coefficients(&mut self, of: Loop, coefficients: Coefficients) {
-        let Coefficients { p, i, d, f, terms } = coefficients;
+    pub fn set_coefficients(&mut self, of: Loop, coefficients: LoopCoefficients) {
+        let LoopCoefficients { p, i, d, f, terms } = coefficients;
         let (mut both, pidf) = (self.both_loops(), Pidf { p, i, d, f });
         match of {
             Loop::Velocity => (both.velocity, self.velocity_terms) = (pidf, terms),
@@ -637,7 +637,7 @@ macro_rules! coefficients {
                 |settings, bits| {
                     let before = settings.coefficients(Loop::$loop);
                     let $field = Coefficient::from_bits(bits);
-                    settings.set_coefficients(Loop::$loop, Coefficients { $field, ..before });
+                    settings.set_coefficients(Loop::$loop, LoopCoefficients { $field, ..before });
                 }
             })+
             { $terms_name, "pid" Terms::Pid, "pidf" Terms::Pidf; $terms }

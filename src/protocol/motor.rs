@@ -45,8 +45,8 @@ requests! {
         23 SetPid { of: Loop, p: Coefficient, i: Coefficient, d: Coefficient },
         /// The answer is P, I and D.
         24 Pid { of: Loop },
-        51 SetPidf { of: Loop, coefficients: Coefficients },
-        /// The answer is a [`Coefficients`].
+        51 SetPidf { of: Loop, coefficients: LoopCoefficients },
+        /// The answer is a [`LoopCoefficients`].
         53 Pidf { of: Loop },
     }
 }
@@ -118,7 +118,7 @@ payload! {
 payload! {
     /// Coefficients of a loop. A host reads back the same bits that a host has set. I and D are for cycles of 50 ms.
     #[derive(Copy)]
-    pub struct Coefficients {
+    pub struct LoopCoefficients {
         /// Proportional coefficient.
         pub p: Coefficient,
         /// Integral coefficient.

@@ -21,7 +21,7 @@
 use crate::extension::settings::{MotorSettings, Values};
 use crate::hub::Action;
 use crate::motor::{self, OnFault, Report, Setpoint, Settings};
-use crate::protocol::motor::{Coefficients, RunMode, Target, Terms, ToMotor};
+use crate::protocol::motor::{LoopCoefficients, RunMode, Target, Terms, ToMotor};
 use crate::protocol::{Nack, Reply};
 use crate::regulator::identify::{Identification, travel};
 use crate::units::{Coefficient, Control, CountsPerSecond, Milliamperes, Millivolts, is_included};
@@ -142,7 +142,7 @@ impl MotorChannel {
             }
             ToMotor::SetPid { of, p, i, d } => {
                 let terms = Terms::Pid;
-                self.settings.set_coefficients(of, Coefficients { p, i, d, f: Coefficient::ZERO, terms });
+                self.settings.set_coefficients(of, LoopCoefficients { p, i, d, f: Coefficient::ZERO, terms });
                 self.settings_due = true;
             }
             ToMotor::SetPidf { of, coefficients } => {
@@ -160,7 +160,7 @@ impl MotorChannel {
             ToMotor::Encoder => return Ok(Reply::data(&self.counts(report))),
             ToMotor::Pidf { of } => return Ok(Reply::data(&self.settings.coefficients(of))),
             ToMotor::Pid { of } => {
-                let Coefficients { p, i, d, f, .. } = self.settings.coefficients(of);
+                let LoopCoefficients { p, i, d, f, .. } = self.settings.coefficients(of);
                 if f != Coefficient::ZERO {
                     // With feed-forward, P, I and D alone would not describe the loop. After a refusal hosts ask for
                     // PIDF.

@@ -212,7 +212,7 @@ impl Supply {
                     return None;
                 }
                 let last = self.last_battery?;
-                let (stage, draw) = self.derating.cut_after_collapse();
+                let (stage, draw) = self.derating.draw_nothing_after_collapse();
                 Some(Battery { stage, draw, dissipate: Share::NONE, ..last })
             }
         }

@@ -52,7 +52,7 @@ impl Derating {
     pub(super) const INITIAL: Self = Self { stage: DrawStage::Full, draw: 1.0 };
 
     /// Sets the draw to 0 because the bus voltage has collapsed.
-    pub(super) fn cut_after_collapse(&mut self) -> (DrawStage, Share) {
+    pub(super) fn draw_nothing_after_collapse(&mut self) -> (DrawStage, Share) {
         if self.stage == DrawStage::Full {
             self.stage = DrawStage::Derated;
         }

@@ -18,7 +18,7 @@ use motor_hub::extension::{FIRST_FUNCTION, HubFunction, MotorFunction, Request};
 use motor_hub::motor::{OnFault, Settings, ThermalLimit};
 use motor_hub::protocol::answers::{Bulk, Functions, I2cRead, I2cWritten, Status, Version};
 use motor_hub::protocol::led::LedPattern;
-use motor_hub::protocol::motor::{ChannelMode, Coefficients, Loop, RunMode, Target, Terms, ToMotor};
+use motor_hub::protocol::motor::{ChannelMode, Loop, LoopCoefficients, RunMode, Target, Terms, ToMotor};
 use motor_hub::protocol::payload::{Field, Fields, PAYLOAD_KEPT, Payload, Text};
 use motor_hub::protocol::pins::ToPin;
 use motor_hub::protocol::requests::{self, Standard, ToHub};
@@ -180,10 +180,10 @@ fn coefficient() -> impl Strategy<Value = Coefficient> {
     any::<i32>().prop_map(Coefficient::from_bits)
 }
 
-fn coefficients() -> impl Strategy<Value = Coefficients> {
+fn coefficients() -> impl Strategy<Value = LoopCoefficients> {
     let four = [coefficient(), coefficient(), coefficient(), coefficient()];
     let terms = prop_oneof![Just(Terms::Pid), Just(Terms::Pidf)];
-    (four, terms).prop_map(|([p, i, d, f], terms)| Coefficients { p, i, d, f, terms })
+    (four, terms).prop_map(|([p, i, d, f], terms)| LoopCoefficients { p, i, d, f, terms })
 }
 
 /// Any settings of the groups of the extension.
@@ -315,7 +315,7 @@ fn an_answer_is_read_as_it_was_written() {
         OdometryReport,
         ChannelMode,
         Target,
-        Coefficients,
+        LoopCoefficients,
         [Coefficient; 3],
         Condition,
         BusReport,

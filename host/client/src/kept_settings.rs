@@ -18,7 +18,7 @@ use crate::{Error, Session};
 use motor_hub::extension::Request;
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::group::BaseSettings;
-use motor_hub::protocol::motor::{Coefficients, Loop};
+use motor_hub::protocol::motor::{Loop, LoopCoefficients};
 use motor_hub::regulator::Kind;
 use std::io::{Read, Write};
 
@@ -28,7 +28,7 @@ pub struct KeptSettings {
     /// All settings except the coefficients of the loops.
     pub settings: MotorSettings,
     /// Coefficients of velocity and position loop; `None` if the model regulated the motor.
-    loops: Option<[Coefficients; 2]>,
+    loops: Option<[LoopCoefficients; 2]>,
 }
 
 /// Settings that were not put in force.

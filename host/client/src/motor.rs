@@ -28,7 +28,7 @@ use motor_hub::extension::report::Condition;
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::extension::{MotorFunction, Request};
 use motor_hub::motor::{Settings, ZeroPower};
-use motor_hub::protocol::motor::{ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
+use motor_hub::protocol::motor::{ChannelMode, Loop, LoopCoefficients, RunMode, Target, ToMotor};
 use motor_hub::protocol::payload::Fields;
 use motor_hub::protocol::{CHANNELS, Nack};
 use motor_hub::regulator::Dynamics;
@@ -267,12 +267,17 @@ impl<L: Read + Write> Session<L> {
     }
 
     /// Reads the coefficients of a loop.
-    pub fn coefficients(&mut self, motor: u8, of: Loop) -> Result<Coefficients, Error> {
+    pub fn coefficients(&mut self, motor: u8, of: Loop) -> Result<LoopCoefficients, Error> {
         self.ask(ToMotor::Pidf { of }.to(motor))
     }
 
     /// Sets the coefficients of a loop. PID then regulates the motor instead of the model.
-    pub fn set_coefficients(&mut self, motor: u8, of: Loop, coefficients: Coefficients) -> Result<(), Error> {
+    pub fn set_coefficients(
+        &mut self,
+        motor: u8,
+        of: Loop,
+        coefficients: LoopCoefficients,
+    ) -> Result<(), Error> {
         self.order(ToMotor::SetPidf { of, coefficients }.to(motor))
     }
 }

@@ -8,7 +8,7 @@ use motor_hub::extension::report::MotorReport;
 use motor_hub::extension::{HubFunction, Request};
 use motor_hub::motor::{Faults, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
-use motor_hub::protocol::motor::{Coefficients, Loop, RunMode, Target, Terms, ToMotor};
+use motor_hub::protocol::motor::{Loop, LoopCoefficients, RunMode, Target, Terms, ToMotor};
 use motor_hub::protocol::payload::{Field, Fields, Payload};
 use motor_hub::protocol::requests::{InterfaceName, MOTOR_INTERFACE, Standard};
 use motor_hub::protocol::{Address, Colour, Nack, Packet, frame};
@@ -120,7 +120,7 @@ fn every_setting_can_be_read_back() {
 fn coefficients_keep_every_bit_and_their_sign() {
     let mut session = session(Memory::new(Hub::new()));
     let [p, i, d, f] = [i32::MIN, -1, 82_575, i32::MAX].map(Coefficient::from_bits);
-    let pidf = Coefficients { p, i, d, f, terms: Terms::Pidf };
+    let pidf = LoopCoefficients { p, i, d, f, terms: Terms::Pidf };
     let before = session.coefficients(1, Loop::Velocity).unwrap();
     session.set_coefficients(1, Loop::Position, pidf).unwrap();
     assert_eq!(session.coefficients(1, Loop::Position).unwrap(), pidf);

@@ -12,7 +12,7 @@ use motor_hub::extension::settings::{Group, MotorSettings, Values, Zero};
 use motor_hub::group::GroupCommand;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::motor::{ThermalLimit, ZeroPower};
-use motor_hub::protocol::motor::{Coefficients, Loop, RunMode, Terms};
+use motor_hub::protocol::motor::{Loop, LoopCoefficients, RunMode, Terms};
 use motor_hub::protocol::{CHANNELS, Colour};
 use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
@@ -298,14 +298,14 @@ fn acceleration_limit(limit: u32) -> Result<Acceleration, RequestError> {
     Acceleration::new(limit).map_err(|_| "an acceleration is 1 to 4294967295 counts/s²".into())
 }
 
-fn coefficients(pidf: [f64; 4]) -> Result<Coefficients, RequestError> {
+fn coefficients(pidf: [f64; 4]) -> Result<LoopCoefficients, RequestError> {
     let mut bits = [Coefficient::ZERO; 4];
     for (slot, value) in bits.iter_mut().zip(pidf) {
         let value = within("a coefficient", value, -32_768.0..=32_767.999, "")?;
         *slot = Coefficient::from_bits((value * 65_536.0).round() as i32);
     }
     let [p, i, d, f] = bits;
-    Ok(Coefficients { p, i, d, f, terms: Terms::Pidf })
+    Ok(LoopCoefficients { p, i, d, f, terms: Terms::Pidf })
 }
 
 fn set_up(

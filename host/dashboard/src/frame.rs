@@ -14,7 +14,7 @@ use motor_hub::model::catalogue::{Motor, motors};
 use motor_hub::model::paper;
 use motor_hub::model::si::{Ohms, Volts};
 use motor_hub::model::switching::Conditions;
-use motor_hub::protocol::motor::{Coefficients, RunMode};
+use motor_hub::protocol::motor::{LoopCoefficients, RunMode};
 use motor_hub::protocol::{CHANNELS, Colour};
 use motor_hub::record::Head;
 use motor_hub::units::{Acceleration, Control, CountsPerSecond, Millivolts};
@@ -348,12 +348,12 @@ impl MotorState {
 pub(crate) fn settings_of(
     motor: usize,
     settings: &MotorSettings,
-    loops: [Coefficients; 2],
+    loops: [LoopCoefficients; 2],
     undoable: usize,
 ) -> Value {
     let number = |name| Field::named(name).map_or(0.0, |field| field.number_of(field.get(settings)));
     let known = catalogue_motor(&settings.motor).map(|(known, _)| known);
-    let [velocity, position] = loops.map(|Coefficients { p, i, d, f, .. }| {
+    let [velocity, position] = loops.map(|LoopCoefficients { p, i, d, f, .. }| {
         [p, i, d, f].map(|coefficient| f64::from(coefficient.to_bits()) / f64::from(1 << 16))
     });
     let duty = Field::named("duty").and_then(|field| field.word_of(field.get(settings)));

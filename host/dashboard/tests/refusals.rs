@@ -14,7 +14,7 @@ use motor_hub::braking::Winding;
 use motor_hub::extension::settings::Group;
 use motor_hub::extension::{HubFunction, INTERFACE, Request};
 use motor_hub::motor::Settings;
-use motor_hub::protocol::motor::{Coefficients, Loop, Terms, ToMotor};
+use motor_hub::protocol::motor::{Loop, LoopCoefficients, Terms, ToMotor};
 use motor_hub::protocol::{Address, BROADCAST, CHANNELS, Decoder, Nack, Packet, Reply, frame};
 use motor_hub::regulator::identify::{Identification, Identified};
 use motor_hub::units::{Coefficient, Micros, Millivolts};
@@ -192,7 +192,7 @@ fn hubs_with_two_motors_are_shown_and_asked_for_both() {
 /// Refuses coefficients and the group of the acceleration limit.
 fn without_changes(packet: &Packet) -> Option<Reply> {
     let bits = Coefficient::ZERO;
-    let coefficients = Coefficients { p: bits, i: bits, d: bits, f: bits, terms: Terms::Pidf };
+    let coefficients = LoopCoefficients { p: bits, i: bits, d: bits, f: bits, terms: Terms::Pidf };
     let coefficients = ToMotor::SetPidf { of: Loop::Velocity, coefficients }.id();
     [coefficients, Group::Motion.set_id()].contains(&packet.id).then_some(Reply::Nack(Nack::UNSUPPORTED))
 }

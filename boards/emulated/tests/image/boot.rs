@@ -13,7 +13,7 @@ use motor_hub::braking::Winding;
 use motor_hub::extension::Request;
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::motor::Settings;
-use motor_hub::protocol::motor::{Coefficients, Loop, Terms, ToMotor};
+use motor_hub::protocol::motor::{Loop, LoopCoefficients, Terms, ToMotor};
 use motor_hub::regulator;
 use motor_hub::units::Period;
 
@@ -105,7 +105,7 @@ pub(crate) fn at_speed(image: &Path, knowledge: Knowledge) -> Bench {
                 let Settings { winding, scheme, .. } = settings;
                 let suggested = regulator::Coefficients::guessed(winding.emf, scheme, Period::DEFAULT);
                 let motor_hub::motion::Pidf { p, i, d, f } = suggested.velocity;
-                let coefficients = Coefficients { p, i, d, f, terms: Terms::Pidf };
+                let coefficients = LoopCoefficients { p, i, d, f, terms: Terms::Pidf };
                 let order = ToMotor::SetPidf { of: Loop::Velocity, coefficients };
                 host.order(&mut bench, order.to(motor as u8));
             }

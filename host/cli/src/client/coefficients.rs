@@ -3,7 +3,7 @@
 use super::hub::HubOptions;
 use crate::output::{Failure, print_as, say};
 use crate::parse::{MotorName, motor};
-use motor_hub::protocol::motor::{Coefficients, Loop, Terms};
+use motor_hub::protocol::motor::{Loop, LoopCoefficients, Terms};
 use motor_hub::units::Coefficient;
 use serde_json::json;
 use studies::table;
@@ -71,13 +71,13 @@ impl Options {
             if [self.p, self.i].iter().flatten().any(|coefficient| coefficient.to_bits() < 0) {
                 say("warning: with P or I below 0 the motor runs away from its set-point");
             }
-            let Coefficients { p, i, d, f, terms: _ } = pidf;
+            let LoopCoefficients { p, i, d, f, terms: _ } = pidf;
             let (p, i) = (self.p.unwrap_or(p), self.i.unwrap_or(i));
             let (d, f) = (self.d.unwrap_or(d), self.f.unwrap_or(f));
             session.set_coefficients(
                 self.motor.number,
                 of,
-                Coefficients { p, i, d, f, terms: Terms::Pidf },
+                LoopCoefficients { p, i, d, f, terms: Terms::Pidf },
             )?;
             pidf = session.coefficients(self.motor.number, of)?;
         }
