@@ -361,7 +361,7 @@ fn a_stop_on_the_way_is_refused() {
         let outcome = Setup::new("AM 60 A").loaded(stop);
         refused(
             outcome,
-            &[Refusal::NoCounts, Refusal::Uneven, Refusal::Load, Refusal::Spring],
+            &[Refusal::NoCounts, Refusal::PoorFit, Refusal::Load, Refusal::Spring],
             &format!("{at}"),
         );
     }

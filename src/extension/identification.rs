@@ -16,8 +16,8 @@ codes!(Refusal {
     7 = Backwards,
     8 = Load,
     9 = Spring,
-    10 = Uneven,
-    11 = Unsure,
+    10 = PoorFit,
+    11 = Inaccurate,
     12 = Implausible
 });
 

@@ -64,7 +64,7 @@ impl Configured {
     }
 
     /// Lowers the back EMF constant in force by a step. Returns false if the correction has reached its limit.
-    pub(super) fn lower(&mut self) -> bool {
+    pub(super) fn lower_emf_constant(&mut self) -> bool {
         let lowered = 100.0 * (1.0 - self.emf_share());
         // The constant of a warm motor is already lower. The step starts from this lower constant.
         let percent = (lowered as u8).max(self.lowered_percent) + STEP_PERCENT;
@@ -76,7 +76,7 @@ impl Configured {
     }
 
     /// Takes the temperatures of the motor. Returns true if the constants in force have to follow them.
-    pub(super) fn warm(&mut self, temperatures: Temperatures) -> bool {
+    pub(super) fn set_temperatures(&mut self, temperatures: Temperatures) -> bool {
         let changes = temperatures.winding_k.abs_diff(self.temperatures.winding_k) >= STEP_K;
         if changes {
             self.temperatures = temperatures;
@@ -164,7 +164,7 @@ mod tests {
         let mut configured = Configured::new(&settings);
         assert_eq!(configured.in_force(&settings), settings);
         let mut steps = 0;
-        while configured.lower() {
+        while configured.lower_emf_constant() {
             steps += 1;
         }
         let lowered = configured.in_force(&settings);
@@ -178,8 +178,8 @@ mod tests {
     fn a_hot_motor_has_more_resistance_less_field_and_the_same_drag() {
         let settings = settings();
         let mut configured = Configured::new(&settings);
-        assert!(!configured.warm(Temperatures { winding_k: 2, magnets_k: 2 }));
-        assert!(configured.warm(Temperatures { winding_k: 62, magnets_k: 50 }));
+        assert!(!configured.set_temperatures(Temperatures { winding_k: 2, magnets_k: 2 }));
+        assert!(configured.set_temperatures(Temperatures { winding_k: 62, magnets_k: 50 }));
         let hot = configured.in_force(&settings);
         let share = |of: fn(&Settings) -> f32| of(&hot) / of(&settings);
         let gain =
@@ -200,7 +200,7 @@ mod tests {
         assert_eq!(in_force.winding, hot.winding);
         // The constant of a hot motor that also hunts is lower still.
         assert!(
-            configured.lower() && (configured.emf_share() - 0.89).abs() < 1e-3,
+            configured.lower_emf_constant() && (configured.emf_share() - 0.89).abs() < 1e-3,
             "{}",
             configured.emf_share()
         );

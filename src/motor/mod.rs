@@ -569,7 +569,7 @@ impl Motor {
             Effort::Voltage(voltage) => (None, modulator.for_voltage(at, voltage)),
             Effort::Control(control) => (Some(control), modulator.for_control(at, control)),
         };
-        if (output.hunts && self.configured.lower()) || output.changes_gain {
+        if (output.hunts && self.configured.lower_emf_constant()) || output.changes_gain {
             self.correct_constants();
         }
         Some(Request { at, modulation, control, target: Some(output.speed) })
@@ -591,7 +591,8 @@ impl Motor {
     /// because another back EMF constant would change the duty of a constant voltage.
     fn follow_temperatures(&mut self) {
         let temperatures = self.thermal.temperatures(self.settings.thermal);
-        if !matches!(self.state, MotorState::Identifying(_)) && self.configured.warm(temperatures) {
+        if !matches!(self.state, MotorState::Identifying(_)) && self.configured.set_temperatures(temperatures)
+        {
             self.correct_constants();
         }
     }

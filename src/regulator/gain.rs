@@ -60,7 +60,7 @@ const LEAST_CHANGE: f32 = 0.05;
 /// Variance of ln b below which the estimate can show a heavy motor: a standard deviation of some 40 %.
 const SURE_VARIANCE: f32 = 0.15;
 /// Ratio of the estimated time constant to the initial guess above which a motor is heavy.
-const HEAVY: f32 = 1.25;
+const HEAVY_TIME_CONSTANT_RATIO: f32 = 1.25;
 /// Balance of counts at which the encoder is trusted. The balance is the counts in the direction of the voltage less
 /// the counts against the voltage.
 const TRUSTED_COUNTS: i32 = 30;
@@ -116,7 +116,9 @@ impl GainEstimate {
     /// True if the motor is surely heavier than a bare gear motor. False while the encoder is not trusted, because the
     /// encoder may be reversed.
     pub(super) fn is_heavy(&self, plant: &Plant) -> bool {
-        self.is_trusted() && self.variance < SURE_VARIANCE && HEAVY * plant.b < guessed_gain(plant.kappa)
+        self.is_trusted()
+            && self.variance < SURE_VARIANCE
+            && HEAVY_TIME_CONSTANT_RATIO * plant.b < guessed_gain(plant.kappa)
     }
 
     /// Sets the sensitivity of a motor at rest to 0, because the observer's state is then exact for every gain. Ends

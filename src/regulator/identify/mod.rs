@@ -224,10 +224,10 @@ impl Excitation {
         reading: Reading,
     ) -> Result<Self, Identification> {
         let full = full_travel(emf, battery);
-        let span = full.min(limit as f32);
+        let announced_travel = full.min(limit as f32);
         let period = period.as_millis();
         let segment_ms = (SEGMENT_MS / period * period).max(period) as f32;
-        let scale = span / full;
+        let scale = announced_travel / full;
         if battery < LEAST_VOLTS {
             return Err(Identification::Refused(Refusal::Battery));
         }
@@ -241,7 +241,7 @@ impl Excitation {
             phase: 0,
             began: reading.at,
             segments: Segments::new(reading),
-            regression: Regression::new(emf, battery, span),
+            regression: Regression::new(emf, battery, announced_travel),
             fast: false,
         })
     }
@@ -251,7 +251,7 @@ impl Excitation {
     fn step(&mut self, battery: f32) -> Result<f32, Identification> {
         self.check(battery).map_err(Identification::Refused)?;
         let (seconds, counts) = self.segments.running();
-        if seconds > self.segment_s * self.slowness()
+        if seconds > self.segment_s * self.segment_stretch()
             && (counts.unsigned_abs() >= SEGMENT_COUNTS || seconds > LONGEST_SEGMENT_S)
         {
             self.fast = counts.unsigned_abs() as f32 > FAST_CPS * seconds;
@@ -279,7 +279,9 @@ impl Excitation {
             Err(Refusal::Battery)
         } else if self.phase == 0 && moved < -VIBRATION_COUNTS {
             Err(Refusal::Backwards)
-        } else if moved.saturating_abs().saturating_sub(VIBRATION_COUNTS) as f32 > self.regression.span {
+        } else if moved.saturating_abs().saturating_sub(VIBRATION_COUNTS) as f32
+            > self.regression.announced_travel
+        {
             Err(Refusal::TooFar)
         } else if self.segments.still_ms() >= stalled_ms {
             Err(Refusal::NoCounts)
@@ -293,7 +295,7 @@ impl Excitation {
     fn is_over(&mut self, length: f32) -> bool {
         let ms = self.phase_ms();
         if self.phase == 0 {
-            let enough = FIRST_PHASE_COUNTS.min(self.regression.span / 4.0);
+            let enough = FIRST_PHASE_COUNTS.min(self.regression.announced_travel / 4.0);
             if (self.segments.moved() as f32) < enough && ms < LONGEST_FIRST_PHASE_MS {
                 return false;
             }
@@ -305,7 +307,7 @@ impl Excitation {
 
     /// Factor by which a segment lasts longer than planned, at least 1. A segment is made longer by the same factor as
     /// the present phase.
-    fn slowness(&self) -> f32 {
+    fn segment_stretch(&self) -> f32 {
         let [Phase { ms: length, .. }, ..] = PHASES;
         let present = if self.phase == 0 { self.phase_ms() / length } else { 0.0 };
         self.scale.max(present).max(1.0)

@@ -69,9 +69,9 @@ pub enum Refusal {
     Spring,
     /// The motion does not fit a motor with inertia, drag and friction: the motor met a stop, the load changes with the
     /// position, or counts were lost.
-    Uneven,
+    PoorFit,
     /// The motion has too few counts for an error below 10 %.
-    Unsure,
+    Inaccurate,
     /// A constant found is out of its range, or the back EMF is implausible. An implausible back EMF is below 0.7 times
     /// or above 8 times the configured back EMF, by more than two standard errors.
     Implausible,
@@ -96,11 +96,11 @@ impl fmt::Display for Refusal {
             Self::Backwards => "the motor turned against the voltage: a reversed encoder or an overpowering load",
             Self::Load => "a constant load drives the motor, as gravity does",
             Self::Spring => "a spring drives the motor back: the load grows with the distance",
-            Self::Uneven => {
+            Self::PoorFit => {
                 "the motion does not fit a motor with inertia, drag and friction: an obstacle, a load that changes \
                  with the position, or lost counts"
             }
-            Self::Unsure => "the motion has too few counts for an error below 10 %",
+            Self::Inaccurate => "the motion has too few counts for an error below 10 %",
             Self::Implausible => {
                 "a constant found is implausible: configure the right motor, or check its gear and encoder"
             }

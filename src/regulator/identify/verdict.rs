@@ -54,7 +54,7 @@ pub(super) struct Regression {
     /// Battery voltage before the motion, in V.
     pub(super) battery: f32,
     /// Announced travel, in counts.
-    pub(super) span: f32,
+    pub(super) announced_travel: f32,
     fit: Fit,
     /// Running sum of the innovations, in counts.
     sum: f32,
@@ -68,8 +68,17 @@ pub(super) struct Regression {
 
 impl Regression {
     /// Creates a fit without rows.
-    pub(super) fn new(emf: f32, battery: f32, span: f32) -> Self {
-        Self { emf, battery, span, fit: Fit::default(), sum: 0.0, highest: 0.0, lowest: 0.0, squares: 0.0 }
+    pub(super) fn new(emf: f32, battery: f32, announced_travel: f32) -> Self {
+        Self {
+            emf,
+            battery,
+            announced_travel,
+            fit: Fit::default(),
+            sum: 0.0,
+            highest: 0.0,
+            lowest: 0.0,
+            squares: 0.0,
+        }
     }
 
     /// Adds a row. The row is multiplied by the duration of the shorter segment, so its unit is the count and all
@@ -77,7 +86,7 @@ impl Regression {
     /// accelerations.
     pub(super) fn add(&mut self, change: &Change) {
         let Change { speed, volt_seconds, distance, position, seconds, shorter_s, side } = *change;
-        let spring = -position / self.span * seconds;
+        let spring = -position / self.announced_travel * seconds;
         let row = [volt_seconds, -self.emf * distance, -side * seconds, seconds, spring, speed];
         let innovation = self.fit.add(row.map(|value| value * shorter_s));
         if self.fit.rows() > SETTLING_ROWS {
@@ -91,10 +100,10 @@ impl Regression {
     /// The result of the motion, or the reason to refuse a result.
     pub(super) fn result(&self) -> Result<Identified, Refusal> {
         if self.fit.rows() < LEAST_ROWS {
-            return Err(Refusal::Unsure);
+            return Err(Refusal::Inaccurate);
         }
         // A motion in one direction cannot separate load from friction. The load is then taken for 0.
-        let without_load = self.fit.solve(FRICTION + 1).ok_or(Refusal::Unsure)?;
+        let without_load = self.fit.solve(FRICTION + 1).ok_or(Refusal::Inaccurate)?;
         let with_load = self.fit.solve(LOAD + 1);
         let best = with_load.unwrap_or(without_load);
         let b = best.values[GAIN];
@@ -118,7 +127,7 @@ impl Regression {
         let noise = COUNTING_NOISE_COUNTS
             + VOLTAGE_NOISE_SHARE * self.battery * b * self.squares / f32::from(self.fit.rows());
         if self.highest - self.lowest > LARGEST_DRIFT * noise {
-            return Err(Refusal::Uneven);
+            return Err(Refusal::PoorFit);
         }
         self.identified(&best)
     }
@@ -130,7 +139,7 @@ impl Regression {
         let gain_error = best.error(unit(GAIN)) / b;
         let ratio_error = best.error([-ratio / b, 1.0 / b, 0.0, 0.0, 0.0]);
         if gain_error.is_nan() || gain_error >= LARGEST_ERROR {
-            return Err(Refusal::Unsure);
+            return Err(Refusal::Inaccurate);
         }
         let (low, high) = PLAUSIBLE_EMF_RATIO;
         if ratio + 2.0 * ratio_error < low || ratio - 2.0 * ratio_error > high {
