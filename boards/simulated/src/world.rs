@@ -334,8 +334,7 @@ impl World {
     fn move_base(&mut self, time_s: f64) {
         let before = self.ground.pose().heading_degrees;
         if let [left, right, ..] = self.rig.plants.as_slice() {
-            let output = |plant: &Plant| plant.angle() / plant.motor().gear_ratio;
-            self.ground.turn([output(left), output(right)]);
+            self.ground.turn([left.angle_after(), right.angle_after()]);
         }
         let after = self.ground.pose().heading_degrees;
         let rate = if time_s > 0.0 { (after - before) / time_s } else { 0.0 };
