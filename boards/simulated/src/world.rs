@@ -264,13 +264,11 @@ impl Board {
 
     /// Changes the condition of an I2C bus.
     pub fn set_i2c_fault(&self, bus: usize, fault: i2c::Fault) {
-        if let Some(condition) = self.0.borrow_mut().i2c.faults.get_mut(bus) {
-            *condition = fault;
-        }
+        self.0.borrow_mut().i2c.set_fault(bus, fault);
     }
 
     pub(crate) fn i2c_fault(&self, bus: usize) -> i2c::Fault {
-        self.0.borrow().i2c.faults.get(bus).copied().unwrap_or_default()
+        self.0.borrow().i2c.fault(bus)
     }
 
     pub(crate) fn with_i2c<T>(&self, act: impl FnOnce(&mut I2cDevices) -> T) -> T {
