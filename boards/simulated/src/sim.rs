@@ -50,6 +50,9 @@ pub enum RunError {
     /// The scenario has no motor.
     #[error("the scenario has no motor; it needs 1 to 4")]
     NoMotors,
+    /// A run without tasks cannot read the gyro of the scenario.
+    #[error("a run without tasks has no gyro; run a scenario with use_gyro with tasks")]
+    Gyro,
     /// The hub did not feed its watchdog.
     #[error("the hub did not feed its watchdog: a real board would have been reset")]
     Starved,
