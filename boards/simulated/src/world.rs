@@ -159,10 +159,10 @@ impl Board {
         world.rig = world.rig.clone().with_bus(bus);
     }
 
-    /// Opens the contactor between battery and capacitor.
-    pub fn open_contactor(&self) {
+    /// Closes or opens the contactor between battery and capacitor.
+    pub fn set_contactor(&self, closed: bool) {
         if let Some(bus) = &mut self.0.borrow_mut().rig.bus {
-            bus.closed = false;
+            bus.closed = closed;
         }
     }
 
