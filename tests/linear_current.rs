@@ -169,7 +169,7 @@ fn mean_current_is_the_line_asked_for_over_the_whole_catalogue() {
 }
 
 #[test]
-fn duty_is_within_half_a_percent_of_the_exact_inverse() {
+fn duty_is_within_a_quarter_of_a_percent_of_the_exact_inverse() {
     for frequency in FREQUENCIES {
         let mut worst = 0.0f64;
         for motor in &catalogue::motors().collect::<Vec<_>>() {

@@ -14,6 +14,7 @@ use motor_hub::record::{Fault, HEADS, Head, PAGES, Record, SIZE, TICKS, Tick};
 use motor_hub::units::{CountsPerSecond, Duty, Micros, Millivolts, Voltage};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 type Memory = [u8; SIZE];
 
@@ -235,6 +236,9 @@ fn a_record_that_is_cleared_is_empty_and_goes_on() {
     assert_eq!(all.iter().map(|head| (head.fault, head.run)).collect::<Vec<_>>(), [(Fault::Watchdog, 2)]);
 }
 
+/// Bytes of the ring. A slot has 32 bytes, and a head has 32 bytes.
+const RING: Range<usize> = 40..40 + 32 * (TICKS + 1);
+
 /// A record with two entries, the record after the tick that writes a third entry, and the contents of both.
 fn before_and_after() -> (Memory, Memory, Vec<(Head, Vec<Tick>)>) {
     let mut memory = [0; SIZE];
@@ -252,14 +256,18 @@ fn before_and_after() -> (Memory, Memory, Vec<(Head, Vec<Tick>)>) {
     (before, memory, all)
 }
 
-/// The head is written after the ring and the entries.
 #[test]
 fn an_entry_whose_writing_a_reset_interrupted_is_ignored() {
     let (before, after, all) = before_and_after();
+    // A tick writes the ring, the state of the run, the page of an entry and its head, in this order.
+    let order = [RING, 0..RING.start, RING.end + 32 * HEADS..SIZE, RING.end..RING.end + 32 * HEADS];
+    let places: Vec<usize> = order.into_iter().flatten().collect();
     // A word is written as a whole.
-    for cut in (0..SIZE).step_by(4) {
-        let mut memory = after;
-        memory[..cut].copy_from_slice(&before[..cut]);
+    for cut in (0..=SIZE).step_by(4) {
+        let mut memory = before;
+        for &place in &places[..cut] {
+            memory[place] = after[place];
+        }
         let (record, _) = Record::open(&mut memory, Fault::BrownOut);
         for head in record.heads() {
             let kept: Option<Vec<Tick>> = record.ticks(head.number).map(Iterator::collect);
@@ -325,7 +333,7 @@ fn a_tick_whose_writing_a_reset_interrupted_is_in_no_entry() {
     // The head is written last, and makes the tick valid.
     for garbled in 0..=32 {
         let mut memory = before;
-        let begun = &mut memory[40 + 32 * 35..][..32];
+        let begun = &mut memory[RING][32 * 35..][..32];
         begun.iter_mut().take(garbled).for_each(|byte| *byte = !*byte);
         assert_eq!(positions(memory), positions(before));
         assert_eq!(positions(memory).len(), TICKS);

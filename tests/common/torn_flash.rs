@@ -106,7 +106,9 @@ impl<const WORD: usize, const PAGE: usize> Flash<WORD, PAGE> {
     /// Puts bytes into the flash, as a probe does.
     pub(crate) fn put(&mut self, at: usize, bytes: &[u8]) {
         self.bytes[at..at + bytes.len()].copy_from_slice(bytes);
-        self.torn[at / WORD..(at + bytes.len()).div_ceil(WORD)].fill(false);
+        let words = at / WORD..(at + bytes.len()).div_ceil(WORD);
+        self.torn[words.clone()].fill(false);
+        self.coded[words].fill(false);
     }
 
     /// Fails if the power has failed.

@@ -227,8 +227,10 @@ pub(crate) fn survive(events: &[Event]) {
         commands.extend(host.new_commands());
     }
     if !frames_in(&stream).any(|(_, frame)| enables(frame)) {
-        let runs = |c: &Command| matches!(c.action, Action::Set(setpoint) if setpoint != Setpoint::Disabled);
-        assert!(!commands.iter().any(runs), "{commands:?}");
+        let at_rest = |c: &Command| {
+            matches!(c.action, Action::Set(Setpoint::Disabled) | Action::Configure(_) | Action::Base(_))
+        };
+        assert!(commands.iter().all(at_rest), "{commands:?}");
         assert_eq!(host.responder.enabled(), [false; N]);
     }
 

@@ -2,8 +2,9 @@
 
 use crate::tool::{Failed, cargo, cargo_command, command, none, output, root, run};
 use std::fs;
+use std::path::Path;
 
-/// Folder of inputs with which the fuzzer has reached new code.
+/// Folder with a folder for each target: the inputs with which the fuzzer has reached new code.
 const CORPUS: &str = "target/fuzz/corpus";
 
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
@@ -15,12 +16,12 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     if output(command("cargo-fuzz").arg("--version")).is_err() {
         cargo(&["install", "--locked", "--quiet", "cargo-fuzz"])?;
     }
-    let corpus = root().join(CORPUS);
-    fs::create_dir_all(&corpus).map_err(|error| Failed::at(&corpus, error))?;
     let folder = root().join("fuzz/fuzz_targets");
     for target in fs::read_dir(&folder).map_err(|error| Failed::at(&folder, error))?.flatten() {
         let name = target.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let fuzz = ["fuzz", "run", "--target-dir", "target/fuzz", &name, CORPUS, "--"];
+        let corpus = format!("{CORPUS}/{name}");
+        fs::create_dir_all(root().join(&corpus)).map_err(|error| Failed::at(Path::new(&corpus), error))?;
+        let fuzz = ["fuzz", "run", "--target-dir", "target/fuzz", &name, &corpus, "--"];
         let minute = ["-max_total_time=60", "-max_len=4096", "-print_final_stats=1", "-verbosity=0"];
         // With this variable the pinned toolchain accepts the options of nightly. An installed nightly may be older than the
         // pinned toolchain.

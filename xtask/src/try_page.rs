@@ -81,7 +81,11 @@ fn make() -> Result<(), Failed> {
     run(&mut cargo_command(&["build", "--package", PACKAGE, "--target", TARGET, "--profile", "tab"]))?;
     let relay = target_folder().join(TARGET).join("tab/tab.wasm");
     let packed = command("gzip").args(["-9", "-n", "-c"]).arg(&relay).stderr(Stdio::inherit()).output();
-    let packed = packed.map_err(|error| Failed(format!("gzip: {error}")))?.stdout;
+    let packed = packed.map_err(|error| Failed(format!("gzip: {error}")))?;
+    if !packed.status.success() {
+        return Err(Failed(format!("gzip: {}", packed.status)));
+    }
+    let packed = packed.stdout;
     let page = format!("{}{}\n", page(&packed)?, mark()?);
     let file = root().join(FILE);
     fs::write(&file, &page).map_err(|error| Failed::at(&file, error))?;

@@ -42,7 +42,7 @@ pub(crate) struct I2cDevices {
     pub(crate) imu: Bno055,
     memory: [u8; 256],
     next: u8,
-    pub(crate) faults: [Fault; I2C_BUSES],
+    faults: [Fault; I2C_BUSES],
     /// For each bus, true while a device holds SDA low.
     data_held: [bool; I2C_BUSES],
 }
@@ -60,6 +60,17 @@ impl Default for I2cDevices {
 }
 
 impl I2cDevices {
+    /// Changes the condition of a bus. A device that holds SDA low releases it.
+    pub(crate) fn set_fault(&mut self, bus: usize, fault: Fault) {
+        if let (Some(held), Some(condition)) = (self.data_held.get_mut(bus), self.faults.get_mut(bus)) {
+            (*held, *condition) = (false, fault);
+        }
+    }
+
+    pub(crate) fn fault(&self, bus: usize) -> Fault {
+        self.faults.get(bus).copied().unwrap_or_default()
+    }
+
     pub(crate) fn hold_data(&mut self, bus: usize) {
         if let Some(held) = self.data_held.get_mut(bus) {
             *held = true;
@@ -106,5 +117,26 @@ impl I2cDevices {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bus_is_freed_from_held_data_only() {
+        let mut devices = I2cDevices::default();
+        devices.set_fault(0, Fault::StuckData);
+        devices.hold_data(0);
+        devices.free_data(0);
+        assert_eq!(devices.fault(0), Fault::None);
+        devices.set_fault(0, Fault::StuckData);
+        devices.hold_data(0);
+        for lasting in [Fault::StuckClock, Fault::NoAcknowledge, Fault::Stretching] {
+            devices.set_fault(0, lasting);
+            devices.free_data(0);
+            assert_eq!(devices.fault(0), lasting);
+        }
     }
 }

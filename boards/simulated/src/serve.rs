@@ -253,6 +253,7 @@ pub async fn steps(
 
     let mut snapshot = Snapshot::INITIAL;
     let (mut interventions, mut begun_s) = (Interventions::default(), 0.0);
+    let mut replaced = scenario.clone();
     for step in 0_u64.. {
         let at_s = step as f64 * sim::STEP_S;
         // Bytes may have arrived, and the lines have no waker. So all tasks are polled.
@@ -270,21 +271,19 @@ pub async fn steps(
         }
         let before = interventions;
         intervene(&mut interventions);
-        interventions.set_loads(&before, scenario, &parent.board);
+        if interventions != before {
+            interventions.set_loads(&before, scenario, &parent.board);
+            replaced = interventions.replace_in(scenario);
+        }
         if interventions.restarts != before.restarts {
             begun_s = at_s;
+            served.iter().for_each(|hub| sim::connect_as_at_start(scenario, &hub.board));
         }
         let scenario_s = at_s - begun_s;
-        for hub in &served {
-            sim::change(scenario, &hub.board, scenario_s);
-        }
-        interventions.set_emf_and_encoders(&parent.board);
         for (index, hub) in served.iter().enumerate() {
-            let torques = match index {
-                0 => interventions.torques(scenario, scenario_s),
-                _ => sim::torques(scenario, scenario_s),
-            };
-            hub.board.run(Seconds(sim::STEP_S), &torques);
+            let scenario = if index == 0 { &replaced } else { scenario };
+            sim::change(scenario, &hub.board, scenario_s);
+            hub.board.run(Seconds(sim::STEP_S), &sim::torques(scenario, scenario_s));
             if hub.board.starved() {
                 return Err(RunError::Starved);
             }

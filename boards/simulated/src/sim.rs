@@ -15,6 +15,7 @@
 //! ```
 
 use crate::hardware::MOTORS;
+use crate::i2c::Fault;
 use crate::i2c_bus::SimulatedBus;
 use crate::scenario::{Attached, Motor, Scenario, Timed};
 use crate::trace::{Sample, Tick, Trace};
@@ -22,7 +23,7 @@ use crate::world::Board;
 use embassy_futures::join::{join, join_array, join3, join5};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver, Timer};
-use motor_hub::board::{DIGITAL_PINS, I2C_BUSES};
+use motor_hub::board::{ANALOG_INPUTS, DIGITAL_PINS, I2C_BUSES};
 use motor_hub::hub::{Hub, Snapshot};
 use motor_hub::model::bus::Bus;
 use motor_hub::model::plant::Flow;
@@ -50,6 +51,9 @@ pub enum RunError {
     /// The scenario has no motor.
     #[error("the scenario has no motor; it needs 1 to 4")]
     NoMotors,
+    /// A run without tasks cannot read the gyro of the scenario.
+    #[error("a run without tasks has no gyro; run a scenario with use_gyro with tasks")]
+    Gyro,
     /// The hub did not feed its watchdog.
     #[error("the hub did not feed its watchdog: a real board would have been reset")]
     Starved,
@@ -144,9 +148,8 @@ pub(crate) fn pass(board: &Board, torques: &[f64]) -> Vec<Flow> {
 /// Sets battery, temperatures, encoders and connected devices as the scenario has them at a time.
 pub(crate) fn change(scenario: &Scenario, board: &Board, now_s: f64) {
     board.set_emf(scenario.emf_at(now_s));
-    if scenario.bus.is_some_and(|bus| bus.opens_at_s.is_some_and(|at_s| now_s >= at_s)) {
-        board.open_contactor();
-    }
+    let opens_at_s = scenario.bus.and_then(|bus| bus.opens_at_s);
+    board.set_contactor(opens_at_s.is_none_or(|at_s| now_s < at_s));
     for (index, motor) in scenario.motors.iter().enumerate() {
         board.set_temperatures(index, motor.temperatures_at(now_s));
         board.set_encoder(index, motor.encoder_at(now_s));
@@ -157,6 +160,17 @@ pub(crate) fn change(scenario: &Scenario, board: &Board, now_s: f64) {
             connect(board, value);
         }
     }
+}
+
+/// Connects what the scenario has connected at the start, and nothing else.
+pub(crate) fn connect_as_at_start(scenario: &Scenario, board: &Board) {
+    let nothing = Attached {
+        analog_v: vec![0.0; ANALOG_INPUTS],
+        low_pins: Some(Vec::new()),
+        i2c_faults: vec![Fault::None; I2C_BUSES],
+    };
+    connect(board, &nothing);
+    connect(board, &scenario.attached);
 }
 
 /// Changes what is connected to the pins and the I2C buses.
@@ -246,7 +260,7 @@ pub(crate) fn board(scenario: &Scenario) -> Board {
     if let Some(pins) = scenario.wire {
         board.wire(pins.map(|pin| pin.get()));
     }
-    connect(&board, &scenario.attached);
+    connect_as_at_start(scenario, &board);
     for (index, motor) in scenario.motors.iter().enumerate() {
         board.set_current_line(index, motor.current_line);
         if let Some(train) = motor.train {

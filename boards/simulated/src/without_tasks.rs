@@ -53,8 +53,11 @@ pub struct Moment<'a> {
 /// Runs a scenario. `each` is called every millisecond, after the tick if one is due.
 ///
 /// # Errors
-/// If a motor's constants do not fit the firmware.
+/// If a motor's constants do not fit the firmware, or if a group uses the gyro, which only tasks read.
 pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), RunError> {
+    if scenario.groups.iter().any(|group| group.use_gyro) {
+        return Err(RunError::Gyro);
+    }
     let mut board = sim::board(scenario);
     let mut hub = Hub::new(sim::all_settings(&scenario.motors)?, scenario.period);
     let mut supply = Supply::new(scenario.limits);

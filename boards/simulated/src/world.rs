@@ -159,10 +159,10 @@ impl Board {
         world.rig = world.rig.clone().with_bus(bus);
     }
 
-    /// Opens the contactor between battery and capacitor.
-    pub fn open_contactor(&self) {
+    /// Closes or opens the contactor between battery and capacitor.
+    pub fn set_contactor(&self, closed: bool) {
         if let Some(bus) = &mut self.0.borrow_mut().rig.bus {
-            bus.closed = false;
+            bus.closed = closed;
         }
     }
 
@@ -264,13 +264,11 @@ impl Board {
 
     /// Changes the condition of an I2C bus.
     pub fn set_i2c_fault(&self, bus: usize, fault: i2c::Fault) {
-        if let Some(condition) = self.0.borrow_mut().i2c.faults.get_mut(bus) {
-            *condition = fault;
-        }
+        self.0.borrow_mut().i2c.set_fault(bus, fault);
     }
 
     pub(crate) fn i2c_fault(&self, bus: usize) -> i2c::Fault {
-        self.0.borrow().i2c.faults.get(bus).copied().unwrap_or_default()
+        self.0.borrow().i2c.fault(bus)
     }
 
     pub(crate) fn with_i2c<T>(&self, act: impl FnOnce(&mut I2cDevices) -> T) -> T {
@@ -334,8 +332,7 @@ impl World {
     fn move_base(&mut self, time_s: f64) {
         let before = self.ground.pose().heading_degrees;
         if let [left, right, ..] = self.rig.plants.as_slice() {
-            let output = |plant: &Plant| plant.angle() / plant.motor().gear_ratio;
-            self.ground.turn([output(left), output(right)]);
+            self.ground.turn([left.angle_after(), right.angle_after()]);
         }
         let after = self.ground.pose().heading_degrees;
         let rate = if time_s > 0.0 { (after - before) / time_s } else { 0.0 };

@@ -167,7 +167,8 @@ pub fn settling(goal: Goal, speed_before: f64, span_s: Range<f64>, points: &[Poi
     let band = goal.band(speed_before);
     let outside = goal.errors(points).iter().rposition(|error| error.abs() > band);
     let since = match outside {
-        None => Some(start),
+        // Without points the motor is not known to be within the band.
+        None => points.first().map(|_| start),
         Some(last) => points.get(last + 1).map(|point| point.at_s),
     };
     match since {
@@ -184,6 +185,11 @@ mod tests {
     fn motion(seconds: u32, speed_cps: impl Fn(f64) -> f64, counts: impl Fn(f64) -> f64) -> Vec<Point> {
         let point = |at_s: f64| Point { at_s, speed_cps: speed_cps(at_s), counts: counts(at_s) as i64 };
         (0..1_000 * seconds).map(|ms| point(f64::from(ms) / 1e3)).collect()
+    }
+
+    #[test]
+    fn a_motor_of_which_nothing_was_recorded_does_not_settle() {
+        assert_eq!(settling(Goal::Velocity(1000.0), 0.0, 0.0..2.0, &[]), Settling::Never);
     }
 
     #[test]

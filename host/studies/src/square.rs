@@ -182,9 +182,9 @@ pub fn page(all: &[Squares]) -> Page {
     page.text(
         "The simulated gyro has the resolution of a BNO055. In the third row it has no other error. In the fourth row it drifts to the \
          left by 0.5 degrees a minute, and its turns are 1 % too large. A square takes a minute and turns by 360 degrees, so the \
-         heading then misses the 0.5 degrees of the third row: no hub can see the errors of its only gyro. The last row enlarges each \
-         turn by a factor from the headings of the fourth row, which leaves the drift. The calibration of the encoders takes the \
-         headings at the ends of the first row.",
+         heading then has an error above the 0.5 degrees of the third row. A hub with one gyro cannot measure the errors of this gyro. \
+         The last row enlarges each turn by a factor from the headings of the fourth row, which leaves the drift. The calibration of \
+         the encoders takes the headings at the ends of the first row.",
     );
     page.table("The square of UMBmark", table);
     page

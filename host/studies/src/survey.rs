@@ -42,6 +42,10 @@ pub enum Knowledge {
     Lighter,
     /// 1.4 times the true inertia is configured.
     Heavier,
+    /// Half of the true inertia is configured. Only the long sweep uses this configuration.
+    HalfInertia,
+    /// Twice the true inertia is configured. Only the long sweep uses this configuration.
+    DoubleInertia,
     /// Only the winding is configured; the hub learns the acceleration per volt.
     Unknown,
     /// The constants of the cold motor are configured, but the motor is hot: its magnets are 10 % weaker, and its
@@ -60,7 +64,7 @@ pub enum Knowledge {
 }
 
 impl Knowledge {
-    /// All configurations.
+    /// All configurations except those of the long sweep.
     pub const ALL: [Self; 10] = [
         Self::Exact,
         Self::Lighter,
@@ -84,6 +88,8 @@ impl Knowledge {
             Self::Exact => "configured exactly",
             Self::Lighter => "inertia x0.7",
             Self::Heavier => "inertia x1.4",
+            Self::HalfInertia => "inertia x0.5",
+            Self::DoubleInertia => "inertia x2",
             Self::Unknown => "not configured",
             Self::Hot => "configured cold, motor hot",
             Self::ResistanceLow => "R x0.8",
@@ -105,6 +111,8 @@ impl Knowledge {
             Self::Exact => Configuration::EXACT,
             Self::Lighter => inertia(0.7),
             Self::Heavier => inertia(1.4),
+            Self::HalfInertia => inertia(0.5),
+            Self::DoubleInertia => inertia(2.0),
             Self::Unknown => Configuration { motion: None, ..Configuration::EXACT },
             Self::Hot => winding(1.0 / 1.24, 1.0 / 0.9),
             Self::ResistanceLow => winding(0.8, 1.0),

@@ -61,11 +61,9 @@ impl ChainLine {
     pub(super) fn begin(&self, now_ms: u64) {
         let shared = &mut *self.0.borrow_mut();
         shared.now_ms = now_ms;
-        if let Some(LineFault::Babbles(_)) = shared.fault {
-            for incoming in &mut shared.incoming {
-                // The start of a frame that never ends.
-                incoming.extend([0x44, 0x4B, 0x20, 0].map(|byte| (now_ms, byte)));
-            }
+        if let Some(LineFault::Babbles(hub)) = shared.fault {
+            // The start of a frame that never ends.
+            shared.arrive(hub, now_ms, &[0x44, 0x4B, 0x20, 0]);
         }
     }
 
@@ -88,17 +86,22 @@ impl Shared {
             };
             let babbles = matches!(self.fault, Some(LineFault::Babbles(hub)) if hub != *from);
             let damage = u8::from(collides || babbles);
-            for (hub, incoming) in self.incoming.iter_mut().enumerate() {
-                if hub != *from && self.fault != Some(LineFault::Cut(hub)) {
-                    let at_ms = self.now_ms + late_ms;
-                    let place = incoming.partition_point(|(other_ms, _)| *other_ms <= at_ms);
-                    let after = incoming.split_off(place);
-                    incoming.extend(bytes.iter().map(|byte| (at_ms, byte ^ damage)));
-                    incoming.extend(after);
-                }
-            }
+            let bytes: Vec<u8> = bytes.iter().map(|byte| byte ^ damage).collect();
+            self.arrive(*from, self.now_ms + late_ms, &bytes);
         }
         !sent.is_empty()
+    }
+
+    /// Lets the bytes of a hub arrive at all other hubs at this time. Bytes that arrive later stay behind them.
+    fn arrive(&mut self, from: usize, at_ms: u64, bytes: &[u8]) {
+        for (hub, incoming) in self.incoming.iter_mut().enumerate() {
+            if hub != from && self.fault != Some(LineFault::Cut(hub)) {
+                let place = incoming.partition_point(|(other_ms, _)| *other_ms <= at_ms);
+                let after = incoming.split_off(place);
+                incoming.extend(bytes.iter().map(|byte| (at_ms, *byte)));
+                incoming.extend(after);
+            }
+        }
     }
 
     fn receive(&mut self, hub: usize, bytes: &mut [u8]) -> usize {
@@ -136,5 +139,22 @@ impl Write for ChainEnd {
 
     async fn flush(&mut self) -> Result<(), Infallible> {
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_babbling_hub_disturbs_the_others_at_once_and_not_itself() {
+        let line = ChainLine::new(2);
+        line.set_fault(Some(LineFault::Late(1, 50)));
+        line.0.borrow_mut().sent.push((1, vec![7]));
+        line.deliver();
+        line.set_fault(Some(LineFault::Babbles(1)));
+        line.begin(1);
+        let received = [0, 1].map(|hub| line.0.borrow_mut().receive(hub, &mut [0; 8]));
+        assert_eq!(received, [4, 0]);
     }
 }

@@ -10,7 +10,7 @@
 
 use crate::encoder::Encoder;
 use crate::hardware::MOTORS;
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, Timed};
 use crate::world::Board;
 use motor_hub::model::friction::Friction;
 use motor_hub::model::load::Load;
@@ -28,7 +28,8 @@ pub struct Interventions {
     pub emf_v: Option<f64>,
     /// Interventions of each motor.
     pub motors: [OnMotor; MOTORS],
-    /// A change of this number restarts the scenario's time: torques, battery and encoders begin again.
+    /// A change of this number restarts the scenario's time: torques, battery with its contactor, encoders and
+    /// connected devices begin again.
     pub restarts: u32,
 }
 
@@ -46,22 +47,22 @@ pub struct OnMotor {
 }
 
 impl Interventions {
-    /// Returns the external torques on the output shafts in newton metres, at a time of the scenario in seconds.
-    pub(super) fn torques(&self, scenario: &Scenario, at_s: f64) -> Vec<f64> {
-        let motors = scenario.motors.iter().zip(&self.motors);
-        motors.map(|(motor, wanted)| wanted.torque_nm.unwrap_or_else(|| motor.torque_at(at_s))).collect()
-    }
-
-    /// Replaces battery voltage and encoders, which the scenario sets at each step.
-    pub(super) fn set_emf_and_encoders(&self, board: &Board) {
+    /// Returns the scenario with the battery voltage, the torques and the encoders of these interventions.
+    pub(super) fn replace_in(&self, scenario: &Scenario) -> Scenario {
+        let mut replaced = scenario.clone();
         if let Some(volts) = self.emf_v {
-            board.set_emf(Volts(volts));
+            replaced.battery.emf = Volts(volts);
+            replaced.emf_over_time.clear();
         }
-        for (index, wanted) in self.motors.iter().enumerate() {
-            if let Some(encoder) = wanted.encoder {
-                board.set_encoder(index, encoder);
+        for (motor, wanted) in replaced.motors.iter_mut().zip(&self.motors) {
+            if let Some(value) = wanted.torque_nm {
+                motor.torques = vec![Timed { at_s: 0.0, value }];
+            }
+            if let Some(value) = wanted.encoder {
+                motor.encoder = vec![Timed { at_s: 0.0, value }];
             }
         }
+        replaced
     }
 
     /// Changes inertias and friction of the shafts where they differ from the interventions `before`.

@@ -17,6 +17,7 @@ mod currents;
 mod devices;
 mod files;
 mod heading;
+mod interventions;
 mod runs;
 mod scenarios;
 mod scheme;
@@ -30,9 +31,11 @@ fn board(bridges: &[BridgeConstants]) -> Board {
     Board::new(battery, bridges.iter().map(|bridge| (motor, Load::NONE, *bridge)), 1)
 }
 
-/// Runs the hub's tasks. All runs of the process share the clock of the mock driver, so they wait for each other.
+/// All runs of the process share the clock of the mock driver, so they wait for each other.
+static CLOCK: Mutex<()> = Mutex::new(());
+
+/// Runs the hub's tasks.
 fn run_tasks(scenario: &Scenario) -> Trace {
-    static CLOCK: Mutex<()> = Mutex::new(());
     let _clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
     sim::run(scenario, &mut |_| ()).expect("it runs")
 }

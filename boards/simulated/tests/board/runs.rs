@@ -1,6 +1,7 @@
 //! A scenario runs alike with and without tasks.
 
-use simulated::scenario::Scenario;
+use simulated::scenario::{Group, Scenario};
+use simulated::sim::RunError;
 use simulated::without_tasks::run;
 
 #[test]
@@ -30,4 +31,13 @@ fn a_run_without_tasks_is_the_run_with_them() {
         .expect("it runs");
         assert!(ticks.next().is_none());
     }
+}
+
+#[test]
+fn a_run_without_tasks_refuses_a_scenario_whose_base_uses_the_gyro() {
+    let mut scenario = Scenario::default_one().expect("it is valid");
+    let group =
+        Group { label: "base".into(), motors: vec![0, 1], base: None, use_gyro: true, courses: vec![] };
+    scenario.groups.push(group);
+    assert_eq!(run(&scenario, |_| ()), Err(RunError::Gyro));
 }

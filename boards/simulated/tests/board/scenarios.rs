@@ -2,11 +2,13 @@
 
 use motor_hub::braking::Scheme;
 use motor_hub::model::plant::Temperatures;
+use motor_hub::model::train::Train;
 use motor_hub::model::{catalogue, si};
-use motor_hub::motor::Setpoint;
-use motor_hub::units::Control;
+use motor_hub::motor::{Setpoint, ThermalLimit};
+use motor_hub::units::{Acceleration, Control, CountsPerSecond, Milliamperes};
 use simulated::scenario::{Motor, Scenario, Timed};
 use simulated::without_tasks;
+use std::num::NonZeroU16;
 
 #[test]
 fn the_shipped_scenarios_are_valid() {
@@ -58,6 +60,45 @@ fn the_served_battery_motors_and_loads_are_those_of_the_default_scenario() {
         let (setpoints, torques) = (Vec::new(), Vec::new());
         assert_eq!(served, Motor { scheme: Scheme::A, constants, setpoints, torques, ..same });
     }
+}
+
+#[test]
+fn currents_accelerations_and_trains_scale_with_another_motor() {
+    let motor = Scenario::default_one().expect("it is valid").motors.remove(1);
+    let other = catalogue::characterised("AM 3.7 B").expect("it is in the catalogue");
+    let currents = motor.constants.r.0 / other.r.0;
+    let [free, torque, angle] = [motor.constants, other]
+        .map(|motor| {
+            let free = motor.free_speed(si::Volts(12.0)).0;
+            let torque = motor.stall_torque(si::Volts(12.0)).0 * motor.gear_ratio * motor.eta;
+            [free * motor.counts_per_rev_motor, torque, free / motor.gear_ratio]
+        })
+        .into_iter()
+        .reduce(|old, new| std::array::from_fn(|index| new[index] / old[index]))
+        .expect("two");
+    let current =
+        Setpoint::Current { current: Milliamperes::new(2_000), speed_limit: CountsPerSecond::new(1_000) };
+    let scaled = Motor {
+        thermal: ThermalLimit::new(1_000, 20, 600).ok(),
+        current_limit: NonZeroU16::new(3_000),
+        acceleration: Acceleration::new(4_000).ok(),
+        train: Some(Train { backlash_after: 0.02, stiffness_after: 300.0, damping_after: 0.3 }),
+        setpoints: vec![Timed { at_s: 0.0, value: current }],
+        ..motor
+    }
+    .with_constants(other);
+    let close = |name: &str, got: f64, want: f64| {
+        assert!((got / want - 1.0).abs() < 1e-3, "{name}: {got} instead of {want}");
+    };
+    close("thermal", scaled.thermal.expect("a limit").continuous_ma().into(), 1_000.0 * currents);
+    close("current limit", scaled.current_limit.expect("a limit").get().into(), 3_000.0 * currents);
+    close("acceleration", scaled.acceleration.expect("a limit").get().into(), 4_000.0 * free);
+    let Setpoint::Current { current, .. } = scaled.setpoints[0].value else { panic!("a current") };
+    close("current", current.get().into(), 2_000.0 * currents);
+    let Train { backlash_after, stiffness_after, damping_after } = scaled.train.expect("a train");
+    close("backlash", backlash_after, 0.02 * angle);
+    close("stiffness", stiffness_after, 300.0 * torque / angle);
+    close("damping", damping_after, 0.3 * torque / angle);
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use crate::SCHEMA_VERSION;
 use crate::expectations::fault_words;
+use crate::measures::regime_of;
 use motor_hub::motor::{Faults, Setpoint};
 use simulated::scenario::Scenario;
 use simulated::scenario::expectation::regime_name;
@@ -53,7 +54,7 @@ fn row(out: &mut String, sample: &Sample) {
         sample.speed_cps,
         report.velocity.to_f64(),
         sample.control.get(),
-        regime_name(report.regime),
+        regime_name(regime_of(report)),
         report.drive.mode.name(),
         report.drive.duty.to_f64(),
         sample.flow.mean_current().0,
@@ -68,4 +69,26 @@ fn row(out: &mut String, sample: &Sample) {
 
 fn quoted(text: &str) -> String {
     if text.contains([',', '"']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use motor_hub::braking::Regime;
+    use motor_hub::bridge::Drive;
+    use motor_hub::motor::Report;
+    use motor_hub::units::Control;
+
+    #[test]
+    fn an_open_bridge_coasts_also_in_the_braking_regime() {
+        let report = Report { regime: Some(Regime::Braking), drive: Drive::COAST, ..Report::INITIAL };
+        let control = Control::ZERO;
+        let sample =
+            Sample { report, control, speed_cps: 0.0, counts: 0, torque_nm: 0.0, flow: Default::default() };
+        let mut written = String::new();
+        row(&mut written, &sample);
+        let mut columns =
+            HEADINGS.split(',').skip_while(|heading| *heading != "setpoint").zip(written.split(','));
+        assert_eq!(columns.find(|(heading, _)| *heading == "regime"), Some(("regime", "coast")));
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::{RunReport, WITHOUT};
 use crate::NamedFigure;
+use crate::measures::regime_of;
 use crate::points::{CONTROL_RANGE, fraction};
 use chart::{Band, Figure, Panel, Series, Style, colour, fill};
 use motor_hub::braking::Regime;
@@ -179,7 +180,7 @@ fn position_goal(sample: &Sample) -> f64 {
 
 /// A band for each stretch of a regime; none while the motor coasts.
 fn regimes(scenario: &Scenario, trace: &Trace, index: usize) -> Vec<Band> {
-    let regime = |tick: &Tick| tick.motors.get(index).and_then(|sample| sample.report.regime);
+    let regime = |tick: &Tick| tick.motors.get(index).and_then(|sample| regime_of(&sample.report));
     let mut bands: Vec<Band> = Vec::new();
     for run in trace.ticks.chunk_by(|a, b| regime(a) == regime(b)) {
         let Some(first) = run.first() else { continue };

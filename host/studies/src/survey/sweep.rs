@@ -53,14 +53,9 @@ pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
 
 /// Multiples of a rotor's inertia that a motor turns in the long sweep.
 const INERTIAS: [f64; 7] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1_000.0];
-/// How the motion is configured in the long sweep. The factors 0.5 and 2 of the inertia are larger errors than the
-/// factors 0.7 and 1.4 of [`Knowledge`].
-const FACTORS: [(Knowledge, f64); 4] = [
-    (Knowledge::Exact, 1.0),
-    (Knowledge::Lighter, 0.5),
-    (Knowledge::Heavier, 2.0),
-    (Knowledge::Unknown, 1.0),
-];
+/// How the motors of the long sweep are configured.
+const KNOWLEDGE_LONG: [Knowledge; 4] =
+    [Knowledge::Exact, Knowledge::HalfInertia, Knowledge::DoubleInertia, Knowledge::Unknown];
 /// Length of a scenario of the long sweep, in seconds.
 const LONG_S: f64 = 120.0;
 
@@ -70,8 +65,8 @@ const LONG_S: f64 = 120.0;
 pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
     let mut all = Vec::new();
     for constants in catalogue::motors().map(|motor| motor.with_measured_rotor_inertia()) {
-        for (multiple, (knowledge, inertia)) in
-            INERTIAS.into_iter().flat_map(|multiple| FACTORS.map(|factor| (multiple, factor)))
+        for (multiple, knowledge) in
+            INERTIAS.into_iter().flat_map(|multiple| KNOWLEDGE_LONG.map(|knowledge| (multiple, knowledge)))
         {
             for (positions, period_ms) in [false, true].into_iter().flat_map(|p| PERIODS_MS.map(|ms| (p, ms)))
             {
@@ -82,9 +77,6 @@ pub(super) fn long_scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
                 let mut motor =
                     Motor { setpoints: long_course(free, positions), ..Motor::new(constants, load) };
                 motor.configuration = knowledge.configured(&constants);
-                if let Some(motion) = &mut motor.configuration.motion {
-                    motion.inertia = inertia;
-                }
                 // Some motors accelerate more slowly than the hub's settings can represent.
                 if motor.settings().is_err() {
                     continue;
@@ -157,4 +149,19 @@ fn course(free: f64) -> Vec<Timed<Setpoint>> {
         (5.0, velocity(-0.1 * free)),
     ];
     stations.map(|(at_s, value)| Timed { at_s, value }).to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_name_of_a_configuration_in_the_long_sweep_has_its_factor_of_the_inertia() {
+        for (scenario, knowledge) in long_scenarios(1) {
+            let factor = scenario.motors[0].configuration.motion.map(|motion| motion.inertia);
+            let named =
+                knowledge.name().strip_prefix("inertia x").map(|factor| factor.parse().expect("a number"));
+            assert_eq!(factor.unwrap_or(1.0), named.unwrap_or(1.0), "{knowledge:?}");
+        }
+    }
 }
