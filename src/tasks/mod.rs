@@ -48,8 +48,9 @@ pub use health::{Health, Task};
 
 use crate::bridge::{BridgeFeedback, Drive};
 use crate::devices::I2C_BUSES;
-use crate::hub::{Command, GyroReading, Snapshot};
+use crate::hub::{Action, Command, GyroReading, Snapshot};
 use crate::motion::Newest;
+use crate::motor::Setpoint;
 use crate::protocol::Packet;
 use crate::protocol::answers::I2cRead;
 use crate::record::{CrashReport, Fault, Record, SIZE};
@@ -160,6 +161,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// True while the button may drive motors, from the responder to the button's task: after the stored settings are
     /// restored, until the first packet for this hub.
     pub button_permitted: Mutex<M, Cell<bool>>,
+    /// Set-point that the button has commanded last.
+    button_setpoint: Mutex<M, Cell<Setpoint>>,
 }
 
 impl<M: RawMutex, const N: usize> Wires<M, N> {
@@ -185,6 +188,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             gyro_wanted: Mutex::new(Cell::new(false)),
             chain: ChainChannels::new(),
             button_permitted: Mutex::new(Cell::new(false)),
+            button_setpoint: Mutex::new(Cell::new(Setpoint::Disabled)),
         }
     }
 }
@@ -241,6 +245,19 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             }
             poll_fn(|context| self.commands.poll_ready_to_send(context)).await;
         }
+    }
+
+    /// Sends the set-point of the button to all motors, unless the button has sent it already. Returns false, and sends nothing, if
+    /// the queue has too little room. The caller must then try again.
+    pub fn try_send_by_button(&self, setpoint: Setpoint) -> bool {
+        if self.button_setpoint.lock(Cell::get) == setpoint {
+            return true;
+        }
+        if self.commands.free_capacity() < N {
+            return false;
+        }
+        self.button_setpoint.lock(|sent| sent.set(setpoint));
+        (0..N).all(|motor| self.try_send(Command { motor, action: Action::Set(setpoint) }).is_ok())
     }
 
     /// Takes the oldest waiting command out of the queue. `None` if no command waits.

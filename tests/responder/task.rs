@@ -16,7 +16,7 @@ use motor_hub::protocol::{Colour, Nack};
 use motor_hub::responder::Responder;
 use motor_hub::store::{Found, Outcome, SettingsRecord, StoreResult, Stored};
 use motor_hub::tasks::{self, COMMANDS, Wires};
-use motor_hub::units::Millivolts;
+use motor_hub::units::{CountsPerSecond, Millivolts};
 use std::cell::{Cell, RefCell};
 use std::future::{Future, poll_fn};
 use std::pin::{Pin, pin};
@@ -239,6 +239,42 @@ fn the_button_is_permitted_until_the_first_packet_to_this_hub() {
     // The button also stays forbidden after the host has been silent for 3 s.
     run_ms(&mut task, 3000);
     assert!(!permitted());
+}
+
+#[test]
+fn motors_that_the_button_drives_are_disabled_before_the_first_command_of_a_host_is_sent() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    run_ms(&mut task, 5);
+    let turn = Setpoint::Velocity(CountsPerSecond::new(1000));
+    assert!(world.wires.try_send_by_button(turn));
+    assert_eq!(world.new_commands().len(), N);
+    world.drive_motor_0();
+    run_ms(&mut task, 1);
+    let commands = world.new_commands();
+    assert_eq!(commands[..N], [0, 1, 2, 3].map(disabled));
+    assert_eq!((commands.len(), commands[N].motor), (N + 1, 0));
+    // The task of the button sees later that it must not drive motors.
+    assert!(world.wires.try_send_by_button(Setpoint::Disabled));
+    assert_eq!(world.new_commands(), []);
+}
+
+#[test]
+fn a_host_s_command_waits_until_the_queue_has_room_to_disable_the_motors_of_the_button() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    run_ms(&mut task, 5);
+    let turn = Setpoint::Velocity(CountsPerSecond::new(1000));
+    assert!(world.wires.try_send_by_button(turn));
+    while world.wires.try_send(disabled(0)).is_ok() {}
+    assert!(!world.wires.try_send_by_button(Setpoint::Velocity(CountsPerSecond::ZERO)));
+    world.drive_motor_0();
+    run_ms(&mut task, 1);
+    assert_eq!(world.new_commands().len(), COMMANDS);
+    run_ms(&mut task, 100);
+    let commands = world.new_commands();
+    assert_eq!(commands[..N], [0, 1, 2, 3].map(disabled));
+    assert_eq!(commands.len(), N + 1);
 }
 
 #[test]

@@ -74,7 +74,11 @@ fn collect() {
 pub(crate) fn next() {
     collect();
     NEWEST.started();
-    pac::ADC2.cr2().modify(|w| w.set_swstart(true));
+    pac::ADC2.cr2().modify(|w| {
+        // A disturbance may have switched the converter off. It then converts from the next start on.
+        w.set_adon(true);
+        w.set_swstart(true);
+    });
 }
 
 /// The newest readings.

@@ -60,6 +60,9 @@ impl CurrentSense<MOTORS> for CurrentLines {
         pac::ADC3.cr2().modify(|w| w.set_jswstart(true));
         Timer::after_micros(WAIT_MICROS).await;
         if !pac::ADC3.sr().read().jeoc() {
+            // The converter has stopped, for example because of a disturbance of its supply. It is ready for the next sample.
+            pac::ADC3.cr2().modify(|w| w.set_adon(false));
+            pac::ADC3.cr2().modify(|w| w.set_adon(true));
             return [None; MOTORS];
         }
         core::array::from_fn(|place| {

@@ -134,7 +134,9 @@ impl i2c_bus::Controller for Controller {
         while self.registers.cr1().read().stop() {
             Timer::after_micros(STOP_MICROS).await;
         }
-        if self.set != self.fast {
+        // A low line sets BUSY, also while no transfer runs. Only a stop condition or a reset clears BUSY, and a start waits for
+        // it (RM0090 27.6.1, 27.6.7). The hub is the only controller of the bus, so BUSY is wrong here.
+        if self.set != self.fast || self.registers.sr2().read().busy() {
             self.reset();
         }
     }

@@ -45,7 +45,8 @@ motor_hub_stm32::hub! {
     servos: 6,
     i2c: [i2c::Bus; 3],
     pwm: TIM1, tim1en,
-    directions: { GPIOD: 0..8 },
+    // PC12 switches the transceiver of the chain line to sending. A hub with a fault must release the line for the other hubs.
+    directions: { GPIOD: 0..8, GPIOC: 12..13 },
     encoders: [TIM2, TIM3, TIM4, TIM8],
     watchdog: IWDG,
     detector: PVD, cr1,

@@ -7,8 +7,10 @@
 //! sender. The next byte that is sent clears TC (RM0090 30.6.1, TC).
 
 use core::marker::PhantomData;
+use core::sync::atomic::{AtomicBool, Ordering};
+use cortex_m::peripheral::NVIC;
 use embassy_stm32::interrupt::typelevel::{self, Handler};
-use embassy_stm32::pac::{self, usart::Usart};
+use embassy_stm32::pac::{self, Interrupt, usart::Usart};
 use motor_hub_stm32::serial::TransmissionEnd;
 use motor_hub_stm32::supply::Watcher;
 
@@ -27,7 +29,8 @@ macro_rules! lines {
             impl Handler<typelevel::$usart> for End<typelevel::$usart> {
                 #[allow(unsafe_code, reason = "embassy asks for an unsafe fn; nothing in it is")]
                 unsafe fn on_interrupt() {
-                    if end(pac::$usart) {
+                    static TX_IS_EMPTY: AtomicBool = AtomicBool::new(false);
+                    if end(pac::$usart, Interrupt::$usart, &TX_IS_EMPTY) {
                         $released();
                         $name.watcher.wake();
                     }
@@ -66,11 +69,18 @@ fn ended(usart: Usart) -> bool {
     !control.txeie() && !control.tcie()
 }
 
-/// Disables the interrupt of TC at the end of a transmission. True if this is the end.
-fn end(usart: Usart) -> bool {
-    let ended = usart.cr1().read().tcie() && usart.sr().read().tc();
-    if ended {
+/// True once at the end of a transmission.
+///
+/// TC is set when the USART has no more byte to send. Embassy enables its interrupt for the last byte, but also for a byte at the
+/// end of embassy's ring buffer, behind which further bytes may wait at the beginning of the buffer. If the next byte is late,
+/// TC is then set in the middle of a transmission. So this function disables the interrupt of TC, and requests another
+/// interrupt. Meanwhile embassy's handler sends the next byte, if there is one. `is_empty` keeps that TC was set.
+fn end(usart: Usart, interrupt: Interrupt, is_empty: &AtomicBool) -> bool {
+    if usart.cr1().read().tcie() && usart.sr().read().tc() {
         usart.cr1().modify(|w| w.set_tcie(false));
+        is_empty.store(true, Ordering::Relaxed);
+        NVIC::pend(interrupt);
+        return false;
     }
-    ended
+    is_empty.swap(false, Ordering::Relaxed) && ended(usart)
 }

@@ -10,7 +10,7 @@ use embassy_stm32::pac::adc::vals::{Pcsel, SampleTime};
 use motor_hub::board::{ANALOG_INPUTS, AnalogReadings};
 use motor_hub_stm32::analog::{Factory, Newest, Sequence};
 use motor_hub_stm32::supply::FactoryWord;
-use motor_hub_stm32::two_converters::start;
+use motor_hub_stm32::two_converters::restart;
 
 /// ADC3_INP5, INP9, INP4 and INP6 (STM32H743 data sheet, pin definitions), by input.
 const INPUTS: [u8; ANALOG_INPUTS] = [5, 9, 4, 6];
@@ -21,9 +21,6 @@ const TEMPERATURE: u8 = 18;
 
 /// Words of a sequence: the inputs, the rail, the temperature and VREFINT.
 const WORDS: usize = ANALOG_INPUTS + 3;
-
-/// Words that the data register's FIFO keeps (RM0433 25.4.27).
-const FIFO_WORDS: usize = 8;
 
 /// 4 us, for a source of up to 10 kohm with a capacitor.
 const QUICK: SampleTime = SampleTime::CYCLES64_5;
@@ -66,20 +63,7 @@ fn collect() {
         converter.isr().write(|w| w.set_eos(true));
         let [a, b, c, d, rail, temperature, vrefint] =
             core::array::from_fn(|_| converter.dr().read().rdata());
-        // If the FIFO has more words than one sequence, a stopped sequence has left some of them. All words are then
-        // discarded.
-        if converter.isr().read().eoc() {
-            drain();
-        } else {
-            NEWEST.ended(Sequence { inputs: [a, b, c, d], rail, temperature, vrefint });
-        }
-    }
-}
-
-/// Empties the FIFO.
-fn drain() {
-    for _ in 0..FIFO_WORDS {
-        let _ = pac::ADC3.dr().read();
+        NEWEST.ended(Sequence { inputs: [a, b, c, d], rail, temperature, vrefint });
     }
 }
 
@@ -95,8 +79,7 @@ pub(crate) fn next() {
     collect();
     NEWEST.started();
     if !converter.cr().read().adstart() {
-        drain();
-        start(converter);
+        restart(converter);
     }
 }
 

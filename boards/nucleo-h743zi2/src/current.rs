@@ -11,7 +11,7 @@ use motor_hub::board::CurrentSense;
 use motor_hub::bridge::SenseScale;
 use motor_hub::units::Milliamperes;
 use motor_hub_stm32::Calibrate;
-use motor_hub_stm32::two_converters::{calibrate, power_up, stop};
+use motor_hub_stm32::two_converters::{calibrate, power_up, restart};
 
 use crate::MOTORS;
 use crate::adc::H7;
@@ -21,9 +21,6 @@ const CHANNELS: [u8; MOTORS] = [10, 5, 3, 19];
 
 /// Four conversions of 64.5 + 8.5 cycles at 16 MHz take 18 us.
 const WAIT_MICROS: u64 = 40;
-
-/// Words that the data register's FIFO keeps (RM0433 25.4.27).
-const FIFO_WORDS: usize = 8;
 
 /// ADC2 with its pins.
 pub(crate) struct CurrentLines {
@@ -62,15 +59,7 @@ impl Calibrate for CurrentLines {
 impl CurrentSense<MOTORS> for CurrentLines {
     async fn sample(&mut self) -> [Option<Milliamperes>; MOTORS] {
         // Discards readings that came too late for the last sample. They would be taken for currents of other motors.
-        stop(pac::ADC2);
-        for _ in 0..FIFO_WORDS {
-            let _ = pac::ADC2.dr().read();
-        }
-        pac::ADC2.isr().write(|w| {
-            w.set_eos(true);
-            w.set_ovr(true);
-        });
-        pac::ADC2.cr().modify(|w| w.set_adstart(true));
+        restart(pac::ADC2);
         Timer::after_micros(WAIT_MICROS).await;
         if !pac::ADC2.isr().read().eos() {
             return [None; MOTORS];

@@ -4,8 +4,6 @@
 use embassy_stm32::gpio::Input;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Ticker};
-use motor_hub::hub::{Action, Command};
-use motor_hub::motor::Setpoint;
 use motor_hub::responder::button::{Button, ButtonInputs};
 use motor_hub::tasks::Wires;
 use motor_hub::units::Micros;
@@ -16,7 +14,6 @@ const POLL: Duration = Duration::from_millis(10);
 pub async fn run<M: RawMutex, const N: usize>(input: Input<'static>, wires: &Wires<M, N>) -> ! {
     let mut ticker = Ticker::every(POLL);
     let mut button = Button::default();
-    let mut current = Setpoint::Disabled;
     loop {
         ticker.next().await;
         let down = input.is_high();
@@ -29,11 +26,7 @@ pub async fn run<M: RawMutex, const N: usize>(input: Input<'static>, wires: &Wir
             battery_good,
             now: Micros::new(Instant::now().as_micros()),
         });
-        if wanted != current {
-            current = wanted;
-            for motor in 0..N {
-                wires.send(Command { motor, action: Action::Set(wanted) }).await;
-            }
-        }
+        // A set-point that finds no room in the queue is sent at the next poll.
+        wires.try_send_by_button(wanted);
     }
 }

@@ -11,7 +11,7 @@
 /// | `motors`, `pins`, `servos` | number of motors, and of digital pins and servo outputs for a host |
 /// | `i2c` | type and number of the I2C buses for a host; left out on a board that has none |
 /// | `pwm` | timer of the bridges, and the bit of RCC's register APB2ENR that gives the timer its clock |
-/// | `directions` | GPIO ports of the bridges' direction lines, each with the numbers of its lines |
+/// | `directions` | GPIO ports of the lines that a fault must make low, each with the numbers of its lines: the bridges' direction lines, and the line that switches a transceiver to sending |
 /// | `encoders`, `watchdog` | peripherals: timers of the encoders by motor, watchdog |
 /// | `detector` | interrupt of the chip's voltage detector, and the register of PWR that sets the detector |
 /// | `battery` | type of the converter of the battery |

@@ -197,6 +197,23 @@ pub fn stop(converter: Adc) {
     }
 }
 
+/// Words that the data register's FIFO keeps on an STM32H7 (RM0433 25.4.27). Other chips keep one word.
+const FIFO_WORDS: usize = 8;
+
+/// Stops a converter and starts it again. Discards the readings of the stopped sequence, which would be taken for readings of
+/// the new one. After an overrun the FIFO takes no reading until OVR is cleared (RM0433 25.4.27).
+pub fn restart(converter: Adc) {
+    stop(converter);
+    for _ in 0..FIFO_WORDS {
+        let _ = converter.dr().read();
+    }
+    converter.isr().write(|w| {
+        w.set_eos(true);
+        w.set_ovr(true);
+    });
+    start(converter);
+}
+
 impl<K: Kind> SupplyAdc for TwoConverters<K> {
     async fn sample(&mut self) -> Option<Millivolts> {
         let mut battery = self.take();
@@ -207,8 +224,7 @@ impl<K: Kind> SupplyAdc for TwoConverters<K> {
         if battery.is_none() {
             // A converter has stopped, for example because of a disturbance of its supply.
             for (converter, _) in self.converters() {
-                stop(converter);
-                start(converter);
+                restart(converter);
             }
         }
         K::next_reference(self.reference.0);
