@@ -39,7 +39,8 @@ const PAGES: [Page; 5] = [
         head: "# Fault matrix\n\n\
                Every fault in four modes at once, on the emulated chip of the NUCLEO-F429ZI. \
                Times run from the fault until the bridge is open or the motor is shorted. Otherwise the cell gives \
-               the speed of the motor. Made by `cargo xtask test nucleo-f429zi`, tests `matrix`.",
+               the speed of the motor at the end of the fault, or on average. \
+               Made by `cargo xtask test nucleo-f429zi`, tests `matrix`.",
         parts: &["nucleo-f429zi/matrix-as-they-come.md", "nucleo-f429zi/matrix-by-model-braking.md"],
     },
     Page {
