@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Bench, Puppet, position, velocity};
+use common::{Bench, ScriptedMotor, position, velocity};
 use motor_hub::braking::{Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::hub::{Action, Command, Hub, Snapshot};
@@ -132,7 +132,7 @@ fn velocity_below_the_set_point_drives_and_above_it_brakes_before_it_reverses() 
 #[test]
 fn position_is_approached_at_the_speed_limit_however_far_it_is_and_the_short_way() {
     let control = |start: i32, setpoint| {
-        let mut motor = Puppet::new(with_velocity(ONLY_F), Period::DEFAULT);
+        let mut motor = ScriptedMotor::new(with_velocity(ONLY_F), Period::DEFAULT);
         motor.set(setpoint);
         motor.sample(50, start);
         motor.control(Some(12_000))

@@ -20,7 +20,7 @@ fn positions_unwrap_in_both_directions() {
 }
 
 #[test]
-fn an_edge_is_stamped_when_it_is_seen_and_kept_while_nothing_moves() {
+fn an_edge_gets_the_time_of_the_sample_that_shows_it_and_keeps_this_time_while_nothing_moves() {
     let mut tracker = Tracker::default();
     assert_eq!(
         tracker.step(65_535, Micros::new(5)),

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Bench, Puppet, configured, free_cps, motor, plant, position, velocity};
+use common::{Bench, ScriptedMotor, configured, free_cps, motor, plant, position, velocity};
 use motor_hub::braking::Winding;
 use motor_hub::model::load::Load;
 use motor_hub::motor::{Report, Settings};
@@ -22,7 +22,7 @@ fn known() -> Settings {
 /// Last report of a motor that turns at a constant speed for two seconds. The times of its samples are off by `jitter`
 /// microseconds. Samples of `left_out` milliseconds are missing.
 fn turning(cps: f64, jitter: impl Fn(u64) -> i64, left_out: impl Fn(u64) -> bool) -> Report {
-    let mut motor = Puppet::new(known(), Period::DEFAULT);
+    let mut motor = ScriptedMotor::new(known(), Period::DEFAULT);
     motor.set(velocity(cps as i32));
     let mut report = Report::INITIAL;
     for ms in 0..2_000u64 {

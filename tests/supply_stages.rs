@@ -14,14 +14,14 @@ impl Sampled {
         Self { supply: Supply::new(Limits::default()), ms: 0 }
     }
 
-    fn see(&mut self, mv: u16) -> Battery {
+    fn sample(&mut self, mv: u16) -> Battery {
         self.ms += 1;
         self.supply.step(Some(Millivolts::new(mv)), Micros::new(1000 * self.ms)).expect("plausible")
     }
 
     /// Holds a voltage for 2 s, until the filter and the draw have settled.
     fn hold(&mut self, mv: u16) -> Battery {
-        (0..2_000).map(|_| self.see(mv)).last().expect("2 000 samples")
+        (0..2_000).map(|_| self.sample(mv)).last().expect("2 000 samples")
     }
 }
 
@@ -85,7 +85,7 @@ fn after_a_cut_the_draw_rises_slowly_from_the_derate_level() {
     let mut supply = Sampled::new();
     supply.hold(5_900);
     assert_eq!(supply.hold(6_950).stage, DrawStage::Cutoff, "the stage stays Cutoff below the derate level");
-    let shares: Vec<f32> = (0..1_200).map(|_| supply.see(7_400).draw.to_f32()).collect();
+    let shares: Vec<f32> = (0..1_200).map(|_| supply.sample(7_400).draw.to_f32()).collect();
     let first = shares.iter().position(|&share| share > 0.0).expect("the draw rises again");
     assert!((0.45..0.55).contains(&shares[first + 500]), "half of it after half a second");
     assert!(shares.windows(2).all(|pair| pair[1] >= pair[0] && pair[1] - pair[0] < 2e-3), "without a step");
@@ -98,7 +98,7 @@ fn the_draw_from_a_weak_battery_converges_without_a_cut() {
     supply.hold(8_000);
     let mut late = Vec::new();
     for ms in 0..8_000 {
-        let battery = supply.see((8_000.0 - 3_000.0 * share) as u16);
+        let battery = supply.sample((8_000.0 - 3_000.0 * share) as u16);
         assert_ne!(battery.stage, DrawStage::Cutoff, "at {ms} ms");
         share = f64::from(battery.draw.to_f32());
         if ms > 4_000 {
@@ -112,14 +112,14 @@ fn the_draw_from_a_weak_battery_converges_without_a_cut() {
 #[test]
 fn a_collapsed_bus_gives_a_draw_of_zero_until_the_last_state_is_stale() {
     let mut supply = Supply::new(Limits::default());
-    let mut see = |ms: u64, mv| supply.step(Some(Millivolts::new(mv)), Micros::new(1000 * ms));
-    let before = see(10, 7_600).expect("plausible");
-    assert_eq!(see(11, 4_700), None, "one may be a bad reading");
-    let down = see(12, 4_700).expect("known");
+    let mut sample = |ms: u64, mv| supply.step(Some(Millivolts::new(mv)), Micros::new(1000 * ms));
+    let before = sample(10, 7_600).expect("plausible");
+    assert_eq!(sample(11, 4_700), None, "one may be a bad reading");
+    let down = sample(12, 4_700).expect("known");
     assert_eq!(down, Battery { stage: DrawStage::Derated, draw: Share::NONE, ..before });
     assert!(!down.is_fresh(Micros::new(111_000)));
     // Without a load the voltage is back.
-    let back = see(13, 7_400).expect("plausible");
+    let back = sample(13, 7_400).expect("plausible");
     assert_eq!((back.voltage, back.stage), (Millivolts::new(7_400), DrawStage::Derated));
     assert!(back.draw < Share::from_f32(0.01), "{:?}", back.draw);
     let after_silence = {
@@ -132,11 +132,11 @@ fn a_collapsed_bus_gives_a_draw_of_zero_until_the_last_state_is_stale() {
 #[test]
 fn a_collapse_cuts_the_draw_also_after_a_failed_conversion() {
     let mut supply = Supply::new(Limits::default());
-    let mut see = |ms: u64, mv: Option<u16>| supply.step(mv.map(Millivolts::new), Micros::new(1000 * ms));
-    let before = see(10, Some(12_000)).expect("plausible");
-    assert_eq!(see(11, None), None);
-    assert_eq!(see(12, Some(4_700)), None, "one may be a bad reading");
-    let down = see(13, Some(4_700)).expect("two are a collapse");
+    let mut sample = |ms: u64, mv: Option<u16>| supply.step(mv.map(Millivolts::new), Micros::new(1000 * ms));
+    let before = sample(10, Some(12_000)).expect("plausible");
+    assert_eq!(sample(11, None), None);
+    assert_eq!(sample(12, Some(4_700)), None, "one may be a bad reading");
+    let down = sample(13, Some(4_700)).expect("two are a collapse");
     assert_eq!(down, Battery { stage: DrawStage::Derated, draw: Share::NONE, ..before });
 }
 
@@ -168,9 +168,9 @@ fn the_bus_is_quiet_only_while_motors_are_not_limited() {
 fn after_an_overvoltage_motors_dissipate_for_50_ms_and_the_bus_is_then_quiet() {
     for mv in [13_900, 12_000] {
         let mut supply = Sampled::new();
-        supply.see(14_100);
+        supply.sample(14_100);
         for ms in 1..=60 {
-            let dissipate = supply.see(mv).dissipate;
+            let dissipate = supply.sample(mv).dissipate;
             assert_eq!(dissipate > Share::NONE, ms < 50, "{mv} mV, {ms} ms later");
             assert_eq!(supply.supply.quiet().is_some(), dissipate == Share::NONE, "{mv} mV, {ms} ms later");
         }
@@ -199,8 +199,8 @@ fn motors_dissipate_above_the_dissipate_level_and_fully_from_halfway_to_the_ceil
     }
     // The voltage rises by 200 mV per millisecond, so the hub uses the voltage that it expects.
     let mut supply = Sampled::new();
-    supply.see(13_700);
-    assert!(supply.see(13_900).dissipate > Share::NONE);
+    supply.sample(13_700);
+    assert!(supply.sample(13_900).dissipate > Share::NONE);
 }
 
 #[test]

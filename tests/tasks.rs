@@ -502,22 +502,22 @@ fn a_board_with_a_link_expects_it_to_check_in_too() {
 }
 
 /// Bridges with faults, and a current on the first bridge.
-struct Heard<'a>(&'a Cell<[bool; N]>);
+struct BridgeLines<'a>(&'a Cell<[bool; N]>);
 
-impl motor_hub::board::BridgeFaults<N> for Heard<'_> {
+impl motor_hub::board::BridgeFaults<N> for BridgeLines<'_> {
     fn faults(&mut self) -> [bool; N] {
         self.0.get()
     }
 }
 
-impl motor_hub::board::CurrentSense<N> for Heard<'_> {
+impl motor_hub::board::CurrentSense<N> for BridgeLines<'_> {
     async fn sample(&mut self) -> [Option<Milliamperes>; N] {
         [Some(Milliamperes::new(700)), None, None, None]
     }
 }
 
 #[test]
-fn what_bridges_say_of_themselves_comes_to_the_motors_and_is_expected_of_boards_that_hear_them() {
+fn faults_and_currents_of_bridges_reach_the_motors_and_a_task_that_reads_them_must_check_in() {
     let parts = Parts { health: Health::new().expecting(Task::Bridges), ..Parts::new(50) };
     let mut board = parts.board();
     parts.world.sample.set(Some(GOOD));
@@ -526,7 +526,7 @@ fn what_bridges_say_of_themselves_comes_to_the_motors_and_is_expected_of_boards_
 
     let faults = Cell::new([false; N]);
     let mut bridges: TaskFuture<'_> = Box::pin(async {
-        tasks::bridges::run(Heard(&faults), Heard(&faults), &parts.wires, &parts.health).await;
+        tasks::bridges::run(BridgeLines(&faults), BridgeLines(&faults), &parts.wires, &parts.health).await;
     });
     parts.send(0, HALF);
     let mut run = |board: &mut Board<'_>, ms| {

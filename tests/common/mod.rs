@@ -346,13 +346,13 @@ impl<const N: usize> Bench<N> {
 }
 
 /// A motor without physics: its encoder reads what the test says, whatever the bridge does.
-pub(crate) struct Puppet {
+pub(crate) struct ScriptedMotor {
     motor: Controlled,
     at: Micros,
     reading: Option<Reading>,
 }
 
-impl Puppet {
+impl ScriptedMotor {
     pub(crate) fn new(settings: Settings, period: Period) -> Self {
         Self { motor: Controlled::new(settings, period), at: Micros::new(0), reading: None }
     }

@@ -23,7 +23,7 @@ fn set_up<const N: usize>(period_ms: u32, motors: [Motor; N], known: bool, loads
     bench
 }
 
-fn lead<const N: usize>(bench: &mut Bench<N>, together: GroupCommand) {
+fn command_group<const N: usize>(bench: &mut Bench<N>, together: GroupCommand) {
     let motor = together.course.members().iter().position(|member| *member).expect("members");
     bench.hub.apply(Command { motor, action: Action::MoveGroup(together) }).expect("members");
 }
@@ -102,7 +102,10 @@ fn a_drive_base_goes_straight_with_equal_loads_and_with_unequal_ones() {
             for period in PERIODS {
                 let loads = [WHEEL, Load { drag_after: drag(dragged), ..WHEEL }];
                 let mut bench = set_up(period, two(), known, loads);
-                lead(&mut bench, together(pair(BASE.straight(1000.0).expect("short")), 350.0, 700.0));
+                command_group(
+                    &mut bench,
+                    together(pair(BASE.straight(1000.0).expect("short")), 350.0, 700.0),
+                );
                 let mut worst = 0.0f64;
                 let ms = arrive(&mut bench, |bench| worst = worst.max(heading(places(bench)).abs()));
                 bench.run_ms(500);
@@ -131,7 +134,10 @@ fn with_the_usual_lag_nobody_waits_for_a_member_that_follows_as_well_as_it_can()
                     let GroupCommand { course, speed, acceleration, .. } =
                         together(pair([1_000; 2]), mm_s, mm_s2);
                     let usual = GroupCommand::new(course, speed, acceleration);
-                    lead(&mut bench, if endless { GroupCommand { lag: u16::MAX, ..usual } } else { usual });
+                    command_group(
+                        &mut bench,
+                        if endless { GroupCommand { lag: u16::MAX, ..usual } } else { usual },
+                    );
                     while !matches!(bench.snapshot.motors[0].setpoint,
                         Setpoint::Follow(reference) if reference.position == 1_000)
                     {
@@ -153,7 +159,7 @@ fn a_turn_by_90_degrees_takes_little_more_than_a_second() {
     for known in [true, false] {
         for period in PERIODS {
             let mut bench = set_up(period, two(), known, [WHEEL; 2]);
-            lead(&mut bench, together(pair(BASE.turn(90.0).expect("short")), 380.0, 850.0));
+            command_group(&mut bench, together(pair(BASE.turn(90.0).expect("short")), 380.0, 850.0));
             let ms = arrive(&mut bench, |_| ());
             bench.run_ms(500);
             let [left, right] = places(&bench);
@@ -174,7 +180,7 @@ fn a_wheel_that_is_blocked_stops_the_other_and_both_finish_when_it_is_free() {
     for known in [true, false] {
         for period in PERIODS {
             let mut bench = set_up(period, two(), known, [WHEEL; 2]);
-            lead(&mut bench, together(pair([5_000; 2]), 300.0, 700.0));
+            command_group(&mut bench, together(pair([5_000; 2]), 300.0, 700.0));
             bench.axes[1].stops.1 = 2_000.0;
             bench.run_ms(2_000);
             let mut ahead = 0.0f64;
@@ -214,7 +220,7 @@ fn a_wheel_that_is_blocked_stops_the_other_and_both_finish_when_it_is_free() {
 fn a_fault_of_one_member_stops_or_coasts_the_group() {
     for (halt, period) in [Halt::Stop, Halt::Coast].into_iter().flat_map(|halt| PERIODS.map(|p| (halt, p))) {
         let mut bench = set_up(period, two(), true, [WHEEL; 2]);
-        lead(&mut bench, GroupCommand { halt, ..together(pair([20_000; 2]), 300.0, 700.0) });
+        command_group(&mut bench, GroupCommand { halt, ..together(pair([20_000; 2]), 300.0, 700.0) });
         bench.run_ms(1_500);
         bench.axes[1].cable = Cable::Unplugged;
         bench.run_ms(1_500);
@@ -244,7 +250,7 @@ fn a_member_with_a_new_set_point_leaves_and_the_others_halt() {
         for (halt, setpoint) in [(Halt::Stop, alone), (Halt::Coast, alone), (Halt::Stop, Setpoint::Disabled)]
         {
             let mut bench = set_up(period, two(), true, [WHEEL; 2]);
-            lead(&mut bench, GroupCommand { halt, ..together(pair([20_000; 2]), 300.0, 700.0) });
+            command_group(&mut bench, GroupCommand { halt, ..together(pair([20_000; 2]), 300.0, 700.0) });
             bench.run_ms(1_500);
             bench.set(1, setpoint);
             bench.run_ms(1_500);
@@ -260,7 +266,10 @@ fn a_member_with_a_new_set_point_leaves_and_the_others_halt() {
                 // The limit of one count is the resolution of the encoder.
                 assert!(moved.abs() < 1.0, "{period} ms: {moved} {other:?}");
                 // The other members still form a group.
-                lead(&mut bench, together(Course::distances(&[(0, 500)]).expect("a motor"), 300.0, 700.0));
+                command_group(
+                    &mut bench,
+                    together(Course::distances(&[(0, 500)]).expect("a motor"), 300.0, 700.0),
+                );
                 let place = bench.counts(0);
                 arrive(&mut bench, |_| ());
                 assert!((bench.counts(0) - place - 500.0).abs() < 8.0);
@@ -274,12 +283,12 @@ fn a_new_group_of_some_members_lets_only_the_other_members_coast() {
     let three = [motor("AM 60 A"); 3];
     let mut bench = set_up(50, three, true, [WHEEL; 3]);
     let course = Course::distances(&[(0, 20_000), (1, 20_000), (2, 20_000)]).expect("motors");
-    lead(&mut bench, GroupCommand { halt: Halt::Coast, ..together(course, 300.0, 700.0) });
+    command_group(&mut bench, GroupCommand { halt: Halt::Coast, ..together(course, 300.0, 700.0) });
     bench.run_ms(1_000);
     // An encoder that is not read keeps the new group from starting.
     bench.axes[1].unread_ms = 100;
     bench.run_ms(30);
-    lead(&mut bench, together(pair([1_000; 2]), 300.0, 700.0));
+    command_group(&mut bench, together(pair([1_000; 2]), 300.0, 700.0));
     let setpoints = bench.tick().motors.map(|motor| motor.setpoint);
     assert_eq!(setpoints, [velocity(0), velocity(0), Setpoint::Disabled]);
 }
@@ -306,13 +315,13 @@ fn another_course_in_mid_move_makes_no_step_of_current() {
         for period in PERIODS {
             let mut bench = set_up(period, two(), known, [WHEEL; 2]);
             let first = together(pair([4_000; 2]), 300.0, 700.0);
-            lead(&mut bench, first);
+            command_group(&mut bench, first);
             let ordinary = largest_current_step(&mut bench, 800);
             for (name, course) in courses {
                 let mut bench = set_up(period, two(), known, [WHEEL; 2]);
-                lead(&mut bench, first);
+                command_group(&mut bench, first);
                 bench.run_ms(1_000);
-                lead(&mut bench, together(course, 300.0, 700.0));
+                command_group(&mut bench, together(course, 300.0, 700.0));
                 let step = largest_current_step(&mut bench, 800);
                 println!("{name}, known {known}, {period} ms: {step:.2} A, at the start {ordinary:.2} A");
                 assert!(step <= 1.2 * ordinary, "{step} {ordinary}");
@@ -333,10 +342,10 @@ fn a_gantry_of_four_different_motors_comes_level_and_goes_up() {
             }
             let level =
                 |counts| Course::positions(&[0, 1, 2, 3].map(|motor| (motor, counts))).expect("four motors");
-            lead(&mut bench, together(level(100), 100.0, 700.0));
+            command_group(&mut bench, together(level(100), 100.0, 700.0));
             arrive(&mut bench, |_| ());
             let mut apart = 0.0f64;
-            lead(&mut bench, together(level(6_000), 150.0, 700.0));
+            command_group(&mut bench, together(level(6_000), 150.0, 700.0));
             let ms = arrive(&mut bench, |bench| {
                 let places = places(bench);
                 let [least, most] = [f64::min, f64::max].map(|f| places.into_iter().reduce(f).expect("four"));
@@ -356,7 +365,7 @@ fn the_slowest_sets_the_pace() {
             let motors = ["AM 60 A", "AM 40 B"].map(motor);
             let mut bench = set_up(period, motors, known, [WHEEL; 2]);
             bench.axes[1].torque = -0.1;
-            lead(&mut bench, together(pair([2_000; 2]), 250.0, 700.0));
+            command_group(&mut bench, together(pair([2_000; 2]), 250.0, 700.0));
             let mut apart = 0.0f64;
             let ms = arrive(&mut bench, |bench| {
                 let [quick, slow] = places(bench);

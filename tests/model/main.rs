@@ -2,6 +2,5 @@
 
 mod bus;
 mod friction;
-mod golden;
 mod physics;
 mod train;

@@ -1,6 +1,6 @@
 //! The drive base: its configuration by a host, and the report of its odometry.
 
-use crate::host::{N, Said, TestHost};
+use crate::host::{Answer, N, TestHost};
 use motor_hub::devices::Equipment;
 use motor_hub::extension::base::OdometryReport;
 use motor_hub::extension::{HubFunction, Request};
@@ -15,12 +15,12 @@ fn base(wheels: [u8; 2], use_gyro: bool) -> BaseSettings {
     BaseSettings::new(wheels, &GEOMETRY, use_gyro).expect("in range")
 }
 
-fn set(host: &mut TestHost, base: BaseSettings) -> Said {
+fn set(host: &mut TestHost, base: BaseSettings) -> Answer {
     let request = Request::from(HubFunction::SetBase { base });
     host.ask(request.id(), &request.payload())
 }
 
-fn odometry(host: &mut TestHost) -> Said {
+fn odometry(host: &mut TestHost) -> Answer {
     host.ask(Request::from(HubFunction::Odometry).id(), &[])
 }
 
@@ -29,19 +29,19 @@ fn a_base_is_sent_to_control_once_and_its_odometry_is_reported_in_the_hosts_coun
     let mut host = TestHost::settled();
     let configured = Request::from(HubFunction::Base).id();
     for id in [configured, Request::from(HubFunction::Odometry).id()] {
-        assert_eq!(host.ask(id, &[]), Said::Nack(82), "no base yet");
+        assert_eq!(host.ask(id, &[]), Answer::Nack(82), "no base yet");
     }
     host.snapshot.motors[2].position = 70;
     host.do_all(&[(14, &[2])]);
     host.new_commands();
     let wanted = base([0, 2], true);
-    assert_eq!(set(&mut host, wanted), Said::Ack(0));
-    assert_eq!(odometry(&mut host), Said::Nack(81), "not sent yet");
+    assert_eq!(set(&mut host, wanted), Answer::Ack(0));
+    assert_eq!(odometry(&mut host), Answer::Nack(81), "not sent yet");
     let fields = Request::from(HubFunction::SetBase { base: wanted }).payload();
-    assert_eq!(host.ask(configured, &[]), Said::Data(fields.to_vec()));
+    assert_eq!(host.ask(configured, &[]), Answer::Data(fields.to_vec()));
     assert_eq!(host.new_commands(), [Command { motor: 0, action: Action::Base(Some(wanted)) }]);
     assert_eq!(host.new_commands(), []);
-    assert_eq!(odometry(&mut host), Said::Nack(81), "in no snapshot yet");
+    assert_eq!(odometry(&mut host), Answer::Nack(81), "in no snapshot yet");
     host.tick();
     let gyro = GyroState::Lost;
     host.snapshot.base = Some(BaseState {
@@ -63,7 +63,7 @@ fn a_base_is_sent_to_control_once_and_its_odometry_is_reported_in_the_hosts_coun
     };
     let mut payload = Payload::new();
     report.write(&mut payload);
-    assert_eq!(odometry(&mut host), Said::Data(payload.to_vec()));
+    assert_eq!(odometry(&mut host), Answer::Data(payload.to_vec()));
 }
 
 #[test]
@@ -71,23 +71,23 @@ fn a_base_is_refused_if_it_does_not_fit() {
     let mut host = TestHost::settled();
     let mut payload = Request::from(HubFunction::SetBase { base: base([0, 1], true) }).payload();
     let id = Request::from(HubFunction::SetBase { base: base([0, 1], true) }).id();
-    assert_eq!(set(&mut host, base([N as u8, 1], true)), Said::Nack(0));
-    assert_eq!(set(&mut host, base([1, N as u8], true)), Said::Nack(1));
+    assert_eq!(set(&mut host, base([N as u8, 1], true)), Answer::Nack(0));
+    assert_eq!(set(&mut host, base([1, N as u8], true)), Answer::Nack(1));
     payload[1] = 0;
-    assert_eq!(host.ask(id, &payload), Said::Nack(1), "one motor for both wheels");
+    assert_eq!(host.ask(id, &payload), Answer::Nack(1), "one motor for both wheels");
     payload[1] = 1;
     // Each of these fields must not be 0.
     for (field, bytes) in [(2, 2..6), (3, 6..10), (4, 10..14), (5, 14..18)] {
         let mut wrong = payload.clone();
         wrong[bytes].fill(0);
-        assert_eq!(host.ask(id, &wrong), Said::Nack(field));
+        assert_eq!(host.ask(id, &wrong), Answer::Nack(field));
     }
     payload[18] = 2;
-    assert_eq!(host.ask(id, &payload), Said::Nack(6));
+    assert_eq!(host.ask(id, &payload), Answer::Nack(6));
     host.do_all(&[(15, &[1, 0, 0]), (10, &[1, 1])]);
-    assert_eq!(set(&mut host, base([0, 1], true)), Said::Nack(60), "motor 1 is enabled");
-    assert_eq!(set(&mut host, base([0, 2], true)), Said::Ack(0));
+    assert_eq!(set(&mut host, base([0, 1], true)), Answer::Nack(60), "motor 1 is enabled");
+    assert_eq!(set(&mut host, base([0, 2], true)), Answer::Ack(0));
     host.responder.outputs.equipment = Equipment::default();
-    assert_eq!(set(&mut host, base([0, 2], true)), Said::Nack(253), "no bus for a gyro");
-    assert_eq!(set(&mut host, base([0, 2], false)), Said::Ack(0));
+    assert_eq!(set(&mut host, base([0, 2], true)), Answer::Nack(253), "no bus for a gyro");
+    assert_eq!(set(&mut host, base([0, 2], false)), Answer::Ack(0));
 }

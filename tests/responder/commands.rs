@@ -1,6 +1,6 @@
 //! Every command in its good and out-of-range forms. Short and long forms are in `tests/protocol/round_trip.rs`.
 
-use crate::host::{HUB, N, Said, TestHost, frame_to};
+use crate::host::{Answer, HUB, N, TestHost, frame_to};
 use motor_hub::board::{AnalogReading, AnalogReadings};
 use motor_hub::extension;
 use motor_hub::protocol::answers::I2cRead;
@@ -153,7 +153,7 @@ fn host() -> TestHost {
 }
 
 /// All values that can be read back.
-fn everything(host: &mut TestHost) -> Vec<Said> {
+fn everything(host: &mut TestHost) -> Vec<Answer> {
     let mut all: Vec<_> = [0x7F0B, 0x7F0D, F, F + 45, F + 50].map(|id| host.ask(id, &[])).into();
     all.push(host.ask(0x7F03, &[0]));
     for index in 0..8 {
@@ -173,9 +173,9 @@ fn good_forms_are_answered() {
         let said = host().ask(form.id, form.good);
         match form.data {
             Some(length) => {
-                assert!(matches!(&said, Said::Data(d) if d.len() == length), "{:#06x} {said:?}", form.id)
+                assert!(matches!(&said, Answer::Data(d) if d.len() == length), "{:#06x} {said:?}", form.id)
             }
-            None => assert_eq!(said, Said::Ack(u8::from(form.id == 0x7F05)), "{:#06x}", form.id),
+            None => assert_eq!(said, Answer::Ack(u8::from(form.id == 0x7F05)), "{:#06x}", form.id),
         }
     }
 }
@@ -186,7 +186,7 @@ fn values_out_of_range_are_refused_with_their_field_and_change_nothing() {
         let mut host = host();
         let before = everything(&mut host);
         for (payload, code) in form.bad {
-            assert_eq!(host.ask(form.id, payload), Said::Nack(*code), "{:#06x} {payload:?}", form.id);
+            assert_eq!(host.ask(form.id, payload), Answer::Nack(*code), "{:#06x} {payload:?}", form.id);
         }
         assert_eq!(everything(&mut host), before, "{:#06x}", form.id);
         assert!(host.new_commands().is_empty());
@@ -197,10 +197,10 @@ fn values_out_of_range_are_refused_with_their_field_and_change_nothing() {
 fn the_speed_of_each_i2c_bus_is_read_back_as_it_was_set() {
     let mut host = TestHost::settled();
     let speeds = |host: &mut TestHost| [0, 1, 2, 3].map(|bus| host.call(47, &[bus]));
-    let slow = || Said::Data(vec![0]);
+    let slow = || Answer::Data(vec![0]);
     assert_eq!(speeds(&mut host), [slow(), slow(), slow(), slow()]);
     host.do_all(&[(43, &[2, 1])]);
-    assert_eq!(speeds(&mut host), [slow(), slow(), Said::Data(vec![1]), slow()]);
+    assert_eq!(speeds(&mut host), [slow(), slow(), Answer::Data(vec![1]), slow()]);
     host.do_all(&[(43, &[2, 0])]);
     assert_eq!(host.call(47, &[2]), slow());
 }
@@ -228,7 +228,7 @@ fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
     for (channel, (value, counts)) in (0..15).zip(inputs.into_iter().chain(others)) {
         for (raw, expected) in [(0, value), (1, counts)] {
             let said = host.call(7, &[channel, raw]);
-            assert_eq!(said, Said::Data(expected.to_le_bytes().to_vec()), "{channel} {raw}");
+            assert_eq!(said, Answer::Data(expected.to_le_bytes().to_vec()), "{channel} {raw}");
         }
     }
     // At standstill winding and bridge draw I²R / V from the battery. A turning motor that is shorted all the time
@@ -240,7 +240,7 @@ fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
         }
         let motor = &mut host.snapshot.motors[2];
         (motor.current, motor.velocity) = (current(ma), CountsPerSecond::new(cps));
-        let Said::Data(said) = host.call(7, &[7, 0]) else { panic!() };
+        let Answer::Data(said) = host.call(7, &[7, 0]) else { panic!() };
         f64::from(i16::from_le_bytes([said[0], said[1]]))
     };
     let at_rest = 1e3 * 4.0 * resistance / 12.345;
@@ -260,18 +260,18 @@ fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
 fn an_input_without_a_connection_is_high() {
     let mut host = TestHost::settled();
     let bulk = |host: &mut TestHost| match host.call(0, &[]) {
-        Said::Data(bulk) => bulk[0],
+        Answer::Data(bulk) => bulk[0],
         other => panic!("{other:?}"),
     };
-    assert_eq!(host.call(6, &[]), Said::Data(vec![0xFF]));
+    assert_eq!(host.call(6, &[]), Answer::Data(vec![0xFF]));
     assert_eq!(bulk(&mut host), 0xFF);
     // A touch sensor pulls pin 2 low. Pin 7 is an output.
     host.responder.outputs.sensed = 0b1111_1011;
     host.do_all(&[(3, &[7, 1])]);
     for pin in 0..7 {
-        assert_eq!(host.call(5, &[pin]), Said::Data(vec![u8::from(pin != 2)]), "{pin}");
+        assert_eq!(host.call(5, &[pin]), Answer::Data(vec![u8::from(pin != 2)]), "{pin}");
     }
-    assert_eq!(host.call(6, &[]), Said::Data(vec![0b0111_1011]));
+    assert_eq!(host.call(6, &[]), Answer::Data(vec![0b0111_1011]));
     assert_eq!(bulk(&mut host), 0b0111_1011);
 }
 
@@ -279,15 +279,18 @@ fn an_input_without_a_connection_is_high() {
 fn pins_are_refused_by_their_direction() {
     let mut host = TestHost::settled();
     let driven_and_levels = |host: &TestHost| [host.responder.outputs.driven, host.responder.outputs.levels];
-    assert_eq!(host.call(2, &[0xFF]), Said::Nack(18), "no output");
+    assert_eq!(host.call(2, &[0xFF]), Answer::Nack(18), "no output");
     for pin in 0..8 {
-        assert_eq!(host.call(1, &[pin, 1]), Said::Nack(10 + pin));
+        assert_eq!(host.call(1, &[pin, 1]), Answer::Nack(10 + pin));
     }
     assert_eq!(driven_and_levels(&host), [0, 0]);
     for pin in 0..8 {
         host.do_all(&[(3, &[pin, 1]), (1, &[pin, 1])]);
-        assert_eq!(host.call(5, &[pin]), Said::Nack(20 + pin));
-        assert_eq!(host.call(6, &[]), if pin < 7 { Said::Data(vec![0xFE << pin]) } else { Said::Nack(28) });
+        assert_eq!(host.call(5, &[pin]), Answer::Nack(20 + pin));
+        assert_eq!(
+            host.call(6, &[]),
+            if pin < 7 { Answer::Data(vec![0xFE << pin]) } else { Answer::Nack(28) }
+        );
     }
     host.do_all(&[(2, &[0b1010_0101])]);
     assert_eq!(driven_and_levels(&host), [0xFF, 0b1010_0101]);
@@ -302,7 +305,7 @@ fn fail_safe_releases_outputs_until_they_are_set_again() {
     host.do_all(&[(3, &[0, 1]), (3, &[1, 1]), (1, &[1, 1])]);
     host.ask(0x7F05, &[]);
     assert_eq!(host.responder.outputs.driven, 0);
-    assert_eq!([host.call(4, &[1]), host.call(4, &[2])], [Said::Data(vec![1]), Said::Data(vec![0])]);
+    assert_eq!([host.call(4, &[1]), host.call(4, &[2])], [Answer::Data(vec![1]), Answer::Data(vec![0])]);
     host.do_all(&[(1, &[0, 1])]);
     assert_eq!((host.responder.outputs.driven, host.responder.outputs.levels), (1, 1));
 }
@@ -317,11 +320,11 @@ fn an_output_that_fail_safe_has_released_is_low_when_it_is_made_an_output_again(
 }
 
 #[test]
-fn any_word_but_0_lets_a_motor_float_at_zero() {
+fn every_value_but_0_selects_floating_at_zero() {
     let mut host = host();
     for (word, floats) in [(0, 0), (1, 1), (2, 1), (255, 1)] {
         host.do_all(&[(8, &[1, 0, word])]);
-        assert_eq!(host.call(9, &[1]), Said::Data(vec![0, floats]), "{word}");
+        assert_eq!(host.call(9, &[1]), Answer::Data(vec![0, floats]), "{word}");
     }
 }
 
@@ -343,7 +346,7 @@ fn an_unknown_command_is_refused_as_unknown() {
         0x8000,
         0xFFFF,
     ] {
-        assert_eq!(host().ask(id, &[0; 20]), Said::Nack(255), "{id:#06x}");
+        assert_eq!(host().ask(id, &[0; 20]), Answer::Nack(255), "{id:#06x}");
     }
 }
 
@@ -368,7 +371,7 @@ fn each_motors_values_read_back_as_they_were_set() {
             vec![3, 0x80 + motor],
             vec![4, 0, 0, 0xF0 + motor, 5, motor],
         ];
-        assert_eq!(replies, expected.map(Said::Data));
+        assert_eq!(replies, expected.map(Answer::Data));
     }
 }
 
@@ -380,10 +383,10 @@ fn coefficients_are_kept_by_motor_and_by_mode() {
         [vec![motor, of], coefficients, vec![of % 2]].concat()
     };
     for (motor, of) in (0..4).flat_map(|motor| [(motor, 1), (motor, 2)]) {
-        assert_eq!(host.call(51, &payload(motor, of)), Said::Ack(0));
+        assert_eq!(host.call(51, &payload(motor, of)), Answer::Ack(0));
     }
     for (motor, of) in (0..4).flat_map(|motor| [(motor, 1), (motor, 2)]) {
-        assert_eq!(host.call(53, &[motor, of]), Said::Data(payload(motor, of)[2..].to_vec()));
+        assert_eq!(host.call(53, &[motor, of]), Answer::Data(payload(motor, of)[2..].to_vec()));
     }
 }
 
@@ -392,12 +395,12 @@ fn coefficients_without_feed_forward_read_back_as_legacy() {
     let mut host = TestHost::settled();
     let pid = [1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0];
     let with_f = [&[0, 1][..], &[0; 12], &[4, 0, 0, 0], &[1]].concat();
-    assert_eq!(host.call(51, &with_f), Said::Ack(0));
-    assert_eq!(host.call(24, &[0, 1]), Said::Nack(2), "there is a feed-forward to lose");
-    assert_eq!(host.call(23, &[&[0, 1][..], &pid, &[9; 5]].concat()), Said::Ack(0));
-    assert_eq!(host.call(24, &[0, 1]), Said::Data(pid.to_vec()));
-    assert_eq!(host.call(53, &[0, 1]), Said::Data([&pid[..], &[0; 5]].concat()));
-    let Said::Data(position) = host.call(53, &[0, 2]) else { panic!() };
+    assert_eq!(host.call(51, &with_f), Answer::Ack(0));
+    assert_eq!(host.call(24, &[0, 1]), Answer::Nack(2), "there is a feed-forward to lose");
+    assert_eq!(host.call(23, &[&[0, 1][..], &pid, &[9; 5]].concat()), Answer::Ack(0));
+    assert_eq!(host.call(24, &[0, 1]), Answer::Data(pid.to_vec()));
+    assert_eq!(host.call(53, &[0, 1]), Answer::Data([&pid[..], &[0; 5]].concat()));
+    let Answer::Data(position) = host.call(53, &[0, 2]) else { panic!() };
     assert_eq!(position[16], 1, "the other mode keeps its terms");
 }
 
@@ -405,18 +408,18 @@ fn coefficients_without_feed_forward_read_back_as_legacy() {
 fn the_lowest_power_is_the_negative_of_the_highest() {
     let mut host = TestHost::settled();
     host.do_all(&[(15, &[0, 0, 0x80])]);
-    assert_eq!(host.call(16, &[0]), Said::Data(vec![1, 0x80]));
+    assert_eq!(host.call(16, &[0]), Answer::Data(vec![1, 0x80]));
 }
 
 #[test]
 fn the_version_is_in_the_form_that_hosts_parse() {
     let mut host = TestHost::settled();
-    let Said::Data(text) = host.call(48, &[]) else { panic!() };
+    let Answer::Data(text) = host.call(48, &[]) else { panic!() };
     // Hosts have room for 39 bytes. The text after the numbers is specific to this firmware.
     assert!(text[1..].starts_with(b"HW: 20, Maj: 1, Min: 8, Eng: 2, mh0.") && text.len() <= 40);
     assert_eq!(text[1..], *VERSION.as_bytes());
     assert_eq!(usize::from(text[0]), text.len() - 1);
-    assert_eq!(host.call(57, &[]), Said::Data(vec![2, 8, 1, 0, 2, 0x53, 0x11, 0x31, 0]));
+    assert_eq!(host.call(57, &[]), Answer::Data(vec![2, 8, 1, 0, 2, 0x53, 0x11, 0x31, 0]));
 }
 
 #[test]
@@ -450,8 +453,8 @@ fn two_requests_with_one_number_are_both_executed() {
     let mut host = TestHost::settled();
     for power in [1, 2] {
         host.number = 255;
-        assert_eq!(host.call(15, &[0, power, 0]), Said::Ack(0));
+        assert_eq!(host.call(15, &[0, power, 0]), Answer::Ack(0));
     }
     host.number = 255;
-    assert_eq!(host.call(16, &[0]), Said::Data(vec![2, 0]));
+    assert_eq!(host.call(16, &[0]), Answer::Data(vec![2, 0]));
 }

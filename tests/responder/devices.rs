@@ -1,6 +1,6 @@
 //! Servos, digital pins, analog inputs and I2C buses: what a board has, and what is refused.
 
-use crate::host::{FULL, Said, TestHost};
+use crate::host::{Answer, FULL, TestHost};
 use motor_hub::board::{AnalogReading, AnalogReadings, Equipment, ServoPulse};
 use motor_hub::extension::{HubFunction, Request};
 use motor_hub::protocol::answers::{I2cRead, I2cStatus};
@@ -9,8 +9,8 @@ use motor_hub::responder::i2c::Transfer;
 use motor_hub::supply::DrawStage;
 use motor_hub::units::Millivolts;
 
-const UNSUPPORTED: Said = Said::Nack(253);
-const ACK: Said = Said::Ack(0);
+const UNSUPPORTED: Answer = Answer::Nack(253);
+const ACK: Answer = Answer::Ack(0);
 
 fn text(bytes: &[u8]) -> Text {
     Text::from_slice(bytes).expect("short")
@@ -34,7 +34,7 @@ fn an_i2c_bus_answers_each_request_by_its_state() {
         let reads = transfer.read > 0;
         let (own, other) = if reads { (41, 42) } else { (42, 41) };
         let mut host = TestHost::settled();
-        assert_eq!([host.call(41, &[2]), host.call(42, &[2])], [Said::Nack(42), Said::Nack(42)], "idle");
+        assert_eq!([host.call(41, &[2]), host.call(42, &[2])], [Answer::Nack(42), Answer::Nack(42)], "idle");
         assert_eq!(host.call(function, payload), ACK);
         // Before and after the task of the bus has taken the transfer.
         for taken in [false, true] {
@@ -43,11 +43,11 @@ fn an_i2c_bus_answers_each_request_by_its_state() {
                 assert_eq!(host.responder.i2c[2].take_request(), None);
             }
             for (start, payload, _) in starts() {
-                assert_eq!(host.call(start, payload), Said::Nack(40), "{function} {start} {taken}");
+                assert_eq!(host.call(start, payload), Answer::Nack(40), "{function} {start} {taken}");
             }
-            assert_eq!([host.call(41, &[2]), host.call(42, &[2])], [Said::Nack(41), Said::Nack(41)]);
+            assert_eq!([host.call(41, &[2]), host.call(42, &[2])], [Answer::Nack(41), Answer::Nack(41)]);
             // The other buses are not concerned.
-            assert_eq!(host.call(41, &[1]), Said::Nack(42));
+            assert_eq!(host.call(41, &[1]), Answer::Nack(42));
         }
         let bytes: Vec<u8> = (0..transfer.read).collect();
         let result = I2cRead { status: I2cStatus::default(), bytes: text(&bytes) };
@@ -55,9 +55,9 @@ fn an_i2c_bus_answers_each_request_by_its_state() {
         let count = if reads { transfer.read } else { transfer.write.len() as u8 };
         // The result is kept, because an answer may be lost on the way.
         for _ in 0..2 {
-            assert_eq!(host.call(other, &[2]), Said::Nack(43), "{function}");
+            assert_eq!(host.call(other, &[2]), Answer::Nack(43), "{function}");
             let expected = [&[0, count][..], if reads { &bytes } else { &[] }].concat();
-            assert_eq!(host.call(own, &[2]), Said::Data(expected), "{function}");
+            assert_eq!(host.call(own, &[2]), Answer::Data(expected), "{function}");
         }
         // The next transfer drops the result, fetched or not.
         for (start, payload, transfer) in starts() {
@@ -77,7 +77,7 @@ fn a_transfer_with_an_error_has_a_status_and_no_bytes() {
             host.responder.i2c[2].take_request().expect("a transfer");
             let status = I2cStatus { bits: status };
             host.responder.i2c[2].done(I2cRead { status, ..I2cRead::default() });
-            assert_eq!(host.call(poll, &[2]), Said::Data(vec![status.bits, 0]));
+            assert_eq!(host.call(poll, &[2]), Answer::Data(vec![status.bits, 0]));
         }
     }
 }
@@ -112,7 +112,7 @@ fn what_a_board_lacks_is_refused() {
     for (function, has, lacks, rest) in of_pins.into_iter().chain(of_servos).chain(of_i2c) {
         host.responder.outputs.equipment = small;
         let mut call = |number: u8| host.call(function, &[&[number], rest].concat());
-        assert!(!matches!(call(has), Said::Nack(_)), "{function}");
+        assert!(!matches!(call(has), Answer::Nack(_)), "{function}");
         assert_eq!(call(lacks), UNSUPPORTED, "{function}");
         host.responder.outputs.equipment = Equipment::default();
         assert_eq!(host.call(function, &[&[has], rest].concat()), UNSUPPORTED, "{function}");
@@ -122,32 +122,32 @@ fn what_a_board_lacks_is_refused() {
     }
     assert_eq!([host.call(2, &[1]), host.call(6, &[])], [UNSUPPORTED, UNSUPPORTED]);
     host.responder.outputs.equipment = small;
-    assert_eq!(host.call(6, &[]), Said::Data(vec![0b101]));
+    assert_eq!(host.call(6, &[]), Answer::Data(vec![0b101]));
     host.do_all(&[(3, &[0, 1]), (3, &[2, 1])]);
-    assert_eq!(host.call(6, &[]), Said::Nack(28));
+    assert_eq!(host.call(6, &[]), Answer::Nack(28));
 }
 
 #[test]
 fn the_hub_says_what_its_board_has() {
     let mut host = TestHost::settled();
     let equipment = Request::from(HubFunction::Equipment).id();
-    assert_eq!(host.ask(equipment, &[]), Said::Data(vec![0xFF, 6, 4, 4, 1, 1]));
+    assert_eq!(host.ask(equipment, &[]), Answer::Data(vec![0xFF, 6, 4, 4, 1, 1]));
     host.responder.outputs.equipment = Equipment { servos: 0, rail: false, ..FULL };
-    assert_eq!(host.ask(equipment, &[]), Said::Data(vec![0xFF, 0, 4, 4, 0, 1]));
+    assert_eq!(host.ask(equipment, &[]), Answer::Data(vec![0xFF, 0, 4, 4, 0, 1]));
 }
 
 #[test]
 fn a_servo_needs_a_width_and_a_good_battery_and_has_a_period_of_20_ms() {
     let mut host = TestHost::settled();
-    assert_eq!(host.call(32, &[5]), Said::Data(vec![0x20, 0x4E]));
-    assert_eq!(host.call(34, &[5]), Said::Data(vec![0, 0]));
-    assert_eq!(host.call(35, &[5, 1]), Said::Nack(30));
+    assert_eq!(host.call(32, &[5]), Answer::Data(vec![0x20, 0x4E]));
+    assert_eq!(host.call(34, &[5]), Answer::Data(vec![0, 0]));
+    assert_eq!(host.call(35, &[5, 1]), Answer::Nack(30));
     // A width alone enables nothing.
     host.do_all(&[(33, &[5, 0xDC, 5])]);
     assert_eq!(host.responder.outputs.new_servo_pulses(), None);
     for (millivolts, stage) in [(Some(6_900), DrawStage::Derated), (None, DrawStage::Full)] {
         host.set_battery(millivolts, stage);
-        assert_eq!(host.call(35, &[5, 1]), Said::Nack(31));
+        assert_eq!(host.call(35, &[5, 1]), Answer::Nack(31));
         host.do_all(&[(35, &[5, 0])]);
     }
     host.set_battery(Some(12_000), DrawStage::Full);
@@ -164,7 +164,7 @@ fn a_width_longer_than_its_period_is_stored_and_the_pulse_lasts_the_period() {
     host.do_all(&[(33, &[0, 0xFF, 0xFF]), (31, &[0, 2, 0]), (35, &[0, 1])]);
     let width_us = |host: &mut TestHost| host.responder.outputs.new_servo_pulses().and_then(|all| all[0]);
     assert_eq!(width_us(&mut host), Some(ServoPulse { period_us: 2, width_us: 2 }));
-    assert_eq!(host.call(34, &[0]), Said::Data(vec![0xFF, 0xFF]));
+    assert_eq!(host.call(34, &[0]), Answer::Data(vec![0xFF, 0xFF]));
     host.do_all(&[(31, &[0, 0xFF, 0xFF])]);
     assert_eq!(width_us(&mut host), Some(ServoPulse { period_us: 65_535, width_us: 65_535 }));
 }
@@ -184,7 +184,7 @@ fn fail_safe_silence_and_a_low_battery_end_the_pulses_and_keep_the_values() {
         host.responder.tick(host.now, &host.snapshot);
         assert_eq!(host.responder.outputs.new_servo_pulses(), Some([None; 6]));
         let values = [31 + 1, 33 + 1, 35 + 1].map(|function| host.call(function, &[3]));
-        assert_eq!(values, [vec![0x10, 0x27], vec![0xDC, 5], vec![0]].map(Said::Data));
+        assert_eq!(values, [vec![0x10, 0x27], vec![0xDC, 5], vec![0]].map(Answer::Data));
         // No event enables a servo again.
         host.set_battery(Some(12_000), DrawStage::Full);
         host.call(33, &[3, 1, 1]);
@@ -199,10 +199,10 @@ fn an_analog_input_without_a_reading_is_refused_and_reads_0_in_bulk() {
     let readings = AnalogReadings { inputs: [None, input, None, None], ..AnalogReadings::default() };
     host.responder.readings = readings;
     for channel in [0, 2, 3, 12, 14] {
-        assert_eq!(host.call(7, &[channel, 0]), Said::Nack(81), "{channel}");
+        assert_eq!(host.call(7, &[channel, 0]), Answer::Nack(81), "{channel}");
     }
-    assert_eq!(host.call(7, &[1, 0]), Said::Data(vec![0xD2, 4]));
-    let Said::Data(bulk) = host.call(0, &[]) else { panic!("bulk input") };
+    assert_eq!(host.call(7, &[1, 0]), Answer::Data(vec![0xD2, 4]));
+    let Answer::Data(bulk) = host.call(0, &[]) else { panic!("bulk input") };
     assert_eq!(bulk[26..34], [0, 0, 0xD2, 4, 0, 0, 0, 0]);
 }
 

@@ -1,6 +1,6 @@
 //! A host moves motors together: the commands to the motors, and their order.
 
-use crate::host::{N, Said, TestHost};
+use crate::host::{Answer, N, TestHost};
 use motor_hub::extension::group::GroupCourse;
 use motor_hub::extension::{FIRST_FUNCTION, MotorFunction};
 use motor_hub::group::{Course, GroupCommand, Halt, MOTORS};
@@ -28,7 +28,7 @@ fn pair(left: i32, right: i32) -> GroupCommand<GroupCourse> {
     wanted(GroupCourse::Position([None, Some(left), None, Some(right)]))
 }
 
-fn lead(motor: usize, left: i32, right: i32) -> Command {
+fn command_group(motor: usize, left: i32, right: i32) -> Command {
     let mut counts = [None; MOTORS];
     (counts[1], counts[3]) = (Some(left), Some(right));
     let GroupCommand { speed, acceleration, lag, tolerance, halt, .. } = pair(0, 0);
@@ -37,7 +37,7 @@ fn lead(motor: usize, left: i32, right: i32) -> Command {
     Command { motor, action: Action::MoveGroup(together) }
 }
 
-fn ask(host: &mut TestHost, motor: u8, wanted: GroupCommand<GroupCourse>) -> Said {
+fn ask(host: &mut TestHost, motor: u8, wanted: GroupCommand<GroupCourse>) -> Answer {
     host.ask(MOVE, &MotorFunction::Move { wanted }.to(motor).payload())
 }
 
@@ -59,8 +59,8 @@ fn a_course_is_sent_in_the_counts_of_the_motors() {
     // Reset encoder.
     host.do_all(&[(14, &[3])]);
     host.new_commands();
-    assert_eq!(ask(&mut host, 1, pair(500, -500)), Said::Ack(0));
-    assert_eq!(host.new_commands(), [lead(1, 500, -430)]);
+    assert_eq!(ask(&mut host, 1, pair(500, -500)), Answer::Ack(0));
+    assert_eq!(host.new_commands(), [command_group(1, 500, -430)]);
     assert_eq!(host.new_commands(), []);
 }
 
@@ -70,12 +70,12 @@ fn a_course_ends_an_identification() {
     let identified = |host: &mut TestHost| host.ask(FIRST_FUNCTION + 5, &[1]);
     host.ask(FIRST_FUNCTION + 4, &[1, 0xF4, 1, 0, 0]);
     host.new_commands();
-    assert_eq!(identified(&mut host), Said::Data(vec![1, 0]), "in no snapshot yet");
+    assert_eq!(identified(&mut host), Answer::Data(vec![1, 0]), "in no snapshot yet");
     host.tick();
-    assert_eq!(ask(&mut host, 1, pair(1, 2)), Said::Ack(0));
+    assert_eq!(ask(&mut host, 1, pair(1, 2)), Answer::Ack(0));
     host.new_commands();
     host.snapshot.motors[1].identification = Identification::Refused(Refusal::Stopped);
-    assert_eq!(identified(&mut host), Said::Data(vec![3, 0]), "the identification does not run again");
+    assert_eq!(identified(&mut host), Answer::Data(vec![3, 0]), "the identification does not run again");
 }
 
 #[test]
@@ -86,7 +86,7 @@ fn a_course_follows_earlier_commands_and_replaces_its_members_targets() {
     }
     ask(&mut host, 3, pair(1, 2));
     let power = |motor| Command { motor, action: Action::Set(Setpoint::ConstantPower(Control::new(256))) };
-    assert_eq!(host.new_commands(), [power(0), power(2), lead(3, 1, 2)]);
+    assert_eq!(host.new_commands(), [power(0), power(2), command_group(3, 1, 2)]);
 }
 
 #[test]
@@ -118,9 +118,9 @@ fn a_later_command_to_a_member_alone_takes_it_out_of_the_group() {
     // Requests that only read, and requests to other motors, do not take a member out.
     let mut host = enabled();
     ask(&mut host, 1, pair(1, 2));
-    assert!(matches!(host.call(11, &[3]), Said::Data(_)));
+    assert!(matches!(host.call(11, &[3]), Answer::Data(_)));
     host.do_all(&[(15, &[0, 0, 1])]);
-    assert_eq!(host.new_commands().last(), Some(&lead(1, 1, 2)));
+    assert_eq!(host.new_commands().last(), Some(&command_group(1, 1, 2)));
 }
 
 #[test]
@@ -128,11 +128,11 @@ fn a_question_to_a_member_keeps_the_course_that_waits_behind_a_release() {
     let mut host = enabled();
     // Disable and enable motor 3. The queue of commands is full, so neither command is sent yet.
     host.do_all(&[(10, &[3, 0]), (10, &[3, 1])]);
-    assert!(matches!(ask(&mut host, 1, pair(1, 2)), Said::Ack(_)));
+    assert!(matches!(ask(&mut host, 1, pair(1, 2)), Answer::Ack(_)));
     // Get enable of motor 3.
-    assert!(matches!(host.call(11, &[3]), Said::Data(_)));
+    assert!(matches!(host.call(11, &[3]), Answer::Data(_)));
     let release = Command { motor: 3, action: Action::Set(Setpoint::Disabled) };
-    assert_eq!(host.new_commands(), [release, lead(1, 1, 2)]);
+    assert_eq!(host.new_commands(), [release, command_group(1, 1, 2)]);
 }
 
 #[test]
@@ -140,7 +140,7 @@ fn a_later_course_replaces_a_pending_one() {
     let mut host = enabled();
     ask(&mut host, 1, pair(1, 2));
     ask(&mut host, 3, pair(3, 4));
-    assert_eq!(host.new_commands(), [lead(3, 3, 4)]);
+    assert_eq!(host.new_commands(), [command_group(3, 3, 4)]);
 }
 
 #[test]
@@ -148,7 +148,7 @@ fn a_group_with_a_disabled_member_is_refused() {
     let mut host = enabled();
     host.do_all(&[(10, &[3, 0])]);
     host.new_commands();
-    assert_eq!(ask(&mut host, 1, pair(1, 2)), Said::Nack(51));
+    assert_eq!(ask(&mut host, 1, pair(1, 2)), Answer::Nack(51));
     assert_eq!(host.new_commands(), []);
     // Fail-safe disables all.
     let mut host = enabled();
@@ -160,9 +160,9 @@ fn a_group_with_a_disabled_member_is_refused() {
 #[test]
 fn a_request_to_a_motor_outside_the_group_is_refused() {
     let mut host = enabled();
-    assert_eq!(ask(&mut host, 0, pair(1, 2)), Said::Nack(2));
-    assert_eq!(ask(&mut host, 0, wanted(GroupCourse::Velocity([None; 4]))), Said::Nack(2));
-    assert_eq!(ask(&mut host, 7, pair(1, 2)), Said::Nack(0));
+    assert_eq!(ask(&mut host, 0, pair(1, 2)), Answer::Nack(2));
+    assert_eq!(ask(&mut host, 0, wanted(GroupCourse::Velocity([None; 4]))), Answer::Nack(2));
+    assert_eq!(ask(&mut host, 7, pair(1, 2)), Answer::Nack(0));
     assert_eq!(host.new_commands(), []);
 }
 
@@ -170,24 +170,24 @@ fn a_request_to_a_motor_outside_the_group_is_refused() {
 fn the_state_of_a_group_is_reported_once_the_report_is_new_enough() {
     let mut host = enabled();
     let state = |host: &mut TestHost| host.ask(STATE, &[1]);
-    assert_eq!(state(&mut host), Said::Data(vec![0]));
+    assert_eq!(state(&mut host), Answer::Data(vec![0]));
 
     // A report that is older than the course does not say that it is at its end.
     let settled =
         Report { setpoint: Setpoint::Follow(Reference::default()), settled: true, ..Report::INITIAL };
     host.snapshot.motors[1] = settled;
     ask(&mut host, 1, pair(1, 2));
-    assert_eq!(state(&mut host), Said::Data(vec![1]), "not sent yet");
+    assert_eq!(state(&mut host), Answer::Data(vec![1]), "not sent yet");
     assert!(!host.reported(1).settled, "not sent yet");
     host.new_commands();
     host.snapshot.tick += 5;
-    assert_eq!(state(&mut host), Said::Data(vec![1]), "in no snapshot yet");
+    assert_eq!(state(&mut host), Answer::Data(vec![1]), "in no snapshot yet");
     assert!(!host.reported(1).settled, "in no snapshot yet");
     host.tick();
-    assert_eq!(state(&mut host), Said::Data(vec![2]));
+    assert_eq!(state(&mut host), Answer::Data(vec![2]));
     assert!(host.reported(1).settled);
     host.snapshot.motors[1].settled = false;
-    assert_eq!(state(&mut host), Said::Data(vec![1]));
+    assert_eq!(state(&mut host), Answer::Data(vec![1]));
 }
 
 #[test]
@@ -197,20 +197,20 @@ fn a_member_that_gets_a_target_of_its_own_is_alone_even_before_a_snapshot_says_s
     host.new_commands();
     host.tick();
     host.snapshot.motors[1] = Report { setpoint: Setpoint::Follow(Reference::default()), ..Report::INITIAL };
-    assert_eq!(host.ask(STATE, &[1]), Said::Data(vec![1]));
+    assert_eq!(host.ask(STATE, &[1]), Answer::Data(vec![1]));
     host.do_all(&[(15, &[1, 0, 1])]);
-    assert_eq!(host.ask(STATE, &[1]), Said::Data(vec![0]), "not sent yet");
+    assert_eq!(host.ask(STATE, &[1]), Answer::Data(vec![0]), "not sent yet");
     host.new_commands();
-    assert_eq!(host.ask(STATE, &[1]), Said::Data(vec![0]), "in no snapshot yet");
+    assert_eq!(host.ask(STATE, &[1]), Answer::Data(vec![0]), "in no snapshot yet");
 }
 
 #[test]
 fn a_member_of_a_group_is_not_within_tolerance_of_the_target_that_the_course_replaced() {
     let mut host = enabled();
     host.do_all(&[(8, &[1, 2, 0]), (19, &[1, 0, 0, 0, 0, 5, 0])]);
-    assert_eq!(host.call(21, &[1]), Said::Data(vec![1]));
+    assert_eq!(host.call(21, &[1]), Answer::Data(vec![1]));
     ask(&mut host, 1, pair(1, 2));
-    assert_eq!(host.call(21, &[1]), Said::Data(vec![0]));
+    assert_eq!(host.call(21, &[1]), Answer::Data(vec![0]));
     host.do_all(&[(19, &[1, 0, 0, 0, 0, 5, 0])]);
-    assert_eq!(host.call(21, &[1]), Said::Data(vec![1]));
+    assert_eq!(host.call(21, &[1]), Answer::Data(vec![1]));
 }

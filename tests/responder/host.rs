@@ -47,7 +47,7 @@ pub(crate) fn frame_to(destination: u8, number: u8, id: u16, payload: &[u8]) -> 
 
 /// Answer of the hub.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Said {
+pub(crate) enum Answer {
     /// With the attention flag.
     Ack(u8),
     Nack(u8),
@@ -87,7 +87,7 @@ impl TestHost {
     /// Creates a host at a hub whose attention flag is cleared.
     pub(crate) fn settled() -> Self {
         let mut host = Self::new();
-        assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![2, 0]));
+        assert_eq!(host.ask(0x7F03, &[1]), Answer::Data(vec![2, 0]));
         host
     }
 
@@ -101,30 +101,30 @@ impl TestHost {
         replies
     }
 
-    pub(crate) fn ask(&mut self, id: u16, payload: &[u8]) -> Said {
+    pub(crate) fn ask(&mut self, id: u16, payload: &[u8]) -> Answer {
         self.number = self.number.wrapping_add(1);
         let replies = self.send(&frame_to(HUB, self.number, id, payload));
         let [reply] = replies.as_slice() else { panic!("{id:#06x} {payload:x?}: {replies:x?}") };
         let packet = decode(reply);
         assert_eq!((packet.destination, packet.source, packet.reference), (0, HUB, self.number));
         match packet.id {
-            0x7F01 => Said::Ack(packet.payload[0]),
-            0x7F02 => Said::Nack(packet.payload[0]),
+            0x7F01 => Answer::Ack(packet.payload[0]),
+            0x7F02 => Answer::Nack(packet.payload[0]),
             other => {
                 assert_eq!(other, id | 0x8000);
-                Said::Data(packet.payload.to_vec())
+                Answer::Data(packet.payload.to_vec())
             }
         }
     }
 
     /// A function of the motor interface.
-    pub(crate) fn call(&mut self, function: u16, payload: &[u8]) -> Said {
+    pub(crate) fn call(&mut self, function: u16, payload: &[u8]) -> Answer {
         self.ask(FIRST_FUNCTION + function, payload)
     }
 
     /// The hub's own report.
     pub(crate) fn report(&mut self) -> HubReport {
-        let Said::Data(payload) = self.ask(Request::from(HubFunction::Report).id(), &[]) else {
+        let Answer::Data(payload) = self.ask(Request::from(HubFunction::Report).id(), &[]) else {
             panic!("a report")
         };
         HubReport::read(&mut Fields::new(&payload)).expect("a report")
@@ -138,7 +138,7 @@ impl TestHost {
     pub(crate) fn do_all(&mut self, calls: &[(u16, &[u8])]) {
         for (function, payload) in calls {
             let said = self.call(*function, payload);
-            assert!(matches!(said, Said::Ack(_)), "{function} {payload:?}: {said:?}");
+            assert!(matches!(said, Answer::Ack(_)), "{function} {payload:?}: {said:?}");
         }
     }
 

@@ -1,6 +1,6 @@
 //! Answers with the record of faults.
 
-use crate::host::{Said, TestHost};
+use crate::host::{Answer, TestHost};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::Request;
 use motor_hub::extension::record::{Entries, Ticks};
@@ -15,13 +15,13 @@ use motor_hub::units::{Control, Voltage};
 #[test]
 fn a_hub_without_a_record_reports_none() {
     let mut host = TestHost::settled();
-    assert_eq!(host.ask(0x4D12, &[0, 0]), Said::Data(vec![0; 5]));
-    assert_eq!(host.ask(0x4D21, &[1, 0, 0]), Said::Nack(0));
+    assert_eq!(host.ask(0x4D12, &[0, 0]), Answer::Data(vec![0; 5]));
+    assert_eq!(host.ask(0x4D21, &[1, 0, 0]), Answer::Nack(0));
 }
 
 #[test]
 fn ticks_with_control_values_as_in_firmware_0_1_0_are_refused_as_an_unknown_function() {
-    assert_eq!(TestHost::settled().ask(0x4D13, &[1, 0, 0]), Said::Nack(Nack::UNKNOWN.0));
+    assert_eq!(TestHost::settled().ask(0x4D13, &[1, 0, 0]), Answer::Nack(Nack::UNKNOWN.0));
 }
 
 fn ask<A: Field>(host: &mut TestHost, record: &mut Record<'_>, request: HubFunction) -> A {

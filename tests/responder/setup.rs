@@ -1,6 +1,6 @@
 //! Settings of a motor, and the reports of the extension.
 
-use crate::host::{Said, TestHost, responder_with, settings};
+use crate::host::{Answer, TestHost, responder_with, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, OperatingPoint, Points, Regime, Scheme, Winding};
 use motor_hub::bridge::{BridgeConstants, Drive, Mode};
 use motor_hub::extension::FIRST_FUNCTION;
@@ -39,13 +39,13 @@ fn fields(ke: i32, mohm: u16, uh: u16, code: u8, blend: u16, rule: u8) -> Vec<u8
 }
 
 fn set_up(host: &mut TestHost, motor: u8, fields: &[u8]) {
-    assert_eq!(host.ask(FIRST_FUNCTION, &[&[motor], fields].concat()), Said::Ack(0));
+    assert_eq!(host.ask(FIRST_FUNCTION, &[&[motor], fields].concat()), Answer::Ack(0));
 }
 
 #[test]
 fn the_interface_is_found_by_its_name() {
     let mut host = TestHost::settled();
-    assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Said::Data(vec![0x00, 0x4D, 37, 0]));
+    assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Answer::Data(vec![0x00, 0x4D, 37, 0]));
 }
 
 #[test]
@@ -70,7 +70,7 @@ fn a_motor_is_set_up_with_the_coefficients_that_go_with_it() {
                 Settings { duty, zero_power: ZeroPower::Float, ..Settings::for_scheme(winding, scheme) };
             assert_eq!(host.new_commands(), [Command { motor: 2, action: Action::Configure(settings) }]);
 
-            assert_eq!(host.ask(FIRST_FUNCTION + 1, &[2]), Said::Data(fields));
+            assert_eq!(host.ask(FIRST_FUNCTION + 1, &[2]), Answer::Data(fields));
         }
     }
 }
@@ -80,13 +80,13 @@ fn choosing_linear_duty_forgets_neither_winding_nor_bridge() {
     let bridge = BridgeConstants::new(900, 80, 10_000).expect("in range");
     let started = Settings { bridge, ..settings() };
     let mut host = TestHost { responder: responder_with(started), ..TestHost::new() };
-    assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![2, 0]));
+    assert_eq!(host.ask(0x7F03, &[1]), Answer::Data(vec![2, 0]));
 
     // With a resistance of 0 only the back EMF of the winding changes.
     let (ke, mohm) = (KE, started.winding.resistance.as_milliohms());
     let uh = started.winding.inductance.expect("known").as_microhenries();
     set_up(&mut host, 0, &fields(ke, 0, 0, 2, 0, 0));
-    assert_eq!(host.ask(FIRST_FUNCTION + 1, &[0]), Said::Data(fields(ke, mohm, uh, 2, 0, 0)));
+    assert_eq!(host.ask(FIRST_FUNCTION + 1, &[0]), Answer::Data(fields(ke, mohm, uh, 2, 0, 0)));
     set_up(&mut host, 0, &fields(ke, mohm, uh, 1, 0, 1));
 
     let emf = EmfConstant::from_bits(ke).expect("in range");
@@ -112,7 +112,7 @@ fn every_motor_within_the_ranges_can_be_set_up() {
         for (code, blend, _) in schemes() {
             let fields = fields(ke, mohm, uh, code, blend, 1);
             set_up(&mut host, 0, &fields);
-            assert_eq!(host.ask(FIRST_FUNCTION + 1, &[0]), Said::Data(fields));
+            assert_eq!(host.ask(FIRST_FUNCTION + 1, &[0]), Answer::Data(fields));
         }
     }
 }
@@ -122,10 +122,10 @@ fn setting_up_enables_nothing_and_stops_nothing() {
     let mut host = TestHost::settled();
     let fields = fields(KE, 4_200, 0, 1, 0, 1);
     set_up(&mut host, 0, &fields);
-    assert_eq!(host.call(11, &[0]), Said::Data(vec![0]));
+    assert_eq!(host.call(11, &[0]), Answer::Data(vec![0]));
     host.do_all(&[(15, &[0, 0, 64]), (10, &[0, 1])]);
     set_up(&mut host, 0, &fields);
-    assert_eq!(host.call(11, &[0]), Said::Data(vec![1]));
+    assert_eq!(host.call(11, &[0]), Answer::Data(vec![1]));
 }
 
 /// Motor 1 enabled in constant power of 0.
@@ -136,7 +136,7 @@ fn standing() -> TestHost {
     host
 }
 
-fn learn(host: &mut TestHost, limit: u32) -> Said {
+fn learn(host: &mut TestHost, limit: u32) -> Answer {
     host.ask(FIRST_FUNCTION + 4, &[&[1][..], &limit.to_le_bytes()].concat())
 }
 
@@ -145,7 +145,7 @@ fn an_enabled_motor_at_rest_is_identified_and_its_travel_announced() {
     for limit in [500, u32::MAX] {
         let mut host = standing();
         let counts = travel(settings().winding.emf, Millivolts::new(12_345), limit);
-        assert_eq!(learn(&mut host, limit), Said::Data(counts.to_le_bytes().to_vec()));
+        assert_eq!(learn(&mut host, limit), Answer::Data(counts.to_le_bytes().to_vec()));
         let setpoint = Setpoint::Identify { travel_limit: limit };
         assert_eq!(host.new_commands(), [Command { motor: 1, action: Action::Set(setpoint) }]);
     }
@@ -160,13 +160,13 @@ fn a_motor_that_is_driven_is_not_identified() {
         let mut host = standing();
         host.do_all(calls);
         host.new_commands();
-        assert_eq!(learn(&mut host, 500), Said::Nack(51), "{calls:?}");
+        assert_eq!(learn(&mut host, 500), Answer::Nack(51), "{calls:?}");
         assert_eq!(host.new_commands(), []);
     }
     for (battery, stage) in [(None, DrawStage::Cutoff), (Some(6_900), DrawStage::Derated)] {
         let mut host = standing();
         host.set_battery(battery, stage);
-        assert_eq!(learn(&mut host, 500), Said::Nack(52));
+        assert_eq!(learn(&mut host, 500), Answer::Nack(52));
     }
 }
 
@@ -193,9 +193,9 @@ fn an_identification_is_reported_as_the_motor_reports_it() {
         host.snapshot.motors[2].identification = identification;
         host.ask(FIRST_FUNCTION + 5, &[2])
     };
-    assert_eq!(ask(Identification::None), Said::Data(vec![0]));
-    assert_eq!(ask(Identification::Running(42)), Said::Data(vec![1, 42]));
-    assert_eq!(ask(Identification::Refused(Refusal::Load)), Said::Data(vec![3, 8]));
+    assert_eq!(ask(Identification::None), Answer::Data(vec![0]));
+    assert_eq!(ask(Identification::Running(42)), Answer::Data(vec![1, 42]));
+    assert_eq!(ask(Identification::Refused(Refusal::Load)), Answer::Data(vec![3, 8]));
     let found = Identified {
         dynamics: Dynamics {
             gain: AccelerationPerVolt::from_bits(0x0403_0201).expect("above 0"),
@@ -212,7 +212,7 @@ fn an_identification_is_reported_as_the_motor_reports_it() {
     };
     let bytes: Vec<u8> =
         [&[2][..], &(1..=13).collect::<Vec<u8>>(), &[1, 1], &(15..=24).collect::<Vec<u8>>()].concat();
-    assert_eq!(ask(Identification::Found(found)), Said::Data(bytes));
+    assert_eq!(ask(Identification::Found(found)), Answer::Data(bytes));
 }
 
 #[test]
@@ -221,40 +221,40 @@ fn an_old_identification_is_not_reported_as_the_new_one() {
     host.tick();
     host.snapshot.motors[1].identification = Identification::Refused(Refusal::Load);
     learn(&mut host, 500);
-    assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Said::Data(vec![1, 0]), "not sent yet");
+    assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Answer::Data(vec![1, 0]), "not sent yet");
     host.new_commands();
     for _ in 0..3 {
         // However many ticks pass before the hub takes the command.
         host.snapshot.tick += 1;
-        assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Said::Data(vec![1, 0]), "in no snapshot yet");
+        assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Answer::Data(vec![1, 0]), "in no snapshot yet");
     }
     host.tick();
-    assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Said::Data(vec![3, 8]));
+    assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Answer::Data(vec![3, 8]));
 }
 
 #[test]
 fn a_protection_reads_back_and_outlasts_a_set_up() {
     let mut host = TestHost::settled();
     let none = [0; 6];
-    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Said::Data([&[0], &none[..]].concat()));
+    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Answer::Data([&[0], &none[..]].concat()));
     // 1.2 A, 20 s, 600 s.
     let limit = [0xB0, 4, 20, 0, 0x58, 2];
-    assert_eq!(host.ask(FIRST_FUNCTION + 8, &[&[1, 1], &limit[..]].concat()), Said::Ack(0));
+    assert_eq!(host.ask(FIRST_FUNCTION + 8, &[&[1, 1], &limit[..]].concat()), Answer::Ack(0));
     let thermal = ThermalLimit::new(1_200, 20, 600).ok();
     let braking = Settings { on_fault: OnFault::Brake, thermal, ..settings() };
     assert_eq!(host.new_commands(), [Command { motor: 1, action: Action::Configure(braking) }]);
     set_up(&mut host, 1, &fields(KE, 4_200, 0, 1, 0, 1));
-    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Said::Data([&[1], &limit[..]].concat()));
-    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[0]), Said::Data([&[0], &none[..]].concat()));
+    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Answer::Data([&[1], &limit[..]].concat()));
+    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[0]), Answer::Data([&[0], &none[..]].concat()));
     // The hub refuses an action at a fault that is neither coast nor brake, and a limit without a time constant.
-    assert_eq!(host.ask(FIRST_FUNCTION + 8, &[&[1, 2], &none[..]].concat()), Said::Nack(1));
-    assert_eq!(host.ask(FIRST_FUNCTION + 8, &[1, 0, 0xB0, 4, 20, 0, 0, 0]), Said::Nack(4));
+    assert_eq!(host.ask(FIRST_FUNCTION + 8, &[&[1, 2], &none[..]].concat()), Answer::Nack(1));
+    assert_eq!(host.ask(FIRST_FUNCTION + 8, &[1, 0, 0xB0, 4, 20, 0, 0, 0]), Answer::Nack(4));
 }
 
 #[test]
 fn the_condition_of_motor_and_bridge_is_that_of_the_last_tick() {
     let mut host = TestHost::settled();
-    assert_eq!(host.ask(FIRST_FUNCTION + 10, &[2]), Said::Data(vec![0; 13]));
+    assert_eq!(host.ask(FIRST_FUNCTION + 10, &[2]), Answer::Data(vec![0; 13]));
     host.snapshot.motors[2] = Report {
         current: Milliamperes::new(-1_200),
         measured: Some(Milliamperes::new(1_150)),
@@ -265,14 +265,14 @@ fn the_condition_of_motor_and_bridge_is_that_of_the_last_tick() {
         ..Report::INITIAL
     };
     let answer = [0x50, 0xFB, 0xFF, 0xFF, 1, 0x7E, 4, 0x1A, 4, 1, 1, 1, 4];
-    assert_eq!(host.ask(FIRST_FUNCTION + 10, &[2]), Said::Data(answer.to_vec()));
+    assert_eq!(host.ask(FIRST_FUNCTION + 10, &[2]), Answer::Data(answer.to_vec()));
 }
 
 #[test]
 fn the_bus_is_reported_as_measured_last_until_the_measurement_is_too_old() {
     let mut host = TestHost::settled();
     let ask = |host: &mut TestHost| host.ask(FIRST_FUNCTION + 13, &[]);
-    assert_eq!(ask(&mut host), Said::Data(vec![0; 14]), "nothing is measured");
+    assert_eq!(ask(&mut host), Answer::Data(vec![0; 14]), "nothing is measured");
     host.snapshot.dissipate = Share::from_f32(0.5);
     host.snapshot.returned = Microjoules::ZERO.plus(2_500_000);
     host.snapshot.dissipated = Microjoules::ZERO.plus(70_000_000);
@@ -286,10 +286,10 @@ fn the_bus_is_reported_as_measured_last_until_the_measurement_is_too_old() {
             .find_map(|(known, code)| (known == state).then_some(code));
         let energies = [0xC4, 9, 0, 0, 0x70, 0x11, 1, 0];
         let answer = [&[code.expect("listed"), 1], &mv.to_le_bytes()[..], &[0xF4, 1], &energies].concat();
-        assert_eq!(ask(&mut host), Said::Data(answer), "{state:?}");
+        assert_eq!(ask(&mut host), Answer::Data(answer), "{state:?}");
     }
     host.now = Micros::new(at.get() + 100_001);
-    let Said::Data(answer) = ask(&mut host) else { panic!("an answer") };
+    let Answer::Data(answer) = ask(&mut host) else { panic!("an answer") };
     assert_eq!(answer[..4], [0; 4], "nothing new is measured");
 }
 
@@ -315,7 +315,7 @@ fn all_motors_are_reported_in_one_answer() {
         faults: Faults { encoder_stale: true, encoder: Some(EncoderFault::Reversed), ..Faults::default() },
         ..Report::INITIAL
     };
-    let Said::Data(answer) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
+    let Answer::Data(answer) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
     // Version, motors, bytes of each, time, 12 V, nothing is measured, nothing is dissipated.
     assert_eq!(answer[..12], [2, 4, 36, 50, 0, 0, 0, 0xE0, 0x2E, 0, 0, 0]);
     // Behind the motors: no command is included, and the next one to be sent is not.
@@ -344,11 +344,11 @@ fn all_motors_are_reported_in_one_answer() {
     host.snapshot.motors[1].setpoint =
         Setpoint::Position { target: 70_005, tolerance: 5, speed_limit: CountsPerSecond::new(100) };
     host.do_all(&[(14, &[1])]);
-    let Said::Data(answer) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
+    let Answer::Data(answer) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
     assert_eq!(answer[12 + 36..][..9], [4, 5, 0, 0, 0, 0, 0, 0, 0]);
 
     host.snapshot.battery = None;
-    let Said::Data(answer) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
+    let Answer::Data(answer) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
     assert_eq!(
         (&answer[7..9], &answer[12 + 36 + 28..][..8]),
         (&[0; 2][..], &[0; 8][..]),
@@ -359,12 +359,12 @@ fn all_motors_are_reported_in_one_answer() {
 #[test]
 fn a_bridge_timing_reads_back_and_outlasts_a_set_up() {
     let mut host = TestHost::settled();
-    assert_eq!(host.ask(FIRST_FUNCTION + 12, &[1]), Said::Data(vec![0; 10]));
+    assert_eq!(host.ask(FIRST_FUNCTION + 12, &[1]), Answer::Data(vec![0; 10]));
     // 6 us, 2.4 us, 1.2 us, 1 us, 600 us.
     let timing = [0x70, 0x17, 0x60, 9, 0xB0, 4, 0xE8, 3, 0x58, 2];
-    assert_eq!(host.ask(FIRST_FUNCTION + 11, &[&[1], &timing[..]].concat()), Said::Ack(0));
+    assert_eq!(host.ask(FIRST_FUNCTION + 11, &[&[1], &timing[..]].concat()), Answer::Ack(0));
     let timed = Settings { bridge: BridgeConstants::VNH5019, ..settings() };
     assert_eq!(host.new_commands(), [Command { motor: 1, action: Action::Configure(timed) }]);
     set_up(&mut host, 1, &fields(KE, 4_200, 0, 1, 0, 1));
-    assert_eq!(host.ask(FIRST_FUNCTION + 12, &[1]), Said::Data(timing.to_vec()));
+    assert_eq!(host.ask(FIRST_FUNCTION + 12, &[1]), Answer::Data(timing.to_vec()));
 }

@@ -1,6 +1,6 @@
 //! Motors, keep-alive timer, fail-safe, attention and LED, as a host observes them.
 
-use crate::host::{N, Said, TestHost, frame_to, settings};
+use crate::host::{Answer, N, TestHost, frame_to, settings};
 use motor_hub::extension::report::Commands;
 use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::Setpoint;
@@ -24,16 +24,16 @@ fn driving() -> TestHost {
     host
 }
 
-fn keep_alive(host: &mut TestHost) -> Said {
+fn keep_alive(host: &mut TestHost) -> Answer {
     host.ask(0x7F04, &[])
 }
 
-fn enabled(host: &mut TestHost) -> [Said; N] {
+fn enabled(host: &mut TestHost) -> [Answer; N] {
     [0, 1, 2, 3].map(|motor| host.call(11, &[motor]))
 }
 
-fn no() -> Said {
-    Said::Data(vec![0])
+fn no() -> Answer {
+    Answer::Data(vec![0])
 }
 
 #[test]
@@ -42,7 +42,7 @@ fn a_motor_is_not_enabled_before_it_has_a_target_for_its_mode() {
     let targets: [(u16, &[u8]); 3] = [(15, &[0, 1, 0]), (17, &[0, 1, 0]), (19, &[0, 1, 0, 0, 0, 0, 0])];
     for (mode, (function, payload)) in targets.into_iter().enumerate() {
         host.do_all(&[(8, &[0, mode as u8, 0])]);
-        assert_eq!(host.call(10, &[0, 1]), Said::Nack(50), "mode {mode}");
+        assert_eq!(host.call(10, &[0, 1]), Answer::Nack(50), "mode {mode}");
         assert_eq!(host.call(11, &[0]), no());
         host.do_all(&[(function, payload)]);
         assert!(host.new_commands().iter().all(|command| matches!(command.action, Action::Configure(_))));
@@ -110,7 +110,7 @@ fn a_reset_encoder_reads_0_and_targets_are_in_its_counts() {
     let mut host = TestHost::settled();
     host.snapshot.motors[0].position = i32::MAX;
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 10, 0, 0, 0, 3, 0]), (10, &[0, 1]), (14, &[0])]);
-    assert_eq!(host.call(22, &[0]), Said::Data(vec![0; 4]));
+    assert_eq!(host.call(22, &[0]), Answer::Data(vec![0; 4]));
     let commands = host.new_commands();
     let Some(Action::Set(Setpoint::Position { target, .. })) = commands.last().map(|c| c.action) else {
         panic!("{commands:?}")
@@ -118,8 +118,8 @@ fn a_reset_encoder_reads_0_and_targets_are_in_its_counts() {
     assert_eq!(target, i32::MAX.wrapping_add(10));
     for (moved, within) in [(6, 0), (7, 1), (13, 1), (14, 0)] {
         host.snapshot.motors[0].position = i32::MAX.wrapping_add(moved);
-        assert_eq!(host.call(21, &[0]), Said::Data(vec![within]));
-        let Said::Data(bulk) = host.call(0, &[]) else { panic!() };
+        assert_eq!(host.call(21, &[0]), Answer::Data(vec![within]));
+        let Answer::Data(bulk) = host.call(0, &[]) else { panic!() };
         assert_eq!((bulk[1..5].to_vec(), bulk[17]), (moved.to_le_bytes().to_vec(), within << 4));
     }
 }
@@ -136,7 +136,7 @@ fn a_far_target_is_in_the_direction_of_the_hosts_counts() {
             host.snapshot.motors[0].position = offset.wrapping_add(from);
             let [a, b, c, d] = to.to_le_bytes();
             host.do_all(&[(19, &[0, a, b, c, d, 0, 0]), (10, &[0, 1])]);
-            assert_eq!(host.call(20, &[0]), Said::Data(vec![a, b, c, d, 0, 0]));
+            assert_eq!(host.call(20, &[0]), Answer::Data(vec![a, b, c, d, 0, 0]));
             let commands = host.new_commands();
             let Some(Action::Set(Setpoint::Position { target, .. })) = commands.last().map(|c| c.action)
             else {
@@ -166,9 +166,9 @@ fn within_tolerance_is_of_the_newest_target_and_not_of_an_older_report() {
     let mut host = TestHost::settled();
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 0, 0, 0, 0, 5, 0]), (10, &[0, 1])]);
     host.snapshot.motors[0].settled = true;
-    assert_eq!(host.call(21, &[0]), Said::Data(vec![1]));
+    assert_eq!(host.call(21, &[0]), Answer::Data(vec![1]));
     host.do_all(&[(19, &[0, 0, 1, 0, 0, 5, 0])]);
-    assert_eq!(host.call(21, &[0]), Said::Data(vec![0]));
+    assert_eq!(host.call(21, &[0]), Answer::Data(vec![0]));
 }
 
 #[test]
@@ -177,7 +177,7 @@ fn a_motor_in_full_flight_is_within_tolerance_when_it_passes_its_target_but_not_
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 0, 0, 0, 0, 5, 0]), (10, &[0, 1])]);
     host.new_commands();
     host.snapshot.motors[0].velocity = CountsPerSecond::new(2_000);
-    assert_eq!(host.call(21, &[0]), Said::Data(vec![1]));
+    assert_eq!(host.call(21, &[0]), Answer::Data(vec![1]));
     assert!(!host.reported(0).settled);
 }
 
@@ -189,7 +189,7 @@ fn a_disabled_motor_that_stands_on_its_target_is_neither_within_tolerance_nor_se
         host.do_all(calls);
         host.new_commands();
         assert_eq!(host.call(21, &[0]), no());
-        let Said::Data(bulk) = host.call(0, &[]) else { panic!() };
+        let Answer::Data(bulk) = host.call(0, &[]) else { panic!() };
         assert_eq!(bulk[17], 0);
         assert!(!host.reported(0).settled);
     }
@@ -239,7 +239,7 @@ fn bulk_velocities_saturate() {
     for (motor, cps) in [40_000, -40_000, 32_767, -5].into_iter().enumerate() {
         host.snapshot.motors[motor].velocity = CountsPerSecond::new(cps);
     }
-    let Said::Data(bulk) = host.call(0, &[]) else { panic!() };
+    let Answer::Data(bulk) = host.call(0, &[]) else { panic!() };
     let expected = [32_767i16, -32_768, 32_767, -5].map(i16::to_le_bytes).concat();
     assert_eq!(bulk[18..26], expected);
 }
@@ -247,16 +247,16 @@ fn bulk_velocities_saturate() {
 #[test]
 fn a_motor_is_not_enabled_on_a_low_or_unknown_battery() {
     for (battery, stage, said) in [
-        (Some(7_000), DrawStage::Full, Said::Ack(0)),
-        (Some(7_200), DrawStage::Derated, Said::Nack(52)),
-        (Some(5_900), DrawStage::Cutoff, Said::Nack(52)),
-        (None, DrawStage::Cutoff, Said::Nack(52)),
+        (Some(7_000), DrawStage::Full, Answer::Ack(0)),
+        (Some(7_200), DrawStage::Derated, Answer::Nack(52)),
+        (Some(5_900), DrawStage::Cutoff, Answer::Nack(52)),
+        (None, DrawStage::Cutoff, Answer::Nack(52)),
     ] {
         let mut host = TestHost::settled();
         host.do_all(&[(15, &[0, 1, 0])]);
         host.set_battery(battery, stage);
         assert_eq!(host.call(10, &[0, 1]), said, "{battery:?}");
-        assert_eq!(host.responder.enabled()[0], said == Said::Ack(0));
+        assert_eq!(host.responder.enabled()[0], said == Answer::Ack(0));
     }
 }
 
@@ -265,7 +265,7 @@ fn the_battery_reads_0_when_unknown_and_saturates() {
     let mut host = TestHost::settled();
     for (battery, mv) in [(None, 0i16), (Some(32_768), 32_767)] {
         host.snapshot.battery = battery.map(Millivolts::new);
-        assert_eq!(host.call(7, &[13, 0]), Said::Data(mv.to_le_bytes().to_vec()));
+        assert_eq!(host.call(7, &[13, 0]), Answer::Data(mv.to_le_bytes().to_vec()));
     }
 }
 
@@ -273,27 +273,27 @@ fn the_battery_reads_0_when_unknown_and_saturates() {
 fn a_battery_that_becomes_low_sets_attention_once_and_stays_in_the_status() {
     let mut host = driving();
     host.set_battery(Some(6_900), DrawStage::Derated);
-    assert_eq!(keep_alive(&mut host), Said::Ack(1));
-    assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![1 << 4, 0]));
-    assert_eq!(keep_alive(&mut host), Said::Ack(0));
-    assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![1 << 4, 0]));
+    assert_eq!(keep_alive(&mut host), Answer::Ack(1));
+    assert_eq!(host.ask(0x7F03, &[1]), Answer::Data(vec![1 << 4, 0]));
+    assert_eq!(keep_alive(&mut host), Answer::Ack(0));
+    assert_eq!(host.ask(0x7F03, &[1]), Answer::Data(vec![1 << 4, 0]));
     host.set_battery(Some(7_500), DrawStage::Full);
-    assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![0, 0]));
+    assert_eq!(host.ask(0x7F03, &[1]), Answer::Data(vec![0, 0]));
     assert!(host.responder.enabled()[0], "a running motor goes on");
 }
 
 #[test]
 fn attention_is_set_until_the_status_is_read_and_cleared() {
     let mut host = TestHost::new();
-    assert_eq!(keep_alive(&mut host), Said::Ack(1), "after a reset");
-    assert_eq!(host.ask(0x7F03, &[0]), Said::Data(vec![2, 0]));
-    assert_eq!(keep_alive(&mut host), Said::Ack(1));
-    let Said::Data(bulk) = host.call(0, &[]) else { panic!() };
+    assert_eq!(keep_alive(&mut host), Answer::Ack(1), "after a reset");
+    assert_eq!(host.ask(0x7F03, &[0]), Answer::Data(vec![2, 0]));
+    assert_eq!(keep_alive(&mut host), Answer::Ack(1));
+    let Answer::Data(bulk) = host.call(0, &[]) else { panic!() };
     assert_eq!(bulk[34], 1);
-    assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![2, 0]), "cleared after the answer");
-    assert_eq!(keep_alive(&mut host), Said::Ack(0));
-    assert_eq!(host.ask(0x7F05, &[]), Said::Ack(1));
-    assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![4, 0]));
+    assert_eq!(host.ask(0x7F03, &[1]), Answer::Data(vec![2, 0]), "cleared after the answer");
+    assert_eq!(keep_alive(&mut host), Answer::Ack(0));
+    assert_eq!(host.ask(0x7F05, &[]), Answer::Ack(1));
+    assert_eq!(host.ask(0x7F03, &[1]), Answer::Data(vec![4, 0]));
 }
 
 #[test]
@@ -310,8 +310,8 @@ fn a_silence_of_2500_ms_disables_all_motors_once() {
     host.responder.tick(host.now, &host.snapshot);
     assert!(host.new_commands().is_empty());
     assert_eq!(enabled(&mut host), [no(), no(), no(), no()]);
-    assert_eq!(keep_alive(&mut host), Said::Ack(1));
-    assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![1, 0]));
+    assert_eq!(keep_alive(&mut host), Answer::Ack(1));
+    assert_eq!(host.ask(0x7F03, &[1]), Answer::Data(vec![1, 0]));
     assert!(host.new_commands().is_empty(), "packets alone enable nothing");
     host.do_all(&[(15, &[0, 0, 64])]);
     assert!(host.new_commands().is_empty(), "nor do targets");
@@ -323,7 +323,7 @@ fn a_silence_of_2500_ms_disables_all_motors_once() {
 fn a_late_packet_does_not_hide_the_time_out() {
     let mut host = driving();
     host.wait_ms(TIMEOUT_MS);
-    assert_eq!(keep_alive(&mut host), Said::Ack(1));
+    assert_eq!(keep_alive(&mut host), Answer::Ack(1));
     assert_eq!(enabled(&mut host)[0], no());
 }
 
@@ -361,7 +361,7 @@ fn fail_safe_keeps_modes_targets_and_coefficients() {
     host.do_all(&[(8, &[0, 1, 1]), (17, &[0, 9, 0]), (19, &[0, 1, 2, 3, 4, 5, 6])]);
     let keep = |host: &mut TestHost| [9, 16, 18, 20].map(|function| host.call(function, &[0]));
     let before = keep(&mut host);
-    assert_eq!(host.ask(0x7F05, &[]), Said::Ack(1));
+    assert_eq!(host.ask(0x7F05, &[]), Answer::Ack(1));
     assert_eq!(keep(&mut host), before);
     assert_eq!(enabled(&mut host), [no(), no(), no(), no()]);
 }
@@ -406,8 +406,8 @@ fn a_connected_host_sets_colour_and_pattern() {
     }
     let mut pattern = vec![2, 30, 20, 10, 1, 33, 22, 11];
     pattern.resize(64, 0);
-    assert_eq!(host.ask(0x7F0D, &[]), Said::Data(pattern));
-    assert_eq!(host.ask(0x7F0B, &[]), Said::Data(vec![1, 2, 3]));
+    assert_eq!(host.ask(0x7F0D, &[]), Answer::Data(pattern));
+    assert_eq!(host.ask(0x7F0B, &[]), Answer::Data(vec![1, 2, 3]));
     host.wait_ms(TIMEOUT_MS);
     host.responder.tick(host.now, &host.snapshot);
     assert_eq!(host.responder.led(host.now), Colour::BLUE, "the lost host has no say");
@@ -419,8 +419,8 @@ fn a_connected_host_sets_colour_and_pattern() {
 fn a_pattern_of_16_steps_is_kept_whole() {
     let mut host = TestHost::settled();
     let pattern: Vec<u8> = (1..=64).collect();
-    assert_eq!(host.ask(0x7F0C, &pattern), Said::Ack(0));
-    assert_eq!(host.ask(0x7F0D, &[]), Said::Data(pattern));
+    assert_eq!(host.ask(0x7F0C, &pattern), Answer::Ack(0));
+    assert_eq!(host.ask(0x7F0D, &[]), Answer::Data(pattern));
 }
 
 #[test]
@@ -453,7 +453,7 @@ fn a_motor_set_to_brake_at_faults_brakes_when_its_host_is_silent() {
     host.new_commands();
     let setup = motor_hub::extension::FIRST_FUNCTION;
     for motor in [0, 1] {
-        assert_eq!(host.ask(setup + 8, &[motor, 1, 0, 0, 0, 0, 0, 0]), Said::Ack(0));
+        assert_eq!(host.ask(setup + 8, &[motor, 1, 0, 0, 0, 0, 0, 0]), Answer::Ack(0));
     }
     // Motor 1 is disabled, so of both motors only motor 0 runs.
     host.do_all(&[(10, &[1, 0])]);
@@ -478,7 +478,7 @@ fn a_motor_set_to_brake_at_faults_brakes_when_its_host_is_silent() {
 fn a_current_above_its_alert_is_reported_measured_or_modelled() {
     let mut host = TestHost::settled();
     let over = |host: &mut TestHost| match host.call(0, &[]) {
-        Said::Data(bulk) => bulk[17] & 0x0F,
+        Answer::Data(bulk) => bulk[17] & 0x0F,
         other => panic!("{other:?}"),
     };
     // Alert of motor 1 above 2 A.
@@ -500,5 +500,5 @@ fn a_silent_encoder_and_a_bridge_that_has_switched_itself_off_are_motor_alerts()
     let mut host = TestHost::settled();
     host.snapshot.motors[2].faults.encoder_stale = true;
     host.snapshot.motors[3].faults.bridge = true;
-    assert_eq!(host.ask(0x7F03, &[0]), Said::Data(vec![0, 1 << 2 | 1 << 7]));
+    assert_eq!(host.ask(0x7F03, &[0]), Answer::Data(vec![0, 1 << 2 | 1 << 7]));
 }

@@ -1,6 +1,6 @@
 //! Settings that a hub stores and restores.
 
-use crate::host::{HUB, N, Said, TestHost, bytes_of, responder_with, settings};
+use crate::host::{Answer, HUB, N, TestHost, bytes_of, responder_with, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use motor_hub::bridge::Timing;
 use motor_hub::extension::FIRST_FUNCTION;
@@ -57,12 +57,12 @@ fn carried_out(host: &mut TestHost) -> SettingsRecord {
 }
 
 fn report(host: &mut TestHost) -> StoreReport {
-    let Said::Data(payload) = host.ask(STATE, &[]) else { panic!("no report") };
+    let Answer::Data(payload) = host.ask(STATE, &[]) else { panic!("no report") };
     StoreReport::read(&mut Fields::new(&payload)).expect("a report")
 }
 
 /// Returns all stored settings of all motors, as a host reads them.
-fn all(host: &mut TestHost) -> Vec<Said> {
+fn all(host: &mut TestHost) -> Vec<Answer> {
     let mut all = Vec::new();
     for motor in 0..N as u8 {
         all.extend([1, 3, 9, 12].map(|function| host.ask(FIRST_FUNCTION + function, &[motor])));
@@ -81,7 +81,7 @@ fn set_everything(host: &mut TestHost) {
         (11, &[2, 1, 0, 2, 0, 3, 0, 4, 0, 5, 0]),
     ];
     for (function, payload) in set {
-        assert!(matches!(host.ask(FIRST_FUNCTION + function, payload), Said::Ack(_)), "{function}");
+        assert!(matches!(host.ask(FIRST_FUNCTION + function, payload), Answer::Ack(_)), "{function}");
     }
     let [p, i, d, f] = [10_i32, 3, -1, 7].map(|value| (value << 16).to_le_bytes());
     let pidf = |of| [&[2, of][..], &p, &i, &d, &f, &[1]].concat();
@@ -93,7 +93,7 @@ fn set_everything(host: &mut TestHost) {
 fn a_board_without_a_memory_refuses_and_accesses_nothing() {
     let mut host = TestHost::new();
     for function in [SAVE, LOAD, RESET, STATE] {
-        assert_eq!(host.ask(function, &[]), Said::Nack(253));
+        assert_eq!(host.ask(function, &[]), Answer::Nack(253));
     }
     assert_eq!(host.responder.store_request(&host.snapshot), None);
 }
@@ -106,7 +106,7 @@ fn only_saved_settings_are_restored() {
     host.do_all(&[(17, &[2, 100, 0]), (10, &[2, 1])]);
     let (before, enabled) = (all(&mut host), host.responder.enabled());
     assert_eq!((enabled, report(&mut host).differs), ([false, false, true, false], true));
-    assert!(matches!(host.ask(SAVE, &[]), Said::Ack(_)));
+    assert!(matches!(host.ask(SAVE, &[]), Answer::Ack(_)));
     assert!(report(&mut host).is_busy);
     let record = carried_out(&mut host);
     let status = report(&mut host);
@@ -120,7 +120,7 @@ fn only_saved_settings_are_restored() {
     again.responder.restore(found(&record));
     assert_eq!(all(&mut again), before);
     assert_eq!(again.responder.enabled(), [false; N]);
-    assert_eq!(again.call(18, &[2]), Said::Data(vec![0, 0]));
+    assert_eq!(again.call(18, &[2]), Answer::Data(vec![0, 0]));
     assert!(!report(&mut again).differs);
     // All motors are configured, and no motor runs.
     let configured = |command: &Command| matches!(command.action, Action::Configure(_));
@@ -159,7 +159,7 @@ fn a_stored_set_up_that_changes_nothing_deletes_no_motion() {
     };
     let mut record = SettingsRecord::new(1);
     let mut host = TestHost { responder: responder_with(known), ..TestHost::new() };
-    let Said::Data(setup) = host.ask(FIRST_FUNCTION + 1, &[1]) else { panic!("no set-up") };
+    let Answer::Data(setup) = host.ask(FIRST_FUNCTION + 1, &[1]) else { panic!("no set-up") };
     record.push(FIRST_FUNCTION, &[&[1], &setup[..]].concat()).expect("room");
     let before = all(&mut host);
     host.responder.restore(found(&record));
@@ -179,8 +179,8 @@ fn missing_entries_and_fields_are_the_firmwares() {
         older.push(entry.id, &entry.payload[..length]).expect("room");
     }
     let mut again = powered_on(found(&older));
-    let Said::Data(setup) = again.ask(FIRST_FUNCTION + 1, &[2]) else { panic!("no set-up") };
-    let Said::Data(factory) = TestHost::new().ask(FIRST_FUNCTION + 1, &[2]) else { panic!("no set-up") };
+    let Answer::Data(setup) = again.ask(FIRST_FUNCTION + 1, &[2]) else { panic!("no set-up") };
+    let Answer::Data(factory) = TestHost::new().ask(FIRST_FUNCTION + 1, &[2]) else { panic!("no set-up") };
     assert_eq!(setup[..6], [0x5F, 0xCA, 0x3F, 0, 0xE4, 0x0C]);
     assert_eq!(setup[6..], factory[6..]);
     assert_eq!(again.ask(FIRST_FUNCTION + 9, &[2]), TestHost::new().ask(FIRST_FUNCTION + 9, &[2]));
@@ -233,7 +233,7 @@ fn additional_bytes_of_an_entry_are_kept_or_the_save_is_refused() {
             let saved = carried_out(&mut host);
             assert!(saved.entries().any(|entry| entry.payload == longer), "{saved:?}");
         } else {
-            assert_eq!(said, Said::Nack(64));
+            assert_eq!(said, Answer::Nack(64));
             assert_eq!(host.responder.store_request(&host.snapshot), None);
         }
     }
@@ -245,7 +245,7 @@ fn settings_that_leave_no_room_for_unknown_entries_are_not_saved() {
     record.push(0x4D55, &[7; 240]).expect("room");
     record.push(0x4D56, &[7; 29]).expect("room");
     let mut host = powered_on(found(&record));
-    assert_eq!(host.ask(SAVE, &[]), Said::Nack(64));
+    assert_eq!(host.ask(SAVE, &[]), Answer::Nack(64));
     assert_eq!(host.responder.store_request(&host.snapshot), None);
 }
 
@@ -255,9 +255,9 @@ fn all_motors_with_all_settings_fit() {
     let pidf = |motor: u8, of: u8| [&[motor, of][..], &[1; 16], &[1]].concat();
     for motor in 0..N as u8 {
         host.do_all(&[(51, &pidf(motor, 1)), (51, &pidf(motor, 2))]);
-        assert!(matches!(host.ask(0x4D00 + 28, &[motor, 0x20, 0x03]), Said::Ack(_)));
+        assert!(matches!(host.ask(0x4D00 + 28, &[motor, 0x20, 0x03]), Answer::Ack(_)));
     }
-    assert!(matches!(host.ask(SET_BASE, &BASE), Said::Ack(_)));
+    assert!(matches!(host.ask(SET_BASE, &BASE), Answer::Ack(_)));
     host.ask(SAVE, &[]);
     assert_eq!(carried_out(&mut host).bytes().len(), 515);
 }
@@ -265,7 +265,7 @@ fn all_motors_with_all_settings_fit() {
 #[test]
 fn a_drive_base_is_stored_and_restored_and_a_reset_removes_it() {
     let mut host = empty();
-    assert!(matches!(host.ask(SET_BASE, &BASE), Said::Ack(_)));
+    assert!(matches!(host.ask(SET_BASE, &BASE), Answer::Ack(_)));
     assert!(report(&mut host).differs);
     host.ask(SAVE, &[]);
     let record = carried_out(&mut host);
@@ -273,7 +273,7 @@ fn a_drive_base_is_stored_and_restored_and_a_reset_removes_it() {
 
     let mut again = TestHost::new();
     again.responder.restore(found(&record));
-    assert_eq!(again.ask(BASE_IN_FORCE, &[]), Said::Data(BASE.to_vec()));
+    assert_eq!(again.ask(BASE_IN_FORCE, &[]), Answer::Data(BASE.to_vec()));
     let is_base =
         |command: &Command| matches!(command.action, Action::Base(Some(base)) if base.wheels == [0, 2]);
     assert!(again.new_commands().iter().any(is_base));
@@ -287,10 +287,10 @@ fn a_drive_base_is_stored_and_restored_and_a_reset_removes_it() {
     assert!(!commands.iter().any(|command| matches!(command.action, Action::Base(_))), "{commands:?}");
 
     again.tick();
-    assert!(matches!(again.ask(RESET, &[]), Said::Ack(_)));
+    assert!(matches!(again.ask(RESET, &[]), Answer::Ack(_)));
     let removed = |command: &Command| command.action == Action::Base(None);
     assert!(again.new_commands().iter().any(removed));
-    assert_eq!(again.ask(BASE_IN_FORCE, &[]), Said::Nack(82));
+    assert_eq!(again.ask(BASE_IN_FORCE, &[]), Answer::Nack(82));
 }
 
 #[test]
@@ -302,7 +302,7 @@ fn a_stored_base_that_the_hub_cannot_have_is_refused_and_reported() {
         let mut record = SettingsRecord::new(1);
         record.push(SET_BASE, base).expect("room");
         let mut host = powered_on(found(&record));
-        assert_eq!(host.ask(BASE_IN_FORCE, &[]), Said::Nack(82));
+        assert_eq!(host.ask(BASE_IN_FORCE, &[]), Answer::Nack(82));
         let StoreReport { unknown, refused, .. } = report(&mut host);
         assert_eq!((unknown, refused), (0, 1), "{base:?}");
     }
@@ -320,10 +320,10 @@ fn a_stored_base_that_the_hub_cannot_have_is_refused_and_reported() {
 fn while_a_motor_runs_settings_are_saved_without_erasing_and_not_read() {
     let mut host = empty();
     host.do_all(&[(15, &[1, 0, 0x10]), (10, &[1, 1])]);
-    assert_eq!([LOAD, RESET].map(|function| host.ask(function, &[])), [Said::Nack(60), Said::Nack(60)]);
-    assert!(matches!(host.ask(SAVE, &[]), Said::Ack(_)));
+    assert_eq!([LOAD, RESET].map(|function| host.ask(function, &[])), [Answer::Nack(60), Answer::Nack(60)]);
+    assert!(matches!(host.ask(SAVE, &[]), Answer::Ack(_)));
     assert!(!order(&mut host).may_erase);
-    assert_eq!(host.ask(SAVE, &[]), Said::Nack(61));
+    assert_eq!(host.ask(SAVE, &[]), Answer::Nack(61));
     host.responder.store_done(None, Outcome::NeedsErase);
     let StoreReport { outcome, stored, .. } = report(&mut host);
     assert_eq!((outcome, stored), (Outcome::NeedsErase, Stored::Nothing));
@@ -333,7 +333,7 @@ fn while_a_motor_runs_settings_are_saved_without_erasing_and_not_read() {
     host.do_all(&[(10, &[1, 0])]);
     for setpoint in [Setpoint::ConstantPower(Control::MAX), Setpoint::Velocity(CountsPerSecond::ZERO)] {
         host.snapshot.motors[3].setpoint = setpoint;
-        assert_eq!(host.ask(LOAD, &[]), Said::Nack(60));
+        assert_eq!(host.ask(LOAD, &[]), Answer::Nack(60));
     }
     host.snapshot.motors[3].setpoint = Setpoint::Disabled;
     host.ask(SAVE, &[]);
@@ -350,14 +350,14 @@ fn load_restores_the_stored_settings_and_reset_the_firmwares() {
     assert!(report(&mut host).differs);
     host.new_commands();
 
-    assert!(matches!(host.ask(LOAD, &[]), Said::Ack(_)));
+    assert!(matches!(host.ask(LOAD, &[]), Answer::Ack(_)));
     assert_eq!(order(&mut host).record, None);
     assert_ne!(all(&mut host), saved);
     host.responder.store_done(Some(found(&record)), Outcome::Done);
     assert_eq!((all(&mut host), report(&mut host).differs), (saved, false));
     assert!(host.new_commands().iter().any(|command| command.motor == 2));
 
-    assert!(matches!(host.ask(RESET, &[]), Said::Ack(_)));
+    assert!(matches!(host.ask(RESET, &[]), Answer::Ack(_)));
     assert_eq!(all(&mut host), all(&mut TestHost::new()));
     let commands = host.new_commands();
     assert!(commands.contains(&Command { motor: 2, action: Action::Configure(settings()) }), "{commands:?}");
@@ -372,12 +372,12 @@ fn a_later_firmwares_settings_are_refused_and_kept_until_they_are_reset() {
     assert_eq!(all(&mut host), all(&mut TestHost::new()));
     let StoreReport { stored, version, .. } = report(&mut host);
     assert_eq!((stored, version), (Stored::Later, 3));
-    assert_eq!(host.ask(SAVE, &[]), Said::Nack(62));
+    assert_eq!(host.ask(SAVE, &[]), Answer::Nack(62));
     // The address is not stored either.
     host.ask(0x7F06, &[9]);
     assert_eq!(host.responder.store_request(&host.snapshot), None);
     let mut host = powered_on(Found::without_record(Stored::Later, 3));
-    assert!(matches!(host.ask(RESET, &[]), Said::Ack(_)));
+    assert!(matches!(host.ask(RESET, &[]), Answer::Ack(_)));
     assert_eq!(
         order(&mut host),
         StoreRequest { record: Some(SettingsRecord::new(1)), erase_first: false, may_erase: true }
@@ -387,8 +387,8 @@ fn a_later_firmwares_settings_are_refused_and_kept_until_they_are_reset() {
 #[test]
 fn a_damaged_memory_refuses_saves_until_a_reset() {
     let mut host = powered_on(Found::without_record(Stored::Damaged, 0));
-    assert_eq!(host.ask(SAVE, &[]), Said::Nack(63));
-    assert!(matches!(host.ask(RESET, &[]), Said::Ack(_)));
+    assert_eq!(host.ask(SAVE, &[]), Answer::Nack(63));
+    assert!(matches!(host.ask(RESET, &[]), Answer::Ack(_)));
     assert_eq!(
         order(&mut host),
         StoreRequest { record: Some(SettingsRecord::new(1)), erase_first: true, may_erase: true }

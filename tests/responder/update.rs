@@ -1,6 +1,6 @@
 //! Requests of a host about new firmware.
 
-use crate::host::{SLOT, Said, TestHost};
+use crate::host::{Answer, SLOT, TestHost};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::Request;
 use motor_hub::extension::state::UpdateReport;
@@ -8,24 +8,24 @@ use motor_hub::hub::Snapshot;
 use motor_hub::protocol::payload::{Field, Fields, Text};
 use motor_hub::update::{Booted, CHUNK, ImageSignature, Outcome, Phase, Slot, SlotReport, UpdateRequest};
 
-fn say(host: &mut TestHost, request: HubFunction) -> Said {
+fn say(host: &mut TestHost, request: HubFunction) -> Answer {
     let request = Request::from(request);
     host.ask(request.id(), &request.payload())
 }
 
-fn begin(host: &mut TestHost, length: u32) -> Said {
+fn begin(host: &mut TestHost, length: u32) -> Answer {
     let version = Text::from_slice(b"mh9.9.9").expect("short");
     say(host, HubFunction::BeginUpdate { length, crc: 7, version })
 }
 
-fn chunk(host: &mut TestHost, offset: u32) -> Said {
+fn chunk(host: &mut TestHost, offset: u32) -> Answer {
     let mut bytes = [0; CHUNK];
     bytes[..8].copy_from_slice(&[0, 0, 2, 0x20, 0x41, 0, 2, 8]);
     say(host, HubFunction::Chunk { offset, bytes: Text::from_slice(&bytes).expect("short") })
 }
 
 fn report(host: &mut TestHost) -> UpdateReport {
-    let Said::Data(payload) = say(host, HubFunction::Update) else { panic!("no report") };
+    let Answer::Data(payload) = say(host, HubFunction::Update) else { panic!("no report") };
     UpdateReport::read(&mut Fields::new(&payload)).expect("a report")
 }
 
@@ -47,14 +47,14 @@ fn with_slot(slot: Slot) -> TestHost {
     host
 }
 
-const ACK: Said = Said::Ack(0);
+const ACK: Answer = Answer::Ack(0);
 
 #[test]
 fn a_hub_without_a_bootloader_has_no_updates() {
     let mut host = TestHost::settled();
     assert_eq!(
         (begin(&mut host, 96), say(&mut host, HubFunction::Update)),
-        (Said::Nack(253), Said::Nack(253))
+        (Answer::Nack(253), Answer::Nack(253))
     );
 }
 
@@ -67,10 +67,10 @@ fn a_host_sends_an_image_and_has_it_started() {
         assert!(
             matches!(host.responder.update_request(), Some(UpdateRequest::Write { offset: to, .. }) if to == offset)
         );
-        assert_eq!(chunk(&mut host, offset + 96), Said::Nack(if offset == 0 { 70 } else { 1 }));
+        assert_eq!(chunk(&mut host, offset + 96), Answer::Nack(if offset == 0 { 70 } else { 1 }));
         host.responder.update_done(SlotReport::Result(Outcome::Done));
     }
-    assert_eq!(say(&mut host, HubFunction::Restart), Said::Nack(77));
+    assert_eq!(say(&mut host, HubFunction::Restart), Answer::Nack(77));
     assert_eq!(say(&mut host, HubFunction::FinishUpdate), ACK);
     assert_eq!(
         host.responder.update_request(),
@@ -91,17 +91,17 @@ fn a_host_sends_an_image_and_has_it_started() {
 #[test]
 fn each_refusal_has_its_own_number() {
     let mut host = hub();
-    assert_eq!(chunk(&mut host, 0), Said::Nack(74));
-    assert_eq!(begin(&mut host, 512 * 1024 + 1), Said::Nack(73));
+    assert_eq!(chunk(&mut host, 0), Answer::Nack(74));
+    assert_eq!(begin(&mut host, 512 * 1024 + 1), Answer::Nack(73));
     host.responder.update_done(SlotReport::Booted(Booted::OnTrial));
-    assert_eq!(begin(&mut host, 96), Said::Nack(71));
+    assert_eq!(begin(&mut host, 96), Answer::Nack(71));
     host.responder.update_done(SlotReport::Booted(Booted::Confirmed));
     assert_eq!(begin(&mut host, 96), ACK);
-    assert_eq!(chunk(&mut host, 96), Said::Nack(75));
+    assert_eq!(chunk(&mut host, 96), Answer::Nack(75));
     let blank = Text::from_slice(&[0xFF; CHUNK]).expect("short");
-    assert_eq!(say(&mut host, HubFunction::Chunk { offset: 0, bytes: blank }), Said::Nack(76));
+    assert_eq!(say(&mut host, HubFunction::Chunk { offset: 0, bytes: blank }), Answer::Nack(76));
     assert_eq!(say(&mut host, HubFunction::AbandonUpdate), ACK);
-    assert_eq!(chunk(&mut host, 0), Said::Nack(74));
+    assert_eq!(chunk(&mut host, 0), Answer::Nack(74));
 }
 
 #[test]
@@ -109,13 +109,13 @@ fn signatures_are_required_with_a_key_and_refused_without_one() {
     let sign = |host: &mut TestHost, key| say(host, HubFunction::Sign { key: [key; 32], signature: [9; 64] });
     let mut host = hub();
     begin(&mut host, 96);
-    assert_eq!(sign(&mut host, 5), Said::Nack(80));
+    assert_eq!(sign(&mut host, 5), Answer::Nack(80));
     let mut host = signed_hub();
-    assert_eq!(sign(&mut host, 5), Said::Nack(74));
+    assert_eq!(sign(&mut host, 5), Answer::Nack(74));
     assert_eq!(begin(&mut host, 96), ACK);
-    assert_eq!(chunk(&mut host, 0), Said::Nack(78));
-    assert_eq!(sign(&mut host, 6), Said::Nack(79));
-    assert_eq!(chunk(&mut host, 0), Said::Nack(78));
+    assert_eq!(chunk(&mut host, 0), Answer::Nack(78));
+    assert_eq!(sign(&mut host, 6), Answer::Nack(79));
+    assert_eq!(chunk(&mut host, 0), Answer::Nack(78));
     assert_eq!(sign(&mut host, 5), ACK);
     assert_eq!(chunk(&mut host, 0), ACK);
     host.responder.update_request().expect("a chunk to write");
@@ -126,10 +126,10 @@ fn signatures_are_required_with_a_key_and_refused_without_one() {
     host.responder.update_done(SlotReport::Result(Outcome::WrongSignature));
     let progress = report(&mut host);
     assert_eq!((progress.phase, progress.outcome), (Phase::Nothing, Outcome::WrongSignature));
-    assert_eq!(say(&mut host, HubFunction::Restart), Said::Nack(77));
+    assert_eq!(say(&mut host, HubFunction::Restart), Answer::Nack(77));
     // A signature is valid only for the image that was announced before it.
     assert_eq!(begin(&mut host, 96), ACK);
-    assert_eq!(chunk(&mut host, 0), Said::Nack(78));
+    assert_eq!(chunk(&mut host, 0), Answer::Nack(78));
 }
 
 #[test]
@@ -137,7 +137,7 @@ fn no_update_begins_while_a_motor_is_enabled() {
     let mut host = hub();
     // Constant power of 0, enabled.
     host.do_all(&[(8, &[0, 0, 0]), (15, &[0, 0, 0]), (10, &[0, 1])]);
-    assert_eq!(begin(&mut host, 96), Said::Nack(60));
+    assert_eq!(begin(&mut host, 96), Answer::Nack(60));
     host.do_all(&[(10, &[0, 0])]);
     host.new_commands();
     host.snapshot = Snapshot { motors: Snapshot::INITIAL.motors, ..host.snapshot };

@@ -1,7 +1,7 @@
 //! Random settings, set-points and samples cause no panic, and estimates stay in their ranges. After a sound encoder is
 //! back, the estimate follows it again.
 
-use crate::common::Puppet;
+use crate::common::ScriptedMotor;
 use crate::schemes::any_scheme;
 use motor_hub::braking::{DutyRule, Winding};
 use motor_hub::bridge::{BridgeConstants, Drive};
@@ -94,7 +94,7 @@ fn happening() -> impl Strategy<Value = Happening> {
         .prop_map(|(setpoint, settings, samples, battery)| Happening { setpoint, settings, samples, battery })
 }
 
-fn apply_event(puppet: &mut Puppet, happening: &Happening) -> Report {
+fn apply_event(puppet: &mut ScriptedMotor, happening: &Happening) -> Report {
     if let Some(settings) = happening.settings {
         puppet.configure(settings);
     }
@@ -144,7 +144,7 @@ proptest! {
         period in period(),
         story in prop::collection::vec(happening(), 1..60),
     ) {
-        let mut puppet = Puppet::new(settings, period);
+        let mut puppet = ScriptedMotor::new(settings, period);
         for happening in &story {
             let report = apply_event(&mut puppet, happening);
             check(&report, puppet.settings().dynamics.is_some())?;
@@ -158,7 +158,7 @@ proptest! {
         story in prop::collection::vec(happening(), 1..40),
         speed in prop_oneof![-2_000..-50i32, 50..2_000i32],
     ) {
-        let mut puppet = Puppet::new(settings, period);
+        let mut puppet = ScriptedMotor::new(settings, period);
         for happening in &story {
             apply_event(&mut puppet, happening);
         }

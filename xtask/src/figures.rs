@@ -1,7 +1,7 @@
 //! `cargo xtask figures`: draws the pictures of the documents with the program motor-hub.
 
 use crate::generated::Generated;
-use crate::tool::{Failed, cargo, root};
+use crate::tool::{Failed, motor_hub, root};
 use std::fs;
 
 /// The folder of the pictures that documents show.
@@ -22,9 +22,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     let mut pictures = Generated::new("figures", arguments)?;
     for (call, file, shown) in PICTURES {
         let folder = format!("{DRAWN}/{}", shown.replace('.', "-"));
-        // One picture needs the emulated chips. All use the same build of the program.
-        let program = ["run", "--release", "--quiet", "--features", "emulated", "--"];
-        cargo(&[&program[..], call, &["--out", &folder]].concat())?;
+        motor_hub(&[call, &["--out", &folder]].concat())?;
         let drawn = root().join(folder).join(file);
         let drawn = fs::read(&drawn).map_err(|error| Failed::at(&drawn, error))?;
         pictures.take(&format!("{SHOWN}/{shown}"), &drawn)?;

@@ -59,7 +59,11 @@ const TASKS: [Task; 18] = [
     ),
     task("long", long, "the tests that `cargo test` leaves out because they take minutes"),
     task("figures [--check]", figures::task, "draws docs/pictures, or says which are stale"),
-    task("results [--check]", results::task, "writes docs/results, or says which are stale"),
+    task(
+        "results [--check] [--measured]",
+        results::task,
+        "writes docs/results, or says which are stale; or of tables that earlier tests have measured",
+    ),
     task("python", python::task, "builds the Python package and tests it as installed"),
     task(
         "ros [measure]",
@@ -119,7 +123,7 @@ fn main() -> ExitCode {
 }
 
 fn list() -> String {
-    let row = |task: &Task| format!("  {:27}{}\n", task.call, task.does);
+    let row = |task: &Task| format!("  {:32}{}\n", task.call, task.does);
     let boards: Vec<&str> = board::ALL.iter().map(|board| board.name).collect();
     let tasks: String = TASKS.iter().map(row).collect();
     format!(

@@ -1,6 +1,6 @@
 //! `cargo xtask python`: builds the Python package, installs it into an environment of its own, and tests it.
 
-use crate::tool::{Failed, cargo, cargo_command, none, root, run};
+use crate::tool::{Failed, cargo_command, none, root, run, tested_program};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -10,7 +10,7 @@ const PACKAGE: &str = "host/python";
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     none(arguments)?;
     // The tests start the program motor-hub, which serves a simulated hub.
-    cargo(&["build", "--package", "motor-hub-cli"])?;
+    let program = tested_program()?;
     let target = root().join("target");
     let wheels = target.join("wheels");
     wheel(&wheels)?;
@@ -22,11 +22,10 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
         .current_dir(&target))?;
     run(Command::new(&python)
         .arg(root().join(PACKAGE).join("tests/test_motor_hub.py"))
-        .env("MOTOR_HUB", target.join("debug/motor-hub"))
+        .env("MOTOR_HUB", program)
         .current_dir(&target))?;
     // This test reads a recording of the dashboard's page with the package mcap of PyPI.
-    let recording =
-        ["test", "--package", "motor-hub-cli", "--test", "program", "saved_as_mcap", "--", "--ignored"];
+    let recording = ["test", "--test", "program", "saved_as_mcap", "--", "--ignored"];
     run(cargo_command(&recording).env("MOTOR_HUB_MCAP", &python))
 }
 

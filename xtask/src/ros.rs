@@ -2,7 +2,7 @@
 //! the processor time and memory of fleets.
 
 use crate::python;
-use crate::tool::{Failed, cargo, none, root, run};
+use crate::tool::{Failed, cargo, none, root, run, tested_program};
 use std::process::Command;
 
 /// The package, which is a workspace of its own.
@@ -23,17 +23,16 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
         cargo(&[task, &["--manifest-path", MANIFEST, "--target-dir", &folder], rest].concat())
     };
     // The tests start the program motor-hub, which serves simulated hubs.
-    let profile = if measures {
+    let (profile, served) = if measures {
         cargo_ros(&["build", "--release"], &[])?;
         cargo(&["build", "--release", "--package", "motor-hub-cli"])?;
-        "release"
+        ("release", target.join("release/motor-hub"))
     } else {
         cargo(&["fmt", "--check", "--manifest-path", MANIFEST])?;
         cargo_ros(&["clippy", "--all-targets"], &["--", "-D", "warnings"])?;
         cargo_ros(&["test"], &[])?;
         cargo_ros(&["build"], &[])?;
-        cargo(&["build", "--package", "motor-hub-cli"])?;
-        "debug"
+        ("debug", tested_program()?)
     };
     let packages = ["eclipse-zenoh==1.10.2", "rosbags==0.11.9", "zenoh-ros2-sdk==0.1.8", "xxhash", "numpy"];
     let python = python::environment("ros-python", &packages)?;
@@ -41,7 +40,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
         let mut command = Command::new(&python);
         command
             .arg(root().join("host/ros/tests").join(script))
-            .env("MOTOR_HUB", target.join(profile).join("motor-hub"))
+            .env("MOTOR_HUB", &served)
             .env("MOTOR_HUB_ROS", folder.join(profile).join("motor-hub-ros"));
         command
     };

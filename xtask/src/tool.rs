@@ -63,9 +63,17 @@ pub(crate) fn cargo(arguments: &[&str]) -> Result<(), Failed> {
     run(&mut cargo_command(arguments))
 }
 
-/// Runs the program motor-hub, and builds it first if needed.
+/// Runs the program motor-hub with emulated chips, and builds it first if needed. The features of its crates are those in the tests
+/// of images, so both use the same crates.
 pub(crate) fn motor_hub(arguments: &[&str]) -> Result<(), Failed> {
-    cargo(&[&["run", "--release", "--quiet", "--"], arguments].concat())
+    let program = ["run", "--release", "--quiet", "--features", "emulated,motor-hub/signed", "--"];
+    cargo(&[&program[..], arguments].concat())
+}
+
+/// Builds the program motor-hub and the library as `cargo test` builds them. Returns the program.
+pub(crate) fn tested_program() -> Result<PathBuf, Failed> {
+    cargo(&["test", "--no-run", "--quiet", "--test", "program"])?;
+    Ok(crate::board::target_folder().join("debug/motor-hub"))
 }
 
 /// Returns the path of a tool in the toolchain's component llvm-tools.

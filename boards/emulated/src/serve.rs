@@ -107,8 +107,8 @@ pub fn run(
                 .collect();
             line_on(bench.battery().0, motors.into_iter())
         };
-        let (taken, turned_away) = (line.is_taken(), line.turned_away());
-        Ok(show(Moment { at_s, awake: true, taken, lost, turned_away, describe }))
+        let (taken, rejected_hosts) = (line.is_taken(), line.rejected_hosts());
+        Ok(show(Moment { at_s, awake: true, taken, lost, rejected_hosts, describe }))
     })?;
     let gaps = bench.gaps();
     if gaps.is_empty() { Ok(()) } else { Err(ReplayError::Gaps(gaps)) }

@@ -7,7 +7,7 @@
 //!
 //! let turn = |encoder: Encoder| {
 //!     let mut decoder = Decoder::default();
-//!     (0..=28).for_each(|count| decoder.see(encoder.levels(count, None)));
+//!     (0..=28).for_each(|count| decoder.update(encoder.levels(count, None)));
 //!     decoder.count
 //! };
 //! assert_eq!(turn(Encoder::Sound), 28);
@@ -147,7 +147,7 @@ pub struct Decoder {
 impl Decoder {
     /// Updates the count by new levels of the wires. If both wires change together, the direction is unknown, and
     /// nothing is counted.
-    pub fn see(&mut self, levels: Levels) {
+    pub fn update(&mut self, levels: Levels) {
         let place = |[a, b]: Levels| match (a, b) {
             (false, false) => 0,
             (true, false) => 1,
@@ -228,7 +228,7 @@ impl Counter {
     }
 
     fn show(&mut self) {
-        self.decoder.see(self.encoder.levels(self.shaft, self.disturbed));
+        self.decoder.update(self.encoder.levels(self.shaft, self.disturbed));
     }
 
     /// Returns the count of the timer.

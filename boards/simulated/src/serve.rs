@@ -100,7 +100,7 @@ pub struct Moment<'a> {
     /// Real time that was given up so far because this machine was too slow.
     pub lost: Duration,
     /// Number of hosts that were disconnected because another host was on the line.
-    pub turned_away: u32,
+    pub rejected_hosts: u32,
     /// Returns a line of text about the state of the hub.
     pub describe: &'a mut dyn FnMut() -> String,
 }
@@ -300,10 +300,10 @@ pub async fn steps(
             let servos: String = servos.collect();
             format!("LED #{red:02x}{green:02x}{blue:02x}, {}{servos}", line_on(battery_v, motors))
         };
-        let (awake, turned_away) = (snapshot.battery.is_some(), line.borrow().turned_away());
+        let (awake, rejected_hosts) = (snapshot.battery.is_some(), line.borrow().rejected_hosts());
         let taken = line.borrow().is_taken();
         let lost = Duration::ZERO;
-        if !show(Moment { at_s, awake, taken, lost, turned_away, describe }) {
+        if !show(Moment { at_s, awake, taken, lost, rejected_hosts, describe }) {
             break;
         }
         yield_now().await;

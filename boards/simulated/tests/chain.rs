@@ -1,25 +1,16 @@
 //! A chain of simulated hubs, in virtual time: answers and reports that a host at the parent gets from the children.
 
 use motor_hub::chain::ChainReport;
-use motor_hub::extension::report::HubReport;
 use motor_hub::extension::{HubFunction, Request};
-use motor_hub::model::battery::Battery;
-use motor_hub::model::catalogue::find;
-use motor_hub::model::load::Load;
-use motor_hub::model::si::{KgM2, Ohms, Volts};
-use motor_hub::protocol::motor::{ChannelMode, RunMode, Target, ToMotor};
+use motor_hub::protocol::motor::ToMotor;
 use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::protocol::requests::{DISCOVERY, FAIL_SAFE, Standard};
 use motor_hub::protocol::{Address, BROADCAST, Decoder, Packet, Reply, frame};
 use motor_hub::units::{Control, Micros};
-use simulated::encoder::{Encoder, Wire as EncoderWire};
-use simulated::scenario::{Motor, Scenario, Timed};
-use simulated::serve::interventions::{Interventions, OnMotor};
+use simulated::scenario::Scenario;
 use simulated::serve::{self, Hubs, Line, LineFault, Wire};
 use std::future::Future;
 use std::io::{Read, Write};
-use std::num::NonZeroU32;
-use std::ops::RangeInclusive;
 use std::pin::Pin;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Waker};
@@ -42,26 +33,14 @@ struct Chain {
 
 impl Chain {
     fn new(addresses: &[u8]) -> Self {
-        Self::of(addresses, Scenario::to_serve(), |_, _| ())
-    }
-
-    /// Hubs with the motors of a scenario. `intervene` may change those of the first hub, at a time in ms.
-    fn of(
-        addresses: &[u8],
-        scenario: Scenario,
-        mut intervene: impl FnMut(&mut Interventions, u64) + 'static,
-    ) -> Self {
         let clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
         let addresses = addresses.iter().map(|&address| Address::new(address).expect("1 to 254")).collect();
         let hubs = Hubs::chain(addresses);
         let (line, (end, host)) = (hubs.line.clone(), Line::within_process());
         let served = async move {
-            let mut ms = 0;
-            let mut intervene = |now: &mut Interventions| {
-                intervene(now, ms);
-                ms += 1;
-            };
-            serve::steps(&scenario, &hubs, end, None, &mut intervene, &mut |_| true).await.expect("it runs");
+            serve::steps(&Scenario::to_serve(), &hubs, end, None, &mut |_| (), &mut |_| true)
+                .await
+                .expect("it runs");
         };
         let mut chain = Self {
             hubs: Box::pin(served),
@@ -227,7 +206,7 @@ fn a_stop_to_all_reaches_every_hub_within_fifty_milliseconds_also_beside_a_lost_
 }
 
 #[test]
-fn hubs_with_one_address_are_told() {
+fn a_discovery_reports_hubs_with_the_same_address() {
     for (addresses, clashing) in [(&[PARENT, 7, 7][..], 7), (&[PARENT, PARENT, 5], PARENT)] {
         let mut chain = Chain::new(addresses);
         chain.send(Standard::Discovery, BROADCAST);
@@ -239,218 +218,4 @@ fn hubs_with_one_address_are_told() {
     let mut chain = Chain::new(&[PARENT, PARENT]);
     assert!(chain.obeys(Standard::SetAddress { address: Address::new(9).expect("9") }, PARENT));
     assert!(chain.obeys(Standard::KeepAlive, PARENT) && chain.obeys(Standard::KeepAlive, 9));
-}
-
-/// Faults of the fault matrix in `docs/results` that a simulated hub can have.
-enum Fault {
-    Encoder(Encoder),
-    /// The battery has this open-circuit voltage, V.
-    Battery(f64),
-    HostSilent,
-}
-
-/// Expected effect of a fault on a motor.
-#[derive(Clone, Copy, Debug)]
-enum Becomes {
-    /// The motor turns as commanded.
-    Works,
-    /// The motor turns otherwise.
-    Turns,
-    /// The bridge opens within this time in ms.
-    Opens(u64),
-}
-
-use Becomes::{Opens, Turns, Works};
-
-struct Row {
-    name: &'static str,
-    fault: Fault,
-    /// Expected effects on four motors: in open loop, and regulated to a speed, to a position, and to a speed against a
-    /// load.
-    motors: [Becomes; 4],
-}
-
-const fn row(name: &'static str, fault: Fault, motors: [Becomes; 4]) -> Row {
-    Row { name, fault, motors }
-}
-
-const fn stuck(wire: EncoderWire, high: bool) -> Fault {
-    Fault::Encoder(Encoder::Stuck { wire, high })
-}
-
-const fn glitches(per_second: u32) -> Fault {
-    Fault::Encoder(Encoder::Glitches { per_second: NonZeroU32::new(per_second).expect("some") })
-}
-
-const SILENT: [Becomes; 4] = [Works, Opens(250), Opens(250), Opens(250)];
-const SOME_LOST: [Becomes; 4] = [Works, Turns, Turns, Turns];
-
-const ROWS: [Row; 16] = [
-    row("encoder unplugged", Fault::Encoder(Encoder::Unplugged), SILENT),
-    row("A low", stuck(EncoderWire::A, false), SILENT),
-    row("A high", stuck(EncoderWire::A, true), SILENT),
-    row("B low", stuck(EncoderWire::B, false), SILENT),
-    row("B high", stuck(EncoderWire::B, true), SILENT),
-    row(
-        "A and B swapped",
-        Fault::Encoder(Encoder::Reversed),
-        [Works, Opens(2_300), Opens(2_300), Opens(400)],
-    ),
-    row("A loose", Fault::Encoder(Encoder::Loose { wire: EncoderWire::A }), SOME_LOST),
-    row("B loose", Fault::Encoder(Encoder::Loose { wire: EncoderWire::B }), SOME_LOST),
-    row(
-        "one slot of 7 missing",
-        Fault::Encoder(Encoder::MissingSlot { of: NonZeroU32::new(7).expect("some") }),
-        SOME_LOST,
-    ),
-    row("20 glitches/s", glitches(20), [Works; 4]),
-    row("200 glitches/s", glitches(200), [Works; 4]),
-    row("19 V", Fault::Battery(19.0), [Turns, Works, Works, Works]),
-    row("16 V", Fault::Battery(16.0), [Turns, Works, Works, Works]),
-    row("6.5 V", Fault::Battery(6.5), [Turns, Works, Works, Works]),
-    row("4.5 V", Fault::Battery(4.5), [Opens(165); 4]),
-    row("host silent", Fault::HostSilent, [Opens(2_555); 4]),
-];
-
-/// Counts/s of motors that turn as commanded.
-const SPEEDS: [RangeInclusive<i16>; 4] = [840..=950, 960..=1040, 940..=1060, 240..=360];
-
-/// Time at which faults begin, in ms.
-const BEGINS_MS: u64 = 1_500;
-
-/// A parent and a child, of which one gets a fault of a row.
-fn faulty_chain(row: &Row, in_parent: bool) -> Chain {
-    let am60 = find("AM 60 A").and_then(|entry| entry.motor).expect("a motor").with_measured_rotor_inertia();
-    let mut motors = vec![Motor::new(am60, Load::inertia(KgM2(0.004))); 4];
-    let begins_s = BEGINS_MS as f64 * 1e-3;
-    for motor in &mut motors {
-        motor.torques.clear();
-    }
-    motors[3].torques = vec![Timed { at_s: 0.0, value: 0.8 }];
-    let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
-    let mut scenario = Scenario::new("matrix", 10.0, battery, motors);
-    let (mut sound, mut faulty) = (Interventions::default(), Interventions::default());
-    // Both hubs have this scenario. For the parent, interventions replace values of the scenario.
-    match row.fault {
-        Fault::Encoder(encoder) if in_parent => {
-            faulty.motors = [OnMotor { encoder: Some(encoder), ..OnMotor::default() }; 4];
-        }
-        Fault::Encoder(value) => {
-            let encoder = vec![Timed { at_s: begins_s, value }];
-            scenario.motors.iter_mut().for_each(|motor| motor.encoder.clone_from(&encoder));
-            sound.motors = [OnMotor { encoder: Some(Encoder::Sound), ..OnMotor::default() }; 4];
-            faulty = sound;
-        }
-        Fault::Battery(volts) if in_parent => faulty.emf_v = Some(volts),
-        Fault::Battery(value) => {
-            let steps = [(begins_s - 1e-3, 12.0), (begins_s, value)];
-            scenario.emf_over_time = steps.map(|(at_s, value)| Timed { at_s, value }).to_vec();
-            sound.emf_v = Some(12.0);
-            faulty = sound;
-        }
-        Fault::HostSilent => (),
-    }
-    Chain::of(&[PARENT, CHILD], scenario, move |now, ms| *now = if ms < BEGINS_MS { sound } else { faulty })
-}
-
-/// The address of the child.
-const CHILD: u8 = 3;
-
-impl Chain {
-    /// Starts four motors, each in another mode.
-    fn start_modes(&mut self, address: u8) {
-        let modes = [RunMode::Power, RunMode::Velocity, RunMode::Position, RunMode::Velocity];
-        for ((motor, mode), cps) in (0..).zip(modes).zip([0, 1000, 1000, 300]) {
-            let target = Target { counts: 1_000_000, tolerance: 10 };
-            let mode = ChannelMode { mode, floats: false };
-            let requests = [
-                ToMotor::SetVelocity { cps },
-                ToMotor::SetPosition { target },
-                ToMotor::SetMode { mode },
-                ToMotor::SetPower { power: Control::new(12_000) },
-                ToMotor::SetVelocity { cps },
-                ToMotor::SetEnable { on: true },
-            ];
-            for request in requests {
-                // Set-points of other modes are refused.
-                self.ask(request.to(motor), address).expect("an answer");
-            }
-        }
-    }
-
-    fn hub_report(&mut self, address: u8) -> HubReport {
-        let (answer, _) = self.ask(HubFunction::Report, address).expect("an answer");
-        HubReport::read(&mut Fields::new(&answer.payload)).expect("a report")
-    }
-
-    #[track_caller]
-    fn turns_as_commanded(&mut self, address: u8, of: &str) {
-        let report = self.hub_report(address);
-        for (motor, speeds) in report.motors.iter().zip(&SPEEDS) {
-            assert!(
-                speeds.contains(&motor.velocity) && !motor.faults.any(),
-                "{of}, hub {address}: {motor:?}"
-            );
-        }
-    }
-}
-
-/// Applies a fault to one hub of a chain. Asserts that the motors of this hub do what the row expects, and that the
-/// other hub is not disturbed.
-fn judge(row: &Row, in_parent: bool) {
-    let name = row.name;
-    let mut chain = faulty_chain(row, in_parent);
-    let (faulty, other) = if in_parent { (PARENT, CHILD) } else { (CHILD, PARENT) };
-    [faulty, other].into_iter().for_each(|address| chain.start_modes(address));
-    chain.pass((BEGINS_MS - chain.ms) as u32);
-    [faulty, other].into_iter().for_each(|address| chain.turns_as_commanded(address, name));
-    let last = row.motors.iter().map(|becomes| if let Opens(ms) = becomes { *ms } else { 0 }).max();
-    let end = BEGINS_MS + last.unwrap_or_default().max(1_100);
-    let mut open_since = [None; 4];
-    let mut report = HubReport::default();
-    while chain.ms < end {
-        assert!(chain.obeys(Standard::KeepAlive, other), "{name}: hub {other} is silent");
-        if matches!(row.fault, Fault::HostSilent) {
-            chain.pass(100);
-            continue;
-        }
-        report = chain.hub_report(faulty);
-        for (since, motor) in open_since.iter_mut().zip(&report.motors) {
-            *since = motor.regime.is_none().then(|| since.unwrap_or(chain.ms));
-        }
-        chain.pass(5);
-    }
-    chain.turns_as_commanded(other, name);
-    if matches!(row.fault, Fault::HostSilent) {
-        report = chain.hub_report(faulty);
-        assert!(report.motors.iter().all(|motor| motor.regime.is_none() && !motor.enabled), "{report:?}");
-        return;
-    }
-    for ((motor, becomes), (since, speeds)) in
-        report.motors.iter().zip(row.motors).zip(open_since.into_iter().zip(&SPEEDS))
-    {
-        let as_expected = match becomes {
-            Works => {
-                since.is_none()
-                    && !motor.faults.any()
-                    && (faulty_encoder(row) || speeds.contains(&motor.velocity))
-            }
-            Turns => since.is_none() && !motor.faults.any(),
-            Opens(within_ms) => since.is_some_and(|since| since - BEGINS_MS <= within_ms),
-        };
-        assert!(as_expected, "{name}, hub {faulty}: {becomes:?} expected, open since {since:?}: {motor:?}");
-    }
-}
-
-/// True if the reported velocities are no measure of the motors' speeds.
-const fn faulty_encoder(row: &Row) -> bool {
-    matches!(row.fault, Fault::Encoder(_))
-}
-
-#[test]
-fn each_hub_of_a_chain_ends_its_faults_as_in_the_matrix_and_leaves_the_other_alone() {
-    for row in &ROWS {
-        judge(row, true);
-        judge(row, false);
-    }
 }

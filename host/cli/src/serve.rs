@@ -199,7 +199,7 @@ impl Serving {
         let bar = ProgressBar::new_spinner();
         let mut shown_s = 0.0;
         let served =
-            run(&scenario, line, &mut |Moment { at_s, awake, taken, lost, turned_away, describe }| {
+            run(&scenario, line, &mut |Moment { at_s, awake, taken, lost, rejected_hosts, describe }| {
                 // The place is printed once motors can be enabled, or after AWAKE_S if the battery prevents that.
                 if awake || at_s > AWAKE_S {
                     said_so = place.take().map_or(Ok(()), |place| print(&place));
@@ -212,7 +212,7 @@ impl Serving {
                     shown_s = at_s + 0.2;
                     bar.set_message(format!("{at_s:.0} s, {}", describe()));
                 }
-                for notice in notices.due(at_s, lost, turned_away) {
+                for notice in notices.due(at_s, lost, rejected_hosts) {
                     bar.suspend(|| eprintln!("{notice}"));
                 }
                 let goes_on = self.limit_s.is_none_or(|limit_s| at_s < limit_s);

@@ -211,7 +211,7 @@ fn measured(
 }
 
 /// The current in amperes that Scheme A or B requests.
-fn asked(motor: &Motor, scheme: Scheme, emf: f64, control: f64) -> f64 {
+fn requested(motor: &Motor, scheme: Scheme, emf: f64, control: f64) -> f64 {
     let c = control / CONTROL_MAX;
     let volts = match scheme {
         Scheme::A => c * BATTERY - emf,
@@ -221,7 +221,7 @@ fn asked(motor: &Motor, scheme: Scheme, emf: f64, control: f64) -> f64 {
 }
 
 fn worst(motor: &Motor, scheme: Scheme, emf: f64, data: &[(f64, f64)]) -> f64 {
-    let error = |&(control, current): &(f64, f64)| (current - asked(motor, scheme, emf, control)).abs();
+    let error = |&(control, current): &(f64, f64)| (current - requested(motor, scheme, emf, control)).abs();
     100.0 * data.iter().map(error).fold(0.0, f64::max) / (BATTERY / motor.r.0)
 }
 
@@ -230,9 +230,9 @@ fn currents(motor: &Motor, share: f64) -> Result<Figure, StudyError> {
     let emf = emf_at(motor, share);
     let mut panels = Vec::new();
     for (name, scheme) in [("A", Scheme::A), ("B", Scheme::B)] {
-        let straight = (-511..=511).map(|n| fraction(64 * n)).map(|c| (c, asked(motor, scheme, emf, c)));
-        let asked = line("asked for", colour::INK, straight.collect());
-        let mut series = vec![Series { style: Style::Dashed, ..asked }];
+        let straight = (-511..=511).map(|n| fraction(64 * n)).map(|c| (c, requested(motor, scheme, emf, c)));
+        let straight = line("asked for", colour::INK, straight.collect());
+        let mut series = vec![Series { style: Style::Dashed, ..straight }];
         for (rule_name, colour, rule) in RULES {
             let data = measured(motor, scheme, rule, emf, hertz)?;
             let worst = worst(motor, scheme, emf, &data);
@@ -263,7 +263,7 @@ fn by_frequency(motor: &Motor) -> Result<Figure, StudyError> {
             let data = measured(motor, Scheme::B, rule, emf, hertz)?;
             let worst = worst(motor, Scheme::B, emf, &data);
             let off = |(control, current): (f64, f64)| {
-                let error = current - asked(motor, Scheme::B, emf, control);
+                let error = current - requested(motor, Scheme::B, emf, control);
                 (control, 100.0 * error / (BATTERY / motor.r.0))
             };
             let name = format!("{name}: {worst:.1} %");

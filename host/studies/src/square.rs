@@ -23,8 +23,7 @@ use simulated::sim;
 /// Length of a side in mm.
 const SIDE_MM: f64 = 4_000.0;
 /// The base as the hub is first configured for it: wheels of 90 mm on the output shafts of two motors, 300 mm apart.
-pub const BASE: DriveBase =
-    DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
+const BASE: DriveBase = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
 /// True dimensions and slip of the base.
 const FLOOR: Floor = Floor { wheel_diameters_mm: [90.45, 89.55], track_mm: 306.0, slip_in_turns: 0.05 };
 /// Speed of the wheels in counts/s, which is 0.35 m/s.
@@ -37,7 +36,7 @@ const SIDE_S: f64 = 13.0;
 const TURN_S: f64 = 2.5;
 /// Errors of a gyro. The scale error is the limit in the data sheet of a BNO055; the drift is what remains after the
 /// sensor's own calibration.
-pub const WORSE_GYRO: GyroErrors = GyroErrors { drift_degrees_per_min: 0.5, scale_error: 0.01 };
+const WORSE_GYRO: GyroErrors = GyroErrors { drift_degrees_per_min: 0.5, scale_error: 0.01 };
 /// Inertia of half of a robot of 6 kg, acting at the rim of a wheel.
 const WHEEL: Load = Load::inertia(KgM2(3.0 * 0.045 * 0.045));
 
@@ -64,7 +63,7 @@ pub struct Squares {
 
 /// Source of the heading that the hub uses.
 #[derive(Clone, Copy, Debug)]
-pub enum Heading {
+enum Heading {
     /// The encoders of the wheels.
     Encoders,
     /// A gyro with these errors. The angle of each turn is multiplied by `turn_scale`.
@@ -100,7 +99,7 @@ pub fn run() -> Result<[Squares; 5], StudyError> {
 ///
 /// # Errors
 /// If the run does not finish.
-pub fn drive(base: DriveBase, left: f64, heading: Heading) -> Result<End, StudyError> {
+fn drive(base: DriveBase, left: f64, heading: Heading) -> Result<End, StudyError> {
     let (gyro, turn_scale, use_gyro) = match heading {
         Heading::Encoders => (GyroErrors::default(), 1.0, false),
         Heading::Gyro { errors, turn_scale } => (errors, turn_scale, true),

@@ -176,7 +176,8 @@ pub struct Survey {
     /// Number of scenarios.
     pub scenarios: u64,
     /// Number of all responses.
-    pub asked: usize,
+    #[serde(rename = "asked")]
+    pub total_responses: usize,
     /// The responses that can be settled.
     pub responses: Vec<Response>,
 }
@@ -194,13 +195,13 @@ impl Survey {
         let numbers: Vec<u64> = (0..scenarios).collect();
         let results =
             parallel::map(&numbers, |&number| responses(seed, number), |done| progress(done, numbers.len()));
-        let (mut asked, mut responses) = (0, Vec::new());
+        let (mut total_responses, mut responses) = (0, Vec::new());
         for result in results {
             let (all, settleable) = result?;
-            asked += all;
+            total_responses += all;
             responses.extend(settleable);
         }
-        Ok(Self { seed, scenarios, asked, responses })
+        Ok(Self { seed, scenarios, total_responses, responses })
     }
 }
 

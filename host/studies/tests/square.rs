@@ -1,27 +1,11 @@
 //! A drive base comes back from the square of UMBmark. The long test writes the table of `docs/results/square.md`.
 
-use simulated::bno055::GyroErrors;
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
-use studies::square::{self, BASE, End, Heading};
-
-/// All tests of the process share the clock of the mock driver, so they run one after another.
-static CLOCK: Mutex<()> = Mutex::new(());
-
-const GYRO: Heading =
-    Heading::Gyro { errors: GyroErrors { drift_degrees_per_min: 0.0, scale_error: 0.0 }, turn_scale: 1.0 };
-
-#[test]
-fn a_gyro_keeps_the_heading_of_a_square_within_half_a_degree() {
-    let _clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
-    let end = square::drive(BASE, 1.0, GYRO).expect("the simulation runs");
-    assert!(end.heading_degrees.abs() <= 0.5 && end.distance_mm < 50.0, "{end:?}");
-}
+use studies::square::{self, End};
 
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn a_gyro_brings_a_base_back_from_both_squares_and_encoders_do_not() {
-    let _clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
     let [encoders, calibrated, gyro, worse, scaled] = square::run().expect("the simulation runs");
     let text = square::page(&[encoders, calibrated, gyro, worse, scaled]).markdown();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/results");

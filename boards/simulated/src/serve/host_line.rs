@@ -7,7 +7,7 @@ pub(super) trait HostLine: Debug + Send {
     fn receive(&mut self, bytes: &mut [u8]) -> usize;
     fn send(&mut self, bytes: &[u8]) -> usize;
     fn is_taken(&self) -> bool;
-    fn turned_away(&self) -> u32 {
+    fn rejected_hosts(&self) -> u32 {
         0
     }
     /// The path or address that hosts open.

@@ -84,8 +84,8 @@ impl Line {
     }
 
     /// Returns the number of hosts that were disconnected because another host was connected.
-    pub fn turned_away(&self) -> u32 {
-        self.0.turned_away()
+    pub fn rejected_hosts(&self) -> u32 {
+        self.0.rejected_hosts()
     }
 }
 

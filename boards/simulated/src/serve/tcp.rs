@@ -36,7 +36,7 @@ pub(super) struct Tcp {
     takes_no_replies: bool,
     /// A second host, and the time since when it waits.
     waiting: Option<(TcpStream, Instant)>,
-    turned_away: u32,
+    rejected_hosts: u32,
 }
 
 impl Tcp {
@@ -51,7 +51,7 @@ impl Tcp {
             last_byte: Instant::now(),
             takes_no_replies: false,
             waiting: None,
-            turned_away: 0,
+            rejected_hosts: 0,
         })
     }
 
@@ -62,7 +62,7 @@ impl Tcp {
             Some(_) if !self.is_taken() => self.forget_host(),
             Some((_, since)) if since.elapsed() > GRACE => {
                 self.waiting = None;
-                self.turned_away += 1;
+                self.rejected_hosts += 1;
             }
             Some(_) => (),
         }
@@ -138,8 +138,8 @@ impl HostLine for Tcp {
         self.host.is_some() && self.last_byte.elapsed() < IDLE
     }
 
-    fn turned_away(&self) -> u32 {
-        self.turned_away
+    fn rejected_hosts(&self) -> u32 {
+        self.rejected_hosts
     }
 
     fn address(&self) -> String {

@@ -38,21 +38,11 @@ fn gyro_at(trace: &Trace, at_s: f64) -> GyroState {
 }
 
 #[test]
-fn a_base_holds_the_heading_of_its_gyro_and_knows_where_it_is() {
-    let trace = run_tasks(&turns(", use_gyro = true", ""));
-    // The sensor answers 650 ms after its supply is on, and is then configured.
-    assert_eq!([gyro_at(&trace, 0.6), gyro_at(&trace, 2.0)], [GyroState::Waiting, GyroState::Good]);
-    assert!((end_degrees(&trace) - 270.0).abs() < 0.5, "{}", end_degrees(&trace));
-    let base = trace.ticks.last().and_then(|tick| tick.base).expect("a base");
-    assert!((f64::from(base.heading_millidegrees) / 1e3 - end_degrees(&trace)).abs() < 0.1, "{base:?}");
-    let by_encoders = run_tasks(&turns("", ""));
-    assert!((end_degrees(&by_encoders) - 0.95 * 270.0).abs() < 0.5, "{}", end_degrees(&by_encoders));
-}
-
-#[test]
 fn a_base_turns_by_its_gyros_drift_and_scale_error() {
     let trace =
         run_tasks(&turns(", use_gyro = true", "[gyro]\ndrift_degrees_per_min = 30.0\nscale_error = 0.01"));
+    // The sensor answers 650 ms after its supply is on, and is then configured.
+    assert_eq!([gyro_at(&trace, 0.6), gyro_at(&trace, 2.0)], [GyroState::Waiting, GyroState::Good]);
     // The gyro drifts by 0.5 degrees a second. From its first turn at 3 s to 13 s the base turns back by that angle.
     let expected = (270.0 - 0.5 * 10.0) / 1.01;
     assert!((end_degrees(&trace) - expected).abs() < 0.6, "{} {expected}", end_degrees(&trace));

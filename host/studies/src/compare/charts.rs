@@ -22,7 +22,7 @@ pub(super) fn all(rounds: &[Round]) -> Vec<NamedFigure> {
 fn figure(round: &Round, result: &TaskResult) -> Figure {
     let speed = |s: &Sample| s.speed_cps;
     let current = |s: &Sample| s.flow.mean_current().0;
-    let panels = WAYS.into_iter().flat_map(|(name, shown)| {
+    let panels = VARIANT_GROUPS.into_iter().flat_map(|(name, shown)| {
         let panel = |y_label: &str, height, goal: bool, value: fn(&Sample) -> f64, style| {
             Panel::new(format!("{y_label}: {name}"), height, lines(result, goal, shown, value, style))
         };
@@ -45,10 +45,10 @@ fn figure(round: &Round, result: &TaskResult) -> Figure {
 }
 
 /// Name of a group of variants, and the test for its members.
-pub(super) type Way = (&'static str, fn(&Variant) -> bool);
+pub(super) type VariantGroup = (&'static str, fn(&Variant) -> bool);
 
 /// The groups of variants that have a panel or a table of their own.
-pub(super) const WAYS: [Way; 3] = [
+pub(super) const VARIANT_GROUPS: [VariantGroup; 3] = [
     ("PID, linear duty", |variant| by_pid(variant, DutyRule::LinearDuty)),
     ("PID, linear current", |variant| by_pid(variant, DutyRule::LinearCurrent)),
     ("the motor's model", |variant| variant.regulator == Kind::Model),

@@ -1,6 +1,6 @@
 //! The comparison as text: the verdict first, then the tables.
 
-use super::charts::WAYS;
+use super::charts::VARIANT_GROUPS;
 use super::gains::Gains;
 use super::row::Row;
 use super::score::{Score, Winner, scores, winners};
@@ -48,10 +48,10 @@ pub(super) fn settling(rounds: &[Round]) -> Page {
     // In a full comparison the last round has each variant's best coefficients. This round is shown first.
     for (number, round) in rounds.iter().rev().enumerate() {
         // The model has no coefficients. Its runs are the same in every round, and are shown once.
-        let ways = WAYS.into_iter().filter(|(_, shown)| {
+        let groups = VARIANT_GROUPS.into_iter().filter(|(_, shown)| {
             number == 0 || Variant::ALL.iter().any(|variant| shown(variant) && variant.has_coefficients())
         });
-        for (name, shown) in ways {
+        for (name, shown) in groups {
             let caption = format!("Settling, {name}, with {}", round.tuning.key_in_words());
             page.table(&caption, settling_times(round, shown));
         }

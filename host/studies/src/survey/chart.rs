@@ -10,7 +10,7 @@
 //! ```
 
 use super::bare_motors::BareMotor;
-use super::reference::{Figure as Asked, Row};
+use super::reference::{Figure as ReferenceFigure, Row};
 use super::{Knowledge, Response, Survey, Verdict};
 use crate::NamedFigure;
 use chart::{Figure, Panel, Series, Style, colour};
@@ -28,7 +28,7 @@ const UNKNOWN: (&str, &str) = ("not configured", colour::RED);
 /// The tasks of the reference, at all periods.
 #[must_use]
 pub fn reference(rows: &[Row]) -> NamedFigure {
-    let settling = || rows.iter().filter(|row| row.figure == Asked::Settling);
+    let settling = || rows.iter().filter(|row| row.figure == ReferenceFigure::Settling);
     let configured = times(settling().flat_map(|row| &row.configured));
     let unknown = times(settling().flat_map(|row| &row.unknown));
     let panel = panel("tasks", vec![(CONFIGURED, configured), (UNKNOWN, unknown)]);

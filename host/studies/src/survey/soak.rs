@@ -82,7 +82,7 @@ impl Soak {
                     let mut motors = vec![Observed::default(); case.0.motors.len()];
                     for tick in &trace.ticks {
                         for (motor, sample) in motors.iter_mut().zip(&tick.motors) {
-                            motor.see(tick.at_s, sample.report.faults, sample.report.stalled);
+                            motor.update(tick.at_s, sample.report.faults, sample.report.stalled);
                         }
                     }
                     soak.add(number, &case, trace.ticks.len(), motors);
@@ -168,7 +168,7 @@ struct Observed {
 }
 
 impl Observed {
-    fn see(&mut self, at_s: f64, faults: Faults, stalled: bool) {
+    fn update(&mut self, at_s: f64, faults: Faults, stalled: bool) {
         self.stalled |= stalled;
         if faults.any() {
             self.fault.get_or_insert((at_s, faults));
@@ -183,7 +183,7 @@ fn observed(scenario: &Scenario) -> Result<Vec<Observed>, StudyError> {
         // Before the first tick the snapshot has initial values instead of reports.
         if moment.snapshot.tick > 0 {
             for (motor, report) in motors.iter_mut().zip(&moment.snapshot.motors) {
-                motor.see(moment.ms as f64 / 1e3, report.faults, report.stalled);
+                motor.update(moment.ms as f64 / 1e3, report.faults, report.stalled);
             }
         }
     })?;

@@ -198,7 +198,7 @@ fn in_short(verdict: &Verdict) -> String {
 
 /// The random scenarios: all responses, then which never settle, then the worst.
 fn random(page: &mut Page, survey: &Survey, worst: usize) {
-    let Survey { seed, scenarios, asked, responses } = survey;
+    let Survey { seed, scenarios, total_responses, responses } = survey;
     let headings = [
         "configuration",
         "never settled, %",
@@ -215,7 +215,7 @@ fn random(page: &mut Page, survey: &Survey, worst: usize) {
     }
     page.table("Random scenarios", table);
     page.text(&format!(
-        "Seed {seed}, {scenarios} scenarios, {asked} responses; the {} that can be settled are counted. Beyond: largest \
+        "Seed {seed}, {scenarios} scenarios, {total_responses} responses; the {} that can be settled are counted. Beyond: largest \
          error beyond the set-point, in % of the step. p90: nine of ten responses are below.",
         responses.len()
     ));

@@ -35,10 +35,11 @@ fn complaints(row: &Row, seen: &RowResult) -> Vec<String> {
     for ((mode, seen), expected) in MODES.into_iter().zip(&seen.cells).zip(&row.cells) {
         let Cell { during, says, back } = expected;
         let turns =
-            |speeds: RangeInclusive<f64>| seen.longest_open <= MODE_CHANGE && speeds.contains(&seen.speed);
+            |speed, speeds: RangeInclusive<f64>| seen.longest_open <= MODE_CHANGE && speeds.contains(speed);
         let as_expected = match during {
-            During::Works => turns(mode.speeds()),
-            During::Turns(least, most) => turns(*least..=*most),
+            During::Works => turns(&seen.speed, mode.speeds()),
+            During::Turns(least, most) => turns(&seen.speed, *least..=*most),
+            During::TurnsOnAverage(least, most) => turns(&seen.mean_speed, *least..=*most),
             During::Opens { within_ms } => seen.open_after.is_some_and(|after| after <= ms(*within_ms)),
             During::Brakes { within_ms } => seen.shorted_after.is_some_and(|after| after <= ms(*within_ms)),
         };

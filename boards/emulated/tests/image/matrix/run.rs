@@ -64,6 +64,8 @@ pub(crate) struct MotorResult {
     pub(crate) longest_open: Duration,
     /// Speed at the end of the fault, counts/s.
     pub(crate) speed: f64,
+    /// Mean speed during the fault, counts/s.
+    pub(crate) mean_speed: f64,
     /// Reports of this motor, from answers of the hub and its log.
     pub(crate) says: Vec<&'static str>,
     /// How the motor followed its command again, or its speed in counts/s if it did not.
@@ -178,10 +180,11 @@ impl Run {
         let _: Status = self.question(Standard::Status { clear: true });
         self.answers.clear();
         let (from, logged) = (self.now(), self.bench().log().len());
+        let before = MODES.map(|mode| self.bench().look(mode.motor()));
         row.fault.apply(self.bench());
         row.fault.run(self);
         let (to, transitions) = (self.now(), self.bench().transitions());
-        let speeds = MODES.map(|mode| self.bench().look(mode.motor()).counts_per_second);
+        let after = MODES.map(|mode| self.bench().look(mode.motor()));
         let blind = row.fault.host_can_ask()
             && self.question::<i16>(ToHub::Adc { channel: BATTERY, raw: false }) == 0;
         let bus: Option<BusReport> = row.fault.host_can_ask().then(|| self.question(HubFunction::Bus));
@@ -198,12 +201,13 @@ impl Run {
         says.extend(reported(&log, "", &OF_HUB));
         let said = MODES.map(|mode| self.said(mode, status, &log));
         let back = self.recover(stopped);
-        let cells = MODES.into_iter().zip(speeds).zip(said).zip(back);
-        let cells = cells.map(|(((mode, speed), says), back)| MotorResult {
+        let cells = MODES.into_iter().zip(before.iter().zip(&after)).zip(said).zip(back);
+        let cells = cells.map(|(((mode, (before, after)), says), back)| MotorResult {
             open_after: since(&transitions, mode.motor(), from, Lines::open),
             shorted_after: since(&transitions, mode.motor(), from, Lines::shorted),
             longest_open: longest_open(&transitions, mode.motor(), from, to),
-            speed,
+            speed: after.counts_per_second,
+            mean_speed: (after.counts - before.counts) as f64 / (to - from).as_secs_f64(),
             says,
             back,
         });

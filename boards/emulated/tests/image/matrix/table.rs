@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::modes::{MODES, Mode};
-use super::rows::{Back, Row};
+use super::rows::{Back, During, Row};
 use super::run::{MotorResult, OtherResult, RowResult};
 
 /// Rows of Markdown. In a chain they name the hub with the fault, and the answers of the other hub.
@@ -15,7 +15,8 @@ pub(crate) fn text<'a>(rows: impl Iterator<Item = (&'a Row, &'a RowResult)>) -> 
     heads.extend(in_chain.then_some("the other hub answers within"));
     let mut out = format!("| | {} |\n|{}\n", heads.join(" | "), "---|".repeat(1 + heads.len()));
     for (row, seen) in rows {
-        let mut cells: Vec<String> = seen.cells.iter().map(cell).collect();
+        let expected = row.cells.iter().map(|expected| expected.during);
+        let mut cells: Vec<String> = seen.cells.iter().zip(expected).map(cell).collect();
         let mut says = seen.says.clone();
         let mut back: Vec<&str> = Vec::new();
         for cell in &seen.cells {
@@ -31,12 +32,15 @@ pub(crate) fn text<'a>(rows: impl Iterator<Item = (&'a Row, &'a RowResult)>) -> 
     out
 }
 
-fn cell(seen: &MotorResult) -> String {
+fn cell((seen, expected): (&MotorResult, During)) -> String {
     // Adding 0 turns a negative zero into a positive zero.
     let speed = format!("{:.0} counts/s", seen.speed.round() + 0.0);
     match (seen.open_after, seen.shorted_after) {
         (Some(after), _) => format!("open after {:.0} ms", after.as_secs_f64() * 1e3),
         (_, Some(after)) => format!("shorted after {:.0} ms, {speed}", after.as_secs_f64() * 1e3),
+        (None, None) if matches!(expected, During::TurnsOnAverage(..)) => {
+            format!("{:.0} counts/s on average", seen.mean_speed)
+        }
         (None, None) => speed,
     }
 }

@@ -4,18 +4,15 @@
 //! of a duty. The tests of the package `chart` check how lines become SVG. Therefore the files here have for each line
 //! only its style, number of samples, ends, extremes and mean, with five digits.
 
-#[path = "../../chart/tests/snapshot/mod.rs"]
-mod snapshot;
-
+use crate::{COMPARISON, run, snapshot};
 use chart::{Figure, Panel, Series};
 use motor_hub::braking::Scheme;
 use motor_hub::model::catalogue::characterised;
 use simulated::scenario::Scenario;
-use simulated::sim;
 use std::fmt::Write;
 use studies::overlay::Overlay;
 use studies::points::OperatingReport;
-use studies::{NamedFigure, compare, figures, report};
+use studies::{NamedFigure, figures, report};
 
 #[test]
 fn figures_show_what_they_did() {
@@ -31,17 +28,14 @@ fn figures_show_what_they_did() {
     snapshot::assert_all(&digests.collect::<Vec<_>>());
 }
 
-/// Returns the figures of runs: of the default scenario, of the comparison, and of the overlay of two runs. All runs
-/// share the clock of the mock driver, so they run one after another.
+/// Returns the figures of runs: of the default scenario, of the comparison, and of the overlay of two runs.
 fn of_runs() -> Vec<NamedFigure> {
     let scenario = Scenario::default_one().expect("it is valid");
-    let run = |scenario: &Scenario| sim::run(scenario, &mut |_| ()).expect("it runs");
     let (as_set, without) = (run(&scenario), run(&scenario.without_braking()));
     let overlay = Overlay::new(scenario.clone(), "STM32F427", without.clone(), as_set.clone());
     let mut figures = report::RunReport::new(scenario, as_set, without).figures();
     figures.push(("overlay".to_owned(), overlay.figure()));
-    let compared = compare::Comparison::new(true, &mut |_, _| ()).expect("it runs");
-    figures.extend(compared.figures());
+    figures.extend(COMPARISON.figures());
     figures
 }
 

@@ -1,5 +1,6 @@
 //! Tests the limits of regulation on a part of the survey that is short enough for a test.
 
+use crate::{REFERENCE, clock};
 use motor_hub::braking::DutyRule;
 use studies::survey::soak::{self, Soak};
 use studies::survey::{Knowledge, Response, Survey, Verdict, bare_motors, random, reference, toml};
@@ -15,7 +16,7 @@ fn what_can_be_settled_is_settled_by_a_configured_motor() {
     // Responses with linear duty are not judged here, because this rule makes neither voltage nor current linear.
     let responses: Vec<&Response> =
         survey.responses.iter().filter(|response| response.duty == DutyRule::LinearCurrent).collect();
-    assert!(responses.len() > 100, "{} of {}", responses.len(), survey.asked);
+    assert!(responses.len() > 100, "{} of {}", responses.len(), survey.total_responses);
     let [exact, lighter, heavier] = [0, 1, 2].map(|knowledge| never(&responses, knowledge));
     // The detector of hunting costs one response with 0.7 times the inertia, 3 of 126 instead of 2, and gains one with 1.4
     // times the inertia, 0 instead of 1.
@@ -31,7 +32,7 @@ fn what_can_be_settled_is_settled_by_a_configured_motor() {
 
 #[test]
 fn the_tasks_of_the_reference_are_done_as_well_as_there() {
-    let rows = reference::run(&mut |_, _| ()).expect("it runs");
+    let rows = &*REFERENCE;
     let fifty = reference::PERIODS.iter().position(|&ms| ms == 50).expect("one of them");
     let verdict = |name: &str| {
         let row = rows.iter().find(|row| row.name == name).expect("a task");
@@ -95,10 +96,10 @@ fn a_drawn_scenario_is_its_own_file_again() {
     }
 }
 
-// The only test here that needs the process's clock.
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn no_sound_encoder_is_doubted_and_no_watchdog_starves() {
+    let _clock = clock();
     // This is a part of the scenarios that `motor-hub soak --hours 10` runs.
     let soak = Soak::new(2, 180.0, &mut |_| ()).expect("it runs");
     assert!(soak.is_clean(), "{}", soak::text(&soak));

@@ -1,23 +1,10 @@
 //! Tests the texts that users read first: the sentence with the result of a run, a comparison or a survey, and the
 //! tables below it.
 
+use crate::{COMPARISON, REFERENCE, report};
 use simulated::scenario::Scenario;
-use simulated::sim;
-use std::sync::{Mutex, PoisonError};
-use studies::compare::Comparison;
-use studies::report::RunReport;
+use studies::survey::Survey;
 use studies::survey::text::{self, Parts};
-use studies::survey::{Survey, reference};
-
-/// All tests of the process share the clock of the mock driver, so they run one after another.
-static CLOCK: Mutex<()> = Mutex::new(());
-
-fn report(scenario: Scenario) -> RunReport {
-    let _clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
-    let run = |scenario: &Scenario| sim::run(scenario, &mut |_| ()).expect("it runs");
-    let (as_set, without) = (run(&scenario), run(&scenario.without_braking()));
-    RunReport::new(scenario, as_set, without)
-}
 
 /// A motor with a flywheel.
 fn with(motor: &str) -> Scenario {
@@ -74,15 +61,13 @@ fn a_run_without_regulation_tells_energies_and_a_run_with_expectations_whether_t
 
 #[test]
 fn a_comparison_begins_with_the_winner_and_fits_a_page() {
-    let _clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
-    let comparison = Comparison::new(true, &mut |_, _| ()).expect("it runs");
-    let best = comparison.json(&[])["scores"][0]["variant"].as_str().expect("a name").to_owned();
-    let text = comparison.text();
+    let best = COMPARISON.json(&[])["scores"][0]["variant"].as_str().expect("a name").to_owned();
+    let text = COMPARISON.text();
     assert!(
         text.starts_with(&format!("{best} wins: it has the least error on average over 3 tasks")),
         "{text}"
     );
-    let markdown = comparison.markdown();
+    let markdown = COMPARISON.markdown();
     assert_readable(&markdown);
     for part in [
         "## Scores",
@@ -100,8 +85,7 @@ fn a_comparison_begins_with_the_winner_and_fits_a_page() {
 #[test]
 fn a_survey_begins_with_what_settles_and_fits_a_page() {
     let survey = Survey::new(1, 3, &mut |_, _| ()).expect("it runs");
-    let rows = reference::run(&mut |_, _| ()).expect("it runs");
-    let parts = Parts { survey: Some(&survey), reference: Some(&rows), cells: None };
+    let parts = Parts { survey: Some(&survey), reference: Some(&REFERENCE), cells: None };
     let page = text::page(parts, 2);
     let all = survey.responses.len();
     let settled =

@@ -1,18 +1,11 @@
 //! Runs every scenario in `tests/scenarios` on the simulated board, and checks its expectations.
 
-mod scenario_files;
-
+use crate::{run, scenario_files};
 use simulated::scenario::Scenario;
-use simulated::sim;
-use std::sync::{Mutex, PoisonError};
 use studies::expectations::{Verdict, judge};
 
-/// All tests of the process share the clock of the mock driver, so they run one after another.
-static CLOCK: Mutex<()> = Mutex::new(());
-
 fn verdicts(scenario: &Scenario) -> Vec<Verdict> {
-    let _clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
-    judge(scenario, &sim::run(scenario, &mut |_| ()).expect("the simulation runs"))
+    judge(scenario, &run(scenario))
 }
 
 #[test]
