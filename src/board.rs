@@ -154,7 +154,7 @@ impl Devices for () {
 /// One I2C bus for hosts. The transfers are the transfers of embedded-hal: a write, a read, and a write with a read
 /// after a repeated start.
 ///
-/// A transfer's future may be dropped at any time, after which the bus must be [freed](Self::free). A device may
+/// A transfer's future may be dropped at any time, after which the bus must be [recovered](Self::recover). A device may
 /// stretch the clock for 30 ms. `NoAcknowledgeSource` says which byte had no acknowledgement.
 #[cfg(feature = "tasks")]
 #[allow(async_fn_in_trait, reason = "tasks of one thread: no bound on the future is needed")]

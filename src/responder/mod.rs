@@ -321,8 +321,7 @@ impl<const N: usize> Responder<N> {
         self.keep_alive.packet(now);
         let answer = Request::read(packet, N.min(CHANNELS))
             .and_then(|request| self.answer(request, from, now, snapshot, record));
-        // A request to a member of a waiting course may have taken the member out of its group.
-        self.courses.retain(|motor| self.channels.get(motor).is_some_and(MotorChannel::in_group));
+        self.delete_courses();
         let mut reply = answer.unwrap_or_else(Reply::Nack);
         if let Reply::Ack { attention } = &mut reply {
             *attention = self.keep_alive.attention();
@@ -393,6 +392,16 @@ impl<const N: usize> Responder<N> {
     fn release_groups_and_outputs(&mut self) {
         self.courses.clear();
         self.outputs.disable();
+    }
+
+    /// Deletes the pending courses of groups that a member has left. The other members follow their own set-points then.
+    fn delete_courses(&mut self) {
+        self.courses.retain(|motor| self.channels.get(motor).is_some_and(MotorChannel::in_group));
+        for (motor, channel) in self.channels.iter_mut().enumerate() {
+            if !self.courses.moves(motor) {
+                channel.restore_own_setpoint();
+            }
+        }
     }
 
     /// Executes a request, and returns the reply. The caller sets the flag `attention` of an acknowledgement.

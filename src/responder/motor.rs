@@ -77,7 +77,11 @@ enum MotorState {
         due: bool,
     },
     /// A group's course moves the motor.
-    InGroup,
+    InGroup {
+        /// True if the motor's own set-point was never sent, because the course has replaced it. The course then waits
+        /// to be sent too.
+        own_setpoint_due: bool,
+    },
 }
 
 impl MotorState {
@@ -269,7 +273,7 @@ impl MotorChannel {
     const fn override_setpoint(&self) -> Option<Setpoint> {
         match self.state {
             MotorState::OwnSetpoint { override_setpoint, .. } => override_setpoint,
-            MotorState::Disabled | MotorState::InGroup => None,
+            MotorState::Disabled | MotorState::InGroup { .. } => None,
         }
     }
 
@@ -331,7 +335,16 @@ impl MotorChannel {
 
     /// Records the number of the command with which a course of the motor's group was sent.
     pub(super) const fn course_sent(&mut self, number: u32) {
+        self.follow(MotorState::InGroup { own_setpoint_due: false });
         self.awaited = Some(number);
+    }
+
+    /// Must be called while no course with this motor waits. If a course was deleted before it was sent, the set-point
+    /// that the course had replaced must be sent.
+    pub(super) const fn restore_own_setpoint(&mut self) {
+        if let MotorState::InGroup { own_setpoint_due: true } = self.state {
+            self.state = MotorState::NEW_TARGET;
+        }
     }
 
     /// Ends the wait for the awaited command if it is included in a snapshot whose newest command has the number
@@ -348,7 +361,7 @@ impl MotorChannel {
 
     /// True if a group's course has replaced the motor's own set-point.
     pub(super) const fn in_group(&self) -> bool {
-        matches!(self.state, MotorState::InGroup)
+        matches!(self.state, MotorState::InGroup { .. })
     }
 
     /// True if the motor's own set-point is pending.
@@ -363,7 +376,9 @@ impl MotorChannel {
 
     /// Replaces the motor's own set-point by a group's course.
     pub(super) const fn join(&mut self) {
-        self.follow(MotorState::InGroup);
+        let own_setpoint_due =
+            self.is_setpoint_due() || matches!(self.state, MotorState::InGroup { own_setpoint_due: true });
+        self.follow(MotorState::InGroup { own_setpoint_due });
     }
 
     /// True if a release or the motor's own set-point is pending.

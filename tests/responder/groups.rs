@@ -124,6 +124,24 @@ fn a_later_command_to_a_member_alone_takes_it_out_of_the_group() {
 }
 
 #[test]
+fn members_of_a_deleted_course_get_the_set_points_that_the_course_had_replaced() {
+    let mut host = TestHost::settled();
+    for motor in [1, 3] {
+        host.do_all(&[(15, &[motor, 0, 1]), (10, &[motor, 1])]);
+    }
+    ask(&mut host, 1, pair(1, 2));
+    // Nothing has been sent yet. Motor 3 leaves the group.
+    host.do_all(&[(15, &[3, 0, 2])]);
+    let power =
+        |motor, power| Command { motor, action: Action::Set(Setpoint::ConstantPower(Control::new(power))) };
+    assert_eq!(host.new_commands(), [power(1, 256), power(3, 512)]);
+    // The course of an enabled motor that has its set-point already is deleted without another command.
+    ask(&mut host, 1, pair(1, 2));
+    host.do_all(&[(15, &[3, 0, 1])]);
+    assert_eq!(host.new_commands(), [power(3, 256)]);
+}
+
+#[test]
 fn a_question_to_a_member_keeps_the_course_that_waits_behind_a_release() {
     let mut host = enabled();
     // Disable and enable motor 3. The queue of commands is full, so neither command is sent yet.
