@@ -210,6 +210,11 @@ fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyErro
     let scenario = random::scenario(seed, number);
     let challenges = responses::challenges(&scenario);
     let possible = settleable(&scenario, &challenges)?;
+    // Runs end with the last response that can be settled.
+    let can_settle = challenges.iter().zip(&possible).filter(|(_, possible)| **possible);
+    let Some(end_ms) = can_settle.map(|(challenge, _)| challenge.to_ms).max() else {
+        return Ok((challenges.len(), Vec::new()));
+    };
     let mut verdicts: Vec<Vec<Verdict>> = vec![Vec::new(); challenges.len()];
     for knowledge in Knowledge::ALL {
         let mut scenario = scenario.clone();
@@ -217,6 +222,7 @@ fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyErro
             .motors
             .iter_mut()
             .for_each(|motor| motor.configuration = knowledge.configured(&motor.constants));
+        scenario.duration_s = end_ms as f64 / 1e3;
         let tracks = responses::watch(&scenario)?;
         for (challenge, all) in challenges.iter().zip(&mut verdicts) {
             all.push(responses::judge(challenge, tracks.get(challenge.motor).map_or(&[], |track| track)));
