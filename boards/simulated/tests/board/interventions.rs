@@ -66,15 +66,15 @@ fn a_loose_encoder_of_an_intervention_loses_counts() {
 #[test]
 fn a_restart_closes_the_contactor_and_disconnects_what_was_not_connected_at_the_start() {
     let mut scenario = Scenario::to_serve();
-    scenario.bus = Some(Bus { capacitance_f: 0.001, one_way: false, opens_at_s: Some(0.1) });
+    scenario.bus = Some(Bus { capacitance_f: 0.001, one_way: false, opens_at_s: Some(0.5) });
     let attached = Attached { analog_v: vec![2.0], ..Attached::default() };
-    scenario.attached_over_time = vec![Timed { at_s: 0.1, value: attached }];
+    scenario.attached_over_time = vec![Timed { at_s: 0.5, value: attached }];
     let lower = Interventions { emf_v: Some(9.0), ..Interventions::default() };
     let restarted = Interventions { restarts: 1, ..lower };
     let reading = |channel: AdcChannel, later: Interventions| {
-        let interventions = |ms| if ms < 200 { Interventions::default() } else { later };
+        let interventions = |ms| if ms < 600 { Interventions::default() } else { later };
         let request = ToHub::Adc { channel, raw: false };
-        answer::<i16>(&scenario, interventions, 280, request)
+        answer::<i16>(&scenario, interventions, 1_000, request)
     };
     let first = AdcChannel::new(0).expect("in range");
     let [battery, input] = [BATTERY, first].map(|channel| reading(channel, lower));
