@@ -19,7 +19,8 @@ use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
 use motor_hub_client::Error;
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::kept_settings::KeptSettings;
-use motor_hub_client::motor::{NO_CURRENT, NO_SPEED_LIMIT_CPS, constant_current_ma};
+use motor_hub_client::motor::{NO_CURRENT, SPEED_LIMITS_CPS, constant_current_ma};
+use motor_hub_client::request_text::of_group;
 use serde_json::{Map, Value};
 use simulated::hardware::winding;
 use simulated::scheme::SchemeName;
@@ -164,7 +165,7 @@ impl Executor {
             Order::Configure { ref values, .. } => {
                 let requests = configured(motor, &settings, values)?;
                 for request in requests {
-                    session.order(request)?;
+                    session.command(request)?;
                 }
             }
             // Only this order remains of the orders that change settings.
@@ -189,7 +190,7 @@ impl Executor {
     fn import(&mut self, session: &mut Hub, text: &str) -> Result<(), RequestError> {
         let document = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
         let file = settings_file::read(document)?;
-        for (motor, kept) in session.put_in_force(file.motors, file.base)? {
+        for (motor, kept) in session.apply_settings(file.motors, file.base)? {
             let of = self.of(motor)?;
             of.keep(kept);
             (of.proposed, of.known) = (None, None);
@@ -278,8 +279,8 @@ fn drive(
 /// can then enable the motor.
 fn current(session: &mut Hub, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), RequestError> {
     let ma = constant_current_ma(amperes).map_err(|error| error.to_string())?;
-    let no_limit = f64::from(NO_SPEED_LIMIT_CPS);
-    let limit = within("a speed limit", speed.unwrap_or(no_limit), 1.0..=no_limit, "counts/s")?;
+    let [least, most] = [SPEED_LIMITS_CPS.start(), SPEED_LIMITS_CPS.end()].map(|cps| f64::from(*cps));
+    let limit = within("a speed limit", speed.unwrap_or(most), least..=most, "counts/s")?;
     if session.report()?.is_none() {
         return Err(NO_CURRENT.into());
     }
@@ -353,7 +354,9 @@ fn configured(
                 _ => raw,
             })
         })?;
-        let after = values.apply_to(before).map_err(|nack| format!("the values of {group:?}: {nack}"))?;
+        let after = values
+            .apply_to(before)
+            .map_err(|nack| format!("the values of the {}: {nack}", of_group(group)))?;
         let changes = Values::of(group, &after) != Values::of(group, before);
         set_up |= changes && group == Group::SetUp;
         if changes || (set_up && group == Group::Motion) {

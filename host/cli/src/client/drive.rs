@@ -12,7 +12,7 @@ use motor_hub::protocol::Address;
 use motor_hub::units::Control;
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
-use motor_hub_client::motor::{NO_SPEED_LIMIT_CPS, constant_current_ma};
+use motor_hub_client::motor::{NO_SPEED_LIMIT_CPS, SPEED_LIMITS_CPS, constant_current_ma};
 use std::collections::BTreeSet;
 use std::time::Duration;
 
@@ -91,7 +91,7 @@ pub(crate) struct CurrentOptions {
     ma: i32,
     /// Speed in counts per second at which the current decreases, so that the motor becomes no faster; 32767 for no limit
     #[arg(long = "speed-limit-cps", value_name = "CPS", default_value_t = NO_SPEED_LIMIT_CPS)]
-    #[arg(value_parser = whole("a speed limit", 1..=NO_SPEED_LIMIT_CPS, "counts/s"))]
+    #[arg(value_parser = whole("a speed limit", SPEED_LIMITS_CPS, "counts/s"))]
     speed_limit: u16,
 }
 

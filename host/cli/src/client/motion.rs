@@ -8,7 +8,7 @@ use motor_hub::motor::{SettleDetector, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts, Period};
-use motor_hub_client::error::if_known;
+use motor_hub_client::error::none_if_unsupported;
 use motor_hub_client::line::Line;
 use motor_hub_client::motor::NO_CURRENT;
 use motor_hub_client::{Error, Session};
@@ -119,7 +119,7 @@ pub(super) fn warn_of(session: &mut Session<Line>, speeds: &[(u8, u32)]) -> Resu
         return Ok(());
     }
     for &(motor, wanted) in speeds {
-        let Some(settings) = if_known(session.settings(motor))? else { return Ok(()) };
+        let Some(settings) = none_if_unsupported(session.settings(motor))? else { return Ok(()) };
         let free = free_speed(settings.motor.winding.emf, battery);
         if f64::from(wanted) > free {
             let volts = f64::from(battery.get()) / 1e3;

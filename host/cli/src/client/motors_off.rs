@@ -11,7 +11,7 @@ use std::time::Duration;
 
 /// Longest time-out of the request that disables a motor, so that the other motors need not wait longer. A shorter
 /// `--timeout-ms` stays in force.
-const PATIENCE: Duration = Duration::from_millis(500);
+const REQUEST_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// A session whose motors are disabled when it is dropped.
 pub(super) struct DrivingSession<'a, L: Read + Write> {
@@ -59,7 +59,7 @@ impl<'a, L: Read + Write> DrivingSession<'a, L> {
     /// Disables the motors that were enabled, and returns them.
     pub(super) fn stop(&mut self) -> Result<Vec<u8>, Failure> {
         let motors = std::mem::take(&mut self.motors);
-        self.session.hurry(PATIENCE);
+        self.session.limit_timeout(REQUEST_TIMEOUT);
         match self.session.disable_all(&motors) {
             Ok(()) => Ok(motors),
             Err(error) => Err(Failure::Work(format!(
@@ -110,8 +110,8 @@ impl<L: Read + Write> DerefMut for DrivingSession<'_, L> {
 }
 
 /// Disables motors that a former host has left enabled, and reports that.
-pub(super) fn stop_abandoned(session: &mut Session<impl Read + Write>) -> Result<(), Error> {
-    let found = session.stop_abandoned()?;
+pub(super) fn disable_left_enabled(session: &mut Session<impl Read + Write>) -> Result<(), Error> {
+    let found = session.disable_left_enabled()?;
     if !found.is_empty() {
         say(&format!("disabled {}, left running by another host", names(&found)));
     }
@@ -152,7 +152,7 @@ mod tests {
         let mut session = session();
         session.set_power(2, Control::MAX).unwrap();
         session.enable(2, true).unwrap();
-        stop_abandoned(&mut session).unwrap();
+        disable_left_enabled(&mut session).unwrap();
         assert!(!session.enabled(2).unwrap());
         assert_eq!(session.motor(2).unwrap().power, Control::MAX);
     }

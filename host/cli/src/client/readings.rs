@@ -57,8 +57,9 @@ impl Reading {
     pub(crate) fn table(&self, motors: &[u8], turn: Option<f64>) -> String {
         let mut headings = vec!["motor", "position, counts", "velocity, counts/s", self.word()];
         headings.extend(turn.iter().flat_map(|_| ["rpm", "rad/s"]));
-        headings
-            .extend(self.report.iter().flat_map(|_| ["control, %", "bridge", "current, A", "why it stands"]));
+        headings.extend(
+            self.report.iter().flat_map(|_| ["control, %", "bridge", "current, A", "why it does not turn"]),
+        );
         let mut table = table::new(&headings, 0);
         for MotorReading { motor, position, velocity, within_tolerance } in motors_of(&self.bulk, motors) {
             let there = self.reported(motor).map_or(within_tolerance, |of| of.settled);
@@ -121,7 +122,7 @@ impl Reading {
                         // This value in steps (-32767 to 32767) replaces the share of full control in [`MotorValues`].
                         "control": report.control.get(),
                         "enabled": report.enabled,
-                        "stands_because": self.why(motor),
+                        "why_still": self.why(motor),
                     });
                     document = with_fields(with_fields(document, json!(MotorValues::of(report))), more);
                 }

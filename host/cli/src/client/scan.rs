@@ -1,7 +1,7 @@
 //! `motor-hub client scan`: finds hubs.
 
 use super::devices::{equipment_json, equipment_text};
-use super::motors_off::stop_abandoned;
+use super::motors_off::disable_left_enabled;
 use super::ports;
 use crate::output::{Failure, print, print_json, say};
 use crate::served_hubs::{self, ServedHub};
@@ -235,8 +235,8 @@ fn hubs_at(place: &str, timeout: Duration) -> Result<Vec<Found>, OpenError> {
         let Some(address) = Address::new(hub.address) else { continue };
         let (mut version, mut equipment) = (String::new(), None);
         if !hub.clashing {
-            session.talk_to(address);
-            stop_abandoned(&mut session)?;
+            session.select_hub(address);
+            disable_left_enabled(&mut session)?;
             (version, equipment) = (session.version()?, session.equipment()?);
         }
         found.push(Found { address: hub.address, kind: kind(&hub), version, equipment });

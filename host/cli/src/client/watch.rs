@@ -2,7 +2,7 @@
 
 use super::drive;
 use super::hub::HubOptions;
-use super::motors_off::stop_abandoned;
+use super::motors_off::disable_left_enabled;
 use super::readings::{Live, repeat};
 use super::shaft_speed::ShaftOptions;
 use crate::output::{Failure, print, versioned};
@@ -38,7 +38,7 @@ impl Options {
         let mut checked = Instant::now();
         repeat(session, interval, self.length, |session, reading| {
             if checked.elapsed() > CHECK {
-                stop_abandoned(session)?;
+                disable_left_enabled(session)?;
                 checked = Instant::now();
             }
             if live.terminal && !self.json {

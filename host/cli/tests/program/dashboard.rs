@@ -8,6 +8,7 @@ use crate::conformance::Hub;
 use crate::hub_support::{Hub as FakeHub, Server};
 use crate::page::{Dashboard, Page};
 use motor_hub::extension::settings::Group;
+use motor_hub::store::Found;
 use motor_hub::update::{Slot, public_key};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
@@ -238,6 +239,17 @@ fn a_scenario_with_a_constant_current_is_played() {
             motor["enabled"] == true && motor["setpoint"] == setpoint && is_target
         });
     }
+}
+
+#[test]
+fn a_save_that_the_hub_never_ends_is_reported_after_ten_seconds() {
+    let mut hub = FakeHub { ends_accesses: false, ..FakeHub::new() };
+    hub.responder.restore(Found::default());
+    let server = Server::start(hub);
+    let dashboard = Dashboard::start(&["--tcp", &server.address]);
+    let mut page = Page::ready(&dashboard);
+    page.order("save", Value::Null);
+    page.notice("settings are not saved: the hub has not finished");
 }
 
 #[test]

@@ -49,8 +49,8 @@ export function jogForm(link) {
     }, words);
   });
   onLeave(leave);
-  // A grave notice says that the server has disabled all motors, for example after STOP.
-  on("notice", ({ grave }) => { if (grave) driven = []; });
+  // A motors_disabled notice says that the server has disabled all motors, for example after STOP.
+  on("notice", ({ motors_disabled }) => { if (motors_disabled) driven = []; });
 
   function show() {
     const { digits, shown, unit: words } = of();

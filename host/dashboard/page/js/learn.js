@@ -86,8 +86,8 @@ export function learnPanel(link) {
     motor = -1;
     show();
   });
-  on("notice", ({ grave }) => {
-    if (grave && motor >= 0) {
+  on("notice", ({ motors_disabled }) => {
+    if (motors_disabled && motor >= 0) {
       motor = -1;
       say(says, "The identification was stopped.");
     }

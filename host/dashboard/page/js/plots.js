@@ -34,9 +34,6 @@ const PLOTS = {
     { name: "battery", words: "at the hub", colour: "volts", digits: 2 }] },
 };
 
-/** Words for the state of the supply. */
-const BUS = { silent: "Battery voltage unknown", "too-low": "Battery voltage too low for the bridges", cut: "Battery too low: no current drawn", derated: "Battery low: current limited", quiet: "Supply OK", burning: "Supply takes nothing back: braking energy is dissipated", "too-high": "Bus voltage too high" };
-
 /** Shortest interval between two drawings, in milliseconds. */
 const DRAW_MS = 30;
 /** Interval between two texts that describe a plot, in milliseconds. */
@@ -345,7 +342,7 @@ export function startPlots() {
   on("hubs", titles);
   on("theme", () => { colours = new Map(); draw(); });
   on("line", () => { by("unreported").hidden = state.reports; });
-  on("frame", (frame) => say(by("bus"), frame.bus ? `${BUS[/** @type {keyof typeof BUS} */ (frame.bus)] ?? frame.bus}${frame.burning ? `, ${number(100 * frame.burning)} %` : ""}` : ""));
+  on("frame", (frame) => say(by("bus"), frame.bus ? `Supply: ${frame.bus}${frame.dissipated_share ? `, ${number(100 * frame.dissipated_share)} %` : ""}` : ""));
   setInterval(describe, DESCRIBE_MS);
   const loop = (/** @type {number} */ now) => {
     if (!view.paused && !view.zoom && now - last >= DRAW_MS && state.history.length) draw();
