@@ -307,7 +307,7 @@ fn a_refusal_names_its_reason() {
 }
 
 #[test]
-fn a_motor_has_the_current_that_its_own_channel_tells() {
+fn each_motor_has_its_own_current_channel() {
     let mut hub = Hub::new();
     hub.snapshot.motors[2].measured = Some(Milliamperes::new(-1_500));
     let mut session = session(Memory::new(hub));
@@ -334,7 +334,7 @@ fn a_session_goes_on_with_another_hub_on_its_line() {
 }
 
 #[test]
-fn functions_are_numbered_from_where_the_hub_says() {
+fn function_numbers_start_at_the_reported_packet_type() {
     let mut session = session(Memory::new(Hub { first: 0x1800, ..Hub::new() }));
     session.set_velocity(0, 5).unwrap();
     assert_eq!(session.motor(0).unwrap().velocity, 5);
@@ -362,7 +362,7 @@ impl Write for Waits {
 }
 
 #[test]
-fn after_an_answer_nothing_stale_is_waited_for_and_after_a_lost_one_it_is() {
+fn stale_input_is_read_only_after_a_lost_answer() {
     let waits = Rc::new(Cell::new(0));
     let mut session = session(Waits(Memory::new(Hub::new()), Rc::clone(&waits)));
     session.bulk().unwrap();
@@ -384,7 +384,7 @@ fn after_an_answer_nothing_stale_is_waited_for_and_after_a_lost_one_it_is() {
 }
 
 #[test]
-fn a_hub_that_has_no_words_for_its_bus_tells_nothing_of_it_and_that_is_no_failure() {
+fn a_hub_that_does_not_report_its_bus_is_no_error() {
     let ours = session(Memory::new(Hub::new())).bus().unwrap();
     assert_eq!(ours.map(|bus| bus.state), Some(BusState::Silent), "nothing is measured");
     let mut session = session(Memory::new(Hub { foreign: true, ..Hub::new() }));

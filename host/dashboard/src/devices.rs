@@ -4,7 +4,7 @@
 //! This happens at STOP, when the page in control is gone, and when the host is silent.
 
 use crate::hub::{Hub, RequestError};
-use crate::requests::DeviceOrder;
+use crate::requests::DeviceRequest;
 use motor_hub::board::{DIGITAL_PINS, Equipment, SERVOS};
 use motor_hub::protocol::answers::I2cStatus;
 use motor_hub::protocol::payload::{ByteIn, Text, WordFrom};
@@ -76,10 +76,10 @@ impl Devices {
     pub(crate) fn execute(
         &mut self,
         session: &mut Hub,
-        order: &DeviceOrder,
+        order: &DeviceRequest,
     ) -> Result<Option<Transfer>, RequestError> {
         match *order {
-            DeviceOrder::Servo { servo, period_us, width_us, on } => {
+            DeviceRequest::Servo { servo, period_us, width_us, on } => {
                 let servo: ServoOutput = number("a servo output", servo)?;
                 if !on {
                     return Ok(session.enable_servo(servo, false).map(|()| None)?);
@@ -93,7 +93,7 @@ impl Devices {
                 session.set_servo_width(servo, width)?;
                 session.enable_servo(servo, true)?;
             }
-            DeviceOrder::Pin { pin, level } => {
+            DeviceRequest::Pin { pin, level } => {
                 let pin: Pin = number("a digital pin", pin)?;
                 match level {
                     Some(high) => session.drive_pin(pin, high)?,
@@ -103,18 +103,18 @@ impl Devices {
                     *kept = level;
                 }
             }
-            DeviceOrder::Scan { bus } => {
+            DeviceRequest::Scan { bus } => {
                 let bus = number("an I2C bus", bus)?;
                 self.scan = Some(Scan { bus, next: I2C_ADDRESSES.0, found: Vec::new() });
             }
-            DeviceOrder::Read { bus, address, register, count, fast } => {
+            DeviceRequest::Read { bus, address, register, count, fast } => {
                 let (at, address) = device(bus, address)?;
                 let count: I2cCount = number("a number of bytes", count)?;
                 session.set_i2c_speed(at, fast)?;
                 let read = session.read_i2c(at, address, register, count)?;
                 return Ok(Some(transfer(bus, "read", &read.bytes, read.status)));
             }
-            DeviceOrder::Write { bus, address, ref bytes, fast } => {
+            DeviceRequest::Write { bus, address, ref bytes, fast } => {
                 let (at, address) = device(bus, address)?;
                 let text = Text::from_slice(bytes).ok().filter(|text| (1..=100).contains(&text.len()));
                 let text =

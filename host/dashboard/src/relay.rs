@@ -10,7 +10,7 @@ use crate::identification::{Identification, Progress};
 use crate::outbox::Outbox;
 use crate::pages::{Gone, Pages};
 use crate::place::Place;
-use crate::requests::{Look, Order};
+use crate::requests::{Look, PageRequest};
 use crate::scenario_player::{Playing, Script};
 use crate::settings_file;
 use crate::update::{LARGEST_IMAGE, Update, bytes_of};
@@ -129,7 +129,7 @@ impl Relay {
                 }
                 self.send_control();
             }
-            Event::Ordered(id, text) => match Order::parse(&text) {
+            Event::Ordered(id, text) => match PageRequest::parse(&text) {
                 Ok(order) => self.execute(id, &order, now),
                 Err(why) => self.answer(id, &Message::Refused { why }),
             },
@@ -158,24 +158,28 @@ impl Relay {
         self.send_control();
     }
 
-    fn execute(&mut self, id: u32, order: &Order, now: Instant) {
+    fn execute(&mut self, id: u32, order: &PageRequest, now: Instant) {
         match *order {
-            Order::Shown { number } => return self.pages.shown(id, number),
-            Order::Hidden { hidden } => return self.pages.hide(id, hidden, now),
-            Order::Stop => return self.switch_off("stopped"),
-            Order::Take => {
+            PageRequest::Shown { number } => return self.pages.shown(id, number),
+            PageRequest::Hidden { hidden } => return self.pages.hide(id, hidden, now),
+            PageRequest::Stop => return self.switch_off("stopped"),
+            PageRequest::Take => {
                 if self.pages.take(id, now) {
                     self.answer(id, &notice("the page in control is asked to release it".to_owned()));
                 }
                 return self.send_control();
             }
-            Order::Release => {
+            PageRequest::Release => {
                 if self.pages.release(id) {
                     self.switch_off_if_any("control was released");
                 }
                 return self.send_control();
             }
-            Order::Points { .. } | Order::Faults | Order::Export | Order::Status | Order::Look(_) => {
+            PageRequest::Points { .. }
+            | PageRequest::Faults
+            | PageRequest::Export
+            | PageRequest::Status
+            | PageRequest::Look(_) => {
                 let answer = self.look_up(order);
                 return self
                     .answer(id, &answer.unwrap_or_else(|why| Message::Refused { why: why.to_string() }));
@@ -197,21 +201,21 @@ impl Relay {
     }
 
     /// Answers an order that reads and changes nothing.
-    fn look_up(&mut self, order: &Order) -> Result<Message, RequestError> {
+    fn look_up(&mut self, order: &PageRequest) -> Result<Message, RequestError> {
         let session = self.session.as_mut().ok_or("the hub is not connected")?;
         Ok(match *order {
-            Order::Points { motor, scheme, cps, volts } => {
+            PageRequest::Points { motor, scheme, cps, volts } => {
                 let settings = session.settings(channel(motor)?)?;
                 Message::Points(points(&settings.motor.winding, scheme, cps, volts)?)
             }
-            Order::Faults => {
+            PageRequest::Faults => {
                 let (_, heads) = session.recorded()?.ok_or("this hub keeps no record of faults")?;
                 Message::Faults { entries: heads.iter().map(fault_entry).collect() }
             }
-            Order::Status => Message::Status(status(session)?),
-            Order::Look(Look::Servos) => Message::Servos { servos: servos(session)? },
-            Order::Look(Look::Analog) => Message::Analog { channels: analog(session)? },
-            Order::Look(Look::Pins) => Message::Pins { pins: self.devices.pins(session)? },
+            PageRequest::Status => Message::Status(status(session)?),
+            PageRequest::Look(Look::Servos) => Message::Servos { servos: servos(session)? },
+            PageRequest::Look(Look::Analog) => Message::Analog { channels: analog(session)? },
+            PageRequest::Look(Look::Pins) => Message::Pins { pins: self.devices.pins(session)? },
             _ => Message::File { name: "motor-hub-settings.toml", text: settings_file::export(session)? },
         })
     }
@@ -220,25 +224,25 @@ impl Relay {
     ///
     /// # Errors
     /// A text that says why the order is not executed.
-    fn execute_for_controller(&mut self, order: &Order) -> Result<(), String> {
+    fn execute_for_controller(&mut self, order: &PageRequest) -> Result<(), String> {
         let Some(session) = &mut self.session else { return Err("the hub is not connected".to_owned()) };
         let done = match *order {
             // A file may change the kind of an enabled motor's set-point. Then the motor would follow an old value of
             // the new kind.
-            Order::Import { .. } if self.frame.motors.iter().any(|motor| motor.enabled) => {
+            PageRequest::Import { .. } if self.frame.motors.iter().any(|motor| motor.enabled) => {
                 Err("a motor is enabled: disable all motors by STOP, then import the file again".into())
             }
-            Order::Identify { motor, travel } => {
+            PageRequest::Identify { motor, travel } => {
                 let begun = channel(motor).and_then(|motor| Identification::begin(session, motor, travel));
                 begun.map(|identification| {
                     self.identification = Some(identification);
                     Changed::Nothing
                 })
             }
-            Order::Play if !self.chain.shows_the_first() => {
+            PageRequest::Play if !self.chain.shows_the_first() => {
                 Err("the scenario is one of the first hub: show that hub".into())
             }
-            Order::Play => match (&self.place.world, &self.place.script) {
+            PageRequest::Play => match (&self.place.world, &self.place.script) {
                 (Some(world), Some(_)) => {
                     world.restart();
                     self.playing = Some(Script::begin());
@@ -246,25 +250,25 @@ impl Relay {
                 }
                 _ => Err("there is no scenario to play: start the dashboard with --scenario FILE, whose scenario has set-points and moves no motors in step".into()),
             },
-            Order::Firmware { offset, ref hex } => self.collect(offset, hex),
+            PageRequest::Firmware { offset, ref hex } => self.collect(offset, hex),
             // The update restarts the hub. A silent hub that is not the first one counts as lost.
-            Order::Update { .. } if !self.chain.shows_the_first() => {
+            PageRequest::Update { .. } if !self.chain.shows_the_first() => {
                 Err("a hub behind another one is updated by a dashboard that is started with its --address"
                     .into())
             }
-            Order::Update { ref version, ref seal } => {
+            PageRequest::Update { ref version, ref seal } => {
                 let image = std::mem::take(&mut self.firmware);
                 Update::begin(session, image, version, seal.as_ref()).map(|update| {
                     self.update = Some(update);
                     Changed::Nothing
                 })
             }
-            Order::Address { new } => self.set_address(new),
-            Order::Hub { address } => self.show(address),
-            Order::World(_) if !self.chain.shows_the_first() => {
+            PageRequest::Address { new } => self.set_address(new),
+            PageRequest::Hub { address } => self.show(address),
+            PageRequest::World(_) if !self.chain.shows_the_first() => {
                 Err("only motors and battery of the first hub can be changed: show that hub".into())
             }
-            Order::Device(ref order) => match self.devices.execute(session, order) {
+            PageRequest::Device(ref order) => match self.devices.execute(session, order) {
                 Ok(None) => Ok(Changed::Nothing),
                 Ok(Some(transfer)) => {
                     self.send_to_all(&Message::Transfer(transfer));
@@ -272,9 +276,9 @@ impl Relay {
                 }
                 Err(error) => Err(error),
             },
-            Order::Save => self.store(HubFunction::Save),
-            Order::Load => self.store(HubFunction::Load),
-            Order::Reset => self.store(HubFunction::Reset),
+            PageRequest::Save => self.store(HubFunction::Save),
+            PageRequest::Load => self.store(HubFunction::Load),
+            PageRequest::Reset => self.store(HubFunction::Reset),
             _ => self.executor.execute(session, self.place.world.as_ref(), order),
         };
         match done {
@@ -289,7 +293,7 @@ impl Relay {
             Err(RequestError::Refused(why)) => {
                 // Part of the order may have been executed.
                 match order {
-                    Order::Import { .. } => self.send_all_settings(),
+                    PageRequest::Import { .. } => self.send_all_settings(),
                     order => order.changed_motor().into_iter().for_each(|motor| self.send_settings(motor)),
                 }
                 return Err(why);

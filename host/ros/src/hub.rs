@@ -401,7 +401,9 @@ impl HubThread {
     fn publish_diagnostics(&mut self) {
         let at = now();
         let all = self.robot.diagnostics(self.malformed.load(Ordering::Relaxed), self.now());
-        warn_if_unpublished(self.topics.diagnostics.put(diagnostics(at, &self.robot.config().place, &all), at));
+        warn_if_unpublished(
+            self.topics.diagnostics.put(diagnostics(at, &self.robot.config().place, &all), at),
+        );
     }
 }
 
@@ -645,7 +647,8 @@ impl Connected {
     /// difference modulo 2^32 ms is far larger than the time that has passed on this machine.
     fn was_reset(&mut self, address: Option<u8>, asked: Instant, at_ms: u32) -> bool {
         self.clocks.insert(address, (asked, at_ms)).is_some_and(|(before, before_ms)| {
-            Duration::from_millis(at_ms.wrapping_sub(before_ms).into()) > before.elapsed() + RESET_CLOCK_ADVANCE
+            Duration::from_millis(at_ms.wrapping_sub(before_ms).into())
+                > before.elapsed() + RESET_CLOCK_ADVANCE
         })
     }
 

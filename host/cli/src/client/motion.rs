@@ -2,7 +2,7 @@
 
 use super::motors_off::DrivingSession;
 use super::readings::motors_of;
-use crate::output::{Failure, say};
+use crate::output::{Failure, print_error_line};
 use motor_hub::extension::report::HubReport;
 use motor_hub::motor::{SettleDetector, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
@@ -123,7 +123,7 @@ pub(super) fn warn_of(session: &mut Session<Line>, speeds: &[(u8, u32)]) -> Resu
         let free = free_speed(settings.motor.winding.emf, battery);
         if f64::from(wanted) > free {
             let volts = f64::from(battery.get()) / 1e3;
-            say(&format!(
+            print_error_line(&format!(
                 "warning: motor {motor}: {wanted} counts/s requested, but its free speed at {volts:.1} V is {free:.0} \
                  counts/s by its configured constants"
             ));

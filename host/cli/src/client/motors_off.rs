@@ -3,7 +3,7 @@
 //! requests.
 
 use super::interrupt;
-use crate::output::{Failure, say};
+use crate::output::{Failure, print_error_line};
 use motor_hub_client::{Error, KEEP_ALIVE, Session};
 use std::io::{Read, Write};
 use std::ops::{Deref, DerefMut};
@@ -75,8 +75,8 @@ impl<'a, L: Read + Write> DrivingSession<'a, L> {
 pub(super) fn report(stopped: Result<Vec<u8>, Failure>) {
     match stopped {
         Ok(motors) if motors.is_empty() => (),
-        Ok(motors) => say(&format!("disabled {}", names(&motors))),
-        Err(failure) => say(&format!("warning: {failure}")),
+        Ok(motors) => print_error_line(&format!("disabled {}", names(&motors))),
+        Err(failure) => print_error_line(&format!("warning: {failure}")),
     }
 }
 
@@ -113,7 +113,7 @@ impl<L: Read + Write> DerefMut for DrivingSession<'_, L> {
 pub(super) fn disable_left_enabled(session: &mut Session<impl Read + Write>) -> Result<(), Error> {
     let found = session.disable_left_enabled()?;
     if !found.is_empty() {
-        say(&format!("disabled {}, left running by another host", names(&found)));
+        print_error_line(&format!("disabled {}, left running by another host", names(&found)));
     }
     Ok(())
 }

@@ -33,7 +33,7 @@ pub(crate) struct Options {
 const NO_SUCH_MOTOR: Nack = Nack::parameter(0);
 
 /// All values that `status` shows.
-struct Everything {
+struct HubStatus {
     address: u8,
     status: Status,
     version: String,
@@ -49,12 +49,12 @@ struct Everything {
 
 impl Options {
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
-        let shown = Everything::read(&mut hub.open(None)?, self.clear)?;
+        let shown = HubStatus::read(&mut hub.open(None)?, self.clear)?;
         print_as(self.json, &shown.json(), shown.text())
     }
 }
 
-impl Everything {
+impl HubStatus {
     fn read(session: &mut Session<Line>, clear: bool) -> Result<Self, Error> {
         let (version, battery, led) = (session.version()?, session.battery()?, session.led()?);
         let mut motors = Vec::new();

@@ -26,12 +26,12 @@ pub(crate) struct Options {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    turn: ShaftOptions,
+    shaft: ShaftOptions,
 }
 
 impl Options {
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
-        let turn = self.turn.counts()?;
+        let counts_per_turn = self.shaft.counts()?;
         let session = &mut hub.open(None)?;
         let mut live = Live::new();
         let interval = Duration::from_millis(self.interval);
@@ -42,9 +42,9 @@ impl Options {
                 checked = Instant::now();
             }
             if live.terminal && !self.json {
-                live.redraw(&reading.table(&drive::ALL, turn))?;
+                live.redraw(&reading.table(&drive::ALL, counts_per_turn))?;
             } else {
-                print(&format!("{}\n", versioned(&reading.json(&drive::ALL, turn))?))?;
+                print(&format!("{}\n", versioned(&reading.json(&drive::ALL, counts_per_turn))?))?;
             }
             Ok(false)
         })
