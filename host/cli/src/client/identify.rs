@@ -128,7 +128,7 @@ impl Options {
 }
 
 /// Identifies a motor, and disables the motor. `travel` limits the motion in counts in either direction. Prints the
-/// progress if `aloud` is true.
+/// progress if `shows_progress` is true.
 pub(super) fn identify(
     session: &mut Session<Line>,
     motor: u8,

@@ -2,7 +2,7 @@
 
 use crate::client_update::{KEY, RUNS, SIGNATURE, SLOT, goes_back, good, image, serve};
 use crate::common::{
-    PATIENCE, PROGRAM, client, err, fails, folder, json as document, motor_hub, store, wait_for, write,
+    PATIENCE, PROGRAM, client, err, fails, folder, json as document, motor_hub, store, write,
 };
 use crate::conformance::Hub;
 use crate::hub_support::{Hub as FakeHub, Server};
