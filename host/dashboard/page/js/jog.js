@@ -49,7 +49,7 @@ export function jogForm(link) {
     }, words);
   });
   onLeave(leave);
-  // A motors_disabled notice says that the server has disabled all motors, for example after STOP.
+  // A notice with `motors_disabled` says that the server has disabled all motors, for example after STOP.
   on("notice", ({ motors_disabled }) => { if (motors_disabled) driven = []; });
 
   function show() {
