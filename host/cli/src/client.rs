@@ -30,7 +30,7 @@ use hub::HubOptions;
 use motor_hub::protocol::{Address, Colour};
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
-use motors_off::stop_abandoned;
+use motors_off::disable_left_enabled;
 use serde_json::json;
 use studies::table;
 
@@ -202,8 +202,8 @@ fn discover(mut session: Session<Line>, json: bool) -> Result<(), Failure> {
     let mut hubs = Vec::new();
     for hub in session.discover()? {
         if let Some(address) = Address::new(hub.address).filter(|_| !hub.duplicate) {
-            session.switch_to(address);
-            stop_abandoned(&mut session)?;
+            session.select_hub(address);
+            disable_left_enabled(&mut session)?;
         }
         let kind = scan::kind(&hub);
         table.add_row([hub.address.to_string(), kind.to_owned()]);

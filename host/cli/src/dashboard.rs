@@ -1,6 +1,6 @@
 //! `motor-hub dashboard`: shows a hub in a browser.
 
-use crate::output::{Failure, print, say};
+use crate::output::{Failure, print, print_error_line};
 use crate::parse::{address, host_and_port, whole};
 use crate::serve::stop_flag;
 use dashboard::scenario_player::Script;
@@ -94,7 +94,7 @@ impl Options {
         print(&format!("{url}\n"))?;
         if self.listen.is_some() {
             print(&code(&url))?;
-            say("warning: anyone on the network who has this URL can move the motors");
+            print_error_line("warning: anyone on the network who has this URL can move the motors");
         }
         // The destructor removes the file when the program ends.
         let _handover = self.open.then(|| open(&url));
@@ -138,7 +138,7 @@ fn real(name: &str, address: Option<Address>) -> Place {
             let why = error.to_string();
             // The server opens the line repeatedly. An error that repeats is printed once.
             if said.as_ref() != Some(&why) {
-                say(&format!("{place}: {why}; trying again every second"));
+                print_error_line(&format!("{place}: {why}; trying again every second"));
                 said = Some(why.clone());
             }
             Err(why)
@@ -223,7 +223,7 @@ fn open(url: &str) -> Option<Handover> {
         Ok(handover)
     });
     if started.is_err() {
-        say("no browser could be started: open the URL above");
+        print_error_line("no browser could be started: open the URL above");
     }
     started.ok()
 }

@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_with_a_value_is_said_in_its_quantity_and_unit() {
+    fn an_error_of_a_value_names_quantity_and_unit() {
         let mut all = Vec::new();
         complaints(&["motor-hub".to_owned()], &Cli::command(), &mut all);
         assert!(all.len() > 100, "{} complaints", all.len());

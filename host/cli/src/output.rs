@@ -20,7 +20,7 @@ pub(crate) enum Failure {
     /// A hub does not answer, or refuses a request. `HubOptions::explain` adds the place of the hub to the message.
     Hub(Error),
     /// The reader of standard output, such as `head`, has closed it. No message is printed.
-    Unread,
+    OutputClosed,
 }
 
 impl fmt::Display for Failure {
@@ -28,7 +28,7 @@ impl fmt::Display for Failure {
         match self {
             Self::Input(text) | Self::Work(text) => f.write_str(text),
             Self::Hub(error) => error.fmt(f),
-            Self::Unread => f.write_str("standard output is closed"),
+            Self::OutputClosed => f.write_str("standard output is closed"),
         }
     }
 }
@@ -46,8 +46,8 @@ impl Failure {
 
     /// Prints the message on standard error, and returns the process's exit code.
     pub(crate) fn report(self) -> ExitCode {
-        if !matches!(self, Self::Unread) {
-            say(&format!("error: {self}"));
+        if !matches!(self, Self::OutputClosed) {
+            print_error_line(&format!("error: {self}"));
         }
         ExitCode::from(if matches!(self, Self::Input(_)) { 2 } else { 1 })
     }
@@ -60,7 +60,7 @@ impl From<Error> for Failure {
 }
 
 /// Prints a line on standard error. A closed terminal is no error.
-pub(crate) fn say(text: &str) {
+pub(crate) fn print_error_line(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
@@ -121,7 +121,7 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     let done = out.write_all(text.as_bytes()).and_then(|()| out.flush());
     done.map_err(|e| match e.kind() {
-        ErrorKind::BrokenPipe => Failure::Unread,
+        ErrorKind::BrokenPipe => Failure::OutputClosed,
         _ => Failure::Work(format!("standard output: {e}")),
     })
 }

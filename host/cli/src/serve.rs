@@ -6,11 +6,11 @@ mod notices;
 
 use crate::client::interrupt::SIGNALS;
 #[cfg(unix)]
-use crate::output::say;
+use crate::output::print_error_line;
 use crate::output::{Failure, print};
 use crate::parse::{address, host_and_port, seconds, whole, wire};
 #[cfg(unix)]
-use crate::served_hubs::Note;
+use crate::served_hubs::ServedHubFile;
 use indicatif::ProgressBar;
 use motor_hub::protocol::Address;
 use motor_hub::protocol::pins::Pin;
@@ -192,20 +192,20 @@ impl Serving {
             None => None,
         };
         #[cfg(unix)]
-        let (named, mut note) = (self.named(&line)?, None::<Option<Note>>);
+        let (named, mut note) = (self.named(&line)?, None::<Option<ServedHubFile>>);
         let stopped = stop_flag()?;
         let mut notices = Notices::default();
-        let mut said_so = Ok(());
+        let mut printed = Ok(());
         let bar = ProgressBar::new_spinner();
         let mut shown_s = 0.0;
         let served =
             run(&scenario, line, &mut |Moment { at_s, awake, taken, lost, rejected_hosts, describe }| {
                 // The place is printed once motors can be enabled, or after AWAKE_S if the battery prevents that.
                 if awake || at_s > AWAKE_S {
-                    said_so = place.take().map_or(Ok(()), |place| print(&place));
+                    printed = place.take().map_or(Ok(()), |place| print(&place));
                     #[cfg(unix)]
                     if let Some(note) = note.get_or_insert_with(|| bar.suspend(|| leave_note(&named))) {
-                        note.tell(taken);
+                        note.set_has_host(taken);
                     }
                 }
                 if at_s > shown_s && !bar.is_hidden() {
@@ -216,14 +216,14 @@ impl Serving {
                     bar.suspend(|| eprintln!("{notice}"));
                 }
                 let goes_on = self.limit_s.is_none_or(|limit_s| at_s < limit_s);
-                said_so.is_ok() && goes_on && !stopped.load(Ordering::Relaxed)
+                printed.is_ok() && goes_on && !stopped.load(Ordering::Relaxed)
             });
         bar.finish_and_clear();
         served.map_err(Failure::work)?;
         for notice in notices.rest() {
             eprintln!("{notice}");
         }
-        said_so
+        printed
     }
 }
 
@@ -236,14 +236,14 @@ impl Serving {
             return Ok(path.display().to_string());
         }
         let place = line.to_string();
-        Ok(place.parse().map_or(place, |address: SocketAddr| here(address).to_string()))
+        Ok(place.parse().map_or(place, |address: SocketAddr| loopback_if_unspecified(address).to_string()))
     }
 }
 
 /// Returns the address, or the loopback address if the address stands for all interfaces of this machine (0.0.0.0 or
 /// ::).
 #[cfg(unix)]
-fn here(address: SocketAddr) -> SocketAddr {
+fn loopback_if_unspecified(address: SocketAddr) -> SocketAddr {
     let ip = match address.ip() {
         IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
         IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
@@ -254,10 +254,12 @@ fn here(address: SocketAddr) -> SocketAddr {
 
 /// Writes a note for `client scan`. If this fails, the hub is served without a note.
 #[cfg(unix)]
-fn leave_note(place: &str) -> Option<Note> {
-    let left = Note::leave(place);
+fn leave_note(place: &str) -> Option<ServedHubFile> {
+    let left = ServedHubFile::create(place);
     left.map_err(|error| {
-        say(&format!("note: `client scan` will not find this hub unless its place is given: {error}"))
+        print_error_line(&format!(
+            "note: `client scan` will not find this hub unless its place is given: {error}"
+        ))
     })
     .ok()
 }

@@ -11,7 +11,7 @@ pub(crate) struct ServedHub {
     /// Place that hosts open: HOST:PORT or a path.
     pub(crate) place: String,
     /// True if a host uses the hub.
-    pub(crate) taken: bool,
+    pub(crate) has_host: bool,
 }
 
 #[cfg(not(unix))]
@@ -20,7 +20,7 @@ pub(crate) fn all() -> std::io::Result<Vec<ServedHub>> {
 }
 
 #[cfg(unix)]
-pub(crate) use unix::{Note, all};
+pub(crate) use unix::{ServedHubFile, all};
 
 #[cfg(unix)]
 mod unix {
@@ -35,7 +35,7 @@ mod unix {
     /// note.
     const FREE: &str = "free ";
     /// Word of a note whose hub has a host.
-    const TAKEN: &str = "taken";
+    const TAKEN: &str = "has_host";
 
     /// Extension of a note that is not complete.
     const UNLOCKED: &str = "new";
@@ -44,19 +44,19 @@ mod unix {
     const INCOMPLETE: Duration = Duration::from_secs(60);
 
     /// A note of this program, removed when dropped.
-    pub(crate) struct Note {
+    pub(crate) struct ServedHubFile {
         path: PathBuf,
         file: File,
-        taken: bool,
+        has_host: bool,
     }
 
-    impl Note {
+    impl ServedHubFile {
         /// Leaves a note of a hub at `place` that has no host.
-        pub(crate) fn leave(place: &str) -> io::Result<Self> {
-            Self::leave_in(&folder(), place)
+        pub(crate) fn create(place: &str) -> io::Result<Self> {
+            Self::create_in(&folder(), place)
         }
 
-        pub(super) fn leave_in(folder: &Path, place: &str) -> io::Result<Self> {
+        pub(super) fn create_in(folder: &Path, place: &str) -> io::Result<Self> {
             match DirBuilder::new().mode(0o700).create(folder) {
                 Err(error) if error.kind() != ErrorKind::AlreadyExists => return Err(error),
                 _ => check(folder)?,
@@ -68,20 +68,20 @@ mod unix {
             file.try_lock()?;
             file.write_all_at(format!("{FREE} {place}\n").as_bytes(), 0)?;
             fs::rename(&unlocked, &path)?;
-            Ok(Self { path, file, taken: false })
+            Ok(Self { path, file, has_host: false })
         }
 
         /// Writes whether the hub has a host.
-        pub(crate) fn tell(&mut self, taken: bool) {
-            if taken != self.taken {
-                self.taken = taken;
+        pub(crate) fn set_has_host(&mut self, has_host: bool) {
+            if has_host != self.has_host {
+                self.has_host = has_host;
                 // If the write fails, a scan connects to the hub and finds that the hub has a host.
-                let _ = self.file.write_all_at(if taken { TAKEN } else { FREE }.as_bytes(), 0);
+                let _ = self.file.write_all_at(if has_host { TAKEN } else { FREE }.as_bytes(), 0);
             }
         }
     }
 
-    impl Drop for Note {
+    impl Drop for ServedHubFile {
         fn drop(&mut self) {
             // A file that cannot be removed stays unlocked, and counts as a leftover.
             let _ = fs::remove_file(&self.path);
@@ -154,8 +154,8 @@ mod unix {
             Err(TryLockError::Error(error)) => return Err(error),
         }
         let text = io::read_to_string(file)?;
-        let says = |word: &str, taken| {
-            text.strip_prefix(word).map(|place| ServedHub { place: place.trim().to_owned(), taken })
+        let says = |word: &str, has_host| {
+            text.strip_prefix(word).map(|place| ServedHub { place: place.trim().to_owned(), has_host })
         };
         Ok(says(FREE, false).or_else(|| says(TAKEN, true)))
     }
@@ -163,7 +163,7 @@ mod unix {
 
 #[cfg(all(test, unix))]
 mod tests {
-    use super::unix::{Note, all_in};
+    use super::unix::{ServedHubFile, all_in};
     use super::*;
     use std::fs;
     use std::os::unix::fs::PermissionsExt;
@@ -176,15 +176,15 @@ mod tests {
     }
 
     #[test]
-    fn a_note_says_where_and_whether_and_goes_with_its_program() {
+    fn a_note_has_the_place_and_the_host_state_and_is_removed_at_the_end() {
         let folder = folder("note");
         assert_eq!(all_in(&folder).unwrap(), []);
-        let mut note = Note::leave_in(&folder, "/dev/pts/7").unwrap();
-        let served = |taken| [ServedHub { place: "/dev/pts/7".to_owned(), taken }];
+        let mut note = ServedHubFile::create_in(&folder, "/dev/pts/7").unwrap();
+        let served = |has_host| [ServedHub { place: "/dev/pts/7".to_owned(), has_host }];
         assert_eq!(all_in(&folder).unwrap(), served(false));
-        note.tell(true);
+        note.set_has_host(true);
         assert_eq!(all_in(&folder).unwrap(), served(true));
-        note.tell(false);
+        note.set_has_host(false);
         assert_eq!(all_in(&folder).unwrap(), served(false));
         drop(note);
         assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
@@ -198,7 +198,7 @@ mod tests {
     #[test]
     fn an_incomplete_note_is_removed_once_it_is_a_minute_old() {
         let folder = folder("incomplete");
-        drop(Note::leave_in(&folder, "here").unwrap());
+        drop(ServedHubFile::create_in(&folder, "here").unwrap());
         let incomplete = fs::File::create(folder.join("1.new")).unwrap();
         assert_eq!(all_in(&folder).unwrap(), []);
         assert_eq!(fs::read_dir(&folder).unwrap().count(), 1, "its program may still complete it");
@@ -211,17 +211,17 @@ mod tests {
     #[test]
     fn notes_are_in_a_folder_that_is_the_users_alone_or_nowhere() {
         let folder = folder("folder");
-        drop(Note::leave_in(&folder, "127.0.0.1:7070").unwrap());
+        drop(ServedHubFile::create_in(&folder, "127.0.0.1:7070").unwrap());
         assert_eq!(fs::metadata(&folder).unwrap().permissions().mode() & 0o777, 0o700);
         fs::set_permissions(&folder, fs::Permissions::from_mode(0o770)).unwrap();
-        for refused in [Note::leave_in(&folder, "here").map(drop), all_in(&folder).map(drop)] {
+        for refused in [ServedHubFile::create_in(&folder, "here").map(drop), all_in(&folder).map(drop)] {
             assert!(refused.unwrap_err().to_string().contains("a folder that only this user can access"));
         }
         fs::remove_dir_all(&folder).unwrap();
         let elsewhere = folder.with_extension("link");
         let _ = fs::remove_file(&elsewhere);
         std::os::unix::fs::symlink(std::env::temp_dir(), &elsewhere).unwrap();
-        assert!(Note::leave_in(&elsewhere, "here").is_err());
+        assert!(ServedHubFile::create_in(&elsewhere, "here").is_err());
         fs::remove_file(&elsewhere).unwrap();
     }
 }

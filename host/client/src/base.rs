@@ -24,7 +24,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::error::if_known;
+use crate::error::none_if_unsupported;
 use crate::{Error, Session};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::base::OdometryReport;
@@ -122,9 +122,9 @@ impl<L: Read + Write> Session<L> {
     /// starts at the origin. Both motors must be disabled. Needs this project's firmware.
     ///
     /// # Errors
-    /// [`Error::Refused`] if the hub lacks a motor, or an I2C bus for the gyro. See also [`Session::ask`].
+    /// [`Error::Refused`] if the hub lacks a motor, or an I2C bus for the gyro. See also [`Session::request`].
     pub fn set_base(&mut self, base: BaseSettings) -> Result<(), Error> {
-        self.order(HubFunction::SetBase { base })?;
+        self.command(HubFunction::SetBase { base })?;
         self.catch_up()
     }
 
@@ -132,16 +132,16 @@ impl<L: Read + Write> Session<L> {
     /// base.
     ///
     /// # Errors
-    /// The errors of [`Session::ask`].
+    /// The errors of [`Session::request`].
     pub fn base_if_reported(&mut self) -> Result<Option<BaseSettings>, Error> {
-        if_known(self.ask(HubFunction::Base))
+        none_if_unsupported(self.request(HubFunction::Base))
     }
 
     /// Position and heading of the drive base, and state of its gyro. Needs this project's firmware.
     ///
     /// # Errors
-    /// [`Error::Refused`] if no base is configured. See also [`Session::ask`].
+    /// [`Error::Refused`] if no base is configured. See also [`Session::request`].
     pub fn odometry(&mut self) -> Result<OdometryReport, Error> {
-        self.ask(HubFunction::Odometry)
+        self.request(HubFunction::Odometry)
     }
 }

@@ -22,7 +22,7 @@
 //! ```
 
 use crate::clock::Instant;
-use crate::error::if_known;
+use crate::error::none_if_unsupported;
 use crate::{Error, Session};
 use motor_hub::board::Equipment;
 use motor_hub::extension::HubFunction;
@@ -112,64 +112,64 @@ impl<L: Read + Write> Session<L> {
     /// maker's, or older firmware).
     ///
     /// # Errors
-    /// The errors of [`Session::ask`].
+    /// The errors of [`Session::request`].
     pub fn equipment(&mut self) -> Result<Option<Equipment>, Error> {
-        if_known(self.ask(HubFunction::Equipment))
+        none_if_unsupported(self.request(HubFunction::Equipment))
     }
 
     /// Settings of a servo output.
     pub fn servo(&mut self, servo: ServoOutput) -> Result<Servo, Error> {
         Ok(Servo {
-            period_us: self.ask(ToPin::ServoPeriod { servo })?,
-            width_us: self.ask(ToPin::ServoWidth { servo })?,
-            enabled: self.ask(ToPin::ServoEnable { servo })?,
+            period_us: self.request(ToPin::ServoPeriod { servo })?,
+            width_us: self.request(ToPin::ServoWidth { servo })?,
+            enabled: self.request(ToPin::ServoEnable { servo })?,
         })
     }
 
     /// Sets the time between the starts of two pulses, in microseconds.
     pub fn set_servo_period(&mut self, servo: ServoOutput, period: WordFrom<2>) -> Result<(), Error> {
-        self.order(ToPin::SetServoPeriod { servo, period })
+        self.command(ToPin::SetServoPeriod { servo, period })
     }
 
     /// Sets the length of the pulses in microseconds.
     pub fn set_servo_width(&mut self, servo: ServoOutput, width: WordFrom<1>) -> Result<(), Error> {
-        self.order(ToPin::SetServoWidth { servo, width })
+        self.command(ToPin::SetServoWidth { servo, width })
     }
 
     /// Starts or ends the pulses of a servo output.
     pub fn enable_servo(&mut self, servo: ServoOutput, on: bool) -> Result<(), Error> {
-        self.order(ToPin::SetServoEnable { servo, on })
+        self.command(ToPin::SetServoEnable { servo, on })
     }
 
     /// Makes a digital pin an output with this level.
     pub fn drive_pin(&mut self, pin: Pin, high: bool) -> Result<(), Error> {
-        self.order(ToPin::SetDirection { pin, output: true })?;
-        self.order(ToPin::SetOutput { pin, high })
+        self.command(ToPin::SetDirection { pin, output: true })?;
+        self.command(ToPin::SetOutput { pin, high })
     }
 
     /// Makes a digital pin an input with a pull-up.
     pub fn release_pin(&mut self, pin: Pin) -> Result<(), Error> {
-        self.order(ToPin::SetDirection { pin, output: false })
+        self.command(ToPin::SetDirection { pin, output: false })
     }
 
     /// True if a digital pin is an output.
     pub fn is_output(&mut self, pin: Pin) -> Result<bool, Error> {
-        self.ask(ToPin::Direction { pin })
+        self.request(ToPin::Direction { pin })
     }
 
     /// Level of a digital input: true for high.
     pub fn read_pin(&mut self, pin: Pin) -> Result<bool, Error> {
-        self.ask(ToPin::Input { pin })
+        self.request(ToPin::Input { pin })
     }
 
     /// Value of an ADC channel in millivolts, milliamperes or 0.1 degrees Celsius; with `raw`, the converter's reading.
     pub fn adc(&mut self, channel: AdcChannel, raw: bool) -> Result<i16, Error> {
-        self.ask(ToHub::Adc { channel, raw })
+        self.request(ToHub::Adc { channel, raw })
     }
 
     /// Sets the speed of an I2C bus: 400 kbit/s if `fast`, otherwise 100 kbit/s.
     pub fn set_i2c_speed(&mut self, bus: I2cBus, fast: bool) -> Result<(), Error> {
-        self.order(ToPin::SetI2cSpeed { bus, fast })
+        self.command(ToPin::SetI2cSpeed { bus, fast })
     }
 
     /// Reads `count` bytes from a device; with `register`, writes the number of the register first. The status of the
@@ -185,14 +185,14 @@ impl<L: Read + Write> Session<L> {
             Some(register) => ToPin::ReadI2cRegister { bus, address, count, register },
             None => ToPin::ReadI2c { bus, address, count },
         };
-        self.transfer(start, |session| session.ask(ToPin::PollI2cRead { bus }))
+        self.transfer(start, |session| session.request(ToPin::PollI2cRead { bus }))
     }
 
     /// Reads one byte from a device. The result is `Ok(true)` if the device acknowledges its address, and `Ok(false)`
     /// if no device acknowledges. The inner error is a text that says why the read failed for another reason.
     ///
     /// # Errors
-    /// The errors of [`Session::ask`].
+    /// The errors of [`Session::request`].
     pub fn finds_i2c(&mut self, bus: I2cBus, address: I2cAddress) -> Result<Result<bool, String>, Error> {
         let Some(one) = I2cCount::new(1) else { return Ok(Ok(false)) };
         match self.read_i2c(bus, address, None, one) {
@@ -206,7 +206,7 @@ impl<L: Read + Write> Session<L> {
     /// Writes 1 to 100 bytes to a device. The status of the result says whether the transfer had an error.
     pub fn write_i2c(&mut self, bus: I2cBus, address: I2cAddress, bytes: Text) -> Result<I2cWritten, Error> {
         let start = ToPin::WriteI2c { bus, address, bytes };
-        self.transfer(start, |session| session.ask(ToPin::PollI2cWrite { bus }))
+        self.transfer(start, |session| session.request(ToPin::PollI2cWrite { bus }))
     }
 
     /// Starts a transfer, and polls its result. The start is repeated while the bus is busy with another transfer, and
@@ -222,7 +222,7 @@ impl<L: Read + Write> Session<L> {
             matches!(error, Error::Refused { reason, .. } if busy.contains(reason)) && Instant::now() < end
         };
         loop {
-            match self.order(start.clone()) {
+            match self.command(start.clone()) {
                 Err(error) if runs(&error) => (),
                 started => break started?,
             }

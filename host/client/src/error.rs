@@ -35,7 +35,7 @@ pub enum Error {
         /// Addresses of all hubs that answered.
         addresses: Addresses,
     },
-    /// The hub answered none of the [`TRIES`](crate::session::TRIES) transmissions of a request.
+    /// The hub answered none of the [`TRANSMISSIONS`](crate::session::TRANSMISSIONS) transmissions of a request.
     #[error(
         "hub {address} does not answer: check its address, its power, its baud rate ({BAUD}), and that no other host uses it"
     )]
@@ -82,7 +82,7 @@ impl Error {
 ///
 /// # Errors
 /// All errors of requests except [`Error::Refused`] and [`Error::TooOld`].
-pub fn if_known<T>(answer: Result<T, Error>) -> Result<Option<T>, Error> {
+pub fn none_if_unsupported<T>(answer: Result<T, Error>) -> Result<Option<T>, Error> {
     match answer {
         Ok(answer) => Ok(Some(answer)),
         Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),

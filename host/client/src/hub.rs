@@ -14,7 +14,7 @@
 //! ```
 
 use crate::clock::Instant;
-use crate::error::if_known;
+use crate::error::none_if_unsupported;
 use crate::{Error, Session};
 use motor_hub::chain::ChainReport;
 use motor_hub::extension::group::{GroupCourse, GroupState};
@@ -37,7 +37,7 @@ use std::time::Duration;
 pub const FASTEST_GROUP_CPS: i32 = 1_000_000;
 
 /// Time-out of a save, load or reset of settings. A save takes several seconds if the hub must erase flash.
-const STORING: Duration = Duration::from_secs(10);
+const STORE_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Time-out of [`Session::catch_up`]: three of the longest control periods, which are 100 ms.
 const CATCHING_UP: Duration = Duration::from_millis(300);
@@ -45,25 +45,44 @@ const CATCHING_UP: Duration = Duration::from_millis(300);
 /// Interval between two requests to a hub that has not finished.
 const POLL: Duration = Duration::from_millis(20);
 
+/// A save, load or reset of settings that a hub has begun.
+#[derive(Clone, Copy, Debug)]
+pub struct StoreAccess {
+    /// Time at which the hub counts as failed.
+    end: Instant,
+}
+
+impl StoreAccess {
+    /// Asks the hub for the result. `None` while the hub has not finished, for 10 s at most.
+    /// [`why_unsaved`](crate::reasons::why_unsaved) says whether the access has succeeded.
+    ///
+    /// # Errors
+    /// The errors of [`Session::request`].
+    pub fn result(self, session: &mut Session<impl Read + Write>) -> Result<Option<StoreReport>, Error> {
+        let report = session.stored()?;
+        Ok((!report.at_work || Instant::now() > self.end).then_some(report))
+    }
+}
+
 impl<L: Read + Write> Session<L> {
     /// State of the bus between battery and bridges; `None` if the hub does not report it (another maker's, or older
     /// firmware).
     ///
     /// # Errors
-    /// The errors of [`Session::ask`].
+    /// The errors of [`Session::request`].
     pub fn bus(&mut self) -> Result<Option<BusReport>, Error> {
-        if_known(self.ask(HubFunction::Bus))
+        none_if_unsupported(self.request(HubFunction::Bus))
     }
 
     /// Addresses of the hubs behind this hub, and whether the hub is still discovering hubs; `None` if the hub does not
     /// report its chain line (another maker's, or older firmware).
     ///
     /// # Errors
-    /// [`Error::Refused`] if the hub has no chain line. See also [`Session::ask`].
+    /// [`Error::Refused`] if the hub has no chain line. See also [`Session::request`].
     pub fn chain(&mut self) -> Result<Option<ChainReport>, Error> {
-        match self.ask(HubFunction::Chain) {
+        match self.request(HubFunction::Chain) {
             Err(error @ Error::Refused { reason: Nack::UNSUPPORTED, .. }) => Err(error),
-            answer => if_known(answer),
+            answer => none_if_unsupported(answer),
         }
     }
 
@@ -71,13 +90,13 @@ impl<L: Read + Write> Session<L> {
     /// the next. `None` if the hub keeps no record.
     ///
     /// # Errors
-    /// The errors of [`Session::ask`].
+    /// The errors of [`Session::request`].
     pub fn recorded(&mut self) -> Result<Option<(u32, Vec<Head>)>, Error> {
         let mut heads = Vec::new();
         loop {
             // A record has at most eight entries.
             let entries = HubFunction::Entries { from: heads.len() as u8, clear: false };
-            let some: Option<Entries> = if_known(self.ask(entries))?;
+            let some: Option<Entries> = none_if_unsupported(self.request(entries))?;
             let Some(some) = some.filter(|some| some.run != 0) else { return Ok(None) };
             heads.extend(&some.heads);
             if some.heads.is_empty() || heads.len() >= usize::from(some.count) {
@@ -90,7 +109,7 @@ impl<L: Read + Write> Session<L> {
     pub fn recorded_ticks(&mut self, number: u16) -> Result<Vec<Tick>, Error> {
         let mut ticks = Vec::new();
         loop {
-            let some: Ticks = self.ask(HubFunction::Ticks { number, from: ticks.len() as u8 })?;
+            let some: Ticks = self.request(HubFunction::Ticks { number, from: ticks.len() as u8 })?;
             ticks.extend(&some.ticks);
             if some.ticks.is_empty() || ticks.len() >= usize::from(some.count) {
                 return Ok(ticks);
@@ -100,63 +119,62 @@ impl<L: Read + Write> Session<L> {
 
     /// Clears the hub's record of faults and resets.
     pub fn forget_record(&mut self) -> Result<(), Error> {
-        self.ask(HubFunction::Entries { from: 0, clear: true }).map(|_: Entries| ())
+        self.request(HubFunction::Entries { from: 0, clear: true }).map(|_: Entries| ())
     }
 
     /// State of the stored settings, and result of the last save, load or reset of settings. Needs this project's
     /// firmware on a board that stores settings.
     pub fn stored(&mut self) -> Result<StoreReport, Error> {
-        self.ask(HubFunction::Stored)
+        self.request(HubFunction::Stored)
     }
 
     /// State of the stored settings, as from [`stored`](Self::stored); `None` if the hub does not report this state
     /// (another maker's, or a board that stores nothing).
     ///
     /// # Errors
-    /// The errors of [`Session::ask`].
+    /// The errors of [`Session::request`].
     pub fn stored_if_reported(&mut self) -> Result<Option<StoreReport>, Error> {
-        if_known(self.stored())
+        none_if_unsupported(self.stored())
     }
 
     /// Stores, loads or resets the hub's settings, and waits until the hub has finished, for 10 s at most. The report
     /// contains the result.
     pub fn store(&mut self, what: HubFunction) -> Result<StoreReport, Error> {
-        self.begin_store(what)?;
-        let end = Instant::now() + STORING;
+        let access = self.begin_store(what)?;
         loop {
-            let report = self.stored()?;
-            if !report.is_busy || Instant::now() > end {
+            if let Some(report) = access.result(self)? {
                 return Ok(report);
             }
             std::thread::sleep(POLL);
         }
     }
 
-    /// Starts to store, load or reset the hub's settings. [`stored`](Self::stored) reports the end and the result.
+    /// Starts to store, load or reset the hub's settings. [`StoreAccess::result`] returns the result.
     ///
     /// # Errors
-    /// The errors of [`Session::ask`].
-    pub fn begin_store(&mut self, what: HubFunction) -> Result<(), Error> {
+    /// The errors of [`Session::request`].
+    pub fn begin_store(&mut self, what: HubFunction) -> Result<StoreAccess, Error> {
         // The hub takes from its last control tick whether motors are disabled.
         self.catch_up()?;
         let was_idle = self.stored_if_reported()?.is_some_and(|report| !report.is_busy);
-        match self.order(what) {
+        match self.command(what) {
             // The hub was idle before, so it is busy with this request. The acknowledgement of the first transmission
             // was lost, and the hub has refused a retransmission.
-            Err(Error::Refused { reason: Nack::STORE_BUSY, .. }) if was_idle => Ok(()),
-            done => done,
+            Err(Error::Refused { reason: Nack::STORE_BUSY, .. }) if was_idle => (),
+            done => done?,
         }
+        Ok(StoreAccess { end: Instant::now() + STORE_TIMEOUT })
     }
 
     /// State of all motors in one exchange; `None` if the hub does not report it (another maker's, or older firmware).
     ///
     /// # Errors
-    /// The errors of [`Session::ask`].
+    /// The errors of [`Session::request`].
     pub fn report(&mut self) -> Result<Option<HubReport>, Error> {
         if self.interfaces.reports_nothing {
             return Ok(None);
         }
-        let report = if_known(self.ask(HubFunction::Report))?;
+        let report = none_if_unsupported(self.request(HubFunction::Report))?;
         self.interfaces.reports_nothing = report.is_none();
         Ok(report)
     }
@@ -165,7 +183,7 @@ impl<L: Read + Write> Session<L> {
     /// most. Returns immediately for a hub that does not report its commands.
     ///
     /// # Errors
-    /// The errors of [`Session::ask`].
+    /// The errors of [`Session::request`].
     pub fn catch_up(&mut self) -> Result<(), Error> {
         let end = Instant::now() + CATCHING_UP;
         while self.report()?.is_some_and(|report| !report.is_up_to_date()) && Instant::now() < end {
@@ -177,25 +195,25 @@ impl<L: Read + Write> Session<L> {
     /// Module status. If `clear` is true, the hub clears its status word after it has put the word into the answer.
     ///
     /// # Errors
-    /// The errors of [`Session::ask`].
+    /// The errors of [`Session::request`].
     pub fn status(&mut self, clear: bool) -> Result<Status, Error> {
-        self.ask(Standard::Status { clear })
+        self.request(Standard::Status { clear })
     }
 
     /// Resets the hub's keep-alive timer and has no other effect. Every other request resets the timer too.
     pub fn keep_alive(&mut self) -> Result<(), Error> {
-        self.order(Standard::KeepAlive)
+        self.command(Standard::KeepAlive)
     }
 
     /// Disables all motors; modes, targets and encoder positions are kept.
     pub fn fail_safe(&mut self) -> Result<(), Error> {
-        self.order(Standard::FailSafe)
+        self.command(Standard::FailSafe)
     }
 
     /// Gives the hub another address, which this session then uses.
     pub fn set_address(&mut self, address: Address) -> Result<(), Error> {
         let before = self.address;
-        let done = self.order(Standard::SetAddress { address });
+        let done = self.command(Standard::SetAddress { address });
         self.address = address.get();
         self.forget(address);
         match done {
@@ -221,46 +239,46 @@ impl<L: Read + Write> Session<L> {
 
     /// The colour last set for the status LED.
     pub fn led(&mut self) -> Result<Colour, Error> {
-        self.ask(Standard::LedColour)
+        self.request(Standard::LedColour)
     }
 
     /// Sets the colour of the status LED.
     pub fn set_led(&mut self, colour: Colour) -> Result<(), Error> {
-        self.order(Standard::SetLedColour { colour })
+        self.command(Standard::SetLedColour { colour })
     }
 
     /// Digital and analog inputs, and the positions, velocities and alerts of all motors, in one answer.
     pub fn bulk(&mut self) -> Result<Bulk, Error> {
-        self.ask(ToHub::Bulk)
+        self.request(ToHub::Bulk)
     }
 
     /// Battery voltage in mV; 0 if unknown.
     pub fn battery(&mut self) -> Result<Millivolts, Error> {
-        let mv: i16 = self.ask(ToHub::Adc { channel: BATTERY, raw: false })?;
+        let mv: i16 = self.request(ToHub::Adc { channel: BATTERY, raw: false })?;
         Ok(Millivolts::new(u16::try_from(mv).unwrap_or_default()))
     }
 
     /// Magnitude of a motor's current in mA. Hubs that neither measure nor model current refuse.
     pub fn current(&mut self, motor: u8) -> Result<Milliamperes, Error> {
         let channel = AdcChannel::new(FIRST_CURRENT.get().saturating_add(motor)).unwrap_or(FIRST_CURRENT);
-        let ma: i16 = self.ask(ToHub::Adc { channel, raw: false })?;
+        let ma: i16 = self.request(ToHub::Adc { channel, raw: false })?;
         Ok(Milliamperes::new(ma.into()))
     }
 
     /// Moves a group of motors in step; `motor` is a member of the group. The move replaces each motor's set-point. All
     /// members must be enabled. Needs this project's firmware.
     pub fn move_together(&mut self, motor: u8, wanted: GroupCommand<GroupCourse>) -> Result<(), Error> {
-        self.order(MotorFunction::Move { wanted }.to(motor))
+        self.command(MotorFunction::Move { wanted }.to(motor))
     }
 
     /// State of the group in which a motor moves. Needs this project's firmware.
     pub fn group_state(&mut self, motor: u8) -> Result<GroupState, Error> {
-        self.ask(MotorFunction::Group.to(motor))
+        self.request(MotorFunction::Group.to(motor))
     }
 
     /// The hub's version text: hardware and firmware.
     pub fn version(&mut self) -> Result<String, Error> {
-        let text: Text = self.ask(ToHub::VersionText)?;
+        let text: Text = self.request(ToHub::VersionText)?;
         // The text may end in zeros. Control characters must not reach a terminal.
         let text = String::from_utf8_lossy(&text);
         Ok(text.chars().filter(|c| !c.is_control()).collect())

@@ -21,7 +21,7 @@ use std::io::{Read, Write};
 use std::time::Duration;
 
 /// Time without a count after which a braked motor counts as standing.
-const STANDS: Duration = Duration::from_millis(300);
+const STANDSTILL_TIME: Duration = Duration::from_millis(300);
 
 /// Longest wait for a braked motor to stand. If the motor still turns after this time, its load drives the motor. The
 /// identification then ends with `Refusal::NotAtRest`.
@@ -57,7 +57,7 @@ impl Identifying {
     /// motor, takes steps until the identification has ended, and disables the motor.
     ///
     /// # Errors
-    /// The errors of [`Session::ask`].
+    /// The errors of [`Session::request`].
     pub fn begin<L: Read + Write>(
         session: &mut Session<L>,
         motor: u8,
@@ -71,7 +71,7 @@ impl Identifying {
     /// identification, and later steps ask the hub for the progress. Call this function about ten times a second.
     ///
     /// # Errors
-    /// [`Session::ask`] lists the errors of all commands. The hub refuses to start if the battery is low, or if the
+    /// [`Session::request`] lists the errors of all commands. The hub refuses to start if the battery is low, or if the
     /// motor is not enabled in the mode `Power` with power 0. A motor that still turns is no error: a later step
     /// returns [`Progress::Ended`].
     pub fn step<L: Read + Write>(&mut self, session: &mut Session<L>) -> Result<Progress, Error> {
@@ -87,7 +87,7 @@ impl Identifying {
             _ => Instant::now(),
         };
         self.position = Some((position, since));
-        if since.elapsed() < STANDS && self.begun.elapsed() < LONGEST_REST {
+        if since.elapsed() < STANDSTILL_TIME && self.begun.elapsed() < LONGEST_REST {
             return Ok(Progress::Braking);
         }
         let travel = session.identify(self.motor, self.travel_limit)?;

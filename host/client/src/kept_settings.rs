@@ -8,7 +8,7 @@
 //!
 //! let mut session = Session::new(MemoryHub::default(), Address::DEFAULT, Duration::from_secs(1));
 //! let values = Values::of(Group::Timing, &session.settings(1)?);
-//! let kept = session.put_in_force(vec![(1, vec![values])], None).expect("own settings are accepted");
+//! let kept = session.apply_settings(vec![(1, vec![values])], None).expect("own settings are accepted");
 //! let [(motor, before)] = kept.as_slice() else { panic!("one motor was changed") };
 //! session.restore_settings(*motor, before)?;
 //! # Ok::<(), motor_hub_client::Error>(())
@@ -54,7 +54,7 @@ impl<L: Read + Write> Session<L> {
     /// Reads all settings of a motor, for [`restore_settings`](Self::restore_settings).
     ///
     /// # Errors
-    /// The errors of [`Session::ask`].
+    /// The errors of [`Session::request`].
     pub fn keep_settings(&mut self, motor: u8) -> Result<KeptSettings, Error> {
         let settings = self.settings(motor)?;
         let report = self.report()?;
@@ -72,7 +72,7 @@ impl<L: Read + Write> Session<L> {
     /// the settings were kept.
     ///
     /// # Errors
-    /// The errors of [`Session::ask`].
+    /// The errors of [`Session::request`].
     pub fn restore_settings(&mut self, motor: u8, kept: &KeptSettings) -> Result<(), Error> {
         let present = self.settings(motor)?;
         for group in Group::ALL {
@@ -99,7 +99,7 @@ impl<L: Read + Write> Session<L> {
     ///
     /// # Errors
     /// The hub refuses a setting, or the exchange fails.
-    pub fn put_in_force(
+    pub fn apply_settings(
         &mut self,
         settings: Vec<(u8, Vec<Values>)>,
         base: Option<BaseSettings>,
@@ -108,7 +108,7 @@ impl<L: Read + Write> Session<L> {
         for (motor, values) in settings {
             kept.push((motor, self.keep_settings(motor).map_err(ImportError::Lost)?));
             for values in values {
-                if let Err(error) = self.order(Request::Set(motor, values)) {
+                if let Err(error) = self.command(Request::Set(motor, values)) {
                     return Err(self.refused(format!("motor {motor}"), error, &kept));
                 }
             }
@@ -124,14 +124,14 @@ impl<L: Read + Write> Session<L> {
     fn refused(&mut self, part: String, error: Error, kept: &[(u8, KeptSettings)]) -> ImportError {
         match error {
             Error::Refused { .. } | Error::TooOld { .. } | Error::Unexpected { .. } => self
-                .take_back(kept)
+                .roll_back(kept)
                 .map_or_else(|lost| lost, |failed| ImportError::Refused { part, error, failed }),
             error => ImportError::Lost(error),
         }
     }
 
     /// Restores the settings and the modes of motors. The text names the motors whose settings could not be restored.
-    fn take_back(&mut self, kept: &[(u8, KeptSettings)]) -> Result<String, ImportError> {
+    fn roll_back(&mut self, kept: &[(u8, KeptSettings)]) -> Result<String, ImportError> {
         let mut failed = String::new();
         for (motor, before) in kept {
             let restored = self

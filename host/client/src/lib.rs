@@ -49,7 +49,7 @@ pub mod memory;
 pub mod motor;
 pub mod motor_values;
 pub mod reasons;
-mod request_text;
+pub mod request_text;
 pub mod session;
 pub mod update;
 

@@ -21,7 +21,7 @@
 //! ```
 
 use crate::clock::Instant;
-use crate::error::if_known;
+use crate::error::none_if_unsupported;
 use crate::{Error, KEEP_ALIVE, Session};
 use motor_hub::braking::Winding;
 use motor_hub::extension::report::Condition;
@@ -35,6 +35,7 @@ use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::Identification;
 use motor_hub::units::Control;
 use std::io::{Read, Write};
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 /// Largest constant current of a motor in amperes. The largest current limit of a motor has this value too, because its
@@ -43,6 +44,10 @@ pub const LARGEST_CURRENT_A: f64 = 65.535;
 
 /// Largest speed limit of a constant current in counts per second. No motor reaches this speed, so it is no limit.
 pub const NO_SPEED_LIMIT_CPS: u16 = i16::MAX.unsigned_abs();
+
+/// Speed limits of a constant current and of a regulated position that this crate's users may request, in counts per
+/// second.
+pub const SPEED_LIMITS_CPS: RangeInclusive<u16> = 1..=NO_SPEED_LIMIT_CPS;
 
 /// Text for a hub that regulates no current: [`Session::report`] returns `None` for such a hub.
 pub const NO_CURRENT: &str = "the hub regulates no current: it is not a hub of this project, or its firmware is too old; use power, velocity or position";
@@ -101,12 +106,12 @@ impl<L: Read + Write> Session<L> {
     /// enabled the motors is gone.
     ///
     /// # Errors
-    /// The errors of [`Session::ask`].
-    pub fn stop_abandoned(&mut self) -> Result<Vec<u8>, Error> {
+    /// The errors of [`Session::request`].
+    pub fn disable_left_enabled(&mut self) -> Result<Vec<u8>, Error> {
         let mut found = Vec::new();
         for motor in 0..CHANNELS as u8 {
             // A hub with fewer motors refuses the request.
-            let Some(enabled) = if_known(self.enabled(motor))? else { break };
+            let Some(enabled) = none_if_unsupported(self.enabled(motor))? else { break };
             if enabled {
                 self.enable(motor, false)?;
                 found.push(motor);
@@ -140,55 +145,55 @@ impl<L: Read + Write> Session<L> {
     /// Mode, enable and all targets of a motor.
     ///
     /// # Errors
-    /// The errors of [`Session::ask`].
+    /// The errors of [`Session::request`].
     pub fn motor(&mut self, motor: u8) -> Result<MotorState, Error> {
-        let ChannelMode { mode, floats } = self.ask(ToMotor::Mode.to(motor))?;
+        let ChannelMode { mode, floats } = self.request(ToMotor::Mode.to(motor))?;
         Ok(MotorState {
             mode,
             zero_power: if floats { ZeroPower::Float } else { ZeroPower::Brake },
             enabled: self.enabled(motor)?,
-            power: self.ask(ToMotor::Power.to(motor))?,
-            velocity: self.ask(ToMotor::Velocity.to(motor))?,
-            position: self.ask(ToMotor::Position.to(motor))?,
+            power: self.request(ToMotor::Power.to(motor))?,
+            velocity: self.request(ToMotor::Velocity.to(motor))?,
+            position: self.request(ToMotor::Position.to(motor))?,
         })
     }
 
     /// Sets the mode of a motor, and whether it brakes or floats at zero.
     pub fn set_mode(&mut self, motor: u8, mode: RunMode, zero_power: ZeroPower) -> Result<(), Error> {
         let mode = ChannelMode { mode, floats: zero_power == ZeroPower::Float };
-        self.order(ToMotor::SetMode { mode }.to(motor))
+        self.command(ToMotor::SetMode { mode }.to(motor))
     }
 
     /// Enables or disables a motor. A disabled motor floats.
     pub fn enable(&mut self, motor: u8, on: bool) -> Result<(), Error> {
-        self.order(ToMotor::SetEnable { on }.to(motor))
+        self.command(ToMotor::SetEnable { on }.to(motor))
     }
 
     /// True if the motor is enabled.
     pub fn enabled(&mut self, motor: u8) -> Result<bool, Error> {
-        self.ask(ToMotor::Enable.to(motor))
+        self.request(ToMotor::Enable.to(motor))
     }
 
     /// Makes the motor's present position 0 counts.
     pub fn reset_encoder(&mut self, motor: u8) -> Result<(), Error> {
-        self.order(ToMotor::ResetEncoder.to(motor))
+        self.command(ToMotor::ResetEncoder.to(motor))
     }
 
     /// Sets the target of constant power.
     pub fn set_power(&mut self, motor: u8, power: Control) -> Result<(), Error> {
-        self.order(ToMotor::SetPower { power }.to(motor))
+        self.command(ToMotor::SetPower { power }.to(motor))
     }
 
     /// Sets the target of regulated velocity, which is also the speed limit of regulated position, in counts per
     /// second.
     pub fn set_velocity(&mut self, motor: u8, cps: i16) -> Result<(), Error> {
-        self.order(ToMotor::SetVelocity { cps }.to(motor))
+        self.command(ToMotor::SetVelocity { cps }.to(motor))
     }
 
     /// Sets the target of regulated position, in counts. The motor is within tolerance if its distance to the target is
     /// at most `tolerance` counts.
     pub fn set_position(&mut self, motor: u8, counts: i32, tolerance: u16) -> Result<(), Error> {
-        self.order(ToMotor::SetPosition { target: Target { counts, tolerance } }.to(motor))
+        self.command(ToMotor::SetPosition { target: Target { counts, tolerance } }.to(motor))
     }
 
     /// Reads all settings of a motor except the coefficients of its loops, which [`coefficients`](Self::coefficients)
@@ -213,18 +218,18 @@ impl<L: Read + Write> Session<L> {
     /// Returns `settings`, with the values of one group replaced by the values that the hub reports.
     ///
     /// # Errors
-    /// [`Error::Unexpected`] if the values of the answer contradict each other. See also [`Session::ask`].
+    /// [`Error::Unexpected`] if the values of the answer contradict each other. See also [`Session::request`].
     pub fn get(&mut self, motor: u8, group: Group, settings: &MotorSettings) -> Result<MotorSettings, Error> {
         let read = |payload: &[u8]| -> Result<MotorSettings, Nack> {
             Values::read(group, &mut Fields::new(payload))?.apply_to(settings)
         };
-        self.ask_with(Request::Get(motor, group), read)
+        self.request_with(Request::Get(motor, group), read)
     }
 
     /// Sends the values of one group in `settings` to the hub. With [`Group::SetUp`] the hub deletes the motion and the
     /// coefficients that a host has set.
     pub fn set(&mut self, motor: u8, group: Group, settings: &MotorSettings) -> Result<(), Error> {
-        self.order(Request::Set(motor, Values::of(group, settings)))
+        self.command(Request::Set(motor, Values::of(group, settings)))
     }
 
     /// Sends the set-up and then the motion, because the hub deletes the motion and a host's coefficients when it
@@ -244,40 +249,35 @@ impl<L: Read + Write> Session<L> {
 
     /// Current, heat and faults of the motor and its bridge. Needs this project's firmware.
     pub fn condition(&mut self, motor: u8) -> Result<Condition, Error> {
-        self.ask(MotorFunction::Condition.to(motor))
+        self.request(MotorFunction::Condition.to(motor))
     }
 
     /// Sets a constant current in mA for an enabled motor; [`constant_current_ma`] converts from amperes and checks the
     /// range. The hub reduces the current at the speed limit in counts/s; [`NO_SPEED_LIMIT_CPS`] is no limit.
     /// Another target ends the constant current. Needs this project's firmware.
     pub fn set_current(&mut self, motor: u8, current_ma: i32, speed_limit_cps: u16) -> Result<(), Error> {
-        self.order(MotorFunction::Current { current_ma, speed_limit_cps }.to(motor))
+        self.command(MotorFunction::Current { current_ma, speed_limit_cps }.to(motor))
     }
 
     /// Starts an identification. The motor must be enabled, at rest, with a constant power of 0. The motor turns at
     /// most `travel_limit` counts in either direction. Returns the limit in counts that the hub applies, which may be
     /// smaller.
     pub fn identify(&mut self, motor: u8, travel_limit: u32) -> Result<u32, Error> {
-        self.ask(MotorFunction::Identify { travel_limit }.to(motor))
+        self.request(MotorFunction::Identify { travel_limit }.to(motor))
     }
 
     /// State or result of the last identification.
     pub fn identification(&mut self, motor: u8) -> Result<Identification, Error> {
-        self.ask(MotorFunction::Identification.to(motor))
+        self.request(MotorFunction::Identification.to(motor))
     }
 
     /// Reads the coefficients of a loop.
     pub fn coefficients(&mut self, motor: u8, of: Loop) -> Result<LoopCoefficients, Error> {
-        self.ask(ToMotor::Pidf { of }.to(motor))
+        self.request(ToMotor::Pidf { of }.to(motor))
     }
 
     /// Sets the coefficients of a loop. PID then regulates the motor instead of the model.
-    pub fn set_coefficients(
-        &mut self,
-        motor: u8,
-        of: Loop,
-        coefficients: LoopCoefficients,
-    ) -> Result<(), Error> {
-        self.order(ToMotor::SetPidf { of, coefficients }.to(motor))
+    pub fn set_coefficients(&mut self, motor: u8, of: Loop, coefficients: LoopCoefficients) -> Result<(), Error> {
+        self.command(ToMotor::SetPidf { of, coefficients }.to(motor))
     }
 }

@@ -1,5 +1,5 @@
 //! Explains as text why a motor does not turn, from its hub's [report](motor_hub::extension::report). Also explains why
-//! settings were not stored or firmware does not run, from [reports of states](motor_hub::extension::state).
+//! settings were not stored, from the [report of the store](motor_hub::extension::state::StoreReport).
 //!
 //! ```
 //! use motor_hub_client::motor_hub::extension::report::{Commands, HubReport, MotorReport, ReportedSetpoint};
@@ -20,26 +20,28 @@
 //! assert_eq!(why_still(&HubReport { commands, ..hub }, 0), None);
 //! ```
 
-use crate::update::Image;
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
-use motor_hub::extension::state::{StoreReport, UpdateReport};
+use motor_hub::extension::state::StoreReport;
 use motor_hub::motor::EncoderFault;
 use motor_hub::motor::Faults;
 use motor_hub::store::{Outcome, Stored};
 use motor_hub::supply::BusState;
 use motor_hub::units::{Control, Milliamperes};
-use motor_hub::update::{self, Booted, Phase};
 
 /// Highest speed at which a motor counts as standing, in counts per second.
-pub const STANDS_CPS: u16 = 3;
+pub const STANDSTILL_SPEED_CPS: u16 = 3;
 
-/// Why the last save, load or reset failed, or that it has not ended; `None` if it succeeded.
+/// Why the last save, load or reset failed, or that it has not ended; `None` if it succeeded. A hub that was reset has
+/// had no access since then, so its access before the reset counts as failed.
 #[must_use]
 pub const fn why_unsaved(report: &StoreReport) -> Option<&'static str> {
     match report.outcome {
         // The outcome is the one of an earlier access.
         _ if report.is_busy => Some("the hub has not finished: ask again for its stored settings"),
-        Outcome::Done | Outcome::None => None,
+        Outcome::Done => None,
+        Outcome::None => {
+            Some("the hub was reset before it had finished: look at its stored settings, and try again")
+        }
         Outcome::NeedsErase => {
             Some("the hub must erase flash first, and a motor is enabled: disable all motors and try again")
         }
@@ -64,64 +66,6 @@ pub fn stored_text(StoreReport { stored, number, version, .. }: &StoreReport) ->
     }
 }
 
-/// Why an image does not fit the hub's slot; `None` if the image fits.
-#[must_use]
-pub fn why_unfit(Image { bytes, origin: linked, .. }: &Image, report: &UpdateReport) -> Option<String> {
-    let UpdateReport { origin, capacity, .. } = *report;
-    if let Some(linked) = linked.filter(|linked| *linked != origin) {
-        return Some(format!(
-            "the image is linked to {linked:#010x}, but this hub's images begin at {origin:#010x}: build it for the bootloader"
-        ));
-    }
-    if bytes.len() > capacity as usize {
-        return Some(format!("the image has {} bytes; the hub's slot holds {capacity}", bytes.len()));
-    }
-    // The second vector is the address of the first instruction.
-    let entry = bytes.get(4..8).and_then(|word| word.try_into().ok()).map_or(0, u32::from_le_bytes);
-    (entry.wrapping_sub(origin) >= capacity).then(|| {
-        format!(
-            "the image's code begins at {entry:#010x}, outside this hub's slot of {origin:#010x} to {:#010x}: \
-             the image is for another chip, or not built for the bootloader",
-            origin.wrapping_add(capacity)
-        )
-    })
-}
-
-pub(crate) const NOT_CHECKED: &str =
-    "the hub has not finished the check; it checks a signature only while all motors are disabled";
-
-/// Why the hub does not start the image that it has received; `None` if the hub starts the image at its next reset.
-#[must_use]
-pub const fn why_not_armed(report: &UpdateReport) -> Option<&'static str> {
-    match (report.phase, report.outcome) {
-        (Phase::Armed, _) => None,
-        (_, update::Outcome::Mismatch) => Some("the hub's flash reads back other bytes than were sent"),
-        (_, update::Outcome::WrongSignature) => Some("the signature is not of this file by the hub's key"),
-        (_, update::Outcome::Older) => {
-            Some("the image is older than the hub's firmware: its rollback version is lower")
-        }
-        (_, update::Outcome::Refused) => Some("the hub's flash refused the write"),
-        _ => Some(NOT_CHECKED),
-    }
-}
-
-/// Why an update to the version `sent` has not succeeded after the restart; `None` if the new firmware runs and has
-/// confirmed itself. `now` is the version that the hub reports.
-#[must_use]
-pub fn why_not_started(booted: Booted, sent: &str, now: &str) -> Option<String> {
-    match booted {
-        Booted::Reverted => Some(format!(
-            "{sent} was refused by the bootloader or did not confirm itself, and the hub returned to the former firmware, {now}"
-        )),
-        Booted::OnTrial | Booted::Unknown => Some("the new firmware runs, but has not confirmed itself".to_owned()),
-        Booted::Unconfirmable => Some(
-            "the new firmware runs, but the flash of the hub refuses its confirmation: the next reset restores the firmware before"
-                .to_owned(),
-        ),
-        Booted::Confirmed => (now != sent).then(|| format!("the hub runs {now}, but the image sent is {sent}")),
-    }
-}
-
 /// Why a motor does not turn; if there are several reasons, the most basic one. `None` if the motor turns, if no reason
 /// is known, or if the report is older than the newest command to an enabled motor.
 #[must_use]
@@ -131,7 +75,7 @@ pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
         return Some(fault);
     }
     // The speed of a stalled motor is an estimate, which may differ from 0.
-    if motor.velocity.unsigned_abs() > STANDS_CPS && !motor.stalled {
+    if motor.velocity.unsigned_abs() > STANDSTILL_SPEED_CPS && !motor.stalled {
         return None;
     }
     // The reasons below depend on the reported set-point, which a newer command may have replaced.
@@ -195,6 +139,20 @@ const fn fault(motor: &MotorReport) -> Option<&'static str> {
         }
         None if encoder_stale && regulated => Some("the hub gets no reading from the encoder"),
         None => None,
+    }
+}
+
+/// Text that says what the state of the bus means for the motors.
+#[must_use]
+pub const fn bus_text(bus: BusState) -> &'static str {
+    match bus {
+        BusState::NoReading => "voltage unknown, motors coast",
+        BusState::TooLow => "below what the bridges need, motors coast",
+        BusState::Cutoff => "too low, motors draw no current",
+        BusState::Derated => "low, motors draw less current",
+        BusState::Quiet => "normal",
+        BusState::Dissipating => "takes no energy back, braking motors dissipate it",
+        BusState::TooHigh => "too high, raised by another source than these motors",
     }
 }
 

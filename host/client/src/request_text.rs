@@ -35,7 +35,9 @@ pub(crate) fn text(request: &Request) -> String {
     }
 }
 
-const fn of_group(group: Group) -> &'static str {
+/// Name of a group of settings.
+#[must_use]
+pub const fn of_group(group: Group) -> &'static str {
     match group {
         Group::SetUp => "set-up",
         Group::Timing => "bridge timing",

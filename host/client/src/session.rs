@@ -32,17 +32,20 @@ use std::time::Duration;
 /// was lost. A second execution leaves the hub in the state of one execution, because no request changes a value by an
 /// amount. (A second *reset encoder* of a turning motor sets the zero to the later position.) The second answer may differ: for example, the first execution has cleared the status word already, or a
 /// save is running already.
-pub const TRIES: u32 = 3;
+pub const TRANSMISSIONS: u32 = 3;
 
 /// Time from the first answer to a discovery until the last. The parent of a chain waits 2 ms for each of 254
 /// addresses, which are 508 ms.
-pub const CHAIN: Duration = Duration::from_millis(650);
+pub const CHAIN_DISCOVERY_TIMEOUT: Duration = Duration::from_millis(650);
+
+/// Time from the answer of the first hub to the answers of other hubs on the same line, which answer on their own.
+const SECOND_PARENT_DELAY: Duration = Duration::from_millis(50);
 
 /// Interval between two requests to a hub that is discovering the hubs behind it.
-const CHAIN_POLL: Duration = Duration::from_millis(20);
+const CHAIN_POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// Longest time spent on reading and dropping stale input. A line that is never silent must not block a request.
-const STALE: Duration = Duration::from_millis(50);
+const STALE_INPUT_LIMIT: Duration = Duration::from_millis(50);
 
 /// A hub that answered a discovery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,7 +67,7 @@ pub struct Session<L> {
     arrived: VecDeque<Packet>,
     /// True if the first transmission of the last request was answered and no other packet had arrived. No stale input
     /// can follow then. A wait for stale input would take several times as long as an exchange.
-    quiet: bool,
+    no_stale_input: bool,
     since: Instant,
     timeout: Duration,
     /// Message number of the last request.
@@ -107,13 +110,13 @@ impl Session<Line> {
 }
 
 impl<L: Read + Write> Session<L> {
-    /// Makes a session with the hub at `address`. A request without an answer is sent [`TRIES`] times within `timeout`.
+    /// Makes a session with the hub at `address`. A request without an answer is sent [`TRANSMISSIONS`] times within `timeout`.
     pub fn new(line: L, address: Address, timeout: Duration) -> Self {
         Self {
             line,
             decoder: Decoder::new(),
             arrived: VecDeque::new(),
-            quiet: false,
+            no_stale_input: false,
             since: Instant::now(),
             timeout,
             number: 0,
@@ -145,7 +148,7 @@ impl<L: Read + Write> Session<L> {
             return Err(Error::Parents { found: parents.len(), addresses });
         };
         if let Some(parent) = Address::new(*parent) {
-            self.switch_to(parent);
+            self.select_hub(parent);
         }
         Ok(found)
     }
@@ -156,7 +159,7 @@ impl<L: Read + Write> Session<L> {
     }
 
     /// Limits the time-out of later requests to `timeout`.
-    pub fn shorten_timeout(&mut self, timeout: Duration) {
+    pub fn limit_timeout(&mut self, timeout: Duration) {
         self.timeout = self.timeout.min(timeout);
     }
 
@@ -166,7 +169,7 @@ impl<L: Read + Write> Session<L> {
     }
 
     /// Sends later requests to the hub at `address` on the same line.
-    pub fn switch_to(&mut self, address: Address) {
+    pub fn select_hub(&mut self, address: Address) {
         if address.get() == self.address {
             return;
         }
@@ -183,14 +186,14 @@ impl<L: Read + Write> Session<L> {
 
     /// Discovers all hubs on the line. A parent of this project reports the hubs behind it. These hubs follow the
     /// parent in the order of their addresses. With any other parent the function waits for further answers, until
-    /// [`CHAIN`] or the time-out has passed, and the hubs are in the order of their answers.
+    /// [`CHAIN_DISCOVERY_TIMEOUT`] or the time-out has passed, and the hubs are in the order of their answers.
     ///
     /// # Errors
     /// [`Error::NoHub`] if no hub answers within the time-out.
     pub fn discover(&mut self) -> Result<Vec<Found>, Error> {
-        let first = self.discover_for(Duration::ZERO)?;
+        let first = self.discover_for(SECOND_PARENT_DELAY)?;
         let &[Found { address, parent: true, .. }] = first.as_slice() else {
-            return self.discover_for(CHAIN);
+            return self.discover_for(CHAIN_DISCOVERY_TIMEOUT);
         };
         match self.wait_for_chain(address)? {
             Some(ChainReport { answering, duplicate, .. }) => {
@@ -203,7 +206,7 @@ impl<L: Read + Write> Session<L> {
                 });
                 Ok(first.into_iter().chain(children).collect())
             }
-            None => self.discover_for(CHAIN),
+            None => self.discover_for(CHAIN_DISCOVERY_TIMEOUT),
         }
     }
 
@@ -214,7 +217,7 @@ impl<L: Read + Write> Session<L> {
     /// [`Error::NoHub`] if no hub answers. [`Error::Silent`] for the first hub that does not confirm, after all others
     /// were stopped.
     pub fn stop_all(&mut self) -> Result<Vec<u8>, Error> {
-        self.count();
+        self.next_message_number();
         self.transmit(&Standard::FailSafe.into(), BROADCAST, FAIL_SAFE)?;
         let found: Vec<u8> =
             self.discover()?.iter().filter(|hub| !hub.duplicate).map(|hub| hub.address).collect();
@@ -227,7 +230,7 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// [`Error::Silent`] for the first known hub that does not confirm, after all others were stopped.
     pub fn stop_hubs(&mut self, known: &[u8]) -> Result<(), Error> {
-        self.count();
+        self.next_message_number();
         self.transmit(&Standard::FailSafe.into(), BROADCAST, FAIL_SAFE)?;
         self.confirm_stop(known)
     }
@@ -249,7 +252,7 @@ impl<L: Read + Write> Session<L> {
     /// answer.
     fn discover_for(&mut self, chain: Duration) -> Result<Vec<Found>, Error> {
         let end = Instant::now() + self.timeout;
-        self.count();
+        self.next_message_number();
         self.transmit(&Standard::Discovery.into(), BROADCAST, DISCOVERY)?;
         let mut found: Vec<Found> = Vec::new();
         let mut wait_until = end;
@@ -268,17 +271,19 @@ impl<L: Read + Write> Session<L> {
         if found.is_empty() { Err(Error::NoHub) } else { Ok(found) }
     }
 
-    /// Waits until the hub at `parent` has discovered the hubs behind it, for [`CHAIN`] at most, and returns its
+    /// Waits until the hub at `parent` has discovered the hubs behind it, for [`CHAIN_DISCOVERY_TIMEOUT`] at most, and returns its
     /// report. The report is empty if the hub has no chain line. `None` for a hub of another maker, or with older
     /// firmware.
     fn wait_for_chain(&mut self, parent: u8) -> Result<Option<ChainReport>, Error> {
         let Some(parent) = Address::new(parent) else { return Ok(None) };
         let before = Address::new(self.address);
-        self.switch_to(parent);
-        let end = Instant::now() + CHAIN;
+        self.select_hub(parent);
+        let end = Instant::now() + CHAIN_DISCOVERY_TIMEOUT;
         let report = loop {
             match self.chain() {
-                Ok(Some(report)) if report.discovering && Instant::now() < end => thread::sleep(CHAIN_POLL),
+                Ok(Some(report)) if report.discovering && Instant::now() < end => {
+                    thread::sleep(CHAIN_POLL_INTERVAL)
+                }
                 Ok(report) => break Ok(report),
                 Err(Error::Refused { reason: Nack::UNSUPPORTED, .. }) => {
                     break Ok(Some(ChainReport::default()));
@@ -287,7 +292,7 @@ impl<L: Read + Write> Session<L> {
             }
         };
         if let Some(before) = before {
-            self.switch_to(before);
+            self.select_hub(before);
         }
         report
     }
@@ -296,12 +301,12 @@ impl<L: Read + Write> Session<L> {
     ///
     /// # Errors
     /// The line fails, the hub is silent, the hub refuses, or the answer has another type.
-    pub fn ask<A: Field>(&mut self, request: impl Into<Request>) -> Result<A, Error> {
-        self.ask_with(request, |payload| A::read(&mut Fields::new(payload)))
+    pub fn request<A: Field>(&mut self, request: impl Into<Request>) -> Result<A, Error> {
+        self.request_with(request, |payload| A::read(&mut Fields::new(payload)))
     }
 
     /// Sends a request and converts the payload of its answer by `read`.
-    pub(crate) fn ask_with<A>(
+    pub(crate) fn request_with<A>(
         &mut self,
         request: impl Into<Request>,
         read: impl FnOnce(&[u8]) -> Result<A, Nack>,
@@ -318,8 +323,8 @@ impl<L: Read + Write> Session<L> {
     /// Sends a request whose answer is an acknowledgement.
     ///
     /// # Errors
-    /// The errors of [`ask`](Self::ask).
-    pub fn order(&mut self, request: impl Into<Request>) -> Result<(), Error> {
+    /// The errors of [`request`](Self::request).
+    pub fn command(&mut self, request: impl Into<Request>) -> Result<(), Error> {
         let request = request.into();
         match self.exchange(&request)? {
             Reply::Ack { .. } => Ok(()),
@@ -327,17 +332,17 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// Sends a request up to [`TRIES`] times until the hub answers. A refusal is an error.
+    /// Sends a request up to [`TRANSMISSIONS`] times until the hub answers. A refusal is an error.
     fn exchange(&mut self, request: &Request) -> Result<Reply, Error> {
         let (id, address) = (self.id(request)?, self.address);
         // The retransmitted packet is unchanged, so a late answer to the first transmission is accepted.
-        self.count();
-        for tried in 0..TRIES {
-            let end = Instant::now() + self.timeout / TRIES;
+        self.next_message_number();
+        for tried in 0..TRANSMISSIONS {
+            let end = Instant::now() + self.timeout / TRANSMISSIONS;
             self.transmit(request, address, id)?;
             let answer = |packet: &Packet| Reply::read(packet, id).filter(|_| packet.source == address);
             let Some((_, reply)) = self.next(end, answer)? else { continue };
-            self.quiet = tried == 0 && self.arrived.is_empty();
+            self.no_stale_input = tried == 0 && self.arrived.is_empty();
             return match reply {
                 Reply::Nack(reason) => Err(Error::Refused { request: Box::new(request.clone()), reason }),
                 reply => Ok(reply),
@@ -355,7 +360,7 @@ impl<L: Read + Write> Session<L> {
             Some(functions) => functions,
             None => {
                 let name = InterfaceName::from_slice(interface).expect("a short name");
-                let functions = self.ask(Standard::QueryInterface { name })?;
+                let functions = self.request(Standard::QueryInterface { name })?;
                 let Interfaces { motors, extension, .. } = &mut self.interfaces;
                 *(if interface == INTERFACE { extension } else { motors }) = Some(functions);
                 functions
@@ -364,7 +369,7 @@ impl<L: Read + Write> Session<L> {
         functions.id(request.number()).ok_or_else(|| Error::TooOld { request: Box::new(request.clone()) })
     }
 
-    fn count(&mut self) {
+    fn next_message_number(&mut self) {
         self.number = self.number.checked_add(1).unwrap_or(1);
     }
 
@@ -375,10 +380,10 @@ impl<L: Read + Write> Session<L> {
     }
 
     fn drop_stale_input(&mut self) -> Result<(), Error> {
-        let end = Instant::now() + STALE;
+        let end = Instant::now() + STALE_INPUT_LIMIT;
         let mut bytes = [0; 256];
-        while !self.quiet && Instant::now() < end && self.receive(&mut bytes)? > 0 {}
-        self.quiet = false;
+        while !self.no_stale_input && Instant::now() < end && self.receive(&mut bytes)? > 0 {}
+        self.no_stale_input = false;
         self.decoder = Decoder::new();
         self.arrived.clear();
         Ok(())

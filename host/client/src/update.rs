@@ -18,13 +18,12 @@
 //! ```
 
 use crate::clock::Instant;
-use crate::reasons::{NOT_CHECKED, why_not_armed, why_not_started, why_unfit};
 use crate::{Error, Session};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::payload::{TEXT, Text};
-use motor_hub::update::{Booted, CHUNK, CRC, ImageSignature, Phase, public_key};
+use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Phase, ImageSignature, public_key};
 use std::io::{Read, Write};
 use std::time::Duration;
 
@@ -178,7 +177,7 @@ impl Updating {
     /// image at its next reset.
     pub fn abandon(&self, session: &mut Session<impl Read + Write>) {
         if matches!(self.stage, Stage::Sending(_) | Stage::Checking) {
-            let _ = session.order(HubFunction::AbandonUpdate);
+            let _ = session.command(HubFunction::AbandonUpdate);
         }
     }
 
@@ -196,7 +195,7 @@ impl Updating {
             return Ok(None);
         }
         if report.phase == Phase::Armed {
-            session.order(HubFunction::AbandonUpdate)?;
+            session.command(HubFunction::AbandonUpdate)?;
             return Ok(None);
         }
         let Image { bytes, version, .. } = &self.image;
@@ -205,10 +204,10 @@ impl Updating {
         let version = Text::from_slice(version.get(..TEXT).unwrap_or(version)).unwrap_or_default();
         // The hub takes from its last control tick whether motors are disabled.
         session.catch_up()?;
-        session.order(HubFunction::BeginUpdate { length, crc: CRC.checksum(bytes), version })?;
+        session.command(HubFunction::BeginUpdate { length, crc: CRC.checksum(bytes), version })?;
         self.stage = Stage::Sending(0);
         if let Some(ImageSignature { key, bytes }) = self.signature {
-            session.order(HubFunction::Sign { key, signature: bytes })?;
+            session.command(HubFunction::Sign { key, signature: bytes })?;
         }
         Ok(Some(Progress::Sending(0)))
     }
@@ -224,7 +223,7 @@ impl Updating {
                 let offset = u32::try_from(at).unwrap_or(u32::MAX);
                 HubFunction::Chunk { offset, bytes: Text::from_slice(chunk).unwrap_or_default() }
             };
-            match session.order(request) {
+            match session.command(request) {
                 // The hub has not finished writing the earlier chunks.
                 Err(Error::Refused { reason: Nack::UPDATE_BUSY, .. }) => break,
                 sent => sent?,
@@ -248,7 +247,7 @@ impl Updating {
             return Err(UpdateError::Failed(why.to_owned()));
         }
         session.catch_up()?;
-        match session.order(HubFunction::Restart) {
+        match session.command(HubFunction::Restart) {
             // The acknowledgement may be lost. A hub that restarts does not answer the retransmissions. A hub that has
             // restarted refuses them. The next steps find out which firmware runs.
             Err(Error::Silent { .. } | Error::Refused { reason: Nack::UPDATE_NOT_ARMED, .. }) => (),
@@ -283,9 +282,63 @@ impl Updating {
 }
 
 const NO_BOOTLOADER: &str = "the hub has no bootloader: flash new firmware through its debug probe";
+const NOT_CHECKED: &str =
+    "the hub has not finished the check; it checks a signature only while all motors are disabled";
 const NOT_ANSWERED: &str = "the hub has not answered since its restart: look at its version once it answers";
 const NOT_CONFIRMED: &str =
     "the new firmware has not started, or has not confirmed itself: look at the hub's version";
+
+/// Why an image does not fit the hub's slot; `None` if the image fits.
+fn why_unfit(Image { bytes, origin: linked, .. }: &Image, report: &UpdateReport) -> Option<String> {
+    let UpdateReport { origin, capacity, .. } = *report;
+    if let Some(linked) = linked.filter(|linked| *linked != origin) {
+        return Some(format!(
+            "the image is linked to {linked:#010x}, but this hub's images begin at {origin:#010x}: build it for the bootloader"
+        ));
+    }
+    if bytes.len() > capacity as usize {
+        return Some(format!("the image has {} bytes; the hub's slot holds {capacity}", bytes.len()));
+    }
+    // The second vector is the address of the first instruction.
+    let entry = bytes.get(4..8).and_then(|word| word.try_into().ok()).map_or(0, u32::from_le_bytes);
+    (entry.wrapping_sub(origin) >= capacity).then(|| {
+        format!(
+            "the image's code begins at {entry:#010x}, outside this hub's slot of {origin:#010x} to {:#010x}: \
+             the image is for another chip, or not built for the bootloader",
+            origin.wrapping_add(capacity)
+        )
+    })
+}
+
+/// Why the hub does not start the image that it has received; `None` if the hub starts the image at its next reset.
+const fn why_not_armed(report: &UpdateReport) -> Option<&'static str> {
+    match (report.phase, report.outcome) {
+        (Phase::Armed, _) => None,
+        (_, Outcome::Mismatch) => Some("the hub's flash reads back other bytes than were sent"),
+        (_, Outcome::WrongSignature) => Some("the signature is not of this file by the hub's key"),
+        (_, Outcome::Older) => {
+            Some("the image is older than the hub's firmware: its rollback version is lower")
+        }
+        (_, Outcome::Refused) => Some("the hub's flash refused the write"),
+        _ => Some(NOT_CHECKED),
+    }
+}
+
+/// Why an update to the version `sent` has not succeeded after the restart; `None` if the new firmware runs and has
+/// confirmed itself. `now` is the version that the hub reports.
+fn why_not_started(booted: Booted, sent: &str, now: &str) -> Option<String> {
+    match booted {
+        Booted::Reverted => Some(format!(
+            "{sent} was refused by the bootloader or did not confirm itself, and the hub returned to the former firmware, {now}"
+        )),
+        Booted::OnTrial | Booted::Unknown => Some("the new firmware runs, but has not confirmed itself".to_owned()),
+        Booted::Unconfirmable => Some(
+            "the new firmware runs, but the flash of the hub refuses its confirmation: the next reset restores the firmware before"
+                .to_owned(),
+        ),
+        Booted::Confirmed => (now != sent).then(|| format!("the hub runs {now}, but the image sent is {sent}")),
+    }
+}
 
 /// True while the hub writes or checks.
 const fn is_busy(report: &UpdateReport) -> bool {
@@ -314,8 +367,8 @@ impl<L: Read + Write> Session<L> {
     /// Progress of an update, how the present firmware was started, and the slot's address and size.
     ///
     /// # Errors
-    /// The errors of [`Session::ask`].
+    /// The errors of [`Session::request`].
     pub fn update_state(&mut self) -> Result<UpdateReport, Error> {
-        self.ask(HubFunction::Update)
+        self.request(HubFunction::Update)
     }
 }

@@ -3,19 +3,19 @@
 
 mod hub_support;
 
-use hub_support::{ADDRESS, Hub, Memory};
+use hub_support::{ADDRESS, Hub, Memory, first};
 use motor_hub::extension::report::MotorReport;
 use motor_hub::extension::{HubFunction, Request};
 use motor_hub::motor::{Faults, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, RunMode, Target, Terms, ToMotor};
 use motor_hub::protocol::payload::{Field, Fields, Payload};
-use motor_hub::protocol::requests::{InterfaceName, MOTOR_INTERFACE, Standard};
-use motor_hub::protocol::{Address, Colour, Nack, Packet, frame};
+use motor_hub::protocol::requests::{DISCOVERY, InterfaceName, MOTOR_INTERFACE, Standard};
+use motor_hub::protocol::{Address, Colour, Decoder, Nack, Packet, Reply, frame};
 use motor_hub::record::Fault;
 use motor_hub::store::{Found, Outcome};
 use motor_hub::supply::BusState;
-use motor_hub::units::{Coefficient, Control, Milliamperes, Millivolts};
+use motor_hub::units::{Coefficient, Control, Micros, Milliamperes, Millivolts};
 use motor_hub_client::reasons::why_unsaved;
 use motor_hub_client::session;
 use motor_hub_client::{Error, Session};
@@ -23,7 +23,7 @@ use std::cell::Cell;
 use std::io::{Read, Write};
 use std::rc::Rc;
 use std::sync::atomic::Ordering;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Time-out of requests, far longer than a hub in memory needs.
 const TIMEOUT: Duration = Duration::from_secs(3);
@@ -91,6 +91,48 @@ fn discovery_finds_the_parent_among_all_hubs() {
     assert_eq!(session.address(), ADDRESS);
     let (child, parent) = (found(9, false), found(ADDRESS, true));
     assert_eq!(session.discover().unwrap(), [child, parent]);
+}
+
+/// A line on which a second parent answers each discovery 20 ms after the hub.
+struct TwoParents {
+    hub: Memory,
+    decoder: Decoder,
+    later: Option<(Instant, Vec<u8>)>,
+}
+
+impl Read for TwoParents {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        match self.later.take_if(|(at, _)| Instant::now() >= *at) {
+            Some((_, answer)) => answer.as_slice().read(buffer),
+            None => self.hub.read(buffer),
+        }
+    }
+}
+
+impl Write for TwoParents {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let mut rest = bytes;
+        while let Some(packet) = self.decoder.next(&mut rest, Micros::new(0)) {
+            if packet.id == DISCOVERY {
+                let mut is_parent = Payload::new();
+                true.write(&mut is_parent);
+                let answer = frame::encode(&Reply::Data(is_parent).packet(&packet, 9, 1)).to_vec();
+                self.later = Some((Instant::now() + Duration::from_millis(20), answer));
+            }
+        }
+        self.hub.write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_second_parent_that_answers_later_is_found() {
+    let line = TwoParents { hub: Memory::new(Hub::new()), decoder: Decoder::new(), later: None };
+    let refused = Session::with_parent(line, TIMEOUT).map(|_| ()).unwrap_err();
+    assert!(matches!(refused, Error::Parents { found: 2, .. }), "{refused}");
 }
 
 #[test]
@@ -175,7 +217,9 @@ fn other_replies_and_stray_bytes_before_a_reply_are_ignored() {
 
 #[test]
 fn a_lost_packet_is_sent_again_unchanged_and_a_silent_hub_is_given_up() {
-    impatient(Memory::new(Hub { deaf_for: 1, lost_replies: 1, ..Hub::new() })).fail_safe().unwrap();
+    impatient(Memory::new(Hub { deaf_for: 1, loses_reply: first(1, |_| true), ..Hub::new() }))
+        .fail_safe()
+        .unwrap();
     let mut session = impatient(Memory::new(Hub { deaf_for: 3, ..Hub::new() }));
     assert!(matches!(session.fail_safe(), Err(Error::Silent { address: ADDRESS })));
     session.fail_safe().unwrap();
@@ -183,7 +227,7 @@ fn a_lost_packet_is_sent_again_unchanged_and_a_silent_hub_is_given_up() {
 
 #[test]
 fn a_new_address_holds_even_if_its_answer_is_lost() {
-    let mut session = impatient(Memory::new(Hub { lost_replies: 1, ..Hub::new() }));
+    let mut session = impatient(Memory::new(Hub { loses_reply: first(1, |_| true), ..Hub::new() }));
     session.set_address(Address::new(77).unwrap()).unwrap();
     assert_eq!(session.address(), 77);
     assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
@@ -207,7 +251,8 @@ fn a_new_address_that_another_hub_has_is_no_success() {
 #[test]
 fn a_save_whose_acknowledgement_is_lost_is_accepted() {
     for what in [HubFunction::Save, HubFunction::Reset] {
-        let mut hub = Hub { lost_reply_to: Some((what.id(), 0)), ..Hub::new() };
+        let id = what.id();
+        let mut hub = Hub { loses_reply: first(1, move |packet| packet.id == id), ..Hub::new() };
         hub.responder.restore(Found::default());
         let report = impatient(Memory::new(hub)).store(what).unwrap();
         assert_eq!((report.outcome, report.number, report.is_busy), (Outcome::Done, 1, false));
@@ -219,11 +264,29 @@ fn a_save_while_another_one_runs_is_refused() {
     let mut hub = Hub::new();
     hub.responder.restore(Found::default());
     let mut session = session(Memory::new(Hub { ends_accesses: false, ..hub }));
-    session.order(HubFunction::Save).unwrap();
+    session.command(HubFunction::Save).unwrap();
     let refused = session.begin_store(HubFunction::Save);
     assert!(matches!(refused, Err(Error::Refused { reason: Nack::STORE_BUSY, .. })), "{refused:?}");
     let report = session.stored().unwrap();
     assert_eq!(why_unsaved(&report), Some("the hub has not finished: ask again for its stored settings"));
+}
+
+#[cfg(feature = "serial")]
+#[test]
+fn a_save_of_a_hub_that_is_reset_meanwhile_has_failed() {
+    let restarted = || {
+        let mut hub = Hub { ends_accesses: false, ..Hub::new() };
+        hub.responder.restore(Found::default());
+        hub
+    };
+    let server = hub_support::Server::start(restarted());
+    let mut session = Session::open(&server.address).unwrap();
+    let save = session.begin_store(HubFunction::Save).unwrap();
+    assert_eq!(save.result(&mut session).unwrap(), None, "the hub is saving");
+    *server.hub() = restarted();
+    let report = save.result(&mut session).unwrap().unwrap();
+    let why = "the hub was reset before it had finished: look at its stored settings, and try again";
+    assert_eq!(why_unsaved(&report), Some(why));
 }
 
 #[test]
@@ -244,7 +307,7 @@ fn a_refusal_names_its_reason() {
 }
 
 #[test]
-fn a_motor_has_the_current_that_its_own_channel_tells() {
+fn each_motor_has_its_own_current_channel() {
     let mut hub = Hub::new();
     hub.snapshot.motors[2].measured = Some(Milliamperes::new(-1_500));
     let mut session = session(Memory::new(hub));
@@ -266,12 +329,12 @@ fn a_hub_is_opened_by_where_it_is() {
 fn a_session_goes_on_with_another_hub_on_its_line() {
     let mut session = Session::new(Memory::new(Hub::new()), Address::DEFAULT, Duration::from_millis(60));
     assert!(session.battery().is_err(), "nobody is there");
-    session.switch_to(Address::new(ADDRESS).unwrap());
+    session.select_hub(Address::new(ADDRESS).unwrap());
     assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
 }
 
 #[test]
-fn functions_are_numbered_from_where_the_hub_says() {
+fn function_numbers_start_at_the_reported_packet_type() {
     let mut session = session(Memory::new(Hub { first: 0x1800, ..Hub::new() }));
     session.set_velocity(0, 5).unwrap();
     assert_eq!(session.motor(0).unwrap().velocity, 5);
@@ -299,7 +362,7 @@ impl Write for Waits {
 }
 
 #[test]
-fn after_an_answer_nothing_stale_is_waited_for_and_after_a_lost_one_it_is() {
+fn stale_input_is_read_only_after_a_lost_answer() {
     let waits = Rc::new(Cell::new(0));
     let mut session = session(Waits(Memory::new(Hub::new()), Rc::clone(&waits)));
     session.bulk().unwrap();
@@ -310,7 +373,7 @@ fn after_an_answer_nothing_stale_is_waited_for_and_after_a_lost_one_it_is() {
     }
     assert_eq!(waits.get(), 0);
 
-    let hub = Hub { lost_replies: 1, ..Hub::new() };
+    let hub = Hub { loses_reply: first(1, |_| true), ..Hub::new() };
     let mut session = impatient(Waits(Memory::new(hub), Rc::clone(&waits)));
     session.keep_alive().unwrap();
     waits.set(0);
@@ -321,7 +384,7 @@ fn after_an_answer_nothing_stale_is_waited_for_and_after_a_lost_one_it_is() {
 }
 
 #[test]
-fn a_hub_that_has_no_words_for_its_bus_tells_nothing_of_it_and_that_is_no_failure() {
+fn a_hub_that_does_not_report_its_bus_is_no_error() {
     let ours = session(Memory::new(Hub::new())).bus().unwrap();
     assert_eq!(ours.map(|bus| bus.state), Some(BusState::NoReading), "nothing is measured");
     let mut session = session(Memory::new(Hub { foreign: true, ..Hub::new() }));

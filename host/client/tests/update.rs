@@ -3,13 +3,14 @@
 
 mod hub_support;
 
-use hub_support::{ADDRESS, Hub, Memory, responder};
+use hub_support::{ADDRESS, Hub, Memory, first, responder};
 use motor_hub::extension::HubFunction;
-use motor_hub::protocol::Address;
 use motor_hub::protocol::payload::Text;
+use motor_hub::protocol::{Address, Packet};
 use motor_hub::responder::Responder;
 use motor_hub::update::{Booted, CRC, Outcome, Phase, Slot, SlotReport, UpdateRequest};
 use motor_hub_client::Session;
+use motor_hub_client::session::TRANSMISSIONS;
 use motor_hub_client::update::{Image, Progress, UpdateError, Updating};
 use std::time::Duration;
 
@@ -52,12 +53,12 @@ fn an_update_makes_the_hub_forget_an_earlier_image_and_ends_with_confirmed_firmw
     // An earlier host has sent an image, and has not restarted the hub.
     let (version, earlier) = (session.version().unwrap(), image("").bytes);
     let (length, crc) = (earlier.len() as u32, CRC.checksum(&earlier));
-    session.order(HubFunction::BeginUpdate { length, crc, version: Text::new() }).unwrap();
+    session.command(HubFunction::BeginUpdate { length, crc, version: Text::new() }).unwrap();
     for (index, chunk) in (0..).zip(earlier.chunks(96)) {
         let bytes = Text::from_slice(chunk).unwrap();
-        session.order(HubFunction::Chunk { offset: 96 * index, bytes }).unwrap();
+        session.command(HubFunction::Chunk { offset: 96 * index, bytes }).unwrap();
     }
-    session.order(HubFunction::FinishUpdate).unwrap();
+    session.command(HubFunction::FinishUpdate).unwrap();
     assert_eq!(session.update_state().unwrap().phase, Phase::Armed);
 
     let mut updating = Updating::begin(&mut session, image(&version), None).unwrap();
@@ -71,9 +72,10 @@ fn an_update_makes_the_hub_forget_an_earlier_image_and_ends_with_confirmed_firmw
 
 #[test]
 fn an_update_goes_on_if_the_acknowledgement_of_the_restart_is_lost() {
-    // After the restart the hub refuses a retransmission, or does not answer.
-    for lost_after in [0, 3] {
-        let hub = Hub { lost_reply_to: Some((HubFunction::Restart.id(), lost_after)), ..hub() };
+    // After the restart the hub refuses a retransmission, or no answer of the hub arrives.
+    for lost in [1, TRANSMISSIONS] {
+        let is_restart = |packet: &Packet| packet.id == HubFunction::Restart.id();
+        let hub = Hub { loses_reply: first(lost, is_restart), ..hub() };
         let timeout = Duration::from_millis(150);
         let mut session = Session::new(Memory::new(hub), Address::new(ADDRESS).unwrap(), timeout);
         let version = session.version().unwrap();

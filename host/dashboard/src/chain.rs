@@ -8,14 +8,14 @@
 use crate::hub::Hub;
 use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub_client::Error;
-use motor_hub_client::error::if_known;
+use motor_hub_client::error::none_if_unsupported;
 use serde::Serialize;
 
 /// Largest number of hubs that are shown.
-const MOST: usize = 4;
+const MAX_HUBS: usize = 4;
 
 /// Number of frames between two requests to other hubs. With three other hubs, each hub is asked every 0.3 s.
-const FRAMES: u64 = 5;
+const FRAMES_PER_QUERY: u64 = 5;
 
 /// A hub of a chain, for pages.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -47,7 +47,7 @@ impl Chain {
             let (running, shown) = (Vec::new(), address == shown);
             HubOfChain { address, shown, running, fault: false, lost: false }
         };
-        Self { hubs: addresses.iter().take(MOST).map(hub).collect(), shown: Vec::new() }
+        Self { hubs: addresses.iter().take(MAX_HUBS).map(hub).collect(), shown: Vec::new() }
     }
 
     /// True if the first hub is shown. In a simulation a page can change motors and battery of the first hub only.
@@ -61,9 +61,9 @@ impl Chain {
     }
 
     /// Continues the session with the first hub, because the hub that is shown does not answer.
-    pub(crate) fn give_up(&mut self, session: &mut Hub) {
+    pub(crate) fn show_first_hub(&mut self, session: &mut Hub) {
         let Some(first) = self.hubs.first().and_then(|hub| Address::new(hub.address)) else { return };
-        session.switch_to(first);
+        session.select_hub(first);
         for hub in &mut self.hubs {
             if hub.shown {
                 (hub.shown, hub.lost) = (false, true);
@@ -82,7 +82,7 @@ impl Chain {
         let Some(hub) = Address::new(address).filter(|_| known) else {
             return Err(format!("there is no hub {address} on this line"));
         };
-        session.switch_to(hub);
+        session.select_hub(hub);
         for hub in &mut self.hubs {
             hub.shown = hub.address == address;
             hub.lost &= !hub.shown;
@@ -111,15 +111,16 @@ impl Chain {
     pub(crate) fn ask_another(&mut self, session: &mut Hub, frame: u64) -> Result<(), Error> {
         let shown = Address::new(session.address());
         let mut others: Vec<_> = self.hubs.iter_mut().filter(|hub| !hub.shown && !hub.lost).collect();
-        let turn = (frame / FRAMES) as usize % others.len().max(1);
-        let (true, Some(other), Some(shown)) = (frame.is_multiple_of(FRAMES), others.get_mut(turn), shown)
+        let turn = (frame / FRAMES_PER_QUERY) as usize % others.len().max(1);
+        let (true, Some(other), Some(shown)) =
+            (frame.is_multiple_of(FRAMES_PER_QUERY), others.get_mut(turn), shown)
         else {
             return Ok(());
         };
         let Some(address) = Address::new(other.address) else { return Ok(()) };
-        session.switch_to(address);
-        let asked = ask(session);
-        session.switch_to(shown);
+        session.select_hub(address);
+        let asked = query_running(session);
+        session.select_hub(shown);
         match asked {
             Ok((running, fault)) => (other.running, other.fault) = (running, fault),
             // The silent hub gets no more requests, so its keep-alive disables its motors.
@@ -149,7 +150,7 @@ impl Chain {
     }
 
     /// Returns the hubs; `None` if there are fewer than two, or if nothing has changed since the last call.
-    pub(crate) fn news(&mut self) -> Option<Vec<HubOfChain>> {
+    pub(crate) fn changed_hubs(&mut self) -> Option<Vec<HubOfChain>> {
         if self.several().is_none() || self.shown == self.hubs {
             return None;
         }
@@ -159,7 +160,7 @@ impl Chain {
 }
 
 /// The enabled motors of a hub, and whether one of them has a fault.
-fn ask(session: &mut Hub) -> Result<(Vec<u8>, bool), Error> {
+fn query_running(session: &mut Hub) -> Result<(Vec<u8>, bool), Error> {
     if let Some(report) = session.report()? {
         let motors = || (0..).zip(&report.motors).filter(|(_, motor)| motor.enabled);
         return Ok((
@@ -171,7 +172,7 @@ fn ask(session: &mut Hub) -> Result<(Vec<u8>, bool), Error> {
     let mut running = Vec::new();
     for motor in 0..CHANNELS as u8 {
         // A hub with fewer motors refuses the request.
-        let Some(enabled) = if_known(session.enabled(motor))? else { break };
+        let Some(enabled) = none_if_unsupported(session.enabled(motor))? else { break };
         if enabled {
             running.push(motor);
         }

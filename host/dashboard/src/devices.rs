@@ -3,15 +3,14 @@
 //! When all motors are stopped together, the hub also ends the pulses of all servos and releases all digital outputs.
 //! This happens at STOP, when the page in control is gone, and when the host is silent.
 
-use crate::frame::Message;
 use crate::hub::{Hub, RequestError};
-use crate::requests::{DeviceOrder, Look};
+use crate::requests::DeviceRequest;
 use motor_hub::board::{DIGITAL_PINS, Equipment, SERVOS};
 use motor_hub::protocol::answers::I2cStatus;
 use motor_hub::protocol::payload::{ByteIn, Text, WordFrom};
 use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput};
 use motor_hub_client::Error;
-use motor_hub_client::devices::{Channel, I2C_ADDRESSES, channels, check_pulse};
+use motor_hub_client::devices::{Channel, I2C_ADDRESSES, Servo, channels, check_pulse};
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -58,49 +57,29 @@ impl Devices {
         self.levels = Default::default();
     }
 
-    /// Reads the state of devices.
-    pub(crate) fn look(&self, session: &mut Hub, at: Look) -> Result<Message, RequestError> {
+    /// States of the digital pins.
+    pub(crate) fn pins(&self, session: &mut Hub) -> Result<Vec<Value>, Error> {
         let has = session.equipment()?.unwrap_or_default();
-        match at {
-            Look::Servos => {
-                let all = (0..SERVOS.min(has.servos.into()) as u8).filter_map(ServoOutput::new);
-                let servos = all.map(|servo| session.servo(servo)).collect::<Result<_, Error>>()?;
-                Ok(Message::Servos { servos })
-            }
-            Look::Analog => {
-                let channels = channels().map(|Channel { number, name, unit, scale, .. }| {
-                    let (value, why) = match session.adc(number, false) {
-                        Ok(value) => (Some(f64::from(value) * scale), None),
-                        Err(Error::Refused { reason, .. }) => (None, Some(reason.to_string())),
-                        Err(error) => return Err(error),
-                    };
-                    Ok(json!({ "name": name, "unit": unit, "value": value, "why": why }))
-                });
-                Ok(Message::Analog { channels: channels.collect::<Result<_, Error>>()? })
-            }
-            Look::Pins => {
-                let mut pins = Vec::new();
-                let all = (0..).filter_map(Pin::new).take(DIGITAL_PINS).zip(self.levels);
-                for (pin, level) in all.filter(|(pin, _)| has.digital >> pin.get() & 1 != 0) {
-                    let output = session.is_output(pin)?;
-                    // The level of an output is the level that a page has set since the last stop. The level of an
-                    // input is read.
-                    let high = if output { level } else { Some(session.read_pin(pin)?) };
-                    pins.push(json!({ "pin": pin.get(), "output": output, "high": high }));
-                }
-                Ok(Message::Pins { pins })
-            }
+        let mut pins = Vec::new();
+        let all = (0..).filter_map(Pin::new).take(DIGITAL_PINS).zip(self.levels);
+        for (pin, level) in all.filter(|(pin, _)| has.digital >> pin.get() & 1 != 0) {
+            let output = session.is_output(pin)?;
+            // The level of an output is the level that a page has set since the last stop. The level of an input is
+            // read.
+            let high = if output { level } else { Some(session.read_pin(pin)?) };
+            pins.push(json!({ "pin": pin.get(), "output": output, "high": high }));
         }
+        Ok(pins)
     }
 
     /// Executes an order to devices; returns the result of a transfer.
     pub(crate) fn execute(
         &mut self,
         session: &mut Hub,
-        order: &DeviceOrder,
+        order: &DeviceRequest,
     ) -> Result<Option<Transfer>, RequestError> {
         match *order {
-            DeviceOrder::Servo { servo, period_us, width_us, on } => {
+            DeviceRequest::Servo { servo, period_us, width_us, on } => {
                 let servo: ServoOutput = number("a servo output", servo)?;
                 if !on {
                     return Ok(session.enable_servo(servo, false).map(|()| None)?);
@@ -114,7 +93,7 @@ impl Devices {
                 session.set_servo_width(servo, width)?;
                 session.enable_servo(servo, true)?;
             }
-            DeviceOrder::Pin { pin, level } => {
+            DeviceRequest::Pin { pin, level } => {
                 let pin: Pin = number("a digital pin", pin)?;
                 match level {
                     Some(high) => session.drive_pin(pin, high)?,
@@ -124,18 +103,18 @@ impl Devices {
                     *kept = level;
                 }
             }
-            DeviceOrder::Scan { bus } => {
+            DeviceRequest::Scan { bus } => {
                 let bus = number("an I2C bus", bus)?;
                 self.scan = Some(Scan { bus, next: I2C_ADDRESSES.0, found: Vec::new() });
             }
-            DeviceOrder::Read { bus, address, register, count, fast } => {
+            DeviceRequest::Read { bus, address, register, count, fast } => {
                 let (at, address) = device(bus, address)?;
                 let count: I2cCount = number("a number of bytes", count)?;
                 session.set_i2c_speed(at, fast)?;
                 let read = session.read_i2c(at, address, register, count)?;
                 return Ok(Some(transfer(bus, "read", &read.bytes, read.status)));
             }
-            DeviceOrder::Write { bus, address, ref bytes, fast } => {
+            DeviceRequest::Write { bus, address, ref bytes, fast } => {
                 let (at, address) = device(bus, address)?;
                 let text = Text::from_slice(bytes).ok().filter(|text| (1..=100).contains(&text.len()));
                 let text =
@@ -166,6 +145,26 @@ impl Devices {
         self.scan = Some(Scan { bus, next, found });
         Ok(None)
     }
+}
+
+/// States of the servo outputs, by the number of the servo.
+pub(crate) fn servos(session: &mut Hub) -> Result<Vec<Servo>, Error> {
+    let has = session.equipment()?.unwrap_or_default();
+    let all = (0..SERVOS.min(has.servos.into()) as u8).filter_map(ServoOutput::new);
+    all.map(|servo| session.servo(servo)).collect()
+}
+
+/// Values of all analog channels. A value that the hub refuses is replaced by the reason of the refusal.
+pub(crate) fn analog(session: &mut Hub) -> Result<Vec<Value>, Error> {
+    let channels = channels().map(|Channel { number, name, unit, scale, .. }| {
+        let (value, why) = match session.adc(number, false) {
+            Ok(value) => (Some(f64::from(value) * scale), None),
+            Err(Error::Refused { reason, .. }) => (None, Some(reason.to_string())),
+            Err(error) => return Err(error),
+        };
+        Ok(json!({ "name": name, "unit": unit, "value": value, "why": why }))
+    });
+    channels.collect()
 }
 
 fn number<const LEAST: u8, const MOST: u8>(

@@ -2,7 +2,7 @@
 
 use crate::frame::{configurable, settings_of};
 use crate::hub::{Hub, RequestError, channel, of_motor, within};
-use crate::requests::Order;
+use crate::requests::PageRequest;
 use crate::settings_file::{self, raw_of};
 use crate::world::World;
 use motor_hub::braking::DutyRule;
@@ -19,7 +19,8 @@ use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
 use motor_hub_client::Error;
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::kept_settings::KeptSettings;
-use motor_hub_client::motor::{NO_CURRENT, NO_SPEED_LIMIT_CPS, constant_current_ma};
+use motor_hub_client::motor::{NO_CURRENT, SPEED_LIMITS_CPS, constant_current_ma};
+use motor_hub_client::request_text::of_group;
 use serde_json::{Map, Value};
 use simulated::hardware::winding;
 use simulated::scheme::SchemeName;
@@ -84,25 +85,29 @@ impl Executor {
         &mut self,
         session: &mut Hub,
         world: Option<&World>,
-        order: &Order,
+        order: &PageRequest,
     ) -> Result<Changed, RequestError> {
         match *order {
-            Order::Drive { motor, mode, value, speed, tolerance, zero } => {
+            PageRequest::Drive { motor, mode, value, speed, tolerance, zero } => {
                 let tolerance = tolerance.unwrap_or(USUAL_TOLERANCE);
                 drive(session, channel(motor)?, mode, value, speed, tolerance, zero)?;
             }
-            Order::Current { motor, amperes, speed } => current(session, channel(motor)?, amperes, speed)?,
-            Order::Enable { motor, on } => session.enable(channel(motor)?, on)?,
-            Order::ResetEncoder { motor } => session.reset_encoder(channel(motor)?)?,
-            Order::Together { to, speed, acceleration } => together(session, to, speed, acceleration)?,
-            Order::Import { ref text } => {
+            PageRequest::Current { motor, amperes, speed } => {
+                current(session, channel(motor)?, amperes, speed)?
+            }
+            PageRequest::Enable { motor, on } => session.enable(channel(motor)?, on)?,
+            PageRequest::ResetEncoder { motor } => session.reset_encoder(channel(motor)?)?,
+            PageRequest::Together { to, speed, acceleration } => together(session, to, speed, acceleration)?,
+            PageRequest::Import { ref text } => {
                 self.import(session, text)?;
                 return Ok(Changed::AllSettings);
             }
-            Order::Turn { at, acceleration } => turn(session, at, acceleration)?,
-            Order::ClearFaults => session.forget_record()?,
-            Order::Led { colour: [red, green, blue] } => session.set_led(Colour { red, green, blue })?,
-            Order::World(ref order) => {
+            PageRequest::Turn { at, acceleration } => turn(session, at, acceleration)?,
+            PageRequest::ClearFaults => session.forget_record()?,
+            PageRequest::Led { colour: [red, green, blue] } => {
+                session.set_led(Colour { red, green, blue })?
+            }
+            PageRequest::World(ref order) => {
                 world.ok_or("this hub is not simulated: its world cannot be changed")?.change(order)?;
                 return Ok(Changed::World);
             }
@@ -112,9 +117,9 @@ impl Executor {
     }
 
     /// Executes an order that changes settings of a motor, and keeps the settings before the change for undo.
-    fn change(&mut self, session: &mut Hub, order: &Order) -> Result<Changed, RequestError> {
+    fn change(&mut self, session: &mut Hub, order: &PageRequest) -> Result<Changed, RequestError> {
         let motor = channel(order.changed_motor().ok_or("this order is not for a motor")?)?;
-        if let Order::Undo { .. } = order {
+        if let PageRequest::Undo { .. } = order {
             let before = self.of(motor)?.undo.last().cloned().ok_or("there is nothing to undo")?;
             session.restore_settings(motor, &before)?;
             self.of(motor)?.undo.pop();
@@ -141,30 +146,30 @@ impl Executor {
         &mut self,
         session: &mut Hub,
         motor: u8,
-        order: &Order,
+        order: &PageRequest,
         mut settings: MotorSettings,
     ) -> Result<(), RequestError> {
         match *order {
-            Order::Coefficients { of, pidf, .. } => {
+            PageRequest::Coefficients { of, pidf, .. } => {
                 let pidf = coefficients(pidf)?;
                 session.set_coefficients(motor, of, pidf)?;
             }
-            Order::Regulator { kind, .. } => {
+            PageRequest::Regulator { kind, .. } => {
                 self.regulate(session, motor, kind, settings.motor.dynamics)?;
             }
-            Order::SetUp { ref name, scheme, duty, .. } => {
+            PageRequest::SetUp { ref name, scheme, duty, .. } => {
                 let settings = set_up(settings, name.as_deref(), scheme, duty)?;
                 self.set_up(session, motor, &settings, name.is_some())?;
             }
-            Order::Acceleration { limit, .. } => {
+            PageRequest::Acceleration { limit, .. } => {
                 let acceleration = limit.map(acceleration_limit).transpose()?;
                 settings.motor.acceleration = acceleration;
                 session.set(motor, Group::Motion, &settings)?;
             }
-            Order::Configure { ref values, .. } => {
+            PageRequest::Configure { ref values, .. } => {
                 let requests = configured(motor, &settings, values)?;
                 for request in requests {
-                    session.order(request)?;
+                    session.command(request)?;
                 }
             }
             // Only this order remains of the orders that change settings.
@@ -189,7 +194,7 @@ impl Executor {
     fn import(&mut self, session: &mut Hub, text: &str) -> Result<(), RequestError> {
         let document = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
         let file = settings_file::read(document)?;
-        for (motor, kept) in session.put_in_force(file.motors, file.base)? {
+        for (motor, kept) in session.apply_settings(file.motors, file.base)? {
             let of = self.of(motor)?;
             of.keep(kept);
             (of.proposed, of.known) = (None, None);
@@ -278,8 +283,8 @@ fn drive(
 /// can then enable the motor.
 fn current(session: &mut Hub, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), RequestError> {
     let ma = constant_current_ma(amperes).map_err(|error| error.to_string())?;
-    let no_limit = f64::from(NO_SPEED_LIMIT_CPS);
-    let limit = within("a speed limit", speed.unwrap_or(no_limit), 1.0..=no_limit, "counts/s")?;
+    let [least, most] = [SPEED_LIMITS_CPS.start(), SPEED_LIMITS_CPS.end()].map(|cps| f64::from(*cps));
+    let limit = within("a speed limit", speed.unwrap_or(most), least..=most, "counts/s")?;
     if session.report()?.is_none() {
         return Err(NO_CURRENT.into());
     }
@@ -353,7 +358,9 @@ fn configured(
                 _ => raw,
             })
         })?;
-        let after = values.apply_to(before).map_err(|nack| format!("the values of {group:?}: {nack}"))?;
+        let after = values
+            .apply_to(before)
+            .map_err(|nack| format!("the values of the {}: {nack}", of_group(group)))?;
         let changes = Values::of(group, &after) != Values::of(group, before);
         set_up |= changes && group == Group::SetUp;
         if changes || (set_up && group == Group::Motion) {

@@ -20,10 +20,10 @@ use motor_hub::record::Head;
 use motor_hub::units::{Acceleration, Control, CountsPerSecond, Millivolts};
 use motor_hub_client::Error;
 use motor_hub_client::devices::Servo;
-use motor_hub_client::error::if_known;
+use motor_hub_client::error::none_if_unsupported;
 use motor_hub_client::explanations::explanation;
 use motor_hub_client::motor_values::MotorValues;
-use motor_hub_client::reasons::{stored_text, why_still};
+use motor_hub_client::reasons::{bus_text, stored_text, why_still};
 use serde::Serialize;
 use serde_json::{Value, json};
 use simulated::scheme::{SchemeName, SchemeWords};
@@ -115,7 +115,7 @@ pub(crate) enum Message {
         /// Text of the notice.
         text: String,
         /// True if motors were disabled.
-        grave: bool,
+        motors_disabled: bool,
     },
     /// Sent to a page whose order was not executed.
     Refused {
@@ -204,10 +204,10 @@ pub(crate) struct Frame {
     pub(crate) tick_ms: u32,
     /// Battery voltage; `None` if unknown.
     pub(crate) battery_v: Option<f64>,
-    /// State of the bus; `None` if the hub does not report it.
+    /// What the state of the bus means for the motors; `None` if the hub does not report it.
     pub(crate) bus: Option<&'static str>,
     /// Share of the braking energy that is dissipated instead of returned, 0 to 1.
-    pub(crate) dissipating: f64,
+    pub(crate) dissipated_share: f64,
     /// States of the motors, by the number of the motor.
     pub(crate) motors: Vec<MotorState>,
 }
@@ -271,8 +271,8 @@ impl Frame {
         Self {
             tick_ms: report.at_ms,
             battery_v: report.battery.map(|mv| f64::from(mv.get()) / 1e3),
-            bus: Some(report.bus.name()),
-            dissipating: f64::from(report.dissipate) / 1e3,
+            bus: Some(bus_text(report.bus)),
+            dissipated_share: f64::from(report.dissipate) / 1e3,
             motors: motors.map(|(index, motor)| MotorState::of(motor, why_still(report, index))).collect(),
             ..Self::default()
         }
@@ -291,7 +291,7 @@ impl Frame {
         let look = look || before.is_empty();
         for (index, motor) in (0..).zip(0..CHANNELS) {
             let state = if look {
-                if_known(MotorState::of_other_maker(session, index))?
+                none_if_unsupported(MotorState::of_other_maker(session, index))?
             } else {
                 before.get(motor).cloned()
             };

@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 const BACKLOG: usize = 25;
 
 /// Number of waiting texts from which a page is dropped.
-const MOST: usize = 500;
+const MAX_WAITING_TEXTS: usize = 500;
 
 /// The relay's end of a queue: the relay puts texts in.
 #[derive(Clone, Debug)]
@@ -35,13 +35,13 @@ pub fn outbox() -> (Outbox, Texts) {
 
 impl Outbox {
     /// Sends a text; false if the page must be dropped.
-    pub(crate) fn tell(&self, text: Arc<str>) -> bool {
-        self.waiting.fetch_add(1, Ordering::Relaxed) < MOST && self.texts.send(text).is_ok()
+    pub(crate) fn send(&self, text: Arc<str>) -> bool {
+        self.waiting.fetch_add(1, Ordering::Relaxed) < MAX_WAITING_TEXTS && self.texts.send(text).is_ok()
     }
 
     /// Sends a frame, which is skipped if the page is too slow; false if the page must be dropped.
     pub(crate) fn show(&self, text: Arc<str>) -> bool {
-        self.waiting.load(Ordering::Relaxed) >= BACKLOG || self.tell(text)
+        self.waiting.load(Ordering::Relaxed) >= BACKLOG || self.send(text)
     }
 }
 

@@ -2,7 +2,7 @@
 //! executes orders as they arrive. Motors run only while the page in control is open: see [`pages`](crate::pages).
 
 use crate::chain::Chain;
-use crate::devices::{Devices, has};
+use crate::devices::{Devices, analog, has, servos};
 use crate::executor::{Changed, Executor};
 use crate::frame::{Frame, Message, catalogue, fault_entry, points, status};
 use crate::hub::{Hub, Opened, RequestError, channel, or_refusal};
@@ -10,7 +10,7 @@ use crate::identification::{Identification, Progress};
 use crate::outbox::Outbox;
 use crate::pages::{Gone, Pages};
 use crate::place::Place;
-use crate::requests::Order;
+use crate::requests::{Look, PageRequest};
 use crate::scenario_player::{Playing, Script};
 use crate::settings_file;
 use crate::update::{LARGEST_IMAGE, Update, bytes_of};
@@ -20,6 +20,7 @@ use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub::store::Stored;
 use motor_hub_client::Error;
 use motor_hub_client::clock::Instant;
+use motor_hub_client::hub::StoreAccess;
 use motor_hub_client::reasons::{stored_text, why_unsaved};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -29,16 +30,16 @@ use std::time::Duration;
 pub const INTERVAL: Duration = Duration::from_millis(20);
 
 /// Time-out of the hub's answers. It is short, so that a stop or the loss of a page is handled soon.
-const PATIENCE: Duration = Duration::from_millis(300);
+const REQUEST_TIMEOUT: Duration = Duration::from_millis(300);
 
 /// Interval between attempts to connect to a lost hub.
-const AGAIN: Duration = Duration::from_secs(1);
+const RECONNECT_INTERVAL: Duration = Duration::from_secs(1);
 
 /// Interval between requests for the progress of a running save, load or reset.
-const SAVING: Duration = Duration::from_millis(100);
+const STORE_POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Interval between reads of enabled motors and set-points from a hub that has no reports.
-const ENABLED: Duration = Duration::from_millis(200);
+const SETPOINT_POLL_INTERVAL: Duration = Duration::from_millis(200);
 
 /// An event of a page, with the page's number.
 #[derive(Debug)]
@@ -49,6 +50,15 @@ pub enum Event {
     Left(u32),
     /// The page has sent an order, as JSON.
     Ordered(u32, String),
+}
+
+/// A running save, load or reset of settings.
+#[derive(Debug)]
+struct Saving {
+    what: HubFunction,
+    access: StoreAccess,
+    /// Time of the last request for the result.
+    asked: Instant,
 }
 
 /// Owns the session with the hub, and sends to all pages.
@@ -63,9 +73,8 @@ pub struct Relay {
     devices: Devices,
     identification: Option<Identification>,
     playing: Option<Playing>,
-    /// Time of the last request for the progress of a running save, load or reset of settings; `None` if none is
-    /// running.
-    saving: Option<(Instant, HubFunction)>,
+    /// The running save, load or reset of settings; `None` if none is running.
+    saving: Option<Saving>,
     /// Parts of new firmware that a page has sent.
     firmware: Vec<u8>,
     update: Option<Update>,
@@ -116,11 +125,11 @@ impl Relay {
             Event::Left(id) => {
                 self.senders.remove(&id);
                 if let Some(gone) = self.pages.leave(id) {
-                    self.abandon(gone);
+                    self.on_controller_gone(gone);
                 }
-                self.tell_control();
+                self.send_control();
             }
-            Event::Ordered(id, text) => match Order::parse(&text) {
+            Event::Ordered(id, text) => match PageRequest::parse(&text) {
                 Ok(order) => self.execute(id, &order, now),
                 Err(why) => self.answer(id, &Message::Refused { why }),
             },
@@ -143,30 +152,34 @@ impl Relay {
         first.extend(world.iter().map(|world| Message::World(world.state()).text()));
         for text in first {
             // If the page is closed already, an event `Left` follows.
-            outbox.tell(text);
+            outbox.send(text);
         }
         self.senders.insert(id, outbox);
-        self.tell_control();
+        self.send_control();
     }
 
-    fn execute(&mut self, id: u32, order: &Order, now: Instant) {
+    fn execute(&mut self, id: u32, order: &PageRequest, now: Instant) {
         match *order {
-            Order::Shown { number } => return self.pages.shown(id, number),
-            Order::Hidden { hidden } => return self.pages.hide(id, hidden, now),
-            Order::Stop => return self.switch_off("stopped"),
-            Order::Take => {
+            PageRequest::Shown { number } => return self.pages.shown(id, number),
+            PageRequest::Hidden { hidden } => return self.pages.hide(id, hidden, now),
+            PageRequest::Stop => return self.switch_off("stopped"),
+            PageRequest::Take => {
                 if self.pages.take(id, now) {
                     self.answer(id, &notice("the page in control is asked to release it".to_owned()));
                 }
-                return self.tell_control();
+                return self.send_control();
             }
-            Order::Release => {
+            PageRequest::Release => {
                 if self.pages.release(id) {
                     self.switch_off_if_any("control was released");
                 }
-                return self.tell_control();
+                return self.send_control();
             }
-            Order::Points { .. } | Order::Faults | Order::Export | Order::Status | Order::Look(_) => {
+            PageRequest::Points { .. }
+            | PageRequest::Faults
+            | PageRequest::Export
+            | PageRequest::Status
+            | PageRequest::Look(_) => {
                 let answer = self.look_up(order);
                 return self
                     .answer(id, &answer.unwrap_or_else(|why| Message::Refused { why: why.to_string() }));
@@ -188,19 +201,21 @@ impl Relay {
     }
 
     /// Answers an order that reads and changes nothing.
-    fn look_up(&mut self, order: &Order) -> Result<Message, RequestError> {
+    fn look_up(&mut self, order: &PageRequest) -> Result<Message, RequestError> {
         let session = self.session.as_mut().ok_or("the hub is not connected")?;
         Ok(match *order {
-            Order::Points { motor, scheme, cps, volts } => {
+            PageRequest::Points { motor, scheme, cps, volts } => {
                 let settings = session.settings(channel(motor)?)?;
                 Message::Points(points(&settings.motor.winding, scheme, cps, volts)?)
             }
-            Order::Faults => {
+            PageRequest::Faults => {
                 let (_, heads) = session.recorded()?.ok_or("this hub keeps no record of faults")?;
                 Message::Faults { entries: heads.iter().map(fault_entry).collect() }
             }
-            Order::Status => Message::Status(status(session)?),
-            Order::Look(at) => self.devices.look(session, at)?,
+            PageRequest::Status => Message::Status(status(session)?),
+            PageRequest::Look(Look::Servos) => Message::Servos { servos: servos(session)? },
+            PageRequest::Look(Look::Analog) => Message::Analog { channels: analog(session)? },
+            PageRequest::Look(Look::Pins) => Message::Pins { pins: self.devices.pins(session)? },
             _ => Message::File { name: "motor-hub-settings.toml", text: settings_file::export(session)? },
         })
     }
@@ -209,25 +224,25 @@ impl Relay {
     ///
     /// # Errors
     /// A text that says why the order is not executed.
-    fn execute_for_controller(&mut self, order: &Order) -> Result<(), String> {
+    fn execute_for_controller(&mut self, order: &PageRequest) -> Result<(), String> {
         let Some(session) = &mut self.session else { return Err("the hub is not connected".to_owned()) };
         let done = match *order {
             // A file may change the kind of an enabled motor's set-point. Then the motor would follow an old value of
             // the new kind.
-            Order::Import { .. } if self.frame.motors.iter().any(|motor| motor.enabled) => {
+            PageRequest::Import { .. } if self.frame.motors.iter().any(|motor| motor.enabled) => {
                 Err("a motor is enabled: disable all motors by STOP, then import the file again".into())
             }
-            Order::Identify { motor, travel } => {
+            PageRequest::Identify { motor, travel } => {
                 let begun = channel(motor).and_then(|motor| Identification::begin(session, motor, travel));
                 begun.map(|identification| {
                     self.identification = Some(identification);
                     Changed::Nothing
                 })
             }
-            Order::Play if !self.chain.shows_the_first() => {
+            PageRequest::Play if !self.chain.shows_the_first() => {
                 Err("the scenario is one of the first hub: show that hub".into())
             }
-            Order::Play => match (&self.place.world, &self.place.script) {
+            PageRequest::Play => match (&self.place.world, &self.place.script) {
                 (Some(world), Some(_)) => {
                     world.restart();
                     self.playing = Some(Script::begin());
@@ -235,56 +250,56 @@ impl Relay {
                 }
                 _ => Err("there is no scenario to play: start the dashboard with --scenario FILE, whose scenario has set-points and moves no motors in step".into()),
             },
-            Order::Firmware { offset, ref hex } => self.collect(offset, hex),
+            PageRequest::Firmware { offset, ref hex } => self.collect(offset, hex),
             // The update restarts the hub. A silent hub that is not the first one counts as lost.
-            Order::Update { .. } if !self.chain.shows_the_first() => {
+            PageRequest::Update { .. } if !self.chain.shows_the_first() => {
                 Err("a hub behind another one is updated by a dashboard that is started with its --address"
                     .into())
             }
-            Order::Update { ref version, ref seal } => {
+            PageRequest::Update { ref version, ref seal } => {
                 let image = std::mem::take(&mut self.firmware);
                 Update::begin(session, image, version, seal.as_ref()).map(|update| {
                     self.update = Some(update);
                     Changed::Nothing
                 })
             }
-            Order::Address { new } => self.set_address(new),
-            Order::Hub { address } => self.show(address),
-            Order::World(_) if !self.chain.shows_the_first() => {
+            PageRequest::Address { new } => self.set_address(new),
+            PageRequest::Hub { address } => self.show(address),
+            PageRequest::World(_) if !self.chain.shows_the_first() => {
                 Err("only motors and battery of the first hub can be changed: show that hub".into())
             }
-            Order::Device(ref order) => match self.devices.execute(session, order) {
+            PageRequest::Device(ref order) => match self.devices.execute(session, order) {
                 Ok(None) => Ok(Changed::Nothing),
                 Ok(Some(transfer)) => {
-                    self.tell(&Message::Transfer(transfer));
+                    self.send_to_all(&Message::Transfer(transfer));
                     Ok(Changed::Nothing)
                 }
                 Err(error) => Err(error),
             },
-            Order::Save => self.store(HubFunction::Save),
-            Order::Load => self.store(HubFunction::Load),
-            Order::Reset => self.store(HubFunction::Reset),
+            PageRequest::Save => self.store(HubFunction::Save),
+            PageRequest::Load => self.store(HubFunction::Load),
+            PageRequest::Reset => self.store(HubFunction::Reset),
             _ => self.executor.execute(session, self.place.world.as_ref(), order),
         };
         match done {
             Ok(Changed::Nothing) => (),
-            Ok(Changed::Settings(motor)) => self.tell_settings(motor),
-            Ok(Changed::AllSettings) => self.tell_all_settings(),
+            Ok(Changed::Settings(motor)) => self.send_settings(motor),
+            Ok(Changed::AllSettings) => self.send_all_settings(),
             Ok(Changed::World) => {
                 if let Some(world) = self.place.world.as_ref().map(World::state) {
-                    self.tell(&Message::World(world));
+                    self.send_to_all(&Message::World(world));
                 }
             }
             Err(RequestError::Refused(why)) => {
                 // Part of the order may have been executed.
                 match order {
-                    Order::Import { .. } => self.tell_all_settings(),
-                    order => order.changed_motor().into_iter().for_each(|motor| self.tell_settings(motor)),
+                    PageRequest::Import { .. } => self.send_all_settings(),
+                    order => order.changed_motor().into_iter().for_each(|motor| self.send_settings(motor)),
                 }
                 return Err(why);
             }
             Err(RequestError::Hub(error)) => {
-                self.lose(&error.to_string());
+                self.drop_session(&error.to_string());
                 return Err(error.to_string());
             }
         }
@@ -321,11 +336,11 @@ impl Relay {
                 if progress.state != "running" {
                     self.update = None;
                     // The new firmware has settings of its own.
-                    self.tell_all_settings();
+                    self.send_all_settings();
                 }
-                self.tell(&Message::Update(progress));
+                self.send_to_all(&Message::Update(progress));
             }
-            Err(error) => self.lose(&error.to_string()),
+            Err(error) => self.drop_session(&error.to_string()),
         }
     }
 
@@ -347,15 +362,15 @@ impl Relay {
                 "at least until its next reset; it does not report whether it stores addresses".to_owned()
             }
         };
-        self.notify(format!("the hub has address {new} {kept}"), false);
+        self.send_notice(format!("the hub has address {new} {kept}"), false);
         Ok(Changed::Nothing)
     }
 
     /// Begins to save, load or reset the stored settings.
     fn store(&mut self, what: HubFunction) -> Result<Changed, RequestError> {
         let Some(session) = &mut self.session else { return Ok(Changed::Nothing) };
-        session.begin_store(what.clone())?;
-        self.saving = Some((Instant::now(), what));
+        let access = session.begin_store(what.clone())?;
+        self.saving = Some(Saving { what, access, asked: Instant::now() });
         Ok(Changed::Nothing)
     }
 
@@ -371,9 +386,9 @@ impl Relay {
             Ok(true) => (),
             Ok(false) => return,
             Err(error @ Error::Silent { .. }) if !self.chain.shows_the_first() => {
-                return self.give_up(&error);
+                return self.show_first_hub(&error);
             }
-            Err(error) => return self.lose(&error.to_string()),
+            Err(error) => return self.drop_session(&error.to_string()),
         }
         let now = Instant::now();
         self.frame.at_s = now.duration_since(self.since).as_secs_f64();
@@ -387,7 +402,7 @@ impl Relay {
         }
         let done = self.identify().and_then(|()| self.follow_save()).and_then(|()| self.follow_chain());
         if let Err(error) = done {
-            self.lose(&error.to_string());
+            self.drop_session(&error.to_string());
         }
         self.play();
     }
@@ -405,21 +420,21 @@ impl Relay {
         let motors = || (0..).zip(&self.frame.motors).filter(|(_, motor)| motor.enabled);
         let fault = motors().any(|(_, motor)| motor.fault == Some(true));
         self.chain.note(motors().map(|(motor, _)| motor).collect(), fault);
-        let news = self.chain.news().map(|hubs| Message::Hubs { hubs });
+        let news = self.chain.changed_hubs().map(|hubs| Message::Hubs { hubs });
         let found = found.map(Message::Transfer);
-        found.into_iter().chain(news).for_each(|message| self.tell(&message));
+        found.into_iter().chain(news).for_each(|message| self.send_to_all(&message));
         Ok(())
     }
 
     /// Shows the first hub instead of a child that does not answer. The keep-alive of the silent hub disables its
     /// motors.
-    fn give_up(&mut self, silent: &Error) {
+    fn show_first_hub(&mut self, silent: &Error) {
         let Some(session) = &mut self.session else { return };
-        self.chain.give_up(session);
+        self.chain.show_first_hub(session);
         (self.identification, self.playing, self.saving) = (None, None, None);
-        match self.meet() {
-            Ok(()) => self.notify(silent.to_string(), false),
-            Err(error) => self.lose(&error.to_string()),
+        match self.query_hub() {
+            Ok(()) => self.send_notice(silent.to_string(), false),
+            Err(error) => self.drop_session(&error.to_string()),
         }
     }
 
@@ -437,7 +452,7 @@ impl Relay {
         }
         let before = session.address();
         self.chain.show(session, address)?;
-        if let Err(error) = self.meet() {
+        if let Err(error) = self.query_hub() {
             let Some(session) = &mut self.session else { return Ok(Changed::Nothing) };
             self.chain.show(session, before)?;
             return Err(match error {
@@ -459,15 +474,15 @@ impl Relay {
             Ok(false) => (),
             Ok(true) => self.switch_off("the scenario is over"),
             Err(RequestError::Refused(why)) => self.switch_off(&why),
-            Err(RequestError::Hub(error)) => self.lose(&error.to_string()),
+            Err(RequestError::Hub(error)) => self.drop_session(&error.to_string()),
         }
     }
 
     /// Disables the motors if the page in control counts as gone. [`tick`](Self::tick) does so too.
     pub fn watch(&mut self) {
         if let Some(gone) = self.pages.review(Instant::now()) {
-            self.abandon(gone);
-            self.tell_control();
+            self.on_controller_gone(gone);
+            self.send_control();
         }
     }
 
@@ -479,7 +494,7 @@ impl Relay {
             self.frame = Frame { number, ..Frame::of(&report) };
             return Ok(true);
         }
-        let look = self.looked_at.elapsed() > ENABLED;
+        let look = self.looked_at.elapsed() > SETPOINT_POLL_INTERVAL;
         let before = std::mem::take(&mut self.frame.motors);
         self.frame = Frame { number, ..Frame::of_other_maker(session, before, look)? };
         if look {
@@ -489,21 +504,21 @@ impl Relay {
     }
 
     fn connect(&mut self) {
-        self.connect_at = Instant::now() + AGAIN;
+        self.connect_at = Instant::now() + RECONNECT_INTERVAL;
         let met = (self.place.open)().and_then(|Opened { mut session, hubs }| {
-            session.shorten_timeout(PATIENCE);
+            session.limit_timeout(REQUEST_TIMEOUT);
             self.chain = Chain::new(&hubs, session.address());
             self.session = Some(session);
-            self.meet().map_err(|error| error.to_string())
+            self.query_hub().map_err(|error| error.to_string())
         });
         if let Err(why) = met {
             self.session = None;
-            self.tell_line(gone(why));
+            self.send_line(gone(why));
         }
     }
 
     /// Asks the hub of the session what it can report and store, and sends the answer to the pages.
-    fn meet(&mut self) -> Result<(), Error> {
+    fn query_hub(&mut self) -> Result<(), Error> {
         let Some(session) = &mut self.session else { return Ok(()) };
         let reports = session.report()?.is_some();
         let stores = session.stored_if_reported()?.is_some();
@@ -512,25 +527,25 @@ impl Relay {
         self.frame.motors.clear();
         (self.executor, self.devices) = Default::default();
         self.settings.clear();
-        self.tell_line(Message::Line { connected: true, why: String::new(), reports, stores, has });
-        self.tell_all_settings();
+        self.send_line(Message::Line { connected: true, why: String::new(), reports, stores, has });
+        self.send_all_settings();
         Ok(())
     }
 
     /// Drops the session with a hub that no longer answers. The hub's keep-alive disables its motors.
-    fn lose(&mut self, why: &str) {
+    fn drop_session(&mut self, why: &str) {
         self.session = None;
         (self.identification, self.playing) = (None, None);
-        self.connect_at = Instant::now() + AGAIN;
+        self.connect_at = Instant::now() + RECONNECT_INTERVAL;
         self.saving = None;
         // A hub that restarts is silent for a while.
         if let Some(update) = self.update.take_if(|update| !update.restarts()) {
-            self.tell(&Message::Update(update.failed(why)));
+            self.send_to_all(&Message::Update(update.failed(why)));
         }
-        self.tell_line(gone(why.to_owned()));
+        self.send_line(gone(why.to_owned()));
     }
 
-    fn abandon(&mut self, gone: Gone) {
+    fn on_controller_gone(&mut self, gone: Gone) {
         self.switch_off_if_any(&gone.to_string());
     }
 
@@ -544,7 +559,7 @@ impl Relay {
         } else if let Some(session) = &mut self.session {
             self.devices.stopped();
             if let Err(error) = self.chain.stop(session) {
-                self.lose(&error.to_string());
+                self.drop_session(&error.to_string());
             }
         }
     }
@@ -556,19 +571,19 @@ impl Relay {
             let text = format!(
                 "motors could not be disabled ({why}): the hub is not connected; it disables them itself 2.5 s after the last packet"
             );
-            return self.notify(text, true);
+            return self.send_notice(text, true);
         };
         self.devices.stopped();
         match self.chain.stop(session) {
             Ok(()) => {
-                self.notify(format!("all motors are disabled: {why}"), true);
+                self.send_notice(format!("all motors are disabled: {why}"), true);
             }
             Err(error) => {
                 let text = format!(
                     "motors could not be disabled ({why}): {error}; the hub disables them itself 2.5 s after the last packet"
                 );
-                self.notify(text, true);
-                self.lose(&error.to_string());
+                self.send_notice(text, true);
+                self.drop_session(&error.to_string());
             }
         }
     }
@@ -588,45 +603,45 @@ impl Relay {
         if let (Progress::Found { proposal, .. }, Ok(of)) = (&progress, self.executor.of(motor)) {
             of.proposed = Some(*proposal);
         }
-        self.tell(&Message::Identification { motor, progress });
+        self.send_to_all(&Message::Identification { motor, progress });
         disabled
     }
 
     /// Asks about a running save, load or reset, and sends a notice when it has ended, or when the hub refuses to report
     /// it.
     fn follow_save(&mut self) -> Result<(), Error> {
-        let (Some((asked, what)), Some(session)) = (&mut self.saving, &mut self.session) else {
+        let (Some(saving), Some(session)) = (&mut self.saving, &mut self.session) else {
             return Ok(());
         };
-        if asked.elapsed() < SAVING {
+        if saving.asked.elapsed() < STORE_POLL_INTERVAL {
             return Ok(());
         }
-        *asked = Instant::now();
-        let report = or_refusal(session.stored())?;
-        if report.as_ref().is_ok_and(|report| report.is_busy) {
+        saving.asked = Instant::now();
+        let result = or_refusal(saving.access.result(session))?;
+        if matches!(result, Ok(None)) {
             return Ok(());
         }
-        let done = match what {
+        let done = match saving.what {
             HubFunction::Load => "the stored settings are in force",
             HubFunction::Reset => "the firmware's settings are in force and stored",
             _ => "settings are saved",
         };
-        let changed = !matches!(what, HubFunction::Save);
+        let changed = !matches!(saving.what, HubFunction::Save);
         self.saving = None;
-        let text = match report.as_ref().map(why_unsaved) {
+        let text = match result.map(|report| report.as_ref().and_then(why_unsaved)) {
             Ok(None) => done.to_owned(),
             Ok(Some(why)) => format!("settings are not saved: {why}"),
             Err(why) => format!("whether settings are saved is unknown: {why}"),
         };
         if changed {
             self.executor.motors = Default::default();
-            self.tell_all_settings();
+            self.send_all_settings();
         }
-        self.notify(text, false);
+        self.send_notice(text, false);
         Ok(())
     }
 
-    fn tell_settings(&mut self, motor: u8) {
+    fn send_settings(&mut self, motor: u8) {
         let Some(session) = &mut self.session else { return };
         // Another maker's hub does not report settings.
         if let Ok(settings) = self.executor.settings(session, motor) {
@@ -636,45 +651,45 @@ impl Relay {
         }
     }
 
-    fn tell_all_settings(&mut self) {
-        (0..CHANNELS as u8).for_each(|motor| self.tell_settings(motor));
+    fn send_all_settings(&mut self) {
+        (0..CHANNELS as u8).for_each(|motor| self.send_settings(motor));
     }
 
-    fn tell_control(&mut self) {
+    fn send_control(&mut self) {
         let (controller, asks) = (self.pages.controller(), self.pages.asks());
-        self.tell(&Message::Control { controller, pages: self.pages.count(), asks });
+        self.send_to_all(&Message::Control { controller, pages: self.pages.count(), asks });
     }
 
-    fn tell_line(&mut self, line: Message) {
-        self.tell(&line);
+    fn send_line(&mut self, line: Message) {
+        self.send_to_all(&line);
         self.line = line;
     }
 
     /// Sends a message to all pages.
-    fn tell(&mut self, message: &Message) {
+    fn send_to_all(&mut self, message: &Message) {
         self.send(&message.text());
     }
 
     fn send(&mut self, text: &Arc<str>) {
-        self.senders.retain(|_, outbox| outbox.tell(text.clone()));
+        self.senders.retain(|_, outbox| outbox.send(text.clone()));
     }
 
     /// Sends a notice to all pages.
-    fn notify(&mut self, text: String, grave: bool) {
-        self.tell(&Message::Notice { text, grave });
+    fn send_notice(&mut self, text: String, motors_disabled: bool) {
+        self.send_to_all(&Message::Notice { text, motors_disabled });
     }
 
     /// Answers the page that has sent an order.
     fn answer(&self, id: u32, answer: &Message) {
         if let Some(outbox) = self.senders.get(&id) {
-            outbox.tell(answer.text());
+            outbox.send(answer.text());
         }
     }
 }
 
 /// Answer to a page whose order is executed.
 const fn notice(text: String) -> Message {
-    Message::Notice { text, grave: false }
+    Message::Notice { text, motors_disabled: false }
 }
 
 /// Message about a hub that does not answer.

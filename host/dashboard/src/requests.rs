@@ -15,7 +15,7 @@ use simulated::scheme::SchemeName;
 /// An order of a page.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(crate) enum Order {
+pub(crate) enum PageRequest {
     /// The page has shown this frame.
     Shown { number: u64 },
     /// The page has been hidden, or is visible again.
@@ -142,7 +142,7 @@ pub(crate) enum Order {
     /// Asks for the state of devices.
     Look(Look),
     /// Changes a servo or a digital pin, or uses an I2C bus.
-    Device(DeviceOrder),
+    Device(DeviceRequest),
     /// Gives the hub another address.
     Address {
         /// Address, 1 to 254.
@@ -173,7 +173,7 @@ pub(crate) enum Order {
     World(WorldOrder),
 }
 
-impl Order {
+impl PageRequest {
     /// Reads an order.
     ///
     /// # Errors
@@ -243,7 +243,7 @@ pub(crate) enum Look {
 /// An order to what a hub has besides motors.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(crate) enum DeviceOrder {
+pub(crate) enum DeviceRequest {
     /// Starts or ends the pulses of a servo.
     Servo {
         /// Servo output, 0 to 5.

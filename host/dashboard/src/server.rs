@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 use tungstenite::handshake::server::write_response;
 
 /// Largest number of simultaneous connections. A page has one connection, and some more while it loads.
-const MOST: u32 = 48;
+const MAX_CONNECTIONS: u32 = 48;
 
 /// Time in which a client must have sent its whole request. Anybody may open a connection without the token. The time
 /// is short, so that 48 silent connections keep a page out for no longer than this time.
@@ -149,7 +149,7 @@ fn listen(listener: &TcpListener, admission: &Admission, events: &Sender<Event>)
     for stream in listener.incoming().flatten() {
         let (admission, events) = (admission.clone(), events.clone());
         let (connections, pages) = (Arc::clone(&connections), Arc::clone(&pages));
-        let full = connections.fetch_add(1, Ordering::Relaxed) >= MOST;
+        let full = connections.fetch_add(1, Ordering::Relaxed) >= MAX_CONNECTIONS;
         std::thread::spawn(move || {
             // An error means that the client has closed the connection.
             let _ = serve(stream, &admission, full, &events, &pages);

@@ -6,6 +6,7 @@ use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values, 
 use motor_hub::group::{BaseSettings, DriveBase};
 use motor_hub::motor::Settings;
 use motor_hub::protocol::CHANNELS;
+use motor_hub_client::request_text::of_group;
 use motor_hub_client::{Error, Session};
 use serde::{Deserialize, Serialize};
 use simulated::scheme::{BlendChoice, SchemeName};
@@ -188,7 +189,9 @@ fn values_of(motor: Table) -> Result<Vec<Values>, String> {
             "scheme" | "blend" => Ok(field.get(&settings)),
             _ => motor.take(field),
         })?;
-        settings = values.apply_to(&settings).map_err(|nack| format!("the values of {group:?}: {nack}"))?;
+        settings = values
+            .apply_to(&settings)
+            .map_err(|nack| format!("the values of the {}: {nack}", of_group(group)))?;
         all.push(values);
     }
     Ok(all)

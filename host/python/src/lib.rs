@@ -9,7 +9,7 @@ mod reading;
 use motor_hub_client::base::Part;
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::line::{Line, ports};
-use motor_hub_client::motor::constant_current_ma;
+use motor_hub_client::motor::{SPEED_LIMITS_CPS, constant_current_ma};
 use motor_hub_client::motor_hub::extension::HubFunction;
 use motor_hub_client::motor_hub::extension::group::{GroupCourse, GroupState};
 use motor_hub_client::motor_hub::group::{BaseSettings, DEFAULT_TOLERANCE, DriveBase, GroupCommand};
@@ -76,6 +76,12 @@ fn channel(motor: i64) -> PyResult<u8> {
     within("motor", motor, 0, CHANNELS as i64 - 1, "")
 }
 
+/// Checks a speed limit in counts/s.
+fn speed_limit<T: TryFrom<i64>>(cps: i64) -> PyResult<T> {
+    let [least, most] = [SPEED_LIMITS_CPS.start(), SPEED_LIMITS_CPS.end()].map(|cps| i64::from(*cps));
+    within("speed", cps, least, most, "counts/s")
+}
+
 /// A session with one hub.
 #[pyclass(frozen, module = "motor_hub")]
 struct Link {
@@ -110,7 +116,7 @@ impl Link {
         py.detach(|| {
             let mut session = Session::open(place)
                 .map_err(|error| Unreachable::new_err(format!("cannot open {place}: {error}")))?;
-            let left_running = session.stop_abandoned().map_err(Failure)?;
+            let left_running = session.disable_left_enabled().map_err(Failure)?;
             Ok(Self { session: Mutex::new(session), left_running })
         })
     }
@@ -182,7 +188,7 @@ impl Link {
     fn position(&self, py: Python<'_>, motor: i64, counts: i64, speed: i64, tolerance: i64) -> PyResult<()> {
         let motor = channel(motor)?;
         let counts = within("position", counts, i32::MIN.into(), i32::MAX.into(), "counts")?;
-        let speed = within("speed", speed, 1, i16::MAX.into(), "counts/s")?;
+        let speed = speed_limit(speed)?;
         let tolerance = within("tolerance", tolerance, 0, u16::MAX.into(), "counts")?;
         self.run(py, |session| {
             // In velocity mode this value is the target velocity, so the speed limit is set after the mode has changed.
@@ -200,7 +206,7 @@ impl Link {
     fn current(&self, py: Python<'_>, motor: i64, amperes: f64, speed: i64) -> PyResult<()> {
         let motor = channel(motor)?;
         let ma = constant_current_ma(amperes).map_err(|error| PyValueError::new_err(error.to_string()))?;
-        let speed = within("speed", speed, 1, u16::MAX.into(), "counts/s")?;
+        let speed = speed_limit(speed)?;
         self.run(py, |session| session.set_current(motor, ma, speed))
     }
 

@@ -192,6 +192,7 @@ class BadInput(WithHub):
                 (motor.power(float("nan")), "power is NaN; allowed are -1 to 1 of full power"),
                 (motor.position(2**31), "position is 2147483648; allowed are -2147483648 to 2147483647 counts"),
                 (motor.position(0, speed=0), "speed is 0; allowed are 1 to 32767 counts/s"),
+                (motor.current(0.1, speed=40_000), "speed is 40000; allowed are 1 to 32767 counts/s"),
                 (motor.current(2000.0, speed=100), "a current of 2000 A is out of range; allowed is -65.535 to 65.535 A"),
                 (motor.identify(travel=0), "travel is 0; allowed are 1 to 4294967295 counts"),
             ]:

@@ -8,6 +8,7 @@ use crate::config::Joint;
 use crate::messages::{battery_state, diagnostics, imu, joint_state, odometry, transform};
 use crate::node::{Answer, Arrived, Call, Event, Topics, now};
 use crate::robot::{Robot, Setpoint, VALID};
+use motor_hub_client::hub::StoreAccess;
 use motor_hub_client::line::Line;
 use motor_hub_client::motor_hub::extension::HubFunction;
 use motor_hub_client::motor_hub::extension::base::OdometryReport;
@@ -26,24 +27,22 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 /// Interval between two tries to reach a lost hub.
-const AGAIN: Duration = Duration::from_secs(1);
+const RECONNECT_INTERVAL: Duration = Duration::from_secs(1);
 /// Time-out of requests to the hub at the port.
-const PATIENCE: Duration = Duration::from_secs(1);
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(1);
 /// Time-out of requests to a child. A child answers within 20 ms. The other hubs get no requests while the thread waits
 /// for a child.
-const CHILD_PATIENCE: Duration = Duration::from_millis(150);
+const CHILD_TIMEOUT: Duration = Duration::from_millis(150);
 /// Time-out of the request to a lost child.
-const LOST_PATIENCE: Duration = Duration::from_millis(20);
+const LOST_CHILD_TIMEOUT: Duration = Duration::from_millis(20);
 /// Longest wait for the battery voltage of a hub that has just started.
-const FIRST_TICKS: Duration = Duration::from_millis(500);
-/// Longest duration of a save of settings. A save takes several seconds if the hub must erase flash.
-const STORING: Duration = Duration::from_secs(10);
+const BATTERY_TIMEOUT: Duration = Duration::from_millis(500);
 /// Interval between two messages about battery and diagnostics.
-const SLOW: Duration = Duration::from_secs(1);
+const DIAGNOSTICS_INTERVAL: Duration = Duration::from_secs(1);
 
 /// Advance of a hub's clock over this machine's clock between two reports, above which the hub counts as reset. Control
 /// period and delay of the line cause far smaller differences.
-const AHEAD: Duration = Duration::from_secs(1);
+const RESET_CLOCK_ADVANCE: Duration = Duration::from_secs(1);
 /// Why motors are off after a call of `stop`.
 const STOPPED: &str = "stop was called; call enable";
 
@@ -62,7 +61,7 @@ pub(crate) struct HubThread {
 
 /// Enable and mode that a joint's motor has. They are sent only if they change.
 #[derive(Clone, Copy, Default)]
-struct Sent {
+struct SentState {
     enabled: bool,
     mode: Option<RunMode>,
 }
@@ -74,7 +73,7 @@ struct Connected {
     parent: Address,
     /// Lost children by address, and the time of the next request to each.
     lost: BTreeMap<u8, Instant>,
-    joints: Vec<(Joint, Sent)>,
+    joints: Vec<(Joint, SentState)>,
     identification: Option<Identifying>,
     saving: Option<Saving>,
     /// True if the hub has accepted the configuration of the drive base.
@@ -95,10 +94,8 @@ struct Identifying {
 /// A save of settings, which runs on several hubs at the same time.
 struct Saving {
     answer: Answer,
-    /// Hubs that have not finished. `None` is the hub at the port.
-    running: Vec<Option<u8>>,
-    /// Time at which a hub that has not finished counts as failed.
-    end: Instant,
+    /// Addresses of the hubs that have not finished. `None` is the hub at the port.
+    running: Vec<(Option<u8>, StoreAccess)>,
     /// Answer of the call if the remaining hubs store their settings.
     outcome: Result<String, String>,
 }
@@ -120,7 +117,7 @@ impl HubThread {
                 }
                 Err(error) => error.to_string(),
             };
-            eprintln!("warning: {place}: {lost}; the next try follows in {} s", AGAIN.as_secs());
+            eprintln!("warning: {place}: {lost}; the next try follows in {} s", RECONNECT_INTERVAL.as_secs());
             if reached {
                 self.robot.lose();
             }
@@ -141,7 +138,7 @@ impl HubThread {
                 session.address()
             ));
         };
-        let joints = self.robot.config().joints.iter().map(|joint| (joint.clone(), Sent::default()));
+        let joints = self.robot.config().joints.iter().map(|joint| (joint.clone(), SentState::default()));
         let mut hub = Connected {
             session,
             parent,
@@ -154,8 +151,6 @@ impl HubThread {
             clocks: BTreeMap::new(),
         };
         let ended = self.serve(&mut hub);
-        hub.give_up_identification("the hub was lost");
-        hub.give_up_save("the hub was lost");
         match ended {
             Ok(()) => hub.stop(),
             Err(error) => return Err(error.to_string()),
@@ -167,10 +162,10 @@ impl HubThread {
         self.start.elapsed()
     }
 
-    /// Publishes diagnostics, and answers calls for the time [`AGAIN`] while the hub cannot be reached.
+    /// Publishes diagnostics, and answers calls for the time [`RECONNECT_INTERVAL`] while the hub cannot be reached.
     fn wait_for_hub(&mut self) {
         self.publish_diagnostics();
-        let end = Instant::now() + AGAIN;
+        let end = Instant::now() + RECONNECT_INTERVAL;
         while !self.ends.load(Ordering::Relaxed) {
             match self.events.recv_timeout(end.saturating_duration_since(Instant::now())) {
                 Ok((_, Event::Call(Call::Stop | Call::Enable(false), answer))) => {
@@ -219,7 +214,7 @@ impl HubThread {
                 self.report(hub)?;
             }
             if Instant::now() >= slow {
-                slow += SLOW;
+                slow += DIAGNOSTICS_INTERVAL;
                 self.publish_diagnostics();
                 self.publish_battery();
             }
@@ -282,14 +277,16 @@ impl HubThread {
             }
             Call::SaveSettings if hub.saving.is_some() => Err("a save is under way".to_owned()),
             Call::SaveSettings => {
-                let (end, outcome) = (Instant::now() + STORING, Ok("settings are stored".to_owned()));
-                hub.saving = Some(Saving { answer, running: hub.addresses(), end, outcome });
+                let mut saving =
+                    Saving { answer, running: Vec::new(), outcome: Ok("settings are stored".to_owned()) };
                 for address in hub.addresses() {
-                    if let Err(error) = hub.begin_save(address) {
-                        let why = self.go_on_after(hub, error)?;
-                        hub.end_save(address, Some(why));
+                    match hub.begin_save(address) {
+                        Ok(access) => saving.running.push((address, access)),
+                        Err(error) => saving.outcome = Err(self.go_on_after(hub, error)?),
                     }
                 }
+                hub.saving = Some(saving);
+                hub.answer_save();
                 return Ok(());
             }
             Call::Identify => match (self.robot.off(), &hub.identification, hub.lost.keys().next()) {
@@ -327,7 +324,7 @@ impl HubThread {
             efforts.clear();
         }
         let message = joint_state(at, &names, &column(|state| state.1), &column(|state| state.2), &efforts);
-        told(self.topics.joint_states.put(message, at));
+        warn_if_unpublished(self.topics.joint_states.put(message, at));
         let base = self
             .robot
             .config()
@@ -337,13 +334,13 @@ impl HubThread {
         if let (Some(frames), Some((pose, twist)), Some((odom, tf))) =
             (base, self.robot.odometry(), &mut self.topics.odometry)
         {
-            told(odom.put(odometry(at, frames, pose, twist), at));
-            told(tf.put(transform(at, frames, pose), at));
+            warn_if_unpublished(odom.put(odometry(at, frames, pose, twist), at));
+            warn_if_unpublished(tf.put(transform(at, frames, pose), at));
         }
         if let (Some([_, frame]), Some(heading), Some(topic)) =
             (base, self.robot.gyro_heading(), &mut self.topics.imu)
         {
-            told(topic.put(imu(at, frame, heading), at));
+            warn_if_unpublished(topic.put(imu(at, frame, heading), at));
         }
         Ok(())
     }
@@ -397,29 +394,31 @@ impl HubThread {
     fn publish_battery(&mut self) {
         if let Some((volts, amperes)) = self.robot.battery() {
             let at = now();
-            told(self.topics.battery_state.put(battery_state(at, volts, amperes), at));
+            warn_if_unpublished(self.topics.battery_state.put(battery_state(at, volts, amperes), at));
         }
     }
 
     fn publish_diagnostics(&mut self) {
         let at = now();
         let all = self.robot.diagnostics(self.malformed.load(Ordering::Relaxed), self.now());
-        told(self.topics.diagnostics.put(diagnostics(at, &self.robot.config().place, &all), at));
+        warn_if_unpublished(
+            self.topics.diagnostics.put(diagnostics(at, &self.robot.config().place, &all), at),
+        );
     }
 }
 
 /// Prints why a message was not published. Zenoh drops messages without an error while no router is connected.
-fn told(published: zenoh::Result<()>) {
+fn warn_if_unpublished(published: zenoh::Result<()>) {
     if let Err(error) = published {
         eprintln!("warning: a message could not be published: {error}");
     }
 }
 
 impl Connected {
-    /// Waits until the hub knows its battery voltage, for [`FIRST_TICKS`] at most. A hub does not know the voltage
+    /// Waits until the hub knows its battery voltage, for [`BATTERY_TIMEOUT`] at most. A hub does not know the voltage
     /// before its first control tick, and refuses to enable motors without it.
     fn await_battery(&mut self) -> Result<(), Error> {
-        let end = Instant::now() + FIRST_TICKS;
+        let end = Instant::now() + BATTERY_TIMEOUT;
         while self.session.report()?.is_some_and(|report| report.battery.is_none()) && Instant::now() < end {
             std::thread::sleep(Duration::from_millis(10));
         }
@@ -476,20 +475,20 @@ impl Connected {
         if let Some(address) = address.filter(|address| self.lost.contains_key(address)) {
             return Err(Error::Silent { address });
         }
-        self.session.switch_to(address.and_then(Address::new).unwrap_or(self.parent));
-        self.session.set_timeout(if address.is_some() { CHILD_PATIENCE } else { PATIENCE });
+        self.session.select_hub(address.and_then(Address::new).unwrap_or(self.parent));
+        self.session.set_timeout(if address.is_some() { CHILD_TIMEOUT } else { REQUEST_TIMEOUT });
         Ok(())
     }
 
-    /// Selects the hub or a child for the next requests. A lost child first gets a request once in [`AGAIN`]. Returns
+    /// Selects the hub or a child for the next requests. A lost child first gets a request once in [`RECONNECT_INTERVAL`]. Returns
     /// true if a lost child has answered.
     fn find(&mut self, address: Option<u8>) -> Result<bool, Error> {
         let lost = address.and_then(|child| Some((child, *self.lost.get(&child)?)));
         let found = lost.is_some_and(|(_, again)| Instant::now() >= again);
         if let Some((child, _)) = lost.filter(|_| found) {
-            self.lost.insert(child, Instant::now() + AGAIN);
-            self.session.switch_to(Address::new(child).unwrap_or(self.parent));
-            self.session.set_timeout(LOST_PATIENCE);
+            self.lost.insert(child, Instant::now() + RECONNECT_INTERVAL);
+            self.session.select_hub(Address::new(child).unwrap_or(self.parent));
+            self.session.set_timeout(LOST_CHILD_TIMEOUT);
             self.disable_child(child)?;
             self.lost.remove(&child);
         }
@@ -506,14 +505,14 @@ impl Connected {
         self.end_save(Some(address), Some(Error::Silent { address }.to_string()));
         self.clocks.remove(&Some(address));
         let is_new = !self.lost.contains_key(&address);
-        self.lost.entry(address).or_insert_with(|| Instant::now() + AGAIN);
+        self.lost.entry(address).or_insert_with(|| Instant::now() + RECONNECT_INTERVAL);
         is_new
     }
 
     /// Disables all motors of a child. The session must have selected the child.
     fn disable_child(&mut self, address: u8) -> Result<(), Error> {
         for (_, sent) in self.joints.iter_mut().filter(|(joint, _)| joint.address == Some(address)) {
-            *sent = Sent::default();
+            *sent = SentState::default();
         }
         self.session.fail_safe()
     }
@@ -521,7 +520,7 @@ impl Connected {
     /// Disables all motors. One broadcast packet reaches all hubs of a chain. A child that does not confirm is lost.
     fn disable(&mut self) -> Result<(), Error> {
         for (_, sent) in &mut self.joints {
-            *sent = Sent::default();
+            *sent = SentState::default();
         }
         self.turn_to(None)?;
         let children = self.addresses().into_iter().flatten();
@@ -554,20 +553,20 @@ impl Connected {
     }
 
     /// Makes a hub start to store its settings.
-    fn begin_save(&mut self, address: Option<u8>) -> Result<(), Error> {
+    fn begin_save(&mut self, address: Option<u8>) -> Result<StoreAccess, Error> {
         self.turn_to(address)?;
         self.session.begin_store(HubFunction::Save)
     }
 
     /// Asks a hub that stores its settings whether it has finished. The session must have selected the hub.
     fn follow_save(&mut self, address: Option<u8>) -> Result<(), Error> {
-        let Some(end) = self.saving.as_ref().filter(|of| of.running.contains(&address)).map(|of| of.end)
-        else {
+        let running = self.saving.iter().flat_map(|saving| &saving.running);
+        let Some(access) = running.copied().find(|(of, _)| *of == address).map(|(_, access)| access) else {
             return Ok(());
         };
-        let why = match self.session.stored() {
-            Ok(report) if report.is_busy && Instant::now() < end => return Ok(()),
-            Ok(report) => reasons::why_unsaved(&report).map(str::to_owned),
+        let why = match access.result(&mut self.session) {
+            Ok(None) => return Ok(()),
+            Ok(Some(report)) => reasons::why_unsaved(&report).map(str::to_owned),
             Err(error @ (Error::Refused { .. } | Error::TooOld { .. })) => Some(error.to_string()),
             Err(error) => return Err(error),
         };
@@ -575,25 +574,22 @@ impl Connected {
         Ok(())
     }
 
-    /// Records that a hub has stored its settings, or why it has not. The last hub ends the save, and the call is
-    /// answered.
+    /// Records that a hub has stored its settings, or why it has not.
     fn end_save(&mut self, address: Option<u8>, why: Option<String>) {
         let Some(saving) = &mut self.saving else { return };
-        let Some(index) = saving.running.iter().position(|running| *running == address) else { return };
+        let Some(index) = saving.running.iter().position(|(of, _)| *of == address) else { return };
         saving.running.remove(index);
         if let Some(why) = why {
             saving.outcome = Err(why);
         }
+        self.answer_save();
+    }
+
+    /// Answers the call of a save once no hub is storing.
+    fn answer_save(&mut self) {
         if let Some(Saving { answer, outcome, .. }) = self.saving.take_if(|saving| saving.running.is_empty())
         {
             answer.send(outcome);
-        }
-    }
-
-    /// Ends a save that cannot continue, and answers its call with the reason.
-    fn give_up_save(&mut self, why: &str) {
-        if let Some(Saving { answer, .. }) = self.saving.take() {
-            answer.send(Err(why.to_owned()));
         }
     }
 
@@ -630,12 +626,12 @@ impl Connected {
             self.session.set_current(motor, ma, speed)?;
         }
         if let Some((_, sent)) = self.joints.get_mut(joint) {
-            *sent = Sent { enabled: true, mode: Some(mode) };
+            *sent = SentState { enabled: true, mode: Some(mode) };
         }
         Ok(())
     }
 
-    fn mode(&mut self, motor: u8, mode: RunMode, sent: Sent) -> Result<(), Error> {
+    fn mode(&mut self, motor: u8, mode: RunMode, sent: SentState) -> Result<(), Error> {
         if sent.mode == Some(mode) { Ok(()) } else { self.session.set_mode(motor, mode, ZeroPower::Brake) }
     }
 
@@ -651,7 +647,8 @@ impl Connected {
     /// difference modulo 2^32 ms is far larger than the time that has passed on this machine.
     fn was_reset(&mut self, address: Option<u8>, asked: Instant, at_ms: u32) -> bool {
         self.clocks.insert(address, (asked, at_ms)).is_some_and(|(before, before_ms)| {
-            Duration::from_millis(at_ms.wrapping_sub(before_ms).into()) > before.elapsed() + AHEAD
+            Duration::from_millis(at_ms.wrapping_sub(before_ms).into())
+                > before.elapsed() + RESET_CLOCK_ADVANCE
         })
     }
 

@@ -38,16 +38,28 @@ pub(crate) enum Call {
     SaveSettings,
 }
 
-/// A call that waits for its answer. A client that gets no answer waits for minutes.
+/// A call that waits for its answer. A client that gets no answer waits for minutes, so a call whose answer is dropped
+/// fails.
 pub(crate) struct Answer {
     query: Query,
     request: Attachment,
+    outcome: Result<String, String>,
 }
 
 impl Answer {
+    fn new(query: Query, request: Attachment) -> Self {
+        Self { query, request, outcome: Err("the hub was lost".to_owned()) }
+    }
+
     /// Answers the call.
-    pub(crate) fn send(self, outcome: Result<String, String>) {
-        let (success, message) = match &outcome {
+    pub(crate) fn send(mut self, outcome: Result<String, String>) {
+        self.outcome = outcome;
+    }
+}
+
+impl Drop for Answer {
+    fn drop(&mut self) {
+        let (success, message) = match &self.outcome {
             Ok(message) => (true, message),
             Err(message) => (false, message),
         };
@@ -314,7 +326,7 @@ impl<'a> Graph<'a> {
                 let call = query.payload().and_then(|payload| read(&payload.to_bytes()));
                 match (request, call) {
                     (Some(request), Some(call)) => {
-                        let _ = events.send((Instant::now(), Event::Call(call, Answer { query, request })));
+                        let _ = events.send((Instant::now(), Event::Call(call, Answer::new(query, request))));
                     }
                     _ => drop(malformed.fetch_add(1, Ordering::Relaxed)),
                 }

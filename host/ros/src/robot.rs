@@ -582,7 +582,7 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_commander_drives_and_the_conflict_is_told() {
+    fn the_newest_commander_drives_and_the_conflict_is_reported() {
         let mut robot = robot();
         robot.observe(None, report([0, 0]), None);
         robot.twist(A, (0.1, 0.0), ms(0));
@@ -603,7 +603,7 @@ mod tests {
     }
 
     #[test]
-    fn a_joint_with_a_fault_is_off_until_enable_and_its_number_is_told() {
+    fn a_joint_with_a_fault_is_off_until_enable_and_its_number_is_reported() {
         let mut robot = robot();
         robot.twist(A, (0.5, 0.0), ms(0));
         robot.due(ms(0));

@@ -208,6 +208,16 @@ class Relay:
         threading.Thread(target=answers, daemon=True).start()
 
 
+class CutLine(Relay):
+    """A line that is cut when the host asks the hub to reset an encoder."""
+
+    def request(self, data: bytes) -> None:
+        if data[8:10] == b"\x0e\x10":
+            self.host.shutdown(socket.SHUT_RDWR)
+        else:
+            super().request(data)
+
+
 class WithRobot(unittest.TestCase):
     distribution, has_hub, namespaces = "jazzy", True, ["/hub0"]
 
@@ -536,6 +546,17 @@ class Losses(WithRobot):
         self.assertTrue(self.commander.call("enable", True)[0])
         self.commander.drive(1.0, 0.2)
         self.assertAlmostEqual(self.speed(), 0.2, delta=0.02)
+
+    def test_a_call_is_answered_although_the_line_is_lost_during_it(self) -> None:
+        self.node.kill()
+        self.node.wait()
+        line = CutLine()
+        self.addCleanup(line.close)
+        line.connect(self.hub_port)
+        before = self.counts[ODOM]
+        self.start_node([f"127.0.0.1:{line.port}"])
+        self.wait_for(lambda: self.counts[ODOM] > before + 20, "odometry through the line")
+        self.assertEqual(self.commander.call("reset_encoders"), (False, "the hub was lost"))
 
     def left_running(self) -> bool:
         """Asks the hub by another program, which disables what runs."""

@@ -1,7 +1,7 @@
 // Sends texts to the relay, and receives texts from the relay. The relay runs in this tab: see the package `tab`. This
 // file replaces the dashboard's file of the same name.
 
-import { by, h } from "./dom.js";
+import { elementById, h } from "./dom.js";
 
 /** The shortest interval between two frames, in milliseconds; screens paint every 16.7 ms or faster. */
 const FRAME_MS = 15;
@@ -80,7 +80,7 @@ export function connect(page) {
   };
 
   async function load() {
-    const packed = Uint8Array.from(atob(by("relay").textContent), (letter) => letter.charCodeAt(0));
+    const packed = Uint8Array.from(atob(elementById("relay").textContent), (letter) => letter.charCodeAt(0));
     const code = await new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
     const { instance } = await WebAssembly.instantiate(code, { page: imports });
     const { memory, input, ...functions } = instance.exports;
@@ -123,7 +123,7 @@ export function connect(page) {
     await begin(true);
   } }, "Connect a hub");
   if (button.disabled) button.title = "A hub on a serial port needs Chromium, Chrome or Edge, 137 or later";
-  by("units").before(button);
+  elementById("units").before(button);
 
   load();
   requestAnimationFrame(paint);

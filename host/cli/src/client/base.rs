@@ -2,8 +2,8 @@
 
 use super::hub::HubOptions;
 use super::motors_off::DrivingSession;
-use super::together::{lead, stand};
-use crate::output::{Failure, print, print_json, say};
+use super::together::{enable_with_power_0, run_group};
+use crate::output::{Failure, print, print_error_line, print_json};
 use crate::parse::within_a_day;
 use motor_hub::extension::base::OdometryReport;
 use motor_hub::extension::group::GroupCourse;
@@ -129,13 +129,13 @@ impl Options {
                 driven.set_base(base)?;
             }
             let mut at = await_gyro(driven)?.counts;
-            stand(driven, &base.wheels)?;
+            enable_with_power_0(driven, &base.wheels)?;
             let (mut losses, mut is_implausible) = (0, false);
             for &part in &self.parts {
                 // Each part begins at the target positions of the part before, so that errors of the parts do not add
                 // up.
                 let (to, wanted) = self.command(&base, at, part)?;
-                if !lead(driven, &base.wheels, wanted, self.length)? {
+                if !run_group(driven, &base.wheels, wanted, self.length)? {
                     let seconds = self.length.unwrap_or_default().as_secs_f64();
                     return Err(Failure::Work(format!("{part:?} not finished after {seconds} s")));
                 }
@@ -143,11 +143,13 @@ impl Options {
                 let report = driven.odometry()?;
                 if report.losses != losses {
                     losses = report.losses;
-                    say("warning: the gyro was lost; the base has held its heading by its encoders");
+                    print_error_line(
+                        "warning: the gyro was lost; the base has held its heading by its encoders",
+                    );
                 }
                 if report.gyro == GyroState::Implausible && !is_implausible {
                     is_implausible = true;
-                    say(
+                    print_error_line(
                         "warning: the gyro did not turn with the wheels; the base holds its heading by its encoders. Mount the sensor \
                          with its chip upward, and check left and right, and the signs of the counts per turn",
                     );
@@ -168,7 +170,7 @@ fn await_gyro(session: &mut Session<Line>) -> Result<OdometryReport, Failure> {
             return Ok(report);
         }
         if Instant::now() > end {
-            say(
+            print_error_line(
                 "warning: the gyro gives no readings; the base holds its heading by its encoders. Check that a BNO055 at address \
                  0x28 is connected to I2C bus 0: `client i2c scan`",
             );

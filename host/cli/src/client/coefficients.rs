@@ -1,7 +1,7 @@
 //! Implements the command `motor-hub client coefficients`.
 
 use super::hub::HubOptions;
-use crate::output::{Failure, print_as, say};
+use crate::output::{Failure, print_as, print_error_line};
 use crate::parse::{MotorName, motor};
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, Terms};
 use motor_hub::units::Coefficient;
@@ -69,7 +69,7 @@ impl Options {
         let mut pidf = session.coefficients(self.motor.number, of)?;
         if [self.p, self.i, self.d, self.f].iter().any(Option::is_some) {
             if [self.p, self.i].iter().flatten().any(|coefficient| coefficient.to_bits() < 0) {
-                say("warning: with P or I below 0 the motor runs away from its set-point");
+                print_error_line("warning: with P or I below 0 the motor runs away from its set-point");
             }
             let LoopCoefficients { p, i, d, f, terms: _ } = pidf;
             let (p, i) = (self.p.unwrap_or(p), self.i.unwrap_or(i));

@@ -12,7 +12,7 @@ use motor_hub::protocol::Address;
 use motor_hub::units::Control;
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
-use motor_hub_client::motor::{NO_SPEED_LIMIT_CPS, constant_current_ma};
+use motor_hub_client::motor::{NO_SPEED_LIMIT_CPS, SPEED_LIMITS_CPS, constant_current_ma};
 use std::collections::BTreeSet;
 use std::time::Duration;
 
@@ -23,7 +23,7 @@ pub(crate) const ALL: [u8; motor_hub::protocol::CHANNELS] = [0, 1, 2, 3];
 pub(crate) const INTERVAL: Duration = Duration::from_millis(100);
 
 /// Number of readings of which one is printed if standard output is not a terminal.
-pub(crate) const LINE: u32 = 10;
+pub(crate) const READINGS_PER_LINE: u32 = 10;
 
 /// Options of all four commands.
 #[derive(clap::Args)]
@@ -38,7 +38,7 @@ struct Common {
     #[arg(long)]
     float: bool,
     #[command(flatten)]
-    turn: ShaftOptions,
+    shaft: ShaftOptions,
 }
 
 /// Motors of one hub.
@@ -91,7 +91,7 @@ pub(crate) struct CurrentOptions {
     ma: i32,
     /// Speed in counts per second at which the current decreases, so that the motor becomes no faster; 32767 for no limit
     #[arg(long = "speed-limit-cps", value_name = "CPS", default_value_t = NO_SPEED_LIMIT_CPS)]
-    #[arg(value_parser = whole("a speed limit", 1..=NO_SPEED_LIMIT_CPS, "counts/s"))]
+    #[arg(value_parser = whole("a speed limit", SPEED_LIMITS_CPS, "counts/s"))]
     speed_limit: u16,
 }
 
@@ -158,13 +158,13 @@ impl Drive {
     /// Returns the requested motion, and the encoder counts in a turn of the output shaft if the options give them.
     pub(super) fn motion(&self) -> Result<(Motion, Option<f64>), Failure> {
         let common = self.common();
-        let turn = common.turn.counts()?;
+        let counts_per_turn = common.shaft.counts()?;
         let setpoint = match self {
             Self::Power(options) => Setpoint::Power(options.value),
             Self::Current(options) => Setpoint::Current { ma: options.ma, speed: options.speed_limit },
-            Self::Velocity(options) => Setpoint::Velocity(options.speed.cps(turn)?),
+            Self::Velocity(options) => Setpoint::Velocity(options.speed.cps(counts_per_turn)?),
             &Self::Position(PositionOptions { counts, tolerance, speed, .. }) => {
-                let speed = speed.cps(turn)?;
+                let speed = speed.cps(counts_per_turn)?;
                 if speed < 1 {
                     return Err(Failure::Input(format!(
                         "--speed: {speed} counts/s is out of range; allowed is 1 to {}",
@@ -175,19 +175,23 @@ impl Drive {
             }
         };
         let zero = if common.float { ZeroPower::Float } else { ZeroPower::Brake };
-        Ok((Motion { motors: common.motors.numbers.clone(), setpoint, zero, length: common.length }, turn))
+        Ok((
+            Motion { motors: common.motors.numbers.clone(), setpoint, zero, length: common.length },
+            counts_per_turn,
+        ))
     }
 
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
-        let (motion, turn) = self.motion()?;
+        let (motion, counts_per_turn) = self.motion()?;
         let session = &mut hub.open(self.hub())?;
         let mut progress = Progress::new(&motion, INTERVAL);
         let settled = DrivingSession::run(session, |driven| {
             motion.begin(driven)?;
-            let settled = follow(driven, &motion.motors, turn, motion.length, |session, reading| {
-                motion.check(session)?;
-                Ok(progress.observe(reading.at, &reading.bulk, reading.report.as_ref()))
-            })?;
+            let settled =
+                follow(driven, &motion.motors, counts_per_turn, motion.length, |session, reading| {
+                    motion.check(session)?;
+                    Ok(progress.observe(reading.at, &reading.bulk, reading.report.as_ref()))
+                })?;
             if !settled {
                 progress.judge(motion.length)?;
             }
@@ -204,27 +208,27 @@ impl Drive {
 pub(super) fn follow(
     session: &mut Session<Line>,
     motors: &[u8],
-    turn: Option<f64>,
+    counts_per_turn: Option<f64>,
     length: Option<Duration>,
     mut settled: impl FnMut(&mut Session<Line>, &Reading) -> Result<bool, Failure>,
 ) -> Result<bool, Failure> {
     let mut live = Live::new();
     let mut readings = 0u32;
-    let mut unsaid = None;
+    let mut unprinted_line = None;
     let done = repeat(session, INTERVAL, length, |session, reading| {
-        let line = reading.line(motors, turn);
-        unsaid = None;
+        let line = reading.line(motors, counts_per_turn);
+        unprinted_line = None;
         if live.terminal {
-            live.redraw(&reading.table(motors, turn))?;
-        } else if readings.is_multiple_of(LINE) {
+            live.redraw(&reading.table(motors, counts_per_turn))?;
+        } else if readings.is_multiple_of(READINGS_PER_LINE) {
             print(&line)?;
         } else {
-            unsaid = Some(line);
+            unprinted_line = Some(line);
         }
         readings = readings.wrapping_add(1);
         settled(session, reading)
     });
     // The last reading is always printed.
-    unsaid.map_or(Ok(()), |line| print(&line))?;
+    unprinted_line.map_or(Ok(()), |line| print(&line))?;
     done
 }

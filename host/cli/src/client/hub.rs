@@ -1,6 +1,6 @@
 //! Options that name the hub of a command, and the session with this hub.
 
-use super::motors_off::stop_abandoned;
+use super::motors_off::disable_left_enabled;
 use super::ports;
 use crate::output::Failure;
 use crate::parse::{address, host_and_port, whole};
@@ -87,7 +87,7 @@ impl HubOptions {
     /// Opens a session by [`Self::session`], and disables motors that another host has left enabled.
     pub(super) fn open(&self, of_motors: Option<Address>) -> Result<Session<Line>, Failure> {
         let mut session = self.session(of_motors)?;
-        stop_abandoned(&mut session)?;
+        disable_left_enabled(&mut session)?;
         Ok(session)
     }
 

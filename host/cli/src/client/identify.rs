@@ -1,6 +1,6 @@
 //! Implements the command `motor-hub client identify`.
 
-use super::drive::{INTERVAL, LINE};
+use super::drive::{INTERVAL, READINGS_PER_LINE};
 use super::hub::HubOptions;
 use super::interrupt;
 use super::motors_off::DrivingSession;
@@ -128,14 +128,14 @@ impl Options {
 }
 
 /// Identifies a motor, and disables the motor. `travel` limits the motion in counts in either direction. Prints the
-/// progress if `aloud` is true.
+/// progress if `shows_progress` is true.
 pub(super) fn identify(
     session: &mut Session<Line>,
     motor: u8,
     travel: u32,
-    aloud: bool,
+    shows_progress: bool,
 ) -> Result<Identification, Failure> {
-    DrivingSession::run(session, |driven| turn(driven, motor, travel, aloud))
+    DrivingSession::run(session, |driven| turn(driven, motor, travel, shows_progress))
 }
 
 /// Turns the motor until its identification ends.
@@ -143,27 +143,27 @@ fn turn(
     driven: &mut DrivingSession<'_, Line>,
     motor: u8,
     travel: u32,
-    aloud: bool,
+    shows_progress: bool,
 ) -> Result<Identification, Failure> {
-    let say = |text: &str| if aloud { print(text) } else { Ok(()) };
+    let show = |text: &str| if shows_progress { print(text) } else { Ok(()) };
     let mut identifying = Identifying::begin(driven, motor, travel)?;
     driven.enable(motor)?;
     let mut live = Live::new();
     let end = Instant::now() + LONGEST;
-    let mut look = 0u32;
+    let mut readings = 0u32;
     while Instant::now() < end {
         match identifying.step(driven)? {
             Progress::Braking => (),
             Progress::Started(travel) => {
-                say(&format!("motor {motor}: turns at most {travel} counts either way, for some 3 s\n"))?;
+                show(&format!("motor {motor}: turns at most {travel} counts either way, for some 3 s\n"))?;
             }
             Progress::Turning(percent) => {
                 let progress = format!("{percent} %\n");
-                look += 1;
-                if live.terminal && aloud {
+                readings += 1;
+                if live.terminal && shows_progress {
                     live.redraw(&progress)?;
-                } else if look.is_multiple_of(LINE) {
-                    say(&progress)?;
+                } else if readings.is_multiple_of(READINGS_PER_LINE) {
+                    show(&progress)?;
                 }
             }
             Progress::Ended(outcome) => return Ok(outcome),

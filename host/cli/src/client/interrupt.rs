@@ -32,14 +32,14 @@ const SUSPENDS: &[(i32, &str)] = &[
 ];
 
 /// Interval between two checks for signals.
-const LOOK: Duration = Duration::from_millis(5);
+const CHECK_INTERVAL: Duration = Duration::from_millis(5);
 
 /// Time after the first signal until a further signal ends the program immediately. If the command has sent no requests
 /// for this time, the hub's keep-alive of 2.5 s has disabled its motors.
-const HANGS: Duration = Duration::from_secs(3);
+const FORCED_EXIT_AFTER: Duration = Duration::from_secs(3);
 
 /// Name of the first signal received, and the condition variable that announces this signal.
-static CAUGHT: (Mutex<Option<&str>>, Condvar) = (Mutex::new(None), Condvar::new());
+static RECEIVED_SIGNAL: (Mutex<Option<&str>>, Condvar) = (Mutex::new(None), Condvar::new());
 static LISTENING: OnceLock<()> = OnceLock::new();
 
 /// Makes signals end the command in good order instead of ending the program.
@@ -62,7 +62,7 @@ pub(super) fn listen() -> Result<(), Failure> {
 fn watch(raised: &AtomicUsize) {
     let mut first: Option<Instant> = None;
     loop {
-        thread::sleep(LOOK);
+        thread::sleep(CHECK_INTERVAL);
         let place = raised.swap(0, Ordering::Relaxed);
         let mut signals = SIGNALS.iter().chain(SUSPENDS);
         let signal = place.checked_sub(1).and_then(|place| signals.nth(place)).map(|(_, name)| *name);
@@ -72,10 +72,10 @@ fn watch(raised: &AtomicUsize) {
         match first {
             None => {
                 first = Some(Instant::now());
-                *CAUGHT.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(name);
-                CAUGHT.1.notify_all();
+                *RECEIVED_SIGNAL.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(name);
+                RECEIVED_SIGNAL.1.notify_all();
             }
-            Some(first) if first.elapsed() > HANGS => std::process::exit(1),
+            Some(first) if first.elapsed() > FORCED_EXIT_AFTER => std::process::exit(1),
             Some(_) => (),
         }
     }
@@ -123,8 +123,8 @@ mod console {
 /// Waits until the time `until`. Fails as soon as a signal has been received.
 pub(super) fn wait(until: Instant) -> Result<(), Failure> {
     let length = until.saturating_duration_since(Instant::now());
-    let caught = CAUGHT.0.lock().unwrap_or_else(PoisonError::into_inner);
-    let waited = CAUGHT.1.wait_timeout_while(caught, length, |caught| caught.is_none());
+    let caught = RECEIVED_SIGNAL.0.lock().unwrap_or_else(PoisonError::into_inner);
+    let waited = RECEIVED_SIGNAL.1.wait_timeout_while(caught, length, |caught| caught.is_none());
     let (caught, _) = waited.unwrap_or_else(PoisonError::into_inner);
     caught.map_or(Ok(()), |name| Err(Failure::Work(format!("stopped by {name}"))))
 }

@@ -2,13 +2,13 @@
 
 use super::motors_off::DrivingSession;
 use super::readings::motors_of;
-use crate::output::{Failure, say};
+use crate::output::{Failure, print_error_line};
 use motor_hub::extension::report::HubReport;
 use motor_hub::motor::{SettleDetector, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts, Period};
-use motor_hub_client::error::if_known;
+use motor_hub_client::error::none_if_unsupported;
 use motor_hub_client::line::Line;
 use motor_hub_client::motor::NO_CURRENT;
 use motor_hub_client::{Error, Session};
@@ -119,11 +119,11 @@ pub(super) fn warn_of(session: &mut Session<Line>, speeds: &[(u8, u32)]) -> Resu
         return Ok(());
     }
     for &(motor, wanted) in speeds {
-        let Some(settings) = if_known(session.settings(motor))? else { return Ok(()) };
+        let Some(settings) = none_if_unsupported(session.settings(motor))? else { return Ok(()) };
         let free = free_speed(settings.motor.winding.emf, battery);
         if f64::from(wanted) > free {
             let volts = f64::from(battery.get()) / 1e3;
-            say(&format!(
+            print_error_line(&format!(
                 "warning: motor {motor}: {wanted} counts/s requested, but its free speed at {volts:.1} V is {free:.0} \
                  counts/s by its configured constants"
             ));

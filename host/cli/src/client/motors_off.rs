@@ -3,7 +3,7 @@
 //! requests.
 
 use super::interrupt;
-use crate::output::{Failure, say};
+use crate::output::{Failure, print_error_line};
 use motor_hub_client::{Error, KEEP_ALIVE, Session};
 use std::io::{Read, Write};
 use std::ops::{Deref, DerefMut};
@@ -11,7 +11,7 @@ use std::time::Duration;
 
 /// Longest time-out of the request that disables a motor, so that the other motors need not wait longer. A shorter
 /// `--timeout-ms` stays in force.
-const PATIENCE: Duration = Duration::from_millis(500);
+const REQUEST_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// A session whose motors are disabled when it is dropped.
 pub(super) struct DrivingSession<'a, L: Read + Write> {
@@ -59,7 +59,7 @@ impl<'a, L: Read + Write> DrivingSession<'a, L> {
     /// Disables the motors that were enabled, and returns them.
     pub(super) fn stop(&mut self) -> Result<Vec<u8>, Failure> {
         let motors = std::mem::take(&mut self.motors);
-        self.session.shorten_timeout(PATIENCE);
+        self.session.limit_timeout(REQUEST_TIMEOUT);
         match self.session.disable_all(&motors) {
             Ok(()) => Ok(motors),
             Err(error) => Err(Failure::Work(format!(
@@ -75,8 +75,8 @@ impl<'a, L: Read + Write> DrivingSession<'a, L> {
 pub(super) fn report(stopped: Result<Vec<u8>, Failure>) {
     match stopped {
         Ok(motors) if motors.is_empty() => (),
-        Ok(motors) => say(&format!("disabled {}", names(&motors))),
-        Err(failure) => say(&format!("warning: {failure}")),
+        Ok(motors) => print_error_line(&format!("disabled {}", names(&motors))),
+        Err(failure) => print_error_line(&format!("warning: {failure}")),
     }
 }
 
@@ -110,10 +110,10 @@ impl<L: Read + Write> DerefMut for DrivingSession<'_, L> {
 }
 
 /// Disables motors that a former host has left enabled, and reports that.
-pub(super) fn stop_abandoned(session: &mut Session<impl Read + Write>) -> Result<(), Error> {
-    let found = session.stop_abandoned()?;
+pub(super) fn disable_left_enabled(session: &mut Session<impl Read + Write>) -> Result<(), Error> {
+    let found = session.disable_left_enabled()?;
     if !found.is_empty() {
-        say(&format!("disabled {}, left running by another host", names(&found)));
+        print_error_line(&format!("disabled {}, left running by another host", names(&found)));
     }
     Ok(())
 }
@@ -152,7 +152,7 @@ mod tests {
         let mut session = session();
         session.set_power(2, Control::MAX).unwrap();
         session.enable(2, true).unwrap();
-        stop_abandoned(&mut session).unwrap();
+        disable_left_enabled(&mut session).unwrap();
         assert!(!session.enabled(2).unwrap());
         assert_eq!(session.motor(2).unwrap().power, Control::MAX);
     }

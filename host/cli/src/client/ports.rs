@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_port_that_is_denied_is_had_by_joining_its_group_or_by_a_rule() {
+    fn the_message_for_a_denied_port_names_its_group_and_the_udev_rule() {
         let groups = "root:x:0:\ndialout:x:20:alice,bob\nbroken\n";
         assert_eq!(named(groups, 20).as_deref(), Some("dialout"));
         assert_eq!(named(groups, 21), None);

@@ -39,7 +39,7 @@ impl Reading {
 
     /// Returns the word for a motor at its target. Hubs that send no reports only say whether a motor is within
     /// tolerance.
-    const fn word(&self) -> &'static str {
+    const fn settled_label(&self) -> &'static str {
         if self.report.is_some() { "settled" } else { "within tolerance" }
     }
 
@@ -52,20 +52,21 @@ impl Reading {
         f64::from(self.battery.get()) / 1000.0
     }
 
-    /// Returns a table for a terminal. `turn` is the number of counts in a turn of the output shaft; if it is given,
+    /// Returns a table for a terminal. `counts_per_turn` is the number of counts in a turn of the output shaft; if it is given,
     /// the table also shows the speed of the shaft.
-    pub(crate) fn table(&self, motors: &[u8], turn: Option<f64>) -> String {
-        let mut headings = vec!["motor", "position, counts", "velocity, counts/s", self.word()];
-        headings.extend(turn.iter().flat_map(|_| ["rpm", "rad/s"]));
-        headings
-            .extend(self.report.iter().flat_map(|_| ["control, %", "bridge", "current, A", "why it stands"]));
+    pub(crate) fn table(&self, motors: &[u8], counts_per_turn: Option<f64>) -> String {
+        let mut headings = vec!["motor", "position, counts", "velocity, counts/s", self.settled_label()];
+        headings.extend(counts_per_turn.iter().flat_map(|_| ["rpm", "rad/s"]));
+        headings.extend(
+            self.report.iter().flat_map(|_| ["control, %", "bridge", "current, A", "why it does not turn"]),
+        );
         let mut table = table::new(&headings, 0);
         for MotorReading { motor, position, velocity, within_tolerance } in motors_of(&self.bulk, motors) {
-            let there = self.reported(motor).map_or(within_tolerance, |of| of.settled);
-            let there = if there { "yes" } else { "no" };
-            let shaft = turn.map(|turn| shaft_speed(velocity, turn));
+            let settled = self.reported(motor).map_or(within_tolerance, |of| of.settled);
+            let settled = if settled { "yes" } else { "no" };
+            let shaft = counts_per_turn.map(|counts_per_turn| shaft_speed(velocity, counts_per_turn));
             let shaft = shaft.into_iter().flat_map(|(rpm, rad)| [format!("{rpm:.1}"), format!("{rad:.2}")]);
-            let row = [motor.to_string(), position.to_string(), velocity.to_string(), there.into()];
+            let row = [motor.to_string(), position.to_string(), velocity.to_string(), settled.into()];
             let more = self.reported(motor).map(MotorValues::of).map(|values| {
                 let why = self.why(motor).unwrap_or_default().to_owned();
                 let [control, current] = [100.0 * values.control, values.current_a];
@@ -74,11 +75,11 @@ impl Reading {
             table.add_row(row.into_iter().chain(shaft).chain(more.into_iter().flatten()));
         }
         let (seconds, volts) = (self.at.as_secs_f64(), self.battery_v());
-        format!("{seconds:.1} s, battery {volts:.2} V\n{}\n{table}\n", self.says())
+        format!("{seconds:.1} s, battery {volts:.2} V\n{}\n{table}\n", self.status_text())
     }
 
     /// Returns status and alerts as text.
-    fn says(&self) -> String {
+    fn status_text(&self) -> String {
         let words = self.status.words().into_iter().map(str::to_owned);
         let words: Vec<String> = words.chain(alert_words(self.status)).collect();
         let attention = if self.bulk.attention == Some(true) { "attention: " } else { "status: " };
@@ -86,24 +87,24 @@ impl Reading {
     }
 
     /// Returns the reading as one line of text.
-    pub(crate) fn line(&self, motors: &[u8], turn: Option<f64>) -> String {
+    pub(crate) fn line(&self, motors: &[u8], counts_per_turn: Option<f64>) -> String {
         let motors = motors_of(&self.bulk, motors).map(|reading| {
             let MotorReading { motor, position, velocity, within_tolerance } = reading;
-            let there = self.reported(motor).map_or(within_tolerance, |of| of.settled);
-            let there = if there { format!(", {}", self.word()) } else { String::new() };
-            let shaft = turn.map(|turn| shaft_speed(velocity, turn));
+            let settled = self.reported(motor).map_or(within_tolerance, |of| of.settled);
+            let settled = if settled { format!(", {}", self.settled_label()) } else { String::new() };
+            let shaft = counts_per_turn.map(|counts_per_turn| shaft_speed(velocity, counts_per_turn));
             let rpm = shaft.map(|(rpm, rad)| format!(" ({rpm:.1} rpm, {rad:.2} rad/s)")).unwrap_or_default();
             let values = self.reported(motor).map(MotorValues::of);
             let current = values.map(|values| format!(", {:.2} A", values.current_a)).unwrap_or_default();
-            format!("; motor {motor}: {position} counts, {velocity} counts/s{rpm}{current}{there}")
+            format!("; motor {motor}: {position} counts, {velocity} counts/s{rpm}{current}{settled}")
         });
         let motors: String = motors.collect();
         format!("{:.1} s, {:.2} V{motors}\n", self.at.as_secs_f64(), self.battery_v())
     }
 
-    /// Returns the reading as JSON in seconds, volts, counts and counts per second; with `turn`, also the speed of the
+    /// Returns the reading as JSON in seconds, volts, counts and counts per second; with `counts_per_turn`, also the speed of the
     /// shaft.
-    pub(crate) fn json(&self, motors: &[u8], turn: Option<f64>) -> Value {
+    pub(crate) fn json(&self, motors: &[u8], counts_per_turn: Option<f64>) -> Value {
         let motors: Vec<Value> = motors_of(&self.bulk, motors)
             .map(|MotorReading { motor, position, velocity, within_tolerance }| {
                 let mut document = json!({
@@ -112,8 +113,8 @@ impl Reading {
                     "velocity": velocity,
                     "within_tolerance": within_tolerance,
                 });
-                if let Some(turn) = turn {
-                    let (rpm, rad) = shaft_speed(velocity, turn);
+                if let Some(counts_per_turn) = counts_per_turn {
+                    let (rpm, rad) = shaft_speed(velocity, counts_per_turn);
                     document = with_fields(document, json!({ "rpm": rpm, "rad_per_s": rad }));
                 }
                 if let Some(report) = self.reported(motor) {
@@ -121,7 +122,7 @@ impl Reading {
                         // This value in steps (-32767 to 32767) replaces the share of full control in [`MotorValues`].
                         "control": report.control.get(),
                         "enabled": report.enabled,
-                        "stands_because": self.why(motor),
+                        "why_still": self.why(motor),
                     });
                     document = with_fields(with_fields(document, json!(MotorValues::of(report))), more);
                 }

@@ -1,9 +1,9 @@
 //! `motor-hub client scan`: finds hubs.
 
 use super::devices::{equipment_json, equipment_text};
-use super::motors_off::stop_abandoned;
+use super::motors_off::disable_left_enabled;
 use super::ports;
-use crate::output::{Failure, print, print_json, say};
+use crate::output::{Failure, print, print_error_line, print_json};
 use crate::served_hubs::{self, ServedHub};
 use clap::builder::NonEmptyStringValueParser;
 use motor_hub::board::Equipment;
@@ -88,13 +88,13 @@ impl Options {
             places.extend(ports::all()?.into_iter().map(|port| port.path.into()));
         }
         let served = served_hubs::all().unwrap_or_else(|error| {
-            say(&format!("note: served hubs of this machine cannot be listed: {error}"));
+            print_error_line(&format!("note: served hubs of this machine cannot be listed: {error}"));
             Vec::new()
         });
-        for ServedHub { place: name, taken } in served {
+        for ServedHub { place: name, has_host } in served {
             match places.iter_mut().find(|place| is_same(&place.name, &name)) {
-                Some(place) => place.served = Some(taken),
-                None => places.push(Place { name, served: Some(taken) }),
+                Some(place) => place.served = Some(has_host),
+                None => places.push(Place { name, served: Some(has_host) }),
             }
         }
         // All places are asked at the same time, so that the scan takes no longer than the slowest place.
@@ -130,7 +130,7 @@ impl Options {
                 "this machine has no serial port, and no hub is served on it; give a PLACE".to_owned(),
             )),
             (0, 1) => Err(Failure::Work("no hub found at 1 place".to_owned())),
-            (0, looked) => Err(Failure::Work(format!("no hub found at {looked} places"))),
+            (0, place_count) => Err(Failure::Work(format!("no hub found at {place_count} places"))),
             _ => Ok(()),
         }
     }
@@ -168,12 +168,12 @@ fn document(name: &str, answer: Answer) -> Value {
 
 /// Returns true for two names of one place. A place accepts one host at a time, so it must not be scanned twice.
 fn is_same(one: &str, other: &str) -> bool {
-    let (of_one, of_other) = (meant(one), meant(other));
+    let (of_one, of_other) = (resolved_place(one), resolved_place(other));
     one == other || of_one.is_some() && of_one == of_other
 }
 
 /// Returns the network address or the path to which a name resolves; `None` if the name does not resolve.
-fn meant(name: &str) -> Option<PathBuf> {
+fn resolved_place(name: &str) -> Option<PathBuf> {
     if is_tcp(name) {
         return name.to_socket_addrs().ok()?.next().map(|address| address.to_string().into());
     }
@@ -206,7 +206,7 @@ impl Answer {
             }
             Self::Nothing(error) => {
                 if matches!(error, OpenError::Denied) {
-                    say(&format!("note: {}", ports::unopened(place, error)));
+                    print_error_line(&format!("note: {}", ports::unopened(place, error)));
                 }
                 error.to_string()
             }
@@ -235,8 +235,8 @@ fn hubs_at(place: &str, timeout: Duration) -> Result<Vec<Found>, OpenError> {
         let Some(address) = Address::new(hub.address) else { continue };
         let (mut version, mut equipment) = (String::new(), None);
         if !hub.duplicate {
-            session.switch_to(address);
-            stop_abandoned(&mut session)?;
+            session.select_hub(address);
+            disable_left_enabled(&mut session)?;
             (version, equipment) = (session.version()?, session.equipment()?);
         }
         found.push(Found { address: hub.address, kind: kind(&hub), version, equipment });

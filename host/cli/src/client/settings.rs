@@ -89,7 +89,7 @@ impl Options {
                 format!("wrote {}", file.display())
             }
             Command::Import { file, save } => {
-                session.put_in_force(imported.motors, imported.base).map_err(Failure::work)?;
+                session.apply_settings(imported.motors, imported.base).map_err(Failure::work)?;
                 let in_force = format!("the settings of {} are in force", file.display());
                 if save { format!("{in_force}\n{}", saved(session)?) } else { in_force }
             }
@@ -179,8 +179,9 @@ fn show(report: &StoreReport, json: bool) -> Result<(), Failure> {
             &format!("{refused} entries; the firmware's defaults are in force instead"),
         ]);
     }
-    if let Err(Failure::Work(why) | Failure::Input(why)) = ended(report) {
-        table.add_row(["last result", &why]);
+    let has_result = at_work || outcome != Outcome::None;
+    if let Some(why) = why_unsaved(report).filter(|_| has_result) {
+        table.add_row(["last result", why]);
     }
     print(&format!("{table}\n"))
 }

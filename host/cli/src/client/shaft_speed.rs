@@ -30,9 +30,9 @@ impl ShaftOptions {
     }
 }
 
-/// Converts counts per second to rpm and rad/s of the output shaft. `turn` is the number of encoder counts in a turn.
-pub(super) fn shaft_speed(cps: i16, turn: f64) -> (f64, f64) {
-    let turns = f64::from(cps) / turn;
+/// Converts counts per second to rpm and rad/s of the output shaft. `counts_per_turn` is the number of encoder counts in a turn.
+pub(super) fn shaft_speed(cps: i16, counts_per_turn: f64) -> (f64, f64) {
+    let turns = f64::from(cps) / counts_per_turn;
     (60.0 * turns, TAU * turns)
 }
 
@@ -67,16 +67,16 @@ const TURN_UNKNOWN: &str = "rpm and rad/s need the encoder counts in a turn of t
 give --counts-per-turn COUNTS or --type NAME";
 
 impl Speed {
-    /// Returns the speed in counts per second; `turn` is the number of encoder counts in a turn.
-    pub(super) fn cps(self, turn: Option<f64>) -> Result<i16, Failure> {
+    /// Returns the speed in counts per second; `counts_per_turn` is the number of encoder counts in a turn.
+    pub(super) fn cps(self, counts_per_turn: Option<f64>) -> Result<i16, Failure> {
         let turns = match self {
             Self::Counts(cps) => return Ok(cps),
             Self::Turns(turns) => turns,
         };
-        let Some(turn) = turn else {
+        let Some(counts_per_turn) = counts_per_turn else {
             return Err(Failure::input(TURN_UNKNOWN));
         };
-        let cps = (turns * turn).round();
+        let cps = (turns * counts_per_turn).round();
         if (f64::from(i16::MIN)..=f64::from(i16::MAX)).contains(&cps) {
             return Ok(cps as i16);
         }

@@ -10,10 +10,10 @@ use motor_hub::motor::{SenseLine, ZeroPower};
 use motor_hub::protocol::answers::{Bulk, Status};
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::protocol::{CHANNELS, Colour, Nack};
-use motor_hub::supply::BusState;
 use motor_hub::units::Millivolts;
 use motor_hub_client::line::Line;
 use motor_hub_client::motor::MotorState;
+use motor_hub_client::reasons::bus_text;
 use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
 use studies::table;
@@ -33,7 +33,7 @@ pub(crate) struct Options {
 const NO_SUCH_MOTOR: Nack = Nack::parameter(0);
 
 /// All values that `status` shows.
-struct Everything {
+struct HubStatus {
     address: u8,
     status: Status,
     version: String,
@@ -49,12 +49,12 @@ struct Everything {
 
 impl Options {
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
-        let shown = Everything::read(&mut hub.open(None)?, self.clear)?;
+        let shown = HubStatus::read(&mut hub.open(None)?, self.clear)?;
         print_as(self.json, &shown.json(), shown.text())
     }
 }
 
-impl Everything {
+impl HubStatus {
     fn read(session: &mut Session<Line>, clear: bool) -> Result<Self, Error> {
         let (version, battery, led) = (session.version()?, session.battery()?, session.led()?);
         let mut motors = Vec::new();
@@ -164,15 +164,7 @@ impl Everything {
 const NOT_REPORTED: &str = "not reported";
 
 fn bus_words(bus: BusReport) -> String {
-    let meaning = match bus.state {
-        BusState::NoReading => "voltage unknown, motors coast",
-        BusState::TooLow => "below what the bridges need, motors coast",
-        BusState::Cutoff => "too low, motors draw no current",
-        BusState::Derated => "low, motors draw less current",
-        BusState::Quiet => "normal",
-        BusState::Dissipating => "takes no energy back, braking motors dissipate it",
-        BusState::TooHigh => "too high, raised by another source than these motors",
-    };
+    let meaning = bus_text(bus.state);
     let [returned, dissipated] = [bus.returned_mj, bus.dissipated_mj].map(|mj| f64::from(mj) / 1e3);
     let volts =
         bus.measured.map_or_else(|| "unknown".to_owned(), |mv| format!("{:.3} V", f64::from(mv.get()) / 1e3));
@@ -183,9 +175,9 @@ fn bus_json(bus: BusReport) -> Value {
     json!({
         "state": bus.state.name(),
         "measured_v": bus.measured.map(|mv| f64::from(mv.get()) / 1e3),
-        "dissipating_percent": f64::from(bus.dissipate) / 10.0,
+        "dissipated_percent": f64::from(bus.dissipate) / 10.0,
         "returned_j": f64::from(bus.returned_mj) / 1e3,
-        "burnt_j": f64::from(bus.dissipated_mj) / 1e3,
+        "dissipated_j": f64::from(bus.dissipated_mj) / 1e3,
     })
 }
 

@@ -77,8 +77,8 @@ impl Options {
                 warn_of(session, &speeds.collect::<Vec<_>>())?;
             }
             let wanted = self.wanted(session, values)?;
-            stand(session, &motors)?;
-            let settled = lead(session, &motors, wanted, self.length)?;
+            enable_with_power_0(session, &motors)?;
+            let settled = run_group(session, &motors, wanted, self.length)?;
             if !settled && !self.on {
                 let seconds = self.length.unwrap_or_default().as_secs_f64();
                 return Err(Failure::Work(format!("targets not reached after {seconds} s")));
@@ -140,7 +140,7 @@ impl Options {
 }
 
 /// Starts a group and shows its motion. Returns true if all motors have settled, false if the time is over.
-pub(super) fn lead(
+pub(super) fn run_group(
     session: &mut Session<Line>,
     motors: &[u8],
     wanted: GroupCommand<GroupCourse>,
@@ -159,7 +159,10 @@ pub(super) fn lead(
 }
 
 /// Enables motors with power 0, so that they brake.
-pub(super) fn stand(session: &mut DrivingSession<'_, Line>, motors: &[u8]) -> Result<(), Failure> {
+pub(super) fn enable_with_power_0(
+    session: &mut DrivingSession<'_, Line>,
+    motors: &[u8],
+) -> Result<(), Failure> {
     for &motor in motors {
         session.brake(motor)?;
         session.enable(motor)?;

@@ -2,7 +2,7 @@
 
 use super::drive;
 use super::hub::HubOptions;
-use super::motors_off::stop_abandoned;
+use super::motors_off::disable_left_enabled;
 use super::readings::{Live, repeat};
 use super::shaft_speed::ShaftOptions;
 use crate::output::{Failure, print, versioned};
@@ -26,25 +26,25 @@ pub(crate) struct Options {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    turn: ShaftOptions,
+    shaft: ShaftOptions,
 }
 
 impl Options {
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
-        let turn = self.turn.counts()?;
+        let counts_per_turn = self.shaft.counts()?;
         let session = &mut hub.open(None)?;
         let mut live = Live::new();
         let interval = Duration::from_millis(self.interval);
         let mut checked = Instant::now();
         repeat(session, interval, self.length, |session, reading| {
             if checked.elapsed() > CHECK {
-                stop_abandoned(session)?;
+                disable_left_enabled(session)?;
                 checked = Instant::now();
             }
             if live.terminal && !self.json {
-                live.redraw(&reading.table(&drive::ALL, turn))?;
+                live.redraw(&reading.table(&drive::ALL, counts_per_turn))?;
             } else {
-                print(&format!("{}\n", versioned(&reading.json(&drive::ALL, turn))?))?;
+                print(&format!("{}\n", versioned(&reading.json(&drive::ALL, counts_per_turn))?))?;
             }
             Ok(false)
         })

@@ -164,10 +164,10 @@ fn an_output_is_released_when_the_answer_to_its_switch_on_is_lost() {
     let equipment = Equipment { servos: SERVOS as u8, digital: u8::MAX, ..Equipment::default() };
     hub.responder.outputs.equipment = equipment;
     // The answers to "enable servo 2" and to "output of pin 5" are lost.
-    hub.loses_reply = |packet| {
+    hub.loses_reply = Box::new(|packet| {
         packet.id == DEKA + 35 && packet.payload[..] == [2, 1]
             || packet.id == DEKA + 3 && packet.payload[..] == [5, 1]
-    };
+    });
     let server = Server::start(hub);
     for (switch_on, state) in [
         (

@@ -39,7 +39,7 @@ fn a_motor_is_identified_and_what_was_found_is_put_in_force() {
 }
 
 #[test]
-fn a_motor_that_cannot_be_known_is_refused_with_the_reason_and_disabled() {
+fn an_identification_that_fails_names_the_reason_and_disables_the_motor() {
     let hub = Hub::served();
     let refused = client(&hub, &["identify", "1", "--travel", "3"]);
     fails(&refused, 1, "motor 1 was not identified");
@@ -107,7 +107,7 @@ fn a_reader_that_goes_away_stops_the_motors_too() {
 
 #[cfg(unix)]
 #[test]
-fn questions_do_not_keep_a_motor_going_whose_host_was_killed() {
+fn questions_disable_the_motor_of_a_killed_host() {
     let hub = Hub::served();
     for question in [
         &["status", "--json"][..],
@@ -146,7 +146,7 @@ fn a_speed_that_a_motor_cannot_reach_is_warned_of_and_fails() {
 }
 
 #[test]
-fn motors_move_in_step_to_where_they_are_sent() {
+fn motors_move_in_step_to_their_targets() {
     let hub = Hub::served();
     let positions = |hub: &Hub| {
         let motors = status(hub)["motors"].clone();
@@ -354,7 +354,7 @@ fn a_recording_that_is_interrupted_is_whole_and_drawn() {
 }
 
 #[test]
-fn a_motor_s_first_minute_is_one_command() {
+fn tune_configures_identifies_and_stores_a_motor() {
     let hub = Hub::served_with(&["--store", &store("tune-store")]);
     fails(&client(&hub, &["tune", "1", "--type", "Nope"]), 2, "Nope");
     // A refused identification keeps the set-up and stores nothing.

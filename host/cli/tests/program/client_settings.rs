@@ -2,10 +2,6 @@
 
 use crate::common::{PROGRAM, client, fails, folder, json, made_folder, motor_hub, out, store, write};
 use crate::conformance::Hub;
-use crate::hub_support::{Hub as FakeHub, Server};
-use motor_hub::extension::settings::Group;
-use motor_hub::protocol::motor::Loop;
-use motor_hub_client::Session;
 use serde_json::Value;
 use std::process::Command;
 
@@ -152,37 +148,6 @@ fn all_of_a_file_is_checked_before_anything_is_written() {
     }
     assert_eq!(settings(&hub, &["export"]), factory);
     fails(&client(&hub, &["settings", "import", "/nowhere/at-all.toml"]), 2, "/nowhere/at-all.toml");
-}
-
-#[test]
-fn an_import_that_the_hub_refuses_half_way_changes_nothing_and_names_the_motor() {
-    let store = store("settings-half-way");
-    let file = format!("{store}.toml");
-    let exported = settings(&served(&store), &["export"]);
-    std::fs::write(&file, exported.replace("scheme = \"A\"", "scheme = \"B\"")).unwrap();
-    let mut hub = FakeHub::new();
-    // The hub refuses the current limit of motor 2, as if it had no such motor.
-    hub.change = |packet| {
-        if packet.id == Group::CurrentLimit.set_id() && packet.payload.first() == Some(&2) {
-            packet.payload[0] = 9;
-        }
-    };
-    let server = Server::start(hub);
-    let all = || {
-        let mut session = Session::open(&server.address).unwrap();
-        let mut one =
-            |motor| (session.settings(motor).unwrap(), session.coefficients(motor, Loop::Velocity).unwrap());
-        [one(0), one(1), one(2), one(3)]
-    };
-    let before = all();
-    let import = || motor_hub(&["client", "--tcp", &server.address, "settings", "import", &file]);
-    let refused = import();
-    fails(&refused, 1, "motor 2: the hub refuses");
-    fails(&refused, 1, "; the settings before the import are in force");
-    assert_eq!(all(), before);
-    server.hub().change = |_| ();
-    out(&import());
-    assert_ne!(all(), before);
 }
 
 #[test]

@@ -279,7 +279,7 @@ fn a_battery_in_volts_is_not_taken_for_one_in_millivolts() {
 }
 
 #[test]
-fn a_reader_that_has_had_enough_ends_a_command_without_a_word() {
+fn a_closed_standard_output_ends_a_command_silently() {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
     let ended = Command::new(env!("CARGO_BIN_EXE_motor-hub"))

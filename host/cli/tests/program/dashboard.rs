@@ -2,12 +2,13 @@
 
 use crate::client_update::{KEY, RUNS, SIGNATURE, SLOT, goes_back, good, image, serve};
 use crate::common::{
-    PATIENCE, PROGRAM, client, err, fails, folder, json as document, motor_hub, store, wait_for, write,
+    PATIENCE, PROGRAM, client, err, fails, folder, json as document, motor_hub, store, write,
 };
 use crate::conformance::Hub;
 use crate::hub_support::{Hub as FakeHub, Server};
 use crate::page::{Dashboard, Page};
 use motor_hub::extension::settings::Group;
+use motor_hub::store::Found;
 use motor_hub::update::{Slot, public_key};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
@@ -33,21 +34,6 @@ fn a_page_that_shows_nothing_for_a_second_loses_its_motors_and_not_before() {
         }
     }
     assert_eq!(driver.refused("enable", json!({ "motor": 0, "on": true })), "this page is not in control");
-}
-
-#[test]
-fn numbers_of_frames_that_were_never_sent_do_not_keep_motors_enabled() {
-    let dashboard = Dashboard::start(&[]);
-    let mut driver = Page::ready(&dashboard);
-    driver.run(0);
-    driver.returns_numbers = false;
-    let old = driver.frame["number"].clone();
-    wait_for("a disabled motor", || {
-        driver.order("shown", json!({ "number": u64::MAX }));
-        driver.order("shown", json!({ "number": old }));
-        driver.receive();
-        (!driver.enabled(0)).then_some(())
-    });
 }
 
 #[test]
@@ -78,29 +64,17 @@ fn one_page_is_in_control_and_anyone_may_stop() {
     driver.run(0);
     viewer.order("stop", Value::Null);
     driver.off("stopped");
-    // A page that releases control leaves no motor enabled.
-    driver.run(0);
-    driver.order("release", Value::Null);
-    driver.off("control was released");
-    viewer.order("take", Value::Null);
-    viewer.until("control", |_, message| message["kind"] == "control" && message["controller"] == 2);
-    viewer.run(0);
-    assert_eq!(driver.refused("enable", json!({ "motor": 0, "on": false })), "this page is not in control");
-}
-
-#[test]
-fn a_page_that_asks_for_control_gets_it_when_the_other_releases_it_with_its_motors_off() {
-    let dashboard = Dashboard::start(&[]);
-    let (mut driver, mut viewer) = (Page::ready(&dashboard), Page::ready(&dashboard));
     driver.run(0);
     viewer.order("take", Value::Null);
     driver.until("a request", |_, message| message["kind"] == "control" && message["asks"] == 2);
     driver.stay(Duration::from_millis(300));
     assert!(driver.enabled(0), "a request alone stops nothing");
     assert_eq!(viewer.refused("enable", json!({ "motor": 0, "on": true })), "this page is not in control");
+    // A page that releases control leaves no motor enabled, and the page that has asked is in control.
     driver.order("release", Value::Null);
     driver.off("control was released");
     viewer.run(0);
+    assert_eq!(driver.refused("enable", json!({ "motor": 0, "on": false })), "this page is not in control");
 }
 
 #[test]
@@ -238,6 +212,17 @@ fn a_scenario_with_a_constant_current_is_played() {
             motor["enabled"] == true && motor["setpoint"] == setpoint && is_target
         });
     }
+}
+
+#[test]
+fn a_save_that_the_hub_never_ends_is_reported_after_ten_seconds() {
+    let mut hub = FakeHub { ends_accesses: false, ..FakeHub::new() };
+    hub.responder.restore(Found::default());
+    let server = Server::start(hub);
+    let dashboard = Dashboard::start(&["--tcp", &server.address]);
+    let mut page = Page::ready(&dashboard);
+    page.order("save", Value::Null);
+    page.notice("settings are not saved: the hub has not finished");
 }
 
 #[test]

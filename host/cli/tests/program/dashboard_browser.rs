@@ -101,7 +101,7 @@ fn everything_is_in_sight_and_nothing_lies_over_anything_else() {
         tab.ask("document.querySelectorAll('#panel details').forEach((one) => { one.removeAttribute('name'); one.open = true; })");
         for (width, height, name) in [(1280, 1000, "wide"), (768, 1024, "tablet"), (390, 844, "phone")] {
             tab.resize(width, height);
-            std::thread::sleep(Duration::from_millis(300));
+            tab.settle();
             for panel in PANELS {
                 tab.click(&format!("#tab-{panel}"));
                 assert_eq!(unobstructed(tab), Vec::<String>::new(), "{width} wide, {panel}");
@@ -136,11 +136,11 @@ fn the_regimes_of_a_winch_are_shown() {
         tab.click("#tab-world");
         let pull = |tab: &mut Tab<'_>, nm: &str| {
             tab.fill("#panel-world input[type=range]", nm);
-            std::thread::sleep(Duration::from_millis(1500));
+            std::thread::sleep(Duration::from_millis(800));
         };
         let turn = |tab: &mut Tab<'_>, cps: &str| {
             tab.fill("#motors .card:nth-child(1) input[type=number]", cps);
-            std::thread::sleep(Duration::from_millis(1500));
+            std::thread::sleep(Duration::from_millis(800));
         };
         pull(tab, "0.3");
         regime(tab, "Braking");
@@ -320,7 +320,7 @@ fn report_of_stop_with_eight_viewers() {
             for _ in 0..20 {
                 let ten = tab.ask(
                 "(async () => { const { link, state } = dashboard; const times = []; \
-                    window.hear ??= link.hear; let heard = () => {}; link.hear = (message) => { window.hear(message); heard(); }; \
+                    window.onMessage ??= link.onMessage; let heard = () => {}; link.onMessage = (message) => { window.onMessage(message); heard(); }; \
                     const until = (is) => new Promise((done) => { heard = () => is() && done(); heard(); }); \
                     for (let i = 0; i < 10; i += 1) { \
                         link.order('drive', { motor: 0, mode: 'velocity', value: 600 }); link.order('enable', { motor: 0, on: true }); \
@@ -364,7 +364,7 @@ fn motors_plots_and_the_panel_in_use_are_in_sight_at_1366_by_768() {
 
 /// Checks that motors, plots and the panel in use are whole in the window.
 fn in_sight(tab: &mut Tab<'_>, panel: &str) {
-    std::thread::sleep(Duration::from_millis(200));
+    tab.settle();
     let hidden = tab.ask(
                 "[...document.querySelectorAll('.card, .chart, #panel button, #panel input, #panel tr, .parts p')] \
                     .filter((e) => e.checkVisibility() && e.getBoundingClientRect().bottom > innerHeight).length",

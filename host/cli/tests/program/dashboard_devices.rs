@@ -4,7 +4,7 @@ use crate::browser::Tab;
 use crate::browser::page::{
     ESCAPE, drive, off, open, pictures, press, theme, unobstructed, with_page, with_page_of,
 };
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Leaves pictures of a phone and a laptop in two themes in `target/dashboard`.
 fn look(tab: &mut Tab<'_>, name: &str) {
@@ -12,7 +12,7 @@ fn look(tab: &mut Tab<'_>, name: &str) {
         tab.resize(width, height);
         for wanted in ["light", "dark"] {
             theme(tab, wanted);
-            std::thread::sleep(Duration::from_millis(200));
+            tab.settle();
             assert_eq!(unobstructed(tab), Vec::<String>::new(), "{name} at {width}x{height}");
             tab.picture(&pictures().join(format!("{name}-{width}-{wanted}.png")), width < 500);
         }
@@ -32,7 +32,7 @@ fn servos_run_until_stop() {
         tab.press(ESCAPE);
         tab.wait(&is(false));
         // A hub that has motors only takes the place of this one.
-        tab.ask("import('/js/state.js').then(({ state, tell }) => { state.has = { servos: 0, analog: 0, pins: [], buses: 0 }; tell('line'); })");
+        tab.ask("import('/js/state.js').then(({ state, emit }) => { state.has = { servos: 0, analog: 0, pins: [], buses: 0 }; emit('line'); })");
         tab.wait("document.querySelector('#tab-devices').hidden && document.querySelector('#panel-tune').checkVisibility()");
     });
 }

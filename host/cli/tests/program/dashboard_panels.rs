@@ -126,7 +126,7 @@ fn a_position_and_its_set_point_are_plotted() {
         tab.fill("#motion-speed", "400");
         tab.fill("#motion-zero", "float");
         tab.fill("#motors .card:nth-child(1) [aria-label^=Mode]", "position");
-        tab.ask("(() => { window.fastest = 0; const { hear } = dashboard.link; dashboard.link.hear = (message) => { hear(message); if (message.kind === 'frame') fastest = Math.max(fastest, message.motors[0].velocity); }; })()");
+        tab.ask("(() => { window.fastest = 0; const { onMessage } = dashboard.link; dashboard.link.onMessage = (message) => { onMessage(message); if (message.kind === 'frame') fastest = Math.max(fastest, message.motors[0].velocity); }; })()");
         drive_until(tab, 0, "600", &format!("Math.abs({} - 600) < 12", motor(0, "position")));
         let label = "document.querySelector('.chart[aria-label^=Position]').getAttribute('aria-label')";
         tab.wait(&format!("{label}.includes('set-point 600')"));

@@ -35,7 +35,7 @@ fn hosts_come_and_go_while_time_goes_on() {
 
 #[cfg(unix)]
 #[test]
-fn what_a_host_sent_before_it_hung_up_is_done_though_it_takes_no_replies() {
+fn requests_before_the_end_of_a_connection_are_executed() {
     use std::io::Write;
     let hub = Hub::served();
     drive(&mut hub.tcp());
@@ -51,7 +51,7 @@ fn what_a_host_sent_before_it_hung_up_is_done_though_it_takes_no_replies() {
 }
 
 #[test]
-fn a_second_host_is_hung_up_on_and_the_first_goes_on() {
+fn a_second_host_is_disconnected_and_the_first_goes_on() {
     use std::io::{BufRead, Read};
     let (hub, mut says) = Hub::start_heard(&notes());
     let mut first = hub.tcp();
@@ -164,7 +164,7 @@ fn a_host_that_does_not_configure_the_port_gets_bytes_not_lines() {
 }
 
 #[test]
-fn the_hub_is_where_it_is_put() {
+fn the_hub_listens_at_the_given_address() {
     let hub = Hub::served_with(&["--address", "77"]);
     hub.tcp().is_ignored(&packet(HUB, 1, KEEP_ALIVE, &[]));
     let mut host = hub.tcp();

@@ -20,6 +20,8 @@ use std::time::{Duration, Instant};
 
 pub(crate) const ADDRESS: u8 = 3;
 
+pub(crate) type LosesReply = Box<dyn FnMut(&Packet) -> bool + Send>;
+
 pub(crate) struct Hub {
     pub(crate) responder: Responder<4>,
     pub(crate) snapshot: Snapshot<4>,
@@ -29,14 +31,10 @@ pub(crate) struct Hub {
     pub(crate) before: fn(&[u8]) -> Vec<u8>,
     /// Number of requests lost on the line.
     pub(crate) deaf_for: u32,
-    /// Number of replies lost on the line.
-    pub(crate) lost_replies: u32,
     /// True for a request whose reply is lost on the line.
-    pub(crate) loses_reply: fn(&Packet) -> bool,
+    pub(crate) loses_reply: LosesReply,
     /// False if accesses to the memory of stored settings never end.
     pub(crate) ends_accesses: bool,
-    /// Packet type of the request whose first reply is lost, and the number of requests lost after this request.
-    pub(crate) lost_reply_to: Option<(u16, u32)>,
     /// Packet type of the first motor function.
     pub(crate) first: u16,
     /// Another host asks for fail-safe before each bulk read.
@@ -62,10 +60,8 @@ impl Hub {
             was_enabled: [false; 4],
             before: |_| Vec::new(),
             deaf_for: 0,
-            lost_replies: 0,
-            loses_reply: |_| false,
+            loses_reply: Box::new(|_| false),
             ends_accesses: true,
-            lost_reply_to: None,
             first: FIRST_FUNCTION,
             fail_safe_at_bulk: false,
             change: |_| (),
@@ -125,15 +121,7 @@ impl Hub {
             }
             let now_enabled = self.responder.enabled();
             self.was_enabled.iter_mut().zip(now_enabled).for_each(|(was, is)| *was |= is);
-            if self.lost_replies > 0 {
-                self.lost_replies -= 1;
-                continue;
-            }
             if (self.loses_reply)(&packet) {
-                continue;
-            }
-            if let Some((_, lost)) = self.lost_reply_to.take_if(|(id, _)| *id == packet.id) {
-                self.deaf_for = lost;
                 continue;
             }
             let frame = frame::encode(&reply);
@@ -142,6 +130,15 @@ impl Hub {
         }
         out
     }
+}
+
+/// Returns a [`Hub::loses_reply`] for the first `count` requests that are as `is` says.
+pub(crate) fn first(mut count: u32, is: impl Fn(&Packet) -> bool + Send + 'static) -> LosesReply {
+    Box::new(move |packet| {
+        let loses = count > 0 && is(packet);
+        count -= u32::from(loses);
+        loses
+    })
 }
 
 /// State of a hub just after its reset.

@@ -1,7 +1,7 @@
 // The page: passes messages of the server to their listeners, and actions of the user to the server.
 
 import { startChain } from "./chain.js";
-import { by, say } from "./dom.js";
+import { elementById, setText } from "./dom.js";
 import { startGamepad } from "./gamepad.js";
 import { learned } from "./learn.js";
 import { Link } from "./link.js";
@@ -9,7 +9,7 @@ import { select } from "./list.js";
 import { startMotors } from "./motors.js";
 import { startPanels } from "./panels.js";
 import { columns, drawn, startPlots } from "./plots.js";
-import { choose, inControl, keep, kept, on, state, tell } from "./state.js";
+import { choose, inControl, store, stored, on, state, emit } from "./state.js";
 import { admitted } from "./transport.js";
 import { number, units } from "./units.js";
 
@@ -25,7 +25,7 @@ let heardAt = 0;
 const shown = (/** @type {any[]} */ hubs) => hubs.find((hub) => hub.shown)?.address;
 
 /** @param {import("./link.js").Message} message */
-function hear(message) {
+function onMessage(message) {
   switch (message.kind) {
     case "welcome":
       Object.assign(state, { you: message.you, place: message.place, simulated: message.simulated, playable: message.playable, catalogue: message.catalogue });
@@ -61,49 +61,49 @@ function hear(message) {
       notice(`Not done: ${message.why}`);
       break;
   }
-  tell(message.kind, message);
+  emit(message.kind, message);
 }
 
 /** @param {string} text */
 function notice(text) {
-  by("notice").classList.add("news");
-  say(by("notice"), `${text[0].toUpperCase()}${text.slice(1)}.`);
+  elementById("notice").classList.add("news");
+  setText(elementById("notice"), `${text[0].toUpperCase()}${text.slice(1)}.`);
   noticeUntil = performance.now() + NOTICE_MS;
 }
 
 /** Text while there is no notice. */
 function hint() {
-  by("notice").classList.remove("news");
-  say(by("notice"), "Esc stops all motors from anywhere on the page; Space does so outside of input fields. Keys 0 to 3 choose a motor.");
+  elementById("notice").classList.remove("news");
+  setText(elementById("notice"), "Esc stops all motors from anywhere on the page; Space does so outside of input fields. Keys 0 to 3 choose a motor.");
 }
 
 function fact(/** @type {any} */ element, /** @type {boolean} */ bad, /** @type {string} */ text) {
-  say(element, text);
+  setText(element, text);
   element.classList.toggle("bad", bad);
 }
 
 function facts() {
   const stale = performance.now() - heardAt > STALE_MS;
-  say(by("place"), state.place || "motor-hub");
-  say(by("kind"), state.simulated ? "SIMULATED" : "HARDWARE");
-  by("kind").classList.toggle("simulated", state.simulated);
-  if (state.restarted) fact(by("line"), true, "The program was started again: open the URL that it printed");
-  else if (!state.open) fact(by("line"), true, "No connection to the program, values are old: is it running? Once started again, it prints a new URL to open");
-  else if (!state.connected) fact(by("line"), true, `Hub not connected: ${state.why}`);
-  else if (stale) fact(by("line"), true, "No new values from the hub");
-  else fact(by("line"), false, "Connected");
+  setText(elementById("place"), state.place || "motor-hub");
+  setText(elementById("kind"), state.simulated ? "SIMULATED" : "HARDWARE");
+  elementById("kind").classList.toggle("simulated", state.simulated);
+  if (state.restarted) fact(elementById("line"), true, "The program was started again: open the URL that it printed");
+  else if (!state.open) fact(elementById("line"), true, "No connection to the program, values are old: is it running? Once started again, it prints a new URL to open");
+  else if (!state.connected) fact(elementById("line"), true, `Hub not connected: ${state.why}`);
+  else if (stale) fact(elementById("line"), true, "No new values from the hub");
+  else fact(elementById("line"), false, "Connected");
   const volts = state.frame?.battery_v;
-  fact(by("battery"), state.connected && volts === null, volts ? `Battery ${number(volts, 1)} V` : "Battery unknown");
+  fact(elementById("battery"), state.connected && volts === null, volts ? `Battery ${number(volts, 1)} V` : "Battery unknown");
   const others = (state.pages ?? 1) - 1;
   const watched = others > 0 ? `, ${others} other page${others > 1 ? "s" : ""}` : "";
   const asked = state.asks === state.you ? ", and is asked to release it" : "";
   const asks = inControl() && state.asks !== null;
-  say(by("control"), !state.open ? "" : asks ? "Another page asks for control" : inControl() ? `You are in control${watched}` : state.controller ? `Another page is in control${asked}` : "No page is in control");
-  by("control").classList.toggle("asks", asks);
-  by("take").hidden = !state.open || inControl();
-  by("take").disabled = state.asks === state.you;
-  by("release").hidden = !inControl() || !others;
-  by("release").classList.toggle("primary", asks);
+  setText(elementById("control"), !state.open ? "" : asks ? "Another page asks for control" : inControl() ? `You are in control${watched}` : state.controller ? `Another page is in control${asked}` : "No page is in control");
+  elementById("control").classList.toggle("asks", asks);
+  elementById("take").hidden = !state.open || inControl();
+  elementById("take").disabled = state.asks === state.you;
+  elementById("release").hidden = !inControl() || !others;
+  elementById("release").classList.toggle("primary", asks);
   if (noticeUntil && performance.now() > noticeUntil) {
     hint();
     noticeUntil = 0;
@@ -113,20 +113,20 @@ function facts() {
 function theme(/** @type {string} */ chosen) {
   const dark = chosen === "dark" || (chosen === "auto" && matchMedia("(prefers-color-scheme: dark)").matches);
   document.documentElement.dataset.theme = dark ? "dark" : "light";
-  say(by("theme"), { auto: "◐ auto", light: "○ light", dark: "● dark" }[chosen] ?? "");
-  by("theme").title = chosen === "auto" ? "Theme of the system" : `${chosen} theme`;
-  by("theme").dataset.chosen = chosen;
-  keep("theme", chosen);
-  tell("theme");
+  setText(elementById("theme"), { auto: "◐ auto", light: "○ light", dark: "● dark" }[chosen] ?? "");
+  elementById("theme").title = chosen === "auto" ? "Theme of the system" : `${chosen} theme`;
+  elementById("theme").dataset.chosen = chosen;
+  store("theme", chosen);
+  emit("theme");
 }
 
-const link = new Link(hear, (open) => {
+const link = new Link(onMessage, (open) => {
   state.open = open;
   if (open) state.history.clear();
   else Object.assign(state, { controller: null, asks: null, connected: false });
   facts();
-  tell("open");
-  tell("control");
+  emit("open");
+  emit("control");
   if (open) state.restarted = false;
   else admitted().then((is) => { state.restarted = is === false && !state.open; });
 });
@@ -158,28 +158,28 @@ addEventListener("wheel", (event) => {
   scrollBy(event.deltaX, event.deltaY);
 }, { passive: false });
 
-by("stop").addEventListener("click", stop);
-by("take").addEventListener("click", () => link.order("take"));
-by("release").addEventListener("click", () => link.order("release"));
+elementById("stop").addEventListener("click", stop);
+elementById("take").addEventListener("click", () => link.order("take"));
+elementById("release").addEventListener("click", () => link.order("release"));
 const unit = select([["cps", "counts/s"], ["rpm", "rpm"], ["rad", "rad/s"]], { id: "unit", "aria-label": "Unit of speeds" });
-by("units").append(unit);
+elementById("units").append(unit);
 unit.addEventListener("change", () => {
   units.chosen = unit.value;
-  keep("unit", unit.value);
-  tell("unit");
+  store("unit", unit.value);
+  emit("unit");
 });
-units.chosen = unit.value = kept("unit", "cps");
-by("theme").addEventListener("click", () => theme(THEMES[(THEMES.indexOf(by("theme").dataset.chosen) + 1) % THEMES.length]));
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => theme(by("theme").dataset.chosen));
+units.chosen = unit.value = stored("unit", "cps");
+elementById("theme").addEventListener("click", () => theme(THEMES[(THEMES.indexOf(elementById("theme").dataset.chosen) + 1) % THEMES.length]));
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => theme(elementById("theme").dataset.chosen));
 
 startChain(link);
 startMotors(link);
 startPlots();
 startPanels(link);
 startGamepad(link);
-theme(kept("theme", "auto"));
+theme(stored("theme", "auto"));
 hint();
-choose(kept("motor", 0));
+choose(stored("motor", 0));
 for (const what of ["welcome", "line", "control"]) on(what, facts);
 setInterval(facts, 250);
 // For tests and measurements.

@@ -1,7 +1,7 @@
 // The hubs of a chain: one is shown in full, and the others with what their motors do. STOP stops the motors of all.
 
-import { by, h } from "./dom.js";
-import { inControl, on, onControl, state, tell } from "./state.js";
+import { elementById, h } from "./dom.js";
+import { inControl, on, onControl, state, emit } from "./state.js";
 
 /** What a hub does, in words. */
 function does(/** @type {any} */ { lost, running, fault }) {
@@ -13,13 +13,13 @@ function does(/** @type {any} */ { lost, running, fault }) {
 
 /** @param {any} link */
 export function startChain(link) {
-  const bar = by("hubs");
+  const bar = elementById("hubs");
   function show() {
     bar.hidden = state.hubs.length < 2;
     bar.replaceChildren(...state.hubs.map((hub, index) => h("button", {
       type: "button", "aria-pressed": String(hub.shown), disabled: !inControl(), class: hub.lost || hub.fault ? "fault" : false,
       onclick: () => {
-        tell("leave");
+        emit("leave");
         link.order("hub", { address: hub.address });
       },
     }, `Hub ${hub.address}${index ? "" : ", parent"}`, h("small", {}, does(hub)))));

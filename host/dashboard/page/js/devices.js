@@ -1,7 +1,7 @@
 // Panel for what a hub has besides motors: servos, analog inputs, digital pins and I2C buses. A part is shown only if the hub has
 // its devices. The hub ends pulses and releases outputs at STOP, and when the page in control is gone.
 
-import { by, h, part, say } from "./dom.js";
+import { elementById, h, part, setText } from "./dom.js";
 import { select } from "./list.js";
 import { labelled } from "./slider.js";
 import { mayOrder, on, state } from "./state.js";
@@ -25,7 +25,7 @@ export function devicesPanel(link) {
   const has = () => state.has ?? { servos: 0, analog: 0, pins: [], buses: 0 };
 
   function look() {
-    if (!state.open || !state.connected || document.hidden || by("panel-devices").hidden) return;
+    if (!state.open || !state.connected || document.hidden || elementById("panel-devices").hidden) return;
     for (const what of /** @type {const} */ (["servos", "analog", "pins"])) {
       const { element } = parts[what];
       if (element.open && !element.hidden) link.order("look", what);
@@ -39,7 +39,7 @@ export function devicesPanel(link) {
     parts.pins.element.hidden = !pins.length;
     parts.i2c.element.hidden = !buses;
     parts.i2c.buses(buses);
-    by("tab-devices").hidden = !servos && !analog && !pins.length && !buses;
+    elementById("tab-devices").hidden = !servos && !analog && !pins.length && !buses;
     allow();
     look();
   }
@@ -83,7 +83,7 @@ function servos(/** @type {any} */ link) {
       one.slider.show(is.width_us, is.width_us);
     }
     one.run.setAttribute("aria-checked", String(is.enabled));
-    say(one.run, is.enabled ? "On" : "Off");
+    setText(one.run, is.enabled ? "On" : "Off");
   }));
   return {
     element: part("devices", "Servos", true,
@@ -124,7 +124,7 @@ function pins(/** @type {any} */ link) {
     for (const { pin, output, high } of pins) {
       const { level, reads } = /** @type {any} */ (all.get(pin));
       const word = high === null ? "released" : high ? "high" : "low";
-      say(reads, output ? "" : `reads ${word}`);
+      setText(reads, output ? "" : `reads ${word}`);
       // A list that is open stays as it is.
       const value = output ? word : "input";
       if (level.getAttribute("aria-expanded") === "true" || level.value === value) continue;
@@ -151,8 +151,8 @@ function i2c(/** @type {any} */ link) {
 
   function run(/** @type {string} */ what, /** @type {Record<string, any>} */ fields) {
     const wrong = Object.entries(fields).find(([, value]) => [value].flat().some(Number.isNaN));
-    if (wrong) return say(result, `${wrong[0]}: enter a number such as 61 or 0x3d.`);
-    say(result, `Bus ${bus.value}: ${what} …`);
+    if (wrong) return setText(result, `${wrong[0]}: enter a number such as 61 or 0x3d.`);
+    setText(result, `Bus ${bus.value}: ${what} …`);
     link.order("device", { [what]: { bus: Number(bus.value), ...fields } });
   }
   const target = () => ({ address: byte(address.value.trim()), fast: fast.value === "fast" });
@@ -165,9 +165,9 @@ function i2c(/** @type {any} */ link) {
   on("transfer", (of) => {
     const shown = of.bytes.map(hex).join(" ");
     const words = of.what === "scan" ? (shown ? `devices at ${of.bytes.map((/** @type {number} */ at) => `0x${hex(at)}`).join(" ")}` : "no device answers") : of.what === "read" ? `read ${shown}` : `wrote ${shown}`;
-    say(result, `Bus ${of.bus}: ${of.why ?? words}.`);
+    setText(result, `Bus ${of.bus}: ${of.why ?? words}.`);
   });
-  on("refused", ({ why }) => { if (result.textContent?.endsWith("…")) say(result, `Not done: ${why}.`); });
+  on("refused", ({ why }) => { if (result.textContent?.endsWith("…")) setText(result, `Not done: ${why}.`); });
   return {
     element: part("devices", "I2C buses", false,
       h("div", { class: "pair" }, h("label", { for: "i2c-bus" }, "Bus"), bus, h("label", { for: "i2c-address" }, "Address"), address, h("label", { for: "i2c-register" }, "Register to read"), register, h("label", { for: "i2c-count" }, "Bytes to read"), length, h("label", { for: "i2c-bytes" }, "Bytes to write"), bytes, h("label", { for: "i2c-speed" }, "Speed"), fast),

@@ -18,7 +18,7 @@ export function h(tag, attributes = {}, ...children) {
 }
 
 /** @param {string} id @returns {any} */
-export const by = (id) => document.getElementById(id);
+export const elementById = (id) => document.getElementById(id);
 
 /**
  * A part of a panel that can be closed. Of parts with the same name one is open at a time, so that the panel fits beside the plots.
@@ -32,6 +32,6 @@ export const LARGE = matchMedia("(min-width: 2600px)");
 export const typeScale = () => (LARGE.matches ? 1.6 : 1);
 
 /** Sets a text only if it has changed, so that screen readers do not read it again. */
-export function say(/** @type {Element} */ element, /** @type {string} */ text) {
+export function setText(/** @type {Element} */ element, /** @type {string} */ text) {
   if (element.textContent !== text) element.textContent = text;
 }

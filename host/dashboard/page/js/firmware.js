@@ -1,6 +1,6 @@
 // New firmware for a hub with a bootloader: sends a file to the server in parts, and shows the progress.
 
-import { h, say } from "./dom.js";
+import { h, setText } from "./dom.js";
 import { mayOrder, on, onControl, state } from "./state.js";
 
 /** Bytes of a part. An order has at most 16 KiB. */
@@ -71,7 +71,7 @@ export function firmwareForm(link) {
       for (let offset = 0; offset < bytes.length; offset += PART) link.order("firmware", { offset, hex: hexOf(bytes.subarray(offset, offset + PART)) });
       link.order("update", { version, seal: sealed });
     } catch (error) {
-      say(says, `${chosen.name}: ${/** @type {Error} */ (error).message}.`);
+      setText(says, `${chosen.name}: ${/** @type {Error} */ (error).message}.`);
     }
   }
   const [image, imageField] = chooser("Send new firmware", "firmware-file", send);
@@ -80,7 +80,7 @@ export function firmwareForm(link) {
   function sign(/** @type {"signature"|"key"|null} */ what, /** @type {File|null} */ file = null) {
     if (what) seal[what] = file;
     else [seal.signature, seal.key] = [null, null];
-    say(names, `Signature: ${seal.signature?.name ?? "none"}. Key: ${seal.key?.name ?? "none"}.`);
+    setText(names, `Signature: ${seal.signature?.name ?? "none"}. Key: ${seal.key?.name ?? "none"}.`);
   }
   sign(null);
   const [signature, signatureField] = chooser("Signature …", "firmware-signature", (file) => sign("signature", file));
@@ -93,7 +93,7 @@ export function firmwareForm(link) {
   on("update", ({ state: is, percent, text }) => {
     running = is === "running";
     progress.value = percent;
-    say(says, is === "failed" ? `The update failed: ${text}.` : is === "done" ? `The update is done: ${text}.` : `${text} ${percent} %`);
+    setText(says, is === "failed" ? `The update failed: ${text}.` : is === "done" ? `The update is done: ${text}.` : `${text} ${percent} %`);
     allow();
   });
   onControl(allow);

@@ -49,8 +49,8 @@ export function startGamepad(link) {
     link.order("drive", { motor: driven, mode: "velocity", value: wanted });
     if (begins) link.order("enable", { motor: driven, on: true });
   }
-  on("notice", ({ grave }) => {
-    if (!grave) return;
+  on("notice", ({ motors_disabled }) => {
+    if (!motors_disabled) return;
     [driven, stopped] = [null, true];
   });
   // The browser does not call `look` in a hidden page, so a hidden page must disable the motor by this listener.

@@ -1,6 +1,6 @@
 // Panel for the hub: what it is, its settings, its firmware, its faults and what they mean, and the keys of this page.
 
-import { by, h, part, say } from "./dom.js";
+import { elementById, h, part, setText } from "./dom.js";
 import { firmwareForm } from "./firmware.js";
 import { mayOrder, on, onControl, state } from "./state.js";
 import { number } from "./units.js";
@@ -35,7 +35,7 @@ export function hubPanel(link) {
   } });
   const give = h("button", { type: "button", onclick: () => file.click() }, "Import a file");
 
-  const ask = () => { if (state.open && state.connected && !by("panel-hub").hidden) link.order("status"); };
+  const ask = () => { if (state.open && state.connected && !elementById("panel-hub").hidden) link.order("status"); };
   on("status", ({ address: hub, version, led, stored, differs }) => {
     const rows = [["version", version], ["address", String(hub)], ["saved settings", stored === null ? "this hub saves none" : `${stored}${differs ? "; they differ from the settings in force" : ""}`]];
     about.replaceChildren(...rows.map(([name, value]) => h("tr", {}, h("th", {}, name), h("td", {}, value))));
@@ -48,7 +48,7 @@ export function hubPanel(link) {
     faults.replaceChildren(...entries.map((/** @type {any} */ of) => h("details", {},
       h("summary", {}, h("b", {}, `${of.fault} ${of.name}`), `${of.motor === null ? "" : `, motor ${of.motor}`}, ${number(of.after_s, 1)} s after the start of run ${of.run}${of.times > 1 ? `, ${of.times} times` : ""}`),
       ...of.explanation.map((/** @type {string} */ words) => h("p", {}, words)))));
-    if (!entries.length) say(faults, "No faults or resets are recorded.");
+    if (!entries.length) setText(faults, "No faults or resets are recorded.");
   });
   on("file", ({ name, text }) => {
     const url = URL.createObjectURL(new Blob([text], { type: "text/plain" }));

@@ -1,7 +1,7 @@
 // Buttons that drive motors while they are held. When a button is released, its motors are regulated to a stop. When the page is
 // hidden or loses the focus, they are switched off; the server does so when the page is gone.
 
-import { h, say } from "./dom.js";
+import { h, setText } from "./dom.js";
 import { select } from "./list.js";
 import { limited, scale } from "./motors.js";
 import { mayOrder, on, onControl, onLeave, state } from "./state.js";
@@ -49,14 +49,14 @@ export function jogForm(link) {
     }, words);
   });
   onLeave(leave);
-  // A grave notice says that the server has disabled all motors, for example after STOP.
-  on("notice", ({ grave }) => { if (grave) driven = []; });
+  // A notice with `motors_disabled` says that the server has disabled all motors, for example after STOP.
+  on("notice", ({ motors_disabled }) => { if (motors_disabled) driven = []; });
 
   function show() {
     const { digits, shown, unit: words } = of();
     level.value = String(Number(shown(levels[mode.value]).toFixed(digits)));
     level.setAttribute("aria-label", `Level while a button is held, ${words}`);
-    say(unit, words);
+    setText(unit, words);
   }
   function allow() {
     const may = mayOrder();

@@ -1,7 +1,7 @@
 // Panel for identification: the hub moves the motor for some seconds and measures how it responds to a voltage. The speed
 // predicted by the result is plotted over the measured speed.
 
-import { h, say } from "./dom.js";
+import { h, setText } from "./dom.js";
 import { SmallPlot } from "./small.js";
 import { inControl, mayOrder, on, onControl, state } from "./state.js";
 import { number } from "./units.js";
@@ -60,7 +60,7 @@ export function learnPanel(link) {
     last[motor] = null;
     link.order("identify", { motor, travel: travel.value ? Number(travel.value) : null });
     progress.value = 0;
-    say(says, "Waiting until the motor stands …");
+    setText(says, "Waiting until the motor stands …");
     show();
   }
 
@@ -78,7 +78,7 @@ export function learnPanel(link) {
   on("identification", (message) => {
     if (message.state === "running") {
       progress.value = message.percent;
-      if (message.motor === motor) say(says, `Moving: ${message.percent} %`);
+      if (message.motor === motor) setText(says, `Moving: ${message.percent} %`);
       return;
     }
     progress.value = message.state === "found" ? 100 : 0;
@@ -86,10 +86,10 @@ export function learnPanel(link) {
     motor = -1;
     show();
   });
-  on("notice", ({ grave }) => {
-    if (grave && motor >= 0) {
+  on("notice", ({ motors_disabled }) => {
+    if (motors_disabled && motor >= 0) {
       motor = -1;
-      say(says, "The identification was stopped.");
+      setText(says, "The identification was stopped.");
     }
   });
 
@@ -98,9 +98,9 @@ export function learnPanel(link) {
     const is = of?.found;
     apply.disabled = !inControl() || !is;
     found.replaceChildren();
-    say(about, "");
+    setText(about, "");
     if (!of) return plot.show([[0, 3], [null, null], [null, null]]);
-    say(says, is ? `Motor ${of.motor} is identified.` : `Motor ${of.motor} is not identified: ${of.why}.`);
+    setText(says, is ? `Motor ${of.motor} is identified.` : `Motor ${of.motor} is not identified: ${of.why}.`);
     if (!is) return plot.show([[0, 3], [null, null], [null, null]]);
     const bare = is.catalogue;
     const rows = [
@@ -112,7 +112,7 @@ export function learnPanel(link) {
     ];
     found.append(...rows.map(([name, ...cells]) => h("tr", {}, h("th", {}, name), ...cells.map((cell) => h("td", { class: "n" }, cell)))));
     const limit = is.acceleration.map((/** @type {number|null} */ cps2) => (cps2 === null ? "none" : `${number(cps2)} counts/s²`));
-    say(about, `${bare ? `With its load the motor has ${number(bare.inertia_ratio, 2)} times the inertia of a bare ${bare.name}` : "The catalogue has no motor with the configured constants"}. ${number(100 * is.residual, 1)} % of the changes of speed are not explained. Use these values also limits the acceleration: now ${limit[0]}, proposed ${limit[1]}.`);
+    setText(about, `${bare ? `With its load the motor has ${number(bare.inertia_ratio, 2)} times the inertia of a bare ${bare.name}` : "The catalogue has no motor with the configured constants"}. ${number(100 * is.residual, 1)} % of the changes of speed are not explained. Use these values also limits the acceleration: now ${limit[0]}, proposed ${limit[1]}.`);
     const start = of.seen[0]?.at ?? 0;
     const measured = of.seen.map((/** @type {any} */ one) => one.cps);
     const predicted = predict(of.seen, is);

@@ -9,9 +9,9 @@ const EVERY_MS = 90;
 /** @typedef {{kind: string, [key: string]: any}} Message */
 
 export class Link {
-  /** @param {(message: Message) => void} hear @param {(open: boolean) => void} changed */
-  constructor(hear, changed) {
-    this.hear = hear;
+  /** @param {(message: Message) => void} onMessage @param {(open: boolean) => void} changed */
+  constructor(onMessage, changed) {
+    this.onMessage = onMessage;
     document.addEventListener("visibilitychange", () => this.order("hidden", { hidden: document.hidden }));
     /** Numbers of frames: the newest, the newest that the page held when it was painted last, and the newest acknowledged. */
     [this.newest, this.held, this.acknowledged] = [0, 0, 0];
@@ -29,7 +29,7 @@ export class Link {
   /** @param {string} text */
   take(text) {
     const message = JSON.parse(text);
-    this.hear(message);
+    this.onMessage(message);
     if (message.kind !== "frame") return;
     this.newest = message.number;
     // A hidden page is not painted. The server allows that for some seconds.

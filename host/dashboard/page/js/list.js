@@ -1,7 +1,7 @@
 // A list to choose from. A browser's own list takes every key while it is open, also Escape, so that a motor could not be
 // stopped. This list leaves Escape to the page, and arrow keys change nothing while it is closed.
 
-import { h, say } from "./dom.js";
+import { h, setText } from "./dom.js";
 
 let count = 0;
 
@@ -20,7 +20,7 @@ export function select(options, attributes = {}) {
   let top = 0;
   let [pairs, value, active] = [options, options[0]?.[0] ?? "", 0];
 
-  const labels = () => say(words, pairs.find(([key]) => key === value)?.[1] ?? "–");
+  const labels = () => setText(words, pairs.find(([key]) => key === value)?.[1] ?? "–");
   function close() {
     open?.remove();
     open = null;

@@ -1,7 +1,7 @@
 // A card for each motor: state, reason why it stands, and set-point. The set-point of a running motor is the hub's, so that
 // every page shows what runs. A motor that was stopped starts again at zero.
 
-import { by, h, say } from "./dom.js";
+import { elementById, h, setText } from "./dom.js";
 import { select } from "./list.js";
 import { slider } from "./slider.js";
 import { choose, mayOrder, motorName, on, onControl, state } from "./state.js";
@@ -89,7 +89,7 @@ function fit(/** @type {any} */ card) {
   card.number.step = step;
   card.slider.input.setAttribute("aria-label", `Slider for the set-point of motor ${card.motor}, ${unit}`);
   card.number.setAttribute("aria-label", `Set-point of motor ${card.motor}, ${unit}`);
-  say(card.unit, unit);
+  setText(card.unit, unit);
   showTarget(card);
 }
 
@@ -133,7 +133,7 @@ function build(/** @type {number} */ motor) {
     h("div", { class: "setpoint" }, card.mode, card.slider.element, card.number),
     h("div", { class: "numbers" }, card.pill, h("span", {}, card.current, " A"), h("span", {}, card.position, " counts")),
     card.why);
-  by("motors").append(card.element);
+  elementById("motors").append(card.element);
   cards.push(card);
   fit(card);
 }
@@ -196,19 +196,19 @@ function words(/** @type {any} */ motor) {
 function show(/** @type {any} */ card, /** @type {any} */ motor) {
   const settings = state.settings[card.motor];
   follow(card, motor);
-  say(card.speed, speed(motor.velocity, settings));
-  say(card.speedUnit, speedUnit(settings));
-  say(card.position, number(motor.position));
-  say(card.current, motor.current_a === undefined ? "–" : number(motor.current_a, 2));
+  setText(card.speed, speed(motor.velocity, settings));
+  setText(card.speedUnit, speedUnit(settings));
+  setText(card.position, number(motor.position));
+  setText(card.current, motor.current_a === undefined ? "–" : number(motor.current_a, 2));
   card.run.setAttribute("aria-checked", String(motor.enabled));
-  say(card.run, motor.enabled ? "Running" : "Run");
+  setText(card.run, motor.enabled ? "Running" : "Run");
   const regime = motor.enabled ? motor.regime : null;
   card.pill.className = `pill ${regime ?? ""}`;
   const [does, meaning] = bridge(motor);
-  say(card.pill, does);
+  setText(card.pill, does);
   if (card.pill.title !== meaning) card.pill.title = meaning;
   const limited = card.limited && performance.now() < card.limited.until && !motor.fault && !motor.stalled;
-  say(card.why, limited ? card.limited.words : words(motor));
+  setText(card.why, limited ? card.limited.words : words(motor));
   card.why.classList.toggle("fault", Boolean(motor.fault || motor.stalled));
 }
 
@@ -227,11 +227,11 @@ export function startMotors(/** @type {any} */ to) {
     }
   });
   on("settings", ({ motor }) => {
-    say(cards[motor].name, state.settings[motor]?.name ?? "");
+    setText(cards[motor].name, state.settings[motor]?.name ?? "");
     fit(cards[motor]);
   });
   on("unit", () => cards.forEach(fit));
-  for (const what of ["hubs", "line"]) on(what, () => cards.forEach((card) => say(card.title, motorName(card.motor))));
+  for (const what of ["hubs", "line"]) on(what, () => cards.forEach((card) => setText(card.title, motorName(card.motor))));
   on("chosen", () => cards.forEach((card) => {
     card.element.classList.toggle("chosen", card.motor === state.chosen);
     card.choose.setAttribute("aria-pressed", String(card.motor === state.chosen));

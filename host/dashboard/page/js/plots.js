@@ -2,9 +2,9 @@
 // the plots while the hub continues. Which curves are shown is chosen, and kept for the next visit.
 
 import { drawBands, nameBands } from "./bands.js";
-import { by, h, LARGE, say, typeScale } from "./dom.js";
+import { elementById, h, LARGE, setText, typeScale } from "./dom.js";
 import { select } from "./list.js";
-import { keep, kept, motorName, on, state } from "./state.js";
+import { store, stored, motorName, on, state } from "./state.js";
 import { fromCps, number, speedUnit } from "./units.js";
 
 /** @typedef {{name: string, words: string, colour: string, dash?: number[], digits: number, of?: number}} Line `of` is a motor, where it is not the chosen one */
@@ -34,9 +34,6 @@ const PLOTS = {
     { name: "battery", words: "at the hub", colour: "volts", digits: 2 }] },
 };
 
-/** Words for the state of the supply. */
-const BUS = { silent: "Battery voltage unknown", "too-low": "Battery voltage too low for the bridges", cut: "Battery too low: no current drawn", derated: "Battery low: current limited", quiet: "Supply OK", dissipating: "Supply takes nothing back: braking energy is dissipated", "too-high": "Bus voltage too high" };
-
 /** Shortest interval between two drawings, in milliseconds. */
 const DRAW_MS = 30;
 /** Interval between two texts that describe a plot, in milliseconds. */
@@ -64,11 +61,11 @@ function colour(/** @type {string} */ name) {
 /** @type {Map<string, {plot: any, values: any[], spans: any[], host: any, legend: any}>} */
 const charts = new Map();
 /** State of the view. While paused or zoomed in, the plots do not follow the hub. */
-const view = { window: kept("window", 60), paused: false, /** @type {number[]|null} */ zoom: null, /** @type {any} */ frozen: null, /** @type {number|null} */ cursor: null };
+const view = { window: stored("window", 60), paused: false, /** @type {number[]|null} */ zoom: null, /** @type {any} */ frozen: null, /** @type {number|null} */ cursor: null };
 /** The times of a whole recording, while one is shown. */
 let whole = /** @type {number[]|null} */ (null);
 /** Chosen curves: plots and curves that are hidden, motors that are shown beside the chosen one, and the unit of currents. */
-const chosen = { hidden: ["position"], motors: /** @type {number[]} */ ([]), torque: false, ...kept("curves", {}) };
+const chosen = { hidden: ["position"], motors: /** @type {number[]} */ ([]), torque: false, ...stored("curves", {}) };
 /** Durations of the last drawings in milliseconds, and times between them; for measurements. */
 export const drawn = { /** @type {number[]} */ took: [], /** @type {number[]} */ apart: [] };
 
@@ -131,7 +128,7 @@ function build(/** @type {string} */ name, /** @type {Plot} */ { title, height, 
   if (name === "battery") legend.append(h("span", { id: "bus" }));
   const host = h("div", { class: "chart", role: "img", "aria-label": `${title} over time` });
   host.style.setProperty("--height", String(height));
-  by("charts").append(legend, host);
+  elementById("charts").append(legend, host);
   const scale = typeScale();
   const axis = { stroke: () => colour("muted"), grid: { stroke: () => colour("grid"), width: 1 }, ticks: { show: false }, font: `${12 * scale}px system-ui, sans-serif` };
   const plot = new uPlot({
@@ -159,7 +156,7 @@ function zoom(/** @type {any} */ u) {
   if (!view.frozen) freeze();
   view.zoom = [u.posToVal(left, "x"), u.posToVal(left + width, "x")];
   u.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
-  by("unzoom").disabled = false;
+  elementById("unzoom").disabled = false;
   draw();
 }
 
@@ -174,11 +171,11 @@ function legends(/** @type {Record<string, any>} */ of) {
     lines.forEach((line, index) => {
       if (!lineShown(name, line)) return;
       const value = (line.of === undefined ? of : columns(line.of))[line.name]?.[at] ?? null;
-      say(values[index], number(value === null ? null : value * factor(line), digitsOf(line)));
+      setText(values[index], number(value === null ? null : value * factor(line), digitsOf(line)));
     });
   }
   const ago = of.time[of.time.length - 1] - of.time[at];
-  say(by("cursor"), view.cursor === null ? "drag in a plot to zoom in" : `${number(of.time[at], 2)} s, ${number(ago, 2)} s ago`);
+  setText(elementById("cursor"), view.cursor === null ? "drag in a plot to zoom in" : `${number(of.time[at], 2)} s, ${number(ago, 2)} s ago`);
 }
 
 /** Describes the plots in words, for users who do not see them. */
@@ -216,8 +213,8 @@ export function draw() {
 
 function titles() {
   const settings = state.settings[state.chosen];
-  say(by("plots-of"), `${motorName(state.chosen)}${settings?.name ? `, ${settings.name}` : ""}`);
-  const title = (/** @type {string} */ name, /** @type {string} */ words) => say(charts.get(name)?.legend.querySelector("h3"), words);
+  setText(elementById("plots-of"), `${motorName(state.chosen)}${settings?.name ? `, ${settings.name}` : ""}`);
+  const title = (/** @type {string} */ name, /** @type {string} */ words) => setText(charts.get(name)?.legend.querySelector("h3"), words);
   title("speed", `Speed, ${speedUnit(settings)}`);
   title("current", chosen.torque && torquePerAmpere() !== null ? "Torque of the shaft, N m" : "Current, A");
 }
@@ -251,7 +248,7 @@ function startCurves() {
   /** @type {[any, () => boolean][]} */
   const toggles = [];
   const toggle = (/** @type {string} */ label, /** @type {() => boolean} */ is, /** @type {() => void} */ change) => {
-    const button = h("button", { type: "button", onclick: () => { change(); keep("curves", chosen); paint(); arrange(); } }, label);
+    const button = h("button", { type: "button", onclick: () => { change(); store("curves", chosen); paint(); arrange(); } }, label);
     toggles.push([button, is]);
     return button;
   };
@@ -259,14 +256,14 @@ function startCurves() {
   const paint = () => toggles.forEach(([button, is]) => button.setAttribute("aria-pressed", String(is())));
   const hide = (/** @type {string} */ name) => () => { chosen.hidden = flip(chosen.hidden, name); };
   const row = (/** @type {string} */ label, /** @type {any[]} */ buttons) => h("div", { class: "row", role: "group", "aria-label": label }, h("span", { class: "muted" }, label), ...buttons);
-  by("curves").append(
+  elementById("curves").append(
     row("Plots", Object.entries(PLOTS).map(([name, { title }]) => toggle(title.split(",")[0], () => plotShown(name), hide(name)))),
     row("Speed, position", [["speed", 1], ["position", 1]].map(([name, index]) => toggle(`Set-point of ${name}`, () => lineShown(String(name), PLOTS[name].lines[Number(index)]), hide(`${name}.${PLOTS[name].lines[Number(index)].name}`)))),
     row("Current", [...PLOTS.current.lines.filter((line) => line.of === undefined).map((line) => toggle(line.words[0].toUpperCase() + line.words.slice(1), () => lineShown("current", line), hide(`current.${line.name}`))), toggle("As torque, N m", () => chosen.torque, () => { chosen.torque = !chosen.torque; })]),
     row("Also show", [0, 1, 2, 3].map((motor) => toggle(`Motor ${motor}`, () => chosen.motors.includes(motor), () => { chosen.motors = flip(chosen.motors, motor); }))));
-  by("curves-button").addEventListener("click", () => {
-    by("curves").hidden = !by("curves").hidden;
-    by("curves-button").setAttribute("aria-expanded", String(!by("curves").hidden));
+  elementById("curves-button").addEventListener("click", () => {
+    elementById("curves").hidden = !elementById("curves").hidden;
+    elementById("curves-button").setAttribute("aria-expanded", String(!elementById("curves").hidden));
   });
   paint();
 }
@@ -309,25 +306,25 @@ function pause(/** @type {boolean} */ paused) {
   view.paused = paused;
   if (paused && !view.frozen) freeze();
   if (!paused) [view.frozen, view.zoom, whole] = [null, null, null];
-  by("pause").setAttribute("aria-pressed", String(paused));
-  say(by("pause"), paused ? "Resume live" : "Pause");
-  by("unzoom").disabled = view.zoom === whole;
+  elementById("pause").setAttribute("aria-pressed", String(paused));
+  setText(elementById("pause"), paused ? "Resume live" : "Pause");
+  elementById("unzoom").disabled = view.zoom === whole;
   draw();
 }
 
 export function startPlots() {
   const window = select([["10", "10 s"], ["30", "30 s"], ["60", "60 s"]], { id: "window", "aria-label": "Time shown in the plots" });
   window.value = String(view.window);
-  by("windows").append(window);
+  elementById("windows").append(window);
   window.addEventListener("change", () => {
     view.window = Number(window.value);
-    keep("window", view.window);
+    store("window", view.window);
     draw();
   });
   const boxes = new ResizeObserver(fit);
   const buildAll = () => {
     for (const { plot } of charts.values()) plot.destroy();
-    by("charts").replaceChildren();
+    elementById("charts").replaceChildren();
     boxes.disconnect();
     for (const [name, plot] of Object.entries(PLOTS)) build(name, plot);
     for (const { host } of charts.values()) boxes.observe(host);
@@ -336,16 +333,16 @@ export function startPlots() {
   startCurves();
   buildAll();
   LARGE.addEventListener("change", buildAll);
-  by("pause").addEventListener("click", () => pause(!view.paused));
-  by("unzoom").addEventListener("click", () => {
+  elementById("pause").addEventListener("click", () => pause(!view.paused));
+  elementById("unzoom").addEventListener("click", () => {
     view.zoom = whole;
     pause(view.paused);
   });
   for (const what of ["chosen", "settings", "unit"]) on(what, arrange);
   on("hubs", titles);
   on("theme", () => { colours = new Map(); draw(); });
-  on("line", () => { by("unreported").hidden = state.reports; });
-  on("frame", (frame) => say(by("bus"), frame.bus ? `${BUS[/** @type {keyof typeof BUS} */ (frame.bus)] ?? frame.bus}${frame.dissipating ? `, ${number(100 * frame.dissipating)} %` : ""}` : ""));
+  on("line", () => { elementById("unreported").hidden = state.reports; });
+  on("frame", (frame) => setText(elementById("bus"), frame.bus ? `Supply: ${frame.bus}${frame.dissipated_share ? `, ${number(100 * frame.dissipated_share)} %` : ""}` : ""));
   setInterval(describe, DESCRIBE_MS);
   const loop = (/** @type {number} */ now) => {
     if (!view.paused && !view.zoom && now - last >= DRAW_MS && state.history.length) draw();

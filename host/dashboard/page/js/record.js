@@ -1,6 +1,6 @@
 // Panel for recordings: saves values as CSV or MCAP, and shows saved CSV files whole, with their events.
 
-import { by, h, say } from "./dom.js";
+import { elementById, h, setText } from "./dom.js";
 import { OF_MOTOR } from "./history.js";
 import { mcap } from "./mcap.js";
 import { show } from "./plots.js";
@@ -97,9 +97,9 @@ export function recordPanel() {
     recording = !recording;
     if (recording) [blobs, recent, frames, begun] = [[], [], 0, Date.now()];
     toggle.setAttribute("aria-pressed", String(recording));
-    say(toggle, recording ? "Stop recording" : "Record");
-    tell();
-    say(says, recording ? "Recording." : frames ? `${seconds()} s of all motors are recorded.` : "No recording yet.");
+    setText(toggle, recording ? "Stop recording" : "Record");
+    emit();
+    setText(says, recording ? "Recording." : frames ? `${seconds()} s of all motors are recorded.` : "No recording yet.");
   } }, "Record");
   const save = h("button", { type: "button", disabled: true, onclick: () => download(whole(), begun, "csv") }, "Save as CSV");
   const pack = h("button", { type: "button", disabled: true, onclick: async () => {
@@ -111,17 +111,17 @@ export function recordPanel() {
     if (!chosen) return;
     try {
       show(parse(await chosen.text()));
-      say(says, `${chosen.name} is shown in the plots; Resume live shows the hub again.`);
+      setText(says, `${chosen.name} is shown in the plots; Resume live shows the hub again.`);
     } catch (error) {
-      say(says, `${chosen.name}: ${/** @type {Error} */ (error).message}`);
+      setText(says, `${chosen.name}: ${/** @type {Error} */ (error).message}`);
     }
   } });
   const load = h("button", { type: "button", onclick: () => file.click() }, "Show a recording");
   const seconds = () => (frames / FRAMES_PER_S).toFixed(0);
-  function tell() {
+  function emit() {
     save.disabled = pack.disabled = !frames;
-    by("recording").hidden = !recording;
-    say(by("recording"), `● Recording, ${seconds()} s`);
+    elementById("recording").hidden = !recording;
+    setText(elementById("recording"), `● Recording, ${seconds()} s`);
   }
   on("frame", (frame) => {
     if (!recording) return;
@@ -131,7 +131,7 @@ export function recordPanel() {
       blobs.push(new Blob(recent.map((row) => `${row}\n`)));
       recent = [];
     }
-    if (frames % FRAMES_PER_S === 1) tell();
+    if (frames % FRAMES_PER_S === 1) emit();
   });
   return h("div", { class: "stack" }, h("div", { class: "row" }, toggle, save, pack, load, file), says, h("p", { class: "muted" }, "A recording has a row for each motor and frame, 50 frames per second: time in s, battery in V, speeds in counts/s, positions (goal: set-point) in counts, control, power and points S, T, Z, G from -1 to 1, currents in A, the kind of set-point, and what the bridge does. MCAP opens in Foxglove and PlotJuggler. A shown recording has marks where a set-point changed, a motor was switched off, or a fault came."));
 }

@@ -1,6 +1,6 @@
 // Panel for the points S, T, Z and G: where they lie at a speed and a battery voltage, by the paper's formulas and in the firmware.
 
-import { h, say } from "./dom.js";
+import { h, setText } from "./dom.js";
 import { select } from "./list.js";
 import { labelled } from "./slider.js";
 import { on, state } from "./state.js";
@@ -55,7 +55,7 @@ export function regimesPanel(link) {
     turns.input.max = String(Math.min(MOST_CPS, Math.round(1.2 * free())));
     turns.show(cps(), 0);
     volts.show(chosen.volts, USUAL_VOLTS);
-    say(unit, `Speed, ${speedUnit(settings())}`);
+    setText(unit, `Speed, ${speedUnit(settings())}`);
     link.order("points", { motor: state.chosen, scheme: scheme.value, cps: cps(), volts: chosen.volts });
   }
 
@@ -63,7 +63,7 @@ export function regimesPanel(link) {
     const name = /** @type {keyof typeof FORMULAS} */ (scheme.value);
     const of = name === "A" ? "V" : "A";
     rows.replaceChildren(...NAMES.map((point, index) => h("tr", {}, h("th", {}, h("b", {}, point), ` ${MEANINGS[index]}`), h("td", {}, FORMULAS[name][index]), h("td", { class: "n" }, number(paper[index], 3)), h("td", { class: "n" }, number(firmware[index], 3)), h("td", { class: "n" }, `${number(values[index], 2)} ${of}`))));
-    say(note, `${NOTES[name]} Here e = ${number(emf_v, 2)} V and e / V = ${number(emf_v / chosen.volts, 2)}.`);
+    setText(note, `${NOTES[name]} Here e = ${number(emf_v, 2)} V and e / V = ${number(emf_v / chosen.volts, 2)}.`);
     draw(firmware, values);
   }
 

@@ -1,6 +1,6 @@
 // Panel for the set-up: the connected motor, the scheme, and the duty rule.
 
-import { h, say } from "./dom.js";
+import { h, setText } from "./dom.js";
 import { settingsForm } from "./fields.js";
 import { select } from "./list.js";
 import { inControl, mayOrder, on, onControl, state } from "./state.js";
@@ -30,13 +30,13 @@ export function setupPanel(link) {
     name.value = settings.name ?? "";
     scheme.value = settings.scheme.scheme;
     duty.value = settings.duty;
-    say(facts, `Back EMF ${number(settings.emf_mv_s_per_count, 3)} mV s/count, winding ${number(settings.resistance_ohm, 2)} Ω${settings.counts_per_turn ? `, ${number(settings.counts_per_turn)} counts per turn` : ""}.`);
+    setText(facts, `Back EMF ${number(settings.emf_mv_s_per_count, 3)} mV s/count, winding ${number(settings.resistance_ohm, 2)} Ω${settings.counts_per_turn ? `, ${number(settings.counts_per_turn)} counts per turn` : ""}.`);
   }
   function allow() {
     const may = mayOrder();
     for (const element of [name, scheme, duty, apply, zero]) element.disabled = !may;
     save.disabled = !may || !state.stores;
-    say(saving, state.stores || !state.connected ? "Settings of all motors last until the hub restarts, unless they are saved." : "This hub cannot store settings: they last until it restarts.");
+    setText(saving, state.stores || !state.connected ? "Settings of all motors last until the hub restarts, unless they are saved." : "This hub cannot store settings: they last until it restarts.");
     fill();
   }
   on("welcome", () => { name.options = [...UNCHANGED, ...state.catalogue.map((/** @type {any} */ motor) => [motor.name, motor.name])]; });

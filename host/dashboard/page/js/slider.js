@@ -1,7 +1,7 @@
 // A slider that only a drag of its thumb, or an arrow key, moves. A tap on its track, and a swipe that scrolls the page, change
 // nothing: they would set a motor's speed by accident.
 
-import { h, say } from "./dom.js";
+import { h, setText } from "./dom.js";
 
 /** Shortest interval between two values that a labelled slider sends, in milliseconds. */
 const WAIT_MS = 50;
@@ -76,7 +76,7 @@ export function labelled({ label, min, max, step, words, send }) {
   /** @type {any} */
   let timer;
   const { input, element, held, set } = slider({ min, max, step, "aria-label": label }, (value) => {
-    say(output, words(value));
+    setText(output, words(value));
     clearTimeout(timer);
     timer = setTimeout(() => send(value), WAIT_MS);
   });
@@ -87,7 +87,7 @@ export function labelled({ label, min, max, step, words, send }) {
     show(/** @type {number|null} */ value, /** @type {number} */ otherwise) {
       if (held() || document.activeElement === input) return;
       set(value ?? otherwise);
-      say(output, value === null ? "scenario" : words(value));
+      setText(output, value === null ? "scenario" : words(value));
     },
   };
 }

@@ -35,7 +35,7 @@ export function on(what, listener) {
 }
 
 /** @param {string} what @param {any} [message] */
-export function tell(what, message) {
+export function emit(what, message) {
   for (const listener of listeners.get(what) ?? []) listener(message);
 }
 
@@ -65,12 +65,12 @@ export function onControl(allow) {
 /** @param {number} motor */
 export function choose(motor) {
   state.chosen = motor;
-  keep("motor", motor);
-  tell("chosen");
+  store("motor", motor);
+  emit("chosen");
 }
 
 /** What this browser keeps for a reload of the page: a choice by its name. @param {string} name @param {any} fallback */
-export function kept(name, fallback) {
+export function stored(name, fallback) {
   try {
     return JSON.parse(localStorage.getItem(name) ?? "") ?? fallback;
   } catch {
@@ -79,4 +79,4 @@ export function kept(name, fallback) {
 }
 
 /** @param {string} name @param {any} value */
-export const keep = (name, value) => localStorage.setItem(name, JSON.stringify(value));
+export const store = (name, value) => localStorage.setItem(name, JSON.stringify(value));

@@ -1,6 +1,6 @@
 // Panel for tuning: coefficients, regulator, and a step response, plotted over the step before.
 
-import { h, say } from "./dom.js";
+import { h, setText } from "./dom.js";
 import { limited, scale } from "./motors.js";
 import { SmallPlot } from "./small.js";
 import { inControl, mayOrder, on, onControl, state } from "./state.js";
@@ -52,7 +52,7 @@ export function tunePanel(link) {
     const of = scale("velocity", state.settings[state.chosen]);
     const { value, words } = limited(of, Number(endFields[index].value) || 0);
     ends[index] = of.meant(value);
-    say(says, words ?? "");
+    setText(says, words ?? "");
     showEnds();
   } }));
   const [from, to] = endFields;
@@ -72,19 +72,19 @@ export function tunePanel(link) {
 
   function step() {
     const [low, high] = ends;
-    if (low === high) return say(says, "Enter two different speeds for a step.");
+    if (low === high) return setText(says, "Enter two different speeds for a step.");
     const now = state.frame.at_s;
     running = { motor: state.chosen, low, high, phase: "rest", begun: now, near: null };
     order("drive", { mode: "velocity", value: low });
     order("enable", { on: true });
-    say(says, "Reaching the first speed …");
+    setText(says, "Reaching the first speed …");
   }
 
   /** Ends a step, with its motor disabled. */
   function end(/** @type {string} */ words) {
     order("enable", { motor: running.motor, on: false });
     running = null;
-    say(says, words);
+    setText(says, words);
   }
 
   function finish() {
@@ -102,7 +102,7 @@ export function tunePanel(link) {
     if (running.near !== null && now - running.near >= HELD_S) {
       Object.assign(running, { phase: "step", start: now, times: [0], speeds: [velocity] });
       link.order("drive", { motor, mode: "velocity", value: high });
-      say(says, "Recording the step …");
+      setText(says, "Recording the step …");
     } else if (now - running.begun > REACHED_S) {
       end(`The motor did not reach ${speed(low, settings)} ${speedUnit(settings)} within ${REACHED_S} s: its speed is ${speed(velocity, settings)} ${speedUnit(settings)}.`);
     }
@@ -130,12 +130,12 @@ export function tunePanel(link) {
 
   on("frame", (frame) => {
     const motor = frame.motors[state.chosen];
-    if (motor) say(regulator, motor.regulator === "model" ? "the motor model" : motor.regulator === "PID" ? "PID" : "not reported");
+    if (motor) setText(regulator, motor.regulator === "model" ? "the motor model" : motor.regulator === "PID" ? "PID" : "not reported");
     if (!running) return;
     const { enabled, velocity } = frame.motors[running.motor];
     if (!enabled && frame.at_s - running.begun > ENABLED_S) {
       running = null;
-      return say(says, "The motor was disabled; this step is discarded.");
+      return setText(says, "The motor was disabled; this step is discarded.");
     }
     if (running.phase === "rest") {
       if (enabled) reach(frame.at_s, velocity);
@@ -149,18 +149,18 @@ export function tunePanel(link) {
   function showEnds() {
     const of = scale("velocity", state.settings[state.chosen]);
     endFields.forEach((field, index) => { field.value = String(Number(of.shown(ends[index]).toFixed(of.digits))); });
-    say(unit, of.unit);
-    say(errorUnit, `End error, ${of.unit}`);
+    setText(unit, of.unit);
+    setText(errorUnit, `End error, ${of.unit}`);
   }
 
   function fill() {
     const settings = state.settings[state.chosen];
     undo.disabled = !inControl() || !settings?.undoable;
-    say(undo, settings?.undoable ? `Undo (${settings.undoable})` : "Undo");
+    setText(undo, settings?.undoable ? `Undo (${settings.undoable})` : "Undo");
     for (const of of ["velocity", "position"]) fields[of].forEach((/** @type {any} */ field, /** @type {number} */ i) => { if (document.activeElement !== field && settings) field.value = String(+settings[of][i].toFixed(4)); });
     limit.value = settings?.acceleration ?? "";
     const known = settings?.dynamics;
-    say(model, known ? `Dynamics: ${number(known.gain)} counts/s² per volt, decay ${number(known.decay, 2)} /s, friction ${number(known.friction_v, 2)} V` : "Dynamics are not configured: the motor model learns the acceleration per volt. Identify measures all three.");
+    setText(model, known ? `Dynamics: ${number(known.gain)} counts/s² per volt, decay ${number(known.decay, 2)} /s, friction ${number(known.friction_v, 2)} V` : "Dynamics are not configured: the motor model learns the acceleration per volt. Identify measures all three.");
   }
   function allow() {
     const may = mayOrder();

@@ -1,6 +1,6 @@
 // Panel for a simulated hub: loads, torques, battery and faults, to see how the hub reacts.
 
-import { h, say } from "./dom.js";
+import { h, setText } from "./dom.js";
 import { select } from "./list.js";
 import { labelled } from "./slider.js";
 import { inControl, on, state } from "./state.js";
@@ -29,14 +29,14 @@ export function worldPanel(link) {
 
   function fill() {
     const { world } = state;
-    say(of, `Motor ${state.chosen}`);
+    setText(of, `Motor ${state.chosen}`);
     if (!world) return;
     const at = world.motors[state.chosen];
     volts.show(world.volts, 12.6);
     torque.show(at.nm, 0);
     inertia.show(at.kg_m2, 0);
     hold.setAttribute("aria-pressed", String(at.held));
-    say(hold, at.held ? "Release the shaft" : "Hold the shaft");
+    setText(hold, at.held ? "Release the shaft" : "Hold the shaft");
     encoder.value = at.encoder;
   }
   function allow() {

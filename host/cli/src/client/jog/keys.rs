@@ -139,7 +139,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn keys_are_told_from_what_terminals_send() {
+    fn keys_are_read_from_the_bytes_of_terminals() {
         use Key::*;
         assert_eq!(read(b"\x1b[A\x1bOB\x1b[C\x1b[D"), [Forward, Backward, Faster, Slower]);
         assert_eq!(

@@ -32,6 +32,12 @@ pub(crate) fn find() -> Option<PathBuf> {
     found
 }
 
+/// How an event of a packet of a WebSocket begins.
+const PACKET: &str = r#"{"method":"Network.webSocketFrame"#;
+
+/// Interval between two questions to a page that a test waits for. Each question takes some of the page's time.
+const POLL: Duration = Duration::from_millis(20);
+
 /// Ends the browser and removes its profile when standard input is closed. The shell outlives Ctrl-C for this purpose.
 const KEEPER: &str = r#"trap '' INT; "$@" & read -r end; kill -KILL $!; wait; rm -rf "$PROFILE""#;
 
@@ -95,8 +101,10 @@ pub(crate) struct Browser {
     /// The context of this test. It has no cookies, no storage and no windows of other tests.
     context: Value,
     number: u64,
-    /// Events that have arrived.
+    /// Events that have arrived, except packets of WebSockets.
     events: Vec<Value>,
+    /// True if a server has told a page that the page in control showed nothing for 1 s.
+    was_starved: bool,
     /// Browser of this test alone; `None` in the shared browser.
     own: Option<Process>,
 }
@@ -122,7 +130,8 @@ impl Browser {
     }
 
     fn new(socket: WebSocket<TcpStream>, own: Option<Process>) -> Self {
-        let mut browser = Self { socket, context: Value::Null, number: 0, events: Vec::new(), own };
+        let mut browser =
+            Self { socket, context: Value::Null, number: 0, events: Vec::new(), was_starved: false, own };
         let made = browser.call(None, "Target.createBrowserContext", json!({ "disposeOnDetach": true }));
         browser.context = made["browserContextId"].clone();
         browser
@@ -157,6 +166,11 @@ impl Browser {
     fn receive(&mut self) -> Option<Value> {
         match self.socket.read() {
             Ok(Message::Text(text)) => {
+                // A page receives 50 packets per second, which are not worth their parsing.
+                if text.starts_with(PACKET) {
+                    self.was_starved |= text.contains("showed no new values for 1 s");
+                    return None;
+                }
                 let message: Value = serde_json::from_str(&text).expect("JSON");
                 if message.get("id").is_some() {
                     return Some(message);
@@ -252,9 +266,24 @@ impl Tab<'_> {
             if Instant::now() >= end {
                 return false;
             }
-            std::thread::sleep(Duration::from_millis(5));
+            std::thread::sleep(POLL);
         }
         true
+    }
+
+    /// Waits until the page has been painted again, and no colour changes any more.
+    pub(crate) fn settle(&mut self) {
+        self.ask(
+            "(async () => { const painted = () => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))); \
+                await painted(); await Promise.allSettled(document.getAnimations().map(({ finished }) => finished)); await painted(); })()",
+        );
+    }
+
+    /// True if a page of this browser has lost control because it showed nothing for 1 s.
+    pub(crate) fn was_starved(&mut self) -> bool {
+        // Events arrive before the answer to a later question.
+        self.ask("0");
+        self.browser.was_starved
     }
 
     /// Presses a key and releases it.
