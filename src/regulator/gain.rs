@@ -30,7 +30,7 @@ const PLAUSIBLE_TIME_CONSTANT_S: (f32, f32) = (0.01, 30.0);
 const GUESS_VARIANCE: f32 = 1.0;
 /// Growth of the variance in a second, because windings warm up and loads change, and because the errors of
 /// consecutive corrections resemble each other. The value is from simulations with 0.03 to 1: see decision 31.
-const VARIANCE_PER_SECOND: f32 = 0.1;
+const VARIANCE_PER_SECOND: f32 = 0.13;
 /// Sensitivity, in counts, up to which the variance does not grow. With so small a sensitivity a correction hardly
 /// reduces the variance, so the variance would only grow.
 const LEAST_GROWTH_SENSITIVITY: f32 = 0.02;
