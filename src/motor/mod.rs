@@ -635,12 +635,8 @@ impl Motor {
     /// [`Command::bridge`] ignores the time for which the bridge is open when its mode changes;
     /// [`after_change`](Self::after_change) includes this time.
     fn modulate(&mut self, request: Request, now: Micros, battery: &Battery, may_end_short: bool) -> Command {
-        let Request { at, modulation: mut limited, .. } = request;
-        let volts = limited.voltage.to_volts();
-        let allowed = self.limits(at, battery.draw).clamp(volts);
-        if allowed.to_bits() != volts.to_bits() {
-            limited = self.modulator.for_voltage(at, Voltage::from_volts(allowed));
-        }
+        let Request { at, modulation, .. } = request;
+        let limited = self.within_limits(modulation, at, battery.draw);
         let mut command = Command { request, limited, bridge: limited };
         let Drive { mode, duty } = limited.drive;
         let returns = mode == Mode::Brake50 && duty != Duty::ZERO && duty != Duty::ONE;
@@ -652,6 +648,17 @@ impl Motor {
             self.dissipate(&mut command, now, battery, may_end_short);
         }
         command
+    }
+
+    /// The modulation whose voltage is within all limits and nearest to the voltage of `modulation`.
+    fn within_limits(&self, modulation: Modulation, at: OperatingPoint, draw: Share) -> Modulation {
+        let volts = modulation.voltage.to_volts();
+        let allowed = self.limits(at, draw).clamp(volts);
+        if allowed.to_bits() == volts.to_bits() {
+            modulation
+        } else {
+            self.modulator.for_voltage(at, Voltage::from_volts(allowed))
+        }
     }
 
     /// The voltages that are within all limits.
