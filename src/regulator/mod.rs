@@ -44,7 +44,8 @@ use stream::Stream;
 use swings::Swings;
 
 /// Longest time between two samples of the encoder, in samples of 1 ms. After a longer gap the observer restarts with
-/// the mean speed of the gap. A prediction without samples is not continued for longer either.
+/// the mean speed of the gap. After this time without a sample the estimated load counts as 0, because an old load
+/// would let the predicted speed grow without end.
 const LONGEST_GAP_SAMPLES: u32 = 300;
 /// Time in ms without a count after which a motor that should turn counts as stalled.
 const STALLED_MS: u32 = 100;
@@ -315,8 +316,12 @@ impl Regulator {
         }
     }
 
-    /// Predicts the motion to a time without a sample, at most 300 ms ahead.
+    /// Predicts the motion to a time without a sample, at most 300 ms ahead in one call. From 300 ms after the last
+    /// sample on the estimated load is 0.
     pub fn predict_until(&mut self, now: Micros) {
+        if self.last.is_some_and(|last| samples(last.at, now) > LONGEST_GAP_SAMPLES) {
+            self.motion.forget_load();
+        }
         self.predict(samples(self.predicted_until, now), now);
     }
 
