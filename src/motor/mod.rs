@@ -525,8 +525,10 @@ impl Motor {
         }
     }
 
-    /// The request of a motor at fault, by the setting [`OnFault`]; `None` for an open bridge.
-    fn on_fault(&self, at: OperatingPoint) -> Option<Request> {
+    /// The request of a motor at fault, by the setting [`OnFault`]; `None` for an open bridge. After the fault the
+    /// regulator begins as after a brake.
+    fn on_fault(&mut self, at: OperatingPoint) -> Option<Request> {
+        self.regulator.transition(Transition::FromBrake);
         (self.settings.on_fault == OnFault::Brake).then_some(Request::braking(at))
     }
 

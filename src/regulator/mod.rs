@@ -94,7 +94,8 @@ pub enum Transition {
     /// The motor leaves a set-point without regulation: disabled, fail-safe, open loop, constant current or an
     /// identification.
     FromOpenLoop,
-    /// The motor leaves constant power 0. The current of its short circuit is not continued.
+    /// The motor leaves constant power 0, or a fault at which it brakes. The current of its short circuit is not
+    /// continued.
     FromBrake,
     /// The motor leaves a stop, or a release or a probe of the encoder check.
     FromStop,
