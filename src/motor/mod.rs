@@ -731,8 +731,10 @@ impl Motor {
         };
         self.thermal.step(self.settings.thermal, self.period, measured.unwrap_or(heating));
         let current_limited = self.is_current_limited();
-        let within_tolerance = self.setpoint.is_within_tolerance(self.position);
         let command = self.command.as_ref();
+        // With a fault in place of the set-point the command has no target.
+        let is_regulated = command.is_some_and(|command| command.request.target.is_some());
+        let within_tolerance = is_regulated && self.setpoint.is_within_tolerance(self.position);
         Report {
             setpoint: self.setpoint,
             position: self.position,
