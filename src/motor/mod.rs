@@ -610,6 +610,9 @@ impl Motor {
         self.changed = false;
         if let (Some(request), Some(battery)) = (request, battery) {
             let command = self.modulate(request, now, battery, false);
+            let [requested, allowed] =
+                [command.request.modulation, command.limited].map(|modulation| modulation.voltage.to_volts());
+            self.regulator.set_excess(requested - allowed);
             self.command_bridge(command);
         } else {
             self.command = None;

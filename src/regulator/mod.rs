@@ -600,6 +600,12 @@ impl Regulator {
         }
     }
 
+    /// Sets the requested voltage less the voltage within the motor's limits, in V. While the request exceeds the
+    /// limits, the integral of PID does not grow.
+    pub const fn set_excess(&mut self, volts: f32) {
+        self.loops.excess_volts = volts;
+    }
+
     /// Sets the voltage that the bridge applies from now on; `None` if the bridge is open.
     pub fn drive(&mut self, voltage: Option<Voltage>) {
         if voltage.is_none() {
