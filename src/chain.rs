@@ -12,8 +12,8 @@
 //! * passes on the host's requests to other addresses, and the answers to them, unchanged;
 //! * asks each address after a discovery whether it has a hub, and waits [`SLOT_MICROS`] for each answer;
 //! * waits at most [`ANSWER_MICROS`] for the answer to another request. If no answer comes, the host gets no answer;
-//! * passes on a *stop to all*, a fail-safe to the address 255, before all waiting requests. No child answers a stop to
-//!   all.
+//! * passes on a *stop to all*, a fail-safe to the address 255, in place of all waiting requests. No child answers a
+//!   stop to all.
 //!
 //! The parent's own answers do not pass through the chain line, so no child can delay them. Each hub has its own
 //! keep-alive timer, which only packets to that hub restart.
@@ -136,13 +136,10 @@ impl Chain {
         }
     }
 
-    /// Queues a stop to all hubs, before all waiting requests. If eight requests wait already, the newest of them is
-    /// dropped.
+    /// Queues a stop to all hubs, and drops all waiting requests: a request to enable a motor must not follow the stop.
     pub fn stop(&mut self, packet: Packet) {
-        if self.requests.is_full() {
-            let _ = self.requests.pop_back();
-        }
-        let _ = self.requests.push_front(packet);
+        self.requests.clear();
+        let _ = self.requests.push_back(packet);
     }
 
     /// Begins a discovery on the chain line, in place of a discovery that is not finished. `request` is the host's

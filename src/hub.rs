@@ -139,9 +139,9 @@ impl<const N: usize> Snapshot<N> {
         self.battery.is_some() && self.draw_stage != DrawStage::Full
     }
 
-    /// True if every motor is disabled.
+    /// True if every motor is disabled or in fail-safe, so that no motor is driven.
     pub fn all_disabled(&self) -> bool {
-        self.motors.iter().all(|motor| motor.setpoint == Setpoint::Disabled)
+        self.motors.iter().all(|motor| matches!(motor.setpoint, Setpoint::Disabled | Setpoint::FailSafe))
     }
 
     /// Returns the commands of all bridges.

@@ -3,9 +3,17 @@
 mod common;
 
 use common::{BATTERY, BRIDGE, Bench, free_cps, inertia, plant, unknown, velocity};
+use motor_hub::bridge::Drive;
+use motor_hub::hub::{Action, Command, Hub, Inputs};
 use motor_hub::model::catalogue::{self, Motor};
+use motor_hub::model::plant::PlantInput;
+use motor_hub::model::si::{Amps, RadPerSec, Seconds, Volts};
+use motor_hub::motion::{Pidf, Reading};
 use motor_hub::motor::{Report, Setpoint, Settings};
-use motor_hub::units::{CountsPerSecond, Milliamperes};
+use motor_hub::regulator::Coefficients;
+use motor_hub::supply::{Limits, Supply};
+use motor_hub::units::{Coefficient, CountsPerSecond, Micros, Milliamperes, Millivolts, Period};
+use std::f64::consts::TAU;
 use std::num::NonZeroU16;
 
 /// A motor with a flywheel of this inertia in kg m², which turns at a share of the free speed.
@@ -100,6 +108,67 @@ fn a_stalled_motor_keeps_its_current_limit_and_says_so() {
                 *current_limited && *stalled && !faults.any(),
                 "{name}, {period} ms: {:?}",
                 bench.report()
+            );
+        }
+    }
+}
+
+#[test]
+fn the_current_limit_holds_while_a_braking_motor_dissipates_its_energy() {
+    let motor = neverest_60();
+    for cps in [1_000, 2_500] {
+        let settings = Settings { current_limit: NonZeroU16::new(800), ..unknown(&motor) };
+        let mut hub = Hub::new([settings], Period::from_millis(10).expect("in range"));
+        let braking = current(-0.4, 2.0 * free_cps(&motor));
+        hub.apply(Command { motor: 0, action: Action::Set(braking) }).expect("a motor of the hub");
+        // The speed does not change, and the supply cannot take the energy.
+        let mut plant = plant(motor, inertia(HEAVY));
+        plant.place(Amps(0.0), RadPerSec(f64::from(cps) * TAU / motor.counts_per_rev_motor), 0.0);
+        let mut supply = Supply::new(Limits::default());
+        let (mut drive, mut pulses, mut charge) = (Drive::COAST, 0, 0.0);
+        for ms in 1..=2_000 {
+            let now = Micros::new(1_000 * ms);
+            let reading = Some(Reading { position: plant.counts() as i32, edge_at: now, at: now });
+            hub.sample(&[reading]);
+            let battery = supply.step(Some(Millivolts::new(15_000)), now);
+            let before = drive;
+            if ms % 10 == 0 {
+                drive = hub.step(&Inputs { now, readings: [reading], battery }).motors[0].drive;
+            } else if let Some([changed]) = battery.and_then(|battery| hub.apply_limits(battery)) {
+                drive = changed;
+            }
+            pulses += u32::from(drive != before);
+            let influence = PlantInput::pwm(drive.mode, drive.duty.to_f64());
+            let amperes = 1e3 * plant.run(Seconds(1e-3), influence, Volts(15.0)).charge.0;
+            assert!(amperes.abs() < 0.9 || ms <= 1_000, "{cps} counts/s, {ms} ms: {amperes} A, {drive:?}");
+            charge += if ms > 1_000 { 1e-3 * amperes } else { 0.0 };
+        }
+        assert!(pulses > 100 && (charge + 0.4).abs() < 0.05, "{cps} counts/s: {pulses} pulses, {charge} A");
+    }
+}
+
+#[test]
+fn pid_behind_a_current_limit_overshoots_no_more_than_without_a_limit() {
+    let motor = neverest_60();
+    for feed_forward in [0, 11] {
+        let [p, i, f] = [4, 1, feed_forward].map(|whole| Coefficient::from_bits(whole << 16));
+        let fastest = |limit_ma| {
+            let mut bench = bench(motor, 0.01, 0.0, limit_ma, 10);
+            let velocity_loop = Pidf { p, i, f, ..Pidf::default() };
+            let coefficients = Coefficients { velocity: velocity_loop, position: Pidf::default() };
+            bench.configure(0, |settings| settings.coefficients = Some(coefficients));
+            bench.set(0, velocity(2_000));
+            (0..3_000).fold(0.0f64, |fastest, _| {
+                bench.run_ms(1);
+                fastest.max(bench.speed(0))
+            })
+        };
+        let free = fastest(None);
+        for limit_ma in [500, 800, 1_200] {
+            let limited = fastest(Some(limit_ma));
+            assert!(
+                limited > 1_950.0 && limited < free.max(2_000.0) + 20.0,
+                "F {feed_forward}, {limit_ma} mA: {limited} counts/s, {free} without a limit"
             );
         }
     }

@@ -406,6 +406,27 @@ fn an_encoder_that_does_not_count_or_counts_backwards_is_refused() {
 }
 
 #[test]
+fn with_one_broken_wire_a_motor_turns_no_further_than_announced() {
+    for (limit, breaks_at) in [(u32::MAX, &[0, 600, 1_000, 1_290, 2_000][..]), (900, &[0, 300, 450])] {
+        for name in ["AM 60 A", "AM 20 C"] {
+            let setup = Setup { limit, period_ms: 10, ..Setup::new(name) };
+            let most = i64::from(travel(setup.settings().winding.emf, Millivolts::new(12_600), limit));
+            for &from_ms in breaks_at {
+                let outcome = setup.disturbed(|bench| {
+                    if bench.ms >= from_ms {
+                        bench.axes[0].cable = Cable::OneWire;
+                    }
+                });
+                let what = format!("{name}, limit {limit}, broken at {from_ms} ms");
+                let (least, reached) = outcome.travel;
+                assert!(reached <= most && -least <= most, "{what}: {least} to {reached} of {most}");
+                refused(outcome, &[Refusal::NoCounts], &what);
+            }
+        }
+    }
+}
+
+#[test]
 fn a_weak_battery_is_refused() {
     for (emf, ohms) in [(5.5, 0.0), (12.6, 3.0)] {
         let battery = Battery { emf: Volts(emf), resistance: Ohms(ohms) };

@@ -62,6 +62,54 @@ fn a_counter_that_falls_silent_brakes_until_it_speaks_again() {
 }
 
 #[test]
+fn a_motor_that_held_its_position_holds_where_it_is_when_its_encoder_is_read_again() {
+    for on_fault in [OnFault::Coast, OnFault::Brake] {
+        let mut winch = winch(settings(on_fault), 0.4);
+        winch.set(0, velocity(0));
+        winch.run_ms(2_000);
+        let held = winch.counts(0);
+        winch.axes[0].unread_ms = 2_000;
+        winch.run_ms(2_000);
+        assert!(winch.counts(0) > held + 300.0, "{on_fault:?}: {} from {held}", winch.counts(0));
+        let mut lowest = 0.0f64;
+        for _ in 0..3_000 {
+            winch.run_ms(1);
+            lowest = lowest.max(winch.counts(0));
+        }
+        let end = winch.counts(0);
+        assert!(lowest - end < 50.0, "{on_fault:?}: from {lowest} back to {end} counts");
+    }
+}
+
+#[test]
+fn without_readings_the_estimated_speed_does_not_grow_for_longer_than_300_ms() {
+    let mut winch = winch(settings(OnFault::Coast), 0.8);
+    winch.set(0, velocity(0));
+    winch.run_ms(2_000);
+    winch.axes[0].unread_ms = u64::MAX;
+    winch.run_ms(500);
+    let early = winch.report().velocity.to_f32();
+    winch.run_ms(9_500);
+    let late = winch.report().velocity.to_f32();
+    assert!(early > 200.0 && (late - early).abs() < 1.0, "{early} counts/s, later {late} counts/s");
+}
+
+#[test]
+fn a_motor_is_not_settled_while_a_fault_opens_its_bridge() {
+    let losses: [fn(&mut Bench<1>); 2] =
+        [|bench| bench.battery_read = false, |bench| bench.axes[0].unread_ms = 500];
+    for lose in losses {
+        let mut bench = Bench::one(settings(OnFault::Coast), plant(neverest_60(), common::inertia(0.01)), 10);
+        bench.set(0, position(200, 10, 500));
+        bench.run_ms(2_000);
+        assert!(bench.report().settled);
+        lose(&mut bench);
+        bench.run_ms(200);
+        assert!(bench.report().faults.any() && !bench.report().settled, "{:?}", bench.report());
+    }
+}
+
+#[test]
 fn no_motor_brakes_on_a_bus_that_is_the_fault() {
     let mut winch = unplugged(OnFault::Brake);
     let mut drive = |battery_read, setpoint: Option<Setpoint>| {

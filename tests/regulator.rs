@@ -6,7 +6,10 @@ use common::{
     Bench, Cable, ScriptedMotor, configured, free_cps, inertia, motor, plant, position, unknown, velocity,
 };
 use motor_hub::braking::Winding;
+use motor_hub::model::catalogue::Motor;
+use motor_hub::model::friction::Friction;
 use motor_hub::model::load::Load;
+use motor_hub::model::si::NewtonMetres;
 use motor_hub::motor::{Report, Setpoint, Settings};
 use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::units::{AccelerationPerVolt, DecayRate, Micros, Millivolts, Period};
@@ -107,6 +110,45 @@ fn a_held_position_stays_within_two_counts_also_with_too_little_inertia_configur
     // Without being drawn back the motor swings by 3 counts either way, and up to nine times a second.
     let bad: Vec<_> = rows.iter().filter(|(_, row)| !good(*row)).collect();
     assert!(bad.is_empty(), "period in ms, lowest and highest distance, changes in a second: {bad:?}");
+}
+
+/// A motor at rest whose friction takes 2 V, and is configured.
+fn rough() -> Bench<1> {
+    let motor = motor("AM 60 A");
+    let mut settings = configured(&motor, &Load::NONE);
+    if let Some(dynamics) = &mut settings.dynamics {
+        dynamics.friction = Millivolts::new(2_000);
+    }
+    let friction = Friction::with_coulomb(NewtonMetres(2.0 * motor.kt.0 / (motor.r.0 + 0.1)));
+    Bench::one(settings, plant(Motor { friction, ..motor }, Load::NONE), 10)
+}
+
+#[test]
+fn after_a_rest_a_motor_starts_with_the_voltage_of_its_first_start_in_both_directions() {
+    let mut bench = rough();
+    let mut start = |cps| {
+        bench.set(0, Setpoint::Disabled);
+        bench.run_ms(1_000);
+        bench.set(0, velocity(cps));
+        let volts = bench.tick().motors[0].voltage.to_volts();
+        bench.run_ms(1_000);
+        volts
+    };
+    let [first, again, back] = [300, 300, -300].map(&mut start);
+    assert!((again - first).abs() < 0.2 && (back + first).abs() < 0.2, "{first} V, {again} V, {back} V");
+}
+
+#[test]
+fn dynamics_with_friction_that_are_configured_while_the_motor_turns_change_the_voltage_by_little() {
+    let mut bench = rough();
+    let dynamics = bench.settings[0].dynamics;
+    bench.configure(0, |settings| settings.dynamics = None);
+    bench.set(0, velocity(1_000));
+    bench.run_ms(3_000);
+    let before = bench.report().voltage.to_volts();
+    bench.configure(0, |settings| settings.dynamics = dynamics);
+    let after = bench.tick().motors[0].voltage.to_volts();
+    assert!((after - before).abs() < 0.5, "{after} V, before {before} V");
 }
 
 #[test]

@@ -123,6 +123,14 @@ impl Pid {
         self.rate = self.rate.saturating_add(Value::saturating_from_num(step));
     }
 
+    /// Takes the integral of `before`, the loop before its last tick, if the integral has changed in this direction
+    /// since then. Anti-windup for an output that is limited behind the loop.
+    pub(crate) fn undo_integral(&mut self, before: &Self, upwards: bool) {
+        if (self.integral > before.integral) == upwards {
+            self.integral = before.integral;
+        }
+    }
+
     /// Resets the loop to its initial state.
     pub const fn reset(&mut self) {
         *self = Self { integral: I40F24::ZERO, last_measured: None, rate: Value::ZERO };

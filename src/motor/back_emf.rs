@@ -27,6 +27,9 @@ const LARGEST_PERCENT: u8 = 15;
 /// Least change of the winding's temperature, in K, after which the constants in force are corrected again. This change
 /// alters the resistance by some 1 %.
 const STEP_K: u8 = 3;
+/// Least change of the magnets' temperature, in K, after which the constants in force are corrected again. This change
+/// alters the field by 1 %. The winding of a derated motor keeps its temperature while the magnets still warm up.
+const MAGNETS_STEP_K: u8 = 5;
 
 /// The configured constants of a motor, and what has changed since they were configured. The motor's settings have the
 /// constants in force.
@@ -59,7 +62,10 @@ impl Configured {
     pub(super) fn configure(&mut self, settings: &Settings) {
         if self.emf != settings.winding.emf || self.dynamics != settings.dynamics {
             let temperatures = self.temperatures;
-            *self = Self { dynamics_at: temperatures, temperatures, ..Self::new(settings) };
+            // Dynamics that stay belong to the temperatures at which they were configured.
+            let dynamics_at =
+                if self.dynamics == settings.dynamics { self.dynamics_at } else { temperatures };
+            *self = Self { dynamics_at, temperatures, ..Self::new(settings) };
         }
     }
 
@@ -77,7 +83,8 @@ impl Configured {
 
     /// Takes the temperatures of the motor. Returns true if the constants in force have to follow them.
     pub(super) fn set_temperatures(&mut self, temperatures: Temperatures) -> bool {
-        let changes = temperatures.winding_k.abs_diff(self.temperatures.winding_k) >= STEP_K;
+        let changes = temperatures.winding_k.abs_diff(self.temperatures.winding_k) >= STEP_K
+            || temperatures.magnets_k.abs_diff(self.temperatures.magnets_k) >= MAGNETS_STEP_K;
         if changes {
             self.temperatures = temperatures;
         }
@@ -175,6 +182,15 @@ mod tests {
     }
 
     #[test]
+    fn the_constants_follow_magnets_that_warm_up_while_the_winding_keeps_its_temperature() {
+        let mut configured = Configured::new(&settings());
+        assert!(configured.warm(Temperatures { winding_k: 98, magnets_k: 26 }));
+        assert!(!configured.warm(Temperatures { winding_k: 98, magnets_k: 30 }));
+        assert!(configured.warm(Temperatures { winding_k: 98, magnets_k: 31 }));
+        assert!((configured.emf_share() - 0.938).abs() < 1e-3, "{}", configured.emf_share());
+    }
+
+    #[test]
     fn a_hot_motor_has_more_resistance_less_field_and_the_same_drag() {
         let settings = settings();
         let mut configured = Configured::new(&settings);
@@ -191,6 +207,14 @@ mod tests {
         assert!((drag(&hot) - drag(&settings)).abs() < 1e-2);
         let friction = hot.dynamics.map(|dynamics| dynamics.friction.get());
         assert!(friction.is_some_and(|mv| (500.0 / share(gain) - f32::from(mv)).abs() < 2.0), "{friction:?}");
+
+        // With another back EMF the same dynamics still belong to the cold motor.
+        let mut other = settings;
+        other.winding.emf =
+            EmfConstant::from_bits(settings.winding.emf.to_bits() + 1_000).unwrap_or(other.winding.emf);
+        let mut of_other = configured;
+        of_other.configure(&other);
+        assert!(other.winding != settings.winding && of_other.in_force(&other).dynamics != settings.dynamics);
 
         // Dynamics that are configured now belong to the hot motor.
         let identified = Settings { dynamics: hot.dynamics, ..settings };

@@ -4,7 +4,8 @@
 //! pulses avoid this. Each pulse lasts some milliseconds:
 //!
 //! * **Short:** the bridge shorts the winding. The winding dissipates all energy, and the motor brakes more than
-//!   requested.
+//!   requested. If the current of the short circuit exceeds the motor's current limit, the motor brakes with the
+//!   current limit instead, and returns a part of its energy.
 //! * **Forward:** the bridge drives the motor with 10 to 30 % more than its back EMF. At the end of a short circuit
 //!   the winding returns energy, and the forward pulse draws this energy from the bus again. The motor brakes less
 //!   than requested.
@@ -76,6 +77,8 @@ pub(super) struct BurnPulses {
     pulse: Option<Pulse>,
     /// Applied voltage of the last [`Pulse::Forward`], in V.
     forward_volts: f32,
+    /// Applied voltage of the last [`Pulse::Short`], in V: 0 without a current limit.
+    short_volts: f32,
 }
 
 /// Voltages of a motor during a pulse, in V.
@@ -102,6 +105,7 @@ impl BurnPulses {
         voltages: Voltages::NONE,
         pulse: None,
         forward_volts: 0.0,
+        short_volts: 0.0,
     };
 
     /// True during a [`Pulse::Forward`].
@@ -153,8 +157,9 @@ impl BurnPulses {
         if pulse != self.pulse.unwrap_or(Pulse::Short) {
             self.surplus += along(voltages.applied - voltages.emf, voltages.emf) * f32::from(change_us);
         }
-        if pulse == Pulse::Forward {
-            self.forward_volts = voltages.applied;
+        match pulse {
+            Pulse::Forward => self.forward_volts = voltages.applied,
+            Pulse::Short => self.short_volts = voltages.applied,
         }
         (self.voltages, self.pulse) = (voltages, Some(pulse));
     }
@@ -163,11 +168,15 @@ impl BurnPulses {
     /// heat the winding more than their mean current would.
     pub(super) fn heating_volts(&self) -> f32 {
         let Voltages { requested, emf, .. } = self.voltages;
-        let forward = self.forward_volts / emf;
-        // At standstill `forward` is infinite or not a number, and nothing heats.
-        let share =
-            if forward > 1.0 && forward.is_finite() { at_most(requested / emf / forward, 1.0) } else { 0.0 };
-        emf.abs() * sqrtf(1.0 - share + share * (forward - 1.0) * (forward - 1.0))
+        let (short, forward) = (self.short_volts - emf, self.forward_volts - emf);
+        // Share of the time in which the pulse is forward. Before the first forward pulse the share is 0.
+        let share = if along(forward, emf) > 0.0 {
+            let share = (requested - self.short_volts) / (self.forward_volts - self.short_volts);
+            at_most(at_least(share, 0.0), 1.0)
+        } else {
+            0.0
+        };
+        sqrtf((1.0 - share) * short * short + share * forward * forward)
     }
 }
 
@@ -192,13 +201,14 @@ impl Motor {
         if battery.draw != Share::ALL || headroom_volts <= least * emf.abs() {
             pulse = Pulse::Short;
         }
-        command.bridge = match pulse {
+        let modulation = match pulse {
             Pulse::Forward => {
                 let volts = emf + (forward_share * emf.abs()).min(headroom_volts).copysign(emf);
                 self.modulator.for_voltage(at, Voltage::from_volts(volts))
             }
             Pulse::Short => Modulation::BRAKE,
         };
+        command.bridge = self.within_limits(modulation, at, battery.draw);
         let [requested, applied] = [command.limited, command.bridge].map(|of| of.voltage.to_volts());
         let change_us = self.settings.bridge.timing.change_us;
         self.pulses.apply(pulse, Voltages { requested, applied, emf }, change_us);

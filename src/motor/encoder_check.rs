@@ -41,7 +41,7 @@
 //!   the motor is probed without one.
 //! * *Probing*: the motor is driven in the other direction once. If a motion follows, the motor counts as stalled. If
 //!   the expected distance is reached without a motion, the encoder is stuck. If the motor cannot reach the expected
-//!   distance in the longest probe, as on a low battery, the motor counts as stalled too.
+//!   distance in the longest probe, as on a low battery or with a current limit, the motor counts as stalled too.
 //! * *Stalled*: the regulator drives the motor, and there is no further examination. The stall ends when the requested
 //!   direction changes, or when a host sets a set-point that is not regulated. The stall also ends when the motor has
 //!   turned beyond its stop for 150 ms, at half of the requested speed or more. A fault that opens the bridge for some
@@ -393,7 +393,8 @@ impl Suspect {
     /// Executes a tick of Probing without a motion. The encoder is at fault when the expected distance is reached. If a
     /// motor may be heavy and its encoder has toggled (`may_creep`), the probe lasts [`LONGEST_MS`](Self::LONGEST_MS).
     fn probe(self, expected: Expected, may_creep: bool, tick: &Tick<'_>) -> State {
-        let volts = Self::DRIVE_SHARE * tick.context.at.battery_volts() - self.resisting_volts;
+        // A limit may leave less than the requested voltage.
+        let volts = -along(self.clockwise, tick.command.limited.voltage.to_volts()) - self.resisting_volts;
         let expected = expected.accelerate(tick.period_ms(), self.gain_cps2_per_volt * volts, 0.0);
         let shortest_ms = if self.may_be_heavy && may_creep { Self::LONGEST_MS } else { Self::SHORTEST_MS };
         if expected.ms >= shortest_ms && expected.distance_counts >= Self::COUNTS {

@@ -525,8 +525,10 @@ impl Motor {
         }
     }
 
-    /// The request of a motor at fault, by the setting [`OnFault`]; `None` for an open bridge.
-    fn on_fault(&self, at: OperatingPoint) -> Option<Request> {
+    /// The request of a motor at fault, by the setting [`OnFault`]; `None` for an open bridge. After the fault the
+    /// regulator begins as after a brake.
+    fn on_fault(&mut self, at: OperatingPoint) -> Option<Request> {
+        self.regulator.transition(Transition::FromBrake);
         (self.settings.on_fault == OnFault::Brake).then_some(Request::braking(at))
     }
 
@@ -609,6 +611,9 @@ impl Motor {
         self.changed = false;
         if let (Some(request), Some(battery)) = (request, battery) {
             let command = self.modulate(request, now, battery, false);
+            let [requested, allowed] =
+                [command.request.modulation, command.limited].map(|modulation| modulation.voltage.to_volts());
+            self.regulator.set_excess(requested - allowed);
             self.command_bridge(command);
         } else {
             self.command = None;
@@ -636,12 +641,8 @@ impl Motor {
     /// [`Command::bridge`] ignores the time for which the bridge is open when its mode changes;
     /// [`after_change`](Self::after_change) includes this time.
     fn modulate(&mut self, request: Request, now: Micros, battery: &Battery, may_end_short: bool) -> Command {
-        let Request { at, modulation: mut limited, .. } = request;
-        let volts = limited.voltage.to_volts();
-        let allowed = self.limits(at, battery.draw).clamp(volts);
-        if allowed.to_bits() != volts.to_bits() {
-            limited = self.modulator.for_voltage(at, Voltage::from_volts(allowed));
-        }
+        let Request { at, modulation, .. } = request;
+        let limited = self.within_limits(modulation, at, battery.draw);
         let mut command = Command { request, limited, bridge: limited };
         let Drive { mode, duty } = limited.drive;
         let returns = mode == Mode::Brake50 && duty != Duty::ZERO && duty != Duty::ONE;
@@ -653,6 +654,17 @@ impl Motor {
             self.dissipate(&mut command, now, battery, may_end_short);
         }
         command
+    }
+
+    /// The modulation whose voltage is within all limits and nearest to the voltage of `modulation`.
+    fn within_limits(&self, modulation: Modulation, at: OperatingPoint, draw: Share) -> Modulation {
+        let volts = modulation.voltage.to_volts();
+        let allowed = self.limits(at, draw).clamp(volts);
+        if allowed.to_bits() == volts.to_bits() {
+            modulation
+        } else {
+            self.modulator.for_voltage(at, Voltage::from_volts(allowed))
+        }
     }
 
     /// The voltages that are within all limits.
@@ -723,8 +735,10 @@ impl Motor {
         };
         self.thermal.step(self.settings.thermal, self.period, measured.unwrap_or(heating));
         let current_limited = self.is_current_limited();
-        let within_tolerance = self.setpoint.is_within_tolerance(self.position);
         let command = self.command.as_ref();
+        // With a fault in place of the set-point the command has no target.
+        let is_regulated = command.is_some_and(|command| command.request.target.is_some());
+        let within_tolerance = is_regulated && self.setpoint.is_within_tolerance(self.position);
         Report {
             setpoint: self.setpoint,
             position: self.position,

@@ -45,6 +45,9 @@ pub(super) struct Loops {
     position: Pid,
     /// How the velocity loop begins.
     pub(super) start: Start,
+    /// Voltage by which the last request exceeded the motor's limits, in V, with the sign of a change of the request;
+    /// 0 within the limits.
+    pub(super) excess_volts: f32,
 }
 
 /// Inputs of both loops at a tick, besides the [`Context`].
@@ -110,7 +113,11 @@ impl Loops {
         }
         let input =
             PidInput { error, measured, feed_forward: target, limit: Value::saturating_from_num(most) };
+        let before = self.velocity;
         let output = self.velocity.step(gains, context.period, input).to_num::<f32>();
+        if self.excess_volts != 0.0 {
+            self.velocity.undo_integral(&before, self.excess_volts > 0.0);
+        }
         if of_voltage {
             Effort::Voltage(Voltage::from_volts(output / most * context.at.battery_volts()))
         } else {

@@ -44,7 +44,8 @@ use stream::Stream;
 use swings::Swings;
 
 /// Longest time between two samples of the encoder, in samples of 1 ms. After a longer gap the observer restarts with
-/// the mean speed of the gap. A prediction without samples is not continued for longer either.
+/// the mean speed of the gap. After this time without a sample the estimated load counts as 0, because an old load
+/// would let the predicted speed grow without end.
 const LONGEST_GAP_SAMPLES: u32 = 300;
 /// Time in ms without a count after which a motor that should turn counts as stalled.
 const STALLED_MS: u32 = 100;
@@ -93,7 +94,8 @@ pub enum Transition {
     /// The motor leaves a set-point without regulation: disabled, fail-safe, open loop, constant current or an
     /// identification.
     FromOpenLoop,
-    /// The motor leaves constant power 0. The current of its short circuit is not continued.
+    /// The motor leaves constant power 0, or a fault at which it brakes. The current of its short circuit is not
+    /// continued.
     FromBrake,
     /// The motor leaves a stop, or a release or a probe of the encoder check.
     FromStop,
@@ -155,6 +157,31 @@ impl Motion {
         let law = Law::new(&plant, period);
         Self { plant, law, observer, state: State::default() }
     }
+
+    /// Replaces the estimate by a motion at this speed in counts/s, without load.
+    fn restart(&mut self, speed: f32) {
+        self.observer = Observer::new(speed);
+        self.state.set_friction_speed(0.0);
+    }
+
+    /// Sets speed and load of a motor at rest to 0.
+    fn rest(&mut self) {
+        self.observer.rest();
+        self.state.set_friction_speed(0.0);
+    }
+
+    /// Sets the load to 0, also the friction that it includes.
+    fn forget_load(&mut self) {
+        self.observer.forget_load();
+        self.state.set_friction_speed(0.0);
+    }
+
+    /// Sets the load, with the friction, to the load that keeps the present speed at this voltage in V; `None` if the
+    /// bridge is open.
+    fn assume_steady(&mut self, voltage: Option<f32>) {
+        self.observer.assume_steady(&self.plant, voltage);
+        self.state.set_friction_speed(if voltage.is_some() { self.observer.speed() } else { 0.0 });
+    }
 }
 
 impl Regulator {
@@ -189,11 +216,12 @@ impl Regulator {
             let gain =
                 if keeps_gain && new.dynamics.is_none() { self.motion.plant.b } else { initial_gain(new) };
             self.gain_ratio = 1.0;
-            let mut motion = Motion::new(new, gain, period, self.present_state());
+            let Motion { state, .. } = self.motion;
+            let mut motion = Motion { state, ..Motion::new(new, gain, period, self.present_state()) };
             if dynamics_changed {
                 // The old load was estimated with other constants.
                 if self.is_at_speed() {
-                    motion.observer.assume_steady(&motion.plant, self.volts());
+                    motion.assume_steady(self.volts());
                 } else if old.dynamics.is_none() {
                     motion.observer.keep_load_voltage(&self.motion.plant, &motion.plant);
                 }
@@ -241,7 +269,7 @@ impl Regulator {
         self.rest_position = None;
         self.stalled_ms = 0;
         if leaves_stop {
-            self.motion.observer.forget_load();
+            self.motion.forget_load();
             // The encoder may be reversed, so an estimate from an encoder that is not trusted is discarded.
             if let Some(estimate) = self.gain_estimate.as_mut().filter(|estimate| !estimate.is_trusted()) {
                 estimate.discard(&self.motion.plant);
@@ -274,9 +302,10 @@ impl Regulator {
             if self.predicted_until == before { gap } else { samples(self.predicted_until, reading.at) };
         self.predict(passed, reading.at);
         let stalled = self.is_stalled();
-        let Self { motion: Motion { plant, observer, .. }, gain_estimate, voltage, requested, .. } = self;
+        let Self { motion, gain_estimate, voltage, requested, .. } = self;
+        let Motion { plant, observer, .. } = motion;
         if gap > LONGEST_GAP_SAMPLES {
-            *observer = Observer::new(within(1_000.0 * moved as f32 / gap as f32, FASTEST_CPS));
+            motion.restart(within(1_000.0 * moved as f32 / gap as f32, FASTEST_CPS));
             self.restart_gain_estimate();
         } else if let Some(correction) = observer.update(plant, moved, self.speed_demanded)
             && let Some(estimate) = gain_estimate
@@ -288,8 +317,12 @@ impl Regulator {
         }
     }
 
-    /// Predicts the motion to a time without a sample, at most 300 ms ahead.
+    /// Predicts the motion to a time without a sample, at most 300 ms ahead in one call. From 300 ms after the last
+    /// sample on the estimated load is 0.
     pub fn predict_until(&mut self, now: Micros) {
+        if self.last.is_some_and(|last| samples(last.at, now) > LONGEST_GAP_SAMPLES) {
+            self.motion.forget_load();
+        }
         self.predict(samples(self.predicted_until, now), now);
     }
 
@@ -311,15 +344,15 @@ impl Regulator {
     /// Begins a control tick. Must be called after the newest sample of the tick was taken. An estimate that has
     /// overflowed is reset. The estimated speed of a motor at rest with an open bridge is set to 0.
     pub fn tick(&mut self) {
-        let observer = &mut self.motion.observer;
+        let observer = &self.motion.observer;
         // With implausible constants the estimate may grow until it overflows.
         if !(observer.speed() + observer.fraction()).is_finite() {
-            *observer = Observer::new(0.0);
+            self.motion.restart(0.0);
             self.restart_gain_estimate();
         }
         let still = |last: &Reading| last.at.since(last.edge_at) >= REST_MICROS;
         if self.voltage.is_none() && self.last.as_ref().is_some_and(still) {
-            self.motion.observer.rest();
+            self.motion.rest();
             if let Some(estimate) = &mut self.gain_estimate {
                 estimate.rest();
             }
@@ -565,6 +598,12 @@ impl Regulator {
             Some(target) => Demand::Position { target, speed_limit: CountsPerSecond::MAX },
             None => demand,
         }
+    }
+
+    /// Sets the requested voltage less the voltage within the motor's limits, in V. While the request exceeds the
+    /// limits, the integral of PID does not grow.
+    pub const fn set_excess(&mut self, volts: f32) {
+        self.loops.excess_volts = volts;
     }
 
     /// Sets the voltage that the bridge applies from now on; `None` if the bridge is open.

@@ -45,10 +45,19 @@ pub(super) struct Law {
 /// The law's state.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct State {
-    /// Direction of motion, -1 or 1, for which the estimated load includes the friction; 0 before the first motion.
+    /// Direction of motion, -1 or 1, for which the estimated load includes the friction; 0 if the load includes no
+    /// friction.
     friction_side: f32,
     /// True if the motor is at its target position, and holds this position.
     holding: bool,
+}
+
+impl State {
+    /// Notes that the estimated load includes the friction of a motion at this speed, in counts/s. With the speed 0 the
+    /// load includes no friction.
+    pub(super) fn set_friction_speed(&mut self, speed: f32) {
+        self.friction_side = if speed.abs() > REVERSING_CPS { 1.0f32.copysign(speed) } else { 0.0 };
+    }
 }
 
 impl Law {

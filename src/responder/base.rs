@@ -11,12 +11,15 @@ impl<const N: usize> Responder<N> {
     /// Configures the drive base.
     ///
     /// # Errors
-    /// Refuses a wheel that the hub does not have, a wheel whose motor is enabled, and a gyro on a board without I2C.
+    /// Refuses a wheel that the hub does not have, and a gyro on a board without I2C. Refuses any base while the motor
+    /// of a new wheel, or of a wheel of the base in force, is enabled.
     pub(super) fn set_base(&mut self, base: BaseSettings) -> Result<Reply, Nack> {
         self.check_base(&base)?;
         let is_enabled =
             |wheel: &u8| self.channels.get(usize::from(*wheel)).is_some_and(MotorChannel::enabled);
-        if base.wheels.iter().any(is_enabled) {
+        // The wheels of the base in force may have corrected positions. Without this base their positions would jump.
+        let replaced = self.base.iter().flat_map(|base| &base.wheels);
+        if base.wheels.iter().chain(replaced).any(is_enabled) {
             return Err(Nack::MOTOR_ENABLED);
         }
         self.command_base(Some(base));

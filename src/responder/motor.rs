@@ -196,8 +196,11 @@ impl MotorChannel {
         if !self.enabled() || self.settings.mode != RunMode::Power || self.power != Some(Control::ZERO) {
             return Err(Nack::WRONG_MODE);
         }
-        self.start(Setpoint::Identify { travel_limit });
-        Ok(travel(self.settings.motor.winding.emf, battery, travel_limit))
+        // The back EMF constant in force of a hot motor is lower than the configured constant. So the announced travel
+        // is the limit.
+        let announced = travel(self.settings.motor.winding.emf, battery, travel_limit);
+        self.start(Setpoint::Identify { travel_limit: announced });
+        Ok(announced)
     }
 
     /// Returns the state or the result of the last identification that a host has requested.

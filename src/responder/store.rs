@@ -223,7 +223,7 @@ impl<const N: usize> Responder<N> {
         if self.expects_store { Nack::STORE_BUSY } else { Nack::UNSUPPORTED }
     }
 
-    /// True if no host has enabled a motor, and all motors are disabled in the snapshot.
+    /// True if no host has enabled a motor, and all motors are disabled or in fail-safe in the snapshot.
     pub(super) fn is_off(&self, snapshot: &Snapshot<N>) -> bool {
         !self.channels.iter().any(MotorChannel::enabled) && snapshot.all_disabled()
     }

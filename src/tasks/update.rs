@@ -120,7 +120,8 @@ async fn confirm(slots: &mut Slots<impl ReadNorFlash, impl NorFlash, impl NorFla
     Booted::Unconfirmable
 }
 
-/// Waits until the newest snapshot shows that all motors are disabled. Does not wait if there is no snapshot.
+/// Waits until the newest snapshot shows that all motors are disabled or in fail-safe. Does not wait if there is no
+/// snapshot.
 async fn motors_off<M: RawMutex, const N: usize>(wires: &Wires<M, N>) {
     while wires.snapshot.try_get().is_some_and(|snapshot| !snapshot.all_disabled()) {
         Timer::after(POLL_INTERVAL).await;

@@ -335,9 +335,15 @@ fn while_a_motor_runs_settings_are_saved_without_erasing_and_not_read() {
         host.snapshot.motors[3].setpoint = setpoint;
         assert_eq!(host.ask(LOAD, &[]), Answer::Nack(60));
     }
-    host.snapshot.motors[3].setpoint = Setpoint::Disabled;
-    host.ask(SAVE, &[]);
-    assert!(order(&mut host).may_erase);
+    for setpoint in [Setpoint::Disabled, Setpoint::FailSafe] {
+        host.snapshot.motors[3].setpoint = setpoint;
+        host.ask(SAVE, &[]);
+        assert!(order(&mut host).may_erase, "{setpoint:?}");
+        host.responder.store_done(None, Outcome::NeedsErase);
+        assert!(matches!(host.ask(LOAD, &[]), Said::Ack(_)), "{setpoint:?}");
+        order(&mut host);
+        host.responder.store_done(None, Outcome::Done);
+    }
 }
 
 #[test]

@@ -62,12 +62,13 @@ struct EndedSegment {
 pub(super) struct Segments {
     /// Position of the first sample, in counts.
     origin: i32,
-    /// Time of the first sample.
-    began: Micros,
     /// Last sample.
     last: Reading,
     /// Direction of the last count, -1 or 1; 0 before the first count.
     direction: f32,
+    /// Time of the last motion; before the first motion, time of the first sample. A single count in the other
+    /// direction is no motion, because an encoder with one broken wire toggles by one count.
+    moved_at: Micros,
     /// Voltage across the motor, in V.
     voltage: f32,
     running: Segment,
@@ -80,9 +81,9 @@ impl Segments {
     pub(super) const fn new(reading: Reading) -> Self {
         Self {
             origin: reading.position,
-            began: reading.at,
             last: reading,
             direction: 0.0,
+            moved_at: reading.at,
             voltage: 0.0,
             running: Segment::new(reading.position, 0.5),
             before: None,
@@ -109,10 +110,9 @@ impl Segments {
         (self.running.seconds, self.last.position.wrapping_sub(self.running.start))
     }
 
-    /// Time since the last count in ms; before the first count, time since the first sample.
+    /// Time since the last motion in ms; before the first motion, time since the first sample.
     pub(super) fn still_ms(&self) -> f32 {
-        let since = if self.direction == 0.0 { self.began } else { self.last.edge_at };
-        self.last.at.since(since) as f32 / 1000.0
+        self.last.at.since(self.moved_at) as f32 / 1000.0
     }
 
     /// Takes a sample into the running segment.
@@ -125,8 +125,12 @@ impl Segments {
             (self.running.volt_seconds + self.voltage * seconds / 2.0) * seconds;
         self.running.volt_seconds += self.voltage * seconds;
         self.running.seconds += seconds;
-        if from != to {
-            self.direction = 1.0f32.copysign(to - from);
+        let counts = to - from;
+        if counts != 0.0 {
+            if counts != -self.direction {
+                self.moved_at = reading.edge_at;
+            }
+            self.direction = 1.0f32.copysign(counts);
         }
         self.last = reading;
     }
