@@ -60,7 +60,7 @@ impl StoreAccess {
     /// The errors of [`Session::request`].
     pub fn result(self, session: &mut Session<impl Read + Write>) -> Result<Option<StoreReport>, Error> {
         let report = session.stored()?;
-        Ok((!report.at_work || Instant::now() > self.end).then_some(report))
+        Ok((!report.is_busy || Instant::now() > self.end).then_some(report))
     }
 }
 

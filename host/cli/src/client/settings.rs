@@ -179,7 +179,7 @@ fn show(report: &StoreReport, json: bool) -> Result<(), Failure> {
             &format!("{refused} entries; the firmware's defaults are in force instead"),
         ]);
     }
-    let has_result = at_work || outcome != Outcome::None;
+    let has_result = is_busy || outcome != Outcome::None;
     if let Some(why) = why_unsaved(report).filter(|_| has_result) {
         table.add_row(["last result", why]);
     }
