@@ -46,10 +46,10 @@ macro_rules! same_on_every_chip {
             self.buses[bus].1.controller.chip_mut(nth)
         }
 
-        fn hold_lines(&mut self, at: VirtualNanos, bus: usize, low: [bool; 2]) {
+        fn hold_line(&mut self, at: VirtualNanos, bus: usize, line: usize, low: bool) {
             let (slot, lines) = &mut self.buses[bus];
             let (registers, mut context) = self.part.bus_mut().drive(at, *slot);
-            lines.hold(low, registers, &mut context);
+            lines.hold(line, low, registers, &mut context);
         }
 
         fn bus_count(&self) -> usize {
@@ -303,11 +303,17 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// Returns the device of an I2C bus with the number `nth`, from 0.
     fn device(&mut self, bus: usize, nth: usize) -> Option<&mut RegisterDevice>;
 
-    /// Makes a device hold SCL, SDA or both of an I2C bus low, or release them.
-    fn hold_lines(&mut self, at: VirtualNanos, bus: usize, low: [bool; 2]);
+    /// Makes a device hold SCL (line 0) or SDA (line 1) of an I2C bus low, or release it.
+    fn hold_line(&mut self, at: VirtualNanos, bus: usize, line: usize, low: bool);
 
     /// Makes the next conversion of a current end later by this time. Returns false if the bench cannot do this on this chip.
     fn delay_currents(&mut self, nanos: u64) -> bool;
+
+    /// Makes the running conversion of the reference or an analog input end later by this time. Returns false if the bench cannot do
+    /// this on this chip.
+    fn delay_inputs(&mut self, _: u64) -> bool {
+        false
+    }
 
     /// Makes the battery's converter accept commands but convert nothing, or work again.
     fn set_dead(&mut self, dead: bool);

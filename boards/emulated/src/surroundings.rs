@@ -55,7 +55,6 @@ pub(crate) struct Surroundings {
     /// Current-sense lines in the order of the motors.
     pub(crate) current_lines: Vec<CurrentLine>,
     pub(crate) rtt: Rtt,
-    pub(crate) button: bool,
     /// True if a transceiver connects the chip to the chain line.
     transceiver: bool,
     /// Times in ns at which the transceiver was switched to sending (true) or receiving. Only the F427 shows them.
@@ -100,7 +99,6 @@ impl Surroundings {
             encoders: vec![Connection::default(); count],
             current_lines,
             rtt: Rtt::new(rtt),
-            button: false,
             transceiver: false,
             directions: Vec::new(),
             wired: false,
@@ -218,8 +216,7 @@ impl Surroundings {
     }
 
     /// Puts the button's level on its pin; the board has a pull-down.
-    pub(crate) fn press(&mut self, session: &mut Session<Nucleo>, pressed: bool) {
-        self.button = pressed;
+    pub(crate) fn press(&self, session: &mut Session<Nucleo>, pressed: bool) {
         let pin = Pin::new(wiring::BUTTON.1).expect("a pin of a port");
         let level = Some(Level::from(pressed));
         let at = VirtualNanos(self.now);
@@ -266,7 +263,7 @@ impl Surroundings {
     /// Makes a device hold SDA of a bus low until SCL has had this number of pulses.
     pub(crate) fn hold_sda(&mut self, session: &mut Session<Nucleo>, bus: usize, clocks: u8) {
         self.stuck = Some((bus, clocks, true));
-        self.hold_lines(session, bus, [false, true]);
+        self.hold_line(session, bus, 1, true);
     }
 
     /// Counts a pulse on SCL of the bus whose SDA is held low, and releases SDA after the last one.
@@ -278,7 +275,7 @@ impl Surroundings {
         self.stuck = Some((bus, left, high));
         if left == 0 {
             self.stuck = None;
-            self.hold_lines(session, bus, [false; 2]);
+            self.hold_line(session, bus, 1, false);
         }
     }
 
@@ -296,21 +293,15 @@ impl Surroundings {
         }
     }
 
-    /// Puts the levels back on the pins, which a reset of the emulated part has released.
+    /// Updates what follows the chip's outputs after a reset. The levels on the chip's inputs stay.
     fn after_reset(&mut self, session: &mut Session<Nucleo>, at: u64) {
         self.timer = Timer::default();
         self.follow_pins(session, at, true);
         session.board_mut().chip.follow_detector(VirtualNanos(at));
         self.rtt.reset();
         self.quiet_until = at + START_UP;
-        let pressed = self.button;
-        self.press(session, pressed);
         self.follow_wire(session, at);
         self.follow_transceiver(session, at);
-        if self.transceiver {
-            self.connect_transceiver(session.board_mut());
-        }
-        pull_up_buses(session.board_mut(), VirtualNanos(at));
         for motor in 0..self.shafts.len() {
             self.show(session, motor, at);
         }

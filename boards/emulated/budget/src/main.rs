@@ -18,7 +18,8 @@ use motor_hub::motor::{Motor, Report, Setpoint, Settings};
 use motor_hub::regulator::{Coefficients, Dynamics};
 use motor_hub::supply::Battery;
 use motor_hub::units::{
-    AccelerationPerVolt, Control, CountsPerSecond, DecayRate, EmfConstant, Micros, Millivolts, Period,
+    AccelerationPerVolt, Control, CountsPerSecond, DecayRate, EmfConstant, Micros, Milliamperes, Millivolts,
+    Period,
 };
 
 /// Inputs in a batch.
@@ -61,6 +62,7 @@ fn setpoint(words: &[AtomicU32], at: usize) -> Setpoint {
             speed_limit: speed(word(words, at + 3)),
         },
         5 => Setpoint::Identify { travel_limit: word(words, at + 1) },
+        6 => Setpoint::Current { current: Milliamperes::new(value), speed_limit: speed(word(words, at + 3)) },
         _ => Setpoint::Disabled,
     }
 }

@@ -51,12 +51,14 @@ pub struct ChainBench {
 }
 
 impl ChainBench {
-    /// Powers on hubs on these boards, with their motors. A hub alone has no transceiver.
+    /// Powers on hubs on these boards, with their motors. A hub alone has a transceiver only if its setup has one.
     #[must_use]
     pub fn new(setups: Vec<Setup>) -> Self {
-        let transceiver = setups.len() > 1;
-        let mut hubs: Vec<Bench> =
-            setups.into_iter().map(|setup| Bench::new(Setup { transceiver, ..setup })).collect();
+        let chained = setups.len() > 1;
+        let mut hubs: Vec<Bench> = setups
+            .into_iter()
+            .map(|setup| Bench::new(Setup { transceiver: chained || setup.transceiver, ..setup }))
+            .collect();
         hubs.iter_mut().skip(1).for_each(|child| child.use_line(wiring::CHAIN));
         let passed = vec![0; hubs.len()];
         Self { hubs, fault: None, passed, random: 1, busy_until: 0 }

@@ -72,11 +72,11 @@ impl Bench {
     /// Makes a device hold SCL of an I2C bus low for this time.
     pub fn hold_scl(&mut self, bus: usize, time: Duration) {
         self.at_stop(move |surroundings, session, _| {
-            surroundings.hold_lines(session, bus, [true, false]);
+            surroundings.hold_line(session, bus, 0, true);
             let end = surroundings.now + time.as_nanos() as u64;
             let release =
                 move |surroundings: &mut super::Surroundings, session: &mut _, _: &mut dyn super::Host| {
-                    surroundings.hold_lines(session, bus, [false, false]);
+                    surroundings.hold_line(session, bus, 0, false);
                 };
             surroundings.plan(end, Box::new(release));
         });
@@ -100,19 +100,19 @@ impl Bench {
 }
 
 impl super::Surroundings {
-    /// Makes a device hold SCL, SDA or both low, or release them. Resistors pull released lines up.
-    pub(crate) fn hold_lines(
+    /// Makes a device hold SCL (line 0) or SDA (line 1) low, or release it. Resistors pull released lines up.
+    pub(crate) fn hold_line(
         &mut self,
         session: &mut super::Session<super::Nucleo>,
         bus: usize,
-        low: [bool; 2],
+        line: usize,
+        low: bool,
     ) {
         let at = VirtualNanos(self.now);
         let chip = &mut session.board_mut().chip;
-        for ((port, pin), low) in wiring::BUSES[bus].into_iter().zip(low) {
-            let pin = rigless::soc::st::gpio::Pin::new(pin).expect("a pin of a port");
-            chip.drive_pin(at, port, pin, Some((!low).into()));
-        }
-        chip.hold_lines(at, bus, low);
+        let (port, pin) = wiring::BUSES[bus][line];
+        let pin = rigless::soc::st::gpio::Pin::new(pin).expect("a pin of a port");
+        chip.drive_pin(at, port, pin, Some((!low).into()));
+        chip.hold_line(at, bus, line, low);
     }
 }

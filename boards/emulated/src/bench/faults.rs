@@ -54,6 +54,16 @@ impl Bench {
         assert!(late, "only a converter of the H743 can be late");
     }
 
+    /// Makes the running conversion of the reference or an analog input take longer by this time.
+    ///
+    /// # Panics
+    /// Panics on another chip than the H743.
+    pub fn delay_inputs(&mut self, time: Duration) {
+        let nanos = u64::try_from(time.as_nanos()).expect("a short time");
+        let late = self.at_stop(move |_, session, _| session.board_mut().chip.delay_inputs(nanos));
+        assert!(late, "only a converter of the H743 can be late");
+    }
+
     /// Makes a bridge pull its DIAG line low, as a bridge does that has switched itself off, or release the line.
     pub fn pull_diag(&mut self, motor: usize, low: bool) {
         self.at_stop(move |surroundings, session, _| {

@@ -24,6 +24,18 @@ impl Bench {
         })
     }
 
+    /// Writes a peripheral's register at this address, as a disturbance of the chip may do.
+    ///
+    /// # Panics
+    /// Panics if there is no register at this address.
+    pub fn write_register(&mut self, address: u64, value: u32) {
+        self.at_stop(move |surroundings, session, _| {
+            let at = VirtualNanos(surroundings.now);
+            let written = session.mcu().write(at, address, Width::W32, value.into());
+            written.unwrap_or_else(|fault| panic!("{address:#x}: {fault}"));
+        });
+    }
+
     /// Returns the pulse that the emulator's own TIM1 puts on a pin: high time and period in ns. `None` with
     /// [`Registers`](crate::chip::Pwm::Registers), or while the level of the pin is constant.
     pub fn emulated_pulse(&mut self, motor: usize) -> Option<(u64, u64)> {

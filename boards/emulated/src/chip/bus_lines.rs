@@ -15,6 +15,10 @@ pub(super) trait Controller: Device {
 
     /// Returns the bit of this register that shows a busy bus, or 0 if the register has no such bit.
     fn busy(register: Self::Register) -> u64;
+
+    /// Notes that a line is low while no transfer of this controller may run. By default this does nothing: the bus counts as busy
+    /// only while a line is low.
+    fn note_low_line(_registers: &mut RegisterFile) {}
 }
 
 impl Controller for stm32f427::peripherals::i2c::I2c {
@@ -31,6 +35,12 @@ impl Controller for stm32f427::peripherals::i2c::I2c {
     fn busy(register: Self::Register) -> u64 {
         use stm32f427::generated::i2c3::{Register, sr2};
         if register == Register::Sr2 { sr2::BUSY.mask() } else { 0 }
+    }
+
+    /// Sets BUSY. Only a stop condition or a reset of the controller clears BUSY (RM0090 27.6.7).
+    fn note_low_line(registers: &mut RegisterFile) {
+        use stm32f427::generated::i2c3::{Register, sr2};
+        registers.set(Register::Sr2, sr2::BUSY.set(registers.get(Register::Sr2), 1));
     }
 }
 
@@ -68,20 +78,24 @@ impl<C: Controller> Lines<C> {
         Self { controller, low: [false; 2], held: Vec::new(), start: None }
     }
 
-    /// Makes a device hold SCL, SDA or both low, or release them. What waits for a released line continues.
+    /// Makes a device hold SCL (line 0) or SDA (line 1) low, or release it. What waits for a released line continues.
     pub(super) fn hold(
         &mut self,
-        low: [bool; 2],
+        line: usize,
+        low: bool,
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) {
-        self.low = low;
-        if !low[0] {
+        self.low[line] = low;
+        if low {
+            C::note_low_line(registers);
+        }
+        if !self.low[0] {
             for event in std::mem::take(&mut self.held) {
                 self.controller.on_event(event, registers, context);
             }
         }
-        if low == [false; 2]
+        if self.low == [false; 2]
             && let Some((register, value)) = self.start.take()
         {
             self.controller.write(register, value, registers, context);
@@ -123,6 +137,9 @@ where
             self.start = Some((register, value));
         } else {
             self.controller.write(register, value, registers, context);
+        }
+        if self.low != [false; 2] && C::resets(register, value) {
+            C::note_low_line(registers);
         }
     }
 

@@ -164,7 +164,11 @@ impl Chip {
 
 impl Mcu for Chip {
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
+        // The emulator makes new ports. The levels outside stay.
+        let mut ports = std::mem::take(&mut self.part.gpio);
         self.part.reset(at, cause);
+        ports.iter_mut().for_each(Device::reset);
+        self.part.gpio = ports;
         Device::reset(&mut self.converter);
         self.servos.iter_mut().for_each(|(_, servo)| servo.reset_at(at.0));
         self.buses.iter_mut().for_each(|(_, lines)| Device::reset(lines));

@@ -52,6 +52,8 @@ const VREFINT_CALIBRATION: u16 = 24_148;
 /// Readings of the emulator's temperature sensor at 30 and at 110 degrees, 0.62 and 0.78 V, with a supply of 3.3 V.
 const SENSOR_CALIBRATION: [u16; 2] = [12_313, 15_490];
 
+/// Address of EXTI_RTSR1, which enables lines of the EXTI for rising edges (RM0433 20.6.1).
+const EXTI_RTSR1: u64 = 0x5800_0000;
 /// Address of EXTI_SWIER1, which triggers lines of the EXTI (RM0433 20.6.3).
 const EXTI_SWIER1: u64 = 0x5800_0008;
 /// Bit of EXTI line 16, which is the line of the voltage detector (RM0433 table 150).
@@ -101,6 +103,8 @@ pub(super) struct Chip {
     flash: Interface,
     /// ADC2.
     currents: DelayedAdc,
+    /// ADC3.
+    inputs: DelayedAdc,
     identity_slot: usize,
     connections: Connections,
     power_dead: bool,
@@ -110,6 +114,7 @@ pub(super) struct Chip {
     watchdog_slot: usize,
     converter_slot: usize,
     currents_slot: usize,
+    inputs_slot: usize,
     flash_slot: usize,
     encoder_slots: [usize; wiring::BRIDGES],
     port_slots: [usize; wiring::PORTS.len()],
@@ -127,7 +132,8 @@ impl Chip {
         part.set_analog_supply(RAIL_MV);
         let mut converter = AdcWithWatchdog::new(adc::Converter::Adc1);
         let mut currents = DelayedAdc::new(adc::Converter::Adc2);
-        for converter in part.adc.iter_mut().chain([&mut converter.converter, &mut currents.converter]) {
+        let mut inputs = DelayedAdc::new(adc::Converter::Adc3);
+        for converter in [&mut converter.converter, &mut currents.converter, &mut inputs.converter] {
             converter.set_reference(RAIL_MV);
             converter.set_backup_battery(RAIL_MV);
         }
@@ -145,7 +151,7 @@ impl Chip {
         for instance in i2c::INSTANCES {
             buses.push((slot(instance.name)?, Lines::new(I2c::default())));
         }
-        let [currents_slot, flash_slot] = [slot("ADC2")?, slot("Flash")?];
+        let [currents_slot, inputs_slot, flash_slot] = [slot("ADC2")?, slot("ADC3")?, slot("Flash")?];
         let mut encoder_slots = [0; wiring::BRIDGES];
         for (slot, counter) in encoder_slots.iter_mut().zip(&wiring::ENCODERS) {
             *slot = part.bus().slot(match *counter {
@@ -165,6 +171,7 @@ impl Chip {
             converter,
             flash: Interface::new(faults),
             currents,
+            inputs,
             identity_slot,
             connections: Connections::default(),
             power_dead: false,
@@ -174,6 +181,7 @@ impl Chip {
             watchdog_slot,
             converter_slot,
             currents_slot,
+            inputs_slot,
             flash_slot,
             encoder_slots,
             port_slots,
@@ -191,6 +199,7 @@ impl Mcu for Chip {
         Device::reset(&mut self.converter);
         Device::reset(&mut self.flash);
         Device::reset(&mut self.currents);
+        Device::reset(&mut self.inputs);
         self.servos.iter_mut().for_each(|(_, servo)| servo.reset_at(at.0));
         self.buses.iter_mut().for_each(|(_, lines)| Device::reset(lines));
     }
@@ -201,6 +210,7 @@ impl Mcu for Chip {
             converter_slot => converter,
             flash_slot => flash,
             currents_slot => currents,
+            inputs_slot => inputs,
             watchdog_slot => watchdog,
         }
     );
@@ -252,7 +262,10 @@ impl Part for Chip {
         let fell = low && !self.supply_low;
         self.supply_low = low;
         if fell {
-            self.write(at, EXTI_SWIER1, Width::W32, DETECTOR_LINE).expect("the EXTI's register");
+            let rising = self.read(at, EXTI_RTSR1, Width::W32).expect("the EXTI's register");
+            if rising & DETECTOR_LINE != 0 {
+                self.write(at, EXTI_SWIER1, Width::W32, DETECTOR_LINE).expect("the EXTI's register");
+            }
             let slots = self.bus().slots();
             let [identity] = words(slots[self.identity_slot].registers(), [dbgmcu::Register::Idc]);
             if let Some(outputs) = self.connections.broken(Source::Detector, identity, self.pwm().bdtr) {
@@ -291,15 +304,20 @@ impl Part for Chip {
 
     fn set_analog(&mut self, input: usize, millivolts: u32) {
         let channel = adc::Channel::new(ANALOG[input]).expect("a channel on a pin");
-        self.part.adc[2].set_input(channel, millivolts);
+        self.inputs.converter.set_input(channel, millivolts);
     }
 
     fn set_temperature(&mut self, hundredths: i32) {
-        self.part.adc[2].set_temperature(hundredths);
+        self.inputs.converter.set_temperature(hundredths);
     }
 
     fn delay_currents(&mut self, nanos: u64) -> bool {
         self.currents.next_is_late_by = Some(nanos);
+        true
+    }
+
+    fn delay_inputs(&mut self, nanos: u64) -> bool {
+        self.inputs.next_is_late_by = Some(nanos);
         true
     }
 

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::common::{am60, board, expect_speed, ms, open_since, other_board, setup, with_host};
+use crate::common::{am60, board, expect_speed, ms, on, open_since, other_board, setup, too_low, with_host};
 use emulated::host_link::{HostLink, Line};
 use emulated::{Bench, Board, ChainBench, LineFault, Setup};
 use motor_hub::chain::ChainReport;
@@ -145,6 +145,66 @@ fn a_hub_drives_the_line_for_its_own_bytes_and_a_byte_longer_at_most() {
             assert!(drives, "the byte from {begin:?} to {end:?} is not driven");
         }
     }
+}
+
+/// UART4_CR1, and its bits TXEIE and TCIE (RM0090 30.6.4).
+const UART4_CR1: u64 = 0x4000_4C0C;
+const TXEIE: u32 = 1 << 7;
+const TCIE: u32 = 1 << 6;
+/// Bit of PC12 in GPIOC_ODR (RM0090 8.4.6).
+const GPIOC_ODR: u64 = 0x4002_0814;
+const DRIVES_LINE: u32 = 1 << 12;
+
+/// Returns an F429 with a transceiver and without another hub. It asks a hub that does not exist, when its host does.
+fn alone_with_transceiver() -> (ChainBench, HostLink) {
+    let mut chain = ChainBench::new(vec![Setup { transceiver: true, ..setup(vec![]) }]);
+    chain.run(ms(300));
+    let mut host = HostLink::default();
+    host.keep_alive(&mut chain);
+    (chain, host)
+}
+
+#[test]
+fn a_fault_in_the_middle_of_a_packet_releases_the_line_at_once() {
+    on(Board::NucleoF429zi, || {
+        let (mut chain, mut host) = alone_with_transceiver();
+        host.to(77).send(&mut chain, Standard::KeepAlive);
+        let hub = chain.first();
+        let drives = |hub: &mut Bench| hub.register(GPIOC_ODR) & DRIVES_LINE != 0;
+        assert!(hub.run_while(Duration::from_micros(50), ms(5), drives), "the hub sends");
+        hub.set_rail(too_low());
+        hub.run(Duration::from_micros(20));
+        assert!(!drives(hub), "the transceiver still drives the line");
+    });
+}
+
+#[test]
+fn a_packet_is_driven_to_its_end_though_an_interrupt_comes_late_at_the_end_of_embassy_s_ring_buffer() {
+    on(Board::NucleoF429zi, || {
+        let (mut chain, mut host) = alone_with_transceiver();
+        // Twelve packets of 11 bytes pass the end of the buffer of 128 bytes.
+        for _ in 0..14 {
+            host.to(77).send(&mut chain, Standard::KeepAlive);
+            let hub = chain.first();
+            let ends = |hub: &mut Bench| hub.register(UART4_CR1) & TCIE != 0;
+            assert!(hub.run_while(Duration::from_micros(5), ms(5), ends), "the interrupt of TC is enabled");
+            // The interrupts of the USART come two bytes late.
+            let control = hub.register(UART4_CR1);
+            hub.write_register(UART4_CR1, control & !(TXEIE | TCIE));
+            hub.run(Duration::from_micros(60));
+            hub.write_register(UART4_CR1, control);
+            // The hub waits 10 ms for an answer.
+            chain.run(ms(15));
+        }
+        let sent = chain.sent(0);
+        assert_eq!(sent.len(), 14 * 11);
+        let sending = chain.sending(0);
+        for (begin, end) in sent {
+            let drives = sending.iter().any(|(from, to)| *from <= begin && end <= *to);
+            assert!(drives, "the byte from {begin:?} to {end:?} is not driven");
+        }
+        assert_eq!(chain.first().register(GPIOC_ODR) & DRIVES_LINE, 0, "the line is released");
+    });
 }
 
 #[test]

@@ -112,6 +112,21 @@ fn after_conversions_that_came_too_late_each_motor_has_its_own_current_again() {
 }
 
 #[test]
+fn a_converter_that_a_disturbance_has_switched_off_measures_currents_again() {
+    on(Board::NucleoF429zi, || {
+        let (mut bench, mut host) = with_host(vec![held()]);
+        host.power(&mut bench, 0, 12_000);
+        bench.run(ms(600));
+        assert!(condition(&mut bench, &mut host, 0).measured_ma.is_some());
+        // ADC3_CR2, whose bit ADON is then 0 (RM0090 13.13.3).
+        bench.write_register(0x4001_2208, 0);
+        bench.run(ms(300));
+        let measured = condition(&mut bench, &mut host, 0).measured_ma;
+        assert!(measured.is_some(), "the converter has not been switched on");
+    });
+}
+
+#[test]
 fn the_over_current_bit_is_that_of_the_measured_current() {
     let mut other = held();
     other.motor.r = Ohms(0.5 * other.motor.r.0);

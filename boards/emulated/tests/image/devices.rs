@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::common::{am60, board, booted, four_loads, ms};
+use crate::common::{am60, board, booted, four_loads, ms, on};
 use emulated::host_link::HostLink;
 use emulated::{Bench, Board, Mounting, RegisterDevice, ServoPulse};
 use motor_hub::extension::{HubFunction, Request};
@@ -345,6 +345,34 @@ fn faults_of_an_i2c_bus_end_and_neither_motors_nor_the_line_notice() {
     hub.host = HostLink::default();
     works(&mut hub);
     hub.bench.assert_sound();
+}
+
+#[test]
+fn a_second_hold_of_a_line_and_levels_on_pins_outlast_the_first_hold_and_a_reset() {
+    let mut hub = Devices::new();
+    hub.bench.connect_pin(2, Some(true));
+    // More clocks than the hub gives.
+    hub.bench.hold_sda(0, 200);
+    hub.bench.hold_scl(0, ms(1));
+    hub.bench.run(ms(5));
+    assert_eq!(hub.bench.bus_levels(0), [true, false]);
+    hub.bench.pull_reset(hub.bench.now());
+    hub.bench.run(ms(50));
+    assert_eq!(hub.bench.bus_levels(0), [true, false]);
+    assert!(hub.bench.pin_level(2));
+}
+
+#[test]
+fn an_analog_converter_that_a_disturbance_has_switched_off_converts_again() {
+    on(Board::NucleoF429zi, || {
+        let mut hub = Devices::new();
+        // ADC2_CR2, whose bit ADON is then 0 (RM0090 13.13.3).
+        hub.bench.write_register(0x4001_2108, 0);
+        hub.bench.set_analog(0, 1_500);
+        hub.bench.run(ms(100));
+        let measured = hub.adc(0, false);
+        assert!((measured - 1_500).abs() <= 3, "{measured} mV");
+    });
 }
 
 #[test]

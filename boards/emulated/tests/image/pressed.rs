@@ -48,6 +48,19 @@ fn a_host_that_speaks_ends_what_the_button_began_and_disarms_it() {
 }
 
 #[test]
+fn a_motor_that_a_host_enables_in_its_first_milliseconds_keeps_running_though_the_button_is_held() {
+    // The task of the button polls every 10 ms. A host sets and enables a motor in less time.
+    for phase in [0, 3, 6] {
+        let mut bench = turning(vec![am60()]);
+        bench.run(ms(phase));
+        HostLink::default().velocity(&mut bench, 0, -1000);
+        bench.run(ms(1500));
+        let speed = bench.look(0).counts_per_second;
+        assert!((speed + 1000.0).abs() < 100.0, "{phase} ms: {speed} counts/s");
+    }
+}
+
+#[test]
 fn a_button_that_nobody_presses_leaves_a_host_s_motors_alone() {
     let (mut bench, mut host) = with_host(vec![am60(); 4]);
     host.velocity(&mut bench, 0, 1000);

@@ -7,6 +7,7 @@ use crate::common::{
     with_host,
 };
 use emulated::{Bench, Board, Lines, Setup};
+use motor_hub::protocol::requests::{AdcChannel, BATTERY, ToHub};
 
 // RM0090 and RM0433, memory maps and register descriptions.
 const RCC_CR: u64 = 0x4002_3800;
@@ -250,4 +251,26 @@ pub(crate) fn clocks_never_start(setup: Setup) {
     bench.set_power_dead(false);
     bench.run(ms(800));
     assert!(log(&mut bench).contains("motor-hub"), "the clocks start again, and the hub does too");
+}
+
+#[test]
+fn a_reference_that_stops_in_the_middle_of_a_sequence_leaves_the_battery_known() {
+    on(Board::NucleoH743zi2, || {
+        let (mut bench, mut host) = with_host(vec![]);
+        // Bit ADSTART of ADC3_CR (RM0433 25.6.3).
+        let converts = |bench: &mut Bench| bits(bench.register(0x5802_6008), 2, 2) == 1;
+        assert!(bench.run_while(Duration::from_micros(2), ms(20), converts), "a sequence runs");
+        // Some words of the sequence are in the FIFO when the next conversion hangs.
+        bench.run(Duration::from_micros(16));
+        bench.delay_inputs(ms(60));
+        bench.run(ms(300));
+        bench.set_analog(2, 1_500);
+        bench.run(ms(50));
+        let battery: i16 = host.question(&mut bench, ToHub::Adc { channel: BATTERY, raw: false });
+        assert!((battery - 12_000).abs() < 200, "{battery} mV");
+        let input: i16 = host
+            .question(&mut bench, ToHub::Adc { channel: AdcChannel::new(2).expect("a channel"), raw: false });
+        assert!((input - 1_500).abs() < 5, "{input} mV");
+        bench.assert_sound();
+    });
 }

@@ -49,7 +49,7 @@ fn answers(other: &OtherResult) -> String {
     let slowest = format!("{:.2} ms", other.slowest.as_secs_f64() * 1e3);
     let stops = if other.disturbed.is_empty() { "" } else { ", its motors stop" };
     match other.unanswered {
-        0 => slowest,
+        0 => format!("{slowest}{stops}"),
         unanswered => format!("{slowest}, {unanswered} requests lost{stops}"),
     }
 }
