@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::modes::{MODES, Mode};
-use super::rows::{Back, Row};
+use super::rows::{Recovery, Row};
 use super::run::{MotorResult, OtherResult, RowResult};
 
 /// Rows of Markdown. In a chain they name the hub with the fault, and the answers of the other hub.
@@ -16,13 +16,13 @@ pub(crate) fn text<'a>(rows: impl Iterator<Item = (&'a Row, &'a RowResult)>) -> 
     let mut out = format!("| | {} |\n|{}\n", heads.join(" | "), "---|".repeat(1 + heads.len()));
     for (row, seen) in rows {
         let mut cells: Vec<String> = seen.cells.iter().map(cell).collect();
-        let mut says = seen.says.clone();
+        let mut reports = seen.reports.clone();
         let mut back: Vec<&str> = Vec::new();
         for cell in &seen.cells {
-            says.extend(&cell.says);
-            back.push(cell.back.map_or("not", Back::name));
+            reports.extend(&cell.reports);
+            back.push(cell.back.map_or("not", Recovery::name));
         }
-        cells.extend([once(says), once(back)]);
+        cells.extend([once(reports), once(back)]);
         cells.extend(seen.other.as_ref().map(answers));
         let place = seen.other.as_ref().map_or("", |other| other.fault_in.name());
         // Writing to a string does not fail.
