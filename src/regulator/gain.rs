@@ -118,7 +118,9 @@ impl GainEstimate {
     /// encoder may be reversed.
     pub(super) fn is_heavy(&self, plant: &Plant) -> bool {
         let ratio = guessed_gain(plant.kappa) / plant.b;
-        self.is_trusted() && ratio > HEAVY_TIME_CONSTANT_RATIO && logf(ratio) > HEAVY_SIGMAS * sqrtf(self.variance)
+        self.is_trusted()
+            && ratio > HEAVY_TIME_CONSTANT_RATIO
+            && logf(ratio) > HEAVY_SIGMAS * sqrtf(self.variance)
     }
 
     /// Sets the sensitivity of a motor at rest to 0, because the observer's state is then exact for every gain. Ends

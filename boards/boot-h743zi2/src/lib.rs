@@ -7,14 +7,14 @@ pub mod layout;
 mod memory;
 // These two files belong to the package of the hub's drivers. The bootloader includes the files instead of the package,
 // because it must not exceed 16 kB.
+#[path = "../../stm32/src/early_start.rs"]
+mod early_start;
 #[path = "../../stm32/src/mpu.rs"]
 mod mpu;
-#[path = "../../stm32/src/start.rs"]
-mod start;
 
 pub use bank::{Bank, Error};
+pub use early_start::before_clocks;
 pub use memory::execute_first_bank_only;
-pub use start::before_clocks;
 
 /// Public key (Ed25519) that must have signed new firmware. `None` if no signature is needed.
 #[cfg(not(feature = "signed"))]

@@ -10,7 +10,7 @@ pub use chain::{ChainBench, LineFault};
 pub use devices::ServoPulse;
 
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::sync::mpsc::{Receiver, Sender, channel, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -33,7 +33,7 @@ use crate::processor::{Code, Mpu};
 use crate::pwm::Grid;
 use crate::rtt::{self, LogLine};
 use crate::shafts::{Look, Mounting, Shafts};
-use crate::surroundings::{self, Order, Surroundings, terminal};
+use crate::surroundings::{self, BenchCommand, Surroundings, terminal};
 use crate::wiring;
 
 /// What a bench consists of.
@@ -123,12 +123,13 @@ enum Stopped {
 
 /// A running image with its motors.
 ///
+/// The emulator runs in a thread of its own, which carries out the bench's commands one after another. Hand-overs between the
+/// two threads are slow. Therefore only a method with a result waits until its command has been carried out.
+///
 /// # Panics
 /// All methods panic if the emulator has stopped. The message has the emulator's reason.
 pub struct Bench {
-    orders: Sender<Order>,
-    /// Receives a message when the emulator has carried out the last order to run.
-    reached: Receiver<()>,
+    commands: Sender<BenchCommand>,
     thread: Option<JoinHandle<Result<(), Stopped>>>,
     table: Option<Table>,
     symbols: Vec<elf::Symbol>,
@@ -177,32 +178,11 @@ impl Bench {
         } else {
             images.push(raw("flash", &setup.flash, setup.board.flash().start));
         }
-        let (orders, order_queue) = channel();
-        let (reached_sender, reached) = sync_channel(0);
+        let (commands, command_queue) = channel();
         let (board, motors) = (setup.board, setup.motors.len());
         assert!(motors <= wiring::BRIDGES, "the board has {} bridges", wiring::BRIDGES);
-        let thread = std::thread::spawn(move || run(setup, &images, log_ring, order_queue, reached_sender));
-        let mut bench = Self {
-            orders,
-            reached,
-            thread: Some(thread),
-            table,
-            symbols,
-            board,
-            motors,
-            line: 0,
-            received: 0,
-            now: 0,
-        };
-        bench.wait();
-        bench
-    }
-
-    /// Waits until the emulator has carried out the last order to run.
-    fn wait(&mut self) {
-        if self.reached.recv().is_err() {
-            self.fail();
-        }
+        let thread = std::thread::spawn(move || run(setup, &images, log_ring, command_queue));
+        Self { commands, thread: Some(thread), table, symbols, board, motors, line: 0, received: 0, now: 0 }
     }
 
     /// Panics with the reason for which the emulator's thread has ended.
@@ -214,33 +194,49 @@ impl Bench {
         }
     }
 
+    /// Gives a command to the emulator's thread.
+    fn command(&mut self, command: BenchCommand) {
+        if self.commands.send(command).is_err() {
+            self.fail();
+        }
+    }
+
+    /// Runs a function on the emulator's thread at the present virtual time, and returns meanwhile. The result will be in the
+    /// channel.
+    fn post<T: Send + 'static>(
+        &mut self,
+        task: impl FnOnce(&mut Surroundings, &mut Session<Nucleo>, &mut dyn Host) -> T + Send + 'static,
+    ) -> Receiver<T> {
+        let (result, receiver) = sync_channel(1);
+        self.command(BenchCommand::Do(Box::new(move |surroundings, session, host| {
+            // The result has no receiver if nobody waits for it.
+            let _ = result.send(task(surroundings, session, host));
+        })));
+        receiver
+    }
+
+    /// Waits for the result of [`post`](Self::post).
+    fn wait<T>(&mut self, result: &Receiver<T>) -> T {
+        result.recv().unwrap_or_else(|_| self.fail())
+    }
+
     /// Runs a function on the emulator's thread at the present virtual time, and returns its result.
     fn at_stop<T: Send + 'static>(
         &mut self,
-        errand: impl FnOnce(&mut Surroundings, &mut Session<Nucleo>, &mut dyn Host) -> T + Send + 'static,
+        task: impl FnOnce(&mut Surroundings, &mut Session<Nucleo>, &mut dyn Host) -> T + Send + 'static,
     ) -> T {
-        let (answer, receiver) = sync_channel(1);
-        let order = Order::Do(Box::new(move |surroundings, session, host| {
-            // The answer has no receiver when the bench is being dropped.
-            let _ = answer.send(errand(surroundings, session, host));
-        }));
-        if self.orders.send(order).is_err() {
-            self.fail();
-        }
-        match receiver.recv() {
-            Ok(answer) => answer,
-            Err(_) => self.fail(),
-        }
+        let result = self.post(task);
+        self.wait(&result)
     }
 
     /// Runs a function on the emulator's thread at a later virtual time.
     fn at(
         &mut self,
         at: Duration,
-        errand: impl FnOnce(&mut Surroundings, &mut Session<Nucleo>, &mut dyn Host) + Send + 'static,
+        task: impl FnOnce(&mut Surroundings, &mut Session<Nucleo>, &mut dyn Host) + Send + 'static,
     ) {
         let at = nanos(at);
-        self.at_stop(move |surroundings, _, _| surroundings.plan(at, Box::new(errand)));
+        self.post(move |surroundings, _, _| surroundings.plan(at, Box::new(task)));
     }
 
     /// Runs for some virtual time.
@@ -252,17 +248,9 @@ impl Bench {
     pub fn run_until(&mut self, at: Duration) {
         let target = nanos(at);
         if target > self.now {
-            self.begin_to_run(target);
-            self.wait();
+            self.command(BenchCommand::Run(target));
+            self.now = target;
         }
-    }
-
-    /// Begins to run until the later time `target`, ns, and returns meanwhile. [`wait`](Self::wait) waits for the end.
-    fn begin_to_run(&mut self, target: u64) {
-        if self.orders.send(Order::Run(target)).is_err() {
-            self.fail();
-        }
-        self.now = target;
     }
 
     /// Runs in steps of `step` until `done` returns true, at most for `limit`. Returns whether `done` has returned true.
@@ -337,7 +325,7 @@ impl Bench {
 
     /// Presses or releases button B1.
     pub fn press(&mut self, pressed: bool) {
-        self.at_stop(move |surroundings, session, _| surroundings.press(session, pressed));
+        self.post(move |surroundings, session, _| surroundings.press(session, pressed));
     }
 
     /// Changes the line of the host to 0, of the ST-LINK, or 1, of a USB-serial adapter. Bytes that have arrived on this line before
@@ -350,7 +338,7 @@ impl Bench {
     /// Sends bytes to the chip on the serial line, without pauses.
     pub fn send(&mut self, bytes: &[u8]) {
         let (bytes, line) = (bytes.to_vec(), self.line);
-        self.at_stop(move |surroundings, session, _| {
+        self.post(move |surroundings, session, _| {
             let now = surroundings.now;
             terminal(session, line).outgoing.extend(bytes.into_iter().map(|byte| (now, byte)));
         });
@@ -403,7 +391,7 @@ impl Bench {
 
 impl Drop for Bench {
     fn drop(&mut self) {
-        let _ = self.orders.send(Order::End);
+        let _ = self.commands.send(BenchCommand::End);
         if let Some(thread) = self.thread.take() {
             let result = thread.join();
             if !std::thread::panicking() {
@@ -426,8 +414,7 @@ fn run(
     setup: Setup,
     images: &[Image],
     log_ring: Option<u64>,
-    orders: Receiver<Order>,
-    reached: SyncSender<()>,
+    commands: Receiver<BenchCommand>,
 ) -> Result<(), Stopped> {
     // A bootloader writes other code into the flash.
     let is_constant = !setup.bootloader;
@@ -436,8 +423,7 @@ fn run(
     board.chip.attach();
     surroundings::pull_up_buses(&mut board, VirtualNanos(0));
     let shafts = Shafts::new(setup.battery, setup.motors);
-    let mut surroundings =
-        Surroundings::new(setup.board, shafts, setup.current_lines, log_ring, (orders, reached));
+    let mut surroundings = Surroundings::new(setup.board, shafts, setup.current_lines, log_ring, commands);
     if setup.transceiver {
         surroundings.connect_transceiver(&mut board);
     }

@@ -433,7 +433,7 @@ impl Machine for Nucleo {
     fn targets(&mut self) -> Vec<Target<'_>> {
         let connections = self.chip.connections();
         let mut target = self.chip.target(self.code.mpu());
-        processor::keep(&mut target.core, self.code, &connections);
+        processor::reuse_core(&mut target.core, self.code, &connections);
         vec![target]
     }
 }

@@ -148,7 +148,7 @@ impl HostLink {
     ///
     /// # Panics
     /// Panics if no answer arrives within 100 ms.
-    pub fn ask(&mut self, line: &mut impl Line, id: u16, payload: &[u8]) -> Reply {
+    pub fn request(&mut self, line: &mut impl Line, id: u16, payload: &[u8]) -> Reply {
         let request = format!("request {id:#06x} {payload:02x?} to address {}", self.address);
         let (packet, _) =
             self.exchange(line, id, payload).unwrap_or_else(|| panic!("no answer to {request}"));
@@ -159,9 +159,9 @@ impl HostLink {
     ///
     /// # Panics
     /// Panics if the hub refuses the request or does not answer.
-    pub fn order(&mut self, line: &mut impl Line, request: impl Into<Request>) {
+    pub fn command(&mut self, line: &mut impl Line, request: impl Into<Request>) {
         let request = request.into();
-        let reply = self.ask(line, request.id(), &request.payload());
+        let reply = self.request(line, request.id(), &request.payload());
         assert!(matches!(reply, Reply::Ack { .. }), "{request:?}: {reply:?}");
     }
 
@@ -169,52 +169,52 @@ impl HostLink {
     ///
     /// # Panics
     /// Panics if the hub refuses the request or does not answer.
-    pub fn question<A: Field>(&mut self, line: &mut impl Line, request: impl Into<Request>) -> A {
+    pub fn read<A: Field>(&mut self, line: &mut impl Line, request: impl Into<Request>) -> A {
         let request = request.into();
-        let reply = self.ask(line, request.id(), &request.payload());
+        let reply = self.request(line, request.id(), &request.payload());
         let Reply::Data(payload) = reply else { panic!("{request:?}: {reply:?}") };
         A::read(&mut Fields::new(&payload)).unwrap_or_else(|_| panic!("{request:?}: {payload:02x?}"))
     }
 
     /// Sends the hub a keep-alive.
     pub fn keep_alive(&mut self, line: &mut impl Line) {
-        self.order(line, Standard::KeepAlive);
+        self.command(line, Standard::KeepAlive);
     }
 
     /// Sets the run mode of a motor, which brakes at power 0.
     pub fn set_mode(&mut self, line: &mut impl Line, motor: u8, mode: RunMode) {
-        self.order(line, ToMotor::SetMode { mode: ChannelMode { mode, floats: false } }.to(motor));
+        self.command(line, ToMotor::SetMode { mode: ChannelMode { mode, floats: false } }.to(motor));
     }
 
     /// Enables or disables a motor.
     pub fn enable(&mut self, line: &mut impl Line, motor: u8, on: bool) {
-        self.order(line, ToMotor::SetEnable { on }.to(motor));
+        self.command(line, ToMotor::SetEnable { on }.to(motor));
     }
 
     /// Regulates the velocity of a motor, in counts/s: sets mode and set-point, and enables the motor.
     pub fn velocity(&mut self, line: &mut impl Line, motor: u8, cps: i16) {
         self.set_mode(line, motor, RunMode::Velocity);
-        self.order(line, ToMotor::SetVelocity { cps }.to(motor));
+        self.command(line, ToMotor::SetVelocity { cps }.to(motor));
         self.enable(line, motor, true);
     }
 
     /// Applies constant power to a motor, -32767 to 32767: sets mode and set-point, and enables the motor.
     pub fn power(&mut self, line: &mut impl Line, motor: u8, power: i16) {
         self.set_mode(line, motor, RunMode::Power);
-        self.order(line, ToMotor::SetPower { power: Control::new(power) }.to(motor));
+        self.command(line, ToMotor::SetPower { power: Control::new(power) }.to(motor));
         self.enable(line, motor, true);
     }
 
     /// Moves a motor to a position in counts, with a speed limit in counts/s: sets mode and set-point, and enables the motor.
     pub fn position(&mut self, line: &mut impl Line, motor: u8, counts: i32, tolerance: u16, limit: i16) {
-        self.order(line, ToMotor::SetVelocity { cps: limit }.to(motor));
-        self.order(line, ToMotor::SetPosition { target: Target { counts, tolerance } }.to(motor));
+        self.command(line, ToMotor::SetVelocity { cps: limit }.to(motor));
+        self.command(line, ToMotor::SetPosition { target: Target { counts, tolerance } }.to(motor));
         self.set_mode(line, motor, RunMode::Position);
         self.enable(line, motor, true);
     }
 
     /// Returns all measurements of the hub, which it sends in one answer.
     pub fn bulk(&mut self, line: &mut impl Line) -> Bulk {
-        self.question(line, ToHub::Bulk)
+        self.read(line, ToHub::Bulk)
     }
 }

@@ -78,21 +78,21 @@ struct Translator {
 /// Cores that wait for their next run, each with the code that it has translated.
 static CORE_POOL: Mutex<Vec<(Code, Translator)>> = Mutex::new(Vec::new());
 
-fn shelf() -> std::sync::MutexGuard<'static, Vec<(Code, Translator)>> {
+fn core_pool() -> std::sync::MutexGuard<'static, Vec<(Code, Translator)>> {
     // A panic in another thread cannot leave the list in an invalid state.
     CORE_POOL.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Makes a run reuse a core that has run `code`, if such a core waits. After the run the core waits again, if it has run nothing
 /// else.
-pub(crate) fn keep(spec: &mut CoreSpec, code: Code, connections: &Connections) {
+pub(crate) fn reuse_core(spec: &mut CoreSpec, code: Code, connections: &Connections) {
     let connections = connections.clone();
     let make = Arc::clone(&spec.processor);
     spec.processor = Arc::new(move |endian| {
         let waiting = {
-            let mut shelf = shelf();
-            let place = shelf.iter().position(|(of, _)| *of == code);
-            place.map(|place| shelf.swap_remove(place).1)
+            let mut core_pool = core_pool();
+            let place = core_pool.iter().position(|(of, _)| *of == code);
+            place.map(|place| core_pool.swap_remove(place).1)
         };
         let translated = waiting.is_some();
         let mut translator = match waiting {
@@ -169,7 +169,7 @@ impl Drop for ReusedCore {
             translator.processor.remove_breakpoint(address);
         }
         if self.as_new && !std::thread::panicking() {
-            shelf().push((self.code, translator));
+            core_pool().push((self.code, translator));
         }
     }
 }

@@ -5,7 +5,7 @@
 //!
 //! ```
 //! use emulated::Mounting;
-//! use emulated::recording::{ControlVariant, Knowledge, Recording};
+//! use emulated::recording::{ControlVariant, Configuration, Recording};
 //! use motor_hub::braking::DutyRule;
 //! use motor_hub::model::{catalogue::characterised, load::Load};
 //! use motor_hub::motor::Setpoint;
@@ -15,7 +15,7 @@
 //! let motor = characterised("AM 60 A")?;
 //! let alone = Mounting { motor, load: Load::NONE, bridge: BRIDGE.into(), stops: None };
 //! let full = |_| Setpoint::ConstantPower(Control::MAX);
-//! let variant = ControlVariant { rule: DutyRule::LinearCurrent, knowledge: Knowledge::Unknown };
+//! let variant = ControlVariant { rule: DutyRule::LinearCurrent, configuration: Configuration::Unknown };
 //! let recording = Recording::new(&alone, variant, Period::DEFAULT, 10, full, |_| 0.0);
 //! assert_eq!(recording.answers.last().map(|answer| answer.control), Some(Control::MAX.get()));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -66,12 +66,12 @@ pub struct ControlVariant {
     /// Rule by which the duty is computed.
     pub rule: DutyRule,
     /// What the hub knows of the motor.
-    pub knowledge: Knowledge,
+    pub configuration: Configuration,
 }
 
 /// What the hub knows of a motor, which decides how the motor is regulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Knowledge {
+pub enum Configuration {
     /// The dynamics are configured: the model regulates.
     Configured,
     /// Only the winding is configured: the model regulates, and learns the acceleration per volt.
@@ -80,7 +80,7 @@ pub enum Knowledge {
     Coefficients,
 }
 
-impl Knowledge {
+impl Configuration {
     /// All variants.
     pub const ALL: [Self; 3] = [Self::Configured, Self::Unknown, Self::Coefficients];
 
@@ -145,10 +145,10 @@ fn settings(mounting: &Mounting, variant: ControlVariant, period: Period) -> Res
     let motor = &mounting.motor;
     let emf = EmfConstant::from_ke(motor.ke.0, motor.counts_per_rev_motor)?;
     let settings = Settings { duty: variant.rule, ..Settings::new(Winding { emf, ..Winding::NEVEREST_60 }) };
-    Ok(match variant.knowledge {
-        Knowledge::Configured => Settings { dynamics: Some(dynamics(mounting, &settings)?), ..settings },
-        Knowledge::Unknown => settings,
-        Knowledge::Coefficients => {
+    Ok(match variant.configuration {
+        Configuration::Configured => Settings { dynamics: Some(dynamics(mounting, &settings)?), ..settings },
+        Configuration::Unknown => settings,
+        Configuration::Coefficients => {
             let suggested = Coefficients::guessed(emf, settings.scheme, period);
             Settings { coefficients: Some(suggested), ..settings }
         }

@@ -26,12 +26,9 @@ use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, OnFault, Report, Setpoint, ZeroPower};
 use motor_hub::protocol::answers::Reply;
 use motor_hub::protocol::motor::{ChannelMode, RunMode, ToMotor};
-use motor_hub::supply::Limits;
 use motor_hub::units::{Control, CountsPerSecond, Duty, Period, RangeError};
-use simulated::bno055::GyroErrors;
 use simulated::encoder::Encoder;
-use simulated::ground::Floor;
-use simulated::scenario::{Attached, Motor, Scenario};
+use simulated::scenario::{Motor, Scenario};
 use simulated::trace::{Sample, Tick, Trace};
 
 use crate::bench::{self, Bench};
@@ -104,11 +101,7 @@ pub fn on_a_line(mut scenario: Scenario) -> Scenario {
 /// # Panics
 /// Panics if the firmware refuses a command.
 pub fn run(scenario: &Scenario, board: Board, progress: &mut dyn FnMut(f64)) -> Result<Trace, ReplayError> {
-    check(scenario)?;
-    // The lines of a chip do not show the references of a group.
-    if !scenario.groups.is_empty() {
-        return Err(ReplayError::Part("a group ([[groups]])"));
-    }
+    check(scenario, scenario.not_replayed().next())?;
     let mut bench = Bench::new(stand(scenario, board));
     let mut host = HostLink::default();
     let mut events = events(scenario).into_iter().peekable();
@@ -143,27 +136,13 @@ pub fn run(scenario: &Scenario, board: Board, progress: &mut dyn FnMut(f64)) -> 
     if gaps.is_empty() { Ok(trace) } else { Err(ReplayError::Gaps(gaps)) }
 }
 
-/// Checks that the image has the control period of a scenario, and that the bench has all parts of the scenario.
-pub(crate) fn check(scenario: &Scenario) -> Result<(), ReplayError> {
+/// Checks that the image has the control period of a scenario, and that the scenario has no part that the bench lacks.
+pub(crate) fn check(scenario: &Scenario, part: Option<&'static str>) -> Result<(), ReplayError> {
     if scenario.period != Period::DEFAULT {
         let (asked, image) = (scenario.period.as_millis(), Period::DEFAULT.as_millis());
         return Err(ReplayError::Period { asked, image });
     }
-    let any = |has: fn(&Motor) -> bool| scenario.motors.iter().any(has);
-    let is_attached = scenario.attached != Attached::default() || !scenario.attached_over_time.is_empty();
-    let parts = [
-        ("a bus ([bus])", scenario.bus.is_some()),
-        ("other limits of the supply voltage (battery.unlimited)", scenario.limits != Limits::TWELVE_VOLTS),
-        ("a connection of a pin or an I2C bus ([attached])", is_attached),
-        ("a floor ([floor])", scenario.floor != Floor::default()),
-        ("an error of a gyro ([gyro])", scenario.gyro != GyroErrors::default()),
-        ("a train between motor and load (motors.train)", any(|motor| motor.train.is_some())),
-        ("a temperature of a motor (motors.heat)", any(|motor| !motor.heat.is_empty())),
-    ];
-    match parts.into_iter().find(|&(_, is_present)| is_present) {
-        Some((part, _)) => Err(ReplayError::Part(part)),
-        None => Ok(()),
-    }
+    part.map_or(Ok(()), |part| Err(ReplayError::Part(part)))
 }
 
 /// Returns a bench with the scenario's motors, loads and battery.
@@ -196,17 +175,17 @@ fn set_up(
     let request = |group| Request::Set(channel, Values::of(group, &settings));
     // An image that the user has chosen may lack this hub's own protocol.
     let set_up = request(Group::SetUp);
-    if !matches!(host.ask(bench, set_up.id(), &set_up.payload()), Reply::Ack { .. }) {
+    if !matches!(host.request(bench, set_up.id(), &set_up.payload()), Reply::Ack { .. }) {
         return Err(ReplayError::SetupRefused);
     }
-    host.order(bench, request(Group::Timing));
+    host.command(bench, request(Group::Timing));
     if settings.motor.on_fault != OnFault::default() || settings.motor.thermal.is_some() {
-        host.order(bench, request(Group::Protection));
+        host.command(bench, request(Group::Protection));
     }
-    host.order(bench, request(Group::Motion));
+    host.command(bench, request(Group::Motion));
     for group in [Group::CurrentLimit, Group::VelocityLoop, Group::PositionLoop] {
         if group.is_configured(&settings) {
-            host.order(bench, request(group));
+            host.command(bench, request(group));
         }
     }
     Ok(())
@@ -257,7 +236,7 @@ fn carry_out(
                     host.power(bench, motor, 0);
                     let speed_limit_cps = u16::try_from(speed_limit.round()).unwrap_or(u16::MAX);
                     let current = MotorFunction::Current { current_ma: current.get(), speed_limit_cps };
-                    host.order(bench, current.to(motor));
+                    host.command(bench, current.to(motor));
                 }
                 Setpoint::Velocity(target) => host.velocity(bench, motor, whole(target)),
                 Setpoint::Position { target, tolerance, speed_limit } => {
@@ -266,7 +245,7 @@ fn carry_out(
                 Setpoint::Identify { travel_limit } => {
                     host.power(bench, motor, 0);
                     let request = MotorFunction::Identify { travel_limit }.to(motor);
-                    host.ask(bench, request.id(), &request.payload());
+                    host.request(bench, request.id(), &request.payload());
                 }
             }
             // Identification and constant current end when a mode is set.
@@ -276,7 +255,7 @@ fn carry_out(
                     Setpoint::Position { .. } => RunMode::Position,
                     _ => RunMode::Power,
                 };
-                host.order(bench, ToMotor::SetMode { mode: ChannelMode { mode, floats: true } }.to(motor));
+                host.command(bench, ToMotor::SetMode { mode: ChannelMode { mode, floats: true } }.to(motor));
             }
         }
     }

@@ -62,7 +62,7 @@ pub fn run(
     mut line: Line,
     show: &mut dyn FnMut(Moment<'_>) -> bool,
 ) -> Result<(), ReplayError> {
-    check(scenario)?;
+    check(scenario, scenario.not_emulated().next())?;
     let mut bench = Bench::new(Setup { bootloader, ..stand(scenario, board) });
     let mut chunk = [0; BYTES_A_STEP];
     let mut reply: Vec<u8> = Vec::new();

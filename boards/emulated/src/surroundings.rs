@@ -3,7 +3,7 @@
 //! and at the times that it asks for.
 
 use std::collections::VecDeque;
-use std::sync::mpsc::{Receiver, SyncSender};
+use std::sync::mpsc::Receiver;
 
 use rigless::device::Level;
 use rigless::emulator::{Access, AccessKind, Driver, Hit, Host, Settled, Stop};
@@ -34,14 +34,14 @@ struct Connection {
 }
 
 /// A function that runs while the chip is stopped.
-pub(crate) type Errand = Box<dyn FnOnce(&mut Surroundings, &mut Session<Nucleo>, &mut dyn Host) + Send>;
+pub(crate) type BenchTask = Box<dyn FnOnce(&mut Surroundings, &mut Session<Nucleo>, &mut dyn Host) + Send>;
 
-/// An order of the bench to the emulator's thread.
-pub(crate) enum Order {
+/// A command of the bench to the emulator's thread.
+pub(crate) enum BenchCommand {
     /// Run to this time, ns.
     Run(u64),
     /// Call a function now.
-    Do(Errand),
+    Do(BenchTask),
     /// End the run.
     End,
 }
@@ -74,10 +74,9 @@ pub(crate) struct Surroundings {
     /// Time in ns before which the log is not read, because the start-up code has not initialised its ring yet.
     quiet_until: u64,
     target: u64,
-    orders: Receiver<Order>,
-    reached: SyncSender<()>,
+    commands: Receiver<BenchCommand>,
     /// Functions that run at a later time, in the order of their times in ns.
-    pub(crate) planned: VecDeque<(u64, Errand)>,
+    pub(crate) planned: VecDeque<(u64, BenchTask)>,
 }
 
 /// Time from a reset until the start-up code has initialised the log's ring, ns.
@@ -89,7 +88,7 @@ impl Surroundings {
         shafts: Shafts,
         current_lines: Vec<CurrentLine>,
         rtt: Option<u64>,
-        (orders, reached): (Receiver<Order>, SyncSender<()>),
+        commands: Receiver<BenchCommand>,
     ) -> Self {
         let count = shafts.len();
         Self {
@@ -112,8 +111,7 @@ impl Surroundings {
             resets: 0,
             quiet_until: START_UP,
             target: 0,
-            orders,
-            reached,
+            commands,
             planned: VecDeque::new(),
         }
     }
@@ -124,9 +122,9 @@ impl Surroundings {
     }
 
     /// Plans a function for a later time, ns.
-    pub(crate) fn plan(&mut self, at: u64, errand: Errand) {
+    pub(crate) fn plan(&mut self, at: u64, task: BenchTask) {
         let place = self.planned.partition_point(|&(other, _)| other <= at);
-        self.planned.insert(place, (at, errand));
+        self.planned.insert(place, (at, task));
     }
 
     /// Returns the next time at which something must be done, ns.
@@ -336,8 +334,8 @@ impl Surroundings {
         }
         self.show_edges(session, now);
         while self.planned.front().is_some_and(|&(at, _)| at <= now) {
-            if let Some((_, errand)) = self.planned.pop_front() {
-                errand(self, session, host);
+            if let Some((_, task)) = self.planned.pop_front() {
+                task(self, session, host);
             }
         }
     }
@@ -405,17 +403,10 @@ impl Driver<Nucleo> for Surroundings {
         self.look_for_reset(session);
         self.catch_up(session, host);
         while self.now >= self.target {
-            // Tells the waiting bench that its last order to run has been carried out.
-            self.reached.send(()).ok()?;
-            loop {
-                match self.orders.recv().ok()? {
-                    Order::Run(until) => {
-                        self.target = until;
-                        break;
-                    }
-                    Order::Do(errand) => errand(self, session, host),
-                    Order::End => return None,
-                }
+            match self.commands.recv().ok()? {
+                BenchCommand::Run(until) => self.target = until,
+                BenchCommand::Do(task) => task(self, session, host),
+                BenchCommand::End => return None,
             }
         }
         Some(VirtualNanos(self.next_instant().max(self.now + 1)))

@@ -1,30 +1,23 @@
 //! A motor hub for four motors on a NUCLEO-F429ZI: pins and peripherals.
 //!
-//! All decisions are in `motor_hub`. `motor_hub_stm32` has the program, and the drivers that all STM32 boards share. The
-//! modules here have the drivers of this chip. Wiring, sizes and flashing are in the README.
+//! All decisions are in `motor_hub`. `motor_hub_stm32` has the program and the drivers. Wiring, sizes and flashing are in the
+//! README.
 #![no_std]
 #![no_main]
 
-mod adc;
-mod analog;
-mod chip;
-mod current;
-mod i2c;
-mod transmission;
-
-use adc::BatteryAdc;
-use current::CurrentLines;
 use defmt::unwrap;
-use defmt_rtt as _;
 use embassy_executor::Spawner;
-use embassy_stm32::bind_interrupts;
 use embassy_stm32::flash::{self, Async, Bank2Region1, Flash};
 use embassy_stm32::gpio::{Input, Pull};
 use embassy_stm32::interrupt::typelevel;
 use embassy_stm32::peripherals::{I2C1, I2C2, I2C3, UART4, USART3, USART6};
 use embassy_stm32::usart::BufferedInterruptHandler;
+use embassy_stm32::{bind_interrupts, pac};
 use motor_hub::tasks::store::Keeper;
 use motor_hub_stm32::bridge_faults::{DiagLines, line};
+use motor_hub_stm32::chip::adc::BatteryAdc;
+use motor_hub_stm32::chip::current::CurrentLines;
+use motor_hub_stm32::chip::{self, analog, i2c};
 use motor_hub_stm32::connectors::Connectors;
 use motor_hub_stm32::encoders::{Counter, QuadratureCounters};
 use motor_hub_stm32::i2c_bus::Bus;
@@ -32,7 +25,7 @@ use motor_hub_stm32::lamp::Lamp;
 use motor_hub_stm32::pins::{DigitalLines, low};
 use motor_hub_stm32::servo::Servo;
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
-use motor_hub_stm32::{after_clocks, pins, serial};
+use motor_hub_stm32::{channels, early_start, pins, serial};
 use static_cell::ConstStaticCell;
 
 /// Range of the stored settings, in bytes from the start of the second bank: its first two sectors. The code is in the
@@ -51,24 +44,32 @@ motor_hub_stm32::hub! {
     watchdog: IWDG,
     detector: PVD, cr1,
     battery: BatteryAdc,
-    currents: CurrentLines,
+    currents: CurrentLines<4>,
     slot: None,
     store: Bank2Region1<'static, Async>,
     chain: serial::Line,
 }
 
+motor_hub_stm32::transmission_ends! {
+    ST_LINK: USART3;
+    ADAPTER: USART6;
+    CHAIN: UART4, GPIOC 12;
+}
+
 bind_interrupts!(struct Irqs {
     FLASH => flash::InterruptHandler;
-    USART3 => transmission::End<typelevel::USART3>, BufferedInterruptHandler<USART3>;
-    USART6 => transmission::End<typelevel::USART6>, BufferedInterruptHandler<USART6>;
-    UART4 => transmission::End<typelevel::UART4>, BufferedInterruptHandler<UART4>;
+    USART3 => TransmissionHandler<typelevel::USART3>, BufferedInterruptHandler<USART3>;
+    USART6 => TransmissionHandler<typelevel::USART6>, BufferedInterruptHandler<USART6>;
+    UART4 => TransmissionHandler<typelevel::UART4>, BufferedInterruptHandler<UART4>;
 });
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    chip::before_clocks();
+    pac::RCC.ahb1enr().modify(|w| w.set_gpioben(true));
+    // PB14 is the red lamp.
+    early_start::before_clocks(pac::IWDG, pac::GPIOB, 14);
     let mut p = embassy_stm32::init(chip::clocks());
-    after_clocks::set_up();
+    chip::set_up();
     // `before_clocks` has started the watchdog. Its time-out is set here, while all bridges are still open.
     let watchdog = begin(p.IWDG);
 
@@ -95,15 +96,14 @@ async fn main(spawner: Spawner) {
             Counter::new(p.TIM8, p.PC6, p.PC7),
         )),
         diag: DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]),
-        // ADC1 before the other converters: its set-up resets them all.
         battery: unwrap!(BatteryAdc::new(p.ADC1, p.PA3, p.PC2)),
-        currents: CurrentLines::new(p.ADC3, pins!(p.PC0, p.PC3, p.PF3, p.PF5)),
+        currents: CurrentLines::new(p.ADC3, channels!(p.PC0, p.PC3, p.PF3, p.PF5)),
         link: serial::host_link(
-            unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, first, Some(transmission::ST_LINK))),
-            Some(unwrap!(serial::open(p.USART6, p.PG14, p.PG9, Irqs, second, Some(transmission::ADAPTER)))),
+            unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, first, Some(ST_LINK))),
+            Some(unwrap!(serial::open(p.USART6, p.PG14, p.PG9, Irqs, second, Some(ADAPTER)))),
         ),
         chain: serial::has_transceiver(p.PC11.reborrow())
-            .then(|| unwrap!(serial::open(p.UART4, p.PC10, p.PC11, Irqs, third, Some(transmission::CHAIN)))),
+            .then(|| unwrap!(serial::open(p.UART4, p.PC10, p.PC11, Irqs, third, Some(CHAIN)))),
         lamp: Lamp { red: low(p.PB14), green: low(p.PB0), blue: low(p.PB7) },
         connectors: Connectors {
             digital: DigitalLines::new(pins!(p.PF14, p.PF15, p.PE7, p.PE8, p.PE10, p.PE12, p.PE15, p.PE0)),
@@ -115,7 +115,7 @@ async fn main(spawner: Spawner) {
                 Servo::new(p.TIM12, p.PB15),
                 Servo::new(p.TIM9, p.PE5),
             ],
-            analog: Some(analog::set_up(p.ADC2, pins!(p.PA4, p.PA5, p.PA6, p.PA0, p.PB1))),
+            analog: Some(analog::set_up(p.ADC2, channels!(p.PA4, p.PA5, p.PA6, p.PA0), p.PB1)),
             i2c: 3,
         },
         buses: [

@@ -1,28 +1,25 @@
 //! A motor hub for four motors on a NUCLEO-G474RE: pins and peripherals.
 //!
-//! All decisions are in `motor_hub`. Drivers and the program, which other STM32 boards share, are in `motor_hub_stm32`. Wiring,
-//! sizes and flashing are in the README.
+//! All decisions are in `motor_hub`. `motor_hub_stm32` has the program and the drivers. Wiring, sizes and flashing are in the
+//! README.
 #![no_std]
 #![no_main]
 
-mod adc;
-mod chip;
-
-use adc::BatteryAdc;
 use defmt::unwrap;
-use defmt_rtt as _;
 use embassy_executor::Spawner;
-use embassy_stm32::bind_interrupts;
 use embassy_stm32::gpio::{Input, Pull};
 use embassy_stm32::peripherals::LPUART1;
 use embassy_stm32::usart::BufferedInterruptHandler;
+use embassy_stm32::{bind_interrupts, pac};
 use motor_hub_stm32::bridge_faults::{DiagLines, line};
+use motor_hub_stm32::chip;
+use motor_hub_stm32::chip::adc::{self, BatteryAdc};
 use motor_hub_stm32::connectors::Connectors;
 use motor_hub_stm32::encoders::{Counter, QuadratureCounters};
 use motor_hub_stm32::lamp::Lamp;
 use motor_hub_stm32::pins::{DigitalLines, low};
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
-use motor_hub_stm32::{after_clocks, pins, serial};
+use motor_hub_stm32::{early_start, pins, serial};
 use static_cell::ConstStaticCell;
 
 motor_hub_stm32::hub! {
@@ -45,9 +42,11 @@ bind_interrupts!(struct Irqs {
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    chip::before_clocks();
+    pac::RCC.ahb2enr().modify(|w| w.set_gpiocen(true));
+    // PC10 is the red lamp.
+    early_start::before_clocks(pac::IWDG, pac::GPIOC, 10);
     let p = embassy_stm32::init(chip::clocks());
-    after_clocks::set_up();
+    chip::set_up();
     // The watchdog starts before any code that could hang, while all bridges are still open.
     let watchdog = begin(p.IWDG);
 

@@ -1,28 +1,19 @@
 //! A motor hub for four motors on a NUCLEO-H743ZI2: pins and peripherals.
 //!
-//! All decisions are in `motor_hub`. Drivers and the program, which other STM32 boards share, are in `motor_hub_stm32`. Wiring,
-//! sizes and flashing are in the README.
+//! All decisions are in `motor_hub`. `motor_hub_stm32` has the program and the drivers. Wiring, sizes and flashing are in the
+//! README.
 #![no_std]
 #![no_main]
 
-mod adc;
-mod analog;
-mod chip;
-mod current;
-mod i2c;
-
-use adc::BatteryAdc;
-use boot_h743zi2::{Bank, SIGNER, layout};
+use boot_h743zi2::{Bank, SIGNER, execute_first_bank_only, layout};
 use core::ops::Range;
-use current::CurrentLines;
 use defmt::unwrap;
-use defmt_rtt as _;
 use embassy_embedded_hal::flash::partition::Partition;
 use embassy_executor::Spawner;
-use embassy_stm32::bind_interrupts;
-use embassy_stm32::gpio::{Input, Pull};
+use embassy_stm32::gpio::{Flex, Input, Pull};
 use embassy_stm32::peripherals::{I2C1, I2C2, I2C3, I2C4, UART5, USART3, USART6};
 use embassy_stm32::usart::BufferedInterruptHandler;
+use embassy_stm32::{bind_interrupts, pac};
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::mutex::Mutex;
 use embassy_time::{Duration, Timer};
@@ -30,6 +21,9 @@ use motor_hub::tasks::store::Keeper;
 use motor_hub::tasks::{self, update::Slots};
 use motor_hub::update::Slot;
 use motor_hub_stm32::bridge_faults::{DiagLines, line};
+use motor_hub_stm32::chip::adc::{self, BatteryAdc};
+use motor_hub_stm32::chip::current::CurrentLines;
+use motor_hub_stm32::chip::{self, analog, i2c};
 use motor_hub_stm32::connectors::Connectors;
 use motor_hub_stm32::encoders::{Counter, QuadratureCounters};
 use motor_hub_stm32::i2c_bus::Bus;
@@ -37,7 +31,7 @@ use motor_hub_stm32::lamp::Lamp;
 use motor_hub_stm32::pins::{DigitalLines, low};
 use motor_hub_stm32::servo::Servo;
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
-use motor_hub_stm32::{pins, serial};
+use motor_hub_stm32::{channels, early_start, pins, serial};
 use static_cell::{ConstStaticCell, StaticCell};
 
 /// A part of a bank.
@@ -69,7 +63,7 @@ motor_hub_stm32::hub! {
     watchdog: IWDG1,
     detector: PVD_AVD, cr1,
     battery: BatteryAdc,
-    currents: CurrentLines,
+    currents: CurrentLines<4>,
     slot: SLOT,
     store: Part,
     chain: serial::Line,
@@ -83,9 +77,11 @@ bind_interrupts!(struct Irqs {
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    chip::before_clocks();
+    pac::RCC.ahb4enr().modify(|w| w.set_gpioben(true));
+    // PB14 is the red lamp.
+    early_start::before_clocks(pac::IWDG1, pac::GPIOB, 14);
     let mut p = embassy_stm32::init(chip::clocks());
-    chip::set_up();
+    chip::set_up(execute_first_bank_only);
     // The watchdog starts before any code that could hang, while all bridges are still open.
     let watchdog = begin(p.IWDG1);
 
@@ -105,6 +101,8 @@ async fn main(spawner: Spawner) {
         BANKS.init(Bank::both(p.FLASH, || Timer::after(FLASH_PAUSE)).map(Mutex::new));
     let part = |at: Range<u32>| Part::new(second_bank, at.start, at.end - at.start);
     let booted = Part::new(first_bank, layout::ACTIVE.start, layout::ACTIVE.end - layout::ACTIVE.start);
+    let analog_inputs =
+        analog::Pins::new(channels!(p.PF3, p.PF4, p.PF5, p.PF10), (Flex::new(p.PC2), analog::PC2_C));
     let parts = Parts {
         watchdog,
         bridges: Vnh5019::new(pwm, bridges),
@@ -115,8 +113,8 @@ async fn main(spawner: Spawner) {
             Counter::new(p.TIM8, p.PC6, p.PC7),
         )),
         diag: DiagLines([line(p.PE2), line(p.PE4), line(p.PE3), line(p.PE6)]),
-        battery: unwrap!(adc::battery((p.ADC1, p.ADC3), p.PA3)),
-        currents: CurrentLines::new(p.ADC2, pins!(p.PC0, p.PB1, p.PA6, p.PA5)),
+        battery: unwrap!(adc::battery((p.ADC1, p.ADC3), p.PA3, analog_inputs)),
+        currents: CurrentLines::new(p.ADC2, channels!(p.PC0, p.PB1, p.PA6, p.PA5)),
         link: serial::host_link(
             unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, first, None)),
             Some(unwrap!(serial::open(p.USART6, p.PG14, p.PG9, Irqs, second, None))),
@@ -134,7 +132,7 @@ async fn main(spawner: Spawner) {
                 Servo::new(p.TIM12, p.PB15),
                 Servo::new(p.TIM15, p.PE5),
             ],
-            analog: Some(analog::set_up(pins!(p.PF3, p.PF4, p.PF5, p.PF10, p.PC2))),
+            analog: Some(analog::read),
             i2c: 4,
         },
         buses: [

@@ -11,50 +11,50 @@ use motor_hub::record::Fault;
 
 use crate::stack;
 
-/// Makes the handlers of a board's program. `$end` is the program's [`End`].
+/// Makes the handlers of a board's program. `$handlers` is the program's [`FaultHandlers`].
 ///
 /// The board's crate needs `cortex-m-rt`.
 #[macro_export]
 macro_rules! end_faults_with {
-    ($end:path) => {
+    ($handlers:path) => {
         #[panic_handler]
         fn panic(info: &::core::panic::PanicInfo<'_>) -> ! {
-            $end.panicked(info)
+            $handlers.panicked(info)
         }
 
         #[::cortex_m_rt::exception]
         #[allow(unsafe_code, reason = "cortex-m-rt asks for an unsafe fn; nothing in it is")]
         unsafe fn HardFault(frame: &::cortex_m_rt::ExceptionFrame) -> ! {
-            $end.hard_fault(frame)
+            $handlers.hard_fault(frame)
         }
 
         #[::cortex_m_rt::exception]
         #[allow(unsafe_code, reason = "cortex-m-rt asks for an unsafe fn; nothing in it is")]
         unsafe fn DefaultHandler(irqn: i16) -> ! {
-            $end.unhandled(irqn)
+            $handlers.unhandled(irqn)
         }
     };
 }
 
 /// What the handlers do when the run of a board's program ends.
-pub struct End {
+pub struct FaultHandlers {
     /// Opens all bridges until the next reset. The function accesses only registers, so it may be called in any context.
-    pub open: fn(),
+    pub open_bridges: fn(),
     /// Stores the fault and its two detail words for the next run.
-    pub say: fn(Fault, [u32; 2]),
+    pub store_fault: fn(Fault, [u32; 2]),
 }
 
-impl End {
+impl FaultHandlers {
     /// Opens the bridges, then stores and reports the fault.
     fn stop(&self, fault: Fault, detail: [u32; 2], report: impl FnOnce()) -> ! {
-        (self.open)();
+        (self.open_bridges)();
         cortex_m::interrupt::disable();
         // A second fault while this one is reported must not be reported again. Interrupts are masked, so nothing runs between
         // the load and the store.
         static REPORTED: AtomicBool = AtomicBool::new(false);
         if !REPORTED.load(Ordering::Relaxed) {
             REPORTED.store(true, Ordering::Relaxed);
-            (self.say)(fault, detail);
+            (self.store_fault)(fault, detail);
             report();
         }
         loop {

@@ -2,7 +2,7 @@
 
 /// Makes the program of a hub: statics, tasks, `Parts` and `start`.
 ///
-/// A board adds its pins, its module `chip`, and `main`. `main` starts the clocks, calls `begin`, makes the
+/// A board adds its pins and `main`. `main` starts the clocks, calls `begin`, makes the
 /// `Parts`, and calls `start`. The board's crate needs `cortex-m-rt`, `defmt`, `embassy-executor`, `embassy-stm32`,
 /// `embassy-sync`, `motor-hub` and `static_cell`.
 ///
@@ -69,12 +69,12 @@ macro_rules! hub {
             )+
         }
 
-        const END: $crate::faults::End = $crate::faults::End {
-            open: open_all_bridges,
-            say: |fault, detail| WIRES.report_crash(fault, detail),
+        const FAULTS: $crate::faults::FaultHandlers = $crate::faults::FaultHandlers {
+            open_bridges: open_all_bridges,
+            store_fault: |fault, detail| WIRES.report_crash(fault, detail),
         };
 
-        $crate::end_faults_with!(END);
+        $crate::end_faults_with!(FAULTS);
 
         type Encoders =
             $crate::encoders::QuadratureCounters<($($crate::encoders::Counter<::embassy_stm32::peripherals::$encoder>,)+)>;
@@ -113,14 +113,14 @@ macro_rules! hub {
             use ::embassy_stm32::pac;
             $crate::status::started(env!("CARGO_PKG_NAME"));
             let watchdog = Watchdog::start(watchdog);
-            let (memory, cause) = (::defmt::unwrap!($crate::record::memory()), chip::reset_cause());
-            if chip::RAM_HAS_ERROR_CODE && cause == ::motor_hub::record::Fault::PowerOn {
+            let (memory, cause) = (::defmt::unwrap!($crate::record::memory()), $crate::chip::reset_cause());
+            if $crate::chip::RAM_HAS_ERROR_CODE && cause == ::motor_hub::record::Fault::PowerOn {
                 memory.fill(0);
             }
             $crate::record::open(&WIRES, memory, cause);
-            $crate::supply::watch(pac::Interrupt::$detector, || {
+            $crate::supply::enable_voltage_detector(pac::Interrupt::$detector, || {
                 pac::PWR.$control().modify(|w| {
-                    w.set_pls(chip::PVD_LEVEL);
+                    w.set_pls($crate::chip::PVD_LEVEL);
                     w.set_pvde(true);
                 });
             });
@@ -131,7 +131,7 @@ macro_rules! hub {
 
         #[interrupt]
         fn $detector() {
-            END.supply_fell()
+            FAULTS.supply_fell()
         }
 
         /// Starts all tasks.
@@ -146,7 +146,7 @@ macro_rules! hub {
                 ..::motor_hub::motor::Settings::new(::motor_hub::braking::Winding::NEVEREST_60)
             };
             spawner.spawn(unwrap!(output(parts.bridges)));
-            spawner.spawn(unwrap!(listen(parts.diag, parts.currents)));
+            spawner.spawn(unwrap!(bridge_sense(parts.diag, parts.currents)));
             spawner.spawn(unwrap!(capture(parts.encoders)));
             spawner.spawn(unwrap!(supply(parts.battery)));
             spawner.spawn(unwrap!(control(settings)));
@@ -189,7 +189,7 @@ macro_rules! hub {
         }
 
         #[::embassy_executor::task]
-        async fn listen(diag: $crate::bridge_faults::DiagLines<MOTORS>, currents: $currents) -> ! {
+        async fn bridge_sense(diag: $crate::bridge_faults::DiagLines<MOTORS>, currents: $currents) -> ! {
             $crate::Calibrate::calibrate(&currents).await;
             ::motor_hub::tasks::bridges::run(diag, currents, &WIRES, &HEALTH).await
         }
@@ -296,7 +296,7 @@ macro_rules! hub {
 
         #[::embassy_executor::task]
         async fn button(button: ::embassy_stm32::gpio::Input<'static>) -> ! {
-            $crate::demo::run(button, &WIRES).await
+            $crate::button::run(button, &WIRES).await
         }
     };
 }

@@ -84,50 +84,53 @@ pub trait Controller {
 }
 
 /// Defines the controllers of a chip. A row has the name of the function that makes a controller, its peripheral, and its two
-/// interrupts. The board's module has the function `interrupted`, and implements [`Controller`] for the struct `Controller`.
-#[macro_export]
+/// interrupts. The chip's module has the function `handle_interrupt`, and implements [`Controller`] for the struct `Controller`.
+#[cfg(any(feature = "f42x", feature = "h74x"))]
 macro_rules! i2c_controllers {
     ($($new:ident: $peripheral:ident, $event:ident, $error:ident;)+) => {
         /// A controller of this chip.
-        pub(crate) struct Controller {
+        pub struct Controller {
             registers: ::embassy_stm32::pac::i2c::I2c,
-            watcher: &'static Watcher,
+            waiter: &'static InterruptWaiter,
             fast: bool,
             /// True if the registers are set for the fast speed, 400 kbit/s.
             set: bool,
         }
 
         /// The type of a bus with such a controller.
-        pub(crate) type Bus = $crate::i2c_bus::Bus<Controller>;
+        pub type Bus = i2c_bus::Bus<Controller>;
 
         use ::embassy_stm32::interrupt;
         use ::embassy_stm32::pac::{self, Interrupt};
 
         $(
             /// Creates the controller of this peripheral, and starts its clock.
-            pub(crate) fn $new() -> Controller {
+            pub fn $new() -> Controller {
                 ::embassy_stm32::rcc::enable_and_reset::<::embassy_stm32::peripherals::$peripheral>();
-                $crate::supply::unmask(Interrupt::$event);
-                $crate::supply::unmask(Interrupt::$error);
-                Controller { registers: pac::$peripheral, watcher: &$new::WATCHER, fast: false, set: false }
+                crate::supply::unmask(Interrupt::$event);
+                crate::supply::unmask(Interrupt::$error);
+                Controller { registers: pac::$peripheral, waiter: &$new::WAITER, fast: false, set: false }
             }
 
             mod $new {
-                pub(super) static WATCHER: super::Watcher = super::Watcher::new();
+                pub(super) static WAITER: super::InterruptWaiter = super::InterruptWaiter::new();
             }
 
             #[interrupt]
             fn $event() {
-                interrupted(pac::$peripheral, &$new::WATCHER);
+                handle_interrupt(pac::$peripheral, &$new::WAITER);
             }
 
             #[interrupt]
             fn $error() {
-                interrupted(pac::$peripheral, &$new::WATCHER);
+                handle_interrupt(pac::$peripheral, &$new::WAITER);
             }
         )+
     };
 }
+
+#[cfg(any(feature = "f42x", feature = "h74x"))]
+pub(crate) use i2c_controllers;
 
 /// A bus with its lines.
 pub struct Bus<C> {
@@ -159,7 +162,7 @@ impl<C: Controller> Bus<C> {
         self.sda.set_as_af_unchecked(self.functions.1, open_drain);
     }
 
-    fn held(&self) -> bool {
+    fn is_line_low(&self) -> bool {
         self.scl.is_low() || self.sda.is_low()
     }
 
@@ -169,10 +172,10 @@ impl<C: Controller> Bus<C> {
     /// Returns [`Error::Held`] if a line is low.
     async fn check_lines(&mut self) -> Result<(), Error> {
         self.controller.idle().await;
-        if self.held() {
+        if self.is_line_low() {
             // After a stop condition a line needs some time to rise.
             Timer::after_micros(HALF_PULSE_US).await;
-            if self.held() {
+            if self.is_line_low() {
                 return Err(Error::Held);
             }
         }

@@ -1,15 +1,16 @@
 //! Code that boards with an STM32 share: drivers behind the traits of [`motor_hub::board`], handlers of panics and
 //! faults, and the program of a hub. The drivers are generic over the number of motors and over peripherals. The crate
-//! of a board adds its pins and clocks.
+//! of a board adds its pins, its memory map, and one feature that names its chip: `f42x`, `g47x` or `h74x`.
 //!
 //! | module | what is in it |
 //! |---|---|
 //! | [`hub!`] | the program: statics, tasks, their start |
+//! | [`chip`] | what only one chip has: clocks, cause of a reset, converters, I2C controllers |
 //! | [`vnh5019`] | N bridges on one advanced timer |
 //! | [`bridge_faults`] | the fault lines of bridges |
 //! | [`encoders`] | quadrature counters, a timer each |
 //! | [`supply`] | the voltage detector, the factory's calibration of VREFINT, the task that waits for an analog watchdog |
-//! | `two_converters` | battery and VREFINT on a converter each; feature `two-converters` |
+//! | `two_converters` | battery and VREFINT on a converter each, as in the G47x and the H74x |
 //! | [`serial`] | the host link: a buffered USART |
 //! | [`pins`] | digital pins for a host |
 //! | [`servo`] | servo outputs for a host |
@@ -21,19 +22,22 @@
 //! | [`faults`] | handlers of panics and faults, which first open the bridges |
 //! | [`record`] | memory that a reset does not clear, and the cause of the reset |
 //! | [`stack`] | a guard at the stack's end |
-//! | [`demo`] | motors that turn while a button is held |
-//! | [`start`] | what is started before the clocks: a lamp and the watchdog |
-//! | `after_clocks` | caches of the flash, guard of the stack, debugger; feature `flash-caches` |
+//! | [`button`] | motors that turn while a button is held |
+//! | [`early_start`] | what is started before the clocks: a lamp and the watchdog |
 //! | [`status`] | the log |
 #![no_std]
 
-#[cfg(feature = "flash-caches")]
-pub mod after_clocks;
+#[cfg(any(feature = "f42x", feature = "g47x"))]
+mod after_clocks;
 pub mod analog;
 pub mod bridge_faults;
+pub mod button;
+#[cfg_attr(feature = "f42x", path = "f42x/mod.rs")]
+#[cfg_attr(feature = "g47x", path = "g47x/mod.rs")]
+#[cfg_attr(feature = "h74x", path = "h74x/mod.rs")]
+pub mod chip;
 pub mod connectors;
-pub mod demo;
-
+pub mod early_start;
 pub mod encoders;
 pub mod faults;
 mod hub;
@@ -45,14 +49,14 @@ pub mod record;
 pub mod serial;
 pub mod servo;
 pub mod stack;
-pub mod start;
 pub mod status;
 pub mod supply;
-#[cfg(feature = "two-converters")]
+#[cfg(any(feature = "g47x", feature = "h74x"))]
 pub mod two_converters;
 pub mod vnh5019;
 pub mod watchdog;
 
+use defmt_rtt as _;
 use motor_hub::units::Period;
 
 /// An analogue-to-digital converter that may need a calibration before its first conversion.

@@ -15,6 +15,12 @@ macro_rules! pins {
     ($($pin:expr),+) => { [$(::embassy_stm32::gpio::Flex::new($pin)),+] };
 }
 
+/// Makes an array of channels of one converter from these pins, which have different types. The pins become analog inputs.
+#[macro_export]
+macro_rules! channels {
+    ($($pin:expr),+) => { [$(::embassy_stm32::adc::AdcChannel::degrade_adc($pin)),+] };
+}
+
 /// The digital pins of a board: the first P pins of the protocol.
 pub struct DigitalLines<const P: usize> {
     lines: [Flex<'static>; P],

@@ -8,7 +8,7 @@
 //! of its buffer, but goes on reading at the old place. Old packets would then be executed again. At 460 800 baud there is at
 //! most one short interrupt every 22 us.
 
-use crate::supply::Watcher;
+use crate::supply::InterruptWaiter;
 use core::sync::atomic::{AtomicU8, Ordering};
 use embassy_futures::select::{Either, select};
 use embassy_stm32::Peri;
@@ -82,7 +82,7 @@ pub fn open<T: Instance>(
 ///
 /// # Errors
 /// Returns an error if the clocks cannot make this speed.
-#[cfg(feature = "driver-enable")]
+#[cfg(feature = "h74x")]
 pub fn open_with_driver_enable<T: Instance>(
     usart: Peri<'static, T>,
     tx: Peri<'static, impl TxPin<T>>,
@@ -161,9 +161,9 @@ pub struct TransmissionEnd {
     /// Called before each transmission. Switches the line's transceiver to sending, if there is one.
     pub begin: fn(),
     /// Woken at the end.
-    pub watcher: &'static Watcher,
+    pub waiter: &'static InterruptWaiter,
     /// True if nothing is being sent.
-    pub ended: fn() -> bool,
+    pub is_idle: fn() -> bool,
 }
 
 impl ErrorType for Sender {
@@ -182,8 +182,8 @@ impl Write for Sender {
     async fn flush(&mut self) -> Result<(), Error> {
         match self.end {
             None => Write::flush(&mut self.line).await,
-            Some(TransmissionEnd { watcher, ended, .. }) => {
-                watcher.wait(ended, || ()).await;
+            Some(TransmissionEnd { waiter, is_idle, .. }) => {
+                waiter.wait(is_idle, || ()).await;
                 Ok(())
             }
         }

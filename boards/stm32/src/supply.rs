@@ -20,7 +20,7 @@ const PVD_LINE: usize = 16;
 ///
 /// The brown-out reset is not used, because its level is an option byte. If the supply failed while firmware writes option
 /// bytes, the chip could lose all of them.
-pub fn watch(interrupt: pac::Interrupt, enable: impl FnOnce()) {
+pub fn enable_voltage_detector(interrupt: pac::Interrupt, enable: impl FnOnce()) {
     // The EXTI line is set before the detector is enabled. A supply that is already low then makes an edge when the
     // detector is switched on.
     pac::EXTI.rtsr(0).modify(|w| w.set_line(PVD_LINE, true));
@@ -40,10 +40,10 @@ pub fn unmask(interrupt: pac::Interrupt) {
 }
 
 /// Wakes the task that waits for an interrupt, for example the interrupt of a converter's analog watchdog.
-pub struct Watcher(AtomicWaker);
+pub struct InterruptWaiter(AtomicWaker);
 
-impl Watcher {
-    /// Creates a watcher for which no task waits.
+impl InterruptWaiter {
+    /// Creates a waiter for which no task waits.
     pub const fn new() -> Self {
         Self(AtomicWaker::new())
     }
@@ -67,7 +67,7 @@ impl Watcher {
     }
 }
 
-impl Default for Watcher {
+impl Default for InterruptWaiter {
     fn default() -> Self {
         Self::new()
     }

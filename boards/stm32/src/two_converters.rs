@@ -10,10 +10,8 @@
 //! flag EOC (end of conversion) again.
 
 use crate::Calibrate;
-use crate::supply::{FactoryWord, Watcher, unmask};
-use core::marker::PhantomData;
+use crate::supply::{FactoryWord, InterruptWaiter, unmask};
 use core::ops::RangeInclusive;
-use embassy_stm32::gpio::Flex;
 use embassy_stm32::pac::Interrupt;
 use embassy_stm32::pac::adc::Adc;
 use embassy_stm32::pac::adc::vals::{Adstp, Awd1sgl, Ovrmod};
@@ -28,10 +26,10 @@ const STOP_READS: u32 = 200;
 /// Age beyond which the reading of the reference is not used. The rail changes slowly.
 const REFERENCE_STALE: Duration = Duration::from_millis(25);
 
-static WATCHER: Watcher = Watcher::new();
+static WAITER: InterruptWaiter = InterruptWaiter::new();
 
 /// The properties in which the converters of two chips differ.
-pub trait Kind {
+pub trait ConverterHal {
     /// Interrupt of the battery's converter.
     const INTERRUPT: Interrupt;
     /// Time in which the battery's converter ends a conversion, in microseconds.
@@ -49,7 +47,7 @@ pub trait Kind {
     fn limit(converter: Adc, low: u16, high: u16);
 
     /// Prepares the reference's converter, whose channel is connected already. This default converts the reference without end.
-    fn prepare_reference(converter: Adc, channel: u8) {
+    fn prepare_reference(&self, converter: Adc, channel: u8) {
         convert_without_end(converter, channel);
     }
 
@@ -64,8 +62,9 @@ pub trait Kind {
     fn next_reference(_converter: Adc) {}
 }
 
-/// The two converters, with the battery's pin.
+/// The two converters.
 pub struct TwoConverters<K> {
+    hal: K,
     scale: VrefintScale,
     /// Newest reading of VREFINT, and when it was taken.
     vrefint: u16,
@@ -74,30 +73,27 @@ pub struct TwoConverters<K> {
     battery: (Adc, u8),
     /// Converter and channel of VREFINT.
     reference: (Adc, u8),
-    _pin: Flex<'static>,
-    _kind: PhantomData<K>,
 }
 
-impl<K: Kind> TwoConverters<K> {
-    /// Takes converters that have their clock and are disabled. They convert nothing before their calibration.
+impl<K: ConverterHal> TwoConverters<K> {
+    /// Takes converters that have their clock and are disabled, and whose pins are analog inputs. They convert nothing before their calibration.
     ///
     /// # Errors
     /// [`RangeError::Divider`] if a resistance of the divider, to the battery or to ground, is 0.
     pub fn new(
+        hal: K,
         battery: (Adc, u8),
         reference: (Adc, u8),
-        mut pin: Flex<'static>,
         word: FactoryWord,
         (top_ohms, bottom_ohms): (u32, u32),
     ) -> Result<Self, RangeError> {
         let calibration = word.read();
         let scale = VrefintScale::new(top_ohms, bottom_ohms, calibration)?;
-        pin.set_as_analog();
         for (converter, _) in [battery, reference] {
             power_up(converter);
         }
         let vrefint = calibration.reading;
-        Ok(Self { scale, vrefint, vrefint_at: None, battery, reference, _pin: pin, _kind: PhantomData })
+        Ok(Self { hal, scale, vrefint, vrefint_at: None, battery, reference })
     }
 
     fn converters(&self) -> [(Adc, u8); 2] {
@@ -117,7 +113,7 @@ impl<K: Kind> TwoConverters<K> {
     }
 }
 
-impl<K: Kind> Calibrate for TwoConverters<K> {
+impl<K: ConverterHal> Calibrate for TwoConverters<K> {
     /// Calibrates both converters, and starts them. A converter whose calibration does not end gives no readings.
     async fn calibrate(&self) {
         calibrate::<K>(&[self.battery.0, self.reference.0]).await;
@@ -131,7 +127,7 @@ impl<K: Kind> Calibrate for TwoConverters<K> {
             w.set_awd1en(true);
         });
         convert_without_end(converter, channel);
-        K::prepare_reference(self.reference.0, self.reference.1);
+        self.hal.prepare_reference(self.reference.0, self.reference.1);
         for (converter, _) in self.converters() {
             start(converter);
         }
@@ -157,7 +153,7 @@ pub fn power_up(converter: Adc) {
 }
 
 /// Calibrates and enables converters that have been powered up.
-pub async fn calibrate<K: Kind>(converters: &[Adc]) {
+pub async fn calibrate<K: ConverterHal>(converters: &[Adc]) {
     // The regulators take 20 us (DS12288), or 10 us (DS12110), at most.
     Timer::after_micros(30).await;
     for converter in converters {
@@ -214,7 +210,7 @@ pub fn restart(converter: Adc) {
     start(converter);
 }
 
-impl<K: Kind> SupplyAdc for TwoConverters<K> {
+impl<K: ConverterHal> SupplyAdc for TwoConverters<K> {
     async fn sample(&mut self) -> Option<Millivolts> {
         let mut battery = self.take();
         if battery.is_none() {
@@ -240,12 +236,12 @@ impl<K: Kind> SupplyAdc for TwoConverters<K> {
         converter.isr().write(|w| w.set_awd1(true));
         start(converter);
         let crossed = || converter.isr().read().awd1();
-        WATCHER.wait(crossed, || converter.ier().modify(|w| w.set_awd1ie(true))).await;
+        WAITER.wait(crossed, || converter.ier().modify(|w| w.set_awd1ie(true))).await;
     }
 }
 
 /// Handles the interrupt of the battery's converter: wakes the task once. The flag of the interrupt stays set for the task.
-pub fn crossed(battery: Adc) {
+pub fn handle_watchdog_interrupt(battery: Adc) {
     battery.ier().modify(|w| w.set_awd1ie(false));
-    WATCHER.wake();
+    WAITER.wake();
 }

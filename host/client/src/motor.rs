@@ -277,7 +277,12 @@ impl<L: Read + Write> Session<L> {
     }
 
     /// Sets the coefficients of a loop. PID then regulates the motor instead of the model.
-    pub fn set_coefficients(&mut self, motor: u8, of: Loop, coefficients: LoopCoefficients) -> Result<(), Error> {
+    pub fn set_coefficients(
+        &mut self,
+        motor: u8,
+        of: Loop,
+        coefficients: LoopCoefficients,
+    ) -> Result<(), Error> {
         self.command(ToMotor::SetPidf { of, coefficients }.to(motor))
     }
 }

@@ -23,7 +23,7 @@ use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::payload::{TEXT, Text};
-use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Phase, ImageSignature, public_key};
+use motor_hub::update::{Booted, CHUNK, CRC, ImageSignature, Outcome, Phase, public_key};
 use std::io::{Read, Write};
 use std::time::Duration;
 

@@ -1,5 +1,6 @@
 //! A chain of hubs: emulated chips, each with its own motors, on one half-duplex line.
 
+use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use super::{Bench, Setup, nanos};
@@ -95,21 +96,28 @@ impl ChainBench {
         {
             let step = if now < self.busy_until { STEP } else { IDLE_STEP };
             let target = end.min(now + step);
-            self.hubs.iter_mut().for_each(|hub| hub.begin_to_run(target));
-            self.hubs.iter_mut().for_each(Bench::wait);
-            self.pass_bytes();
+            // All hubs run at the same time.
+            let sent: Vec<_> = (0..self.hubs.len()).map(|hub| self.run_hub(hub, target)).collect();
+            self.pass_bytes(&sent);
         }
     }
 
+    /// Makes a hub run until this time, ns, and returns meanwhile. The bytes that the hub sends on the line will be in the channel.
+    fn run_hub(&mut self, hub: usize, target: u64) -> Receiver<Vec<u8>> {
+        let passed = self.passed[hub];
+        let hub = &mut self.hubs[hub];
+        hub.run_until(Duration::from_nanos(target));
+        hub.post(move |_, session, _| {
+            let incoming = &terminal(session, wiring::CHAIN).incoming;
+            incoming.iter().skip(passed).map(|&(_, byte)| byte).collect()
+        })
+    }
+
     /// Passes on what the hubs have sent on the line.
-    fn pass_bytes(&mut self) {
+    fn pass_bytes(&mut self, sent: &[Receiver<Vec<u8>>]) {
+        let sent: Vec<Vec<u8>> = self.hubs.iter_mut().zip(sent).map(|(hub, sent)| hub.wait(sent)).collect();
         let mut on_chain = self.fault.is_some();
-        for from in 0..self.hubs.len() {
-            let passed = self.passed[from];
-            let sent: Vec<u8> = self.hubs[from].at_stop(move |_, session, _| {
-                let incoming = &terminal(session, wiring::CHAIN).incoming;
-                incoming.iter().skip(passed).map(|&(_, byte)| byte).collect()
-            });
+        for (from, sent) in sent.into_iter().enumerate() {
             self.passed[from] += sent.len();
             if sent.is_empty() {
                 continue;
@@ -141,7 +149,7 @@ impl ChainBench {
     /// Puts bytes on the input of a hub. Drops the bytes if [`WAITING`] or more bytes still wait there.
     fn deliver(&mut self, hub: usize, bytes: &[u8]) {
         let bytes = bytes.to_vec();
-        self.hubs[hub].at_stop(move |surroundings, session, _| {
+        self.hubs[hub].post(move |surroundings, session, _| {
             let now = surroundings.now;
             let outgoing = &mut terminal(session, wiring::CHAIN).outgoing;
             if outgoing.len() < WAITING {

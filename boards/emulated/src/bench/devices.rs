@@ -38,22 +38,22 @@ impl Bench {
 
     /// Sets the voltage in mV on an analog input of the host, 0 to 3. An input without a wire has 0 V, because of its pull-down.
     pub fn set_analog(&mut self, input: usize, millivolts: u32) {
-        self.at_stop(move |_, session, _| session.board_mut().chip.set_analog(input, millivolts));
+        self.post(move |_, session, _| session.board_mut().chip.set_analog(input, millivolts));
     }
 
     /// Sets the voltage of the 5 V rail in mV. A divider puts half of it on the chip's pin.
     pub fn set_five_volts(&mut self, millivolts: u32) {
-        self.at_stop(move |_, session, _| session.board_mut().chip.set_analog(4, millivolts / 2));
+        self.post(move |_, session, _| session.board_mut().chip.set_analog(4, millivolts / 2));
     }
 
     /// Sets the chip's temperature in degrees Celsius.
     pub fn set_temperature(&mut self, celsius: i32) {
-        self.at_stop(move |_, session, _| session.board_mut().chip.set_temperature(100 * celsius));
+        self.post(move |_, session, _| session.board_mut().chip.set_temperature(100 * celsius));
     }
 
     /// Connects a device to an I2C bus. The first device of a bus has the number 0.
     pub fn attach(&mut self, bus: usize, device: RegisterDevice) {
-        self.at_stop(move |_, session, _| session.board_mut().chip.attach_device(bus, device));
+        self.post(move |_, session, _| session.board_mut().chip.attach_device(bus, device));
     }
 
     /// Runs a function with the device of an I2C bus that has the number `nth`.
@@ -71,7 +71,7 @@ impl Bench {
 
     /// Makes a device hold SCL of an I2C bus low for this time.
     pub fn hold_scl(&mut self, bus: usize, time: Duration) {
-        self.at_stop(move |surroundings, session, _| {
+        self.post(move |surroundings, session, _| {
             surroundings.hold_line(session, bus, 0, true);
             let end = surroundings.now + time.as_nanos() as u64;
             let release =
@@ -85,7 +85,7 @@ impl Bench {
     /// Makes a device hold SDA of an I2C bus low until SCL has had this number of pulses, like a device whose transfer was cut off
     /// in the middle of a byte.
     pub fn hold_sda(&mut self, bus: usize, clocks: u8) {
-        self.at_stop(move |surroundings, session, _| surroundings.hold_sda(session, bus, clocks));
+        self.post(move |surroundings, session, _| surroundings.hold_sda(session, bus, clocks));
     }
 
     /// Returns the levels of SCL and SDA of an I2C bus.

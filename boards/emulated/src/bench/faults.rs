@@ -23,7 +23,7 @@ impl Bench {
     /// has noise, the other half a framing error. The line is the line of the host, or the chain line of a child.
     pub fn garble_serial(&mut self, per_million: u32, seed: u64) {
         let line = self.line;
-        self.at_stop(move |_, session, _| {
+        self.post(move |_, session, _| {
             let errors = session.board_mut().chip.line_errors(line);
             errors.seed = seed;
             for (rate, name) in [(&mut errors.noise, "noise"), (&mut errors.framing, "framing")] {
@@ -35,12 +35,12 @@ impl Bench {
 
     /// Connects an encoder differently, from now on.
     pub fn set_encoder(&mut self, motor: usize, encoder: Encoder) {
-        self.at_stop(move |surroundings, session, _| surroundings.connect(session, motor, encoder));
+        self.post(move |surroundings, session, _| surroundings.connect(session, motor, encoder));
     }
 
     /// Connects a current-sense line differently, from now on.
     pub fn set_current_line(&mut self, motor: usize, line: CurrentLine) {
-        self.at_stop(move |surroundings, _, _| surroundings.current_lines[motor] = line);
+        self.post(move |surroundings, _, _| surroundings.current_lines[motor] = line);
     }
 
     /// Makes the next conversion of a current take longer by this time.
@@ -66,7 +66,7 @@ impl Bench {
 
     /// Makes a bridge pull its DIAG line low, as a bridge does that has switched itself off, or release the line.
     pub fn pull_diag(&mut self, motor: usize, low: bool) {
-        self.at_stop(move |surroundings, session, _| {
+        self.post(move |surroundings, session, _| {
             let pin = Pin::new(wiring::DIAG_PINS[motor]).expect("a pin of a port");
             let at = VirtualNanos(surroundings.now);
             let level = (low && wiring::diag_reads_low()).then_some(Level::Low);
@@ -76,7 +76,7 @@ impl Bench {
 
     /// Connects a digital pin, 0 to 7, to ground or to the supply, or to nothing.
     pub fn connect_pin(&mut self, pin: usize, level: Option<bool>) {
-        self.at_stop(move |surroundings, session, _| {
+        self.post(move |surroundings, session, _| {
             let (port, pin) = wiring::DIGITAL[pin];
             let pin = Pin::new(pin).expect("a pin of a port");
             let at = VirtualNanos(surroundings.now);
@@ -87,7 +87,7 @@ impl Bench {
 
     /// Connects digital pins 0 and 1 to each other, from now on.
     pub fn wire_pins(&mut self) {
-        self.at_stop(|surroundings, session, _| surroundings.wire_pins(session));
+        self.post(|surroundings, session, _| surroundings.wire_pins(session));
     }
 
     /// Returns the level of a digital pin, 0 to 7: true if it is high.
@@ -101,19 +101,17 @@ impl Bench {
 
     /// Sets the external torque on an output shaft from now on, N m, positive CW.
     pub fn set_torque(&mut self, motor: usize, torque: f64) {
-        self.at_stop(move |surroundings, _, _| {
-            surroundings.shafts.set_torque(motor, surroundings.now, torque)
-        });
+        self.post(move |surroundings, _, _| surroundings.shafts.set_torque(motor, surroundings.now, torque));
     }
 
     /// Sets hard stops of a shaft from now on, in encoder counts.
     pub fn set_stops(&mut self, motor: usize, stops: Option<(i64, i64)>) {
-        self.at_stop(move |surroundings, _, _| surroundings.shafts.set_stops(motor, surroundings.now, stops));
+        self.post(move |surroundings, _, _| surroundings.shafts.set_stops(motor, surroundings.now, stops));
     }
 
     /// Sets the open-circuit voltage of the battery in V, from the next millisecond on.
     pub fn set_battery(&mut self, volts: f64) {
-        self.at_stop(move |surroundings, _, _| {
+        self.post(move |surroundings, _, _| {
             let battery = surroundings.shafts.battery();
             surroundings.shafts.set_battery(Battery { emf: Volts(volts), ..battery });
         });
@@ -121,12 +119,12 @@ impl Bench {
 
     /// Disconnects the battery's pin, like a broken wire between the voltage divider and the chip, or connects it again.
     pub fn open_battery_pin(&mut self, open: bool) {
-        self.at_stop(move |_, session, _| session.board_mut().chip.open_battery(open));
+        self.post(move |_, session, _| session.board_mut().chip.open_battery(open));
     }
 
     /// Sets the chip's supply voltage from now on, in millivolts.
     pub fn set_rail(&mut self, millivolts: u32) {
-        self.at_stop(move |surroundings, session, _| {
+        self.post(move |surroundings, session, _| {
             let at = surroundings.now;
             session.board_mut().chip.set_rail(VirtualNanos(at), millivolts);
             surroundings.follow_pins(session, at, false);
@@ -136,17 +134,17 @@ impl Bench {
     /// Makes the reader of the log go away after it has switched the log to "wait while the buffer is full", as probe-rs does. Or
     /// makes the reader return.
     pub fn set_log_abandoned(&mut self, gone: bool) {
-        self.at_stop(move |surroundings, _, _| surroundings.rtt.gone = gone);
+        self.post(move |surroundings, _, _| surroundings.rtt.gone = gone);
     }
 
     /// Makes the battery's converter accept commands but convert nothing, or work again.
     pub fn set_adc_dead(&mut self, dead: bool) {
-        self.at_stop(move |_, session, _| session.board_mut().chip.set_dead(dead));
+        self.post(move |_, session, _| session.board_mut().chip.set_dead(dead));
     }
 
     /// Sets the revision of an STM32H743, by its REV_ID. The chip has revision V otherwise.
     pub fn set_revision(&mut self, revision: u16) {
-        self.at_stop(move |surroundings, session, _| {
+        self.post(move |surroundings, session, _| {
             session.board_mut().chip.set_revision(VirtualNanos(surroundings.now), revision);
         });
     }
@@ -154,12 +152,12 @@ impl Bench {
     /// Makes the chip's power controller report nothing, as with a broken regulator, so that the clocks never start. Or makes it
     /// work again.
     pub fn set_power_dead(&mut self, dead: bool) {
-        self.at_stop(move |_, session, _| session.board_mut().chip.set_power_dead(dead));
+        self.post(move |_, session, _| session.board_mut().chip.set_power_dead(dead));
     }
 
     /// Sets the faults of the flash from now on. The flash of the F427 has none.
     pub fn set_flash_faults(&mut self, faults: FlashFaults) {
-        self.at_stop(move |_, session, _| session.board_mut().chip.set_flash_faults(faults));
+        self.post(move |_, session, _| session.board_mut().chip.set_flash_faults(faults));
     }
 
     /// Makes the flash stay busy until the chip is reset.
@@ -173,7 +171,7 @@ impl Bench {
 
     /// Makes the core's next access to this range fail with a bus error.
     pub fn fail_next_access(&mut self, addresses: std::ops::Range<u64>) {
-        self.at_stop(move |_, session, _| session.fail_next(addresses.start, addresses.end));
+        self.post(move |_, session, _| session.fail_next(addresses.start, addresses.end));
     }
 
     /// Pulls the reset pin at a later time.

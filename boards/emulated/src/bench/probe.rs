@@ -62,7 +62,7 @@ impl Bench {
 
     /// Notes each execution of these instructions from now on.
     pub fn watch(&mut self, addresses: Vec<u64>) {
-        self.at_stop(move |_, session, _| {
+        self.post(move |_, session, _| {
             for address in addresses {
                 session.watch(Watch::Instruction(address));
             }

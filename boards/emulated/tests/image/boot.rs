@@ -7,7 +7,7 @@ use crate::common::{
     am60, board, booted, by_board, expect_speed, four_loads, log, ms, publish, setup, turning,
 };
 use emulated::host_link::HostLink;
-use emulated::recording::{self, Knowledge};
+use emulated::recording::{self, Configuration};
 use emulated::{Bench, elf};
 use motor_hub::braking::Winding;
 use motor_hub::extension::Request;
@@ -28,20 +28,6 @@ pub(crate) fn bridges_stay_open_from_power_on_without_a_command() {
         assert_eq!((look.counts, look.current), (0, 0.0));
     }
     assert!(log(&mut bench).contains("tick 19 missed 0"));
-    bench.assert_sound();
-}
-
-#[test]
-fn the_first_log_line_is_stamped_a_microsecond_at_most() {
-    // The time driver starts at zero because of the bench's work-around for a gap of the emulator.
-    let mut bench = Bench::new(setup(vec![am60()]));
-    bench.run(ms(5));
-    let log = bench.log();
-    let [first, second, ..] = log.as_slice() else { panic!("two lines of log") };
-    assert!(["0.000000", "0.000001"].contains(&first.stamp.as_str()), "{first}");
-    // The log names the clock of TIM1, which on the H743 is half of the core's clock.
-    let hertz = by_board("168000000 Hz", "200000000 Hz");
-    assert!(second.text.contains(hertz), "{}", second.text);
     bench.assert_sound();
 }
 
@@ -87,27 +73,27 @@ fn ticks_come_every_fifty_milliseconds() {
 }
 
 /// A hub whose four motors, with different loads, turn at 1000 counts/s.
-pub(crate) fn at_speed(image: &Path, knowledge: Knowledge) -> Bench {
+pub(crate) fn at_speed(image: &Path, configuration: Configuration) -> Bench {
     let mut bench = Bench::with_image(setup(four_loads()), image);
     let mut host = HostLink::default();
     bench.run(ms(300));
     for (motor, mounting) in four_loads().iter().enumerate() {
         let mut settings = Settings::new(Winding::NEVEREST_60);
-        match knowledge {
-            Knowledge::Configured => {
+        match configuration {
+            Configuration::Configured => {
                 let known = recording::dynamics(mounting, &settings).expect("a motor's constants");
                 settings.dynamics = Some(known);
                 let motion = Values::of(Group::Motion, &MotorSettings::new(settings));
-                host.order(&mut bench, Request::Set(motor as u8, motion));
+                host.command(&mut bench, Request::Set(motor as u8, motion));
             }
-            Knowledge::Unknown => {}
-            Knowledge::Coefficients => {
+            Configuration::Unknown => {}
+            Configuration::Coefficients => {
                 let Settings { winding, scheme, .. } = settings;
                 let suggested = regulator::Coefficients::guessed(winding.emf, scheme, Period::DEFAULT);
                 let motor_hub::motion::Pidf { p, i, d, f } = suggested.velocity;
                 let coefficients = LoopCoefficients { p, i, d, f, terms: Terms::Pidf };
                 let order = ToMotor::SetPidf { of: Loop::Velocity, coefficients };
-                host.order(&mut bench, order.to(motor as u8));
+                host.command(&mut bench, order.to(motor as u8));
             }
         }
         host.velocity(&mut bench, motor as u8, 1000);
@@ -119,8 +105,8 @@ pub(crate) fn at_speed(image: &Path, knowledge: Knowledge) -> Bench {
 }
 
 /// Returns the share of the core's instructions in percent that the hub with motors at 1000 counts/s needs.
-fn share(image: &Path, knowledge: Knowledge) -> f64 {
-    let mut bench = at_speed(image, knowledge);
+fn share(image: &Path, configuration: Configuration) -> f64 {
+    let mut bench = at_speed(image, configuration);
     let before = bench.instructions();
     bench.run(ms(2000));
     let per_second = (bench.instructions() - before) as f64 / 2.0;
@@ -150,12 +136,12 @@ fn the_whole_hub_needs_at_most(period_ms: u32, most: f64) {
     );
     let image =
         if period_ms == 50 { elf::build(board.name()) } else { elf::hub_with_period(board, period_ms) };
-    let shares = Knowledge::ALL.map(|knowledge| (knowledge, share(&image, knowledge)));
-    for (knowledge, share) in shares {
-        table += &format!("| {period_ms} ms, {} | {share:.2} % |\n", knowledge.name());
+    let shares = Configuration::ALL.map(|configuration| (configuration, share(&image, configuration)));
+    for (configuration, share) in shares {
+        table += &format!("| {period_ms} ms, {} | {share:.2} % |\n", configuration.name());
     }
     publish(&format!("hub-{period_ms}-ms"), &table);
-    for (knowledge, share) in shares {
-        assert!(share <= most, "every {period_ms} ms, {knowledge:?}: {share} %");
+    for (configuration, share) in shares {
+        assert!(share <= most, "every {period_ms} ms, {configuration:?}: {share} %");
     }
 }

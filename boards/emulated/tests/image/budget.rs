@@ -8,7 +8,7 @@ use crate::common::{board, ms, publish};
 use addr2line::Context;
 use addr2line::gimli::{self, Dwarf, EndianSlice, LittleEndian, SectionId};
 use emulated::elf::{self, Symbol};
-use emulated::recording::{ControlVariant, Counts, Knowledge, OnChip, Recording, expected};
+use emulated::recording::{Configuration, ControlVariant, Counts, OnChip, Recording, expected};
 use motor_hub::braking::DutyRule;
 use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
@@ -38,9 +38,9 @@ fn torque(tick: usize) -> f64 {
 const MODES: [&str; 2] = ["velocity", "position"];
 
 fn variants() -> impl Iterator<Item = ControlVariant> {
-    Knowledge::ALL
+    Configuration::ALL
         .into_iter()
-        .flat_map(|knowledge| DutyRule::ALL.map(|rule| ControlVariant { rule, knowledge }))
+        .flat_map(|configuration| DutyRule::ALL.map(|rule| ControlVariant { rule, configuration }))
 }
 
 fn record(mode: &str, variant: ControlVariant, ms: u32, ticks: usize) -> Recording {
@@ -59,7 +59,7 @@ fn control_to_drive_is_the_same_to_the_last_bit_as_on_the_host() {
     for ms in [50, 1] {
         for variant in variants() {
             for mode in MODES {
-                let recording = record(mode, variant, ms, if ms == 50 { 1000 } else { 8000 });
+                let recording = record(mode, variant, ms, if ms == 50 { 500 } else { 8000 });
                 let mut chip = OnChip::new(&recording);
                 let answers = chip.replay(&recording.inputs);
                 let expected = expected(&recording);
@@ -96,14 +96,14 @@ fn four_motors_steps_and_samples_stay_within_the_budget_of_the_whole_hub() {
                 let step = mean(&steps);
                 let sample = mean(&samples);
                 let (median, worst) = (steps[steps.len() / 2], steps[steps.len() - 1]);
-                let knowledge = variant.knowledge.name();
+                let configuration = variant.configuration.name();
                 let rule = match variant.rule {
                     DutyRule::LinearCurrent => "linear current",
                     DutyRule::LinearDuty => "linear duty",
                 };
                 let worst_sample = samples.iter().max().unwrap_or(&0);
                 table += &format!(
-                    "| {mode}, {knowledge}, {rule} | {ms} ms | {step} | {median} | {worst} | {sample} | {worst_sample} |\n"
+                    "| {mode}, {configuration}, {rule} | {ms} ms | {step} | {median} | {worst} | {sample} | {worst_sample} |\n"
                 );
                 let per_period = step + u64::from(ms - 1) * sample;
                 let per_second = 4 * per_period * 1000 / u64::from(ms);
@@ -126,7 +126,8 @@ fn the_model_regulator_by_itself_takes_at_most_500_instructions_a_step() {
          | set-point | mean | worst |\n|---|---|---|\n",
     );
     for mode in MODES {
-        let variant = ControlVariant { rule: DutyRule::LinearCurrent, knowledge: Knowledge::Configured };
+        let variant =
+            ControlVariant { rule: DutyRule::LinearCurrent, configuration: Configuration::Configured };
         let recording = record(mode, variant, 50, 240);
         let mut chip = OnChip::new(&recording);
         let counts = chip.count_within(&recording.inputs, "<motor_hub::regulator::Regulator>::step");
@@ -139,7 +140,7 @@ fn the_model_regulator_by_itself_takes_at_most_500_instructions_a_step() {
 }
 
 /// Returns the image's table of source lines by address.
-fn lines(image: &[u8]) -> Context<EndianSlice<'_, LittleEndian>> {
+fn source_lines(image: &[u8]) -> Context<EndianSlice<'_, LittleEndian>> {
     let elf = object::File::parse(image).expect("an ELF file");
     let section = |id: SectionId| {
         let section = elf.section_by_name(id.name()).and_then(|section| section.data().ok());
@@ -149,7 +150,7 @@ fn lines(image: &[u8]) -> Context<EndianSlice<'_, LittleEndian>> {
 }
 
 /// Returns the module of `motor_hub` that a function belongs to, or a name for all functions of other crates.
-fn room(function: &str) -> String {
+fn module_of(function: &str) -> String {
     let ours = function.split("motor_hub::").nth(1).and_then(|path| path.split("::").next());
     ours.map_or_else(|| "other crates".to_owned(), str::to_owned)
 }
@@ -173,11 +174,11 @@ fn report_of_a_step() {
 #[ignore = "a report, not a test"]
 fn report_of_the_hub() {
     const MILLISECONDS: u64 = 100;
-    for knowledge in Knowledge::ALL {
+    for configuration in Configuration::ALL {
         let image = elf::hub_with_period(board(), 1);
-        let mut bench = crate::boot::at_speed(&image, knowledge);
+        let mut bench = crate::boot::at_speed(&image, configuration);
         let counts = bench.profile(ms(MILLISECONDS));
-        println!("\n{knowledge:?}, 1 ms: instructions per motor and ms");
+        println!("\n{configuration:?}, 1 ms: instructions per motor and ms");
         report(&image, bench.symbols(), &counts, 4.0 * MILLISECONDS as f64);
     }
 }
@@ -185,8 +186,8 @@ fn report_of_the_hub() {
 /// Prints how often instructions ran, by several views, in multiples of `unit`.
 pub(crate) fn report(image: &Path, symbols: &[Symbol], counts: &BTreeMap<u64, u64>, unit: f64) {
     let image = std::fs::read(image).expect("the image");
-    let lines = lines(&image);
-    let (mut by_room, mut by_symbol, mut by_function, mut by_line) =
+    let lines = source_lines(&image);
+    let (mut by_module, mut by_symbol, mut by_function, mut by_line) =
         (BTreeMap::new(), BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
     for (&address, &count) in counts {
         let place = symbols.partition_point(|s| s.address <= address).saturating_sub(1);
@@ -211,12 +212,12 @@ pub(crate) fn report(image: &Path, symbols: &[Symbol], counts: &BTreeMap<u64, u6
             }
         }
         let (function, location) = named.unwrap_or_default();
-        *by_room.entry(room(&function)).or_insert(0) += count;
+        *by_module.entry(module_of(&function)).or_insert(0) += count;
         *by_function.entry(function).or_insert(0) += count;
         *by_line.entry(location).or_insert(0) += count;
     }
     for (title, table, at_least) in [
-        ("by room", by_room, 1.0),
+        ("by module", by_module, 1.0),
         ("by symbol", by_symbol, 1.0),
         ("by function", by_function, 4.0),
         ("by line", by_line, 6.0),

@@ -32,7 +32,7 @@ fn pair(motors: usize) -> (ChainBench, HostLink) {
 
 /// Gives a hub another address. If two hubs have the address `from`, only the parent gets the new address.
 pub(crate) fn set_address(chain: &mut ChainBench, host: &mut HostLink, from: u8, to: u8) {
-    host.to(from).order(chain, Standard::SetAddress { address: Address::new(to).expect("an address") });
+    host.to(from).command(chain, Standard::SetAddress { address: Address::new(to).expect("an address") });
 }
 
 /// A parent and a child, whose motors all turn at 1000 counts/s.
@@ -48,14 +48,14 @@ fn turning(motors: usize) -> (ChainBench, HostLink) {
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn two_hubs_with_one_address_are_told_and_both_obey_after_set_address() {
+fn two_hubs_with_one_address_are_reported_and_both_obey_after_set_address() {
     let (mut chain, mut host) = booted_pair(1);
     host.to(BROADCAST).send(&mut chain, Standard::Discovery);
     // A discovery takes 254 requests of 11 bytes, with 2 ms for each answer. The client waits for 650 ms.
     chain.run(ms(630));
     let found: Vec<u8> = host.arrivals(chain.first()).iter().map(|arrival| arrival.packet.source).collect();
     assert_eq!(found, [CHILD], "the parent alone");
-    let ChainReport { discovering, duplicate, .. } = host.to(CHILD).question(&mut chain, HubFunction::Chain);
+    let ChainReport { discovering, duplicate, .. } = host.to(CHILD).read(&mut chain, HubFunction::Chain);
     assert!(!discovering);
     assert_eq!(duplicate.iter().collect::<Vec<_>>(), [CHILD]);
     set_address(&mut chain, &mut host, CHILD, PARENT);
@@ -68,7 +68,7 @@ fn two_hubs_with_one_address_are_told_and_both_obey_after_set_address() {
     for address in [PARENT, CHILD] {
         host.to(address).keep_alive(&mut chain);
     }
-    let report: ChainReport = host.to(PARENT).question(&mut chain, HubFunction::Chain);
+    let report: ChainReport = host.to(PARENT).read(&mut chain, HubFunction::Chain);
     assert_eq!(report.duplicate.iter().count(), 0);
     chain.hubs.iter_mut().for_each(Bench::assert_sound);
 }
@@ -211,6 +211,6 @@ fn a_packet_is_driven_to_its_end_though_an_interrupt_comes_late_at_the_end_of_em
 fn without_a_transceiver_a_hub_has_no_chain_line() {
     let (mut bench, mut host) = with_host(vec![]);
     let request = Request::from(HubFunction::Chain);
-    let reply = host.ask(&mut bench, request.id(), &request.payload());
+    let reply = host.request(&mut bench, request.id(), &request.payload());
     assert!(matches!(reply, Reply::Nack { .. }), "{reply:?}");
 }

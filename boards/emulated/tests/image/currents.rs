@@ -19,12 +19,12 @@ fn held() -> Mounting {
 }
 
 fn condition(bench: &mut Bench, host: &mut HostLink, motor: u8) -> Condition {
-    host.question(bench, MotorFunction::Condition.to(motor))
+    host.read(bench, MotorFunction::Condition.to(motor))
 }
 
 /// Returns the hub's answer for the current on an analog channel, in mA.
 fn analog(bench: &mut Bench, host: &mut HostLink, channel: AdcChannel) -> f64 {
-    let ma: i16 = host.question(bench, ToHub::Adc { channel, raw: false });
+    let ma: i16 = host.read(bench, ToHub::Adc { channel, raw: false });
     f64::from(ma)
 }
 
@@ -134,7 +134,7 @@ fn the_over_current_bit_is_that_of_the_measured_current() {
     // Computed from the configured resistance, neither motor 0 nor motor 2 draws 1.5 A. Motor 2 has half of this
     // resistance.
     for motor in 0..4 {
-        host.order(&mut bench, ToMotor::SetCurrentAlert { milliamperes: 1_500 }.to(motor));
+        host.command(&mut bench, ToMotor::SetCurrentAlert { milliamperes: 1_500 }.to(motor));
         host.power(&mut bench, motor, 12_000);
     }
     bench.run(ms(600));

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use crate::common::{board, booted, four_loads, ms};
 use emulated::host_link::HostLink;
-use emulated::recording::Knowledge;
+use emulated::recording::Configuration;
 use emulated::{Bench, RegisterDevice, elf};
 use motor_hub::extension::base::OdometryReport;
 use motor_hub::extension::group::GroupCourse;
@@ -33,12 +33,12 @@ struct Daemon {
 impl Daemon {
     /// The daemon of a hub that runs four motors and six servos.
     fn with_all_devices(image: &Path) -> Self {
-        let bench = crate::boot::at_speed(image, Knowledge::Configured);
+        let bench = crate::boot::at_speed(image, Configuration::Configured);
         let mut daemon = Self { bench, host: HostLink::default(), power: 0 };
         let [width, period] = [1_500_u16, 20_000].map(u16::to_le_bytes);
         for (id, rest) in [(0x1021, &width[..]), (0x101F, &period), (0x1023, &[1])] {
             for (id, payload) in Self::of_channel(id, 0..6, rest) {
-                daemon.host.ask(&mut daemon.bench, id, &payload);
+                daemon.host.request(&mut daemon.bench, id, &payload);
             }
         }
         daemon
@@ -50,12 +50,12 @@ impl Daemon {
         let base = BaseSettings::new([0, 1], &geometry, true).expect("in range");
         (0..2).for_each(|motor| self.host.enable(&mut self.bench, motor, false));
         self.bench.run(ms(100));
-        self.host.order(&mut self.bench, HubFunction::SetBase { base });
+        self.host.command(&mut self.bench, HubFunction::SetBase { base });
         (0..2).for_each(|motor| self.host.velocity(&mut self.bench, motor, 1_000));
         let speed = CountsPerSecond::new(1_000);
         let course = GroupCourse::Velocity([Some(speed), Some(speed), None, None]);
         let wanted = GroupCommand::new(course, speed, Acceleration::new(5_000).expect("in range"));
-        self.host.order(&mut self.bench, MotorFunction::Move { wanted }.to(0));
+        self.host.command(&mut self.bench, MotorFunction::Move { wanted }.to(0));
         self.bench.run(ms(1_500));
         self.host.keep_alive(&mut self.bench);
     }
@@ -146,14 +146,14 @@ fn loads() -> [f64; 3] {
     let mut daemon = Daemon::with_all_devices(&elf::build(board().name()));
     daemon.bench.attach(0, RegisterDevice::bno055());
     daemon.drive_base();
-    let odometry: OdometryReport = daemon.host.question(&mut daemon.bench, HubFunction::Odometry);
+    let odometry: OdometryReport = daemon.host.read(&mut daemon.bench, HubFunction::Odometry);
     assert_eq!(odometry.gyro, GyroState::Good);
     let loads = [0, 1, 2].map(|host| {
         let (start, before) = (daemon.bench.now(), daemon.bench.instructions());
         for _ in 0..CYCLES {
             if host == 2 {
-                daemon.host.ask(&mut daemon.bench, 0x1034, &[0, 0x28, 8, 0x20]);
-                daemon.host.ask(&mut daemon.bench, 0x1029, &[0]);
+                daemon.host.request(&mut daemon.bench, 0x1034, &[0, 0x28, 8, 0x20]);
+                daemon.host.request(&mut daemon.bench, 0x1029, &[0]);
             }
             if host > 0 {
                 daemon.cycle(false);

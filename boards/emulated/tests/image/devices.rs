@@ -50,17 +50,17 @@ impl Devices {
         Self { bench, host }
     }
 
-    fn ask(&mut self, id: u16, payload: &[u8]) -> Reply {
-        self.host.ask(&mut self.bench, id, payload)
+    fn request(&mut self, id: u16, payload: &[u8]) -> Reply {
+        self.host.request(&mut self.bench, id, payload)
     }
 
-    fn order(&mut self, id: u16, payload: &[u8]) {
-        let reply = self.ask(id, payload);
+    fn command(&mut self, id: u16, payload: &[u8]) {
+        let reply = self.request(id, payload);
         assert!(matches!(reply, Reply::Ack { .. }), "{id:#x} {payload:02x?}: {reply:?}");
     }
 
     fn value(&mut self, id: u16, payload: &[u8]) -> Vec<u8> {
-        match self.ask(id, payload) {
+        match self.request(id, payload) {
             Reply::Data(data) => data.to_vec(),
             reply => panic!("{id:#x} {payload:02x?}: {reply:?}"),
         }
@@ -74,9 +74,9 @@ impl Devices {
     fn servo(&mut self, servo: u8, period_us: u16, width_us: u16) {
         let [a, b] = period_us.to_le_bytes();
         let [c, d] = width_us.to_le_bytes();
-        self.order(SET_SERVO_PERIOD, &[servo, a, b]);
-        self.order(SET_SERVO_WIDTH, &[servo, c, d]);
-        self.order(SET_SERVO_ENABLE, &[servo, 1]);
+        self.command(SET_SERVO_PERIOD, &[servo, a, b]);
+        self.command(SET_SERVO_WIDTH, &[servo, c, d]);
+        self.command(SET_SERVO_ENABLE, &[servo, 1]);
     }
 
     /// The pulses since an instant.
@@ -88,7 +88,7 @@ impl Devices {
     fn result(&mut self, poll: u16, bus: u8) -> (u8, Vec<u8>, Duration) {
         let started = self.bench.now();
         loop {
-            match self.ask(poll, &[bus]) {
+            match self.request(poll, &[bus]) {
                 Reply::Data(data) => return (data[0], data[2..].to_vec(), self.bench.now() - started),
                 Reply::Nack(Nack(41)) => assert!(self.bench.now() - started < ms(200), "it ends"),
                 reply => panic!("{reply:?}"),
@@ -101,11 +101,11 @@ impl Devices {
         let geometry = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
         let base = BaseSettings::new([0, 1], &geometry, use_gyro).expect("in range");
         let request = Request::from(HubFunction::SetBase { base });
-        self.order(request.id(), &request.payload());
+        self.command(request.id(), &request.payload());
     }
 
     fn read_register(&mut self, bus: u8, register: u8, count: u8) -> (u8, Vec<u8>, Duration) {
-        self.order(READ_I2C_REGISTER, &[bus, 0x28, count, register]);
+        self.command(READ_I2C_REGISTER, &[bus, 0x28, count, register]);
         self.result(POLL_I2C_READ, bus)
     }
 }
@@ -142,7 +142,7 @@ fn servo_pulses_are_exact_to_a_microsecond_while_four_motors_are_regulated() {
     let start = hub.bench.now();
     for step in 0..20_u16 {
         let width = if step % 2 == 0 { 600_u16 } else { 2400 }.to_le_bytes();
-        hub.order(SET_SERVO_WIDTH, &[1, width[0], width[1]]);
+        hub.command(SET_SERVO_WIDTH, &[1, width[0], width[1]]);
         hub.bench.run(Duration::from_micros(u64::from(step) * 97));
     }
     let pulses = hub.pulses(1, start + ms(10));
@@ -151,7 +151,7 @@ fn servo_pulses_are_exact_to_a_microsecond_while_four_motors_are_regulated() {
         "{pulses:?}"
     );
     // Servo 0 is disabled. The other servos continue.
-    hub.order(SET_SERVO_ENABLE, &[0, 0]);
+    hub.command(SET_SERVO_ENABLE, &[0, 0]);
     hub.bench.run(ms(21));
     let start = hub.bench.now();
     hub.bench.run(ms(110));
@@ -177,18 +177,18 @@ fn servos_are_off_after_fail_safe_and_after_the_host_has_gone() {
     hub.servo(2, 20_000, 1500);
     hub.bench.run(ms(50));
     assert!(!off(&mut hub));
-    hub.host.order(&mut hub.bench, Standard::FailSafe);
+    hub.host.command(&mut hub.bench, Standard::FailSafe);
     assert!(off(&mut hub), "after fail-safe");
-    hub.order(SET_SERVO_ENABLE, &[2, 1]);
+    hub.command(SET_SERVO_ENABLE, &[2, 1]);
     hub.bench.run(ms(50));
     assert!(!off(&mut hub));
     hub.bench.run(ms(2_600));
     assert!(off(&mut hub), "after the keep-alive time");
     // A servo that is not configured is refused, and so is any servo while the battery is below 7 V.
-    assert_eq!(hub.ask(SET_SERVO_ENABLE, &[4, 1]), Reply::Nack(Nack(30)));
+    assert_eq!(hub.request(SET_SERVO_ENABLE, &[4, 1]), Reply::Nack(Nack(30)));
     hub.bench.set_battery(6.5);
     hub.bench.run(ms(300));
-    assert_eq!(hub.ask(SET_SERVO_ENABLE, &[2, 1]), Reply::Nack(Nack(31)));
+    assert_eq!(hub.request(SET_SERVO_ENABLE, &[2, 1]), Reply::Nack(Nack(31)));
     hub.bench.assert_sound();
 }
 
@@ -241,7 +241,7 @@ pub(crate) fn analog_inputs_rail_and_temperature_are_measured_and_never_old() {
         assert!((i32::from(measured) - mv as i32).abs() <= 3, "{measured} for {mv} mV");
     }
     // Channel 6 is measured by no board.
-    assert!(matches!(hub.ask(ADC, &[6, 0]), Reply::Nack(_)));
+    assert!(matches!(hub.request(ADC, &[6, 0]), Reply::Nack(_)));
     hub.bench.assert_sound();
 }
 
@@ -257,14 +257,14 @@ pub(crate) fn i2c_devices_are_read_and_written_at_both_speeds_on_every_bus() {
     assert_eq!(hub.read_register(0, 0x00, 1).0, 0);
     assert_eq!(hub.read_register(0, 0x00, 1).1, [0xA0]);
     // Sets the sensor to a fusion mode, and reads its status and its quaternion.
-    hub.order(WRITE_I2C, &[0, 0x28, 2, 0x3D, 0x08]);
+    hub.command(WRITE_I2C, &[0, 0x28, 2, 0x3D, 0x08]);
     assert_eq!(hub.result(POLL_I2C_WRITE, 0).0, 0);
     hub.bench.run(ms(30));
     assert_eq!(hub.read_register(0, 0x39, 1).1, [5]);
     assert_eq!(hub.read_register(0, 0x20, 8).1, [0, 0x40, 0, 0, 0, 0, 0, 0]);
     for bus in 1..buses {
         for fast in [0, 1] {
-            hub.order(SET_I2C_SPEED, &[bus, fast]);
+            hub.command(SET_I2C_SPEED, &[bus, fast]);
             for count in [1, 2, 3, 4, 100] {
                 let (status, bytes, time) = hub.read_register(bus, 0x10, count);
                 assert_eq!((status, &bytes[..]), (0, &numbers[0x10..0x10 + usize::from(count)]), "bus {bus}");
@@ -276,16 +276,16 @@ pub(crate) fn i2c_devices_are_read_and_written_at_both_speeds_on_every_bus() {
                 );
             }
         }
-        hub.order(WRITE_I2C, &[bus, 0x28, 4, 0x40, 1, 2, 3]);
+        hub.command(WRITE_I2C, &[bus, 0x28, 4, 0x40, 1, 2, 3]);
         assert_eq!(hub.result(POLL_I2C_WRITE, bus).0, 0);
         let written =
             hub.bench.device(bus.into(), 0, |device| [0x40, 0x41, 0x42].map(|r| device.register(r)));
         assert_eq!(written, [1, 2, 3], "bus {bus}");
         // A read without a register number begins after the last register that was read.
-        hub.order(READ_I2C, &[bus, 0x28, 2]);
+        hub.command(READ_I2C, &[bus, 0x28, 2]);
         assert_eq!(hub.result(POLL_I2C_READ, bus).1, numbers[0x43..0x45], "bus {bus}");
     }
-    let no_bus = hub.ask(READ_I2C_REGISTER, &[3, 0x28, 1, 0]);
+    let no_bus = hub.request(READ_I2C_REGISTER, &[3, 0x28, 1, 0]);
     assert_eq!(matches!(no_bus, Reply::Nack(_)), buses == 3, "{no_bus:?}");
     hub.bench.assert_sound();
 }
@@ -302,19 +302,19 @@ fn faults_of_an_i2c_bus_end_and_neither_motors_nor_the_line_notice() {
     // No device is at the address, for reads and for writes.
     hub.bench.device(0, 0, |device| device.set_present(false));
     assert_eq!(hub.read_register(0, 0x00, 4).0, NO_ADDRESS);
-    hub.order(WRITE_I2C, &[0, 0x28, 2, 0x3E, 0]);
+    hub.command(WRITE_I2C, &[0, 0x28, 2, 0x3E, 0]);
     assert_eq!(hub.result(POLL_I2C_WRITE, 0).0, NO_ADDRESS);
     hub.bench.device(0, 0, |device| device.set_present(true));
     works(&mut hub);
     // A clock that is stretched for 30 ms in the middle of a transfer.
-    hub.order(READ_I2C_REGISTER, &[0, 0x28, 8, 0x00]);
+    hub.command(READ_I2C_REGISTER, &[0, 0x28, 8, 0x00]);
     hub.bench.hold_scl(0, ms(30));
     let (status, bytes, time) = hub.result(POLL_I2C_READ, 0);
     assert_eq!((status, bytes.len()), (0, 8));
     assert!(time >= ms(29), "{time:?}");
     // A device holds the clock for 100 ms, longer than the time-out of a transfer. Meanwhile the hub answers the host
     // immediately.
-    hub.order(READ_I2C_REGISTER, &[0, 0x28, 8, 0x00]);
+    hub.command(READ_I2C_REGISTER, &[0, 0x28, 8, 0x00]);
     hub.bench.hold_scl(0, ms(100));
     let asked = hub.bench.now();
     hub.host.bulk(&mut hub.bench);
@@ -336,7 +336,7 @@ fn faults_of_an_i2c_bus_end_and_neither_motors_nor_the_line_notice() {
         works(&mut hub);
     }
     // A reset in the middle of a transfer.
-    hub.order(READ_I2C_REGISTER, &[0, 0x28, 100, 0x00]);
+    hub.command(READ_I2C_REGISTER, &[0, 0x28, 100, 0x00]);
     let at = hub.bench.now() + ms(2);
     let speed = hub.bench.look(0).counts_per_second;
     assert!((speed - 600.0).abs() < 30.0, "{speed} counts/s");

@@ -1,6 +1,7 @@
 //! The flash of the H743 with faults of real chips: spurious error flags, words that arrive late, power cuts, and a debug probe
 //! that writes the flash without the bootloader. Settings and firmware must survive these faults.
 
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use crate::common::{am60, booted_as, ms, on, setup};
@@ -55,7 +56,7 @@ fn saves(flash_faults: FlashFaults) {
 }
 
 #[test]
-fn settings_are_saved_while_the_flash_shows_errors_that_nobody_made() {
+fn settings_are_saved_while_the_flash_shows_spurious_errors() {
     saves(ERRORS);
 }
 
@@ -65,6 +66,7 @@ fn settings_are_saved_though_words_arrive_late() {
 }
 
 /// The flash of a board whose bootloader finds new firmware armed.
+#[derive(Clone)]
 struct Armed {
     flash: Vec<u8>,
     /// The image that is booted before.
@@ -74,7 +76,8 @@ struct Armed {
 }
 
 fn armed() -> Armed {
-    armed_with(setup(vec![am60()]), |_| None)
+    static ARMED: OnceLock<Armed> = OnceLock::new();
+    ARMED.get_or_init(|| armed_with(setup(vec![am60()]), |_| None)).clone()
 }
 
 /// Returns an armed flash for another setup, with a signature that `sign` makes from the new image.
@@ -123,7 +126,7 @@ fn booted(bench: &mut Bench) -> Booted {
     assert!(swapped, "still ordered to swap; resets: {}", bench.resets().len());
     // The mark is written after an erasure. The hub writes it, or the bootloader if it discards a stale swap.
     bench.run(ms(3_000));
-    let report: UpdateReport = HostLink::default().question(bench, HubFunction::Update);
+    let report: UpdateReport = HostLink::default().read(bench, HubFunction::Update);
     println!("{:?} after {:?}", report.booted, bench.now() - begun);
     report.booted
 }
@@ -144,7 +147,7 @@ fn swaps(flash_faults: FlashFaults) {
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn the_bootloader_swaps_while_the_flash_shows_errors_that_nobody_made() {
+fn the_bootloader_swaps_while_the_flash_shows_spurious_errors() {
     swaps(ERRORS);
 }
 
@@ -216,7 +219,7 @@ fn firmware_on_trial_drives_its_motors_while_the_flash_does_not_take_the_confirm
     let mut host = HostLink::default();
     host.velocity(&mut bench, 0, 1_000);
     bench.run(ms(1_500));
-    let report: UpdateReport = host.question(&mut bench, HubFunction::Update);
+    let report: UpdateReport = host.read(&mut bench, HubFunction::Update);
     assert_eq!(report.booted, Booted::OnTrial);
     let speed = bench.look(0).counts_per_second;
     assert!((speed - 1_000.0).abs() < 30.0, "{speed} counts/s");
@@ -225,7 +228,7 @@ fn firmware_on_trial_drives_its_motors_while_the_flash_does_not_take_the_confirm
 
 /// The bootloader jumps to the reset vector of the slot, whatever address the vector has.
 #[test]
-fn from_the_bootloader_on_nothing_is_executed_in_the_second_bank_and_in_the_system_memory() {
+fn no_code_is_executed_in_the_second_bank_and_in_the_system_memory() {
     const SPIN: [u8; 2] = 0xE7FE_u16.to_le_bytes();
     let handler = ORIGIN + 0x200;
     for entry in [0x0810_0000_u32, 0x1FF0_0000] {
@@ -248,7 +251,7 @@ fn from_the_bootloader_on_nothing_is_executed_in_the_second_bank_and_in_the_syst
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn what_a_probe_has_written_boots_though_other_firmware_was_armed() {
+fn firmware_that_a_probe_has_written_boots_although_other_firmware_is_armed() {
     let Armed { mut flash, new, .. } = armed();
     // The probe writes the same hub with other bytes behind its code.
     let probed = [&new[..new.len() - CHUNK], &[0xA5; CHUNK]].concat();

@@ -26,7 +26,7 @@ mod repeated {
         boot::bridges_stay_open_from_power_on_without_a_command,
         boot::pins_drive_their_idle_levels_within_a_millisecond_of_reset,
         running::four_motors_with_different_loads_reach_their_speed_and_stand_still_again,
-        running::what_the_chip_measures_is_what_the_physics_does,
+        running::the_log_shows_the_speeds_and_the_voltage_of_the_physics,
         chain::both_motors_turn_and_the_parent_answers_in_time_whatever_the_line_does,
         currents::a_host_gets_the_currents_that_flow_also_of_a_motor_whose_constants_are_wrong,
         currents::a_broken_sense_line_is_reported_and_not_used,
@@ -39,7 +39,7 @@ mod repeated {
         supply::clocks_that_never_start_leave_the_red_lamp_on_and_the_watchdog_tries_again,
         supply::encoder_inputs_are_filtered,
         record::a_panic_is_on_record_with_its_line,
-        record::whatever_memory_holds_after_power_on_the_record_is_empty,
+        record::the_record_is_empty_after_power_on_whatever_the_memory_holds,
     );
 }
 

@@ -61,7 +61,7 @@ fn a_motor_that_a_host_enables_in_its_first_milliseconds_keeps_running_though_th
 }
 
 #[test]
-fn a_button_that_nobody_presses_leaves_a_host_s_motors_alone() {
+fn the_button_does_not_change_the_motors_of_a_host() {
     let (mut bench, mut host) = with_host(vec![am60(); 4]);
     host.velocity(&mut bench, 0, 1000);
     bench.run(ms(1500));
@@ -76,7 +76,7 @@ fn a_button_that_nobody_presses_leaves_a_host_s_motors_alone() {
 }
 
 #[test]
-fn a_low_battery_is_no_time_to_start() {
+fn the_button_starts_no_motor_on_a_low_battery() {
     let mut bench = booted(vec![am60(); 4]);
     bench.set_battery(6.5);
     bench.run(ms(200));

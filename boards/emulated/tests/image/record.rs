@@ -1,6 +1,6 @@
 //! The record of a hub after a reset.
 
-use crate::common::{COUNTER, board, four_loads, log, ms, setup, turning, turning_as};
+use crate::common::{COUNTER, board, four_loads, log, ms, setup, time_to_safe, turning, turning_as};
 use emulated::host_link::HostLink;
 use emulated::{Bench, Encoder, Mpu, Setup};
 use motor_hub::bridge::{Drive, Mode};
@@ -10,7 +10,7 @@ use motor_hub::record::{Fault, Head, Tick};
 
 fn entries(bench: &mut Bench) -> Vec<Head> {
     let mut host = HostLink::default();
-    let all: Entries = host.question(bench, HubFunction::Entries { from: 0, clear: false });
+    let all: Entries = host.read(bench, HubFunction::Entries { from: 0, clear: false });
     assert_eq!(usize::from(all.count), all.heads.len(), "no more than an answer holds");
     all.heads.to_vec()
 }
@@ -20,7 +20,7 @@ fn ticks(bench: &mut Bench, of: &Head) -> Vec<Tick> {
     let mut all = Vec::new();
     while all.len() < usize::from(of.ticks) {
         let request = HubFunction::Ticks { number: of.number, from: all.len() as u8 };
-        all.extend(host.question::<Ticks>(bench, request).ticks);
+        all.extend(host.read::<Ticks>(bench, request).ticks);
     }
     all
 }
@@ -81,9 +81,18 @@ pub(crate) fn a_panic_is_on_record_with_its_line() {
 }
 
 #[test]
-#[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn a_stack_overflow_is_on_record_with_how_far_it_went() {
-    let (_, head) = after_with(Mpu::Emulated, |bench| bench.overflow_stack("capture"));
+fn a_stack_overflow_opens_all_bridges_and_is_on_record_with_how_far_it_went() {
+    let (_, head) = after_with(Mpu::Emulated, |bench| {
+        let at = bench.now();
+        bench.overflow_stack("capture");
+        bench.run(ms(50));
+        for motor in 0..4 {
+            // The task is polled up to a millisecond after the fault.
+            let time = time_to_safe(bench, motor, at);
+            assert!(time <= ms(2), "bridge {motor}: {time:?}");
+        }
+        assert!(log(bench).contains("stack overflow"), "{}", log(bench));
+    });
     assert_eq!(head.fault, Fault::StackOverflow);
     // The stack pointer is one exception frame below the end of the guard, 0x2000_2000.
     assert!((0x2000_1F00..0x2000_2000).contains(&head.detail[0]), "{head:?}");
@@ -121,7 +130,7 @@ fn an_unplugged_encoder_is_on_record_with_the_ticks_before_also_after_a_reset() 
 }
 
 #[test]
-pub(crate) fn whatever_memory_holds_after_power_on_the_record_is_empty() {
+pub(crate) fn the_record_is_empty_after_power_on_whatever_the_memory_holds() {
     let mut bench = Bench::new(setup(four_loads()));
     let at = board().record();
     let words = (at.end - at.start) / 4;

@@ -1,9 +1,9 @@
 //! The depth of the stack, and its end. The stack is filled with a pattern before the first instruction, and the pattern is read
-//! after the busiest actions of the firmware. Another test uses the whole stack up.
+//! after the busiest actions of the firmware. A test of `record` uses the whole stack up.
 
-use crate::common::{COUNTER, board, four_loads, log, ms, setup, time_to_safe, turning_as};
+use crate::common::{COUNTER, board, four_loads, ms, setup};
 use emulated::host_link::HostLink;
-use emulated::{Bench, Encoder, Mpu, Setup};
+use emulated::{Bench, Encoder};
 use motor_hub::protocol::Reply;
 
 const PAINT: u32 = 0xA5C3_5A3C;
@@ -23,7 +23,7 @@ fn the_stack_stays_below_nine_of_its_24_kilobytes() {
     for motor in 0..4 {
         // An AM 60 A, Scheme B, linear current.
         let setup = [motor, 0x5F, 0xCA, 0x3F, 0, 0xE4, 0x0C, 0xB6, 2, 2, 0, 0, 1];
-        assert_eq!(host.ask(&mut bench, 0x4D00, &setup), Reply::Ack { attention: true });
+        assert_eq!(host.request(&mut bench, 0x4D00, &setup), Reply::Ack { attention: true });
         host.velocity(&mut bench, motor, 1500);
     }
     for _ in 0..100 {
@@ -39,23 +39,6 @@ fn the_stack_stays_below_nine_of_its_24_kilobytes() {
         bench.read_words(stack.start, words).into_iter().take_while(|&word| word == PAINT).count();
     let (deepest, size) = (4 * (words - untouched), 4 * words);
     println!("worst stack seen: {deepest} of {size} bytes");
-    assert!(!bench.resets().is_empty(), "the story includes a restart");
+    assert!(!bench.resets().is_empty(), "the run includes a restart");
     assert!(deepest < 9_000 && size == 24 * 1024, "{deepest} of {size} bytes");
-}
-
-#[test]
-fn a_stack_that_overflows_ends_in_the_fault_path_with_all_bridges_open() {
-    let mut bench = turning_as(Setup { mpu: Mpu::Emulated, ..setup(four_loads()) });
-    let at = bench.now();
-    bench.overflow_stack("capture");
-    bench.run(ms(50));
-    for motor in 0..4 {
-        let time = time_to_safe(&mut bench, motor, at);
-        println!("time to safe: {:8.3} ms  stack overflow, bridge {motor}", time.as_secs_f64() * 1e3);
-        // The task is polled up to a millisecond after the fault.
-        assert!(time <= ms(2), "{time:?}");
-    }
-    assert!(log(&mut bench).contains("stack overflow"), "{}", log(&mut bench));
-    bench.run(ms(1500));
-    assert_eq!(bench.resets().len(), 1, "the watchdog then starts the chip afresh");
 }

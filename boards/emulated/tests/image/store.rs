@@ -38,24 +38,24 @@ fn protection(ma: u16) -> Values {
 }
 
 pub(crate) fn protect(bench: &mut Bench, host: &mut HostLink, ma: u16) {
-    host.order(bench, Request::Set(1, protection(ma)));
+    host.command(bench, Request::Set(1, protection(ma)));
 }
 
 fn protected(bench: &mut Bench, host: &mut HostLink) -> Values {
     let request = Request::Get(1, Group::Protection);
-    let reply = host.ask(bench, request.id(), &request.payload());
+    let reply = host.request(bench, request.id(), &request.payload());
     let Reply::Data(payload) = reply else { panic!("{reply:?}") };
     Values::read(Group::Protection, &mut Fields::new(&payload)).expect("a protection")
 }
 
 fn state(line: &mut impl Line, host: &mut HostLink) -> StoreReport {
-    host.question(line, HubFunction::Stored)
+    host.read(line, HubFunction::Stored)
 }
 
 /// Saves the settings, and waits for the end. Returns the report and the time that the save took.
 pub(crate) fn save(line: &mut impl Line, host: &mut HostLink) -> (StoreReport, Duration) {
     let begun = line.first().now();
-    host.order(line, HubFunction::Save);
+    host.command(line, HubFunction::Save);
     loop {
         let (report, took) = (state(line, host), line.first().now() - begun);
         if !report.is_busy {
@@ -70,14 +70,14 @@ fn settings_are_there_again_after_the_power_was_gone() {
     let (mut bench, mut host) = (powered_on(Vec::new()), HostLink::default());
     assert_eq!(state(&mut bench, &mut host), StoreReport::default());
     protect(&mut bench, &mut host, 1_234);
-    host.order(&mut bench, ToMotor::SetCurrentAlert { milliamperes: 777 }.to(0));
+    host.command(&mut bench, ToMotor::SetCurrentAlert { milliamperes: 777 }.to(0));
     let (report, took) = save(&mut bench, &mut host);
     println!("a save into blank flash took {took:?}");
     assert_eq!((report.stored, report.number, report.outcome), (Stored::Whole, 1, Outcome::Done));
     // The protocol's command for a new address stores only the address.
     protect(&mut bench, &mut host, 4_321);
     let address = Address::new(7).expect("an address");
-    host.order(&mut bench, Standard::SetAddress { address });
+    host.command(&mut bench, Standard::SetAddress { address });
     bench.run(ms(200));
     let stored = bench.stored();
     bench.assert_sound();
@@ -87,7 +87,7 @@ fn settings_are_there_again_after_the_power_was_gone() {
     let report = state(&mut bench, &mut host);
     assert_eq!((report.stored, report.number, report.differs), (Stored::Whole, 2, false));
     assert_eq!(protected(&mut bench, &mut host), protection(1_234));
-    let alert: u16 = host.question(&mut bench, ToMotor::CurrentAlert.to(0));
+    let alert: u16 = host.read(&mut bench, ToMotor::CurrentAlert.to(0));
     assert_eq!(alert, 777);
     bench.assert_sound();
 }
@@ -101,7 +101,7 @@ fn power_that_goes_during_a_save_leaves_the_old_settings_or_the_new() {
     let mut seen = [0; 2];
     // During the save, copies of the flash are given to other hubs, which are then powered on.
     protect(&mut bench, &mut host, 2_000);
-    host.order(&mut bench, HubFunction::Save);
+    host.command(&mut bench, HubFunction::Save);
     for cut in 0..5_u32 {
         let mut again = on(BOARD, || Bench::new(Setup { stored: bench.stored(), ..setup(vec![am60()]) }));
         again.run(ms(60));
@@ -172,7 +172,7 @@ fn full() -> (Vec<u8>, u32) {
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn a_save_that_erases_waits_for_motors_to_be_off_and_holds_nobody_up() {
+fn a_save_that_erases_waits_until_motors_are_off_and_delays_no_sample() {
     let (stored, number) = full();
     let image = elf::hub_with_period(BOARD, 1);
     let mut bench = on(BOARD, || Bench::with_image(Setup { stored, ..setup(vec![am60()]) }, &image));
@@ -204,7 +204,7 @@ fn a_save_that_erases_waits_for_motors_to_be_off_and_holds_nobody_up() {
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn an_erasure_that_power_has_cut_is_done_again_at_power_on_and_starves_nobody() {
+fn an_erasure_that_a_power_loss_has_cut_is_repeated_at_power_on_and_delays_no_tick() {
     let (mut stored, number) = full();
     // The second page is blank at its beginning, but not everywhere.
     stored[128 * 1024 + 4096..][..64].fill(0x5A);

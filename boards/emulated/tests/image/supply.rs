@@ -74,7 +74,7 @@ fn encoder_pins_have_no_pull_of_the_chip() {
 }
 
 #[test]
-fn a_line_that_no_host_drives_is_pulled_up() {
+fn an_undriven_line_of_the_host_is_pulled_up() {
     let mut bench = booted(vec![am60()]);
     // GPIOD_PUPDR.
     let pulls = by_board(0x4002_0C0C, 0x5802_0C0C);
@@ -119,7 +119,7 @@ fn a_supply_that_is_low_from_the_beginning_starts_no_hub() {
 /// The converter's watchdog reports a low battery within two conversions. The hub then samples twice, a millisecond apart,
 /// instead of every 10 ms.
 #[test]
-fn a_battery_that_breaks_down_is_seen_at_once() {
+fn a_battery_that_breaks_down_opens_the_bridges_within_4_ms() {
     let (mut bench, mut host) = with_host(vec![am60(); 4]);
     for phase in 0..4 {
         set_speeds(&mut bench, &mut host);
@@ -139,7 +139,7 @@ fn a_battery_that_breaks_down_is_seen_at_once() {
 }
 
 #[test]
-fn a_battery_pin_that_nothing_is_connected_to_has_no_voltage() {
+fn an_unconnected_battery_pin_has_no_voltage() {
     on(Board::NucleoF429zi, || {
         let mut bench = turning(four_loads());
         let at = bench.now();
@@ -207,7 +207,7 @@ fn a_bus_that_rises_ends_what_a_braking_motor_returns_before_the_next_millisecon
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn a_log_that_is_abandoned_in_mid_run_stops_nothing_and_is_whole_when_somebody_reads_it_again() {
+fn a_log_whose_reader_goes_away_stops_nothing_and_is_whole_when_a_reader_returns() {
     let mut bench = turning(four_loads());
     bench.set_log_abandoned(true);
     runs_on_unread(&mut bench);
@@ -220,7 +220,7 @@ fn a_log_that_is_abandoned_in_mid_run_stops_nothing_and_is_whole_when_somebody_r
 }
 
 #[test]
-fn a_log_that_nobody_ever_reads_stops_nothing() {
+fn a_log_without_a_reader_stops_nothing() {
     let mut bench = Bench::new(setup(four_loads()));
     bench.set_log_abandoned(true);
     bench.run(ms(300));
@@ -239,9 +239,9 @@ pub(crate) fn clocks_that_never_start_leave_the_red_lamp_on_and_the_watchdog_tri
 pub(crate) fn clocks_never_start(setup: Setup) {
     let mut bench = Bench::new(setup);
     bench.set_power_dead(true);
-    bench.run(ms(1_700));
-    let causes: Vec<String> = bench.resets().into_iter().map(|reset| reset.cause).collect();
-    assert!(causes.len() >= 2, "the watchdog has reset the chip {} times", causes.len());
+    // A core that waits for its clocks is slow to emulate, because each read of a register leaves the emulated core.
+    let is_reset_twice = bench.run_while(ms(50), ms(1_700), |bench| bench.resets().len() >= 2);
+    assert!(is_reset_twice, "the watchdog has reset the chip {} times", bench.resets().len());
     assert!(log(&mut bench).is_empty(), "no clock, and yet the hub runs");
     // MODER and ODR of GPIOB: PB14 is the red lamp.
     let port_b = by_board(0x4002_0400, 0x5802_0400);

@@ -25,11 +25,11 @@ fn powered_on() -> (Bench, HostLink) {
 }
 
 fn state(bench: &mut Bench, host: &mut HostLink) -> UpdateReport {
-    host.question(bench, HubFunction::Update)
+    host.read(bench, HubFunction::Update)
 }
 
 fn version(bench: &mut Bench, host: &mut HostLink) -> String {
-    let text: Text = host.question(bench, ToHub::VersionText);
+    let text: Text = host.read(bench, ToHub::VersionText);
     String::from_utf8_lossy(&text).into_owned()
 }
 
@@ -38,7 +38,7 @@ fn persist(bench: &mut Bench, host: &mut HostLink, request: &HubFunction) {
     let request = Request::from(request.clone());
     let end = bench.now() + ms(10_000);
     loop {
-        match host.ask(bench, request.id(), &request.payload()) {
+        match host.request(bench, request.id(), &request.payload()) {
             Reply::Ack { .. } => return,
             Reply::Nack(Nack::UPDATE_BUSY) if bench.now() < end => bench.run(ms(20)),
             reply => panic!("{request:?}: {reply:?}"),
@@ -50,13 +50,13 @@ fn persist(bench: &mut Bench, host: &mut HostLink, request: &HubFunction) {
 #[track_caller]
 fn refused(bench: &mut Bench, host: &mut HostLink, request: HubFunction, why: Nack) {
     let request = Request::from(request);
-    assert_eq!(host.ask(bench, request.id(), &request.payload()), Reply::Nack(why));
+    assert_eq!(host.request(bench, request.id(), &request.payload()), Reply::Nack(why));
 }
 
 /// Announces an image.
 fn begin(bench: &mut Bench, host: &mut HostLink, image: &[u8]) {
     let version = Text::from_slice(b"a test").expect("short");
-    host.order(
+    host.command(
         bench,
         HubFunction::BeginUpdate { length: image.len() as u32, crc: CRC.checksum(image), version },
     );
@@ -116,7 +116,7 @@ fn the_bootloader_starts_the_hub_and_firmware_that_hangs_is_rolled_back() {
     let image = hangs(report.origin);
     begin(&mut bench, &mut host, &image);
     send(&mut bench, &mut host, &image);
-    host.order(&mut bench, HubFunction::Restart);
+    host.command(&mut bench, HubFunction::Restart);
     let started = bench.now();
     // The image is swapped in, the bootloader's watchdog resets, and the image is swapped back. 16 sectors are erased.
     let back = bench.run_while(ms(500), ms(90_000), |bench| {
@@ -181,7 +181,7 @@ fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_
     assert!((speed - 1000.0).abs() < 30.0, "{speed} counts/s");
     refused(&mut bench, &mut host, HubFunction::Restart, Nack::MOTOR_ENABLED);
     // The next reset does not start an abandoned image.
-    host.order(&mut bench, HubFunction::AbandonUpdate);
+    host.command(&mut bench, HubFunction::AbandonUpdate);
     bench.run(ms(2_450));
     host.keep_alive(&mut bench);
     bench.run(ms(2_000));
@@ -217,7 +217,7 @@ fn a_hub_with_a_signers_key_arms_what_that_one_has_signed_and_nothing_else() {
         begin(bench, host, &image);
         let mut signature = *SIGNATURE;
         signature[40] ^= turned;
-        host.order(bench, HubFunction::Sign { key, signature });
+        host.command(bench, HubFunction::Sign { key, signature });
     };
     let state_of = |report: &UpdateReport| (report.phase, report.outcome, report.booted);
     watch_samples(&mut bench);

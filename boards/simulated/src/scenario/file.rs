@@ -35,8 +35,7 @@ struct File {
     duration_s: Duration,
     control_period_ms: Option<PeriodMs>,
     seed: Option<Seed>,
-    #[serde(default)]
-    emulated: bool,
+    emulated: Option<Spanned<bool>>,
     battery: BatteryTable,
     bus: Option<Spanned<BusTable>>,
     attached: Option<Spanned<AttachedTable>>,
@@ -113,7 +112,6 @@ pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
     if is_complete {
         file.check_commanded(&groups)?;
     }
-    file.check_emulated()?;
     let mut expectations = Vec::new();
     for table in &file.expect {
         expectations.extend(table.get_ref().check(&motors, &groups, duration_s).at(table)?);
@@ -124,7 +122,7 @@ pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
         Some(table) => table.get_ref().check(duration_s).at(table)?,
         None => Default::default(),
     };
-    Ok(Scenario {
+    let scenario = Scenario {
         name: file.name.0,
         duration_s,
         period: file.control_period_ms.and_then(|ms| Period::from_millis(ms.0).ok()).unwrap_or_default(),
@@ -140,9 +138,15 @@ pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
         attached_over_time,
         floor: file.floor,
         gyro: file.gyro,
-        emulated: file.emulated,
+        emulated: file.emulated.as_ref().is_some_and(|emulated| *emulated.get_ref()),
         expectations,
-    })
+    };
+    if let Some(emulated) = file.emulated.filter(|emulated| *emulated.get_ref())
+        && let Some(part) = scenario.not_replayed().next()
+    {
+        return Err(format!("the emulated board does not run {part}; remove emulated")).at(&emulated);
+    }
+    Ok(scenario)
 }
 
 impl File {
@@ -167,25 +171,6 @@ impl File {
             if table.get_ref().setpoints.is_empty() && !grouped {
                 return Err("a motor needs at least one set-point, or a group").at(table);
             }
-        }
-        Ok(())
-    }
-
-    /// Refuses what the emulated chip cannot run: groups, which the chip does not report, and a bus or a train, which
-    /// its bench does not have.
-    fn check_emulated(&self) -> Checked<()> {
-        if !self.emulated {
-            return Ok(());
-        }
-        let mut trains = self.motors.get_ref().iter().filter_map(|motor| motor.get_ref().train.as_ref());
-        if let Some(train) = trains.next() {
-            return Err("a train does not run on the emulated chip; remove emulated").at(train);
-        }
-        if let Some(group) = self.groups.first() {
-            return Err("groups do not run on the emulated chip; remove emulated").at(group);
-        }
-        if let Some(bus) = &self.bus {
-            return Err("a bus does not run on the emulated chip; remove emulated").at(bus);
         }
         Ok(())
     }

@@ -244,6 +244,28 @@ impl Scenario {
         }
     }
 
+    /// Returns the parts of this scenario that the emulated board lacks, in the words of error messages.
+    pub fn not_emulated(&self) -> impl Iterator<Item = &'static str> {
+        let any = |has: fn(&Motor) -> bool| self.motors.iter().any(has);
+        let is_attached = self.attached != Attached::default() || !self.attached_over_time.is_empty();
+        let parts = [
+            ("a bus ([bus])", self.bus.is_some()),
+            ("other limits of the supply voltage (battery.unlimited)", self.limits != Limits::TWELVE_VOLTS),
+            ("a connection of a pin or an I2C bus ([attached])", is_attached),
+            ("a floor ([floor])", self.floor != Floor::default()),
+            ("an error of a gyro ([gyro])", self.gyro != GyroErrors::default()),
+            ("a train between motor and load (motors.train)", any(|motor| motor.train.is_some())),
+            ("a temperature of a motor (motors.heat)", any(|motor| !motor.heat.is_empty())),
+        ];
+        parts.into_iter().filter_map(|(part, is_present)| is_present.then_some(part))
+    }
+
+    /// Returns the parts of this scenario that a replay on the emulated board does not run: also groups, because the lines of
+    /// a chip do not show the references of a group.
+    pub fn not_replayed(&self) -> impl Iterator<Item = &'static str> {
+        (!self.groups.is_empty()).then_some("a group ([[groups]])").into_iter().chain(self.not_emulated())
+    }
+
     /// Voltage of the battery without load at a time in seconds.
     pub fn emf_at(&self, at_s: f64) -> si::Volts {
         let emf = self.emf_over_time.iter().map(|timed| (timed.at_s, timed.value));

@@ -85,7 +85,9 @@ impl Fault {
             // This is longer than the hub waits for its host, and longer than its log's buffer has room.
             Self::HostGarbled(_) | Self::LogAbandoned => ms(3_000),
             // The hub does not run meanwhile, or has been reset.
-            Self::SupplyFalls | Self::ClocksDoNotStart | Self::LockUp => ms(600),
+            Self::SupplyFalls | Self::LockUp => ms(600),
+            // A core that waits for its clocks is slow to emulate. `supply` tests that the watchdog tries again.
+            Self::ClocksDoNotStart => ms(150),
             // This is the time until the fault of a motor that brakes a load is noticed, and a second.
             Self::Encoder(Encoder::Unplugged | Encoder::Stuck { .. }) => ms(2_100),
             // This is the time until the fault of an unknown motor, which may be heavy, is noticed, and a second.

@@ -52,7 +52,7 @@ impl Setup {
         settings.on_fault = OnFault::Brake;
         for group in [Group::Motion, Group::Protection] {
             let values = Values::of(group, &MotorSettings::new(settings));
-            host.order(line, Request::Set(motor, values));
+            host.command(line, Request::Set(motor, values));
         }
     }
 }

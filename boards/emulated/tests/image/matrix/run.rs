@@ -15,7 +15,7 @@ use motor_hub::store::Outcome;
 use motor_hub::supply::BusState;
 
 use super::modes::{MODES, Mode, Setup, powered};
-use super::rows::{Back, Row};
+use super::rows::{Recovery, Row};
 use crate::chain::set_address;
 use crate::common::{board, ms, other_board};
 use crate::store;
@@ -47,7 +47,7 @@ pub(crate) struct RowResult {
     /// What the other hub of a chain has done meanwhile.
     pub(crate) other: Option<OtherResult>,
     /// Reports of the hub itself, from its answers and its log.
-    pub(crate) says: Vec<&'static str>,
+    pub(crate) reports: Vec<&'static str>,
     /// Results of the motors, in the order of their modes.
     pub(crate) cells: Vec<MotorResult>,
 }
@@ -67,9 +67,9 @@ pub(crate) struct MotorResult {
     /// Mean speed during the fault, counts/s.
     pub(crate) mean_speed: f64,
     /// Reports of this motor, from answers of the hub and its log.
-    pub(crate) says: Vec<&'static str>,
+    pub(crate) reports: Vec<&'static str>,
     /// How the motor followed its command again, or its speed in counts/s if it did not.
-    pub(crate) back: Result<Back, f64>,
+    pub(crate) back: Result<Recovery, f64>,
 }
 
 /// What the hub without a fault has done while the other hub of the chain had a fault.
@@ -177,7 +177,7 @@ impl Run {
 
     /// Applies the fault of a row, removes it, and waits until all motors follow their commands again.
     pub(crate) fn row(&mut self, row: &Row) -> RowResult {
-        let _: Status = self.question(Standard::Status { clear: true });
+        let _: Status = self.read(Standard::Status { clear: true });
         self.answers.clear();
         let (from, logged) = (self.now(), self.bench().log().len());
         let before = MODES.map(|mode| self.bench().look(mode.motor()));
@@ -185,34 +185,35 @@ impl Run {
         row.fault.run(self);
         let (to, transitions) = (self.now(), self.bench().transitions());
         let after = MODES.map(|mode| self.bench().look(mode.motor()));
-        let blind = row.fault.host_can_ask()
-            && self.question::<i16>(ToHub::Adc { channel: BATTERY, raw: false }) == 0;
-        let bus: Option<BusReport> = row.fault.host_can_ask().then(|| self.question(HubFunction::Bus));
+        let blind =
+            row.fault.host_can_ask() && self.read::<i16>(ToHub::Adc { channel: BATTERY, raw: false }) == 0;
+        let bus: Option<BusReport> = row.fault.host_can_ask().then(|| self.read(HubFunction::Bus));
         let log: Vec<String> = self.bench().log().into_iter().skip(logged).map(|line| line.text).collect();
         let stopped = off(self.bench());
         row.fault.remove(self.bench());
         self.pass(row.fault.until_answers());
-        let status: Status = self.question(Standard::Status { clear: true });
-        let mut says: Vec<_> =
+        let status: Status = self.read(Standard::Status { clear: true });
+        let mut reports: Vec<_> =
             status.words().iter().copied().chain(blind.then_some("battery reads 0 V")).collect();
-        says.extend(
-            bus.and_then(|bus| BUS.into_iter().find(|(state, _)| *state == bus.state)).map(|(_, says)| says),
+        reports.extend(
+            bus.and_then(|bus| BUS.into_iter().find(|(state, _)| *state == bus.state))
+                .map(|(_, reports)| reports),
         );
-        says.extend(reported(&log, "", &OF_HUB));
+        reports.extend(reported(&log, "", &OF_HUB));
         let said = MODES.map(|mode| self.said(mode, status, &log));
         let back = self.recover(stopped);
         let cells = MODES.into_iter().zip(before.iter().zip(&after)).zip(said).zip(back);
-        let cells = cells.map(|(((mode, (before, after)), says), back)| MotorResult {
+        let cells = cells.map(|(((mode, (before, after)), reports), back)| MotorResult {
             open_after: since(&transitions, mode.motor(), from, Lines::open),
             shorted_after: since(&transitions, mode.motor(), from, Lines::shorted),
             longest_open: longest_open(&transitions, mode.motor(), from, to),
             speed: after.counts_per_second,
             mean_speed: (after.counts - before.counts) as f64 / (to - from).as_secs_f64(),
-            says,
+            reports,
             back,
         });
         let cells = cells.collect();
-        RowResult { other: self.other.map(|other| self.other_result(other, from)), says, cells }
+        RowResult { other: self.other.map(|other| self.other_result(other, from)), reports, cells }
     }
 
     /// Returns what the other hub has done since the time `from`.
@@ -254,8 +255,8 @@ impl Run {
     }
 
     /// Asks the hub that has the faults.
-    fn question<A: Field>(&mut self, request: impl Into<Request>) -> A {
-        self.host.to(self.faulty.address).question(&mut self.chain, request)
+    fn read<A: Field>(&mut self, request: impl Into<Request>) -> A {
+        self.host.to(self.faulty.address).read(&mut self.chain, request)
     }
 
     /// Sends a keep-alive to the hub that has the faults.
@@ -278,15 +279,15 @@ impl Run {
     /// Returns the reports of one motor, from answers of the hub and its log.
     fn said(&mut self, mode: Mode, status: Status, log: &[String]) -> Vec<&'static str> {
         let alerts = status.alerts().into_iter().filter(|alert| alert.motor == mode.motor());
-        let mut says: Vec<_> = alerts.map(|alert| alert.text).collect();
-        let condition: Condition = self.question(MotorFunction::Condition.to(mode as u8));
-        says.extend(condition.bridge_fault.then_some("bridge off"));
-        says.extend(reported(log, &format!("motor {}: Faults", mode.motor()), &OF_MOTOR));
-        says
+        let mut reports: Vec<_> = alerts.map(|alert| alert.text).collect();
+        let condition: Condition = self.read(MotorFunction::Condition.to(mode as u8));
+        reports.extend(condition.bridge_fault.then_some("bridge off"));
+        reports.extend(reported(log, &format!("motor {}: Faults", mode.motor()), &OF_MOTOR));
+        reports
     }
 
     /// Ends the fault, and returns how each motor follows its command again. `stopped` are the motors that were not driven before.
-    fn recover(&mut self, stopped: [bool; 4]) -> [Result<Back, f64>; 4] {
+    fn recover(&mut self, stopped: [bool; 4]) -> [Result<Recovery, f64>; 4] {
         self.keep_alive();
         self.pass(ms(300));
         let later = off(self.bench());
@@ -296,9 +297,9 @@ impl Run {
         MODES.map(|mode| {
             let speed = self.bench().look(mode.motor()).counts_per_second;
             let recovery = match (stopped[mode.motor()], later[mode.motor()]) {
-                (_, true) => Back::WhenEnabled,
-                (true, false) => Back::ByItself,
-                (false, false) => Back::WasDriven,
+                (_, true) => Recovery::WhenEnabled,
+                (true, false) => Recovery::ByItself,
+                (false, false) => Recovery::WasDriven,
             };
             if mode.speeds().contains(&speed) { Ok(recovery) } else { Err(speed) }
         })
@@ -357,7 +358,7 @@ fn since(
 /// Returns the names of the texts in `words` that a log line has. The line must begin with `of`.
 fn reported(log: &[String], of: &str, words: &[(&str, &'static str)]) -> Vec<&'static str> {
     let tells = |word: &str| log.iter().any(|line| line.starts_with(of) && line.contains(word));
-    words.iter().filter(|(word, _)| tells(word)).map(|(_, says)| *says).collect()
+    words.iter().filter(|(word, _)| tells(word)).map(|(_, reports)| *reports).collect()
 }
 
 /// Returns the longest time for which a bridge was open between two times.

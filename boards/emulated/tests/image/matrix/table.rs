@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::modes::{MODES, Mode};
-use super::rows::{Back, During, Row};
+use super::rows::{During, Recovery, Row};
 use super::run::{MotorResult, OtherResult, RowResult};
 
 /// Rows of Markdown. In a chain they name the hub with the fault, and the answers of the other hub.
@@ -17,13 +17,13 @@ pub(crate) fn text<'a>(rows: impl Iterator<Item = (&'a Row, &'a RowResult)>) -> 
     for (row, seen) in rows {
         let expected = row.cells.iter().map(|expected| expected.during);
         let mut cells: Vec<String> = seen.cells.iter().zip(expected).map(cell).collect();
-        let mut says = seen.says.clone();
+        let mut reports = seen.reports.clone();
         let mut back: Vec<&str> = Vec::new();
         for cell in &seen.cells {
-            says.extend(&cell.says);
-            back.push(cell.back.map_or("not", Back::name));
+            reports.extend(&cell.reports);
+            back.push(cell.back.map_or("not", Recovery::name));
         }
-        cells.extend([once(says), once(back)]);
+        cells.extend([once(reports), once(back)]);
         cells.extend(seen.other.as_ref().map(answers));
         let place = seen.other.as_ref().map_or("", |other| other.fault_in.name());
         // Writing to a string does not fail.

@@ -1,28 +1,29 @@
-//! Battery (PA3) on ADC1 and VREFINT on ADC3: VREFINT is on ADC3 alone (RM0433 table 209), and PA3 is not on ADC3. ADC3 also has
-//! the host's [analog inputs](crate::analog).
+//! Battery on ADC1 and VREFINT on ADC3: VREFINT is on ADC3 alone (RM0433 table 209). ADC3 also has the host's [analog
+//! inputs](super::analog).
 
-use crate::analog;
-use embassy_stm32::gpio::Flex;
+use super::analog;
+use crate::supply::{DIVIDER_OHMS, FactoryWord};
+use crate::two_converters::{self, ConverterHal, TwoConverters};
+use embassy_stm32::adc::AdcChannel;
 use embassy_stm32::pac::Interrupt;
 use embassy_stm32::pac::adc::Adc;
 use embassy_stm32::pac::adc::vals::{Boost, Pcsel, SampleTime};
-use embassy_stm32::peripherals::{ADC1, ADC3, PA3};
+use embassy_stm32::peripherals::{ADC1, ADC3};
 use embassy_stm32::{Peri, interrupt, pac, rcc};
 use motor_hub::units::RangeError;
-use motor_hub_stm32::supply::{DIVIDER_OHMS, FactoryWord};
-use motor_hub_stm32::two_converters::{self, Kind, TwoConverters};
 
-/// The battery's converter, and ADC12_INP15, which is PA3 (STM32H743 data sheet, pin definitions).
-const BATTERY: (Adc, u8) = (pac::ADC1, 15);
 /// The reference's converter, and ADC3_IN19, which is VREFINT (RM0433 table 209).
 const VREFINT: (Adc, u8) = (pac::ADC3, 19);
 
-pub(crate) type BatteryAdc = TwoConverters<H7>;
+/// The converters of battery and reference.
+pub type BatteryAdc = TwoConverters<H7>;
 
 /// The converters of an STM32H7.
-pub(crate) struct H7;
+pub struct H7 {
+    inputs: analog::Pins,
+}
 
-impl Kind for H7 {
+impl ConverterHal for H7 {
     const INTERRUPT: Interrupt = Interrupt::ADC;
     /// A conversion of 810.5 + 8.5 cycles at 16 MHz takes 51 us.
     const WAIT_MICROS: u64 = 110;
@@ -42,8 +43,7 @@ impl Kind for H7 {
 
     /// The longest sampling time is 51 us. VREFINT needs 4.3 us (DS12110), and the divider's 8.9 kohm is a weak source.
     fn connect(converter: Adc, channel: u8) {
-        converter.smpr(1).modify(|w| w.set_smp(usize::from(channel) - 10, SampleTime::CYCLES810_5));
-        converter.pcsel().modify(|w| w.set_pcsel(usize::from(channel), Pcsel::PRESELECTED));
+        connect(converter, channel, SampleTime::CYCLES810_5);
     }
 
     fn limit(converter: Adc, low: u16, high: u16) {
@@ -51,8 +51,8 @@ impl Kind for H7 {
         converter.htr1().write(|w| w.set_htr1(high.into()));
     }
 
-    fn prepare_reference(converter: Adc, channel: u8) {
-        analog::prepare(converter, channel);
+    fn prepare_reference(&self, converter: Adc, channel: u8) {
+        self.inputs.prepare(converter, channel);
     }
 
     fn take_reference(_: Adc) -> Option<u16> {
@@ -64,13 +64,21 @@ impl Kind for H7 {
     }
 }
 
+/// Connects a channel to a converter, with this sampling time.
+pub(super) fn connect(converter: Adc, channel: u8, time: SampleTime) {
+    let (register, place) = (usize::from(channel) / 10, usize::from(channel) % 10);
+    converter.smpr(register).modify(|w| w.set_smp(place, time));
+    converter.pcsel().modify(|w| w.set_pcsel(channel.into(), Pcsel::PRESELECTED));
+}
+
 /// Creates the converters, which are not calibrated yet.
 ///
 /// # Errors
 /// [`RangeError::Divider`] if a resistance of the divider is 0.
-pub(crate) fn battery(
+pub fn battery(
     _: (Peri<'static, ADC1>, Peri<'static, ADC3>),
-    pin: Peri<'static, PA3>,
+    pin: impl AdcChannel<ADC1> + 'static,
+    inputs: analog::Pins,
 ) -> Result<BatteryAdc, RangeError> {
     rcc::enable_and_reset::<ADC1>();
     rcc::enable_and_reset::<ADC3>();
@@ -79,10 +87,11 @@ pub(crate) fn battery(
         w.set_vrefen(true);
         w.set_vsenseen(true);
     });
-    TwoConverters::new(BATTERY, VREFINT, Flex::new(pin), FactoryWord::H74X, DIVIDER_OHMS)
+    let battery = (pac::ADC1, pin.degrade_adc().get_hw_channel());
+    TwoConverters::new(H7 { inputs }, battery, VREFINT, FactoryWord::H74X, DIVIDER_OHMS)
 }
 
 #[interrupt]
 fn ADC() {
-    two_converters::crossed(BATTERY.0);
+    two_converters::handle_watchdog_interrupt(pac::ADC1);
 }

@@ -2,11 +2,11 @@
 //!
 //! The controller stretches the clock until the core has read or written the byte, so a busy core loses no byte.
 
+use crate::i2c_bus::{self, Error, i2c_controllers};
+use crate::supply::InterruptWaiter;
 use embassy_stm32::pac::i2c::I2c;
 use embassy_stm32::pac::i2c::regs::Isr;
 use embassy_stm32::pac::i2c::vals::{Addmode, Autoend, Dir};
-use motor_hub_stm32::i2c_bus::{self, Error};
-use motor_hub_stm32::supply::Watcher;
 
 /// Fields of the register TIMINGR (RM0433 47.4.10). One unit is `prescaler` + 1 periods of the controller's clock of
 /// 100 MHz. `low`, `high` and `data_setup` are one less than their number of units.
@@ -24,7 +24,7 @@ const SLOW: Timing = Timing { prescaler: 9, low: 49, high: 49, data_hold: 3, dat
 /// ns.
 const FAST: Timing = Timing { prescaler: 4, low: 26, high: 22, data_hold: 5, data_setup: 7 };
 
-motor_hub_stm32::i2c_controllers! {
+i2c_controllers! {
     i2c1: I2C1, I2C1_EV, I2C1_ER;
     i2c2: I2C2, I2C2_EV, I2C2_ER;
     i2c3: I2C3, I2C3_EV, I2C3_ER;
@@ -33,10 +33,10 @@ motor_hub_stm32::i2c_controllers! {
 
 /// Handles an interrupt of a controller: disables its interrupts, and wakes the task once. The event flags stay set,
 /// because the task reads them. A bus error is cleared and ignored, because the transfer continues (ES0392 2.19.4).
-fn interrupted(registers: I2c, watcher: &Watcher) {
+fn handle_interrupt(registers: I2c, waiter: &InterruptWaiter) {
     registers.icr().write(|w| w.set_berrcf(true));
     enable(registers, false);
-    watcher.wake();
+    waiter.wake();
 }
 
 /// Enables or disables all interrupts of a transfer. A missing acknowledgement needs no interrupt, because the stop
@@ -65,7 +65,7 @@ impl Controller {
             let status = registers.isr().read();
             failed(status) || !status.nackf() && flag(&status)
         };
-        self.watcher.wait(due, || enable(registers, true)).await;
+        self.waiter.wait(due, || enable(registers, true)).await;
         let status = registers.isr().read();
         if !failed(status) {
             return Ok(());

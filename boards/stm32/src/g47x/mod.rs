@@ -1,25 +1,24 @@
-//! The chip's own set-up, in addition to the HAL's: clocks, the cause of a reset, and the supply's limit.
+//! An STM32G473, G474, G483 or G484: its set-up in addition to the HAL's (clocks, the cause of a reset, the supply's limit),
+//! and the driver of its converters.
 
+pub mod adc;
+
+pub use crate::after_clocks::set_up;
+
+use crate::record;
 use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
-use motor_hub_stm32::{record, start};
 
 /// Level of the programmable voltage detector (PVD): about 2.9 V for a falling supply (DS12288, embedded reset and
 /// power control block). The chip itself works down to 1.71 V, but the devices on its pins do not.
-pub(crate) const PVD_LEVEL: u8 = 0b110;
+pub const PVD_LEVEL: u8 = 0b110;
 
 /// RAM can be read before the first write.
-pub(crate) const RAM_HAS_ERROR_CODE: bool = false;
-
-/// Lights the red lamp, PC10, and starts the watchdog.
-pub(crate) fn before_clocks() {
-    pac::RCC.ahb2enr().modify(|w| w.set_gpiocen(true));
-    start::before_clocks(pac::IWDG, pac::GPIOC, 10);
-}
+pub const RAM_HAS_ERROR_CODE: bool = false;
 
 /// Returns the clocks: 170 MHz from the chip's internal 16 MHz oscillator (HSI), which nothing outside the chip can
 /// stop. All timers run at 170 MHz.
-pub(crate) fn clocks() -> embassy_stm32::Config {
+pub fn clocks() -> embassy_stm32::Config {
     let mut config = embassy_stm32::Config::default();
     config.rcc.pll = Some(rcc::Pll {
         source: rcc::PllSource::HSI,
@@ -39,7 +38,7 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
 /// Returns the cause of the last reset, and clears the reset flags.
 ///
 /// This chip has one flag, BORRSTF, for power-on and brown-out (RM0440 7.4.29). Power-on is the usual cause.
-pub(crate) fn reset_cause() -> Fault {
+pub fn reset_cause() -> Fault {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|w| w.set_rmvf(true));
     record::cause([

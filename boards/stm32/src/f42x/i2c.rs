@@ -3,12 +3,12 @@
 //!
 //! The controller stretches the clock until the core has read or written the byte, so a busy core loses no byte.
 
+use crate::i2c_bus::{self, Error, i2c_controllers};
+use crate::supply::InterruptWaiter;
 use embassy_stm32::pac::i2c::I2c;
 use embassy_stm32::pac::i2c::regs::Sr1;
 use embassy_stm32::pac::i2c::vals::{Duty, FS, Pos};
 use embassy_time::Timer;
-use motor_hub_stm32::i2c_bus::{self, Error};
-use motor_hub_stm32::supply::Watcher;
 
 /// Clock of the controllers, PCLK1, in MHz.
 const CLOCK_MHZ: u16 = 42;
@@ -16,7 +16,7 @@ const CLOCK_MHZ: u16 = 42;
 /// Time in microseconds between two checks whether a stop condition is complete. It is one clock period at 100 kHz.
 const STOP_MICROS: u64 = 10;
 
-motor_hub_stm32::i2c_controllers! {
+i2c_controllers! {
     i2c1: I2C1, I2C1_EV, I2C1_ER;
     i2c2: I2C2, I2C2_EV, I2C2_ER;
     i2c3: I2C3, I2C3_EV, I2C3_ER;
@@ -24,7 +24,7 @@ motor_hub_stm32::i2c_controllers! {
 
 /// Handles an interrupt of a controller: disables its interrupts, and wakes the task once. The event flags stay set,
 /// because the task reads them. A bus error is cleared and ignored, because the transfer continues (ES0206 2.9.6).
-fn interrupted(registers: I2c, watcher: &Watcher) {
+fn handle_interrupt(registers: I2c, waiter: &InterruptWaiter) {
     registers.sr1().write(|w| {
         // A written 0 clears a flag, and a written 1 changes nothing.
         w.0 = u32::MAX;
@@ -35,7 +35,7 @@ fn interrupted(registers: I2c, watcher: &Watcher) {
         w.set_itbufen(false);
         w.set_iterren(false);
     });
-    watcher.wake();
+    waiter.wake();
 }
 
 impl Controller {
@@ -59,7 +59,7 @@ impl Controller {
                 w.set_iterren(true);
             });
         };
-        self.watcher.wait(due, enable).await;
+        self.waiter.wait(due, enable).await;
         let status = registers.sr1().read();
         if !failed(status) {
             return Ok(());

@@ -1,27 +1,26 @@
-//! Battery (PA0) on ADC1 and VREFINT on ADC3.
+//! Battery on ADC1 and VREFINT on ADC3.
 
-use embassy_stm32::gpio::Flex;
+use crate::supply::{DIVIDER_OHMS, FactoryWord};
+use crate::two_converters::{self, ConverterHal, TwoConverters};
+use embassy_stm32::adc::AdcChannel;
 use embassy_stm32::pac::Interrupt;
 use embassy_stm32::pac::adc::Adc;
 use embassy_stm32::pac::adc::vals::SampleTime;
 use embassy_stm32::pac::adccommon::vals::Ckmode;
-use embassy_stm32::peripherals::{ADC1, ADC3, PA0};
+use embassy_stm32::peripherals::{ADC1, ADC3};
 use embassy_stm32::{Peri, interrupt, pac, rcc};
 use motor_hub::units::RangeError;
-use motor_hub_stm32::supply::{DIVIDER_OHMS, FactoryWord};
-use motor_hub_stm32::two_converters::{self, Kind, TwoConverters};
 
-/// The battery's converter, and ADC12_IN1, which is PA0 (DS12288, pin definitions).
-const BATTERY: (Adc, u8) = (pac::ADC1, 1);
 /// The reference's converter, and ADC3_IN18, which is VREFINT (RM0440 table 163).
 const VREFINT: (Adc, u8) = (pac::ADC3, 18);
 
-pub(crate) type BatteryAdc = TwoConverters<G4>;
+/// The converters of battery and reference.
+pub type BatteryAdc = TwoConverters<G4>;
 
 /// The converters of an STM32G4.
-pub(crate) struct G4;
+pub struct G4;
 
-impl Kind for G4 {
+impl ConverterHal for G4 {
     const INTERRUPT: Interrupt = Interrupt::ADC1_2;
     /// A conversion of 640.5 + 12.5 cycles at 42.5 MHz takes 15 us.
     const WAIT_MICROS: u64 = 50;
@@ -52,9 +51,9 @@ impl Kind for G4 {
 ///
 /// # Errors
 /// [`RangeError::Divider`] if a resistance of the divider is 0.
-pub(crate) fn battery(
+pub fn battery(
     _: (Peri<'static, ADC1>, Peri<'static, ADC3>),
-    pin: Peri<'static, PA0>,
+    pin: impl AdcChannel<ADC1> + 'static,
 ) -> Result<BatteryAdc, RangeError> {
     rcc::enable_and_reset::<ADC1>();
     rcc::enable_and_reset::<ADC3>();
@@ -64,10 +63,11 @@ pub(crate) fn battery(
         w.set_ckmode(Ckmode::SYNC_DIV4);
         w.set_vrefen(true);
     });
-    TwoConverters::new(BATTERY, VREFINT, Flex::new(pin), FactoryWord::G47X, DIVIDER_OHMS)
+    let battery = (pac::ADC1, pin.degrade_adc().get_hw_channel());
+    TwoConverters::new(G4, battery, VREFINT, FactoryWord::G47X, DIVIDER_OHMS)
 }
 
 #[interrupt]
 fn ADC1_2() {
-    two_converters::crossed(BATTERY.0);
+    two_converters::handle_watchdog_interrupt(pac::ADC1);
 }

@@ -1,16 +1,22 @@
-//! The chip's own set-up, in addition to the HAL's: clocks, caches, the debugger, the cause of a reset, and the supply's limit.
+//! An STM32H743 or H753: its set-up in addition to the HAL's (clocks, caches, the debugger, the cause of a reset, the
+//! supply's limit), and the drivers that only these chips need.
 
-use boot_h743zi2::execute_first_bank_only;
+pub mod adc;
+pub mod analog;
+pub mod current;
+pub mod i2c;
+
+use crate::{record, stack};
 use core::ptr::with_exposed_provenance_mut;
+use cortex_m::peripheral::MPU;
 use embassy_stm32::pac::common::{RW, Reg};
 use embassy_stm32::pac::timer::vals::Bkp;
 use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
-use motor_hub_stm32::{record, stack, start};
 
 /// Level of the programmable voltage detector (PVD): 2.86 V for a rising supply, and 2.76 V for a falling one (DS12110
 /// table 116). The chip itself works down to 1.62 V, but the devices on its pins do not.
-pub(crate) const PVD_LEVEL: u8 = 0b110;
+pub const PVD_LEVEL: u8 = 0b110;
 
 /// SYSCFG_CFGR, with its bits CM7L and PVDL (RM0433 12.3.6). The peripheral access crate does not have the register.
 const SYSCFG_CFGR: usize = 0x5800_0418;
@@ -22,18 +28,12 @@ const PREDIV: rcc::PllPreDiv = rcc::PllPreDiv::DIV8;
 
 /// RAM has an error-correcting code, which is not valid before the first write. A read of RAM before the first write
 /// may be a bus error.
-pub(crate) const RAM_HAS_ERROR_CODE: bool = true;
-
-/// Lights the red lamp, PB14, and starts the watchdog.
-pub(crate) fn before_clocks() {
-    pac::RCC.ahb4enr().modify(|w| w.set_gpioben(true));
-    start::before_clocks(pac::IWDG1, pac::GPIOB, 14);
-}
+pub const RAM_HAS_ERROR_CODE: bool = true;
 
 /// Returns the clocks: 400 MHz from the chip's internal 64 MHz oscillator (HSI), which nothing outside the chip can
 /// stop. The 8 MHz clock of the ST-LINK on OSC_IN is not used, because it stops when the USB of the ST-LINK is
 /// disconnected. The README has the oscillator's accuracy. Buses run at 200 and 100 MHz, all timers at 200 MHz.
-pub(crate) fn clocks() -> embassy_stm32::Config {
+pub fn clocks() -> embassy_stm32::Config {
     let pll = |mul, divp| rcc::Pll {
         source: rcc::PllSource::HSI,
         prediv: PREDIV,
@@ -64,9 +64,8 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
     config
 }
 
-/// Enables the instruction cache, sets the guard of the stack, forbids the execution of code in the second bank of the
-/// flash, in the system memory and in the DTCM, switches PLL3 off, and stops the PWM timer while a debugger halts the
-/// core. Call this function right after the HAL's initialisation, before
+/// Enables the instruction cache, sets the guard of the stack, forbids the execution of code in the DTCM and in what
+/// `forbid_execution` names, switches PLL3 off, and stops the PWM timer while a debugger halts the core. Call this function right after the HAL's initialisation, before
 /// the core sleeps for the first time.
 ///
 /// # Caches
@@ -76,11 +75,11 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
 /// # Debugger
 /// While the core is halted, TIM1 is stopped and its outputs are off as after a break (RM0433 38.3.29). With OSSI set,
 /// the outputs are then low. The watchdog continues to run.
-pub(crate) fn set_up() {
+pub fn set_up(forbid_execution: fn(&mut MPU)) {
     if let Some(mut core) = cortex_m::Peripherals::take() {
         core.SCB.enable_icache();
         stack::guard(&mut core.MPU);
-        execute_first_bank_only(&mut core.MPU);
+        forbid_execution(&mut core.MPU);
     }
     pac::RCC.cr().modify(|w| w.set_pllon(2, false));
     pac::DBGMCU.apb2fzr1().modify(|w| w.set_tim1(true));
@@ -94,7 +93,7 @@ pub(crate) fn set_up() {
 /// errors of the flash were connected, a read of a word that a power cut has damaged would also cause a break. The store
 /// reads such words as empty. If errors of the DTCM were connected, a read of stack memory that has not been written
 /// since power-on would also cause a break.
-pub(crate) fn break_pwm() {
+pub fn break_pwm() {
     const REVISION_V: u16 = 0x2003;
     if pac::DBGMCU.idc().read().rev_id() < REVISION_V {
         return;
@@ -115,7 +114,7 @@ pub(crate) fn break_pwm() {
 }
 
 /// Returns the cause of the last reset, and clears the reset flags.
-pub(crate) fn reset_cause() -> Fault {
+pub fn reset_cause() -> Fault {
     let flags = pac::RCC.rsr().read();
     pac::RCC.rsr().modify(|w| w.set_rmvf(true));
     record::cause([
