@@ -4,7 +4,7 @@ mod common;
 
 use common::{BATTERY, BRIDGE, Bench, free_cps, inertia, plant, unknown, velocity};
 use motor_hub::bridge::Drive;
-use motor_hub::hub::{Action, Command, Hub, Inputs};
+use motor_hub::hub::{Action, Command, Hub};
 use motor_hub::model::catalogue::{self, Motor};
 use motor_hub::model::plant::PlantInput;
 use motor_hub::model::si::{Amps, RadPerSec, Seconds, Volts};
@@ -123,7 +123,7 @@ fn the_current_limit_holds_while_a_braking_motor_dissipates_its_energy() {
         hub.apply(Command { motor: 0, action: Action::Set(braking) }).expect("a motor of the hub");
         // The speed does not change, and the supply cannot take the energy.
         let mut plant = plant(motor, inertia(HEAVY));
-        plant.place(Amps(0.0), RadPerSec(f64::from(cps) * TAU / motor.counts_per_rev_motor), 0.0);
+        plant.set_state(Amps(0.0), RadPerSec(f64::from(cps) * TAU / motor.counts_per_rev_motor), 0.0);
         let mut supply = Supply::new(Limits::default());
         let (mut drive, mut pulses, mut charge) = (Drive::COAST, 0, 0.0);
         for ms in 1..=2_000 {
@@ -133,7 +133,7 @@ fn the_current_limit_holds_while_a_braking_motor_dissipates_its_energy() {
             let battery = supply.step(Some(Millivolts::new(15_000)), now);
             let before = drive;
             if ms % 10 == 0 {
-                drive = hub.step(&Inputs { now, readings: [reading], battery }).motors[0].drive;
+                drive = hub.step(now, &[reading], battery).motors[0].drive;
             } else if let Some([changed]) = battery.and_then(|battery| hub.apply_limits(battery)) {
                 drive = changed;
             }

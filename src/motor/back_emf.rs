@@ -184,9 +184,9 @@ mod tests {
     #[test]
     fn the_constants_follow_magnets_that_warm_up_while_the_winding_keeps_its_temperature() {
         let mut configured = Configured::new(&settings());
-        assert!(configured.warm(Temperatures { winding_k: 98, magnets_k: 26 }));
-        assert!(!configured.warm(Temperatures { winding_k: 98, magnets_k: 30 }));
-        assert!(configured.warm(Temperatures { winding_k: 98, magnets_k: 31 }));
+        assert!(configured.set_temperatures(Temperatures { winding_k: 98, magnets_k: 26 }));
+        assert!(!configured.set_temperatures(Temperatures { winding_k: 98, magnets_k: 30 }));
+        assert!(configured.set_temperatures(Temperatures { winding_k: 98, magnets_k: 31 }));
         assert!((configured.emf_share() - 0.938).abs() < 1e-3, "{}", configured.emf_share());
     }
 

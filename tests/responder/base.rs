@@ -95,9 +95,9 @@ fn a_base_is_refused_if_it_does_not_fit() {
 #[test]
 fn a_base_is_not_replaced_while_one_of_its_wheels_is_enabled() {
     let mut host = TestHost::settled();
-    assert_eq!(set(&mut host, base([0, 1], true)), Said::Ack(0));
+    assert_eq!(set(&mut host, base([0, 1], true)), Answer::Ack(0));
     host.do_all(&[(15, &[1, 0, 0]), (10, &[1, 1])]);
-    assert_eq!(set(&mut host, base([2, 3], true)), Said::Nack(60));
+    assert_eq!(set(&mut host, base([2, 3], true)), Answer::Nack(60));
     host.do_all(&[(10, &[1, 0])]);
-    assert_eq!(set(&mut host, base([2, 3], true)), Said::Ack(0));
+    assert_eq!(set(&mut host, base([2, 3], true)), Answer::Ack(0));
 }

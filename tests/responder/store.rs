@@ -340,7 +340,7 @@ fn while_a_motor_runs_settings_are_saved_without_erasing_and_not_read() {
         host.ask(SAVE, &[]);
         assert!(order(&mut host).may_erase, "{setpoint:?}");
         host.responder.store_done(None, Outcome::NeedsErase);
-        assert!(matches!(host.ask(LOAD, &[]), Said::Ack(_)), "{setpoint:?}");
+        assert!(matches!(host.ask(LOAD, &[]), Answer::Ack(_)), "{setpoint:?}");
         order(&mut host);
         host.responder.store_done(None, Outcome::Done);
     }
