@@ -1,7 +1,8 @@
 //! Shows how a new board drives two motors. The board implements four traits, runs five tasks, and gets two commands.
 //!
-//! The board is a mock, so that this runs anywhere: `cargo run --example two_motors`. On a chip the traits read
-//! timers and write pins, the clock is the chip's, and an executor polls the tasks; nothing else is different.
+//! The board is a mock, so that the example runs on any computer: `cargo run --example two_motors`. On a chip the
+//! traits read timers and write pins. The clock is the chip's, and an executor polls the tasks. Nothing else is
+//! different.
 
 use embassy_futures::join::join5;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;

@@ -63,8 +63,8 @@ pub trait SupplyAdc {
 pub trait Bridges<const N: usize> {
     /// Applies a command to each bridge. The command stays in force until the next call.
     ///
-    /// While a bridge changes from one command to another, it must never short the supply. It must never drive in the
-    /// new direction with the old duty.
+    /// While a bridge changes from one command to another, the bridge must never short the supply. The bridge must
+    /// never drive in the new direction with the old duty.
     fn apply(&mut self, drives: &[Drive; N]);
 }
 

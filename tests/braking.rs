@@ -24,14 +24,14 @@ fn schemes() -> [Scheme; 8] {
     ]
 }
 
-/// Back EMF of `cps` for a NeveRest 60 on `battery_mv`.
+/// Operating point of a NeveRest 60 that turns at `cps` counts/s on a battery of `battery_mv`.
 fn at(cps: i32, battery_mv: u16) -> OperatingPoint {
     let neverest_60 = Winding::NEVEREST_60.emf;
     OperatingPoint::new(neverest_60.emf(CountsPerSecond::new(cps)), Millivolts::new(battery_mv))
         .expect("battery")
 }
 
-/// Speeds from standstill to 40 times the free speed, clockwise.
+/// Speeds in counts/s from standstill to 33 times the speed whose back EMF is 12 V, clockwise.
 const SPEEDS: [i32; 14] = [0, 1, 2, 30, 272, 800, 1360, 1500, 2400, 2720, 3009, 3010, 3011, 100_000];
 const BATTERIES: [u16; 5] = [1, 6_500, 9_500, 12_000, u16::MAX];
 
@@ -143,12 +143,12 @@ fn a_regime_lies_where_the_paper_puts_it() {
     assert_eq!(linear_duty(Scheme::A, half, Control::ZERO), Drive::BRAKE);
     assert_eq!(linear_duty(Scheme::A, half, Control::new(16_000)).mode, Mode::Brake50);
     assert_eq!(linear_duty(Scheme::A, half, Control::new(17_000)).mode, Mode::Cw98);
-    // Scheme B: Z at 0, T at a third of the range.
+    // Scheme B: Z at 0, T at minus a third of the range.
     assert_eq!(linear_duty(Scheme::B, half, Control::ZERO), Drive::COAST);
     assert_eq!(linear_duty(Scheme::B, half, Control::new(1)).mode, Mode::Cw98);
     assert_eq!(linear_duty(Scheme::B, half, Control::new(-10_900)).mode, Mode::Brake50);
     assert_eq!(linear_duty(Scheme::B, half, Control::new(-10_930)).mode, Mode::Ccw62);
-    // Scheme C: T just reaches the end of the range at half of the battery voltage.
+    // Scheme C: at half of the battery voltage T is at the lower end of the range.
     assert!((Points::new(Scheme::C, half).t.to_f64() + 32_767.0).abs() < 40.0);
     // Without a braking regime, negative control values drive in reverse.
     assert_eq!(linear_duty(Scheme::ForwardReverse, half, Control::new(-1)).mode, Mode::Ccw62);

@@ -22,7 +22,8 @@ fn bridge(timing: Timing) -> Bridge {
 
 #[test]
 fn edges_shift_the_voltage_of_a_continuous_current_by_half_of_their_difference() {
-    // If turning on takes 1 us longer than turning off, the mean voltage is lower by 0.5 us of 50 us of V + Vd.
+    // Turning on takes 1 us longer than turning off. For half of this time, 0.5 us in each period of 50 us, the voltage
+    // is lower by V + Vd. The mean voltage is therefore lower by 1 % of V + Vd.
     let at = Conditions { battery: Volts(12.0), emf: Volts(3.0) };
     let mean = |turn_on_ns, turn_off_ns| {
         let timing = Timing { turn_on_ns, turn_off_ns, ..Timing::IDEAL };
@@ -44,7 +45,7 @@ fn edges_shift_the_voltage_of_a_continuous_current_by_half_of_their_difference()
 
 #[test]
 fn switches_get_the_heat_of_their_edges() {
-    // During both edges the switches dissipate half of V I: 12.7 V, for 2.2 us of 50 us.
+    // During both edges together, 2.2 us of 50 us, the switches dissipate half of the current times 12.7 V.
     let at = Conditions { battery: Volts(12.0), emf: Volts(3.0) };
     let steady = |timing| Circuit::new(&am60(), bridge(timing)).steady(Pwm::new(Mode::Cw98, 0.6, PWM), at);
     let (fast, slow) = (steady(Timing::IDEAL), steady(Timing::VNH5019));

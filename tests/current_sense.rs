@@ -48,7 +48,7 @@ impl Held {
         }
     }
 
-    /// A sample of the line every 25 ms, and a tick every 50.
+    /// Lets time pass, with a sample of the line every 25 ms and a tick every 50 ms.
     fn run(&mut self, ms: u64, shown_ma: Option<i32>) -> &Report {
         for _ in 0..ms {
             if self.0.ms.is_multiple_of(25) {
@@ -264,7 +264,8 @@ proptest! {
     }
 }
 
-/// True and shown current in A, after a tenth of a second in a mode at a duty, from a speed on.
+/// Returns the true and the shown current in A in a mode at a duty, as means over 0.1 s. The measurement begins after
+/// 0.1 s. `speed` is a share of the speed whose back EMF is the battery's voltage.
 fn shown(mode: Mode, duty: f64, speed: f64) -> (f64, f64) {
     // The load is so heavy that the speed does not change.
     let mut plant = plant(neverest_60(), inertia(1e3));

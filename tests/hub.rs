@@ -79,8 +79,8 @@ fn a_bridge_draws_its_duty_of_the_current_and_returns_it_while_it_is_open() {
     for (motor, control) in [(0, 16_384), (1, -16_384), (2, 0)] {
         bench.set(motor, power(control));
     }
-    // The set-point is below the motor's speed: mode 5/0 brakes. 12 of 32 767 steps for a count/s are some 5.7 V, less
-    // than the back EMF.
+    // The set-point is below the motor's speed, so mode 5/0 brakes. A feed-forward of 12 steps per count/s gives some
+    // 5.7 V at 1300 counts/s, which is less than the back EMF.
     bench.configure(3, |at| *at = with_velocity(Pidf { f: q16(12), ..Pidf::default() }));
     bench.set(3, velocity(1_300));
     let motors = settle(&mut bench).motors.map(|motor| {
@@ -363,7 +363,8 @@ fn any_setpoint() -> impl Strategy<Value = Setpoint> {
     ]
 }
 
-/// State of the other motor: position unless the encoder has failed, age of the edge, age of the sample, set-point.
+/// State of the other motor: position (`None` without a reading), age of the edge in us, age of the sample in us, and
+/// set-point.
 type Neighbour = (Option<i32>, u64, u64, Setpoint);
 
 proptest! {

@@ -1,5 +1,5 @@
-//! A motor that has become hot since it was configured keeps its speed: the regulator notices by its hunting that the
-//! configured back EMF is too high, and follows the temperature of a motor with a thermal limit.
+//! A motor that has become hot since it was configured keeps its speed. If the speed hunts, the regulator finds that
+//! the configured back EMF is too high. The constants of a motor with a thermal limit follow its computed temperature.
 
 mod common;
 
@@ -45,7 +45,7 @@ fn a_hot_motor_keeps_its_speed_within_1_percent() {
         let settings = configured(&cold, &load);
         for period in [10, 50, 100] {
             for scheme in [Scheme::A, Scheme::ForwardReverse] {
-                // At 100 ms a slow motor wavers, also if it is configured exactly.
+                // At a period of 100 ms the speed of a slow motor varies, also if the motor is configured exactly.
                 let shares: &[f64] = if period == 100 { &[0.5, -0.44] } else { &[0.5, 0.16, -0.44] };
                 for share in shares {
                     let settings = Settings { scheme, ..settings };

@@ -102,7 +102,8 @@ impl Setup {
         self.disturbed(|_| ())
     }
 
-    /// A load that takes or drives this share of the stall torque, by counts and milliseconds.
+    /// Runs the identification under an external torque. `share` returns the torque as a share of the stall torque, for
+    /// a position in counts and a time in ms.
     fn loaded(&self, share: impl Fn(f64, u64) -> f64) -> Outcome {
         let stall_after = self.stall() * self.motor.eta * self.motor.gear_ratio;
         self.disturbed(|bench| bench.axes[0].torque = share(bench.counts(0), bench.ms) * stall_after)
@@ -323,7 +324,7 @@ fn refused(outcome: Outcome, reasons: &[Refusal], what: &str) {
     }
 }
 
-/// The identification is refused because of the load, or finds b correctly.
+/// Asserts that an identification that is not refused has found b within 12 %. Any reason of a refusal is accepted.
 fn refused_or_right(bench: &Setup, outcome: &Outcome, what: &str) {
     if let Identification::Found(found) = outcome.identification {
         let (b, _) = bench.errors(&found);

@@ -186,8 +186,8 @@ fn duty_is_within_a_quarter_of_a_percent_of_the_exact_inverse() {
                             Hertz(frequency),
                             conditions,
                         );
-                        // At an exact boundary either mode is right. Below a thousandth of Vbat/R the
-                        // duty goes as the root of a voltage that is rounded to 1/16 mV.
+                        // At an exact boundary either mode is right. For currents below a thousandth of
+                        // Vbat/R the duty is the root of a voltage that is rounded to 1/16 mV.
                         let small = asked.abs() < 1e-3 * battery / motor.r.0;
                         if exact.on == placement.mode.on() && !small {
                             worst = worst.max((placement.duty.to_f64() - exact.duty).abs());
@@ -273,8 +273,8 @@ fn regimes_are_those_of_the_points() {
                 let current = linear_current(&winding, scheme, at, control);
                 differing += i32::from(at.regime(linear) != at.regime(current));
             }
-            // The points are exact, the currents are to 1/16 mV: they may differ at a boundary. The
-            // points' automatic blend is rounded besides, by 1/65536 of the way to Scheme C.
+            // The points are exact, and voltages are rounded to 1/16 mV. At a boundary the regimes may therefore
+            // differ. The automatic blend is also rounded, by 1/65536 of the distance to Scheme C.
             let most = match scheme {
                 Scheme::D(Blend::Automatic) => 2 - (Points::new(Scheme::C, at).t.to_f64() / 65_536.0) as i32,
                 _ => 2,
@@ -467,11 +467,11 @@ fn of_a_real_bridge_the_line_keeps_what_the_shortest_low_time_leaves_of_it() {
         println!(
             "  slowest edges, configured as typical: {slow:.4}; edges not compensated: {uncompensated:.4}"
         );
-        // Half of the low time, of V + Vd: 6.3 % of a period of 50 us.
+        // The largest error is half of the shortest low time, 3 us of 50 us, times V + Vd. This is 6.3 % of V.
         assert!((most / 2.0..most).contains(&all), "{all}");
         assert!(allowed < 0.0025, "{allowed}");
         assert!(slow < 0.012, "{slow}");
-        assert!(uncompensated > 4.0 * allowed, "{uncompensated}: making up for edges has lost its point");
+        assert!(uncompensated > 4.0 * allowed, "{uncompensated}: the compensation of edges has no effect");
     }
 }
 

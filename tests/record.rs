@@ -303,7 +303,7 @@ fn a_flipped_bit_removes_an_entry_or_its_ticks_and_adds_none() {
     }
 }
 
-/// The head has 24 bytes: number and last tick of the run.
+/// The state of the run is in the first 24 bytes of the memory: the number of the run, and its last tick.
 #[test]
 fn a_flipped_bit_in_the_state_of_the_run_removes_that_state_or_the_record() {
     let (_, memory, _) = before_and_after();
@@ -330,7 +330,7 @@ fn a_tick_whose_writing_a_reset_interrupted_is_in_no_entry() {
     let (mut record, _) = Record::open(&mut memory, Fault::PowerOn);
     run(&mut record, 100);
     let before = memory;
-    // The head is written last, and makes the tick valid.
+    // The state of the run is written last. Only then the new tick counts.
     for garbled in 0..=32 {
         let mut memory = before;
         let begun = &mut memory[RING][32 * 35..][..32];

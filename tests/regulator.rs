@@ -1,4 +1,4 @@
-//! The estimate of a motor's motion from samples at irregular times.
+//! The estimate of a motor's motion from samples at irregular times, and regulation with a wrong inertia.
 
 mod common;
 
@@ -73,7 +73,7 @@ fn a_motor_that_has_rolled_out_is_known_to_rest() {
     }
 }
 
-/// These settings with `factor` times the inertia.
+/// Returns the settings with `factor` times the inertia.
 fn with_inertia(mut settings: Settings, factor: f64) -> Settings {
     let dynamics = settings.dynamics.as_mut().expect("configured");
     dynamics.gain =
@@ -82,8 +82,9 @@ fn with_inertia(mut settings: Settings, factor: f64) -> Settings {
     settings
 }
 
-/// Lowest and highest distance in counts from the target, and changes of the count in a second, of a NeveRest 40 that holds
-/// a torque of 0.3 N m from 5 s to 10 s after the command to move. It is configured with 0.7 times its inertia.
+/// Returns the lowest and the highest distance in counts from the target, and the changes of the count in a second. A
+/// NeveRest 40 moves to the target and holds it against a torque of 0.3 N m. The measurement is from 5 s to 10 s after
+/// the command. The motor is configured with 0.7 times its inertia.
 fn held(period_ms: u32) -> (f64, f64, f64) {
     let motor = motor("AM 40 C");
     let settings = with_inertia(configured(&motor, &Load::NONE), 0.7);
@@ -107,7 +108,8 @@ fn held(period_ms: u32) -> (f64, f64, f64) {
 fn a_held_position_stays_within_two_counts_also_with_too_little_inertia_configured() {
     let rows = [1, 10, 20, 50, 100].map(|period_ms| (period_ms, held(period_ms)));
     let good = |(low, high, changes): (f64, f64, f64)| low >= -2.0 && high <= 2.0 && changes <= 4.0;
-    // Without being drawn back the motor swings by 3 counts either way, and up to nine times a second.
+    // Without the law that draws a held motor back slowly, the motor swings by 3 counts either way, up to nine times a
+    // second.
     let bad: Vec<_> = rows.iter().filter(|(_, row)| !good(*row)).collect();
     assert!(bad.is_empty(), "period in ms, lowest and highest distance, changes in a second: {bad:?}");
 }

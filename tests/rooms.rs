@@ -58,7 +58,7 @@ fn code(path: &Path) -> Vec<(usize, String)> {
     without_comments(&read(path))
 }
 
-/// Joins an import of several lines to one line, with the number of its first line.
+/// Removes comments. Joins an import of several lines to one line, with the number of its first line.
 fn without_comments(text: &str) -> Vec<(usize, String)> {
     let unfinished = |line: &str| {
         let import = line.trim_start();
@@ -96,8 +96,8 @@ fn assert_none(found: &[String]) {
     assert!(found.is_empty(), "against the rules of CONTRIBUTING.md:\n{}", found.join("\n"));
 }
 
-/// The first name of every path in `line` that begins with `prefix`, such as `crate::`; of `crate::{a, b::c}`
-/// too.
+/// The first name of every path in `line` that begins with `prefix`, such as `crate::`. For `crate::{a, b::c}` the
+/// names are `a` and `b`.
 fn first_names<'a>(line: &'a str, prefix: &str) -> Vec<&'a str> {
     let name =
         |text: &'a str| text.split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap_or_default();
@@ -281,9 +281,9 @@ fn crates_of_others_stay_in_the_rooms_that_are_for_them() {
         for Dependency { line, name, dev, .. } in dependencies(package) {
             let place = format!("{}:{line}", manifest_path(package));
             assert!(package != "xtask", "{place}: xtask needs nothing, so that it is built at once");
-            assert!(package == "host/cli" || name != "clap", "{place}: options are for host/cli to read");
+            assert!(package == "host/cli" || name != "clap", "{place}: only host/cli reads options");
             let embassy = name.starts_with("embassy-") && !dev;
-            assert!(!embassy || wing(package) < 2, "{place}: the host's wing knows nothing of embassy");
+            assert!(!embassy || wing(package) < 2, "{place}: packages of the host do not use embassy");
         }
     }
 }
@@ -299,7 +299,7 @@ fn the_client_builds_without_the_tasks() {
     let how = format!("{} {}", core.how, if inherited { of_workspace } else { "" });
     assert!(
         how.contains("default-features = false") && !how.contains("\"tasks\""),
-        "host/client/Cargo.toml:{}: motor-hub without its feature tasks, please: {how}",
+        "host/client/Cargo.toml:{}: motor-hub must be without its feature tasks: {how}",
         core.line
     );
 }

@@ -162,8 +162,8 @@ fn speeds(settings: Settings, period_ms: u32, phase_ms: u64, jitter_ms: u64, dem
     speeds
 }
 
-/// The time in ms by which these speeds lag behind the demand in the least-squares sense, from the second second on, and the
-/// rms error in counts/s that a lag does not explain.
+/// Returns the lag in ms with which these speeds follow the demand with the least rms error, and this rms error in
+/// counts/s. The first second is not used.
 fn lag(speeds: &[f64], demand: Speed) -> (u32, f64) {
     let rms = |lag_ms: u32| {
         let late = |(ms, speed): (usize, &f64)| {
@@ -211,7 +211,8 @@ fn a_streamed_ramp_that_ends_overshoots_by_what_it_would_gain_before_its_end_is_
         {
             let speeds = speeds(settings, period_ms, phase_ms, 0, demand);
             let overshoot = speeds.into_iter().fold(0.0, f64::max) - 1_300.0;
-            // One and a half intervals of 20 ms, and half a period.
+            // The ramp gains 2.5 counts/s in each millisecond. The hub continues the ramp for at most one and a half
+            // intervals of 20 ms, and half a period.
             let most = 2.5 * (30.0 + 0.5 * f64::from(period_ms));
             assert!(overshoot <= most, "{period_ms} ms, from {phase_ms} ms on: {overshoot} counts/s");
         }

@@ -316,7 +316,7 @@ fn when_control_stops_the_bridges_coast_after_three_periods() {
         assert_ne!(parts.world.last_drives(), [Drive::COAST; N]);
         board.control = None;
         board.run_ms(u64::from(period_ms) * 3 - 1);
-        assert_ne!(parts.world.last_drives(), [Drive::COAST; N], "patient for three periods");
+        assert_ne!(parts.world.last_drives(), [Drive::COAST; N], "the output task waits three periods");
         board.run_ms(1);
         assert_eq!(parts.world.last_drives(), [Drive::COAST; N]);
     }
@@ -451,7 +451,7 @@ fn when_one_encoder_fails_its_motor_coasts_if_regulated_and_no_other_until_it_re
     assert_eq!(stale(), [false; N]);
     assert_eq!(coasting(), [false; N]);
     let positions = parts.snapshot().motors.map(|m| m.position);
-    assert_eq!(positions, [positions[1]; N], "it counted on while nobody could read it");
+    assert_eq!(positions, [positions[1]; N], "the counter counted while it was not read");
 }
 
 #[test]
@@ -498,7 +498,7 @@ fn a_board_with_a_link_expects_it_to_check_in_too() {
     };
     assert_eq!(fed(true, false), 0);
     assert!(fed(true, true) >= 9);
-    assert!(fed(false, true) >= 9, "whoever is not expected does not count");
+    assert!(fed(false, true) >= 9, "a task that is not expected need not check in");
 }
 
 /// Bridges with faults, and a current on the first bridge.

@@ -1,5 +1,5 @@
-//! Tells the linker where the bootloader's sections go, the first sector of the flash and the core's own RAM, and names the key
-//! of signed firmware.
+//! Tells the linker where the bootloader's sections go: into the first sector of the flash, and into the core's own
+//! RAM. Names the file of the public key for signed firmware.
 
 use std::path::{Path, PathBuf};
 

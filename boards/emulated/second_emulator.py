@@ -31,7 +31,7 @@ TIM5_LINE, USART3_LINE = 50, 39
 VREFINT, BATTERY = 1502, 1619
 # Opcodes of WFE and SEV (ARMv7-M ARM A7.7).
 WFE, SEV = b"\x20\xbf", b"\x40\xbf"
-# What Unicorn calls an exception return.
+# Number of the exception that Unicorn reports for an exception return.
 EXCEPTION_RETURN = 8
 # Registers that the core stacks on exception entry, in this order, before PC and xPSR (PM0214 2.3.7).
 STACKED = [

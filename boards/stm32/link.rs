@@ -1,6 +1,7 @@
 // The body of a board's build.rs, which includes this file.
 
-/// Tells the linker where the sections of an image go: the script of `cortex-m-rt` around this memory map, and defmt's.
+/// Tells the linker where the sections of an image go: writes the memory map, and names the linker scripts of
+/// `cortex-m-rt` and defmt.
 fn link(memory: &str) {
     let out = std::path::PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets it"));
     let map = [memory, include_str!("../stm32/sections.x")].concat();

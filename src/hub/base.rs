@@ -202,8 +202,8 @@ impl Base {
         if self.gyro == GyroState::Good {
             let most = CORRECTION_DEGREES_PER_S * step_s;
             self.corrected_degrees += (slip - self.corrected_degrees).clamp(-most, most);
-            // `turn` fails only if a correction does not fit in 32 bits. A correction always fits, because the
-            // positions of the wheels have 32 bits.
+            // `turn` fails only if a correction does not fit in 32 bits. The correction is then 0. No base with
+            // plausible dimensions slips by so many counts.
             self.correction = geometry.turn(self.corrected_degrees).unwrap_or_default();
         }
     }

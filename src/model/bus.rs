@@ -104,7 +104,8 @@ impl Bus {
 /// Supply voltages at which a bridge shuts itself down: it opens all switches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Protection {
-    /// The bridge opens above this voltage. It stays open until its input lines change while the voltage is lower.
+    /// The bridge opens above this voltage. The bridge stays open until its input lines change while the voltage is
+    /// lower.
     pub over: Volts,
     /// The bridge opens below this voltage.
     pub under: Volts,

@@ -98,7 +98,7 @@ pub struct CatalogueEntry {
     pub name: &'static str,
     /// The author's name: product family, gear ratio, and a letter for the specimen, such as "AM 40 A".
     pub specimen: &'static str,
-    /// Part number of the vendor. It is empty for further specimens of a product.
+    /// Part number of the vendor. The text is empty for further specimens of a product.
     pub part_number: &'static str,
     /// Encoder counts per turn of the motor shaft.
     pub counts_per_rev_motor: f64,

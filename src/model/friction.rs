@@ -81,7 +81,7 @@ impl Cogging {
         NewtonMetres(self.mean_torque(angle, 0.0))
     }
 
-    /// Returns the energy stored at a motor angle in rad. It is 0 at a stable position.
+    /// Returns the energy stored at a motor angle in rad. The energy is 0 at a stable position.
     #[must_use]
     pub fn energy(&self, angle: f64) -> Joules {
         if self.per_turn == 0 {

@@ -1,11 +1,12 @@
 //! Numerical functions that stay precise for small arguments, and a bracketing root finder.
 
-/// Returns `(1 - exp(-x)) / x`: the mean of `exp(-s)` for `s` from 0 to `x`. It is 1 at `x = 0`.
+/// Returns `(1 - exp(-x)) / x`: the mean of `exp(-s)` for `s` from 0 to `x`. The result is 1 at `x = 0`.
 pub(super) fn phi1(x: f64) -> f64 {
     if x.abs() < 1e-8 { 1.0 - 0.5 * x } else { -(-x).exp_m1() / x }
 }
 
-/// Returns `(1 - phi1(x)) / x`: the mean of `1 - exp(-s)` for `s` from 0 to `x`, divided by `x`. It is 1/2 at `x = 0`.
+/// Returns `(1 - phi1(x)) / x`: the mean of `1 - exp(-s)` for `s` from 0 to `x`, divided by `x`. At `x = 0` the result
+/// is 1/2.
 pub(super) fn phi2(x: f64) -> f64 {
     if x.abs() < 0.02 {
         // The truncation error is below x^6 / 40320, which is 2e-15 at x = 0.02.
@@ -15,7 +16,7 @@ pub(super) fn phi2(x: f64) -> f64 {
     }
 }
 
-/// Returns `ln(1 + x) / x` for `x` of at least 0. It is 1 at `x = 0`.
+/// Returns `ln(1 + x) / x` for `x` of at least 0. The result is 1 at `x = 0`.
 pub(super) fn ln_1p_over_x(x: f64) -> f64 {
     if x < 1e-8 { 1.0 - 0.5 * x } else { x.ln_1p() / x }
 }

@@ -24,7 +24,7 @@ use super::switching::{Circuit, Conditions, Integrals, Pwm};
 /// Kind of conduction: how long current flows in each period.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Conduction {
-    /// Current flows during the whole period. It may change its sign.
+    /// Current flows during the whole period. The current may change its sign.
     Continuous,
     /// Current is zero during a part of the period.
     Discontinuous,

@@ -189,7 +189,7 @@ pub struct Plant {
     speed: f64,
     /// Angle of the motor shaft, rad.
     angle: f64,
-    /// Mean current of the last window, A. It is the first estimate of the next window's mean current.
+    /// Mean current of the last window, A. This current is the first estimate of the next window's mean current.
     last_mean: f64,
     /// Off state of the present mode. The modes 9/8, 6/2 and 5/0 have different off states, so a change of this state
     /// is a change of the mode. An open bridge has the off state of mode 5/0, so no pause comes between the two.
@@ -339,7 +339,7 @@ impl Plant {
         Joules(own + self.output.as_ref().map_or(0.0, |output| output.energy(self.angle).0))
     }
 
-    /// Returns the angle of the motor shaft in rad. It is not limited to one turn.
+    /// Returns the angle of the motor shaft in rad. The angle is not limited to one turn.
     #[must_use]
     pub const fn angle(&self) -> f64 {
         self.angle

@@ -67,7 +67,7 @@ impl Applied {
 /// The poles of motor and load, 1/s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Poles {
-    /// The poles are real: `-slow` and `-fast`. They may be equal.
+    /// The poles are real: `-slow` and `-fast`. The poles may be equal.
     Real {
         /// Magnitude of the pole nearer to 0, 1/s.
         slow: f64,
@@ -144,7 +144,8 @@ impl GearedMotor {
         0.5 * (self.motor.r.0 / self.motor.l.0 - self.shaft.drag.0 / self.shaft.inertia.0)
     }
 
-    /// Returns the square of half the distance between the poles, 1/s². It is negative if the poles are complex.
+    /// Returns the square of half the distance between the poles, 1/s². The square is negative if the poles are
+    /// complex.
     #[must_use]
     pub fn gamma2(&self) -> f64 {
         // This is equal to sigma² - D0/(L Jt), with less cancellation.

@@ -10,9 +10,9 @@
 //!
 //! The back EMF constant in force is the lower of the two corrected constants. The configured resistance and back EMF
 //! belong to a cold motor, as data sheets state them. The configured dynamics belong to the temperatures at which they
-//! were configured: a user identifies a motor, warm or cold, and then configures the result. Dynamics from the store
-//! belong to a cold motor. Currents for reports and limits are still computed with the cold resistance. The motor may
-//! be colder than the model says, and the cold resistance gives the higher current.
+//! were configured: a user identifies a motor, warm or cold, and then configures the result. Stored dynamics that the
+//! hub restores at its start belong to a cold motor. Currents for reports and limits are still computed with the cold
+//! resistance. The motor may be colder than the model says, and the cold resistance gives the higher current.
 
 use super::thermal::Temperatures;
 use crate::braking::{Modulator, Winding};

@@ -60,8 +60,8 @@
 //! | turned steadily, then silent | 250 ms, with a control period of any length |
 //! | started from rest, and none of the cases below | 250 ms from full drive voltage on |
 //! | has a least gain, but is slow-counting or heavy | more than 250 ms, until the expected distance is reached |
-//! | without a least gain, last turned in the other direction | 1 s: a heavy motor may take that long to reverse |
-//! | without a least gain, has toggled a few times | 1 s: a heavy motor may take that long to start |
+//! | without a least gain, last turned in the other direction | 1 s: a heavy motor may take 0.8 s to reverse |
+//! | without a least gain, has toggled a few times | 1 s: a heavy motor may take 0.8 s to start |
 //! | without a least gain and slow-counting | some 4 s |
 //! | dynamics not configured, runs away after counts in the right direction | 2 s, unless it clearly becomes faster |
 //!
@@ -151,12 +151,12 @@ impl EncoderCheck {
     /// Expected distance at which a silence after a steady run has too few counts, in counts. When a load reverses a
     /// motor with a working encoder, fewer counts are missing (decision 29).
     const TURNING_COUNTS: f32 = 12.0;
-    /// Shortest time-out, in ms. It applies to every motor without a longer one. At a control period of 50 ms the
-    /// time-out is found after at most 190 ms, and a probe of 50 ms ends within 250 ms.
+    /// Shortest time-out, in ms, for every motor without a longer time-out. At a control period of 50 ms the time-out
+    /// is found after at most 190 ms, and a probe of 50 ms ends within 250 ms.
     const UNKNOWN_MS: u32 = 140;
     /// Time-out, in ms, of a motor that last turned in the other direction, or whose encoder has toggled one to three
-    /// times in the silence. A heavy motor may take that long to reverse or to start. Chosen: with a
-    /// probe of 50 ms a fault is found within the 1 s of the table.
+    /// times in the silence. A heavy motor may take 800 ms to reverse or to start. Chosen: with a probe of 50 ms a
+    /// fault is found within the 1 s of the table.
     const HEAVY_MS: u32 = 800;
     /// Back EMF constant above which a motor is slow-counting, in V per count/s: 12 V at 1000 counts/s. The encoder
     /// of such a motor is behind the gear, or its rotor is heavy.
@@ -339,13 +339,12 @@ impl Suspect {
     /// ms.
     const SHORTEST_MS: u32 = 50;
     /// Longest time in Probing, in ms. If the expected distance is still too short after this time, the motor counts as
-    /// stalled.
-    /// Also the longest extension of a span in RunningAway: the 2 s of the table. Chosen.
+    /// stalled. The longest extension of a span in RunningAway has the same length: the 2 s of the table. Chosen.
     const LONGEST_MS: u32 = 2_000;
     /// Expected distance of the probe, in counts. If there is no motion within this distance, the encoder is stuck. One
     /// count may come from a shaft that trembles on an edge of the encoder.
     const COUNTS: f32 = 2.0;
-    /// Drive voltage of the probe, as a share of the battery voltage. Chosen.
+    /// Requested drive voltage of the probe, before limits, as a share of the battery voltage. Chosen.
     const DRIVE_SHARE: f32 = 0.9;
     /// Longest mechanical time constant of a motor without a least gain, in s. A NeveRest 60 with 25 times the inertia
     /// of its rotor has this time constant: with 1000 times the inertia it has 98 s (decision 29).
@@ -507,10 +506,10 @@ impl Runaway {
     const FULL_CONTROL: i16 = 30_720;
     /// Length of a span, in ms. A springy stop pushes a motor back for some 50 ms, which are within the early span.
     const SPAN_MS: u32 = 100;
-    /// Length of the early span by PID in Schemes C and D, in ms, and of the late span that ends before full reverse is
-    /// commanded. The control range of these schemes may end before full reverse. Any other early span lasts `SPAN_MS`
-    /// less one control period, and at least `SPAN_MS` less this time. Two such spans before full reverse, and one of
-    /// `SPAN_MS` after full reverse has begun, fit into 250 ms.
+    /// Length in ms of the early span for PID in Schemes C and D, and of the late span before full reverse is
+    /// commanded. The control range of these schemes may end before full reverse. Two spans of this length before full
+    /// reverse and one of `SPAN_MS` after it fit into 250 ms. For all other motors the early span is one control period
+    /// shorter than `SPAN_MS`, and lasts at least `SPAN_MS` less `SHORT_SPAN_MS`.
     const SHORT_SPAN_MS: u32 = 50;
     /// Least mean speed of the early span with which the spans can be compared, in counts/s: eight counts in
     /// `SHORT_SPAN_MS`. With a lower speed the comparison begins again.

@@ -64,7 +64,8 @@ pub(super) struct Expected {
     speed_cps: Option<f32>,
     /// Least expected distance, in counts.
     pub(super) distance_counts: f32,
-    /// Time in ms for which the drive voltage has exceeded the heaviest friction without interruption.
+    /// Duration in ms of the last ticks in a row at which the drive voltage exceeded the heaviest friction. Ticks with
+    /// an open bridge are left out.
     pub(super) driven_ms: u32,
 }
 

@@ -11,7 +11,8 @@ pub enum Setpoint {
     /// The motor is disabled, and the bridge is open.
     #[default]
     Disabled,
-    /// The host no longer answers. The bridge is open or brakes, by the motor's setting [`OnFault`](super::OnFault).
+    /// The host no longer sends packets. The bridge is open or brakes, by the motor's setting
+    /// [`OnFault`](super::OnFault).
     FailSafe,
     /// Open loop: 9/8 or 6/2 with this share of the control range as duty, whatever the speed. At 0 the motor brakes
     /// or coasts, by the setting [`ZeroPower`](super::ZeroPower).
@@ -71,7 +72,7 @@ impl Setpoint {
                 same(before.wrapping_sub(position), after.wrapping_sub(position))
             }
             // The reference of a group stands still while a member lags. A reference that stands still continues the
-            // motion; one that moves again begins a motion.
+            // motion. A reference that moves again begins a motion.
             (Self::Follow(before), Self::Follow(after)) => {
                 after.next == CountsPerSecond::ZERO || same(before.next.to_bits(), after.next.to_bits())
             }

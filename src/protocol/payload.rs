@@ -31,7 +31,7 @@ pub const PAYLOAD_KEPT: usize = 168;
 /// The payload of a packet.
 pub type Payload = Vec<u8, PAYLOAD_KEPT>;
 
-/// A value in a payload. It consists of one field, or of several fields in a fixed order.
+/// A value in a payload. A value consists of one field, or of several fields in a fixed order.
 pub trait Field: Sized {
     /// Reads the value from the next field or fields.
     ///

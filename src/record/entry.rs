@@ -67,8 +67,8 @@ pub struct Tick {
     pub drive: Drive,
 }
 
-/// Returns the FNV-1a checksum of `bytes`. It detects every error in a single byte. Of other errors it misses about one
-/// in 2^32.
+/// Returns the FNV-1a checksum of `bytes`. The checksum detects every error in a single byte. Of other errors about one
+/// in 2^32 is missed.
 pub(super) fn checksum(bytes: &[u8]) -> u32 {
     bytes.iter().fold(0x811C_9DC5, |sum, byte| (sum ^ u32::from(*byte)).wrapping_mul(0x0100_0193))
 }

@@ -112,8 +112,8 @@ pub struct Regulator {
     hunting: Hunting,
     swings: Swings,
     /// Ratio of the acceleration per volt in use to the configured one, from 1 to [`LARGEST_GAIN_RATIO`]. The ratio is
-    /// raised while the speed swings, and returns to 1 with another demanded speed, a position or a reference. The
-    /// ratio of an unknown motor is 1.
+    /// raised while the speed swings. The model regulator returns the ratio to 1 with another demanded speed, a
+    /// position or a reference. PID does not change the ratio. The ratio of an unknown motor is 1.
     gain_ratio: f32,
     stream: Stream,
     /// Last sample of the encoder; `None` before the first sample.

@@ -47,7 +47,7 @@ pub enum ZeroPower {
     Float,
 }
 
-/// Reaction of a motor to a fault, and to a host that no longer answers. With a fault of bridge or battery every
+/// Reaction of a motor to a fault, and to a host that no longer sends packets. With a fault of bridge or battery every
 /// motor coasts. In constant power a fault of the encoder causes no reaction.
 ///
 /// Braking shorts the winding (5/0 at 100 %), and so needs no estimate of the speed.

@@ -103,8 +103,9 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
 ///
 /// * `timer_is_registered` is true once the queue has the time `due`. The queue keeps this time when the timer is dropped.
 /// * While `timer_is_registered` is true, the function only compares the clock with `due`.
-/// * Another future of the same task may replace the wake-up time. Such a future must wake the task every millisecond,
-///   as the future of the capture does. Then the function still sees the time `due` at most a millisecond late.
+/// * A board may poll other futures in the same task. Their timers may replace the wake-up time in the queue. One of
+///   these futures must then wake the task every millisecond, as [`super::capture::run`] does. The function then sees
+///   the time `due` at most a millisecond late.
 async fn woken_before<M: RawMutex, const N: usize>(
     due: Instant,
     timer_is_registered: &mut bool,

@@ -1,7 +1,7 @@
 //! Supervises the tasks. A task *checks in* when it has done its work once. When every *expected* task has checked in,
 //! the supervision feeds the watchdog. A *round* is the time from one feeding to the next.
 //!
-//! The store task and the update task do not check in. They may wait for a host or for a slow flash.
+//! The store task and the update task do not check in, because both may wait for a host or for a slow flash.
 
 use crate::board::Watchdog;
 use core::cell::Cell;

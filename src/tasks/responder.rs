@@ -156,8 +156,8 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
 
     /// Waits until the stored settings are restored, or for [`STORE_TIMEOUT`]. A hub without a memory does not wait.
     ///
-    /// After the time-out the hub answers hosts. It refuses requests that need the memory until the task of the memory
-    /// reports.
+    /// After the time-out the hub answers hosts. The hub refuses requests that need the memory until the task of the
+    /// memory reports.
     async fn await_store(&mut self) {
         let end = Instant::now() + STORE_TIMEOUT;
         while self.responder.awaits_store() && Instant::now() < end {

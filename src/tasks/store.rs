@@ -6,8 +6,8 @@
 //! since the memory was erased. The map appends items to one page until the page is full. The map then
 //! *moves*: it copies the newest items to the other page, and erases the full page.
 //!
-//! Other tasks run after each word that is written. Pages are erased only while all motors are off, and at boot, before
-//! a host can enable a motor.
+//! Other tasks run after each word that is written. Pages are erased at boot, and for a request that the responder has
+//! made while all motors were off. A motor that a host enables after the request does not prevent the erasure.
 //!
 //! ```
 //! use embassy_futures::block_on;
@@ -138,8 +138,8 @@ impl<F: NorFlash> Keeper<F> {
 
     /// Erases each page whose erasure a power failure has interrupted.
     ///
-    /// The map cannot recognise a page that is erased in part. It would treat the page as blank, or as one of the two
-    /// pages of an interrupted move.
+    /// The map cannot recognise a page that is erased in part. The map would treat the page as blank, or as one of the
+    /// two pages of an interrupted move.
     async fn repair(&mut self) -> Result<(), FlashError<F::Error>> {
         // For each page in use, true if the page is full; `None` for a page that is blank or has been erased here.
         let mut in_use = [None; 2];

@@ -60,7 +60,7 @@ pub const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 /// lower number than the present firmware.
 pub const ROLLBACK_VERSION_AT: u32 = 0x20;
 
-/// Length of each chunk except the last, in bytes. It is a multiple of the longest word that a flash writes, 32 bytes.
+/// Length of each chunk except the last, in bytes: a multiple of the longest word that a flash writes, 32 bytes.
 pub const CHUNK: usize = 96;
 
 /// The active slot, which is the part of the flash that images are linked for and run from, and what an image must fit.

@@ -9,14 +9,14 @@ use motor_hub::units::{Acceleration, CountsPerSecond, Micros, RangeError};
 
 /// Part of each turn that the wheels lose.
 const SLIP: f64 = 0.05;
-/// A count of both wheels, in degrees.
+/// Angle in degrees by which the base turns when its wheels move by one count in opposite directions.
 const COUNT_DEGREES: f64 = 0.065;
 
 /// A base on the ground, and its gyro.
 struct Robot {
     bench: common::Bench<2>,
     gyro_works: bool,
-    /// Angle of the gyro by which the base turns 1 degree to the left: -1 for a gyro that is mounted upside down.
+    /// Degrees that the gyro measures while the base turns left by 1 degree: -1 for a gyro that is mounted upside down.
     gyro_gain: f64,
     /// Angle in degrees by which the floor has turned the base to the left, while its wheels slid.
     pushed_degrees: f64,

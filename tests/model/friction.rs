@@ -33,7 +33,7 @@ fn bare(motor: Motor) -> Plant {
     Plant::new(motor, Load::NONE, Bridge::IDEAL, PWM)
 }
 
-/// The voltage on the motor for the whole period.
+/// The battery voltage on the motor during the whole PWM period.
 const FULL: PlantInput = PlantInput::pwm(Mode::Cw98, 1.0);
 
 fn close(got: f64, want: f64, tolerance: f64, what: impl core::fmt::Debug) {
@@ -53,7 +53,7 @@ struct SmallSteps {
 }
 
 impl SmallSteps {
-    /// What one state of an ideal bridge does for `time`.
+    /// Applies a state of an ideal bridge for `time` seconds, in steps of `h` seconds.
     fn dwell(&mut self, state: State, time: f64, h: f64) {
         let Motor { r, l, ke, kt, friction, cogging, .. } = self.motor;
         let (inertia, drag) = (self.shaft.inertia.0, self.shaft.drag.0);
@@ -72,7 +72,7 @@ impl SmallSteps {
                 _ if dies && before != 0.0 => -BATTERY.0 * before.signum(),
                 _ => 0.0,
             };
-            // Trapezoidal in the current, at the step's first speed.
+            // The current follows the trapezoidal rule, with the speed at the start of the step.
             let x = 0.5 * h * r.0 / l.0;
             let next = ((1.0 - x) * before + h / l.0 * (voltage - ke.0 * self.speed)) / (1.0 + x);
             self.current = match state {
@@ -382,7 +382,8 @@ fn a_rotor_swings_in_its_notch_as_a_pendulum_does() {
     let motor = Motor { b: Drag(0.0), ..am60(0.0, 5.0) };
     let teeth = f64::from(motor.cogging.per_turn);
     let own = (motor.cogging.amplitude.0 * teeth / motor.j.0).sqrt();
-    // Amplitude of the pendulum, rad; its period over the small swing's: 1 / agm(1, cos(a/2)).
+    // `swing` is the amplitude of the pendulum in rad. Its period is 1 / agm(1, cos(swing / 2)) times the period of
+    // small swings; agm is the arithmetic-geometric mean.
     for swing in [0.01_f64, 1.0, 3.0] {
         let (mut a, mut g) = (1.0, (0.5 * swing).cos());
         for _ in 0..8 {

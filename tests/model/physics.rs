@@ -34,9 +34,9 @@ fn at(emf: f64) -> Conditions {
     Conditions { battery: Volts(BATTERY), emf: Volts(emf) }
 }
 
-/// Voltage across the motor from the potentials of its two terminals: a closed switch connects its
-/// terminal to a rail through `Ron`; where both are open the current finds the diode that lets it
-/// through. `direction` is the sign of the current, which may be about to start.
+/// Voltage across the motor, from the potentials of its two terminals. A closed switch connects its terminal to a rail
+/// through `Ron`. If both switches of a terminal are open, the current flows through the diode that conducts in its
+/// direction. `direction` is the sign of the current, or of the current that may start.
 fn terminal_voltage(state: State, current: f64, direction: f64) -> f64 {
     let [s1, s2, s3, s4] = state.pattern().switches();
     let (vd, ron) = (BRIDGE.vd.0, BRIDGE.ron.0);
@@ -528,7 +528,7 @@ fn plants_on_one_battery_share_its_sag_and_its_gain() {
     close(rig.voltage().0, 12.0 - 0.2 * current, 2e-2, "present");
     assert_eq!(flows.len(), 2);
 
-    // Braking with 5/0 at speed is a boost chopper: it charges the battery. No command is to coast.
+    // Braking with 5/0 at speed is a boost chopper: it charges the battery. A plant without a command coasts.
     let mut rig = Rig::new(battery, vec![plant(550.0), plant(550.0)]);
     let flows = rig.run(Seconds(0.05), &[PlantInput::pwm(Mode::Brake50, 0.5)]);
     assert!(rig.voltage().0 > 12.05, "{}", rig.voltage());

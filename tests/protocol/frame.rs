@@ -43,7 +43,7 @@ fn a_packet_with_any_damaged_byte_is_ignored() {
             bad[index] ^= 1 << bit;
             let mut host = TestHost::new();
             assert!(host.send(&bad).is_empty(), "byte {index} bit {bit}");
-            // A longer length may still wait for the rest.
+            // If the damage has enlarged the length, the decoder still waits for the rest of the frame.
             host.wait_ms(51);
             assert!(host.send(&[]).is_empty());
             assert_eq!(host.send(&keep_alive(1)).len(), 1);
@@ -105,7 +105,7 @@ fn an_unfinished_frame_is_dropped_50_ms_after_its_first_byte() {
 
 #[test]
 fn after_a_pause_no_older_bytes_delay_a_packet() {
-    // Several plausible beginnings, each longer than what follows.
+    // Several valid beginnings of frames. The length of each frame is larger than the number of bytes that follow.
     let beginnings: Vec<u8> = bytes_of("44 4b 00 01 03 00 44").repeat(30);
     let mut decoder = Decoder::new();
     assert_eq!(found(&mut decoder, &beginnings, 0), NONE);

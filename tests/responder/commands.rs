@@ -32,8 +32,8 @@ const VERSION: &str = concat!("HW: 20, Maj: 1, Min: 8, Eng: 2, mh", env!("CARGO_
 const F: u16 = FIRST_FUNCTION;
 const OWN: u16 = extension::FIRST_FUNCTION;
 
-/// Motor 0 is in position mode with a target, digital pin 6 an output, and servo 5 configured, when these are tried. I2C bus 1 has
-/// read a byte, and bus 2 has written a byte.
+/// The tested commands. [`host`] sets the hub up for them: motor 0 is in position mode with a target, digital pin 6
+/// is an output, and servo 5 is configured. I2C bus 1 has read a byte, and bus 2 has written a byte.
 const FORMS: &[Form] = &[
     read(0x7F03, &[0], 2, &[(&[2], 0), (&[255], 0)]),
     write(0x7F04, &[], &[]),
@@ -220,8 +220,8 @@ fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
         temperature_decidegrees: Some(-123),
         supply_currents: Some([0, 12, 40_000].map(Milliamperes::new)),
     };
-    // The analog inputs; the supplies' currents and the battery's, saturated; motors', one of them too; rail, battery,
-    // temperature.
+    // Channels in their order: the analog inputs, the currents of the supplies and of the battery, the currents of the
+    // motors, the 5 V rail, the battery, and the temperature. Values above 32 767 saturate.
     let of_8 = |value: i16| (value, value / 8);
     let inputs = [(0, 0), (1_650, 2_048), (3_300, 4_095), (i16::MAX, 5)];
     let others = [0, 12, i16::MAX, i16::MAX, 3_000, 2_000, i16::MAX, 1_234, 5_016, 12_345, -123].map(of_8);

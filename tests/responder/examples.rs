@@ -56,7 +56,7 @@ fn a_host_sets_pidf_coefficients() {
         [velocity.p, velocity.i, velocity.d, velocity.f].map(|c| c.to_bits()),
         [82_575, 8258, 0, 825_754]
     );
-    // What was not set is as the hub would have it.
+    // The coefficients of the position loop were not set, so the hub uses its own guess.
     let winding = crate::host::settings().winding;
     let guessed = Coefficients::guessed(winding.emf, settings.scheme, Period::DEFAULT);
     assert_eq!(coefficients.position, guessed.position);

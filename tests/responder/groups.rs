@@ -41,7 +41,7 @@ fn ask(host: &mut TestHost, motor: u8, wanted: GroupCommand<GroupCourse>) -> Ans
     host.ask(MOVE, &MotorFunction::Move { wanted }.to(motor).payload())
 }
 
-/// With all motors enabled, at power 0.
+/// Creates a host at a hub whose motors are all enabled, at power 0.
 fn enabled() -> TestHost {
     let mut host = TestHost::settled();
     for motor in 0..N as u8 {

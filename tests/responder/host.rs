@@ -48,7 +48,7 @@ pub(crate) fn frame_to(destination: u8, number: u8, id: u16, payload: &[u8]) -> 
 /// Answer of the hub.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Answer {
-    /// With the attention flag.
+    /// An acknowledgement, with its attention flag.
     Ack(u8),
     Nack(u8),
     Data(Vec<u8>),
@@ -117,7 +117,7 @@ impl TestHost {
         }
     }
 
-    /// A function of the motor interface.
+    /// Calls a function of the motor interface.
     pub(crate) fn call(&mut self, function: u16, payload: &[u8]) -> Answer {
         self.ask(FIRST_FUNCTION + function, payload)
     }

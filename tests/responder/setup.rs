@@ -128,7 +128,7 @@ fn setting_up_enables_nothing_and_stops_nothing() {
     assert_eq!(host.call(11, &[0]), Answer::Data(vec![1]));
 }
 
-/// Motor 1 enabled in constant power of 0.
+/// Creates a host at a hub whose motor 1 is enabled at a constant power of 0.
 fn standing() -> TestHost {
     let mut host = TestHost::settled();
     host.do_all(&[(8, &[1, 0, 0]), (15, &[1, 0, 0]), (10, &[1, 1])]);
@@ -225,7 +225,7 @@ fn an_old_identification_is_not_reported_as_the_new_one() {
     assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Answer::Data(vec![1, 0]), "not sent yet");
     host.new_commands();
     for _ in 0..3 {
-        // However many ticks pass before the hub takes the command.
+        // The answer does not depend on the number of ticks before the command is applied.
         host.snapshot.tick += 1;
         assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Answer::Data(vec![1, 0]), "in no snapshot yet");
     }
@@ -317,13 +317,14 @@ fn all_motors_are_reported_in_one_answer() {
         ..Report::INITIAL
     };
     let Answer::Data(answer) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
-    // Version, motors, bytes of each, time, 12 V, nothing is measured, nothing is dissipated.
+    // Version 2, 4 motors with 36 bytes each, 50 ms, 12 V, bus not measured, nothing dissipated.
     assert_eq!(answer[..12], [2, 4, 36, 50, 0, 0, 0, 0xE0, 0x2E, 0, 0, 0]);
-    // Behind the motors: no command is included, and the next one to be sent is not.
+    // After the motors: the report includes command 0. The newest command has number 1 and waits to be sent.
     assert_eq!(answer[12 + 4 * 36..], [0, 0, 0, 0, 1, 0, 0, 0]);
     let motor = &answer[12 + 36..][..36];
-    // Velocity, 1000; 70 000 counts, -1505 counts/s; by model; 20 000; reverse, 9/8, half; currents; heat; enabled and
-    // stalled; silent and reversed.
+    // Set-point: velocity, 1000 counts/s. Position 70 000 counts, speed -1505 counts/s, model, control value 20 000,
+    // regime reverse, mode 9/8, half duty. Then the modelled current, measured current and load, the heat, the flags
+    // enabled and stalled, and the faults of a silent and a reversed encoder.
     let expected = [
         3, 0xE8, 3, 0, 0, 0x70, 0x11, 1, 0, 0x1F, 0xFA, 0, 0x20, 0x4E, 1, 0, 0, 0x40, 0x50, 0xFB, 0x7E, 4, 1,
         0x80, 0x20, 3, 0b0101, 0b1010,

@@ -16,7 +16,7 @@ fn set(motor: usize, setpoint: Setpoint) -> Command {
     Command { motor, action: Action::Set(setpoint) }
 }
 
-/// With motor 0 running.
+/// Creates a host at a hub whose motor 0 runs.
 fn driving() -> TestHost {
     let mut host = TestHost::settled();
     host.do_all(&[(15, &[0, 0, 64]), (10, &[0, 1])]);
@@ -410,7 +410,7 @@ fn a_connected_host_sets_colour_and_pattern() {
     assert_eq!(host.ask(0x7F0B, &[]), Answer::Data(vec![1, 2, 3]));
     host.wait_ms(TIMEOUT_MS);
     host.responder.tick(host.now, &host.snapshot);
-    assert_eq!(host.responder.led(host.now), Colour::BLUE, "the lost host has no say");
+    assert_eq!(host.responder.led(host.now), Colour::BLUE, "the colour of a lost host is not shown");
     host.ask(0x7F0C, &[0]);
     assert_eq!(host.responder.led(host.now), Colour::GREEN, "an empty pattern gives the LED back");
 }

@@ -471,8 +471,9 @@ fn analog_inputs_are_read_at_the_request() {
     }
 }
 
-/// A bus with a device at 0x28 whose transfers take 1 ms, a device at 0x29 that needs 20 ms, a device at 0x2A that refuses data, and
-/// a device at 0x2B that holds the clock.
+/// A bus with devices at these addresses. 0x28: transfers take 1 ms. 0x29: transfers take 20 ms. 0x2A: the device
+/// refuses data. 0x2B: the device holds the clock. 0x2C: the hub loses the arbitration. 0x2D: each transfer is a bus
+/// error.
 struct Bus<'a> {
     freed: &'a Cell<u32>,
     fast: &'a Cell<bool>,

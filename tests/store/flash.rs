@@ -32,7 +32,7 @@ impl<const WORD: usize, const PAGE: usize> NorFlash for &mut Flash<WORD, PAGE> {
     }
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NoPower> {
-        assert!(self.cut.is_none() || bytes.len() == WORD, "one at a time, with other tasks between two");
+        assert!(self.cut.is_none() || bytes.len() == WORD, "one word at a time: other tasks run between two");
         Flash::write(self, offset as usize, bytes)
     }
 }

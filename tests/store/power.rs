@@ -24,7 +24,7 @@ struct Tally {
     erasures: usize,
     cuts: usize,
     second_cuts: usize,
-    /// Saves that failed because a word was written twice.
+    /// Saves that failed because a word did not read back as written.
     failed: usize,
 }
 
@@ -40,7 +40,8 @@ fn survives<const WORD: usize, const PAGE: usize>(
     (flash, found.record)
 }
 
-/// A history of saves. `which` selects, from the number of written words, those at which power is cut in every way.
+/// Makes a history of saves. `which` selects the steps of a save at which the power is cut. `which` gets the number of
+/// steps, and true if the save erases a page. At each selected step the power is cut in every way.
 fn history<const WORD: usize, const PAGE: usize>(
     saves: u32,
     longest: usize,
@@ -152,7 +153,7 @@ fn a_thousand_saves_on_the_h743_leave_the_old_value_or_the_new() {
 
 #[test]
 fn every_word_of_many_small_saves_may_be_the_last() {
-    // Pages as small as that are erased every few saves.
+    // Pages of 1 KB and 4 KB are erased every few saves.
     let tally = history::<4, 1024>(500, 70, Code::None, every);
     assert!(tally.erasures >= 50 && tally.cuts > 20_000 && tally.second_cuts > 5_000, "{tally:?}");
     for code in [Code::Detects, Code::WritesBlank] {

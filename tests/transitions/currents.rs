@@ -12,7 +12,7 @@ use motor_hub::units::Period;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// A speed is off by more than this share of the free speed if a regulator may drive as hard as it can.
+/// Least error of the speed, as a share of the free speed, at which a regulator may use the full voltage.
 const OFF: f64 = 0.01;
 
 /// A range of currents in A, from the least to the most.
@@ -130,8 +130,9 @@ fn broken(event: Event, state: State, entered: &Subject) -> Vec<(&'static str, f
         // The largest step is 22.7 %, in Scheme A at 1 ms: an overrunning motor is commanded to keep its speed.
         _ if is_pid => 0.23,
         _ if guesses => 0.2,
-        // After a gap the speed is known to one count in the time of the gap. The largest step depends on where the shaft was
-        // within its count: 0.15 at the worst of eight places, for a law that does not draw a held motor back.
+        // After a gap the speed is known to one count in the time of the gap. The largest step depends on the position
+        // of the shaft within its count. At the worst of eight positions it was 0.15, with a law that did not draw a
+        // held motor back.
         _ if event == Event::EncoderGap || state == State::EncoderLost => 0.17,
         _ => 0.1,
     };

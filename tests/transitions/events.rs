@@ -53,7 +53,7 @@ pub(crate) enum State {
     Braked,
     Power,
     Velocity,
-    /// Commanded to stand for one tick.
+    /// Commanded to stand: for one tick if the motor turns, for 300 ms if it stands already.
     Zero,
     Moving,
     Holding,
@@ -61,7 +61,7 @@ pub(crate) enum State {
     Stalled,
     /// Driven against a stop by a position beyond the stop.
     Pressing,
-    /// The encoder was at fault and is plugged in again; the motor was disabled and enabled.
+    /// The encoder was at fault and is plugged in again. The fault is latched until [`happen`] disables the motor.
     Faulted,
     BatteryLost,
     EncoderLost,
@@ -117,7 +117,7 @@ pub(crate) enum Event {
     BatteryGap,
     /// Five samples of the encoder are missing.
     EncoderBlink,
-    /// The samples of the encoder are missing for 60 ms.
+    /// The samples of the encoder are missing for at least 60 ms.
     EncoderGap,
 }
 

@@ -38,7 +38,7 @@ pub(crate) struct Constants {
     pub(crate) stall_acceleration: f64,
 }
 
-/// A flywheel with the inertia of the rotor.
+/// A flywheel with about the inertia of the rotor, seen from the output shaft.
 fn load() -> Load {
     inertia(0.03)
 }

@@ -123,7 +123,7 @@ fn plausible() -> impl Strategy<Value = Settings> {
     (20.0..20_000.0f64, 1.0..2.0f64, 0..2_000u16, any_scheme(1 << 16)).prop_map(
         |(b, drag, friction, scheme)| {
             let winding = Winding::NEVEREST_60;
-            // With drag, up to twice what the back EMF makes.
+            // The back EMF makes a decay of b times keFw. Drag raises the decay to up to twice this value.
             let decay = drag * b * 3.98683e-3;
             let dynamics = Dynamics {
                 gain: AccelerationPerVolt::from_f64(b).expect("in range"),

@@ -12,7 +12,7 @@ use std::future::{Future, poll_fn, ready};
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
-/// Made by OpenSSL 3.0 as the client's help says, of the bytes below.
+/// A public key, and a signature of the bytes of [`image`]. Both were made by OpenSSL 3.0 as the client's help says.
 const KEY: &[u8] = include_bytes!("signed/public.der");
 const SIGNATURE: &[u8; 64] = include_bytes!("signed/image.sig");
 
@@ -76,7 +76,11 @@ fn an_image_or_signature_with_a_bit_turned_is_not_armed() {
 fn another_key_signs_nothing() {
     let ImageSignature { key, bytes: signature } = sealed(&image());
     assert_eq!(sent(&image(), Some(seal(signature))), REFUSED);
-    assert_eq!(sent(&image(), Some(ImageSignature { key, bytes: signature })), ARMED, "it is that one's own");
+    assert_eq!(
+        sent(&image(), Some(ImageSignature { key, bytes: signature })),
+        ARMED,
+        "the key of its own seal"
+    );
     // The key is no point of the curve.
     assert_eq!(sent(&image(), Some(ImageSignature { key: [2; 32], bytes: signature })), REFUSED);
 }

@@ -13,7 +13,7 @@ fn confirmed() -> Update {
     update
 }
 
-/// An image of this length: only its beginning is valid.
+/// An image of this length. Its vector table is valid; the other bytes count up.
 fn image(length: usize) -> Vec<u8> {
     let vectors = [0x2002_0000_u32, SLOT.origin + 0x299].map(u32::to_le_bytes);
     vectors.into_iter().flatten().chain((0..).map(|byte: u32| byte as u8)).take(length).collect()
@@ -178,7 +178,7 @@ enum Step {
     Begin {
         motors_run: bool,
     },
-    /// The chunk with this index, with or without a bit that turned on the way into the flash.
+    /// The chunk with this index.
     Chunk(usize),
     Next,
     Serve,

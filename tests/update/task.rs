@@ -28,7 +28,7 @@ impl Refusing {
     }
 }
 
-/// What the bootloader finds in its state once it has swapped the slots.
+/// Byte of the mark of a swap in the bootloader's state.
 const SWAPPED: u8 = 0xF0;
 
 #[derive(Debug)]

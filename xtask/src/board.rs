@@ -23,7 +23,7 @@ pub(crate) const ALL: [Board; 4] = [
         name: "nucleo-f429zi",
         target: "thumbv7em-none-eabihf",
         chip: "STM32F429ZITx",
-        // The chip has 1 MB. The store of settings takes 29 kB of the image.
+        // The linker script gives the image 1 MB of the flash. The store of settings takes 29 kB of the image.
         flash: 208 * 1024,
         ram: 48 * 1024,
     },

@@ -21,7 +21,7 @@ fn measure(place: &Path) -> Result<(), Failed> {
     let mut seconds = Vec::new();
     for arguments in [&["run", "--release"][..], &["test", "--no-run"]] {
         let begun = Instant::now();
-        // The programs of this build belong to the copy.
+        // Without this variable cargo builds into the copy's own target folder.
         run(cargo_command(arguments).current_dir(place).env_remove("CARGO_TARGET_DIR"))?;
         seconds.push((arguments.join(" "), begun.elapsed().as_secs()));
     }
@@ -33,6 +33,6 @@ fn measure(place: &Path) -> Result<(), Failed> {
         println!("cargo {command}: {seconds} s");
     }
     let cores = std::thread::available_parallelism().map_or(0, usize::from);
-    println!("on {cores} cores, from nothing; each command after the one before it");
+    println!("on {cores} cores, without an earlier build; in this order, in one folder");
     Ok(())
 }

@@ -19,7 +19,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
 
     cargo(&["fmt", "--all", "--check"])?;
     cargo(&[&["clippy"], &host[..], &["--all-targets"], &DENY].concat())?;
-    // The lints above are without the feature `emulated`, these are with it.
+    // The command before checks without the feature `emulated`. This command checks with the feature.
     let emulated = ["clippy", "--package", "motor-hub-cli", "--features", "emulated", "--all-targets"];
     cargo(&[&emulated[..], &DENY].concat())?;
     run(command("rustup").args(["target", "add", try_page::TARGET]))?;

@@ -83,7 +83,7 @@ const TASKS: [Task; 18] = [
     task(
         "build-time",
         build_time::task,
-        "crates of the default build; seconds that the README's commands build",
+        "number of crates in the default build; build times of the README's two commands in seconds",
     ),
     task("size [BOARD]", size::task, "builds an image, or all: flash and static RAM against their limits"),
     task("image [BOARD]", board::image, "builds an image in the format for the USB drive of a NUCLEO"),
@@ -127,7 +127,7 @@ fn list() -> String {
     let boards: Vec<&str> = board::ALL.iter().map(|board| board.name).collect();
     let tasks: String = TASKS.iter().map(row).collect();
     format!(
-        "cargo xtask TASK, where TASK is\n\n{tasks}\nBOARD is {}; flash takes the first if none is named.\n",
+        "cargo xtask TASK, where TASK is\n\n{tasks}\nBOARD is {}; image and flash take the first if none is named.\n",
         boards.join(", ")
     )
 }

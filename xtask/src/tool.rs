@@ -4,7 +4,8 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Prefix of the names of tests that only print, and are ignored for that reason.
+/// Prefix of the names of tests that only print, and are ignored for that reason. `--skip` leaves out every test whose
+/// path contains this text, not only at its beginning.
 pub(crate) const REPORTS: &str = "report_";
 
 /// Why a task has failed.

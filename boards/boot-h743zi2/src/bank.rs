@@ -5,8 +5,8 @@
 //! * *Spurious error flags.* The core speculates into the system memory at 0x1FF0_0000, and then both banks show RDPERR
 //!   and RDSERR. A corrected bit in code that runs shows SNECCERR. An error flag therefore says nothing about an operation.
 //!   All error flags are cleared before each operation, and what the flash reads back decides whether it has succeeded.
-//! * *Words that arrive late.* The core may read the status register before the last store of a word has arrived. A barrier
-//!   comes first, and the bank must be idle at several reads in a row.
+//! * *Words that arrive late.* The core may read the status register before the last store of a word has arrived. The driver
+//!   therefore executes a barrier first. The status register must then show an idle bank at several reads in a row.
 //! * *Unreadable words.* Each word of 32 bytes has a code that corrects one bit of the word. After a power cut in a write, or
 //!   after a second write of a word, the code may not fit. Each read is then a bus error (RM0433 4.3.9, 4.7.7). The driver
 //!   reads zeros instead. No checksum accepts zeros as a setting, and the bootloader accepts them as no state.
@@ -205,7 +205,7 @@ impl<T: Future<Output = ()>> Bank<T> {
         Err(Error::VerifyFailed)
     }
 
-    /// True if the sector from this offset on is blank.
+    /// True if the sector that begins at this offset is blank.
     async fn is_blank(&mut self, offset: u32) -> bool {
         for at in (offset..offset + SECTOR).step_by(WORD) {
             if at.is_multiple_of(CHECKED_AT_ONCE) {
@@ -270,7 +270,7 @@ impl<T: Future<Output = ()>> NorFlash for Bank<T> {
 }
 
 /// Stores a word into the flash, which programs it.
-#[expect(unsafe_code, reason = "to program the flash is to store into it")]
+#[expect(unsafe_code, reason = "a store to an address of the flash programs the flash")]
 fn store(address: u32, word: Word) {
     let place = with_exposed_provenance_mut::<u32>(address as usize);
     for (index, part) in word.into_iter().enumerate() {
@@ -282,8 +282,9 @@ fn store(address: u32, word: Word) {
 /// Loads a word of the flash. After a bus error the result has no meaning, and the bank shows DBECCERR.
 #[expect(unsafe_code, reason = "no safe code can mask faults")]
 fn load(address: u32) -> Word {
-    // SAFETY: the word is in a bank, whose bounds have been checked. The register is the core's own, and no other code writes
-    // it. Faults are masked only for the copy of 32 bytes, and they were unmasked before: no fault handler calls this.
+    // SAFETY: the word is in a bank, whose bounds have been checked. The register belongs to the core, and no other
+    // code writes the register. Faults are masked only for the copy of 32 bytes. No fault handler calls this function,
+    // so faults were unmasked before.
     unsafe {
         let scb = &*SCB::PTR;
         scb.ccr.modify(|ccr| ccr | BFHFNMIGN);

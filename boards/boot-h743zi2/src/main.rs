@@ -96,7 +96,7 @@ fn main() -> ! {
     boot(loader)
 }
 
-#[expect(unsafe_code, reason = "to jump to other firmware is for the bootloader alone")]
+#[expect(unsafe_code, reason = "only the bootloader jumps to other firmware")]
 fn boot(loader: BootLoader) -> ! {
     // SAFETY: the bootloader's own state is not used after the jump. The slot has firmware, which was flashed there, or which
     // the hub checked.

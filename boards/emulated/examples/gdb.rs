@@ -1,5 +1,5 @@
-//! The emulated hub under GDB. Run `cargo run --release --package emulated --example gdb`. Then, in another terminal,
-//! `gdb-multiarch target/images/nucleo-f429zi`, and there
+//! Runs the emulated hub under GDB. Run `cargo run --release --package emulated --example gdb`. Then run
+//! `gdb-multiarch target/images/nucleo-f429zi` in another terminal, and enter these commands:
 //!
 //! ```text
 //! (gdb) target remote :3333

@@ -372,8 +372,8 @@ impl Bench {
         self.at_stop(|_, session, _| emulator_gaps::gaps(session))
     }
 
-    /// Asserts that the emulator had no gap, that no transition of a bridge was illegal, and that the log begins within 2 us
-    /// of power-on.
+    /// Asserts that the emulator had no gap, that no transition of a bridge was illegal, and that the time stamp of the
+    /// first log line is below 2 us.
     ///
     /// # Panics
     /// Panics if one of these conditions does not hold.

@@ -76,10 +76,11 @@ macro_rules! same_on_every_chip {
     };
 }
 
-/// Methods of [`Mcu`] whose text is the same for every chip. They use the fields that `same_on_every_chip` uses, and the
-/// chip's own models. `apb` gives the buses of the servos' timers. `models` lists the slots whose model is replaced: a slot, a
-/// field that must be true for it, if any, and the model. The first entry that fits is used. `before` names a slot, and a
-/// method that is called before each access to the slot.
+/// Methods of [`Mcu`] whose text is the same for every chip. They use the fields that `same_on_every_chip` uses, and
+/// the chip's own models. `apb` gives the buses of the servos' timers. `models` lists the slots whose model is
+/// replaced. An entry names a slot and its model. A field between them, if there is one, must be true for the entry.
+/// The first entry that fits is used. `before` names a slot, and a method that is called before each access to the
+/// slot.
 macro_rules! mcu_on_every_chip {
     (
         apb: [$one:expr, $two:expr],
@@ -315,7 +316,7 @@ pub(crate) trait Part: Mcu + Debug + Send {
         false
     }
 
-    /// Makes the battery's converter accept commands but convert nothing, or work again.
+    /// If `dead` is true, the battery's converter accepts commands but converts nothing. Otherwise it works again.
     fn set_dead(&mut self, dead: bool);
 
     /// Sets the faults of the flash. This does nothing on a chip whose flash is modelled without faults.
@@ -329,7 +330,8 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// Sets the revision of the chip, REV_ID. This does nothing on a chip whose revision is not modelled.
     fn set_revision(&mut self, at: VirtualNanos, revision: u16);
 
-    /// Makes the power controller only store what is written to it, so that the clocks never start, or work again.
+    /// If `dead` is true, the power controller only stores what is written to it, so the clocks never start. Otherwise
+    /// it works again.
     fn set_power_dead(&mut self, dead: bool);
 
     /// Puts a level on an input of a motor's counter.

@@ -37,7 +37,8 @@ pub fn build(package: &str) -> PathBuf {
 #[must_use]
 pub fn hub_with_period(board: Board, ms: u32) -> PathBuf {
     let (image, period) = (format!("{board}-{ms}-ms"), ms.to_string());
-    // The feature gives the last crate a build of its own. Otherwise each of the two images would make the other one stale.
+    // The feature gives the board's crate a build of its own. Otherwise a build with one period would make the build
+    // with the other period stale.
     build_as(&image, board.name(), &["--features", "own-period"], &[("CONTROL_PERIOD_MS", &period)])
 }
 
@@ -59,7 +60,8 @@ fn build_as(image: &str, package: &str, options: &[&str], variables: &[(&str, &s
         .arg(&target)
         .args(options)
         .envs(variables.iter().copied())
-        // What `cargo test` sets for this crate must not reach the other build, or it would never be fresh.
+        // Variables that `cargo test` sets for this crate are removed. Otherwise the image would be built again each
+        // time.
         .env_remove("RUSTFLAGS")
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
         .env_remove("CARGO_TARGET_DIR");
@@ -133,12 +135,12 @@ pub enum ImageError {
 /// The image that runs instead of an image that is built from the sources.
 static CHOSEN: OnceLock<PathBuf> = OnceLock::new();
 
-/// Chooses the image to run: this file, or the file in `MOTOR_HUB_ELF`. Without both it builds one from the sources of
-/// this program.
+/// Chooses the image to run: this file, or the file that `MOTOR_HUB_ELF` names. Without both, [`hub`] later builds an
+/// image from the sources of this program.
 ///
 /// # Errors
-/// If the file cannot be read, if it is no firmware, or if the image would be built from the sources of this program while
-/// the working directory is elsewhere.
+/// Returns an error if the file cannot be read, or is no firmware. Returns an error if the image would be built from
+/// the sources of this program while the working directory is elsewhere.
 pub fn choose(file: Option<&Path>) -> Result<(), ImageError> {
     let variable = std::env::var_os("MOTOR_HUB_ELF").map(PathBuf::from);
     let (place, file) = match (file, variable) {

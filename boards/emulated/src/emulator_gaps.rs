@@ -12,6 +12,6 @@ pub(crate) fn gaps(session: &Session<Nucleo>) -> Vec<String> {
     gaps.extend(session.unimplemented().iter().map(|(at, what)| format!("unimplemented {at:#x}: {what:?}")));
     gaps.extend(session.undefined().iter().map(|(at, what)| format!("undefined {at:#x}: {what:?}")));
     gaps.extend(session.unrouted().iter().map(|what| format!("unrouted {what:?}")));
-    gaps.extend(session.told().map(|told| format!("told {told:?}")));
+    gaps.extend(session.told().map(|told| format!("reported by a model {told:?}")));
     gaps
 }

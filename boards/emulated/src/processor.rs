@@ -83,8 +83,8 @@ fn core_pool() -> std::sync::MutexGuard<'static, Vec<(Code, Translator)>> {
     CORE_POOL.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Makes a run reuse a core that has run `code`, if such a core waits. After the run the core waits again, if it has run nothing
-/// else.
+/// Makes a run reuse a core that has run `code`, if the list has such a core. After the run the core is put into the
+/// list, if it has run nothing else.
 pub(crate) fn reuse_core(spec: &mut CoreSpec, code: Code, connections: &Connections) {
     let connections = connections.clone();
     let make = Arc::clone(&spec.processor);
@@ -130,7 +130,8 @@ struct ReusedCore {
     /// The core; `None` only while this value is dropped.
     translator: Option<Translator>,
     code: Code,
-    /// True while the images that are put into memory equal the images of the last run. Their translations then stay.
+    /// True while the images that are put into memory equal the images of the last run. The translations then stay.
+    /// `None` once the core has run.
     placing: Option<bool>,
     /// True if nothing has changed the core in a way that the next run would have to undo.
     as_new: bool,
@@ -274,7 +275,7 @@ impl Processor for ReusedCore {
     }
 
     fn remove_breakpoint(&mut self, address: u64) {
-        // The processor counts how often a breakpoint was added, so it must be removed as often.
+        // The processor counts how often a breakpoint was added, so the breakpoint must be removed as often.
         if let Some(place) = self.breakpoints.iter().position(|&asked| asked == address) {
             self.breakpoints.swap_remove(place);
         }

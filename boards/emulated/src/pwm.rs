@@ -1,8 +1,8 @@
 //! Computes from the registers of TIM1 which waveform the timer puts on each of its four output pins.
 //!
-//! This is the light model of the timer. It needs no events while no register is written, because a waveform is a constant level
-//! or a number of high ticks in each period. Section numbers are those of RM0090. The timer of the STM32H743 (RM0433, chapter
-//! 38) works alike.
+//! This is the simple model of the timer. The model needs no events while no register is written, because a waveform is
+//! a constant level or a number of high ticks in each period. Section numbers are those of RM0090. The timer of the
+//! STM32H743 (RM0433, chapter 38) works in the same way.
 
 /// Channels of the timer.
 pub(crate) const CHANNELS: usize = 4;

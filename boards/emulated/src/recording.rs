@@ -65,11 +65,11 @@ pub struct Tick {
 pub struct ControlVariant {
     /// Rule by which the duty is computed.
     pub rule: DutyRule,
-    /// What the hub knows of the motor.
+    /// What is configured of the motor.
     pub configuration: Configuration,
 }
 
-/// What the hub knows of a motor, which decides how the motor is regulated.
+/// What is configured of a motor. This decides how the motor is regulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Configuration {
     /// The dynamics are configured: the model regulates.

@@ -266,7 +266,8 @@ fn observe(bench: &mut Bench, scenario: &Scenario, at_s: f64, trace: &mut Trace)
     let mut motors = Vec::new();
     for (index, motor) in scenario.motors.iter().enumerate() {
         let (look, drive) = (bench.look(index), drive(bench, index));
-        // This is the flow since power-on. It is replaced by the flow until the next tick when that tick comes.
+        // The sample first has the flow since power-on. The next observation replaces it by the flow until the next
+        // tick.
         motors.push(Sample {
             report: report(motor, at_s, look, drive),
             control: Control::ZERO,

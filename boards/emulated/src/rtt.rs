@@ -29,8 +29,8 @@ impl fmt::Display for LogLine {
     }
 }
 
-/// Offset of the buffer's address in SEGGER's control block of RTT. Before it are 16 bytes of name, two counts and the channel's
-/// name. After it are size, write offset, read offset and flags.
+/// Offsets in SEGGER's control block of RTT: the buffer's address, its size, the write offset, the read offset, and the
+/// flags. Before them are 16 bytes of name, two counts, and the address of the channel's name.
 const BUFFER: u64 = 28;
 const SIZE: u64 = 32;
 const WRITE: u64 = 36;

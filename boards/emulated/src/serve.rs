@@ -33,13 +33,14 @@ const OTHER: Address = Address::new(254).expect("in range");
 /// Time without a byte after which a reply is complete. It is longer than four bytes take.
 const PAUSE: Duration = Duration::from_micros(100);
 
-/// Largest number of bytes that are sent together. It exceeds the length of the longest reply.
+/// Number of waiting bytes above which the bytes are sent without waiting for a pause. It exceeds the length of the
+/// longest reply.
 const LONGEST: usize = 192;
 
 /// Returns the scenario that is served by default, with the motors that the image is set up for.
 ///
 /// # Errors
-/// Returns no error. A test checks this.
+/// The function always returns `Ok`. A test checks this.
 pub fn scenario() -> Result<Scenario, ScenarioError> {
     let mut scenario = Scenario::to_serve();
     if let Ok(motor) = characterised("AM 60 A") {
@@ -49,8 +50,9 @@ pub fn scenario() -> Result<Scenario, ScenarioError> {
     Ok(scenario)
 }
 
-/// Serves a board's image with the motors, loads and battery of a scenario, as [`simulated::serve::run`] serves the simulated
-/// board. The battery's voltage, the torques and the encoders change at the times of the scenario. With `bootloader` the board's bootloader starts the image. If the scenario has a wire, digital pins 0 and 1 are
+/// Serves a board's image with the motors, loads and battery of a scenario, as [`simulated::serve::run`] serves the
+/// simulated board. The battery's voltage, the torques and the encoders change at the times of the scenario. With
+/// `bootloader` the board's bootloader starts the image. If the scenario has a wire, digital pins 0 and 1 are
 /// connected.
 ///
 /// # Errors
@@ -70,8 +72,8 @@ pub fn run(
         bench.wire_pins();
     }
     bench.run(BOOT);
-    // The emulator takes time to translate code that it executes for the first time. So it receives a packet for another hub
-    // before a host waits for an answer.
+    // The emulator takes time to translate code that it executes for the first time. So the firmware receives a packet
+    // for another hub before a host waits for an answer.
     bench.send(&HostLink::new(OTHER).packet(Standard::KeepAlive.number(), &[]));
     bench.run(BOOT);
     pace(|step, lost| {
@@ -95,7 +97,7 @@ pub fn run(
         bench.run(STEP);
         let heard = bench.receive();
         reply.extend(heard.iter().map(|byte| byte.byte));
-        // The bytes of a reply are sent together, for hosts that do not wait for the bytes after the first.
+        // The bytes of a reply are sent together, because some hosts do not wait for the bytes after the first one.
         let ended = heard.last().is_none_or(|last| bench.now() - last.at > PAUSE);
         if !reply.is_empty() && (ended || reply.len() > LONGEST) {
             let sent = line.send(&reply);

@@ -1,6 +1,6 @@
-//! Connects the chip to what surrounds it: its pins to the plants, the plants to the encoder lines, the battery to the converter,
-//! the button, the serial lines, and the log. It is the *driver* of the emulator, which calls it when the chip writes a register,
-//! and at the times that it asks for.
+//! Connects the chip to what surrounds it: its pins to the plants, the plants to the encoder lines, the battery to the
+//! converter, the button, the serial lines, and the log. [`Surroundings`] is the *driver* of the emulator. The emulator
+//! calls its driver when the chip writes a register, and at the times that the driver asks for.
 
 use std::collections::VecDeque;
 use std::sync::mpsc::Receiver;

@@ -1,8 +1,8 @@
 //! System breaks of the STM32H743: the chip switches the outputs of TIM1 off if its core locks up or its supply falls, without any
 //! code.
 //!
-//! The emulator lacks the register that connects these sources with TIM1, SYSCFG_CFGR (RM0433 12.3.6), and the connections. Chips
-//! before revision V ignore the connections too (ES0392 2.2.2).
+//! The emulator has neither the register that connects these sources with TIM1, SYSCFG_CFGR (RM0433 12.3.6), nor the
+//! connections. Real chips before revision V ignore the connections (ES0392 2.2.2).
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};

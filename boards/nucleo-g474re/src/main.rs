@@ -47,7 +47,7 @@ async fn main(spawner: Spawner) {
     early_start::before_clocks(pac::IWDG, pac::GPIOC, 10);
     let p = embassy_stm32::init(chip::clocks());
     chip::set_up();
-    // The watchdog starts before any code that could hang, while all bridges are still open.
+    // `before_clocks` has started the watchdog. Its time-out is set here, while all bridges are still open.
     let watchdog = begin(p.IWDG);
 
     static BUFFERS: ConstStaticCell<serial::Buffers> = ConstStaticCell::new(serial::Buffers::new());

@@ -82,7 +82,7 @@ async fn main(spawner: Spawner) {
     early_start::before_clocks(pac::IWDG1, pac::GPIOB, 14);
     let mut p = embassy_stm32::init(chip::clocks());
     chip::set_up(execute_first_bank_only);
-    // The watchdog starts before any code that could hang, while all bridges are still open.
+    // `before_clocks` has started the watchdog. Its time-out is set here, while all bridges are still open.
     let watchdog = begin(p.IWDG1);
 
     static BUFFERS: ConstStaticCell<[serial::Buffers; 3]> =

@@ -106,8 +106,8 @@ impl Encoder {
     }
 }
 
-/// Iterates over ascending times in nanoseconds, each with the wire that is disturbed from then on. Loose wires and
-/// glitches go on without end; other encoders have no disturbances.
+/// Iterates over ascending times in nanoseconds, each with the wire that is disturbed from this time on. The
+/// disturbances of loose wires and glitches never end. Other encoders have no disturbances.
 #[derive(Clone, Debug)]
 pub struct Disturbances {
     encoder: Encoder,
@@ -145,7 +145,7 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// Updates the count by new levels of the wires. If both wires change together, the direction is unknown, and
+    /// Updates the count from the new levels of the wires. If both wires change together, the direction is unknown, and
     /// nothing is counted.
     pub fn update(&mut self, levels: Levels) {
         let place = |[a, b]: Levels| match (a, b) {
@@ -168,7 +168,7 @@ impl Decoder {
 pub(crate) struct Counter {
     encoder: Encoder,
     to_come: std::iter::Peekable<Disturbances>,
-    /// Time of the last change of condition. The disturbances count from this time.
+    /// Time of the last change of condition. Disturbances have times since this time.
     since_ns: u64,
     disturbed: Option<Wire>,
     decoder: Decoder,

@@ -25,8 +25,8 @@ pub struct Floor {
     /// Distance between the centres of the wheels in mm.
     #[serde(deserialize_with = "within::<Length, _, _>")]
     pub track_mm: f64,
-    /// Share of each turn of the base that is lost because the wheels slip, 0 to 1. The travelled distance is not
-    /// reduced.
+    /// Share of each turn of the base that is lost because the wheels slip, 0 to 0.9. The travelled distance is
+    /// not reduced.
     #[serde(deserialize_with = "within::<Slip, _, _>")]
     pub slip_in_turns: f64,
 }

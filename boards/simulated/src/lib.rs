@@ -12,7 +12,7 @@
 //! | [`current_line`] | sound and broken current-sense lines |
 //! | [`encoder`] | sound and broken encoders |
 //! | [`world`] | the board's traits over plants on a battery |
-//! | [`ground`] | where a drive base truly is |
+//! | [`ground`] | true position and heading of a drive base |
 //! | [`i2c`], `i2c_bus`, [`bno055`] | I2C buses with their devices and faults |
 //! | [`scheme`] | names of schemes, blends and duty rules |
 //! | [`scenario`] | motors with their loads, commands and expectations over time |

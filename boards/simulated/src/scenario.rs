@@ -34,8 +34,8 @@ pub use types::{Attached, Bus, Configuration, ConfiguredMotion, Group, Motor, Sc
 const SERVED_FRICTION: f64 = 0.06;
 
 /// Motor of the fan in the served scenario. The usual velocity coefficients of hosts suit motors of some 2500 counts/s.
-/// The NeveRest 3.7 of the default scenario turns at 650 counts/s. With P 2, I 0.5 and F 11.1 it needs five seconds to
-/// settle, with a load or without.
+/// The NeveRest 3.7 of the default scenario turns at some 700 counts/s. With P 2, I 0.5 and F 11.1 the error of its
+/// speed decays with a time constant of 5 s, with a load or without.
 const SERVED_FAN: &str = "NeveRest 20";
 
 /// File name and text of the default scenario.
@@ -68,7 +68,7 @@ impl Scenario {
         file::read(&text, false).map_err(|fault| fault.in_file(&file, &text))
     }
 
-    /// The scenario that is served if no file is given. It has the motors and loads of the default scenario, without
+    /// The scenario that is served if no file is given. The motors and loads are those of the default scenario, without
     /// torques, all under Scheme A. Dry friction stops the motors in about the same time as real gear motors. A
     /// NeveRest 20 drives the fan.
     ///

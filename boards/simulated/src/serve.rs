@@ -1,7 +1,7 @@
 //! A hub that host software can talk to, in real time: behind a serial line on this machine (a
 //! pseudo-terminal) or a TCP port.
 //!
-//! The hub runs in steps of a millisecond of real time. Bytes are read between two steps, so a reply leaves a
+//! The hub runs in steps of a millisecond of real time. Bytes are read in each step, so a reply leaves about a
 //! millisecond after its request. A USB serial port is slower. In a step the hub receives at most the bytes that its
 //! serial line carries ([`BYTES_A_STEP`]).
 //!

@@ -216,7 +216,8 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
         if let Some(snapshot) = snapshots.try_changed() {
             trace.ticks.push(observe(&board, &settings, &snapshot, &torques));
         }
-        // A division gives the same number as the text 7.95 in a scenario file.
+        // Division gives exactly the number to which a decimal in a scenario file is parsed. Multiplication may differ
+        // in the last bit.
         trace.push_motion(step as f64 / 1e3, board.view().motors);
         let flows = advance(scenario, &board, now_s, &torques);
         for (sample, flow) in
@@ -287,7 +288,8 @@ fn observe(
     let view = board.view();
     let motors = view.motors.into_iter().zip(&snapshot.motors).zip(settings).zip(torques);
     Tick {
-        // A division gives the same number as the text 7.95 in a scenario file.
+        // Division gives exactly the number to which a decimal in a scenario file is parsed. Multiplication may differ
+        // in the last bit.
         at_s: snapshot.at.get() as f64 / 1e6,
         battery_v: view.battery_v,
         measured_v: snapshot.battery.map(|mv| f64::from(mv.get()) * 1e-3),

@@ -1,7 +1,8 @@
 //! Runs a scenario without tasks and clock. Encoders, battery, hub and bridges take their steps one after the other,
 //! like the tasks of a board that are never late. Runs on several threads do not disturb each other. The results are
-//! equal to the results of [`sim::run`], with one exception. When the voltage of a bus leaves its quiet range, the hub
-//! reacts within 0.1 ms, as on a chip. In [`sim::run`] the hub reacts within 1 ms, the step of the time driver.
+//! equal to the results of [`sim::run`], with two exceptions. When the voltage of a bus leaves its quiet range, the hub
+//! reacts within 0.1 ms, as on a chip. In [`sim::run`] the hub reacts within 1 ms, the step of the time driver. The hub
+//! reads no gyro, so a drive base measures its heading by its encoders alone.
 //!
 //! ```
 //! use simulated::{scenario::Scenario, without_tasks};

@@ -1,7 +1,7 @@
 //! The newest readings of the analog inputs, the 5 V rail and the chip's temperature sensor.
 //!
-//! The task that measures the battery starts a *sequence* of all channels every 10 ms. A sequence takes some tenths of a
-//! millisecond. Its readings are collected at the next start, or when a host asks for them, whichever comes first.
+//! The task that measures the battery starts a *sequence* of all channels every 10 ms. A sequence takes less than
+//! 0.1 ms. Its readings are collected at the next start, or when a host asks for them, whichever comes first.
 
 use crate::supply::FactoryWord;
 use core::cell::Cell;

@@ -1,8 +1,9 @@
 //! Quadrature encoders with the lines A and B. A timer for each encoder counts all edges of both lines.
 //!
-//! Resistors outside the chip pull the inputs up to 3.3 V. Open-collector encoders need them. With them, an unplugged encoder
-//! counts no noise. The chip's own pull-ups stay off, because a pin tolerates the 5 V of an
-//! encoder only without them (DS9405 table 15, DS12110 and DS12288, I/O static characteristics).
+//! Resistors outside the chip pull the inputs up to 3.3 V. Open-collector encoders need these resistors. An unplugged
+//! encoder counts no noise, because the resistors keep its inputs high. The chip's own pull-ups stay off, because a pin
+//! tolerates the 5 V of an encoder only without them (DS9405 table 15, DS12110 and DS12288, I/O static
+//! characteristics).
 //!
 //! The inputs are filtered (RM0090 18.4.7, IC1F and IC2F): a level counts when eight samples in a row agree. A sample is taken
 //! every 128 clocks of the timer. Eight samples take 12.2 us on a timer at 84 MHz, 6.1 us at 168 MHz, and 5.1 us at 200 MHz. The
@@ -35,7 +36,7 @@ impl<T: GeneralInstance4Channel> Counter<T> {
     ) -> Self {
         let (a, b) = (CapturePin::new(a, Pull::None), CapturePin::new(b, Pull::None));
         let timer = Timer::new(timer);
-        // A sample every 4 * 32 clocks, eight in a row.
+        // The filter takes a sample every 4 * 32 clocks, and needs eight equal samples in a row.
         timer.set_clock_division(Ckd::DIV4);
         for channel in [Channel::Ch1, Channel::Ch2] {
             timer.set_input_ti_selection(channel, InputTISelection::Normal);

@@ -40,7 +40,7 @@ macro_rules! hub {
         /// Number of motors on this board.
         const MOTORS: usize = $motors;
 
-        /// Control period: 50 ms, or 1 to 100 ms as `CONTROL_PERIOD_MS` says when the image is built.
+        /// The control period: the milliseconds in `CONTROL_PERIOD_MS` at build time (1 to 100), or 50 ms without it.
         const PERIOD: ::motor_hub::units::Period = $crate::period(option_env!("CONTROL_PERIOD_MS"));
 
         /// All tasks run in one executor in thread mode, so no channel masks interrupts.

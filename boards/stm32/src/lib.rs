@@ -9,9 +9,9 @@
 //! | [`vnh5019`] | N bridges on one advanced timer |
 //! | [`bridge_faults`] | the fault lines of bridges |
 //! | [`encoders`] | quadrature counters, a timer each |
-//! | [`supply`] | the voltage detector, the factory's calibration of VREFINT, the task that waits for an analog watchdog |
+//! | [`supply`] | the voltage detector, readings that the factory has stored, a task's wait for an interrupt |
 //! | `two_converters` | battery and VREFINT on a converter each, as in the G47x and the H74x |
-//! | [`serial`] | the host link: a buffered USART |
+//! | [`serial`] | serial lines, a buffered USART each: the host link and the chain line |
 //! | [`pins`] | digital pins for a host |
 //! | [`servo`] | servo outputs for a host |
 //! | [`analog`] | readings of analog inputs, 5 V rail and temperature |

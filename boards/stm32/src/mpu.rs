@@ -18,11 +18,11 @@ pub(crate) const fn region(bytes: u32, attributes: u32) -> u32 {
     attributes | (bytes.ilog2() - 1) << 1 | 1
 }
 
-/// Sets the regions with the numbers from `first` on, and enables the unit. A region is its values of MPU_RBAR and MPU_RASR.
+/// Sets the regions with the numbers from `first` on, and enables the unit. A region is given as its values of MPU_RBAR and MPU_RASR.
 /// Where two regions overlap, the region with the higher number counts.
 #[expect(
     unsafe_code,
-    reason = "a register that a wrong value would take memory away with has no safe access"
+    reason = "the registers of the MPU have no safe access, because wrong values make memory inaccessible"
 )]
 pub(crate) fn protect(mpu: &mut MPU, first: u32, regions: &[(u32, u32)]) {
     // SAFETY: both callers protect only memory without variables, and memory without the image's code.

@@ -160,7 +160,7 @@ pub struct Sender {
 pub struct TransmissionEnd {
     /// Called before each transmission. Switches the line's transceiver to sending, if there is one.
     pub begin: fn(),
-    /// Woken at the end.
+    /// Woken at the end of each transmission.
     pub waiter: &'static InterruptWaiter,
     /// True if nothing is being sent.
     pub is_idle: fn() -> bool,

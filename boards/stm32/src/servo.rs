@@ -41,13 +41,13 @@ impl Servo {
         timer.set_output_compare_preload(C::CHANNEL, true);
         timer.set_output_compare_mode(C::CHANNEL, OutputCompareMode::PwmMode1);
         registers.arr().write(|w| w.set_arr(IDLE_PERIOD_US - 1));
-        // The update event that this makes also takes over the period.
+        // This call makes an update event, which also puts the new period into use.
         timer.set_tick_freq(TICK);
         timer.enable_channel(C::CHANNEL, true);
         timer.enable_outputs();
         timer.start();
         let config = PwmPinConfig { output_type: OutputType::PushPull, speed: Speed::Low, pull: Pull::None };
-        // Never dropped: a dropped pin becomes an analogue input, and a dropped timer loses its clock.
+        // Pin and timer are never dropped. A dropped pin becomes an analogue input, and a dropped timer loses its clock.
         core::mem::forget(PwmPin::<T, C>::new_with_config(pin, config));
         core::mem::forget(timer);
         Self { registers, channel: C::CHANNEL.index(), pulse: None }

@@ -23,7 +23,8 @@ use motor_hub::units::{Millivolts, RangeError};
 /// Number of reads of a register, some microseconds, after which a converter that has not stopped never stops.
 const STOP_READS: u32 = 200;
 
-/// Age beyond which the reading of the reference is not used. The rail changes slowly.
+/// Time without a new reading of the reference after which the last reading is not used. The supply voltage changes
+/// slowly.
 const REFERENCE_STALE: Duration = Duration::from_millis(25);
 
 static WAITER: InterruptWaiter = InterruptWaiter::new();
@@ -37,7 +38,7 @@ pub trait ConverterHal {
     /// Longest time of a calibration, in milliseconds.
     const CALIBRATION_MS: u32;
 
-    /// Sets the calibration to that of single-ended inputs.
+    /// Sets what the chip needs before a calibration. The registers select single-ended inputs after a reset.
     fn prepare_calibration(converter: Adc);
 
     /// Connects a channel to a converter, with the longest sampling time.
@@ -100,8 +101,9 @@ impl<K: ConverterHal> TwoConverters<K> {
         [self.battery, self.reference]
     }
 
-    /// Takes new readings of battery and reference. Returns the reading of the battery. `None` if the battery's converter has
-    /// not converted since the last call, or if the last reading of the reference is older than [`REFERENCE_STALE`].
+    /// Takes new readings of battery and reference. Returns the reading of the battery. `None` if the battery's
+    /// converter has not converted since the last call, or if no reading of the reference has been taken for
+    /// [`REFERENCE_STALE`].
     fn take(&mut self) -> Option<u16> {
         if let Some(vrefint) = K::take_reference(self.reference.0) {
             (self.vrefint, self.vrefint_at) = (vrefint, Some(Instant::now()));
@@ -181,7 +183,7 @@ pub fn start(converter: Adc) {
     converter.cr().modify(|w| w.set_adstart(true));
 }
 
-/// Stops a running conversion, which takes a few cycles of the converter.
+/// Stops a running conversion. The stop takes a few cycles of the converter.
 pub fn stop(converter: Adc) {
     if converter.cr().read().adstart() {
         converter.cr().modify(|w| w.set_adstp(Adstp::STOP));

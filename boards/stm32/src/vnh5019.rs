@@ -2,8 +2,8 @@
 //!
 //! # What the bridge does
 //!
-//! The truth table of the data sheet (VNH5019A-E, Doc ID 15701) for normal operating conditions. Both DIAG/EN pins are pulled
-//! high, and PWM is high.
+//! This is the truth table of the data sheet (VNH5019A-E, Doc ID 15701) for normal operating conditions. Both DIAG/EN
+//! pins are pulled high, and PWM is high.
 //!
 //! | INA | INB | OUTA | OUTB | operating mode |
 //! |---|---|---|---|---|
@@ -28,15 +28,15 @@
 //!
 //! # From one bridge command to another
 //!
-//! A new duty in the same mode goes through the compare register's preload and takes effect at the
-//! end of the PWM period, without a glitch. A change of the mode must not wait for the end of the period, because
-//! the old duty would then act in the new direction. It has these steps:
+//! A new duty in the same mode goes through the compare register's preload, and takes effect at the end of the PWM
+//! period, without a glitch. A change of the mode must not wait for the end of the period, because the old duty would
+//! then act in the new direction. A change of the mode has these steps:
 //!
-//! 1. The PWM output is forced low, independently of counter and compare (OCxM = "force inactive level",
-//!    RM0090 17.3.8). The old mode at low is state 8, 2 or 0. The preload is switched off by a read and a
-//!    write. The read cannot finish before the write of OCxM has reached the timer. So the next step, on
-//!    another bus, cannot overtake it.
-//! 2. INA and INB become low: state 0, coasting. In no mode both lines are high, so at most one line falls.
+//! 1. The PWM output is forced low, independently of counter and compare (OCxM = "force inactive level", RM0090
+//!    17.3.8). The old mode at low is state 8, 2 or 0. The preload is switched off by a read and a write. The read
+//!    cannot finish before the write of OCxM has reached the timer. So the next step, which uses another bus, cannot
+//!    overtake the write.
+//! 2. INA and INB become low: state 0, coasting. No mode has both lines high, so at most one line falls.
 //! 3. INA or INB becomes high as the new mode requires: state 8, 2 or 0. At most one line rises, so both lines are
 //!    never high together.
 //! 4. The new duty is written to the compare register without preload.
@@ -75,7 +75,7 @@ impl<T: AdvancedInstance4Channel> Pwm<T> {
         let period_ticks = u16::try_from(timer.get_clock_frequency().0 / PWM_HZ).unwrap_or(u16::MAX);
         timer.set_max_compare_value((period_ticks - 1).into());
         timer.set_autoreload_preload(true);
-        // With MOE off, as after a fault, the timer still drives its pins, to their idle level, low.
+        // While MOE is off, as after a fault, the timer still drives its pins to their idle level, which is low.
         timer.set_ossi(Ossi::IDLE_LEVEL);
         timer.set_moe(true);
         timer.start();
@@ -95,7 +95,7 @@ impl<T: AdvancedInstance4Channel> Pwm<T> {
         self.timer.set_output_compare_mode(channel, OutputCompareMode::PwmMode1);
         self.timer.enable_channel(channel, true);
         let config = PwmPinConfig { output_type: OutputType::PushPull, speed: Speed::Low, pull: Pull::Down };
-        // Never dropped: a dropped pin becomes an analogue input.
+        // The pin is never dropped, because a dropped pin becomes an analogue input.
         core::mem::forget(PwmPin::<T, C>::new_with_config(pwm, config));
         Bridge { channel, ina, inb, mode: Drive::COAST.mode, _timer: PhantomData }
     }

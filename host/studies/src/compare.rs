@@ -50,7 +50,7 @@ pub struct Comparison {
 
 impl Comparison {
     /// Runs all tasks in both rounds. With `quick`, runs the first three tasks with the same coefficients only.
-    /// `progress` gets the number of runs that are done, and of all.
+    /// `progress` gets the number of finished runs and the number of all runs.
     ///
     /// # Errors
     /// If a run fails.

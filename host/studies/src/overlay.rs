@@ -30,8 +30,8 @@ pub struct Overlay {
 /// Differences of the two runs for one motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Apart {
-    /// Largest distance in counts/s of the chip's speed from the speeds of the simulation within one control period. So
-    /// a difference in time of one tick does not count.
+    /// Largest distance in counts/s of the chip's speed from the speeds of the simulation within one control period. A
+    /// difference in time of one tick therefore does not count.
     pub worst_cps: f64,
     /// Root mean square of the difference in speed at the same tick, in counts/s.
     pub rms_cps: f64,

@@ -27,8 +27,9 @@ struct Misprint {
     right: String,
 }
 
-/// Errors of two estimates of the mean current over a control period, which is a to-do of the paper. One estimate is
-/// `(v - Ke Omega)/R`; the other one includes the change of speed. The errors are rms values over speeds and voltages.
+/// Errors of two estimates of the mean current over a control period. The paper leaves a better estimate as a to-do.
+/// One estimate is `(v - Ke Omega)/R`; the other one includes the change of speed. The errors are rms values over
+/// speeds and voltages.
 #[derive(Serialize)]
 struct Estimate {
     motor: &'static str,

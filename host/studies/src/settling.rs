@@ -1,9 +1,9 @@
 //! Judges whether a motor has settled after a change. `run`, `compare`, `survey` and `[[expect]]` all use this
 //! judgement.
 //!
-//! A motor has *settled* when its true motion stays within a band until the next change. It must stay there for at
-//! least a tenth of the time between the two changes, and for at least one second. So a motor that hunts in and out of
-//! the band never settles. A change is not judged if the next change follows within a second.
+//! A motor has *settled* when its true motion stays within a band until the next change. The motion must stay in the
+//! band for at least a tenth of the time between the two changes, and for at least one second. A motor that hunts in
+//! and out of the band therefore never settles. A change is not judged if the next change follows within a second.
 //!
 //! ```
 //! use simulated::trace::Point;

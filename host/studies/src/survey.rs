@@ -183,7 +183,7 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// Draws and runs scenarios; `progress` gets the number of scenarios that are done, and of all.
+    /// Draws and runs scenarios. `progress` gets the number of finished scenarios and the number of all scenarios.
     ///
     /// # Errors
     /// If a run fails.

@@ -17,7 +17,7 @@ pub const USUAL_WIDTH: u16 = 80;
 /// Width of the terminal in columns: one for all tables of the process.
 static WIDTH: AtomicU16 = AtomicU16::new(USUAL_WIDTH);
 
-/// Sets the columns of the terminal. Tables are no wider from then on.
+/// Sets the width of the terminal in columns. Tables that are written afterwards are no wider.
 pub fn fit(columns: u16) {
     WIDTH.store(columns, Ordering::Relaxed);
 }

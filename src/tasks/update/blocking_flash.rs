@@ -13,7 +13,7 @@ use embedded_storage_async::nor_flash::{ErrorType, NorFlash};
 pub struct BlockingFlash<F> {
     /// The async flash.
     pub flash: F,
-    /// Function that is called while an operation is pending. It may sleep until the next interrupt.
+    /// Function that is called while an operation is pending. The function may sleep until the next interrupt.
     pub idle: fn(),
     /// Function that is called before each erasure. A bootloader can feed its watchdog in this function.
     pub erasing: fn(),

@@ -49,7 +49,7 @@ fn put(words: &[AtomicU32], index: usize, value: u32) {
     }
 }
 
-/// A set-point from its four words: kind, target, tolerance, speed limit.
+/// Returns a set-point from its four words: kind, target, tolerance, speed limit.
 fn setpoint(words: &[AtomicU32], at: usize) -> Setpoint {
     let value = word(words, at + 1).cast_signed();
     let speed = |bits: u32| CountsPerSecond::saturating_from_bits(i64::from(bits.cast_signed()));

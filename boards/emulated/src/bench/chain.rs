@@ -35,7 +35,7 @@ pub enum LineFault {
     Shorted,
     /// One of sixteen bytes is damaged at random, and further bytes arrive that no hub has sent.
     Noise,
-    /// A transceiver sends without end. It sends the beginnings of packets that are never completed.
+    /// A transceiver sends the beginnings of packets without end, and never completes a packet.
     Babble,
 }
 

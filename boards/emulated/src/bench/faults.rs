@@ -64,7 +64,8 @@ impl Bench {
         assert!(late, "only a converter of the H743 can be late");
     }
 
-    /// Makes a bridge pull its DIAG line low, as a bridge does that has switched itself off, or release the line.
+    /// Makes a bridge pull its DIAG line low if `low` is true, like a bridge that has switched itself off. Otherwise
+    /// the bridge releases the line.
     pub fn pull_diag(&mut self, motor: usize, low: bool) {
         self.post(move |surroundings, session, _| {
             let pin = Pin::new(wiring::DIAG_PINS[motor]).expect("a pin of a port");
@@ -131,13 +132,13 @@ impl Bench {
         });
     }
 
-    /// Makes the reader of the log go away after it has switched the log to "wait while the buffer is full", as probe-rs does. Or
-    /// makes the reader return.
+    /// If `gone` is true, the reader of the log switches the log to "wait while the buffer is full", as probe-rs does,
+    /// and then reads nothing. Otherwise the reader reads again.
     pub fn set_log_abandoned(&mut self, gone: bool) {
         self.post(move |surroundings, _, _| surroundings.rtt.gone = gone);
     }
 
-    /// Makes the battery's converter accept commands but convert nothing, or work again.
+    /// If `dead` is true, the battery's converter accepts commands but converts nothing. Otherwise it works again.
     pub fn set_adc_dead(&mut self, dead: bool) {
         self.post(move |_, session, _| session.board_mut().chip.set_dead(dead));
     }
@@ -149,8 +150,8 @@ impl Bench {
         });
     }
 
-    /// Makes the chip's power controller report nothing, as with a broken regulator, so that the clocks never start. Or makes it
-    /// work again.
+    /// If `dead` is true, the chip's power controller reports nothing, as with a broken regulator, so the clocks never
+    /// start after a reset. Otherwise it works again.
     pub fn set_power_dead(&mut self, dead: bool) {
         self.post(move |_, session, _| session.board_mut().chip.set_power_dead(dead));
     }

@@ -51,7 +51,7 @@ impl Bench {
     /// Panics if no symbol has this name, or several have it.
     #[must_use]
     pub fn address(&self, name: &str) -> u64 {
-        elf::find(&self.symbols, name).unwrap_or_else(|| panic!("not one symbol is {name}"))
+        elf::find(&self.symbols, name).unwrap_or_else(|| panic!("no symbol, or several: {name}"))
     }
 
     /// Returns the image's symbols in the order of their addresses.

@@ -21,7 +21,7 @@ pub(super) struct AdcWithWatchdog {
 
 impl AdcWithWatchdog {
     pub(super) fn new(converter: Converter) -> Self {
-        // Without a clock until the clock tree gives one.
+        // The converter has no clock until the clock tree gives it one.
         Self { converter: Adc::new(converter, 0), dead: false, left: false, raised: false }
     }
 

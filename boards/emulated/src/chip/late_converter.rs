@@ -16,7 +16,7 @@ pub(super) struct DelayedAdc {
 
 impl DelayedAdc {
     pub(super) fn new(converter: Converter) -> Self {
-        // Without a clock until the clock tree gives one.
+        // The converter has no clock until the clock tree gives it one.
         Self { converter: Adc::new(converter, 0), next_is_late_by: None, late: None }
     }
 }

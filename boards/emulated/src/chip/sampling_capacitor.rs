@@ -1,5 +1,6 @@
-//! A converter of the STM32F427 with its sampling capacitor. A conversion of a channel without a wire reads the charge that
-//! the last conversion has left in the capacitor. The emulator has a voltage on every channel.
+//! A converter of the STM32F427 with its sampling capacitor. A conversion of a channel without a wire reads the charge
+//! that the last conversion has left in the capacitor. The emulator's own model has a voltage for every channel
+//! instead.
 //!
 //! With the bit SCAN of CR1 cleared, a group has one channel (RM0090 13.3.8). The emulator uses the bit for the regular group
 //! only, so the number of injected channels (JL) is hidden from it.
@@ -31,7 +32,7 @@ pub(super) struct AdcWithCapacitor {
 
 impl AdcWithCapacitor {
     pub(super) fn new() -> Self {
-        // Without a clock until the common block gives one.
+        // The converter has no clock until the common block gives it one.
         Self { converter: Adc::with_clock(0), floating: Vec::new(), held: 0 }
     }
 }

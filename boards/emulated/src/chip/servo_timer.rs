@@ -1,9 +1,9 @@
 //! A timer that makes the pulses of one servo: TIM9 to TIM14 of the STM32F427, which the emulator lacks, and TIM12 to TIM17
 //! of the STM32H743, whose pins the emulator does not show.
 //!
-//! It counts up, with its auto-reload and compare registers preloaded, in PWM mode 1 (RM0090 19.3, RM0433 40.3 and 41.3).
-//! Each edge on the pin is noted with its time. Any other configuration of the timer is reported to the session as a gap of the
-//! emulator, with which a test fails.
+//! The model counts up, with its auto-reload and compare registers preloaded, in PWM mode 1 (RM0090 19.3, RM0433 40.3
+//! and 41.3). Each edge on the pin is noted with its time. A start of the timer without preloads or in another mode is
+//! reported to the session as a gap of the emulator, and a gap fails the test.
 
 use rigless::device::{Device, DeviceContext, ErasedDevice, RegisterFile};
 use rigless::soc::Layout;

@@ -12,7 +12,7 @@ const RELOAD: u64 = 0xAAAA;
 const UNLOCK: u64 = 0x5555;
 const START: u64 = 0xCCCC;
 
-/// Value from which the counter starts without a reload value.
+/// Value from which the counter starts while no reload value has been written.
 const FULL: u64 = 0xFFF;
 
 #[derive(Debug, Default)]

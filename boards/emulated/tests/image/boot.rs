@@ -72,7 +72,7 @@ fn ticks_come_every_fifty_milliseconds() {
     bench.assert_sound();
 }
 
-/// A hub whose four motors, with different loads, turn at 1000 counts/s.
+/// Returns a hub whose four motors, with different loads, turn at 1000 counts/s.
 pub(crate) fn at_speed(image: &Path, configuration: Configuration) -> Bench {
     let mut bench = Bench::with_image(setup(four_loads()), image);
     let mut host = HostLink::default();

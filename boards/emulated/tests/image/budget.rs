@@ -14,7 +14,7 @@ use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
 use object::{Object, ObjectSection};
 
-/// Set-points of low and high speeds in both directions, each for a second.
+/// Returns set-points of low and high speeds in both directions, each for a second.
 fn velocities(per_second: usize) -> impl Fn(usize) -> Setpoint {
     move |tick| {
         let speeds = [1000, 2400, 300, -700, -2600, -40, 0, 1500, 15, 2000, -2000, 5];
@@ -30,7 +30,7 @@ fn positions(per_second: usize) -> impl Fn(usize) -> Setpoint {
     }
 }
 
-/// External torque on the output shaft in N m: none, one in each direction, and a larger one.
+/// Returns the external torque on the output shaft in N m: none, one in each direction, and a larger one.
 fn torque(tick: usize) -> f64 {
     [0.0, 0.3, -0.3, 0.0, 0.8][tick / 37 % 5]
 }

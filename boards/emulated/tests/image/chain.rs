@@ -15,7 +15,7 @@ const CHILD: u8 = Address::DEFAULT.get();
 /// The address that the parent gets.
 const PARENT: u8 = 9;
 
-/// Two hubs that were powered on 300 ms ago, and their host.
+/// Returns two hubs that were powered on 300 ms ago, and their host.
 fn booted_pair(motors: usize) -> (ChainBench, HostLink) {
     let hub = |board| Setup { board, ..setup(vec![am60(); motors]) };
     let mut chain = ChainBench::new(vec![hub(board()), hub(other_board())]);
@@ -35,7 +35,7 @@ pub(crate) fn set_address(chain: &mut ChainBench, host: &mut HostLink, from: u8,
     host.to(from).command(chain, Standard::SetAddress { address: Address::new(to).expect("an address") });
 }
 
-/// A parent and a child, whose motors all turn at 1000 counts/s.
+/// Returns a parent and a child, whose motors all turn at 1000 counts/s.
 fn turning(motors: usize) -> (ChainBench, HostLink) {
     let (mut chain, mut host) = pair(motors);
     for address in [PARENT, CHILD] {
@@ -59,7 +59,7 @@ fn two_hubs_with_one_address_are_reported_and_both_obey_after_set_address() {
     assert!(!discovering);
     assert_eq!(duplicate.iter().collect::<Vec<_>>(), [CHILD]);
     set_address(&mut chain, &mut host, CHILD, PARENT);
-    // Now a discovery finds the child, the second address that the parent asks.
+    // Now the discovery finds the child, whose address is the second one that the parent tries.
     host.to(BROADCAST).send(&mut chain, Standard::Discovery);
     chain.run(ms(30));
     let found: Vec<_> = host.arrivals(chain.first()).into_iter().map(|arrival| arrival.packet).collect();

@@ -38,7 +38,7 @@ pub(crate) fn publish(name: &str, table: &str) {
     std::fs::write(folder.join(format!("{name}.md")), table).expect("a table as a file");
 }
 
-/// A setup with these motors on the [`board`] of the test.
+/// Returns a setup with these motors on the [`board`] of the test.
 pub(crate) fn setup(motors: Vec<Mounting>) -> Setup {
     Setup { board: board(), ..Setup::new(motors) }
 }
@@ -49,18 +49,18 @@ pub(crate) const COUNTER: Range<u64> = 0x4000_0024..0x4000_0028;
 /// The drop of a diode and the resistance of a switch in a VNH5019A-E (data sheet, typical).
 const BRIDGE: Bridge = Bridge::lossy(Volts(0.6), Ohms(0.009));
 
-/// The gear motor for which the firmware's default settings are, with a load.
+/// Returns the gear motor with this load. The default settings of the firmware are for this motor.
 pub(crate) fn am60_with(load: Load) -> Mounting {
     let motor = find("AM 60 A").and_then(|entry| entry.motor).expect("a characterised motor");
     Mounting { motor: motor.with_measured_rotor_inertia(), load, bridge: BRIDGE, stops: None }
 }
 
-/// The gear motor of [`am60_with`] without a load.
+/// Returns the gear motor of [`am60_with`] without a load.
 pub(crate) fn am60() -> Mounting {
     am60_with(Load::NONE)
 }
 
-/// Four gear motors: without a load, with a light and a heavy flywheel, and with a robot's wheel.
+/// Returns four gear motors: without a load, with a light and a heavy flywheel, and with a robot's wheel.
 pub(crate) fn four_loads() -> Vec<Mounting> {
     let wheel = |mass, radius| am60_with(Load::flywheel(Kilograms(mass), Metres(radius)));
     vec![am60(), wheel(0.5, 0.06), wheel(2.0, 0.1), am60_with(Load::inertia(KgM2(0.004)))]
@@ -70,29 +70,29 @@ pub(crate) const fn ms(ms: u64) -> Duration {
     Duration::from_millis(ms)
 }
 
-/// A hub that was powered on 300 ms ago, and has had its first control ticks.
+/// Returns a hub that was powered on 300 ms ago, and has had its first control ticks.
 pub(crate) fn booted(motors: Vec<Mounting>) -> Bench {
     booted_as(setup(motors))
 }
 
-/// As [`booted`], with another setup.
+/// Returns a hub like [`booted`], with another setup.
 pub(crate) fn booted_as(setup: Setup) -> Bench {
     let mut bench = Bench::new(setup);
     bench.run(ms(300));
     bench
 }
 
-/// A hub as [`booted`], and its host.
+/// Returns a hub like [`booted`], and its host.
 pub(crate) fn with_host(motors: Vec<Mounting>) -> (Bench, HostLink) {
     (booted(motors), HostLink::default())
 }
 
-/// A hub whose motors all turn at 1000 counts/s, after a press of the button.
+/// Returns a hub whose motors all turn at 1000 counts/s. The button is still pressed.
 pub(crate) fn turning(motors: Vec<Mounting>) -> Bench {
     turning_as(setup(motors))
 }
 
-/// As [`turning`], with another setup.
+/// Returns a hub like [`turning`], with another setup.
 pub(crate) fn turning_as(setup: Setup) -> Bench {
     let mut bench = booted_as(setup);
     bench.press(true);
@@ -130,13 +130,13 @@ pub(crate) fn watch_samples(bench: &mut Bench) {
     bench.take_instants();
 }
 
-/// The longest time between two samples since the last call of this function or of [`watch_samples`].
+/// Returns the longest time between two samples since the last call of this function or of [`watch_samples`].
 pub(crate) fn worst_sample(bench: &mut Bench) -> Duration {
     let samples = bench.take_instants();
     samples.windows(2).map(|pair| pair[1] - pair[0]).max().expect("samples")
 }
 
-/// The value for the board of the test.
+/// Returns the value for the board of the test.
 pub(crate) fn by_board<T>(f429zi: T, h743zi2: T) -> T {
     match board() {
         Board::NucleoF429zi => f429zi,
@@ -144,17 +144,18 @@ pub(crate) fn by_board<T>(f429zi: T, h743zi2: T) -> T {
     }
 }
 
-/// The board that is not the board of the test.
+/// Returns the board that is not the board of the test.
 pub(crate) fn other_board() -> Board {
     by_board(Board::NucleoH743zi2, Board::NucleoF429zi)
 }
 
-/// Bits `high..=low` of a word.
+/// Returns the bits `high..=low` of a word.
 pub(crate) fn bits(word: u32, high: u32, low: u32) -> u32 {
     word >> low & ((1 << (high - low + 1)) - 1)
 }
 
-/// The time from which a bridge has been open until now, at the earliest `since`; `None` if the bridge is not open now.
+/// Returns the time from which a bridge has been open until now, at the earliest `since`. `None` if the bridge is not
+/// open now.
 pub(crate) fn open_since(transitions: &[Transition], motor: usize, since: Duration) -> Option<Duration> {
     let mut open = Some(Duration::ZERO);
     for transition in transitions.iter().filter(|t| t.motor == motor) {
@@ -163,23 +164,23 @@ pub(crate) fn open_since(transitions: &[Transition], motor: usize, since: Durati
     open.map(|at| at.max(since))
 }
 
-/// Time from `since` until a bridge opened and stayed open.
+/// Returns the time from `since` until a bridge opened and stayed open.
 ///
 /// # Panics
-/// If the bridge is not open now.
+/// Panics if the bridge is not open now.
 pub(crate) fn time_to_safe(bench: &mut Bench, motor: usize, since: Duration) -> Duration {
     let transitions = bench.transitions();
     let at = open_since(&transitions, motor, since);
     at.unwrap_or_else(|| panic!("bridge {motor} is not open: {:?}", bench.lines(motor))) - since
 }
 
-/// The log as text.
+/// Returns the log as text.
 pub(crate) fn log(bench: &mut Bench) -> String {
     bench.log().iter().map(|line| format!("{} {line}\n", line.boot)).collect()
 }
 
-/// Returns a supply voltage in mV at which the voltage detector must report a falling supply. The F429 still runs at it: its 168 MHz
-/// with 5 wait states need 2.7 V. The H743 runs down to 1.62 V.
+/// Returns a supply voltage in mV at which the voltage detector must report a falling supply. Both chips still run at
+/// this voltage: the F429 needs 2.7 V at 168 MHz with 5 wait states, and the H743 runs down to 1.62 V.
 pub(crate) fn too_low() -> u32 {
     by_board(2_800, 2_740)
 }

@@ -13,7 +13,7 @@ use motor_hub::protocol::motor::ToMotor;
 use motor_hub::protocol::requests::{AdcChannel, BATTERY_CURRENT, ToHub};
 use simulated::current_line::CurrentLine;
 
-/// A motor that a hard stop holds from the beginning.
+/// Returns a motor that a hard stop holds from the beginning.
 fn held() -> Mounting {
     Mounting { stops: Some((0, 0)), ..am60() }
 }
@@ -32,7 +32,7 @@ fn motor_channel(motor: u8) -> AdcChannel {
     AdcChannel::new(8 + motor).expect("a channel")
 }
 
-/// The mean current of each motor and of the battery over 100 ms, in mA.
+/// Returns the mean current of each motor and of the battery over 100 ms, in mA.
 fn flowing(bench: &mut Bench) -> ([f64; 4], f64) {
     let charges = |bench: &mut Bench| {
         let flows = [0, 1, 2, 3].map(|motor| bench.look(motor).flow);
@@ -73,7 +73,7 @@ pub(crate) fn a_host_gets_the_currents_that_flow_also_of_a_motor_whose_constants
     println!("battery: {drawn:.0} mA, {reported:.0} mA reported");
     let (battery_v, _) = bench.battery();
     // The hub multiplies each motor's current by the motor voltage and divides the product by the battery voltage. The
-    // motor voltage is computed from the configured resistance, of which motor 2 has half.
+    // motor voltage is computed from the configured resistance, and motor 2 has half of this resistance.
     let excess = 1e-3 * flows[2].powi(2) * 0.5 * held().motor.r.0 / battery_v;
     // The hub does not count the losses of the bridge. The current flows through two switches, or through a switch and a catch diode.
     let bridge = held().bridge;

@@ -19,7 +19,7 @@ use motor_hub::units::{Acceleration, CountsPerSecond};
 const PERIOD: Duration = Duration::from_millis(12);
 /// Largest number of requests that may be unanswered.
 const UNANSWERED: usize = 8;
-/// Time between two checks of the line. The daemon sees an answer by at most this time late.
+/// Time between two checks of the line. The daemon receives an answer at most this time late.
 const STEP: Duration = Duration::from_micros(100);
 
 type Request = (u16, Vec<u8>);
@@ -31,7 +31,7 @@ struct Daemon {
 }
 
 impl Daemon {
-    /// The daemon of a hub that runs four motors and six servos.
+    /// Creates the daemon of a hub that runs four motors and six servos.
     fn with_all_devices(image: &Path) -> Self {
         let bench = crate::boot::at_speed(image, Configuration::Configured);
         let mut daemon = Self { bench, host: HostLink::default(), power: 0 };
@@ -89,7 +89,8 @@ impl Daemon {
         let [mut first, mut then] = self.requests(full);
         let mut left = first.len() + then.len();
         let (mut unanswered, mut last) = (0, start);
-        // The second part of the requests waits for four answers, so that the first four requests are answered.
+        // The second part is sent after four answers, because the daemon waits for the answers to its first four
+        // requests.
         let mut awaited = 4;
         while left > 0 {
             while unanswered < UNANSWERED {

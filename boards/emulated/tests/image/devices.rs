@@ -29,7 +29,7 @@ const TIME_OUT: u8 = 1 << 3;
 
 const MICROSECOND: Duration = Duration::from_micros(1);
 
-/// A hub with four regulated motors, and a host that accepts no NACK.
+/// A hub and its host.
 struct Devices {
     bench: Bench,
     host: HostLink,
@@ -40,7 +40,7 @@ impl Devices {
         Self { bench: booted(vec![am60()]), host: HostLink::default() }
     }
 
-    /// These motors, regulated.
+    /// Creates a hub that regulates these motors at a speed in counts/s.
     fn with_motors(motors: Vec<Mounting>, cps: i16) -> Self {
         let (mut bench, mut host) = (booted(motors), HostLink::default());
         for motor in 0..bench.motors() {
@@ -79,7 +79,7 @@ impl Devices {
         self.command(SET_SERVO_ENABLE, &[servo, 1]);
     }
 
-    /// The pulses since an instant.
+    /// Returns the pulses that began at this time or later.
     fn pulses(&mut self, servo: usize, since: Duration) -> Vec<ServoPulse> {
         self.bench.servo_pulses(servo).into_iter().filter(|pulse| pulse.at >= since).collect()
     }
@@ -90,7 +90,7 @@ impl Devices {
         loop {
             match self.request(poll, &[bus]) {
                 Reply::Data(data) => return (data[0], data[2..].to_vec(), self.bench.now() - started),
-                Reply::Nack(Nack(41)) => assert!(self.bench.now() - started < ms(200), "it ends"),
+                Reply::Nack(Nack(41)) => assert!(self.bench.now() - started < ms(200), "the transfer ends"),
                 reply => panic!("{reply:?}"),
             }
         }
@@ -198,7 +198,7 @@ fn a_reset_ends_the_pulse_of_a_servo() {
     hub.servo(2, 20_000, 1500);
     hub.bench.run(ms(50));
     let last = hub.bench.servo_pulses(2).pop().expect("a pulse").at;
-    // In the middle of the pulse after the next one.
+    // The reset comes in the middle of the pulse after the next one.
     let reset = last + ms(40) + 750 * MICROSECOND;
     hub.bench.pull_reset(reset);
     hub.bench.run(ms(400));
@@ -306,7 +306,7 @@ fn faults_of_an_i2c_bus_end_and_neither_motors_nor_the_line_notice() {
     assert_eq!(hub.result(POLL_I2C_WRITE, 0).0, NO_ADDRESS);
     hub.bench.device(0, 0, |device| device.set_present(true));
     works(&mut hub);
-    // A clock that is stretched for 30 ms in the middle of a transfer.
+    // A device stretches the clock for 30 ms in the middle of a transfer.
     hub.command(READ_I2C_REGISTER, &[0, 0x28, 8, 0x00]);
     hub.bench.hold_scl(0, ms(30));
     let (status, bytes, time) = hub.result(POLL_I2C_READ, 0);
@@ -335,7 +335,7 @@ fn faults_of_an_i2c_bus_end_and_neither_motors_nor_the_line_notice() {
         assert_eq!(hub.bench.bus_levels(0), [true, true], "{clocks} clocks");
         works(&mut hub);
     }
-    // A reset in the middle of a transfer.
+    // The hub is reset in the middle of a transfer.
     hub.command(READ_I2C_REGISTER, &[0, 0x28, 100, 0x00]);
     let at = hub.bench.now() + ms(2);
     let speed = hub.bench.look(0).counts_per_second;
@@ -434,11 +434,11 @@ fn the_line_that_speaks_first_is_the_hosts_until_a_reset() {
         bench.run(ms(5));
         !host.arrivals(bench).is_empty()
     };
-    // Noise is no host.
+    // Noise does not choose a line.
     bench.send(&[0x44, 0x00, 0xFF]);
     bench.run(ms(5));
     assert!(answers(&mut bench, &mut host, 1), "the first packet is answered");
-    assert!(!answers(&mut bench, &mut host, 0), "the other line is deaf");
+    assert!(!answers(&mut bench, &mut host, 0), "a request on the other line is not answered");
     bench.use_line(1);
     host.bulk(&mut bench);
     let at = bench.now() + ms(1);

@@ -24,8 +24,9 @@ const BOARD: Board = Board::NucleoH743zi2;
 const ERRORS: FlashFaults = FlashFaults { errors_every: 7, late_reads: 0 };
 const LATE: FlashFaults = FlashFaults { errors_every: 0, late_reads: 5 };
 
-/// Offsets from the flash's start, in bytes (`boot_h743zi2::layout`): the slot that is booted, the other one, and the
-/// bootloader's state.
+/// Offsets from the flash's start, in bytes (`boot_h743zi2::layout`): of the slot that is booted, of the other slot,
+/// and of the bootloader's state. `ORIGIN` is the address of the slot that is booted, and `PAGE` is the number of bytes
+/// of a sector.
 const ACTIVE: usize = 0x2_0000;
 const ORIGIN: u32 = 0x0802_0000;
 const DOWNLOAD: usize = 0x10_0000;
@@ -69,7 +70,7 @@ fn settings_are_saved_though_words_arrive_late() {
 #[derive(Clone)]
 struct Armed {
     flash: Vec<u8>,
-    /// The image that is booted before.
+    /// The image in the slot that is booted.
     before: Vec<u8>,
     /// The image that is armed.
     new: Vec<u8>,

@@ -54,7 +54,7 @@ const FLASH_ACR: u64 = 0x5200_2000;
 fn nothing_outside_the_chip_makes_its_clock() {
     // The bench has no oscillator on OSC_IN. A chip that used OSC_IN would have no clock.
     let mut bench = on(Board::NucleoH743zi2, || booted(vec![am60()]));
-    // The clock of TIM1.
+    // The log names the clock of TIM1.
     assert!(log(&mut bench).contains("200000000 Hz"), "{}", log(&mut bench));
     let control = bench.register(RCC_CR);
     assert_eq!(bits(control, 16, 16), 0, "HSEON");
@@ -80,7 +80,7 @@ fn flash_has_its_wait_states_and_data_are_where_no_cache_is() {
     let mut bench = on(Board::NucleoH743zi2, || booted(vec![am60()]));
     let flash = bench.register(FLASH_ACR);
     assert!(bits(flash, 3, 0) >= 2, "wait states at 200 MHz and VOS1 (RM0433 table 17): {flash:#x}");
-    // The DTCM.
+    // All statics are in the DTCM.
     let ram = Board::NucleoH743zi2.ram();
     let statics: Vec<_> = bench.symbols().iter().filter(|s| s.address >= ram.start).cloned().collect();
     assert!(statics.len() > 5 && statics.iter().all(|s| ram.contains(&s.address)), "{statics:?}");
@@ -90,7 +90,7 @@ fn flash_has_its_wait_states_and_data_are_where_no_cache_is() {
 const TIM1_BDTR: u64 = 0x4001_0044;
 const TIM1_AF1: u64 = 0x4001_0060;
 
-/// Two motors drive, on a chip of this revision.
+/// Returns a hub on a chip of this revision, which drives two motors.
 fn driving(revision: u16) -> Bench {
     let mut bench = on(Board::NucleoH743zi2, || Bench::new(setup(vec![am60(); 2])));
     bench.set_revision(revision);

@@ -88,8 +88,8 @@ fn a_reversal_goes_over_braking_and_never_an_illegal_way() {
     bench.assert_sound();
 }
 
-/// Time of the 46 bytes of a bulk read's answer at 460 800 baud, and up to a millisecond until the bench reads them, in
-/// s.
+/// Longest time in s from the hub's reading of a value to the bench's reading of the answer. The answer of a bulk read
+/// has 46 bytes, which take 1 ms, and the bench reads the answer within another millisecond.
 const REPLY_S: f64 = 0.002;
 
 #[test]
@@ -145,7 +145,7 @@ fn a_host_reads_the_positions_speeds_and_voltage_of_the_physics() {
     bench.assert_sound();
 }
 
-/// Times at which bridge 0 changed, in ns after the last multiple of the control period of 50 ms.
+/// Returns the times at which bridge 0 changed, in ns after the last multiple of the control period of 50 ms.
 fn tick_offsets(bench: &mut Bench, from: Duration) -> Vec<u128> {
     let mut offsets: Vec<u128> = Vec::new();
     for t in bench.transitions().iter().filter(|t| t.at > from && t.motor == 0) {
@@ -327,7 +327,7 @@ fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
         1e3 * soonest.as_secs_f64(),
         1e3 * latest.as_secs_f64()
     );
-    // Up to 2 ms until the command has reached the pins.
+    // The command reaches the pins within 2 ms.
     assert!(soonest >= ms(2500) && latest <= ms(2502), "{soonest:?} to {latest:?}");
     bench.assert_sound();
 }

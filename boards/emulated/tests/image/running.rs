@@ -36,7 +36,7 @@ pub(crate) fn the_log_shows_the_speeds_and_the_voltage_of_the_physics() {
     let mut bench = turning(four_loads());
     bench.run(ms(2500));
     let text = log(&mut bench);
-    // The last number that follows these words.
+    // Returns the last number that follows these words.
     let read = |before: &str| -> f64 {
         let (_, rest) = text.rsplit_once(before).expect("a log line");
         let number = rest.split([' ', ')']).next().expect("a word");

@@ -179,7 +179,7 @@ fn a_save_that_erases_waits_until_motors_are_off_and_delays_no_sample() {
     bench.run(ms(500));
     let mut host = HostLink::default();
     assert_eq!(state(&mut bench, &mut host).number, number);
-    // A running motor prevents that the hub erases a page for the save.
+    // While a motor runs, the hub does not erase a page for the save.
     host.velocity(&mut bench, 0, 1000);
     watch_samples(&mut bench);
     let (report, _) = save(&mut bench, &mut host);

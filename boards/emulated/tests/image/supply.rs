@@ -268,8 +268,8 @@ fn a_reference_that_stops_in_the_middle_of_a_sequence_leaves_the_battery_known()
         bench.run(ms(50));
         let battery: i16 = host.read(&mut bench, ToHub::Adc { channel: BATTERY, raw: false });
         assert!((battery - 12_000).abs() < 200, "{battery} mV");
-        let input: i16 = host
-            .read(&mut bench, ToHub::Adc { channel: AdcChannel::new(2).expect("a channel"), raw: false });
+        let input: i16 =
+            host.read(&mut bench, ToHub::Adc { channel: AdcChannel::new(2).expect("a channel"), raw: false });
         assert!((input - 1_500).abs() < 5, "{input} mV");
         bench.assert_sound();
     });

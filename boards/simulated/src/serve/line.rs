@@ -49,8 +49,9 @@ impl Line {
         Err(LineError::NoPtys)
     }
 
-    /// A TCP port; port 0 stands for any free port. It serves one host at a time. A second host is disconnected after
-    /// 0.2 s if the first is still connected. A host that has sent nothing for 5 s gives way to another.
+    /// A TCP port; port 0 stands for any free port. The port serves one host at a time. A second host is disconnected
+    /// after 0.2 s if the first is still connected. A host that has sent nothing for 5 s is disconnected when another
+    /// host connects.
     ///
     /// # Errors
     /// If the program cannot listen on the address.

@@ -6,12 +6,12 @@ use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::time::{Duration, Instant};
 
-/// Time that a second host waits before it is disconnected. The first host may have hung up, which shows once its last
-/// bytes are read.
+/// Time that a second host waits before it is disconnected. The first host may have closed its connection. The program
+/// detects a closed connection only after it has read the last bytes.
 const GRACE: Duration = Duration::from_millis(200);
 
-/// A host that has sent nothing for this time gives way to another. The hub has disabled the motors after half of the
-/// time.
+/// A host that has sent nothing for this time is disconnected when another host connects. The hub has disabled the
+/// motors after half of this time.
 pub(super) const IDLE: Duration = Duration::from_secs(5);
 
 /// Largest number of bytes that wait for the hub, which reads at the speed of a serial line. Further bytes are dropped.
@@ -28,7 +28,7 @@ pub(super) struct Tcp {
     host: Option<TcpStream>,
     /// Bytes from the host that the hub has not received yet.
     inbox: VecDeque<u8>,
-    /// True if the host sends nothing more.
+    /// True if the host has closed its connection. The inbox may still hold its last bytes.
     at_end: bool,
     /// Time of the host's last bytes, or of its connection.
     last_byte: Instant,

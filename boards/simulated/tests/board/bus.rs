@@ -126,7 +126,7 @@ fn winches_on_a_bus_that_cannot_sink_are_held_and_the_bus_stays_below_its_upper_
         assert!(!measured.coasted && !measured.shut_down, "{motors}: no motor that brakes coasts");
         assert_eq!(measured.most_at_once, 1, "{motors}: windings give back their energy one after the other");
         for speeds in &measured.speeds {
-            // The regulator has found the load by then.
+            // At this time the regulator has estimated the load.
             let (low, high) = extremes(speeds, 2_250);
             assert!(low > 0.98 * 1360.0 && high < 1.02 * 1360.0, "{motors}: {low} to {high} counts/s");
         }

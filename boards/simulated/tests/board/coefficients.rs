@@ -51,7 +51,7 @@ fn outcome(scenario: &Scenario, position: i64) -> Vec<(f64, i64)> {
 type Velocity = fn(f64) -> [f64; 4];
 
 const LEGACY: Velocity = |_| [10.0, 3.0, 0.0, 0.0];
-/// Full feed-forward, P a tenth of that, I a tenth of P.
+/// F gives full control at the speed at full power. P is a tenth of F, and I is a tenth of P.
 const COMMUNITY: Velocity = |fastest| {
     let f = f64::from(Control::MAX.get()) / fastest;
     [f / 10.0, f / 100.0, 0.0, f]

@@ -53,7 +53,7 @@ fn refused(sound: &str, mistakes: &[Mistake<'_>]) {
 
 /// Mistakes in the sound scenario.
 const MISTAKES: [Mistake<'_>; 62] = [
-    // Broken TOML, a single value, and a contradiction in a table: each is refused where it stands.
+    // Broken TOML, a value out of range, and a contradiction in a table. Each error has the position of its mistake.
     ("name = \"test\"", "name = \"test", "s.toml:1:13: "),
     ("duration_s = 2.0", "duration_s = ", "s.toml:2:14: "),
     ("emf_v = 12.0", "emf_v = inf", "s.toml:4:21: emf_v = inf is out of range; allowed is 1 to 60"),

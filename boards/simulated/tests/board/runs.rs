@@ -1,4 +1,4 @@
-//! A scenario runs alike with and without tasks.
+//! A scenario has equal results with and without tasks.
 
 use simulated::scenario::{Group, Scenario};
 use simulated::sim::RunError;

@@ -72,13 +72,14 @@ impl BatteryAdc {
         let ground = Output::new(ground, Level::Low, Speed::Low);
         let adc = Adc::new(adc);
         adc.enable_vrefint();
-        // The longest sampling time, 22.9 us: VREFINT and the temperature sensor need 10 us (data sheet), and the divider's
-        // 8.9 kohm is a weak source.
+        // The longest sampling time is 22.9 us. VREFINT and the temperature sensor need 10 us (data sheet), and the
+        // divider's 8.9 kohm is a weak source.
         let slow = SampleTime::CYCLES480;
         for channel in [battery_channel, VREFINT_CHANNEL, TEMPERATURE_CHANNEL] {
             set_sampling_time(pac::ADC1, channel, slow);
         }
-        // 1.3 us: the capacitor's 7 pF behind 6 kohm (data sheet, ADC characteristics) need 0.4 us.
+        // The sampling time is 1.3 us. The capacitor of 7 pF behind 6 kohm (data sheet, ADC characteristics) needs 0.4
+        // us.
         set_sampling_time(pac::ADC1, ground_channel, SampleTime::CYCLES28);
         pac::ADC1.sqr3().write(|w| w.set_sq(0, battery_channel));
         inject(pac::ADC1, [VREFINT_CHANNEL, TEMPERATURE_CHANNEL, ground_channel]);
@@ -94,7 +95,7 @@ impl BatteryAdc {
     }
 }
 
-/// Starts the converter, or restarts it in whatever state it is.
+/// Starts the converter. Restarts a converter that runs or has stopped.
 fn start() {
     pac::ADC1.cr2().modify(|w| w.set_adon(false));
     pac::ADC1.cr2().modify(|w| {

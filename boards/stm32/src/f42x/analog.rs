@@ -21,7 +21,8 @@ pub fn set_up(
     let inputs = inputs.map(|pin| pin.get_hw_channel());
     let rail = rail.degrade_adc().get_hw_channel();
     pac::RCC.apb2enr().modify(|w| w.set_adc2en(true));
-    // 6.9 us, for a source of up to 50 kohm with a capacitor, or of 10 kohm without one. Five conversions take 37 us.
+    // The sampling time of 6.9 us suffices for a source of up to 50 kohm with a capacitor, or of 10 kohm without one.
+    // Five conversions take 37 us.
     for channel in inputs.into_iter().chain([rail]) {
         set_sampling_time(pac::ADC2, channel, SampleTime::CYCLES144);
     }
@@ -32,12 +33,12 @@ pub fn set_up(
     read
 }
 
-/// The newest reading of VREFINT, which is the first of ADC1's injected group.
+/// Returns the newest reading of VREFINT, which is the first of ADC1's injected group.
 pub(super) fn vrefint() -> u16 {
     pac::ADC1.jdr(0).read().jdata()
 }
 
-/// The newest reading of the temperature sensor, which is the second of ADC1's injected group.
+/// Returns the newest reading of the temperature sensor, which is the second of ADC1's injected group.
 fn temperature() -> u16 {
     pac::ADC1.jdr(1).read().jdata()
 }
@@ -67,7 +68,7 @@ pub(super) fn next() {
     });
 }
 
-/// The newest readings.
+/// Returns the newest readings.
 fn read() -> AnalogReadings {
     collect();
     NEWEST.readings(factory())

@@ -25,7 +25,7 @@ impl<const N: usize> CurrentLines<N> {
     pub fn new(_: Peri<'static, ADC3>, pins: [AnyAdcChannel<'static, ADC3>; N]) -> Self {
         let channels = pins.each_ref().map(AnyAdcChannel::get_hw_channel);
         pac::RCC.apb2enr().modify(|w| w.set_adc3en(true));
-        // 6.9 us behind the filter's 33 nF.
+        // The sampling time of 6.9 us suffices, because the filter's capacitor of 33 nF is at the pin.
         for channel in channels {
             set_sampling_time(pac::ADC3, channel, SampleTime::CYCLES144);
         }

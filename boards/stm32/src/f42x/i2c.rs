@@ -113,7 +113,7 @@ impl i2c_bus::Controller for Controller {
         registers.cr1().write(|w| w.set_swrst(true));
         registers.cr1().write(|w| w.set_swrst(false));
         registers.cr2().write(|w| w.set_freq(CLOCK_MHZ as u8));
-        // Low and high phase: 1 and 1 at 100 kHz, 2 and 1 at 400 kHz (RM0090 27.6.8). The rise time of a line is at
+        // Ratio of the low to the high phase: 1 at 100 kHz, 2 at 400 kHz (RM0090 27.6.8). The rise time of a line is at
         // most 1000 ns or 300 ns.
         let (mode, ticks, rise) = if self.fast {
             (FS::FAST, CLOCK_MHZ * 10 / 12, CLOCK_MHZ * 3 / 10)

@@ -15,8 +15,8 @@ use embassy_stm32::pac::adc::vals::SampleTime;
 use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
 
-/// Level of the programmable voltage detector (PVD): 2.93 V for a falling supply, and at least 2.85 V (DS9405 table
-/// 22). At 168 MHz with 5 wait states the flash needs 2.7 V (RM0090 table 12).
+/// Level of the programmable voltage detector (PVD) for a falling supply: typically 2.93 V, and at least 2.85 V (DS9405
+/// table 22). At 168 MHz with 5 wait states the flash needs 2.7 V (RM0090 table 12).
 pub const PVD_LEVEL: u8 = 0b110;
 
 /// RAM can be read before the first write.

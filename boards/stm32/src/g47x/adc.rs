@@ -57,7 +57,8 @@ pub fn battery(
 ) -> Result<BatteryAdc, RangeError> {
     rcc::enable_and_reset::<ADC1>();
     rcc::enable_and_reset::<ADC3>();
-    // A fourth of the bus's clock, set while all converters are disabled (RM0440 21.7).
+    // The converters get a fourth of the bus's clock. This divider may be set only while all converters are disabled
+    // (RM0440 21.7).
     pac::ADC12_COMMON.ccr().modify(|w| w.set_ckmode(Ckmode::SYNC_DIV4));
     pac::ADC345_COMMON.ccr().modify(|w| {
         w.set_ckmode(Ckmode::SYNC_DIV4);

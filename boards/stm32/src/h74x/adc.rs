@@ -27,7 +27,7 @@ impl ConverterHal for H7 {
     const INTERRUPT: Interrupt = Interrupt::ADC;
     /// A conversion of 810.5 + 8.5 cycles at 16 MHz takes 51 us.
     const WAIT_MICROS: u64 = 110;
-    /// 165 010 cycles of a calibration with linearity (DS12110, ADC characteristics) take 10.3 ms. This is twice as long.
+    /// 165 010 cycles of a calibration with linearity (DS12110, ADC characteristics) take 10.3 ms. This value is more than twice as long.
     const CALIBRATION_MS: u32 = 25;
 
     /// Sets BOOST, the converter's supply current, for its clock. The clock is 16 MHz, and 32 MHz up to revision Y. In

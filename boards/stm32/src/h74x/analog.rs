@@ -23,9 +23,10 @@ const TEMPERATURE: u8 = 18;
 /// Words of a sequence: the inputs, the rail, the temperature and VREFINT.
 const WORDS: usize = ANALOG_INPUTS + 3;
 
-/// 4 us, for a source of up to 10 kohm with a capacitor.
+/// Sampling time of the inputs and of the rail: 4 us, for a source of up to 10 kohm with a capacitor.
 const QUICK: SampleTime = SampleTime::CYCLES64_5;
-/// 24 us: the temperature sensor needs 9 us, VREFINT 4.3 us (DS12110). Seven conversions take 73 us.
+/// Sampling time of the temperature sensor and of VREFINT: 24 us. The sensor needs 9 us, and VREFINT 4.3 us (DS12110).
+/// The seven conversions of a sequence take 73 us.
 const SLOW: SampleTime = SampleTime::CYCLES387_5;
 
 static NEWEST: Newest = Newest::new();
@@ -73,7 +74,7 @@ fn collect() {
     }
 }
 
-/// The newest reading of VREFINT.
+/// Returns the newest reading of VREFINT.
 pub(super) fn vrefint() -> Option<u16> {
     collect();
     NEWEST.vrefint()
@@ -89,7 +90,7 @@ pub(super) fn next() {
     }
 }
 
-/// The newest readings.
+/// Returns the newest readings.
 pub fn read() -> AnalogReadings {
     collect();
     NEWEST.readings(factory())

@@ -37,7 +37,7 @@ impl<const N: usize> Calibrate for CurrentLines<N> {
         calibrate::<H7>(&[pac::ADC2]).await;
         pac::ADC2.sqr1().write(|w| w.set_l(N as u8 - 1));
         for (place, channel) in self.pins.iter().map(AnyAdcChannel::get_hw_channel).enumerate() {
-            // 4 us behind the filter's 33 nF.
+            // The sampling time of 4 us suffices, because the filter's capacitor of 33 nF is at the pin.
             connect(pac::ADC2, channel, SampleTime::CYCLES64_5);
             pac::ADC2.sqr1().modify(|w| w.set_sq(place, channel));
         }

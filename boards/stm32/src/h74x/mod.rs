@@ -89,17 +89,18 @@ pub fn set_up(forbid_execution: fn(&mut MPU)) {
 /// after the set-up of TIM1. Before revision V the timer ignores both (ES0392 2.2.2).
 ///
 /// Double ECC errors are not connected to the timer's break input. The core takes such an error as a bus fault, whose
-/// handler opens the bridges. If the handler fails too, the core locks up. If
-/// errors of the flash were connected, a read of a word that a power cut has damaged would also cause a break. The store
-/// reads such words as empty. If errors of the DTCM were connected, a read of stack memory that has not been written
-/// since power-on would also cause a break.
+/// handler opens the bridges. If the handler fails too, the core locks up. If errors of the flash were connected, a
+/// read of a word that a power cut has damaged would also cause a break. The store reads such words as empty. If errors
+/// of the DTCM were connected, a read of stack memory that has not been written since power-on would also cause a
+/// break.
 pub fn break_pwm() {
     const REVISION_V: u16 = 0x2003;
     if pac::DBGMCU.idc().read().rev_id() < REVISION_V {
         return;
     }
     #[expect(unsafe_code, reason = "the peripheral access crate has no name for this register")]
-    // SAFETY: a register of SYSCFG, which the HAL has given its clock, and no other code has the register.
+    // SAFETY: the address is that of a register of SYSCFG. The HAL has enabled the clock of SYSCFG, and no other code
+    // accesses the register.
     let connections = unsafe { Reg::<u32, RW>::from_ptr(with_exposed_provenance_mut(SYSCFG_CFGR)) };
     connections.write_value(LOCK_UP_BREAKS | SUPPLY_BREAKS);
     // The pin BKIN is not a break source, because no driver sets it up. Its disabled input is low, and the break input

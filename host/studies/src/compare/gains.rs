@@ -5,8 +5,8 @@ use motor_hub::motion::Pidf;
 use motor_hub::units::{Coefficient, Control};
 use serde::Serialize;
 
-/// P and I as multiples of `f = 32767 keFw / 12000`, in control steps per count/s. P = f gives full control for an
-/// error of the speed whose back EMF is 12 V. D and F are 0.
+/// P and I as multiples of `f = 32767 keFw / 12000`, in control steps per count/s. If P is `f`, an error as large as
+/// the speed whose back EMF is 12 V gives full control. D and F are 0.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Gains {
     /// P divided by `f`.

@@ -37,7 +37,7 @@ pub struct BareMotor {
     pub unknown: Vec<[Verdict; 2]>,
 }
 
-/// Runs all bare motors; `progress` gets the number of runs that are done, and of all.
+/// Runs all bare motors. `progress` gets the number of finished runs and the number of all runs.
 ///
 /// # Errors
 /// If a run fails.

@@ -47,7 +47,7 @@ fn take<'a, T>(items: &'a [T], next: &AtomicUsize) -> Option<(usize, &'a T)> {
 pub(super) type ByKnowledge<R> = [Vec<R>; 2];
 
 /// The results of `work` for every item at every period in ms, configured (`true`) and not configured. `progress` gets
-/// the number of runs that are done, and of all.
+/// the number of finished runs and the number of all runs.
 pub(super) fn at_all_periods<T: Sync, R: Send>(
     items: &[T],
     periods: &[u32],

@@ -187,8 +187,8 @@ fn arm() -> Result<Scenario, StudyError> {
     Ok(scenario)
 }
 
-/// Runs all tasks at all [`PERIODS`], configured exactly and not configured; `progress` gets the number of runs that
-/// are done, and of all.
+/// Runs all tasks at all [`PERIODS`], configured exactly and not configured. `progress` gets the number of finished
+/// runs and the number of all runs.
 ///
 /// # Errors
 /// If a run fails.
@@ -237,13 +237,13 @@ fn speed(task: &Task) -> f64 {
     }
 }
 
-/// The verdict on the motor of the task whose rms error in the last second is the largest.
+/// Returns the verdict on one motor of the task: the motor with the largest rms error in the last second.
 fn worst(task: &Task, late: bool, configured: bool, period_ms: u32) -> Result<Verdict, StudyError> {
     let mut worst: Option<Verdict> = None;
     for scenario in &task.scenarios {
         let mut scenario = parallel::variant(scenario, configured, period_ms)?;
         if late {
-            // Values that are in force from the start stay so.
+            // Set-points and torques at 0 s are not delayed.
             for motor in &mut scenario.motors {
                 let setpoints = motor.setpoints.iter_mut().map(|timed| &mut timed.at_s);
                 let torques = motor.torques.iter_mut().map(|timed| &mut timed.at_s);

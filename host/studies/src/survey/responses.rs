@@ -15,7 +15,8 @@ const SWING_MS: usize = 1_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
-    /// Any other new speed: in the same direction, from or to standstill, or after a position or without regulation.
+    /// Any other new speed: in the same direction, or from or to standstill. Also the first speed after a position, or
+    /// after a motor was not regulated.
     Speed,
     /// A new speed in the other direction.
     Reversal,

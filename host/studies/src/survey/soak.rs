@@ -68,7 +68,8 @@ pub struct Alarm {
 }
 
 impl Soak {
-    /// Draws and runs scenarios until `seconds` of virtual time are over; `progress` gets the seconds that are done.
+    /// Draws and runs scenarios until `seconds` of virtual time are over. `progress` gets the virtual time so far, in
+    /// seconds.
     ///
     /// # Errors
     /// If a motor does not fit the firmware.
@@ -105,7 +106,7 @@ impl Soak {
 
     /// Runs every motor, inertia, scheme, duty rule, friction, voltage and period, configured and not, or each
     /// `every`th of these scenarios. The scenarios run without tasks, so the watchdog is not checked. `progress` gets
-    /// the number of scenarios that are done, and of all.
+    /// the number of finished scenarios and the number of all scenarios.
     ///
     /// # Errors
     /// If a motor does not fit the firmware.

@@ -1,5 +1,5 @@
 //! Every motor of the catalogue without a load, with both of its inertias, under every scheme and duty rule. Friction
-//! is up to 40 % of the stall torque, the battery has 6.5 to 14.5 V, the control period is 1 to 100 ms. The motion is
+//! is up to 40 % of the stall torque. The battery has 6.5 to 14.5 V. The control period is 1 to 100 ms. The motion is
 //! configured exactly, or not at all. Every encoder is sound, so every fault is a false alarm.
 
 use super::Knowledge;
@@ -51,7 +51,7 @@ pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
     all.into_iter().step_by(every.max(1)).collect()
 }
 
-/// Multiples of a rotor's inertia that a motor turns in the long sweep.
+/// Inertias of motor and load together in the long sweep, as multiples of the rotor's inertia.
 const INERTIAS: [f64; 7] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1_000.0];
 /// How the motors of the long sweep are configured.
 const KNOWLEDGE_LONG: [Knowledge; 4] =

@@ -18,7 +18,7 @@ fn every_scenario_is_as_it_expects() {
     assert!(unmet.is_empty(), "not as expected:\n{}", unmet.join("\n"));
 }
 
-/// Runs a scenario with one expectation, and judges this.
+/// Runs a scenario with one expectation. Returns the verdict on the expectation.
 fn verdict(text: &str) -> Verdict {
     verdicts(&Scenario::parse("one.toml", text).expect("it is valid")).pop().expect("one expectation")
 }

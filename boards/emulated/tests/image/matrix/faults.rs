@@ -82,7 +82,7 @@ impl Fault {
         match self {
             // The hub waits 2.5 s for its host. A second more shows that the effect stays.
             Self::HostSilent => ms(3_500),
-            // This is longer than the hub waits for its host, and longer than its log's buffer has room.
+            // This time is longer than the hub waits for its host, and longer than it takes to fill the log's buffer.
             Self::HostGarbled(_) | Self::LogAbandoned => ms(3_000),
             // The hub does not run meanwhile, or has been reset.
             Self::SupplyFalls | Self::LockUp => ms(600),
@@ -90,7 +90,8 @@ impl Fault {
             Self::ClocksDoNotStart => ms(150),
             // This is the time until the fault of a motor that brakes a load is noticed, and a second.
             Self::Encoder(Encoder::Unplugged | Encoder::Stuck { .. }) => ms(2_100),
-            // This is the time until the fault of an unknown motor, which may be heavy, is noticed, and a second.
+            // This is the time until the fault of an unknown motor is noticed, and a second. The hub takes an unknown
+            // motor for a heavy one.
             Self::Encoder(Encoder::Reversed) => ms(3_400),
             _ => ms(1_100),
         }

@@ -53,7 +53,7 @@ fn complaints(row: &Row, seen: &RowResult) -> Vec<String> {
 /// True if a hub has not done what a hub must do while the other hub of its chain has the fault of this row.
 fn disturbed(row: &Row, other: &OtherResult) -> bool {
     let in_parent = other.fault_in == Place::Parent;
-    // Requests to a child pass its parent. A parent that is reset loses them, and may answer one late while it starts. After a
+    // Requests to a child pass its parent. A parent that is reset loses these requests, and may answer late while it starts. After a
     // damaged byte a parent may wait for the rest of a packet, up to 50 ms.
     let must_answer =
         !in_parent || !(row.reports.contains(&"device reset") || matches!(row.fault, Fault::HostGarbled(_)));

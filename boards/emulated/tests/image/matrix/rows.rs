@@ -94,8 +94,8 @@ const REVERSED: &[&str] = &["lost counts", "log: reversed"];
 
 /// An encoder without counts is noticed in each mode, except in open loop, which needs no encoder.
 const SILENT_ENCODER: [ExpectedEffect; 4] = [WORKS, off(250, STUCK), off(250, STUCK), off(250, STUCK)];
-/// Counts in the wrong direction. An unknown motor may be heavy, so it may take 2.2 s to slow down after it has counted in the right
-/// direction.
+/// Counts in the wrong direction. The hub takes an unknown motor for a heavy one, which may take 2.2 s to slow down
+/// after it has counted in the right direction.
 const BACKWARDS: [ExpectedEffect; 4] =
     [WORKS, off(2_300, REVERSED), off(2_300, REVERSED), off(400, REVERSED)];
 /// Some lost counts are not noticed: the motor seems to be slower, and is then driven faster. A loose wire has contact for 77 % of
@@ -111,7 +111,8 @@ const SOME_COUNTS_LOST: [ExpectedEffect; 4] = [
 /// If one of seven slots of the encoder's wheel is missing, the motor turns at 7/6 of the requested speed.
 const ONE_OF_SEVEN_LOST: [ExpectedEffect; 4] =
     [WORKS, turns(1_120.0, 1_210.0), turns(1_110.0, 1_220.0), turns(300.0, 400.0)];
-/// Without a battery voltage the bridge opens after 100 ms, a control period of 50 ms, and the time of a tick.
+/// Without a battery voltage the bridge opens within the sum of 100 ms, a control period of 50 ms, and the time of a
+/// tick.
 const BLIND: [ExpectedEffect; 4] = [ExpectedEffect {
     during: During::Opens { within_ms: 165 },
     reports: &["log: battery unknown"],

@@ -264,7 +264,8 @@ impl Run {
         self.host.to(self.faulty.address).keep_alive(&mut self.chain);
     }
 
-    /// As [`keep_alive`](Self::keep_alive), and waits for no answer. Answers that have arrived before are discarded.
+    /// Sends a keep-alive like [`keep_alive`](Self::keep_alive), but waits for no answer. Answers that have arrived
+    /// before are discarded.
     pub(crate) fn send_keep_alive(&mut self) {
         self.host.arrivals(self.chain.first());
         self.host.to(self.faulty.address).send(&mut self.chain, Standard::KeepAlive);
@@ -342,8 +343,8 @@ fn off(bench: &mut Bench) -> [bool; 4] {
     })
 }
 
-/// Returns the time from a fault until the lines of a bridge fulfilled `such` without interruption. `None` if they do not
-/// fulfil `such` after the last transition.
+/// Returns the time from a fault until the lines of a bridge fulfilled the condition `such` without interruption.
+/// `None` if the lines do not fulfil the condition after the last transition.
 fn since(
     transitions: &[Transition],
     motor: usize,

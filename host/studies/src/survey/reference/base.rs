@@ -46,7 +46,7 @@ fn scenario(courses: &str) -> Result<Scenario, StudyError> {
     Scenario::parse("drive base", &text).map_err(|_| StudyError::NoEvent)
 }
 
-/// The rows of [`TASKS`]. `progress` gets the number of runs that are done, and of all.
+/// The rows of [`TASKS`]. `progress` gets the number of finished runs and the number of all runs.
 pub(super) fn rows(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyError> {
     let scenarios = TASKS.iter().map(|(_, courses)| scenario(courses)).collect::<Result<Vec<_>, _>>()?;
     let degrees = parallel::at_all_periods(&scenarios, &PERIODS, degrees, progress)?;
