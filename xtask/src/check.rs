@@ -31,10 +31,8 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     for core in SMALL_CORES {
         cargo(&[&library[..], &["--target", core], &DENY].concat())?;
     }
-    for board in &ALL {
-        cargo(&[&["clippy", "--package", DRIVERS], &for_chip(board.name, board.target)[..], &DENY].concat())?;
-    }
-    for (package, target) in BENCHES {
+    // The lints of a board include those of the drivers that it uses.
+    for (package, target) in chips() {
         cargo(&[&["clippy"], &for_chip(package, target)[..], &DENY].concat())?;
     }
     let documents = [&["doc", "--no-deps", "--document-private-items"], &host[..]].concat();
