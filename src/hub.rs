@@ -66,6 +66,11 @@ pub enum Action {
     Base(Option<BaseSettings>),
 }
 
+impl Action {
+    /// Disables the motor.
+    pub const DISABLE: Self = Self::Set(Setpoint::Disabled);
+}
+
 /// The state of the hub after one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

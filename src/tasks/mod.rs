@@ -50,7 +50,6 @@ use crate::bridge::{BridgeFeedback, Drive};
 use crate::devices::I2C_BUSES;
 use crate::hub::{Action, Command, GyroReading, Snapshot};
 use crate::motion::Newest;
-use crate::motor::Setpoint;
 use crate::protocol::Packet;
 use crate::protocol::answers::I2cRead;
 use crate::record::{CrashReport, Fault, Record, SIZE};
@@ -161,8 +160,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// True while the button may drive motors, from the responder to the button's task: after the stored settings are
     /// restored, until the first packet for this hub.
     pub button_permitted: Mutex<M, Cell<bool>>,
-    /// Set-point that the button has commanded last.
-    button_setpoint: Mutex<M, Cell<Setpoint>>,
+    /// Action that the button has sent last.
+    button_action: Mutex<M, Cell<Action>>,
 }
 
 impl<M: RawMutex, const N: usize> Wires<M, N> {
@@ -188,7 +187,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             gyro_wanted: Mutex::new(Cell::new(false)),
             chain: ChainChannels::new(),
             button_permitted: Mutex::new(Cell::new(false)),
-            button_setpoint: Mutex::new(Cell::new(Setpoint::Disabled)),
+            button_action: Mutex::new(Cell::new(Action::DISABLE)),
         }
     }
 }
@@ -247,17 +246,17 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
         }
     }
 
-    /// Sends the set-point of the button to all motors, unless the button has sent it already. Returns false, and sends nothing, if
-    /// the queue has too little room. The caller must then try again.
-    pub fn try_send_by_button(&self, setpoint: Setpoint) -> bool {
-        if self.button_setpoint.lock(Cell::get) == setpoint {
+    /// Sends the action of the button to all motors, unless it is the last one that the button has sent. Returns false, and sends
+    /// nothing, if the queue has too little room. The caller must then try again.
+    pub fn try_send_by_button(&self, action: Action) -> bool {
+        if self.button_action.lock(Cell::get) == action {
             return true;
         }
         if self.commands.free_capacity() < N {
             return false;
         }
-        self.button_setpoint.lock(|sent| sent.set(setpoint));
-        (0..N).all(|motor| self.try_send(Command { motor, action: Action::Set(setpoint) }).is_ok())
+        self.button_action.lock(|sent| sent.set(action));
+        (0..N).all(|motor| self.try_send(Command { motor, action }).is_ok())
     }
 
     /// Takes the oldest waiting command out of the queue. `None` if no command waits.

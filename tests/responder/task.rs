@@ -247,7 +247,7 @@ fn motors_that_the_button_drives_are_disabled_before_the_first_command_of_a_host
     let mut task = pin!(world.task());
     run_ms(&mut task, 5);
     let turn = Setpoint::Velocity(CountsPerSecond::new(1000));
-    assert!(world.wires.try_send_by_button(turn));
+    assert!(world.wires.try_send_by_button(Action::Set(turn)));
     assert_eq!(world.new_commands().len(), N);
     world.drive_motor_0();
     run_ms(&mut task, 1);
@@ -255,7 +255,7 @@ fn motors_that_the_button_drives_are_disabled_before_the_first_command_of_a_host
     assert_eq!(commands[..N], [0, 1, 2, 3].map(disabled));
     assert_eq!((commands.len(), commands[N].motor), (N + 1, 0));
     // The task of the button sees later that it must not drive motors.
-    assert!(world.wires.try_send_by_button(Setpoint::Disabled));
+    assert!(world.wires.try_send_by_button(Action::DISABLE));
     assert_eq!(world.new_commands(), []);
 }
 
@@ -265,9 +265,9 @@ fn a_host_s_command_waits_until_the_queue_has_room_to_disable_the_motors_of_the_
     let mut task = pin!(world.task());
     run_ms(&mut task, 5);
     let turn = Setpoint::Velocity(CountsPerSecond::new(1000));
-    assert!(world.wires.try_send_by_button(turn));
+    assert!(world.wires.try_send_by_button(Action::Set(turn)));
     while world.wires.try_send(disabled(0)).is_ok() {}
-    assert!(!world.wires.try_send_by_button(Setpoint::Velocity(CountsPerSecond::ZERO)));
+    assert!(!world.wires.try_send_by_button(Action::Set(Setpoint::Velocity(CountsPerSecond::ZERO))));
     world.drive_motor_0();
     run_ms(&mut task, 1);
     assert_eq!(world.new_commands().len(), COMMANDS);

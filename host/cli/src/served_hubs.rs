@@ -35,7 +35,7 @@ mod unix {
     /// note.
     const FREE: &str = "free ";
     /// Word of a note whose hub has a host.
-    const TAKEN: &str = "has_host";
+    const TAKEN: &str = "taken";
 
     /// Extension of a note that is not complete.
     const UNLOCKED: &str = "new";
