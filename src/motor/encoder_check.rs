@@ -392,8 +392,12 @@ impl Suspect {
     /// Executes a tick of Probing without a motion. The encoder is at fault when the expected distance is reached. If a
     /// motor may be heavy and its encoder has toggled (`may_creep`), the probe lasts [`LONGEST_MS`](Self::LONGEST_MS).
     fn probe(self, expected: Expected, may_creep: bool, tick: &Tick<'_>) -> State {
-        // A limit may leave less than the requested voltage.
-        let volts = -along(self.clockwise, tick.command.limited.voltage.to_volts()) - self.resisting_volts;
+        let drive_volts = if tick.command.is_limited() {
+            -along(self.clockwise, tick.command.limited.voltage.to_volts())
+        } else {
+            Self::DRIVE_SHARE * tick.context.at.battery_volts()
+        };
+        let volts = drive_volts - self.resisting_volts;
         let expected = expected.accelerate(tick.period_ms(), self.gain_cps2_per_volt * volts, 0.0);
         let shortest_ms = if self.may_be_heavy && may_creep { Self::LONGEST_MS } else { Self::SHORTEST_MS };
         if expected.ms >= shortest_ms && expected.distance_counts >= Self::COUNTS {

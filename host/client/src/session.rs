@@ -192,10 +192,11 @@ impl<L: Read + Write> Session<L> {
     /// [`Error::NoHub`] if no hub answers within the time-out.
     pub fn discover(&mut self) -> Result<Vec<Found>, Error> {
         let first = self.discover_for(SECOND_PARENT_DELAY)?;
-        let &[Found { address, parent: true, .. }] = first.as_slice() else {
+        let mut parents = first.into_iter().filter(|hub| hub.parent);
+        let (Some(parent), None) = (parents.next(), parents.next()) else {
             return self.discover_for(CHAIN_DISCOVERY_TIMEOUT);
         };
-        match self.wait_for_chain(address)? {
+        match self.wait_for_chain(parent.address)? {
             Some(ChainReport { answering, duplicate, .. }) => {
                 let children =
                     (1..BROADCAST).filter(|&address| answering.has(address) || duplicate.has(address));
@@ -204,7 +205,7 @@ impl<L: Read + Write> Session<L> {
                     parent: false,
                     duplicate: duplicate.has(address),
                 });
-                Ok(first.into_iter().chain(children).collect())
+                Ok(std::iter::once(parent).chain(children).collect())
             }
             None => self.discover_for(CHAIN_DISCOVERY_TIMEOUT),
         }
