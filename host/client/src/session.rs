@@ -272,8 +272,8 @@ impl<L: Read + Write> Session<L> {
         if found.is_empty() { Err(Error::NoHub) } else { Ok(found) }
     }
 
-    /// Waits until the hub at `parent` has discovered the hubs behind it, for [`CHAIN_DISCOVERY_TIMEOUT`] at most, and returns its
-    /// report. The report is empty if the hub has no chain line. `None` for a hub of another maker, or with older
+    /// Waits until the hub at `parent` has discovered the hubs behind it, for [`CHAIN_DISCOVERY_TIMEOUT`] at most, and
+    /// returns its report. The report is empty if the hub has no chain line. `None` for a hub of another maker, or with older
     /// firmware.
     fn wait_for_chain(&mut self, parent: u8) -> Result<Option<ChainReport>, Error> {
         let Some(parent) = Address::new(parent) else { return Ok(None) };

@@ -1,5 +1,6 @@
-//! The host's analog inputs and the divider of the 5 V rail on ADC2. The rail is the regular group. The inputs are an injected group that is converted after the rail. Each channel has a data register, so no
-//! DMA is needed. ADC1 has the temperature sensor.
+//! The host's analog inputs and the divider of the 5 V rail on ADC2. The rail is the regular group. The inputs are an
+//! injected group that is converted after the rail. Each channel has a data register, so no DMA is needed. ADC1 has the
+//! temperature sensor.
 
 use super::{inject, set_sampling_time};
 use crate::analog::{Factory, Newest, Sequence};
