@@ -93,7 +93,8 @@ impl Fault {
             // This is the time until the fault of an unknown motor is noticed, and a second. The hub takes an unknown
             // motor for a heavy one.
             Self::Encoder(Encoder::Reversed) => ms(3_400),
-            _ => ms(1_100),
+            // A battery without readings counts as unknown after 0.1 s, and the log reports that within a second.
+            _ => ms(1_200),
         }
     }
 
