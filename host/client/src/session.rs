@@ -191,15 +191,17 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// [`Error::NoHub`] if no hub answers within the time-out.
     pub fn discover(&mut self) -> Result<Vec<Found>, Error> {
-        let first = self.discover_for(SECOND_PARENT_DELAY)?;
-        let mut parents = first.into_iter().filter(|hub| hub.parent);
-        let (Some(parent), None) = (parents.next(), parents.next()) else {
+        let (parents, early): (Vec<_>, Vec<_>) =
+            self.discover_for(SECOND_PARENT_DELAY)?.into_iter().partition(|hub| hub.parent);
+        let [parent] = parents[..] else {
             return self.discover_for(CHAIN_DISCOVERY_TIMEOUT);
         };
         match self.wait_for_chain(parent.address)? {
             Some(ChainReport { answering, duplicate, .. }) => {
-                let children =
-                    (1..BROADCAST).filter(|&address| answering.has(address) || duplicate.has(address));
+                let has_answered = |address| early.iter().any(|child| child.address == address);
+                let children = (1..BROADCAST).filter(|&address| {
+                    answering.has(address) || duplicate.has(address) || has_answered(address)
+                });
                 let children = children.map(|address| Found {
                     address,
                     parent: false,

@@ -90,7 +90,7 @@ fn discovery_finds_the_parent_among_all_hubs() {
     let mut session = Session::with_parent(Memory::new(hub), TIMEOUT).unwrap();
     assert_eq!(session.address(), ADDRESS);
     let (child, parent) = (found(9, false), found(ADDRESS, true));
-    assert_eq!(session.discover().unwrap(), [child, parent]);
+    assert_eq!(session.discover().unwrap(), [parent, child]);
 }
 
 /// A line on which a second parent answers each discovery 20 ms after the hub.
