@@ -279,11 +279,12 @@ impl Tab<'_> {
         );
     }
 
-    /// True if a page of this browser has lost control because it showed nothing for 1 s.
+    /// True if a page of this browser has lost its motors because it showed nothing for 1 s, or if no page is in control now.
+    /// A page that loses control while no motor is enabled gets no notice.
     pub(crate) fn was_starved(&mut self) -> bool {
         // Events arrive before the answer to a later question.
-        self.ask("0");
-        self.browser.was_starved
+        let is_free = self.ask("window.dashboard?.state.controller === null") == true;
+        self.browser.was_starved || is_free
     }
 
     /// Presses a key and releases it.
