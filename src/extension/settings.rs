@@ -340,6 +340,14 @@ impl Field {
 /// Largest number of fields of a group.
 const MOST_FIELDS: usize = 6;
 
+const _: () = {
+    let mut groups = Group::ALL.as_slice();
+    while let [group, rest @ ..] = groups {
+        assert!(group.fields().len() <= MOST_FIELDS, "a group has more than MOST_FIELDS fields");
+        groups = rest;
+    }
+};
+
 /// Raw values of all fields of one group.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -376,6 +384,20 @@ impl Values {
     /// Refuses a field that is missing or out of range, with the number of the field in the payload.
     pub fn read(group: Group, fields: &mut Fields<'_>) -> Result<Self, Nack> {
         Self::collect(group, |field| field.read(fields))
+    }
+
+    /// Reads the values of a group from bytes that an earlier firmware may have written, in an answer or in a stored
+    /// entry. A field that is missing at the end is taken from `settings`.
+    ///
+    /// # Errors
+    /// Refuses a field that is out of range.
+    pub fn read_over(group: Group, bytes: &[u8], settings: &MotorSettings) -> Result<Self, Nack> {
+        let mut payload = Payload::new();
+        Self::of(group, settings).write(&mut payload);
+        for (byte, given) in payload.iter_mut().zip(bytes) {
+            *byte = *given;
+        }
+        Self::read(group, &mut Fields::new(&payload))
     }
 
     /// Appends the values to a payload.

@@ -407,13 +407,9 @@ fn sets(entry: &Entry<'_>, motor: u8, group: Group) -> bool {
 /// # Errors
 /// Refuses values that are out of range, or that do not fit the other settings.
 fn values_of(entry: &Entry<'_>, motor: u8, group: Group, settings: &MotorSettings) -> Result<Values, Nack> {
-    let mut payload = payload(motor, &Values::of(group, settings));
-    for (byte, stored) in payload.iter_mut().zip(entry.payload) {
-        *byte = *stored;
-    }
     let mut name = Payload::new();
     group.write_name(motor, &mut name);
-    let values = Values::read(group, &mut Fields::new(payload.get(name.len()..).unwrap_or_default()))?;
+    let values = Values::read_over(group, entry.payload.get(name.len()..).unwrap_or_default(), settings)?;
     values.apply_to(settings).map(|_| values)
 }
 

@@ -29,7 +29,6 @@ use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::extension::{MotorFunction, Request};
 use motor_hub::motor::{Settings, ZeroPower};
 use motor_hub::protocol::motor::{ChannelMode, Loop, LoopCoefficients, RunMode, Target, ToMotor};
-use motor_hub::protocol::payload::Fields;
 use motor_hub::protocol::{CHANNELS, Nack};
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::Identification;
@@ -215,13 +214,14 @@ impl<L: Read + Write> Session<L> {
         Ok(settings)
     }
 
-    /// Returns `settings`, with the values of one group replaced by the values that the hub reports.
+    /// Returns `settings`, with the values of one group replaced by the values that the hub reports. Older firmware may
+    /// lack the last fields of a group, whose values in `settings` are then kept.
     ///
     /// # Errors
     /// [`Error::Unexpected`] if the values of the answer contradict each other. See also [`Session::request`].
     pub fn get(&mut self, motor: u8, group: Group, settings: &MotorSettings) -> Result<MotorSettings, Error> {
         let read = |payload: &[u8]| -> Result<MotorSettings, Nack> {
-            Values::read(group, &mut Fields::new(payload))?.apply_to(settings)
+            Values::read_over(group, payload, settings)?.apply_to(settings)
         };
         self.request_with(Request::Get(motor, group), read)
     }

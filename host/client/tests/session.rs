@@ -5,6 +5,7 @@ mod hub_support;
 
 use hub_support::{ADDRESS, Hub, Memory, first};
 use motor_hub::extension::report::MotorReport;
+use motor_hub::extension::settings::Group;
 use motor_hub::extension::{HubFunction, Request};
 use motor_hub::motor::{Faults, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
@@ -156,6 +157,22 @@ fn every_setting_can_be_read_back() {
     session.set_address(Address::new(77).unwrap()).unwrap();
     assert_eq!(session.status(true).unwrap().words(), ["device reset", "fail-safe"]);
     assert_eq!(session.status(true).unwrap().status, 0);
+}
+
+#[test]
+fn settings_that_an_older_hub_lacks_keep_their_defaults() {
+    let mut hub = Hub::new();
+    let expected = session(Memory::new(Hub::new())).settings(1).unwrap();
+    // This hub reports a protection without its last field, which has two bytes.
+    hub.before = |reply| {
+        let id = Group::Protection.get_id() | 0x8000;
+        if reply[8..10] != id.to_le_bytes() {
+            return Vec::new();
+        }
+        let length = reply.len() - 2;
+        with(&reply[..length], &[(2, length as u8)])
+    };
+    assert_eq!(session(Memory::new(hub)).settings(1).unwrap(), expected);
 }
 
 #[test]
