@@ -318,6 +318,29 @@ mod tests {
     }
 
     #[test]
+    fn every_row_has_the_free_speed_and_the_stall_values_of_its_constants() {
+        let mut lines = TABLE.lines().filter(|line| !line.is_empty() && !line.starts_with('#'));
+        let headings = lines.next().map(fields).unwrap();
+        for row in lines.map(fields) {
+            let Some(motor) = motor(&headings, &row) else { continue };
+            let volts = Volts(12.0);
+            let (current, torque) = (volts.0 / motor.r.0, motor.stall_torque(volts).0);
+            for (heading, expected) in [
+                ("model_free_speed_motor_rad_s_12V", motor.free_speed(volts).0),
+                ("model_stall_current_A_12V", current),
+                ("model_stall_torque_output_Nm_12V", torque * motor.gear_ratio * motor.eta),
+            ] {
+                let value = number(&headings, &row, heading);
+                assert!(
+                    value.is_some_and(|value| (value / expected - 1.0).abs() < 1e-6),
+                    "{}: {heading} is {value:?} and not {expected}",
+                    motor.name
+                );
+            }
+        }
+    }
+
+    #[test]
     fn quoted_caveats_keep_their_commas() {
         let caveats = find("CoreHex A").map(|e| e.caveats).unwrap_or_default();
         assert!(caveats.starts_with("N: 72 in v2 workbook (used by"));
