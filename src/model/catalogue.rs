@@ -180,13 +180,18 @@ fn entry(headings: &[&str], row: &[&'static str]) -> Option<CatalogueEntry> {
     })
 }
 
+/// Returns the headings of the data file, and its rows.
+fn headings_and_rows() -> (Vec<&'static str>, impl Iterator<Item = Vec<&'static str>>) {
+    let mut lines = TABLE.lines().filter(|line| !line.is_empty() && !line.starts_with('#')).map(fields);
+    (lines.next().unwrap_or_default(), lines)
+}
+
 /// Returns all entries, in the order of the data file.
 #[must_use]
 pub fn catalogue() -> &'static [CatalogueEntry] {
     static ENTRIES: LazyLock<Vec<CatalogueEntry>> = LazyLock::new(|| {
-        let mut lines = TABLE.lines().filter(|line| !line.is_empty() && !line.starts_with('#'));
-        let headings = lines.next().map(fields).unwrap_or_default();
-        lines.filter_map(|line| entry(&headings, &fields(line))).collect()
+        let (headings, rows) = headings_and_rows();
+        rows.filter_map(|row| entry(&headings, &row)).collect()
     });
     &ENTRIES
 }
@@ -319,9 +324,8 @@ mod tests {
 
     #[test]
     fn every_row_has_the_free_speed_and_the_stall_values_of_its_constants() {
-        let mut lines = TABLE.lines().filter(|line| !line.is_empty() && !line.starts_with('#'));
-        let headings = lines.next().map(fields).unwrap();
-        for row in lines.map(fields) {
+        let (headings, rows) = headings_and_rows();
+        for row in rows {
             let Some(motor) = motor(&headings, &row) else { continue };
             let volts = Volts(12.0);
             let (current, torque) = (volts.0 / motor.r.0, motor.stall_torque(volts).0);
