@@ -510,7 +510,7 @@ impl Regulator {
 
     /// Computes the output by the motor's model.
     fn by_model(&mut self, demand: Demand, context: &Context<'_>) -> Output {
-        let (at, position) = (context.at, self.position());
+        let position = self.position();
         let mut present = self.present_state();
         let load = present.load();
         let Motion { plant, law, observer, state } = &mut self.motion;
@@ -527,13 +527,9 @@ impl Regulator {
                 }
                 let mut output = law.velocity(state, &mut present, plant, target, context);
                 if let Effort::Voltage(voltage) = output.effort {
-                    let tick = hunting::Tick {
-                        target_is_old: target.is_old,
-                        correction_volts: law.correction_volts(&present, target.demanded),
-                        emf_volts: plant.kappa * present.speed(),
-                        volts: voltage.to_volts(),
-                    };
-                    output.hunts = self.hunting.step(&tick, || context.modulator.discontinuous_volts(at));
+                    let correction_volts = law.correction_volts(&present, target.demanded);
+                    let emf_volts = plant.kappa * present.speed();
+                    output.hunts = self.hunting.step(&target, voltage, correction_volts, emf_volts, context);
                     if output.hunts {
                         // A lower back EMF may end the swings.
                         self.swings = Swings::default();
