@@ -38,7 +38,7 @@ use crate::units::{CountsPerSecond, Micros, Period, Voltage};
 use gain::{GainEstimate, guessed_gain};
 use hunting::Hunting;
 use loops::{Loops, Start};
-use model::{Law, State};
+use model::Law;
 use observer::{FASTEST_CPS, Observer, Plant};
 use stream::Stream;
 use swings::Swings;
@@ -140,47 +140,44 @@ struct Motion {
     plant: Plant,
     law: Law,
     observer: Observer,
-    /// State of the law.
-    state: State,
 }
 
 impl Motion {
-    /// Computes the constants of a motor from the acceleration per volt b, in counts/s² per V. If b differs from the
-    /// configured acceleration per volt, the configured decay of the speed is scaled by the same factor.
-    fn new(settings: &Settings, b: f32, period: Period, observer: Observer) -> Self {
-        let kappa = settings.winding.emf.to_volts();
-        let q = match settings.dynamics {
-            Some(dynamics) => dynamics.decay.to_f32() * (b / dynamics.gain.to_f32()),
-            None => b * kappa,
-        };
-        let plant = Plant::new(b, kappa, q, Law::filter(period));
-        let law = Law::new(&plant, period);
-        Self { plant, law, observer, state: State::default() }
+    /// Creates the estimate of a motor at rest with the acceleration per volt b, in counts/s² per V.
+    fn new(settings: &Settings, b: f32, period: Period) -> Self {
+        let plant = plant(settings, b, period);
+        Self { plant, law: Law::new(&plant, period), observer: Observer::new(0.0) }
+    }
+
+    /// Replaces the constants of the motor, with the acceleration per volt b in counts/s² per V. The estimate stays.
+    fn set_constants(&mut self, settings: &Settings, b: f32, period: Period) {
+        self.plant = plant(settings, b, period);
+        self.law.set_plant(&self.plant, period);
     }
 
     /// Replaces the estimate by a motion at this speed in counts/s, without load.
     fn restart(&mut self, speed: f32) {
         self.observer = Observer::new(speed);
-        self.state.set_friction_speed(0.0);
+        self.law.set_friction_speed(0.0);
     }
 
     /// Sets speed and load of a motor at rest to 0.
     fn rest(&mut self) {
         self.observer.rest();
-        self.state.set_friction_speed(0.0);
+        self.law.set_friction_speed(0.0);
     }
 
     /// Sets the load to 0, also the friction that it includes.
     fn forget_load(&mut self) {
         self.observer.forget_load();
-        self.state.set_friction_speed(0.0);
+        self.law.set_friction_speed(0.0);
     }
 
     /// Sets the load, with the friction, to the load that keeps the present speed at this voltage in V; `None` if the
     /// bridge is open.
     fn assume_steady(&mut self, voltage: Option<f32>) {
         self.observer.assume_steady(&self.plant, voltage);
-        self.state.set_friction_speed(if voltage.is_some() { self.observer.speed() } else { 0.0 });
+        self.law.set_friction_speed(if voltage.is_some() { self.observer.speed() } else { 0.0 });
     }
 }
 
@@ -188,7 +185,7 @@ impl Regulator {
     /// Creates the regulator of a motor at rest that is stepped every `period`.
     pub fn new(settings: &Settings, period: Period) -> Self {
         Self {
-            motion: Motion::new(settings, initial_gain(settings), period, Observer::new(0.0)),
+            motion: Motion::new(settings, initial_gain(settings), period),
             gain_estimate: settings.dynamics.is_none().then(GainEstimate::new),
             loops: Loops::default(),
             hunting: Hunting::default(),
@@ -216,8 +213,9 @@ impl Regulator {
             let gain =
                 if keeps_gain && new.dynamics.is_none() { self.motion.plant.b } else { initial_gain(new) };
             self.gain_ratio = 1.0;
-            let Motion { state, .. } = self.motion;
-            let mut motion = Motion { state, ..Motion::new(new, gain, period, self.present_state()) };
+            let mut motion = self.motion;
+            motion.observer = self.present_state();
+            motion.set_constants(new, gain, period);
             if dynamics_changed {
                 // The old load was estimated with other constants.
                 if self.is_at_speed() {
@@ -361,14 +359,14 @@ impl Regulator {
 
     /// Replaces the gain of an unknown motor by the estimated gain, if both differ enough.
     pub fn update_gain(&mut self, settings: &Settings, period: Period) {
-        let Motion { plant, observer, state, .. } = self.motion;
+        let volts = self.volts();
+        let Self { motion, gain_estimate, .. } = self;
         if let Some((gain, shift)) =
-            self.gain_estimate.as_mut().and_then(|estimate| estimate.take_gain(&plant))
+            gain_estimate.as_mut().and_then(|estimate| estimate.take_gain(&motion.plant))
         {
-            let mut motion = Motion { state, ..Motion::new(settings, gain, period, observer) };
+            motion.set_constants(settings, gain, period);
             motion.observer.shift(&shift);
-            motion.observer.set_voltage(&motion.plant, self.volts());
-            self.motion = motion;
+            motion.observer.set_voltage(&motion.plant, volts);
         }
     }
 
@@ -378,12 +376,12 @@ impl Regulator {
     /// ratio of a raised gain. The estimated gain of an unknown motor, the estimated position and speed, and the
     /// present acceleration are kept.
     pub fn correct_constants(&mut self, settings: &Settings, period: Period) {
-        let Motion { plant, observer, state, .. } = self.motion;
-        let gain = settings.dynamics.map_or(plant.b, |dynamics| self.gain_ratio * dynamics.gain.to_f32());
-        let mut motion = Motion { state, ..Motion::new(settings, gain, period, observer) };
-        motion.observer.keep_acceleration(&plant, &motion.plant, self.volts());
-        motion.observer.set_voltage(&motion.plant, self.volts());
-        self.motion = motion;
+        let (old, volts) = (self.motion.plant, self.volts());
+        let gain = settings.dynamics.map_or(old.b, |dynamics| self.gain_ratio * dynamics.gain.to_f32());
+        self.motion.set_constants(settings, gain, period);
+        let Motion { plant, observer, .. } = &mut self.motion;
+        observer.keep_acceleration(&old, plant, volts);
+        observer.set_voltage(plant, volts);
     }
 
     /// The estimate of the motion at this moment, corrected by a late count if there is one.
@@ -513,7 +511,7 @@ impl Regulator {
         let position = self.position();
         let mut present = self.present_state();
         let load = present.load();
-        let Motion { plant, law, observer, state } = &mut self.motion;
+        let Motion { plant, law, observer } = &mut self.motion;
         let mut gain_ratio = 1.0;
         let mut output = match demand {
             Demand::Velocity(target) => {
@@ -525,7 +523,7 @@ impl Regulator {
                 if self.swings.step(present.speed(), &target, period_ms) {
                     gain_ratio = at_most(GAIN_STEP * gain_ratio, LARGEST_GAIN_RATIO);
                 }
-                let mut output = law.velocity(state, &mut present, plant, target, context);
+                let mut output = law.velocity(&mut present, plant, target, context);
                 if let Effort::Voltage(voltage) = output.effort {
                     let correction_volts = law.correction_volts(&present, target.demanded);
                     let emf_volts = plant.kappa * present.speed();
@@ -539,12 +537,12 @@ impl Regulator {
             }
             Demand::Follow(reference) => {
                 let speeds = (reference.speed.to_f32(), reference.next.to_f32());
-                law.follow(state, &mut present, plant, reference.from(position), speeds, context)
+                law.follow(&mut present, plant, reference.from(position), speeds, context)
             }
             Demand::Position { target, speed_limit } => {
                 let distance = target.wrapping_sub(position);
                 let limit = speed_limit.to_f32().abs();
-                law.position(state, &mut present, plant, distance, limit, context)
+                law.position(&mut present, plant, distance, limit, context)
             }
         };
         // `present` is a copy of the observer. If the law has reversed the friction in the copy, the load of the
@@ -614,6 +612,17 @@ impl Regulator {
         let Motion { plant, observer, .. } = &mut self.motion;
         observer.set_voltage(plant, volts);
     }
+}
+
+/// The constants of a motor with the acceleration per volt b, in counts/s² per V. If b differs from the configured
+/// acceleration per volt, the configured decay of the speed is scaled by the same factor.
+fn plant(settings: &Settings, b: f32, period: Period) -> Plant {
+    let kappa = settings.winding.emf.to_volts();
+    let q = match settings.dynamics {
+        Some(dynamics) => dynamics.decay.to_f32() * (b / dynamics.gain.to_f32()),
+        None => b * kappa,
+    };
+    Plant::new(b, kappa, q, period)
 }
 
 /// Initial acceleration per volt of a motor, in counts/s² per V: the configured one, or the guess for an unknown motor.
