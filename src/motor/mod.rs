@@ -385,12 +385,11 @@ impl Motor {
         let moved = fresh(reading, now).map(|reading| self.take_reading(reading));
         self.regulator.predict_until(now);
         self.follow_temperatures();
-        let velocity = self.regulator.velocity();
         // Decide.
-        let request = self.request(battery.as_ref(), velocity, moved);
+        let request = self.request(battery.as_ref(), moved);
         // Limit and modulate.
         self.execute(request, now, battery.as_ref());
-        self.report(battery.as_ref(), velocity, moved)
+        self.report(battery.as_ref(), moved)
     }
 
     /// Commands the bridge between two ticks, if set-point or settings are new and the set-point is direct. Returns
@@ -400,7 +399,7 @@ impl Motor {
             return false;
         }
         let before = self.drive();
-        let request = self.request(battery, self.regulator.velocity(), None);
+        let request = self.request(battery, None);
         self.execute(request, now, battery);
         self.drive() != before
     }
@@ -478,14 +477,9 @@ impl Motor {
 
     /// Computes the request of this tick; `None` for an open bridge. At a tick without regulation, ends the examination
     /// of the encoder. A fault ends an identification. `moved` is as in
-    /// [`permitted_setpoint`](Self::permitted_setpoint), and `velocity` is the estimated speed.
-    fn request(
-        &mut self,
-        battery: Option<&Battery>,
-        velocity: CountsPerSecond,
-        moved: Option<i32>,
-    ) -> Option<Request> {
-        let emf = self.settings.winding.emf.emf(velocity);
+    /// [`permitted_setpoint`](Self::permitted_setpoint).
+    fn request(&mut self, battery: Option<&Battery>, moved: Option<i32>) -> Option<Request> {
+        let emf = self.settings.winding.emf.emf(self.regulator.velocity());
         // Without a battery voltage, or with a fault of the bridge, every motor coasts.
         let battery = battery.filter(|_| !self.bridge_fault);
         let at = battery.and_then(|battery| OperatingPoint::new(emf, battery.voltage));
@@ -511,11 +505,11 @@ impl Motor {
                 let voltage = self.regulator.limit_speed(Voltage::from_volts(volts), speed_limit, at);
                 Some(self.for_voltage(at, voltage))
             }
-            Setpoint::Velocity(target) => self.regulate(Demand::Velocity(target), at, velocity, moved?),
+            Setpoint::Velocity(target) => self.regulate(Demand::Velocity(target), at, moved?),
             Setpoint::Position { target, speed_limit, .. } => {
-                self.regulate(Demand::Position { target, speed_limit }, at, velocity, moved?)
+                self.regulate(Demand::Position { target, speed_limit }, at, moved?)
             }
-            Setpoint::Follow(reference) => self.regulate(Demand::Follow(reference), at, velocity, moved?),
+            Setpoint::Follow(reference) => self.regulate(Demand::Follow(reference), at, moved?),
             Setpoint::Identify { .. } => {
                 let voltage = self.identify(at)?;
                 Some(self.for_voltage(at, voltage))
@@ -538,21 +532,14 @@ impl Motor {
     /// Computes the request of a regulated motor. The encoder check is stepped first. If the check requests a command
     /// or finds a fault, the regulator is not stepped. Lowers the back EMF constant in force if the speed hunts because
     /// this constant is too high.
-    fn regulate(
-        &mut self,
-        demand: Demand,
-        at: OperatingPoint,
-        velocity: CountsPerSecond,
-        moved: i32,
-    ) -> Option<Request> {
-        let Self { settings, modulator, regulator, position, .. } = self;
+    fn regulate(&mut self, demand: Demand, at: OperatingPoint, moved: i32) -> Option<Request> {
+        let Self { settings, modulator, regulator, .. } = self;
         let context = Context { settings, modulator, period: self.period, at };
         if let MotorState::Regulated(check) = &mut self.state
             && let Some(command) = &self.command
             && let Some(target) = command.request.target
         {
-            let position = *position;
-            let tick = Tick { context: &context, regulator, command, target, position, velocity, moved };
+            let tick = Tick { context: &context, regulator, command, target, moved };
             match check.step(&mut self.last_motion, &tick) {
                 Ok(None) => (),
                 Ok(Some(request)) => {
@@ -720,8 +707,8 @@ impl Motor {
     }
 
     /// Steps thermal model and settle detector, and reports.
-    fn report(&mut self, battery: Option<&Battery>, velocity: CountsPerSecond, moved: Option<i32>) -> Report {
-        let drive = self.drive();
+    fn report(&mut self, battery: Option<&Battery>, moved: Option<i32>) -> Report {
+        let (drive, velocity) = (self.drive(), self.regulator.velocity());
         let current = self.modelled_current();
         self.speed_known = moved.is_some() && self.encoder_fault.is_none();
         let measured = self.line.measured(drive.mode);

@@ -436,7 +436,7 @@ impl Regulator {
     }
 
     /// Position of the last sample, in counts; 0 before the first sample.
-    fn position(&self) -> i32 {
+    pub fn position(&self) -> i32 {
         self.last.map_or(0, |last| last.position)
     }
 
