@@ -520,6 +520,7 @@ impl Motor {
     /// The request of a motor at fault, by the setting [`OnFault`]; `None` for an open bridge. After the fault the
     /// regulator begins as after a brake.
     fn on_fault(&mut self, at: OperatingPoint) -> Option<Request> {
+        // Needed at every tick of the fault: a set-point that arrives during the fault prepares another beginning.
         self.regulator.transition(Transition::FromBrake);
         (self.settings.on_fault == OnFault::Brake).then_some(Request::braking(at))
     }
