@@ -55,7 +55,7 @@ const UNCERTAIN_EDGE_MICROS: u64 = 50_000;
 /// Age of the last edge, in us, from which on a motor with an open bridge is at rest.
 const REST_MICROS: u64 = 300_000;
 /// Lowest requested speed at which counts are due: 40 counts/s, which are four counts within [`STALLED_MS`].
-const COUNTS_DUE_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
+const COUNTS_DUE_SPEED: CountsPerSecond = CountsPerSecond::new(40);
 
 /// Least acceleration per volt, as a share of the configured or estimated acceleration per volt. The load may be
 /// heavier than configured.
