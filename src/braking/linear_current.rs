@@ -116,9 +116,9 @@ impl LinearCurrent {
         }
     }
 
-    /// The duty for a mean current, given as the voltage `w`, in V.
-    pub(super) fn duty(&self, state: DriveState, w: f32) -> Duty {
-        let duty = if w > 0.0 { state.duty(w, self.period) } else { 0.0 };
+    /// The duty of a regime for a mean current, given as the voltage `w`, in V.
+    pub(super) fn duty(&self, regime: Regime, at: OperatingPoint, w: f32) -> Duty {
+        let duty = if w > 0.0 { self.drive_state(regime, at).duty(w, self.period) } else { 0.0 };
         to_duty(self.nearest(duty))
     }
 
@@ -145,8 +145,8 @@ impl LinearCurrent {
     }
 
     /// Mean current of a duty as the voltage `w`, in V: the inverse of [`duty`](Self::duty).
-    pub(super) fn current(&self, state: DriveState, duty: Duty) -> f32 {
-        state.current(duty.to_f32(), self.period)
+    pub(super) fn current(&self, regime: Regime, at: OperatingPoint, duty: Duty) -> f32 {
+        self.drive_state(regime, at).current(duty.to_f32(), self.period)
     }
 
     /// Largest mean current in forward driving that is discontinuous, as the voltage `w`, in V.
@@ -161,7 +161,7 @@ impl LinearCurrent {
     }
 
     /// The constants of the module's formulas in a regime, and the lengths of the edges.
-    pub(super) const fn drive_state(&self, regime: Regime, at: OperatingPoint) -> DriveState {
+    const fn drive_state(&self, regime: Regime, at: OperatingPoint) -> DriveState {
         let (e, v) = at.volts();
         let Self { turn_on, turn_off, .. } = *self;
         match regime {
@@ -184,7 +184,7 @@ impl LinearCurrent {
 
 /// A regime at an operating point, with the symbols of the module.
 #[derive(Clone, Copy)]
-pub(super) struct DriveState {
+struct DriveState {
     /// Voltage a of the module's formulas, in V: while the bridge is on, the current approaches `a / R2`.
     a: f32,
     /// Voltage c of the module's formulas, in V: while the bridge is off, the current falls towards `-c / (m R2)`.

@@ -50,7 +50,6 @@ pub use winding::Winding;
 
 use crate::bridge::{BridgeConstants, Drive};
 use crate::units::{Control, Duty, Voltage};
-use linear_current::DriveState;
 
 /// A command of the bridge, and the voltage that the command applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,21 +106,19 @@ impl Modulator {
         let volts = clockwise_volts(at, voltage);
         let (regime, w) = points::current(volts, at);
         let opens = matches!(self.scheme, Scheme::ForwardReverse) && regime == Regime::Braking && volts > 0.0;
-        let state = self.current.drive_state(regime, at);
-        let duty = self.current.duty(state, if opens { 0.0 } else { w });
-        self.in_regime(at, regime, state, duty)
+        let duty = self.current.duty(regime, at, if opens { 0.0 } else { w });
+        self.in_regime(at, regime, duty)
     }
 
     /// Computes the voltage that a command applies: the inverse of [`for_voltage`](Self::for_voltage).
     pub fn modulation(&self, at: OperatingPoint, drive: Drive) -> Modulation {
-        let regime = at.regime(drive);
-        self.in_regime(at, regime, self.current.drive_state(regime, at), drive.duty)
+        self.in_regime(at, at.regime(drive), drive.duty)
     }
 
-    /// The command with this duty of a regime. `state` belongs to this regime and operating point.
-    fn in_regime(&self, at: OperatingPoint, regime: Regime, state: DriveState, duty: Duty) -> Modulation {
+    /// The command with this duty of a regime.
+    fn in_regime(&self, at: OperatingPoint, regime: Regime, duty: Duty) -> Modulation {
         let (emf, _) = at.volts();
-        let current = self.current.current(state, duty);
+        let current = self.current.current(regime, at, duty);
         let volts = if regime == Regime::Forward { emf + current } else { emf - current };
         let voltage = Voltage::from_volts(if at.counter_clockwise() { -volts } else { volts });
         Modulation { drive: at.drive(regime, duty), voltage }
@@ -153,7 +150,7 @@ impl Modulator {
         let (regime, w) = points::current(clockwise_volts(at, voltage), at);
         let share = match self.rule {
             DutyRule::LinearCurrent => points::share(regime, w, at),
-            DutyRule::LinearDuty => self.current.duty(self.current.drive_state(regime, at), w).to_f32(),
+            DutyRule::LinearDuty => self.current.duty(regime, at, w).to_f32(),
         };
         clockwise(at, points::control(&Points::new(self.scheme, at), regime, share))
     }
@@ -195,6 +192,5 @@ pub fn linear_current(
         Regime::Forward if at.is_overrun() => Location { regime: Regime::Braking, fraction: Fraction::ZERO },
         _ => location,
     };
-    let state = current.drive_state(location.regime, at);
-    at.drive(location.regime, current.duty(state, location.current(at)))
+    at.drive(location.regime, current.duty(location.regime, at, location.current(at)))
 }

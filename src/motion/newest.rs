@@ -6,7 +6,7 @@
 //!
 //! let (mut newest, mut encoder) = (Newest::<1>::new(), Tracker::default());
 //! let at = Micros::new(151_000);
-//! newest.sample(|readings| *readings = [Some(encoder.step(0, at))]);
+//! newest.readings = [Some(encoder.step(0, at))];
 //! newest.set_velocities([CountsPerSecond::new(2_000)].into_iter());
 //! let tick = Micros::new(150_000);
 //! assert_eq!(newest.newer_than(0, tick), Some((0, Some(CountsPerSecond::new(2_000)))));
@@ -18,7 +18,9 @@ use crate::units::{CountsPerSecond, Micros};
 /// The newest encoder samples, and the speeds that the observers estimate from them.
 #[derive(Clone, Debug)]
 pub struct Newest<const N: usize> {
-    readings: [Option<Reading>; N],
+    /// Newest sample of each encoder; `None` before the first sample. An encoder without a new sample keeps its last
+    /// sample.
+    pub readings: [Option<Reading>; N],
     velocities: [Option<CountsPerSecond>; N],
 }
 
@@ -26,17 +28,6 @@ impl<const N: usize> Newest<N> {
     /// Creates a store without samples and speeds.
     pub const fn new() -> Self {
         Self { readings: [None; N], velocities: [None; N] }
-    }
-
-    /// Takes a sample of all encoders. `read` replaces the readings in place. An encoder without a new reading keeps
-    /// its last reading.
-    pub fn sample(&mut self, read: impl FnOnce(&mut [Option<Reading>; N])) {
-        read(&mut self.readings);
-    }
-
-    /// The newest sample of each encoder; `None` before the first sample.
-    pub const fn readings(&self) -> &[Option<Reading>; N] {
-        &self.readings
     }
 
     /// Takes the speeds that the observers estimate, in the order of the motors.

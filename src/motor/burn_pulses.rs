@@ -70,8 +70,10 @@ pub(super) struct BurnPulses {
     integrated_until: Micros,
     /// Surplus, in volts times microseconds.
     surplus: f32,
-    /// Voltages since `integrated_until`.
-    voltages: Voltages,
+    /// Requested voltage since `integrated_until`, in V.
+    requested_volts: f32,
+    /// Back EMF since `integrated_until`, in V.
+    emf_volts: f32,
     /// Present pulse; `None` while the bridge applies the requested voltage without pulses, or the motor does not
     /// brake.
     pulse: Option<Pulse>,
@@ -81,28 +83,13 @@ pub(super) struct BurnPulses {
     short_volts: f32,
 }
 
-/// Voltages of a motor during a pulse, in V.
-#[derive(Clone, Copy, Debug)]
-struct Voltages {
-    /// Requested voltage.
-    requested: f32,
-    /// Applied voltage.
-    applied: f32,
-    /// Back EMF.
-    emf: f32,
-}
-
-impl Voltages {
-    /// The voltages while there is no pulse: no surplus accumulates.
-    const NONE: Self = Self { requested: 0.0, applied: 0.0, emf: 0.0 };
-}
-
 impl BurnPulses {
     /// No pulse, and no surplus.
     pub(super) const NONE: Self = Self {
         integrated_until: Micros::new(0),
         surplus: 0.0,
-        voltages: Voltages::NONE,
+        requested_volts: 0.0,
+        emf_volts: 0.0,
         pulse: None,
         forward_volts: 0.0,
         short_volts: 0.0,
@@ -122,7 +109,7 @@ impl BurnPulses {
     /// kept.
     pub(super) fn pause(&mut self, now: Micros) {
         self.integrate(now);
-        (self.voltages, self.pulse) = (Voltages::NONE, None);
+        self.pulse = None;
     }
 
     /// Ends the pulses and discards the surplus, because the motor no longer brakes less than a short circuit would.
@@ -130,12 +117,16 @@ impl BurnPulses {
         *self = Self::NONE;
     }
 
-    /// Integrates the surplus of the present voltages up to now.
+    /// Integrates the surplus of the present pulse up to now. Without a pulse no surplus accumulates.
     fn integrate(&mut self, now: Micros) {
         let passed = now.since(self.integrated_until) as u32;
         self.integrated_until = self.integrated_until.max(now);
-        let Voltages { requested, applied, emf } = self.voltages;
-        self.surplus += along(requested - applied, emf) * passed as f32;
+        let applied_volts = match self.pulse {
+            Some(Pulse::Short) => self.short_volts,
+            Some(Pulse::Forward) => self.forward_volts,
+            None => return,
+        };
+        self.surplus += along(self.requested_volts - applied_volts, self.emf_volts) * passed as f32;
     }
 
     /// Limits the surplus, and returns the next pulse of a motor with this back EMF in V. `may_end_short` says
@@ -151,23 +142,23 @@ impl BurnPulses {
         }
     }
 
-    /// Begins a pulse, or continues the present one. When the pulse changes, the bridge is open for `change_us`
-    /// microseconds.
-    fn apply(&mut self, pulse: Pulse, voltages: Voltages, change_us: u16) {
+    /// Begins a pulse with this applied voltage in V, or continues the present pulse. When the pulse changes, the bridge
+    /// is open for `change_us` microseconds. `requested` and `emf` are the requested voltage and the back EMF in V.
+    fn apply(&mut self, pulse: Pulse, applied: f32, requested: f32, emf: f32, change_us: u16) {
         if pulse != self.pulse.unwrap_or(Pulse::Short) {
-            self.surplus += along(voltages.applied - voltages.emf, voltages.emf) * f32::from(change_us);
+            self.surplus += along(applied - emf, emf) * f32::from(change_us);
         }
         match pulse {
-            Pulse::Forward => self.forward_volts = voltages.applied,
-            Pulse::Short => self.short_volts = voltages.applied,
+            Pulse::Forward => self.forward_volts = applied,
+            Pulse::Short => self.short_volts = applied,
         }
-        (self.voltages, self.pulse) = (voltages, Some(pulse));
+        (self.requested_volts, self.emf_volts, self.pulse) = (requested, emf, Some(pulse));
     }
 
     /// Constant voltage across the resistance, in V, that would heat the winding as much as the pulses do. The pulses
     /// heat the winding more than their mean current would.
     pub(super) fn heating_volts(&self) -> f32 {
-        let Voltages { requested, emf, .. } = self.voltages;
+        let (requested, emf) = (self.requested_volts, self.emf_volts);
         let (short, forward) = (self.short_volts - emf, self.forward_volts - emf);
         // Share of the time in which the pulse is forward. Before the first forward pulse the share is 0.
         let share = if along(forward, emf) > 0.0 {
@@ -211,7 +202,7 @@ impl Motor {
         command.bridge = self.within_limits(modulation, at, battery.draw);
         let [requested, applied] = [command.limited, command.bridge].map(|of| of.voltage.to_volts());
         let change_us = self.settings.bridge.timing.change_us;
-        self.pulses.apply(pulse, Voltages { requested, applied, emf }, change_us);
+        self.pulses.apply(pulse, applied, requested, emf, change_us);
     }
 }
 
@@ -237,7 +228,7 @@ mod tests {
             pulses.integrate(Micros::new(1_000 * u64::from(ms)));
             let pulse = pulses.next(emf, true);
             let applied = if pulse == Pulse::Forward { BEYOND * emf } else { 0.0 };
-            pulses.apply(pulse, Voltages { requested, applied, emf }, change_us);
+            pulses.apply(pulse, applied, requested, emf, change_us);
             let open = if pulse == before { 0.0 } else { f32::from(change_us) / 1_000.0 };
             before = pulse;
             mean += (applied * (1.0 - open) + emf * open) / f32::from(MS);
@@ -268,7 +259,7 @@ mod tests {
             pulses.integrate(Micros::new(1_000 * ms));
             let pulse = pulses.next(6.0, true);
             let applied = if pulse == Pulse::Forward { BEYOND * 6.0 } else { 0.0 };
-            pulses.apply(pulse, Voltages { requested: 3.0, applied, emf: 6.0 }, 0);
+            pulses.apply(pulse, applied, 3.0, 6.0, 0);
             changes += u32::from(pulse != before);
             before = pulse;
         }
@@ -282,7 +273,7 @@ mod tests {
             pulses.integrate(Micros::new(1_000 * ms));
             let pulse = pulses.next(6.0, may_end_short);
             let applied = if pulse == Pulse::Forward { BEYOND * 6.0 } else { 0.0 };
-            pulses.apply(pulse, Voltages { requested: 3.0, applied, emf: 6.0 }, 0);
+            pulses.apply(pulse, applied, 3.0, 6.0, 0);
             pulse
         };
         assert!((0..8).all(|ms| step(ms, false) == Pulse::Short));

@@ -117,7 +117,7 @@ impl Tick<'_> {
     /// True if the motor runs away. The bridge is then in reverse at the end of the control range, and the motor turns
     /// in the wrong direction, or at least twice as fast as requested.
     fn runs_away(&self) -> bool {
-        let velocity = i64::from(self.velocity.to_bits());
+        let velocity = i64::from(self.regulator.velocity().to_bits());
         let twice = 2 * i64::from(self.target.to_bits());
         let wrong_speed = if velocity < 0 { twice >= velocity } else { twice <= velocity };
         wrong_speed
@@ -372,7 +372,7 @@ impl Suspect {
         let known = tick.regulator.least_gain();
         Self {
             clockwise,
-            position: tick.position,
+            position: tick.regulator.position(),
             gain_cps2_per_volt: known.unwrap_or(least),
             resisting_volts,
             may_be_heavy: known.is_none() && run.is_none(),
@@ -448,10 +448,10 @@ impl Stall {
 impl Stall {
     /// Executes a tick of Stalled. Ends the stall if the motor is free, or if the requested direction has changed.
     fn step(mut self, tick: &Tick<'_>) -> State {
-        let moved = tick.position.wrapping_sub(self.position);
+        let moved = tick.regulator.position().wrapping_sub(self.position);
         let beyond = if self.clockwise { moved } else { moved.saturating_neg() };
         let requested = along(self.clockwise, tick.target.to_f32());
-        let speed = along(self.clockwise, tick.velocity.to_f32());
+        let speed = along(self.clockwise, tick.regulator.velocity().to_f32());
         let free = speed >= Self::SPEED_SHARE * requested && beyond >= Self::COUNTS;
         self.free_ms = if free { self.free_ms.saturating_add(tick.period_ms()) } else { 0 };
         if requested < 0.0 || (requested > 0.0 && self.free_ms >= Self::FREE_MS) {
@@ -538,7 +538,7 @@ impl Runaway {
         let heaviest = 1.0 / (Suspect::SLOW_COUNTING_TIME_CONSTANT_S * tick.emf_volts_per_cps());
         let gain = if trusted { Some(heaviest) } else { tick.regulator.least_gain() };
         let ms = |gain| 1_000.0 * sqrtf(2.0 * EXPECTED_COUNTS / (Expected::FRICTION_VOLTS * gain));
-        let clockwise = tick.velocity >= CountsPerSecond::ZERO;
+        let clockwise = tick.regulator.velocity() >= CountsPerSecond::ZERO;
         let empty = Span::default();
         Self {
             stall,
@@ -569,7 +569,7 @@ impl Runaway {
     /// comparison begins again.
     fn step(mut self, tick: &Tick<'_>) -> State {
         // A motor that reversed has followed its drive voltage, even if the motor swings back later.
-        let clockwise = tick.velocity >= CountsPerSecond::ZERO;
+        let clockwise = tick.regulator.velocity() >= CountsPerSecond::ZERO;
         if clockwise != self.clockwise {
             self = self.again(clockwise);
         }

@@ -30,10 +30,6 @@ pub(super) struct Tick<'a> {
     pub(super) command: &'a Command,
     /// Speed that the last command should reach.
     pub(super) target: CountsPerSecond,
-    /// Position now, in counts.
-    pub(super) position: i32,
-    /// Estimated speed now.
-    pub(super) velocity: CountsPerSecond,
     /// Counts since the last tick.
     pub(super) moved: i32,
 }

@@ -112,7 +112,7 @@ pub struct Motor {
     position: i32,
     regulator: Regulator,
     state: MotorState,
-    /// State or result of the last identification.
+    /// Result of the last identification that has ended; [`Identification::None`] before the first end.
     identification: Identification,
     /// Last motion of the shaft. The encoder check reads this state.
     last_motion: LastMotion,
@@ -316,9 +316,7 @@ impl Motor {
             (MotorState::Regulated(_), to) if to.is_regulated() => (),
             (MotorState::Identifying(_), Setpoint::Identify { .. }) if to == from => (),
             (_, Setpoint::Identify { travel_limit }) => {
-                let identifier = Identifier::new(travel_limit);
-                self.identification = identifier.progress();
-                self.state = MotorState::Identifying(identifier);
+                self.state = MotorState::Identifying(Identifier::new(travel_limit));
             }
             (_, to) => {
                 let check = MotorState::Regulated(EncoderCheck::new());
@@ -387,12 +385,11 @@ impl Motor {
         let moved = fresh(reading, now).map(|reading| self.take_reading(reading));
         self.regulator.predict_until(now);
         self.follow_temperatures();
-        let velocity = self.regulator.velocity();
         // Decide.
-        let request = self.request(battery.as_ref(), velocity, moved);
+        let request = self.request(battery.as_ref(), moved);
         // Limit and modulate.
         self.execute(request, now, battery.as_ref());
-        self.report(battery.as_ref(), velocity, moved)
+        self.report(battery.as_ref(), moved)
     }
 
     /// Commands the bridge between two ticks, if set-point or settings are new and the set-point is direct. Returns
@@ -402,7 +399,7 @@ impl Motor {
             return false;
         }
         let before = self.drive();
-        let request = self.request(battery, self.regulator.velocity(), None);
+        let request = self.request(battery, None);
         self.execute(request, now, battery);
         self.drive() != before
     }
@@ -480,14 +477,9 @@ impl Motor {
 
     /// Computes the request of this tick; `None` for an open bridge. At a tick without regulation, ends the examination
     /// of the encoder. A fault ends an identification. `moved` is as in
-    /// [`permitted_setpoint`](Self::permitted_setpoint), and `velocity` is the estimated speed.
-    fn request(
-        &mut self,
-        battery: Option<&Battery>,
-        velocity: CountsPerSecond,
-        moved: Option<i32>,
-    ) -> Option<Request> {
-        let emf = self.settings.winding.emf.emf(velocity);
+    /// [`permitted_setpoint`](Self::permitted_setpoint).
+    fn request(&mut self, battery: Option<&Battery>, moved: Option<i32>) -> Option<Request> {
+        let emf = self.settings.winding.emf.emf(self.regulator.velocity());
         // Without a battery voltage, or with a fault of the bridge, every motor coasts.
         let battery = battery.filter(|_| !self.bridge_fault);
         let at = battery.and_then(|battery| OperatingPoint::new(emf, battery.voltage));
@@ -513,11 +505,11 @@ impl Motor {
                 let voltage = self.regulator.limit_speed(Voltage::from_volts(volts), speed_limit, at);
                 Some(self.for_voltage(at, voltage))
             }
-            Setpoint::Velocity(target) => self.regulate(Demand::Velocity(target), at, velocity, moved?),
+            Setpoint::Velocity(target) => self.regulate(Demand::Velocity(target), at, moved?),
             Setpoint::Position { target, speed_limit, .. } => {
-                self.regulate(Demand::Position { target, speed_limit }, at, velocity, moved?)
+                self.regulate(Demand::Position { target, speed_limit }, at, moved?)
             }
-            Setpoint::Follow(reference) => self.regulate(Demand::Follow(reference), at, velocity, moved?),
+            Setpoint::Follow(reference) => self.regulate(Demand::Follow(reference), at, moved?),
             Setpoint::Identify { .. } => {
                 let voltage = self.identify(at)?;
                 Some(self.for_voltage(at, voltage))
@@ -528,6 +520,7 @@ impl Motor {
     /// The request of a motor at fault, by the setting [`OnFault`]; `None` for an open bridge. After the fault the
     /// regulator begins as after a brake.
     fn on_fault(&mut self, at: OperatingPoint) -> Option<Request> {
+        // Needed at every tick of the fault: a set-point that arrives during the fault prepares another beginning.
         self.regulator.transition(Transition::FromBrake);
         (self.settings.on_fault == OnFault::Brake).then_some(Request::braking(at))
     }
@@ -540,21 +533,14 @@ impl Motor {
     /// Computes the request of a regulated motor. The encoder check is stepped first. If the check requests a command
     /// or finds a fault, the regulator is not stepped. Lowers the back EMF constant in force if the speed hunts because
     /// this constant is too high.
-    fn regulate(
-        &mut self,
-        demand: Demand,
-        at: OperatingPoint,
-        velocity: CountsPerSecond,
-        moved: i32,
-    ) -> Option<Request> {
-        let Self { settings, modulator, regulator, position, .. } = self;
+    fn regulate(&mut self, demand: Demand, at: OperatingPoint, moved: i32) -> Option<Request> {
+        let Self { settings, modulator, regulator, .. } = self;
         let context = Context { settings, modulator, period: self.period, at };
         if let MotorState::Regulated(check) = &mut self.state
             && let Some(command) = &self.command
             && let Some(target) = command.request.target
         {
-            let position = *position;
-            let tick = Tick { context: &context, regulator, command, target, position, velocity, moved };
+            let tick = Tick { context: &context, regulator, command, target, moved };
             match check.step(&mut self.last_motion, &tick) {
                 Ok(None) => (),
                 Ok(Some(request)) => {
@@ -582,7 +568,6 @@ impl Motor {
     fn identify(&mut self, at: OperatingPoint) -> Option<Voltage> {
         let MotorState::Identifying(identifier) = &mut self.state else { return None };
         let voltage = identifier.step(self.settings.winding.emf, at.battery_volts(), self.period);
-        self.identification = identifier.progress();
         voltage.unwrap_or_else(|outcome| {
             self.end_identification(outcome);
             None
@@ -723,8 +708,8 @@ impl Motor {
     }
 
     /// Steps thermal model and settle detector, and reports.
-    fn report(&mut self, battery: Option<&Battery>, velocity: CountsPerSecond, moved: Option<i32>) -> Report {
-        let drive = self.drive();
+    fn report(&mut self, battery: Option<&Battery>, moved: Option<i32>) -> Report {
+        let (drive, velocity) = (self.drive(), self.regulator.velocity());
         let current = self.modelled_current();
         self.speed_known = moved.is_some() && self.encoder_fault.is_none();
         let measured = self.line.measured(drive.mode);
@@ -763,7 +748,10 @@ impl Motor {
             // At its current limit a motor may not reach the drive voltage from which the encoder check works. A motor
             // without counts is then reported as stalled.
             stalled: self.is_stalled() || current_limited && self.regulator.is_stalled(),
-            identification: self.identification,
+            identification: match &self.state {
+                MotorState::Identifying(identifier) => identifier.progress(),
+                _ => self.identification,
+            },
             faults: Faults {
                 battery_unknown: battery.is_none(),
                 encoder_stale: moved.is_none(),

@@ -234,18 +234,22 @@ pub(super) fn guessed_gain(kappa: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::observer::{Filter, Observer};
+    use super::super::observer::Observer;
     use super::*;
+    use crate::units::Period;
 
     /// Back EMF per speed, in V per count/s.
     const KAPPA: f32 = 0.004;
-    const FILTER: Filter = Filter { poles: 45.0, least_z: 0.35 };
+
+    /// The constants of a motor with this gain and without drag.
+    fn plant(gain: f32) -> Plant {
+        Plant::new(gain, KAPPA, gain * KAPPA, Period::from_millis(20).unwrap_or_default())
+    }
 
     /// Drives a motor of this time constant (s) and load (V) with each voltage for half a second, at a control period
     /// in ms. Returns the estimated gain.
     fn learned(period: u32, tau: f32, load: f32, volts: &[f32]) -> f32 {
         let mut estimate = GainEstimate::new();
-        let plant = |gain: f32| Plant::new(gain, KAPPA, gain * KAPPA, FILTER);
         let mut estimated = plant(guessed_gain(KAPPA));
         let mut observer = Observer::new(0.0);
         let b = 1.0 / (tau * KAPPA);
@@ -301,8 +305,7 @@ mod tests {
     #[test]
     fn a_stalled_motor_teaches_nothing() {
         let mut estimate = GainEstimate::new();
-        let guess = guessed_gain(KAPPA);
-        let plant = Plant::new(guess, KAPPA, guess * KAPPA, FILTER);
+        let plant = plant(guessed_gain(KAPPA));
         let mut observer = Observer::new(0.0);
         observer.set_voltage(&plant, Some(12.0));
         for _ in 0..2_000 {

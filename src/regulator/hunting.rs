@@ -16,36 +16,9 @@
 //! the speed is near its set-point and the set-point is constant. Old swings lose weight with every tick. With a wrong
 //! load, inertia or resistance the current swings less, or stops swinging after some time.
 
-/// Limits of the detector. The values are from simulations of 558 set-points and two sets of random scenarios.
-/// `docs/decisions/0024-a-back-emf-that-is-too-high.md` has figures of such simulations.
-struct Limits {
-    /// Largest part, in V, of a steady motor's requested voltage that corrects the error of the speed.
-    correction_volts: f32,
-    /// Least back EMF, in V, of a steady motor. A slower motor is not examined.
-    emf_volts: f32,
-    /// Least swing of the current between two changes of its level, as a voltage, in V.
-    swing_volts: f32,
-    /// Share of the weight of old swings that remains after a tick.
-    remaining: f32,
-    /// Weighted number of swings above which a motor hunts.
-    swings: f32,
-}
-
-const LIMITS: Limits =
-    Limits { correction_volts: 1.0, emf_volts: 0.5, swing_volts: 0.1, remaining: 0.97, swings: 2.0 };
-
-/// A tick of a motor with a demanded speed. Voltages are in V.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Tick {
-    /// True if the demanded speed is unchanged since the last tick.
-    pub(super) target_is_old: bool,
-    /// Part of the requested voltage that corrects the error of the speed.
-    pub(super) correction_volts: f32,
-    /// Back EMF, in V, positive clockwise.
-    pub(super) emf_volts: f32,
-    /// Requested voltage, in V.
-    pub(super) volts: f32,
-}
+use super::Context;
+use super::stream::Target;
+use crate::units::Voltage;
 
 /// The detector of one motor.
 #[derive(Clone, Copy, Debug, Default)]
@@ -60,31 +33,54 @@ pub(super) struct Hunting {
     high: f32,
 }
 
+/// Limits of the detector. The values are from simulations of 558 set-points and two sets of random scenarios.
+/// `docs/decisions/0024-a-back-emf-that-is-too-high.md` has figures of such simulations.
 impl Hunting {
-    /// Executes a tick. `boundary` computes the boundary, a current as a voltage in V, and is called only while the
-    /// motor is steady and driven. Returns true at a change of level that shows that the motor hunts.
-    pub(super) fn step(&mut self, tick: &Tick, boundary: impl FnOnce() -> f32) -> bool {
-        let current = (tick.volts - tick.emf_volts) * 1.0f32.copysign(tick.emf_volts);
-        let steady = tick.target_is_old
-            && tick.correction_volts.abs() < LIMITS.correction_volts
-            && tick.emf_volts.abs() > LIMITS.emf_volts;
+    /// Largest part, in V, of a steady motor's requested voltage that corrects the error of the speed.
+    const LARGEST_CORRECTION_VOLTS: f32 = 1.0;
+    /// Least back EMF, in V, of a steady motor. A slower motor is not examined.
+    const LEAST_EMF_VOLTS: f32 = 0.5;
+    /// Least swing of the current between two changes of its level, as a voltage, in V.
+    const LEAST_SWING_VOLTS: f32 = 0.1;
+    /// Share of the weight of old swings that remains after a tick.
+    const REMAINING_SHARE: f32 = 0.97;
+    /// Weighted number of swings above which a motor hunts.
+    const MOST_SWINGS: f32 = 2.0;
+}
+
+impl Hunting {
+    /// Executes a tick of a motor with a demanded speed. `requested` is the requested voltage, and `correction_volts` is
+    /// the part of this voltage, in V, that corrects the error of the speed. `emf_volts` is the back EMF in V, positive
+    /// clockwise. Returns true at a change of level that shows that the motor hunts.
+    pub(super) fn step(
+        &mut self,
+        target: &Target,
+        requested: Voltage,
+        correction_volts: f32,
+        emf_volts: f32,
+        context: &Context<'_>,
+    ) -> bool {
+        let current = (requested.to_volts() - emf_volts) * 1.0f32.copysign(emf_volts);
+        let steady = target.is_old
+            && correction_volts.abs() < Self::LARGEST_CORRECTION_VOLTS
+            && emf_volts.abs() > Self::LEAST_EMF_VOLTS;
         if !steady {
             *self = Self { swings: 0.0, low: current, high: current, ..*self };
             return false;
         }
         (self.low, self.high) = (self.low.min(current), self.high.max(current));
-        self.swings *= LIMITS.remaining;
+        self.swings *= Self::REMAINING_SHARE;
         let level = match current {
             ..0.0 => 0,
-            _ if current < boundary() => 1,
+            _ if current < context.modulator.discontinuous_volts(context.at) => 1,
             _ => 2,
         };
         if level == self.level {
             return false;
         }
-        let swung = self.high - self.low > LIMITS.swing_volts;
+        let swung = self.high - self.low > Self::LEAST_SWING_VOLTS;
         (self.level, self.low, self.high) = (level, current, current);
         self.swings += f32::from(u8::from(swung));
-        swung && self.swings > LIMITS.swings
+        swung && self.swings > Self::MOST_SWINGS
     }
 }

@@ -38,7 +38,7 @@ use crate::units::{CountsPerSecond, Micros, Period, Voltage};
 use gain::{GainEstimate, guessed_gain};
 use hunting::Hunting;
 use loops::{Loops, Start};
-use model::{Law, State};
+use model::Law;
 use observer::{FASTEST_CPS, Observer, Plant};
 use stream::Stream;
 use swings::Swings;
@@ -55,7 +55,7 @@ const UNCERTAIN_EDGE_MICROS: u64 = 50_000;
 /// Age of the last edge, in us, from which on a motor with an open bridge is at rest.
 const REST_MICROS: u64 = 300_000;
 /// Lowest requested speed at which counts are due: 40 counts/s, which are four counts within [`STALLED_MS`].
-const COUNTS_DUE_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
+const COUNTS_DUE_SPEED: CountsPerSecond = CountsPerSecond::new(40);
 
 /// Least acceleration per volt, as a share of the configured or estimated acceleration per volt. The load may be
 /// heavier than configured.
@@ -104,7 +104,11 @@ pub enum Transition {
 /// The regulator of one motor.
 #[derive(Clone, Debug)]
 pub struct Regulator {
-    motion: Motion,
+    /// Constants of the motor.
+    plant: Plant,
+    law: Law,
+    /// Estimate of the motion.
+    observer: Observer,
     /// Estimate of the acceleration per volt; `None` for a motor with configured dynamics.
     gain_estimate: Option<GainEstimate>,
     /// PID loops of a motor whose PID coefficients a host has configured.
@@ -134,61 +138,14 @@ pub struct Regulator {
     voltage: Option<Voltage>,
 }
 
-/// Constants of a motor, and the estimate of its motion.
-#[derive(Clone, Copy, Debug)]
-struct Motion {
-    plant: Plant,
-    law: Law,
-    observer: Observer,
-    /// State of the law.
-    state: State,
-}
-
-impl Motion {
-    /// Computes the constants of a motor from the acceleration per volt b, in counts/s² per V. If b differs from the
-    /// configured acceleration per volt, the configured decay of the speed is scaled by the same factor.
-    fn new(settings: &Settings, b: f32, period: Period, observer: Observer) -> Self {
-        let kappa = settings.winding.emf.to_volts();
-        let q = match settings.dynamics {
-            Some(dynamics) => dynamics.decay.to_f32() * (b / dynamics.gain.to_f32()),
-            None => b * kappa,
-        };
-        let plant = Plant::new(b, kappa, q, Law::filter(period));
-        let law = Law::new(&plant, period);
-        Self { plant, law, observer, state: State::default() }
-    }
-
-    /// Replaces the estimate by a motion at this speed in counts/s, without load.
-    fn restart(&mut self, speed: f32) {
-        self.observer = Observer::new(speed);
-        self.state.set_friction_speed(0.0);
-    }
-
-    /// Sets speed and load of a motor at rest to 0.
-    fn rest(&mut self) {
-        self.observer.rest();
-        self.state.set_friction_speed(0.0);
-    }
-
-    /// Sets the load to 0, also the friction that it includes.
-    fn forget_load(&mut self) {
-        self.observer.forget_load();
-        self.state.set_friction_speed(0.0);
-    }
-
-    /// Sets the load, with the friction, to the load that keeps the present speed at this voltage in V; `None` if the
-    /// bridge is open.
-    fn assume_steady(&mut self, voltage: Option<f32>) {
-        self.observer.assume_steady(&self.plant, voltage);
-        self.state.set_friction_speed(if voltage.is_some() { self.observer.speed() } else { 0.0 });
-    }
-}
-
 impl Regulator {
     /// Creates the regulator of a motor at rest that is stepped every `period`.
     pub fn new(settings: &Settings, period: Period) -> Self {
+        let plant = plant(settings, initial_gain(settings), period);
         Self {
-            motion: Motion::new(settings, initial_gain(settings), period, Observer::new(0.0)),
+            plant,
+            law: Law::new(&plant, period),
+            observer: Observer::new(0.0),
             gain_estimate: settings.dynamics.is_none().then(GainEstimate::new),
             loops: Loops::default(),
             hunting: Hunting::default(),
@@ -213,21 +170,20 @@ impl Regulator {
         let dynamics_changed = old.dynamics != new.dynamics;
         if emf_changed || dynamics_changed {
             let keeps_gain = self.gain_estimate.is_some() && !emf_changed;
-            let gain =
-                if keeps_gain && new.dynamics.is_none() { self.motion.plant.b } else { initial_gain(new) };
+            let gain = if keeps_gain && new.dynamics.is_none() { self.plant.b } else { initial_gain(new) };
             self.gain_ratio = 1.0;
-            let Motion { state, .. } = self.motion;
-            let mut motion = Motion { state, ..Motion::new(new, gain, period, self.present_state()) };
+            let (old_plant, was_at_speed) = (self.plant, self.is_at_speed());
+            self.observer = self.present_state();
+            self.set_constants(new, gain, period);
             if dynamics_changed {
                 // The old load was estimated with other constants.
-                if self.is_at_speed() {
-                    motion.assume_steady(self.volts());
+                if was_at_speed {
+                    self.assume_steady();
                 } else if old.dynamics.is_none() {
-                    motion.observer.keep_load_voltage(&self.motion.plant, &motion.plant);
+                    self.observer.keep_load_voltage(&old_plant, &self.plant);
                 }
             }
-            motion.observer.set_voltage(&motion.plant, self.volts());
-            self.motion = motion;
+            self.observer.set_voltage(&self.plant, self.volts());
             if new.dynamics.is_some() {
                 self.gain_estimate = None;
             } else if !keeps_gain {
@@ -245,6 +201,31 @@ impl Regulator {
         }
     }
 
+    /// Replaces the constants of the motor, with the acceleration per volt b in counts/s² per V. The estimate stays.
+    fn set_constants(&mut self, settings: &Settings, b: f32, period: Period) {
+        self.plant = plant(settings, b, period);
+        self.law.set_plant(&self.plant, period);
+    }
+
+    /// Replaces the estimate by a motion at this speed in counts/s, without load. Pauses the gain estimate.
+    fn restart(&mut self, speed: f32) {
+        self.observer = Observer::new(speed);
+        self.law.set_friction_speed(0.0);
+        self.restart_gain_estimate();
+    }
+
+    /// Sets the load to 0, also the friction that it includes.
+    fn forget_load(&mut self) {
+        self.observer.forget_load();
+        self.law.set_friction_speed(0.0);
+    }
+
+    /// Sets the load, with the friction, to the load that keeps the present speed at the present voltage.
+    fn assume_steady(&mut self) {
+        self.observer.assume_steady(&self.plant, self.volts());
+        self.law.set_friction_speed(if self.voltage.is_some() { self.observer.speed() } else { 0.0 });
+    }
+
     /// Voltage across the motor in V; `None` while the bridge is open.
     fn volts(&self) -> Option<f32> {
         self.voltage.map(Voltage::to_volts)
@@ -253,7 +234,7 @@ impl Regulator {
     /// True if the error of the speed, as a back EMF, is below [`AT_SPEED_VOLTS`]. Also true while the bridge is open.
     fn is_at_speed(&self) -> bool {
         let error = self.requested.to_f32() - self.velocity().to_f32();
-        self.voltage.is_none() || (self.motion.plant.kappa * error).abs() < AT_SPEED_VOLTS
+        self.voltage.is_none() || (self.plant.kappa * error).abs() < AT_SPEED_VOLTS
     }
 
     /// Pauses the gain estimate of an unknown motor until the observer has corrected a wrong state.
@@ -269,10 +250,10 @@ impl Regulator {
         self.rest_position = None;
         self.stalled_ms = 0;
         if leaves_stop {
-            self.motion.forget_load();
+            self.forget_load();
             // The encoder may be reversed, so an estimate from an encoder that is not trusted is discarded.
             if let Some(estimate) = self.gain_estimate.as_mut().filter(|estimate| !estimate.is_trusted()) {
-                estimate.discard(&self.motion.plant);
+                estimate.discard(&self.plant);
             }
         }
         self.loops.begin(match transition {
@@ -301,19 +282,15 @@ impl Regulator {
         let passed =
             if self.predicted_until == before { gap } else { samples(self.predicted_until, reading.at) };
         self.predict(passed, reading.at);
-        let stalled = self.is_stalled();
-        let Self { motion, gain_estimate, voltage, requested, .. } = self;
-        let Motion { plant, observer, .. } = motion;
+        let (volts, stalled) = (self.volts(), self.is_stalled());
         if gap > LONGEST_GAP_SAMPLES {
-            motion.restart(within(1_000.0 * moved as f32 / gap as f32, FASTEST_CPS));
-            self.restart_gain_estimate();
-        } else if let Some(correction) = observer.update(plant, moved, self.speed_demanded)
-            && let Some(estimate) = gain_estimate
+            self.restart(within(1_000.0 * moved as f32 / gap as f32, FASTEST_CPS));
+        } else if let Some(correction) = self.observer.update(&self.plant, moved, self.speed_demanded)
+            && let Some(estimate) = &mut self.gain_estimate
         {
             let uncertain =
-                counts_due(*requested) && reading.at.since(reading.edge_at) >= UNCERTAIN_EDGE_MICROS;
-            let volts = voltage.map(Voltage::to_volts);
-            estimate.correct(plant, &correction, moved, volts, uncertain || stalled);
+                counts_due(self.requested) && reading.at.since(reading.edge_at) >= UNCERTAIN_EDGE_MICROS;
+            estimate.correct(&self.plant, &correction, moved, volts, uncertain || stalled);
         }
     }
 
@@ -321,7 +298,7 @@ impl Regulator {
     /// sample on the estimated load is 0.
     pub fn predict_until(&mut self, now: Micros) {
         if self.last.is_some_and(|last| samples(last.at, now) > LONGEST_GAP_SAMPLES) {
-            self.motion.forget_load();
+            self.forget_load();
         }
         self.predict(samples(self.predicted_until, now), now);
     }
@@ -332,27 +309,26 @@ impl Regulator {
             return;
         }
         self.predicted_until = now;
-        let Self { motion: Motion { plant, observer, .. }, gain_estimate, voltage, .. } = self;
+        let volts = self.volts();
         for _ in 0..passed.min(LONGEST_GAP_SAMPLES) {
-            if let Some(estimate) = gain_estimate {
-                estimate.predict(plant, observer.speed(), voltage.map(Voltage::to_volts));
+            if let Some(estimate) = &mut self.gain_estimate {
+                estimate.predict(&self.plant, self.observer.speed(), volts);
             }
-            observer.predict(plant);
+            self.observer.predict(&self.plant);
         }
     }
 
     /// Begins a control tick. Must be called after the newest sample of the tick was taken. An estimate that has
     /// overflowed is reset. The estimated speed of a motor at rest with an open bridge is set to 0.
     pub fn tick(&mut self) {
-        let observer = &self.motion.observer;
         // With implausible constants the estimate may grow until it overflows.
-        if !(observer.speed() + observer.fraction()).is_finite() {
-            self.motion.restart(0.0);
-            self.restart_gain_estimate();
+        if !(self.observer.speed() + self.observer.fraction()).is_finite() {
+            self.restart(0.0);
         }
         let still = |last: &Reading| last.at.since(last.edge_at) >= REST_MICROS;
         if self.voltage.is_none() && self.last.as_ref().is_some_and(still) {
-            self.motion.rest();
+            self.observer.rest();
+            self.law.set_friction_speed(0.0);
             if let Some(estimate) = &mut self.gain_estimate {
                 estimate.rest();
             }
@@ -361,14 +337,12 @@ impl Regulator {
 
     /// Replaces the gain of an unknown motor by the estimated gain, if both differ enough.
     pub fn update_gain(&mut self, settings: &Settings, period: Period) {
-        let Motion { plant, observer, state, .. } = self.motion;
-        if let Some((gain, shift)) =
-            self.gain_estimate.as_mut().and_then(|estimate| estimate.take_gain(&plant))
+        if let Some(estimate) = &mut self.gain_estimate
+            && let Some((gain, shift)) = estimate.take_gain(&self.plant)
         {
-            let mut motion = Motion { state, ..Motion::new(settings, gain, period, observer) };
-            motion.observer.shift(&shift);
-            motion.observer.set_voltage(&motion.plant, self.volts());
-            self.motion = motion;
+            self.set_constants(settings, gain, period);
+            self.observer.shift(&shift);
+            self.observer.set_voltage(&self.plant, self.volts());
         }
     }
 
@@ -378,20 +352,18 @@ impl Regulator {
     /// ratio of a raised gain. The estimated gain of an unknown motor, the estimated position and speed, and the
     /// present acceleration are kept.
     pub fn correct_constants(&mut self, settings: &Settings, period: Period) {
-        let Motion { plant, observer, state, .. } = self.motion;
-        let gain = settings.dynamics.map_or(plant.b, |dynamics| self.gain_ratio * dynamics.gain.to_f32());
-        let mut motion = Motion { state, ..Motion::new(settings, gain, period, observer) };
-        motion.observer.keep_acceleration(&plant, &motion.plant, self.volts());
-        motion.observer.set_voltage(&motion.plant, self.volts());
-        self.motion = motion;
+        let old = self.plant;
+        let gain = settings.dynamics.map_or(old.b, |dynamics| self.gain_ratio * dynamics.gain.to_f32());
+        self.set_constants(settings, gain, period);
+        self.observer.keep_acceleration(&old, &self.plant, self.volts());
+        self.observer.set_voltage(&self.plant, self.volts());
     }
 
     /// The estimate of the motion at this moment, corrected by a late count if there is one.
     fn present_state(&self) -> Observer {
-        let Motion { plant, observer, .. } = &self.motion;
         // Only at the time of a sample is it known whether a count is late.
         let sampled = self.last.is_some_and(|last| last.at == self.predicted_until);
-        if sampled { observer.with_late_count(plant) } else { *observer }
+        if sampled { self.observer.with_late_count(&self.plant) } else { self.observer }
     }
 
     /// The estimated speed.
@@ -401,18 +373,16 @@ impl Regulator {
 
     /// The estimated speed in counts/s.
     pub fn speed_cps(&self) -> f32 {
-        let observer = &self.motion.observer;
         // This function is called after every sample, so the observer is copied only while a count is late.
-        if observer.is_late() { self.present_state().speed() } else { observer.speed() }
+        if self.observer.is_late() { self.present_state().speed() } else { self.observer.speed() }
     }
 
     /// Acceleration by load and drag at this moment, in counts/s².
     fn external_acceleration(&self) -> f32 {
-        let Motion { plant, observer, .. } = &self.motion;
-        if observer.is_late() {
-            self.present_state().external_acceleration(plant)
+        if self.observer.is_late() {
+            self.present_state().external_acceleration(&self.plant)
         } else {
-            observer.external_acceleration(plant)
+            self.observer.external_acceleration(&self.plant)
         }
     }
 
@@ -420,13 +390,12 @@ impl Regulator {
     /// unknown motor, whose gain is uncertain.
     pub fn load(&self) -> Option<Voltage> {
         let known = self.gain_estimate.is_none();
-        known.then(|| Voltage::from_volts(-self.external_acceleration() / self.motion.plant.b))
+        known.then(|| Voltage::from_volts(-self.external_acceleration() / self.plant.b))
     }
 
     /// Acceleration by load and drag at this moment, without the correction by a late count, in counts/s².
     pub fn disturbance(&self) -> f32 {
-        let Motion { plant, observer, .. } = &self.motion;
-        observer.external_acceleration(plant)
+        self.observer.external_acceleration(&self.plant)
     }
 
     /// True if the motor should turn at 40 counts/s or more, but the encoder has sent no count for 100 ms of ticks.
@@ -436,16 +405,15 @@ impl Regulator {
 
     /// Acceleration per volt in counts/s²: configured, estimated or the initial guess.
     pub const fn gain(&self) -> f32 {
-        self.motion.plant.b
+        self.plant.b
     }
 
     /// Lower bound of the acceleration per volt in counts/s²; `None` for an unknown motor whose estimate does not yet
     /// show a heavy load.
     pub fn least_gain(&self) -> Option<f32> {
-        let plant = &self.motion.plant;
-        let known = self.gain_estimate.as_ref().is_none_or(|estimate| estimate.is_heavy(plant));
+        let known = self.gain_estimate.as_ref().is_none_or(|estimate| estimate.is_heavy(&self.plant));
         // A gain is raised only to end swings. The motor's true gain may still be the configured gain.
-        known.then_some(LEAST_GAIN_SHARE * plant.b / self.gain_ratio)
+        known.then_some(LEAST_GAIN_SHARE * self.plant.b / self.gain_ratio)
     }
 
     /// True for an unknown motor whose encoder is trusted, because the motor has turned in the direction of its
@@ -468,7 +436,7 @@ impl Regulator {
     }
 
     /// Position of the last sample, in counts; 0 before the first sample.
-    fn position(&self) -> i32 {
+    pub fn position(&self) -> i32 {
         self.last.map_or(0, |last| last.position)
     }
 
@@ -482,7 +450,7 @@ impl Regulator {
             None => self.by_model(demand, context),
             Some(coefficients) => {
                 let (position, velocity) = (self.position(), self.velocity());
-                let (gain, start) = (self.motion.plant.b, self.start_voltage(velocity));
+                let (gain, start) = (self.plant.b, self.start_voltage(velocity));
                 let inputs = loops::Inputs { coefficients, position, velocity, gain, start };
                 self.loops.step(demand, &inputs, context)
             }
@@ -499,21 +467,19 @@ impl Regulator {
     /// Limits a voltage so that the motor does not become faster than `limit` in the direction of its current. A
     /// motor that is already faster brakes. Its braking current is at most as large as the current of the voltage.
     pub fn limit_speed(&self, voltage: Voltage, limit: CountsPerSecond, at: OperatingPoint) -> Voltage {
-        let Motion { plant, law, .. } = &self.motion;
         let emf = at.emf_volts();
         let beyond_emf = voltage.to_volts() - emf;
         let side = 1.0f32.copysign(beyond_emf);
         let target = side * limit.to_f32().abs();
-        let most = side * (law.voltage_for_speed(&self.present_state(), plant, target) - emf);
+        let most = side * (self.law.voltage_for_speed(&self.present_state(), &self.plant, target) - emf);
         Voltage::from_volts(emf + side * within(most, beyond_emf.abs()))
     }
 
     /// Computes the output by the motor's model.
     fn by_model(&mut self, demand: Demand, context: &Context<'_>) -> Output {
-        let (at, position) = (context.at, self.position());
+        let position = self.position();
         let mut present = self.present_state();
         let load = present.load();
-        let Motion { plant, law, observer, state } = &mut self.motion;
         let mut gain_ratio = 1.0;
         let mut output = match demand {
             Demand::Velocity(target) => {
@@ -525,15 +491,11 @@ impl Regulator {
                 if self.swings.step(present.speed(), &target, period_ms) {
                     gain_ratio = at_most(GAIN_STEP * gain_ratio, LARGEST_GAIN_RATIO);
                 }
-                let mut output = law.velocity(state, &mut present, plant, target, context);
+                let mut output = self.law.velocity(&mut present, &self.plant, target, context);
                 if let Effort::Voltage(voltage) = output.effort {
-                    let tick = hunting::Tick {
-                        target_is_old: target.is_old,
-                        correction_volts: law.correction_volts(&present, target.demanded),
-                        emf_volts: plant.kappa * present.speed(),
-                        volts: voltage.to_volts(),
-                    };
-                    output.hunts = self.hunting.step(&tick, || context.modulator.discontinuous_volts(at));
+                    let correction_volts = self.law.correction_volts(&present, target.demanded);
+                    let emf_volts = self.plant.kappa * present.speed();
+                    output.hunts = self.hunting.step(&target, voltage, correction_volts, emf_volts, context);
                     if output.hunts {
                         // A lower back EMF may end the swings.
                         self.swings = Swings::default();
@@ -543,17 +505,17 @@ impl Regulator {
             }
             Demand::Follow(reference) => {
                 let speeds = (reference.speed.to_f32(), reference.next.to_f32());
-                law.follow(state, &mut present, plant, reference.from(position), speeds, context)
+                self.law.follow(&mut present, &self.plant, reference.from(position), speeds, context)
             }
             Demand::Position { target, speed_limit } => {
                 let distance = target.wrapping_sub(position);
                 let limit = speed_limit.to_f32().abs();
-                law.position(state, &mut present, plant, distance, limit, context)
+                self.law.position(&mut present, &self.plant, distance, limit, context)
             }
         };
         // `present` is a copy of the observer. If the law has reversed the friction in the copy, the load of the
         // observer is changed by the same amount.
-        observer.add_load(present.load() - load);
+        self.observer.add_load(present.load() - load);
         if context.settings.dynamics.is_some() {
             output.changes_gain = gain_ratio != self.gain_ratio;
             self.gain_ratio = gain_ratio;
@@ -563,15 +525,14 @@ impl Regulator {
 
     /// The voltage with which the velocity loop of PID begins; `None` while the loop continues.
     fn start_voltage(&self, velocity: CountsPerSecond) -> Option<Voltage> {
-        let plant = &self.motion.plant;
-        let emf = plant.kappa * velocity.to_f32();
+        let emf = self.plant.kappa * velocity.to_f32();
         match (self.loops.start, self.voltage) {
             (Start::Running, _) => None,
             (Start::ZeroCurrent, _) => Some(Voltage::from_volts(emf)),
             (Start::Continue, Some(voltage)) => Some(voltage),
             // The current of this voltage balances the estimated load.
             (Start::Continue | Start::Resume, _) => {
-                Some(Voltage::from_volts(emf - self.external_acceleration() / plant.b))
+                Some(Voltage::from_volts(emf - self.external_acceleration() / self.plant.b))
             }
         }
     }
@@ -614,10 +575,19 @@ impl Regulator {
             self.speed_demanded = false;
         }
         self.voltage = voltage;
-        let volts = self.volts();
-        let Motion { plant, observer, .. } = &mut self.motion;
-        observer.set_voltage(plant, volts);
+        self.observer.set_voltage(&self.plant, self.volts());
     }
+}
+
+/// The constants of a motor with the acceleration per volt b, in counts/s² per V. If b differs from the configured
+/// acceleration per volt, the configured decay of the speed is scaled by the same factor.
+fn plant(settings: &Settings, b: f32, period: Period) -> Plant {
+    let kappa = settings.winding.emf.to_volts();
+    let q = match settings.dynamics {
+        Some(dynamics) => dynamics.decay.to_f32() * (b / dynamics.gain.to_f32()),
+        None => b * kappa,
+    };
+    Plant::new(b, kappa, q, period)
 }
 
 /// Initial acceleration per volt of a motor, in counts/s² per V: the configured one, or the guess for an unknown motor.

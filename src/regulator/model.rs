@@ -10,7 +10,7 @@
 //! The law has no integrator, because the observer estimates the load. So nothing winds up, and a change of mode
 //! needs no preset.
 
-use super::observer::{Filter, Observer, Plant};
+use super::observer::{Observer, Plant};
 use super::stream::Target;
 use super::{Context, Effort, Output, within};
 use crate::units::single::{at_least, at_most};
@@ -32,7 +32,7 @@ const HELD_COUNTS: f32 = 0.5;
 /// Speed per distance beyond [`HELD_COUNTS`] with which a held motor is drawn back, in 1/s.
 const HOLDING_RATE: f32 = 2.0;
 
-/// The law's constants for one motor and period.
+/// The law of one motor: constants for its plant and its control period, and a state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Law {
     /// Share of a speed's error that remains after a tick.
@@ -40,11 +40,6 @@ pub(super) struct Law {
     /// Mean voltage that changes the speed by 1 count/s within a tick: q / (b (1 - exp(-q T))). b and q are constants
     /// of the [`Plant`], and T is the control period.
     volts_per_cps: f32,
-}
-
-/// The law's state.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct State {
     /// Direction of motion, -1 or 1, for which the estimated load includes the friction; 0 if the load includes no
     /// friction.
     friction_side: f32,
@@ -52,55 +47,47 @@ pub(super) struct State {
     holding: bool,
 }
 
-impl State {
-    /// Notes that the estimated load includes the friction of a motion at this speed, in counts/s. With the speed 0 the
-    /// load includes no friction.
-    pub(super) fn set_friction_speed(&mut self, speed: f32) {
-        self.friction_side = if speed.abs() > REVERSING_CPS { 1.0f32.copysign(speed) } else { 0.0 };
-    }
-}
-
 impl Law {
-    /// Prepares the law.
+    /// Prepares the law for a motor whose estimated load includes no friction.
     pub(super) fn new(plant: &Plant, period: Period) -> Self {
         let seconds = period.to_seconds();
         let remaining =
             if period.as_millis() > 20 { expf(-24.0 * seconds).max(0.3) } else { expf(-30.0 * seconds) };
         let x = plant.q * seconds;
         let rate = if x > 1e-3 { plant.q / -expm1f(-x) } else { 1.0 / seconds };
-        Self { remaining, volts_per_cps: rate / plant.b }
+        Self { remaining, volts_per_cps: rate / plant.b, friction_side: 0.0, holding: false }
     }
 
-    /// Parameters of the observer. At a long period the least z is lower. A load is then estimated sooner, but a slow
-    /// motion becomes less smooth.
-    pub(super) const fn filter(period: Period) -> Filter {
-        match period.as_millis() {
-            0..=20 => Filter { poles: 45.0, least_z: 0.35 },
-            21..=50 => Filter { poles: 42.0, least_z: 0.35 },
-            _ => Filter { poles: 42.0, least_z: 0.25 },
-        }
+    /// Replaces the constants. The state stays.
+    pub(super) fn set_plant(&mut self, plant: &Plant, period: Period) {
+        let Self { friction_side, holding, .. } = *self;
+        *self = Self { friction_side, holding, ..Self::new(plant, period) };
+    }
+
+    /// Notes that the estimated load includes the friction of a motion at this speed, in counts/s. With the speed 0 the
+    /// load includes no friction.
+    pub(super) fn set_friction_speed(&mut self, speed: f32) {
+        self.friction_side = if speed.abs() > REVERSING_CPS { 1.0f32.copysign(speed) } else { 0.0 };
     }
 
     /// Computes the output for a target speed.
     pub(super) fn velocity(
-        &self,
-        state: &mut State,
+        &mut self,
         observer: &mut Observer,
         plant: &Plant,
         target: Target,
         context: &Context<'_>,
     ) -> Output {
-        state.holding = false;
+        self.holding = false;
         // One tick before `target.end` the stream has the speed `target.end - target.change`. The share `remaining` of
         // the present speed's difference from this stream speed remains at the tick's end.
         let next = self.next_speed(observer, target.end) + self.remaining * target.change;
-        self.request(state, observer, plant, next, context, target.demanded)
+        self.request(observer, plant, next, context, target.demanded)
     }
 
     /// Computes the output for a target position, `distance` counts from the lower edge of the present count.
     pub(super) fn position(
-        &self,
-        state: &mut State,
+        &mut self,
         observer: &mut Observer,
         plant: &Plant,
         distance: i32,
@@ -109,16 +96,16 @@ impl Law {
     ) -> Output {
         let w = observer.speed();
         let window = at_least(context.period.to_seconds(), 0.02);
-        let near = if state.holding { 2 } else { 1 };
-        state.holding = distance.unsigned_abs() <= near && (state.holding || w.abs() * window < 0.5);
+        let near = if self.holding { 2 } else { 1 };
+        self.holding = distance.unsigned_abs() <= near && (self.holding || w.abs() * window < 0.5);
         // The target is the middle of the target count.
         let distance = distance as f32 + 0.5 - observer.fraction();
-        if state.holding {
+        if self.holding {
             // Without samples the predicted position may leave the count, so the distance is limited.
             let distance = within(distance, near as f32 + HELD_COUNTS);
             let back = HOLDING_RATE * (distance - within(distance, HELD_COUNTS));
             let next = back + self.remaining * (w - back);
-            return self.request(state, observer, plant, next, context, 0.0);
+            return self.request(observer, plant, next, context, 0.0);
         }
         let (side, distance) = (1.0f32.copysign(distance), distance.abs());
         let full = plant.b * context.at.battery_volts();
@@ -128,21 +115,20 @@ impl Law {
             acceleration_limit(context).map_or(deceleration, |limit| at_most(deceleration, limit));
         let (now, end) = profile(distance, side * w, deceleration, speed_limit, context.period);
         let next = side * (end - self.remaining * (now - side * w));
-        self.request(state, observer, plant, next, context, side * now)
+        self.request(observer, plant, next, context, side * now)
     }
 
     /// Computes the output for a moving reference, `distance` counts from the lower edge of the present count. The
     /// reference has these speeds now and at the next tick, in counts/s.
     pub(super) fn follow(
-        &self,
-        state: &mut State,
+        &mut self,
         observer: &mut Observer,
         plant: &Plant,
         distance: f32,
         (now, end): (f32, f32),
         context: &Context<'_>,
     ) -> Output {
-        state.holding = false;
+        self.holding = false;
         let (period_s, approach) = (context.period.to_seconds(), approach(context.period));
         let remaining = self.remaining;
         let w = observer.speed();
@@ -152,14 +138,13 @@ impl Law {
         let rest = distance + (now + end - w) * period_s / 2.0;
         let next = (end + approach * rest - remaining * (now + approach * distance - w))
             / (1.0 + approach * period_s / 2.0);
-        self.request(state, observer, plant, next, context, end + approach * distance)
+        self.request(observer, plant, next, context, end + approach * distance)
     }
 
     /// Computes the output that brings the motor to the speed `next` by the tick's end, within the limits of
     /// acceleration and voltage. `speed` becomes the speed of the output. Both are in counts/s.
     fn request(
-        &self,
-        state: &mut State,
+        &mut self,
         observer: &mut Observer,
         plant: &Plant,
         next: f32,
@@ -171,7 +156,7 @@ impl Law {
             Some(limit) => w + within(next - w, limit * context.period.to_seconds()),
             None => next,
         };
-        reverse_friction(state, observer, plant, next, context);
+        self.reverse_friction(observer, plant, next, context);
         let wanted = self.voltage_to(observer, plant, next);
         // In overrun the back EMF is above the battery voltage. At a motor voltage between battery voltage and back EMF
         // the motor brakes less than at the battery voltage.
@@ -182,6 +167,19 @@ impl Law {
             speed: super::speed(speed),
             hunts: false,
             changes_gain: false,
+        }
+    }
+
+    /// Reverses the friction in the estimated load if the motion reverses by the tick's end. Friction always acts
+    /// against the motion.
+    fn reverse_friction(&mut self, observer: &mut Observer, plant: &Plant, next: f32, context: &Context<'_>) {
+        let side = 1.0f32.copysign(next);
+        // More than one count per tick in the old direction: the motion does not reverse within this tick.
+        let still_opposite = -side * observer.speed() * context.period.to_seconds() > 1.0;
+        if side != self.friction_side && next.abs() > REVERSING_CPS && !still_opposite {
+            let friction = context.settings.dynamics.map_or(0.0, |dynamics| dynamics.friction.to_volts());
+            observer.add_load(FRICTION_SHARE * friction * plant.b * (self.friction_side - side));
+            self.friction_side = side;
         }
     }
 
@@ -239,23 +237,4 @@ fn profile(distance: f32, w: f32, deceleration: f32, limit: f32, period: Period)
         sqrtf(lost * lost + 2.0 * deceleration * (rest - knee / 2.0)) - lost
     };
     (at_most(now, limit), within(end, limit))
-}
-
-/// Reverses the friction in the estimated load if the motion reverses by the tick's end. Friction always acts
-/// against the motion.
-fn reverse_friction(
-    state: &mut State,
-    observer: &mut Observer,
-    plant: &Plant,
-    next: f32,
-    context: &Context<'_>,
-) {
-    let side = 1.0f32.copysign(next);
-    // More than one count per tick in the old direction: the motion does not reverse within this tick.
-    let still_opposite = -side * observer.speed() * context.period.to_seconds() > 1.0;
-    if side != state.friction_side && next.abs() > REVERSING_CPS && !still_opposite {
-        let friction = context.settings.dynamics.map_or(0.0, |dynamics| dynamics.friction.to_volts());
-        observer.add_load(FRICTION_SHARE * friction * plant.b * (state.friction_side - side));
-        state.friction_side = side;
-    }
 }

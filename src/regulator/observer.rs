@@ -23,8 +23,8 @@
 //! speed is demanded, every sample with a late count corrects x.
 //!
 //! The gains follow from the time t since the last correction. They are the gains of a filter with three equal poles at
-//! `exp(-wo t)`, where wo is at most [`Filter::poles`]. So a motor at 5 counts/s is estimated as reliably as a motor at
-//! 5000 counts/s:
+//! `exp(-wo t)`. The poles wo and the least z depend on the control period, and a motor with a small gain b gets slower
+//! poles. So a motor at 5 counts/s is estimated as reliably as a motor at 5000 counts/s:
 //!
 //! ```text
 //! z = max(least z, exp(-wo t))
@@ -32,6 +32,7 @@
 //! ```
 
 use super::within;
+use crate::units::Period;
 use crate::units::single::{at_least, at_most};
 use libm::{cbrtf, expf, expm1f};
 
@@ -45,16 +46,6 @@ const LATE_COUNTS: f32 = 1.0;
 /// Largest speed in counts/s. The limit is above the speed of any motor's encoder, and bounds the arithmetic in
 /// single precision.
 pub(super) const FASTEST_CPS: f32 = 1e6;
-
-/// Parameters of the observer.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Filter {
-    /// Poles wo, in 1/s. A motor with a small gain b gets slower poles.
-    pub(super) poles: f32,
-    /// Least z. After the time at which z reaches this value, a longer time since the last correction makes no
-    /// difference to z.
-    pub(super) least_z: f32,
-}
 
 /// The motor's constants as the observer uses them.
 #[derive(Clone, Copy, Debug)]
@@ -73,16 +64,23 @@ pub(super) struct Plant {
     open: SampleResponse,
     /// Factor by which z falls in one sample: exp(-wo times [`SAMPLE_S`]).
     z_per_sample: f32,
-    /// Least z.
+    /// Least z. After the time at which z reaches this value, a longer time since the last correction makes no
+    /// difference to z.
     least_z: f32,
 }
 
 impl Plant {
-    /// Computes the constants of a motor from its gain b, its back EMF constant and its decay q.
-    pub(super) fn new(b: f32, kappa: f32, q: f32, filter: Filter) -> Self {
-        let Filter { poles, least_z } = filter;
+    /// Computes the constants of a motor from its gain b, its back EMF constant, its decay q and its control period.
+    pub(super) fn new(b: f32, kappa: f32, q: f32, period: Period) -> Self {
+        // Fastest poles in 1/s, and least z. At a long period the least z is lower. A load is then estimated sooner,
+        // but a slow motion becomes less smooth.
+        let (fastest_poles, least_z) = match period.as_millis() {
+            0..=20 => (45.0, 0.35),
+            21..=50 => (42.0, 0.35),
+            _ => (42.0, 0.25),
+        };
         let drag = at_least(q - b * kappa, 0.0);
-        let poles = at_most(poles, cbrtf(11.0 * 12.0 * b));
+        let poles = at_most(fastest_poles, cbrtf(11.0 * 12.0 * b));
         let [driven, open] = [q, drag].map(SampleResponse::new);
         Self { b, kappa, q, drag, driven, open, z_per_sample: expf(-poles * SAMPLE_S), least_z }
     }
@@ -335,7 +333,7 @@ mod tests {
 
     fn plant() -> Plant {
         let (b, kappa, q) = PLANT;
-        Plant::new(b, kappa, q, Filter { poles: 40.0, least_z: 0.25 })
+        Plant::new(b, kappa, q, Period::from_millis(100).unwrap_or_default())
     }
 
     /// Estimates the motion of a motor whose position in counts is a function of the time in seconds.

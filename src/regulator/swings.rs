@@ -18,21 +18,6 @@
 use super::stream::Target;
 use crate::units::single::at_least;
 
-/// Limits of the detector. The values are from random scenarios of `survey` with two seeds: see decision 30.
-struct Limits {
-    /// Least error of the speed that counts as a swing, as a share of the set-point.
-    error_share: f32,
-    /// Least error that counts as a swing, in counts/s.
-    error_cps: f32,
-    /// Longest duration of a short half swing, in ms. At a long control period a half swing of up to three ticks is
-    /// short too.
-    half_swing_ms: u32,
-    /// Number of short half swings in a row after which each further one shows that the speed swings.
-    half_swings: u8,
-}
-
-const LIMITS: Limits = Limits { error_share: 0.008, error_cps: 0.8, half_swing_ms: 150, half_swings: 3 };
-
 /// The detector of one motor.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Swings {
@@ -42,6 +27,19 @@ pub(super) struct Swings {
     age_ms: u32,
     /// Number of short half swings in a row.
     half_swings: u8,
+}
+
+/// Limits of the detector. The values are from random scenarios of `survey` with two seeds: see decision 30.
+impl Swings {
+    /// Least error of the speed that counts as a swing, as a share of the set-point.
+    const LEAST_ERROR_SHARE: f32 = 0.008;
+    /// Least error that counts as a swing, in counts/s.
+    const LEAST_ERROR_CPS: f32 = 0.8;
+    /// Longest duration of a short half swing, in ms. At a long control period a half swing of up to three ticks is
+    /// short too.
+    const SHORT_HALF_SWING_MS: u32 = 150;
+    /// Number of short half swings in a row after which each further one shows that the speed swings.
+    const MOST_HALF_SWINGS: u8 = 3;
 }
 
 impl Swings {
@@ -54,15 +52,15 @@ impl Swings {
         }
         self.age_ms = self.age_ms.saturating_add(period_ms);
         let error = speed - target.demanded;
-        let limit = at_least(LIMITS.error_share * target.demanded.abs(), LIMITS.error_cps);
+        let limit = at_least(Self::LEAST_ERROR_SHARE * target.demanded.abs(), Self::LEAST_ERROR_CPS);
         let side = if error > 0.0 { 1 } else { -1 };
         if error.abs() <= limit || side == self.side {
             return false;
         }
-        let short = self.side != 0 && self.age_ms <= LIMITS.half_swing_ms.max(3 * period_ms);
+        let short = self.side != 0 && self.age_ms <= Self::SHORT_HALF_SWING_MS.max(3 * period_ms);
         self.half_swings = if short { self.half_swings.saturating_add(1) } else { 0 };
         (self.side, self.age_ms) = (side, 0);
-        self.half_swings > LIMITS.half_swings
+        self.half_swings > Self::MOST_HALF_SWINGS
     }
 }
 

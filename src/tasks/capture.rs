@@ -5,7 +5,7 @@
 
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::board::Encoders;
-use crate::motion::{Reading, Tracker};
+use crate::motion::Tracker;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
 
@@ -23,14 +23,13 @@ pub async fn run<M: RawMutex, const N: usize>(
     loop {
         let now = micros(Instant::now());
         let counts = encoders.counts();
-        let read = |readings: &mut [Option<Reading>; N]| {
-            for ((reading, tracker), count) in readings.iter_mut().zip(&mut trackers).zip(counts) {
+        wires.update_newest(|newest| {
+            for ((reading, tracker), count) in newest.readings.iter_mut().zip(&mut trackers).zip(counts) {
                 if let Some(count) = count {
                     *reading = Some(tracker.step(count, now));
                 }
             }
-        };
-        wires.update_newest(|newest| newest.sample(read));
+        });
         wires.control_wake.signal(());
         health.check_in(Task::Capture);
         // If the next sample is overdue already, samples are skipped up to the next whole millisecond.

@@ -37,7 +37,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             // After an alarm of the bus the readings are unchanged. Processing unchanged readings does not change the
             // estimates.
             wires.update_newest(|newest| {
-                hub.sample(newest.readings());
+                hub.sample(&newest.readings);
                 if samples_between_ticks {
                     newest.set_velocities(hub.velocities());
                 }
@@ -62,7 +62,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
         // The capture task is due at the same time, and must take its sample before the tick.
         yield_now().await;
         wires.control_wake.reset();
-        wires.update_newest(|newest| readings = *newest.readings());
+        wires.update_newest(|newest| readings = newest.readings);
         let now = micros(Instant::now());
         apply_commands(hub, wires);
         if wires.battery.signaled() {

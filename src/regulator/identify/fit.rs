@@ -15,9 +15,6 @@ const LEAST_PIVOT: f32 = 1e-4;
 /// Number of elements of the triangle, with the right sides.
 const TRIANGLE: usize = UNKNOWNS * (UNKNOWNS + 3) / 2;
 
-/// One equation: the weight of each unknown, then the right side.
-pub(super) type Row = [f32; UNKNOWNS + 1];
-
 /// The rows so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Fit {
@@ -33,9 +30,9 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    /// Adds a row. Returns the innovation of the row: the part of the right side that the earlier rows do not
-    /// predict.
-    pub(super) fn add(&mut self, mut row: Row) -> f32 {
+    /// Adds a row, which is one equation: the weight of each unknown, then the right side. Returns the innovation of
+    /// the row: the part of the right side that the earlier rows do not predict.
+    pub(super) fn add(&mut self, mut row: [f32; UNKNOWNS + 1]) -> f32 {
         let [.., right] = row;
         self.right_squares += right * right;
         self.rows = self.rows.saturating_add(1);

@@ -151,11 +151,6 @@ impl Identifier {
         Self::Resting { limit, since: None, last: None }
     }
 
-    /// True while the motor is driven.
-    pub const fn is_moving(&self) -> bool {
-        matches!(self, Self::Moving(_))
-    }
-
     /// Progress of the identification.
     pub fn progress(&self) -> Identification {
         Identification::Running(match self {

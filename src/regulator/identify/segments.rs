@@ -9,15 +9,14 @@
 //! w' - w = b (F' - F) - q (P' - P) - (c b sign(w) - load) (G' - G)
 //! ```
 
+use super::super::observer::SAMPLE_S;
 use crate::motion::Reading;
 use crate::units::Micros;
 
 /// A segment is used if the motor moved by more than this distance, in counts.
 const LEAST_COUNTS: f32 = 2.0;
-/// Time between two samples, in s.
-const SAMPLE_S: f32 = 1e-3;
 
-/// The running segment: its start and its integrals.
+/// A segment: its start, and its integrals up to its end or, while the segment runs, up to the last sample.
 #[derive(Clone, Copy, Debug)]
 struct Segment {
     /// Position at the start, in counts.
@@ -45,16 +44,16 @@ impl Segment {
             count_seconds: 0.0,
         }
     }
-}
 
-/// A segment that has ended.
-#[derive(Clone, Copy, Debug)]
-struct EndedSegment {
-    segment: Segment,
-    /// Mean speed, in counts/s.
-    speed: f32,
-    /// Whole counts from start to end, negative in the backward direction.
-    moved: f32,
+    /// Whole counts from the start of this segment to the start of the `next`, negative in the backward direction.
+    fn moved(&self, next: &Self) -> f32 {
+        next.start.wrapping_sub(self.start) as f32
+    }
+
+    /// Mean speed of this segment, which ends where the `next` starts, in counts/s.
+    fn speed(&self, next: &Self) -> f32 {
+        (self.moved(next) + next.start_fraction - self.start_fraction) / self.seconds
+    }
 }
 
 /// Divides the samples of a motion into segments.
@@ -73,7 +72,7 @@ pub(super) struct Segments {
     voltage: f32,
     running: Segment,
     /// The segment before the running segment; `None` in the first segment.
-    before: Option<EndedSegment>,
+    before: Option<Segment>,
 }
 
 impl Segments {
@@ -138,17 +137,14 @@ impl Segments {
     /// Ends the running segment, and begins the next. Returns the change from the segment before to the ended
     /// segment. `None` for the first segment, and unless the motor moved enough in both segments, in one direction.
     pub(super) fn end(&mut self) -> Option<Change> {
-        let segment = self.running;
-        let counts = self.last.position.wrapping_sub(segment.start) as f32;
-        let rough = counts / segment.seconds;
+        let ended = self.running;
+        let counts = self.last.position.wrapping_sub(ended.start) as f32;
+        let rough = counts / ended.seconds;
         // The speed at the segment's end differs from its mean by half of the change since the segment before.
-        let ahead = self.before.map_or(0.0, |before| (rough - before.speed) / 2.0);
-        let fraction = self.fraction(rough + ahead);
-        let moved = counts + fraction - segment.start_fraction;
-        let ended = EndedSegment { segment, speed: moved / segment.seconds, moved: counts };
-        let change = self.before.and_then(|before| change(&before, &ended, self.origin));
-        self.before = Some(ended);
-        self.running = Segment::new(self.last.position, fraction);
+        let ahead = self.before.map_or(0.0, |before| (rough - before.speed(&ended)) / 2.0);
+        let next = Segment::new(self.last.position, self.fraction(rough + ahead));
+        let change = self.before.and_then(|before| change(&before, &ended, &next, self.origin));
+        (self.before, self.running) = (Some(ended), next);
         change
     }
 
@@ -187,23 +183,23 @@ pub(super) struct Change {
     pub(super) side: f32,
 }
 
-/// The change from one segment to the next; `None` unless the motor moved enough in both segments, in one direction.
-fn change(from: &EndedSegment, to: &EndedSegment, origin: i32) -> Option<Change> {
-    let enough = |ended: &EndedSegment| ended.moved.abs() > LEAST_COUNTS;
-    if !(enough(from) && enough(to) && from.speed * to.speed > 0.0) {
+/// The change from the segment `a` to the segment `b`, which ends where the `next` starts; `None` unless the motor moved
+/// enough in both segments, in one direction.
+fn change(a: &Segment, b: &Segment, next: &Segment, origin: i32) -> Option<Change> {
+    let (moved, speed_a, speed_b) = (a.moved(b), a.speed(b), b.speed(next));
+    if !(moved.abs() > LEAST_COUNTS && b.moved(next).abs() > LEAST_COUNTS && speed_a * speed_b > 0.0) {
         return None;
     }
-    let (a, b) = (&from.segment, &to.segment);
     let [before, after] = [a, b].map(|segment| segment.count_seconds / segment.seconds);
     let start = b.start.wrapping_sub(origin) as f32;
     Some(Change {
-        speed: to.speed - from.speed,
+        speed: speed_b - speed_a,
         volt_seconds: a.volt_seconds - a.volt_seconds_integral / a.seconds
             + b.volt_seconds_integral / b.seconds,
-        distance: from.moved - before + after,
-        position: start + f32::midpoint(before - from.moved, after),
+        distance: moved - before + after,
+        position: start + f32::midpoint(before - moved, after),
         seconds: f32::midpoint(a.seconds, b.seconds),
         shorter_s: a.seconds.min(b.seconds),
-        side: 1.0f32.copysign(to.speed),
+        side: 1.0f32.copysign(speed_b),
     })
 }
