@@ -5,7 +5,7 @@ mod common;
 use common::{Bench, ScriptedMotor, position, velocity};
 use motor_hub::braking::{Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode};
-use motor_hub::hub::{Action, Command, Hub, Snapshot};
+use motor_hub::hub::{Command, Hub, Snapshot};
 use motor_hub::motion::{Pidf, Reading};
 use motor_hub::motor::{Motor, Setpoint, Settings, ZeroPower};
 use motor_hub::regulator::Coefficients;
@@ -201,7 +201,7 @@ fn without_a_battery_voltage_everything_coasts_and_says_why() {
 #[test]
 fn an_old_battery_voltage_is_none() {
     let mut hub = Hub::new([settings()], Period::DEFAULT);
-    hub.apply(Command { motor: 0, action: Action::Set(power(32_767)) }).expect("motor");
+    hub.apply(Command::Set { motor: 0, setpoint: power(32_767) }).expect("motor");
     let battery = Some(Battery::unlimited(Millivolts::new(12_000), Micros::new(0)));
     let mut drive_at = |now| hub.step(Micros::new(now), &[None], battery).drives()[0];
     assert_eq!(drive_at(100_000).duty, Duty::ONE);
@@ -344,7 +344,7 @@ fn a_snapshot_says_the_number_of_the_newest_command_that_it_includes() {
     bench.set(0, velocity(100));
     bench.set(1, velocity(100));
     assert_eq!(bench.tick().commands, 2);
-    let no_such_motor = Command { motor: 2, action: Action::Set(Setpoint::Disabled) };
+    let no_such_motor = Command::Set { motor: 2, setpoint: Setpoint::Disabled };
     assert_eq!(bench.hub.apply(no_such_motor), Err(RangeError::Motor));
     let snapshot = bench.tick();
     assert_eq!(snapshot.motors.map(|m| m.setpoint), [velocity(100); 2]);
@@ -377,11 +377,11 @@ proptest! {
     ) {
         let run = |neighbours: &[Neighbour]| {
             let mut hub = Hub::new([settings(); 2], Period::DEFAULT);
-            hub.apply(Command { motor: 0, action: Action::Set(own) }).expect("motor");
+            hub.apply(Command::Set { motor: 0, setpoint: own }).expect("motor");
             own_positions.iter().zip(neighbours).enumerate().map(|(n, (&position, neighbour))| {
                 let now = (n as u64 + 10) * 50_000;
                 let (other, edge_age, age, setpoint) = *neighbour;
-                hub.apply(Command { motor: 1, action: Action::Set(setpoint) }).expect("motor");
+                hub.apply(Command::Set { motor: 1, setpoint }).expect("motor");
                 let battery = Some(Battery::unlimited(Millivolts::new(12_000), Micros::new(now)));
                 let readings = [
                     Some(Reading { position: position.into(), edge_at: Micros::new(now), at: Micros::new(now) }),

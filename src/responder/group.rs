@@ -35,9 +35,9 @@ impl<const N: usize> Courses<N> {
         *self = Self::NONE;
     }
 
-    /// Returns the pending course to send next, with its addressed motor.
-    pub(super) fn next(&self) -> Option<(usize, GroupCommand)> {
-        self.pending.iter().enumerate().find_map(|(addressed, command)| Some((addressed, (*command)?)))
+    /// Returns the pending course to send next.
+    pub(super) fn next(&self) -> Option<GroupCommand> {
+        self.pending.iter().find_map(|command| *command)
     }
 
     /// Removes and returns the course that [`next`](Self::next) returns, because the course has been sent.

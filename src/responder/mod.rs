@@ -63,7 +63,7 @@ use crate::extension::report::{BusReport, Commands, HubReport};
 use crate::extension::settings::Values;
 use crate::extension::{self, HubFunction, MotorFunction, Request};
 use crate::group::{BaseSettings, GroupCommand};
-use crate::hub::{Action, Command, Snapshot};
+use crate::hub::{Command, Snapshot};
 use crate::motor::{Report, Setpoint, Settings};
 use crate::protocol::answers::{Bulk, Status, Version};
 use crate::protocol::motor::ToMotor;
@@ -338,13 +338,12 @@ impl<const N: usize> Responder<N> {
     /// sent.
     pub fn pending(&self) -> Option<Command> {
         if let Some(motor) = self.next_channel() {
-            let action = self.channels.get(motor)?.pending()?;
-            return Some(Command { motor, action });
+            return self.channels.get(motor)?.pending(motor);
         }
         if self.base_due {
-            return Some(Command { motor: 0, action: Action::Base(self.base) });
+            return Some(Command::SetBase(self.base));
         }
-        self.courses.next().map(|(motor, command)| Command { motor, action: Action::MoveGroup(command) })
+        self.courses.next().map(Command::MoveGroup)
     }
 
     /// Removes the command that [`pending`](Self::pending) returns, because it was sent. `number` is the number of the

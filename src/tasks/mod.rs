@@ -9,7 +9,7 @@
 //! The channels between the tasks are the fields of [`Wires`]. Most of them hold the newest value, which the next value
 //! overwrites.
 //!
-//! A [*direct* command](crate::hub::Action::is_direct) needs no regulator, so a motor can execute the command between
+//! A [*direct* command](crate::hub::Command::is_direct) needs no regulator, so a motor can execute the command between
 //! two ticks.
 //!
 //! Control locks the cell `newest` while it updates its estimates. With a mutex type `M` that masks interrupts,
@@ -20,14 +20,14 @@
 //!
 //! ```
 //! use embassy_sync::blocking_mutex::raw::NoopRawMutex;
-//! use motor_hub::hub::{Action, Command};
+//! use motor_hub::hub::Command;
 //! use motor_hub::motor::Setpoint;
 //! use motor_hub::tasks::Wires;
 //! use motor_hub::units::Control;
 //!
 //! // The command waits for the control task. The example two_motors.rs runs all tasks.
 //! let wires = Wires::<NoopRawMutex, 2>::new();
-//! let command = Command { motor: 0, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) };
+//! let command = Command::Set { motor: 0, setpoint: Setpoint::ConstantPower(Control::MAX) };
 //! assert_eq!(wires.try_send(command), Ok(1), "the first command since boot");
 //! assert_eq!(wires.next_command(), Some(command));
 //! ```
@@ -48,8 +48,9 @@ pub use health::{Health, Task};
 
 use crate::bridge::{BridgeFeedback, Drive};
 use crate::devices::I2C_BUSES;
-use crate::hub::{Action, Command, GyroReading, Snapshot};
+use crate::hub::{Command, GyroReading, Snapshot};
 use crate::motion::Newest;
+use crate::motor::Setpoint;
 use crate::protocol::Packet;
 use crate::protocol::answers::I2cRead;
 use crate::record::{CrashReport, Fault, Record, SIZE};
@@ -160,8 +161,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// True while the button may drive motors, from the responder to the button's task: after the stored settings are
     /// restored, until the first packet for this hub.
     pub button_permitted: Mutex<M, Cell<bool>>,
-    /// Action that the button has sent last.
-    button_action: Mutex<M, Cell<Action>>,
+    /// Set-point that the button has sent last.
+    button_setpoint: Mutex<M, Cell<Setpoint>>,
 }
 
 impl<M: RawMutex, const N: usize> Wires<M, N> {
@@ -187,7 +188,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             gyro_wanted: Mutex::new(Cell::new(false)),
             chain: ChainChannels::new(),
             button_permitted: Mutex::new(Cell::new(false)),
-            button_action: Mutex::new(Cell::new(Action::DISABLE)),
+            button_setpoint: Mutex::new(Cell::new(Setpoint::Disabled)),
         }
     }
 }
@@ -229,7 +230,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             newest.set(newest.get().wrapping_add(1));
             Ok(newest.get())
         })?;
-        if command.action.is_direct() {
+        if command.is_direct() {
             self.urgent.lock(|urgent| urgent.set(true));
         }
         Ok(number)
@@ -246,17 +247,17 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
         }
     }
 
-    /// Sends the action of the button to all motors, unless it is the last one that the button has sent. Returns false, and sends
-    /// nothing, if the queue has too little room. The caller must then try again.
-    pub fn try_send_by_button(&self, action: Action) -> bool {
-        if self.button_action.lock(Cell::get) == action {
+    /// Sends the set-point of the button to all motors, unless the button has sent this set-point last. Returns false,
+    /// and sends nothing, if the queue has too little room. The caller must then try again.
+    pub fn try_send_by_button(&self, setpoint: Setpoint) -> bool {
+        if self.button_setpoint.lock(Cell::get) == setpoint {
             return true;
         }
         if self.commands.free_capacity() < N {
             return false;
         }
-        self.button_action.lock(|sent| sent.set(action));
-        (0..N).all(|motor| self.try_send(Command { motor, action }).is_ok())
+        self.button_setpoint.lock(|sent| sent.set(setpoint));
+        (0..N).all(|motor| self.try_send(Command::Set { motor, setpoint }).is_ok())
     }
 
     /// Takes the oldest waiting command out of the queue. `None` if no command waits.

@@ -3,7 +3,7 @@
 use crate::common::{self, configured, motor};
 use crate::{BASE, WHEEL};
 use motor_hub::group::{BaseSettings, Course, DriveBase, GroupCommand, GyroState};
-use motor_hub::hub::{Action, BaseState, Command, GyroReading};
+use motor_hub::hub::{BaseState, Command, GyroReading};
 use motor_hub::motor::Setpoint;
 use motor_hub::units::{Acceleration, CountsPerSecond, Micros, RangeError};
 
@@ -34,7 +34,7 @@ impl Robot {
     }
 
     fn configure(&mut self, base: BaseSettings) -> Result<(), RangeError> {
-        self.bench.hub.apply(Command { motor: 0, action: Action::Base(Some(base)) })
+        self.bench.hub.apply(Command::SetBase(Some(base)))
     }
 
     /// True angle by which the base has turned left, in degrees.
@@ -64,7 +64,7 @@ impl Robot {
         let course = Course::distances(&[(0, left), (1, right)]).expect("motors of the hub");
         let acceleration = Acceleration::new(5_000).expect("above 0");
         let turn = GroupCommand::new(course, CountsPerSecond::new(1_500), acceleration);
-        self.bench.hub.apply(Command { motor: 0, action: Action::MoveGroup(turn) }).expect("members");
+        self.bench.hub.apply(Command::MoveGroup(turn)).expect("members");
         self.run_ms(50);
         for _ in 0..50 {
             self.run_ms(100);

@@ -5,7 +5,7 @@ use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use motor_hub::bridge::Timing;
 use motor_hub::extension::FIRST_FUNCTION;
 use motor_hub::extension::state::StoreReport;
-use motor_hub::hub::{Action, Command};
+use motor_hub::hub::Command;
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, Setpoint, Settings, ThermalLimit, ZeroPower};
 use motor_hub::protocol::Packet;
@@ -123,7 +123,7 @@ fn only_saved_settings_are_restored() {
     assert_eq!(again.call(18, &[2]), Answer::Data(vec![0, 0]));
     assert!(!report(&mut again).differs);
     // All motors are configured, and no motor runs.
-    let configured = |command: &Command| matches!(command.action, Action::Configure(_));
+    let configured = |command: &Command| matches!(command, Command::Configure { .. });
     let commands = again.new_commands();
     assert!(commands.len() == N && commands.iter().all(configured), "{commands:?}");
     // A second save of the same settings differs in its number only.
@@ -151,8 +151,8 @@ fn a_stored_set_up_that_changes_nothing_deletes_no_motion() {
     let known = {
         let mut host = empty();
         set_everything(&mut host);
-        let mut commands = host.new_commands().into_iter().filter_map(|command| match command.action {
-            Action::Configure(settings) if command.motor == 2 => Some(settings),
+        let mut commands = host.new_commands().into_iter().filter_map(|command| match command {
+            Command::Configure { motor: 2, settings } => Some(settings),
             _ => None,
         });
         Settings { coefficients: None, ..commands.next_back().expect("configured") }
@@ -275,7 +275,7 @@ fn a_drive_base_is_stored_and_restored_and_a_reset_removes_it() {
     again.responder.restore(found(&record));
     assert_eq!(again.ask(BASE_IN_FORCE, &[]), Answer::Data(BASE.to_vec()));
     let is_base =
-        |command: &Command| matches!(command.action, Action::Base(Some(base)) if base.wheels == [0, 2]);
+        |command: &Command| matches!(command, Command::SetBase(Some(base)) if base.wheels == [0, 2]);
     assert!(again.new_commands().iter().any(is_base));
     again.tick();
     assert!(!report(&mut again).differs);
@@ -284,11 +284,11 @@ fn a_drive_base_is_stored_and_restored_and_a_reset_removes_it() {
     order(&mut again);
     again.responder.store_done(Some(found(&record)), Outcome::Done);
     let commands = again.new_commands();
-    assert!(!commands.iter().any(|command| matches!(command.action, Action::Base(_))), "{commands:?}");
+    assert!(!commands.iter().any(|command| matches!(command, Command::SetBase(_))), "{commands:?}");
 
     again.tick();
     assert!(matches!(again.ask(RESET, &[]), Answer::Ack(_)));
-    let removed = |command: &Command| command.action == Action::Base(None);
+    let removed = |command: &Command| *command == Command::SetBase(None);
     assert!(again.new_commands().iter().any(removed));
     assert_eq!(again.ask(BASE_IN_FORCE, &[]), Answer::Nack(82));
 }
@@ -361,12 +361,12 @@ fn load_restores_the_stored_settings_and_reset_the_firmwares() {
     assert_ne!(all(&mut host), saved);
     host.responder.store_done(Some(found(&record)), Outcome::Done);
     assert_eq!((all(&mut host), report(&mut host).differs), (saved, false));
-    assert!(host.new_commands().iter().any(|command| command.motor == 2));
+    assert!(host.new_commands().iter().any(|command| matches!(command, Command::Configure { motor: 2, .. })));
 
     assert!(matches!(host.ask(RESET, &[]), Answer::Ack(_)));
     assert_eq!(all(&mut host), all(&mut TestHost::new()));
     let commands = host.new_commands();
-    assert!(commands.contains(&Command { motor: 2, action: Action::Configure(settings()) }), "{commands:?}");
+    assert!(commands.contains(&Command::Configure { motor: 2, settings: settings() }), "{commands:?}");
     let stored = carried_out(&mut host);
     assert_eq!((stored.number(), stored.entries().count()), (2, 0));
     assert!(!report(&mut host).differs);
@@ -479,11 +479,11 @@ proptest! {
         let mut host = TestHost::new();
         host.responder.restore(found(&record));
         let commands = host.new_commands();
-        prop_assert!(commands.iter().all(|command| matches!(command.action, Action::Configure(_))), "{:?}", commands);
+        prop_assert!(commands.iter().all(|command| matches!(command, Command::Configure { .. })), "{:?}", commands);
         prop_assert_eq!(host.responder.enabled(), [false; N]);
 
         let settings_in_force = |commands: &[Command]| -> Vec<Settings> {
-            commands.iter().filter_map(|c| match c.action { Action::Configure(it) => Some(it), _ => None }).collect()
+            commands.iter().filter_map(|c| match c { Command::Configure { settings, .. } => Some(*settings), _ => None }).collect()
         };
         let before = settings_in_force(&commands);
         prop_assert_eq!(before.len(), N);
@@ -604,8 +604,8 @@ fn settings_stored_by_firmware_0_1_0_are_restored_and_stored_again_as_the_same_b
 }
 
 fn configured(command: &Command) -> Settings {
-    match command.action {
-        Action::Configure(settings) => settings,
+    match *command {
+        Command::Configure { settings, .. } => settings,
         other => panic!("{other:?}"),
     }
 }
