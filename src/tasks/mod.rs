@@ -47,14 +47,13 @@ pub mod update;
 pub use health::{Health, Task};
 
 use crate::bridge::{BridgeFeedback, Drive};
-use crate::devices::I2C_BUSES;
+use crate::devices::{I2C_BUSES, I2cTransfer};
 use crate::hub::{Command, GyroReading, Snapshot};
 use crate::motion::Newest;
 use crate::motor::Setpoint;
 use crate::protocol::Packet;
 use crate::protocol::answers::I2cRead;
 use crate::record::{CrashReport, Fault, Record, SIZE};
-use crate::responder::i2c::Transfer;
 use crate::store::{StoreRequest, StoreResult};
 use crate::supply::{Battery, BusReading};
 use crate::units::Micros;
@@ -149,7 +148,7 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// Requests of the responder to the task that writes new firmware, and their results.
     pub update: RequestChannel<M, crate::update::UpdateRequest, crate::update::SlotReport>,
     /// Transfers of the responder to the task of each I2C bus, and their results.
-    pub i2c: [RequestChannel<M, Transfer, I2cRead>; I2C_BUSES],
+    pub i2c: [RequestChannel<M, I2cTransfer, I2cRead>; I2C_BUSES],
     /// Newest angle of the gyro, from the task of its bus to control. `None` without a gyro that works. Without a new
     /// angle for 100 ms the gyro counts as lost.
     pub gyro: Mutex<M, Cell<Option<GyroReading>>>,
