@@ -5,12 +5,15 @@ mod common;
 use common::{Bench, ScriptedMotor, position, velocity};
 use motor_hub::braking::{Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode};
+use motor_hub::group::{Course, GroupCommand};
 use motor_hub::hub::{Command, Hub, Snapshot};
 use motor_hub::motion::{Pidf, Reading};
 use motor_hub::motor::{Motor, Setpoint, Settings, ZeroPower};
 use motor_hub::regulator::Coefficients;
 use motor_hub::supply::Battery;
-use motor_hub::units::{Coefficient, Control, Duty, Micros, Millivolts, Period, RangeError};
+use motor_hub::units::{
+    Acceleration, Coefficient, Control, CountsPerSecond, Duty, Micros, Millivolts, Period, RangeError,
+};
 use proptest::prelude::*;
 
 /// 1 % of the range of control values.
@@ -352,6 +355,17 @@ fn a_snapshot_says_the_number_of_the_newest_command_that_it_includes() {
     assert!(snapshot.includes(3) && snapshot.includes(1) && !snapshot.includes(4));
     let wrapped = Snapshot { commands: 1, ..snapshot };
     assert!(wrapped.includes(u32::MAX) && !wrapped.includes(2));
+}
+
+#[test]
+fn a_group_without_members_or_with_a_motor_that_the_hub_lacks_is_refused() {
+    let mut bench = Bench::turned(settings(), [0.0; 2]);
+    let acceleration = Acceleration::new(5_000).expect("above 0");
+    for members in [&[][..], &[(0, 1), (2, 1)]] {
+        let course = Course::distances(members).expect("motors that groups may have");
+        let group = GroupCommand::new(course, CountsPerSecond::new(1_000), acceleration);
+        assert_eq!(bench.hub.apply(Command::MoveGroup(group)), Err(RangeError::Motor), "{members:?}");
+    }
 }
 
 fn any_setpoint() -> impl Strategy<Value = Setpoint> {

@@ -590,7 +590,7 @@ impl<const N: usize> Responder<N> {
                 channel.join();
             }
         }
-        self.courses.add(addressed, command);
+        self.courses.add(command);
         Ok(Reply::ACK)
     }
 

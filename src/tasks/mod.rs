@@ -73,14 +73,14 @@ pub const COMMANDS: usize = 16;
 pub const OBSERVERS: usize = 4;
 
 /// The signals between the responder and a task that carries out its requests.
-pub struct RequestChannel<M: RawMutex, O, D> {
+pub struct RequestChannel<M: RawMutex, Request, Report> {
     /// Request of the responder. The responder waits for the result before it sends the next request.
-    pub request: Signal<M, O>,
+    pub request: Signal<M, Request>,
     /// Result of the request, or another report of the task.
-    pub done: Signal<M, D>,
+    pub done: Signal<M, Report>,
 }
 
-impl<M: RawMutex, O, D> RequestChannel<M, O, D> {
+impl<M: RawMutex, Request, Report> RequestChannel<M, Request, Report> {
     /// Creates empty signals.
     const fn new() -> Self {
         Self { request: Signal::new(), done: Signal::new() }
