@@ -281,9 +281,14 @@ impl<const N: usize> Responder<N> {
     fn record_of_all(&self, stored: &SettingsRecord) -> Result<SettingsRecord, CapacityError> {
         let mut record = next_record(stored);
         record.push(ADDRESS, &[self.address.get()])?;
-        for (motor, channel) in (0..).zip(&self.channels) {
+        for ((motor, channel), factory) in (0..).zip(&self.channels).zip(&self.factory) {
             let settings = channel.settings();
-            for group in Group::ALL.into_iter().filter(|group| group.is_configured(settings)) {
+            // Without an entry, the limit that the firmware was built with would be in force after a restart.
+            let limit_is_removed = settings.motor.current_limit.is_none() && factory.current_limit.is_some();
+            let is_stored = |group: &Group| {
+                group.is_configured(settings) || (*group == Group::CurrentLimit && limit_is_removed)
+            };
+            for group in Group::ALL.into_iter().filter(is_stored) {
                 let fields = payload(motor, &Values::of(group, settings));
                 let older = entries_of(stored, motor, group).last().map(|entry| entry.payload);
                 record.push_over(group.set_id(), &fields, older.unwrap_or_default())?;

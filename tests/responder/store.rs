@@ -17,6 +17,7 @@ use motor_hub::units::{
     Millivolts,
 };
 use proptest::prelude::*;
+use std::num::NonZeroU16;
 
 const SAVE: u16 = FIRST_FUNCTION + 14;
 const LOAD: u16 = FIRST_FUNCTION + 15;
@@ -260,6 +261,24 @@ fn all_motors_with_all_settings_fit() {
     assert!(matches!(host.ask(SET_BASE, &BASE), Answer::Ack(_)));
     host.ask(SAVE, &[]);
     assert_eq!(carried_out(&mut host).bytes().len(), 515);
+}
+
+#[test]
+fn a_host_can_remove_a_current_limit_that_the_firmware_was_built_with() {
+    const SET_LIMIT: u16 = FIRST_FUNCTION + 28;
+    let factory = Settings { current_limit: NonZeroU16::new(800), ..settings() };
+    let started = || TestHost { responder: responder_with(factory), ..TestHost::new() };
+    let mut host = started();
+    host.responder.restore(Found::without_record(Stored::Nothing, 0));
+    assert_eq!(host.ask(SET_LIMIT + 1, &[1]), Answer::Data(vec![0x20, 3]));
+    host.ask(SET_LIMIT, &[1, 0, 0]);
+    host.ask(SAVE, &[]);
+    let record = carried_out(&mut host);
+    assert!(!report(&mut host).differs);
+    let mut again = started();
+    again.responder.restore(found(&record));
+    assert_eq!(again.ask(SET_LIMIT + 1, &[1]), Answer::Data(vec![0, 0]));
+    assert_eq!(again.ask(SET_LIMIT + 1, &[0]), Answer::Data(vec![0x20, 3]));
 }
 
 #[test]
