@@ -142,6 +142,8 @@ pub struct Responder<const N: usize> {
     expects_store: bool,
     /// The memory for settings. `None` until its task has reported the contents, and on a board without a memory.
     memory: Option<Memory>,
+    /// True if the address in force must still be stored.
+    address_due: bool,
     /// The firmware update. `None` on a board without a bootloader.
     update: Option<Update>,
     /// Version of the new firmware that a host has announced last. Empty before the first announcement.
@@ -183,6 +185,7 @@ impl<const N: usize> Responder<N> {
             factory: settings,
             expects_store: false,
             memory: None,
+            address_due: false,
             update: None,
             announced_version: Text::new(),
             chain: None,

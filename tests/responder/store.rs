@@ -441,6 +441,22 @@ fn a_new_address_is_stored_alone() {
 }
 
 #[test]
+fn an_address_that_was_set_before_the_memory_was_read_is_stored() {
+    let mut stored = SettingsRecord::new(1);
+    stored.push(0x7F06, &[3]).expect("room");
+    let mut host = TestHost { responder: responder_with(settings()).expecting_store(), ..TestHost::new() };
+    host.ask(0x7F06, &[9]);
+    host.responder.store_done(Some(found(&stored)), Outcome::None);
+    assert_eq!(powered_on(found(&carried_out(&mut host))).responder.address().get(), 9);
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
+    // A packet alone does not replace the stored address by the address that the firmware was built with.
+    let mut host = TestHost { responder: responder_with(settings()).expecting_store(), ..TestHost::new() };
+    host.ask(STATE, &[]);
+    host.responder.store_done(Some(found(&stored)), Outcome::None);
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
+}
+
+#[test]
 fn an_address_that_has_no_room_waits_for_motors_to_be_off() {
     let mut host = empty();
     host.do_all(&[(15, &[1, 0, 0x10]), (10, &[1, 1])]);
