@@ -91,6 +91,7 @@ pub struct AnalogReadings {
     pub rail: Option<Millivolts>,
     /// Temperature of the board or of its chip in 0.1 degrees Celsius.
     pub temperature_decidegrees: Option<i16>,
-    /// Currents of the supplies for digital pins, I2C buses and servos, in this order.
-    pub supply_currents: Option<[Milliamperes; 3]>,
+    /// Currents of the supplies for digital pins, I2C buses and servos, in this order. `None` in place of all currents
+    /// only if the board measures none of them.
+    pub supply_currents: Option<[Option<Milliamperes>; 3]>,
 }

@@ -8,8 +8,8 @@
 
 use super::{Wires, micros};
 use crate::board::I2cBus;
-use crate::devices::{I2C_BYTES, I2cTransfer};
 use crate::devices::bno055::Bno055;
+use crate::devices::{I2C_BYTES, I2cTransfer};
 use crate::hub::GyroReading;
 use crate::protocol::answers::{I2cRead, I2cStatus};
 use core::cell::Cell;

@@ -172,7 +172,8 @@ pub(super) fn motors_of(bulk: &Bulk, motors: &[u8]) -> impl Iterator<Item = Moto
 
 /// Returns the motor alerts as text.
 pub(super) fn alert_words(status: Status) -> Vec<String> {
-    let of_motor = |motor| status.alerts(motor).into_iter().map(move |alert| format!("motor {motor} {alert}"));
+    let of_motor =
+        |motor| status.alerts(motor).into_iter().map(move |alert| format!("motor {motor} {alert}"));
     (0..CHANNELS).flat_map(of_motor).collect()
 }
 
