@@ -10,7 +10,7 @@ use embassy_time::{Duration, MockDriver};
 use motor_hub::board::{Bridges, Encoders, SupplyAdc, Watchdog};
 use motor_hub::braking::Winding;
 use motor_hub::bridge::{BridgeConstants, Drive};
-use motor_hub::hub::{Action, Command, Hub};
+use motor_hub::hub::{Command, Hub};
 use motor_hub::model::catalogue::characterised;
 use motor_hub::model::load::Load;
 use motor_hub::model::plant::{self, Plant};
@@ -99,7 +99,7 @@ fn main() {
     let speed = Setpoint::Velocity(CountsPerSecond::new(1_000));
     let place = Setpoint::Position { target: 700, tolerance: 10, speed_limit: CountsPerSecond::new(1_500) };
     for (motor, setpoint) in [speed, place].into_iter().enumerate() {
-        wires.try_send(Command { motor, action: Action::Set(setpoint) }).expect("16 commands may wait");
+        wires.try_send(Command::Set { motor, setpoint }).expect("16 commands may wait");
     }
 
     for ms in 0..=2_000 {

@@ -16,6 +16,7 @@
 pub mod bno055;
 
 use crate::units::{Milliamperes, Millivolts};
+use heapless::Vec;
 
 /// Number of digital pins in REV's protocol.
 pub const DIGITAL_PINS: usize = 8;
@@ -25,6 +26,8 @@ pub const SERVOS: usize = 6;
 pub const ANALOG_INPUTS: usize = 4;
 /// Number of I2C buses in REV's protocol.
 pub const I2C_BUSES: usize = 4;
+/// Largest number of bytes that a transfer on an I2C bus writes, and largest number that it reads.
+pub const I2C_BYTES: usize = 100;
 
 /// What a board has for hosts besides its motors. The hub refuses requests to anything else.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -54,6 +57,19 @@ pub struct ServoPulse {
     pub width_us: u16,
 }
 
+/// A transfer on an I2C bus: a write, a read, or a write and a read after a repeated start.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct I2cTransfer {
+    /// Address of the device, 0 to 127.
+    pub address: u8,
+    /// True for 400 kbit/s, false for 100 kbit/s.
+    pub fast: bool,
+    /// The bytes to write; empty for a read.
+    pub write: Vec<u8, I2C_BYTES>,
+    /// Number of bytes to read after the write, 0 to [`I2C_BYTES`].
+    pub read: u8,
+}
+
 /// One reading of an analog input.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -75,6 +91,7 @@ pub struct AnalogReadings {
     pub rail: Option<Millivolts>,
     /// Temperature of the board or of its chip in 0.1 degrees Celsius.
     pub temperature_decidegrees: Option<i16>,
-    /// Currents of the supplies for digital pins, I2C buses and servos, in this order.
-    pub supply_currents: Option<[Milliamperes; 3]>,
+    /// Currents of the supplies for digital pins, I2C buses and servos, in this order. `None` in place of all currents
+    /// only if the board measures none of them.
+    pub supply_currents: Option<[Option<Milliamperes>; 3]>,
 }

@@ -3,14 +3,14 @@
 //! ```
 //! use motor_hub::braking::Winding;
 //! use motor_hub::bridge::{Drive, Mode};
-//! use motor_hub::hub::{Action, Command, Hub};
+//! use motor_hub::hub::{Command, Hub};
 //! use motor_hub::motor::{Setpoint, Settings};
 //! use motor_hub::supply::Battery;
 //! use motor_hub::units::{Control, Micros, Millivolts, Period};
 //!
 //! let settings = Settings::new(Winding::NEVEREST_60);
 //! let mut hub = Hub::new([settings; 2], Period::DEFAULT);
-//! hub.apply(Command { motor: 1, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) })?;
+//! hub.apply(Command::Set { motor: 1, setpoint: Setpoint::ConstantPower(Control::MAX) })?;
 //!
 //! let now = Micros::new(50_000);
 //! let battery = Some(Battery::unlimited(Millivolts::new(12_000), now));
@@ -41,34 +41,29 @@ pub use base::{BaseState, GyroReading};
 /// A command to one motor, to a group or to the drive base.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Command {
-    /// Index of the motor, 0 to N - 1. For a group this motor must be a member; for the drive base any motor is valid.
-    pub motor: usize,
-    /// The action to apply.
-    pub action: Action,
-}
-
-/// What a command does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Action {
-    /// Replaces the set-point.
-    Set(Setpoint),
-    /// Replaces all settings.
-    Configure(Settings),
-    /// Moves a group. [`Command::motor`] is any member of the group.
+pub enum Command {
+    /// Replaces the set-point of a motor.
+    Set {
+        /// Index of the motor, 0 to N - 1.
+        motor: usize,
+        /// The new set-point.
+        setpoint: Setpoint,
+    },
+    /// Replaces all settings of a motor.
+    Configure {
+        /// Index of the motor, 0 to N - 1.
+        motor: usize,
+        /// The new settings.
+        settings: Settings,
+    },
+    /// Moves a group.
     ///
     /// If a group with exactly these members is moving already, its references continue on the new course without a
     /// jump. Otherwise the members leave their other groups and form a new group.
     MoveGroup(GroupCommand),
-    /// Configures the drive base. [`Command::motor`] is any motor. The base starts at the origin, and both wheels leave
-    /// their groups. `None` removes the drive base.
-    Base(Option<BaseSettings>),
-}
-
-impl Action {
-    /// Disables the motor.
-    pub const DISABLE: Self = Self::Set(Setpoint::Disabled);
+    /// Configures the drive base. The base starts at the origin, and both wheels leave their groups. `None` removes the
+    /// drive base.
+    SetBase(Option<BaseSettings>),
 }
 
 /// The state of the hub after one tick.
@@ -103,11 +98,11 @@ pub struct Snapshot<const N: usize> {
     pub motors: [Report; N],
 }
 
-impl Action {
-    /// True if the action is *direct*: a motor can execute the action between two ticks, because no regulator is
-    /// needed. Direct actions disable a motor, start its fail-safe, or set constant power.
+impl Command {
+    /// True if the command is *direct*: a motor can execute the command between two ticks, because no regulator is
+    /// needed. Direct commands disable a motor, start its fail-safe, or set constant power.
     pub const fn is_direct(&self) -> bool {
-        matches!(self, Self::Set(setpoint) if setpoint.is_direct())
+        matches!(self, Self::Set { setpoint, .. } if setpoint.is_direct())
     }
 }
 
@@ -211,28 +206,28 @@ impl<const N: usize> Hub<N> {
         self.period
     }
 
-    /// Applies a command. The command takes effect at the next [`step`](Self::step). A [direct](Action::is_direct)
-    /// action can take effect earlier, at the next [`execute_direct`](Self::execute_direct).
+    /// Applies a command. The command takes effect at the next [`step`](Self::step). A [direct](Command::is_direct)
+    /// command can take effect earlier, at the next [`execute_direct`](Self::execute_direct).
     ///
     /// # Errors
-    /// [`RangeError::Motor`] if a motor of the command does not exist, or if the command's motor is not a member of the
-    /// group that the command moves. [`Snapshot::commands`] also counts refused commands.
+    /// [`RangeError::Motor`] if a motor of the command does not exist, or if a group has no members.
+    /// [`Snapshot::commands`] also counts refused commands.
     pub fn apply(&mut self, command: Command) -> Result<(), RangeError> {
         self.commands = self.commands.wrapping_add(1);
         let Self { motors, groups, .. } = self;
-        let index = command.motor;
-        let motor = motors.get_mut(index).ok_or(RangeError::Motor)?;
-        match command.action {
-            Action::Set(setpoint) => {
-                motor.set(setpoint);
+        match command {
+            Command::Set { motor, setpoint } => {
+                motors.get_mut(motor).ok_or(RangeError::Motor)?.set(setpoint);
                 let releases = matches!(setpoint, Setpoint::Disabled | Setpoint::FailSafe);
-                let leaving = core::array::from_fn(|motor| motor == index);
+                let leaving = core::array::from_fn(|index| index == motor);
                 groups.leave(leaving, releases.then_some(Halt::Coast), motors);
             }
-            Action::Configure(settings) => motor.configure(settings),
-            Action::MoveGroup(group) => groups.command(index, group, motors)?,
-            Action::Base(None) => self.base = None,
-            Action::Base(Some(settings)) => {
+            Command::Configure { motor, settings } => {
+                motors.get_mut(motor).ok_or(RangeError::Motor)?.configure(settings);
+            }
+            Command::MoveGroup(group) => groups.command(group, motors)?,
+            Command::SetBase(None) => self.base = None,
+            Command::SetBase(Some(settings)) => {
                 let [left, right] = settings.wheels;
                 if left == right || settings.wheels.iter().any(|wheel| usize::from(*wheel) >= N) {
                     return Err(RangeError::Motor);
@@ -245,7 +240,7 @@ impl<const N: usize> Hub<N> {
         Ok(())
     }
 
-    /// Executes the applied [direct](Action::is_direct) actions, between two ticks. Returns the commands of all bridges
+    /// Executes the applied [direct](Command::is_direct) commands, between two ticks. Returns the commands of all bridges
     /// if one of them has changed, otherwise `None`.
     pub fn execute_direct(&mut self, now: Micros, battery: Option<Battery>) -> Option<[Drive; N]> {
         let battery = battery.filter(|battery| battery.is_fresh(now));

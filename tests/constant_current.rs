@@ -4,7 +4,7 @@ mod common;
 
 use common::{BATTERY, BRIDGE, Bench, free_cps, inertia, plant, unknown, velocity};
 use motor_hub::bridge::Drive;
-use motor_hub::hub::{Action, Command, Hub};
+use motor_hub::hub::{Command, Hub};
 use motor_hub::model::catalogue::{self, Motor};
 use motor_hub::model::plant::PlantInput;
 use motor_hub::model::si::{Amps, RadPerSec, Seconds, Volts};
@@ -120,7 +120,7 @@ fn the_current_limit_holds_while_a_braking_motor_dissipates_its_energy() {
         let settings = Settings { current_limit: NonZeroU16::new(800), ..unknown(&motor) };
         let mut hub = Hub::new([settings], Period::from_millis(10).expect("in range"));
         let braking = current(-0.4, 2.0 * free_cps(&motor));
-        hub.apply(Command { motor: 0, action: Action::Set(braking) }).expect("a motor of the hub");
+        hub.apply(Command::Set { motor: 0, setpoint: braking }).expect("a motor of the hub");
         // The speed does not change, and the supply cannot take the energy.
         let mut plant = plant(motor, inertia(HEAVY));
         plant.set_state(Amps(0.0), RadPerSec(f64::from(cps) * TAU / motor.counts_per_rev_motor), 0.0);

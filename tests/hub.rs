@@ -5,12 +5,15 @@ mod common;
 use common::{Bench, ScriptedMotor, position, velocity};
 use motor_hub::braking::{Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode};
-use motor_hub::hub::{Action, Command, Hub, Snapshot};
+use motor_hub::group::{Course, GroupCommand};
+use motor_hub::hub::{Command, Hub, Snapshot};
 use motor_hub::motion::{Pidf, Reading};
 use motor_hub::motor::{Motor, Setpoint, Settings, ZeroPower};
 use motor_hub::regulator::Coefficients;
 use motor_hub::supply::Battery;
-use motor_hub::units::{Coefficient, Control, Duty, Micros, Millivolts, Period, RangeError};
+use motor_hub::units::{
+    Acceleration, Coefficient, Control, CountsPerSecond, Duty, Micros, Millivolts, Period, RangeError,
+};
 use proptest::prelude::*;
 
 /// 1 % of the range of control values.
@@ -201,7 +204,7 @@ fn without_a_battery_voltage_everything_coasts_and_says_why() {
 #[test]
 fn an_old_battery_voltage_is_none() {
     let mut hub = Hub::new([settings()], Period::DEFAULT);
-    hub.apply(Command { motor: 0, action: Action::Set(power(32_767)) }).expect("motor");
+    hub.apply(Command::Set { motor: 0, setpoint: power(32_767) }).expect("motor");
     let battery = Some(Battery::unlimited(Millivolts::new(12_000), Micros::new(0)));
     let mut drive_at = |now| hub.step(Micros::new(now), &[None], battery).drives()[0];
     assert_eq!(drive_at(100_000).duty, Duty::ONE);
@@ -344,7 +347,7 @@ fn a_snapshot_says_the_number_of_the_newest_command_that_it_includes() {
     bench.set(0, velocity(100));
     bench.set(1, velocity(100));
     assert_eq!(bench.tick().commands, 2);
-    let no_such_motor = Command { motor: 2, action: Action::Set(Setpoint::Disabled) };
+    let no_such_motor = Command::Set { motor: 2, setpoint: Setpoint::Disabled };
     assert_eq!(bench.hub.apply(no_such_motor), Err(RangeError::Motor));
     let snapshot = bench.tick();
     assert_eq!(snapshot.motors.map(|m| m.setpoint), [velocity(100); 2]);
@@ -352,6 +355,17 @@ fn a_snapshot_says_the_number_of_the_newest_command_that_it_includes() {
     assert!(snapshot.includes(3) && snapshot.includes(1) && !snapshot.includes(4));
     let wrapped = Snapshot { commands: 1, ..snapshot };
     assert!(wrapped.includes(u32::MAX) && !wrapped.includes(2));
+}
+
+#[test]
+fn a_group_without_members_or_with_a_motor_that_the_hub_lacks_is_refused() {
+    let mut bench = Bench::turned(settings(), [0.0; 2]);
+    let acceleration = Acceleration::new(5_000).expect("above 0");
+    for members in [&[][..], &[(0, 1), (2, 1)]] {
+        let course = Course::distances(members).expect("motors that groups may have");
+        let group = GroupCommand::new(course, CountsPerSecond::new(1_000), acceleration);
+        assert_eq!(bench.hub.apply(Command::MoveGroup(group)), Err(RangeError::Motor), "{members:?}");
+    }
 }
 
 fn any_setpoint() -> impl Strategy<Value = Setpoint> {
@@ -377,11 +391,11 @@ proptest! {
     ) {
         let run = |neighbours: &[Neighbour]| {
             let mut hub = Hub::new([settings(); 2], Period::DEFAULT);
-            hub.apply(Command { motor: 0, action: Action::Set(own) }).expect("motor");
+            hub.apply(Command::Set { motor: 0, setpoint: own }).expect("motor");
             own_positions.iter().zip(neighbours).enumerate().map(|(n, (&position, neighbour))| {
                 let now = (n as u64 + 10) * 50_000;
                 let (other, edge_age, age, setpoint) = *neighbour;
-                hub.apply(Command { motor: 1, action: Action::Set(setpoint) }).expect("motor");
+                hub.apply(Command::Set { motor: 1, setpoint }).expect("motor");
                 let battery = Some(Battery::unlimited(Millivolts::new(12_000), Micros::new(now)));
                 let readings = [
                     Some(Reading { position: position.into(), edge_at: Micros::new(now), at: Micros::new(now) }),

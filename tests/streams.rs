@@ -5,7 +5,7 @@ mod common;
 
 use common::{Bench, Cable, configured, inertia, neverest_60, plant, position, unknown, velocity};
 use motor_hub::group::{Course, GroupCommand};
-use motor_hub::hub::{Action, Command};
+use motor_hub::hub::Command;
 use motor_hub::motor::{EncoderFault, Setpoint, Settings};
 use motor_hub::units::{Acceleration, CountsPerSecond};
 
@@ -127,10 +127,7 @@ fn an_encoder_unplugged_in_a_group_under_a_stream_of_courses_is_at_fault_within_
                     // A group with this lag does not wait for a member.
                     let command =
                         GroupCommand { lag: u16::MAX, ..GroupCommand::new(course, speed, acceleration) };
-                    bench
-                        .hub
-                        .apply(Command { motor: 0, action: Action::MoveGroup(command) })
-                        .expect("members");
+                    bench.hub.apply(Command::MoveGroup(command)).expect("members");
                     k += 1;
                 }
                 bench.run_ms(1);

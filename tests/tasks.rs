@@ -5,7 +5,7 @@ use embassy_time::{Duration, Instant, MockDriver, Timer};
 use motor_hub::board::{Bridges, Encoders, SupplyAdc, Watchdog};
 use motor_hub::braking::Winding;
 use motor_hub::bridge::{Drive, Mode};
-use motor_hub::hub::{Action, Command, Hub, Snapshot};
+use motor_hub::hub::{Command, Hub, Snapshot};
 use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::supply::{Limits, Supply};
 use motor_hub::tasks::{self, Health, Task, Wires};
@@ -138,7 +138,7 @@ impl Parts {
     }
 
     fn send(&self, motor: usize, setpoint: Setpoint) {
-        self.wires.try_send(Command { motor, action: Action::Set(setpoint) }).expect("room");
+        self.wires.try_send(Command::Set { motor, setpoint }).expect("room");
     }
 
     fn snapshot(&self) -> Snapshot<N> {
@@ -281,7 +281,7 @@ fn commands_queue_in_order_and_a_command_without_room_is_refused() {
     for n in 0..tasks::COMMANDS {
         parts.send(n % N, Setpoint::ConstantPower(Control::new(n as i16)));
     }
-    let extra = Command { motor: 0, action: Action::Set(HALF) };
+    let extra = Command::Set { motor: 0, setpoint: HALF };
     assert!(parts.wires.try_send(extra).is_err());
     board.run_ms(50);
     let powers = parts.snapshot().motors.map(|m| m.requested.expect("constant power").get());

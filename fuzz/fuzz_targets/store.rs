@@ -6,7 +6,7 @@
 use libfuzzer_sys::fuzz_target;
 use motor_hub::braking::Winding;
 use motor_hub::extension::{HubFunction, Request};
-use motor_hub::hub::{Action, Snapshot};
+use motor_hub::hub::{Command, Snapshot};
 use motor_hub::motor::Settings;
 use motor_hub::protocol::Address;
 use motor_hub::responder::Responder;
@@ -19,7 +19,7 @@ fn powered_on(found: Found) -> (Responder<4>, Vec<Settings>) {
     responder.restore(found);
     let mut settings = Vec::new();
     while let Some(command) = responder.pending() {
-        let Action::Configure(of) = command.action else { panic!("a restore sends {command:?} instead of a configuration") };
+        let Command::Configure { settings: of, .. } = command else { panic!("a restore sends {command:?} instead of a configuration") };
         settings.push(of);
         responder.sent(settings.len() as u32);
     }

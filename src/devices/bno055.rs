@@ -1,7 +1,7 @@
 //! Reads the heading of a BNO055, an inertial sensor with fusion (data sheet 1.4).
 //!
 //! The crate `bno055` waits for the bus and for pauses of the sensor inside its functions, which would stop all other
-//! tasks. This driver only says which registers to access next, and takes the answers.
+//! tasks. This driver only says which transfer comes next, and takes the answers.
 //!
 //! ```text
 //!                          id is A0              not in IMU mode           configured
@@ -19,7 +19,7 @@
 //! with its chip upward.
 //!
 //! ```
-//! use motor_hub::devices::bno055::{Access, Bno055};
+//! use motor_hub::devices::bno055::Bno055;
 //! use motor_hub::units::Micros;
 //!
 //! let mut sensor = Bno055::default();
@@ -28,18 +28,20 @@
 //! let answers: [&[u8]; 4] = [&[], &[0xA0], &[0x08], &[0x41, 0x2D, 0, 0, 0, 0, 0x41, 0x2D]];
 //! let mut heading = None;
 //! for answer in answers {
-//!     let Access { read, .. } = sensor.next(now).expect("nothing to wait for");
-//!     assert_eq!(usize::from(read), answer.len());
+//!     let transfer = sensor.next(now).expect("nothing to wait for");
+//!     assert_eq!(usize::from(transfer.read), answer.len());
 //!     heading = sensor.receive(now, Some(answer));
 //! }
 //! assert!((heading.expect("measured") - 90.0).abs() < 0.01);
 //! ```
 
+use super::I2cTransfer;
 use crate::units::Micros;
 use core::f32::consts::PI;
+use heapless::Vec;
 
 /// Address of the sensor on its bus.
-pub const ADDRESS: u8 = 0x28;
+const ADDRESS: u8 = 0x28;
 
 /// Register with the number of the register page.
 const PAGE_ID: u8 = 0x07;
@@ -79,15 +81,6 @@ const ERRORS: u8 = 5;
 /// Square of the length of a rotation's quaternion, in the sensor's unit of 1/16384.
 const UNIT_SQUARED: f32 = 16_384.0 * 16_384.0;
 
-/// An access to the sensor: first a write, which may be the number of a register, then a read after a repeated start.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Access {
-    /// Bytes to write.
-    pub write: &'static [u8],
-    /// Number of bytes to read; 0 for a write only.
-    pub read: u8,
-}
-
 /// The next access.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Step {
@@ -116,17 +109,17 @@ pub struct Bno055 {
 
 impl Bno055 {
     /// Returns the next access. `None` while the sensor needs time.
-    pub fn next(&self, now: Micros) -> Option<Access> {
+    pub fn next(&self, now: Micros) -> Option<I2cTransfer> {
         if now < self.due {
             return None;
         }
-        Some(match self.step {
-            Step::SelectPage => Access { write: &[PAGE_ID, 0], read: 0 },
-            Step::Identify => Access { write: &[CHIP_ID], read: 1 },
-            Step::CheckMode => Access { write: &[OPR_MODE], read: 1 },
-            Step::Configure(index) => Access { write: CONFIGURATION.get(index)?.0, read: 0 },
-            Step::Measure(_) => Access { write: &[QUATERNION], read: 8 },
-        })
+        match self.step {
+            Step::SelectPage => transfer(&[PAGE_ID, 0], 0),
+            Step::Identify => transfer(&[CHIP_ID], 1),
+            Step::CheckMode => transfer(&[OPR_MODE], 1),
+            Step::Configure(index) => transfer(CONFIGURATION.get(index)?.0, 0),
+            Step::Measure(_) => transfer(&[QUATERNION], 8),
+        }
     }
 
     /// Takes the answer to the access of [`next`](Self::next): the bytes that were read, or `None` after an error of
@@ -188,6 +181,12 @@ impl Bno055 {
             errors: 0,
         };
     }
+}
+
+/// Returns a transfer with the sensor, which reads `read` bytes after the write. Each write of this driver fits into a
+/// transfer.
+fn transfer(write: &[u8], read: u8) -> Option<I2cTransfer> {
+    Vec::from_slice(write).ok().map(|write| I2cTransfer { address: ADDRESS, fast: true, write, read })
 }
 
 /// Returns the heading of a quaternion with the parts w, x, y and z in 1/16384. `None` if the length of the quaternion

@@ -202,9 +202,9 @@ impl Base {
         if self.gyro == GyroState::Good {
             let most = CORRECTION_DEGREES_PER_S * step_s;
             self.corrected_degrees += (slip - self.corrected_degrees).clamp(-most, most);
-            // `turn` fails only if a correction does not fit in 32 bits. The correction is then 0. No base with
+            // `turn` fails only if a correction does not fit in 32 bits. The last correction then stays. No base with
             // plausible dimensions slips by so many counts.
-            self.correction = geometry.turn(self.corrected_degrees).unwrap_or_default();
+            self.correction = geometry.turn(self.corrected_degrees).unwrap_or(self.correction);
         }
     }
 

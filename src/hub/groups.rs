@@ -45,17 +45,15 @@ impl<const N: usize> Groups<N> {
     /// by the setting of the old group. A waiting old group is discarded.
     ///
     /// # Errors
-    /// Returns [`RangeError::Motor`] if the hub does not have all members, or if `addressed` is not a member. `addressed`
-    /// is the motor of the host's command.
+    /// Returns [`RangeError::Motor`] if the hub does not have all members, or if there are no members.
     pub(super) fn command(
         &mut self,
-        addressed: usize,
         command: GroupCommand,
         motors: &mut [Motor; N],
     ) -> Result<(), RangeError> {
         let new_members = command.course.members();
         let is_new_member = |motor: usize| new_members.get(motor) == Some(&true);
-        if !is_new_member(addressed) || (N..MOTORS).any(is_new_member) {
+        if new_members == [false; MOTORS] || (N..MOTORS).any(is_new_member) {
             return Err(RangeError::Motor);
         }
         for state in self.states.iter_mut().flatten() {

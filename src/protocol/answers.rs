@@ -21,7 +21,6 @@ use super::CHANNELS;
 use super::frame::Packet;
 use super::payload::{Field, Fields, Payload, Text, bits, byte, flag, payload};
 use super::refusal::Nack;
-use core::fmt;
 use heapless::Vec;
 
 /// Bit that distinguishes the packet type of an answer from the packet type of its request.
@@ -122,21 +121,6 @@ payload! {
     }
 }
 
-/// An alert of one motor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct MotorAlert {
-    /// Number of the motor, 0 to 3.
-    pub motor: usize,
-    /// Text of the alert.
-    pub text: &'static str,
-}
-
-impl fmt::Display for MotorAlert {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "motor {} {}", self.motor, self.text)
-    }
-}
-
 impl Status {
     /// The keep-alive timer has run out.
     pub const KEEP_ALIVE_TIMEOUT: u8 = 1;
@@ -165,11 +149,12 @@ impl Status {
         bits.map(|(_, word)| *word).collect()
     }
 
-    /// Returns the motor alerts that are set.
-    pub fn alerts(self) -> Vec<MotorAlert, 8> {
-        let of = |first, text| (0..CHANNELS).map(move |motor| (first + motor, MotorAlert { motor, text }));
-        let all = of(0, "lost counts").chain(of(4, "bridge too hot"));
-        all.filter(|(bit, _)| self.motor_alerts & 1 << bit != 0).map(|(_, alert)| alert).collect()
+    /// Returns the texts of the alerts that are set for the motor with this number, 0 to 3.
+    pub fn alerts(self, motor: usize) -> Vec<&'static str, 2> {
+        let [lost_counts, too_hot] = [self.motor_alerts & 0x0F, self.motor_alerts >> 4];
+        let all = [("lost counts", lost_counts), ("bridge too hot", too_hot)];
+        let set = all.into_iter().filter(|(_, motors)| bits(*motors).get(motor) == Some(&true));
+        set.map(|(text, _)| text).collect()
     }
 }
 

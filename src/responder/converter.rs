@@ -22,6 +22,7 @@ use crate::protocol::requests::{
     AdcChannel, BATTERY, BATTERY_CURRENT, FIRST_CURRENT, FIRST_SUPPLY_CURRENT, RAIL, TEMPERATURE,
 };
 use crate::protocol::{CHANNELS, Nack};
+use crate::units::Milliamperes;
 
 /// Number of units in one raw count. The unit is a millivolt, a milliampere or 0.1 degrees. With 8 units the values 0
 /// to 32 767 become 0 to 4095 raw counts, like the readings of a converter with 12 bits.
@@ -66,7 +67,9 @@ impl<const N: usize> Responder<N> {
                     report.map(|report| Some(report.best_current().magnitude().into()))
                 } else {
                     let supply = after(FIRST_SUPPLY_CURRENT).zip(readings.supply_currents.as_ref());
-                    supply.and_then(|(supply, all)| all.get(supply)).map(|current| Some(current.get()))
+                    supply
+                        .and_then(|(supply, all)| all.get(supply))
+                        .map(|current| current.map(Milliamperes::get))
                 }
             }
         };

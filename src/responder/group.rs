@@ -3,23 +3,22 @@
 use crate::extension::group::GroupCourse;
 use crate::group::{Course, GroupCommand, for_motors};
 
-/// Courses of groups that must still be sent. The *addressed motor* of a course is the motor of the host's request.
+/// Courses of groups that must still be sent.
 #[derive(Clone, Debug)]
 pub(super) struct Courses<const N: usize> {
-    /// Element i is the pending course that a request to motor i has started.
+    /// The pending courses. No motor is a member of two pending courses, so N elements are enough.
     pending: [Option<GroupCommand>; N],
 }
 
 impl<const N: usize> Courses<N> {
     pub(super) const NONE: Self = Self { pending: [None; N] };
 
-    /// Adds the course of a request to the motor `addressed`. Removes pending courses that move a member of the new
-    /// course.
-    pub(super) fn add(&mut self, addressed: usize, command: GroupCommand) {
+    /// Adds a course. Removes pending courses that move a member of the new course.
+    pub(super) fn add(&mut self, command: GroupCommand) {
         let members = command.course.members();
         self.retain(|motor| members.get(motor) != Some(&true));
-        if let Some(slot) = self.pending.get_mut(addressed) {
-            *slot = Some(command);
+        if let Some(free) = self.pending.iter_mut().find(|slot| slot.is_none()) {
+            *free = Some(command);
         }
     }
 
@@ -35,9 +34,9 @@ impl<const N: usize> Courses<N> {
         *self = Self::NONE;
     }
 
-    /// Returns the pending course to send next, with its addressed motor.
-    pub(super) fn next(&self) -> Option<(usize, GroupCommand)> {
-        self.pending.iter().enumerate().find_map(|(addressed, command)| Some((addressed, (*command)?)))
+    /// Returns the pending course to send next.
+    pub(super) fn next(&self) -> Option<GroupCommand> {
+        self.pending.iter().find_map(|command| *command)
     }
 
     /// Removes and returns the course that [`next`](Self::next) returns, because the course has been sent.

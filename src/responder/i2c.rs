@@ -24,24 +24,12 @@
 //! a result, so an error of the bus is reported as a result and not as a refusal. The result of a transfer with an
 //! error has no bytes.
 
+use crate::devices::I2cTransfer;
 use crate::protocol::answers::{I2cRead, I2cStatus, I2cWritten};
 use crate::protocol::payload::Text;
 use crate::protocol::pins::{I2cBus, ToPin};
 use crate::protocol::{Nack, Reply};
 use core::mem;
-
-/// A transfer on one bus: a write, a read, or a write and a read after a repeated start.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Transfer {
-    /// Address of the device, 0 to 127.
-    pub address: u8,
-    /// True for 400 kbit/s, false for 100 kbit/s.
-    pub fast: bool,
-    /// The bytes to write; empty for a read.
-    pub write: Text,
-    /// Number of bytes to read after the write, 0 to 100.
-    pub read: u8,
-}
 
 /// State of a bus. `written` is the number of bytes of a write, which the host polls with *poll write*. `written` is
 /// `None` for a transfer that reads, which the host polls with *poll read*.
@@ -50,7 +38,7 @@ enum TransferState {
     #[default]
     Idle,
     /// The task of the bus has not taken the transfer.
-    Requested(Transfer),
+    Requested(I2cTransfer),
     Running {
         written: Option<u8>,
     },
@@ -76,7 +64,7 @@ impl Transfers {
         let fast = self.fast;
         let transfer = |address: u8, write: &[u8], read| {
             let write = Text::from_slice(write).unwrap_or_default();
-            Transfer { address, fast, write, read }
+            I2cTransfer { address, fast, write, read }
         };
         match *request {
             ToPin::SetI2cSpeed { fast, .. } => self.fast = fast,
@@ -109,7 +97,7 @@ impl Transfers {
     }
 
     /// Returns the next transfer for the task of the bus. `None` if no new transfer was requested.
-    pub fn take_request(&mut self) -> Option<Transfer> {
+    pub fn take_request(&mut self) -> Option<I2cTransfer> {
         let TransferState::Requested(transfer) = &self.state else { return None };
         let written = (transfer.read == 0).then_some(transfer.write.len() as u8);
         let running = TransferState::Running { written };
@@ -129,7 +117,7 @@ impl Transfers {
         matches!(self.state, TransferState::Requested(_) | TransferState::Running { .. })
     }
 
-    fn start(&mut self, transfer: Transfer) -> Result<(), Nack> {
+    fn start(&mut self, transfer: I2cTransfer) -> Result<(), Nack> {
         if self.is_running() {
             return Err(Nack::I2C_BUSY);
         }

@@ -63,7 +63,7 @@ use crate::extension::report::{BusReport, Commands, HubReport};
 use crate::extension::settings::Values;
 use crate::extension::{self, HubFunction, MotorFunction, Request};
 use crate::group::{BaseSettings, GroupCommand};
-use crate::hub::{Action, Command, Snapshot};
+use crate::hub::{Command, Snapshot};
 use crate::motor::{Report, Setpoint, Settings};
 use crate::protocol::answers::{Bulk, Status, Version};
 use crate::protocol::motor::ToMotor;
@@ -142,6 +142,8 @@ pub struct Responder<const N: usize> {
     expects_store: bool,
     /// The memory for settings. `None` until its task has reported the contents, and on a board without a memory.
     memory: Option<Memory>,
+    /// True if the address in force must still be stored.
+    address_due: bool,
     /// The firmware update. `None` on a board without a bootloader.
     update: Option<Update>,
     /// Version of the new firmware that a host has announced last. Empty before the first announcement.
@@ -183,6 +185,7 @@ impl<const N: usize> Responder<N> {
             factory: settings,
             expects_store: false,
             memory: None,
+            address_due: false,
             update: None,
             announced_version: Text::new(),
             chain: None,
@@ -338,13 +341,12 @@ impl<const N: usize> Responder<N> {
     /// sent.
     pub fn pending(&self) -> Option<Command> {
         if let Some(motor) = self.next_channel() {
-            let action = self.channels.get(motor)?.pending()?;
-            return Some(Command { motor, action });
+            return self.channels.get(motor)?.pending(motor);
         }
         if self.base_due {
-            return Some(Command { motor: 0, action: Action::Base(self.base) });
+            return Some(Command::SetBase(self.base));
         }
-        self.courses.next().map(|(motor, command)| Command { motor, action: Action::MoveGroup(command) })
+        self.courses.next().map(Command::MoveGroup)
     }
 
     /// Removes the command that [`pending`](Self::pending) returns, because it was sent. `number` is the number of the
@@ -591,7 +593,7 @@ impl<const N: usize> Responder<N> {
                 channel.join();
             }
         }
-        self.courses.add(addressed, command);
+        self.courses.add(command);
         Ok(Reply::ACK)
     }
 

@@ -19,7 +19,7 @@
 //! [`Setpoint::Disabled`], and with [`OnFault::Brake`] it is [`Setpoint::FailSafe`].
 
 use crate::extension::settings::{MotorSettings, Values};
-use crate::hub::Action;
+use crate::hub::Command;
 use crate::motor::{self, OnFault, Report, Setpoint, Settings};
 use crate::protocol::motor::{LoopCoefficients, RunMode, Target, Terms, ToMotor};
 use crate::protocol::{Nack, Reply};
@@ -305,19 +305,20 @@ impl MotorChannel {
         self.has_new_target() || self.settings_due
     }
 
-    /// Returns the next command to the motor: first a release, then the settings, then the motor's own set-point. After
-    /// sending the command, call [`sent`](Self::sent).
-    pub(super) fn pending(&self) -> Option<Action> {
+    /// Returns the next command to the motor, whose index is `motor`: first a release, then the settings, then the
+    /// motor's own set-point. After sending the command, call [`sent`](Self::sent).
+    pub(super) fn pending(&self, motor: usize) -> Option<Command> {
         if let Some(release) = self.release_due {
-            Some(Action::Set(match release {
+            let setpoint = match release {
                 OnFault::Coast => Setpoint::Disabled,
                 OnFault::Brake => Setpoint::FailSafe,
-            }))
+            };
+            Some(Command::Set { motor, setpoint })
         } else if self.settings_due {
-            Some(Action::Configure(self.settings.motor))
+            Some(Command::Configure { motor, settings: self.settings.motor })
         } else if self.is_setpoint_due() {
             // An enabled motor whose new mode has no target coasts until a host sets a target.
-            Some(Action::Set(self.target().unwrap_or_default()))
+            Some(Command::Set { motor, setpoint: self.target().unwrap_or_default() })
         } else {
             None
         }

@@ -48,8 +48,6 @@ pub(super) struct Memory {
     /// Result of the last access.
     outcome: Outcome,
     access: Access,
-    /// True if the address in force must still be stored.
-    address_due: bool,
 }
 
 /// The access to the memory. A host's request is *requested* until the task takes the request.
@@ -72,7 +70,7 @@ enum Access {
 
 impl Memory {
     fn new(found: Found) -> Self {
-        Self { found, outcome: Outcome::None, access: Access::Idle, address_due: false }
+        Self { found, outcome: Outcome::None, access: Access::Idle }
     }
 
     /// Returns why the contents of the memory prevent a save. `None` if a save is possible. The contents never prevent
@@ -97,6 +95,9 @@ impl<const N: usize> Responder<N> {
             self.restore_settings(&found.record);
         }
         self.memory = Some(Memory::new(found));
+        if self.address_due {
+            self.store_address();
+        }
     }
 
     /// Makes the responder wait for [`restore`](Self::restore): [`awaits_store`](Self::awaits_store) returns true until
@@ -147,14 +148,15 @@ impl<const N: usize> Responder<N> {
         Ok(Reply::ACK)
     }
 
-    /// Marks the address in force to be stored, if the hub would start with another address. Does nothing if the
-    /// contents of the memory prevent a save.
+    /// Marks the address in force to be stored, if the hub would start with another address. The address is not stored
+    /// if the contents of the memory prevent a save. Before the task has reported the contents, the address waits.
     pub(super) fn store_address(&mut self) {
-        let Some(memory) = &self.memory else { return };
-        let due = memory.refusal().is_none() && self.boot_address(&memory.found.record) != self.address;
-        if let Some(memory) = &mut self.memory {
-            memory.address_due = due;
-        }
+        self.address_due = match &self.memory {
+            Some(memory) => {
+                memory.refusal().is_none() && self.boot_address(&memory.found.record) != self.address
+            }
+            None => self.expects_store,
+        };
     }
 
     /// Returns the address that the hub would have after a restart with this record.
@@ -176,7 +178,7 @@ impl<const N: usize> Responder<N> {
             Access::LoadRequested => Ok(None),
             Access::ResetRequested => Ok(Some(next_record(stored))),
             Access::SaveRequested => self.record_of_all(stored).map(Some),
-            Access::Idle if !memory.address_due => return None,
+            Access::Idle if !self.address_due => return None,
             // The last access has failed because it needed an erasure. The memory may be erased only while all motors
             // are off, so the address waits.
             Access::Idle if !may_erase && memory.outcome == Outcome::NeedsErase => return None,
@@ -185,7 +187,8 @@ impl<const N: usize> Responder<N> {
         let memory = self.memory.as_mut()?;
         let Ok(record) = record else {
             // Settings have changed since the request, or the entries of other firmware leave no room for an address.
-            (memory.access, memory.outcome, memory.address_due) = (Access::Idle, Outcome::Refused, false);
+            (memory.access, memory.outcome) = (Access::Idle, Outcome::Refused);
+            self.address_due = false;
             return None;
         };
         let erase_first = memory.found.stored == Stored::Damaged && memory.access == Access::ResetRequested;
@@ -210,11 +213,11 @@ impl<const N: usize> Responder<N> {
         // A host may have changed the address during the access: then the address must still be stored. If the memory
         // has failed, the hub does not try again.
         let failed = matches!(outcome, Outcome::Refused | Outcome::Lost);
-        let address_due = before.address_due && !failed && self.boot_address(&found.record) != self.address;
+        self.address_due &= !failed && self.boot_address(&found.record) != self.address;
         if loads {
             self.restore_settings(&found.record);
         }
-        self.memory = Some(Memory { outcome, address_due, ..Memory::new(found) });
+        self.memory = Some(Memory { outcome, ..Memory::new(found) });
     }
 
     /// Returns the refusal of requests that need a memory, on a hub without a memory or before the task has reported
@@ -281,9 +284,14 @@ impl<const N: usize> Responder<N> {
     fn record_of_all(&self, stored: &SettingsRecord) -> Result<SettingsRecord, CapacityError> {
         let mut record = next_record(stored);
         record.push(ADDRESS, &[self.address.get()])?;
-        for (motor, channel) in (0..).zip(&self.channels) {
+        for ((motor, channel), factory) in (0..).zip(&self.channels).zip(&self.factory) {
             let settings = channel.settings();
-            for group in Group::ALL.into_iter().filter(|group| group.is_configured(settings)) {
+            // Without an entry, the limit that the firmware was built with would be in force after a restart.
+            let limit_is_removed = settings.motor.current_limit.is_none() && factory.current_limit.is_some();
+            let is_stored = |group: &Group| {
+                group.is_configured(settings) || (*group == Group::CurrentLimit && limit_is_removed)
+            };
+            for group in Group::ALL.into_iter().filter(is_stored) {
                 let fields = payload(motor, &Values::of(group, settings));
                 let older = entries_of(stored, motor, group).last().map(|entry| entry.payload);
                 record.push_over(group.set_id(), &fields, older.unwrap_or_default())?;

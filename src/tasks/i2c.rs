@@ -8,11 +8,10 @@
 
 use super::{Wires, micros};
 use crate::board::I2cBus;
-use crate::devices::bno055::{self, Access, Bno055};
+use crate::devices::bno055::Bno055;
+use crate::devices::{I2C_BYTES, I2cTransfer};
 use crate::hub::GyroReading;
 use crate::protocol::answers::{I2cRead, I2cStatus};
-use crate::protocol::payload::{TEXT, Text};
-use crate::responder::i2c::Transfer;
 use core::cell::Cell;
 use core::future::pending;
 use embassy_futures::select::{Either, select};
@@ -72,9 +71,7 @@ async fn read_gyro<M: RawMutex, const N: usize>(
         return;
     }
     let now = || micros(Instant::now());
-    let Some(Access { write, read }) = sensor.next(now()) else { return };
-    let write = Text::from_slice(write).unwrap_or_default();
-    let transfer = Transfer { address: bno055::ADDRESS, fast: true, write, read };
+    let Some(transfer) = sensor.next(now()) else { return };
     let I2cRead { status, bytes } = transfer_on(bus, &transfer).await;
     let answer = (status == I2cStatus::default()).then_some(bytes.as_slice());
     match sensor.receive(now(), answer) {
@@ -87,10 +84,10 @@ async fn read_gyro<M: RawMutex, const N: usize>(
     }
 }
 
-async fn transfer_on(bus: &mut impl I2cBus, transfer: &Transfer) -> I2cRead {
-    let Transfer { address, fast, write, read } = transfer;
+async fn transfer_on(bus: &mut impl I2cBus, transfer: &I2cTransfer) -> I2cRead {
+    let I2cTransfer { address, fast, write, read } = transfer;
     bus.set_speed(*fast);
-    let mut bytes = [0; TEXT];
+    let mut bytes = [0; I2C_BYTES];
     let into = bytes.get_mut(..usize::from(*read)).unwrap_or_default();
     let result = with_timeout(TIME_OUT, async {
         match (write.is_empty(), into.is_empty()) {

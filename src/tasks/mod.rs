@@ -9,7 +9,7 @@
 //! The channels between the tasks are the fields of [`Wires`]. Most of them hold the newest value, which the next value
 //! overwrites.
 //!
-//! A [*direct* command](crate::hub::Action::is_direct) needs no regulator, so a motor can execute the command between
+//! A [*direct* command](crate::hub::Command::is_direct) needs no regulator, so a motor can execute the command between
 //! two ticks.
 //!
 //! Control locks the cell `newest` while it updates its estimates. With a mutex type `M` that masks interrupts,
@@ -20,14 +20,14 @@
 //!
 //! ```
 //! use embassy_sync::blocking_mutex::raw::NoopRawMutex;
-//! use motor_hub::hub::{Action, Command};
+//! use motor_hub::hub::Command;
 //! use motor_hub::motor::Setpoint;
 //! use motor_hub::tasks::Wires;
 //! use motor_hub::units::Control;
 //!
 //! // The command waits for the control task. The example two_motors.rs runs all tasks.
 //! let wires = Wires::<NoopRawMutex, 2>::new();
-//! let command = Command { motor: 0, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) };
+//! let command = Command::Set { motor: 0, setpoint: Setpoint::ConstantPower(Control::MAX) };
 //! assert_eq!(wires.try_send(command), Ok(1), "the first command since boot");
 //! assert_eq!(wires.next_command(), Some(command));
 //! ```
@@ -47,13 +47,13 @@ pub mod update;
 pub use health::{Health, Task};
 
 use crate::bridge::{BridgeFeedback, Drive};
-use crate::devices::I2C_BUSES;
-use crate::hub::{Action, Command, GyroReading, Snapshot};
+use crate::devices::{I2C_BUSES, I2cTransfer};
+use crate::hub::{Command, GyroReading, Snapshot};
 use crate::motion::Newest;
+use crate::motor::Setpoint;
 use crate::protocol::Packet;
 use crate::protocol::answers::I2cRead;
 use crate::record::{CrashReport, Fault, Record, SIZE};
-use crate::responder::i2c::Transfer;
 use crate::store::{StoreRequest, StoreResult};
 use crate::supply::{Battery, BusReading};
 use crate::units::Micros;
@@ -73,14 +73,14 @@ pub const COMMANDS: usize = 16;
 pub const OBSERVERS: usize = 4;
 
 /// The signals between the responder and a task that carries out its requests.
-pub struct RequestChannel<M: RawMutex, O, D> {
+pub struct RequestChannel<M: RawMutex, Request, Report> {
     /// Request of the responder. The responder waits for the result before it sends the next request.
-    pub request: Signal<M, O>,
+    pub request: Signal<M, Request>,
     /// Result of the request, or another report of the task.
-    pub done: Signal<M, D>,
+    pub done: Signal<M, Report>,
 }
 
-impl<M: RawMutex, O, D> RequestChannel<M, O, D> {
+impl<M: RawMutex, Request, Report> RequestChannel<M, Request, Report> {
     /// Creates empty signals.
     const fn new() -> Self {
         Self { request: Signal::new(), done: Signal::new() }
@@ -148,7 +148,7 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// Requests of the responder to the task that writes new firmware, and their results.
     pub update: RequestChannel<M, crate::update::UpdateRequest, crate::update::SlotReport>,
     /// Transfers of the responder to the task of each I2C bus, and their results.
-    pub i2c: [RequestChannel<M, Transfer, I2cRead>; I2C_BUSES],
+    pub i2c: [RequestChannel<M, I2cTransfer, I2cRead>; I2C_BUSES],
     /// Newest angle of the gyro, from the task of its bus to control. `None` without a gyro that works. Without a new
     /// angle for 100 ms the gyro counts as lost.
     pub gyro: Mutex<M, Cell<Option<GyroReading>>>,
@@ -160,8 +160,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// True while the button may drive motors, from the responder to the button's task: after the stored settings are
     /// restored, until the first packet for this hub.
     pub button_permitted: Mutex<M, Cell<bool>>,
-    /// Action that the button has sent last.
-    button_action: Mutex<M, Cell<Action>>,
+    /// Set-point that the button has sent last.
+    button_setpoint: Mutex<M, Cell<Setpoint>>,
 }
 
 impl<M: RawMutex, const N: usize> Wires<M, N> {
@@ -187,7 +187,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             gyro_wanted: Mutex::new(Cell::new(false)),
             chain: ChainChannels::new(),
             button_permitted: Mutex::new(Cell::new(false)),
-            button_action: Mutex::new(Cell::new(Action::DISABLE)),
+            button_setpoint: Mutex::new(Cell::new(Setpoint::Disabled)),
         }
     }
 }
@@ -229,7 +229,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             newest.set(newest.get().wrapping_add(1));
             Ok(newest.get())
         })?;
-        if command.action.is_direct() {
+        if command.is_direct() {
             self.urgent.lock(|urgent| urgent.set(true));
         }
         Ok(number)
@@ -246,17 +246,17 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
         }
     }
 
-    /// Sends the action of the button to all motors, unless it is the last one that the button has sent. Returns false, and sends
-    /// nothing, if the queue has too little room. The caller must then try again.
-    pub fn try_send_by_button(&self, action: Action) -> bool {
-        if self.button_action.lock(Cell::get) == action {
+    /// Sends the set-point of the button to all motors, unless the button has sent this set-point last. Returns false,
+    /// and sends nothing, if the queue has too little room. The caller must then try again.
+    pub fn try_send_by_button(&self, setpoint: Setpoint) -> bool {
+        if self.button_setpoint.lock(Cell::get) == setpoint {
             return true;
         }
         if self.commands.free_capacity() < N {
             return false;
         }
-        self.button_action.lock(|sent| sent.set(action));
-        (0..N).all(|motor| self.try_send(Command { motor, action }).is_ok())
+        self.button_setpoint.lock(|sent| sent.set(setpoint));
+        (0..N).all(|motor| self.try_send(Command::Set { motor, setpoint }).is_ok())
     }
 
     /// Takes the oldest waiting command out of the queue. `None` if no command waits.

@@ -6,7 +6,8 @@
 
 use super::{OBSERVERS, Wires, instant, micros, until};
 use crate::board::Devices;
-use crate::hub::{Action, Command, Snapshot};
+use crate::hub::{Command, Snapshot};
+use crate::motor::Setpoint;
 use crate::protocol::{Colour, Decoder, HOST, Packet, frame};
 use crate::responder::{Line, Responder};
 use crate::store::StoreResult;
@@ -216,7 +217,7 @@ impl<'a, M: RawMutex, const N: usize, D: Devices, S: FnMut(Colour)> Service<'a, 
         wires.button_permitted.lock(|cell| cell.set(permitted));
         // Motors that the button drives are disabled before the first command of a host is sent. The task of the button polls the
         // permission, so it may disable them after a command of the host.
-        let is_released = permitted || wires.try_send_by_button(Action::DISABLE);
+        let is_released = permitted || wires.try_send_by_button(Setpoint::Disabled);
         let mut command = if is_released { responder.pending() } else { None };
         while let Some(next) = command
             && let Ok(number) = wires.try_send(next)

@@ -224,7 +224,9 @@ impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
             }
         }
         let signature = signature.map(|signature| (length, signature.bytes));
-        if swap::mark(&mut self.active, &mut self.download, &mut self.state, signature).await.is_err() {
+        let marked = swap::mark(&mut self.active, &mut self.download, &mut self.state, signature).await;
+        // A flash may drop a write without an error, so the swap mark is read back.
+        if marked.is_err() || self.booted().await != Booted::OnTrial {
             // The host gets an error, so a swap mark that was written only in part must not start the image.
             self.confirm().await;
             return Outcome::Refused;

@@ -8,7 +8,7 @@
 
 use motor_hub::braking::{Scheme, Winding};
 use motor_hub::bridge::{BridgeConstants, Drive};
-use motor_hub::hub::{Action, Command, Hub, Snapshot};
+use motor_hub::hub::{Command, Hub, Snapshot};
 use motor_hub::model::battery::Battery as Source;
 use motor_hub::model::catalogue::{self, Motor};
 use motor_hub::model::load::{Load, Shaft};
@@ -231,14 +231,14 @@ impl<const N: usize> Bench<N> {
     }
 
     pub(crate) fn set(&mut self, motor: usize, setpoint: Setpoint) {
-        self.hub.apply(Command { motor, action: Action::Set(setpoint) }).expect("a motor of the hub");
+        self.hub.apply(Command::Set { motor, setpoint }).expect("a motor of the hub");
     }
 
     /// Changes settings of a motor while it runs.
     pub(crate) fn configure(&mut self, motor: usize, change: impl FnOnce(&mut Settings)) {
         change(&mut self.settings[motor]);
-        let action = Action::Configure(self.settings[motor]);
-        self.hub.apply(Command { motor, action }).expect("a motor of the hub");
+        let settings = self.settings[motor];
+        self.hub.apply(Command::Configure { motor, settings }).expect("a motor of the hub");
     }
 
     /// Newest report of the first motor.

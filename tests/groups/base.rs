@@ -3,9 +3,10 @@
 use crate::common::{self, configured, motor};
 use crate::{BASE, WHEEL};
 use motor_hub::group::{BaseSettings, Course, DriveBase, GroupCommand, GyroState};
-use motor_hub::hub::{Action, BaseState, Command, GyroReading};
+use motor_hub::hub::{BaseState, Command, GyroReading, Hub};
+use motor_hub::motion::Reading;
 use motor_hub::motor::Setpoint;
-use motor_hub::units::{Acceleration, CountsPerSecond, Micros, RangeError};
+use motor_hub::units::{Acceleration, CountsPerSecond, Micros, Period, RangeError};
 
 /// Part of each turn that the wheels lose.
 const SLIP: f64 = 0.05;
@@ -34,7 +35,7 @@ impl Robot {
     }
 
     fn configure(&mut self, base: BaseSettings) -> Result<(), RangeError> {
-        self.bench.hub.apply(Command { motor: 0, action: Action::Base(Some(base)) })
+        self.bench.hub.apply(Command::SetBase(Some(base)))
     }
 
     /// True angle by which the base has turned left, in degrees.
@@ -64,7 +65,7 @@ impl Robot {
         let course = Course::distances(&[(0, left), (1, right)]).expect("motors of the hub");
         let acceleration = Acceleration::new(5_000).expect("above 0");
         let turn = GroupCommand::new(course, CountsPerSecond::new(1_500), acceleration);
-        self.bench.hub.apply(Command { motor: 0, action: Action::MoveGroup(turn) }).expect("members");
+        self.bench.hub.apply(Command::MoveGroup(turn)).expect("members");
         self.run_ms(50);
         for _ in 0..50 {
             self.run_ms(100);
@@ -97,6 +98,30 @@ fn a_base_turns_by_the_angle_of_its_gyro_although_its_wheels_slip() {
         let slip = BASE.turn(360.0 / (1.0 - SLIP) - 360.0).expect("in range");
         assert!(state.correction[1].abs_diff(slip[1]) < 10, "{state:?} {slip:?}");
     }
+}
+
+#[test]
+fn a_correction_that_does_not_fit_in_32_bits_stays_at_its_last_value() {
+    // With these dimensions one degree of slip is a correction of some 60 million counts.
+    const CORRECTION_PER_DEGREE: f64 = 10_000.0 / 360.0 * 2_147_483.647;
+    let geometry =
+        DriveBase { wheel_diameter_mm: 1.0, track_mm: 10_000.0, counts_per_turn: [2_147_483.647; 2] };
+    let mut hub = Hub::new([common::unknown(&motor("NeveRest 60")); 2], Period::DEFAULT);
+    let base = BaseSettings::new([0, 1], &geometry, true).expect("in range");
+    hub.apply(Command::SetBase(Some(base))).expect("both wheels");
+    let mut last = 0;
+    for tick in 1..=40 {
+        let now = Micros::new(50_000 * tick);
+        // The wheels stand still while the base turns by 2 degrees a tick.
+        let still = Some(Reading { position: 0, edge_at: Micros::new(0), at: now });
+        hub.sense_gyro(Some(GyroReading { left_degrees: 2.0 * tick as f32, at: now }));
+        let state = hub.step(now, &[still; 2], None).base.expect("configured");
+        assert_eq!(state.gyro, GyroState::Good);
+        let step = f64::from(state.correction[1]) - f64::from(last);
+        assert!(step.abs() < 2.01 * CORRECTION_PER_DEGREE, "tick {tick}: from {last} to {state:?}");
+        last = state.correction[1];
+    }
+    assert_ne!(last, 0);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Tests the driver of the gyro with a simulated sensor that has only the registers that the driver uses.
 
-use motor_hub::devices::bno055::{Access, Bno055};
+use motor_hub::devices::I2cTransfer;
+use motor_hub::devices::bno055::Bno055;
 use motor_hub::units::Micros;
 
 /// The registers that the driver uses. The sensor is in the configuration mode at first.
@@ -21,7 +22,7 @@ impl Sensor {
         Self { id: 0xA0, mode: 0, quaternion: UPRIGHT, is_absent: false, writes: Vec::new() }
     }
 
-    fn access(&mut self, Access { write, read }: Access) -> Option<Vec<u8>> {
+    fn access(&mut self, I2cTransfer { write, read, .. }: I2cTransfer) -> Option<Vec<u8>> {
         if self.is_absent {
             return None;
         }

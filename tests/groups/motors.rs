@@ -4,7 +4,7 @@ use crate::common::{self, Cable, NO_STOPS, configured, motor, unknown, velocity}
 use crate::{BASE, WHEEL};
 use motor_hub::bridge::Drive;
 use motor_hub::group::{Course, GroupCommand, Halt};
-use motor_hub::hub::{Action, Command};
+use motor_hub::hub::Command;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::Drag;
@@ -24,8 +24,7 @@ fn set_up<const N: usize>(period_ms: u32, motors: [Motor; N], known: bool, loads
 }
 
 fn command_group<const N: usize>(bench: &mut Bench<N>, together: GroupCommand) {
-    let motor = together.course.members().iter().position(|member| *member).expect("members");
-    bench.hub.apply(Command { motor, action: Action::MoveGroup(together) }).expect("members");
+    bench.hub.apply(Command::MoveGroup(together)).expect("members");
 }
 
 /// Runs until the group has arrived. Returns the time in ms.

@@ -5,7 +5,7 @@ use motor_hub::devices::Equipment;
 use motor_hub::extension::base::OdometryReport;
 use motor_hub::extension::{HubFunction, Request};
 use motor_hub::group::{BaseSettings, DriveBase, GyroState};
-use motor_hub::hub::{Action, BaseState, Command};
+use motor_hub::hub::{BaseState, Command};
 use motor_hub::protocol::payload::{Field, Payload};
 
 const GEOMETRY: DriveBase =
@@ -39,7 +39,7 @@ fn a_base_is_sent_to_control_once_and_its_odometry_is_reported_in_the_hosts_coun
     assert_eq!(odometry(&mut host), Answer::Nack(81), "not sent yet");
     let fields = Request::from(HubFunction::SetBase { base: wanted }).payload();
     assert_eq!(host.ask(configured, &[]), Answer::Data(fields.to_vec()));
-    assert_eq!(host.new_commands(), [Command { motor: 0, action: Action::Base(Some(wanted)) }]);
+    assert_eq!(host.new_commands(), [Command::SetBase(Some(wanted))]);
     assert_eq!(host.new_commands(), []);
     assert_eq!(odometry(&mut host), Answer::Nack(81), "in no snapshot yet");
     host.tick();

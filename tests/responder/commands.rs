@@ -218,7 +218,7 @@ fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
         inputs: [input(0, 0), input(1_650, 2_048), input(3_300, 4_095), input(40_000, 5)],
         rail: Some(Millivolts::new(5_016)),
         temperature_decidegrees: Some(-123),
-        supply_currents: Some([0, 12, 40_000].map(Milliamperes::new)),
+        supply_currents: Some([0, 12, 40_000].map(|ma| Some(Milliamperes::new(ma)))),
     };
     // Channels in their order: the analog inputs, the currents of the supplies and of the battery, the currents of the
     // motors, the 5 V rail, the battery, and the temperature. Values above 32 767 saturate.
@@ -254,6 +254,17 @@ fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
     assert!(drawn(&mut host, (-1e3 * short) as i32, 1_500).abs() < 2.0);
     let half = -1e3 * 0.5 * short * (emf - 0.5 * short * resistance) / 12.345;
     assert!((drawn(&mut host, (-500.0 * short) as i32, 1_500) - half).abs() < 2.0);
+}
+
+#[test]
+fn a_supply_current_without_a_reading_differs_from_one_that_the_board_does_not_measure() {
+    let mut host = host();
+    host.responder.readings.supply_currents = Some([None, Some(Milliamperes::new(12)), None]);
+    for (channel, answer) in [(4, Answer::Nack(81)), (5, Answer::Data(vec![12, 0])), (6, Answer::Nack(81))] {
+        assert_eq!(host.call(7, &[channel, 0]), answer, "{channel}");
+    }
+    host.responder.readings.supply_currents = None;
+    assert_eq!(host.call(7, &[4, 0]), Answer::Nack(253));
 }
 
 #[test]

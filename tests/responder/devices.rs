@@ -2,10 +2,10 @@
 
 use crate::host::{Answer, FULL, TestHost};
 use motor_hub::board::{AnalogReading, AnalogReadings, Equipment, ServoPulse};
+use motor_hub::devices::I2cTransfer;
 use motor_hub::extension::{HubFunction, Request};
 use motor_hub::protocol::answers::{I2cRead, I2cStatus};
 use motor_hub::protocol::payload::Text;
-use motor_hub::responder::i2c::Transfer;
 use motor_hub::supply::DrawStage;
 use motor_hub::units::Millivolts;
 
@@ -17,8 +17,8 @@ fn text(bytes: &[u8]) -> Text {
 }
 
 /// Requests that start a transfer on bus 2, and the transfer.
-fn starts() -> [(u16, &'static [u8], Transfer); 5] {
-    let transfer = |write, read| Transfer { address: 0x28, fast: false, write: text(write), read };
+fn starts() -> [(u16, &'static [u8], I2cTransfer); 5] {
+    let transfer = |write, read| I2cTransfer { address: 0x28, fast: false, write: text(write), read };
     [
         (37, &[2, 0x28, 9], transfer(&[9], 0)),
         (38, &[2, 0x28, 3, 7, 8, 9], transfer(&[7, 8, 9], 0)),

@@ -1,7 +1,7 @@
 //! Packets as they go over the line, byte for byte: a session with a hub at address 3.
 
 use crate::host::{TestHost, bytes_of, decode};
-use motor_hub::hub::{Action, Command};
+use motor_hub::hub::Command;
 use motor_hub::protocol::answers::{Bulk, Reply};
 use motor_hub::protocol::frame::encode;
 use motor_hub::regulator::Coefficients;
@@ -47,9 +47,7 @@ fn a_host_sets_pidf_coefficients() {
     let request = "44 4b 1e 00 03 00 1b 00 33 10 01 01 8f 42 01 00 42 20 00 00 00 00 00 00 9a 99 0c 00 01 84";
     assert_eq!(decode(&session(&mut host, &[request])[0]).id, 0x7F01);
     let commands = host.new_commands();
-    let [Command { motor: 1, action: Action::Configure(settings) }] = commands[..] else {
-        panic!("{commands:?}")
-    };
+    let [Command::Configure { motor: 1, settings }] = commands[..] else { panic!("{commands:?}") };
     let coefficients = settings.coefficients.expect("a host's own");
     let velocity = coefficients.velocity;
     assert_eq!(

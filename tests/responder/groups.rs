@@ -4,7 +4,7 @@ use crate::host::{Answer, N, TestHost};
 use motor_hub::extension::group::GroupCourse;
 use motor_hub::extension::{FIRST_FUNCTION, MotorFunction};
 use motor_hub::group::{Course, GroupCommand, Halt, MOTORS};
-use motor_hub::hub::{Action, Command};
+use motor_hub::hub::Command;
 use motor_hub::motor::{Report, Setpoint};
 use motor_hub::regulator::Reference;
 use motor_hub::regulator::identify::{Identification, Refusal};
@@ -28,13 +28,13 @@ fn pair(left: i32, right: i32) -> GroupCommand<GroupCourse> {
     wanted(GroupCourse::Position([None, Some(left), None, Some(right)]))
 }
 
-fn command_group(motor: usize, left: i32, right: i32) -> Command {
+fn command_group(left: i32, right: i32) -> Command {
     let mut counts = [None; MOTORS];
     (counts[1], counts[3]) = (Some(left), Some(right));
     let GroupCommand { speed, acceleration, lag, tolerance, halt, .. } = pair(0, 0);
     let together =
         GroupCommand { course: Course::Position(counts), speed, acceleration, lag, tolerance, halt };
-    Command { motor, action: Action::MoveGroup(together) }
+    Command::MoveGroup(together)
 }
 
 fn ask(host: &mut TestHost, motor: u8, wanted: GroupCommand<GroupCourse>) -> Answer {
@@ -60,7 +60,7 @@ fn a_course_is_sent_in_the_counts_of_the_motors() {
     host.do_all(&[(14, &[3])]);
     host.new_commands();
     assert_eq!(ask(&mut host, 1, pair(500, -500)), Answer::Ack(0));
-    assert_eq!(host.new_commands(), [command_group(1, 500, -430)]);
+    assert_eq!(host.new_commands(), [command_group(500, -430)]);
     assert_eq!(host.new_commands(), []);
 }
 
@@ -85,8 +85,8 @@ fn a_course_follows_earlier_commands_and_replaces_its_members_targets() {
         host.do_all(&[(15, &[motor, 0, 1]), (10, &[motor, 1])]);
     }
     ask(&mut host, 3, pair(1, 2));
-    let power = |motor| Command { motor, action: Action::Set(Setpoint::ConstantPower(Control::new(256))) };
-    assert_eq!(host.new_commands(), [power(0), power(2), command_group(3, 1, 2)]);
+    let power = |motor| Command::Set { motor, setpoint: Setpoint::ConstantPower(Control::new(256)) };
+    assert_eq!(host.new_commands(), [power(0), power(2), command_group(1, 2)]);
 }
 
 #[test]
@@ -96,10 +96,7 @@ fn a_later_command_to_a_member_alone_takes_it_out_of_the_group() {
         ask(&mut host, 1, pair(1, 2));
         host.do_all(&[(function, payload)]);
         let commands = host.new_commands();
-        assert!(
-            matches!(commands[..], [Command { motor: 3, action: Action::Set(_) }]),
-            "{function}: {commands:?}"
-        );
+        assert!(matches!(commands[..], [Command::Set { motor: 3, .. }]), "{function}: {commands:?}");
     }
     for function in [
         MotorFunction::Identify { travel_limit: 500 },
@@ -110,17 +107,14 @@ fn a_later_command_to_a_member_alone_takes_it_out_of_the_group() {
         let request = function.to(3);
         host.ask(request.id(), &request.payload());
         let commands = host.new_commands();
-        assert!(
-            matches!(commands[..], [Command { motor: 3, action: Action::Set(_) }]),
-            "{request:?}: {commands:?}"
-        );
+        assert!(matches!(commands[..], [Command::Set { motor: 3, .. }]), "{request:?}: {commands:?}");
     }
     // Requests that only read, and requests to other motors, do not take a member out.
     let mut host = enabled();
     ask(&mut host, 1, pair(1, 2));
     assert!(matches!(host.call(11, &[3]), Answer::Data(_)));
     host.do_all(&[(15, &[0, 0, 1])]);
-    assert_eq!(host.new_commands().last(), Some(&command_group(1, 1, 2)));
+    assert_eq!(host.new_commands().last(), Some(&command_group(1, 2)));
 }
 
 #[test]
@@ -132,8 +126,7 @@ fn members_of_a_deleted_course_get_the_set_points_that_the_course_had_replaced()
     ask(&mut host, 1, pair(1, 2));
     // Nothing has been sent yet. Motor 3 leaves the group.
     host.do_all(&[(15, &[3, 0, 2])]);
-    let power =
-        |motor, power| Command { motor, action: Action::Set(Setpoint::ConstantPower(Control::new(power))) };
+    let power = |motor, power| Command::Set { motor, setpoint: Setpoint::ConstantPower(Control::new(power)) };
     assert_eq!(host.new_commands(), [power(1, 256), power(3, 512)]);
     // The course of an enabled motor that has its set-point already is deleted without another command.
     ask(&mut host, 1, pair(1, 2));
@@ -149,8 +142,8 @@ fn a_question_to_a_member_keeps_the_course_that_waits_behind_a_release() {
     assert!(matches!(ask(&mut host, 1, pair(1, 2)), Answer::Ack(_)));
     // Get enable of motor 3.
     assert!(matches!(host.call(11, &[3]), Answer::Data(_)));
-    let release = Command { motor: 3, action: Action::Set(Setpoint::Disabled) };
-    assert_eq!(host.new_commands(), [release, command_group(1, 1, 2)]);
+    let release = Command::Set { motor: 3, setpoint: Setpoint::Disabled };
+    assert_eq!(host.new_commands(), [release, command_group(1, 2)]);
 }
 
 #[test]
@@ -158,7 +151,7 @@ fn a_later_course_replaces_a_pending_one() {
     let mut host = enabled();
     ask(&mut host, 1, pair(1, 2));
     ask(&mut host, 3, pair(3, 4));
-    assert_eq!(host.new_commands(), [command_group(3, 3, 4)]);
+    assert_eq!(host.new_commands(), [command_group(3, 4)]);
 }
 
 #[test]
@@ -172,7 +165,8 @@ fn a_group_with_a_disabled_member_is_refused() {
     let mut host = enabled();
     ask(&mut host, 1, pair(1, 2));
     host.ask(0x7F05, &[]);
-    assert!(host.new_commands().iter().all(|command| command.action == Action::Set(Setpoint::Disabled)));
+    let disables = |command: &Command| matches!(command, Command::Set { setpoint: Setpoint::Disabled, .. });
+    assert!(host.new_commands().iter().all(disables));
 }
 
 #[test]

@@ -5,7 +5,7 @@ use motor_hub::board::Equipment;
 use motor_hub::braking::Winding;
 use motor_hub::extension::report::{HubReport, MotorReport};
 use motor_hub::extension::{HubFunction, Request};
-use motor_hub::hub::{Action, Command, Snapshot};
+use motor_hub::hub::{Command, Snapshot};
 use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::protocol::requests::FIRST_FUNCTION;
@@ -228,7 +228,12 @@ pub(crate) fn survive(events: &[Event]) {
     }
     if !frames_in(&stream).any(|(_, frame)| enables(frame)) {
         let at_rest = |c: &Command| {
-            matches!(c.action, Action::Set(Setpoint::Disabled) | Action::Configure(_) | Action::Base(_))
+            matches!(
+                c,
+                Command::Set { setpoint: Setpoint::Disabled, .. }
+                    | Command::Configure { .. }
+                    | Command::SetBase(_)
+            )
         };
         assert!(commands.iter().all(at_rest), "{commands:?}");
         assert_eq!(host.responder.enabled(), [false; N]);

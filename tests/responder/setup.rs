@@ -4,7 +4,7 @@ use crate::host::{Answer, TestHost, responder_with, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, OperatingPoint, Points, Regime, Scheme, Winding};
 use motor_hub::bridge::{BridgeConstants, Drive, Mode};
 use motor_hub::extension::FIRST_FUNCTION;
-use motor_hub::hub::{Action, Command};
+use motor_hub::hub::Command;
 use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, OnFault, Report, SenseLine, Setpoint, Settings, ThermalLimit, ZeroPower};
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
@@ -68,7 +68,7 @@ fn a_motor_is_set_up_with_the_coefficients_that_go_with_it() {
             };
             let settings =
                 Settings { duty, zero_power: ZeroPower::Float, ..Settings::for_scheme(winding, scheme) };
-            assert_eq!(host.new_commands(), [Command { motor: 2, action: Action::Configure(settings) }]);
+            assert_eq!(host.new_commands(), [Command::Configure { motor: 2, settings }]);
 
             assert_eq!(host.ask(FIRST_FUNCTION + 1, &[2]), Answer::Data(fields));
         }
@@ -93,8 +93,8 @@ fn choosing_linear_duty_forgets_neither_winding_nor_bridge() {
     let settings: Vec<Settings> = host
         .new_commands()
         .into_iter()
-        .map(|command| match command.action {
-            Action::Configure(settings) => settings,
+        .map(|command| match command {
+            Command::Configure { settings, .. } => settings,
             other => panic!("{other:?}"),
         })
         .collect();
@@ -148,7 +148,7 @@ fn an_enabled_motor_at_rest_is_identified_and_its_travel_announced() {
         assert_eq!(learn(&mut host, limit), Answer::Data(counts.to_le_bytes().to_vec()));
         // The motor may turn no further than announced, also a hot motor, whose back EMF constant in force is lower.
         let setpoint = Setpoint::Identify { travel_limit: counts };
-        assert_eq!(host.new_commands(), [Command { motor: 1, action: Action::Set(setpoint) }]);
+        assert_eq!(host.new_commands(), [Command::Set { motor: 1, setpoint }]);
     }
 }
 
@@ -181,9 +181,9 @@ fn any_other_target_or_disabling_ends_an_identification() {
         learn(&mut host, 500);
         host.new_commands();
         host.do_all(&[(function, payload)]);
-        assert_eq!(host.new_commands(), [Command { motor: 1, action: Action::Set(setpoint) }]);
+        assert_eq!(host.new_commands(), [Command::Set { motor: 1, setpoint }]);
         host.do_all(&[(10, &[1, 1])]);
-        assert_eq!(host.new_commands().last(), Some(&Command { motor: 1, action: Action::Set(brake) }));
+        assert_eq!(host.new_commands().last(), Some(&Command::Set { motor: 1, setpoint: brake }));
     }
 }
 
@@ -243,7 +243,7 @@ fn a_protection_reads_back_and_outlasts_a_set_up() {
     assert_eq!(host.ask(FIRST_FUNCTION + 8, &[&[1, 1], &limit[..]].concat()), Answer::Ack(0));
     let thermal = ThermalLimit::new(1_200, 20, 600).ok();
     let braking = Settings { on_fault: OnFault::Brake, thermal, ..settings() };
-    assert_eq!(host.new_commands(), [Command { motor: 1, action: Action::Configure(braking) }]);
+    assert_eq!(host.new_commands(), [Command::Configure { motor: 1, settings: braking }]);
     set_up(&mut host, 1, &fields(KE, 4_200, 0, 1, 0, 1));
     assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Answer::Data([&[1], &limit[..]].concat()));
     assert_eq!(host.ask(FIRST_FUNCTION + 9, &[0]), Answer::Data([&[0], &none[..]].concat()));
@@ -366,7 +366,7 @@ fn a_bridge_timing_reads_back_and_outlasts_a_set_up() {
     let timing = [0x70, 0x17, 0x60, 9, 0xB0, 4, 0xE8, 3, 0x58, 2];
     assert_eq!(host.ask(FIRST_FUNCTION + 11, &[&[1], &timing[..]].concat()), Answer::Ack(0));
     let timed = Settings { bridge: BridgeConstants::VNH5019, ..settings() };
-    assert_eq!(host.new_commands(), [Command { motor: 1, action: Action::Configure(timed) }]);
+    assert_eq!(host.new_commands(), [Command::Configure { motor: 1, settings: timed }]);
     set_up(&mut host, 1, &fields(KE, 4_200, 0, 1, 0, 1));
     assert_eq!(host.ask(FIRST_FUNCTION + 12, &[1]), Answer::Data(timing.to_vec()));
 }

@@ -2,7 +2,7 @@
 
 use crate::host::{Answer, N, TestHost, frame_to, settings};
 use motor_hub::extension::report::Commands;
-use motor_hub::hub::{Action, Command, Snapshot};
+use motor_hub::hub::{Command, Snapshot};
 use motor_hub::motor::Setpoint;
 use motor_hub::protocol::{Address, Colour};
 use motor_hub::responder::Responder;
@@ -13,7 +13,7 @@ use motor_hub::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolt
 const TIMEOUT_MS: u64 = TIMEOUT_MICROS / 1000;
 
 fn set(motor: usize, setpoint: Setpoint) -> Command {
-    Command { motor, action: Action::Set(setpoint) }
+    Command::Set { motor, setpoint }
 }
 
 /// Creates a host at a hub whose motor 0 runs.
@@ -45,7 +45,7 @@ fn a_motor_is_not_enabled_before_it_has_a_target_for_its_mode() {
         assert_eq!(host.call(10, &[0, 1]), Answer::Nack(50), "mode {mode}");
         assert_eq!(host.call(11, &[0]), no());
         host.do_all(&[(function, payload)]);
-        assert!(host.new_commands().iter().all(|command| matches!(command.action, Action::Configure(_))));
+        assert!(host.new_commands().iter().all(|command| matches!(command, Command::Configure { .. })));
         host.do_all(&[(10, &[0, 1]), (10, &[0, 0])]);
         host.new_commands();
     }
@@ -112,7 +112,7 @@ fn a_reset_encoder_reads_0_and_targets_are_in_its_counts() {
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 10, 0, 0, 0, 3, 0]), (10, &[0, 1]), (14, &[0])]);
     assert_eq!(host.call(22, &[0]), Answer::Data(vec![0; 4]));
     let commands = host.new_commands();
-    let Some(Action::Set(Setpoint::Position { target, .. })) = commands.last().map(|c| c.action) else {
+    let Some(&Command::Set { setpoint: Setpoint::Position { target, .. }, .. }) = commands.last() else {
         panic!("{commands:?}")
     };
     assert_eq!(target, i32::MAX.wrapping_add(10));
@@ -138,7 +138,7 @@ fn a_far_target_is_in_the_direction_of_the_hosts_counts() {
             host.do_all(&[(19, &[0, a, b, c, d, 0, 0]), (10, &[0, 1])]);
             assert_eq!(host.call(20, &[0]), Answer::Data(vec![a, b, c, d, 0, 0]));
             let commands = host.new_commands();
-            let Some(Action::Set(Setpoint::Position { target, .. })) = commands.last().map(|c| c.action)
+            let Some(&Command::Set { setpoint: Setpoint::Position { target, .. }, .. }) = commands.last()
             else {
                 panic!("{commands:?}")
             };
@@ -469,7 +469,10 @@ fn a_motor_set_to_brake_at_faults_brakes_when_its_host_is_silent() {
     assert!(commands.contains(&set(2, Setpoint::Disabled)), "{commands:?}");
     assert_eq!(enabled(&mut host), [no(), no(), no(), no()]);
     // The motor brakes until a host disables it.
-    assert!(!silence(&mut host).iter().any(|command| command.motor == 0));
+    let is_for_motor_0 = |command: &Command| {
+        matches!(command, Command::Set { motor: 0, .. } | Command::Configure { motor: 0, .. })
+    };
+    assert!(!silence(&mut host).iter().any(is_for_motor_0));
     host.do_all(&[(10, &[0, 0])]);
     assert_eq!(host.new_commands(), [set(0, Setpoint::Disabled)]);
 }

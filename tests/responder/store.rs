@@ -5,7 +5,7 @@ use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use motor_hub::bridge::Timing;
 use motor_hub::extension::FIRST_FUNCTION;
 use motor_hub::extension::state::StoreReport;
-use motor_hub::hub::{Action, Command};
+use motor_hub::hub::Command;
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, Setpoint, Settings, ThermalLimit, ZeroPower};
 use motor_hub::protocol::Packet;
@@ -17,6 +17,7 @@ use motor_hub::units::{
     Millivolts,
 };
 use proptest::prelude::*;
+use std::num::NonZeroU16;
 
 const SAVE: u16 = FIRST_FUNCTION + 14;
 const LOAD: u16 = FIRST_FUNCTION + 15;
@@ -123,7 +124,7 @@ fn only_saved_settings_are_restored() {
     assert_eq!(again.call(18, &[2]), Answer::Data(vec![0, 0]));
     assert!(!report(&mut again).differs);
     // All motors are configured, and no motor runs.
-    let configured = |command: &Command| matches!(command.action, Action::Configure(_));
+    let configured = |command: &Command| matches!(command, Command::Configure { .. });
     let commands = again.new_commands();
     assert!(commands.len() == N && commands.iter().all(configured), "{commands:?}");
     // A second save of the same settings differs in its number only.
@@ -151,8 +152,8 @@ fn a_stored_set_up_that_changes_nothing_deletes_no_motion() {
     let known = {
         let mut host = empty();
         set_everything(&mut host);
-        let mut commands = host.new_commands().into_iter().filter_map(|command| match command.action {
-            Action::Configure(settings) if command.motor == 2 => Some(settings),
+        let mut commands = host.new_commands().into_iter().filter_map(|command| match command {
+            Command::Configure { motor: 2, settings } => Some(settings),
             _ => None,
         });
         Settings { coefficients: None, ..commands.next_back().expect("configured") }
@@ -263,6 +264,24 @@ fn all_motors_with_all_settings_fit() {
 }
 
 #[test]
+fn a_host_can_remove_a_current_limit_that_the_firmware_was_built_with() {
+    const SET_LIMIT: u16 = FIRST_FUNCTION + 28;
+    let factory = Settings { current_limit: NonZeroU16::new(800), ..settings() };
+    let started = || TestHost { responder: responder_with(factory), ..TestHost::new() };
+    let mut host = started();
+    host.responder.restore(Found::without_record(Stored::Nothing, 0));
+    assert_eq!(host.ask(SET_LIMIT + 1, &[1]), Answer::Data(vec![0x20, 3]));
+    host.ask(SET_LIMIT, &[1, 0, 0]);
+    host.ask(SAVE, &[]);
+    let record = carried_out(&mut host);
+    assert!(!report(&mut host).differs);
+    let mut again = started();
+    again.responder.restore(found(&record));
+    assert_eq!(again.ask(SET_LIMIT + 1, &[1]), Answer::Data(vec![0, 0]));
+    assert_eq!(again.ask(SET_LIMIT + 1, &[0]), Answer::Data(vec![0x20, 3]));
+}
+
+#[test]
 fn a_drive_base_is_stored_and_restored_and_a_reset_removes_it() {
     let mut host = empty();
     assert!(matches!(host.ask(SET_BASE, &BASE), Answer::Ack(_)));
@@ -275,7 +294,7 @@ fn a_drive_base_is_stored_and_restored_and_a_reset_removes_it() {
     again.responder.restore(found(&record));
     assert_eq!(again.ask(BASE_IN_FORCE, &[]), Answer::Data(BASE.to_vec()));
     let is_base =
-        |command: &Command| matches!(command.action, Action::Base(Some(base)) if base.wheels == [0, 2]);
+        |command: &Command| matches!(command, Command::SetBase(Some(base)) if base.wheels == [0, 2]);
     assert!(again.new_commands().iter().any(is_base));
     again.tick();
     assert!(!report(&mut again).differs);
@@ -284,11 +303,11 @@ fn a_drive_base_is_stored_and_restored_and_a_reset_removes_it() {
     order(&mut again);
     again.responder.store_done(Some(found(&record)), Outcome::Done);
     let commands = again.new_commands();
-    assert!(!commands.iter().any(|command| matches!(command.action, Action::Base(_))), "{commands:?}");
+    assert!(!commands.iter().any(|command| matches!(command, Command::SetBase(_))), "{commands:?}");
 
     again.tick();
     assert!(matches!(again.ask(RESET, &[]), Answer::Ack(_)));
-    let removed = |command: &Command| command.action == Action::Base(None);
+    let removed = |command: &Command| *command == Command::SetBase(None);
     assert!(again.new_commands().iter().any(removed));
     assert_eq!(again.ask(BASE_IN_FORCE, &[]), Answer::Nack(82));
 }
@@ -361,12 +380,12 @@ fn load_restores_the_stored_settings_and_reset_the_firmwares() {
     assert_ne!(all(&mut host), saved);
     host.responder.store_done(Some(found(&record)), Outcome::Done);
     assert_eq!((all(&mut host), report(&mut host).differs), (saved, false));
-    assert!(host.new_commands().iter().any(|command| command.motor == 2));
+    assert!(host.new_commands().iter().any(|command| matches!(command, Command::Configure { motor: 2, .. })));
 
     assert!(matches!(host.ask(RESET, &[]), Answer::Ack(_)));
     assert_eq!(all(&mut host), all(&mut TestHost::new()));
     let commands = host.new_commands();
-    assert!(commands.contains(&Command { motor: 2, action: Action::Configure(settings()) }), "{commands:?}");
+    assert!(commands.contains(&Command::Configure { motor: 2, settings: settings() }), "{commands:?}");
     let stored = carried_out(&mut host);
     assert_eq!((stored.number(), stored.entries().count()), (2, 0));
     assert!(!report(&mut host).differs);
@@ -418,6 +437,22 @@ fn a_new_address_is_stored_alone() {
     assert_eq!(others(&record), others(&before));
     assert_eq!(powered_on(found(&record)).responder.address().get(), 9);
     // The address is stored only once.
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
+}
+
+#[test]
+fn an_address_that_was_set_before_the_memory_was_read_is_stored() {
+    let mut stored = SettingsRecord::new(1);
+    stored.push(0x7F06, &[3]).expect("room");
+    let mut host = TestHost { responder: responder_with(settings()).expecting_store(), ..TestHost::new() };
+    host.ask(0x7F06, &[9]);
+    host.responder.store_done(Some(found(&stored)), Outcome::None);
+    assert_eq!(powered_on(found(&carried_out(&mut host))).responder.address().get(), 9);
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
+    // A packet alone does not replace the stored address by the address that the firmware was built with.
+    let mut host = TestHost { responder: responder_with(settings()).expecting_store(), ..TestHost::new() };
+    host.ask(STATE, &[]);
+    host.responder.store_done(Some(found(&stored)), Outcome::None);
     assert_eq!(host.responder.store_request(&host.snapshot), None);
 }
 
@@ -479,11 +514,11 @@ proptest! {
         let mut host = TestHost::new();
         host.responder.restore(found(&record));
         let commands = host.new_commands();
-        prop_assert!(commands.iter().all(|command| matches!(command.action, Action::Configure(_))), "{:?}", commands);
+        prop_assert!(commands.iter().all(|command| matches!(command, Command::Configure { .. })), "{:?}", commands);
         prop_assert_eq!(host.responder.enabled(), [false; N]);
 
         let settings_in_force = |commands: &[Command]| -> Vec<Settings> {
-            commands.iter().filter_map(|c| match c.action { Action::Configure(it) => Some(it), _ => None }).collect()
+            commands.iter().filter_map(|c| match c { Command::Configure { settings, .. } => Some(*settings), _ => None }).collect()
         };
         let before = settings_in_force(&commands);
         prop_assert_eq!(before.len(), N);
@@ -604,8 +639,8 @@ fn settings_stored_by_firmware_0_1_0_are_restored_and_stored_again_as_the_same_b
 }
 
 fn configured(command: &Command) -> Settings {
-    match command.action {
-        Action::Configure(settings) => settings,
+    match *command {
+        Command::Configure { settings, .. } => settings,
         other => panic!("{other:?}"),
     }
 }

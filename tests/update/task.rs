@@ -1,7 +1,8 @@
 //! The task that owns the slots, under virtual time.
 
 use crate::power::{ACTIVE, DOWNLOAD, Part, STATE, new_chip};
-use crate::torn_flash::Code;
+use crate::torn_flash::{Code, NoPower};
+use embassy_futures::block_on;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, MockDriver};
 use embedded_storage_async::nor_flash::{
@@ -10,7 +11,8 @@ use embedded_storage_async::nor_flash::{
 use motor_hub::board::Watchdog;
 use motor_hub::tasks::update::{CONFIRM_AFTER_ROUNDS, Slots};
 use motor_hub::tasks::{self, Health, Task, Wires};
-use motor_hub::update::{Booted, SlotReport};
+use motor_hub::update::{Booted, CHUNK, CRC, Outcome, SlotReport};
+use std::future::ready;
 use std::pin::pin;
 use std::task::{Context, Waker};
 
@@ -68,6 +70,50 @@ impl NorFlash for Refusing {
     async fn write(&mut self, _: u32, _: &[u8]) -> Result<(), Refused> {
         self.refuse()
     }
+}
+
+/// The bootloader's state in a flash that drops the swap mark without an error.
+struct Dropping<'a>(Part<'a>);
+
+impl ErrorType for Dropping<'_> {
+    type Error = NoPower;
+}
+
+impl ReadNorFlash for Dropping<'_> {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NoPower> {
+        self.0.read(offset, bytes).await
+    }
+
+    fn capacity(&self) -> usize {
+        self.0.capacity()
+    }
+}
+
+impl NorFlash for Dropping<'_> {
+    const WRITE_SIZE: usize = Part::WRITE_SIZE;
+    const ERASE_SIZE: usize = Part::ERASE_SIZE;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), NoPower> {
+        self.0.erase(from, to).await
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NoPower> {
+        if bytes.first() == Some(&SWAPPED) { Ok(()) } else { self.0.write(offset, bytes).await }
+    }
+}
+
+#[test]
+fn an_image_is_not_armed_if_the_flash_has_dropped_the_swap_mark() {
+    let chip = new_chip(Code::None);
+    let state = Dropping(Part(&chip, STATE));
+    let mut slots = Slots::new(Part(&chip, ACTIVE), Part(&chip, DOWNLOAD), state).expect("words that fit");
+    let image = [1; CHUNK];
+    assert_eq!(block_on(slots.write(0, &image)), Outcome::Done);
+    let armed = block_on(slots.arm(CHUNK as u32, CRC.checksum(&image), None, ready(())));
+    assert_eq!(armed, Outcome::Refused);
+    assert_eq!(block_on(slots.booted()), Booted::Confirmed);
 }
 
 struct Fed;

@@ -76,7 +76,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
         }
         hub.sample(&readings);
         // A direct command is applied a millisecond after it was sent, without waiting for a tick.
-        if waiting.iter().any(|command: &Command| command.action.is_direct()) {
+        if waiting.iter().any(Command::is_direct) {
             obey(&mut hub, &mut waiting);
             if let Some(changed) = hub.execute_direct(now, battery) {
                 drives = changed;

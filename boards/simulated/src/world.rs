@@ -451,7 +451,7 @@ impl Devices for Board {
             rail: FIVE_VOLT_SCALE.battery(convert_exactly(0.5 * FIVE_VOLTS), vrefint),
             temperature_decidegrees: Some(TEMPERATURE_DECIDEGREES),
             // Nothing draws current from the digital pins.
-            supply_currents: Some([0, IMU_MA, servos * IDLE_SERVO_MA].map(Milliamperes::new)),
+            supply_currents: Some([0, IMU_MA, servos * IDLE_SERVO_MA].map(|ma| Some(Milliamperes::new(ma)))),
         }
     }
 

@@ -4,7 +4,6 @@
 use embassy_stm32::gpio::Input;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Ticker};
-use motor_hub::hub::Action;
 use motor_hub::responder::button::{Button, ButtonInputs};
 use motor_hub::tasks::Wires;
 use motor_hub::units::Micros;
@@ -28,6 +27,6 @@ pub async fn run<M: RawMutex, const N: usize>(input: Input<'static>, wires: &Wir
             now: Micros::new(Instant::now().as_micros()),
         });
         // A set-point that finds no room in the queue is sent at the next poll.
-        wires.try_send_by_button(Action::Set(wanted));
+        wires.try_send_by_button(wanted);
     }
 }

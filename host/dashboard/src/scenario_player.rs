@@ -9,7 +9,7 @@
 //! ```
 
 use crate::hub::{Hub, RequestError};
-use motor_hub::hub::{Action, Command};
+use motor_hub::hub::Command;
 use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::units::CountsPerSecond;
@@ -44,8 +44,8 @@ impl Script {
     /// The script of a scenario; `None` if the scenario has no set-points, or moves motors in step.
     #[must_use]
     pub fn of(scenario: &Scenario) -> Option<Self> {
-        let step = |Timed { at_s, value: Command { motor, action } }: Timed<Command>| {
-            let Action::Set(setpoint) = action else { return None };
+        let step = |Timed { at_s, value }: Timed<Command>| {
+            let Command::Set { motor, setpoint } = value else { return None };
             let zero = scenario.motors.get(motor)?.zero_power;
             Some((Duration::from_secs_f64(at_s), Step { motor: u8::try_from(motor).ok()?, zero, setpoint }))
         };

@@ -10,7 +10,7 @@ use crate::i2c::Fault;
 use motor_hub::braking::{DutyRule, Scheme, Winding};
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::group::{BaseSettings, DriveBase, GroupCommand};
-use motor_hub::hub::{Action, Command};
+use motor_hub::hub::Command;
 use motor_hub::model::load::Load;
 use motor_hub::model::plant::Temperatures;
 use motor_hub::model::train::Train;
@@ -279,21 +279,19 @@ impl Scenario {
         for (motor, plan) in self.motors.iter().enumerate() {
             commands.extend(plan.setpoints.iter().map(|&Timed { at_s, value }| Timed {
                 at_s,
-                value: Command { motor, action: Action::Set(value) },
+                value: Command::Set { motor, setpoint: value },
             }));
         }
         for group in &self.groups {
-            let Some(&motor) = group.motors.first() else { continue };
             commands.extend(
-                group.base_settings().map(|base| Timed {
-                    at_s: 0.0,
-                    value: Command { motor, action: Action::Base(Some(base)) },
-                }),
+                group.base_settings().map(|base| Timed { at_s: 0.0, value: Command::SetBase(Some(base)) }),
             );
-            commands.extend(group.courses.iter().map(|&Timed { at_s, value }| Timed {
-                at_s,
-                value: Command { motor, action: Action::MoveGroup(value) },
-            }));
+            commands.extend(
+                group
+                    .courses
+                    .iter()
+                    .map(|&Timed { at_s, value }| Timed { at_s, value: Command::MoveGroup(value) }),
+            );
         }
         commands.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
         commands

@@ -2,7 +2,7 @@
 //! values.
 
 use motor_hub::group::{Course, DEFAULT_TOLERANCE, GroupCommand, Halt, default_lag};
-use motor_hub::hub::{Action, Command};
+use motor_hub::hub::Command;
 use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::model::si::{NewtonMetres, Volts};
 use motor_hub::units::CountsPerSecond;
@@ -354,8 +354,10 @@ fn a_group_is_sent_on_courses_by_the_wheels_of_its_base() {
     assert_eq!(second.course, Course::velocities(&on).expect("two motors"));
     assert_eq!((second.lag, second.tolerance), (7, 0));
     let leads = scenario.commands().into_iter().map(|command| (command.at_s, command.value));
-    let lead = |together| Command { motor: 0, action: Action::MoveGroup(together) };
-    assert_eq!(leads.collect::<Vec<_>>(), [(0.0, lead(first)), (1.0, lead(second))]);
+    assert_eq!(
+        leads.collect::<Vec<_>>(),
+        [(0.0, Command::MoveGroup(first)), (1.0, Command::MoveGroup(second))]
+    );
     let subjects: Vec<Subject> = scenario.expectations.iter().map(|wanted| wanted.subject).collect();
     assert_eq!(subjects, [Subject::Group(0), Subject::Group(0)]);
 }

@@ -4,7 +4,8 @@ use super::interrupt;
 use super::shaft_speed::shaft_speed;
 use crate::output::{Failure, print};
 use motor_hub::extension::report::{HubReport, MotorReport};
-use motor_hub::protocol::answers::{Bulk, MotorAlert, Status};
+use motor_hub::protocol::CHANNELS;
+use motor_hub::protocol::answers::{Bulk, Status};
 use motor_hub::units::Millivolts;
 use motor_hub_client::line::Line;
 use motor_hub_client::motor_values::MotorValues;
@@ -171,7 +172,9 @@ pub(super) fn motors_of(bulk: &Bulk, motors: &[u8]) -> impl Iterator<Item = Moto
 
 /// Returns the motor alerts as text.
 pub(super) fn alert_words(status: Status) -> Vec<String> {
-    status.alerts().iter().map(MotorAlert::to_string).collect()
+    let of_motor =
+        |motor| status.alerts(motor).into_iter().map(move |alert| format!("motor {motor} {alert}"));
+    (0..CHANNELS).flat_map(of_motor).collect()
 }
 
 /// A text on standard output that is redrawn in place.

@@ -279,8 +279,7 @@ impl Run {
 
     /// Returns the reports of one motor, from answers of the hub and its log.
     fn said(&mut self, mode: Mode, status: Status, log: &[String]) -> Vec<&'static str> {
-        let alerts = status.alerts().into_iter().filter(|alert| alert.motor == mode.motor());
-        let mut reports: Vec<_> = alerts.map(|alert| alert.text).collect();
+        let mut reports: Vec<_> = status.alerts(mode.motor()).to_vec();
         let condition: Condition = self.read(MotorFunction::Condition.to(mode as u8));
         reports.extend(condition.bridge_fault.then_some("bridge off"));
         reports.extend(reported(log, &format!("motor {}: Faults", mode.motor()), &OF_MOTOR));
