@@ -299,7 +299,7 @@ fn pulled_by_a_slow_spring_the_shaft_sticks_and_slips() {
 #[test]
 fn battery_energy_is_heat_friction_and_what_is_stored() {
     let mut worst: f64 = 0.0;
-    for (coulomb, cogging) in [(5.0, 0.0), (0.0, 5.0), (5.0, 3.0)] {
+    for (coulomb, cogging) in [(0.0, 0.0), (5.0, 0.0), (0.0, 5.0), (5.0, 3.0)] {
         for name in ["AM 60 A", "AM 20 B", "CoreHex A"] {
             let motor = Motor { b: Drag(0.0), ..rough(characterised(name).unwrap(), coulomb, cogging) };
             let mut plant = Plant::new(motor, Load::NONE, Bridge::new(BridgeConstants::IDEAL), PWM);

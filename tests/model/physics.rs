@@ -172,36 +172,13 @@ fn steady_state_of_the_closed_form_does_not_move() {
 }
 
 #[test]
-fn every_state_applies_what_its_switches_and_diodes_connect() {
-    let circuit = Circuit::new(&am60(), BRIDGE);
-    for state in State::ALL {
-        for emf in [-15.0, -13.0, -5.0, -0.3, 0.0, 0.3, 5.0, 13.0, 15.0] {
-            let expected = direction(state, 0.0, emf);
-            for current in [-2.0, 0.0, 2.0] {
-                let way = if current == 0.0 { expected } else { f64::signum(current) };
-                let mut sums = Integrals::default();
-                let time = 1e-9;
-                let end = circuit.dwell(state, Amps(current), at(emf), Seconds(time), &mut sums).0;
-                let voltage = terminal_voltage(state, current, way) - emf - circuit.r.0 * current;
-                let want = if way == 0.0 { 0.0 } else { voltage / circuit.l.0 };
-                close((end - current) / time, want, 2e-5 * BATTERY / circuit.l.0, (state, emf, current));
-            }
-            let starts = circuit.starts(state, at(emf)).map_or(0.0, |sign| {
-                if sign == motor_hub::model::bridge_states::CurrentSign::Positive { 1.0 } else { -1.0 }
-            });
-            assert_eq!(starts, expected, "{state:?} at {emf}");
-        }
-    }
-}
-
-#[test]
 fn a_dwell_agrees_with_integration_in_small_steps_through_zero() {
     let mut heavy = am60();
     heavy.j = KgM2(1e9);
     let circuit = Circuit::new(&heavy, BRIDGE);
     let mut worst: f64 = 0.0;
     for state in State::ALL {
-        for emf in [-14.0, -6.0, 0.0, 6.0, 14.0] {
+        for emf in [-15.0, -14.0, -13.0, -6.0, -0.3, 0.0, 0.3, 6.0, 13.0, 14.0, 15.0] {
             for current in [-2.5, 0.0, 2.5] {
                 let shaft = Shaft::new(&heavy, &Load::NONE);
                 let speed = emf / heavy.ke.0;
@@ -411,31 +388,6 @@ fn plant_follows_the_event_exact_motor_within_a_thousandth() {
     println!("plant: mean current off by {worst:.1e} of Vbat/R, speed by {worst_speed:.1e} of Vbat/Ke");
 }
 
-fn energies(plant: &Plant) -> f64 {
-    let shaft = Shaft::new(plant.motor(), plant.load());
-    0.5 * plant.motor().l.0 * plant.current().0.powi(2) + 0.5 * shaft.inertia.0 * plant.speed().0.powi(2)
-}
-
-#[test]
-fn plant_conserves_energy() {
-    for name in ["AM 60 A", "AM 20 B", "CoreHex A"] {
-        let frictionless = Motor { b: Drag(0.0), ..motor(name).with_measured_rotor_inertia() };
-        for mode in MODES {
-            let mut plant = Plant::new(frictionless, Load::inertia(KgM2(0.01)), BRIDGE, Hertz(20e3));
-            plant.set_state(Amps(0.5), RadPerSec(400.0), 0.0);
-            let before = (energies(&plant), plant.current().0);
-            let flow = plant.run(Seconds(0.1), PlantInput::pwm(mode, 0.6), Volts(BATTERY));
-            let battery = flow.energy_from_battery.0 - flow.energy_to_battery.0;
-            let coil = 0.5 * frictionless.l.0 * (plant.current().0.powi(2) - before.1.powi(2));
-            let scale = battery.abs() + flow.heat.0 + flow.shaft_work.0.abs();
-            close(battery, flow.heat.0 + flow.shaft_work.0 + coil, 1e-9 * scale, (name, mode));
-            // Without drag all work of the shaft becomes kinetic energy.
-            let motion = energies(&plant) - before.0 - coil;
-            close(flow.shaft_work.0, motion, 1e-5 * scale, (name, mode, "motion"));
-        }
-    }
-}
-
 #[test]
 fn plant_run_in_uneven_pieces_is_one_run() {
     let command = PlantInput::pwm(Mode::Cw98, 0.37);
@@ -462,17 +414,6 @@ fn plant_settles_at_the_steady_speed_of_its_duty() {
         let steady = OpenLoop::new(&am60(), &Load::NONE, BRIDGE).steady_speed(pwm, Volts(BATTERY));
         close(plant.speed().0, steady.0, 0.02, (mode, duty));
     }
-}
-
-#[test]
-fn a_plant_out_of_current_coasts_down_by_its_drag_alone() {
-    let mut plant = Plant::new(am60(), Load::NONE, BRIDGE, Hertz(20e3));
-    plant.set_state(Amps(0.0), RadPerSec(500.0), 1.0);
-    let flow = plant.run(Seconds(1.0), PlantInput::COAST, Volts(BATTERY));
-    let rate = am60().b.0 / am60().j.0;
-    close(plant.speed().0, 500.0 * (-rate).exp(), 1e-9, "speed");
-    close(plant.angle(), 1.0 + 500.0 * (1.0 - (-rate).exp()) / rate, 1e-8, "angle");
-    assert_eq!(flow.charge.0, 0.0);
 }
 
 #[test]
