@@ -119,7 +119,6 @@ fn close(got: f64, want: f64, tolerance: f64, what: impl core::fmt::Debug) {
 #[test]
 fn closed_form_agrees_with_integration_in_small_steps() {
     let load = Load { inertia_after: KgM2(0.002), drag_after: Drag(0.01), ..Load::NONE };
-    let mut worst: f64 = 0.0;
     for motor in [am60(), motor("AM 60 A"), motor("CoreHex A"), motor("AM 3.7 B")] {
         for load in [Load::NONE, load] {
             let geared = GearedMotor::new(&motor, &load);
@@ -148,12 +147,10 @@ fn closed_form_agrees_with_integration_in_small_steps() {
                 (mean.current.0, x[2] / time.0, amps),
                 (mean.speed.0, x[3] / time.0, speed),
             ] {
-                worst = worst.max((got - want).abs() / scale);
                 close(got, want, 1e-9 * scale, motor.name);
             }
         }
     }
-    println!("closed form against Runge-Kutta: worst {worst:.1e}");
 }
 
 #[test]
@@ -176,7 +173,6 @@ fn a_dwell_agrees_with_integration_in_small_steps_through_zero() {
     let mut heavy = am60();
     heavy.j = KgM2(1e9);
     let circuit = Circuit::new(&heavy, BRIDGE);
-    let mut worst: f64 = 0.0;
     for state in State::ALL {
         for emf in [-15.0, -14.0, -13.0, -6.0, -0.3, 0.0, 0.3, 6.0, 13.0, 14.0, 15.0] {
             for current in [-2.5, 0.0, 2.5] {
@@ -189,12 +185,10 @@ fn a_dwell_agrees_with_integration_in_small_steps_through_zero() {
                 let end = circuit.dwell(state, Amps(current), at(emf), Seconds(3e-4), &mut sums);
                 let [i, _, charge] = reference.state;
                 let miss = (end.0 - i).abs().max((sums.current - charge).abs() / 3e-4);
-                worst = worst.max(miss);
                 assert!(miss < 5e-4, "{state:?} emf {emf} current {current}: {miss}");
             }
         }
     }
-    println!("dwell against Runge-Kutta: worst {worst:.1e} A");
 }
 
 #[test]
@@ -220,7 +214,6 @@ fn dwelling_in_pieces_is_dwelling_at_once() {
 
 #[test]
 fn the_bridge_conserves_energy() {
-    let mut worst: f64 = 0.0;
     for motor in motors() {
         let circuit = Circuit::new(&motor, BRIDGE);
         for state in State::ALL {
@@ -237,19 +230,16 @@ fn the_bridge_conserves_energy() {
                         assert!(miss < 1e-9, "{} {state:?} {emf} {start} {time}: {miss}", motor.name);
                         assert!(sums.heat >= circuit.r.0 * sums.square * (1.0 - 1e-9));
                         assert!(sums.from_battery >= 0.0 && sums.to_battery >= 0.0);
-                        worst = worst.max(miss);
                     }
                 }
             }
         }
     }
-    println!("energy balance of the bridge: worst {worst:.1e}");
 }
 
 #[test]
 fn periodic_state_is_where_a_long_run_ends_for_every_pair_of_states() {
     let circuit = Circuit::new(&am60(), BRIDGE);
-    let mut worst: f64 = 0.0;
     let mut mixed = 0;
     for on in State::ALL {
         for off in State::ALL {
@@ -268,7 +258,6 @@ fn periodic_state_is_where_a_long_run_ends_for_every_pair_of_states() {
                             .abs()
                             .max((steady.mean.0 - sums.current * frequency).abs())
                             .max((steady.battery.0 - sums.battery() * frequency).abs());
-                        worst = worst.max(miss);
                         assert!(miss < 1e-11, "{pwm:?} {emf}: {miss}");
                         let one_signed = steady.rms.0 >= steady.mean.0.abs() * (1.0 - 1e-12);
                         assert!(one_signed || steady.conduction == Conduction::Zero);
@@ -279,12 +268,11 @@ fn periodic_state_is_where_a_long_run_ends_for_every_pair_of_states() {
         }
     }
     assert!(mixed > 0, "no case in which the current changes sign");
-    println!("periodic state against a long run: worst {worst:.1e} A");
 }
 
 #[test]
 fn duty_for_current_inverts_the_bridge_for_every_motor() {
-    let (mut worst, mut worst_formula, mut worst_miss): (f64, f64, f64) = (0.0, 0.0, 0.0);
+    let (mut worst_formula, mut worst_miss): (f64, f64) = (0.0, 0.0);
     for motor in motors() {
         let circuit = Circuit::new(&motor, BRIDGE);
         for frequency in [1e3, 8e3, 15.6e3, 20e3].map(Hertz) {
@@ -298,7 +286,6 @@ fn duty_for_current_inverts_the_bridge_for_every_motor() {
                         let got = circuit.steady(pwm, at).mean;
                         if pwm.duty < 1.0 {
                             let miss = (got.0 - wanted.0).abs() / full;
-                            worst = worst.max(miss);
                             assert!(miss < 1e-12, "{} {frequency} {at:?} {wanted}: {got}", motor.name);
                         } else {
                             // The current is out of reach, so the bridge applies its largest voltage.
@@ -323,7 +310,6 @@ fn duty_for_current_inverts_the_bridge_for_every_motor() {
             }
         }
     }
-    println!("duty_for_current: worst {worst:.1e} of Vbat/R");
     println!("by formula: duty off by {worst_formula:.4}, current by {worst_miss:.4} of Vbat/R");
     assert!(worst_formula < 0.01 && worst_miss < 0.01);
 }
@@ -344,8 +330,6 @@ fn reverse_continues_full_braking_at_the_computed_duty() {
 
 #[test]
 fn plant_follows_the_event_exact_motor_within_a_thousandth() {
-    let mut worst: f64 = 0.0;
-    let mut worst_speed: f64 = 0.0;
     let flywheel = Load::inertia(KgM2(0.05));
     let cases = [(am60(), flywheel), (am60(), Load::NONE), (motor("AM 60 A"), Load::NONE)];
     for (motor, load) in cases {
@@ -375,8 +359,6 @@ fn plant_follows_the_event_exact_motor_within_a_thousandth() {
                         let mean = reference.state[2] / (periods * period);
                         let miss = (flow.mean_current().0 - mean).abs() * motor.r.0 / BATTERY;
                         let slip = (plant.speed().0 - reference.state[1]).abs() * motor.ke.0 / BATTERY;
-                        worst = worst.max(miss);
-                        worst_speed = worst_speed.max(slip);
                         let what = format!("{mode:?} {duty} {frequency} {load:?} {}", motor.j);
                         assert!(miss < 1e-3, "{what}: {miss}");
                         assert!(slip < 1e-3, "{what}: {slip}");
@@ -385,7 +367,6 @@ fn plant_follows_the_event_exact_motor_within_a_thousandth() {
             }
         }
     }
-    println!("plant: mean current off by {worst:.1e} of Vbat/R, speed by {worst_speed:.1e} of Vbat/Ke");
 }
 
 #[test]
