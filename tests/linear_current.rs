@@ -289,6 +289,7 @@ fn an_unknown_inductance_is_the_limit_of_a_high_frequency() {
 
 #[test]
 fn nothing_overflows_at_the_ends_of_the_ranges() {
+    assert_eq!(OperatingPoint::new(Emf::default(), Millivolts::new(0)), None);
     for mohm in [1, u16::MAX] {
         for uh in [None, Some(1), Some(u16::MAX)] {
             let winding = Winding {
@@ -312,7 +313,7 @@ fn ends(rule: &LinearCurrent) {
         for battery in [1, 12_000, u16::MAX] {
             let emf = largest.emf(CountsPerSecond::new(cps));
             let at = OperatingPoint::new(emf, Millivolts::new(battery)).expect("battery");
-            for scheme in Scheme::ALL {
+            for scheme in Scheme::ALL.into_iter().chain([Scheme::D(Blend::Fixed(BlendFraction::ONE))]) {
                 for control in [i16::MIN, -20_000, -1, 0, 1, 20_000, i16::MAX] {
                     let _ = linear_current(rule, scheme, at, Control::new(control));
                 }
