@@ -39,31 +39,6 @@ fn every_control() -> impl Iterator<Item = Control> {
     (-i16::MAX..=i16::MAX).map(Control::new)
 }
 
-/// Returns a number that grows with the torque of a bridge command: first by the regime, then by the duty.
-fn order(at: OperatingPoint, placement: Drive) -> i32 {
-    let duty = i32::from(placement.duty.to_bits());
-    match at.regime(placement) {
-        Regime::Reverse => -(1 << 16) - duty,
-        Regime::Braking => -duty,
-        Regime::Forward => duty,
-    }
-}
-
-#[test]
-fn torque_never_falls_as_control_rises() {
-    for scheme in schemes() {
-        for (cps, battery) in SPEEDS.iter().flat_map(|&s| BATTERIES.map(|b| (s, b))) {
-            let at = at(cps, battery);
-            let mut last = i32::MIN;
-            for control in every_control() {
-                let rank = order(at, linear_duty(scheme, at, control));
-                assert!(rank >= last, "{scheme:?} {cps} cps {battery} mV at {}", control.get());
-                last = rank;
-            }
-        }
-    }
-}
-
 #[test]
 fn regimes_meet_without_gap_or_overlap() {
     for scheme in schemes() {
@@ -269,23 +244,4 @@ fn schemes_c_and_d_have_no_formula_where_the_emf_equals_the_battery() {
         assert!((here.t.to_f64() - there.t.to_f64()).abs() < 1.0, "{here:?} {there:?}");
         assert!((here.s.to_f64() - there.s.to_f64()).abs() < 1.0, "{here:?} {there:?}");
     }
-}
-
-#[test]
-fn points_hold_at_both_ends_of_emf_and_battery() {
-    for cps in [0, 1, i32::MAX] {
-        for battery in [1, u16::MAX] {
-            let constant = EmfConstant::from_bits((1 << 25) - 1).expect("largest");
-            let at = OperatingPoint::new(constant.emf(CountsPerSecond::new(cps)), Millivolts::new(battery));
-            let at = at.expect("battery");
-            for scheme in schemes() {
-                let points = Points::new(scheme, at);
-                for control in [Control::MIN, Control::new(-1), Control::ZERO, Control::new(1), Control::MAX]
-                {
-                    let _ = points.locate(control);
-                }
-            }
-        }
-    }
-    assert_eq!(OperatingPoint::new(Default::default(), Millivolts::new(0)), None);
 }

@@ -12,7 +12,7 @@ use motor_hub::motor::{Motor, Setpoint, Settings, ZeroPower};
 use motor_hub::regulator::Coefficients;
 use motor_hub::supply::Battery;
 use motor_hub::units::{
-    Acceleration, Coefficient, Control, CountsPerSecond, Duty, Micros, Millivolts, Period, RangeError,
+    Acceleration, Coefficient, Control, CountsPerSecond, Micros, Millivolts, Period, RangeError,
 };
 use proptest::prelude::*;
 
@@ -199,16 +199,6 @@ fn without_a_battery_voltage_everything_coasts_and_says_why() {
         assert_eq!(snapshot.drives(), [Drive::COAST; 4]);
         assert!(!unknown || snapshot.motors.iter().all(|m| m.faults.battery_unknown));
     }
-}
-
-#[test]
-fn an_old_battery_voltage_is_none() {
-    let mut hub = Hub::new([settings()], Period::DEFAULT);
-    hub.apply(Command::Set { motor: 0, setpoint: power(32_767) }).expect("motor");
-    let battery = Some(Battery::unlimited(Millivolts::new(12_000), Micros::new(0)));
-    let mut drive_at = |now| hub.step(Micros::new(now), &[None], battery).drives()[0];
-    assert_eq!(drive_at(100_000).duty, Duty::ONE);
-    assert_eq!(drive_at(150_000), Drive::COAST);
 }
 
 #[test]

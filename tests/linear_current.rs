@@ -4,7 +4,7 @@ use motor_hub::braking::{
     Blend, BlendFraction, DutyRule, LinearCurrent, Modulator, OperatingPoint, Points, Regime, Scheme,
     Winding, linear_current, linear_duty,
 };
-use motor_hub::bridge::{BridgeConstants, Drive, Mode, Timing};
+use motor_hub::bridge::{BridgeConstants, Drive, Timing};
 use motor_hub::model::catalogue::{self, Motor};
 use motor_hub::model::si::{Hertz, Volts};
 use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
@@ -26,51 +26,27 @@ fn schemes() -> [Scheme; 5] {
     ]
 }
 
-/// Constants of a motor and its bridge, as configured in the hub.
-#[derive(Clone, Copy, Debug)]
-struct Electrical {
-    resistance_mohm: u16,
-    inductance_uh: Option<u16>,
-    diode_mv: u16,
-    switch_mohm: u16,
-    pwm_hz: u32,
+fn am60() -> Motor {
+    catalogue::characterised("AM 60 A").expect("known")
 }
 
-impl Electrical {
-    const TYPICAL: Self = {
-        let (winding, bridge) = (Winding::NEVEREST_60, BridgeConstants::IDEAL);
-        Self {
-            resistance_mohm: winding.resistance.as_milliohms(),
-            inductance_uh: match winding.inductance {
-                Some(inductance) => Some(inductance.as_microhenries()),
-                None => None,
-            },
-            diode_mv: bridge.diode_mv(),
-            switch_mohm: bridge.switch_mohm(),
-            pwm_hz: bridge.pwm_hz(),
-        }
-    };
-}
-
-/// What a user would enter for a motor.
-fn electrical(motor: &Motor, frequency: f64) -> Electrical {
-    Electrical {
-        resistance_mohm: (motor.r.0 * 1e3).round() as u16,
-        inductance_uh: Some((motor.l.0 * 1e6).round() as u16),
-        pwm_hz: frequency as u32,
-        ..Electrical::TYPICAL
+/// The winding as a user would enter it.
+fn winding(motor: &Motor) -> Winding {
+    Winding {
+        emf: Winding::NEVEREST_60.emf,
+        resistance: Resistance::from_ohms(motor.r.0).expect("in range"),
+        inductance: Inductance::from_millihenries(1e3 * motor.l.0).ok(),
     }
 }
 
-fn winding(electrical: Electrical) -> LinearCurrent {
-    let Electrical { resistance_mohm, inductance_uh, diode_mv, switch_mohm, pwm_hz } = electrical;
-    let winding = Winding {
-        emf: Winding::NEVEREST_60.emf,
-        resistance: Resistance::from_milliohms(resistance_mohm).expect("in range"),
-        inductance: inductance_uh.and_then(|uh| Inductance::from_microhenries(uh).ok()),
-    };
-    let bridge = BridgeConstants::new(diode_mv, switch_mohm, pwm_hz);
-    LinearCurrent::new(&winding, &bridge.expect("in range"))
+/// The constants of the usual bridge with this PWM frequency.
+fn bridge(frequency: f64) -> BridgeConstants {
+    BridgeConstants::new(700, 50, frequency as u32).expect("in range")
+}
+
+/// The duty rule for a motor on the usual bridge with this PWM frequency.
+fn rule(motor: &Motor, frequency: f64) -> LinearCurrent {
+    LinearCurrent::new(&winding(motor), &bridge(frequency))
 }
 
 /// An operating point at this back EMF, to 1/256 mV.
@@ -90,11 +66,21 @@ impl Point {
         Self { at, emf: emf.to_f64() / 1e3, battery }
     }
 
-    /// Returns the mean current of the bridge for a bridge command, in A.
+    /// Returns the mean current of the ideal bridge for a bridge command, in A.
     fn current(&self, motor: &Motor, frequency: f64, placement: Drive) -> f64 {
+        self.current_on(BRIDGE, motor, frequency, placement)
+    }
+
+    /// Returns the mean current of a bridge for a bridge command, in A.
+    fn current_on(&self, bridge: Bridge, motor: &Motor, frequency: f64, placement: Drive) -> f64 {
         let pwm = Pwm::new(placement.mode, placement.duty.to_f64(), Hertz(frequency));
         let conditions = Conditions { battery: Volts(self.battery), emf: Volts(self.emf) };
-        Circuit::new(motor, BRIDGE).steady(pwm, conditions).mean.0
+        Circuit::new(motor, bridge).steady(pwm, conditions).mean.0
+    }
+
+    /// Returns the deviation of a current from the straight line of the scheme, as a share of Vbat/R.
+    fn deviation(&self, motor: &Motor, scheme: Scheme, control: i16, current: f64) -> f64 {
+        (current - self.asked(motor, scheme, control)).abs() / (self.battery / motor.r.0)
     }
 
     /// Returns the current that the straight lines of the scheme request (paper, sections 2 and 3). It is computed here
@@ -123,12 +109,14 @@ impl Point {
     }
 }
 
-/// Speeds from standstill to 95 % of the free speed, both directions, as back EMF.
-fn emfs(motor: &Motor, battery: f64) -> impl Iterator<Item = f64> {
-    let free = motor.ke.0 * motor.ke.0 / (motor.ke.0 * motor.ke.0 + motor.r.0 * motor.b.0) * battery;
-    [0.0, 0.005, 0.02, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95]
-        .into_iter()
-        .flat_map(move |u| [u * free, -u * free])
+/// Operating points at speeds from standstill to 95 % of the free speed, in both directions.
+fn points(motor: &Motor, batteries: &[f64]) -> Vec<Point> {
+    let free = motor.ke.0 * motor.ke.0 / (motor.ke.0 * motor.ke.0 + motor.r.0 * motor.b.0);
+    let shares = [0.0, 0.005, 0.02, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95];
+    let emfs = |battery: f64| {
+        shares.into_iter().flat_map(move |u| [1.0, -1.0].map(|sign| sign * u * free * battery))
+    };
+    batteries.iter().flat_map(|&battery| emfs(battery).map(move |emf| Point::new(emf, battery))).collect()
 }
 
 fn controls() -> impl Iterator<Item = i16> {
@@ -136,22 +124,15 @@ fn controls() -> impl Iterator<Item = i16> {
 }
 
 /// Largest deviation from the straight line, as a share of Vbat/R, over the whole catalogue.
-fn worst(rule: impl Fn(&LinearCurrent, Scheme, OperatingPoint, Control) -> Drive) -> f64 {
+fn worst(place: impl Fn(&LinearCurrent, Scheme, OperatingPoint, Control) -> Drive) -> f64 {
     let mut worst = 0.0f64;
-    for motor in &catalogue::motors().collect::<Vec<_>>() {
-        for frequency in FREQUENCIES {
-            let winding = winding(electrical(motor, frequency));
-            for battery in BATTERIES {
-                for point in emfs(motor, battery).map(|emf| Point::new(emf, battery)) {
-                    for scheme in schemes() {
-                        for control in controls() {
-                            let placement = rule(&winding, scheme, point.at, Control::new(control));
-                            let error = point.current(motor, frequency, placement)
-                                - point.asked(motor, scheme, control);
-                            worst = worst.max(error.abs() / (battery / motor.r.0));
-                        }
-                    }
-                }
+    for (motor, frequency) in catalogue::motors().flat_map(|motor| FREQUENCIES.map(|hz| (motor, hz))) {
+        let rule = rule(&motor, frequency);
+        for point in points(&motor, &BATTERIES) {
+            for (scheme, control) in schemes().into_iter().flat_map(|s| controls().map(move |c| (s, c))) {
+                let placement = place(&rule, scheme, point.at, Control::new(control));
+                let current = point.current(&motor, frequency, placement);
+                worst = worst.max(point.deviation(&motor, scheme, control, current));
             }
         }
     }
@@ -169,43 +150,10 @@ fn mean_current_is_the_line_asked_for_over_the_whole_catalogue() {
 }
 
 #[test]
-fn duty_is_within_a_quarter_of_a_percent_of_the_exact_inverse() {
-    for frequency in FREQUENCIES {
-        let mut worst = 0.0f64;
-        for motor in &catalogue::motors().collect::<Vec<_>>() {
-            let winding = winding(electrical(motor, frequency));
-            let circuit = Circuit::new(motor, BRIDGE);
-            for battery in BATTERIES {
-                for point in emfs(motor, battery).map(|emf| Point::new(emf, battery)) {
-                    let conditions = Conditions { battery: Volts(battery), emf: Volts(point.emf) };
-                    for control in controls() {
-                        let placement = linear_current(&winding, Scheme::A, point.at, Control::new(control));
-                        let asked = point.asked(motor, Scheme::A, control);
-                        let exact = circuit.duty_for_current(
-                            motor_hub::model::si::Amps(asked),
-                            Hertz(frequency),
-                            conditions,
-                        );
-                        // At an exact boundary either mode is right. For currents below a thousandth of
-                        // Vbat/R the duty is the root of a voltage that is rounded to 1/16 mV.
-                        let small = asked.abs() < 1e-3 * battery / motor.r.0;
-                        if exact.on == placement.mode.on() && !small {
-                            worst = worst.max((placement.duty.to_f64() - exact.duty).abs());
-                        }
-                    }
-                }
-            }
-        }
-        println!("{frequency} Hz: duty within {worst:.5}");
-        assert!(worst < 0.0025, "{frequency} Hz: {worst}");
-    }
-}
-
-#[test]
 fn current_is_continuous_and_rises_with_every_control_value() {
-    let motor = catalogue::find("AM 60 A").and_then(|entry| entry.motor.as_ref()).expect("known");
+    let motor = &am60();
     for frequency in [1_000.0, 20_000.0] {
-        let winding = winding(electrical(motor, frequency));
+        let winding = rule(motor, frequency);
         for emf in [-10.8, -0.3, 0.0, 0.5, 3.0, 6.0, 11.0, 12.5] {
             let point = Point::new(emf, 12.0);
             for scheme in schemes() {
@@ -237,23 +185,31 @@ fn rank(at: OperatingPoint, placement: Drive, emf: f64) -> i32 {
 
 #[test]
 fn duty_is_monotone_over_every_control_value_to_its_last_bits() {
-    for electrical in [
-        Electrical::TYPICAL,
-        Electrical { pwm_hz: 1_000, ..Electrical::TYPICAL },
-        Electrical { inductance_uh: None, ..Electrical::TYPICAL },
-        Electrical { resistance_mohm: 20_600, pwm_hz: 1_000, ..Electrical::TYPICAL },
-        Electrical { switch_mohm: 0, diode_mv: 0, ..Electrical::TYPICAL },
+    let usual = Winding::NEVEREST_60;
+    let ideal = BridgeConstants::new(0, 0, 20_000).expect("in range");
+    for (winding, bridge) in [
+        (usual, bridge(20_000.0)),
+        (usual, bridge(1_000.0)),
+        (Winding { inductance: None, ..usual }, bridge(20_000.0)),
+        (
+            Winding { resistance: Resistance::from_milliohms(20_600).expect("in range"), ..usual },
+            bridge(1_000.0),
+        ),
+        (usual, ideal),
     ] {
-        let winding = winding(electrical);
+        let rule = LinearCurrent::new(&winding, &bridge);
         for emf in [-14.0, -6.0, -0.2, 0.0, 0.01, 0.69, 0.71, 3.0, 6.0, 11.9, 12.0, 12.1, 14.0, 25.0] {
             let point = Point::new(emf, 12.0);
             for scheme in schemes() {
                 let mut last = i32::MIN;
                 for control in -32_767..=32_767 {
-                    let placement = linear_current(&winding, scheme, point.at, Control::new(control));
+                    let placement = linear_current(&rule, scheme, point.at, Control::new(control));
                     let rank = rank(point.at, placement, emf);
                     // The solution is rounded: 2^-13 of a duty may be lost from one value to the next.
-                    assert!(rank >= last.saturating_sub(4), "{electrical:?} {scheme:?} {emf} V at {control}");
+                    assert!(
+                        rank >= last.saturating_sub(4),
+                        "{winding:?} {bridge:?} {scheme:?} {emf} V at {control}"
+                    );
                     last = last.max(rank);
                 }
             }
@@ -263,14 +219,14 @@ fn duty_is_monotone_over_every_control_value_to_its_last_bits() {
 
 #[test]
 fn regimes_are_those_of_the_points() {
-    let winding = winding(Electrical::TYPICAL);
+    let rule = LinearCurrent::new(&Winding::NEVEREST_60, &BridgeConstants::IDEAL);
     for emf in [-11.0, -3.0, 0.0, 0.4, 6.0, 11.5] {
         let at = Point::new(emf, 12.0).at;
         for scheme in schemes() {
             let mut differing = 0i32;
             for control in (-32_767..=32_767).map(Control::new) {
                 let linear = linear_duty(scheme, at, control);
-                let current = linear_current(&winding, scheme, at, control);
+                let current = linear_current(&rule, scheme, at, control);
                 differing += i32::from(at.regime(linear) != at.regime(current));
             }
             // The points are exact, and voltages are rounded to 1/16 mV. At a boundary the regimes may therefore
@@ -284,36 +240,16 @@ fn regimes_are_those_of_the_points() {
     }
 }
 
-#[test]
-fn braking_passes_smoothly_into_reverse_driving() {
-    // At T linear duty loses the drop of one diode. The current is wrong by Vd/R, which is 5.8 % of Vbat/R.
-    let motor = catalogue::find("AM 60 A").and_then(|entry| entry.motor.as_ref()).expect("known");
-    let winding = winding(electrical(motor, 20_000.0));
-    let point = Point::new(6.0, 12.0);
-    let around_t = |place: &dyn Fn(Control) -> Drive| {
-        let [braking, reverse] = [place(Control::new(1)), place(Control::new(-1))];
-        assert_eq!((braking.mode, reverse.mode), (Mode::Brake50, Mode::Ccw62));
-        let lost = point.current(motor, 20_000.0, reverse) - point.current(motor, 20_000.0, braking);
-        lost / (12.0 / motor.r.0)
-    };
-    let linear_duty = around_t(&|control| linear_duty(Scheme::A, point.at, control));
-    let linear_current = around_t(&|control| linear_current(&winding, Scheme::A, point.at, control));
-    assert!((0.04..0.06).contains(&linear_duty), "{linear_duty}");
-    assert!(linear_current.abs() < 0.001, "{linear_current}");
-}
-
-/// Largest deviation from the line when the hub has these constants of the motor.
-fn worst_when_configured(motor: &Motor, configured: impl Fn(Electrical) -> Electrical) -> f64 {
+/// Largest deviation from the line when the hub is configured with this winding.
+fn worst_when_configured(motor: &Motor, configured: &Winding) -> f64 {
     let mut worst = 0.0f64;
     for frequency in FREQUENCIES {
-        let winding = winding(configured(electrical(motor, frequency)));
-        for emf in emfs(motor, 12.0) {
-            let point = Point::new(emf, 12.0);
+        let rule = LinearCurrent::new(configured, &bridge(frequency));
+        for point in points(motor, &[12.0]) {
             for control in controls() {
-                let placement = linear_current(&winding, Scheme::A, point.at, Control::new(control));
-                let error =
-                    point.current(motor, frequency, placement) - point.asked(motor, Scheme::A, control);
-                worst = worst.max(error.abs() / (12.0 / motor.r.0));
+                let placement = linear_current(&rule, Scheme::A, point.at, Control::new(control));
+                let current = point.current(motor, frequency, placement);
+                worst = worst.max(point.deviation(motor, Scheme::A, control, current));
             }
         }
     }
@@ -322,64 +258,64 @@ fn worst_when_configured(motor: &Motor, configured: impl Fn(Electrical) -> Elect
 
 #[test]
 fn a_resistance_or_inductance_that_is_wrong_costs_little() {
-    let motor = catalogue::find("AM 60 A").and_then(|entry| entry.motor.as_ref()).expect("known");
-    let half = worst_when_configured(motor, |e| Electrical { resistance_mohm: e.resistance_mohm / 2, ..e });
-    let double = worst_when_configured(motor, |e| Electrical { resistance_mohm: e.resistance_mohm * 2, ..e });
-    let half_l =
-        worst_when_configured(motor, |e| Electrical { inductance_uh: e.inductance_uh.map(|l| l / 2), ..e });
-    let double_l =
-        worst_when_configured(motor, |e| Electrical { inductance_uh: e.inductance_uh.map(|l| l * 2), ..e });
-    println!("R/2 {half:.4}, 2R {double:.4}, L/2 {half_l:.4}, 2L {double_l:.4} of Vbat/R");
-    assert!([half, double, half_l, double_l].into_iter().all(|worst| worst < 0.065));
+    let motor = &am60();
+    for (resistance, inductance) in [(0.5, 1.0), (2.0, 1.0), (1.0, 0.5), (1.0, 2.0)] {
+        let configured = Winding {
+            resistance: Resistance::from_ohms(resistance * motor.r.0).expect("in range"),
+            inductance: Inductance::from_millihenries(1e3 * inductance * motor.l.0).ok(),
+            ..winding(motor)
+        };
+        let worst = worst_when_configured(motor, &configured);
+        println!("R x{resistance}, L x{inductance}: {worst:.4} of Vbat/R");
+        assert!(worst < 0.065, "R x{resistance}, L x{inductance}: {worst}");
+    }
 }
 
 #[test]
 fn an_unknown_inductance_is_the_limit_of_a_high_frequency() {
-    let motor = catalogue::find("AM 60 A").and_then(|entry| entry.motor.as_ref()).expect("known");
-    let unknown = winding(Electrical { inductance_uh: None, ..Electrical::TYPICAL });
-    let zero = winding(Electrical { inductance_uh: Some(0), ..Electrical::TYPICAL });
+    let motor = &am60();
+    let unknown = Winding { inductance: None, ..Winding::NEVEREST_60 };
+    let unknown = LinearCurrent::new(&unknown, &BridgeConstants::IDEAL);
     for emf in [0.0, 3.0, 9.0] {
         let point = Point::new(emf, 12.0);
         for control in controls() {
             let placement = linear_current(&unknown, Scheme::A, point.at, Control::new(control));
-            assert_eq!(placement, linear_current(&zero, Scheme::A, point.at, Control::new(control)));
-            let error = point.current(motor, 1e6, placement) - point.asked(motor, Scheme::A, control);
-            assert!(error.abs() / (12.0 / motor.r.0) < 0.01, "{emf} V at {control}: {error}");
+            let current = point.current(motor, 1e6, placement);
+            let deviation = point.deviation(motor, Scheme::A, control, current);
+            assert!(deviation < 0.01, "{emf} V at {control}: {deviation}");
         }
     }
 }
 
 #[test]
 fn nothing_overflows_at_the_ends_of_the_ranges() {
-    for resistance_mohm in [1, u16::MAX] {
-        for inductance_uh in [None, Some(1), Some(u16::MAX)] {
-            for diode_mv in [0, 2_000] {
-                for switch_mohm in [0, 4_095] {
-                    for pwm_hz in [100, 200_000] {
-                        let winding = winding(Electrical {
-                            resistance_mohm,
-                            inductance_uh,
-                            diode_mv,
-                            switch_mohm,
-                            pwm_hz,
-                        });
-                        ends(&winding);
-                    }
+    assert_eq!(OperatingPoint::new(Emf::default(), Millivolts::new(0)), None);
+    for mohm in [1, u16::MAX] {
+        for uh in [None, Some(1), Some(u16::MAX)] {
+            let winding = Winding {
+                resistance: Resistance::from_milliohms(mohm).expect("in range"),
+                inductance: uh.and_then(|uh| Inductance::from_microhenries(uh).ok()),
+                ..Winding::NEVEREST_60
+            };
+            for (diode_mv, switch_mohm) in [(0, 0), (0, 4_095), (2_000, 0), (2_000, 4_095)] {
+                for pwm_hz in [100, 200_000] {
+                    let bridge = BridgeConstants::new(diode_mv, switch_mohm, pwm_hz).expect("in range");
+                    ends(&LinearCurrent::new(&winding, &bridge));
                 }
             }
         }
     }
 }
 
-fn ends(winding: &LinearCurrent) {
+fn ends(rule: &LinearCurrent) {
     let largest = EmfConstant::from_bits((1 << 25) - 1).expect("largest");
     for cps in [i32::MIN, -400, -1, 0, 1, 12, 399, i32::MAX] {
         for battery in [1, 12_000, u16::MAX] {
             let emf = largest.emf(CountsPerSecond::new(cps));
             let at = OperatingPoint::new(emf, Millivolts::new(battery)).expect("battery");
-            for scheme in schemes().into_iter().chain([Scheme::ForwardReverse]) {
+            for scheme in Scheme::ALL.into_iter().chain([Scheme::D(Blend::Fixed(BlendFraction::ONE))]) {
                 for control in [i16::MIN, -20_000, -1, 0, 1, 20_000, i16::MAX] {
-                    let _ = linear_current(winding, scheme, at, Control::new(control));
+                    let _ = linear_current(rule, scheme, at, Control::new(control));
                 }
             }
         }
@@ -404,49 +340,30 @@ fn windings_and_bridges_out_of_range_are_refused() {
 
 #[test]
 fn the_neverest_60_is_the_one_of_the_catalogue() {
-    let motor = catalogue::find("AM 60 A").and_then(|entry| entry.motor.as_ref()).expect("known");
+    let motor = &am60();
     let winding = Winding::NEVEREST_60;
     assert!((f64::from(winding.emf.to_bits()) - motor.ke_fw() * f64::from(1 << 20)).abs() <= 0.5);
     assert_eq!(f64::from(winding.resistance.as_milliohms()), (1e3 * motor.r.0).round());
     assert_eq!(winding.inductance.map(|l| f64::from(l.as_microhenries())), Some((1e6 * motor.l.0).round()));
 }
 
-/// The duty rule for a motor and a bridge of this frequency.
-fn configured_for(motor: &Motor, frequency: f64, timing: Timing) -> LinearCurrent {
-    let bridge = BridgeConstants::new(700, 50, frequency as u32).expect("in range");
-    let electrical = electrical(motor, frequency);
-    let winding = Winding {
-        emf: Winding::NEVEREST_60.emf,
-        resistance: Resistance::from_milliohms(electrical.resistance_mohm).expect("in range"),
-        inductance: electrical.inductance_uh.and_then(|uh| Inductance::from_microhenries(uh).ok()),
-    };
-    LinearCurrent::new(&winding, &bridge.with_timing(timing))
-}
-
 /// Largest deviation from the line of a bridge with `real` edges, when the hub is configured for other edges. Both
 /// values are shares of Vbat/R: of all control values, and of control values whose duty the bridge accepts.
 fn worst_of_timed(real: Timing, configured: Timing, frequency: f64) -> (f64, f64) {
-    let bridge = BridgeConstants::new(700, 50, frequency as u32).expect("in range");
-    let bridge = Bridge::new(bridge.with_timing(real));
+    let real = Bridge::new(bridge(frequency).with_timing(real));
     let (mut worst, mut of_allowed) = (0.0f64, 0.0f64);
-    for motor in &catalogue::motors().collect::<Vec<_>>() {
-        let limited = configured_for(motor, frequency, configured);
-        let unlimited =
-            configured_for(motor, frequency, Timing { least_off_ns: 0, least_on_ns: 0, ..configured });
-        for battery in BATTERIES {
-            for point in emfs(motor, battery).map(|emf| Point::new(emf, battery)) {
-                for control in controls() {
-                    let at = |current| linear_current(current, Scheme::A, point.at, Control::new(control));
-                    let drive = at(&limited);
-                    let pwm = Pwm::new(drive.mode, drive.duty.to_f64(), Hertz(frequency));
-                    let conditions = Conditions { battery: Volts(battery), emf: Volts(point.emf) };
-                    let flows = Circuit::new(motor, bridge).steady(pwm, conditions).mean.0;
-                    let error = flows - point.asked(motor, Scheme::A, control);
-                    let share = error.abs() / (battery / motor.r.0);
-                    worst = worst.max(share);
-                    if at(&unlimited) == drive {
-                        of_allowed = of_allowed.max(share);
-                    }
+    for motor in catalogue::motors() {
+        let rule = |timing| LinearCurrent::new(&winding(&motor), &bridge(frequency).with_timing(timing));
+        let limited = rule(configured);
+        let unlimited = rule(Timing { least_off_ns: 0, least_on_ns: 0, ..configured });
+        for point in points(&motor, &BATTERIES) {
+            for control in controls() {
+                let drive = |rule| linear_current(rule, Scheme::A, point.at, Control::new(control));
+                let current = point.current_on(real, &motor, frequency, drive(&limited));
+                let deviation = point.deviation(&motor, Scheme::A, control, current);
+                worst = worst.max(deviation);
+                if drive(&unlimited) == drive(&limited) {
+                    of_allowed = of_allowed.max(deviation);
                 }
             }
         }
@@ -477,13 +394,13 @@ fn of_a_real_bridge_the_line_keeps_what_the_shortest_low_time_leaves_of_it() {
 
 #[test]
 fn no_bridge_is_given_a_duty_that_it_must_be_spared() {
-    let motor = catalogue::find("AM 60 A").and_then(|entry| entry.motor.as_ref()).expect("known");
+    let motor = &am60();
     let winding = Winding::NEVEREST_60;
     for (hz, off, on) in
         [(20_000, 0.12, 0.048), (10_000, 0.06, 0.024), (1_000, 0.006, 0.0024), (200_000, 1.0, 1.0)]
     {
-        let current = configured_for(motor, f64::from(hz), Timing::VNH5019);
-        let bridge = BridgeConstants::new(700, 50, hz).expect("in range").with_timing(Timing::VNH5019);
+        let bridge = bridge(f64::from(hz)).with_timing(Timing::VNH5019);
+        let current = LinearCurrent::new(&self::winding(motor), &bridge);
         for rule in DutyRule::ALL {
             let modulator = Modulator::new(&winding, &bridge, Scheme::A, rule);
             for emf in [-11.0, -3.0, 0.0, 0.4, 6.0, 11.5, 13.0] {
@@ -514,9 +431,9 @@ fn no_bridge_is_given_a_duty_that_it_must_be_spared() {
 #[test]
 fn the_current_that_a_duty_is_said_to_make_is_that_of_the_bridge() {
     // The regulator gets the applied voltage where the bridge cannot have the requested duty.
-    let motor = catalogue::find("AM 60 A").and_then(|entry| entry.motor.as_ref()).expect("known");
-    for hz in [20_000, 10_000] {
-        let bridge = BridgeConstants::new(700, 50, hz).expect("in range").with_timing(Timing::VNH5019);
+    let motor = &am60();
+    for hz in [20_000.0, 10_000.0] {
+        let bridge = bridge(hz).with_timing(Timing::VNH5019);
         let modulator = Modulator::new(&Winding::NEVEREST_60, &bridge, Scheme::A, DutyRule::LinearCurrent);
         for emf in [-9.0, -3.0, 0.5, 3.0, 6.0, 11.0] {
             let point = Point::new(emf, 12.0);
@@ -524,10 +441,7 @@ fn the_current_that_a_duty_is_said_to_make_is_that_of_the_bridge() {
             let by_voltage = (-140..=140)
                 .map(|tenths| modulator.for_voltage(point.at, Voltage::from_volts(0.1 * tenths as f32)));
             for placement in by_control.chain(by_voltage) {
-                let Drive { mode, duty } = placement.drive;
-                let pwm = Pwm::new(mode, duty.to_f64(), Hertz(f64::from(hz)));
-                let conditions = Conditions { battery: Volts(12.0), emf: Volts(emf) };
-                let flows = Circuit::new(motor, Bridge::new(bridge)).steady(pwm, conditions).mean.0;
+                let flows = point.current_on(Bridge::new(bridge), motor, hz, placement.drive);
                 let said = f64::from(placement.voltage.to_volts()) - emf;
                 let error = (flows - said / (motor.r.0 + 0.1)) / (12.0 / motor.r.0);
                 assert!(error.abs() < 0.004, "{hz} Hz, {emf} V, {placement:?}: {error}");

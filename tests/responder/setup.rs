@@ -104,20 +104,6 @@ fn choosing_linear_duty_forgets_neither_winding_nor_bridge() {
 }
 
 #[test]
-fn every_motor_within_the_ranges_can_be_set_up() {
-    let mut host = TestHost::settled();
-    for (ke, mohm, uh) in
-        [(1, 1, 1), ((1 << 25) - 1, u16::MAX, u16::MAX), (1, u16::MAX, 1), (1 << 24, 1, u16::MAX)]
-    {
-        for (code, blend, _) in schemes() {
-            let fields = fields(ke, mohm, uh, code, blend, 1);
-            set_up(&mut host, 0, &fields);
-            assert_eq!(host.ask(FIRST_FUNCTION + 1, &[0]), Answer::Data(fields));
-        }
-    }
-}
-
-#[test]
 fn setting_up_enables_nothing_and_stops_nothing() {
     let mut host = TestHost::settled();
     let fields = fields(KE, 4_200, 0, 1, 0, 1);

@@ -1,7 +1,7 @@
 //! Damaged bits, memories that fail, and saves while motors run.
 
 use crate::flash::{block_on, keeper, read, write};
-use crate::torn_flash::{Code, Cut, Flash, NoPower, Tear};
+use crate::torn_flash::{Code, Flash, NoPower};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use motor_hub::store::{Found, Outcome, SettingsRecord, StoreRequest, Stored};
 use motor_hub::tasks::store::Keeper;
@@ -96,22 +96,6 @@ fn both_copies_of_the_only_save_damaged<const WORD: usize, const PAGE: usize>() 
 fn a_store_whose_both_copies_are_damaged_is_reported_as_damaged() {
     both_copies_of_the_only_save_damaged::<4, 1024>();
     both_copies_of_the_only_save_damaged::<32, 4096>();
-}
-
-#[test]
-fn a_first_save_that_a_power_cut_has_interrupted_is_not_reported_as_damaged() {
-    let mut flash = Flash::<4, 1024>::new(2, Code::None);
-    write(&mut flash, &record(1), true);
-    for step in 0..flash.steps {
-        for tear in [Tear::Before, Tear::Bits] {
-            let mut cut = Flash::<4, 1024>::new(2, Code::None);
-            cut.cut = Some(Cut { step, tear, seed: 1 });
-            write(&mut cut, &record(1), true);
-            let found = read(&mut cut.powered_on());
-            let whole = matches!(found.stored, Stored::Whole | Stored::OneCopy) && found.record == record(1);
-            assert!(whole || found == Found::default(), "step {step} {tear:?}: {found:?}");
-        }
-    }
 }
 
 /// Stores a value that this firmware would not store, under the key of a copy of the record.

@@ -5,9 +5,7 @@ use crate::torn_flash::{Code, NoPower};
 use embassy_futures::block_on;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, MockDriver};
-use embedded_storage_async::nor_flash::{
-    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
-};
+use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use motor_hub::board::Watchdog;
 use motor_hub::tasks::update::{CONFIRM_AFTER_ROUNDS, Slots};
 use motor_hub::tasks::{self, Health, Task, Wires};
@@ -23,33 +21,24 @@ struct Refusing {
 }
 
 impl Refusing {
-    fn refuse(&mut self) -> Result<(), Refused> {
+    fn refuse(&mut self) -> Result<(), NoPower> {
         self.refused += 1;
         assert!(self.refused < 1_000, "it is tried for ever, and no other task runs");
-        Err(Refused)
+        Err(NoPower)
     }
 }
 
 /// Byte of the mark of a swap in the bootloader's state.
 const SWAPPED: u8 = 0xF0;
 
-#[derive(Debug)]
-struct Refused;
-
-impl NorFlashError for Refused {
-    fn kind(&self) -> NorFlashErrorKind {
-        NorFlashErrorKind::Other
-    }
-}
-
 impl ErrorType for Refusing {
-    type Error = Refused;
+    type Error = NoPower;
 }
 
 impl ReadNorFlash for Refusing {
     const READ_SIZE: usize = 1;
 
-    async fn read(&mut self, _: u32, bytes: &mut [u8]) -> Result<(), Refused> {
+    async fn read(&mut self, _: u32, bytes: &mut [u8]) -> Result<(), NoPower> {
         bytes.fill(SWAPPED);
         Ok(())
     }
@@ -63,11 +52,11 @@ impl NorFlash for Refusing {
     const WRITE_SIZE: usize = 32;
     const ERASE_SIZE: usize = STATE.end - STATE.start;
 
-    async fn erase(&mut self, _: u32, _: u32) -> Result<(), Refused> {
+    async fn erase(&mut self, _: u32, _: u32) -> Result<(), NoPower> {
         self.refuse()
     }
 
-    async fn write(&mut self, _: u32, _: &[u8]) -> Result<(), Refused> {
+    async fn write(&mut self, _: u32, _: &[u8]) -> Result<(), NoPower> {
         self.refuse()
     }
 }

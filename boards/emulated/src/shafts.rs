@@ -293,13 +293,6 @@ impl Shafts {
         self.simulate_again(index);
     }
 
-    /// Sets hard stops of motor `index` from the time `at` (ns) on, in encoder counts.
-    pub(crate) fn set_stops(&mut self, index: usize, at: u64, stops: Option<(i64, i64)>) {
-        self.rebase(index, at);
-        self.shafts[index].mounting.stops = stops;
-        self.simulate_again(index);
-    }
-
     /// Starts a PWM period of all plants at the time `at` (ns), because the PWM timer starts one.
     pub(crate) fn set_grid(&mut self, at: u64, grid: Grid) {
         for index in 0..self.shafts.len() {

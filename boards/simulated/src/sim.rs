@@ -26,7 +26,6 @@ use embassy_time::{Duration, Instant, MockDriver, Timer};
 use motor_hub::board::{ANALOG_INPUTS, DIGITAL_PINS, I2C_BUSES};
 use motor_hub::hub::{Hub, Snapshot};
 use motor_hub::model::bus::Bus;
-use motor_hub::model::plant::Flow;
 use motor_hub::model::si::Seconds;
 use motor_hub::motor::Settings;
 use motor_hub::supply::Supply;
@@ -132,19 +131,6 @@ pub(crate) fn tasks<'a>(
     })
 }
 
-/// Lets [`STEP_S`] pass in the world and on the hub's clock, under these torques in newton metres.
-pub(crate) fn advance(scenario: &Scenario, board: &Board, now_s: f64, torques: &[f64]) -> Vec<Flow> {
-    change(scenario, board, now_s);
-    pass(board, torques)
-}
-
-/// Lets [`STEP_S`] pass without changes by the scenario.
-pub(crate) fn pass(board: &Board, torques: &[f64]) -> Vec<Flow> {
-    let flows = board.run(Seconds(STEP_S), torques);
-    MockDriver::get().advance(Duration::from_millis(1));
-    flows
-}
-
 /// Sets battery, temperatures, encoders and connected devices as the scenario has them at a time.
 pub(crate) fn change(scenario: &Scenario, board: &Board, now_s: f64) {
     board.set_emf(scenario.emf_at(now_s));
@@ -219,7 +205,9 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
         // Division gives exactly the number to which a decimal in a scenario file is parsed. Multiplication may differ
         // in the last bit.
         trace.push_motion(step as f64 / 1e3, board.view().motors);
-        let flows = advance(scenario, &board, now_s, &torques);
+        change(scenario, &board, now_s);
+        let flows = board.run(Seconds(STEP_S), &torques);
+        MockDriver::get().advance(Duration::from_millis(1));
         for (sample, flow) in
             trace.ticks.iter_mut().last().map(|t| &mut t.motors).into_iter().flatten().zip(&flows)
         {

@@ -105,11 +105,6 @@ impl Bench {
         self.post(move |surroundings, _, _| surroundings.shafts.set_torque(motor, surroundings.now, torque));
     }
 
-    /// Sets hard stops of a shaft from now on, in encoder counts.
-    pub fn set_stops(&mut self, motor: usize, stops: Option<(i64, i64)>) {
-        self.post(move |surroundings, _, _| surroundings.shafts.set_stops(motor, surroundings.now, stops));
-    }
-
     /// Sets the open-circuit voltage of the battery in V, from the next millisecond on.
     pub fn set_battery(&mut self, volts: f64) {
         self.post(move |surroundings, _, _| {

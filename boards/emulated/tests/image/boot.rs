@@ -3,9 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use crate::common::{
-    am60, board, booted, by_board, expect_speed, four_loads, log, ms, publish, setup, turning,
-};
+use crate::common::{am60, board, booted, by_board, expect_speed, four_loads, log, ms, publish, setup};
 use emulated::host_link::HostLink;
 use emulated::recording::{self, Configuration};
 use emulated::{Bench, elf};
@@ -54,22 +52,6 @@ pub(crate) fn first_safe_output(bench: &mut Bench) -> Duration {
     assert!(safe);
     assert_eq!(bench.transitions(), []);
     bench.now()
-}
-
-#[test]
-fn ticks_come_every_fifty_milliseconds() {
-    let mut bench = turning(four_loads());
-    bench.run(ms(5000));
-    // Duties change at nearly every tick, and take effect at the next PWM period.
-    let changes: Vec<Duration> =
-        bench.transitions().iter().filter(|t| t.motor == 0 && t.at > ms(1000)).map(|t| t.at).collect();
-    let mut gaps: Vec<Duration> = changes.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    gaps.retain(|gap| *gap > ms(1));
-    let (least, most) = (gaps.iter().min().expect("changes"), gaps.iter().max().expect("changes"));
-    println!("outputs change every {least:?} to {most:?}");
-    // The tolerance is one PWM period, because a new duty takes effect at the end of a period.
-    assert!(*least >= ms(50) - Duration::from_micros(60), "{least:?}");
-    bench.assert_sound();
 }
 
 /// Returns a hub whose four motors, with different loads, turn at 1000 counts/s.

@@ -9,7 +9,6 @@ use motor_hub::extension::MotorFunction;
 use motor_hub::extension::report::Condition;
 use motor_hub::model::si::Ohms;
 use motor_hub::motor::SenseLine;
-use motor_hub::protocol::motor::ToMotor;
 use motor_hub::protocol::requests::{AdcChannel, BATTERY_CURRENT, ToHub};
 use simulated::current_line::CurrentLine;
 
@@ -124,39 +123,6 @@ fn a_converter_that_a_disturbance_has_switched_off_measures_currents_again() {
         let measured = condition(&mut bench, &mut host, 0).measured_ma;
         assert!(measured.is_some(), "the converter has not been switched on");
     });
-}
-
-#[test]
-fn the_over_current_bit_is_that_of_the_measured_current() {
-    let mut other = held();
-    other.motor.r = Ohms(0.5 * other.motor.r.0);
-    let (mut bench, mut host) = with_host(vec![held(), am60(), other, am60()]);
-    // Computed from the configured resistance, neither motor 0 nor motor 2 draws 1.5 A. Motor 2 has half of this
-    // resistance.
-    for motor in 0..4 {
-        host.command(&mut bench, ToMotor::SetCurrentAlert { milliamperes: 1_500 }.to(motor));
-        host.power(&mut bench, motor, 12_000);
-    }
-    bench.run(ms(600));
-    assert_eq!(host.bulk(&mut bench).over_current, [false, false, true, false]);
-    host.power(&mut bench, 2, 3_000);
-    bench.run(ms(200));
-    assert_eq!(host.bulk(&mut bench).over_current, [false; 4]);
-}
-
-#[test]
-fn the_current_of_a_motor_that_brakes_by_5_0_is_modelled_because_no_line_shows_it() {
-    let (mut bench, mut host) = with_host(vec![am60()]);
-    bench.set_torque(0, 0.8);
-    // If the bridge shorted the motor all the time, a load of 0.8 N m would turn it slower than 1000 counts/s.
-    host.velocity(&mut bench, 0, 1_000);
-    bench.run(ms(1_500));
-    let Condition { current, measured_ma, sense_line, .. } = condition(&mut bench, &mut host, 0);
-    assert_eq!((measured_ma, sense_line), (None, SenseLine::Sound));
-    // A torque of 0.8 N m behind a gear of 60 : 1 needs 0.75 A at 17.8 mN m/A.
-    assert!((-900..=-500).contains(&current.get()), "{current:?}");
-    let reported = analog(&mut bench, &mut host, motor_channel(0));
-    assert!((reported - f64::from(-current.get())).abs() < 100.0, "{reported} mA");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! The load by the daemon of a robot controller: 18 requests every 12 ms, with at most 8 requests unanswered. The first
 //! cycle has 38 requests (wpilibsuite/scservices, commit 4c3d7bd).
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::path::Path;
 use std::time::Duration;
 
@@ -186,24 +186,4 @@ fn report_of_10000_cycles_without_a_lost_request() {
     let [median, p99, worst] = [50, 99, 100].map(|percent| percentile(&times, percent));
     println!("first {first:?}, median {median:?}, p99 {p99:?}, worst {worst:?}");
     assert!(p99 <= ms(9), "{p99:?}");
-}
-
-/// `cargo test --test image daemon::report_of_a_request -- --ignored --nocapture`: prints which functions execute the
-/// instructions of a request. The instructions of the hub without requests are included.
-#[test]
-#[ignore = "a report, not a test"]
-fn report_of_a_request() {
-    const CYCLES: usize = 10;
-    let image = elf::build(board().name());
-    let mut daemon = Daemon::with_all_devices(&image);
-    daemon.bench.watch_all();
-    daemon.bench.take_hits();
-    for _ in 0..CYCLES {
-        daemon.cycle(false);
-    }
-    let mut counts = BTreeMap::new();
-    for (address, _) in daemon.bench.take_hits() {
-        *counts.entry(address).or_default() += 1;
-    }
-    crate::budget::report(&image, daemon.bench.symbols(), &counts, (CYCLES * 18) as f64);
 }

@@ -403,27 +403,6 @@ fn a_base_reads_its_gyro_and_goes_on_without_it_while_motors_run() {
     hub.bench.assert_sound();
 }
 
-/// Prints the share of the core's instructions that a drive base with its gyro needs, with two motors at 600 counts/s.
-#[test]
-#[ignore = "a report, not a test"]
-fn report_of_a_base_with_its_gyro() {
-    for use_gyro in [None, Some(false), Some(true)] {
-        let mut hub = Devices { bench: booted(vec![am60(), am60()]), host: HostLink::default() };
-        hub.bench.attach(0, RegisterDevice::bno055());
-        if let Some(use_gyro) = use_gyro {
-            hub.set_base(use_gyro);
-        }
-        for motor in 0..2 {
-            hub.host.velocity(&mut hub.bench, motor, 600);
-        }
-        hub.bench.run(ms(500));
-        let before = hub.bench.instructions();
-        hub.bench.run(ms(1_000));
-        let per_second = (hub.bench.instructions() - before) as f64;
-        println!("gyro {use_gyro:?}: {:.3} %", 100.0 * per_second / board().core_hz() as f64);
-    }
-}
-
 #[test]
 fn the_line_that_speaks_first_is_the_hosts_until_a_reset() {
     let (mut bench, mut host) = (booted(vec![am60()]), HostLink::default());

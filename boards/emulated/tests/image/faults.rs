@@ -44,24 +44,6 @@ fn a_faulty_encoder_stops_its_motor_alone() {
 }
 
 #[test]
-fn a_hard_stop_is_not_taken_for_an_unplugged_encoder() {
-    let mut bench = booted(four_loads());
-    bench.set_stops(1, Some((-100, 2000)));
-    bench.press(true);
-    bench.run(ms(5000));
-    let look = bench.look(1);
-    assert!((1900..=2000).contains(&look.counts), "{look:?}");
-    bench.press(false);
-    bench.run(ms(1500));
-    bench.set_stops(1, None);
-    bench.press(true);
-    bench.run(ms(1500));
-    expect_speed(&mut bench, 0..4, 30.0);
-    assert!(!log(&mut bench).contains("encoder: Some"), "{}", log(&mut bench));
-    bench.assert_sound();
-}
-
-#[test]
 pub(crate) fn a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_named() {
     let mut bench = turning(four_loads());
     let at = bench.now();

@@ -18,7 +18,6 @@ mod pwm;
 mod record;
 mod running;
 mod scenario_parts;
-mod speed;
 mod stack;
 mod store;
 mod supply;

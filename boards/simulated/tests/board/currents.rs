@@ -44,13 +44,3 @@ fn a_broken_line_is_reported_and_the_modelled_current_is_used() {
         assert!(report.best_current() == report.current && report.current.get() > 1_500, "{line}");
     }
 }
-
-#[test]
-fn a_winding_is_as_hot_as_the_current_that_is_measured_makes_it() {
-    let thermal =
-        "thermal = { continuous_a = 0.5, winding_s = 5, case_s = 60 }\nconfigured = { resistance = 2.0 }";
-    let modelled = driving(thermal);
-    let shown = driving(&format!("current_line = \"sound\"\n{thermal}"));
-    // Half of the current makes a quarter of the heat.
-    assert!(shown.heat > 3 * modelled.heat && modelled.heat > 50, "{} and {}", shown.heat, modelled.heat);
-}

@@ -69,16 +69,6 @@ fn a_comparison_begins_with_the_winner_and_fits_a_page() {
     );
     let markdown = COMPARISON.markdown();
     assert_readable(&markdown);
-    for part in [
-        "## Scores",
-        "## Tasks",
-        "## Settling, PID, linear duty",
-        "## Winners",
-        "no braking regime",
-        "The last is \"",
-    ] {
-        assert!(markdown.contains(part), "{part}: {markdown}");
-    }
     assert!(markdown.starts_with(&format!("{best} wins: ")) && markdown.contains("| never |"), "{markdown}");
 }
 
@@ -96,14 +86,5 @@ fn a_survey_begins_with_what_settles_and_fits_a_page() {
         markdown.contains(&format!("{settled} of {all} random responses (not configured: ")),
         "{markdown}"
     );
-    for part in [
-        "## Reference tasks, control period 50 ms",
-        "inertia x0.7",
-        "A configured motor settles ",
-        "not configured",
-        "## The worst",
-    ] {
-        assert!(markdown.contains(part), "{part}: {markdown}");
-    }
     assert_readable(&markdown);
 }
