@@ -130,9 +130,6 @@ impl<L: Read + Write> Session<L> {
 
     /// Settings of the drive base in force. `None` if no base is configured, or if the firmware does not report the
     /// base.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn base_if_reported(&mut self) -> Result<Option<BaseSettings>, Error> {
         none_if_unsupported(self.request(HubFunction::Base))
     }

@@ -110,9 +110,6 @@ pub struct Servo {
 impl<L: Read + Write> Session<L> {
     /// Numbers of servos, pins, analog inputs and I2C buses of the hub; `None` if the hub does not report them (another
     /// maker's, or older firmware).
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn equipment(&mut self) -> Result<Option<Equipment>, Error> {
         none_if_unsupported(self.request(HubFunction::Equipment))
     }
@@ -190,9 +187,6 @@ impl<L: Read + Write> Session<L> {
 
     /// Reads one byte from a device. The result is `Ok(true)` if the device acknowledges its address, and `Ok(false)`
     /// if no device acknowledges. The inner error is a text that says why the read failed for another reason.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn finds_i2c(&mut self, bus: I2cBus, address: I2cAddress) -> Result<Result<bool, String>, Error> {
         let Some(one) = I2cCount::new(1) else { return Ok(Ok(false)) };
         match self.read_i2c(bus, address, None, one) {

@@ -1,11 +1,4 @@
 //! Errors of requests to a hub, and of opening a line.
-//!
-//! ```
-//! use motor_hub_client::Error;
-//!
-//! let error = Error::Silent { address: 2 };
-//! assert!(error.to_string().starts_with("hub 2 does not answer: check its address"));
-//! ```
 
 use crate::request_text::text;
 use motor_hub::extension::Request;

@@ -55,9 +55,6 @@ pub struct StoreAccess {
 impl StoreAccess {
     /// Asks the hub for the result. `None` while the hub has not finished, for 10 s at most.
     /// [`why_unsaved`](crate::reasons::why_unsaved) says whether the access has succeeded.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn result(self, session: &mut Session<impl Read + Write>) -> Result<Option<StoreReport>, Error> {
         let report = session.stored()?;
         Ok((!report.is_busy || Instant::now() > self.end).then_some(report))
@@ -67,9 +64,6 @@ impl StoreAccess {
 impl<L: Read + Write> Session<L> {
     /// State of the bus between battery and bridges; `None` if the hub does not report it (another maker's, or older
     /// firmware).
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn bus(&mut self) -> Result<Option<BusReport>, Error> {
         none_if_unsupported(self.request(HubFunction::Bus))
     }
@@ -88,9 +82,6 @@ impl<L: Read + Write> Session<L> {
 
     /// Number of the hub's present run, and the recorded faults and resets, newest first. A run lasts from one reset to
     /// the next. `None` if the hub keeps no record.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn recorded(&mut self) -> Result<Option<(u32, Vec<Head>)>, Error> {
         let mut heads = Vec::new();
         loop {
@@ -130,9 +121,6 @@ impl<L: Read + Write> Session<L> {
 
     /// State of the stored settings, as from [`stored`](Self::stored); `None` if the hub does not report this state
     /// (another maker's, or a board that stores nothing).
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn stored_if_reported(&mut self) -> Result<Option<StoreReport>, Error> {
         none_if_unsupported(self.stored())
     }
@@ -150,9 +138,6 @@ impl<L: Read + Write> Session<L> {
     }
 
     /// Starts to store, load or reset the hub's settings. [`StoreAccess::result`] returns the result.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn begin_store(&mut self, what: HubFunction) -> Result<StoreAccess, Error> {
         // The hub takes from its last control tick whether motors are disabled.
         self.catch_up()?;
@@ -167,9 +152,6 @@ impl<L: Read + Write> Session<L> {
     }
 
     /// State of all motors in one exchange; `None` if the hub does not report it (another maker's, or older firmware).
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn report(&mut self) -> Result<Option<HubReport>, Error> {
         if self.interfaces.reports_nothing {
             return Ok(None);
@@ -181,9 +163,6 @@ impl<L: Read + Write> Session<L> {
 
     /// Waits until the hub's report includes all commands of earlier requests, such as disabling a motor, for 300 ms at
     /// most. Returns immediately for a hub that does not report its commands.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn catch_up(&mut self) -> Result<(), Error> {
         let end = Instant::now() + CATCHING_UP;
         while self.report()?.is_some_and(|report| !report.is_up_to_date()) && Instant::now() < end {
@@ -193,9 +172,6 @@ impl<L: Read + Write> Session<L> {
     }
 
     /// Module status. If `clear` is true, the hub clears its status word after it has put the word into the answer.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn status(&mut self, clear: bool) -> Result<Status, Error> {
         self.request(Standard::Status { clear })
     }

@@ -55,9 +55,6 @@ pub enum Progress {
 impl Identifying {
     /// Selects constant power 0 for a motor, so that the motor brakes when it is enabled. The caller then enables the
     /// motor, takes steps until the identification has ended, and disables the motor.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn begin<L: Read + Write>(
         session: &mut Session<L>,
         motor: u8,

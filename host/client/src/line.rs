@@ -1,18 +1,4 @@
 //! The line to a hub: a serial port or a TCP connection, read and written as bytes with time-outs.
-//!
-//! ```
-//! use motor_hub_client::Line;
-//! use std::net::TcpListener;
-//! use std::time::Duration;
-//!
-//! let listener = TcpListener::bind("127.0.0.1:0")?;
-//! let address = listener.local_addr()?.to_string();
-//! assert!(Line::tcp(&address, Duration::from_secs(1)).is_ok());
-//! // After this no program listens at the address.
-//! drop(listener);
-//! assert!(Line::tcp(&address, Duration::from_secs(1)).is_err());
-//! # Ok::<(), std::io::Error>(())
-//! ```
 
 use crate::error::OpenError;
 #[cfg(feature = "serial")]

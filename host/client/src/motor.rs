@@ -104,9 +104,6 @@ impl<L: Read + Write> Session<L> {
     /// Disables motors that a former host has left enabled, and returns them. Without this call the motors would keep
     /// running, because every packet resets the hub's keep-alive. A line has one host at a time, so the host that
     /// enabled the motors is gone.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn disable_left_enabled(&mut self) -> Result<Vec<u8>, Error> {
         let mut found = Vec::new();
         for motor in 0..CHANNELS as u8 {
@@ -143,9 +140,6 @@ impl<L: Read + Write> Session<L> {
     }
 
     /// Mode, enable and all targets of a motor.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn motor(&mut self, motor: u8) -> Result<MotorState, Error> {
         let ChannelMode { mode, floats } = self.request(ToMotor::Mode.to(motor))?;
         Ok(MotorState {

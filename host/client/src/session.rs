@@ -1,15 +1,4 @@
 //! Sends one request at a time over a line, waits for the answer, retransmits, and discovers hubs.
-//!
-//! ```
-//! use motor_hub_client::motor_hub::protocol::Address;
-//! use motor_hub_client::{Error, Session};
-//! use std::io::Cursor;
-//! use std::time::Duration;
-//!
-//! // Anything that reads and writes bytes is a line; this one ends immediately.
-//! let mut session = Session::new(Cursor::new(Vec::new()), Address::DEFAULT, Duration::from_millis(100));
-//! assert!(matches!(session.discover(), Err(Error::HungUp)));
-//! ```
 
 use crate::Error;
 use crate::clock::Instant;
@@ -58,7 +47,8 @@ pub struct Found {
     pub duplicate: bool,
 }
 
-/// A host's session with one hub. Reads of the line must not block for long: see [`crate::line::POLL`].
+/// A host's session with one hub. Reads of the line must not block for long: see [`crate::line::POLL`]. Every method
+/// that sends requests also fails with the errors of [`request`](Self::request).
 #[derive(Debug)]
 pub struct Session<L> {
     line: L,

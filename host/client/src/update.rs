@@ -365,9 +365,6 @@ pub fn read_key(file: &[u8]) -> Result<[u8; 32], &'static str> {
 
 impl<L: Read + Write> Session<L> {
     /// Progress of an update, how the present firmware was started, and the slot's address and size.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn update_state(&mut self) -> Result<UpdateReport, Error> {
         self.request(HubFunction::Update)
     }

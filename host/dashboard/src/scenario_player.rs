@@ -1,12 +1,4 @@
 //! Sends a scenario's set-points to the hub at their times.
-//!
-//! ```
-//! use dashboard::scenario_player::Script;
-//! use simulated::scenario::Scenario;
-//!
-//! assert!(Script::of(&Scenario::default_one()?).is_some());
-//! # Ok::<(), simulated::scenario::ScenarioError>(())
-//! ```
 
 use crate::hub::{Hub, RequestError};
 use motor_hub::hub::{Action, Command};
