@@ -19,7 +19,7 @@ use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
 use motor_hub_client::Error;
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::kept_settings::KeptSettings;
-use motor_hub_client::motor::{NO_CURRENT, SPEED_LIMITS_CPS, constant_current_ma};
+use motor_hub_client::motor::{NO_CURRENT, SPEED_LIMITS_CPS, Setpoint, constant_current_ma};
 use motor_hub_client::request_text::of_group;
 use serde_json::{Map, Value};
 use simulated::hardware::winding;
@@ -76,9 +76,6 @@ pub(crate) enum Changed {
     World,
 }
 
-/// The loops whose coefficients pages show.
-const LOOPS: [Loop; 2] = [Loop::Velocity, Loop::Position];
-
 impl Executor {
     /// Executes an order. The relay executes orders about pages and identifications.
     pub(crate) fn execute(
@@ -89,8 +86,9 @@ impl Executor {
     ) -> Result<Changed, RequestError> {
         match *order {
             PageRequest::Drive { motor, mode, value, speed, tolerance, zero } => {
-                let tolerance = tolerance.unwrap_or(USUAL_TOLERANCE);
-                drive(session, channel(motor)?, mode, value, speed, tolerance, zero)?;
+                let motor = channel(motor)?;
+                let setpoint = setpoint(mode, value, speed, tolerance.unwrap_or(USUAL_TOLERANCE))?;
+                session.set_setpoint(motor, setpoint, zero)?;
             }
             PageRequest::Current { motor, amperes, speed } => {
                 current(session, channel(motor)?, amperes, speed)?
@@ -244,39 +242,27 @@ impl Executor {
     /// Settings of a motor, as a message to pages.
     pub(crate) fn settings(&mut self, session: &mut Hub, motor: u8) -> Result<Value, Error> {
         let settings = session.settings(motor)?;
-        let loops = [session.coefficients(motor, LOOPS[0])?, session.coefficients(motor, LOOPS[1])?];
+        let [velocity, position] = [Loop::Velocity, Loop::Position].map(|of| session.coefficients(motor, of));
         let index = usize::from(motor);
         let undoable = self.motors.get(index).map_or(0, |of| of.undo.len());
-        Ok(settings_of(index, &settings, loops, undoable))
+        Ok(settings_of(index, &settings, [velocity?, position?], undoable))
     }
 }
 
-fn drive(
-    session: &mut Hub,
-    motor: u8,
-    mode: RunMode,
-    value: f64,
-    speed: Option<f64>,
-    tolerance: u16,
-    zero: ZeroPower,
-) -> Result<(), RequestError> {
-    match mode {
+/// Returns the set-point of the order [`PageRequest::Drive`].
+fn setpoint(mode: RunMode, value: f64, speed: Option<f64>, tolerance: u16) -> Result<Setpoint, RequestError> {
+    Ok(match mode {
         RunMode::Power => {
             let share = within("a power", value, -1.0..=1.0, "")?;
-            let steps = (share * f64::from(Control::MAX.get())).round();
-            session.set_power(motor, Control::saturating(steps as i64))?;
+            Setpoint::Power(Control::saturating((share * f64::from(Control::MAX.get())).round() as i64))
         }
-        RunMode::Velocity => {
-            session.set_velocity(motor, cps(value)?)?;
-        }
+        RunMode::Velocity => Setpoint::Velocity(cps(value)?),
         RunMode::Position => {
             let counts = within("a position", value, i32::MIN.into()..=i32::MAX.into(), "counts")?.round();
-            let speed = cps(speed.unwrap_or(USUAL_SPEED))?;
-            session.set_velocity(motor, speed)?;
-            session.set_position(motor, counts as i32, tolerance)?;
+            let speed_limit = cps(speed.unwrap_or(USUAL_SPEED))?;
+            Setpoint::Position { counts: counts as i32, tolerance, speed_limit }
         }
-    }
-    Ok(session.set_mode(motor, mode, zero)?)
+    })
 }
 
 /// Gives an enabled motor a constant current. A disabled motor gets the set-point power 0 instead, with which the page
@@ -288,11 +274,8 @@ fn current(session: &mut Hub, motor: u8, amperes: f64, speed: Option<f64>) -> Re
     if session.report()?.is_none() {
         return Err(NO_CURRENT.into());
     }
-    if session.enabled(motor)? {
-        return Ok(session.set_current(motor, ma, limit.round() as u16)?);
-    }
-    session.set_power(motor, Control::ZERO)?;
-    Ok(session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?)
+    let setpoint = Setpoint::Current { ma, speed_limit: limit.round() as u16 };
+    Ok(session.set_setpoint(motor, setpoint, ZeroPower::Brake)?)
 }
 
 fn cps(value: f64) -> Result<i16, RequestError> {
@@ -402,8 +385,7 @@ fn begin_group(
     let limit = acceleration_limit(acceleration)?;
     for &motor in &members {
         // The motors brake with power 0 until the group moves.
-        session.set_power(motor, Control::ZERO)?;
-        session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
+        session.brake(motor)?;
         session.enable(motor, true)?;
     }
     Ok(session.move_together(first, GroupCommand::new(course, speed, limit))?)

@@ -15,10 +15,10 @@ use crate::parse::whole;
 use keys::{Jog, Key};
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::answers::Bulk;
-use motor_hub::protocol::motor::RunMode;
 use motor_hub::units::Control;
 use motor_hub_client::Error;
 use motor_hub_client::line::Line;
+use motor_hub_client::motor::Setpoint;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 use studies::table;
@@ -133,14 +133,11 @@ impl Options {
         wanted: Option<i16>,
     ) -> Result<(), Error> {
         let Some(level) = wanted else { return session.disable(motor) };
-        let mode = if self.power.is_some() { RunMode::Power } else { RunMode::Velocity };
-        if before.is_none() {
-            session.set_mode(motor, mode, ZeroPower::Brake)?;
-        }
-        match mode {
-            RunMode::Power => session.set_power(motor, Control::new(level))?,
-            _ => session.set_velocity(motor, level)?,
-        }
+        let setpoint = match self.power {
+            Some(_) => Setpoint::Power(Control::new(level)),
+            None => Setpoint::Velocity(level),
+        };
+        session.set_setpoint(motor, setpoint, ZeroPower::Brake)?;
         if before.is_none() { session.enable(motor) } else { Ok(()) }
     }
 

@@ -2,7 +2,7 @@
 
 use super::drive::Drive;
 use super::hub::HubOptions;
-use super::motion::{Motion, Progress, Setpoint};
+use super::motion::{Motion, Progress};
 use super::motors_off::DrivingSession;
 use super::readings::{MotorReading, Schedule, motors_of};
 use crate::output::{Failure, Folder, drawn, print};
@@ -12,6 +12,7 @@ use motor_hub::extension::report::{HubReport, ReportedSetpoint};
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::units::Milliamperes;
 use motor_hub_client::line::Line;
+use motor_hub_client::motor::Setpoint;
 use motor_hub_client::{Error, Session};
 use std::fs::File;
 use std::io::Write;
