@@ -4,7 +4,7 @@
 use crate::chain::HubOfChain;
 use crate::devices::Transfer;
 use crate::hub::{Hub, RequestError, within};
-use crate::identification::{Dynamics, Progress as Identification};
+use crate::identification::{Progress as Identification, dynamics_json};
 use crate::proposal::catalogue_motor;
 use crate::update::Progress;
 use motor_hub::braking::{OperatingPoint, Points, Scheme, Winding};
@@ -366,7 +366,7 @@ pub(crate) fn settings_of(
         "resistance_ohm": number("resistance_ohm"),
         "scheme": SchemeWords(settings.motor.scheme),
         "duty": duty,
-        "dynamics": settings.motor.dynamics.map(Dynamics::of),
+        "dynamics": settings.motor.dynamics.as_ref().map(dynamics_json),
         "acceleration": settings.motor.acceleration.map(Acceleration::get),
         "velocity": velocity,
         "position": position,
