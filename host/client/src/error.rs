@@ -83,6 +83,18 @@ pub fn none_if_unsupported<T>(answer: Result<T, Error>) -> Result<Option<T>, Err
     }
 }
 
+/// Returns the answer to a request; for [`Error::Refused`] the hub's reason as text, as the inner error.
+///
+/// # Errors
+/// All errors of requests except [`Error::Refused`].
+pub fn or_reason<T>(answer: Result<T, Error>) -> Result<Result<T, String>, Error> {
+    match answer {
+        Ok(answer) => Ok(Ok(answer)),
+        Err(Error::Refused { reason, .. }) => Ok(Err(reason.to_string())),
+        Err(error) => Err(error),
+    }
+}
+
 /// Addresses of hubs, displayed with commas between them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Addresses(pub Vec<u8>);

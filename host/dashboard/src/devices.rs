@@ -156,13 +156,10 @@ pub(crate) fn servos(session: &mut Hub) -> Result<Vec<Servo>, Error> {
 
 /// Values of all analog channels. A value that the hub refuses is replaced by the reason of the refusal.
 pub(crate) fn analog(session: &mut Hub) -> Result<Vec<Value>, Error> {
-    let channels = channels().map(|Channel { number, name, unit, scale, .. }| {
-        let (value, why) = match session.adc(number, false) {
-            Ok(value) => (Some(f64::from(value) * scale), None),
-            Err(Error::Refused { reason, .. }) => (None, Some(reason.to_string())),
-            Err(error) => return Err(error),
-        };
-        Ok(json!({ "name": name, "unit": unit, "value": value, "why": why }))
+    let channels = channels().map(|channel| {
+        let measured = session.measured(channel)?;
+        let Channel { name, unit, .. } = channel;
+        Ok(json!({ "name": name, "unit": unit, "value": measured.as_ref().ok(), "why": measured.as_ref().err() }))
     });
     channels.collect()
 }

@@ -9,6 +9,7 @@ use motor_hub::protocol::answers::I2cStatus;
 use motor_hub::protocol::payload::{Text, WordFrom};
 use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput};
 use motor_hub_client::devices::{Channel, I2C_ADDRESSES, channels, check_pulse};
+use motor_hub_client::error::or_reason;
 use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
@@ -49,15 +50,6 @@ pub(super) fn equipment_json(equipment: Equipment) -> Value {
 
 fn pins() -> impl Iterator<Item = Pin> {
     (0..DIGITAL_PINS as u8).filter_map(Pin::new)
-}
-
-/// Returns the value of an answer, or the text of a refusal as the inner error.
-fn or_reason<T>(answer: Result<T, Error>) -> Result<Result<T, String>, Error> {
-    match answer {
-        Ok(value) => Ok(Ok(value)),
-        Err(Error::Refused { reason, .. }) => Ok(Err(reason.to_string())),
-        Err(error) => Err(error),
-    }
 }
 
 /// Switches an output on, prints a line, and keeps the output on until `length` is over, a signal arrives or a request
@@ -161,11 +153,9 @@ pub(super) fn analog(hub: &HubOptions, json: bool) -> Result<(), Failure> {
     let session = &mut hub.open(None)?;
     let mut table = table::new(&["channel", "value", "raw"], 0);
     let mut document = serde_json::Map::new();
-    for Channel { number, name, key, unit, scale } in channels() {
-        let value = or_reason(session.adc(number, false))?;
-        match value {
+    for channel @ Channel { number, name, key, unit, scale } in channels() {
+        match session.measured(channel)? {
             Ok(value) => {
-                let value = f64::from(value) * scale;
                 let raw = session.adc(number, true)?;
                 let digits = if scale < 0.01 { 3 } else { 1 };
                 table.add_row([name.to_owned(), format!("{value:.digits$} {unit}"), raw.to_string()]);
