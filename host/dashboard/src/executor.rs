@@ -152,12 +152,26 @@ impl Executor {
                 let pidf = coefficients(pidf)?;
                 session.set_coefficients(motor, of, pidf)?;
             }
-            PageRequest::Regulator { kind, .. } => {
-                self.regulate(session, motor, kind, settings.motor.dynamics)?;
+            PageRequest::Regulator { kind: Kind::Model, .. } => {
+                let of = self.of(motor)?;
+                let proposed = of.proposed.map(|(dynamics, _)| dynamics);
+                settings.motor.dynamics = settings.motor.dynamics.or(proposed).or(of.known);
+                session.set_up(motor, &settings)?;
+            }
+            PageRequest::Regulator { kind: Kind::Pid, .. } => {
+                let pidf = session.coefficients(motor, Loop::Velocity)?;
+                session.set_coefficients(motor, Loop::Velocity, pidf)?;
             }
             PageRequest::SetUp { ref name, scheme, duty, .. } => {
                 let settings = set_up(settings, name.as_deref(), scheme, duty)?;
-                self.set_up(session, motor, &settings, name.is_some())?;
+                if name.is_some() {
+                    // The dynamics and the acceleration limit are those of another motor.
+                    session.set(motor, Group::SetUp, &settings)?;
+                    let of = self.of(motor)?;
+                    (of.proposed, of.known) = (None, None);
+                } else {
+                    session.set_up(motor, &settings)?;
+                }
             }
             PageRequest::Acceleration { limit, .. } => {
                 let acceleration = limit.map(acceleration_limit).transpose()?;
@@ -198,45 +212,6 @@ impl Executor {
             (of.proposed, of.known) = (None, None);
         }
         Ok(())
-    }
-
-    /// Configures a motor. If `other` is true, another motor is connected, and its dynamics and acceleration limit are
-    /// no longer configured. If `other` is false, they are kept.
-    fn set_up(
-        &mut self,
-        session: &mut Hub,
-        motor: u8,
-        settings: &MotorSettings,
-        other: bool,
-    ) -> Result<(), RequestError> {
-        if other {
-            session.set(motor, Group::SetUp, settings)?;
-            let of = self.of(motor)?;
-            (of.proposed, of.known) = (None, None);
-        } else {
-            session.set_up(motor, settings)?;
-        }
-        Ok(())
-    }
-
-    fn regulate(
-        &mut self,
-        session: &mut Hub,
-        motor: u8,
-        kind: Kind,
-        configured: Option<Dynamics>,
-    ) -> Result<(), RequestError> {
-        match kind {
-            Kind::Model => {
-                let of = self.of(motor)?;
-                let known = configured.or(of.proposed.map(|(dynamics, _)| dynamics)).or(of.known);
-                Ok(session.set_dynamics(motor, known)?)
-            }
-            Kind::Pid => {
-                let pidf = session.coefficients(motor, Loop::Velocity)?;
-                Ok(session.set_coefficients(motor, Loop::Velocity, pidf)?)
-            }
-        }
     }
 
     /// Settings of a motor, as a message to pages.

@@ -8,7 +8,7 @@ use crate::frame::{Frame, Message, catalogue, fault_entry, points, status};
 use crate::hub::{Hub, Opened, RequestError, channel, or_refusal};
 use crate::identification::{Identification, Progress};
 use crate::outbox::Outbox;
-use crate::pages::{Gone, Pages};
+use crate::pages::Pages;
 use crate::place::Place;
 use crate::requests::{Look, PageRequest};
 use crate::scenario_player::{Playing, Script};
@@ -125,13 +125,13 @@ impl Relay {
             Event::Left(id) => {
                 self.senders.remove(&id);
                 if let Some(gone) = self.pages.leave(id) {
-                    self.on_controller_gone(gone);
+                    self.switch_off_if_any(&gone.to_string());
                 }
                 self.send_control();
             }
-            Event::Ordered(id, text) => match PageRequest::parse(&text) {
+            Event::Ordered(id, text) => match serde_json::from_str(&text) {
                 Ok(order) => self.execute(id, &order, now),
-                Err(why) => self.answer(id, &Message::Refused { why }),
+                Err(error) => self.answer(id, &Message::Refused { why: format!("not an order: {error}") }),
             },
         }
     }
@@ -481,7 +481,7 @@ impl Relay {
     /// Disables the motors if the page in control counts as gone. [`tick`](Self::tick) does so too.
     pub fn watch(&mut self) {
         if let Some(gone) = self.pages.review(Instant::now()) {
-            self.on_controller_gone(gone);
+            self.switch_off_if_any(&gone.to_string());
             self.send_control();
         }
     }
@@ -543,10 +543,6 @@ impl Relay {
             self.send_to_all(&Message::Update(update.failed(why)));
         }
         self.send_line(gone(why.to_owned()));
-    }
-
-    fn on_controller_gone(&mut self, gone: Gone) {
-        self.switch_off_if_any(&gone.to_string());
     }
 
     /// Disables all motors, even if the last frame showed no enabled motor, because an order may have enabled a motor
