@@ -63,19 +63,6 @@ pub(crate) struct Executor {
     pub(crate) motors: [MotorMemory; CHANNELS],
 }
 
-/// What an order has changed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Changed {
-    /// Neither settings nor world.
-    Nothing,
-    /// Settings of a motor.
-    Settings(u8),
-    /// Settings of all motors.
-    AllSettings,
-    /// The world of a simulated hub.
-    World,
-}
-
 impl Executor {
     /// Executes an order. The relay executes orders about pages and identifications.
     pub(crate) fn execute(
@@ -83,7 +70,7 @@ impl Executor {
         session: &mut Hub,
         world: Option<&World>,
         order: &PageRequest,
-    ) -> Result<Changed, RequestError> {
+    ) -> Result<(), RequestError> {
         match *order {
             PageRequest::Drive { motor, mode, value, speed, tolerance, zero } => {
                 let motor = channel(motor)?;
@@ -96,10 +83,7 @@ impl Executor {
             PageRequest::Enable { motor, on } => session.enable(channel(motor)?, on)?,
             PageRequest::ResetEncoder { motor } => session.reset_encoder(channel(motor)?)?,
             PageRequest::Together { to, speed, acceleration } => together(session, to, speed, acceleration)?,
-            PageRequest::Import { ref text } => {
-                self.import(session, text)?;
-                return Ok(Changed::AllSettings);
-            }
+            PageRequest::Import { ref text } => self.import(session, text)?,
             PageRequest::Turn { at, acceleration } => turn(session, at, acceleration)?,
             PageRequest::ClearFaults => session.forget_record()?,
             PageRequest::Led { colour: [red, green, blue] } => {
@@ -107,21 +91,20 @@ impl Executor {
             }
             PageRequest::World(ref order) => {
                 world.ok_or("this hub is not simulated: its world cannot be changed")?.change(order)?;
-                return Ok(Changed::World);
             }
-            _ => return self.change(session, order),
+            _ => self.change(session, order)?,
         }
-        Ok(Changed::Nothing)
+        Ok(())
     }
 
     /// Executes an order that changes settings of a motor, and keeps the settings before the change for undo.
-    fn change(&mut self, session: &mut Hub, order: &PageRequest) -> Result<Changed, RequestError> {
+    fn change(&mut self, session: &mut Hub, order: &PageRequest) -> Result<(), RequestError> {
         let motor = channel(order.changed_motor().ok_or("this order is not for a motor")?)?;
         if let PageRequest::Undo { .. } = order {
             let before = self.of(motor)?.undo.last().cloned().ok_or("there is nothing to undo")?;
             session.restore_settings(motor, &before)?;
             self.of(motor)?.undo.pop();
-            return Ok(Changed::Settings(motor));
+            return Ok(());
         }
         let before = session.keep_settings(motor)?;
         let of = self.of(motor)?;
@@ -136,7 +119,7 @@ impl Executor {
         if changed {
             self.of(motor)?.keep(before);
         }
-        done.map(|()| Changed::Settings(motor))
+        done
     }
 
     /// Executes an order that changes settings of a motor. `settings` are those in force.
