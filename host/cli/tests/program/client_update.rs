@@ -89,8 +89,18 @@ fn a_hub_without_a_key_refuses_signatures() {
 }
 
 #[test]
-fn files_that_are_no_signature_and_no_key_are_refused_before_a_hub_is_asked() {
+fn a_hub_without_a_bootloader_refuses_an_update() {
+    let file = write(&folder("client-update-none"), "same.bin", image(RUNS));
+    fails(&client(&Server::start(Hub::new()), &["update", &file]), 1, "the hub has no bootloader");
+}
+
+#[test]
+fn files_that_are_no_firmware_no_signature_and_no_key_are_refused_before_a_hub_is_asked() {
     let folder = folder("client-update-files");
+    let nothing = write(&folder, "nothing.bin", b"nothing");
+    for (file, why) in [(&*nothing, "not a motor-hub firmware"), ("/does/not/exist", "No such file")] {
+        fails(&motor_hub(&["client", "--port", "nowhere", "update", file]), 2, why);
+    }
     let file = write(&folder, "same.bin", image(RUNS));
     let signature = write(&folder, "same.sig", SIGNATURE);
     let short = write(&folder, "short.sig", [7; 63]);
