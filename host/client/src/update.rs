@@ -3,19 +3,6 @@
 //! ```text
 //! announcing --> sending --> checking --restart--> restarting --> confirmed
 //! ```
-//!
-//! ```
-//! use motor_hub_client::motor_hub::protocol::Address;
-//! use motor_hub_client::update::{Image, Updating};
-//! use motor_hub_client::{Session, memory::MemoryHub};
-//! use std::time::Duration;
-//!
-//! let mut session = Session::new(MemoryHub::default(), Address::DEFAULT, Duration::from_secs(1));
-//! let image = Image { bytes: vec![0; 64], version: "mh1.0.0".to_owned(), origin: None };
-//! // The hub in memory has no bootloader.
-//! let refused = Updating::begin(&mut session, image, None).unwrap_err().to_string();
-//! assert_eq!(refused, "the hub has no bootloader: flash new firmware through its debug probe");
-//! ```
 
 use crate::clock::Instant;
 use crate::{Error, Session};
