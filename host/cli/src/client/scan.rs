@@ -105,7 +105,10 @@ impl Options {
         let scanned: Vec<Scanned> = thread::scope(|scope| {
             let threads: Vec<_> =
                 places.iter().map(|place| scope.spawn(move || scan(place, timeout))).collect();
-            threads.into_iter().map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic))).collect()
+            threads
+                .into_iter()
+                .map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic)))
+                .collect()
         });
         let hubs: usize = scanned.iter().map(|place| place.hubs.len() + usize::from(place.in_use)).sum();
         if self.json {
