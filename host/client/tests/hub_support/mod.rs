@@ -30,6 +30,8 @@ pub(crate) struct Hub {
     pub(crate) was_enabled: [bool; 4],
     /// Bytes sent before each reply.
     pub(crate) before: fn(&[u8]) -> Vec<u8>,
+    /// Time until a reply arrives on a line in memory.
+    pub(crate) delay: Duration,
     /// Number of requests lost on the line.
     pub(crate) deaf_for: u32,
     /// True for a request whose reply is lost on the line.
@@ -62,6 +64,7 @@ impl Hub {
             snapshot: Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL },
             was_enabled: [false; 4],
             before: |_| Vec::new(),
+            delay: Duration::ZERO,
             deaf_for: 0,
             loses_reply: Box::new(|_| false),
             ends_accesses: true,
@@ -204,7 +207,11 @@ fn carry_out(responder: &mut Responder<4>, request: UpdateRequest, restarted: Bo
 /// A line in memory with hubs at its other end.
 pub(crate) struct Memory {
     hubs: Vec<Hub>,
-    replies: VecDeque<u8>,
+    /// Replies with the times at which they arrive.
+    replies: Vec<(Instant, Vec<u8>)>,
+    arrived: VecDeque<u8>,
+    /// Number of reads without a byte. Each of these reads costs a wait.
+    pub(crate) empty_reads: Arc<AtomicU32>,
 }
 
 impl Memory {
@@ -213,7 +220,7 @@ impl Memory {
     }
 
     pub(crate) fn of(hubs: Vec<Hub>) -> Self {
-        Self { hubs, replies: VecDeque::new() }
+        Self { hubs, replies: Vec::new(), arrived: VecDeque::new(), empty_reads: Arc::default() }
     }
 }
 
@@ -225,17 +232,23 @@ impl fmt::Debug for Memory {
 
 impl Read for Memory {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        if self.replies.is_empty() {
+        let now = Instant::now();
+        for (_, reply) in self.replies.extract_if(.., |(at, _)| *at <= now) {
+            self.arrived.extend(reply);
+        }
+        if self.arrived.is_empty() {
+            self.empty_reads.fetch_add(1, Ordering::Relaxed);
             std::thread::sleep(Duration::from_micros(200));
             return Err(ErrorKind::WouldBlock.into());
         }
-        self.replies.read(buffer)
+        self.arrived.read(buffer)
     }
 }
 
 impl Write for Memory {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.replies.extend(self.hubs.iter_mut().flat_map(|hub| hub.exchange(bytes)));
+        self.replies
+            .extend(self.hubs.iter_mut().map(|hub| (Instant::now() + hub.delay, hub.exchange(bytes))));
         Ok(bytes.len())
     }
 
