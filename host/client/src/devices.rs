@@ -32,7 +32,6 @@ use motor_hub::protocol::payload::{Text, WordFrom};
 use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput, ToPin};
 use motor_hub::protocol::requests::{AdcChannel, BATTERY, RAIL, TEMPERATURE, ToHub};
 use serde::Serialize;
-use std::io::{Read, Write};
 use std::time::Duration;
 
 /// Time-out of an I2C transfer. A hub of this project ends every transfer within 50 ms.
@@ -107,7 +106,7 @@ pub struct Servo {
     pub enabled: bool,
 }
 
-impl<L: Read + Write> Session<L> {
+impl Session {
     /// Numbers of servos, pins, analog inputs and I2C buses of the hub; `None` if the hub does not report them (another
     /// maker's, or older firmware).
     pub fn equipment(&mut self) -> Result<Option<Equipment>, Error> {

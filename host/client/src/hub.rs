@@ -29,7 +29,6 @@ use motor_hub::protocol::requests::{AdcChannel, BATTERY, FIRST_CURRENT, Standard
 use motor_hub::protocol::{Address, Colour, Nack};
 use motor_hub::record::{Head, Tick};
 use motor_hub::units::{Milliamperes, Millivolts};
-use std::io::{Read, Write};
 use std::time::Duration;
 
 /// Highest speed of a group in counts per second that this crate's users may request. The protocol's fields have 24
@@ -55,13 +54,13 @@ pub struct StoreAccess {
 impl StoreAccess {
     /// Asks the hub for the result. `None` while the hub has not finished, for 10 s at most.
     /// [`why_unsaved`](crate::reasons::why_unsaved) says whether the access has succeeded.
-    pub fn result(self, session: &mut Session<impl Read + Write>) -> Result<Option<StoreReport>, Error> {
+    pub fn result(self, session: &mut Session) -> Result<Option<StoreReport>, Error> {
         let report = session.stored()?;
         Ok((!report.is_busy || Instant::now() > self.end).then_some(report))
     }
 }
 
-impl<L: Read + Write> Session<L> {
+impl Session {
     /// State of the bus between battery and bridges; `None` if the hub does not report it (another maker's, or older
     /// firmware).
     pub fn bus(&mut self) -> Result<Option<BusReport>, Error> {

@@ -6,7 +6,6 @@ use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::group::BaseSettings;
 use motor_hub::protocol::motor::{Loop, LoopCoefficients};
 use motor_hub::regulator::Kind;
-use std::io::{Read, Write};
 
 /// All settings of a motor.
 #[derive(Clone, Debug)]
@@ -36,7 +35,7 @@ pub enum ImportError {
     Lost(Error),
 }
 
-impl<L: Read + Write> Session<L> {
+impl Session {
     /// Reads all settings of a motor, for [`restore_settings`](Self::restore_settings).
     pub fn keep_settings(&mut self, motor: u8) -> Result<KeptSettings, Error> {
         let settings = self.settings(motor)?;

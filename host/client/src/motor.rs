@@ -34,7 +34,6 @@ use motor_hub::protocol::{CHANNELS, Nack};
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::Identification;
 use motor_hub::units::Control;
-use std::io::{Read, Write};
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
@@ -125,7 +124,7 @@ pub enum Setpoint {
     },
 }
 
-impl<L: Read + Write> Session<L> {
+impl Session {
     /// Gives a motor a set-point and its mode. A disabled motor applies the set-point once it is enabled. For a constant
     /// current a disabled motor gets power 0, because a hub accepts a constant current for enabled motors only: call
     /// this function again once the motor is enabled.

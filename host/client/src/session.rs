@@ -1,10 +1,11 @@
 //! Sends one request at a time over a line, waits for the answer, retransmits, and discovers hubs.
 
 use crate::Error;
+use crate::Line;
+#[cfg(feature = "serial")]
+use crate::OpenError;
 use crate::clock::Instant;
 use crate::error::Addresses;
-#[cfg(feature = "serial")]
-use crate::{Line, OpenError};
 use motor_hub::chain::ChainReport;
 use motor_hub::extension::{INTERFACE, Request};
 use motor_hub::protocol::answers::Functions;
@@ -13,7 +14,7 @@ use motor_hub::protocol::requests::{DISCOVERY, FAIL_SAFE, InterfaceName, Standar
 use motor_hub::protocol::{Address, BROADCAST, Decoder, HOST, Nack, Packet, Reply, frame};
 use motor_hub::units::Micros;
 use std::collections::{BTreeMap, VecDeque};
-use std::io::{ErrorKind, Read, Write};
+use std::io::ErrorKind;
 use std::thread;
 use std::time::Duration;
 
@@ -47,11 +48,11 @@ pub struct Found {
     pub duplicate: bool,
 }
 
-/// A host's session with one hub. Reads of the line must not block for long: see [`crate::line::POLL`]. Every method
-/// that sends requests also fails with the errors of [`request`](Self::request).
+/// A host's session with one hub. Every method that sends requests also fails with the errors of
+/// [`request`](Self::request).
 #[derive(Debug)]
-pub struct Session<L> {
-    line: L,
+pub struct Session {
+    line: Line,
     decoder: Decoder,
     /// Received packets that have not been read yet.
     arrived: VecDeque<Packet>,
@@ -79,8 +80,7 @@ pub(crate) struct Interfaces {
     pub(crate) reports_nothing: bool,
 }
 
-#[cfg(feature = "serial")]
-impl Session<Line> {
+impl Session {
     /// Opens a session with the hub at `place`: `HOST:PORT`, or else a serial port. The time-out is 1 s.
     ///
     /// # Errors
@@ -93,17 +93,16 @@ impl Session<Line> {
     /// println!("battery: {} mV", hub.battery()?.get());
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
+    #[cfg(feature = "serial")]
     pub fn open(place: &str) -> Result<Self, OpenError> {
         let timeout = Duration::from_secs(1);
         Ok(Self::with_parent(Line::open(place, timeout)?, timeout)?)
     }
-}
 
-impl<L: Read + Write> Session<L> {
     /// Makes a session with the hub at `address`. A request without an answer is sent [`TRANSMISSIONS`] times within `timeout`.
-    pub fn new(line: L, address: Address, timeout: Duration) -> Self {
+    pub fn new(line: impl Into<Line>, address: Address, timeout: Duration) -> Self {
         Self {
-            line,
+            line: line.into(),
             decoder: Decoder::new(),
             arrived: VecDeque::new(),
             no_stale_input: false,
@@ -120,7 +119,7 @@ impl<L: Read + Write> Session<L> {
     ///
     /// # Errors
     /// Not exactly one hub answers as parent.
-    pub fn with_parent(line: L, timeout: Duration) -> Result<Self, Error> {
+    pub fn with_parent(line: impl Into<Line>, timeout: Duration) -> Result<Self, Error> {
         let mut session = Self::new(line, Address::DEFAULT, timeout);
         session.find_parent()?;
         Ok(session)
@@ -369,7 +368,7 @@ impl<L: Read + Write> Session<L> {
     fn transmit(&mut self, request: &Request, destination: u8, id: u16) -> Result<(), Error> {
         self.drop_stale_input()?;
         let frame = frame::encode(&request.packet(destination, self.number, id));
-        Ok(self.line.write_all(&frame)?)
+        Ok(self.line.0.write_all(&frame)?)
     }
 
     fn drop_stale_input(&mut self) -> Result<(), Error> {
@@ -411,7 +410,7 @@ impl<L: Read + Write> Session<L> {
 
     /// Reads bytes within [`POLL`](crate::line::POLL), and returns their number; 0 if no byte has arrived.
     fn receive(&mut self, bytes: &mut [u8]) -> Result<usize, Error> {
-        match self.line.read(bytes) {
+        match self.line.0.read(bytes) {
             Ok(0) => Err(Error::HungUp),
             Ok(count) => Ok(count),
             Err(e)

@@ -19,19 +19,18 @@ use motor_hub::units::{Coefficient, Control, Milliamperes, Millivolts};
 use motor_hub_client::reasons::why_unsaved;
 use motor_hub_client::session;
 use motor_hub_client::{Error, Session};
-use std::io::{Read, Write};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 /// Time-out of requests, far longer than a hub in memory needs.
 const TIMEOUT: Duration = Duration::from_secs(3);
 
-fn session<L: Read + Write>(line: L) -> Session<L> {
+fn session(line: Memory) -> Session {
     Session::new(line, Address::new(ADDRESS).unwrap(), TIMEOUT)
 }
 
 /// A session with a time-out of 60 ms, for tests in which the hub does not answer.
-fn impatient<L: Read + Write>(line: L) -> Session<L> {
+fn impatient(line: Memory) -> Session {
     Session::new(line, Address::new(ADDRESS).unwrap(), Duration::from_millis(60))
 }
 

@@ -17,7 +17,7 @@ fn hub() -> Hub {
     Hub { responder: started(SLOT, Booted::Confirmed), ..Hub::new() }
 }
 
-fn session() -> Session<Memory> {
+fn session() -> Session {
     Session::new(Memory::new(hub()), Address::new(ADDRESS).unwrap(), Duration::from_secs(3))
 }
 

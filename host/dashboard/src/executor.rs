@@ -1,7 +1,7 @@
 //! Executes orders by requests to the hub. Values out of range are refused before anything is sent.
 
 use crate::frame::{configurable, settings_of};
-use crate::hub::{Hub, RequestError, channel, of_motor, within};
+use crate::hub::{RequestError, channel, of_motor, within};
 use crate::requests::PageRequest;
 use crate::settings_file::{self, raw_of};
 use crate::world::World;
@@ -16,11 +16,11 @@ use motor_hub::protocol::motor::{Loop, LoopCoefficients, RunMode, Terms};
 use motor_hub::protocol::{CHANNELS, Colour};
 use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
-use motor_hub_client::Error;
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::kept_settings::KeptSettings;
 use motor_hub_client::motor::{NO_CURRENT, SPEED_LIMITS_CPS, Setpoint, constant_current_ma};
 use motor_hub_client::request_text::of_group;
+use motor_hub_client::{Error, Session};
 use serde_json::{Map, Value};
 use simulated::hardware::winding;
 use simulated::scheme::SchemeName;
@@ -67,7 +67,7 @@ impl Executor {
     /// Executes an order. The relay executes orders about pages and identifications.
     pub(crate) fn execute(
         &mut self,
-        session: &mut Hub,
+        session: &mut Session,
         world: Option<&World>,
         order: &PageRequest,
     ) -> Result<(), RequestError> {
@@ -98,7 +98,7 @@ impl Executor {
     }
 
     /// Executes an order that changes settings of a motor, and keeps the settings before the change for undo.
-    fn change(&mut self, session: &mut Hub, order: &PageRequest) -> Result<(), RequestError> {
+    fn change(&mut self, session: &mut Session, order: &PageRequest) -> Result<(), RequestError> {
         let motor = channel(order.changed_motor().ok_or("this order is not for a motor")?)?;
         if let PageRequest::Undo { .. } = order {
             let before = self.of(motor)?.undo.last().cloned().ok_or("there is nothing to undo")?;
@@ -125,7 +125,7 @@ impl Executor {
     /// Executes an order that changes settings of a motor. `settings` are those in force.
     fn change_settings(
         &mut self,
-        session: &mut Hub,
+        session: &mut Session,
         motor: u8,
         order: &PageRequest,
         mut settings: MotorSettings,
@@ -186,7 +186,7 @@ impl Executor {
 
     /// Puts the settings of a file in force: all of them, or none if the hub refuses one. An undo restores the previous
     /// settings of a motor.
-    fn import(&mut self, session: &mut Hub, text: &str) -> Result<(), RequestError> {
+    fn import(&mut self, session: &mut Session, text: &str) -> Result<(), RequestError> {
         let document = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
         let file = settings_file::read(document)?;
         for (motor, kept) in session.apply_settings(file.motors, file.base)? {
@@ -198,7 +198,7 @@ impl Executor {
     }
 
     /// Settings of a motor, as a message to pages.
-    pub(crate) fn settings(&mut self, session: &mut Hub, motor: u8) -> Result<Value, Error> {
+    pub(crate) fn settings(&mut self, session: &mut Session, motor: u8) -> Result<Value, Error> {
         let settings = session.settings(motor)?;
         let [velocity, position] = [Loop::Velocity, Loop::Position].map(|of| session.coefficients(motor, of));
         let index = usize::from(motor);
@@ -225,7 +225,7 @@ fn setpoint(mode: RunMode, value: f64, speed: Option<f64>, tolerance: u16) -> Re
 
 /// Gives an enabled motor a constant current. A disabled motor gets the set-point power 0 instead, with which the page
 /// can then enable the motor.
-fn current(session: &mut Hub, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), RequestError> {
+fn current(session: &mut Session, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), RequestError> {
     let ma = constant_current_ma(amperes).map_err(|error| error.to_string())?;
     let [least, most] = [SPEED_LIMITS_CPS.start(), SPEED_LIMITS_CPS.end()].map(|cps| f64::from(*cps));
     let limit = within("a speed limit", speed.unwrap_or(most), least..=most, "counts/s")?;
@@ -312,7 +312,7 @@ fn configured(
 }
 
 /// Turns motors in step, each at its own speed. The speed of the group is the highest of these speeds.
-fn turn(session: &mut Hub, at: [Option<i32>; CHANNELS], acceleration: u32) -> Result<(), RequestError> {
+fn turn(session: &mut Session, at: [Option<i32>; CHANNELS], acceleration: u32) -> Result<(), RequestError> {
     let fastest = at.iter().flatten().map(|cps| cps.unsigned_abs()).max().unwrap_or_default();
     let fastest = within("a group's speed", fastest.into(), -FASTEST_CPS..=FASTEST_CPS, "counts/s")?;
     let course = GroupCourse::Velocity(at.map(|cps| cps.map(CountsPerSecond::new)));
@@ -320,7 +320,7 @@ fn turn(session: &mut Hub, at: [Option<i32>; CHANNELS], acceleration: u32) -> Re
 }
 
 fn together(
-    session: &mut Hub,
+    session: &mut Session,
     to: [Option<i32>; CHANNELS],
     speed: u32,
     acceleration: u32,
@@ -331,7 +331,7 @@ fn together(
 
 /// Enables the members of a group, and starts the group.
 fn begin_group(
-    session: &mut Hub,
+    session: &mut Session,
     course: GroupCourse,
     takes_part: [bool; CHANNELS],
     speed_cps: f64,

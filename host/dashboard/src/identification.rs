@@ -1,14 +1,14 @@
 //! A running identification of a motor, and its progress and result for pages.
 
-use crate::hub::{Hub, RequestError, or_refusal};
+use crate::hub::{RequestError, or_refusal};
 use crate::proposal::{catalogue_motor, inertia_ratio, proposal};
 use motor_hub::extension::settings::MotorSettings;
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{self, Identified};
 use motor_hub::units::Acceleration;
-use motor_hub_client::Error;
 use motor_hub_client::clock::Instant;
 use motor_hub_client::identification::{Identifying, Progress as Step};
+use motor_hub_client::{Error, Session};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -46,7 +46,7 @@ pub(crate) enum Progress {
 
 impl Identification {
     /// Starts an identification: enables the motor with power 0, so that it brakes until it stands.
-    pub(crate) fn begin(session: &mut Hub, motor: u8, travel: Option<u32>) -> Result<Self, RequestError> {
+    pub(crate) fn begin(session: &mut Session, motor: u8, travel: Option<u32>) -> Result<Self, RequestError> {
         let identifying = Identifying::begin(session, motor, travel.unwrap_or(u32::MAX))?;
         session.enable(motor, true)?;
         Ok(Self { motor, identifying, asked: Instant::now() })
@@ -57,7 +57,7 @@ impl Identification {
     ///
     /// # Errors
     /// The exchange with the hub fails.
-    pub(crate) fn step(&mut self, session: &mut Hub) -> Result<Option<Progress>, Error> {
+    pub(crate) fn step(&mut self, session: &mut Session) -> Result<Option<Progress>, Error> {
         if self.asked.elapsed() < INTERVAL {
             return Ok(None);
         }
@@ -66,7 +66,7 @@ impl Identification {
         Ok(progress.unwrap_or_else(|why| Some(Progress::Refused { why })))
     }
 
-    fn progress(&mut self, session: &mut Hub) -> Result<Option<Progress>, Error> {
+    fn progress(&mut self, session: &mut Session) -> Result<Option<Progress>, Error> {
         let outcome = match self.identifying.step(session)? {
             Step::Braking | Step::Started(_) => return Ok(None),
             Step::Turning(percent) => return Ok(Some(Progress::Running { percent })),

@@ -5,7 +5,7 @@ use crate::chain::Chain;
 use crate::devices::{Devices, analog, has, servos};
 use crate::executor::Executor;
 use crate::frame::{Frame, Message, catalogue, fault_entry, points, status};
-use crate::hub::{Hub, Opened, RequestError, channel, or_refusal};
+use crate::hub::{Opened, RequestError, channel, or_refusal};
 use crate::identification::{Identification, Progress};
 use crate::outbox::Outbox;
 use crate::pages::Pages;
@@ -18,10 +18,10 @@ use crate::world::World;
 use motor_hub::extension::HubFunction;
 use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub::store::Stored;
-use motor_hub_client::Error;
 use motor_hub_client::clock::Instant;
 use motor_hub_client::hub::StoreAccess;
 use motor_hub_client::reasons::{stored_text, why_unsaved};
+use motor_hub_client::{Error, Session};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
@@ -67,7 +67,7 @@ pub struct Relay {
     place: Place,
     senders: BTreeMap<u32, Outbox>,
     pages: Pages,
-    session: Option<Hub>,
+    session: Option<Session>,
     chain: Chain,
     executor: Executor,
     devices: Devices,

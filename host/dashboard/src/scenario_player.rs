@@ -1,9 +1,10 @@
 //! Sends a scenario's set-points to the hub at their times.
 
-use crate::hub::{Hub, RequestError};
+use crate::hub::RequestError;
 use motor_hub::hub::{Action, Command};
 use motor_hub::motor::{self, ZeroPower};
 use motor_hub::units::CountsPerSecond;
+use motor_hub_client::Session;
 use motor_hub_client::clock::Instant;
 use motor_hub_client::motor::{NO_SPEED_LIMIT_CPS, Setpoint};
 use simulated::scenario::{Scenario, Timed};
@@ -53,7 +54,7 @@ impl Script {
     }
 
     /// Sends the set-points that are due; true once the scenario is over.
-    pub(crate) fn go_on(&self, playing: &mut Playing, session: &mut Hub) -> Result<bool, RequestError> {
+    pub(crate) fn go_on(&self, playing: &mut Playing, session: &mut Session) -> Result<bool, RequestError> {
         let passed = playing.since.elapsed();
         while let Some((_, step)) = self.steps.get(playing.done).filter(|(at, _)| *at <= passed) {
             step.send(session)?;
@@ -64,7 +65,7 @@ impl Script {
 }
 
 impl Step {
-    fn send(&self, session: &mut Hub) -> Result<(), RequestError> {
+    fn send(&self, session: &mut Session) -> Result<(), RequestError> {
         let Some(setpoint) = self.setpoint else { return Ok(session.enable(self.motor, false)?) };
         session.set_setpoint(self.motor, setpoint, self.zero)?;
         session.enable(self.motor, true)?;

@@ -11,7 +11,7 @@ mod hub_support;
 mod page;
 
 use dashboard::proposal::catalogue_motor;
-use dashboard::{Opened, Place, Port};
+use dashboard::{Opened, Place};
 use hub_support::{Hub, Memory, responder_at};
 use motor_hub::braking::Winding;
 use motor_hub::extension::settings::Group;
@@ -31,8 +31,8 @@ fn page_of(hubs: Vec<Hub>) -> Page {
     let addresses: Vec<Address> = hubs.iter().map(|hub| hub.responder.address()).collect();
     let mut line = Some(Memory::of(hubs));
     let open = move || {
-        let port: Box<dyn Port> = Box::new(line.take().ok_or("the session was dropped")?);
-        let session = Session::new(port, addresses[0], Duration::from_millis(300));
+        let line = line.take().ok_or("the session was dropped")?;
+        let session = Session::new(line, addresses[0], Duration::from_millis(300));
         Ok(Opened { session, hubs: addresses.iter().map(|address| address.get()).collect() })
     };
     Page::new(Place::real("hubs in memory", open))

@@ -11,7 +11,6 @@ use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::Address;
 use motor_hub::units::Control;
 use motor_hub_client::Session;
-use motor_hub_client::line::Line;
 use motor_hub_client::motor::{NO_SPEED_LIMIT_CPS, SPEED_LIMITS_CPS, Setpoint, constant_current_ma};
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -206,11 +205,11 @@ impl Drive {
 
 /// Shows the motors until `settled` returns true or the time is over. Returns true if the motors have settled.
 pub(super) fn follow(
-    session: &mut Session<Line>,
+    session: &mut Session,
     motors: &[u8],
     counts_per_turn: Option<f64>,
     length: Option<Duration>,
-    mut settled: impl FnMut(&mut Session<Line>, &Reading) -> Result<bool, Failure>,
+    mut settled: impl FnMut(&mut Session, &Reading) -> Result<bool, Failure>,
 ) -> Result<bool, Failure> {
     let mut live = Live::new();
     let mut readings = 0u32;

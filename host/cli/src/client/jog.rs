@@ -17,7 +17,6 @@ use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::units::Control;
 use motor_hub_client::Error;
-use motor_hub_client::line::Line;
 use motor_hub_client::motor::Setpoint;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
@@ -88,7 +87,7 @@ impl Options {
 
     fn follow(
         &self,
-        session: &mut DrivingSession<'_, Line>,
+        session: &mut DrivingSession<'_>,
         jog: &mut Jog,
         keys: &Receiver<Vec<u8>>,
     ) -> Result<(), Failure> {
@@ -127,7 +126,7 @@ impl Options {
     /// Sends a motor its new level, or disables the motor if `wanted` is `None`.
     fn send(
         &self,
-        session: &mut DrivingSession<'_, Line>,
+        session: &mut DrivingSession<'_>,
         motor: u8,
         before: Option<i16>,
         wanted: Option<i16>,

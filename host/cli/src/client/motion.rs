@@ -8,7 +8,6 @@ use motor_hub::motor::{SettleDetector, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::units::{CountsPerSecond, EmfConstant, Millivolts, Period};
 use motor_hub_client::error::none_if_unsupported;
-use motor_hub_client::line::Line;
 use motor_hub_client::motor::{NO_CURRENT, Setpoint};
 use motor_hub_client::{Error, Session};
 use std::collections::VecDeque;
@@ -25,7 +24,7 @@ pub(super) struct Motion {
 impl Motion {
     /// Sets mode and set-point of all motors, then enables them. A constant current is set again once the motors are
     /// enabled.
-    pub(super) fn begin(&self, driven: &mut DrivingSession<'_, Line>) -> Result<(), Failure> {
+    pub(super) fn begin(&self, driven: &mut DrivingSession<'_>) -> Result<(), Failure> {
         if matches!(self.setpoint, Setpoint::Current { .. }) && driven.report()?.is_none() {
             return Err(Failure::work(NO_CURRENT));
         }
@@ -49,13 +48,13 @@ impl Motion {
     }
 
     /// Fails if the hub has disabled a motor.
-    pub(super) fn check(&self, session: &mut Session<Line>) -> Result<(), Failure> {
+    pub(super) fn check(&self, session: &mut Session) -> Result<(), Failure> {
         self.motors.iter().try_for_each(|motor| check_enabled(session, *motor))
     }
 }
 
 /// Fails if the hub has disabled a motor: after a fail-safe, a reset or a fault.
-pub(super) fn check_enabled(session: &mut Session<Line>, motor: u8) -> Result<(), Failure> {
+pub(super) fn check_enabled(session: &mut Session, motor: u8) -> Result<(), Failure> {
     if session.enabled(motor)? {
         return Ok(());
     }
@@ -65,7 +64,7 @@ pub(super) fn check_enabled(session: &mut Session<Line>, motor: u8) -> Result<()
 
 /// Warns of motors whose requested speed exceeds their free speed at the present battery voltage. `speeds` are pairs of
 /// motor and speed in counts per second. Hubs that do not report their motors' constants give no warning.
-pub(super) fn warn_of(session: &mut Session<Line>, speeds: &[(u8, u32)]) -> Result<(), Error> {
+pub(super) fn warn_of(session: &mut Session, speeds: &[(u8, u32)]) -> Result<(), Error> {
     let battery = session.battery()?;
     // The free speed is unknown while the battery voltage is unknown.
     if battery == Millivolts::default() {

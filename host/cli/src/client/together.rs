@@ -12,7 +12,6 @@ use motor_hub::protocol::CHANNELS;
 use motor_hub::units::{Acceleration, CountsPerSecond};
 use motor_hub_client::Session;
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
-use motor_hub_client::line::Line;
 use std::time::Duration;
 
 /// Moves motors in step to positions, or at speeds, then disables them, on hubs of this project
@@ -110,7 +109,7 @@ impl Options {
 
     fn wanted(
         &self,
-        session: &mut Session<Line>,
+        session: &mut Session,
         values: [Option<i32>; CHANNELS],
     ) -> Result<GroupCommand<GroupCourse>, Failure> {
         let mut speed = CountsPerSecond::new(self.speed);
@@ -141,7 +140,7 @@ impl Options {
 
 /// Starts a group and shows its motion. Returns true if all motors have settled, false if the time is over.
 pub(super) fn run_group(
-    session: &mut Session<Line>,
+    session: &mut Session,
     motors: &[u8],
     wanted: GroupCommand<GroupCourse>,
     length: Option<Duration>,
@@ -159,10 +158,7 @@ pub(super) fn run_group(
 }
 
 /// Enables motors with power 0, so that they brake.
-pub(super) fn enable_with_power_0(
-    session: &mut DrivingSession<'_, Line>,
-    motors: &[u8],
-) -> Result<(), Failure> {
+pub(super) fn enable_with_power_0(session: &mut DrivingSession<'_>, motors: &[u8]) -> Result<(), Failure> {
     for &motor in motors {
         session.brake(motor)?;
         session.enable(motor)?;

@@ -8,7 +8,6 @@ use crate::output::{Failure, print, progress};
 use indicatif::ProgressBar;
 use motor_hub::update::ImageSignature;
 use motor_hub_client::Session;
-use motor_hub_client::line::Line;
 use motor_hub_client::update::{Image, Progress, UpdateError, Updating, read_key, read_signature};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -101,11 +100,7 @@ fn read_file<T, E: Display>(file: &Path, parse: impl FnOnce(&[u8]) -> Result<T, 
 }
 
 /// Takes steps until the new firmware has confirmed itself. Returns the version that the new firmware reports.
-fn follow(
-    session: &mut Session<Line>,
-    updating: &mut Updating,
-    mut bar: ProgressBar,
-) -> Result<String, Failure> {
+fn follow(session: &mut Session, updating: &mut Updating, mut bar: ProgressBar) -> Result<String, Failure> {
     loop {
         let mut pause = Duration::ZERO;
         match updating.step(session)? {
