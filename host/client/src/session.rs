@@ -1,11 +1,10 @@
 //! Sends one request at a time over a line, waits for the answer, retransmits, and discovers hubs.
 
-use crate::Error;
-use crate::Line;
 #[cfg(feature = "serial")]
 use crate::OpenError;
 use crate::clock::Instant;
 use crate::error::Addresses;
+use crate::{Error, Line};
 use motor_hub::chain::ChainReport;
 use motor_hub::extension::{INTERFACE, Request};
 use motor_hub::protocol::answers::Functions;

@@ -145,14 +145,4 @@ mod tests {
         assert!(panicked.is_err());
         assert!(!session.enabled(1).unwrap());
     }
-
-    #[test]
-    fn motors_that_nobody_drives_are_disabled_and_others_left_as_they_are() {
-        let mut session = session();
-        session.set_power(2, Control::MAX).unwrap();
-        session.enable(2, true).unwrap();
-        disable_left_enabled(&mut session).unwrap();
-        assert!(!session.enabled(2).unwrap());
-        assert_eq!(session.motor(2).unwrap().power, Control::MAX);
-    }
 }
