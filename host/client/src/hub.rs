@@ -152,11 +152,11 @@ impl Session {
 
     /// State of all motors in one exchange; `None` if the hub does not report it (another maker's, or older firmware).
     pub fn report(&mut self) -> Result<Option<HubReport>, Error> {
-        if self.interfaces.reports_nothing {
+        if self.interfaces().reports_nothing {
             return Ok(None);
         }
         let report = none_if_unsupported(self.request(HubFunction::Report))?;
-        self.interfaces.reports_nothing = report.is_none();
+        self.interfaces().reports_nothing = report.is_none();
         Ok(report)
     }
 
@@ -190,7 +190,8 @@ impl Session {
         let before = self.address;
         let done = self.command(Standard::SetAddress { address });
         self.address = address.get();
-        self.forget(address);
+        self.forget(before);
+        self.forget(self.address);
         match done {
             // The answer may be lost, or may come from the new address. If the hub answers at the new address and no
             // longer at the former one, the change has succeeded. If a hub answers at both, another hub has the new

@@ -8,7 +8,9 @@ use serde::Serialize;
 #[cfg(feature = "serial")]
 use serialport::{ErrorKind, SerialPortInfo, SerialPortType};
 use std::fmt::Debug;
-use std::io::{self, Read, Write};
+#[cfg(feature = "serial")]
+use std::io;
+use std::io::{Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::time::Duration;
 

@@ -63,9 +63,9 @@ pub struct Session {
     /// Message number of the last request.
     number: u8,
     pub(crate) address: u8,
-    pub(crate) interfaces: Interfaces,
-    /// Interfaces of the other hubs to which the session has sent requests, by address.
-    others: BTreeMap<u8, Interfaces>,
+    /// Interfaces of the hubs to which the session has sent requests, by address. Each hub may number its functions
+    /// differently.
+    interfaces: BTreeMap<u8, Interfaces>,
 }
 
 /// Interfaces of a hub, as the hub has reported them.
@@ -109,8 +109,7 @@ impl Session {
             timeout,
             number: 0,
             address: address.get(),
-            interfaces: Interfaces::default(),
-            others: BTreeMap::new(),
+            interfaces: BTreeMap::new(),
         }
     }
 
@@ -158,18 +157,17 @@ impl Session {
 
     /// Sends later requests to the hub at `address` on the same line.
     pub fn select_hub(&mut self, address: Address) {
-        if address.get() == self.address {
-            return;
-        }
-        // Another hub may number its functions differently.
-        let other = self.others.remove(&address.get()).unwrap_or_default();
-        self.others.insert(self.address, std::mem::replace(&mut self.interfaces, other));
         self.address = address.get();
     }
 
-    /// Deletes the interfaces of the hub at `address`, because the hub of this session gets this address.
-    pub(crate) fn forget(&mut self, address: Address) {
-        self.others.remove(&address.get());
+    /// Interfaces of the hub of this session.
+    pub(crate) fn interfaces(&mut self) -> &mut Interfaces {
+        self.interfaces.entry(self.address).or_default()
+    }
+
+    /// Deletes the interfaces of the hub at `address`, because another hub may have this address now.
+    pub(crate) fn forget(&mut self, address: u8) {
+        self.interfaces.remove(&address);
     }
 
     /// Discovers all hubs on the line. A parent of this project reports the hubs behind it. These hubs follow the
@@ -208,8 +206,7 @@ impl Session {
     /// [`Error::NoHub`] if no hub answers. [`Error::Silent`] for the first hub that does not confirm, after all others
     /// were stopped.
     pub fn stop_all(&mut self) -> Result<Vec<u8>, Error> {
-        self.next_message_number();
-        self.transmit(&Standard::FailSafe.into(), BROADCAST, FAIL_SAFE)?;
+        self.stop_hubs(&[])?;
         let found: Vec<u8> =
             self.discover()?.iter().filter(|hub| !hub.duplicate).map(|hub| hub.address).collect();
         self.confirm_stop(&found).map(|()| found)
@@ -346,13 +343,14 @@ impl Session {
     /// for them once.
     fn id(&mut self, request: &Request) -> Result<u16, Error> {
         let Some(interface) = request.interface() else { return Ok(request.id()) };
-        let known = if interface == INTERFACE { self.interfaces.extension } else { self.interfaces.motors };
+        let Interfaces { motors, extension, .. } = *self.interfaces();
+        let known = if interface == INTERFACE { extension } else { motors };
         let functions = match known {
             Some(functions) => functions,
             None => {
                 let name = InterfaceName::from_slice(interface).expect("a short name");
                 let functions = self.request(Standard::QueryInterface { name })?;
-                let Interfaces { motors, extension, .. } = &mut self.interfaces;
+                let Interfaces { motors, extension, .. } = self.interfaces();
                 *(if interface == INTERFACE { extension } else { motors }) = Some(functions);
                 functions
             }
