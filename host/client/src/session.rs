@@ -3,7 +3,6 @@
 #[cfg(feature = "serial")]
 use crate::OpenError;
 use crate::clock::Instant;
-use crate::error::Addresses;
 use crate::{Error, Line};
 use motor_hub::chain::ChainReport;
 use motor_hub::extension::{INTERFACE, Request};
@@ -131,7 +130,7 @@ impl Session {
         let found = self.discover()?;
         let parents: Vec<u8> = found.iter().filter(|hub| hub.parent).map(|hub| hub.address).collect();
         let [parent] = parents.as_slice() else {
-            let addresses = Addresses(found.iter().map(|hub| hub.address).collect());
+            let addresses = found.iter().map(|hub| hub.address).collect();
             return Err(Error::Parents { found: parents.len(), addresses });
         };
         if let Some(parent) = Address::new(*parent) {
