@@ -6,6 +6,7 @@ use crate::devices::Transfer;
 use crate::hub::{RequestError, within};
 use crate::identification::{Progress as Identification, dynamics_json};
 use crate::proposal::catalogue_motor;
+use crate::settings_file::word_or_number;
 use crate::update::Progress;
 use motor_hub::braking::{OperatingPoint, Points, Scheme, Winding};
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
@@ -170,13 +171,9 @@ pub(crate) fn status(session: &mut Session) -> Result<Value, Error> {
 /// setting is not configured. Only an optional setting can be not configured.
 fn field_of(field: &'static Field, settings: &MotorSettings) -> Value {
     let raw = field.get(settings);
-    let (words, value) = match field.form {
-        Form::Words(words) => (words, field.word_of(raw).map(Value::from)),
-        Form::Steps(1) => (&[][..], Some(Value::from(raw))),
-        Form::Steps(_) => (&[][..], Some(Value::from(field.number_of(raw)))),
-    };
+    let words = if let Form::Words(words) = field.form { words } else { &[] };
     let optional = field.zero == Zero::NotConfigured;
-    let value = value.filter(|_| !(optional && raw == 0));
+    let value = (!(optional && raw == 0)).then(|| word_or_number::<Value>(field, raw));
     json!({ "name": field.name, "value": value, "words": words, "range": field.range(), "optional": optional })
 }
 

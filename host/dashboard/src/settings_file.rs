@@ -122,11 +122,16 @@ fn value(field: &Field, settings: &MotorSettings) -> Option<Value> {
         ("blend", Scheme::D(Blend::Fixed(_))) => Some(field.number_of(raw).into()),
         ("blend", _) => None,
         _ if field.zero == Zero::NotConfigured && raw == 0 => None,
-        _ => Some(match field.form {
-            Form::Words(_) => field.word_of(raw).unwrap_or_default().into(),
-            Form::Steps(1) => raw.into(),
-            Form::Steps(_) => field.number_of(raw).into(),
-        }),
+        _ => Some(word_or_number(field, raw)),
+    }
+}
+
+/// The value of a setting as a word or a number, for TOML and JSON.
+pub(crate) fn word_or_number<V: From<&'static str> + From<i64> + From<f64>>(field: &Field, raw: i64) -> V {
+    match field.form {
+        Form::Words(_) => field.word_of(raw).unwrap_or_default().into(),
+        Form::Steps(1) => raw.into(),
+        Form::Steps(_) => field.number_of(raw).into(),
     }
 }
 
