@@ -10,7 +10,6 @@ use motor_hub::motor::{Faults, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, RunMode, Target, Terms, ToMotor};
 use motor_hub::protocol::payload::{Field, Fields, Payload};
-use motor_hub::protocol::requests::{InterfaceName, MOTOR_INTERFACE, Standard};
 use motor_hub::protocol::{Address, Colour, Nack, Packet, frame};
 use motor_hub::record::Fault;
 use motor_hub::store::{Found, Outcome};
@@ -44,34 +43,21 @@ fn with(frame: &[u8], bytes: &[(usize, u8)]) -> Vec<u8> {
 }
 
 #[test]
-fn requests_are_the_bytes_of_the_protocol() {
+fn negative_targets_are_the_bytes_of_the_protocol() {
     let bytes = |hex: &str| -> Vec<u8> {
         hex.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
     };
-    fn request(destination: u8, number: u8, request: impl Into<Request>) -> Vec<u8> {
-        let request = request.into();
-        frame::encode(&request.packet(destination, number, request.id())).to_vec()
-    }
-    for (frame, expected) in [
-        (request(255, 1, Standard::Discovery), "44 4b 0b 00 ff 00 01 00 0f 7f 28"),
+    for (number, request, expected) in [
+        (8, ToMotor::SetVelocity { cps: -300 }, "44 4b 0e 00 03 00 08 00 11 10 00 d4 fe 9b"),
         (
-            request(
-                3,
-                2,
-                Standard::QueryInterface { name: InterfaceName::from_slice(MOTOR_INTERFACE).expect("short") },
-            ),
-            "44 4b 10 00 03 00 02 00 07 7f 44 45 4b 41 00 3f",
-        ),
-        (
-            request(3, 8, ToMotor::SetVelocity { cps: -300 }.to(0)),
-            "44 4b 0e 00 03 00 08 00 11 10 00 d4 fe 9b",
-        ),
-        (
-            request(3, 9, ToMotor::SetPosition { target: Target { counts: -1000, tolerance: 25 } }.to(0)),
+            9,
+            ToMotor::SetPosition { target: Target { counts: -1000, tolerance: 25 } },
             "44 4b 12 00 03 00 09 00 13 10 00 18 fc ff ff 19 00 fb",
         ),
     ] {
-        assert_eq!(frame, bytes(expected));
+        let request: Request = request.to(0).into();
+        let frame = frame::encode(&request.packet(ADDRESS, number, request.id()));
+        assert_eq!(frame.to_vec(), bytes(expected));
     }
 }
 
