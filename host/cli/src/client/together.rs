@@ -33,8 +33,9 @@ pub(crate) struct Options {
     #[arg(value_parser = whole("a speed", 1..=FASTEST_GROUP_CPS, "counts/s"))]
     speed: i32,
     /// Largest acceleration of any motor, in counts per second squared
-    #[arg(long = "acceleration-cps2", alias = "acceleration", value_name = "CPS2", default_value = "2000", value_parser = acceleration)]
-    acceleration: Acceleration,
+    #[arg(long = "acceleration-cps2", alias = "acceleration", value_name = "CPS2", default_value_t = 2000)]
+    #[arg(value_parser = whole("an acceleration", 1..=u32::MAX, "counts/s\u{b2}"))]
+    acceleration: u32,
     /// Lag in counts from which the others wait for a motor [default: its distance in 0.1 s, at least 24]
     #[arg(long = "lag-counts", alias = "lag", value_name = "COUNTS")]
     #[arg(value_parser = whole("a lag", 0..=u16::MAX, "counts"))]
@@ -55,11 +56,6 @@ fn member(text: &str) -> Result<(MotorName, i32), String> {
     let (motor, counts) = text.split_once('=').ok_or("give MOTOR=COUNTS, such as 0=1000")?;
     let counts = counts.parse().map_err(|_| "COUNTS is a whole number from -2147483648 to 2147483647")?;
     Ok((crate::parse::motor(motor)?, counts))
-}
-
-fn acceleration(text: &str) -> Result<Acceleration, String> {
-    let limit = text.parse().ok().and_then(|limit| Acceleration::new(limit).ok());
-    limit.ok_or_else(|| "an acceleration is a whole number from 1 to 4294967295 counts/s\u{b2}".to_owned())
 }
 
 impl Options {
@@ -128,7 +124,8 @@ impl Options {
             }
             GroupCourse::Position(places)
         };
-        let usual = GroupCommand::new(course, speed, self.acceleration);
+        let acceleration = Acceleration::new(self.acceleration).map_err(Failure::input)?;
+        let usual = GroupCommand::new(course, speed, acceleration);
         Ok(GroupCommand {
             lag: self.lag.unwrap_or(usual.lag),
             tolerance: self.tolerance,
