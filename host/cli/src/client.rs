@@ -29,7 +29,6 @@ use crate::parse::{MotorName, address, motor, whole};
 use hub::HubOptions;
 use motor_hub::protocol::{Address, Colour};
 use motor_hub_client::Session;
-use motor_hub_client::line::Line;
 use motors_off::disable_left_enabled;
 use serde_json::json;
 use studies::table;
@@ -197,7 +196,7 @@ impl Command {
 }
 
 /// Lists all hubs on the line, and disables their enabled motors.
-fn discover(mut session: Session<Line>, json: bool) -> Result<(), Failure> {
+fn discover(mut session: Session, json: bool) -> Result<(), Failure> {
     let mut table = table::new(&["address", "hub"], 0);
     let mut hubs = Vec::new();
     for hub in session.discover()? {

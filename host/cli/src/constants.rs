@@ -60,16 +60,12 @@ impl Constants {
 
     /// Returns the resistance; `None` if it is not given.
     pub(crate) fn resistance(&self) -> Result<Option<Resistance>, Failure> {
-        let Some(ohms) = self.resistance_ohm else { return Ok(None) };
-        let given = Resistance::from_ohms(ohms);
-        given.map(Some).map_err(|e| Failure::Input(format!("--resistance-ohm {ohms}: {e}")))
+        self.resistance_ohm.map(Resistance::from_ohms).transpose().map_err(Failure::input)
     }
 
     /// Returns the inductance; `None` if it is not given.
     pub(crate) fn inductance(&self) -> Result<Option<Inductance>, Failure> {
-        let Some(mh) = self.inductance_mh else { return Ok(None) };
-        let given = Inductance::from_millihenries(mh);
-        given.map(Some).map_err(|e| Failure::Input(format!("--inductance-mh {mh}: {e}")))
+        self.inductance_mh.map(Inductance::from_millihenries).transpose().map_err(Failure::input)
     }
 
     /// Returns a motor with these constants, without gearbox, drag and inertia.

@@ -9,6 +9,7 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use studies::{NamedFigure, SCHEMA_VERSION};
+use terminal_size::{Width, terminal_size_of};
 
 /// Why a command failed.
 #[derive(Debug)]
@@ -68,18 +69,8 @@ pub(crate) fn print_error_line(text: &str) {
 /// output. `None` without the variable and without a terminal.
 pub(crate) fn columns() -> Option<u16> {
     let set = std::env::var("COLUMNS").ok().and_then(|columns| columns.parse().ok());
-    set.filter(|columns| *columns > 0).or_else(terminal_columns)
-}
-
-#[cfg(unix)]
-fn terminal_columns() -> Option<u16> {
-    let size = rustix::termios::tcgetwinsize(std::io::stdout()).ok()?;
-    (size.ws_col > 0).then_some(size.ws_col)
-}
-
-#[cfg(not(unix))]
-fn terminal_columns() -> Option<u16> {
-    None
+    let of_terminal = || terminal_size_of(std::io::stdout()).map(|(Width(columns), _)| columns);
+    set.filter(|columns| *columns > 0).or_else(of_terminal)
 }
 
 /// Prints a JSON document on standard output, with the version of its schema.

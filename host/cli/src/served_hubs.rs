@@ -164,7 +164,6 @@ mod unix {
 #[cfg(all(test, unix))]
 mod tests {
     use super::unix::{ServedHubFile, all_in};
-    use super::*;
     use std::fs;
     use std::os::unix::fs::PermissionsExt;
     use std::time::{Duration, SystemTime};
@@ -173,26 +172,6 @@ mod tests {
         let folder = std::env::temp_dir().join(format!("motor-hub-test-{test}-{}", std::process::id()));
         let _ = fs::remove_dir_all(&folder);
         folder
-    }
-
-    #[test]
-    fn a_note_has_the_place_and_the_host_state_and_is_removed_at_the_end() {
-        let folder = folder("note");
-        assert_eq!(all_in(&folder).unwrap(), []);
-        let mut note = ServedHubFile::create_in(&folder, "/dev/pts/7").unwrap();
-        let served = |has_host| [ServedHub { place: "/dev/pts/7".to_owned(), has_host }];
-        assert_eq!(all_in(&folder).unwrap(), served(false));
-        note.set_has_host(true);
-        assert_eq!(all_in(&folder).unwrap(), served(true));
-        note.set_has_host(false);
-        assert_eq!(all_in(&folder).unwrap(), served(false));
-        drop(note);
-        assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
-        // This file stands for the note of a killed program.
-        fs::write(folder.join("1"), "free  /dev/pts/8\n").unwrap();
-        assert_eq!(all_in(&folder).unwrap(), []);
-        assert_eq!(fs::read_dir(&folder).unwrap().count(), 0, "it is forgotten");
-        fs::remove_dir(&folder).unwrap();
     }
 
     #[test]

@@ -33,7 +33,6 @@ use motor_hub::group::{BaseSettings, GroupCommand, GyroState};
 use motor_hub::protocol::CHANNELS;
 use motor_hub::units::{Acceleration, RangeError};
 use serde::Serialize;
-use std::io::{Read, Write};
 
 /// A part of a base's course.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -117,7 +116,7 @@ impl OdometryValues {
     }
 }
 
-impl<L: Read + Write> Session<L> {
+impl Session {
     /// Configures the drive base, and waits until the hub has applied the settings. The odometry of the base then
     /// starts at the origin. Both motors must be disabled. Needs this project's firmware.
     ///
@@ -130,9 +129,6 @@ impl<L: Read + Write> Session<L> {
 
     /// Settings of the drive base in force. `None` if no base is configured, or if the firmware does not report the
     /// base.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn base_if_reported(&mut self) -> Result<Option<BaseSettings>, Error> {
         none_if_unsupported(self.request(HubFunction::Base))
     }

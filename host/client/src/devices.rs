@@ -22,7 +22,7 @@
 //! ```
 
 use crate::clock::Instant;
-use crate::error::none_if_unsupported;
+use crate::error::{none_if_unsupported, or_reason};
 use crate::{Error, Session};
 use motor_hub::board::Equipment;
 use motor_hub::extension::HubFunction;
@@ -32,7 +32,6 @@ use motor_hub::protocol::payload::{Text, WordFrom};
 use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput, ToPin};
 use motor_hub::protocol::requests::{AdcChannel, BATTERY, RAIL, TEMPERATURE, ToHub};
 use serde::Serialize;
-use std::io::{Read, Write};
 use std::time::Duration;
 
 /// Time-out of an I2C transfer. A hub of this project ends every transfer within 50 ms.
@@ -107,12 +106,9 @@ pub struct Servo {
     pub enabled: bool,
 }
 
-impl<L: Read + Write> Session<L> {
+impl Session {
     /// Numbers of servos, pins, analog inputs and I2C buses of the hub; `None` if the hub does not report them (another
     /// maker's, or older firmware).
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn equipment(&mut self) -> Result<Option<Equipment>, Error> {
         none_if_unsupported(self.request(HubFunction::Equipment))
     }
@@ -167,6 +163,11 @@ impl<L: Read + Write> Session<L> {
         self.request(ToHub::Adc { channel, raw })
     }
 
+    /// Value of an ADC channel in its unit. The inner error is the hub's reason for a refusal.
+    pub fn measured(&mut self, channel: Channel) -> Result<Result<f64, String>, Error> {
+        Ok(or_reason(self.adc(channel.number, false))?.map(|value| f64::from(value) * channel.scale))
+    }
+
     /// Sets the speed of an I2C bus: 400 kbit/s if `fast`, otherwise 100 kbit/s.
     pub fn set_i2c_speed(&mut self, bus: I2cBus, fast: bool) -> Result<(), Error> {
         self.command(ToPin::SetI2cSpeed { bus, fast })
@@ -190,17 +191,12 @@ impl<L: Read + Write> Session<L> {
 
     /// Reads one byte from a device. The result is `Ok(true)` if the device acknowledges its address, and `Ok(false)`
     /// if no device acknowledges. The inner error is a text that says why the read failed for another reason.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn finds_i2c(&mut self, bus: I2cBus, address: I2cAddress) -> Result<Result<bool, String>, Error> {
         let Some(one) = I2cCount::new(1) else { return Ok(Ok(false)) };
-        match self.read_i2c(bus, address, None, one) {
-            Ok(read) if read.status == I2cStatus::NO_ADDRESS => Ok(Ok(false)),
-            Ok(read) => Ok(read.status.error().map_or(Ok(true), |error| Err(error.to_owned()))),
-            Err(Error::Refused { reason, .. }) => Ok(Err(reason.to_string())),
-            Err(error) => Err(error),
-        }
+        Ok(or_reason(self.read_i2c(bus, address, None, one))?.and_then(|read| match read.status {
+            I2cStatus::NO_ADDRESS => Ok(false),
+            status => status.error().map_or(Ok(true), |error| Err(error.to_owned())),
+        }))
     }
 
     /// Writes 1 to 100 bytes to a device. The status of the result says whether the transfer had an error.

@@ -1,16 +1,8 @@
 //! Errors of requests to a hub, and of opening a line.
-//!
-//! ```
-//! use motor_hub_client::Error;
-//!
-//! let error = Error::Silent { address: 2 };
-//! assert!(error.to_string().starts_with("hub 2 does not answer: check its address"));
-//! ```
 
 use crate::request_text::text;
 use motor_hub::extension::Request;
 use motor_hub::protocol::{BAUD, Nack};
-use std::fmt;
 use std::io;
 
 /// Why a request to a hub failed.
@@ -28,12 +20,12 @@ pub enum Error {
     )]
     NoHub,
     /// Hubs answered a discovery, but not exactly one of them as parent.
-    #[error("{found} hubs answer as parent; exactly one must (addresses that answer: {addresses})")]
+    #[error("{found} hubs answer as parent; exactly one must (addresses that answer: {})", joined(.addresses))]
     Parents {
         /// Number of hubs that answered as parent.
         found: usize,
         /// Addresses of all hubs that answered.
-        addresses: Addresses,
+        addresses: Vec<u8>,
     },
     /// The hub answered none of the [`TRANSMISSIONS`](crate::session::TRANSMISSIONS) transmissions of a request.
     #[error(
@@ -90,15 +82,20 @@ pub fn none_if_unsupported<T>(answer: Result<T, Error>) -> Result<Option<T>, Err
     }
 }
 
-/// Addresses of hubs, displayed with commas between them.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Addresses(pub Vec<u8>);
-
-impl fmt::Display for Addresses {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let addresses: Vec<String> = self.0.iter().map(u8::to_string).collect();
-        f.write_str(&addresses.join(", "))
+/// Returns the answer to a request; for [`Error::Refused`] the hub's reason as text, as the inner error.
+///
+/// # Errors
+/// All errors of requests except [`Error::Refused`].
+pub fn or_reason<T>(answer: Result<T, Error>) -> Result<Result<T, String>, Error> {
+    match answer {
+        Ok(answer) => Ok(Ok(answer)),
+        Err(Error::Refused { reason, .. }) => Ok(Err(reason.to_string())),
+        Err(error) => Err(error),
     }
+}
+
+fn joined(addresses: &[u8]) -> String {
+    addresses.iter().map(u8::to_string).collect::<Vec<_>>().join(", ")
 }
 
 /// Why a line could not be opened, or why no hub answered on it.

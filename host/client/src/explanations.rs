@@ -1,12 +1,4 @@
 //! Explains each fault number to users. The sections of `docs/reference/fault-numbers.md` have these texts.
-//!
-//! ```
-//! use motor_hub_client::explanations::explanation;
-//! use motor_hub_client::motor_hub::record::Fault;
-//!
-//! let [means, hub, look_at] = explanation(Fault::BrownOut).sentences();
-//! assert!(means.starts_with("Means. ") && hub.starts_with("The hub ") && look_at.starts_with("Look at "));
-//! ```
 
 use motor_hub::record::Fault;
 

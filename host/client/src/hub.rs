@@ -29,7 +29,6 @@ use motor_hub::protocol::requests::{AdcChannel, BATTERY, FIRST_CURRENT, Standard
 use motor_hub::protocol::{Address, Colour, Nack};
 use motor_hub::record::{Head, Tick};
 use motor_hub::units::{Milliamperes, Millivolts};
-use std::io::{Read, Write};
 use std::time::Duration;
 
 /// Highest speed of a group in counts per second that this crate's users may request. The protocol's fields have 24
@@ -55,21 +54,15 @@ pub struct StoreAccess {
 impl StoreAccess {
     /// Asks the hub for the result. `None` while the hub has not finished, for 10 s at most.
     /// [`why_unsaved`](crate::reasons::why_unsaved) says whether the access has succeeded.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
-    pub fn result(self, session: &mut Session<impl Read + Write>) -> Result<Option<StoreReport>, Error> {
+    pub fn result(self, session: &mut Session) -> Result<Option<StoreReport>, Error> {
         let report = session.stored()?;
         Ok((!report.is_busy || Instant::now() > self.end).then_some(report))
     }
 }
 
-impl<L: Read + Write> Session<L> {
+impl Session {
     /// State of the bus between battery and bridges; `None` if the hub does not report it (another maker's, or older
     /// firmware).
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn bus(&mut self) -> Result<Option<BusReport>, Error> {
         none_if_unsupported(self.request(HubFunction::Bus))
     }
@@ -88,9 +81,6 @@ impl<L: Read + Write> Session<L> {
 
     /// Number of the hub's present run, and the recorded faults and resets, newest first. A run lasts from one reset to
     /// the next. `None` if the hub keeps no record.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn recorded(&mut self) -> Result<Option<(u32, Vec<Head>)>, Error> {
         let mut heads = Vec::new();
         loop {
@@ -130,9 +120,6 @@ impl<L: Read + Write> Session<L> {
 
     /// State of the stored settings, as from [`stored`](Self::stored); `None` if the hub does not report this state
     /// (another maker's, or a board that stores nothing).
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn stored_if_reported(&mut self) -> Result<Option<StoreReport>, Error> {
         none_if_unsupported(self.stored())
     }
@@ -150,9 +137,6 @@ impl<L: Read + Write> Session<L> {
     }
 
     /// Starts to store, load or reset the hub's settings. [`StoreAccess::result`] returns the result.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn begin_store(&mut self, what: HubFunction) -> Result<StoreAccess, Error> {
         // The hub takes from its last control tick whether motors are disabled.
         self.catch_up()?;
@@ -167,23 +151,17 @@ impl<L: Read + Write> Session<L> {
     }
 
     /// State of all motors in one exchange; `None` if the hub does not report it (another maker's, or older firmware).
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn report(&mut self) -> Result<Option<HubReport>, Error> {
-        if self.interfaces.reports_nothing {
+        if self.interfaces().reports_nothing {
             return Ok(None);
         }
         let report = none_if_unsupported(self.request(HubFunction::Report))?;
-        self.interfaces.reports_nothing = report.is_none();
+        self.interfaces().reports_nothing = report.is_none();
         Ok(report)
     }
 
     /// Waits until the hub's report includes all commands of earlier requests, such as disabling a motor, for 300 ms at
     /// most. Returns immediately for a hub that does not report its commands.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn catch_up(&mut self) -> Result<(), Error> {
         let end = Instant::now() + CATCHING_UP;
         while self.report()?.is_some_and(|report| !report.is_up_to_date()) && Instant::now() < end {
@@ -193,9 +171,6 @@ impl<L: Read + Write> Session<L> {
     }
 
     /// Module status. If `clear` is true, the hub clears its status word after it has put the word into the answer.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn status(&mut self, clear: bool) -> Result<Status, Error> {
         self.request(Standard::Status { clear })
     }
@@ -215,7 +190,8 @@ impl<L: Read + Write> Session<L> {
         let before = self.address;
         let done = self.command(Standard::SetAddress { address });
         self.address = address.get();
-        self.forget(address);
+        self.forget(before);
+        self.forget(self.address);
         match done {
             // The answer may be lost, or may come from the new address. If the hub answers at the new address and no
             // longer at the former one, the change has succeeded. If a hub answers at both, another hub has the new

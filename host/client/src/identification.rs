@@ -17,7 +17,6 @@
 use crate::clock::Instant;
 use crate::{Error, Session};
 use motor_hub::regulator::identify::Identification;
-use std::io::{Read, Write};
 use std::time::Duration;
 
 /// Time without a count after which a braked motor counts as standing.
@@ -55,14 +54,7 @@ pub enum Progress {
 impl Identifying {
     /// Selects constant power 0 for a motor, so that the motor brakes when it is enabled. The caller then enables the
     /// motor, takes steps until the identification has ended, and disables the motor.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
-    pub fn begin<L: Read + Write>(
-        session: &mut Session<L>,
-        motor: u8,
-        travel_limit: u32,
-    ) -> Result<Self, Error> {
+    pub fn begin(session: &mut Session, motor: u8, travel_limit: u32) -> Result<Self, Error> {
         session.brake(motor)?;
         Ok(Self { motor, travel_limit, begun: Instant::now(), position: None, started: false })
     }
@@ -74,7 +66,7 @@ impl Identifying {
     /// [`Session::request`] lists the errors of all commands. The hub refuses to start if the battery is low, or if the
     /// motor is not enabled in the mode `Power` with power 0. A motor that still turns is no error: a later step
     /// returns [`Progress::Ended`].
-    pub fn step<L: Read + Write>(&mut self, session: &mut Session<L>) -> Result<Progress, Error> {
+    pub fn step(&mut self, session: &mut Session) -> Result<Progress, Error> {
         if self.started {
             return Ok(match session.identification(self.motor)? {
                 Identification::Running(percent) => Progress::Turning(percent),

@@ -1,18 +1,4 @@
 //! Reads the settings of motors before a change, and restores these settings if the change fails.
-//!
-//! ```
-//! use motor_hub_client::motor_hub::extension::settings::{Group, Values};
-//! use motor_hub_client::motor_hub::protocol::Address;
-//! use motor_hub_client::{Session, memory::MemoryHub};
-//! use std::time::Duration;
-//!
-//! let mut session = Session::new(MemoryHub::default(), Address::DEFAULT, Duration::from_secs(1));
-//! let values = Values::of(Group::Timing, &session.settings(1)?);
-//! let kept = session.apply_settings(vec![(1, vec![values])], None).expect("own settings are accepted");
-//! let [(motor, before)] = kept.as_slice() else { panic!("one motor was changed") };
-//! session.restore_settings(*motor, before)?;
-//! # Ok::<(), motor_hub_client::Error>(())
-//! ```
 
 use crate::{Error, Session};
 use motor_hub::extension::Request;
@@ -20,7 +6,6 @@ use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::group::BaseSettings;
 use motor_hub::protocol::motor::{Loop, LoopCoefficients};
 use motor_hub::regulator::Kind;
-use std::io::{Read, Write};
 
 /// All settings of a motor.
 #[derive(Clone, Debug)]
@@ -50,11 +35,8 @@ pub enum ImportError {
     Lost(Error),
 }
 
-impl<L: Read + Write> Session<L> {
+impl Session {
     /// Reads all settings of a motor, for [`restore_settings`](Self::restore_settings).
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn keep_settings(&mut self, motor: u8) -> Result<KeptSettings, Error> {
         let settings = self.settings(motor)?;
         let report = self.report()?;
@@ -70,9 +52,6 @@ impl<L: Read + Write> Session<L> {
 
     /// Restores all settings of a motor except its mode. Coefficients are restored only if PID regulated the motor when
     /// the settings were kept.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn restore_settings(&mut self, motor: u8, kept: &KeptSettings) -> Result<(), Error> {
         let present = self.settings(motor)?;
         for group in Group::ALL {

@@ -1,18 +1,4 @@
 //! The line to a hub: a serial port or a TCP connection, read and written as bytes with time-outs.
-//!
-//! ```
-//! use motor_hub_client::Line;
-//! use std::net::TcpListener;
-//! use std::time::Duration;
-//!
-//! let listener = TcpListener::bind("127.0.0.1:0")?;
-//! let address = listener.local_addr()?.to_string();
-//! assert!(Line::tcp(&address, Duration::from_secs(1)).is_ok());
-//! // After this no program listens at the address.
-//! drop(listener);
-//! assert!(Line::tcp(&address, Duration::from_secs(1)).is_err());
-//! # Ok::<(), std::io::Error>(())
-//! ```
 
 use crate::error::OpenError;
 #[cfg(feature = "serial")]
@@ -20,22 +6,31 @@ use motor_hub::protocol::BAUD;
 #[cfg(feature = "serial")]
 use serde::Serialize;
 #[cfg(feature = "serial")]
-use serialport::{ErrorKind, SerialPort, SerialPortInfo, SerialPortType};
-use std::io::{self, Read, Write};
+use serialport::{ErrorKind, SerialPortInfo, SerialPortType};
+use std::fmt::Debug;
+#[cfg(feature = "serial")]
+use std::io;
+use std::io::{Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::time::Duration;
 
 /// Longest time that one read waits for a byte. A [`Session`](crate::Session) repeats reads until its time-out.
 pub const POLL: Duration = Duration::from_millis(5);
 
-/// Bytes to and from a hub. A read without bytes fails within [`POLL`] as `TimedOut` or `WouldBlock`.
+/// The line to a hub: anything that reads and writes bytes. A read without bytes must fail soon as `TimedOut` or
+/// `WouldBlock`; on serial ports and TCP connections it fails within [`POLL`].
 #[derive(Debug)]
-pub enum Line {
-    /// A serial port or pseudo-terminal.
-    #[cfg(feature = "serial")]
-    Serial(Box<dyn SerialPort>),
-    /// A TCP connection.
-    Tcp(TcpStream),
+pub struct Line(pub(crate) Box<dyn Bytes>);
+
+/// Bytes to and from a hub.
+pub(crate) trait Bytes: Read + Write + Send + Debug {}
+
+impl<T: Read + Write + Send + Debug> Bytes for T {}
+
+impl<T: Read + Write + Send + Debug + 'static> From<T> for Line {
+    fn from(port: T) -> Self {
+        Self(Box::new(port))
+    }
 }
 
 impl Line {
@@ -64,7 +59,7 @@ impl Line {
                 _ => OpenError::System(error.into()),
             }
         })?;
-        Ok(Self::Serial(port))
+        Ok(port.into())
     }
 
     /// Connects to `HOST:PORT`. A host with several network addresses gets one attempt for each address, each within
@@ -81,7 +76,7 @@ impl Line {
                     stream.set_write_timeout(Some(timeout))?;
                     // A request is one small write, which TCP must send without delay.
                     stream.set_nodelay(true)?;
-                    return Ok(Self::Tcp(stream));
+                    return Ok(stream.into());
                 }
                 Err(error) => failure = error.into(),
             }
@@ -95,34 +90,6 @@ impl Line {
 pub fn is_tcp(place: &str) -> bool {
     let parts = place.rsplit_once(':');
     parts.is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok())
-}
-
-impl Read for Line {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        match self {
-            #[cfg(feature = "serial")]
-            Self::Serial(port) => port.read(buffer),
-            Self::Tcp(stream) => stream.read(buffer),
-        }
-    }
-}
-
-impl Write for Line {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        match self {
-            #[cfg(feature = "serial")]
-            Self::Serial(port) => port.write(bytes),
-            Self::Tcp(stream) => stream.write(bytes),
-        }
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        match self {
-            #[cfg(feature = "serial")]
-            Self::Serial(port) => port.flush(),
-            Self::Tcp(stream) => stream.flush(),
-        }
-    }
 }
 
 /// A serial port of this machine.

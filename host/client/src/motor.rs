@@ -33,7 +33,6 @@ use motor_hub::protocol::{CHANNELS, Nack};
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::Identification;
 use motor_hub::units::Control;
-use std::io::{Read, Write};
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
@@ -99,13 +98,70 @@ pub struct MotorState {
     pub position: Target,
 }
 
-impl<L: Read + Write> Session<L> {
+/// Set-point that a host gives to a motor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Setpoint {
+    /// Constant power as a share of full power.
+    Power(Control),
+    /// Constant current in mA, and a speed limit in counts per second: see [`Session::set_current`].
+    Current {
+        /// Current in mA.
+        ma: i32,
+        /// Speed limit in counts per second.
+        speed_limit: u16,
+    },
+    /// Regulated velocity in counts per second.
+    Velocity(i16),
+    /// Regulated position.
+    Position {
+        /// Target in counts.
+        counts: i32,
+        /// Largest distance to the target, in counts, at which the motor is within tolerance.
+        tolerance: u16,
+        /// Speed limit in counts per second.
+        speed_limit: i16,
+    },
+}
+
+impl Session {
+    /// Gives a motor a set-point and its mode. A disabled motor applies the set-point once it is enabled. For a constant
+    /// current a disabled motor gets power 0, because a hub accepts a constant current for enabled motors only: call
+    /// this function again once the motor is enabled.
+    pub fn set_setpoint(
+        &mut self,
+        motor: u8,
+        setpoint: Setpoint,
+        zero_power: ZeroPower,
+    ) -> Result<(), Error> {
+        let mode = match setpoint {
+            // In constant power the motor applies its last power immediately, so the power is set before the mode.
+            Setpoint::Power(power) => {
+                self.set_power(motor, power)?;
+                RunMode::Power
+            }
+            Setpoint::Current { ma, speed_limit } => {
+                if self.enabled(motor)? {
+                    return self.set_current(motor, ma, speed_limit);
+                }
+                self.set_power(motor, Control::ZERO)?;
+                RunMode::Power
+            }
+            Setpoint::Velocity(cps) => {
+                self.set_velocity(motor, cps)?;
+                RunMode::Velocity
+            }
+            Setpoint::Position { counts, tolerance, speed_limit } => {
+                self.set_velocity(motor, speed_limit)?;
+                self.set_position(motor, counts, tolerance)?;
+                RunMode::Position
+            }
+        };
+        self.set_mode(motor, mode, zero_power)
+    }
+
     /// Disables motors that a former host has left enabled, and returns them. Without this call the motors would keep
     /// running, because every packet resets the hub's keep-alive. A line has one host at a time, so the host that
     /// enabled the motors is gone.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn disable_left_enabled(&mut self) -> Result<Vec<u8>, Error> {
         let mut found = Vec::new();
         for motor in 0..CHANNELS as u8 {
@@ -142,9 +198,6 @@ impl<L: Read + Write> Session<L> {
     }
 
     /// Mode, enable and all targets of a motor.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn motor(&mut self, motor: u8) -> Result<MotorState, Error> {
         let ChannelMode { mode, floats } = self.request(ToMotor::Mode.to(motor))?;
         Ok(MotorState {

@@ -1,21 +1,9 @@
 //! Sends one request at a time over a line, waits for the answer, retransmits, and discovers hubs.
-//!
-//! ```
-//! use motor_hub_client::motor_hub::protocol::Address;
-//! use motor_hub_client::{Error, Session};
-//! use std::io::Cursor;
-//! use std::time::Duration;
-//!
-//! // Anything that reads and writes bytes is a line; this one ends immediately.
-//! let mut session = Session::new(Cursor::new(Vec::new()), Address::DEFAULT, Duration::from_millis(100));
-//! assert!(matches!(session.discover(), Err(Error::HungUp)));
-//! ```
 
-use crate::Error;
-use crate::clock::Instant;
-use crate::error::Addresses;
 #[cfg(feature = "serial")]
-use crate::{Line, OpenError};
+use crate::OpenError;
+use crate::clock::Instant;
+use crate::{Error, Line};
 use motor_hub::chain::ChainReport;
 use motor_hub::extension::{INTERFACE, Request};
 use motor_hub::protocol::answers::Functions;
@@ -24,7 +12,7 @@ use motor_hub::protocol::requests::{DISCOVERY, FAIL_SAFE, InterfaceName, Standar
 use motor_hub::protocol::{Address, BROADCAST, Decoder, HOST, Nack, Packet, Reply, frame};
 use motor_hub::units::Micros;
 use std::collections::{BTreeMap, VecDeque};
-use std::io::{ErrorKind, Read, Write};
+use std::io::ErrorKind;
 use std::thread;
 use std::time::Duration;
 
@@ -58,10 +46,11 @@ pub struct Found {
     pub duplicate: bool,
 }
 
-/// A host's session with one hub. Reads of the line must not block for long: see [`crate::line::POLL`].
+/// A host's session with one hub. Every method that sends requests also fails with the errors of
+/// [`request`](Self::request).
 #[derive(Debug)]
-pub struct Session<L> {
-    line: L,
+pub struct Session {
+    line: Line,
     decoder: Decoder,
     /// Received packets that have not been read yet.
     arrived: VecDeque<Packet>,
@@ -73,9 +62,9 @@ pub struct Session<L> {
     /// Message number of the last request.
     number: u8,
     pub(crate) address: u8,
-    pub(crate) interfaces: Interfaces,
-    /// Interfaces of the other hubs to which the session has sent requests, by address.
-    others: BTreeMap<u8, Interfaces>,
+    /// Interfaces of the hubs to which the session has sent requests, by address. Each hub may number its functions
+    /// differently.
+    interfaces: BTreeMap<u8, Interfaces>,
 }
 
 /// Interfaces of a hub, as the hub has reported them.
@@ -89,8 +78,7 @@ pub(crate) struct Interfaces {
     pub(crate) reports_nothing: bool,
 }
 
-#[cfg(feature = "serial")]
-impl Session<Line> {
+impl Session {
     /// Opens a session with the hub at `place`: `HOST:PORT`, or else a serial port. The time-out is 1 s.
     ///
     /// # Errors
@@ -103,17 +91,16 @@ impl Session<Line> {
     /// println!("battery: {} mV", hub.battery()?.get());
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
+    #[cfg(feature = "serial")]
     pub fn open(place: &str) -> Result<Self, OpenError> {
         let timeout = Duration::from_secs(1);
         Ok(Self::with_parent(Line::open(place, timeout)?, timeout)?)
     }
-}
 
-impl<L: Read + Write> Session<L> {
     /// Makes a session with the hub at `address`. A request without an answer is sent [`TRANSMISSIONS`] times within `timeout`.
-    pub fn new(line: L, address: Address, timeout: Duration) -> Self {
+    pub fn new(line: impl Into<Line>, address: Address, timeout: Duration) -> Self {
         Self {
-            line,
+            line: line.into(),
             decoder: Decoder::new(),
             arrived: VecDeque::new(),
             no_stale_input: false,
@@ -121,8 +108,7 @@ impl<L: Read + Write> Session<L> {
             timeout,
             number: 0,
             address: address.get(),
-            interfaces: Interfaces::default(),
-            others: BTreeMap::new(),
+            interfaces: BTreeMap::new(),
         }
     }
 
@@ -130,7 +116,7 @@ impl<L: Read + Write> Session<L> {
     ///
     /// # Errors
     /// Not exactly one hub answers as parent.
-    pub fn with_parent(line: L, timeout: Duration) -> Result<Self, Error> {
+    pub fn with_parent(line: impl Into<Line>, timeout: Duration) -> Result<Self, Error> {
         let mut session = Self::new(line, Address::DEFAULT, timeout);
         session.find_parent()?;
         Ok(session)
@@ -144,7 +130,7 @@ impl<L: Read + Write> Session<L> {
         let found = self.discover()?;
         let parents: Vec<u8> = found.iter().filter(|hub| hub.parent).map(|hub| hub.address).collect();
         let [parent] = parents.as_slice() else {
-            let addresses = Addresses(found.iter().map(|hub| hub.address).collect());
+            let addresses = found.iter().map(|hub| hub.address).collect();
             return Err(Error::Parents { found: parents.len(), addresses });
         };
         if let Some(parent) = Address::new(*parent) {
@@ -170,18 +156,17 @@ impl<L: Read + Write> Session<L> {
 
     /// Sends later requests to the hub at `address` on the same line.
     pub fn select_hub(&mut self, address: Address) {
-        if address.get() == self.address {
-            return;
-        }
-        // Another hub may number its functions differently.
-        let other = self.others.remove(&address.get()).unwrap_or_default();
-        self.others.insert(self.address, std::mem::replace(&mut self.interfaces, other));
         self.address = address.get();
     }
 
-    /// Deletes the interfaces of the hub at `address`, because the hub of this session gets this address.
-    pub(crate) fn forget(&mut self, address: Address) {
-        self.others.remove(&address.get());
+    /// Interfaces of the hub of this session.
+    pub(crate) fn interfaces(&mut self) -> &mut Interfaces {
+        self.interfaces.entry(self.address).or_default()
+    }
+
+    /// Deletes the interfaces of the hub at `address`, because another hub may have this address now.
+    pub(crate) fn forget(&mut self, address: u8) {
+        self.interfaces.remove(&address);
     }
 
     /// Discovers all hubs on the line. A parent of this project reports the hubs behind it. These hubs follow the
@@ -220,8 +205,7 @@ impl<L: Read + Write> Session<L> {
     /// [`Error::NoHub`] if no hub answers. [`Error::Silent`] for the first hub that does not confirm, after all others
     /// were stopped.
     pub fn stop_all(&mut self) -> Result<Vec<u8>, Error> {
-        self.next_message_number();
-        self.transmit(&Standard::FailSafe.into(), BROADCAST, FAIL_SAFE)?;
+        self.stop_hubs(&[])?;
         let found: Vec<u8> =
             self.discover()?.iter().filter(|hub| !hub.duplicate).map(|hub| hub.address).collect();
         self.confirm_stop(&found).map(|()| found)
@@ -358,13 +342,14 @@ impl<L: Read + Write> Session<L> {
     /// for them once.
     fn id(&mut self, request: &Request) -> Result<u16, Error> {
         let Some(interface) = request.interface() else { return Ok(request.id()) };
-        let known = if interface == INTERFACE { self.interfaces.extension } else { self.interfaces.motors };
+        let Interfaces { motors, extension, .. } = *self.interfaces();
+        let known = if interface == INTERFACE { extension } else { motors };
         let functions = match known {
             Some(functions) => functions,
             None => {
                 let name = InterfaceName::from_slice(interface).expect("a short name");
                 let functions = self.request(Standard::QueryInterface { name })?;
-                let Interfaces { motors, extension, .. } = &mut self.interfaces;
+                let Interfaces { motors, extension, .. } = self.interfaces();
                 *(if interface == INTERFACE { extension } else { motors }) = Some(functions);
                 functions
             }
@@ -379,7 +364,7 @@ impl<L: Read + Write> Session<L> {
     fn transmit(&mut self, request: &Request, destination: u8, id: u16) -> Result<(), Error> {
         self.drop_stale_input()?;
         let frame = frame::encode(&request.packet(destination, self.number, id));
-        Ok(self.line.write_all(&frame)?)
+        Ok(self.line.0.write_all(&frame)?)
     }
 
     fn drop_stale_input(&mut self) -> Result<(), Error> {
@@ -421,7 +406,7 @@ impl<L: Read + Write> Session<L> {
 
     /// Reads bytes within [`POLL`](crate::line::POLL), and returns their number; 0 if no byte has arrived.
     fn receive(&mut self, bytes: &mut [u8]) -> Result<usize, Error> {
-        match self.line.read(bytes) {
+        match self.line.0.read(bytes) {
             Ok(0) => Err(Error::HungUp),
             Ok(count) => Ok(count),
             Err(e)

@@ -3,19 +3,6 @@
 //! ```text
 //! announcing --> sending --> checking --restart--> restarting --> confirmed
 //! ```
-//!
-//! ```
-//! use motor_hub_client::motor_hub::protocol::Address;
-//! use motor_hub_client::update::{Image, Updating};
-//! use motor_hub_client::{Session, memory::MemoryHub};
-//! use std::time::Duration;
-//!
-//! let mut session = Session::new(MemoryHub::default(), Address::DEFAULT, Duration::from_secs(1));
-//! let image = Image { bytes: vec![0; 64], version: "mh1.0.0".to_owned(), origin: None };
-//! // The hub in memory has no bootloader.
-//! let refused = Updating::begin(&mut session, image, None).unwrap_err().to_string();
-//! assert_eq!(refused, "the hub has no bootloader: flash new firmware through its debug probe");
-//! ```
 
 use crate::clock::Instant;
 use crate::{Error, Session};
@@ -24,7 +11,6 @@ use motor_hub::extension::state::UpdateReport;
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::payload::{TEXT, Text};
 use motor_hub::update::{Booted, CHUNK, CRC, ImageSignature, Outcome, Phase, public_key};
-use std::io::{Read, Write};
 use std::time::Duration;
 
 /// Largest image in bytes: more than the flash of any supported chip.
@@ -117,7 +103,7 @@ impl Updating {
     /// # Errors
     /// The hub has no bootloader, the image does not fit, or the hub refuses it.
     pub fn begin(
-        session: &mut Session<impl Read + Write>,
+        session: &mut Session,
         image: Image,
         signature: Option<ImageSignature>,
     ) -> Result<Self, UpdateError> {
@@ -136,10 +122,7 @@ impl Updating {
     ///
     /// # Errors
     /// The update has failed. After an error of the line the update continues if further steps get a new session.
-    pub fn step(
-        &mut self,
-        session: &mut Session<impl Read + Write>,
-    ) -> Result<Option<Progress>, UpdateError> {
+    pub fn step(&mut self, session: &mut Session) -> Result<Option<Progress>, UpdateError> {
         let news = match self.stage {
             Stage::Announcing => self.announce(session),
             Stage::Sending(at) => self.send(session, at),
@@ -175,13 +158,13 @@ impl Updating {
 
     /// Makes the hub delete an image that is not complete or not checked. If this request fails, the hub deletes the
     /// image at its next reset.
-    pub fn abandon(&self, session: &mut Session<impl Read + Write>) {
+    pub fn abandon(&self, session: &mut Session) {
         if matches!(self.stage, Stage::Sending(_) | Stage::Checking) {
             let _ = session.command(HubFunction::AbandonUpdate);
         }
     }
 
-    fn announce(&mut self, session: &mut Session<impl Read + Write>) -> Step {
+    fn announce(&mut self, session: &mut Session) -> Step {
         let report = session.update_state().map_err(|error| match error {
             Error::Refused { reason: Nack::UNSUPPORTED | Nack::UNKNOWN, .. } | Error::TooOld { .. } => {
                 UpdateError::Failed(NO_BOOTLOADER.to_owned())
@@ -212,7 +195,7 @@ impl Updating {
         Ok(Some(Progress::Sending(0)))
     }
 
-    fn send(&mut self, session: &mut Session<impl Read + Write>, from: usize) -> Step {
+    fn send(&mut self, session: &mut Session, from: usize) -> Step {
         let mut at = from;
         for _ in 0..CHUNKS {
             let rest = self.image.bytes.get(at..).unwrap_or_default();
@@ -238,7 +221,7 @@ impl Updating {
         Ok((at > from).then_some(Progress::Sending(at)))
     }
 
-    fn check(&mut self, session: &mut Session<impl Read + Write>) -> Step {
+    fn check(&mut self, session: &mut Session) -> Step {
         let report = session.update_state()?;
         if is_busy(&report) {
             return Ok(None);
@@ -257,7 +240,7 @@ impl Updating {
         Ok(Some(Progress::Restarting))
     }
 
-    fn returned(&mut self, session: &mut Session<impl Read + Write>) -> Step {
+    fn returned(&mut self, session: &mut Session) -> Step {
         let report = match session.update_state() {
             Ok(report) => report,
             Err(error @ (Error::Line(_) | Error::HungUp)) => return Err(error.into()),
@@ -363,11 +346,8 @@ pub fn read_key(file: &[u8]) -> Result<[u8; 32], &'static str> {
         .ok_or("is not an Ed25519 public key in DER; make it by openssl pkey -pubout -outform DER")
 }
 
-impl<L: Read + Write> Session<L> {
+impl Session {
     /// Progress of an update, how the present firmware was started, and the slot's address and size.
-    ///
-    /// # Errors
-    /// The errors of [`Session::request`].
     pub fn update_state(&mut self) -> Result<UpdateReport, Error> {
         self.request(HubFunction::Update)
     }

@@ -3,7 +3,7 @@
 
 mod hub_support;
 
-use hub_support::{ADDRESS, Hub, Memory, first};
+use hub_support::{ADDRESS, Hub, Memory, first, responder_at};
 use motor_hub::extension::report::MotorReport;
 use motor_hub::extension::settings::Group;
 use motor_hub::extension::{HubFunction, Request};
@@ -11,30 +11,26 @@ use motor_hub::motor::{Faults, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, RunMode, Target, Terms, ToMotor};
 use motor_hub::protocol::payload::{Field, Fields, Payload};
-use motor_hub::protocol::requests::{DISCOVERY, InterfaceName, MOTOR_INTERFACE, Standard};
-use motor_hub::protocol::{Address, Colour, Decoder, Nack, Packet, Reply, frame};
+use motor_hub::protocol::{Address, Colour, Nack, Packet, frame};
 use motor_hub::record::Fault;
 use motor_hub::store::{Found, Outcome};
 use motor_hub::supply::BusState;
-use motor_hub::units::{Coefficient, Control, Micros, Milliamperes, Millivolts};
+use motor_hub::units::{Coefficient, Control, Milliamperes, Millivolts};
 use motor_hub_client::reasons::why_unsaved;
 use motor_hub_client::session;
 use motor_hub_client::{Error, Session};
-use std::cell::Cell;
-use std::io::{Read, Write};
-use std::rc::Rc;
 use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Time-out of requests, far longer than a hub in memory needs.
 const TIMEOUT: Duration = Duration::from_secs(3);
 
-fn session<L: Read + Write>(line: L) -> Session<L> {
+fn session(line: Memory) -> Session {
     Session::new(line, Address::new(ADDRESS).unwrap(), TIMEOUT)
 }
 
 /// A session with a time-out of 60 ms, for tests in which the hub does not answer.
-fn impatient<L: Read + Write>(line: L) -> Session<L> {
+fn impatient(line: Memory) -> Session {
     Session::new(line, Address::new(ADDRESS).unwrap(), Duration::from_millis(60))
 }
 
@@ -48,34 +44,21 @@ fn with(frame: &[u8], bytes: &[(usize, u8)]) -> Vec<u8> {
 }
 
 #[test]
-fn requests_are_the_bytes_of_the_protocol() {
+fn negative_targets_are_the_bytes_of_the_protocol() {
     let bytes = |hex: &str| -> Vec<u8> {
         hex.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
     };
-    fn request(destination: u8, number: u8, request: impl Into<Request>) -> Vec<u8> {
-        let request = request.into();
-        frame::encode(&request.packet(destination, number, request.id())).to_vec()
-    }
-    for (frame, expected) in [
-        (request(255, 1, Standard::Discovery), "44 4b 0b 00 ff 00 01 00 0f 7f 28"),
+    for (number, request, expected) in [
+        (8, ToMotor::SetVelocity { cps: -300 }, "44 4b 0e 00 03 00 08 00 11 10 00 d4 fe 9b"),
         (
-            request(
-                3,
-                2,
-                Standard::QueryInterface { name: InterfaceName::from_slice(MOTOR_INTERFACE).expect("short") },
-            ),
-            "44 4b 10 00 03 00 02 00 07 7f 44 45 4b 41 00 3f",
-        ),
-        (
-            request(3, 8, ToMotor::SetVelocity { cps: -300 }.to(0)),
-            "44 4b 0e 00 03 00 08 00 11 10 00 d4 fe 9b",
-        ),
-        (
-            request(3, 9, ToMotor::SetPosition { target: Target { counts: -1000, tolerance: 25 } }.to(0)),
+            9,
+            ToMotor::SetPosition { target: Target { counts: -1000, tolerance: 25 } },
             "44 4b 12 00 03 00 09 00 13 10 00 18 fc ff ff 19 00 fb",
         ),
     ] {
-        assert_eq!(frame, bytes(expected));
+        let request: Request = request.to(0).into();
+        let frame = frame::encode(&request.packet(ADDRESS, number, request.id()));
+        assert_eq!(frame.to_vec(), bytes(expected));
     }
 }
 
@@ -94,45 +77,11 @@ fn discovery_finds_the_parent_among_all_hubs() {
     assert_eq!(session.discover().unwrap(), [parent, child]);
 }
 
-/// A line on which a second parent answers each discovery 20 ms after the hub.
-struct TwoParents {
-    hub: Memory,
-    decoder: Decoder,
-    later: Option<(Instant, Vec<u8>)>,
-}
-
-impl Read for TwoParents {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        match self.later.take_if(|(at, _)| Instant::now() >= *at) {
-            Some((_, answer)) => answer.as_slice().read(buffer),
-            None => self.hub.read(buffer),
-        }
-    }
-}
-
-impl Write for TwoParents {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        let mut rest = bytes;
-        while let Some(packet) = self.decoder.next(&mut rest, Micros::new(0)) {
-            if packet.id == DISCOVERY {
-                let mut is_parent = Payload::new();
-                true.write(&mut is_parent);
-                let answer = frame::encode(&Reply::Data(is_parent).packet(&packet, 9, 1)).to_vec();
-                self.later = Some((Instant::now() + Duration::from_millis(20), answer));
-            }
-        }
-        self.hub.write(bytes)
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
-
 #[test]
 fn a_second_parent_that_answers_later_is_found() {
-    let line = TwoParents { hub: Memory::new(Hub::new()), decoder: Decoder::new(), later: None };
-    let refused = Session::with_parent(line, TIMEOUT).map(|_| ()).unwrap_err();
+    let second = Hub { responder: responder_at(9), delay: Duration::from_millis(20), ..Hub::new() };
+    let refused =
+        Session::with_parent(Memory::of(vec![Hub::new(), second]), TIMEOUT).map(|_| ()).unwrap_err();
     assert!(matches!(refused, Error::Parents { found: 2, .. }), "{refused}");
 }
 
@@ -357,47 +306,28 @@ fn function_numbers_start_at_the_reported_packet_type() {
     assert_eq!(session.motor(0).unwrap().velocity, 5);
 }
 
-/// A line that counts empty reads. Each empty read costs a wait.
-struct Waits(Memory, Rc<Cell<u32>>);
-
-impl Read for Waits {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        let read = self.0.read(buffer);
-        self.1.set(self.1.get() + u32::from(read.is_err()));
-        read
-    }
-}
-
-impl Write for Waits {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.0.write(bytes)
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
-
 #[test]
 fn stale_input_is_read_only_after_a_lost_answer() {
-    let waits = Rc::new(Cell::new(0));
-    let mut session = session(Waits(Memory::new(Hub::new()), Rc::clone(&waits)));
+    let line = Memory::new(Hub::new());
+    let waits = line.empty_reads.clone();
+    let mut session = session(line);
     session.bulk().unwrap();
-    waits.set(0);
+    waits.store(0, Ordering::Relaxed);
     for _ in 0..50 {
         session.bulk().unwrap();
         session.battery().unwrap();
     }
-    assert_eq!(waits.get(), 0);
+    assert_eq!(waits.load(Ordering::Relaxed), 0);
 
-    let hub = Hub { loses_reply: first(1, |_| true), ..Hub::new() };
-    let mut session = impatient(Waits(Memory::new(hub), Rc::clone(&waits)));
+    let line = Memory::new(Hub { loses_reply: first(1, |_| true), ..Hub::new() });
+    let waits = line.empty_reads.clone();
+    let mut session = impatient(line);
     session.keep_alive().unwrap();
-    waits.set(0);
+    waits.store(0, Ordering::Relaxed);
     session.keep_alive().unwrap();
-    assert_eq!(waits.get(), 1);
+    assert_eq!(waits.load(Ordering::Relaxed), 1);
     session.keep_alive().unwrap();
-    assert_eq!(waits.get(), 1);
+    assert_eq!(waits.load(Ordering::Relaxed), 1);
 }
 
 #[test]

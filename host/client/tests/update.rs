@@ -3,40 +3,21 @@
 
 mod hub_support;
 
-use hub_support::{ADDRESS, Hub, Memory, first, responder};
+use hub_support::{ADDRESS, Hub, Memory, SLOT, first, started};
 use motor_hub::extension::HubFunction;
 use motor_hub::protocol::payload::Text;
 use motor_hub::protocol::{Address, Packet};
-use motor_hub::responder::Responder;
-use motor_hub::update::{Booted, CRC, Outcome, Phase, Slot, SlotReport, UpdateRequest};
+use motor_hub::update::{Booted, CRC, Phase};
 use motor_hub_client::Session;
 use motor_hub_client::session::TRANSMISSIONS;
 use motor_hub_client::update::{Image, Progress, UpdateError, Updating};
 use std::time::Duration;
 
-const SLOT: Slot =
-    Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
-
-/// Protocol code of a hub whose firmware is confirmed.
-fn started() -> Responder<4> {
-    let mut responder = responder().with_slot(SLOT);
-    responder.update_done(SlotReport::Booted(Booted::Confirmed));
-    responder
-}
-
-/// A fake flash that executes all requests at once. A restart starts the new firmware, which confirms itself.
-fn flash(responder: &mut Responder<4>, request: UpdateRequest) {
-    match request {
-        UpdateRequest::Restart => *responder = started(),
-        _ => responder.update_done(SlotReport::Result(Outcome::Done)),
-    }
-}
-
 fn hub() -> Hub {
-    Hub { responder: started(), flash, ..Hub::new() }
+    Hub { responder: started(SLOT, Booted::Confirmed), ..Hub::new() }
 }
 
-fn session() -> Session<Memory> {
+fn session() -> Session {
     Session::new(Memory::new(hub()), Address::new(ADDRESS).unwrap(), Duration::from_secs(3))
 }
 

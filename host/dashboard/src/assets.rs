@@ -1,11 +1,4 @@
 //! The files of the page, embedded from `page/`. They need no build step.
-//!
-//! ```
-//! use dashboard::assets;
-//!
-//! assert!(assets::find("/style.css").is_some_and(|style| style.kind().starts_with("text/css")));
-//! assert!(assets::find("/../Cargo.toml").is_none());
-//! ```
 
 /// A file that the page loads.
 #[derive(Clone, Copy, Debug)]

@@ -5,10 +5,9 @@
 //! A hub that does not answer counts as lost. A lost hub is not asked again until a page chooses it, so that it delays
 //! no other hub. If the shown hub does not answer, the first hub is shown instead.
 
-use crate::hub::Hub;
 use motor_hub::protocol::{Address, CHANNELS};
-use motor_hub_client::Error;
 use motor_hub_client::error::none_if_unsupported;
+use motor_hub_client::{Error, Session};
 use serde::Serialize;
 
 /// Largest number of hubs that are shown.
@@ -61,7 +60,7 @@ impl Chain {
     }
 
     /// Continues the session with the first hub, because the hub that is shown does not answer.
-    pub(crate) fn show_first_hub(&mut self, session: &mut Hub) {
+    pub(crate) fn show_first_hub(&mut self, session: &mut Session) {
         let Some(first) = self.hubs.first().and_then(|hub| Address::new(hub.address)) else { return };
         session.select_hub(first);
         for hub in &mut self.hubs {
@@ -77,7 +76,7 @@ impl Chain {
     ///
     /// # Errors
     /// The line has no hub with this address.
-    pub(crate) fn show(&mut self, session: &mut Hub, address: u8) -> Result<(), String> {
+    pub(crate) fn show(&mut self, session: &mut Session, address: u8) -> Result<(), String> {
         let known = self.hubs.iter().any(|hub| hub.address == address);
         let Some(hub) = Address::new(address).filter(|_| known) else {
             return Err(format!("there is no hub {address} on this line"));
@@ -108,7 +107,7 @@ impl Chain {
     ///
     /// # Errors
     /// The line fails.
-    pub(crate) fn ask_another(&mut self, session: &mut Hub, frame: u64) -> Result<(), Error> {
+    pub(crate) fn ask_another(&mut self, session: &mut Session, frame: u64) -> Result<(), Error> {
         let shown = Address::new(session.address());
         let mut others: Vec<_> = self.hubs.iter_mut().filter(|hub| !hub.shown && !hub.lost).collect();
         let turn = (frame / FRAMES_PER_QUERY) as usize % others.len().max(1);
@@ -134,7 +133,7 @@ impl Chain {
     ///
     /// # Errors
     /// A hub does not confirm.
-    pub(crate) fn stop(&mut self, session: &mut Hub) -> Result<(), Error> {
+    pub(crate) fn stop(&mut self, session: &mut Session) -> Result<(), Error> {
         if self.hubs.len() < 2 {
             return session.fail_safe();
         }
@@ -160,7 +159,7 @@ impl Chain {
 }
 
 /// The enabled motors of a hub, and whether one of them has a fault.
-fn query_running(session: &mut Hub) -> Result<(Vec<u8>, bool), Error> {
+fn query_running(session: &mut Session) -> Result<(Vec<u8>, bool), Error> {
     if let Some(report) = session.report()? {
         let motors = || (0..).zip(&report.motors).filter(|(_, motor)| motor.enabled);
         return Ok((

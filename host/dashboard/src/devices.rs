@@ -3,14 +3,14 @@
 //! When all motors are stopped together, the hub also ends the pulses of all servos and releases all digital outputs.
 //! This happens at STOP, when the page in control is gone, and when the host is silent.
 
-use crate::hub::{Hub, RequestError};
+use crate::hub::RequestError;
 use crate::requests::DeviceRequest;
 use motor_hub::board::{DIGITAL_PINS, Equipment, SERVOS};
 use motor_hub::protocol::answers::I2cStatus;
 use motor_hub::protocol::payload::{ByteIn, Text, WordFrom};
 use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput};
-use motor_hub_client::Error;
 use motor_hub_client::devices::{Channel, I2C_ADDRESSES, Servo, channels, check_pulse};
+use motor_hub_client::{Error, Session};
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -58,7 +58,7 @@ impl Devices {
     }
 
     /// States of the digital pins.
-    pub(crate) fn pins(&self, session: &mut Hub) -> Result<Vec<Value>, Error> {
+    pub(crate) fn pins(&self, session: &mut Session) -> Result<Vec<Value>, Error> {
         let has = session.equipment()?.unwrap_or_default();
         let mut pins = Vec::new();
         let all = (0..).filter_map(Pin::new).take(DIGITAL_PINS).zip(self.levels);
@@ -75,7 +75,7 @@ impl Devices {
     /// Executes an order to devices; returns the result of a transfer.
     pub(crate) fn execute(
         &mut self,
-        session: &mut Hub,
+        session: &mut Session,
         order: &DeviceRequest,
     ) -> Result<Option<Transfer>, RequestError> {
         match *order {
@@ -128,7 +128,7 @@ impl Devices {
     }
 
     /// Continues a running scan. Returns the result when the scan has ended, else `None`.
-    pub(crate) fn go_on(&mut self, session: &mut Hub) -> Result<Option<Transfer>, Error> {
+    pub(crate) fn go_on(&mut self, session: &mut Session) -> Result<Option<Transfer>, Error> {
         let Some(Scan { bus, mut next, mut found }) = self.scan.take() else { return Ok(None) };
         let bytes = |found| Transfer { bus: bus.get(), what: "scan", bytes: found, why: None };
         for _ in 0..ADDRESSES_A_FRAME {
@@ -148,21 +148,18 @@ impl Devices {
 }
 
 /// States of the servo outputs, by the number of the servo.
-pub(crate) fn servos(session: &mut Hub) -> Result<Vec<Servo>, Error> {
+pub(crate) fn servos(session: &mut Session) -> Result<Vec<Servo>, Error> {
     let has = session.equipment()?.unwrap_or_default();
     let all = (0..SERVOS.min(has.servos.into()) as u8).filter_map(ServoOutput::new);
     all.map(|servo| session.servo(servo)).collect()
 }
 
 /// Values of all analog channels. A value that the hub refuses is replaced by the reason of the refusal.
-pub(crate) fn analog(session: &mut Hub) -> Result<Vec<Value>, Error> {
-    let channels = channels().map(|Channel { number, name, unit, scale, .. }| {
-        let (value, why) = match session.adc(number, false) {
-            Ok(value) => (Some(f64::from(value) * scale), None),
-            Err(Error::Refused { reason, .. }) => (None, Some(reason.to_string())),
-            Err(error) => return Err(error),
-        };
-        Ok(json!({ "name": name, "unit": unit, "value": value, "why": why }))
+pub(crate) fn analog(session: &mut Session) -> Result<Vec<Value>, Error> {
+    let channels = channels().map(|channel| {
+        let measured = session.measured(channel)?;
+        let Channel { name, unit, .. } = channel;
+        Ok(json!({ "name": name, "unit": unit, "value": measured.as_ref().ok(), "why": measured.as_ref().err() }))
     });
     channels.collect()
 }

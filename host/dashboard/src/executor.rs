@@ -1,7 +1,7 @@
 //! Executes orders by requests to the hub. Values out of range are refused before anything is sent.
 
 use crate::frame::{configurable, settings_of};
-use crate::hub::{Hub, RequestError, channel, of_motor, within};
+use crate::hub::{RequestError, channel, of_motor, within};
 use crate::requests::PageRequest;
 use crate::settings_file::{self, raw_of};
 use crate::world::World;
@@ -16,11 +16,11 @@ use motor_hub::protocol::motor::{Loop, LoopCoefficients, RunMode, Terms};
 use motor_hub::protocol::{CHANNELS, Colour};
 use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
-use motor_hub_client::Error;
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::kept_settings::KeptSettings;
-use motor_hub_client::motor::{NO_CURRENT, SPEED_LIMITS_CPS, constant_current_ma};
+use motor_hub_client::motor::{NO_CURRENT, SPEED_LIMITS_CPS, Setpoint, constant_current_ma};
 use motor_hub_client::request_text::of_group;
+use motor_hub_client::{Error, Session};
 use serde_json::{Map, Value};
 use simulated::hardware::winding;
 use simulated::scheme::SchemeName;
@@ -63,34 +63,19 @@ pub(crate) struct Executor {
     pub(crate) motors: [MotorMemory; CHANNELS],
 }
 
-/// What an order has changed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Changed {
-    /// Neither settings nor world.
-    Nothing,
-    /// Settings of a motor.
-    Settings(u8),
-    /// Settings of all motors.
-    AllSettings,
-    /// The world of a simulated hub.
-    World,
-}
-
-/// The loops whose coefficients pages show.
-const LOOPS: [Loop; 2] = [Loop::Velocity, Loop::Position];
-
 impl Executor {
     /// Executes an order. The relay executes orders about pages and identifications.
     pub(crate) fn execute(
         &mut self,
-        session: &mut Hub,
+        session: &mut Session,
         world: Option<&World>,
         order: &PageRequest,
-    ) -> Result<Changed, RequestError> {
+    ) -> Result<(), RequestError> {
         match *order {
             PageRequest::Drive { motor, mode, value, speed, tolerance, zero } => {
-                let tolerance = tolerance.unwrap_or(USUAL_TOLERANCE);
-                drive(session, channel(motor)?, mode, value, speed, tolerance, zero)?;
+                let motor = channel(motor)?;
+                let setpoint = setpoint(mode, value, speed, tolerance.unwrap_or(USUAL_TOLERANCE))?;
+                session.set_setpoint(motor, setpoint, zero)?;
             }
             PageRequest::Current { motor, amperes, speed } => {
                 current(session, channel(motor)?, amperes, speed)?
@@ -98,10 +83,7 @@ impl Executor {
             PageRequest::Enable { motor, on } => session.enable(channel(motor)?, on)?,
             PageRequest::ResetEncoder { motor } => session.reset_encoder(channel(motor)?)?,
             PageRequest::Together { to, speed, acceleration } => together(session, to, speed, acceleration)?,
-            PageRequest::Import { ref text } => {
-                self.import(session, text)?;
-                return Ok(Changed::AllSettings);
-            }
+            PageRequest::Import { ref text } => self.import(session, text)?,
             PageRequest::Turn { at, acceleration } => turn(session, at, acceleration)?,
             PageRequest::ClearFaults => session.forget_record()?,
             PageRequest::Led { colour: [red, green, blue] } => {
@@ -109,21 +91,20 @@ impl Executor {
             }
             PageRequest::World(ref order) => {
                 world.ok_or("this hub is not simulated: its world cannot be changed")?.change(order)?;
-                return Ok(Changed::World);
             }
-            _ => return self.change(session, order),
+            _ => self.change(session, order)?,
         }
-        Ok(Changed::Nothing)
+        Ok(())
     }
 
     /// Executes an order that changes settings of a motor, and keeps the settings before the change for undo.
-    fn change(&mut self, session: &mut Hub, order: &PageRequest) -> Result<Changed, RequestError> {
+    fn change(&mut self, session: &mut Session, order: &PageRequest) -> Result<(), RequestError> {
         let motor = channel(order.changed_motor().ok_or("this order is not for a motor")?)?;
         if let PageRequest::Undo { .. } = order {
             let before = self.of(motor)?.undo.last().cloned().ok_or("there is nothing to undo")?;
             session.restore_settings(motor, &before)?;
             self.of(motor)?.undo.pop();
-            return Ok(Changed::Settings(motor));
+            return Ok(());
         }
         let before = session.keep_settings(motor)?;
         let of = self.of(motor)?;
@@ -138,13 +119,13 @@ impl Executor {
         if changed {
             self.of(motor)?.keep(before);
         }
-        done.map(|()| Changed::Settings(motor))
+        done
     }
 
     /// Executes an order that changes settings of a motor. `settings` are those in force.
     fn change_settings(
         &mut self,
-        session: &mut Hub,
+        session: &mut Session,
         motor: u8,
         order: &PageRequest,
         mut settings: MotorSettings,
@@ -154,12 +135,26 @@ impl Executor {
                 let pidf = coefficients(pidf)?;
                 session.set_coefficients(motor, of, pidf)?;
             }
-            PageRequest::Regulator { kind, .. } => {
-                self.regulate(session, motor, kind, settings.motor.dynamics)?;
+            PageRequest::Regulator { kind: Kind::Model, .. } => {
+                let of = self.of(motor)?;
+                let proposed = of.proposed.map(|(dynamics, _)| dynamics);
+                settings.motor.dynamics = settings.motor.dynamics.or(proposed).or(of.known);
+                session.set_up(motor, &settings)?;
+            }
+            PageRequest::Regulator { kind: Kind::Pid, .. } => {
+                let pidf = session.coefficients(motor, Loop::Velocity)?;
+                session.set_coefficients(motor, Loop::Velocity, pidf)?;
             }
             PageRequest::SetUp { ref name, scheme, duty, .. } => {
                 let settings = set_up(settings, name.as_deref(), scheme, duty)?;
-                self.set_up(session, motor, &settings, name.is_some())?;
+                if name.is_some() {
+                    // The dynamics and the acceleration limit are those of another motor.
+                    session.set(motor, Group::SetUp, &settings)?;
+                    let of = self.of(motor)?;
+                    (of.proposed, of.known) = (None, None);
+                } else {
+                    session.set_up(motor, &settings)?;
+                }
             }
             PageRequest::Acceleration { limit, .. } => {
                 let acceleration = limit.map(acceleration_limit).transpose()?;
@@ -191,7 +186,7 @@ impl Executor {
 
     /// Puts the settings of a file in force: all of them, or none if the hub refuses one. An undo restores the previous
     /// settings of a motor.
-    fn import(&mut self, session: &mut Hub, text: &str) -> Result<(), RequestError> {
+    fn import(&mut self, session: &mut Session, text: &str) -> Result<(), RequestError> {
         let document = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
         let file = settings_file::read(document)?;
         for (motor, kept) in session.apply_settings(file.motors, file.base)? {
@@ -202,97 +197,43 @@ impl Executor {
         Ok(())
     }
 
-    /// Configures a motor. If `other` is true, another motor is connected, and its dynamics and acceleration limit are
-    /// no longer configured. If `other` is false, they are kept.
-    fn set_up(
-        &mut self,
-        session: &mut Hub,
-        motor: u8,
-        settings: &MotorSettings,
-        other: bool,
-    ) -> Result<(), RequestError> {
-        if other {
-            session.set(motor, Group::SetUp, settings)?;
-            let of = self.of(motor)?;
-            (of.proposed, of.known) = (None, None);
-        } else {
-            session.set_up(motor, settings)?;
-        }
-        Ok(())
-    }
-
-    fn regulate(
-        &mut self,
-        session: &mut Hub,
-        motor: u8,
-        kind: Kind,
-        configured: Option<Dynamics>,
-    ) -> Result<(), RequestError> {
-        match kind {
-            Kind::Model => {
-                let of = self.of(motor)?;
-                let known = configured.or(of.proposed.map(|(dynamics, _)| dynamics)).or(of.known);
-                Ok(session.set_dynamics(motor, known)?)
-            }
-            Kind::Pid => {
-                let pidf = session.coefficients(motor, Loop::Velocity)?;
-                Ok(session.set_coefficients(motor, Loop::Velocity, pidf)?)
-            }
-        }
-    }
-
     /// Settings of a motor, as a message to pages.
-    pub(crate) fn settings(&mut self, session: &mut Hub, motor: u8) -> Result<Value, Error> {
+    pub(crate) fn settings(&mut self, session: &mut Session, motor: u8) -> Result<Value, Error> {
         let settings = session.settings(motor)?;
-        let loops = [session.coefficients(motor, LOOPS[0])?, session.coefficients(motor, LOOPS[1])?];
+        let [velocity, position] = [Loop::Velocity, Loop::Position].map(|of| session.coefficients(motor, of));
         let index = usize::from(motor);
         let undoable = self.motors.get(index).map_or(0, |of| of.undo.len());
-        Ok(settings_of(index, &settings, loops, undoable))
+        Ok(settings_of(index, &settings, [velocity?, position?], undoable))
     }
 }
 
-fn drive(
-    session: &mut Hub,
-    motor: u8,
-    mode: RunMode,
-    value: f64,
-    speed: Option<f64>,
-    tolerance: u16,
-    zero: ZeroPower,
-) -> Result<(), RequestError> {
-    match mode {
+/// Returns the set-point of the order [`PageRequest::Drive`].
+fn setpoint(mode: RunMode, value: f64, speed: Option<f64>, tolerance: u16) -> Result<Setpoint, RequestError> {
+    Ok(match mode {
         RunMode::Power => {
             let share = within("a power", value, -1.0..=1.0, "")?;
-            let steps = (share * f64::from(Control::MAX.get())).round();
-            session.set_power(motor, Control::saturating(steps as i64))?;
+            Setpoint::Power(Control::saturating((share * f64::from(Control::MAX.get())).round() as i64))
         }
-        RunMode::Velocity => {
-            session.set_velocity(motor, cps(value)?)?;
-        }
+        RunMode::Velocity => Setpoint::Velocity(cps(value)?),
         RunMode::Position => {
             let counts = within("a position", value, i32::MIN.into()..=i32::MAX.into(), "counts")?.round();
-            let speed = cps(speed.unwrap_or(USUAL_SPEED))?;
-            session.set_velocity(motor, speed)?;
-            session.set_position(motor, counts as i32, tolerance)?;
+            let speed_limit = cps(speed.unwrap_or(USUAL_SPEED))?;
+            Setpoint::Position { counts: counts as i32, tolerance, speed_limit }
         }
-    }
-    Ok(session.set_mode(motor, mode, zero)?)
+    })
 }
 
 /// Gives an enabled motor a constant current. A disabled motor gets the set-point power 0 instead, with which the page
 /// can then enable the motor.
-fn current(session: &mut Hub, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), RequestError> {
+fn current(session: &mut Session, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), RequestError> {
     let ma = constant_current_ma(amperes).map_err(|error| error.to_string())?;
     let [least, most] = [SPEED_LIMITS_CPS.start(), SPEED_LIMITS_CPS.end()].map(|cps| f64::from(*cps));
     let limit = within("a speed limit", speed.unwrap_or(most), least..=most, "counts/s")?;
     if session.report()?.is_none() {
         return Err(NO_CURRENT.into());
     }
-    if session.enabled(motor)? {
-        return Ok(session.set_current(motor, ma, limit.round() as u16)?);
-    }
-    session.set_power(motor, Control::ZERO)?;
-    Ok(session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?)
+    let setpoint = Setpoint::Current { ma, speed_limit: limit.round() as u16 };
+    Ok(session.set_setpoint(motor, setpoint, ZeroPower::Brake)?)
 }
 
 fn cps(value: f64) -> Result<i16, RequestError> {
@@ -371,7 +312,7 @@ fn configured(
 }
 
 /// Turns motors in step, each at its own speed. The speed of the group is the highest of these speeds.
-fn turn(session: &mut Hub, at: [Option<i32>; CHANNELS], acceleration: u32) -> Result<(), RequestError> {
+fn turn(session: &mut Session, at: [Option<i32>; CHANNELS], acceleration: u32) -> Result<(), RequestError> {
     let fastest = at.iter().flatten().map(|cps| cps.unsigned_abs()).max().unwrap_or_default();
     let fastest = within("a group's speed", fastest.into(), -FASTEST_CPS..=FASTEST_CPS, "counts/s")?;
     let course = GroupCourse::Velocity(at.map(|cps| cps.map(CountsPerSecond::new)));
@@ -379,7 +320,7 @@ fn turn(session: &mut Hub, at: [Option<i32>; CHANNELS], acceleration: u32) -> Re
 }
 
 fn together(
-    session: &mut Hub,
+    session: &mut Session,
     to: [Option<i32>; CHANNELS],
     speed: u32,
     acceleration: u32,
@@ -390,7 +331,7 @@ fn together(
 
 /// Enables the members of a group, and starts the group.
 fn begin_group(
-    session: &mut Hub,
+    session: &mut Session,
     course: GroupCourse,
     takes_part: [bool; CHANNELS],
     speed_cps: f64,
@@ -402,8 +343,7 @@ fn begin_group(
     let limit = acceleration_limit(acceleration)?;
     for &motor in &members {
         // The motors brake with power 0 until the group moves.
-        session.set_power(motor, Control::ZERO)?;
-        session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
+        session.brake(motor)?;
         session.enable(motor, true)?;
     }
     Ok(session.move_together(first, GroupCommand::new(course, speed, limit))?)

@@ -3,9 +3,10 @@
 
 use crate::chain::HubOfChain;
 use crate::devices::Transfer;
-use crate::hub::{Hub, RequestError, within};
-use crate::identification::{Dynamics, Progress as Identification};
+use crate::hub::{RequestError, within};
+use crate::identification::{Progress as Identification, dynamics_json};
 use crate::proposal::catalogue_motor;
+use crate::settings_file::word_or_number;
 use crate::update::Progress;
 use motor_hub::braking::{OperatingPoint, Points, Scheme, Winding};
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
@@ -18,12 +19,12 @@ use motor_hub::protocol::motor::{LoopCoefficients, RunMode};
 use motor_hub::protocol::{CHANNELS, Colour};
 use motor_hub::record::Head;
 use motor_hub::units::{Acceleration, Control, CountsPerSecond, Millivolts};
-use motor_hub_client::Error;
 use motor_hub_client::devices::Servo;
 use motor_hub_client::error::none_if_unsupported;
 use motor_hub_client::explanations::explanation;
 use motor_hub_client::motor_values::MotorValues;
 use motor_hub_client::reasons::{bus_text, stored_text, why_still};
+use motor_hub_client::{Error, Session};
 use serde::Serialize;
 use serde_json::{Value, json};
 use simulated::scheme::{SchemeName, SchemeWords};
@@ -154,7 +155,7 @@ pub(crate) enum Message {
 
 /// Address, version, colour of the lamp and stored settings of a hub, as JSON. `stored` is `null` for a hub that stores
 /// nothing.
-pub(crate) fn status(session: &mut Hub) -> Result<Value, Error> {
+pub(crate) fn status(session: &mut Session) -> Result<Value, Error> {
     let Colour { red, green, blue } = session.led()?;
     let report = session.stored_if_reported()?;
     Ok(json!({
@@ -170,13 +171,9 @@ pub(crate) fn status(session: &mut Hub) -> Result<Value, Error> {
 /// setting is not configured. Only an optional setting can be not configured.
 fn field_of(field: &'static Field, settings: &MotorSettings) -> Value {
     let raw = field.get(settings);
-    let (words, value) = match field.form {
-        Form::Words(words) => (words, field.word_of(raw).map(Value::from)),
-        Form::Steps(1) => (&[][..], Some(Value::from(raw))),
-        Form::Steps(_) => (&[][..], Some(Value::from(field.number_of(raw)))),
-    };
+    let words = if let Form::Words(words) = field.form { words } else { &[] };
     let optional = field.zero == Zero::NotConfigured;
-    let value = value.filter(|_| !(optional && raw == 0));
+    let value = (!(optional && raw == 0)).then(|| word_or_number::<Value>(field, raw));
     json!({ "name": field.name, "value": value, "words": words, "range": field.range(), "optional": optional })
 }
 
@@ -282,7 +279,7 @@ impl Frame {
     /// enabled motors are copied from `before`, because reading them takes several requests per motor. A hub with fewer
     /// motors refuses the first motor that it lacks.
     pub(crate) fn of_other_maker(
-        session: &mut Hub,
+        session: &mut Session,
         before: Vec<MotorState>,
         look: bool,
     ) -> Result<Self, Error> {
@@ -310,7 +307,7 @@ impl Frame {
 
 impl MotorState {
     /// State of a motor, as another maker's hub reports it.
-    fn of_other_maker(session: &mut Hub, motor: u8) -> Result<Self, Error> {
+    fn of_other_maker(session: &mut Session, motor: u8) -> Result<Self, Error> {
         let state = session.motor(motor)?;
         let (setpoint, target) = match (state.enabled, state.mode) {
             (false, _) => ("off", None),
@@ -366,7 +363,7 @@ pub(crate) fn settings_of(
         "resistance_ohm": number("resistance_ohm"),
         "scheme": SchemeWords(settings.motor.scheme),
         "duty": duty,
-        "dynamics": settings.motor.dynamics.map(Dynamics::of),
+        "dynamics": settings.motor.dynamics.as_ref().map(dynamics_json),
         "acceleration": settings.motor.acceleration.map(Acceleration::get),
         "velocity": velocity,
         "position": position,

@@ -2,25 +2,15 @@
 
 use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub_client::kept_settings::ImportError;
-use motor_hub_client::{Error, Session};
-use std::fmt;
-use std::io::{Read, Write};
+use motor_hub_client::{Error, Line, Session};
 use std::ops::RangeInclusive;
 use std::time::Duration;
-
-/// Bytes to and from a hub. A read without bytes fails soon as `WouldBlock` or `TimedOut`.
-pub trait Port: Read + Write + Send + fmt::Debug {}
-
-impl<T: Read + Write + Send + fmt::Debug> Port for T {}
-
-/// A session with a hub on any kind of line.
-pub type Hub = Session<Box<dyn Port>>;
 
 /// A session that is open, and the hubs on its line.
 #[derive(Debug)]
 pub struct Opened {
     /// The session, with the hub that is shown first.
-    pub session: Hub,
+    pub session: Session,
     /// Addresses of the hubs. The first hub is the hub on the line, which is the parent of a chain.
     pub hubs: Vec<u8>,
 }
@@ -30,7 +20,7 @@ impl Opened {
     ///
     /// # Errors
     /// Not exactly one hub answers as parent.
-    pub fn with_parent(line: Box<dyn Port>, timeout: Duration) -> Result<Self, Error> {
+    pub fn with_parent(line: impl Into<Line>, timeout: Duration) -> Result<Self, Error> {
         let mut session = Session::new(line, Address::DEFAULT, timeout);
         let found = session.find_parent()?;
         let mut found: Vec<_> = found.iter().filter(|hub| !hub.duplicate).collect();
@@ -40,9 +30,9 @@ impl Opened {
     }
 }
 
-impl From<Hub> for Opened {
+impl From<Session> for Opened {
     /// A session with the only hub.
-    fn from(session: Hub) -> Self {
+    fn from(session: Session) -> Self {
         Self { hubs: vec![session.address()], session }
     }
 }
@@ -56,7 +46,7 @@ impl From<Hub> for Opened {
 pub fn open(place: &str, address: Option<Address>) -> Result<Opened, motor_hub_client::OpenError> {
     /// Time-out of answers.
     const TIMEOUT: Duration = Duration::from_secs(1);
-    let line: Box<dyn Port> = Box::new(motor_hub_client::Line::open(place, TIMEOUT)?);
+    let line = Line::open(place, TIMEOUT)?;
     Ok(match address {
         Some(address) => Session::new(line, address, TIMEOUT).into(),
         None => Opened::with_parent(line, TIMEOUT)?,

@@ -72,7 +72,7 @@ pub mod world;
 
 #[cfg(feature = "server")]
 pub use admission::PublicUrl;
-pub use hub::{Hub, Opened, Port};
+pub use hub::Opened;
 pub use place::Place;
 #[cfg(feature = "server")]
 pub use server::{BindError, Server};

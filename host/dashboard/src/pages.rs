@@ -5,22 +5,6 @@
 //! open while its newest shown frame was sent at most [`SILENCE`] ago. A page that is hidden for more than [`HIDDEN`]
 //! counts as gone. A page that has crashed, and a page that shows old frames from a long queue, therefore count as
 //! gone.
-//!
-//! ```
-//! use dashboard::pages::{Pages, Gone, SILENCE};
-//! use std::time::{Duration, Instant};
-//!
-//! let start = Instant::now();
-//! let mut pages = Pages::new();
-//! // The first page that comes is in control.
-//! pages.join(1, start);
-//! assert_eq!(pages.controller(), Some(1));
-//! pages.sent(7, start);
-//! pages.shown(1, 7);
-//! assert_eq!(pages.review(start + SILENCE), None);
-//! assert_eq!(pages.review(start + SILENCE + Duration::from_millis(1)), Some(Gone::Silent));
-//! assert_eq!(pages.controller(), None);
-//! ```
 
 use motor_hub_client::clock::Instant;
 use std::collections::{BTreeMap, VecDeque};

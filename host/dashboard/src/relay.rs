@@ -3,12 +3,12 @@
 
 use crate::chain::Chain;
 use crate::devices::{Devices, analog, has, servos};
-use crate::executor::{Changed, Executor};
+use crate::executor::Executor;
 use crate::frame::{Frame, Message, catalogue, fault_entry, points, status};
-use crate::hub::{Hub, Opened, RequestError, channel, or_refusal};
+use crate::hub::{Opened, RequestError, channel, or_refusal};
 use crate::identification::{Identification, Progress};
 use crate::outbox::Outbox;
-use crate::pages::{Gone, Pages};
+use crate::pages::Pages;
 use crate::place::Place;
 use crate::requests::{Look, PageRequest};
 use crate::scenario_player::{Playing, Script};
@@ -18,10 +18,10 @@ use crate::world::World;
 use motor_hub::extension::HubFunction;
 use motor_hub::protocol::{Address, CHANNELS};
 use motor_hub::store::Stored;
-use motor_hub_client::Error;
 use motor_hub_client::clock::Instant;
 use motor_hub_client::hub::StoreAccess;
 use motor_hub_client::reasons::{stored_text, why_unsaved};
+use motor_hub_client::{Error, Session};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
@@ -67,7 +67,7 @@ pub struct Relay {
     place: Place,
     senders: BTreeMap<u32, Outbox>,
     pages: Pages,
-    session: Option<Hub>,
+    session: Option<Session>,
     chain: Chain,
     executor: Executor,
     devices: Devices,
@@ -125,14 +125,16 @@ impl Relay {
             Event::Left(id) => {
                 self.senders.remove(&id);
                 if let Some(gone) = self.pages.leave(id) {
-                    self.on_controller_gone(gone);
+                    self.switch_off_if_any(&gone.to_string());
                 }
                 self.send_control();
             }
-            Event::Ordered(id, text) => match PageRequest::parse(&text) {
-                Ok(order) => self.execute(id, &order, now),
-                Err(why) => self.answer(id, &Message::Refused { why }),
-            },
+            Event::Ordered(id, text) => {
+                let order = serde_json::from_str(&text).map_err(|error| format!("not an order: {error}"));
+                if let Err(why) = order.and_then(|order| self.execute(id, &order, now)) {
+                    self.answer(id, &Message::Refused { why });
+                }
+            }
         }
     }
 
@@ -158,46 +160,44 @@ impl Relay {
         self.send_control();
     }
 
-    fn execute(&mut self, id: u32, order: &PageRequest, now: Instant) {
+    /// Executes an order of a page.
+    ///
+    /// # Errors
+    /// A text that says why the order is not executed.
+    fn execute(&mut self, id: u32, order: &PageRequest, now: Instant) -> Result<(), String> {
         match *order {
-            PageRequest::Shown { number } => return self.pages.shown(id, number),
-            PageRequest::Hidden { hidden } => return self.pages.hide(id, hidden, now),
-            PageRequest::Stop => return self.switch_off("stopped"),
+            PageRequest::Shown { number } => self.pages.shown(id, number),
+            PageRequest::Hidden { hidden } => self.pages.hide(id, hidden, now),
+            PageRequest::Stop => self.switch_off("stopped"),
             PageRequest::Take => {
                 if self.pages.take(id, now) {
                     self.answer(id, &notice("the page in control is asked to release it".to_owned()));
                 }
-                return self.send_control();
+                self.send_control();
             }
             PageRequest::Release => {
                 if self.pages.release(id) {
                     self.switch_off_if_any("control was released");
                 }
-                return self.send_control();
+                self.send_control();
             }
             PageRequest::Points { .. }
             | PageRequest::Faults
             | PageRequest::Export
             | PageRequest::Status
             | PageRequest::Look(_) => {
-                let answer = self.look_up(order);
-                return self
-                    .answer(id, &answer.unwrap_or_else(|why| Message::Refused { why: why.to_string() }));
+                let answer = self.look_up(order).map_err(|error| error.to_string())?;
+                self.answer(id, &answer);
             }
-            _ => (),
-        }
-        if self.pages.controller() != Some(id) {
-            let why = "this page is not in control".to_owned();
-            return self.answer(id, &Message::Refused { why });
-        }
-        match self.execute_for_controller(order) {
-            Ok(()) => {
+            _ if self.pages.controller() != Some(id) => return Err("this page is not in control".to_owned()),
+            _ => {
+                self.execute_for_controller(order)?;
                 if let Some(text) = order.done() {
                     self.answer(id, &notice(text));
                 }
             }
-            Err(why) => self.answer(id, &Message::Refused { why }),
         }
+        Ok(())
     }
 
     /// Answers an order that reads and changes nothing.
@@ -234,10 +234,7 @@ impl Relay {
             }
             PageRequest::Identify { motor, travel } => {
                 let begun = channel(motor).and_then(|motor| Identification::begin(session, motor, travel));
-                begun.map(|identification| {
-                    self.identification = Some(identification);
-                    Changed::Nothing
-                })
+                begun.map(|identification| self.identification = Some(identification))
             }
             PageRequest::Play if !self.chain.shows_the_first() => {
                 Err("the scenario is one of the first hub: show that hub".into())
@@ -246,7 +243,7 @@ impl Relay {
                 (Some(world), Some(_)) => {
                     world.restart();
                     self.playing = Some(Script::begin());
-                    Ok(Changed::World)
+                    Ok(())
                 }
                 _ => Err("there is no scenario to play: start the dashboard with --scenario FILE, whose scenario has set-points and moves no motors in step".into()),
             },
@@ -258,56 +255,46 @@ impl Relay {
             }
             PageRequest::Update { ref version, ref seal } => {
                 let image = std::mem::take(&mut self.firmware);
-                Update::begin(session, image, version, seal.as_ref()).map(|update| {
-                    self.update = Some(update);
-                    Changed::Nothing
-                })
+                Update::begin(session, image, version, seal.as_ref()).map(|update| self.update = Some(update))
             }
             PageRequest::Address { new } => self.set_address(new),
             PageRequest::Hub { address } => self.show(address),
             PageRequest::World(_) if !self.chain.shows_the_first() => {
                 Err("only motors and battery of the first hub can be changed: show that hub".into())
             }
-            PageRequest::Device(ref order) => match self.devices.execute(session, order) {
-                Ok(None) => Ok(Changed::Nothing),
-                Ok(Some(transfer)) => {
+            PageRequest::Device(ref order) => self.devices.execute(session, order).map(|transfer| {
+                if let Some(transfer) = transfer {
                     self.send_to_all(&Message::Transfer(transfer));
-                    Ok(Changed::Nothing)
                 }
-                Err(error) => Err(error),
-            },
+            }),
             PageRequest::Save => self.store(HubFunction::Save),
             PageRequest::Load => self.store(HubFunction::Load),
             PageRequest::Reset => self.store(HubFunction::Reset),
             _ => self.executor.execute(session, self.place.world.as_ref(), order),
         };
-        match done {
-            Ok(Changed::Nothing) => (),
-            Ok(Changed::Settings(motor)) => self.send_settings(motor),
-            Ok(Changed::AllSettings) => self.send_all_settings(),
-            Ok(Changed::World) => {
+        if let Err(RequestError::Hub(error)) = &done {
+            self.drop_session(&error.to_string());
+        } else {
+            self.send_changes(order);
+        }
+        done.map_err(|error| error.to_string())
+    }
+
+    /// Sends what an order has changed. Part of a refused order may have been executed too.
+    fn send_changes(&mut self, order: &PageRequest) {
+        match order {
+            PageRequest::Import { .. } => self.send_all_settings(),
+            PageRequest::World(_) | PageRequest::Play => {
                 if let Some(world) = self.place.world.as_ref().map(World::state) {
                     self.send_to_all(&Message::World(world));
                 }
             }
-            Err(RequestError::Refused(why)) => {
-                // Part of the order may have been executed.
-                match order {
-                    PageRequest::Import { .. } => self.send_all_settings(),
-                    order => order.changed_motor().into_iter().for_each(|motor| self.send_settings(motor)),
-                }
-                return Err(why);
-            }
-            Err(RequestError::Hub(error)) => {
-                self.drop_session(&error.to_string());
-                return Err(error.to_string());
-            }
+            order => order.changed_motor().into_iter().for_each(|motor| self.send_settings(motor)),
         }
-        Ok(())
     }
 
     /// Appends a part of new firmware.
-    fn collect(&mut self, offset: usize, hex: &str) -> Result<Changed, RequestError> {
+    fn collect(&mut self, offset: usize, hex: &str) -> Result<(), RequestError> {
         if offset == 0 {
             self.firmware.clear();
         }
@@ -320,7 +307,7 @@ impl Relay {
             .into());
         }
         self.firmware.extend(bytes);
-        Ok(Changed::Nothing)
+        Ok(())
     }
 
     /// Continues a running update.
@@ -345,8 +332,8 @@ impl Relay {
     }
 
     /// Gives the hub another address, and says how long the hub keeps it.
-    fn set_address(&mut self, new: i64) -> Result<Changed, RequestError> {
-        let Some(session) = &mut self.session else { return Ok(Changed::Nothing) };
+    fn set_address(&mut self, new: i64) -> Result<(), RequestError> {
+        let Some(session) = &mut self.session else { return Ok(()) };
         let address = u8::try_from(new).ok().and_then(Address::new);
         let address = address.ok_or_else(|| format!("an address is {new}; allowed is 1 to 254"))?;
         session.set_address(address)?;
@@ -363,15 +350,15 @@ impl Relay {
             }
         };
         self.send_notice(format!("the hub has address {new} {kept}"), false);
-        Ok(Changed::Nothing)
+        Ok(())
     }
 
     /// Begins to save, load or reset the stored settings.
-    fn store(&mut self, what: HubFunction) -> Result<Changed, RequestError> {
-        let Some(session) = &mut self.session else { return Ok(Changed::Nothing) };
+    fn store(&mut self, what: HubFunction) -> Result<(), RequestError> {
+        let Some(session) = &mut self.session else { return Ok(()) };
         let access = session.begin_store(what.clone())?;
         self.saving = Some(Saving { what, access, asked: Instant::now() });
-        Ok(Changed::Nothing)
+        Ok(())
     }
 
     /// Checks the page in control, reads the hub's state, and sends a frame. The caller calls this function every
@@ -439,8 +426,8 @@ impl Relay {
     }
 
     /// Shows another hub of the chain.
-    fn show(&mut self, address: u8) -> Result<Changed, RequestError> {
-        let Some(session) = &mut self.session else { return Ok(Changed::Nothing) };
+    fn show(&mut self, address: u8) -> Result<(), RequestError> {
+        let Some(session) = &mut self.session else { return Ok(()) };
         if self.identification.is_some()
             || self.playing.is_some()
             || self.saving.is_some()
@@ -453,14 +440,14 @@ impl Relay {
         let before = session.address();
         self.chain.show(session, address)?;
         if let Err(error) = self.query_hub() {
-            let Some(session) = &mut self.session else { return Ok(Changed::Nothing) };
+            let Some(session) = &mut self.session else { return Ok(()) };
             self.chain.show(session, before)?;
             return Err(match error {
                 Error::Silent { .. } => error.to_string().into(),
                 error => RequestError::Hub(error),
             });
         }
-        Ok(Changed::Nothing)
+        Ok(())
     }
 
     /// Sends the set-points of a played scenario that are due.
@@ -481,7 +468,7 @@ impl Relay {
     /// Disables the motors if the page in control counts as gone. [`tick`](Self::tick) does so too.
     pub fn watch(&mut self) {
         if let Some(gone) = self.pages.review(Instant::now()) {
-            self.on_controller_gone(gone);
+            self.switch_off_if_any(&gone.to_string());
             self.send_control();
         }
     }
@@ -543,10 +530,6 @@ impl Relay {
             self.send_to_all(&Message::Update(update.failed(why)));
         }
         self.send_line(gone(why.to_owned()));
-    }
-
-    fn on_controller_gone(&mut self, gone: Gone) {
-        self.switch_off_if_any(&gone.to_string());
     }
 
     /// Disables all motors, even if the last frame showed no enabled motor, because an order may have enabled a motor

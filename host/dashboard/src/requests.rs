@@ -174,14 +174,6 @@ pub(crate) enum PageRequest {
 }
 
 impl PageRequest {
-    /// Reads an order.
-    ///
-    /// # Errors
-    /// A text that says what is wrong.
-    pub(crate) fn parse(text: &str) -> Result<Self, String> {
-        serde_json::from_str(text).map_err(|error| format!("not an order: {error}"))
-    }
-
     /// Returns a notice of what an executed order has done; `None` if the page shows the effect already.
     pub(crate) fn done(&self) -> Option<String> {
         Some(match *self {

@@ -1,20 +1,12 @@
 //! Sends a scenario's set-points to the hub at their times.
-//!
-//! ```
-//! use dashboard::scenario_player::Script;
-//! use simulated::scenario::Scenario;
-//!
-//! assert!(Script::of(&Scenario::default_one()?).is_some());
-//! # Ok::<(), simulated::scenario::ScenarioError>(())
-//! ```
 
-use crate::hub::{Hub, RequestError};
+use crate::hub::RequestError;
 use motor_hub::hub::Command;
-use motor_hub::motor::{Setpoint, ZeroPower};
-use motor_hub::protocol::motor::RunMode;
+use motor_hub::motor::{self, ZeroPower};
 use motor_hub::units::CountsPerSecond;
+use motor_hub_client::Session;
 use motor_hub_client::clock::Instant;
-use motor_hub_client::motor::NO_SPEED_LIMIT_CPS;
+use motor_hub_client::motor::{NO_SPEED_LIMIT_CPS, Setpoint};
 use simulated::scenario::{Scenario, Timed};
 use std::time::Duration;
 
@@ -29,7 +21,8 @@ pub struct Script {
 struct Step {
     motor: u8,
     zero: ZeroPower,
-    setpoint: Setpoint,
+    /// `None` disables the motor.
+    setpoint: Option<Setpoint>,
 }
 
 /// State of a script that is being played.
@@ -47,7 +40,8 @@ impl Script {
         let step = |Timed { at_s, value }: Timed<Command>| {
             let Command::Set { motor, setpoint } = value else { return None };
             let zero = scenario.motors.get(motor)?.zero_power;
-            Some((Duration::from_secs_f64(at_s), Step { motor: u8::try_from(motor).ok()?, zero, setpoint }))
+            let step = Step { motor: u8::try_from(motor).ok()?, zero, setpoint: for_host(setpoint) };
+            Some((Duration::from_secs_f64(at_s), step))
         };
         let steps: Option<Vec<_>> = scenario.commands().into_iter().map(step).collect();
         let steps = steps.filter(|steps| !steps.is_empty())?;
@@ -60,7 +54,7 @@ impl Script {
     }
 
     /// Sends the set-points that are due; true once the scenario is over.
-    pub(crate) fn go_on(&self, playing: &mut Playing, session: &mut Hub) -> Result<bool, RequestError> {
+    pub(crate) fn go_on(&self, playing: &mut Playing, session: &mut Session) -> Result<bool, RequestError> {
         let passed = playing.since.elapsed();
         while let Some((_, step)) = self.steps.get(playing.done).filter(|(at, _)| *at <= passed) {
             step.send(session)?;
@@ -71,41 +65,35 @@ impl Script {
 }
 
 impl Step {
-    fn send(&self, session: &mut Hub) -> Result<(), RequestError> {
-        let motor = self.motor;
-        let mode = match self.setpoint {
-            Setpoint::ConstantPower(power) => {
-                session.set_power(motor, power)?;
-                RunMode::Power
-            }
-            Setpoint::Velocity(velocity) => {
-                session.set_velocity(motor, cps(velocity))?;
-                RunMode::Velocity
-            }
-            Setpoint::Position { target, tolerance, speed_limit } => {
-                session.set_velocity(motor, cps(speed_limit))?;
-                session.set_position(motor, target, tolerance)?;
-                RunMode::Position
-            }
-            Setpoint::Current { current, speed_limit } => {
-                // The hub takes a constant current only for an enabled motor.
-                if !session.enabled(motor)? {
-                    session.brake(motor)?;
-                    session.enable(motor, true)?;
-                }
-                let limit = speed_limit.round().unsigned_abs().try_into().unwrap_or(NO_SPEED_LIMIT_CPS);
-                return Ok(session.set_current(motor, current.get(), limit)?);
-            }
-            // Scenarios have no identifications, and a script has no motion of motors in step.
-            Setpoint::Disabled | Setpoint::FailSafe | Setpoint::Identify { .. } | Setpoint::Follow(_) => {
-                return Ok(session.enable(motor, false)?);
-            }
-        };
-        session.set_mode(motor, mode, self.zero)?;
-        Ok(session.enable(motor, true)?)
+    fn send(&self, session: &mut Session) -> Result<(), RequestError> {
+        let Some(setpoint) = self.setpoint else { return Ok(session.enable(self.motor, false)?) };
+        session.set_setpoint(self.motor, setpoint, self.zero)?;
+        session.enable(self.motor, true)?;
+        if let Setpoint::Current { .. } = setpoint {
+            // The hub takes a constant current only for an enabled motor.
+            session.set_setpoint(self.motor, setpoint, self.zero)?;
+        }
+        Ok(())
     }
 }
 
-fn cps(velocity: CountsPerSecond) -> i16 {
-    velocity.round().clamp(i16::MIN.into(), i16::MAX.into()) as i16
+/// Returns the set-point that a host gives for a set-point of a scenario; `None` disables the motor.
+fn for_host(setpoint: motor::Setpoint) -> Option<Setpoint> {
+    let cps = |speed: CountsPerSecond| speed.round().clamp(i16::MIN.into(), i16::MAX.into()) as i16;
+    Some(match setpoint {
+        motor::Setpoint::ConstantPower(power) => Setpoint::Power(power),
+        motor::Setpoint::Velocity(velocity) => Setpoint::Velocity(cps(velocity)),
+        motor::Setpoint::Position { target, tolerance, speed_limit } => {
+            Setpoint::Position { counts: target, tolerance, speed_limit: cps(speed_limit) }
+        }
+        motor::Setpoint::Current { current, speed_limit } => Setpoint::Current {
+            ma: current.get(),
+            speed_limit: speed_limit.round().unsigned_abs().try_into().unwrap_or(NO_SPEED_LIMIT_CPS),
+        },
+        // Scenarios have no identifications, and a script has no motion of motors in step.
+        motor::Setpoint::Disabled
+        | motor::Setpoint::FailSafe
+        | motor::Setpoint::Identify { .. }
+        | motor::Setpoint::Follow(_) => return None,
+    })
 }

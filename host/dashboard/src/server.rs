@@ -1,12 +1,4 @@
 //! Listens for connections, and serves each one in its own thread.
-//!
-//! ```
-//! use dashboard::Server;
-//!
-//! let server = Server::bind("127.0.0.1:0")?;
-//! assert!(server.url().starts_with("http://127.0.0.1:") && server.url().contains("/?token="));
-//! # Ok::<(), dashboard::BindError>(())
-//! ```
 
 use crate::admission::{Admission, PublicUrl, Wanted};
 use crate::assets;

@@ -12,7 +12,6 @@ use serde::{Deserialize, Serialize};
 use simulated::scheme::{BlendChoice, SchemeName};
 use std::collections::BTreeSet;
 use std::fmt;
-use std::io::{Read, Write};
 use toml::{Table, Value};
 
 /// Version of the document that this program writes and reads.
@@ -25,7 +24,7 @@ const HEAD: &str = "# Settings of a motor hub: `motor-hub client settings import
 ///
 /// # Errors
 /// The exchange with the hub fails, or the hub does not report its settings.
-pub fn export<L: Read + Write>(session: &mut Session<L>) -> Result<String, Error> {
+pub fn export(session: &mut Session) -> Result<String, Error> {
     let mut text = format!("{HEAD}\nschema_version = {SCHEMA_VERSION}\n");
     // A hub that stores nothing does not report which coefficients a host has set.
     let set_by_host = match session.stored_if_reported()? {
@@ -123,11 +122,16 @@ fn value(field: &Field, settings: &MotorSettings) -> Option<Value> {
         ("blend", Scheme::D(Blend::Fixed(_))) => Some(field.number_of(raw).into()),
         ("blend", _) => None,
         _ if field.zero == Zero::NotConfigured && raw == 0 => None,
-        _ => Some(match field.form {
-            Form::Words(_) => field.word_of(raw).unwrap_or_default().into(),
-            Form::Steps(1) => raw.into(),
-            Form::Steps(_) => field.number_of(raw).into(),
-        }),
+        _ => Some(word_or_number(field, raw)),
+    }
+}
+
+/// The value of a setting as a word or a number, for TOML and JSON.
+pub(crate) fn word_or_number<V: From<&'static str> + From<i64> + From<f64>>(field: &Field, raw: i64) -> V {
+    match field.form {
+        Form::Words(_) => field.word_of(raw).unwrap_or_default().into(),
+        Form::Steps(1) => raw.into(),
+        Form::Steps(_) => field.number_of(raw).into(),
     }
 }
 

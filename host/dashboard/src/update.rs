@@ -1,11 +1,11 @@
 //! New firmware for a hub with a bootloader. A page sends the image in parts. The relay sends the image to the hub in
 //! small chunks between two frames, so that pages get frames during the update.
 
-use crate::hub::{Hub, RequestError, or_refusal};
+use crate::hub::{RequestError, or_refusal};
 use crate::requests::SignatureFiles;
 use motor_hub::update::ImageSignature;
-use motor_hub_client::Error;
 use motor_hub_client::update::{Image, Progress as News, UpdateError, Updating, read_key, read_signature};
+use motor_hub_client::{Error, Session};
 use serde::Serialize;
 
 pub(crate) use motor_hub_client::update::LARGEST_IMAGE;
@@ -32,7 +32,7 @@ pub(crate) struct Update {
 impl Update {
     /// Announces an image to the hub. All motors must be disabled.
     pub(crate) fn begin(
-        session: &mut Hub,
+        session: &mut Session,
         bytes: Vec<u8>,
         version: &str,
         files: Option<&SignatureFiles>,
@@ -50,7 +50,7 @@ impl Update {
 
     /// Continues the update. Returns the progress, or `None` if there is nothing new. After `done` or `failed` the
     /// update has ended.
-    pub(crate) fn go_on(&mut self, session: &mut Hub) -> Result<Option<Progress>, Error> {
+    pub(crate) fn go_on(&mut self, session: &mut Session) -> Result<Option<Progress>, Error> {
         match or_refusal(self.updating.step(session))? {
             Ok(news) => Ok(news.map(|news| self.progress(news))),
             Err(why) => {

@@ -6,98 +6,34 @@
     reason = "a failed access is a failed test"
 )]
 
+#[path = "../../client/tests/hub_support/mod.rs"]
+mod hub_support;
 mod page;
 
 use dashboard::proposal::catalogue_motor;
-use dashboard::{Opened, Place, Port};
+use dashboard::{Opened, Place};
+use hub_support::{Hub, Memory, responder_at};
 use motor_hub::braking::Winding;
 use motor_hub::extension::settings::Group;
-use motor_hub::extension::{HubFunction, INTERFACE, Request};
+use motor_hub::extension::{HubFunction, Request};
 use motor_hub::motor::Settings;
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, Terms, ToMotor};
-use motor_hub::protocol::{Address, BROADCAST, CHANNELS, Decoder, Nack, Packet, Reply, frame};
+use motor_hub::protocol::{Address, CHANNELS, Nack, Packet, Reply};
 use motor_hub::regulator::identify::{Identification, Identified};
-use motor_hub::units::{Coefficient, Micros, Millivolts};
+use motor_hub::units::{Coefficient, Millivolts};
 use motor_hub_client::Session;
-use motor_hub_client::memory::MemoryHub;
 use page::Page;
 use serde_json::{Value, json};
-use std::collections::VecDeque;
-use std::io::{ErrorKind, Read, Write};
 use std::time::Duration;
 
-/// A line with hubs in memory. The line answers some requests itself, instead of their hub.
-#[derive(Debug)]
-struct Line {
-    /// Hubs by address. Each hub in memory has the default address, so the line translates addresses.
-    hubs: Vec<(u8, MemoryHub)>,
-    /// Returns the answer of the line to a request; `None` if the hub answers.
-    answer: fn(&Packet) -> Option<Reply>,
-    decoder: Decoder,
-    replies: VecDeque<u8>,
-}
-
-impl Line {
-    fn new(addresses: &[u8], answer: fn(&Packet) -> Option<Reply>) -> Self {
-        let hub = |&address: &u8| {
-            let mut hub = MemoryHub::default();
-            hub.snapshot.battery = Some(Millivolts::new(12_000));
-            (address, hub)
-        };
-        let hubs = addresses.iter().map(hub).collect();
-        Self { hubs, answer, decoder: Decoder::new(), replies: VecDeque::new() }
-    }
-}
-
-impl Write for Line {
-    fn write(&mut self, mut bytes: &[u8]) -> std::io::Result<usize> {
-        let (count, now) = (bytes.len(), Micros::new(0));
-        while let Some(packet) = self.decoder.next(&mut bytes, now) {
-            let meant = |address| [address, BROADCAST].contains(&packet.destination);
-            for (address, hub) in self.hubs.iter_mut().filter(|(address, _)| meant(*address)) {
-                let reply = match (self.answer)(&packet) {
-                    Some(reply) => Some(reply.packet(&packet, *address, 1)),
-                    None => exchange(hub, &packet).map(|reply| Packet { source: *address, ..reply }),
-                };
-                self.replies.extend(reply.iter().flat_map(|reply| frame::encode(reply).to_vec()));
-            }
-        }
-        Ok(count)
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
-
-/// Passes a packet to a hub, and returns the hub's reply.
-fn exchange(hub: &mut MemoryHub, packet: &Packet) -> Option<Packet> {
-    let destination = if packet.destination == BROADCAST { BROADCAST } else { Address::DEFAULT.get() };
-    hub.write_all(&frame::encode(&Packet { destination, ..packet.clone() })).unwrap();
-    let mut bytes = [0; 256];
-    let count = hub.read(&mut bytes).unwrap_or(0);
-    Decoder::new().next(&mut &bytes[..count], Micros::new(0))
-}
-
-impl Read for Line {
-    fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
-        if self.replies.is_empty() {
-            std::thread::sleep(Duration::from_micros(200));
-            return Err(ErrorKind::WouldBlock.into());
-        }
-        self.replies.read(bytes)
-    }
-}
-
-/// A page of the hubs on a line. The relay can open the line once, so a dropped session is never opened again.
-fn page_of(line: Line) -> Page {
-    let hubs: Vec<u8> = line.hubs.iter().map(|(address, _)| *address).collect();
-    let mut line = Some(line);
+/// A page of hubs in memory. The relay can open the line once, so a dropped session is never opened again.
+fn page_of(hubs: Vec<Hub>) -> Page {
+    let addresses: Vec<Address> = hubs.iter().map(|hub| hub.responder.address()).collect();
+    let mut line = Some(Memory::of(hubs));
     let open = move || {
-        let port: Box<dyn Port> = Box::new(line.take().ok_or("the session was dropped")?);
-        let first = Address::new(hubs[0]).unwrap();
-        let session = Session::new(port, first, Duration::from_millis(300));
-        Ok(Opened { session, hubs: hubs.clone() })
+        let line = line.take().ok_or("the session was dropped")?;
+        let session = Session::new(line, addresses[0], Duration::from_millis(300));
+        Ok(Opened { session, hubs: addresses.iter().map(|address| address.get()).collect() })
     };
     Page::new(Place::real("hubs in memory", open))
 }
@@ -109,7 +45,7 @@ fn without_settings(packet: &Packet) -> Option<Reply> {
 
 #[test]
 fn a_refusal_at_the_end_of_an_identification_ends_it_and_disables_the_motor() {
-    let mut line = Line::new(&[2], without_settings);
+    let mut hub = Hub { answer: without_settings, ..Hub::new() };
     let (_, dynamics) = catalogue_motor(&Settings::new(Winding::NEVEREST_60)).unwrap();
     let found = Identified {
         dynamics,
@@ -121,8 +57,8 @@ fn a_refusal_at_the_end_of_an_identification_ends_it_and_disables_the_motor() {
         friction_error: Millivolts::new(1),
         residual: 1,
     };
-    line.hubs[0].1.snapshot.motors[0].identification = Identification::Found(found);
-    let mut page = page_of(line);
+    hub.snapshot.motors[0].identification = Identification::Found(found);
+    let mut page = page_of(vec![hub]);
     page.order(&json!({ "identify": { "motor": 0 } }));
     assert_eq!(page.frame()["motors"][0]["enabled"], true);
     let ended = page.until("a refusal", |message| message["state"] == "refused");
@@ -138,7 +74,7 @@ fn a_save_whose_report_is_refused_ends_with_a_notice() {
         id if id == HubFunction::Stored.id() => Some(Reply::Nack(Nack::UNSUPPORTED)),
         _ => None,
     };
-    let mut page = page_of(Line::new(&[2], answer));
+    let mut page = page_of(vec![Hub { answer, ..Hub::new() }]);
     page.order(&json!("save"));
     let is_of_save =
         |message: &Value| message["text"].as_str().is_some_and(|text| text.starts_with("whether settings"));
@@ -151,7 +87,7 @@ fn a_save_whose_report_is_refused_ends_with_a_notice() {
 
 #[test]
 fn firmware_with_half_a_byte_is_refused() {
-    let mut page = page_of(Line::new(&[2], |_| None));
+    let mut page = page_of(vec![Hub::new()]);
     page.frame();
     for hex in ["abc", "+f", "xy"] {
         page.order(&json!({ "firmware": { "offset": 0, "hex": hex } }));
@@ -160,20 +96,17 @@ fn firmware_with_half_a_byte_is_refused() {
     }
 }
 
-/// Another maker's hub with two motors: without the extension, and without the motors 2 and 3.
+/// Refuses requests to the motors 2 and 3, as a hub with two motors.
 fn two_motors(packet: &Packet) -> Option<Reply> {
-    let is_extension = packet.id == 0x7F07 && packet.payload.starts_with(INTERFACE);
     let of_motor = matches!(Request::read(packet, CHANNELS), Ok(Request::ToMotor(2.., _)));
-    match (is_extension, of_motor) {
-        (true, _) => Some(Reply::Nack(Nack::UNKNOWN)),
-        (_, true) => Some(Reply::Nack(Nack::parameter(0))),
-        _ => None,
-    }
+    of_motor.then_some(Reply::Nack(Nack::parameter(0)))
 }
 
 #[test]
 fn hubs_with_two_motors_are_shown_and_asked_for_both() {
-    let mut page = page_of(Line::new(&[2, 3], two_motors));
+    let hub =
+        |address| Hub { responder: responder_at(address), answer: two_motors, foreign: true, ..Hub::new() };
+    let mut page = page_of(vec![hub(2), hub(3)]);
     assert_eq!(page.frame()["motors"].as_array().map(Vec::len), Some(2));
     page.order(&json!({ "hub": { "address": 3 } }));
     page.until("hub 3", |message| message["hubs"][1]["shown"] == true);
@@ -199,7 +132,7 @@ fn without_changes(packet: &Packet) -> Option<Reply> {
 
 #[test]
 fn a_refused_order_adds_no_undo_and_a_refused_undo_is_kept() {
-    let mut page = page_of(Line::new(&[2], without_changes));
+    let mut page = page_of(vec![Hub { answer: without_changes, ..Hub::new() }]);
     let undoable = |page: &mut Page, number: u64| {
         let of = page.until("settings", |message| message["kind"] == "settings" && message["motor"] == 0);
         assert_eq!(of["undoable"], number, "{of}");

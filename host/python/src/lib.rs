@@ -8,7 +8,7 @@ mod reading;
 
 use motor_hub_client::base::Part;
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
-use motor_hub_client::line::{Line, ports};
+use motor_hub_client::line::ports;
 use motor_hub_client::motor::{SPEED_LIMITS_CPS, constant_current_ma};
 use motor_hub_client::motor_hub::extension::HubFunction;
 use motor_hub_client::motor_hub::extension::group::{GroupCourse, GroupState};
@@ -85,7 +85,7 @@ fn speed_limit<T: TryFrom<i64>>(cps: i64) -> PyResult<T> {
 /// A session with one hub.
 #[pyclass(frozen, module = "motor_hub")]
 struct Link {
-    session: Mutex<Session<Line>>,
+    session: Mutex<Session>,
     /// Motors that a former host had left enabled. [`open`](Self::open) has disabled these motors.
     #[pyo3(get)]
     left_running: Vec<u8>,
@@ -96,14 +96,14 @@ impl Link {
     fn run<T: Send>(
         &self,
         py: Python<'_>,
-        request: impl FnOnce(&mut Session<Line>) -> Result<T, Error> + Send,
+        request: impl FnOnce(&mut Session) -> Result<T, Error> + Send,
     ) -> PyResult<T> {
         Ok(py.detach(|| request(&mut self.lock())).map_err(Failure)?)
     }
 
     /// Locks the session. The session stays usable after a panic of another thread, because each request begins with a
     /// new packet.
-    fn lock(&self) -> MutexGuard<'_, Session<Line>> {
+    fn lock(&self) -> MutexGuard<'_, Session> {
         self.session.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

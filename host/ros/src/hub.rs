@@ -9,7 +9,6 @@ use crate::messages::{battery_state, diagnostics, imu, joint_state, odometry, tr
 use crate::node::{Answer, Arrived, Call, Event, Topics, now};
 use crate::robot::{Robot, Setpoint, VALID};
 use motor_hub_client::hub::StoreAccess;
-use motor_hub_client::line::Line;
 use motor_hub_client::motor_hub::extension::HubFunction;
 use motor_hub_client::motor_hub::extension::base::OdometryReport;
 use motor_hub_client::motor_hub::extension::report::HubReport;
@@ -68,7 +67,7 @@ struct SentState {
 
 /// A connected hub, with its children.
 struct Connected {
-    session: Session<Line>,
+    session: Session,
     /// Address of the hub at the port.
     parent: Address,
     /// Lost children by address, and the time of the next request to each.
@@ -129,7 +128,7 @@ impl HubThread {
     ///
     /// # Errors
     /// Why the hub cannot be used.
-    fn connect(&mut self, session: Session<Line>) -> Result<(), String> {
+    fn connect(&mut self, session: Session) -> Result<(), String> {
         let children = self.robot.config().children();
         let parent = Address::new(session.address()).filter(|parent| !children.contains(&parent.get()));
         let Some(parent) = parent else {

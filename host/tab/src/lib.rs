@@ -18,7 +18,7 @@
 use dashboard::outbox::{Texts, outbox};
 use dashboard::relay::{Event, Relay};
 use dashboard::world::World;
-use dashboard::{Opened, Place, Port};
+use dashboard::{Opened, Place};
 use motor_hub::protocol::Address;
 use motor_hub_client::{Session, line};
 use simulated::scenario::Scenario;
@@ -64,15 +64,13 @@ pub extern "C" fn start(serial: bool) {
     motor_hub_client::clock::set(|| Duration::from_secs_f64(now_ms() / 1e3));
     let place = if serial {
         Place::real("a hub on a serial port of this computer", || {
-            let port: Box<dyn Port> = Box::new(SerialPort);
-            Opened::with_parent(port, TIMEOUT).map_err(|error| error.to_string())
+            Opened::with_parent(SerialPort, TIMEOUT).map_err(|error| error.to_string())
         })
     } else {
         let world = World::default();
         SIMULATION.set(Some(Simulation::new(world.clone())));
         Place::simulated("four motors in this tab", world, None, || {
-            let port: Box<dyn Port> = Box::new(SimulatedHub);
-            let mut session = Session::new(port, Address::DEFAULT, TIMEOUT);
+            let mut session = Session::new(SimulatedHub, Address::DEFAULT, TIMEOUT);
             session.keep_alive().map_err(|error| error.to_string())?;
             Ok(session.into())
         })

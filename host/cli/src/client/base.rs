@@ -11,7 +11,6 @@ use motor_hub::group::{BaseSettings, DriveBase, GroupCommand, GyroState};
 use motor_hub::protocol::CHANNELS;
 use motor_hub_client::Session;
 use motor_hub_client::base::{OdometryValues, Part};
-use motor_hub_client::line::Line;
 use std::time::{Duration, Instant};
 
 /// Longest wait for the first reading of the gyro. A BNO055 answers 0.65 s after power-on, and the hub tries to read it
@@ -162,7 +161,7 @@ impl Options {
 }
 
 /// Waits for the first reading of the gyro, if the base uses one.
-fn await_gyro(session: &mut Session<Line>) -> Result<OdometryReport, Failure> {
+fn await_gyro(session: &mut Session) -> Result<OdometryReport, Failure> {
     let end = Instant::now() + GYRO_START;
     loop {
         let report = session.odometry()?;

@@ -9,7 +9,7 @@ use motor_hub::protocol::answers::I2cStatus;
 use motor_hub::protocol::payload::{Text, WordFrom};
 use motor_hub::protocol::pins::{I2cAddress, I2cBus, I2cCount, Pin, ServoOutput};
 use motor_hub_client::devices::{Channel, I2C_ADDRESSES, channels, check_pulse};
-use motor_hub_client::line::Line;
+use motor_hub_client::error::or_reason;
 use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
@@ -51,24 +51,15 @@ fn pins() -> impl Iterator<Item = Pin> {
     (0..DIGITAL_PINS as u8).filter_map(Pin::new)
 }
 
-/// Returns the value of an answer, or the text of a refusal as the inner error.
-fn or_reason<T>(answer: Result<T, Error>) -> Result<Result<T, String>, Error> {
-    match answer {
-        Ok(value) => Ok(Ok(value)),
-        Err(Error::Refused { reason, .. }) => Ok(Err(reason.to_string())),
-        Err(error) => Err(error),
-    }
-}
-
 /// Switches an output on, prints a line, and keeps the output on until `length` is over, a signal arrives or a request
 /// fails. The output is then released, also if the hub's answer to `switch_on` is lost, because the hub may have
 /// switched it on.
 fn keep_on(
-    session: &mut Session<Line>,
+    session: &mut Session,
     line: &str,
     length: Option<Duration>,
-    switch_on: impl FnOnce(&mut Session<Line>) -> Result<(), Error>,
-    release: impl FnOnce(&mut Session<Line>) -> Result<(), Error>,
+    switch_on: impl FnOnce(&mut Session) -> Result<(), Error>,
+    release: impl FnOnce(&mut Session) -> Result<(), Error>,
 ) -> Result<(), Failure> {
     interrupt::listen()?;
     let kept = switch_on(session)
@@ -80,7 +71,7 @@ fn keep_on(
     Ok(released?)
 }
 
-fn keep_alive(session: &mut Session<Line>, length: Option<Duration>) -> Result<(), Failure> {
+fn keep_alive(session: &mut Session, length: Option<Duration>) -> Result<(), Failure> {
     let end = length.map(|length| Instant::now() + length);
     loop {
         let next = Instant::now() + KEEP_ON;
@@ -144,14 +135,14 @@ impl ServoOptions {
     }
 
     /// Starts the pulses of a servo. Ends the pulses when the duration is over, after a signal, and after an error.
-    fn drive(&self, session: &mut Session<Line>, servo: ServoOutput, width: u16) -> Result<(), Failure> {
+    fn drive(&self, session: &mut Session, servo: ServoOutput, width: u16) -> Result<(), Failure> {
         // The parsers of the options have checked the ranges.
         if let (Some(period), Some(width)) = (WordFrom::new(self.period), WordFrom::new(width)) {
             session.set_servo_period(servo, period)?;
             session.set_servo_width(servo, width)?;
         }
         let line = format!("servo {}: pulses of {width} us every {} us", servo.get(), self.period);
-        let switch_on = |session: &mut Session<Line>| session.enable_servo(servo, true);
+        let switch_on = |session: &mut Session| session.enable_servo(servo, true);
         keep_on(session, &line, self.length, switch_on, |session| session.enable_servo(servo, false))
     }
 }
@@ -161,11 +152,9 @@ pub(super) fn analog(hub: &HubOptions, json: bool) -> Result<(), Failure> {
     let session = &mut hub.open(None)?;
     let mut table = table::new(&["channel", "value", "raw"], 0);
     let mut document = serde_json::Map::new();
-    for Channel { number, name, key, unit, scale } in channels() {
-        let value = or_reason(session.adc(number, false))?;
-        match value {
+    for channel @ Channel { number, name, key, unit, scale } in channels() {
+        match session.measured(channel)? {
             Ok(value) => {
-                let value = f64::from(value) * scale;
                 let raw = session.adc(number, true)?;
                 let digits = if scale < 0.01 { 3 } else { 1 };
                 table.add_row([name.to_owned(), format!("{value:.digits$} {unit}"), raw.to_string()]);
@@ -230,10 +219,10 @@ impl DigitalOptions {
     }
 
     /// Drives a pin. Releases the pin when the duration is over, after a signal, and after an error.
-    fn drive(&self, session: &mut Session<Line>, pin: Pin, level: Level) -> Result<(), Failure> {
+    fn drive(&self, session: &mut Session, pin: Pin, level: Level) -> Result<(), Failure> {
         let high = level == Level::High;
         let line = format!("digital pin {} is {}", pin.get(), if high { "high" } else { "low" });
-        let switch_on = |session: &mut Session<Line>| session.drive_pin(pin, high);
+        let switch_on = |session: &mut Session| session.drive_pin(pin, high);
         keep_on(session, &line, self.length, switch_on, |session| session.release_pin(pin))
     }
 }
@@ -341,7 +330,7 @@ impl I2c {
 }
 
 /// Lists the devices on one bus or on all buses.
-fn scan(session: &mut Session<Line>, only: Option<I2cBus>, json: bool) -> Result<(), Failure> {
+fn scan(session: &mut Session, only: Option<I2cBus>, json: bool) -> Result<(), Failure> {
     let mut table = table::new(&["bus", "devices"], 1);
     let mut buses = Vec::new();
     for bus in (0..4).filter_map(I2cBus::new).filter(|bus| only.is_none_or(|only| only == *bus)) {

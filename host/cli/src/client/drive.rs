@@ -1,7 +1,7 @@
 //! `motor-hub client power`, `current`, `velocity` and `position`: motors run while the command runs.
 
 use super::hub::HubOptions;
-use super::motion::{Motion, Progress, Setpoint};
+use super::motion::{Motion, Progress};
 use super::motors_off::DrivingSession;
 use super::readings::{Live, Reading, repeat};
 use super::shaft_speed::{ShaftOptions, Speed};
@@ -11,8 +11,7 @@ use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::Address;
 use motor_hub::units::Control;
 use motor_hub_client::Session;
-use motor_hub_client::line::Line;
-use motor_hub_client::motor::{NO_SPEED_LIMIT_CPS, SPEED_LIMITS_CPS, constant_current_ma};
+use motor_hub_client::motor::{NO_SPEED_LIMIT_CPS, SPEED_LIMITS_CPS, Setpoint, constant_current_ma};
 use std::collections::BTreeSet;
 use std::time::Duration;
 
@@ -161,17 +160,17 @@ impl Drive {
         let counts_per_turn = common.shaft.counts()?;
         let setpoint = match self {
             Self::Power(options) => Setpoint::Power(options.value),
-            Self::Current(options) => Setpoint::Current { ma: options.ma, speed: options.speed_limit },
+            &Self::Current(CurrentOptions { ma, speed_limit, .. }) => Setpoint::Current { ma, speed_limit },
             Self::Velocity(options) => Setpoint::Velocity(options.speed.cps(counts_per_turn)?),
             &Self::Position(PositionOptions { counts, tolerance, speed, .. }) => {
-                let speed = speed.cps(counts_per_turn)?;
-                if speed < 1 {
+                let speed_limit = speed.cps(counts_per_turn)?;
+                if speed_limit < 1 {
                     return Err(Failure::Input(format!(
-                        "--speed: {speed} counts/s is out of range; allowed is 1 to {}",
+                        "--speed: {speed_limit} counts/s is out of range; allowed is 1 to {}",
                         i16::MAX
                     )));
                 }
-                Setpoint::Position { counts, tolerance, speed }
+                Setpoint::Position { counts, tolerance, speed_limit }
             }
         };
         let zero = if common.float { ZeroPower::Float } else { ZeroPower::Brake };
@@ -206,11 +205,11 @@ impl Drive {
 
 /// Shows the motors until `settled` returns true or the time is over. Returns true if the motors have settled.
 pub(super) fn follow(
-    session: &mut Session<Line>,
+    session: &mut Session,
     motors: &[u8],
     counts_per_turn: Option<f64>,
     length: Option<Duration>,
-    mut settled: impl FnMut(&mut Session<Line>, &Reading) -> Result<bool, Failure>,
+    mut settled: impl FnMut(&mut Session, &Reading) -> Result<bool, Failure>,
 ) -> Result<bool, Failure> {
     let mut live = Live::new();
     let mut readings = 0u32;

@@ -60,13 +60,13 @@ impl HubOptions {
     }
 
     /// Opens a session on the line for requests to all hubs.
-    pub(super) fn session_of_line(&self) -> Result<Session<Line>, Failure> {
+    pub(super) fn session_of_line(&self) -> Result<Session, Failure> {
         Ok(Session::new(self.line()?, Address::DEFAULT, self.timeout()))
     }
 
     /// Opens a session with the hub of `--address`. Without the option the hub is `of_motors`, the hub that the motors
     /// of the command name. Without either the hub is the parent on the line.
-    pub(super) fn session(&self, of_motors: Option<Address>) -> Result<Session<Line>, Failure> {
+    pub(super) fn session(&self, of_motors: Option<Address>) -> Result<Session, Failure> {
         let address = match (self.address, of_motors) {
             (Some(given), Some(named)) if given != named => {
                 return Err(Failure::Input(format!(
@@ -85,7 +85,7 @@ impl HubOptions {
     }
 
     /// Opens a session by [`Self::session`], and disables motors that another host has left enabled.
-    pub(super) fn open(&self, of_motors: Option<Address>) -> Result<Session<Line>, Failure> {
+    pub(super) fn open(&self, of_motors: Option<Address>) -> Result<Session, Failure> {
         let mut session = self.session(of_motors)?;
         disable_left_enabled(&mut session)?;
         Ok(session)

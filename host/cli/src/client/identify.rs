@@ -16,7 +16,6 @@ use motor_hub::regulator::identify::{Identification, Identified};
 use motor_hub::units::Acceleration;
 use motor_hub_client::Session;
 use motor_hub_client::identification::{Identifying, Progress};
-use motor_hub_client::line::Line;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 use studies::identify::{self, found_table, words};
@@ -130,7 +129,7 @@ impl Options {
 /// Identifies a motor, and disables the motor. `travel` limits the motion in counts in either direction. Prints the
 /// progress if `shows_progress` is true.
 pub(super) fn identify(
-    session: &mut Session<Line>,
+    session: &mut Session,
     motor: u8,
     travel: u32,
     shows_progress: bool,
@@ -140,7 +139,7 @@ pub(super) fn identify(
 
 /// Turns the motor until its identification ends.
 fn turn(
-    driven: &mut DrivingSession<'_, Line>,
+    driven: &mut DrivingSession<'_>,
     motor: u8,
     travel: u32,
     shows_progress: bool,

@@ -11,14 +11,13 @@ use super::motion::{check_enabled, warn_of};
 use super::motors_off::{DrivingSession, report};
 use super::readings::{Live, MotorReading, motors_of};
 use crate::output::{Failure, print};
-use crate::parse::whole;
+use crate::parse::{number, whole};
 use keys::{Jog, Key};
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::answers::Bulk;
-use motor_hub::protocol::motor::RunMode;
 use motor_hub::units::Control;
 use motor_hub_client::Error;
-use motor_hub_client::line::Line;
+use motor_hub_client::motor::Setpoint;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 use studies::table;
@@ -50,18 +49,14 @@ pub(super) struct Options {
     #[arg(long, value_name = "SHARE", conflicts_with = "speed", value_parser = some_power)]
     power: Option<Control>,
     /// Time that a key press drives, 0.1 to 5 s; must exceed the terminal's delay of repeated keys
-    #[arg(long = "hold-s", alias = "hold", value_name = "S", default_value = "0.7", value_parser = hold)]
-    hold: Duration,
+    #[arg(long = "hold-s", alias = "hold", value_name = "S", default_value_t = 0.7)]
+    #[arg(value_parser = number("the time that a key drives", 0.1..=5.0, "s"))]
+    hold: f64,
 }
 
 fn some_power(text: &str) -> Result<Control, String> {
     let some = power(text).ok().filter(|power| power.get() > 0);
     some.ok_or_else(|| "the power is a share above 0 and at most 1".to_owned())
-}
-
-fn hold(text: &str) -> Result<Duration, String> {
-    let seconds = text.parse().ok().filter(|seconds| (0.1..=5.0).contains(seconds));
-    seconds.map(Duration::from_secs_f64).ok_or_else(|| "the time that a key drives is 0.1 to 5 s".to_owned())
 }
 
 /// Longest wait for a key before the hub is read again.
@@ -71,7 +66,7 @@ impl Options {
     pub(super) fn execute(self, hub: &HubOptions) -> Result<(), Failure> {
         let session = &mut hub.open(None)?;
         let level = self.power.map_or(self.speed, Control::get);
-        let mut jog = Jog::new(level, self.hold);
+        let mut jog = Jog::new(level, Duration::from_secs_f64(self.hold));
         let stopped = DrivingSession::run(session, |session| {
             if self.power.is_none() {
                 let speed = u32::from(self.speed.unsigned_abs());
@@ -88,7 +83,7 @@ impl Options {
 
     fn follow(
         &self,
-        session: &mut DrivingSession<'_, Line>,
+        session: &mut DrivingSession<'_>,
         jog: &mut Jog,
         keys: &Receiver<Vec<u8>>,
     ) -> Result<(), Failure> {
@@ -127,20 +122,17 @@ impl Options {
     /// Sends a motor its new level, or disables the motor if `wanted` is `None`.
     fn send(
         &self,
-        session: &mut DrivingSession<'_, Line>,
+        session: &mut DrivingSession<'_>,
         motor: u8,
         before: Option<i16>,
         wanted: Option<i16>,
     ) -> Result<(), Error> {
         let Some(level) = wanted else { return session.disable(motor) };
-        let mode = if self.power.is_some() { RunMode::Power } else { RunMode::Velocity };
-        if before.is_none() {
-            session.set_mode(motor, mode, ZeroPower::Brake)?;
-        }
-        match mode {
-            RunMode::Power => session.set_power(motor, Control::new(level))?,
-            _ => session.set_velocity(motor, level)?,
-        }
+        let setpoint = match self.power {
+            Some(_) => Setpoint::Power(Control::new(level)),
+            None => Setpoint::Velocity(level),
+        };
+        session.set_setpoint(motor, setpoint, ZeroPower::Brake)?;
         if before.is_none() { session.enable(motor) } else { Ok(()) }
     }
 

@@ -1,4 +1,4 @@
-//! Set-points of `power`, `current`, `velocity` and `position`, and whether motors reach them.
+//! Motions of `power`, `current`, `velocity` and `position`, and whether motors reach their set-points.
 
 use super::motors_off::DrivingSession;
 use super::readings::motors_of;
@@ -6,61 +6,12 @@ use crate::output::{Failure, print_error_line};
 use motor_hub::extension::report::HubReport;
 use motor_hub::motor::{SettleDetector, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
-use motor_hub::protocol::motor::RunMode;
-use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts, Period};
+use motor_hub::units::{CountsPerSecond, EmfConstant, Millivolts, Period};
 use motor_hub_client::error::none_if_unsupported;
-use motor_hub_client::line::Line;
-use motor_hub_client::motor::NO_CURRENT;
+use motor_hub_client::motor::{NO_CURRENT, Setpoint};
 use motor_hub_client::{Error, Session};
 use std::collections::VecDeque;
 use std::time::Duration;
-
-/// Set-point of one of the commands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Setpoint {
-    /// Constant power as a share of full power.
-    Power(Control),
-    /// Constant current in mA, and a speed limit in counts per second.
-    Current { ma: i32, speed: u16 },
-    /// Regulated velocity in counts per second.
-    Velocity(i16),
-    /// Regulated position and tolerance in counts, and a speed limit in counts per second.
-    Position { counts: i32, tolerance: u16, speed: i16 },
-}
-
-impl Setpoint {
-    /// Returns the mode in which the motor is enabled.
-    const fn mode(self) -> RunMode {
-        match self {
-            Self::Power(_) | Self::Current { .. } => RunMode::Power,
-            Self::Velocity(_) => RunMode::Velocity,
-            Self::Position { .. } => RunMode::Position,
-        }
-    }
-
-    /// Sends the set-point to a motor, which applies the set-point once it is enabled. For a constant current the motor
-    /// gets power 0, because a hub accepts a constant current for enabled motors only.
-    pub(super) fn set(self, session: &mut Session<Line>, motor: u8) -> Result<(), Error> {
-        match self {
-            Self::Power(power) => session.set_power(motor, power),
-            Self::Current { .. } => session.set_power(motor, Control::ZERO),
-            Self::Velocity(cps) => session.set_velocity(motor, cps),
-            Self::Position { counts, tolerance, speed } => {
-                session.set_velocity(motor, speed)?;
-                session.set_position(motor, counts, tolerance)
-            }
-        }
-    }
-
-    /// Returns the requested speed in counts per second; `None` for power and current, and for a position, whose speed
-    /// is a limit.
-    const fn speed(self) -> Option<u32> {
-        match self {
-            Self::Velocity(cps) => Some(cps.unsigned_abs() as u32),
-            Self::Power(_) | Self::Current { .. } | Self::Position { .. } => None,
-        }
-    }
-}
 
 /// Motors with their common set-point, what they do at zero, and the duration of the motion; `None` for no limit.
 pub(super) struct Motion {
@@ -71,38 +22,39 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// Sets mode and set-point of all motors, then enables them.
-    pub(super) fn begin(&self, driven: &mut DrivingSession<'_, Line>) -> Result<(), Failure> {
+    /// Sets mode and set-point of all motors, then enables them. A constant current is set again once the motors are
+    /// enabled.
+    pub(super) fn begin(&self, driven: &mut DrivingSession<'_>) -> Result<(), Failure> {
         if matches!(self.setpoint, Setpoint::Current { .. }) && driven.report()?.is_none() {
             return Err(Failure::work(NO_CURRENT));
         }
-        if let Some(speed) = self.setpoint.speed() {
+        if let Setpoint::Velocity(cps) = self.setpoint {
+            let speed = cps.unsigned_abs().into();
             let speeds: Vec<_> = self.motors.iter().map(|motor| (*motor, speed)).collect();
             warn_of(driven, &speeds)?;
         }
         for &motor in &self.motors {
-            driven.set_mode(motor, self.setpoint.mode(), self.zero)?;
-            self.setpoint.set(driven, motor)?;
+            driven.set_setpoint(motor, self.setpoint, self.zero)?;
         }
         for &motor in &self.motors {
             driven.enable(motor)?;
         }
-        if let Setpoint::Current { ma, speed } = self.setpoint {
+        if let Setpoint::Current { .. } = self.setpoint {
             for &motor in &self.motors {
-                driven.set_current(motor, ma, speed)?;
+                driven.set_setpoint(motor, self.setpoint, self.zero)?;
             }
         }
         Ok(())
     }
 
     /// Fails if the hub has disabled a motor.
-    pub(super) fn check(&self, session: &mut Session<Line>) -> Result<(), Failure> {
+    pub(super) fn check(&self, session: &mut Session) -> Result<(), Failure> {
         self.motors.iter().try_for_each(|motor| check_enabled(session, *motor))
     }
 }
 
 /// Fails if the hub has disabled a motor: after a fail-safe, a reset or a fault.
-pub(super) fn check_enabled(session: &mut Session<Line>, motor: u8) -> Result<(), Failure> {
+pub(super) fn check_enabled(session: &mut Session, motor: u8) -> Result<(), Failure> {
     if session.enabled(motor)? {
         return Ok(());
     }
@@ -112,7 +64,7 @@ pub(super) fn check_enabled(session: &mut Session<Line>, motor: u8) -> Result<()
 
 /// Warns of motors whose requested speed exceeds their free speed at the present battery voltage. `speeds` are pairs of
 /// motor and speed in counts per second. Hubs that do not report their motors' constants give no warning.
-pub(super) fn warn_of(session: &mut Session<Line>, speeds: &[(u8, u32)]) -> Result<(), Error> {
+pub(super) fn warn_of(session: &mut Session, speeds: &[(u8, u32)]) -> Result<(), Error> {
     let battery = session.battery()?;
     // The free speed is unknown while the battery voltage is unknown.
     if battery == Millivolts::default() {
@@ -254,7 +206,7 @@ mod tests {
 
     #[test]
     fn a_motor_that_rushes_through_its_target_has_not_settled() {
-        let position = Setpoint::Position { counts: 0, tolerance: 5, speed: 1000 };
+        let position = Setpoint::Position { counts: 0, tolerance: 5, speed_limit: 1000 };
         let bulk = |cps| Bulk { velocities: [cps, 0, 0, 0], within_tolerance: [true; 4], ..Bulk::default() };
         let mut progress = progress(position, &[]);
         let at = |n: u64| Duration::from_millis(50 * n);
@@ -265,7 +217,7 @@ mod tests {
 
     #[test]
     fn a_hub_that_reports_says_itself_whether_a_motor_has_settled() {
-        let position = Setpoint::Position { counts: 0, tolerance: 5, speed: 1000 };
+        let position = Setpoint::Position { counts: 0, tolerance: 5, speed_limit: 1000 };
         let bulk = Bulk { within_tolerance: [true; 4], ..Bulk::default() };
         let report = |settled| HubReport {
             motors: [MotorReport { settled, ..MotorReport::default() }].into_iter().collect(),

@@ -5,7 +5,6 @@
 use super::interrupt;
 use crate::output::{Failure, print_error_line};
 use motor_hub_client::{Error, KEEP_ALIVE, Session};
-use std::io::{Read, Write};
 use std::ops::{Deref, DerefMut};
 use std::time::Duration;
 
@@ -14,18 +13,18 @@ use std::time::Duration;
 const REQUEST_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// A session whose motors are disabled when it is dropped.
-pub(super) struct DrivingSession<'a, L: Read + Write> {
-    session: &'a mut Session<L>,
+pub(super) struct DrivingSession<'a> {
+    session: &'a mut Session,
     /// Motors that may be enabled. A motor is listed before the request is sent, because the hub's answer may be lost.
     motors: Vec<u8>,
 }
 
-impl<'a, L: Read + Write> DrivingSession<'a, L> {
+impl<'a> DrivingSession<'a> {
     /// Runs `work`, then disables the motors that it has enabled: after success, an error, a panic, or a signal. `work`
     /// notices a signal by `interrupt::wait`. After an error, a panic or a signal, standard error names the disabled
     /// motors.
     pub(super) fn run<T>(
-        session: &'a mut Session<L>,
+        session: &'a mut Session,
         work: impl FnOnce(&mut Self) -> Result<T, Failure>,
     ) -> Result<T, Failure> {
         interrupt::listen()?;
@@ -86,7 +85,7 @@ fn names(motors: &[u8]) -> String {
     format!("motor{} {}", if numbers.len() == 1 { "" } else { "s" }, numbers.join(", "))
 }
 
-impl<L: Read + Write> Drop for DrivingSession<'_, L> {
+impl Drop for DrivingSession<'_> {
     fn drop(&mut self) {
         // The list has motors only if the work has panicked.
         if !self.motors.is_empty() {
@@ -95,22 +94,22 @@ impl<L: Read + Write> Drop for DrivingSession<'_, L> {
     }
 }
 
-impl<L: Read + Write> Deref for DrivingSession<'_, L> {
-    type Target = Session<L>;
+impl Deref for DrivingSession<'_> {
+    type Target = Session;
 
-    fn deref(&self) -> &Session<L> {
+    fn deref(&self) -> &Session {
         self.session
     }
 }
 
-impl<L: Read + Write> DerefMut for DrivingSession<'_, L> {
-    fn deref_mut(&mut self) -> &mut Session<L> {
+impl DerefMut for DrivingSession<'_> {
+    fn deref_mut(&mut self) -> &mut Session {
         self.session
     }
 }
 
 /// Disables motors that a former host has left enabled, and reports that.
-pub(super) fn disable_left_enabled(session: &mut Session<impl Read + Write>) -> Result<(), Error> {
+pub(super) fn disable_left_enabled(session: &mut Session) -> Result<(), Error> {
     let found = session.disable_left_enabled()?;
     if !found.is_empty() {
         print_error_line(&format!("disabled {}, left running by another host", names(&found)));
@@ -126,7 +125,7 @@ mod tests {
     use motor_hub_client::motor_hub::protocol::Address;
     use std::panic::{AssertUnwindSafe, catch_unwind};
 
-    fn session() -> Session<MemoryHub> {
+    fn session() -> Session {
         let mut hub = MemoryHub::default();
         hub.snapshot.battery = Some(Millivolts::new(12_000));
         Session::new(hub, Address::DEFAULT, Duration::from_secs(1))
@@ -145,15 +144,5 @@ mod tests {
         }));
         assert!(panicked.is_err());
         assert!(!session.enabled(1).unwrap());
-    }
-
-    #[test]
-    fn motors_that_nobody_drives_are_disabled_and_others_left_as_they_are() {
-        let mut session = session();
-        session.set_power(2, Control::MAX).unwrap();
-        session.enable(2, true).unwrap();
-        disable_left_enabled(&mut session).unwrap();
-        assert!(!session.enabled(2).unwrap());
-        assert_eq!(session.motor(2).unwrap().power, Control::MAX);
     }
 }

@@ -7,7 +7,6 @@ use motor_hub::extension::report::{HubReport, MotorReport};
 use motor_hub::protocol::CHANNELS;
 use motor_hub::protocol::answers::{Bulk, Status};
 use motor_hub::units::Millivolts;
-use motor_hub_client::line::Line;
 use motor_hub_client::motor_values::MotorValues;
 use motor_hub_client::reasons::why_still;
 use motor_hub_client::{Error, Session};
@@ -27,7 +26,7 @@ pub(crate) struct Reading {
 }
 
 impl Reading {
-    pub(crate) fn take(session: &mut Session<Line>, since: Instant) -> Result<Self, Error> {
+    pub(crate) fn take(session: &mut Session, since: Instant) -> Result<Self, Error> {
         let bulk = session.bulk()?;
         let (battery, status) = (session.battery()?, session.status(false)?);
         let report = session.report()?;
@@ -202,10 +201,10 @@ impl Live {
 /// Takes a reading immediately and then every `interval`. Ends with `Ok(true)` when `each` returns true, and with
 /// `Ok(false)` when `length` is over.
 pub(crate) fn repeat(
-    session: &mut Session<Line>,
+    session: &mut Session,
     interval: Duration,
     length: Option<Duration>,
-    mut each: impl FnMut(&mut Session<Line>, &Reading) -> Result<bool, Failure>,
+    mut each: impl FnMut(&mut Session, &Reading) -> Result<bool, Failure>,
 ) -> Result<bool, Failure> {
     let mut schedule = Schedule::new(interval, length);
     loop {

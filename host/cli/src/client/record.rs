@@ -2,7 +2,7 @@
 
 use super::drive::Drive;
 use super::hub::HubOptions;
-use super::motion::{Motion, Progress, Setpoint};
+use super::motion::{Motion, Progress};
 use super::motors_off::DrivingSession;
 use super::readings::{MotorReading, Schedule, motors_of};
 use crate::output::{Failure, Folder, drawn, print};
@@ -11,7 +11,7 @@ use clap::{CommandFactory, FromArgMatches};
 use motor_hub::extension::report::{HubReport, ReportedSetpoint};
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::units::Milliamperes;
-use motor_hub_client::line::Line;
+use motor_hub_client::motor::Setpoint;
 use motor_hub_client::{Error, Session};
 use std::fs::File;
 use std::io::Write;
@@ -123,7 +123,7 @@ impl Recorder {
     /// Takes readings until the motors have settled or the time is over. Returns true if the motors have settled.
     fn run(
         &mut self,
-        session: &mut Session<Line>,
+        session: &mut Session,
         motion: &Motion,
         progress: &mut Progress,
         interval: Duration,
@@ -148,7 +148,7 @@ impl Recorder {
 
     fn read(
         &mut self,
-        session: &mut Session<Line>,
+        session: &mut Session,
         motion: &Motion,
         since: Instant,
         progress: &mut Progress,
@@ -184,7 +184,7 @@ impl Recorder {
     }
 
     /// Current of a motor in amperes; `None` once the hub has refused to report it.
-    fn current(&mut self, session: &mut Session<Line>, motor: u8) -> Result<Option<f64>, Error> {
+    fn current(&mut self, session: &mut Session, motor: u8) -> Result<Option<f64>, Error> {
         if !self.reports_current {
             return Ok(None);
         }

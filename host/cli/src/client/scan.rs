@@ -12,6 +12,7 @@ use motor_hub_client::line::{Line, is_tcp};
 use motor_hub_client::{Error, OpenError, Session};
 use serde_json::{Value, json};
 use std::net::ToSocketAddrs;
+use std::panic::resume_unwind;
 use std::path::PathBuf;
 use std::thread;
 use std::time::Duration;
@@ -69,10 +70,14 @@ struct Place {
     served: Option<bool>,
 }
 
-impl From<String> for Place {
-    fn from(name: String) -> Self {
-        Self { name, served: None }
-    }
+/// Result of the scan of one place.
+struct Scanned {
+    place: String,
+    hubs: Vec<Found>,
+    /// True if another host uses the hub.
+    in_use: bool,
+    /// Why the place has no hub in the table; `None` for a place with hubs.
+    reason: Option<String>,
 }
 
 impl Options {
@@ -83,10 +88,9 @@ impl Options {
         named: impl Iterator<Item = String>,
         timeout: Duration,
     ) -> Result<(), Failure> {
-        let mut places: Vec<Place> = named.chain(self.places.iter().cloned()).map(Place::from).collect();
-        if !self.only {
-            places.extend(ports::all()?.into_iter().map(|port| port.path.into()));
-        }
+        let ports = if self.only { Vec::new() } else { ports::all()? };
+        let names = named.chain(self.places.iter().cloned()).chain(ports.into_iter().map(|port| port.path));
+        let mut places: Vec<Place> = names.map(|name| Place { name, served: None }).collect();
         let served = served_hubs::all().unwrap_or_else(|error| {
             print_error_line(&format!("note: served hubs of this machine cannot be listed: {error}"));
             Vec::new()
@@ -98,29 +102,20 @@ impl Options {
             }
         }
         // All places are asked at the same time, so that the scan takes no longer than the slowest place.
-        let answers: Vec<Answer> = thread::scope(|scope| {
+        let scanned: Vec<Scanned> = thread::scope(|scope| {
             let threads: Vec<_> =
-                places.iter().map(|place| scope.spawn(move || ask(place, timeout))).collect();
+                places.iter().map(|place| scope.spawn(move || scan(place, timeout))).collect();
             threads
                 .into_iter()
-                .map(|thread| thread.join().unwrap_or(Answer::Nothing(OpenError::Hub(Error::NoHub))))
+                .map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic)))
                 .collect()
         });
-        let hubs: usize = answers
-            .iter()
-            .map(|answer| match answer {
-                Answer::Hubs(hubs) => hubs.len(),
-                Answer::InUse => 1,
-                Answer::Nothing(_) => 0,
-            })
-            .sum();
-        let scanned: Vec<_> = places.iter().map(|place| &*place.name).zip(answers).collect();
+        let hubs: usize = scanned.iter().map(|place| place.hubs.len() + usize::from(place.in_use)).sum();
         if self.json {
-            let places: Vec<Value> =
-                scanned.into_iter().map(|(name, answer)| document(name, answer)).collect();
+            let places: Vec<Value> = scanned.iter().map(document).collect();
             print_json(&json!({ "places": places }))?;
         } else if !scanned.is_empty() {
-            print(&text(scanned))?;
+            print(&text(&scanned))?;
         }
         match (hubs, places.len()) {
             (0, 0) if self.only => {
@@ -137,33 +132,31 @@ impl Options {
 }
 
 /// Returns a table of the places and their hubs.
-fn text(scanned: Vec<(&str, Answer)>) -> String {
+fn text(scanned: &[Scanned]) -> String {
     let mut table = table::new(&["place", "address", "hub", "has"], 4);
-    for (name, answer) in scanned {
-        let reason = answer.reason(name);
+    for Scanned { place, hubs, reason, .. } in scanned {
         if let Some(reason) = reason {
-            table.add_row([name, "", &reason, ""]);
+            table.add_row([place, "", reason, ""]);
         }
-        for Found { address, kind, version, equipment } in answer.hubs() {
+        for Found { address, kind, version, equipment } in hubs {
             // A child is connected to its parent, whose row is above.
-            let branch = if kind == "parent" { "" } else { "└ " };
-            let version = if version.is_empty() { version } else { format!(", {version}") };
+            let branch = if *kind == "parent" { "" } else { "└ " };
+            let version = if version.is_empty() { String::new() } else { format!(", {version}") };
             let hub = format!("{branch}{kind}{version}");
             let has = equipment.map(equipment_text).unwrap_or_default();
-            table.add_row([name, &address.to_string(), &hub, &has]);
+            table.add_row([place, &*address.to_string(), &hub, &has]);
         }
     }
     format!("{table}\n")
 }
 
 /// Returns a JSON document of a place and its hubs.
-fn document(name: &str, answer: Answer) -> Value {
-    let (in_use, reason) = (matches!(answer, Answer::InUse), answer.reason(name));
-    let hubs = answer.hubs().into_iter().map(|Found { address, kind, version, equipment }| {
+fn document(Scanned { place, hubs, in_use, reason }: &Scanned) -> Value {
+    let hubs = hubs.iter().map(|Found { address, kind, version, equipment }| {
         let has = equipment.map(equipment_json);
         json!({ "address": address, "kind": kind, "version": version, "has": has })
     });
-    json!({ "place": name, "hubs": hubs.collect::<Vec<_>>(), "in_use": in_use, "reason": reason })
+    json!({ "place": place, "hubs": hubs.collect::<Vec<_>>(), "in_use": in_use, "reason": reason })
 }
 
 /// Returns true for two names of one place. A place accepts one host at a time, so it must not be scanned twice.
@@ -180,50 +173,35 @@ fn resolved_place(name: &str) -> Option<PathBuf> {
     std::fs::canonicalize(name).ok()
 }
 
-/// Result of the scan of one place.
-enum Answer {
-    Hubs(Vec<Found>),
-    /// Another host uses the hub.
-    InUse,
-    /// No hub answers.
-    Nothing(OpenError),
-}
-
-impl Answer {
-    fn hubs(self) -> Vec<Found> {
-        if let Self::Hubs(hubs) = self { hubs } else { Vec::new() }
-    }
-
-    /// Returns a short text that says why the place has no hub in the table; `None` for a place with hubs. Prints
-    /// advice on standard error.
-    fn reason(&self, place: &str) -> Option<String> {
-        Some(match self {
-            Self::Hubs(_) => return None,
-            Self::InUse => "in use by another host".to_owned(),
-            Self::Nothing(OpenError::Hub(Error::NoHub)) => "no answer".to_owned(),
-            Self::Nothing(OpenError::Hub(error)) if error.is_hung_up() => {
-                "closes the connection: check that no other host uses it".to_owned()
-            }
-            Self::Nothing(error) => {
-                if matches!(error, OpenError::Denied) {
-                    print_error_line(&format!("note: {}", ports::unopened(place, error)));
-                }
-                error.to_string()
-            }
-        })
-    }
-}
-
-fn ask(place: &Place, timeout: Duration) -> Answer {
-    if place.served == Some(true) {
-        return Answer::InUse;
-    }
-    match hubs_at(&place.name, timeout) {
-        Ok(hubs) => Answer::Hubs(hubs),
+/// Scans a place. A served hub that has a host receives nothing.
+fn scan(Place { name, served }: &Place, timeout: Duration) -> Scanned {
+    let found = if *served == Some(true) { Err(OpenError::InUse) } else { hubs_at(name, timeout) };
+    let in_use = match &found {
         // A served hub closes the connection only if it has another host.
-        Err(OpenError::InUse) if place.served.is_some() => Answer::InUse,
-        Err(OpenError::Hub(error)) if place.served.is_some() && error.is_hung_up() => Answer::InUse,
-        Err(error) => Answer::Nothing(error),
+        Err(OpenError::Hub(error)) => served.is_some() && error.is_hung_up(),
+        Err(OpenError::InUse) => served.is_some(),
+        _ => false,
+    };
+    let reason = found.as_ref().err().map(|error| match error {
+        _ if in_use => "in use by another host".to_owned(),
+        error => reason(name, error),
+    });
+    Scanned { place: name.clone(), hubs: found.unwrap_or_default(), in_use, reason }
+}
+
+/// Returns a short text that says why a place has no hub in the table. Prints advice on standard error.
+fn reason(place: &str, error: &OpenError) -> String {
+    match error {
+        OpenError::Hub(Error::NoHub) => "no answer".to_owned(),
+        OpenError::Hub(error) if error.is_hung_up() => {
+            "closes the connection: check that no other host uses it".to_owned()
+        }
+        error => {
+            if matches!(error, OpenError::Denied) {
+                print_error_line(&format!("note: {}", ports::unopened(place, error)));
+            }
+            error.to_string()
+        }
     }
 }
 

@@ -6,7 +6,6 @@ use dashboard::settings_file::{self, SettingsFile};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::StoreReport;
 use motor_hub::store::{Outcome, Stored};
-use motor_hub_client::line::Line;
 use motor_hub_client::reasons::{stored_text, why_unsaved};
 use motor_hub_client::{Error, Session};
 use serde_json::json;
@@ -99,7 +98,7 @@ impl Options {
 }
 
 /// Stores the settings in force. Returns the text for the user.
-pub(super) fn saved(session: &mut Session<Line>) -> Result<String, Failure> {
+pub(super) fn saved(session: &mut Session) -> Result<String, Failure> {
     let report = session.store(HubFunction::Save)?;
     ended(&report)?;
     Ok(format!("stored: {}", stored_text(&report)))
@@ -107,7 +106,7 @@ pub(super) fn saved(session: &mut Session<Line>) -> Result<String, Failure> {
 
 /// Why a hub that stores settings does not store its new address. `None` if the hub stores the address, or if the hub
 /// stores no settings.
-pub(super) fn why_address_is_lost(session: &mut Session<Line>) -> Result<Option<String>, Error> {
+pub(super) fn why_address_is_lost(session: &mut Session) -> Result<Option<String>, Error> {
     let report = session.stored_if_reported()?;
     let lost = report.filter(|report| matches!(report.stored, Stored::Later | Stored::Damaged));
     Ok(lost.map(|report| format!("the memory has {}", stored_text(&report))))

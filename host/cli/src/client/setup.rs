@@ -13,7 +13,6 @@ use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values};
 use motor_hub::model::catalogue::characterised;
 use motor_hub::motor::{SenseLine, Settings, ThermalLimit};
 use motor_hub_client::Session;
-use motor_hub_client::line::Line;
 use motor_hub_client::motor::LARGEST_CURRENT_A;
 use serde_json::json;
 use simulated::hardware::{thermal_limit, winding};
@@ -88,7 +87,7 @@ fn of_type(name: &str) -> Result<(Winding, Option<ThermalLimit>), Failure> {
 /// Writes the settings that differ. If `set_up` is true, the set-up is written also if it does not differ, because the
 /// hub then deletes motion and coefficients.
 fn write(
-    session: &mut Session<Line>,
+    session: &mut Session,
     motor: u8,
     before: &MotorSettings,
     wanted: &MotorSettings,
@@ -104,7 +103,7 @@ fn write(
 }
 
 /// Configures a motor as a motor of the catalogue.
-pub(super) fn write_type(session: &mut Session<Line>, motor: u8, name: &str) -> Result<(), Failure> {
+pub(super) fn write_type(session: &mut Session, motor: u8, name: &str) -> Result<(), Failure> {
     let before = session.settings(motor)?;
     let mut wanted = before;
     (wanted.motor.winding, wanted.motor.thermal) = of_type(name)?;

@@ -1,6 +1,7 @@
 //! Speeds of the output shaft: encoder counts in a turn, and conversion of rpm and rad/s to counts per second.
 
 use crate::output::Failure;
+use crate::parse::number;
 use motor_hub::model::catalogue::characterised;
 use std::f64::consts::TAU;
 use std::str::FromStr;
@@ -9,16 +10,12 @@ use std::str::FromStr;
 #[derive(Clone, clap::Args)]
 pub(super) struct ShaftOptions {
     /// Encoder counts in a turn of the output shaft: allows speeds in rpm and rad/s, and shows them
-    #[arg(long, value_name = "COUNTS", value_parser = counts_per_turn)]
+    #[arg(long, value_name = "COUNTS")]
+    #[arg(value_parser = number("an encoder's resolution", 1.0..=1e6, "counts in a turn"))]
     counts_per_turn: Option<f64>,
     /// Counts per turn by the motor's name, such as "NeveRest 60"; see `motor-hub motors`
     #[arg(long = "type", value_name = "NAME", conflicts_with = "counts_per_turn")]
     name: Option<String>,
-}
-
-fn counts_per_turn(text: &str) -> Result<f64, String> {
-    let counts = text.parse().ok().filter(|counts| (1.0..=1e6).contains(counts));
-    counts.ok_or_else(|| "counts per turn are a number from 1 to 1000000".to_owned())
 }
 
 impl ShaftOptions {

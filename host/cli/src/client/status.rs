@@ -11,7 +11,6 @@ use motor_hub::protocol::answers::{Bulk, Status};
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::protocol::{CHANNELS, Colour, Nack};
 use motor_hub::units::Millivolts;
-use motor_hub_client::line::Line;
 use motor_hub_client::motor::MotorState;
 use motor_hub_client::reasons::bus_text;
 use motor_hub_client::{Error, Session};
@@ -55,7 +54,7 @@ impl Options {
 }
 
 impl HubStatus {
-    fn read(session: &mut Session<Line>, clear: bool) -> Result<Self, Error> {
+    fn read(session: &mut Session, clear: bool) -> Result<Self, Error> {
         let (version, battery, led) = (session.version()?, session.battery()?, session.led()?);
         let mut motors = Vec::new();
         for motor in (0..).take(CHANNELS) {

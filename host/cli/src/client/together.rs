@@ -12,7 +12,6 @@ use motor_hub::protocol::CHANNELS;
 use motor_hub::units::{Acceleration, CountsPerSecond};
 use motor_hub_client::Session;
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
-use motor_hub_client::line::Line;
 use std::time::Duration;
 
 /// Moves motors in step to positions, or at speeds, then disables them, on hubs of this project
@@ -34,8 +33,9 @@ pub(crate) struct Options {
     #[arg(value_parser = whole("a speed", 1..=FASTEST_GROUP_CPS, "counts/s"))]
     speed: i32,
     /// Largest acceleration of any motor, in counts per second squared
-    #[arg(long = "acceleration-cps2", alias = "acceleration", value_name = "CPS2", default_value = "2000", value_parser = acceleration)]
-    acceleration: Acceleration,
+    #[arg(long = "acceleration-cps2", alias = "acceleration", value_name = "CPS2", default_value_t = 2000)]
+    #[arg(value_parser = whole("an acceleration", 1..=u32::MAX, "counts/s\u{b2}"))]
+    acceleration: u32,
     /// Lag in counts from which the others wait for a motor [default: its distance in 0.1 s, at least 24]
     #[arg(long = "lag-counts", alias = "lag", value_name = "COUNTS")]
     #[arg(value_parser = whole("a lag", 0..=u16::MAX, "counts"))]
@@ -56,11 +56,6 @@ fn member(text: &str) -> Result<(MotorName, i32), String> {
     let (motor, counts) = text.split_once('=').ok_or("give MOTOR=COUNTS, such as 0=1000")?;
     let counts = counts.parse().map_err(|_| "COUNTS is a whole number from -2147483648 to 2147483647")?;
     Ok((crate::parse::motor(motor)?, counts))
-}
-
-fn acceleration(text: &str) -> Result<Acceleration, String> {
-    let limit = text.parse().ok().and_then(|limit| Acceleration::new(limit).ok());
-    limit.ok_or_else(|| "an acceleration is a whole number from 1 to 4294967295 counts/s\u{b2}".to_owned())
 }
 
 impl Options {
@@ -110,7 +105,7 @@ impl Options {
 
     fn wanted(
         &self,
-        session: &mut Session<Line>,
+        session: &mut Session,
         values: [Option<i32>; CHANNELS],
     ) -> Result<GroupCommand<GroupCourse>, Failure> {
         let mut speed = CountsPerSecond::new(self.speed);
@@ -129,7 +124,8 @@ impl Options {
             }
             GroupCourse::Position(places)
         };
-        let usual = GroupCommand::new(course, speed, self.acceleration);
+        let acceleration = Acceleration::new(self.acceleration).map_err(Failure::input)?;
+        let usual = GroupCommand::new(course, speed, acceleration);
         Ok(GroupCommand {
             lag: self.lag.unwrap_or(usual.lag),
             tolerance: self.tolerance,
@@ -141,7 +137,7 @@ impl Options {
 
 /// Starts a group and shows its motion. Returns true if all motors have settled, false if the time is over.
 pub(super) fn run_group(
-    session: &mut Session<Line>,
+    session: &mut Session,
     motors: &[u8],
     wanted: GroupCommand<GroupCourse>,
     length: Option<Duration>,
@@ -159,10 +155,7 @@ pub(super) fn run_group(
 }
 
 /// Enables motors with power 0, so that they brake.
-pub(super) fn enable_with_power_0(
-    session: &mut DrivingSession<'_, Line>,
-    motors: &[u8],
-) -> Result<(), Failure> {
+pub(super) fn enable_with_power_0(session: &mut DrivingSession<'_>, motors: &[u8]) -> Result<(), Failure> {
     for &motor in motors {
         session.brake(motor)?;
         session.enable(motor)?;

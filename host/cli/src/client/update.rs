@@ -1,7 +1,6 @@
 //! Implements the command `motor-hub client update`.
 
 mod image;
-mod signature;
 
 use super::hub::HubOptions;
 use super::interrupt;
@@ -9,9 +8,9 @@ use crate::output::{Failure, print, progress};
 use indicatif::ProgressBar;
 use motor_hub::update::ImageSignature;
 use motor_hub_client::Session;
-use motor_hub_client::line::Line;
-use motor_hub_client::update::{Image, Progress, UpdateError, Updating};
-use std::path::PathBuf;
+use motor_hub_client::update::{Image, Progress, UpdateError, Updating, read_key, read_signature};
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Text of the long help.
@@ -63,7 +62,7 @@ pub(crate) struct Options {
 
 impl Options {
     fn read(&self) -> Result<(Image, Option<ImageSignature>), Failure> {
-        let image = image::open(&self.file).map_err(Failure::Input)?;
+        let image = read_file(&self.file, |bytes| image::read(bytes.to_vec()))?;
         let (Some(signature), Some(key)) = (&self.signature, &self.key) else { return Ok((image, None)) };
         if image.origin.is_some() {
             let file = self.file.display();
@@ -71,7 +70,8 @@ impl Options {
                 "{file} is an ELF file, but a signature needs raw bytes: make them by llvm-objcopy -O binary, then sign and send them"
             )));
         }
-        let signature = signature::open(signature, key).map_err(Failure::Input)?;
+        let signature =
+            ImageSignature { bytes: read_file(signature, read_signature)?, key: read_file(key, read_key)? };
         Ok((image, Some(signature)))
     }
 
@@ -92,12 +92,15 @@ impl Options {
     }
 }
 
+/// Reads a file, and parses its bytes.
+fn read_file<T, E: Display>(file: &Path, parse: impl FnOnce(&[u8]) -> Result<T, E>) -> Result<T, Failure> {
+    let wrong = |why: &dyn Display| Failure::Input(format!("{}: {why}", file.display()));
+    let bytes = std::fs::read(file).map_err(|error| wrong(&error))?;
+    parse(&bytes).map_err(|why| wrong(&why))
+}
+
 /// Takes steps until the new firmware has confirmed itself. Returns the version that the new firmware reports.
-fn follow(
-    session: &mut Session<Line>,
-    updating: &mut Updating,
-    mut bar: ProgressBar,
-) -> Result<String, Failure> {
+fn follow(session: &mut Session, updating: &mut Updating, mut bar: ProgressBar) -> Result<String, Failure> {
     loop {
         let mut pause = Duration::ZERO;
         match updating.step(session)? {

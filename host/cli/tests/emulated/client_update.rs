@@ -2,7 +2,7 @@
 //! H743.
 #![cfg(unix)]
 
-use crate::common::{alone, client, err, fails, folder, motor_hub, out, write};
+use crate::common::{alone, client, err, folder, out, write};
 use crate::conformance::Hub;
 use emulated::{Board, elf};
 use std::path::Path;
@@ -62,25 +62,4 @@ fn other_stack_is_refused_by_the_hub(hub: &Hub, folder: &Path) {
     let file = write(folder, "stack.bin", image);
     let refused = client(hub, &["update", &file]);
     assert!(err(&refused).contains("the image is not for this chip"), "{}", err(&refused));
-}
-
-#[test]
-#[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn an_update_of_a_hub_without_a_bootloader_is_refused() {
-    let _alone = alone();
-    let folder = folder("client-update-none");
-    let file = write(&folder, "newer.elf", newer());
-    let hub = Hub::start(&["--pty", "--link", &folder.join("hub").display().to_string()]);
-    fails(&client(&hub, &["update", &file]), 1, "the hub has no bootloader");
-}
-
-#[test]
-#[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn a_file_that_is_no_firmware_is_refused_before_a_hub_is_asked() {
-    let _alone = alone();
-    let folder = folder("client-update-file");
-    let file = write(&folder, "a.bin", b"nothing");
-    for (file, why) in [(&*file, "not a motor-hub firmware"), ("/does/not/exist", "No such file")] {
-        fails(&motor_hub(&["client", "--port", "nowhere", "update", file]), 2, why);
-    }
 }

@@ -13,29 +13,43 @@ fn status(hub: &Hub) -> Value {
 }
 
 #[test]
-fn a_motor_is_identified_and_what_was_found_is_put_in_force() {
+fn a_motor_is_identified_beside_the_catalogue_and_settings_are_written_only_when_asked_for() {
     let hub = Hub::served();
     // Coefficients set by a host would override the model.
     out(&client(&hub, &["coefficients", "0", "velocity", "--p", "1"]));
-    let shown = out(&client(&hub, &["identify", "0", "--apply"]));
+    let identify = |more: &[&str]| client(&hub, &[&["identify", "0"], more].concat());
+    let shown = out(&identify(&[]));
     for says in [
         "turns at most",
         " %\n",
         "acceleration per",
+        "counts/s²/V",
         "decay, q",
         "back EMF and drag",
         "friction, c",
         "NeveRest 20",
+        "off by",
+        "times the inertia of a bare NeveRest 20",
+        "largest acceleration",
+        "--apply puts",
     ] {
         assert!(shown.contains(says), "{says}: {shown}");
     }
-    assert!(shown.contains("regulates the motor by this result"), "{shown}");
+    assert!(shown.lines().all(|line| line.chars().count() <= 80), "{shown}");
+    let document = json(&identify(&["--json", "--apply"]));
+    assert_eq!((&document["outcome"], &document["applied"]), (&"found".into(), &true.into()));
+    assert_eq!(document["catalogue"], "NeveRest 20");
+    // The first run did not apply its proposal.
+    assert_eq!(document["now"]["acceleration_cps2"], Value::Null, "{document}");
+    let proposed = &document["proposed"];
+    let number = |of: &Value| of.as_f64().unwrap();
+    // Half of the battery voltage.
+    let share = number(&proposed["acceleration_cps2"]) / number(&proposed["acceleration_per_volt"]);
+    assert!((5.5..6.5).contains(&share), "{document}");
+    assert_eq!(&json(&client(&hub, &["setup", "0", "--json"]))["motion"], proposed);
+    let applied = out(&identify(&["--apply"]));
+    assert!(applied.contains("regulates the motor by this result"), "{applied}");
     assert_eq!(status(&hub)["motors"][0]["enabled"], false);
-    // The result of a former identification must not be reported for this one.
-    let document = json(&client(&hub, &["identify", "0", "--json"]));
-    assert_eq!((&document["outcome"], &document["applied"]), (&"found".into(), &false.into()));
-    let b = document["found"]["acceleration_per_volt"].as_f64().unwrap();
-    assert!(shown.contains("counts/s²/V") && b > 0.0, "{document}");
 }
 
 #[test]
@@ -388,34 +402,4 @@ fn a_motor_is_tuned_by_one_command_and_gently_if_asked() {
     }
     assert!(!shown.contains("no limit") && !shown.contains("not configured"), "{shown}");
     assert!(shown.lines().all(|line| line.chars().count() <= 80), "{shown}");
-}
-
-#[test]
-#[ignore = "long: cargo xtask long"]
-fn a_motor_is_identified_beside_the_catalogue_and_settings_are_written_only_when_asked_for() {
-    let hub = Hub::served();
-    let identify = |more: &[&str]| client(&hub, &[&["identify", "0"], more].concat());
-    let shown = out(&identify(&[]));
-    for says in [
-        "NeveRest 20",
-        "off by",
-        "times the inertia of a bare NeveRest 20",
-        "largest acceleration",
-        "--apply puts",
-    ] {
-        assert!(shown.contains(says), "{says}: {shown}");
-    }
-    assert!(shown.lines().all(|line| line.chars().count() <= 80), "{shown}");
-    let document = json(&identify(&["--json", "--apply"]));
-    assert_eq!((&document["catalogue"], &document["applied"]), (&"NeveRest 20".into(), &true.into()));
-    // The first run did not apply its proposal.
-    assert_eq!(document["now"]["acceleration_cps2"], Value::Null, "{document}");
-    let proposed = &document["proposed"];
-    let number = |of: &Value| of.as_f64().unwrap();
-    // Half of the battery voltage.
-    let share = number(&proposed["acceleration_cps2"]) / number(&proposed["acceleration_per_volt"]);
-    assert!((5.5..6.5).contains(&share), "{document}");
-    let after = json(&identify(&["--json"]));
-    assert_eq!(&after["now"], proposed);
-    assert_eq!(status(&hub)["motors"][0]["enabled"], false);
 }

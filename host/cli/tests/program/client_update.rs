@@ -2,55 +2,15 @@
 
 use crate::client_program::client;
 use crate::common::{err, fails, folder, motor_hub, out, write};
-use crate::hub_support::{Hub, Server, responder};
+use crate::hub_support::{Hub, SIGNATURE, SIGNATURE_OF_OLDER, SLOT, Server, goes_back, good, started};
 use motor_hub::responder::Responder;
-use motor_hub::update::{Booted, ImageSignature, Outcome, Slot, SlotReport, UpdateRequest, public_key};
-
-pub(crate) const SLOT: Slot =
-    Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
+use motor_hub::update::{Booted, Slot, UpdateRequest, public_key};
 
 /// Public key as OpenSSL writes it.
 pub(crate) const KEY: &[u8] = include_bytes!("../../../../tests/update/signed/public.der");
 
-/// Bytes that the fake flash accepts as the owner's signature of any image.
-pub(crate) const SIGNATURE: [u8; 64] = [7; 64];
-
-/// The signature of an image that is older than the hub's firmware.
-const SIGNATURE_OF_OLDER: [u8; 64] = [6; 64];
-
-/// Protocol code of a hub that was started in this way, with this slot.
-fn started(slot: Slot, booted: Booted) -> Responder<4> {
-    let mut responder = responder().with_slot(slot);
-    responder.update_done(SlotReport::Booted(booted));
-    responder
-}
-
 pub(crate) fn serve(slot: Slot, flash: fn(&mut Responder<4>, UpdateRequest)) -> Server {
     Server::start(Hub { responder: started(slot, Booted::Confirmed), flash, ..Hub::new() })
-}
-
-/// A fake flash that executes all requests; a restart starts the new firmware, which confirms itself.
-pub(crate) fn good(responder: &mut Responder<4>, request: UpdateRequest) {
-    carry_out(responder, request, Booted::Confirmed);
-}
-
-/// A fake flash whose restart ends with the former firmware.
-pub(crate) fn goes_back(responder: &mut Responder<4>, request: UpdateRequest) {
-    carry_out(responder, request, Booted::Reverted);
-}
-
-fn carry_out(responder: &mut Responder<4>, request: UpdateRequest, restarted: Booted) {
-    let wrong = |signature: ImageSignature| signature.bytes != SIGNATURE;
-    match request {
-        UpdateRequest::Restart => *responder = started(SLOT, restarted),
-        UpdateRequest::Arm { signature: Some(signature), .. } if signature.bytes == SIGNATURE_OF_OLDER => {
-            responder.update_done(SlotReport::Result(Outcome::Older));
-        }
-        UpdateRequest::Arm { signature: Some(signature), .. } if wrong(signature) => {
-            responder.update_done(SlotReport::Result(Outcome::WrongSignature));
-        }
-        _ => responder.update_done(SlotReport::Result(Outcome::Done)),
-    }
 }
 
 /// Raw bytes for the slot, with this version text.
@@ -86,13 +46,6 @@ fn an_update_that_was_rolled_back_fails_with_both_versions() {
 }
 
 #[test]
-fn an_update_that_stays_is_confirmed() {
-    let file = write(&folder("client-update-stays"), "same.bin", image(RUNS));
-    let output = out(&client(&serve(SLOT, good), &["update", &file]));
-    assert!(output.contains(&format!("Eng: 2, {RUNS}, confirmed")), "{output}");
-}
-
-#[test]
 fn a_hub_with_a_key_refuses_unsigned_firmware_with_the_reason() {
     let folder = folder("client-update-signed");
     let file = write(&folder, "same.bin", image(RUNS));
@@ -118,7 +71,7 @@ fn a_hub_with_a_key_refuses_unsigned_firmware_with_the_reason() {
         "older than the hub's firmware: its rollback version is lower",
     );
     let output = out(&client(&server, &["update", &file, "--signature", &signature, "--key", &key]));
-    assert!(output.contains("confirmed"), "{output}");
+    assert!(output.contains(&format!("Eng: 2, {RUNS}, confirmed")), "{output}");
 }
 
 #[test]
@@ -136,8 +89,18 @@ fn a_hub_without_a_key_refuses_signatures() {
 }
 
 #[test]
-fn files_that_are_no_signature_and_no_key_are_refused_before_a_hub_is_asked() {
+fn a_hub_without_a_bootloader_refuses_an_update() {
+    let file = write(&folder("client-update-none"), "same.bin", image(RUNS));
+    fails(&client(&Server::start(Hub::new()), &["update", &file]), 1, "the hub has no bootloader");
+}
+
+#[test]
+fn files_that_are_no_firmware_no_signature_and_no_key_are_refused_before_a_hub_is_asked() {
     let folder = folder("client-update-files");
+    let nothing = write(&folder, "nothing.bin", b"nothing");
+    for (file, why) in [(&*nothing, "not a motor-hub firmware"), ("/does/not/exist", "No such file")] {
+        fails(&motor_hub(&["client", "--port", "nowhere", "update", file]), 2, why);
+    }
     let file = write(&folder, "same.bin", image(RUNS));
     let signature = write(&folder, "same.sig", SIGNATURE);
     let short = write(&folder, "short.sig", [7; 63]);

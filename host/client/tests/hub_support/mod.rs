@@ -6,12 +6,13 @@ use motor_hub::extension::{HubFunction, INTERFACE};
 use motor_hub::hub::Snapshot;
 use motor_hub::motor::Settings;
 use motor_hub::protocol::requests::{FIRST_FUNCTION, MOTOR_INTERFACE};
-use motor_hub::protocol::{Address, Decoder, Packet, frame};
+use motor_hub::protocol::{Address, BROADCAST, Decoder, Packet, Reply, frame};
 use motor_hub::responder::Responder;
 use motor_hub::store::{self, Found, StoreRequest, Stored, VERSION};
 use motor_hub::units::{Micros, Millivolts};
-use motor_hub::update::{Outcome, SlotReport, UpdateRequest};
+use motor_hub::update::{Booted, ImageSignature, Outcome, Slot, SlotReport, UpdateRequest};
 use std::collections::VecDeque;
+use std::fmt;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -29,6 +30,8 @@ pub(crate) struct Hub {
     pub(crate) was_enabled: [bool; 4],
     /// Bytes sent before each reply.
     pub(crate) before: fn(&[u8]) -> Vec<u8>,
+    /// Time until a reply arrives on a line in memory.
+    pub(crate) delay: Duration,
     /// Number of requests lost on the line.
     pub(crate) deaf_for: u32,
     /// True for a request whose reply is lost on the line.
@@ -41,6 +44,8 @@ pub(crate) struct Hub {
     pub(crate) fail_safe_at_bulk: bool,
     /// Changes requests before the hub reads them.
     pub(crate) change: fn(&mut Packet),
+    /// Returns an answer to a request in place of the hub's answer; `None` if the hub answers.
+    pub(crate) answer: fn(&Packet) -> Option<Reply>,
     /// True for a hub without this project's own interface.
     pub(crate) foreign: bool,
     /// Executes the requests to the slot for new firmware, and the restart of the hub.
@@ -59,14 +64,16 @@ impl Hub {
             snapshot: Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL },
             was_enabled: [false; 4],
             before: |_| Vec::new(),
+            delay: Duration::ZERO,
             deaf_for: 0,
             loses_reply: Box::new(|_| false),
             ends_accesses: true,
             first: FIRST_FUNCTION,
             fail_safe_at_bulk: false,
             change: |_| (),
+            answer: |_| None,
             foreign: false,
-            flash: |responder, _| responder.update_done(SlotReport::Result(Outcome::Done)),
+            flash: good,
             requests: Arc::default(),
             decoder: Decoder::new(),
             since: Instant::now(),
@@ -97,7 +104,12 @@ impl Hub {
                 other.id = 0x7F05;
                 self.responder.receive(&other, now, &self.snapshot);
             }
-            let Some(mut reply) = self.responder.receive(&packet, now, &self.snapshot) else { continue };
+            let address = self.responder.address().get();
+            let is_for_this_hub = [address, BROADCAST].contains(&packet.destination);
+            let answer = (self.answer)(&packet).filter(|_| is_for_this_hub);
+            let answer = answer.map(|answer| answer.packet(&packet, address, 1));
+            let reply = answer.or_else(|| self.responder.receive(&packet, now, &self.snapshot));
+            let Some(mut reply) = reply else { continue };
             if packet.id == 0x7F07 && packet.payload.starts_with(MOTOR_INTERFACE) {
                 reply.payload[1] = (self.first >> 8) as u8;
             } else if reply.id & 0x8000 != 0 && reply.id < 0xFF00 {
@@ -143,34 +155,100 @@ pub(crate) fn first(mut count: u32, is: impl Fn(&Packet) -> bool + Send + 'stati
 
 /// State of a hub just after its reset.
 pub(crate) fn responder() -> Responder<4> {
-    Responder::new(Address::new(ADDRESS).unwrap(), [Settings::new(Winding::NEVEREST_60); 4])
+    responder_at(ADDRESS)
 }
 
-/// A line in memory with the hub at its other end.
+/// State of a hub with this address just after its reset.
+pub(crate) fn responder_at(address: u8) -> Responder<4> {
+    Responder::new(Address::new(address).unwrap(), [Settings::new(Winding::NEVEREST_60); 4])
+}
+
+/// A slot for new firmware.
+pub(crate) const SLOT: Slot =
+    Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
+
+/// Bytes that the fake flash accepts as the owner's signature of any image.
+pub(crate) const SIGNATURE: [u8; 64] = [7; 64];
+
+/// The signature of an image that is older than the hub's firmware.
+pub(crate) const SIGNATURE_OF_OLDER: [u8; 64] = [6; 64];
+
+/// Protocol code of a hub that was started in this way, with this slot.
+pub(crate) fn started(slot: Slot, booted: Booted) -> Responder<4> {
+    let mut responder = responder().with_slot(slot);
+    responder.update_done(SlotReport::Booted(booted));
+    responder
+}
+
+/// A fake flash that executes all requests; a restart starts the new firmware, which confirms itself.
+pub(crate) fn good(responder: &mut Responder<4>, request: UpdateRequest) {
+    carry_out(responder, request, Booted::Confirmed);
+}
+
+/// A fake flash whose restart ends with the former firmware.
+pub(crate) fn goes_back(responder: &mut Responder<4>, request: UpdateRequest) {
+    carry_out(responder, request, Booted::Reverted);
+}
+
+fn carry_out(responder: &mut Responder<4>, request: UpdateRequest, restarted: Booted) {
+    let wrong = |signature: ImageSignature| signature.bytes != SIGNATURE;
+    match request {
+        UpdateRequest::Restart => *responder = started(SLOT, restarted),
+        UpdateRequest::Arm { signature: Some(signature), .. } if signature.bytes == SIGNATURE_OF_OLDER => {
+            responder.update_done(SlotReport::Result(Outcome::Older));
+        }
+        UpdateRequest::Arm { signature: Some(signature), .. } if wrong(signature) => {
+            responder.update_done(SlotReport::Result(Outcome::WrongSignature));
+        }
+        _ => responder.update_done(SlotReport::Result(Outcome::Done)),
+    }
+}
+
+/// A line in memory with hubs at its other end.
 pub(crate) struct Memory {
-    hub: Hub,
-    replies: VecDeque<u8>,
+    hubs: Vec<Hub>,
+    /// Replies with the times at which they arrive.
+    replies: Vec<(Instant, Vec<u8>)>,
+    arrived: VecDeque<u8>,
+    /// Number of reads without a byte. Each of these reads costs a wait.
+    pub(crate) empty_reads: Arc<AtomicU32>,
 }
 
 impl Memory {
     pub(crate) fn new(hub: Hub) -> Self {
-        Self { hub, replies: VecDeque::new() }
+        Self::of(vec![hub])
+    }
+
+    pub(crate) fn of(hubs: Vec<Hub>) -> Self {
+        Self { hubs, replies: Vec::new(), arrived: VecDeque::new(), empty_reads: Arc::default() }
+    }
+}
+
+impl fmt::Debug for Memory {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("hubs in memory")
     }
 }
 
 impl Read for Memory {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        if self.replies.is_empty() {
+        let now = Instant::now();
+        for (_, reply) in self.replies.extract_if(.., |(at, _)| *at <= now) {
+            self.arrived.extend(reply);
+        }
+        if self.arrived.is_empty() {
+            self.empty_reads.fetch_add(1, Ordering::Relaxed);
             std::thread::sleep(Duration::from_micros(200));
             return Err(ErrorKind::WouldBlock.into());
         }
-        self.replies.read(buffer)
+        self.arrived.read(buffer)
     }
 }
 
 impl Write for Memory {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.replies.extend(self.hub.exchange(bytes));
+        self.replies
+            .extend(self.hubs.iter_mut().map(|hub| (Instant::now() + hub.delay, hub.exchange(bytes))));
         Ok(bytes.len())
     }
 

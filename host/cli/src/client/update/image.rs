@@ -4,7 +4,6 @@ use motor_hub_client::update::{Image, LARGEST_IMAGE};
 use object::Endianness;
 use object::elf::PT_LOAD;
 use object::read::elf::{ElfFile32, ProgramHeader};
-use std::path::Path;
 
 /// First bytes of every version text.
 const VERSION: &[u8] = b"HW: 20, Maj: ";
@@ -12,12 +11,7 @@ const VERSION: &[u8] = b"HW: 20, Maj: ";
 const LONGEST_VERSION: usize = 40;
 
 /// Reads an ELF file, or raw bytes.
-pub(super) fn open(file: &Path) -> Result<Image, String> {
-    let bytes = std::fs::read(file).map_err(|error| format!("{}: {error}", file.display()))?;
-    read(bytes).map_err(|why| format!("{}: {why}", file.display()))
-}
-
-fn read(file: Vec<u8>) -> Result<Image, String> {
+pub(super) fn read(file: Vec<u8>) -> Result<Image, String> {
     let (origin, bytes) = if file.starts_with(b"\x7FELF") {
         let (origin, bytes) = flash_of(&file)?;
         (Some(origin), bytes)
