@@ -50,6 +50,11 @@ const LARGEST_GAIN_ERROR_SIGMAS: f32 = 3.0;
 const LARGEST_NOISE_SIGMAS: f32 = 4.0;
 /// Time after which the observer has corrected a wrong initial state, in s.
 const SETTLING_S: f32 = 0.05;
+/// Longest pause of the estimate, in s, with all pauses since the last correction that was explained outside of a pause.
+/// This is six time constants of the slowest observer, whose poles are 10 per second for the heaviest plausible motor. A
+/// wrong state is corrected in this time. If the corrections are still unexplained, the gain is wrong, and the estimate
+/// returns to the initial guess. Measured with `survey`: 0.3, 0.6 and 1 s give the same figures.
+const LONGEST_PAUSE_S: f32 = 0.6;
 /// Difference of the accelerating voltage from its mean, as a share of the voltage across the motor, up to which theta
 /// is not updated. At a steady speed the errors of whole counts have a constant sign, and would shift the estimate
 /// within minutes. Chosen: measured with a limit of 0.3 %, the estimate drifts in two minutes.
@@ -85,6 +90,8 @@ pub(super) struct GainEstimate {
     /// Remaining time until the observer has forgotten a wrong initial state, in s. Theta is not updated before this
     /// time is over.
     settling_s: f32,
+    /// Time of all pauses since the last correction that was explained outside of a pause, in s.
+    paused_s: f32,
     /// Accelerating voltage in V: the voltage across the motor less the back EMF; 0 while the bridge is open.
     net_volts: f32,
     /// Mean of `net_volts` with the time constant [`EXCITATION_S`].
@@ -100,6 +107,7 @@ impl GainEstimate {
             sensitivity: Sensitivity { position: 0.0, speed: 0.0, load: 0.0 },
             trust_counts: 0,
             settling_s: 0.0,
+            paused_s: 0.0,
             net_volts: 0.0,
             mean_net_volts: 0.0,
         }
@@ -110,6 +118,12 @@ impl GainEstimate {
     /// most.
     pub(super) fn discard(&mut self, plant: &Plant) {
         *self = Self::new();
+        self.return_to_guess(plant);
+    }
+
+    /// Sets theta and its variance to the initial guess, for an observer that uses another gain.
+    fn return_to_guess(&mut self, plant: &Plant) {
+        (self.theta, self.variance, self.paused_s) = (0.0, GUESS_VARIANCE, 0.0);
         self.refer_to(plant.b / guessed_gain(plant.kappa));
     }
 
@@ -136,7 +150,7 @@ impl GainEstimate {
     /// Sets the sensitivity of a motor at rest to 0, because the observer's state is then exact for every gain. Ends
     /// a pause of [`restart`](Self::restart).
     pub(super) fn rest(&mut self) {
-        (self.sensitivity, self.settling_s) = (Sensitivity::default(), 0.0);
+        (self.sensitivity, self.settling_s, self.paused_s) = (Sensitivity::default(), 0.0, 0.0);
     }
 
     /// Pauses the estimate for [`SETTLING_S`], in which the observer corrects a state that is wrong for another reason
@@ -159,6 +173,7 @@ impl GainEstimate {
         self.mean_net_volts += (self.net_volts - self.mean_net_volts) * SAMPLE_S / EXCITATION_S;
         if self.settling_s > 0.0 {
             self.settling_s -= SAMPLE_S;
+            self.paused_s += SAMPLE_S;
             return;
         }
         let Sensitivity { position, speed: of_speed, load } = &mut self.sensitivity;
@@ -202,13 +217,21 @@ impl GainEstimate {
         if innovation.abs() > explained {
             // With a sensitivity this small a wrong gain cannot be the cause.
             if s.abs() * guessed_gain(plant.kappa) < RELEVANT_SENSITIVITY * plant.b {
+                // A wrong gain makes the state wrong without end, and the sensitivity is 0 during a pause. Without this
+                // limit a wrong gain would pause the estimate for ever.
+                if self.paused_s > LONGEST_PAUSE_S {
+                    self.return_to_guess(plant);
+                }
                 self.restart();
                 return;
             }
-        } else if excited && (moved != 0 || !stalled) {
-            let k = self.variance * s / (s * s * self.variance + noise);
-            self.theta += k * innovation;
-            self.variance = at_least(self.variance - k * s * self.variance, 0.0);
+        } else if self.settling_s <= 0.0 {
+            self.paused_s = 0.0;
+            if excited && (moved != 0 || !stalled) {
+                let k = self.variance * s / (s * s * self.variance + noise);
+                self.theta += k * innovation;
+                self.variance = at_least(self.variance - k * s * self.variance, 0.0);
+            }
         }
         self.sensitivity.position -= position_gain * s;
         self.sensitivity.speed -= speed_gain * s;
@@ -257,8 +280,19 @@ mod tests {
     /// Drives a motor of this time constant (s) and load (V) with each voltage for half a second, at a control period
     /// in ms. Returns the estimated gain.
     fn learned(period: u32, tau: f32, load: f32, volts: &[f32]) -> f32 {
-        let mut estimate = GainEstimate::new();
-        let mut estimated = plant(guessed_gain(KAPPA));
+        learned_from(GainEstimate::new(), guessed_gain(KAPPA), period, tau, load, volts)
+    }
+
+    /// Like [`learned`], but begins with this estimate and this gain.
+    fn learned_from(
+        mut estimate: GainEstimate,
+        gain: f32,
+        period: u32,
+        tau: f32,
+        load: f32,
+        volts: &[f32],
+    ) -> f32 {
+        let mut estimated = plant(gain);
         let mut observer = Observer::new(0.0);
         let b = 1.0 / (tau * KAPPA);
         let (mut x, mut w, mut count) = (0.5f64, 0.0f32, 0i32);
@@ -284,6 +318,19 @@ mod tests {
             }
         }
         estimated.b
+    }
+
+    #[test]
+    fn an_estimate_that_is_sure_of_a_far_too_small_gain_finds_the_true_one() {
+        for period in [1, 10, 50, 100] {
+            for share in [0.005, 0.02, 0.07] {
+                let estimate = GainEstimate { variance: 0.2, ..GainEstimate::new() };
+                let gain = share * guessed_gain(KAPPA);
+                let volts = [12.0, -12.0, 12.0, -12.0, 12.0, -12.0, 12.0, -12.0];
+                let found = 1.0 / (learned_from(estimate, gain, period, 0.1, 0.0, &volts) * KAPPA);
+                assert!((0.07..=0.14).contains(&found), "{period} ms, {share}: {found} s");
+            }
+        }
     }
 
     #[test]
