@@ -56,7 +56,7 @@ fn negative_targets_are_the_bytes_of_the_protocol() {
             "44 4b 12 00 03 00 09 00 13 10 00 18 fc ff ff 19 00 fb",
         ),
     ] {
-        let request: Request = request.to(0).into();
+        let request: Request = request.to(0);
         let frame = frame::encode(&request.packet(ADDRESS, number, request.id()));
         assert_eq!(frame.to_vec(), bytes(expected));
     }
