@@ -112,7 +112,7 @@ pub struct Motor {
     position: i32,
     regulator: Regulator,
     state: MotorState,
-    /// Result of the last identification that has ended; [`Identification::None`] before the first end.
+    /// State or result of the last identification.
     identification: Identification,
     /// Last motion of the shaft. The encoder check reads this state.
     last_motion: LastMotion,
@@ -316,7 +316,9 @@ impl Motor {
             (MotorState::Regulated(_), to) if to.is_regulated() => (),
             (MotorState::Identifying(_), Setpoint::Identify { .. }) if to == from => (),
             (_, Setpoint::Identify { travel_limit }) => {
-                self.state = MotorState::Identifying(Identifier::new(travel_limit));
+                let identifier = Identifier::new(travel_limit);
+                self.identification = identifier.progress();
+                self.state = MotorState::Identifying(identifier);
             }
             (_, to) => {
                 let check = MotorState::Regulated(EncoderCheck::new());
@@ -568,6 +570,7 @@ impl Motor {
     fn identify(&mut self, at: OperatingPoint) -> Option<Voltage> {
         let MotorState::Identifying(identifier) = &mut self.state else { return None };
         let voltage = identifier.step(self.settings.winding.emf, at.battery_volts(), self.period);
+        self.identification = identifier.progress();
         voltage.unwrap_or_else(|outcome| {
             self.end_identification(outcome);
             None
@@ -748,10 +751,7 @@ impl Motor {
             // At its current limit a motor may not reach the drive voltage from which the encoder check works. A motor
             // without counts is then reported as stalled.
             stalled: self.is_stalled() || current_limited && self.regulator.is_stalled(),
-            identification: match &self.state {
-                MotorState::Identifying(identifier) => identifier.progress(),
-                _ => self.identification,
-            },
+            identification: self.identification,
             faults: Faults {
                 battery_unknown: battery.is_none(),
                 encoder_stale: moved.is_none(),
