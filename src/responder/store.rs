@@ -286,10 +286,10 @@ impl<const N: usize> Responder<N> {
         record.push(ADDRESS, &[self.address.get()])?;
         for ((motor, channel), factory) in (0..).zip(&self.channels).zip(&self.factory) {
             let settings = channel.settings();
-            // Without an entry, the limit that the firmware was built with would be in force after a restart.
-            let limit_is_removed = settings.motor.current_limit.is_none() && factory.current_limit.is_some();
+            // Without an entry, a setting that the firmware was built with would be in force after a restart.
+            let factory = MotorSettings::new(*factory);
             let is_stored = |group: &Group| {
-                group.is_configured(settings) || (*group == Group::CurrentLimit && limit_is_removed)
+                group.is_configured(settings) || group.loop_of().is_none() && group.is_configured(&factory)
             };
             for group in Group::ALL.into_iter().filter(is_stored) {
                 let fields = payload(motor, &Values::of(group, settings));
