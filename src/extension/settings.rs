@@ -365,7 +365,7 @@ const MOST_FIELDS: usize = {
     most
 };
 
-/// Raw values of the fields of one group. The last fields may have no value, and then keep their settings.
+/// Raw values of the fields of one group. A field may have no value, and then keeps its setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Values {
@@ -376,21 +376,24 @@ pub struct Values {
 
 impl Values {
     /// Collects the raw values that `value` returns for the fields. `value` must return values in the range of the
-    /// field.
+    /// field, or `None` for a field that keeps its setting.
     ///
     /// # Errors
     /// Returns the first error of `value`.
-    pub fn collect<E>(group: Group, mut value: impl FnMut(&Field) -> Result<i64, E>) -> Result<Self, E> {
+    pub fn collect<E>(
+        group: Group,
+        mut value: impl FnMut(&Field) -> Result<Option<i64>, E>,
+    ) -> Result<Self, E> {
         let mut raw = [None; MOST_FIELDS];
         for (slot, field) in raw.iter_mut().zip(group.fields()) {
-            *slot = Some(value(field)?);
+            *slot = value(field)?;
         }
         Ok(Self { group, raw })
     }
 
     /// Returns the values of a group in these settings.
     pub fn of(group: Group, settings: &MotorSettings) -> Self {
-        let Ok(values) = Self::collect(group, |field| Ok::<_, Infallible>(field.get(settings)));
+        let Ok(values) = Self::collect(group, |field| Ok::<_, Infallible>(Some(field.get(settings))));
         values
     }
 
@@ -418,9 +421,9 @@ impl Values {
         Self::read(group, &mut Fields::new(&payload))
     }
 
-    /// Appends the values to a payload.
+    /// Appends the values to a payload, up to the first field without a value.
     pub fn write(&self, payload: &mut Payload) {
-        for (field, raw) in self.group.fields().iter().zip(self.raw.into_iter().flatten()) {
+        for (field, raw) in self.group.fields().iter().zip(self.raw.into_iter().map_while(|raw| raw)) {
             field.write(raw, payload);
         }
     }
@@ -459,8 +462,9 @@ impl Values {
         }
         // The number of the motor, and for coefficients the code of the loop, are the first fields of the payload.
         let first = if self.group.loop_of().is_some() { 2 } else { 1 };
-        for ((index, field), raw) in (first..).zip(self.group.fields()).zip(self.raw.into_iter().flatten()) {
-            field.set(&mut new, raw).ok_or(Nack::parameter(index))?;
+        for ((index, field), raw) in (first..).zip(self.group.fields()).zip(self.raw) {
+            let set = raw.is_none_or(|raw| field.set(&mut new, raw).is_some());
+            set.then_some(()).ok_or(Nack::parameter(index))?;
         }
         // The second field of a set-up is the resistance.
         if let (Group::SetUp, [_, Some(0), ..]) = (self.group, self.raw) {

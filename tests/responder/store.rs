@@ -72,7 +72,7 @@ fn all(host: &mut TestHost) -> Vec<Answer> {
 /// Gives each setting of a motor its largest value, except that the mode is velocity.
 fn set_all(host: &mut TestHost, motor: u8) {
     for group in Group::ALL {
-        let value = |field: &_| Ok::<_, ()>(if group == Group::Mode { 1 } else { largest(field) });
+        let value = |field: &_| Ok::<_, ()>(Some(if group == Group::Mode { 1 } else { largest(field) }));
         let request = Request::Set(motor, Values::collect(group, value).expect("values"));
         assert!(matches!(host.ask(request.id(), &request.payload()), Answer::Ack(_)), "{group:?}");
     }
