@@ -242,7 +242,9 @@ pub struct Field {
     pub zero: Zero,
     /// Version that added the field to its group. `None` if the field is as old as its group.
     pub since: Option<&'static str>,
-    /// Help of the option of `client setup` that sets the field. `None` if the field has no option of its own.
+    /// Help of the option of `client setup` that sets the field. `None` if the field has no option of its own. Images
+    /// of a board lack the help, to save flash.
+    #[cfg(not(target_os = "none"))]
     pub option: Option<&'static str>,
     /// Size of the raw value in a packet, in bytes.
     pub size: usize,
@@ -515,6 +517,7 @@ macro_rules! fields {
             form: Form::Steps($steps),
             zero: stated_or(&[$(Zero::$zero)?], Zero::Value),
             since: stated_or(&[$(Some($since))?], None),
+            #[cfg(not(target_os = "none"))]
             option: stated_or(&[$(Some($option))?], None),
             size: size_of::<$type>(),
             signed: $type::MIN != 0,
@@ -546,6 +549,7 @@ macro_rules! fields {
             form: Form::Words(&[$($word),+]),
             zero: Zero::Value,
             since: stated_or(&[$(Some($since))?], None),
+            #[cfg(not(target_os = "none"))]
             option: stated_or(&[$(Some($option))?], None),
             size: 1,
             signed: false,
