@@ -374,9 +374,8 @@ fn restored(motor: u8, factory: Settings, record: &SettingsRecord) -> MotorSetti
         let entry = entries_of(record, motor, group).last();
         let values = entry.and_then(|entry| values_of(&entry, motor, group, &settings).ok());
         // Applying the group `SetUp` deletes dynamics, acceleration limit and coefficients. The firmware may have been
-        // built with these settings, so a group whose values do not change is not applied.
-        let changes =
-            |values: &Values| !group.is_configured(&settings) || *values != Values::of(group, &settings);
+        // built with these settings, so a set-up whose values do not change is not applied.
+        let changes = |values: &Values| group != Group::SetUp || *values != Values::of(group, &settings);
         if let Some(new) = values.filter(changes).and_then(|values| values.apply_to(&settings).ok()) {
             settings = new;
         }
