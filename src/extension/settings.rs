@@ -337,16 +337,19 @@ impl Field {
         if self.zero == Zero::Value { self.least } else { self.least.max(1) }
     }
 
-    /// Reads a raw value from a packet.
+    /// Reads a raw value from a packet. `None` if the packet ends before a field that a later version has added.
     ///
     /// # Errors
-    /// Returns [`Nack::parameter`] if the field is missing or out of range.
-    fn read(&self, fields: &mut Fields<'_>) -> Result<i64, Nack> {
+    /// Returns [`Nack::parameter`] if any other field is missing, or if the field is out of range.
+    fn read(&self, fields: &mut Fields<'_>) -> Result<Option<i64>, Nack> {
+        if self.since.is_some() && fields.is_empty() {
+            return Ok(None);
+        }
         let index = fields.index();
         let bytes = fields.slice(self.size)?;
         let raw = bytes.iter().rev().fold(0, |raw: i64, byte| raw << 8 | i64::from(*byte));
         let raw = if self.signed { i64::from(raw as i32) } else { raw };
-        if (self.least..=self.most).contains(&raw) { Ok(raw) } else { Err(Nack::parameter(index)) }
+        if (self.least..=self.most).contains(&raw) { Ok(Some(raw)) } else { Err(Nack::parameter(index)) }
     }
 
     /// Appends a raw value to a packet. The value must be in range.
@@ -406,7 +409,7 @@ impl Values {
     /// Refuses any other field that is missing, and a field that is out of range, with the number of the field in the
     /// payload.
     pub fn read(group: Group, fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        Ok(Self { group, raw: read_raw(group.fields(), fields)? })
+        Self::collect(group, |field| field.read(fields))
     }
 
     /// Reads the values of a group from bytes that an earlier firmware may have written, in an answer or in a stored
@@ -465,8 +468,9 @@ impl Values {
         // The number of the motor, and for coefficients the code of the loop, are the first fields of the payload.
         let first = if self.group.loop_of().is_some() { 2 } else { 1 };
         for ((index, field), raw) in (first..).zip(self.group.fields()).zip(self.raw) {
-            let set = raw.is_none_or(|raw| field.set(&mut new, raw).is_some());
-            set.then_some(()).ok_or(Nack::parameter(index))?;
+            if let Some(raw) = raw {
+                field.set(&mut new, raw).ok_or(Nack::parameter(index))?;
+            }
         }
         // The second field of a set-up is the resistance.
         if let (Group::SetUp, [_, Some(0), ..]) = (self.group, self.raw) {
@@ -477,21 +481,6 @@ impl Values {
         }
         Ok(new)
     }
-}
-
-/// Reads the raw values of the fields of a table. The bytes may end before a field that a later version has added.
-///
-/// # Errors
-/// Refuses any other field that is missing, and a field that is out of range.
-fn read_raw(table: &[Field], fields: &mut Fields<'_>) -> Result<[Option<i64>; MOST_FIELDS], Nack> {
-    let mut raw = [None; MOST_FIELDS];
-    for (slot, field) in raw.iter_mut().zip(table) {
-        if field.since.is_some() && fields.is_empty() {
-            break;
-        }
-        *slot = Some(field.read(fields)?);
-    }
-    Ok(raw)
 }
 
 /// Defines a list of fields.
@@ -755,13 +744,13 @@ mod tests {
     #[test]
     fn a_request_of_an_older_host_may_lack_the_fields_that_a_later_version_added() {
         let bytes = [1, 0x90, 1, 0x20, 3];
-        let read = |length: usize| {
-            let read = read_raw(LONGER, &mut Fields::new(bytes.get(..length).unwrap_or_default()));
-            read.map(|raw| raw.into_iter().flatten().collect::<heapless::Vec<i64, MOST_FIELDS>>())
+        let read = |length: usize| -> Result<heapless::Vec<Option<i64>, 3>, Nack> {
+            let fields = &mut Fields::new(bytes.get(..length).unwrap_or_default());
+            LONGER.iter().map(|field| field.read(fields)).collect()
         };
-        assert_eq!(read(5).as_deref(), Ok(&[1, 400, 800][..]));
-        assert_eq!(read(3).as_deref(), Ok(&[1, 400][..]));
-        assert_eq!(read(1).as_deref(), Ok(&[1][..]));
+        assert_eq!(read(5).as_deref(), Ok(&[Some(1), Some(400), Some(800)][..]));
+        assert_eq!(read(3).as_deref(), Ok(&[Some(1), Some(400), None][..]));
+        assert_eq!(read(1).as_deref(), Ok(&[Some(1), None, None][..]));
         // A part of a field is an error, and so is a missing field that every host knows.
         assert_eq!(
             [read(4), read(2), read(0)].map(Result::err),

@@ -127,13 +127,10 @@ impl Options {
     }
 
     fn show(&self, settings: &MotorSettings, condition: Condition) -> Result<(), Failure> {
-        let field = |name: &str| Field::named(name).map(|field| (field, field.get(settings)));
-        let number = |name: &str| field(name).map_or(0.0, |(field, raw)| field.number_of(raw));
-        let word = |name: &str| field(name).and_then(|(field, raw)| field.word_of(raw)).unwrap_or_default();
-        let known = |name: &str| Some(number(name)).filter(|number| *number != 0.0);
+        let number = |name| Field::named(name).map_or(0.0, |field| field.number_of(field.get(settings)));
         let (emf, ohms) = (number("emf_mv_s_per_count"), number("resistance_ohm"));
-        let millihenries = known("inductance_mh");
-        let duty = word("duty");
+        let millihenries = Some(number("inductance_mh")).filter(|mh| *mh != 0.0);
+        let duty = Field::named("duty").and_then(|duty| duty.word_of(duty.get(settings))).unwrap_or_default();
         let Settings { scheme, bridge, .. } = settings.motor;
         let bridge = BRIDGES.iter().find(|(.., timing)| *timing == bridge.timing);
         let bridge = bridge.map_or("other", |(name, ..)| *name);
@@ -164,7 +161,7 @@ impl Options {
                 "motion": identify::motion_json(settings),
             });
             for option in SettingOption::all() {
-                document[option.key()] = option.json(settings);
+                document[&option.key] = option.json(settings);
             }
             return print_json(&document);
         }
@@ -186,7 +183,7 @@ impl Options {
             ])
             .add_row(["state", state]);
         for option in SettingOption::all() {
-            table.add_row([option.label(), option.text(settings)]);
+            table.add_row([&option.label, &option.text(settings)]);
         }
         for (name, value) in identify::rows(settings) {
             table.add_row([name, &value]);
