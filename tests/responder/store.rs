@@ -485,7 +485,8 @@ fn the_address_in_force_is_not_stored_again() {
 fn entry() -> impl Strategy<Value = (u16, Vec<u8>)> {
     let id = prop_oneof![
         0x4D00u16..0x4D12,
-        prop::sample::select(vec![0x1008u16, 0x100A, 0x100C, 0x100F, 0x1033, 0x7F06]),
+        prop::sample::select(Group::ALL.map(Group::set_id).to_vec()),
+        prop::sample::select(vec![0x100A_u16, 0x100F, 0x7F06]),
         any::<u16>(),
     ];
     // Now and then longer than any message.
