@@ -286,10 +286,10 @@ impl<const N: usize> Responder<N> {
         record.push(ADDRESS, &[self.address.get()])?;
         for ((motor, channel), factory) in (0..).zip(&self.channels).zip(&self.factory) {
             let settings = channel.settings();
-            // Without an entry, the limit that the firmware was built with would be in force after a restart.
-            let limit_is_removed = settings.motor.current_limit.is_none() && factory.current_limit.is_some();
+            // Without an entry, a setting that the firmware was built with would be in force after a restart.
+            let factory = MotorSettings::new(*factory);
             let is_stored = |group: &Group| {
-                group.is_configured(settings) || (*group == Group::CurrentLimit && limit_is_removed)
+                group.is_configured(settings) || group.loop_of().is_none() && group.is_configured(&factory)
             };
             for group in Group::ALL.into_iter().filter(is_stored) {
                 let fields = payload(motor, &Values::of(group, settings));
@@ -374,9 +374,8 @@ fn restored(motor: u8, factory: Settings, record: &SettingsRecord) -> MotorSetti
         let entry = entries_of(record, motor, group).last();
         let values = entry.and_then(|entry| values_of(&entry, motor, group, &settings).ok());
         // Applying the group `SetUp` deletes dynamics, acceleration limit and coefficients. The firmware may have been
-        // built with these settings, so a group whose values do not change is not applied.
-        let changes =
-            |values: &Values| !group.is_configured(&settings) || *values != Values::of(group, &settings);
+        // built with these settings, so a set-up whose values do not change is not applied.
+        let changes = |values: &Values| group != Group::SetUp || *values != Values::of(group, &settings);
         if let Some(new) = values.filter(changes).and_then(|values| values.apply_to(&settings).ok()) {
             settings = new;
         }

@@ -15,6 +15,7 @@ mod ports;
 mod readings;
 mod record;
 mod scan;
+mod setting_options;
 mod settings;
 mod setup;
 mod shaft_speed;

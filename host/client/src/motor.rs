@@ -253,15 +253,11 @@ impl Session {
     pub fn settings(&mut self, motor: u8) -> Result<MotorSettings, Error> {
         // The groups that the hub reports replace these initial values.
         let mut settings = MotorSettings::new(Settings::new(Winding::NEVEREST_60));
-        for group in Group::ALL {
-            match group {
-                Group::VelocityLoop | Group::PositionLoop => (),
-                Group::CurrentLimit => match self.get(motor, group, &settings) {
-                    // Older firmware has no current limit.
-                    Err(Error::TooOld { .. }) => (),
-                    read => settings = read?,
-                },
-                _ => settings = self.get(motor, group, &settings)?,
+        for group in Group::ALL.into_iter().filter(|group| group.loop_of().is_none()) {
+            match self.get(motor, group, &settings) {
+                // Older firmware lacks groups of settings that were added later.
+                Err(Error::TooOld { .. }) => (),
+                read => settings = read?,
             }
         }
         Ok(settings)

@@ -293,11 +293,11 @@ fn configured(
                 Some(value) => raw_of(field, value.as_str(), value.as_f64(), value)?,
             };
             // A thermal limit needs time constants; for 0 the usual time constants are sent.
-            Ok::<i64, String>(match (field.name, raw) {
+            Ok::<_, String>(Some(match (field.name, raw) {
                 ("thermal.winding_s", 0) => ThermalLimit::USUAL_WINDING_S.into(),
                 ("thermal.case_s", 0) => ThermalLimit::USUAL_CASE_S.into(),
                 _ => raw,
-            })
+            }))
         })?;
         let after = values
             .apply_to(before)
