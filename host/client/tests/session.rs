@@ -7,7 +7,7 @@ use hub_support::{ADDRESS, Hub, Memory, first, responder_at};
 use motor_hub::extension::report::MotorReport;
 use motor_hub::extension::settings::Group;
 use motor_hub::extension::{HubFunction, Request};
-use motor_hub::motor::{Faults, ZeroPower};
+use motor_hub::motor::{self, Faults, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, RunMode, Target, Terms, ToMotor};
 use motor_hub::protocol::payload::{Field, Fields, Payload};
@@ -15,7 +15,8 @@ use motor_hub::protocol::{Address, Colour, Nack, Packet, frame};
 use motor_hub::record::Fault;
 use motor_hub::store::{Found, Outcome};
 use motor_hub::supply::BusState;
-use motor_hub::units::{Coefficient, Control, Milliamperes, Millivolts};
+use motor_hub::units::{Coefficient, Control, CountsPerSecond, Milliamperes, Millivolts};
+use motor_hub_client::motor::{NO_SPEED_LIMIT_CPS, Setpoint};
 use motor_hub_client::reasons::why_unsaved;
 use motor_hub_client::session;
 use motor_hub_client::{Error, Session};
@@ -106,6 +107,69 @@ fn every_setting_can_be_read_back() {
     session.set_address(Address::new(77).unwrap()).unwrap();
     assert_eq!(session.status(true).unwrap().words(), ["device reset", "fail-safe"]);
     assert_eq!(session.status(true).unwrap().status, 0);
+}
+
+/// Gives an enabled motor one set-point after the other, and returns the different set-points that the motor receives.
+fn received(setpoints: &[Setpoint]) -> Vec<motor::Setpoint> {
+    let hub = Hub::new();
+    let received = hub.setpoints.clone();
+    let mut session = session(Memory::new(hub));
+    session.set_setpoint(0, Setpoint::Power(Control::ZERO), ZeroPower::Brake).unwrap();
+    session.enable(0, true).unwrap();
+    received.lock().unwrap().clear();
+    for setpoint in setpoints {
+        session.set_setpoint(0, *setpoint, ZeroPower::Brake).unwrap();
+    }
+    let mut received: Vec<_> = received.lock().unwrap().iter().map(|(_, setpoint)| *setpoint).collect();
+    received.dedup();
+    received
+}
+
+#[test]
+fn a_speed_limit_never_becomes_a_target_velocity() {
+    let position = Setpoint::Position { counts: -5_000, tolerance: 10, speed_limit: 800 };
+    for setpoint in received(&[Setpoint::Velocity(0), position, Setpoint::Velocity(-300), position]) {
+        let is_allowed = match setpoint {
+            motor::Setpoint::Velocity(cps) => [0, -300].map(CountsPerSecond::new).contains(&cps),
+            motor::Setpoint::Position { target, .. } => target == -5_000,
+            other => other == motor::Setpoint::ConstantPower(Control::ZERO),
+        };
+        assert!(is_allowed, "{setpoint:?}");
+    }
+}
+
+#[test]
+fn after_a_constant_current_no_earlier_target_comes_into_force() {
+    let velocity = |cps| motor::Setpoint::Velocity(CountsPerSecond::new(cps));
+    let current = |ma| motor::Setpoint::Current {
+        current: Milliamperes::new(ma),
+        speed_limit: CountsPerSecond::new(NO_SPEED_LIMIT_CPS.into()),
+    };
+    let power = |share| motor::Setpoint::ConstantPower(Control::new(share));
+    let by_host = |ma| Setpoint::Current { ma, speed_limit: NO_SPEED_LIMIT_CPS };
+    let after_velocity = received(&[
+        Setpoint::Velocity(1_000),
+        by_host(100),
+        by_host(200),
+        Setpoint::Power(Control::new(50)),
+        by_host(300),
+        Setpoint::Velocity(-7),
+    ]);
+    assert_eq!(
+        after_velocity,
+        [
+            power(0),
+            velocity(1_000),
+            power(0),
+            current(100),
+            current(200),
+            power(50),
+            power(0),
+            current(300),
+            power(0),
+            velocity(-7)
+        ]
+    );
 }
 
 #[test]
