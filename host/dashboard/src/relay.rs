@@ -232,6 +232,9 @@ impl Relay {
             PageRequest::Import { .. } if self.frame.motors.iter().any(|motor| motor.enabled) => {
                 Err("a motor is enabled: disable all motors by STOP, then import the file again".into())
             }
+            PageRequest::Identify { .. } if let Some(Identification { motor, .. }) = self.identification => {
+                Err(format!("motor {motor} is being identified: wait for its end, or press STOP").into())
+            }
             PageRequest::Identify { motor, travel } => {
                 let begun = channel(motor).and_then(|motor| Identification::begin(session, motor, travel));
                 begun.map(|identification| self.identification = Some(identification))

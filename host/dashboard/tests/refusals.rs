@@ -68,6 +68,17 @@ fn a_refusal_at_the_end_of_an_identification_ends_it_and_disables_the_motor() {
 }
 
 #[test]
+fn a_second_identification_is_refused_while_one_runs() {
+    let mut page = page_of(vec![Hub::new()]);
+    page.order(&json!({ "identify": { "motor": 1 } }));
+    page.order(&json!({ "identify": { "motor": 2 } }));
+    let refused = page.until("a refusal", |message| message["kind"] == "refused");
+    assert_eq!(refused["why"], "motor 1 is being identified: wait for its end, or press STOP");
+    let motors = &page.frame()["motors"];
+    assert_eq!((&motors[1]["enabled"], &motors[2]["enabled"]), (&json!(true), &json!(false)));
+}
+
+#[test]
 fn a_save_whose_report_is_refused_ends_with_a_notice() {
     let answer = |packet: &Packet| match packet.id {
         id if id == HubFunction::Save.id() => Some(Reply::ACK),
