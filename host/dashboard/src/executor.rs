@@ -18,7 +18,9 @@ use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::kept_settings::KeptSettings;
-use motor_hub_client::motor::{NO_CURRENT, SPEED_LIMITS_CPS, Setpoint, constant_current_ma};
+use motor_hub_client::motor::{
+    NO_CURRENT, NO_SPEED_LIMIT_CPS, SPEED_LIMITS_CPS, Setpoint, constant_current_ma,
+};
 use motor_hub_client::request_text::of_group;
 use motor_hub_client::{Error, Session};
 use serde_json::{Map, Value};
@@ -217,8 +219,8 @@ fn setpoint(mode: RunMode, value: f64, speed: Option<f64>, tolerance: u16) -> Re
         RunMode::Velocity => Setpoint::Velocity(cps(value)?),
         RunMode::Position => {
             let counts = within("a position", value, i32::MIN.into()..=i32::MAX.into(), "counts")?.round();
-            let speed_limit = cps(speed.unwrap_or(USUAL_SPEED))?;
-            Setpoint::Position { counts: counts as i32, tolerance, speed_limit }
+            let speed_limit = speed_limit(speed.unwrap_or(USUAL_SPEED))?;
+            Setpoint::Position { counts: counts as i32, tolerance, speed_limit: speed_limit as i16 }
         }
     })
 }
@@ -227,13 +229,17 @@ fn setpoint(mode: RunMode, value: f64, speed: Option<f64>, tolerance: u16) -> Re
 /// can then enable the motor.
 fn current(session: &mut Session, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), RequestError> {
     let ma = constant_current_ma(amperes).map_err(|error| error.to_string())?;
-    let [least, most] = [SPEED_LIMITS_CPS.start(), SPEED_LIMITS_CPS.end()].map(|cps| f64::from(*cps));
-    let limit = within("a speed limit", speed.unwrap_or(most), least..=most, "counts/s")?;
+    let speed_limit = speed_limit(speed.unwrap_or(NO_SPEED_LIMIT_CPS.into()))?;
     if session.report()?.is_none() {
         return Err(NO_CURRENT.into());
     }
-    let setpoint = Setpoint::Current { ma, speed_limit: limit.round() as u16 };
+    let setpoint = Setpoint::Current { ma, speed_limit };
     Ok(session.set_setpoint(motor, setpoint, ZeroPower::Brake)?)
+}
+
+fn speed_limit(value: f64) -> Result<u16, RequestError> {
+    let [least, most] = [SPEED_LIMITS_CPS.start(), SPEED_LIMITS_CPS.end()].map(|cps| f64::from(*cps));
+    Ok(within("a speed limit", value, least..=most, "counts/s")?.round() as u16)
 }
 
 fn cps(value: f64) -> Result<i16, RequestError> {

@@ -79,6 +79,18 @@ fn a_second_identification_is_refused_while_one_runs() {
 }
 
 #[test]
+fn a_speed_limit_of_a_position_is_at_least_1() {
+    let mut page = page_of(vec![Hub::new()]);
+    page.frame();
+    for speed in [0.0, -300.0] {
+        page.order(&json!({ "drive": { "motor": 0, "mode": "position", "value": 100, "speed": speed } }));
+        let refused = page.until("a refusal", |message| message["kind"] == "refused");
+        let range = "is out of range; allowed is 1 to 32767 counts/s";
+        assert_eq!(refused["why"], format!("a speed limit of {speed} counts/s {range}"));
+    }
+}
+
+#[test]
 fn a_save_whose_report_is_refused_ends_with_a_notice() {
     let answer = |packet: &Packet| match packet.id {
         id if id == HubFunction::Save.id() => Some(Reply::ACK),
