@@ -607,22 +607,28 @@ impl Relay {
         if matches!(result, Ok(None)) {
             return Ok(());
         }
-        let done = match saving.what {
-            HubFunction::Load => "the stored settings are in force",
-            HubFunction::Reset => "the firmware's settings are in force and stored",
-            _ => "settings are saved",
+        let (which, verb, done) = match saving.what {
+            HubFunction::Load => ("the stored settings", "loaded", "the stored settings are in force"),
+            HubFunction::Reset => {
+                ("the stored settings", "reset", "the firmware's settings are in force and stored")
+            }
+            _ => ("settings", "saved", "settings are saved"),
         };
-        let changed = !matches!(saving.what, HubFunction::Save);
+        let is_save = matches!(saving.what, HubFunction::Save);
         self.saving = None;
-        let text = match result.map(|report| report.as_ref().and_then(why_unsaved)) {
-            Ok(None) => done.to_owned(),
-            Ok(Some(why)) => format!("settings are not saved: {why}"),
-            Err(why) => format!("whether settings are saved is unknown: {why}"),
-        };
-        if changed {
-            self.executor.motors = Default::default();
+        let failure = result.map(|report| report.as_ref().and_then(why_unsaved));
+        if !is_save {
+            if failure == Ok(None) {
+                self.executor.motors = Default::default();
+            }
+            // A reset that has failed has changed the settings in force, but not the stored settings.
             self.send_all_settings();
         }
+        let text = match failure {
+            Ok(None) => done.to_owned(),
+            Ok(Some(why)) => format!("{which} are not {verb}: {why}"),
+            Err(why) => format!("whether {which} are {verb} is unknown: {why}"),
+        };
         self.send_notice(text, false);
         Ok(())
     }

@@ -15,11 +15,13 @@ use dashboard::{Opened, Place};
 use hub_support::{Hub, Memory, responder_at};
 use motor_hub::braking::Winding;
 use motor_hub::extension::settings::Group;
+use motor_hub::extension::state::StoreReport;
 use motor_hub::extension::{HubFunction, Request};
 use motor_hub::motor::Settings;
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, Terms, ToMotor};
 use motor_hub::protocol::{Address, CHANNELS, Nack, Packet, Reply};
 use motor_hub::regulator::identify::{Identification, Identified};
+use motor_hub::store::Outcome;
 use motor_hub::units::{Coefficient, Millivolts};
 use motor_hub_client::Session;
 use page::Page;
@@ -88,6 +90,38 @@ fn a_speed_limit_of_a_position_is_at_least_1() {
         let range = "is out of range; allowed is 1 to 32767 counts/s";
         assert_eq!(refused["why"], format!("a speed limit of {speed} counts/s {range}"));
     }
+}
+
+/// Reports that the last access to the memory of stored settings has failed.
+fn with_failed_access(packet: &Packet) -> Option<Reply> {
+    let report = StoreReport { outcome: Outcome::Refused, ..StoreReport::default() };
+    match packet.id {
+        id if id == HubFunction::Stored.id() => Some(Reply::data(&report)),
+        id if [HubFunction::Save, HubFunction::Load, HubFunction::Reset].map(|of| of.id()).contains(&id) => {
+            Some(Reply::ACK)
+        }
+        _ => None,
+    }
+}
+
+#[test]
+fn a_failed_load_or_reset_is_named_and_keeps_the_undo_list() {
+    let mut page = page_of(vec![Hub { answer: with_failed_access, ..Hub::new() }]);
+    page.order(&json!({ "configure": { "motor": 0, "values": { "current_limit_ma": 2000 } } }));
+    page.until("an undo", |message| message["kind"] == "settings" && message["undoable"] == 1);
+    for (order, failure) in [
+        ("load", "the stored settings are not loaded: "),
+        ("reset", "the stored settings are not reset: "),
+        ("save", "settings are not saved: "),
+    ] {
+        page.order(&json!(order));
+        let notice = page.until("a notice", |message| {
+            message["text"].as_str().is_some_and(|text| text.contains("the hub's memory"))
+        });
+        assert!(notice["text"].as_str().unwrap().starts_with(failure), "{notice}");
+    }
+    page.order(&json!({ "undo": { "motor": 0 } }));
+    page.until("no undo", |message| message["kind"] == "settings" && message["undoable"] == 0);
 }
 
 #[test]
