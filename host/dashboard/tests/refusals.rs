@@ -125,6 +125,18 @@ fn a_failed_load_or_reset_is_named_and_keeps_the_undo_list() {
 }
 
 #[test]
+fn an_address_of_another_hub_of_the_chain_is_refused() {
+    let hub = |address| Hub { responder: responder_at(address), ..Hub::new() };
+    let mut page = page_of(vec![hub(2), hub(3)]);
+    page.frame();
+    page.order(&json!({ "address": { "new": 3 } }));
+    let answer = page.until("an answer", |message| {
+        message["kind"] == "refused" || message["text"].as_str().is_some_and(|text| text.contains("address"))
+    });
+    assert_eq!(answer["why"], "another hub of the chain has address 3: choose another one");
+}
+
+#[test]
 fn a_save_whose_report_is_refused_ends_with_a_notice() {
     let answer = |packet: &Packet| match packet.id {
         id if id == HubFunction::Save.id() => Some(Reply::ACK),
