@@ -8,6 +8,7 @@ use motor_hub::chain::ChainReport;
 use motor_hub::extension::{INTERFACE, Request};
 use motor_hub::protocol::answers::Functions;
 use motor_hub::protocol::payload::{Field, Fields};
+use motor_hub::protocol::pins::ToPin;
 use motor_hub::protocol::requests::{DISCOVERY, FAIL_SAFE, InterfaceName, Standard};
 use motor_hub::protocol::{Address, BROADCAST, Decoder, HOST, Nack, Packet, Reply, frame};
 use motor_hub::units::Micros;
@@ -18,8 +19,10 @@ use std::time::Duration;
 
 /// Number of transmissions of a request before the hub counts as silent. A hub may have executed a request whose answer
 /// was lost. A second execution leaves the hub in the state of one execution, because no request changes a value by an
-/// amount. (A second *reset encoder* of a turning motor sets the zero to the later position.) The second answer may differ: for example, the first execution has cleared the status word already, or a
-/// save is running already.
+/// amount. (A second *reset encoder* of a turning motor sets the zero to the later position.) The second answer may
+/// differ: for example, the first execution has cleared the status word already, or a save is running already.
+///
+/// A write to an I2C device is sent once, because a device may act on each write.
 pub const TRANSMISSIONS: u32 = 3;
 
 /// Time from the first answer to a discovery until the last. The parent of a chain waits 2 ms for each of 254
@@ -319,13 +322,17 @@ impl Session {
         }
     }
 
-    /// Sends a request up to [`TRANSMISSIONS`] times until the hub answers. A refusal is an error.
+    /// Sends a request up to [`TRANSMISSIONS`] times until the hub answers. A refusal is an error. A write to an I2C
+    /// device is sent once.
     fn exchange(&mut self, request: &Request) -> Result<Reply, Error> {
         let (id, address) = (self.id(request)?, self.address);
         // The retransmitted packet is unchanged, so a late answer to the first transmission is accepted.
         self.next_message_number();
-        for tried in 0..TRANSMISSIONS {
-            let end = Instant::now() + self.timeout / TRANSMISSIONS;
+        let is_i2c_write =
+            matches!(request, Request::ToPin(ToPin::WriteI2c { .. } | ToPin::WriteI2cByte { .. }));
+        let transmissions = if is_i2c_write { 1 } else { TRANSMISSIONS };
+        for tried in 0..transmissions {
+            let end = Instant::now() + self.timeout / transmissions;
             self.transmit(request, address, id)?;
             let answer = |packet: &Packet| Reply::read(packet, id).filter(|_| packet.source == address);
             let Some((_, reply)) = self.next(end, answer)? else { continue };
@@ -335,7 +342,11 @@ impl Session {
                 reply => Ok(reply),
             };
         }
-        Err(Error::Silent { address })
+        Err(if is_i2c_write {
+            Error::Unconfirmed { address, request: Box::new(request.clone()) }
+        } else {
+            Error::Silent { address }
+        })
     }
 
     /// Returns the packet type of a request. Each hub chooses the numbers of its functions, so the session asks the hub

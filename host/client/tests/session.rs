@@ -10,7 +10,8 @@ use motor_hub::extension::{HubFunction, Request};
 use motor_hub::motor::{self, Faults, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, RunMode, Target, Terms, ToMotor};
-use motor_hub::protocol::payload::{Field, Fields, Payload};
+use motor_hub::protocol::payload::{Field, Fields, Payload, Text};
+use motor_hub::protocol::pins::{I2cAddress, I2cBus, ToPin};
 use motor_hub::protocol::{Address, Colour, Nack, Packet, frame};
 use motor_hub::record::Fault;
 use motor_hub::store::{Found, Outcome};
@@ -20,7 +21,8 @@ use motor_hub_client::motor::{NO_SPEED_LIMIT_CPS, Setpoint};
 use motor_hub_client::reasons::why_unsaved;
 use motor_hub_client::session;
 use motor_hub_client::{Error, Session};
-use std::sync::atomic::Ordering;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 /// Time-out of requests, far longer than a hub in memory needs.
@@ -253,6 +255,28 @@ fn a_lost_packet_is_sent_again_unchanged_and_a_silent_hub_is_given_up() {
     let mut session = impatient(Memory::new(Hub { deaf_for: 3, ..Hub::new() }));
     assert!(matches!(session.fail_safe(), Err(Error::Silent { address: ADDRESS })));
     session.fail_safe().unwrap();
+}
+
+#[test]
+fn an_i2c_write_whose_acknowledgement_is_lost_is_sent_once() {
+    let bus = I2cBus::new(0).unwrap();
+    let address = I2cAddress::new(0x28).unwrap();
+    let bytes = Text::from_slice(&[1, 2]).unwrap();
+    let id = ToPin::WriteI2c { bus, address, bytes: bytes.clone() }.id();
+    let writes = Arc::new(AtomicU32::new(0));
+    let counted = Arc::clone(&writes);
+    let loses_reply = Box::new(move |packet: &Packet| {
+        packet.id == id && {
+            counted.fetch_add(1, Ordering::Relaxed);
+            true
+        }
+    });
+    let mut session = impatient(Memory::new(Hub { loses_reply, ..Hub::new() }));
+    let lost = session.write_i2c(bus, address, bytes).unwrap_err();
+    assert_eq!(writes.load(Ordering::Relaxed), 1);
+    let says = "hub 3 does not answer, but may have executed the request to write to device 0x28 on I2C bus 0: check the device before you repeat the request";
+    assert_eq!(lost.to_string(), says);
+    assert_eq!(session.battery().unwrap(), Millivolts::new(12_345), "the session goes on");
 }
 
 #[test]
