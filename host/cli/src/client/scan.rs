@@ -45,10 +45,12 @@ pub(super) struct Options {
 struct Found {
     address: u8,
     kind: &'static str,
-    /// Version text of the hub; empty for several hubs with one address.
+    /// Version text of the hub; empty for several hubs with one address, and if a request to the hub failed.
     version: String,
     /// Devices of the hub other than motors; `None` if the hub does not report them.
     equipment: Option<Equipment>,
+    /// Why a request to the hub failed; `None` if all requests succeeded.
+    failure: Option<String>,
 }
 
 /// Returns a text for the kind of a hub: parent, child, or several hubs with one address.
@@ -138,11 +140,12 @@ fn text(scanned: &[Scanned]) -> String {
         if let Some(reason) = reason {
             table.add_row([place, "", reason, ""]);
         }
-        for Found { address, kind, version, equipment } in hubs {
+        for Found { address, kind, version, equipment, failure } in hubs {
             // A child is connected to its parent, whose row is above.
             let branch = if *kind == "parent" { "" } else { "└ " };
             let version = if version.is_empty() { String::new() } else { format!(", {version}") };
-            let hub = format!("{branch}{kind}{version}");
+            let failure = failure.as_ref().map_or_else(String::new, |why| format!(": {why}"));
+            let hub = format!("{branch}{kind}{version}{failure}");
             let has = equipment.map(equipment_text).unwrap_or_default();
             table.add_row([place, &*address.to_string(), &hub, &has]);
         }
@@ -152,9 +155,9 @@ fn text(scanned: &[Scanned]) -> String {
 
 /// Returns a JSON document of a place and its hubs.
 fn document(Scanned { place, hubs, in_use, reason }: &Scanned) -> Value {
-    let hubs = hubs.iter().map(|Found { address, kind, version, equipment }| {
+    let hubs = hubs.iter().map(|Found { address, kind, version, equipment, failure }| {
         let has = equipment.map(equipment_json);
-        json!({ "address": address, "kind": kind, "version": version, "has": has })
+        json!({ "address": address, "kind": kind, "version": version, "has": has, "reason": failure })
     });
     json!({ "place": place, "hubs": hubs.collect::<Vec<_>>(), "in_use": in_use, "reason": reason })
 }
@@ -211,13 +214,29 @@ fn hubs_at(place: &str, timeout: Duration) -> Result<Vec<Found>, OpenError> {
     let mut found = Vec::new();
     for hub in session.discover()? {
         let Some(address) = Address::new(hub.address) else { continue };
-        let (mut version, mut equipment) = (String::new(), None);
+        let mut new = Found {
+            address: hub.address,
+            kind: kind(&hub),
+            version: String::new(),
+            equipment: None,
+            failure: None,
+        };
         if !hub.duplicate {
             session.select_hub(address);
-            disable_left_enabled(&mut session)?;
-            (version, equipment) = (session.version()?, session.equipment()?);
+            match stop_and_identify(&mut session) {
+                Ok(answers) => (new.version, new.equipment) = answers,
+                // No further hub of this line can answer.
+                Err(error) if error.is_hung_up() => return Err(error.into()),
+                Err(error) => new.failure = Some(error.to_string()),
+            }
         }
-        found.push(Found { address: hub.address, kind: kind(&hub), version, equipment });
+        found.push(new);
     }
     Ok(found)
+}
+
+/// Disables the enabled motors of a hub, and returns the version and the devices of the hub.
+fn stop_and_identify(session: &mut Session) -> Result<(String, Option<Equipment>), Error> {
+    disable_left_enabled(session)?;
+    Ok((session.version()?, session.equipment()?))
 }

@@ -4,6 +4,7 @@ use crate::common::{
     PROGRAM, client, err, fails, folder, json, made_folder, out, scan, signal, store, wait_for, words,
 };
 use crate::conformance::Hub;
+use crate::hub_support::{Hub as FakeHub, Server};
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
 use std::process::{Child, ChildStdout, Command, Stdio};
@@ -213,6 +214,34 @@ fn a_scan_draws_children_below_their_parent_and_reports_two_hubs_with_one_addres
     out(&client(&hub, &["set-address", "9"]));
     let found = out(&client(&hub, &["discover"]));
     assert!(!found.contains("several hubs") && found.contains('9') && found.contains('3'), "{found}");
+}
+
+#[test]
+fn a_scan_lists_the_other_hubs_of_a_chain_although_children_fail() {
+    fn as_child(reply: &[u8], address: u8) -> Vec<u8> {
+        let mut child = reply.to_vec();
+        child.pop();
+        (child[5], child[10]) = (address, 0);
+        child.push(child.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte)));
+        child
+    }
+    // Children at the addresses 9 and 12 answer a discovery and nothing else.
+    let before = |reply: &[u8]| match reply[8..10] {
+        [0x0F, 0xFF] => [as_child(reply, 9), as_child(reply, 12)].concat(),
+        _ => Vec::new(),
+    };
+    let server = Server::start(FakeHub { before, ..FakeHub::new() });
+    let notes = folder("failing-children");
+    let found = words(&out(&scan(&notes, &[&server.address])));
+    for row in
+        ["3 ┆ parent, HW: 20", "9 ┆ └ child: hub 9 does not answer", "12 ┆ └ child: hub 12 does not answer"]
+    {
+        assert!(found.contains(row), "{row}: {found}");
+    }
+    let document = json(&scan(&notes, &[&server.address, "--json"]));
+    let hubs = &document["places"][0]["hubs"];
+    assert_eq!(hubs[0]["reason"], Value::Null, "{document}");
+    assert!(hubs[1]["reason"].as_str().unwrap().starts_with("hub 9 does not answer"), "{document}");
 }
 
 #[cfg(unix)]
