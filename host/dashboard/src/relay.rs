@@ -340,7 +340,7 @@ impl Relay {
         let address = u8::try_from(new).ok().and_then(Address::new);
         let address = address.ok_or_else(|| format!("an address is {new}; allowed is 1 to 254"))?;
         if self.chain.has_other(address.get()) {
-            return Err(format!("another hub of the chain has address {new}: choose another one").into());
+            return Err(format!("another hub of the chain has address {new}: choose another address").into());
         }
         session.set_address(address)?;
         self.chain.rename(address.get());

@@ -133,7 +133,7 @@ fn an_address_of_another_hub_of_the_chain_is_refused() {
     let answer = page.until("an answer", |message| {
         message["kind"] == "refused" || message["text"].as_str().is_some_and(|text| text.contains("address"))
     });
-    assert_eq!(answer["why"], "another hub of the chain has address 3: choose another one");
+    assert_eq!(answer["why"], "another hub of the chain has address 3: choose another address");
 }
 
 #[test]

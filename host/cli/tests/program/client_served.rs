@@ -3,7 +3,7 @@
 use crate::common::{
     PROGRAM, client, err, fails, folder, json, made_folder, out, scan, signal, store, wait_for, words,
 };
-use crate::conformance::Hub;
+use crate::conformance::{Hub, packet};
 use crate::hub_support::{Hub as FakeHub, Server};
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
@@ -208,7 +208,14 @@ fn a_scan_draws_children_below_their_parent_and_reports_two_hubs_with_one_addres
     }
     let refused = client(&hub, &["together", "3:0=100", "4:0=100"]);
     fails(&refused, 2, "the motors belong to different hubs; a command is for motors of one hub");
-    out(&client(&hub, &["set-address", "3"]));
+    let refused = client(&hub, &["set-address", "3"]);
+    fails(&refused, 1, "another hub on the line has address 3: choose another address");
+    // Another program gives the parent the address of a child.
+    let mut other = hub.tcp();
+    other.say(&packet(2, 1, 0x7F06, &[3]));
+    assert!(!other.hear().is_empty());
+    drop(other);
+    std::thread::sleep(std::time::Duration::from_millis(100));
     let found = out(&client(&hub, &["discover"]));
     assert!(found.contains("several hubs with this address"), "{found}");
     out(&client(&hub, &["set-address", "9"]));
