@@ -67,9 +67,28 @@ pub(super) const fn kind(hub: &motor_hub_client::session::Found) -> &'static str
 /// A place to scan.
 struct Place {
     name: String,
+    /// Network addresses or path to which the name resolves; empty if the name does not resolve.
+    resolved: Vec<PathBuf>,
     /// True if the place has a served hub with a host, false if the served hub has no host. `None` if no served hub is
     /// known at this place.
     served: Option<bool>,
+}
+
+impl Place {
+    fn new(name: String, served: Option<bool>) -> Self {
+        let resolved = if is_tcp(&name) {
+            let addresses = name.to_socket_addrs().into_iter().flatten();
+            addresses.map(|address| address.to_string().into()).collect()
+        } else {
+            std::fs::canonicalize(&name).into_iter().collect()
+        };
+        Self { name, resolved, served }
+    }
+
+    /// True for two names of one place. A place accepts one host at a time, so a place must not be scanned twice.
+    fn is_same(&self, other: &Self) -> bool {
+        self.name == other.name || self.resolved.iter().any(|place| other.resolved.contains(place))
+    }
 }
 
 /// Result of the scan of one place.
@@ -92,15 +111,22 @@ impl Options {
     ) -> Result<(), Failure> {
         let ports = if self.only { Vec::new() } else { ports::all()? };
         let names = named.chain(self.places.iter().cloned()).chain(ports.into_iter().map(|port| port.path));
-        let mut places: Vec<Place> = names.map(|name| Place { name, served: None }).collect();
+        let mut places: Vec<Place> = Vec::new();
+        for name in names {
+            let place = Place::new(name, None);
+            if !places.iter().any(|other| other.is_same(&place)) {
+                places.push(place);
+            }
+        }
         let served = served_hubs::all().unwrap_or_else(|error| {
             print_error_line(&format!("note: served hubs of this machine cannot be listed: {error}"));
             Vec::new()
         });
         for ServedHub { place: name, has_host } in served {
-            match places.iter_mut().find(|place| is_same(&place.name, &name)) {
-                Some(place) => place.served = Some(has_host),
-                None => places.push(Place { name, served: Some(has_host) }),
+            let served = Place::new(name, Some(has_host));
+            match places.iter_mut().find(|place| place.is_same(&served)) {
+                Some(place) => place.served = served.served,
+                None => places.push(served),
             }
         }
         // All places are asked at the same time, so that the scan takes no longer than the slowest place.
@@ -162,22 +188,8 @@ fn document(Scanned { place, hubs, in_use, reason }: &Scanned) -> Value {
     json!({ "place": place, "hubs": hubs.collect::<Vec<_>>(), "in_use": in_use, "reason": reason })
 }
 
-/// Returns true for two names of one place. A place accepts one host at a time, so it must not be scanned twice.
-fn is_same(one: &str, other: &str) -> bool {
-    let (of_one, of_other) = (resolved_place(one), resolved_place(other));
-    one == other || of_one.is_some() && of_one == of_other
-}
-
-/// Returns the network address or the path to which a name resolves; `None` if the name does not resolve.
-fn resolved_place(name: &str) -> Option<PathBuf> {
-    if is_tcp(name) {
-        return name.to_socket_addrs().ok()?.next().map(|address| address.to_string().into());
-    }
-    std::fs::canonicalize(name).ok()
-}
-
 /// Scans a place. A served hub that has a host receives nothing.
-fn scan(Place { name, served }: &Place, timeout: Duration) -> Scanned {
+fn scan(Place { name, served, .. }: &Place, timeout: Duration) -> Scanned {
     let found = if *served == Some(true) { Err(OpenError::InUse) } else { hubs_at(name, timeout) };
     let in_use = match &found {
         // A served hub closes the connection only if it has another host.

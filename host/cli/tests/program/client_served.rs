@@ -251,6 +251,15 @@ fn a_scan_lists_the_other_hubs_of_a_chain_although_children_fail() {
     assert!(hubs[1]["reason"].as_str().unwrap().starts_with("hub 9 does not answer"), "{document}");
 }
 
+#[test]
+fn a_scan_opens_a_place_that_is_named_twice_once() {
+    let server = Server::start(FakeHub::new());
+    let localhost = server.address.replace("127.0.0.1", "localhost");
+    let found = out(&scan(&folder("named-twice"), &[&server.address, &localhost, &server.address]));
+    assert_eq!(found.matches("parent").count(), 1, "{found}");
+    assert!(!found.contains("localhost"), "{found}");
+}
+
 #[cfg(unix)]
 #[test]
 fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
