@@ -484,6 +484,14 @@ impl Relay {
         let Some(session) = &mut self.session else { return Ok(false) };
         let number = self.frame.number;
         if let Some(report) = session.report()? {
+            // The time of a report wraps after 49 days.
+            if report.at_ms.wrapping_sub(self.frame.tick_ms) > u32::MAX / 2 {
+                self.playing = None;
+                self.query_hub()?;
+                let text =
+                    "the hub was reset: its motors are disabled, and settings that were not stored are lost";
+                self.send_notice(text.to_owned(), true);
+            }
             self.frame = Frame { number, ..Frame::of(&report) };
             return Ok(true);
         }
@@ -518,6 +526,7 @@ impl Relay {
         let has = session.equipment()?.map(has);
         self.looked_at = Instant::now();
         self.frame.motors.clear();
+        self.frame.tick_ms = 0;
         (self.executor, self.devices) = Default::default();
         self.settings.clear();
         self.send_line(Message::Line { connected: true, why: String::new(), reports, stores, has });

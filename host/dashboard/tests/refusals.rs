@@ -12,7 +12,7 @@ mod page;
 
 use dashboard::proposal::catalogue_motor;
 use dashboard::{Opened, Place};
-use hub_support::{Hub, Memory, responder_at};
+use hub_support::{Hub, Memory, Server, responder_at};
 use motor_hub::braking::Winding;
 use motor_hub::extension::settings::Group;
 use motor_hub::extension::state::StoreReport;
@@ -22,7 +22,7 @@ use motor_hub::protocol::motor::{Loop, LoopCoefficients, Terms, ToMotor};
 use motor_hub::protocol::{Address, CHANNELS, Nack, Packet, Reply};
 use motor_hub::regulator::identify::{Identification, Identified};
 use motor_hub::store::Outcome;
-use motor_hub::units::{Coefficient, Millivolts};
+use motor_hub::units::{Coefficient, Micros, Millivolts};
 use motor_hub_client::Session;
 use page::Page;
 use serde_json::{Value, json};
@@ -45,11 +45,10 @@ fn without_settings(packet: &Packet) -> Option<Reply> {
     Group::ALL.iter().any(|group| group.get_id() == packet.id).then_some(Reply::Nack(Nack::UNSUPPORTED))
 }
 
-#[test]
-fn a_refusal_at_the_end_of_an_identification_ends_it_and_disables_the_motor() {
-    let mut hub = Hub { answer: without_settings, ..Hub::new() };
+/// Result of an identification of a NeveRest 60.
+fn identified() -> Identified {
     let (_, dynamics) = catalogue_motor(&Settings::new(Winding::NEVEREST_60)).unwrap();
-    let found = Identified {
+    Identified {
         dynamics,
         emf: Winding::NEVEREST_60.emf,
         emf_is_configured: false,
@@ -58,8 +57,13 @@ fn a_refusal_at_the_end_of_an_identification_ends_it_and_disables_the_motor() {
         emf_error: 1,
         friction_error: Millivolts::new(1),
         residual: 1,
-    };
-    hub.snapshot.motors[0].identification = Identification::Found(found);
+    }
+}
+
+#[test]
+fn a_refusal_at_the_end_of_an_identification_ends_it_and_disables_the_motor() {
+    let mut hub = Hub { answer: without_settings, ..Hub::new() };
+    hub.snapshot.motors[0].identification = Identification::Found(identified());
     let mut page = page_of(vec![hub]);
     page.order(&json!({ "identify": { "motor": 0 } }));
     assert_eq!(page.frame()["motors"][0]["enabled"], true);
@@ -90,6 +94,28 @@ fn a_speed_limit_of_a_position_is_at_least_1() {
         let range = "is out of range; allowed is 1 to 32767 counts/s";
         assert_eq!(refused["why"], format!("a speed limit of {speed} counts/s {range}"));
     }
+}
+
+#[test]
+fn a_hub_that_was_reset_on_an_open_line_is_noticed_and_has_nothing_to_undo() {
+    let running_for = |ms: u64| {
+        let mut hub = Hub::new();
+        hub.snapshot.at = Micros::new(1_000 * ms);
+        hub
+    };
+    let server = Server::start(running_for(60_000));
+    let place = server.address.clone();
+    let open = move || dashboard::hub::open(&place, None).map_err(|error| error.to_string());
+    let mut page = Page::new(Place::real("a hub", open));
+    page.order(&json!({ "configure": { "motor": 0, "values": { "current_limit_ma": 2000 } } }));
+    page.until("an undo", |message| message["kind"] == "settings" && message["undoable"] == 1);
+    page.frame();
+    *server.hub() = running_for(20);
+    let settings =
+        page.until("new settings", |message| message["kind"] == "settings" && message["motor"] == 0);
+    assert_eq!(settings["undoable"], 0, "{settings}");
+    let notice = page.until("a notice", |message| message["kind"] == "notice");
+    assert!(notice["text"].as_str().unwrap().starts_with("the hub was reset"), "{notice}");
 }
 
 /// Reports that the last access to the memory of stored settings has failed.
