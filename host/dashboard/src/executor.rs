@@ -11,10 +11,10 @@ use motor_hub::extension::group::GroupCourse;
 use motor_hub::extension::settings::{Group, MotorSettings, Values, Zero};
 use motor_hub::group::GroupCommand;
 use motor_hub::model::catalogue::characterised;
-use motor_hub::motor::{ThermalLimit, ZeroPower};
+use motor_hub::motor::{Settings, ThermalLimit, ZeroPower};
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, RunMode, Terms};
 use motor_hub::protocol::{CHANNELS, Colour};
-use motor_hub::regulator::{Dynamics, Kind};
+use motor_hub::regulator::Kind;
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::kept_settings::KeptSettings;
@@ -43,10 +43,8 @@ const UNDOABLE: usize = 20;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MotorMemory {
     undo: Vec<KeptSettings>,
-    /// Dynamics and acceleration limit that the last identification proposes, until another motor is configured.
-    pub(crate) proposed: Option<(Dynamics, Option<Acceleration>)>,
-    /// Dynamics that were configured last. A change from PID back to the model configures them again.
-    known: Option<Dynamics>,
+    /// Settings that the last identification proposes. The proposal is for a motor with the winding in these settings.
+    pub(crate) proposed: Option<Settings>,
 }
 
 impl MotorMemory {
@@ -109,8 +107,6 @@ impl Executor {
             return Ok(());
         }
         let before = session.keep_settings(motor)?;
-        let of = self.of(motor)?;
-        of.known = before.settings.motor.dynamics.or(of.known);
         let done = self.change_settings(session, motor, order, before.settings);
         let changed = match done {
             Ok(()) => true,
@@ -137,12 +133,8 @@ impl Executor {
                 let pidf = coefficients(pidf)?;
                 session.set_coefficients(motor, of, pidf)?;
             }
-            PageRequest::Regulator { kind: Kind::Model, .. } => {
-                let of = self.of(motor)?;
-                let proposed = of.proposed.map(|(dynamics, _)| dynamics);
-                settings.motor.dynamics = settings.motor.dynamics.or(proposed).or(of.known);
-                session.set_up(motor, &settings)?;
-            }
+            // The hub deletes the coefficients, so the model regulates the motor.
+            PageRequest::Regulator { kind: Kind::Model, .. } => session.set_up(motor, &settings)?,
             PageRequest::Regulator { kind: Kind::Pid, .. } => {
                 let pidf = session.coefficients(motor, Loop::Velocity)?;
                 session.set_coefficients(motor, Loop::Velocity, pidf)?;
@@ -152,8 +144,7 @@ impl Executor {
                 if name.is_some() {
                     // The dynamics and the acceleration limit are those of another motor.
                     session.set(motor, Group::SetUp, &settings)?;
-                    let of = self.of(motor)?;
-                    (of.proposed, of.known) = (None, None);
+                    self.of(motor)?.proposed = None;
                 } else {
                     session.set_up(motor, &settings)?;
                 }
@@ -171,10 +162,12 @@ impl Executor {
             }
             // Only this order remains of the orders that change settings.
             _ => {
-                let proposed = self.of(motor)?.proposed;
-                let (dynamics, acceleration) =
-                    proposed.ok_or("this motor was not identified yet: run Identify first")?;
-                (settings.motor.dynamics, settings.motor.acceleration) = (Some(dynamics), acceleration);
+                let of_this_winding = |proposed: &Settings| proposed.winding == settings.motor.winding;
+                let proposed = self.of(motor)?.proposed.filter(of_this_winding);
+                let Settings { dynamics, acceleration, .. } = proposed.ok_or(
+                    "with its present constants this motor was not identified yet: run Identify first",
+                )?;
+                (settings.motor.dynamics, settings.motor.acceleration) = (dynamics, acceleration);
                 session.set_up(motor, &settings)?;
             }
         }
@@ -194,7 +187,7 @@ impl Executor {
         for (motor, kept) in session.apply_settings(file.motors, file.base)? {
             let of = self.of(motor)?;
             of.keep(kept);
-            (of.proposed, of.known) = (None, None);
+            of.proposed = None;
         }
         Ok(())
     }

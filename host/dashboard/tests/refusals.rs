@@ -118,6 +118,33 @@ fn a_hub_that_was_reset_on_an_open_line_is_noticed_and_has_nothing_to_undo() {
     assert!(notice["text"].as_str().unwrap().starts_with("the hub was reset"), "{notice}");
 }
 
+#[test]
+fn a_proposal_is_for_the_winding_that_was_identified_and_comes_into_force_by_apply_only() {
+    let mut hub = Hub::new();
+    let (found, gain) = (identified(), f64::from(identified().dynamics.gain.to_f32()));
+    hub.snapshot.motors[0].identification = Identification::Found(found);
+    let mut page = page_of(vec![hub]);
+    page.order(&json!({ "identify": { "motor": 0 } }));
+    page.until("a result", |message| message["state"] == "found");
+    let dynamics = |page: &mut Page, order: Value| {
+        page.order(&order);
+        let settings = page.until("settings", |of| of["kind"] == "settings" && of["motor"] == 0);
+        settings["dynamics"].clone()
+    };
+    page.frame();
+    assert_eq!(dynamics(&mut page, json!({ "regulator": { "motor": 0, "kind": "model" } })), Value::Null);
+    assert_eq!(dynamics(&mut page, json!({ "apply": { "motor": 0 } }))["gain"], gain);
+    assert_eq!(dynamics(&mut page, json!({ "regulator": { "motor": 0, "kind": "pid" } }))["gain"], gain);
+    assert_eq!(dynamics(&mut page, json!({ "regulator": { "motor": 0, "kind": "model" } }))["gain"], gain);
+    let other = json!({ "configure": { "motor": 0, "values": { "resistance_ohm": 1.5 } } });
+    dynamics(&mut page, other);
+    page.order(&json!({ "apply": { "motor": 0 } }));
+    let refused = page.until("a refusal", |message| message["kind"] == "refused");
+    assert!(refused["why"].as_str().unwrap().contains("not identified yet"), "{refused}");
+    dynamics(&mut page, json!({ "undo": { "motor": 0 } }));
+    assert_eq!(dynamics(&mut page, json!({ "apply": { "motor": 0 } }))["gain"], gain);
+}
+
 /// Reports that the last access to the memory of stored settings has failed.
 fn with_failed_access(packet: &Packet) -> Option<Reply> {
     let report = StoreReport { outcome: Outcome::Refused, ..StoreReport::default() };
