@@ -107,7 +107,13 @@ impl Executor {
             return Ok(());
         }
         let before = session.keep_settings(motor)?;
-        let done = self.change_settings(session, motor, order, before.settings);
+        // These orders send a set-up of the same motor, with which the hub deletes the coefficients.
+        let keeps_pid =
+            matches!(order, PageRequest::SetUp { name: None, .. } | PageRequest::Configure { .. });
+        let mut done = self.change_settings(session, motor, order, before.settings);
+        if keeps_pid && done.is_ok() {
+            done = session.restore_coefficients(motor, &before).map_err(RequestError::from);
+        }
         let changed = match done {
             Ok(()) => true,
             // The hub may have accepted the first requests of a refused order.

@@ -20,6 +20,7 @@ use motor_hub::extension::{HubFunction, Request};
 use motor_hub::motor::Settings;
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, Terms, ToMotor};
 use motor_hub::protocol::{Address, CHANNELS, Nack, Packet, Reply};
+use motor_hub::regulator::Kind;
 use motor_hub::regulator::identify::{Identification, Identified};
 use motor_hub::store::Outcome;
 use motor_hub::units::{Coefficient, Micros, Millivolts};
@@ -143,6 +144,24 @@ fn a_proposal_is_for_the_winding_that_was_identified_and_comes_into_force_by_app
     assert!(refused["why"].as_str().unwrap().contains("not identified yet"), "{refused}");
     dynamics(&mut page, json!({ "undo": { "motor": 0 } }));
     assert_eq!(dynamics(&mut page, json!({ "apply": { "motor": 0 } }))["gain"], gain);
+}
+
+#[test]
+fn pid_keeps_its_coefficients_when_the_set_up_of_its_motor_changes() {
+    let mut hub = Hub::new();
+    hub.snapshot.motors[0].regulator = Kind::Pid;
+    let mut page = page_of(vec![hub]);
+    page.frame();
+    let pidf = json!([1.5, 0.25, 0.0, 2.0]);
+    for order in [
+        json!({ "coefficients": { "motor": 0, "of": "velocity", "pidf": pidf } }),
+        json!({ "set-up": { "motor": 0, "scheme": "D", "duty": "linear-duty" } }),
+        json!({ "configure": { "motor": 0, "values": { "resistance_ohm": 1.5 } } }),
+    ] {
+        page.order(&order);
+        let settings = page.until("settings", |of| of["kind"] == "settings" && of["motor"] == 0);
+        assert_eq!(settings["velocity"], pidf, "{order}");
+    }
 }
 
 /// Reports that the last access to the memory of stored settings has failed.
