@@ -651,7 +651,9 @@ impl Motor {
         if allowed.to_bits() == volts.to_bits() {
             modulation
         } else {
-            self.modulator.for_voltage(at, Voltage::from_volts(allowed))
+            // A limit may permit less than full braking. The motor then brakes as much as the limit permits, also with a
+            // scheme that has no braking regime.
+            self.modulator.limited(at, Voltage::from_volts(allowed))
         }
     }
 

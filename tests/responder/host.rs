@@ -111,11 +111,16 @@ impl TestHost {
     }
 
     pub(crate) fn ask(&mut self, id: u16, payload: &[u8]) -> Answer {
+        self.ask_at(HUB, id, payload)
+    }
+
+    /// Asks the hub, which has this address.
+    pub(crate) fn ask_at(&mut self, address: u8, id: u16, payload: &[u8]) -> Answer {
         self.number = self.number.wrapping_add(1);
-        let replies = self.send(&frame_to(HUB, self.number, id, payload));
+        let replies = self.send(&frame_to(address, self.number, id, payload));
         let [reply] = replies.as_slice() else { panic!("{id:#06x} {payload:x?}: {replies:x?}") };
         let packet = decode(reply);
-        assert_eq!((packet.destination, packet.source, packet.reference), (0, HUB, self.number));
+        assert_eq!((packet.destination, packet.source, packet.reference), (0, address, self.number));
         match packet.id {
             0x7F01 => Answer::Ack(packet.payload[0]),
             0x7F02 => Answer::Nack(packet.payload[0]),

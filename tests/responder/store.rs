@@ -9,8 +9,8 @@ use motor_hub::extension::{FIRST_FUNCTION, Request};
 use motor_hub::hub::Command;
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, Setpoint, Settings, ThermalLimit, ZeroPower};
-use motor_hub::protocol::Packet;
 use motor_hub::protocol::payload::{Field, Fields};
+use motor_hub::protocol::{self, Packet};
 use motor_hub::regulator::{Coefficients, Dynamics};
 use motor_hub::store::{Found, Outcome, SettingsRecord, StoreRequest, Stored};
 use motor_hub::units::{
@@ -430,6 +430,62 @@ fn a_new_address_is_stored_alone() {
     assert_eq!(powered_on(found(&record)).responder.address().get(), 9);
     // The address is stored only once.
     assert_eq!(host.responder.store_request(&host.snapshot), None);
+}
+
+#[test]
+fn an_address_that_is_set_back_while_it_is_written_is_the_address_after_a_restart() {
+    let mut host = empty();
+    host.ask(0x7F06, &[9]);
+    let written = order(&mut host).record.expect("a record with the new address");
+    host.ask_at(9, 0x7F06, &[HUB]);
+    host.responder.store_done(Some(found(&written)), Outcome::Done);
+    assert_eq!(powered_on(found(&carried_out(&mut host))).responder.address().get(), HUB);
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
+}
+
+#[test]
+fn a_save_without_room_does_not_drop_an_address_that_waits() {
+    // Entries of other firmware leave just enough room for a save, and then a host sets coefficients.
+    let mut record = SettingsRecord::new(1);
+    let mut host = loop {
+        record.push(0x4D55, &[7; 4]).expect("room");
+        let mut next = record.clone();
+        next.push(0x4D55, &[7; 4]).expect("room");
+        if powered_on(found(&next)).ask(SAVE, &[]) == Answer::Nack(64) {
+            break powered_on(found(&record));
+        }
+    };
+    host.ask(0x7F06, &[8]);
+    assert!(matches!(host.ask_at(8, SAVE, &[]), Answer::Ack(_)));
+    let coefficients: Vec<u8> =
+        [0x13_5F, 0x1A, 0x01].iter().flat_map(|one: &i32| one.to_le_bytes()).collect();
+    let set = host.ask_at(8, protocol::requests::FIRST_FUNCTION + 23, &[&[0, 2][..], &coefficients].concat());
+    assert!(matches!(set, Answer::Ack(_)), "{set:?}");
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
+    assert_eq!(powered_on(found(&carried_out(&mut host))).responder.address().get(), 8);
+}
+
+#[test]
+fn a_load_that_fails_changes_no_settings() {
+    let mut host = empty();
+    set_everything(&mut host);
+    let before = all(&mut host);
+    host.ask(LOAD, &[]);
+    order(&mut host);
+    host.responder.store_done(Some(Found::without_record(Stored::Nothing, 0)), Outcome::Refused);
+    assert_eq!(all(&mut host), before);
+}
+
+#[test]
+fn no_motor_is_enabled_until_a_load_has_ended() {
+    let mut host = empty();
+    host.do_all(&[(15, &[1, 0, 0x10])]);
+    host.ask(LOAD, &[]);
+    assert_eq!(host.call(10, &[1, 1]), Answer::Nack(61));
+    order(&mut host);
+    assert_eq!(host.call(10, &[1, 1]), Answer::Nack(61));
+    host.responder.store_done(None, Outcome::Refused);
+    assert!(matches!(host.call(10, &[1, 1]), Answer::Ack(_)));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Executes orders by requests to the hub. Values out of range are refused before anything is sent.
+//! Executes orders by requests to the hub. The values of an order are checked before a request changes the hub.
 
 use crate::frame::{configurable, settings_of};
 use crate::hub::{RequestError, channel, of_motor, within};
@@ -43,7 +43,9 @@ const UNDOABLE: usize = 20;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MotorMemory {
     undo: Vec<KeptSettings>,
-    /// Settings that the last identification proposes. The proposal is for a motor with the winding in these settings.
+    /// Settings that the last identification proposes, for a motor with the winding in these settings. `None` before an
+    /// identification. A set-up with a motor's name, an import, a load, a reset and a new connection delete the
+    /// proposal.
     pub(crate) proposed: Option<Settings>,
 }
 
@@ -57,14 +59,15 @@ impl MotorMemory {
     }
 }
 
-/// Executes orders.
+/// Executor of orders, with the state of each motor.
 #[derive(Debug, Default)]
 pub(crate) struct Executor {
     pub(crate) motors: [MotorMemory; CHANNELS],
 }
 
 impl Executor {
-    /// Executes an order. The relay executes orders about pages and identifications.
+    /// Executes an order about set-points, groups, settings, the record of faults, the LED or the simulated world. The
+    /// relay executes all other orders.
     pub(crate) fn execute(
         &mut self,
         session: &mut Session,
@@ -126,7 +129,8 @@ impl Executor {
         done
     }
 
-    /// Executes an order that changes settings of a motor. `settings` are those in force.
+    /// Executes an order that changes settings of a motor. `settings` are the settings before the
+    /// order.
     fn change_settings(
         &mut self,
         session: &mut Session,
@@ -148,7 +152,7 @@ impl Executor {
             PageRequest::SetUp { ref name, scheme, duty, .. } => {
                 let settings = set_up(settings, name.as_deref(), scheme, duty)?;
                 if name.is_some() {
-                    // The dynamics and the acceleration limit are those of another motor.
+                    // Dynamics and acceleration limit belong to the former motor, so they are not sent again.
                     session.set(motor, Group::SetUp, &settings)?;
                     self.of(motor)?.proposed = None;
                 } else {
@@ -166,7 +170,7 @@ impl Executor {
                     session.command(request)?;
                 }
             }
-            // Only this order remains of the orders that change settings.
+            // The order `Apply`. All other orders that change settings are handled above or by the caller.
             _ => {
                 let of_this_winding = |proposed: &Settings| proposed.winding == settings.motor.winding;
                 let proposed = self.of(motor)?.proposed.filter(of_this_winding);
@@ -180,13 +184,14 @@ impl Executor {
         Ok(())
     }
 
-    /// The state that the server keeps of a motor.
+    /// Returns the state that the server keeps of a motor.
     pub(crate) fn of(&mut self, motor: u8) -> Result<&mut MotorMemory, RequestError> {
         of_motor(&mut self.motors, motor)
     }
 
-    /// Puts the settings of a file in force: all of them, or none if the hub refuses one. An undo restores the previous
-    /// settings of a motor.
+    /// Puts the settings of a file in force. If the hub refuses a setting, the former settings of the motors are
+    /// restored. A later undo restores the former settings of a motor except its mode. An undo does not restore the
+    /// drive base.
     fn import(&mut self, session: &mut Session, text: &str) -> Result<(), RequestError> {
         let document = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
         let file = settings_file::read(document)?;
@@ -198,7 +203,7 @@ impl Executor {
         Ok(())
     }
 
-    /// Settings of a motor, as a message to pages.
+    /// Reads the settings of a motor from the hub, and returns these settings as JSON for pages.
     pub(crate) fn settings(&mut self, session: &mut Session, motor: u8) -> Result<Value, Error> {
         let settings = session.settings(motor)?;
         let [velocity, position] = [Loop::Velocity, Loop::Position].map(|of| session.coefficients(motor, of));
@@ -274,8 +279,9 @@ fn set_up(
     Ok(settings)
 }
 
-/// The requests that change settings of a motor by their names. A set-up deletes the settings of [`Group::Motion`],
-/// which are then sent again.
+/// Returns the requests that change settings of a motor, which `given` has by name. A set-up deletes the settings of
+/// [`Group::Motion`], so these settings are sent again. A set-up also deletes coefficients that a host has set. The
+/// caller restores these coefficients.
 fn configured(
     motor: u8,
     before: &MotorSettings,
@@ -294,10 +300,10 @@ fn configured(
                 None => field.get(before),
                 // `null` removes the value of an optional setting.
                 Some(Value::Null) if field.zero == Zero::NotConfigured => 0,
-                Some(Value::Null) => return Err(format!("{} is missing", field.name)),
+                Some(Value::Null) => return Err(format!("{} must have a value, not null", field.name)),
                 Some(value) => raw_of(field, value.as_str(), value.as_f64(), value)?,
             };
-            // A thermal limit needs time constants; for 0 the usual time constants are sent.
+            // A thermal limit needs time constants. A time constant that is not configured gets its usual value.
             Ok::<_, String>(Some(match (field.name, raw) {
                 ("thermal.winding_s", 0) => ThermalLimit::USUAL_WINDING_S.into(),
                 ("thermal.case_s", 0) => ThermalLimit::USUAL_CASE_S.into(),
@@ -347,7 +353,7 @@ fn begin_group(
     let first = *members.first().ok_or("a group needs at least one motor: enter a distance or a speed")?;
     let limit = acceleration_limit(acceleration)?;
     for &motor in &members {
-        // The motors brake with power 0 until the group moves.
+        // Each motor brakes with power 0 until the group moves, also a motor that turns already.
         session.brake(motor)?;
         session.enable(motor, true)?;
     }

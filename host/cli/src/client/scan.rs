@@ -41,7 +41,7 @@ pub(super) struct Options {
     json: bool,
 }
 
-/// A hub at a place.
+/// A hub that was found at a place.
 struct Found {
     address: u8,
     kind: &'static str,
@@ -102,8 +102,8 @@ struct Scanned {
 }
 
 impl Options {
-    /// Scans the places of the options and of `named`, the served hubs of this user and, without `--only`, the serial
-    /// ports.
+    /// Scans the places in `named`, the places of the options, and the served hubs of this user. Without `--only` also
+    /// scans the serial ports.
     pub(super) fn execute(
         &self,
         named: impl Iterator<Item = String>,
@@ -129,7 +129,7 @@ impl Options {
                 None => places.push(served),
             }
         }
-        // All places are asked at the same time, so that the scan takes no longer than the slowest place.
+        // All places are scanned at the same time, so that the scan takes no longer than the slowest place.
         let scanned: Vec<Scanned> = thread::scope(|scope| {
             let threads: Vec<_> =
                 places.iter().map(|place| scope.spawn(move || scan(place, timeout))).collect();
@@ -204,12 +204,13 @@ fn scan(Place { name, served, .. }: &Place, timeout: Duration) -> Scanned {
     Scanned { place: name.clone(), hubs: found.unwrap_or_default(), in_use, reason }
 }
 
-/// Returns a short text that says why a place has no hub in the table. Prints advice on standard error.
+/// Returns a short text that says why a place has no hub in the table. If the user has no permission to open the place,
+/// also prints advice on standard error.
 fn reason(place: &str, error: &OpenError) -> String {
     match error {
         OpenError::Hub(Error::NoHub) => "no answer".to_owned(),
         OpenError::Hub(error) if error.is_hung_up() => {
-            "closes the connection: check that no other host uses it".to_owned()
+            "the hub closes the connection: check that no other host uses the hub".to_owned()
         }
         error => {
             if matches!(error, OpenError::Denied) {
