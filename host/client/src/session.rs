@@ -8,6 +8,7 @@ use motor_hub::chain::ChainReport;
 use motor_hub::extension::{INTERFACE, Request};
 use motor_hub::protocol::answers::Functions;
 use motor_hub::protocol::payload::{Field, Fields};
+use motor_hub::protocol::pins::ToPin;
 use motor_hub::protocol::requests::{DISCOVERY, FAIL_SAFE, InterfaceName, Standard};
 use motor_hub::protocol::{Address, BROADCAST, Decoder, HOST, Nack, Packet, Reply, frame};
 use motor_hub::units::Micros;
@@ -16,12 +17,13 @@ use std::io::ErrorKind;
 use std::thread;
 use std::time::Duration;
 
-/// Number of transmissions of a request before the hub counts as silent.
+/// Number of transmissions of a request before the hub counts as silent. A write to an I2C device is sent once, because
+/// a device may act on each write.
 ///
 /// A hub may have executed a request whose answer was lost. The hub then executes the request a second time. In most
 /// cases the second execution has no effect, because no request changes a value by an amount. There are two exceptions:
-/// a second *reset encoder* of a turning motor sets the zero to the later position, and a second I2C transfer writes or
-/// reads the same bytes of the device again.
+/// a second *reset encoder* of a turning motor sets the zero to the later position, and a second I2C read reads the
+/// device again.
 ///
 /// The second answer may differ. For example, the first execution has cleared the status word already, or a save is
 /// running already.
@@ -331,14 +333,18 @@ impl Session {
         }
     }
 
-    /// Sends a request up to [`TRANSMISSIONS`] times until the hub answers. A refusal is an error.
+    /// Sends a request up to [`TRANSMISSIONS`] times until the hub answers. A refusal is an error. A write to an I2C
+    /// device is sent once.
     fn exchange(&mut self, request: &Request) -> Result<Reply, Error> {
         let (id, address) = (self.id(request)?, self.address);
         // The retransmitted packet is unchanged, so an answer to the first transmission is accepted if the answer
         // arrives after the second transmission.
         self.next_message_number();
-        for tried in 0..TRANSMISSIONS {
-            let end = Instant::now() + self.timeout / TRANSMISSIONS;
+        let is_i2c_write =
+            matches!(request, Request::ToPin(ToPin::WriteI2c { .. } | ToPin::WriteI2cByte { .. }));
+        let transmissions = if is_i2c_write { 1 } else { TRANSMISSIONS };
+        for tried in 0..transmissions {
+            let end = Instant::now() + self.timeout / transmissions;
             self.transmit(request, address, id)?;
             let answer = |packet: &Packet| Reply::read(packet, id).filter(|_| packet.source == address);
             let Some((_, reply)) = self.next(end, answer)? else { continue };
@@ -348,7 +354,11 @@ impl Session {
                 reply => Ok(reply),
             };
         }
-        Err(Error::Silent { address })
+        Err(if is_i2c_write {
+            Error::Unconfirmed { address, request: Box::new(request.clone()) }
+        } else {
+            Error::Silent { address }
+        })
     }
 
     /// Returns the packet type of a request. Each hub chooses the numbers of its functions, so the session asks each

@@ -11,14 +11,16 @@ use motor_hub::extension::group::GroupCourse;
 use motor_hub::extension::settings::{Group, MotorSettings, Values, Zero};
 use motor_hub::group::GroupCommand;
 use motor_hub::model::catalogue::characterised;
-use motor_hub::motor::{ThermalLimit, ZeroPower};
+use motor_hub::motor::{Settings, ThermalLimit, ZeroPower};
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, RunMode, Terms};
 use motor_hub::protocol::{CHANNELS, Colour};
-use motor_hub::regulator::{Dynamics, Kind};
+use motor_hub::regulator::Kind;
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::kept_settings::KeptSettings;
-use motor_hub_client::motor::{NO_CURRENT, SPEED_LIMITS_CPS, Setpoint, constant_current_ma};
+use motor_hub_client::motor::{
+    NO_CURRENT, NO_SPEED_LIMIT_CPS, SPEED_LIMITS_CPS, Setpoint, constant_current_ma,
+};
 use motor_hub_client::request_text::of_group;
 use motor_hub_client::{Error, Session};
 use serde_json::{Map, Value};
@@ -41,12 +43,10 @@ const UNDOABLE: usize = 20;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MotorMemory {
     undo: Vec<KeptSettings>,
-    /// Dynamics and acceleration limit that the last identification proposes. `None` before an identification. A set-up
-    /// with a motor's name, an import, a load, a reset and a new connection delete the proposal. An undo does not.
-    pub(crate) proposed: Option<(Dynamics, Option<Acceleration>)>,
-    /// Newest dynamics that the motor had before a change of its settings. A change to the model configures these
-    /// dynamics again if the motor has neither dynamics nor a proposal.
-    known: Option<Dynamics>,
+    /// Settings that the last identification proposes, for a motor with the winding in these settings. `None` before an
+    /// identification. A set-up with a motor's name, an import, a load, a reset and a new connection delete the
+    /// proposal.
+    pub(crate) proposed: Option<Settings>,
 }
 
 impl MotorMemory {
@@ -110,9 +110,13 @@ impl Executor {
             return Ok(());
         }
         let before = session.keep_settings(motor)?;
-        let of = self.of(motor)?;
-        of.known = before.settings.motor.dynamics.or(of.known);
-        let done = self.change_settings(session, motor, order, before.settings);
+        // These orders send a set-up of the same motor, with which the hub deletes the coefficients.
+        let keeps_pid =
+            matches!(order, PageRequest::SetUp { name: None, .. } | PageRequest::Configure { .. });
+        let mut done = self.change_settings(session, motor, order, before.settings);
+        if keeps_pid && done.is_ok() {
+            done = session.restore_coefficients(motor, &before).map_err(RequestError::from);
+        }
         let changed = match done {
             Ok(()) => true,
             // The hub may have accepted the first requests of a refused order.
@@ -139,12 +143,8 @@ impl Executor {
                 let pidf = coefficients(pidf)?;
                 session.set_coefficients(motor, of, pidf)?;
             }
-            PageRequest::Regulator { kind: Kind::Model, .. } => {
-                let of = self.of(motor)?;
-                let proposed = of.proposed.map(|(dynamics, _)| dynamics);
-                settings.motor.dynamics = settings.motor.dynamics.or(proposed).or(of.known);
-                session.set_up(motor, &settings)?;
-            }
+            // The hub deletes the coefficients, so the model regulates the motor.
+            PageRequest::Regulator { kind: Kind::Model, .. } => session.set_up(motor, &settings)?,
             PageRequest::Regulator { kind: Kind::Pid, .. } => {
                 let pidf = session.coefficients(motor, Loop::Velocity)?;
                 session.set_coefficients(motor, Loop::Velocity, pidf)?;
@@ -154,8 +154,7 @@ impl Executor {
                 if name.is_some() {
                     // Dynamics and acceleration limit belong to the former motor, so they are not sent again.
                     session.set(motor, Group::SetUp, &settings)?;
-                    let of = self.of(motor)?;
-                    (of.proposed, of.known) = (None, None);
+                    self.of(motor)?.proposed = None;
                 } else {
                     session.set_up(motor, &settings)?;
                 }
@@ -173,10 +172,12 @@ impl Executor {
             }
             // The order `Apply`. All other orders that change settings are handled above or by the caller.
             _ => {
-                let proposed = self.of(motor)?.proposed;
-                let (dynamics, acceleration) =
-                    proposed.ok_or("this motor was not identified yet: run Identify first")?;
-                (settings.motor.dynamics, settings.motor.acceleration) = (Some(dynamics), acceleration);
+                let of_this_winding = |proposed: &Settings| proposed.winding == settings.motor.winding;
+                let proposed = self.of(motor)?.proposed.filter(of_this_winding);
+                let Settings { dynamics, acceleration, .. } = proposed.ok_or(
+                    "with its present constants this motor was not identified yet: run Identify first",
+                )?;
+                (settings.motor.dynamics, settings.motor.acceleration) = (dynamics, acceleration);
                 session.set_up(motor, &settings)?;
             }
         }
@@ -197,7 +198,7 @@ impl Executor {
         for (motor, kept) in session.apply_settings(file.motors, file.base)? {
             let of = self.of(motor)?;
             of.keep(kept);
-            (of.proposed, of.known) = (None, None);
+            of.proposed = None;
         }
         Ok(())
     }
@@ -222,8 +223,8 @@ fn setpoint(mode: RunMode, value: f64, speed: Option<f64>, tolerance: u16) -> Re
         RunMode::Velocity => Setpoint::Velocity(cps(value)?),
         RunMode::Position => {
             let counts = within("a position", value, i32::MIN.into()..=i32::MAX.into(), "counts")?.round();
-            let speed_limit = cps(speed.unwrap_or(USUAL_SPEED))?;
-            Setpoint::Position { counts: counts as i32, tolerance, speed_limit }
+            let speed_limit = speed_limit(speed.unwrap_or(USUAL_SPEED))?;
+            Setpoint::Position { counts: counts as i32, tolerance, speed_limit: speed_limit as i16 }
         }
     })
 }
@@ -232,13 +233,17 @@ fn setpoint(mode: RunMode, value: f64, speed: Option<f64>, tolerance: u16) -> Re
 /// can then enable the motor.
 fn current(session: &mut Session, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), RequestError> {
     let ma = constant_current_ma(amperes).map_err(|error| error.to_string())?;
-    let [least, most] = [SPEED_LIMITS_CPS.start(), SPEED_LIMITS_CPS.end()].map(|cps| f64::from(*cps));
-    let limit = within("a speed limit", speed.unwrap_or(most), least..=most, "counts/s")?;
+    let speed_limit = speed_limit(speed.unwrap_or(NO_SPEED_LIMIT_CPS.into()))?;
     if session.report()?.is_none() {
         return Err(NO_CURRENT.into());
     }
-    let setpoint = Setpoint::Current { ma, speed_limit: limit.round() as u16 };
+    let setpoint = Setpoint::Current { ma, speed_limit };
     Ok(session.set_setpoint(motor, setpoint, ZeroPower::Brake)?)
+}
+
+fn speed_limit(value: f64) -> Result<u16, RequestError> {
+    let [least, most] = [SPEED_LIMITS_CPS.start(), SPEED_LIMITS_CPS.end()].map(|cps| f64::from(*cps));
+    Ok(within("a speed limit", value, least..=most, "counts/s")?.round() as u16)
 }
 
 fn cps(value: f64) -> Result<i16, RequestError> {
@@ -275,8 +280,8 @@ fn set_up(
 }
 
 /// Returns the requests that change settings of a motor, which `given` has by name. A set-up deletes the settings of
-/// [`Group::Motion`], so these settings are sent again. A set-up also deletes coefficients that a host has set. These
-/// coefficients are not sent again, so the model then regulates the motor.
+/// [`Group::Motion`], so these settings are sent again. A set-up also deletes coefficients that a host has set. The
+/// caller restores these coefficients.
 fn configured(
     motor: u8,
     before: &MotorSettings,

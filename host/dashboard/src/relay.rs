@@ -233,6 +233,9 @@ impl Relay {
             PageRequest::Import { .. } if self.frame.motors.iter().any(|motor| motor.enabled) => {
                 Err("a motor is enabled: disable all motors by STOP, then import the file again".into())
             }
+            PageRequest::Identify { .. } if let Some(Identification { motor, .. }) = self.identification => {
+                Err(format!("motor {motor} is being identified: wait for its end, or press STOP").into())
+            }
             PageRequest::Identify { motor, travel } => {
                 let begun = channel(motor).and_then(|motor| Identification::begin(session, motor, travel));
                 begun.map(|identification| self.identification = Some(identification))
@@ -337,6 +340,9 @@ impl Relay {
         let Some(session) = &mut self.session else { return Ok(()) };
         let address = u8::try_from(new).ok().and_then(Address::new);
         let address = address.ok_or_else(|| format!("an address is {new}; allowed is 1 to 254"))?;
+        if self.chain.has_other(address.get()) {
+            return Err(format!("another hub of the chain has address {new}: choose another address").into());
+        }
         session.set_address(address)?;
         self.chain.rename(address.get());
         let kept = match session.stored_if_reported()? {
@@ -480,6 +486,14 @@ impl Relay {
         let Some(session) = &mut self.session else { return Ok(false) };
         let number = self.frame.number;
         if let Some(report) = session.report()? {
+            // The time of a report wraps after 49 days.
+            if report.at_ms.wrapping_sub(self.frame.tick_ms) > u32::MAX / 2 {
+                self.playing = None;
+                self.query_hub()?;
+                let text =
+                    "the hub was reset: its motors are disabled, and settings that were not stored are lost";
+                self.send_notice(text.to_owned(), true);
+            }
             self.frame = Frame { number, ..Frame::of(&report) };
             return Ok(true);
         }
@@ -515,6 +529,7 @@ impl Relay {
         let has = session.equipment()?.map(has);
         self.looked_at = Instant::now();
         self.frame.motors.clear();
+        self.frame.tick_ms = 0;
         (self.executor, self.devices) = Default::default();
         self.settings.clear();
         self.send_line(Message::Line { connected: true, why: String::new(), reports, stores, has });
@@ -608,22 +623,28 @@ impl Relay {
         if matches!(result, Ok(None)) {
             return Ok(());
         }
-        let done = match saving.what {
-            HubFunction::Load => "the stored settings are in force",
-            HubFunction::Reset => "the firmware's settings are in force and stored",
-            _ => "settings are saved",
+        let (which, verb, done) = match saving.what {
+            HubFunction::Load => ("the stored settings", "loaded", "the stored settings are in force"),
+            HubFunction::Reset => {
+                ("the stored settings", "reset", "the firmware's settings are in force and stored")
+            }
+            _ => ("settings", "saved", "settings are saved"),
         };
-        let changed = !matches!(saving.what, HubFunction::Save);
+        let is_save = matches!(saving.what, HubFunction::Save);
         self.saving = None;
-        let text = match result.map(|report| report.as_ref().and_then(why_unsaved)) {
-            Ok(None) => done.to_owned(),
-            Ok(Some(why)) => format!("settings are not saved: {why}"),
-            Err(why) => format!("whether settings are saved is unknown: {why}"),
-        };
-        if changed {
-            self.executor.motors = Default::default();
+        let failure = result.map(|report| report.as_ref().and_then(why_unsaved));
+        if !is_save {
+            if failure == Ok(None) {
+                self.executor.motors = Default::default();
+            }
+            // A reset that has failed has changed the settings in force, but not the stored settings.
             self.send_all_settings();
         }
+        let text = match failure {
+            Ok(None) => done.to_owned(),
+            Ok(Some(why)) => format!("{which} are not {verb}: {why}"),
+            Err(why) => format!("whether {which} are {verb} is unknown: {why}"),
+        };
         self.send_notice(text, false);
         Ok(())
     }

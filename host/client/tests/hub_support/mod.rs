@@ -3,8 +3,8 @@
 
 use motor_hub::braking::Winding;
 use motor_hub::extension::{HubFunction, INTERFACE};
-use motor_hub::hub::Snapshot;
-use motor_hub::motor::Settings;
+use motor_hub::hub::{Command, Snapshot};
+use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::protocol::requests::{FIRST_FUNCTION, MOTOR_INTERFACE};
 use motor_hub::protocol::{Address, BROADCAST, Decoder, Packet, Reply, frame};
 use motor_hub::responder::Responder;
@@ -26,6 +26,8 @@ pub(crate) type LosesReply = Box<dyn FnMut(&Packet) -> bool + Send>;
 pub(crate) struct Hub {
     pub(crate) responder: Responder<4>,
     pub(crate) snapshot: Snapshot<4>,
+    /// Set-points that the motors have received, with the number of the motor, oldest first.
+    pub(crate) setpoints: Arc<Mutex<Vec<(usize, Setpoint)>>>,
     /// Motors that were enabled at least once.
     pub(crate) was_enabled: [bool; 4],
     /// Returns the bytes that are sent before a reply. The argument is the frame of the reply.
@@ -62,6 +64,7 @@ impl Hub {
         Self {
             responder: responder(),
             snapshot: Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL },
+            setpoints: Arc::default(),
             was_enabled: [false; 4],
             before: |_| Vec::new(),
             delay: Duration::ZERO,
@@ -127,7 +130,10 @@ impl Hub {
                 let found = Found { stored: Stored::Whole, version: VERSION, record };
                 self.responder.store_done(Some(found), store::Outcome::Done);
             }
-            while self.responder.pending().is_some() {
+            while let Some(command) = self.responder.pending() {
+                if let Command::Set { motor, setpoint } = command {
+                    self.setpoints.lock().unwrap().push((motor, setpoint));
+                }
                 self.snapshot.commands += 1;
                 self.responder.sent(self.snapshot.commands);
             }
