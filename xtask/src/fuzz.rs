@@ -19,10 +19,10 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
         cargo(&["install", "--locked", "--quiet", "cargo-fuzz"])?;
     }
     let folder = root().join("fuzz/fuzz_targets");
-    let targets = fs::read_dir(&folder).map_err(|error| Failed::at(&folder, error))?.flatten();
-    let targets =
-        targets.map(|target| target.path().file_stem().unwrap_or_default().to_string_lossy().into_owned());
-    let targets: Vec<String> = targets.collect();
+    let files = fs::read_dir(&folder).map_err(|error| Failed::at(&folder, error))?.flatten();
+    let name =
+        |file: fs::DirEntry| file.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let targets: Vec<String> = files.map(name).collect();
     run(&mut fuzz(&["build"]))?;
     // Each target is one process on one core, so all run at the same time.
     thread::scope(|scope| {
