@@ -58,8 +58,9 @@ pub enum Command {
     },
     /// Moves a group.
     ///
-    /// If a group with exactly these members is moving already, its references continue on the new course without a
-    /// jump. Otherwise the members leave their other groups and form a new group.
+    /// If a group with exactly these members is moving already, the group takes the new course, and its references do
+    /// not jump. Otherwise the members leave their old groups and form a new group. The new group starts when all
+    /// members have a fresh encoder reading.
     MoveGroup(GroupCommand),
     /// Configures the drive base. The base starts at the origin, and both wheels leave their groups. `None` removes the
     /// drive base.
@@ -81,11 +82,11 @@ pub struct Snapshot<const N: usize> {
     pub commands: u32,
     /// Battery voltage. `None` without a [fresh](Battery::is_fresh) state of the battery.
     pub battery: Option<Millivolts>,
-    /// Stage of the limit on the current that motors draw from the supply. [`DrawStage::Cutoff`] without a fresh state of
-    /// the battery.
+    /// Stage of the limit on the current that motors draw from the supply. [`DrawStage::Cutoff`] without a fresh state
+    /// of the battery. Before the first tick the stage is [`DrawStage::Full`].
     pub draw_stage: DrawStage,
     /// Strength with which braking motors dissipate their energy, as a share of full strength. [`Share::NONE`] while
-    /// the supply takes the energy.
+    /// the supply takes the energy, and without a fresh state of the battery.
     pub dissipate: Share,
     /// Energy that braking motors have returned to the bus since boot. The hub computes the energy from motor constants
     /// and bridge commands.
@@ -99,7 +100,7 @@ pub struct Snapshot<const N: usize> {
 }
 
 impl Command {
-    /// True if the command is *direct*: a motor can execute the command between two ticks, because no regulator is
+    /// True if the command is *direct*: a motor can execute the command between two ticks, because no encoder is
     /// needed. Direct commands disable a motor, start its fail-safe, or set constant power.
     pub const fn is_direct(&self) -> bool {
         matches!(self, Self::Set { setpoint, .. } if setpoint.is_direct())
@@ -152,16 +153,17 @@ impl<const N: usize> Snapshot<N> {
 
 /// N motors, each alone or in a group.
 ///
-/// A member leaves its group when it gets its own set-point, joins another group, or has a fault. The other members
-/// then halt according to [`GroupCommand::halt`]. One exception: if a member of a moving group is disabled or enters
-/// fail-safe, all other members are disabled.
+/// A member leaves its group when it gets its own set-point, joins another group, or has a fault. The wheels of a newly
+/// configured drive base also leave their groups. The other members then halt according to [`GroupCommand::halt`]. One
+/// exception: if a member of a moving group is disabled or enters fail-safe, all other members are disabled. A group
+/// that waits to start is discarded when a member leaves.
 #[derive(Clone, Debug)]
 pub struct Hub<const N: usize> {
     motors: [Motor; N],
     groups: Groups<N>,
     /// The drive base. `None` until a base is configured.
     base: Option<Base>,
-    /// Newest reading of the gyro.
+    /// Newest reading of the gyro. `None` without a gyro that works.
     gyro: Option<GyroReading>,
     period: Period,
     tick: u32,
@@ -210,8 +212,8 @@ impl<const N: usize> Hub<N> {
     /// command can take effect earlier, at the next [`execute_direct`](Self::execute_direct).
     ///
     /// # Errors
-    /// [`RangeError::Motor`] if a motor of the command does not exist, or if a group has no members.
-    /// [`Snapshot::commands`] also counts refused commands.
+    /// [`RangeError::Motor`] if a motor of the command does not exist, if a group has no members, or if one motor would
+    /// drive both wheels of the drive base. [`Snapshot::commands`] also counts refused commands.
     pub fn apply(&mut self, command: Command) -> Result<(), RangeError> {
         self.commands = self.commands.wrapping_add(1);
         let Self { motors, groups, .. } = self;
@@ -240,8 +242,8 @@ impl<const N: usize> Hub<N> {
         Ok(())
     }
 
-    /// Executes the applied [direct](Command::is_direct) commands, between two ticks. Returns the commands of all bridges
-    /// if one of them has changed, otherwise `None`.
+    /// Executes the applied [direct](Command::is_direct) commands, between two ticks. Returns the commands of all
+    /// bridges if the command of a bridge has changed, otherwise `None`.
     pub fn execute_direct(&mut self, now: Micros, battery: Option<Battery>) -> Option<[Drive; N]> {
         let battery = battery.filter(|battery| battery.is_fresh(now));
         self.update_energy(now);
@@ -301,8 +303,8 @@ impl<const N: usize> Hub<N> {
         self.limit_supply(&battery, battery.at).then(|| self.motors.each_ref().map(Motor::drive))
     }
 
-    /// True if the limits have changed, or if braking motors must dissipate energy. A braking motor that dissipates
-    /// energy applies one burn pulse for each new state of the bus.
+    /// True if the limits have changed, or if braking motors must dissipate energy. At each new state of the bus, the
+    /// burn pulse of each motor that dissipates energy continues or changes.
     fn needs_limits(&self, battery: &Battery) -> bool {
         (self.draw, self.dissipate) != (battery.draw, battery.dissipate) || battery.dissipate != Share::NONE
     }
@@ -337,8 +339,9 @@ impl<const N: usize> Hub<N> {
         self.dissipated = self.dissipated.plus(microjoules(dissipated_watts));
     }
 
-    /// Runs one tick of all motors at the time `now`, and returns the state after the tick. The newest readings of the
-    /// encoders and the newest state of the battery may have any age. They are `None` before the first one.
+    /// Runs one tick of all motors at the time `now`, and returns the state after the tick. `readings` are the newest
+    /// readings of the encoders, and `battery` is the newest state of the battery. Both may have any age. A reading is
+    /// `None` before the encoder's first reading, and `battery` is `None` while no state is known.
     pub fn step(
         &mut self,
         now: Micros,
@@ -374,7 +377,8 @@ impl<const N: usize> Hub<N> {
         }
     }
 
-    /// Updates the odometry of the drive base. A wheel without a fresh reading counts as standing still.
+    /// Updates the odometry of the drive base. A wheel without a fresh reading keeps the position that it had at the
+    /// last tick with a fresh reading.
     fn step_base(&mut self, now: Micros, readings: &[Option<Reading>; N]) {
         let Some(base) = &mut self.base else { return };
         let mut positions =

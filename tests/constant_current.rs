@@ -3,6 +3,7 @@
 mod common;
 
 use common::{BATTERY, BRIDGE, Bench, free_cps, inertia, plant, unknown, velocity};
+use motor_hub::braking::Scheme;
 use motor_hub::bridge::Drive;
 use motor_hub::hub::{Command, Hub};
 use motor_hub::model::catalogue::{self, Motor};
@@ -12,7 +13,7 @@ use motor_hub::motion::{Pidf, Reading};
 use motor_hub::motor::{Report, Setpoint, Settings};
 use motor_hub::regulator::Coefficients;
 use motor_hub::supply::{Limits, Supply};
-use motor_hub::units::{Coefficient, CountsPerSecond, Micros, Milliamperes, Millivolts, Period};
+use motor_hub::units::{Coefficient, Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period};
 use std::f64::consts::TAU;
 use std::num::NonZeroU16;
 
@@ -110,6 +111,20 @@ fn a_stalled_motor_keeps_its_current_limit_and_says_so() {
                 bench.report()
             );
         }
+    }
+}
+
+#[test]
+fn a_motor_that_must_brake_brakes_with_its_current_limit_in_every_scheme() {
+    let motor = neverest_60();
+    for scheme in [Scheme::A, Scheme::B, Scheme::C, Scheme::ForwardReverse] {
+        let settings = Settings { scheme, current_limit: NonZeroU16::new(800), ..unknown(&motor) };
+        let mut bench = Bench::one(settings, plant(motor, inertia(HEAVY)), 10);
+        bench.place(0, 0.5, 0.4 * free_cps(&motor));
+        bench.set(0, Setpoint::ConstantPower(Control::ZERO));
+        bench.run_ms(200);
+        let [amperes] = bench.run_ms(200);
+        assert!((amperes + 0.8).abs() < 0.05, "{scheme:?}: {amperes} A {:?}", bench.report());
     }
 }
 

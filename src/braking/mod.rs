@@ -9,11 +9,11 @@
 //!     |--- reverse, 6/2 ---|--- braking, 5/0 ---|--- forward, 9/8 ---|
 //! ```
 //!
-//! * A *control value* is a number from -32767 to 32767. The output of a PID loop and the reports of a motor are
-//!   control values.
+//! * A *control value* is a number from -32767 to 32767. The output of a PID loop is a
+//!   control value. A motor's report also gives the command as a control value.
 //! * A [`Scheme`] maps control values to voltages. The scheme's [`Points`] are the control values of the voltages S, T,
 //!   Z and G.
-//! * The [`Location`] of a control value is its regime, and how far it lies within the regime. A [`DutyRule`] maps the
+//! * The [`Location`] of a control value is its regime, and the fraction of the regime. A [`DutyRule`] maps the
 //!   location to a duty.
 //! * A [`Modulator`] has both maps for one motor, and their inverses.
 //!
@@ -97,17 +97,24 @@ impl Modulator {
         Self { scheme, rule, current: LinearCurrent::new(winding, bridge) }
     }
 
-    /// The command that applies a voltage, by the formulas of [`DutyRule::LinearCurrent`] whatever the rule. If the
-    /// bridge cannot apply the voltage, the command applies the nearest voltage that the bridge can apply.
-    ///
+    /// Returns the command that applies a requested voltage, as [`limited`](Self::limited) does with one difference:
     /// [`Scheme::ForwardReverse`] has no braking regime. With this scheme the bridge opens for a voltage between 0 and
-    /// the back EMF. For the voltage 0 the bridge brakes fully, as with any other scheme.
+    /// the back EMF.
     pub fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
         let volts = clockwise_volts(at, voltage);
-        let (regime, w) = points::current(volts, at);
+        let (regime, _) = points::current(volts, at);
         let opens = matches!(self.scheme, Scheme::ForwardReverse) && regime == Regime::Braking && volts > 0.0;
-        let duty = self.current.duty(regime, at, if opens { 0.0 } else { w });
-        self.in_regime(at, regime, duty)
+        if opens { self.in_regime(at, regime, Duty::ZERO) } else { self.limited(at, voltage) }
+    }
+
+    /// Returns the command that applies a voltage, with every scheme. The formulas are those of
+    /// [`DutyRule::LinearCurrent`], with either rule. A voltage out of the bridge's range gives the nearest voltage in
+    /// the range. If the bridge's timing does not permit the duty, the command has the nearest permitted duty.
+    ///
+    /// The voltage 0 brakes a turning motor fully, and opens the bridge if the back EMF is 0.
+    pub fn limited(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
+        let (regime, w) = points::current(clockwise_volts(at, voltage), at);
+        self.in_regime(at, regime, self.current.duty(regime, at, w))
     }
 
     /// Computes the voltage that a command applies: the inverse of [`for_voltage`](Self::for_voltage).
@@ -115,7 +122,7 @@ impl Modulator {
         self.in_regime(at, at.regime(drive), drive.duty)
     }
 
-    /// The command with this duty of a regime.
+    /// Returns the command with this duty in a regime, and the voltage that the command applies.
     fn in_regime(&self, at: OperatingPoint, regime: Regime, duty: Duty) -> Modulation {
         let (emf, _) = at.volts();
         let current = self.current.current(regime, at, duty);
@@ -124,7 +131,7 @@ impl Modulator {
         Modulation { drive: at.drive(regime, duty), voltage }
     }
 
-    /// The command for a control value, by the scheme and the duty rule.
+    /// Returns the command for a control value, by the scheme and the duty rule.
     pub fn for_control(&self, at: OperatingPoint, control: Control) -> Modulation {
         match self.rule {
             DutyRule::LinearDuty => self.with_feasible_duty(at, linear_duty(self.scheme, at, control)),
@@ -134,8 +141,9 @@ impl Modulator {
         }
     }
 
-    /// The command for open-loop power: mode 9/8 for positive and 6/2 for negative power, in every scheme. The duty is
-    /// `|power| / 32767`, or the nearest duty that the bridge's timing permits. Power 0 opens the bridge.
+    /// Returns the command for open-loop power. Positive power uses mode 9/8, and negative power mode 6/2, in every
+    /// scheme. The duty is `|power| / 32767`, or the nearest duty that the bridge's timing permits. Power 0 opens the
+    /// bridge.
     pub fn open_loop(&self, at: OperatingPoint, power: Control) -> Modulation {
         self.with_feasible_duty(at, linear_duty(Scheme::ForwardReverse, at, power))
     }
@@ -145,7 +153,7 @@ impl Modulator {
         self.modulation(at, Drive { duty: self.current.feasible(drive.duty), ..drive })
     }
 
-    /// The control value for a voltage. A voltage beyond the scheme's range gives the nearest control value.
+    /// Returns the control value for a voltage. A voltage beyond the scheme's range gives the nearest control value.
     pub fn control(&self, at: OperatingPoint, voltage: Voltage) -> Control {
         let (regime, w) = points::current(clockwise_volts(at, voltage), at);
         let share = match self.rule {
@@ -155,8 +163,8 @@ impl Modulator {
         clockwise(at, points::control(&Points::new(self.scheme, at), regime, share))
     }
 
-    /// Largest mean current in forward driving that is [discontinuous](mod@linear_current), as a voltage beyond the
-    /// back EMF, in V. 0 if no current is discontinuous.
+    /// Returns the largest mean current in forward driving that is [discontinuous](mod@linear_current), as a voltage
+    /// beyond the back EMF, in V. The result is 0 if no current is discontinuous.
     pub fn discontinuous_volts(&self, at: OperatingPoint) -> f32 {
         self.current.boundary(at)
     }
@@ -173,13 +181,13 @@ const fn clockwise(at: OperatingPoint, control: Control) -> Control {
     if at.counter_clockwise() { control.reversed() } else { control }
 }
 
-/// The command for a control value by [`DutyRule::LinearDuty`] (paper, section 1.3).
+/// Returns the command for a control value by [`DutyRule::LinearDuty`] (paper, section 1.3).
 pub const fn linear_duty(scheme: Scheme, at: OperatingPoint, control: Control) -> Drive {
     let Location { regime, fraction } = Points::new(scheme, at).locate(clockwise(at, control));
     at.drive(regime, fraction.to_duty())
 }
 
-/// The command for a control value by [`DutyRule::LinearCurrent`].
+/// Returns the command for a control value by [`DutyRule::LinearCurrent`].
 pub fn linear_current(
     current: &LinearCurrent,
     scheme: Scheme,

@@ -14,7 +14,16 @@
 //! ```
 //!
 //! The fields of a group are applied in the order of the table, and a field may depend on fields before it. For
-//! example, `blend` has an effect only if `scheme` is `D`. A later firmware may add fields at the end of a group.
+//! example, `blend` has an effect only if `scheme` is `D`.
+//!
+//! A later version may add fields at the end of a group. Such a field states the version that added it. Requests of
+//! older hosts, stored records, and settings files of older versions may lack the field:
+//!
+//! | a field is missing in | value of the setting |
+//! |---|---|
+//! | a host's request | the present value |
+//! | a stored entry | the value that the firmware was built with |
+//! | a hub's answer, or a settings file | the default: the value in [`Settings::for_scheme`] |
 //!
 //! The extension has requests for some groups, and REV's protocol has requests for the others.
 //!
@@ -179,7 +188,7 @@ impl Group {
     }
 
     /// Returns the loop whose coefficients are in the group. `None` for a group without coefficients.
-    const fn loop_of(self) -> Option<Loop> {
+    pub const fn loop_of(self) -> Option<Loop> {
         match self {
             Self::VelocityLoop => Some(Loop::Velocity),
             Self::PositionLoop => Some(Loop::Position),
@@ -196,13 +205,13 @@ impl Group {
         }
     }
 
-    /// True if the hub must store the group. False for coefficients and for a current limit if they are not configured.
-    pub const fn is_configured(self, settings: &MotorSettings) -> bool {
-        match self {
-            Self::VelocityLoop | Self::PositionLoop => settings.motor.coefficients.is_some(),
-            Self::CurrentLimit => settings.motor.current_limit.is_some(),
-            _ => true,
+    /// True if the hub must store the group. False for coefficients that are not configured, and for a group whose
+    /// fields may all be not configured, if none of them is configured.
+    pub fn is_configured(self, settings: &MotorSettings) -> bool {
+        if self.loop_of().is_some() {
+            return settings.motor.coefficients.is_some();
         }
+        self.fields().iter().any(|field| field.zero != Zero::NotConfigured || field.get(settings) != 0)
     }
 
     /// Returns the fields of the group, in the order in which they are sent and applied.
@@ -231,10 +240,16 @@ pub struct Field {
     pub form: Form,
     /// Meaning of the raw value 0.
     pub zero: Zero,
+    /// Version that added the field to its group. `None` if the field is as old as its group.
+    pub since: Option<&'static str>,
+    /// Help of the option of `client setup` that sets the field. `None` if the field has no option of its own. Images
+    /// of a board lack the help, to save flash.
+    #[cfg(not(target_os = "none"))]
+    pub option: Option<&'static str>,
     /// Size of the raw value in a packet, in bytes.
-    size: usize,
+    pub size: usize,
     /// True if the raw value in a packet is signed.
-    signed: bool,
+    pub signed: bool,
     /// Smallest raw value in a packet.
     least: i64,
     /// Largest raw value in a packet.
@@ -277,6 +292,11 @@ impl Field {
         (self.get)(settings)
     }
 
+    /// Sets a raw value that is in range. `None` if the settings cannot have the value.
+    pub fn set(&self, settings: &mut MotorSettings, raw: i64) -> Option<()> {
+        (self.set)(settings, raw)
+    }
+
     /// Converts a raw value to its word. `None` if the field is a number, or if the raw value is beyond the last word.
     pub fn word_of(&self, raw: i64) -> Option<&'static str> {
         match self.form {
@@ -317,16 +337,19 @@ impl Field {
         if self.zero == Zero::Value { self.least } else { self.least.max(1) }
     }
 
-    /// Reads a raw value from a packet.
+    /// Reads a raw value from a packet. `None` if the packet ends before a field that a later version has added.
     ///
     /// # Errors
-    /// Returns [`Nack::parameter`] if the field is missing or out of range.
-    fn read(&self, fields: &mut Fields<'_>) -> Result<i64, Nack> {
+    /// Returns [`Nack::parameter`] if any other field is missing, or if the field is out of range.
+    fn read(&self, fields: &mut Fields<'_>) -> Result<Option<i64>, Nack> {
+        if self.since.is_some() && fields.is_empty() {
+            return Ok(None);
+        }
         let index = fields.index();
         let bytes = fields.slice(self.size)?;
         let raw = bytes.iter().rev().fold(0, |raw: i64, byte| raw << 8 | i64::from(*byte));
         let raw = if self.signed { i64::from(raw as i32) } else { raw };
-        if (self.least..=self.most).contains(&raw) { Ok(raw) } else { Err(Nack::parameter(index)) }
+        if (self.least..=self.most).contains(&raw) { Ok(Some(raw)) } else { Err(Nack::parameter(index)) }
     }
 
     /// Appends a raw value to a packet. The value must be in range.
@@ -338,33 +361,35 @@ impl Field {
 }
 
 /// Largest number of fields of a group.
-const MOST_FIELDS: usize = 6;
-
-const _: () = {
-    let mut groups = Group::ALL.as_slice();
+const MOST_FIELDS: usize = {
+    let (mut most, mut groups) = (0, Group::ALL.as_slice());
     while let [group, rest @ ..] = groups {
-        assert!(group.fields().len() <= MOST_FIELDS, "a group has more than MOST_FIELDS fields");
+        most = if group.fields().len() > most { group.fields().len() } else { most };
         groups = rest;
     }
+    most
 };
 
-/// Raw values of all fields of one group.
+/// Raw values of the fields of one group. A field may have no value, and then keeps its setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Values {
     group: Group,
-    /// Raw values in the order of the fields, each in the range of its field. Unused elements are 0.
-    raw: [i64; MOST_FIELDS],
+    /// Raw values in the order of the fields, each in the range of its field. `None` for a field without a value.
+    raw: [Option<i64>; MOST_FIELDS],
 }
 
 impl Values {
     /// Collects the raw values that `value` returns for the fields. `value` must return values in the range of the
-    /// field.
+    /// field, or `None` for a field that keeps its setting.
     ///
     /// # Errors
     /// Returns the first error of `value`.
-    pub fn collect<E>(group: Group, mut value: impl FnMut(&Field) -> Result<i64, E>) -> Result<Self, E> {
-        let mut raw = [0; MOST_FIELDS];
+    pub fn collect<E>(
+        group: Group,
+        mut value: impl FnMut(&Field) -> Result<Option<i64>, E>,
+    ) -> Result<Self, E> {
+        let mut raw = [None; MOST_FIELDS];
         for (slot, field) in raw.iter_mut().zip(group.fields()) {
             *slot = value(field)?;
         }
@@ -373,15 +398,16 @@ impl Values {
 
     /// Returns the values of a group in these settings.
     pub fn of(group: Group, settings: &MotorSettings) -> Self {
-        let Ok(values) = Self::collect(group, |field| Ok::<_, Infallible>(field.get(settings)));
+        let Ok(values) = Self::collect(group, |field| Ok::<_, Infallible>(Some(field.get(settings))));
         values
     }
 
     /// Reads the values of a group from a payload. The number of the motor and the code of the loop must have been
-    /// read.
+    /// read. The payload may end before a field that a later version has added.
     ///
     /// # Errors
-    /// Refuses a field that is missing or out of range, with the number of the field in the payload.
+    /// Refuses any other field that is missing, and a field that is out of range, with the number of the field in the
+    /// payload.
     pub fn read(group: Group, fields: &mut Fields<'_>) -> Result<Self, Nack> {
         Self::collect(group, |field| field.read(fields))
     }
@@ -400,9 +426,9 @@ impl Values {
         Self::read(group, &mut Fields::new(&payload))
     }
 
-    /// Appends the values to a payload.
+    /// Appends the values to a payload, up to the first field without a value.
     pub fn write(&self, payload: &mut Payload) {
-        for (field, raw) in self.group.fields().iter().zip(self.raw) {
+        for (field, raw) in self.group.fields().iter().zip(self.raw.into_iter().map_while(|raw| raw)) {
             field.write(raw, payload);
         }
     }
@@ -441,11 +467,13 @@ impl Values {
         }
         // The number of the motor, and for coefficients the code of the loop, are the first fields of the payload.
         let first = if self.group.loop_of().is_some() { 2 } else { 1 };
-        for ((index, field), value) in (first..).zip(self.group.fields()).zip(self.raw) {
-            (field.set)(&mut new, value).ok_or(Nack::parameter(index))?;
+        for ((index, field), raw) in (first..).zip(self.group.fields()).zip(self.raw) {
+            if let Some(raw) = raw {
+                field.set(&mut new, raw).ok_or(Nack::parameter(index))?;
+            }
         }
         // The second field of a set-up is the resistance.
-        if let (Group::SetUp, [_, 0, ..]) = (self.group, self.raw) {
+        if let (Group::SetUp, [_, Some(0), ..]) = (self.group, self.raw) {
             if new.motor.duty == DutyRule::LinearCurrent {
                 return Err(Nack::parameter(2));
             }
@@ -465,15 +493,21 @@ impl Values {
 /// A choice has the parts `name, each word with its value; path of the setting`. `up to` replaces the largest raw
 /// value. A raw value beyond the last word sets the value of the last word, and [`Field::word_of`] returns `None` for
 /// the raw value.
+///
+/// Both kinds may end with `since` and `option`, which are the members of [`Field`] with these names.
 macro_rules! fields {
     (@ {
-        $name:literal, $type:ident / $steps:expr $(, limits $least:literal to $most:expr)? $(, zero $zero:ident)?,
+        $name:literal, $type:ident / $steps:expr $(, limits $least:literal to $most:expr)? $(, zero $zero:ident)?
+        $(, since $since:literal)? $(, option $option:literal)?,
         |$settings:ident| $get:expr, |$into:ident, $value:ident| $put:expr
     }) => {
         Field {
             name: $name,
             form: Form::Steps($steps),
             zero: stated_or(&[$(Zero::$zero)?], Zero::Value),
+            since: stated_or(&[$(Some($since))?], None),
+            #[cfg(not(target_os = "none"))]
+            option: stated_or(&[$(Some($option))?], None),
             size: size_of::<$type>(),
             signed: $type::MIN != 0,
             least: stated_or(&[$($least)?], $type::MIN as i64),
@@ -486,17 +520,26 @@ macro_rules! fields {
             },
         }
     };
-    (@ { $name:literal, $type:ident / $steps:expr; $($place:ident).+ }) => {
+    (@ {
+        $name:literal, $type:ident / $steps:expr; $($place:ident).+
+        $(, since $since:literal)? $(, option $option:literal)?
+    }) => {
         fields!(@ {
-            $name, $type / $steps,
+            $name, $type / $steps $(, since $since)? $(, option $option)?,
             |settings| settings.$($place).+, |settings, value| settings.$($place).+ = value
         })
     };
-    (@ { $name:literal, $($word:literal $value:expr),+; $($place:ident).+ $(, up to $most:literal)? }) => {
+    (@ {
+        $name:literal, $($word:literal $value:expr),+; $($place:ident).+ $(, up to $most:literal)?
+        $(, since $since:literal)? $(, option $option:literal)?
+    }) => {
         Field {
             name: $name,
             form: Form::Words(&[$($word),+]),
             zero: Zero::Value,
+            since: stated_or(&[$(Some($since))?], None),
+            #[cfg(not(target_os = "none"))]
+            option: stated_or(&[$(Some($option))?], None),
             size: 1,
             signed: false,
             least: 0,
@@ -576,9 +619,14 @@ const TIMING: &[Field] = fields! {
 
 /// Fields of [`Group::Protection`]. The time constants depend on `thermal.continuous_current_ma`.
 const PROTECTION: &[Field] = fields! {
-    { "on_fault", "coast" OnFault::Coast, "brake" OnFault::Brake; motor.on_fault }
+    {
+        "on_fault", "coast" OnFault::Coast, "brake" OnFault::Brake; motor.on_fault,
+        option "Behaviour of the motor at a fault, and when its host is silent"
+    }
     {
         "thermal.continuous_current_ma", u16 / 1, zero NotConfigured,
+        option "Current that the winding tolerates continuously; 0 for no limit \
+            [default with --type: a third of the stall current]",
         |settings| settings.motor.thermal.map_or(0, |limit| limit.continuous_ma()),
         |settings, ma| settings.motor.thermal =
             ThermalLimit::new(ma, ThermalLimit::USUAL_WINDING_S, ThermalLimit::USUAL_CASE_S).ok()
@@ -602,6 +650,7 @@ const PROTECTION: &[Field] = fields! {
 const CURRENT_LIMIT: &[Field] = fields! {
     {
         "current_limit_ma", u16 / 1, zero NotConfigured,
+        option "Largest current of the motor, driving or braking; 0 for no limit",
         |settings| settings.motor.current_limit.map_or(0, NonZeroU16::get),
         |settings, ma| settings.motor.current_limit = NonZeroU16::new(ma)
     }
@@ -676,3 +725,51 @@ const POSITION_LOOP: &[Field] = coefficients!(
     Position, "position_loop.p" p, "position_loop.i" i, "position_loop.d" d,
     "position_loop.f" f; "position_loop.terms" position_terms
 );
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A table as a later version could have it: the last two fields were added.
+    const LONGER: &[Field] = fields! {
+        { "on_fault", "coast" OnFault::Coast, "brake" OnFault::Brake; motor.on_fault }
+        { "bridge.turn_on_ns", u16 / 1; motor.bridge.timing.turn_on_ns, since "0.2.0" }
+        {
+            "current_limit_ma", u16 / 1, zero NotConfigured, since "0.3.0",
+            |settings| settings.motor.current_limit.map_or(0, NonZeroU16::get),
+            |settings, ma| settings.motor.current_limit = NonZeroU16::new(ma)
+        }
+    };
+
+    #[test]
+    fn a_request_of_an_older_host_may_lack_the_fields_that_a_later_version_added() {
+        let bytes = [1, 0x90, 1, 0x20, 3];
+        let read = |length: usize| -> Result<heapless::Vec<Option<i64>, 3>, Nack> {
+            let fields = &mut Fields::new(bytes.get(..length).unwrap_or_default());
+            LONGER.iter().map(|field| field.read(fields)).collect()
+        };
+        assert_eq!(read(5).as_deref(), Ok(&[Some(1), Some(400), Some(800)][..]));
+        assert_eq!(read(3).as_deref(), Ok(&[Some(1), Some(400), None][..]));
+        assert_eq!(read(1).as_deref(), Ok(&[Some(1), None, None][..]));
+        // A part of a field is an error, and so is a missing field that every host knows.
+        assert_eq!(
+            [read(4), read(2), read(0)].map(Result::err),
+            [2, 1, 0].map(|at| Some(Nack::parameter(at)))
+        );
+    }
+
+    #[test]
+    fn a_field_without_a_value_keeps_its_setting() {
+        let limit = ThermalLimit::new(1_200, 20, 600).ok();
+        let motor = Settings { thermal: limit, ..Settings::new(Winding::NEVEREST_60) };
+        let before = MotorSettings::new(motor);
+        let mut values = Values::of(Group::Protection, &before);
+        values.raw = [None; MOST_FIELDS];
+        values.raw[0] = Some(1);
+        let braking = Settings { on_fault: OnFault::Brake, ..motor };
+        assert_eq!(values.apply_to(&before), Ok(MotorSettings::new(braking)));
+        let mut payload = Payload::new();
+        values.write(&mut payload);
+        assert_eq!(*payload, [1]);
+    }
+}

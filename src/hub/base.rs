@@ -208,7 +208,7 @@ impl Base {
         }
     }
 
-    /// Returns the correction of each motor for a group with these members.
+    /// Returns the correction of each motor for a group that has started with these members.
     pub(super) fn corrections<const N: usize>(&self, members: &[bool; N]) -> [i32; N] {
         let mut corrections = [0; N];
         if *members == self.wheels::<N>() {

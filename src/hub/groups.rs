@@ -23,9 +23,15 @@ use crate::units::{CountsPerSecond, Micros, Period, RangeError};
 enum ActiveGroup<const N: usize> {
     /// The group waits for the first tick at which all members have a fresh encoder reading.
     Waiting(GroupCommand),
-    /// The group follows its course, and then holds its end positions. The detector reports when all members have
-    /// settled at the end positions.
-    Moving(Group<N>, SettleDetector),
+    /// The group follows its course, and then holds its end positions.
+    Moving {
+        group: Group<N>,
+        /// The members with which the group has started. A wheel of a drive base keeps its correction by the gyro when
+        /// the other wheel leaves: without the correction its reference would jump.
+        started_with: [bool; N],
+        /// Reports when all members have settled at the end positions.
+        settle_detector: SettleDetector,
+    },
 }
 
 /// All groups of a hub. A motor is in one group at most, so there are at most N groups.
@@ -57,7 +63,7 @@ impl<const N: usize> Groups<N> {
             return Err(RangeError::Motor);
         }
         for state in self.states.iter_mut().flatten() {
-            if let ActiveGroup::Moving(group, settle_detector) = state
+            if let ActiveGroup::Moving { group, settle_detector, .. } = state
                 && group.members().iter().enumerate().all(|(motor, member)| *member == is_new_member(motor))
             {
                 group.redirect(command);
@@ -96,7 +102,7 @@ impl<const N: usize> Groups<N> {
                     let members = command.course.members();
                     leaving.iter().zip(&members).any(|(leaves, member)| *leaves && *member)
                 }
-                Some(ActiveGroup::Moving(group, _)) => {
+                Some(ActiveGroup::Moving { group, .. }) => {
                     let members = *group.members();
                     for (motor, (left, leaves)) in were_moving.iter_mut().zip(leaving).enumerate() {
                         if leaves && members.get(motor) == Some(&true) {
@@ -139,14 +145,15 @@ impl<const N: usize> Groups<N> {
                 let members = command.course.members();
                 if members.iter().zip(&fresh).all(|(member, reading)| !member || reading.is_some()) {
                     let speeds = motors.each_ref().map(|motor| motor.velocity());
-                    let is_member = core::array::from_fn(|motor| members.get(motor) == Some(&true));
-                    let positions = minus(&positions, &corrections_of(base, &is_member));
+                    let started_with = core::array::from_fn(|motor| members.get(motor) == Some(&true));
+                    let positions = minus(&positions, &corrections_of(base, &started_with));
                     let group = Group::new(*command, positions, speeds, period);
-                    *state = ActiveGroup::Moving(group, SettleDetector::default());
+                    let settle_detector = SettleDetector::default();
+                    *state = ActiveGroup::Moving { group, started_with, settle_detector };
                 }
             }
-            let ActiveGroup::Moving(group, _) = state else { continue };
-            let corrections = corrections_of(base, group.members());
+            let ActiveGroup::Moving { group, started_with, .. } = state else { continue };
+            let corrections = corrections_of(base, started_with);
             let references = group.step(&minus(&positions, &corrections));
             for ((motor, reference), correction) in motors.iter_mut().zip(references).zip(corrections) {
                 if let Some(mut reference) = reference {
@@ -167,11 +174,11 @@ impl<const N: usize> Groups<N> {
         period: Period,
     ) {
         for slot in &mut self.states {
-            let Some(ActiveGroup::Moving(group, settle_detector)) = slot else { continue };
+            let Some(ActiveGroup::Moving { group, started_with, settle_detector }) = slot else { continue };
             let members = *group.members();
             let positions = reports.each_ref().map(|report| report.position);
             let within_tolerance =
-                group.is_within_tolerance(&minus(&positions, &corrections_of(base, &members)));
+                group.is_within_tolerance(&minus(&positions, &corrections_of(base, started_with)));
             let settled = settle_detector.step(within_tolerance, fastest(&members, reports), period);
             for (index, (report, motor)) in reports.iter_mut().zip(motors.iter_mut()).enumerate() {
                 if members.get(index) != Some(&true) {
@@ -191,8 +198,8 @@ impl<const N: usize> Groups<N> {
     }
 }
 
-/// Returns the correction of each motor's position by the gyro, in counts, for a group with these members. The
-/// correction is 0 unless the members are the wheels of a drive base.
+/// Returns the correction of each motor's position by the gyro, in counts, for a group that has started with these
+/// members. The correction is 0 unless the members are the wheels of a drive base.
 fn corrections_of<const N: usize>(base: Option<&Base>, members: &[bool; N]) -> [i32; N] {
     base.map_or([0; N], |base| base.corrections(members))
 }

@@ -21,7 +21,7 @@
 //! * *e*: back EMF of the motor, in volts.
 //! * *Requested voltage*: the mean voltage that the motor should have, between 0 and e.
 //! * *Applied voltage*: the voltage of the present pulse.
-//! * *Surplus*: the time integral of requested less applied voltage, signed in the direction of motion. If the surplus
+//! * *Surplus*: the time integral of requested minus applied voltage, signed in the direction of motion. If the surplus
 //!   is above 0, the motor was braked too much. The pulses keep the surplus near 0, so on average the motor brakes as
 //!   requested.
 //!
@@ -41,15 +41,15 @@ use libm::sqrtf;
 /// energy of the pulse. A pulse is so short that the speed hardly changes within the pulse.
 const PULSE_MICROS: f32 = 1_500.0;
 
-/// Largest surplus that is kept, in multiples of [`PULSE_MICROS`]. A larger surplus is reduced to this limit. The
-/// surplus grows this large only while the motor must stay in its short circuit. Causes are another motor that ends a
-/// short circuit first, a limited draw of the supply, and a back EMF near the battery voltage.
+/// Largest magnitude of the surplus that is kept, in multiples of [`PULSE_MICROS`] times the back EMF. A larger surplus
+/// is reduced to this limit. The surplus exceeds the limit while the motor must stay in its short circuit, or when the
+/// back EMF falls. A motor must stay in its short circuit if another motor ends a short circuit first, if the draw of
+/// the supply is limited, or if the back EMF is near the battery voltage.
 const LARGEST_SURPLUS: f32 = 4.0;
 
 /// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF, at the least dissipation. At the
 /// end of a short circuit the winding returns energy to the bus. A forward pulse with this share draws about the same
-/// energy from the bus. The share grows with [`Battery::dissipate`], which says how strongly braking motors must
-/// dissipate energy.
+/// energy from the bus. The share grows with the strength of dissipation, [`Battery::dissipate`].
 const LEAST_FORWARD_SHARE: f32 = 0.1;
 /// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF, at full dissipation.
 const LARGEST_FORWARD_SHARE: f32 = 0.3;
@@ -79,7 +79,8 @@ pub(super) struct BurnPulses {
     pulse: Option<Pulse>,
     /// Applied voltage of the last [`Pulse::Forward`], in V.
     forward_volts: f32,
-    /// Applied voltage of the last [`Pulse::Short`], in V: 0 without a current limit.
+    /// Applied voltage of the last [`Pulse::Short`], in V: 0 unless the current limit reduces the current of the short
+    /// circuit.
     short_volts: f32,
 }
 
@@ -112,7 +113,8 @@ impl BurnPulses {
         self.pulse = None;
     }
 
-    /// Ends the pulses and discards the surplus, because the motor no longer brakes less than a short circuit would.
+    /// Ends the pulses and discards the surplus, because the command within all limits returns no energy. The bridge is
+    /// then open, shorts the winding all the time, or drives forward or in reverse.
     pub(super) const fn stop(&mut self) {
         *self = Self::NONE;
     }
@@ -129,8 +131,8 @@ impl BurnPulses {
         self.surplus += along(self.requested_volts - applied_volts, self.emf_volts) * passed as f32;
     }
 
-    /// Limits the surplus, and returns the next pulse of a motor with this back EMF in V. `may_end_short` says
-    /// whether the motor may end a short circuit now.
+    /// Limits the surplus, and returns the next pulse of a motor with this back EMF in V. `may_end_short` is
+    /// true if the motor may end a short circuit now.
     fn next(&mut self, emf: f32, may_end_short: bool) -> Pulse {
         let threshold = PULSE_MICROS * emf.abs();
         let largest = LARGEST_SURPLUS * threshold;
@@ -142,8 +144,9 @@ impl BurnPulses {
         }
     }
 
-    /// Begins a pulse with this applied voltage in V, or continues the present pulse. When the pulse changes, the bridge
-    /// is open for `change_us` microseconds. `requested` and `emf` are the requested voltage and the back EMF in V.
+    /// Begins a pulse with this applied voltage in V, or continues the present pulse. When the pulse changes, the
+    /// bridge is open for `change_us` microseconds. `requested` and `emf` are the requested voltage and the back EMF in
+    /// V.
     fn apply(&mut self, pulse: Pulse, applied: f32, requested: f32, emf: f32, change_us: u16) {
         if pulse != self.pulse.unwrap_or(Pulse::Short) {
             self.surplus += along(applied - emf, emf) * f32::from(change_us);
@@ -155,8 +158,9 @@ impl BurnPulses {
         (self.requested_volts, self.emf_volts, self.pulse) = (requested, emf, Some(pulse));
     }
 
-    /// Constant voltage across the resistance, in V, that would heat the winding as much as the pulses do. The pulses
-    /// heat the winding more than their mean current would.
+    /// Computes the constant voltage across the resistance, in V, that would heat the winding as much as the pulses do.
+    /// The pulses heat the winding more than their mean current would. The formula assumes that the mean voltage of the
+    /// pulses is the requested voltage. While the motor must stay in its short circuit, the winding becomes hotter.
     pub(super) fn heating_volts(&self) -> f32 {
         let (requested, emf) = (self.requested_volts, self.emf_volts);
         let (short, forward) = (self.short_volts - emf, self.forward_volts - emf);
@@ -206,7 +210,7 @@ impl Motor {
     }
 }
 
-/// Volts in the direction in which the motor turns.
+/// Returns `volts`, signed in the direction of motion.
 fn along(volts: f32, emf: f32) -> f32 {
     if emf < 0.0 { -volts } else { volts }
 }
@@ -218,8 +222,8 @@ mod tests {
     /// Ratio of a forward pulse's voltage to the back EMF.
     const BEYOND: f32 = 1.15;
 
-    /// Returns the mean voltage of a motor, and the mean square of its voltage beyond the back EMF, with a step every
-    /// millisecond. A change of mode opens the bridge for `change_us`.
+    /// Steps the pulses every millisecond for 2 s. Returns the mean voltage of the motor in V, and the mean square of
+    /// the applied voltage minus the back EMF in V^2. A change of mode opens the bridge for `change_us` microseconds.
     fn run(emf: f32, requested: f32, change_us: u16) -> (f32, f32) {
         const MS: u16 = 2_000;
         let mut pulses = BurnPulses::NONE;
@@ -263,7 +267,7 @@ mod tests {
             changes += u32::from(pulse != before);
             before = pulse;
         }
-        assert!((100..250).contains(&changes), "{changes} in a second");
+        assert!((100..250).contains(&changes), "{changes} changes of the pulse in a second");
     }
 
     #[test]

@@ -112,7 +112,7 @@ pub struct Motor {
     position: i32,
     regulator: Regulator,
     state: MotorState,
-    /// Result of the last identification that has ended; [`Identification::None`] before the first end.
+    /// State or result of the last identification.
     identification: Identification,
     /// Last motion of the shaft. The encoder check reads this state.
     last_motion: LastMotion,
@@ -146,7 +146,7 @@ pub struct Motor {
 /// with a set-point whose encoder is missing or at fault. Encoder, bridge and thermal faults are latched. A missing
 /// reading or battery voltage is a fault only while it is missing.
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "there is no heap")]
+#[allow(clippy::large_enum_variant, reason = "there is no heap; the lint fires on 64-bit targets only")]
 enum MotorState {
     /// Nothing is regulated: the motor is disabled, in fail-safe, in open loop or at constant current. Also the state
     /// after an identification.
@@ -316,7 +316,9 @@ impl Motor {
             (MotorState::Regulated(_), to) if to.is_regulated() => (),
             (MotorState::Identifying(_), Setpoint::Identify { .. }) if to == from => (),
             (_, Setpoint::Identify { travel_limit }) => {
-                self.state = MotorState::Identifying(Identifier::new(travel_limit));
+                let identifier = Identifier::new(travel_limit);
+                self.identification = identifier.progress();
+                self.state = MotorState::Identifying(identifier);
             }
             (_, to) => {
                 let check = MotorState::Regulated(EncoderCheck::new());
@@ -568,6 +570,7 @@ impl Motor {
     fn identify(&mut self, at: OperatingPoint) -> Option<Voltage> {
         let MotorState::Identifying(identifier) = &mut self.state else { return None };
         let voltage = identifier.step(self.settings.winding.emf, at.battery_volts(), self.period);
+        self.identification = identifier.progress();
         voltage.unwrap_or_else(|outcome| {
             self.end_identification(outcome);
             None
@@ -648,7 +651,9 @@ impl Motor {
         if allowed.to_bits() == volts.to_bits() {
             modulation
         } else {
-            self.modulator.for_voltage(at, Voltage::from_volts(allowed))
+            // A limit may permit less than full braking. The motor then brakes as much as the limit permits, also with a
+            // scheme that has no braking regime.
+            self.modulator.limited(at, Voltage::from_volts(allowed))
         }
     }
 
@@ -748,10 +753,7 @@ impl Motor {
             // At its current limit a motor may not reach the drive voltage from which the encoder check works. A motor
             // without counts is then reported as stalled.
             stalled: self.is_stalled() || current_limited && self.regulator.is_stalled(),
-            identification: match &self.state {
-                MotorState::Identifying(identifier) => identifier.progress(),
-                _ => self.identification,
-            },
+            identification: self.identification,
             faults: Faults {
                 battery_unknown: battery.is_none(),
                 encoder_stale: moved.is_none(),

@@ -13,7 +13,8 @@
 //!
 //! * A *channel* holds the settings, the targets and the pending commands of one motor.
 //! * A request that is refused changes neither settings nor motion.
-//! * A motor is *enabled* by a valid *set enable* only. While the battery is low or unknown, *set enable* is refused.
+//! * A motor is *enabled* by a valid *set enable* only. *Set enable* is refused while the battery is low or unknown, and
+//!   while stored settings are being loaded.
 //!   Motors that were enabled before continue to run within the limits of the supply.
 //! * *Fail-safe* disables all motors and releases all outputs. Fail-safe begins when a host requests fail-safe, or 2.5
 //!   s after the last packet for this hub. If a host has requested fail-safe, all motors coast. If the time has run
@@ -560,6 +561,9 @@ impl<const N: usize> Responder<N> {
     fn motor(&mut self, motor: u8, request: ToMotor, snapshot: &Snapshot<N>) -> Result<Reply, Nack> {
         let motor = usize::from(motor);
         let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
+        if request == (ToMotor::SetEnable { on: true }) && self.is_loading() {
+            return Err(Nack::STORE_BUSY);
+        }
         let channel = self.channels.get_mut(motor).ok_or(NO_MOTOR)?;
         channel.receive(request, report, snapshot.good_battery().is_some())
     }

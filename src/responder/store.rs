@@ -1,10 +1,10 @@
 //! Stored settings: what the hub stores, when it stores settings, and how it restores them.
 //!
 //! * The *memory* keeps settings without power. The task `tasks::store` accesses the memory.
-//! * A *record* that was saved has an entry for the address, one for each configured [`Group`] of each motor's
-//!   settings, and one for a configured drive base. An entry has the type and the payload of the request that would set
-//!   the same values. Of two entries for the same values, the last one counts. The request *reset* writes a record
-//!   without entries.
+//! * A *record* has entries. A save that a host requests writes an entry for the address, one for each configured
+//!   [`Group`] of each motor's settings, and one for a configured drive base. Entries that this firmware does not know
+//!   are kept. An entry has the type and the payload of the request that would set the same values. Of two entries for
+//!   the same values, the last one counts. The request *reset* writes a record without entries.
 //! * An *access* writes a record to the memory, or reads the record from it.
 //!
 //! ```text
@@ -19,7 +19,8 @@
 //! ```
 //!
 //! When a host has set an address, the hub stores the address without a request to save. The hub first waits for the
-//! end of a running access. If the memory must be erased, the hub also waits until all motors are off.
+//! end of a running access. If the memory must be erased, the hub also waits until all motors are off. A save that
+//! has no room in the record leads back to `Idle`, and the memory does not change.
 
 use super::Responder;
 use super::motor::MotorChannel;
@@ -50,7 +51,7 @@ pub(super) struct Memory {
     access: Access,
 }
 
-/// The access to the memory. A host's request is *requested* until the task takes the request.
+/// State of the access to the memory. A state whose name ends with `Requested` lasts until the task takes the request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Access {
     /// No access is requested or running.
@@ -113,13 +114,13 @@ impl<const N: usize> Responder<N> {
         self.expects_store && self.memory.is_none()
     }
 
-    /// Notes a requested save, load or reset for [`store_request`](Self::store_request). A reset changes the settings
+    /// Records a requested save, load or reset for [`store_request`](Self::store_request). A reset changes the settings
     /// in force immediately. The address in force stays until the next start of the hub.
     ///
     /// # Errors
     /// Refuses the request if the hub has no memory, while another access is running, or before the task has reported
     /// the contents. A save is refused if the stored record is damaged or has a later format version, or if the
-    /// settings do not fit. Load and reset are refused while a motor is enabled.
+    /// settings do not fit. Load and reset are refused unless all motors are [off](Self::is_off).
     pub(super) fn access_store(
         &mut self,
         request: &HubFunction,
@@ -148,12 +149,14 @@ impl<const N: usize> Responder<N> {
         Ok(Reply::ACK)
     }
 
-    /// Marks the address in force to be stored, if the hub would start with another address. The address is not stored
-    /// if the contents of the memory prevent a save. Before the task has reported the contents, the address waits.
+    /// Marks the address in force to be stored, if the hub would start with another address. An access that is running
+    /// may change the stored address, so [`store_done`](Self::store_done) compares again. The address is not stored if
+    /// the contents of the memory prevent a save. Before the task has reported the contents, the address waits.
     pub(super) fn store_address(&mut self) {
         self.address_due = match &self.memory {
             Some(memory) => {
-                memory.refusal().is_none() && self.boot_address(&memory.found.record) != self.address
+                let is_stored = self.boot_address(&memory.found.record) == self.address;
+                memory.refusal().is_none() && !(is_stored && memory.access == Access::Idle)
             }
             None => self.expects_store,
         };
@@ -165,7 +168,7 @@ impl<const N: usize> Responder<N> {
         entries.filter_map(|entry| address_of(&entry)).last().unwrap_or(self.factory_address)
     }
 
-    /// Hands the next access to the task. `None` if no access is due, while an access is running, while an address
+    /// Returns the next access, for the task. `None` if no access is due, while an access is running, while an address
     /// waits until all motors are off, or if the record has no room.
     ///
     /// The task must report the result to [`store_done`](Self::store_done).
@@ -186,9 +189,10 @@ impl<const N: usize> Responder<N> {
         };
         let memory = self.memory.as_mut()?;
         let Ok(record) = record else {
-            // Settings have changed since the request, or the entries of other firmware leave no room for an address.
+            // Settings have changed since the request, or the entries of other firmware leave no room for an address. An
+            // address that waits for a save may have room by itself.
+            self.address_due &= memory.access != Access::Idle;
             (memory.access, memory.outcome) = (Access::Idle, Outcome::Refused);
-            self.address_due = false;
             return None;
         };
         let erase_first = memory.found.stored == Stored::Damaged && memory.access == Access::ResetRequested;
@@ -196,7 +200,7 @@ impl<const N: usize> Responder<N> {
         Some(StoreRequest { record, erase_first, may_erase })
     }
 
-    /// Ends the running access with its result. A load puts the stored settings in force.
+    /// Ends the running access with its result. A load that has succeeded puts the stored settings in force.
     ///
     /// `found` is the contents of the memory after the access. `None` if the memory must be erased before it can be
     /// read, and a motor is not off. The contents are then unchanged.
@@ -208,13 +212,13 @@ impl<const N: usize> Responder<N> {
             }
             return;
         };
-        let loads = before.access == Access::Loading;
+        let has_loaded = before.access == Access::Loading && outcome == Outcome::Done;
         let found = found.unwrap_or_else(|| before.found.clone());
         // A host may have changed the address during the access: then the address must still be stored. If the memory
         // has failed, the hub does not try again.
         let failed = matches!(outcome, Outcome::Refused | Outcome::Lost);
         self.address_due &= !failed && self.boot_address(&found.record) != self.address;
-        if loads {
+        if has_loaded {
             self.restore_settings(&found.record);
         }
         self.memory = Some(Memory { outcome, ..Memory::new(found) });
@@ -224,6 +228,12 @@ impl<const N: usize> Responder<N> {
     /// the contents.
     const fn no_memory(&self) -> Nack {
         if self.expects_store { Nack::STORE_BUSY } else { Nack::UNSUPPORTED }
+    }
+
+    /// True while a load waits or runs. Its end changes the settings of the motors, so no motor may be enabled.
+    pub(super) fn is_loading(&self) -> bool {
+        let access = self.memory.as_ref().map(|memory| memory.access);
+        matches!(access, Some(Access::LoadRequested | Access::Loading))
     }
 
     /// True if no host has enabled a motor, and all motors are disabled or in fail-safe in the snapshot.
@@ -286,10 +296,10 @@ impl<const N: usize> Responder<N> {
         record.push(ADDRESS, &[self.address.get()])?;
         for ((motor, channel), factory) in (0..).zip(&self.channels).zip(&self.factory) {
             let settings = channel.settings();
-            // Without an entry, the limit that the firmware was built with would be in force after a restart.
-            let limit_is_removed = settings.motor.current_limit.is_none() && factory.current_limit.is_some();
+            // Without an entry, a setting that the firmware was built with would be in force after a restart.
+            let factory = MotorSettings::new(*factory);
             let is_stored = |group: &Group| {
-                group.is_configured(settings) || (*group == Group::CurrentLimit && limit_is_removed)
+                group.is_configured(settings) || group.loop_of().is_none() && group.is_configured(&factory)
             };
             for group in Group::ALL.into_iter().filter(is_stored) {
                 let fields = payload(motor, &Values::of(group, settings));
@@ -340,7 +350,7 @@ impl<const N: usize> Responder<N> {
     }
 
     /// Returns `Some(true)` if this firmware accepts the entry, and `Some(false)` if this firmware refuses the entry.
-    /// `None` if the firmware does not know the type of the entry, or does not have the motor.
+    /// `None` if this firmware does not know what the entry sets, or if the hub does not have the motor.
     fn is_accepted(&self, entry: &Entry<'_>) -> Option<bool> {
         if entry.id == ADDRESS {
             return Some(address_of(entry).is_some());
@@ -374,9 +384,8 @@ fn restored(motor: u8, factory: Settings, record: &SettingsRecord) -> MotorSetti
         let entry = entries_of(record, motor, group).last();
         let values = entry.and_then(|entry| values_of(&entry, motor, group, &settings).ok());
         // Applying the group `SetUp` deletes dynamics, acceleration limit and coefficients. The firmware may have been
-        // built with these settings, so a group whose values do not change is not applied.
-        let changes =
-            |values: &Values| !group.is_configured(&settings) || *values != Values::of(group, &settings);
+        // built with these settings, so a set-up whose values do not change is not applied.
+        let changes = |values: &Values| group != Group::SetUp || *values != Values::of(group, &settings);
         if let Some(new) = values.filter(changes).and_then(|values| values.apply_to(&settings).ok()) {
             settings = new;
         }

@@ -101,6 +101,24 @@ fn a_base_turns_by_the_angle_of_its_gyro_although_its_wheels_slip() {
 }
 
 #[test]
+fn a_wheel_whose_other_wheel_leaves_the_group_stops_within_its_braking_distance() {
+    let mut robot = Robot::new(true, 10);
+    (0..4).for_each(|_| robot.turn(90.0));
+    let [left, right] = BASE.turn(90.0).expect("in range");
+    let course = Course::distances(&[(0, left), (1, right)]).expect("motors of the hub");
+    let acceleration = Acceleration::new(5_000).expect("above 0");
+    let turn = GroupCommand::new(course, CountsPerSecond::new(1_500), acceleration);
+    robot.bench.hub.apply(Command::MoveGroup(turn)).expect("members");
+    robot.run_ms(400);
+    let [position, velocity] = [robot.bench.counts(1), robot.bench.snapshot.motors[1].velocity.to_f64()];
+    let stop = Setpoint::Velocity(CountsPerSecond::ZERO);
+    robot.bench.hub.apply(Command::Set { motor: 0, setpoint: stop }).expect("motor");
+    robot.run_ms(1_000);
+    let (travel, expected) = (robot.bench.counts(1) - position, velocity * velocity / (2.0 * 5_000.0));
+    assert!((travel - expected).abs() < 50.0, "{travel} counts, expected {expected}");
+}
+
+#[test]
 fn a_correction_that_does_not_fit_in_32_bits_stays_at_its_last_value() {
     // With these dimensions one degree of slip is a correction of some 60 million counts.
     const CORRECTION_PER_DEGREE: f64 = 10_000.0 / 360.0 * 2_147_483.647;

@@ -4,5 +4,3 @@ mod frame;
 #[path = "../responder/host.rs"]
 mod host;
 mod round_trip;
-#[path = "../common/schemes.rs"]
-mod schemes;

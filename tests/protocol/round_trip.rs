@@ -1,10 +1,8 @@
 //! What one end writes, the other reads: every request and every answer. Random values are read from random bytes.
 
-use crate::schemes::any_scheme;
-use core::num::NonZeroU16;
+use crate::host::largest;
 use motor_hub::board::Equipment;
-use motor_hub::braking::{DutyRule, Winding};
-use motor_hub::bridge::Timing;
+use motor_hub::braking::Winding;
 use motor_hub::chain::ChainReport;
 use motor_hub::extension::base::OdometryReport;
 use motor_hub::extension::group::GroupState;
@@ -12,24 +10,20 @@ use motor_hub::extension::record::{Entries, Ticks};
 use motor_hub::extension::report::{
     BusReport, Commands, Condition, HubReport, MotorReport, ReportedSetpoint,
 };
-use motor_hub::extension::settings::{Group, MotorSettings, Values};
+use motor_hub::extension::settings::{Form, Group, MotorSettings, Values};
 use motor_hub::extension::state::{StoreReport, UpdateReport};
 use motor_hub::extension::{FIRST_FUNCTION, HubFunction, MotorFunction, Request};
-use motor_hub::motor::{OnFault, Settings, ThermalLimit};
+use motor_hub::motor::Settings;
 use motor_hub::protocol::answers::{Bulk, Functions, I2cRead, I2cWritten, Status, Version};
 use motor_hub::protocol::led::LedPattern;
-use motor_hub::protocol::motor::{ChannelMode, Loop, LoopCoefficients, RunMode, Target, Terms, ToMotor};
+use motor_hub::protocol::motor::{ChannelMode, LoopCoefficients, Target, ToMotor};
 use motor_hub::protocol::payload::{Field, Fields, PAYLOAD_KEPT, Payload, Text};
 use motor_hub::protocol::pins::ToPin;
 use motor_hub::protocol::requests::{self, Standard, ToHub};
 use motor_hub::protocol::{Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
-use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::Identification;
 use motor_hub::supply::BusState;
-use motor_hub::units::{
-    Acceleration, AccelerationPerVolt, Coefficient, Control, DecayRate, EmfConstant, Inductance, Micros,
-    Milliamperes, Millivolts, Resistance,
-};
+use motor_hub::units::{Coefficient, Control, Micros, Milliamperes, Millivolts};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::strategy::Union;
@@ -80,28 +74,35 @@ const TO_MOTOR: Sizes = &[
     (&[1, 1, 4, 4, 4, 4, 1], &[51]),
 ];
 
+/// The groups of settings are not in this list: see [`group_rows`].
 const EXTENSION: Sizes = &[
     (&[], &[13, 14, 15, 16, 17, 20, 23, 24, 25, 26, 31, 32, 35, 36]),
-    (&[1], &[1, 3, 5, 7, 9, 10, 12, 29]),
-    (&[1, 4, 2, 2, 1, 2, 1], &[0]),
-    (&[1, 4, 4, 2, 4], &[2]),
+    (&[1], &[5, 7, 10]),
     (&[1, 4], &[4]),
     (&[1, 1, 1, 4, 4, 4, 4, 4, 4, 2, 2, 1], &[6]),
-    (&[1, 1, 2, 2, 2], &[8]),
-    (&[1, 2, 2, 2, 2, 2], &[11]),
     (&[1, 1], &[18]),
     (&[2, 1], &[33]),
     (&[4, 4, 1, BYTES], &[21]),
     (&[4, 1, BYTES], &[22]),
     (&[1; 96], &[27]),
-    (&[1, 2], &[28]),
     (&[1, 4, 2], &[30]),
     (&[1, 1, 4, 4, 4, 4, 1], &[34]),
 ];
 
 /// The packet type of each request in a table, with the sizes of its fields.
-fn rows(first: u16, table: Sizes) -> impl Iterator<Item = (u16, &'static [usize])> {
-    table.iter().flat_map(move |(sizes, numbers)| numbers.iter().map(move |number| (first + number, *sizes)))
+fn rows(first: u16, table: Sizes) -> impl Iterator<Item = (u16, Vec<usize>)> {
+    table
+        .iter()
+        .flat_map(move |(sizes, numbers)| numbers.iter().map(move |number| (first + number, sizes.to_vec())))
+}
+
+/// The packet types of the requests for groups of settings, with the sizes of the fields that a request cannot lack.
+fn group_rows() -> impl Iterator<Item = (u16, Vec<usize>)> {
+    let groups = Group::ALL.into_iter().filter(|group| group.set_id() >= FIRST_FUNCTION);
+    groups.flat_map(|group| {
+        let fields = group.fields().iter().filter(|field| field.since.is_none()).map(|field| field.size);
+        [(group.set_id(), std::iter::once(1).chain(fields).collect()), (group.get_id(), vec![1])]
+    })
 }
 
 #[test]
@@ -112,14 +113,11 @@ fn these_tests_leave_out_no_request() {
     assert_eq!(numbers(TO_HUB), defined(&[ToHub::NUMBERS]));
     assert_eq!(numbers(TO_PIN), defined(&[ToPin::NUMBERS]));
     assert_eq!(numbers(TO_MOTOR), defined(&[ToMotor::NUMBERS]));
-    let groups: Vec<u16> = Group::ALL
-        .into_iter()
-        .flat_map(|group| [group.set_id(), group.get_id()])
-        .filter_map(|id| id.checked_sub(FIRST_FUNCTION))
-        .collect();
-    assert_eq!(numbers(EXTENSION), defined(&[MotorFunction::NUMBERS, HubFunction::NUMBERS, &groups]));
+    assert_eq!(numbers(EXTENSION), defined(&[MotorFunction::NUMBERS, HubFunction::NUMBERS]));
+    let groups = group_rows().map(|(id, _)| id - FIRST_FUNCTION);
     // Only firmware 0.1.0 has function 19.
-    assert_eq!(numbers(EXTENSION), (0..37).filter(|number| *number != 19).collect());
+    let all = numbers(EXTENSION).into_iter().chain(groups).collect::<BTreeSet<u16>>();
+    assert_eq!(all, (0..37).filter(|number| *number != 19).collect());
 }
 
 /// Bytes of fields. Codes and small numbers are frequent.
@@ -144,7 +142,7 @@ fn read_from_bytes<T: Field + std::fmt::Debug>(length: usize) -> impl Strategy<V
 }
 
 /// A request of this type, as read from random bytes.
-fn of_type(id: u16, sizes: &'static [usize]) -> BoxedStrategy<Case> {
+fn of_type(id: u16, sizes: Vec<usize>) -> BoxedStrategy<Case> {
     let fixed: usize = sizes.iter().filter(|size| **size < NAME).sum();
     bytes(PAYLOAD_KEPT.min(fixed + 104))
         .prop_filter_map("fields in range", move |bytes| {
@@ -168,7 +166,8 @@ fn of_type(id: u16, sizes: &'static [usize]) -> BoxedStrategy<Case> {
 
 fn request() -> impl Strategy<Value = Case> {
     let of_rev = [TO_HUB, TO_PIN, TO_MOTOR].map(|table| rows(requests::FIRST_FUNCTION, table));
-    let all = of_rev.into_iter().flatten().chain(rows(0, STANDARD)).chain(rows(FIRST_FUNCTION, EXTENSION));
+    let of_hub = rows(FIRST_FUNCTION, EXTENSION).chain(group_rows());
+    let all = of_rev.into_iter().flatten().chain(rows(0, STANDARD)).chain(of_hub);
     Union::new(all.map(|(id, sizes)| of_type(id, sizes)))
 }
 
@@ -176,53 +175,19 @@ fn address() -> impl Strategy<Value = Address> {
     (1u8..=254).prop_map(|address| Address::new(address).expect("in range"))
 }
 
-fn coefficient() -> impl Strategy<Value = Coefficient> {
-    any::<i32>().prop_map(Coefficient::from_bits)
-}
-
-fn coefficients() -> impl Strategy<Value = LoopCoefficients> {
-    let four = [coefficient(), coefficient(), coefficient(), coefficient()];
-    let terms = prop_oneof![Just(Terms::Pid), Just(Terms::Pidf)];
-    (four, terms).prop_map(|([p, i, d, f], terms)| LoopCoefficients { p, i, d, f, terms })
-}
-
-/// Any settings of the groups of the extension.
+/// Any settings, as read from random bytes of each group.
 fn settings() -> impl Strategy<Value = MotorSettings> {
-    let of_motor = (1i32..1 << 25, 1..=u16::MAX, any::<u16>(), any_scheme(u16::MAX.into()), any::<bool>());
-    let of_load = (1u32.., any::<(u32, u16, u32, bool)>());
-    let limits = (any::<bool>(), any::<u16>(), [1..=u16::MAX, 1..=u16::MAX]);
-    (of_motor, of_load, limits, any::<[u16; 5]>()).prop_map(
-        |(
-            (emf, mohm, uh, scheme, linear),
-            (gain, (decay, friction, limit, known)),
-            (brakes, ma, [winding_s, case_s]),
-            times,
-        )| {
-            let winding = Winding {
-                emf: EmfConstant::from_bits(emf).expect("in range"),
-                resistance: Resistance::from_milliohms(mohm).expect("in range"),
-                inductance: Inductance::from_microhenries(uh).ok(),
-            };
-            let [least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us] = times;
-            let timing = Timing { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us };
-            let settings = Settings::for_scheme(winding, scheme);
-            let dynamics = Dynamics {
-                gain: AccelerationPerVolt::from_bits(gain).expect("above 0"),
-                decay: DecayRate::from_bits(decay),
-                friction: Millivolts::new(friction),
-            };
-            MotorSettings::new(Settings {
-                bridge: settings.bridge.with_timing(timing),
-                duty: if linear { DutyRule::LinearCurrent } else { DutyRule::LinearDuty },
-                on_fault: if brakes { OnFault::Brake } else { OnFault::Coast },
-                thermal: ThermalLimit::new(ma, winding_s, case_s).ok(),
-                current_limit: NonZeroU16::new(ma / 2),
-                dynamics: known.then_some(dynamics),
-                acceleration: Acceleration::new(limit).ok(),
-                ..settings
-            })
-        },
-    )
+    let default = MotorSettings::new(Settings::new(Winding::NEVEREST_60));
+    let groups = Group::ALL.map(|group| {
+        let values = move |bytes: Vec<u8>| Values::read(group, &mut Fields::new(&bytes)).ok();
+        let fits = move |values: &Values| values.apply_to(&default).is_ok();
+        let length = group.fields().iter().map(|field| field.size).sum();
+        bytes(length).prop_filter_map("values in range", move |bytes| values(bytes).filter(fits)).boxed()
+    });
+    groups.to_vec().prop_map(move |groups| {
+        let apply = |settings, values: Values| values.apply_to(&settings).expect("values that go together");
+        groups.into_iter().fold(default, apply)
+    })
 }
 
 /// A report of a motor. Some of its values may be unknown.
@@ -340,6 +305,27 @@ fn each_kind_of_setpoint_is_read_as_it_was_written() {
     }
 }
 
+#[test]
+fn a_setting_takes_each_of_its_words_and_both_ends_of_its_range() {
+    let fields = || Group::ALL.into_iter().flat_map(Group::fields);
+    // With their largest values all settings are configured, also those on which others depend.
+    let mut all = MotorSettings::new(Settings::new(Winding::NEVEREST_60));
+    for field in fields() {
+        assert_eq!(field.set(&mut all, largest(field)), Some(()), "{}", field.name);
+    }
+    for field in fields() {
+        let raws = match field.form {
+            Form::Words(words) => (0..words.len() as i64).collect(),
+            Form::Steps(_) => vec![field.raw_of(field.range().0).expect("in range"), largest(field)],
+        };
+        for raw in raws {
+            let mut settings = all;
+            assert_eq!(field.set(&mut settings, raw), Some(()), "{} {raw}", field.name);
+            assert_eq!(field.get(&settings), raw, "{}", field.name);
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig {
         cases: 4000, max_local_rejects: 1_000_000, failure_persistence: None, ..ProptestConfig::default()
@@ -386,12 +372,7 @@ proptest! {
     }
 
     #[test]
-    fn settings_are_put_as_they_were_read(settings in settings(), alert: u16, both in [coefficients(), coefficients()]) {
-        let [velocity, position] = both;
-        let mut settings = MotorSettings { current_alert_ma: alert, ..settings };
-        settings.set_coefficients(Loop::Velocity, velocity);
-        settings.set_coefficients(Loop::Position, position);
-        settings.set_channel_mode(ChannelMode { mode: RunMode::Position, floats: true });
+    fn settings_are_put_as_they_were_read(settings in settings()) {
         let mut put = MotorSettings::new(Settings::new(Winding::NEVEREST_60));
         for group in Group::ALL {
             let values = Values::of(group, &settings);

@@ -4,6 +4,7 @@
 use motor_hub::board::Equipment;
 use motor_hub::braking::Winding;
 use motor_hub::extension::report::{HubReport, MotorReport};
+use motor_hub::extension::settings::{Field as Setting, Form, Group};
 use motor_hub::extension::{HubFunction, Request};
 use motor_hub::hub::{Command, Snapshot};
 use motor_hub::motor::{Setpoint, Settings};
@@ -43,6 +44,14 @@ pub(crate) fn frame_to(destination: u8, number: u8, id: u16, payload: &[u8]) -> 
     frame.extend(payload);
     frame.push(frame.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte)));
     frame
+}
+
+/// Returns the largest raw value of a setting: of its last word or of its largest number.
+pub(crate) fn largest(setting: &Setting) -> i64 {
+    match setting.form {
+        Form::Words(words) => words.len() as i64 - 1,
+        Form::Steps(_) => setting.raw_of(setting.range().1).expect("in range"),
+    }
 }
 
 /// Answer of the hub.
@@ -102,11 +111,16 @@ impl TestHost {
     }
 
     pub(crate) fn ask(&mut self, id: u16, payload: &[u8]) -> Answer {
+        self.ask_at(HUB, id, payload)
+    }
+
+    /// Asks the hub, which has this address.
+    pub(crate) fn ask_at(&mut self, address: u8, id: u16, payload: &[u8]) -> Answer {
         self.number = self.number.wrapping_add(1);
-        let replies = self.send(&frame_to(HUB, self.number, id, payload));
+        let replies = self.send(&frame_to(address, self.number, id, payload));
         let [reply] = replies.as_slice() else { panic!("{id:#06x} {payload:x?}: {replies:x?}") };
         let packet = decode(reply);
-        assert_eq!((packet.destination, packet.source, packet.reference), (0, HUB, self.number));
+        assert_eq!((packet.destination, packet.source, packet.reference), (0, address, self.number));
         match packet.id {
             0x7F01 => Answer::Ack(packet.payload[0]),
             0x7F02 => Answer::Nack(packet.payload[0]),
@@ -120,6 +134,16 @@ impl TestHost {
     /// Calls a function of the motor interface.
     pub(crate) fn call(&mut self, function: u16, payload: &[u8]) -> Answer {
         self.ask(FIRST_FUNCTION + function, payload)
+    }
+
+    /// Asks for a group of a motor's settings. Returns the bytes without the fields that a later version has added to the
+    /// group.
+    pub(crate) fn group(&mut self, id: u16, motor: u8) -> Vec<u8> {
+        let group = Group::ALL.into_iter().find(|group| group.get_id() == id).expect("a group");
+        let Answer::Data(mut bytes) = self.ask(id, &[motor]) else { panic!("no {group:?}") };
+        let first = group.fields().iter().filter(|field| field.since.is_none());
+        bytes.truncate(first.map(|field| field.size).sum());
+        bytes
     }
 
     /// The hub's own report.

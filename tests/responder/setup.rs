@@ -70,7 +70,7 @@ fn a_motor_is_set_up_with_the_coefficients_that_go_with_it() {
                 Settings { duty, zero_power: ZeroPower::Float, ..Settings::for_scheme(winding, scheme) };
             assert_eq!(host.new_commands(), [Command::Configure { motor: 2, settings }]);
 
-            assert_eq!(host.ask(FIRST_FUNCTION + 1, &[2]), Answer::Data(fields));
+            assert_eq!(host.group(FIRST_FUNCTION + 1, 2), fields);
         }
     }
 }
@@ -86,7 +86,7 @@ fn choosing_linear_duty_forgets_neither_winding_nor_bridge() {
     let (ke, mohm) = (KE, started.winding.resistance.as_milliohms());
     let uh = started.winding.inductance.expect("known").as_microhenries();
     set_up(&mut host, 0, &fields(ke, 0, 0, 2, 0, 0));
-    assert_eq!(host.ask(FIRST_FUNCTION + 1, &[0]), Answer::Data(fields(ke, mohm, uh, 2, 0, 0)));
+    assert_eq!(host.group(FIRST_FUNCTION + 1, 0), fields(ke, mohm, uh, 2, 0, 0));
     set_up(&mut host, 0, &fields(ke, mohm, uh, 1, 0, 1));
 
     let emf = EmfConstant::from_bits(ke).expect("in range");
@@ -223,7 +223,7 @@ fn an_old_identification_is_not_reported_as_the_new_one() {
 fn a_protection_reads_back_and_outlasts_a_set_up() {
     let mut host = TestHost::settled();
     let none = [0; 6];
-    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Answer::Data([&[0], &none[..]].concat()));
+    assert_eq!(host.group(FIRST_FUNCTION + 9, 1), [&[0], &none[..]].concat());
     // 1.2 A, 20 s, 600 s.
     let limit = [0xB0, 4, 20, 0, 0x58, 2];
     assert_eq!(host.ask(FIRST_FUNCTION + 8, &[&[1, 1], &limit[..]].concat()), Answer::Ack(0));
@@ -231,8 +231,8 @@ fn a_protection_reads_back_and_outlasts_a_set_up() {
     let braking = Settings { on_fault: OnFault::Brake, thermal, ..settings() };
     assert_eq!(host.new_commands(), [Command::Configure { motor: 1, settings: braking }]);
     set_up(&mut host, 1, &fields(KE, 4_200, 0, 1, 0, 1));
-    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Answer::Data([&[1], &limit[..]].concat()));
-    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[0]), Answer::Data([&[0], &none[..]].concat()));
+    assert_eq!(host.group(FIRST_FUNCTION + 9, 1), [&[1], &limit[..]].concat());
+    assert_eq!(host.group(FIRST_FUNCTION + 9, 0), [&[0], &none[..]].concat());
     // The hub refuses an action at a fault that is neither coast nor brake, and a limit without a time constant.
     assert_eq!(host.ask(FIRST_FUNCTION + 8, &[&[1, 2], &none[..]].concat()), Answer::Nack(1));
     assert_eq!(host.ask(FIRST_FUNCTION + 8, &[1, 0, 0xB0, 4, 20, 0, 0, 0]), Answer::Nack(4));
@@ -347,12 +347,12 @@ fn all_motors_are_reported_in_one_answer() {
 #[test]
 fn a_bridge_timing_reads_back_and_outlasts_a_set_up() {
     let mut host = TestHost::settled();
-    assert_eq!(host.ask(FIRST_FUNCTION + 12, &[1]), Answer::Data(vec![0; 10]));
+    assert_eq!(host.group(FIRST_FUNCTION + 12, 1), [0; 10]);
     // 6 us, 2.4 us, 1.2 us, 1 us, 600 us.
     let timing = [0x70, 0x17, 0x60, 9, 0xB0, 4, 0xE8, 3, 0x58, 2];
     assert_eq!(host.ask(FIRST_FUNCTION + 11, &[&[1], &timing[..]].concat()), Answer::Ack(0));
     let timed = Settings { bridge: BridgeConstants::VNH5019, ..settings() };
     assert_eq!(host.new_commands(), [Command::Configure { motor: 1, settings: timed }]);
     set_up(&mut host, 1, &fields(KE, 4_200, 0, 1, 0, 1));
-    assert_eq!(host.ask(FIRST_FUNCTION + 12, &[1]), Answer::Data(timing.to_vec()));
+    assert_eq!(host.group(FIRST_FUNCTION + 12, 1), timing);
 }

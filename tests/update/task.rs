@@ -1,4 +1,4 @@
-//! The task that owns the slots, under virtual time.
+//! Tests of the slots, and of the task that owns the slots. The task runs under virtual time.
 
 use crate::power::{ACTIVE, DOWNLOAD, Part, STATE, new_chip};
 use crate::torn_flash::{Code, NoPower};
@@ -14,7 +14,7 @@ use std::future::ready;
 use std::pin::pin;
 use std::task::{Context, Waker};
 
-/// A flash that holds the mark of a swap everywhere, and refuses all writes and erasures.
+/// A flash in which every byte reads as a byte of the swap mark. The flash refuses all writes and erasures.
 #[derive(Default)]
 struct Refusing {
     refused: u32,
@@ -23,12 +23,12 @@ struct Refusing {
 impl Refusing {
     fn refuse(&mut self) -> Result<(), NoPower> {
         self.refused += 1;
-        assert!(self.refused < 1_000, "it is tried for ever, and no other task runs");
+        assert!(self.refused < 1_000, "the task repeats a refused write without a pause");
         Err(NoPower)
     }
 }
 
-/// Byte of the mark of a swap in the bootloader's state.
+/// Value of each byte of the swap mark in the bootloader's state.
 const SWAPPED: u8 = 0xF0;
 
 impl ErrorType for Refusing {
@@ -61,7 +61,7 @@ impl NorFlash for Refusing {
     }
 }
 
-/// The bootloader's state in a flash that drops the swap mark without an error.
+/// The bootloader's state in a flash that drops each write of the swap mark without an error.
 struct Dropping<'a>(Part<'a>);
 
 impl ErrorType for Dropping<'_> {
@@ -97,7 +97,7 @@ impl NorFlash for Dropping<'_> {
 fn an_image_is_not_armed_if_the_flash_has_dropped_the_swap_mark() {
     let chip = new_chip(Code::None);
     let state = Dropping(Part(&chip, STATE));
-    let mut slots = Slots::new(Part(&chip, ACTIVE), Part(&chip, DOWNLOAD), state).expect("words that fit");
+    let mut slots = Slots::new(Part(&chip, ACTIVE), Part(&chip, DOWNLOAD), state).expect("valid word sizes");
     let image = [1; CHUNK];
     assert_eq!(block_on(slots.write(0, &image)), Outcome::Done);
     let armed = block_on(slots.arm(CHUNK as u32, CRC.checksum(&image), None, ready(())));
@@ -116,10 +116,10 @@ fn firmware_that_cannot_confirm_itself_lets_all_other_tasks_run_and_says_so() {
     MockDriver::get().reset();
     let chip = new_chip(Code::Detects);
     let slots = Slots::new(Part(&chip, ACTIVE), Part(&chip, DOWNLOAD), Refusing::default());
-    let slots = slots.expect("words that fit");
+    let slots = slots.expect("valid word sizes");
     let wires = Wires::<NoopRawMutex, 1>::new();
     let health = Health::new();
-    let mut update = pin!(tasks::update::run(slots, &wires, &health, || unreachable!("nobody restarts it")));
+    let mut update = pin!(tasks::update::run(slots, &wires, &health, || unreachable!("no restart request")));
     let mut supervision = pin!(tasks::health::run(Fed, &health));
     let mut context = Context::from_waker(Waker::noop());
     let mut done = Vec::new();
@@ -128,7 +128,7 @@ fn firmware_that_cannot_confirm_itself_lets_all_other_tasks_run_and_says_so() {
             health.check_in(task);
         }
         assert!(supervision.as_mut().poll(&mut context).is_pending());
-        // The task yields, so other tasks get their turn.
+        // The poll returns, so other tasks run.
         assert!(update.as_mut().poll(&mut context).is_pending());
         done.extend(wires.update.done.try_take());
         MockDriver::get().advance(Duration::from_millis(50));

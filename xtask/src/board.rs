@@ -1,6 +1,6 @@
 //! The boards, and how their images are built.
 
-use crate::tool::{Failed, cargo, command, llvm, root, run};
+use crate::tool::{Failed, cargo, command, llvm, root, run, target_folder};
 use std::path::{Path, PathBuf};
 
 /// A board, and the limits of its image.
@@ -56,11 +56,6 @@ pub(crate) const BENCHES: [(&str, &str); 1] = [("budget", "thumbv7em-none-eabihf
 
 /// The package of drivers that boards share. It can be built only together with a board.
 pub(crate) const DRIVERS: &str = "motor-hub-stm32";
-
-/// Returns the folder that cargo builds into.
-pub(crate) fn target_folder() -> PathBuf {
-    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
-}
 
 /// `cargo xtask image`: makes the file that is copied to the USB drive of a NUCLEO.
 pub(crate) fn image(arguments: &[String]) -> Result<(), Failed> {

@@ -2,7 +2,7 @@
 
 use crate::board;
 use crate::python;
-use crate::tool::{Failed, cargo, cargo_command, command, none, output, root, run};
+use crate::tool::{Failed, cargo, cargo_command, command, none, output, root, run, target_folder};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::fs;
@@ -68,7 +68,7 @@ fn program(computer: &str) -> Result<PathBuf, Failed> {
         "--config",
         &linker,
     ])?;
-    Ok(board::target_folder().join(computer).join("shipped/motor-hub"))
+    Ok(target_folder().join(computer).join("shipped/motor-hub"))
 }
 
 /// Returns the checksums of all files in a folder, as `sha256sum --check` reads them.

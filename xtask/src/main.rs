@@ -50,6 +50,10 @@ pub(crate) const IMAGES: [&str; 11] = [
 /// Modules of tests that run on the H743, whatever the board. They are left out of the tests of another board.
 const ON_THE_H743: [&str; 4] = ["flash::", "h743::", "store::", "update::"];
 
+/// Modules of tests that are left out of the tests of the H743: what repeats these tests within those of another board, and
+/// what counts one motor's step, which runs by itself on a core that is no board's.
+const NOT_ON_THE_H743: [&str; 2] = ["h743::repeated::", "budget::"];
+
 const TASKS: [Task; 18] = [
     task("check", check::task, "format, lints of host, chips and core, documentation"),
     task(
@@ -142,7 +146,7 @@ fn test(arguments: &[String]) -> Result<(), Failed> {
         _ => {
             let board = board::named(arguments)?;
             let is_h743 = board.name == "nucleo-h743zi2";
-            let left_out: &[&str] = if is_h743 { &["h743::repeated::"] } else { &ON_THE_H743 };
+            let left_out: &[&str] = if is_h743 { &NOT_ON_THE_H743 } else { &ON_THE_H743 };
             let skipped = left_out.iter().chain([&REPORTS]).flat_map(|tests| ["--skip", tests]);
             let all: Vec<&str> =
                 IMAGES.into_iter().chain(["--", "--nocapture", "--include-ignored"]).chain(skipped).collect();

@@ -23,6 +23,11 @@ pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
+/// Returns the folder that cargo builds into.
+pub(crate) fn target_folder() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
+}
+
 /// Creates a command that runs at the root of the workspace.
 pub(crate) fn command(program: impl AsRef<OsStr>) -> Command {
     let mut command = Command::new(program);
@@ -74,7 +79,7 @@ pub(crate) fn motor_hub(arguments: &[&str]) -> Result<(), Failed> {
 /// Builds the program motor-hub and the library as `cargo test` builds them. Returns the program.
 pub(crate) fn tested_program() -> Result<PathBuf, Failed> {
     cargo(&["test", "--no-run", "--quiet", "--test", "program"])?;
-    Ok(crate::board::target_folder().join("debug/motor-hub"))
+    Ok(target_folder().join("debug/motor-hub"))
 }
 
 /// Returns the path of a tool in the toolchain's component llvm-tools.

@@ -1,8 +1,7 @@
 //! `cargo xtask try`: makes `docs/try/index.html`, the dashboard with a simulated hub in one file, which any browser opens without a
 //! server.
 
-use crate::board::target_folder;
-use crate::tool::{Failed, cargo_command, command, root, run};
+use crate::tool::{Failed, cargo_command, command, root, run, target_folder};
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};

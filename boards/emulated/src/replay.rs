@@ -23,7 +23,7 @@ use motor_hub::extension::{MotorFunction, Request};
 use motor_hub::group::Pose;
 use motor_hub::model::plant::Flow;
 use motor_hub::motor::EncoderFault;
-use motor_hub::motor::{Faults, OnFault, Report, Setpoint, ZeroPower};
+use motor_hub::motor::{Faults, Report, Setpoint, Settings, ZeroPower};
 use motor_hub::protocol::answers::Reply;
 use motor_hub::protocol::motor::{ChannelMode, RunMode, ToMotor};
 use motor_hub::units::{Control, CountsPerSecond, Duty, Period, RangeError};
@@ -173,13 +173,14 @@ fn set_up(
         motor.settings().map_err(|error| ReplayError::Motor { label: motor.label.clone(), error })?;
     let settings = MotorSettings::new(settings);
     let request = |group| Request::Set(channel, Values::of(group, &settings));
+    let default = MotorSettings::new(Settings::new(settings.motor.winding));
     // An image that the user has chosen may lack this hub's own protocol.
     let set_up = request(Group::SetUp);
     if !matches!(host.request(bench, set_up.id(), &set_up.payload()), Reply::Ack { .. }) {
         return Err(ReplayError::SetupRefused);
     }
     host.command(bench, request(Group::Timing));
-    if settings.motor.on_fault != OnFault::default() || settings.motor.thermal.is_some() {
+    if Values::of(Group::Protection, &settings) != Values::of(Group::Protection, &default) {
         host.command(bench, request(Group::Protection));
     }
     host.command(bench, request(Group::Motion));

@@ -15,6 +15,7 @@ mod ports;
 mod readings;
 mod record;
 mod scan;
+mod setting_options;
 mod settings;
 mod setup;
 mod shaft_speed;
@@ -185,6 +186,12 @@ impl Command {
             }
             Self::SetAddress { new } => {
                 let session = &mut hub.open(None)?;
+                let (own, new_address) = (session.address(), new.get());
+                if new_address != own && session.discover()?.iter().any(|hub| hub.address == new_address) {
+                    return Err(Failure::Work(format!(
+                        "another hub on the line has address {new_address}: choose another address"
+                    )));
+                }
                 session.set_address(new)?;
                 let until = settings::why_address_is_lost(session)?;
                 let until = until.map_or_else(String::new, |why| format!(" until the next reset: {why}"));

@@ -200,6 +200,9 @@ impl Session {
     }
 
     /// Writes 1 to 100 bytes to a device. The status of the result says whether the transfer had an error.
+    ///
+    /// # Errors
+    /// [`Error::Unconfirmed`] if the hub does not acknowledge the request. The device may have got the bytes.
     pub fn write_i2c(&mut self, bus: I2cBus, address: I2cAddress, bytes: Text) -> Result<I2cWritten, Error> {
         let start = ToPin::WriteI2c { bus, address, bytes };
         self.transfer(start, |session| session.request(ToPin::PollI2cWrite { bus }))

@@ -35,6 +35,17 @@ pub enum Error {
         /// The hub's address.
         address: u8,
     },
+    /// The hub did not answer a request that is sent once only. The hub may have executed the request.
+    #[error(
+        "hub {address} does not answer, but may have executed the request to {}: check the device before you repeat the request",
+        text(.request)
+    )]
+    Unconfirmed {
+        /// The hub's address.
+        address: u8,
+        /// The request.
+        request: Box<Request>,
+    },
     /// The hub answered NACK.
     #[error("the hub refuses to {}: {reason}", text(.request))]
     Refused {

@@ -66,6 +66,11 @@ impl Session {
                 self.set(motor, group, &kept.settings)?;
             }
         }
+        self.restore_coefficients(motor, kept)
+    }
+
+    /// Restores the coefficients of a motor if PID regulated the motor when the settings were kept.
+    pub fn restore_coefficients(&mut self, motor: u8, kept: &KeptSettings) -> Result<(), Error> {
         for (of, pidf) in [Loop::Velocity, Loop::Position].into_iter().zip(kept.loops.into_iter().flatten()) {
             self.set_coefficients(motor, of, pidf)?;
         }

@@ -127,36 +127,58 @@ impl Session {
     /// Gives a motor a set-point and its mode. A disabled motor applies the set-point once it is enabled. For a constant
     /// current a disabled motor gets power 0, because a hub accepts a constant current for enabled motors only: call
     /// this function again once the motor is enabled.
+    ///
+    /// Each request takes effect immediately. The order of the requests prevents that an enabled motor follows an
+    /// earlier target of the new mode, or takes a speed limit for a target.
     pub fn set_setpoint(
         &mut self,
         motor: u8,
         setpoint: Setpoint,
         zero_power: ZeroPower,
     ) -> Result<(), Error> {
-        let mode = match setpoint {
-            // In constant power the motor applies its last power immediately, so the power is set before the mode.
+        match setpoint {
             Setpoint::Power(power) => {
                 self.set_power(motor, power)?;
-                RunMode::Power
+                self.set_mode(motor, RunMode::Power, zero_power)
             }
             Setpoint::Current { ma, speed_limit } => {
-                if self.enabled(motor)? {
-                    return self.set_current(motor, ma, speed_limit);
+                let enabled = self.enabled(motor)?;
+                // A motor follows the target of its mode again when its constant current ends. So the mode must have
+                // power 0 before the current starts.
+                if !enabled || !self.has_power_zero(motor)? {
+                    self.set_power(motor, Control::ZERO)?;
+                    self.set_mode(motor, RunMode::Power, zero_power)?;
                 }
-                self.set_power(motor, Control::ZERO)?;
-                RunMode::Power
+                if enabled { self.set_current(motor, ma, speed_limit) } else { Ok(()) }
             }
             Setpoint::Velocity(cps) => {
                 self.set_velocity(motor, cps)?;
-                RunMode::Velocity
+                self.set_mode(motor, RunMode::Velocity, zero_power)
             }
             Setpoint::Position { counts, tolerance, speed_limit } => {
-                self.set_velocity(motor, speed_limit)?;
+                // The speed limit is the target of mode velocity, so a motor in mode velocity gets it last.
+                let had_velocity = self.mode(motor)?.mode == RunMode::Velocity;
+                if !had_velocity {
+                    self.set_velocity(motor, speed_limit)?;
+                }
                 self.set_position(motor, counts, tolerance)?;
-                RunMode::Position
+                self.set_mode(motor, RunMode::Position, zero_power)?;
+                if had_velocity { self.set_velocity(motor, speed_limit) } else { Ok(()) }
             }
-        };
-        self.set_mode(motor, mode, zero_power)
+        }
+    }
+
+    fn mode(&mut self, motor: u8) -> Result<ChannelMode, Error> {
+        self.request(ToMotor::Mode.to(motor))
+    }
+
+    fn power(&mut self, motor: u8) -> Result<Control, Error> {
+        self.request(ToMotor::Power.to(motor))
+    }
+
+    /// True if the motor is in mode power with power 0.
+    fn has_power_zero(&mut self, motor: u8) -> Result<bool, Error> {
+        Ok(self.mode(motor)?.mode == RunMode::Power && self.power(motor)? == Control::ZERO)
     }
 
     /// Disables motors that a former host has left enabled, and returns them. Without this call the motors would keep
@@ -199,12 +221,12 @@ impl Session {
 
     /// Mode, enable and all targets of a motor.
     pub fn motor(&mut self, motor: u8) -> Result<MotorState, Error> {
-        let ChannelMode { mode, floats } = self.request(ToMotor::Mode.to(motor))?;
+        let ChannelMode { mode, floats } = self.mode(motor)?;
         Ok(MotorState {
             mode,
             zero_power: if floats { ZeroPower::Float } else { ZeroPower::Brake },
             enabled: self.enabled(motor)?,
-            power: self.request(ToMotor::Power.to(motor))?,
+            power: self.power(motor)?,
             velocity: self.request(ToMotor::Velocity.to(motor))?,
             position: self.request(ToMotor::Position.to(motor))?,
         })
@@ -253,15 +275,11 @@ impl Session {
     pub fn settings(&mut self, motor: u8) -> Result<MotorSettings, Error> {
         // The groups that the hub reports replace these initial values.
         let mut settings = MotorSettings::new(Settings::new(Winding::NEVEREST_60));
-        for group in Group::ALL {
-            match group {
-                Group::VelocityLoop | Group::PositionLoop => (),
-                Group::CurrentLimit => match self.get(motor, group, &settings) {
-                    // Older firmware has no current limit.
-                    Err(Error::TooOld { .. }) => (),
-                    read => settings = read?,
-                },
-                _ => settings = self.get(motor, group, &settings)?,
+        for group in Group::ALL.into_iter().filter(|group| group.loop_of().is_none()) {
+            match self.get(motor, group, &settings) {
+                // Older firmware lacks groups of settings that were added later.
+                Err(Error::TooOld { .. }) => (),
+                read => settings = read?,
             }
         }
         Ok(settings)
@@ -307,7 +325,8 @@ impl Session {
 
     /// Sets a constant current in mA for an enabled motor; [`constant_current_ma`] converts from amperes and checks the
     /// range. The hub reduces the current at the speed limit in counts/s; [`NO_SPEED_LIMIT_CPS`] is no limit.
-    /// Another target ends the constant current. Needs this project's firmware.
+    /// Another target, or a mode, ends the constant current: the motor then follows the target of its mode.
+    /// [`set_setpoint`](Self::set_setpoint) therefore selects power 0 first. Needs this project's firmware.
     pub fn set_current(&mut self, motor: u8, current_ma: i32, speed_limit_cps: u16) -> Result<(), Error> {
         self.command(MotorFunction::Current { current_ma, speed_limit_cps }.to(motor))
     }

@@ -8,6 +8,7 @@ use motor_hub::chain::ChainReport;
 use motor_hub::extension::{INTERFACE, Request};
 use motor_hub::protocol::answers::Functions;
 use motor_hub::protocol::payload::{Field, Fields};
+use motor_hub::protocol::pins::ToPin;
 use motor_hub::protocol::requests::{DISCOVERY, FAIL_SAFE, InterfaceName, Standard};
 use motor_hub::protocol::{Address, BROADCAST, Decoder, HOST, Nack, Packet, Reply, frame};
 use motor_hub::units::Micros;
@@ -16,23 +17,31 @@ use std::io::ErrorKind;
 use std::thread;
 use std::time::Duration;
 
-/// Number of transmissions of a request before the hub counts as silent. A hub may have executed a request whose answer
-/// was lost. A second execution leaves the hub in the state of one execution, because no request changes a value by an
-/// amount. (A second *reset encoder* of a turning motor sets the zero to the later position.) The second answer may differ: for example, the first execution has cleared the status word already, or a
-/// save is running already.
+/// Number of transmissions of a request before the hub counts as silent. A write to an I2C device is sent once, because
+/// a device may act on each write.
+///
+/// A hub may have executed a request whose answer was lost. The hub then executes the request a second time. In most
+/// cases the second execution has no effect, because no request changes a value by an amount. There are two exceptions:
+/// a second *reset encoder* of a turning motor sets the zero to the later position, and a second I2C read reads the
+/// device again.
+///
+/// The second answer may differ. For example, the first execution has cleared the status word already, or a save is
+/// running already.
 pub const TRANSMISSIONS: u32 = 3;
 
-/// Time from the first answer to a discovery until the last. The parent of a chain waits 2 ms for each of 254
-/// addresses, which are 508 ms.
+/// Longest time from the first answer to a discovery until the last answer. The parent of a chain waits 2 ms for each
+/// of 254 addresses, which takes 508 ms. Sending the 254 requests of 11 bytes at 460800 baud takes 61 ms more.
 pub const CHAIN_DISCOVERY_TIMEOUT: Duration = Duration::from_millis(650);
 
-/// Time from the answer of the first hub to the answers of other hubs on the same line, which answer on their own.
+/// Longest time from the first answer to a discovery until the answer of another parent. Several hubs on one line that
+/// are not a chain all answer as parent.
 const SECOND_PARENT_DELAY: Duration = Duration::from_millis(50);
 
 /// Interval between two requests to a hub that is discovering the hubs behind it.
 const CHAIN_POLL_INTERVAL: Duration = Duration::from_millis(20);
 
-/// Longest time spent on reading and dropping stale input. A line that is never silent must not block a request.
+/// Longest time for which bytes of earlier exchanges (stale input) are read and dropped before a request is sent. A
+/// line that is never silent must not block a request.
 const STALE_INPUT_LIMIT: Duration = Duration::from_millis(50);
 
 /// A hub that answered a discovery.
@@ -42,7 +51,8 @@ pub struct Found {
     pub address: u8,
     /// True if the hub is on this line, false if it is behind another hub.
     pub parent: bool,
-    /// True if several hubs have this address, so that none of them can be used.
+    /// True if the parent reports several hubs with this address, so that none of these hubs can be used. A parent
+    /// that is not a hub of this project reports no such address, so the value is false.
     pub duplicate: bool,
 }
 
@@ -54,8 +64,9 @@ pub struct Session {
     decoder: Decoder,
     /// Received packets that have not been read yet.
     arrived: VecDeque<Packet>,
-    /// True if the first transmission of the last request was answered and no other packet had arrived. No stale input
-    /// can follow then. A wait for stale input would take several times as long as an exchange.
+    /// True if the first transmission of the last request was answered and no other packet had arrived. The next
+    /// request is then sent without a wait for stale input, because the wait takes several times as long as an
+    /// exchange. A late answer of another hub is ignored, because the answer refers to another message number.
     no_stale_input: bool,
     since: Instant,
     timeout: Duration,
@@ -97,7 +108,8 @@ impl Session {
         Ok(Self::with_parent(Line::open(place, timeout)?, timeout)?)
     }
 
-    /// Makes a session with the hub at `address`. A request without an answer is sent [`TRANSMISSIONS`] times within `timeout`.
+    /// Makes a session with the hub at `address`. A request without an answer is sent [`TRANSMISSIONS`] times within
+    /// `timeout`.
     pub fn new(line: impl Into<Line>, address: Address, timeout: Duration) -> Self {
         Self {
             line: line.into(),
@@ -170,8 +182,9 @@ impl Session {
     }
 
     /// Discovers all hubs on the line. A parent of this project reports the hubs behind it. These hubs follow the
-    /// parent in the order of their addresses. With any other parent the function waits for further answers, until
-    /// [`CHAIN_DISCOVERY_TIMEOUT`] or the time-out has passed, and the hubs are in the order of their answers.
+    /// parent in the order of their addresses. With another parent, or if not exactly one hub answers as parent, the
+    /// function sends a second discovery and waits for answers, until [`CHAIN_DISCOVERY_TIMEOUT`] or the time-out has
+    /// passed. The hubs are then in the order of their answers.
     ///
     /// # Errors
     /// [`Error::NoHub`] if no hub answers within the time-out.
@@ -235,8 +248,8 @@ impl Session {
         all
     }
 
-    /// Returns the hubs that answer a discovery within the time-out. The last answer may arrive `chain` after the first
-    /// answer.
+    /// Sends one discovery without retransmissions, and returns the hubs that answer within the time-out. The wait ends
+    /// `chain` after the first answer.
     fn discover_for(&mut self, chain: Duration) -> Result<Vec<Found>, Error> {
         let end = Instant::now() + self.timeout;
         self.next_message_number();
@@ -259,8 +272,8 @@ impl Session {
     }
 
     /// Waits until the hub at `parent` has discovered the hubs behind it, for [`CHAIN_DISCOVERY_TIMEOUT`] at most, and
-    /// returns its report. The report is empty if the hub has no chain line. `None` for a hub of another maker, or with older
-    /// firmware.
+    /// returns its report. After this time the report may be incomplete. The report is empty if the hub has no chain
+    /// line. Returns `None` for a hub of another maker, or with older firmware.
     fn wait_for_chain(&mut self, parent: u8) -> Result<Option<ChainReport>, Error> {
         let Some(parent) = Address::new(parent) else { return Ok(None) };
         let before = Address::new(self.address);
@@ -287,7 +300,8 @@ impl Session {
     /// Sends a request and reads its answer, whose type [`requests`](motor_hub::protocol::requests) defines.
     ///
     /// # Errors
-    /// The line fails, the hub is silent, the hub refuses, or the answer has another type.
+    /// The line fails or is closed. The hub does not answer, refuses the request, or lacks the function. The answer has
+    /// another type.
     pub fn request<A: Field>(&mut self, request: impl Into<Request>) -> Result<A, Error> {
         self.request_with(request, |payload| A::read(&mut Fields::new(payload)))
     }
@@ -319,13 +333,18 @@ impl Session {
         }
     }
 
-    /// Sends a request up to [`TRANSMISSIONS`] times until the hub answers. A refusal is an error.
+    /// Sends a request up to [`TRANSMISSIONS`] times until the hub answers. A refusal is an error. A write to an I2C
+    /// device is sent once.
     fn exchange(&mut self, request: &Request) -> Result<Reply, Error> {
         let (id, address) = (self.id(request)?, self.address);
-        // The retransmitted packet is unchanged, so a late answer to the first transmission is accepted.
+        // The retransmitted packet is unchanged, so an answer to the first transmission is accepted if the answer
+        // arrives after the second transmission.
         self.next_message_number();
-        for tried in 0..TRANSMISSIONS {
-            let end = Instant::now() + self.timeout / TRANSMISSIONS;
+        let is_i2c_write =
+            matches!(request, Request::ToPin(ToPin::WriteI2c { .. } | ToPin::WriteI2cByte { .. }));
+        let transmissions = if is_i2c_write { 1 } else { TRANSMISSIONS };
+        for tried in 0..transmissions {
+            let end = Instant::now() + self.timeout / transmissions;
             self.transmit(request, address, id)?;
             let answer = |packet: &Packet| Reply::read(packet, id).filter(|_| packet.source == address);
             let Some((_, reply)) = self.next(end, answer)? else { continue };
@@ -335,11 +354,15 @@ impl Session {
                 reply => Ok(reply),
             };
         }
-        Err(Error::Silent { address })
+        Err(if is_i2c_write {
+            Error::Unconfirmed { address, request: Box::new(request.clone()) }
+        } else {
+            Error::Silent { address }
+        })
     }
 
-    /// Returns the packet type of a request. Each hub chooses the numbers of its functions, so the session asks the hub
-    /// for them once.
+    /// Returns the packet type of a request. Each hub chooses the numbers of its functions, so the session asks each
+    /// hub once for these numbers.
     fn id(&mut self, request: &Request) -> Result<u16, Error> {
         let Some(interface) = request.interface() else { return Ok(request.id()) };
         let Interfaces { motors, extension, .. } = *self.interfaces();

@@ -3,8 +3,9 @@
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use motor_hub_client::explanations::explanation;
-use motor_hub_client::motor_hub::extension::settings::{Form, Group};
+use motor_hub_client::motor_hub::extension::settings::{Field, Form, Group, Zero};
 use motor_hub_client::motor_hub::record::Fault;
+use motor_hub_client::request_text::of_group;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -64,24 +65,49 @@ fn the_page_of_fault_numbers_has_the_explanations_that_programs_show() {
 #[test]
 fn the_page_of_settings_has_every_setting_with_its_allowed_values() {
     check("guides/settings.md", |page| {
-        const HEAD: &str = "| setting of a motor | allowed |\n|---|---|\n";
+        const HEAD: &str = "| setting of a motor | allowed | in a packet |\n|---|---|---|\n";
         let (before, rest) = page.split_once(HEAD).expect("the page has the table");
         let (_, after) = rest.split_once("\n\n").expect("the table ends");
         let mut rows = String::new();
-        for field in Group::ALL.iter().flat_map(|group| group.fields()) {
-            let allowed = match field.form {
-                Form::Words(words) => {
-                    words.iter().map(|word| format!("`{word}`")).collect::<Vec<_>>().join(", ")
-                }
-                Form::Steps(_) => {
-                    let (least, most) = field.range();
-                    format!("{} to {}", decimal(least), decimal(most))
-                }
-            };
-            writeln!(rows, "| `{}` | {allowed} |", field.name).unwrap();
+        for group in Group::ALL {
+            writeln!(rows, "| **{}** | | |", of_group(group)).unwrap();
+            for field in group.fields() {
+                let (allowed, packet) = (allowed(field), in_packet(field));
+                writeln!(rows, "| `{}` | {allowed} | {packet} |", field.name).unwrap();
+            }
         }
         [before, HEAD, &rows, "\n", after].concat()
     });
+}
+
+/// The values of a setting in a settings file.
+fn allowed(field: &Field) -> String {
+    match field.form {
+        Form::Words(words) => words.iter().map(|word| format!("`{word}`")).collect::<Vec<_>>().join(", "),
+        Form::Steps(_) => {
+            let (least, most) = field.range();
+            format!("{} to {}", decimal(least), decimal(most))
+        }
+    }
+}
+
+/// The integer of a setting in a packet.
+fn in_packet(field: &Field) -> String {
+    let mut text = format!("{}{}", if field.signed { "i" } else { "u" }, 8 * field.size);
+    match field.form {
+        Form::Words(_) => text.push_str(", the number of the word from 0"),
+        Form::Steps(1) => (),
+        Form::Steps(steps) => write!(text, ", steps of 1/{steps}").unwrap(),
+    }
+    text.push_str(match field.zero {
+        Zero::Value => "",
+        Zero::NotConfigured => "; 0: not configured",
+        Zero::Keeps => "; 0: unchanged",
+    });
+    if let Some(version) = field.since {
+        write!(text, "; since {version}").unwrap();
+    }
+    text
 }
 
 /// A number with at most seven decimals.

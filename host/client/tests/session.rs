@@ -7,19 +7,22 @@ use hub_support::{ADDRESS, Hub, Memory, first, responder_at};
 use motor_hub::extension::report::MotorReport;
 use motor_hub::extension::settings::Group;
 use motor_hub::extension::{HubFunction, Request};
-use motor_hub::motor::{Faults, ZeroPower};
+use motor_hub::motor::{self, Faults, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, RunMode, Target, Terms, ToMotor};
-use motor_hub::protocol::payload::{Field, Fields, Payload};
+use motor_hub::protocol::payload::{Field, Fields, Payload, Text};
+use motor_hub::protocol::pins::{I2cAddress, I2cBus, ToPin};
 use motor_hub::protocol::{Address, Colour, Nack, Packet, frame};
 use motor_hub::record::Fault;
 use motor_hub::store::{Found, Outcome};
 use motor_hub::supply::BusState;
-use motor_hub::units::{Coefficient, Control, Milliamperes, Millivolts};
+use motor_hub::units::{Coefficient, Control, CountsPerSecond, Milliamperes, Millivolts};
+use motor_hub_client::motor::{NO_SPEED_LIMIT_CPS, Setpoint};
 use motor_hub_client::reasons::why_unsaved;
 use motor_hub_client::session;
 use motor_hub_client::{Error, Session};
-use std::sync::atomic::Ordering;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 /// Time-out of requests, far longer than a hub in memory needs.
@@ -56,7 +59,7 @@ fn negative_targets_are_the_bytes_of_the_protocol() {
             "44 4b 12 00 03 00 09 00 13 10 00 18 fc ff ff 19 00 fb",
         ),
     ] {
-        let request: Request = request.to(0).into();
+        let request: Request = request.to(0);
         let frame = frame::encode(&request.packet(ADDRESS, number, request.id()));
         assert_eq!(frame.to_vec(), bytes(expected));
     }
@@ -106,6 +109,69 @@ fn every_setting_can_be_read_back() {
     session.set_address(Address::new(77).unwrap()).unwrap();
     assert_eq!(session.status(true).unwrap().words(), ["device reset", "fail-safe"]);
     assert_eq!(session.status(true).unwrap().status, 0);
+}
+
+/// Gives an enabled motor one set-point after the other, and returns the different set-points that the motor receives.
+fn received(setpoints: &[Setpoint]) -> Vec<motor::Setpoint> {
+    let hub = Hub::new();
+    let received = hub.setpoints.clone();
+    let mut session = session(Memory::new(hub));
+    session.set_setpoint(0, Setpoint::Power(Control::ZERO), ZeroPower::Brake).unwrap();
+    session.enable(0, true).unwrap();
+    received.lock().unwrap().clear();
+    for setpoint in setpoints {
+        session.set_setpoint(0, *setpoint, ZeroPower::Brake).unwrap();
+    }
+    let mut received: Vec<_> = received.lock().unwrap().iter().map(|(_, setpoint)| *setpoint).collect();
+    received.dedup();
+    received
+}
+
+#[test]
+fn a_speed_limit_never_becomes_a_target_velocity() {
+    let position = Setpoint::Position { counts: -5_000, tolerance: 10, speed_limit: 800 };
+    for setpoint in received(&[Setpoint::Velocity(0), position, Setpoint::Velocity(-300), position]) {
+        let is_allowed = match setpoint {
+            motor::Setpoint::Velocity(cps) => [0, -300].map(CountsPerSecond::new).contains(&cps),
+            motor::Setpoint::Position { target, .. } => target == -5_000,
+            other => other == motor::Setpoint::ConstantPower(Control::ZERO),
+        };
+        assert!(is_allowed, "{setpoint:?}");
+    }
+}
+
+#[test]
+fn after_a_constant_current_no_earlier_target_comes_into_force() {
+    let velocity = |cps| motor::Setpoint::Velocity(CountsPerSecond::new(cps));
+    let current = |ma| motor::Setpoint::Current {
+        current: Milliamperes::new(ma),
+        speed_limit: CountsPerSecond::new(NO_SPEED_LIMIT_CPS.into()),
+    };
+    let power = |share| motor::Setpoint::ConstantPower(Control::new(share));
+    let by_host = |ma| Setpoint::Current { ma, speed_limit: NO_SPEED_LIMIT_CPS };
+    let after_velocity = received(&[
+        Setpoint::Velocity(1_000),
+        by_host(100),
+        by_host(200),
+        Setpoint::Power(Control::new(50)),
+        by_host(300),
+        Setpoint::Velocity(-7),
+    ]);
+    assert_eq!(
+        after_velocity,
+        [
+            power(0),
+            velocity(1_000),
+            power(0),
+            current(100),
+            current(200),
+            power(50),
+            power(0),
+            current(300),
+            power(0),
+            velocity(-7)
+        ]
+    );
 }
 
 #[test]
@@ -189,6 +255,28 @@ fn a_lost_packet_is_sent_again_unchanged_and_a_silent_hub_is_given_up() {
     let mut session = impatient(Memory::new(Hub { deaf_for: 3, ..Hub::new() }));
     assert!(matches!(session.fail_safe(), Err(Error::Silent { address: ADDRESS })));
     session.fail_safe().unwrap();
+}
+
+#[test]
+fn an_i2c_write_whose_acknowledgement_is_lost_is_sent_once() {
+    let bus = I2cBus::new(0).unwrap();
+    let address = I2cAddress::new(0x28).unwrap();
+    let bytes = Text::from_slice(&[1, 2]).unwrap();
+    let id = ToPin::WriteI2c { bus, address, bytes: bytes.clone() }.id();
+    let writes = Arc::new(AtomicU32::new(0));
+    let counted = Arc::clone(&writes);
+    let loses_reply = Box::new(move |packet: &Packet| {
+        packet.id == id && {
+            counted.fetch_add(1, Ordering::Relaxed);
+            true
+        }
+    });
+    let mut session = impatient(Memory::new(Hub { loses_reply, ..Hub::new() }));
+    let lost = session.write_i2c(bus, address, bytes).unwrap_err();
+    assert_eq!(writes.load(Ordering::Relaxed), 1);
+    let says = "hub 3 does not answer, but may have executed the request to write to device 0x28 on I2C bus 0: check the device before you repeat the request";
+    assert_eq!(lost.to_string(), says);
+    assert_eq!(session.battery().unwrap(), Millivolts::new(12_345), "the session goes on");
 }
 
 #[test]

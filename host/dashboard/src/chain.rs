@@ -89,6 +89,11 @@ impl Chain {
         Ok(())
     }
 
+    /// True if a hub that is not shown has this address.
+    pub(crate) fn has_other(&self, address: u8) -> bool {
+        self.hubs.iter().any(|hub| !hub.shown && hub.address == address)
+    }
+
     /// Notes the new address of the shown hub.
     pub(crate) fn rename(&mut self, address: u8) {
         if let Some(hub) = self.hubs.iter_mut().find(|hub| hub.shown) {

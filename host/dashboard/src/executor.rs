@@ -1,4 +1,4 @@
-//! Executes orders by requests to the hub. Values out of range are refused before anything is sent.
+//! Executes orders by requests to the hub. The values of an order are checked before a request changes the hub.
 
 use crate::frame::{configurable, settings_of};
 use crate::hub::{RequestError, channel, of_motor, within};
@@ -11,14 +11,16 @@ use motor_hub::extension::group::GroupCourse;
 use motor_hub::extension::settings::{Group, MotorSettings, Values, Zero};
 use motor_hub::group::GroupCommand;
 use motor_hub::model::catalogue::characterised;
-use motor_hub::motor::{ThermalLimit, ZeroPower};
+use motor_hub::motor::{Settings, ThermalLimit, ZeroPower};
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, RunMode, Terms};
 use motor_hub::protocol::{CHANNELS, Colour};
-use motor_hub::regulator::{Dynamics, Kind};
+use motor_hub::regulator::Kind;
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::kept_settings::KeptSettings;
-use motor_hub_client::motor::{NO_CURRENT, SPEED_LIMITS_CPS, Setpoint, constant_current_ma};
+use motor_hub_client::motor::{
+    NO_CURRENT, NO_SPEED_LIMIT_CPS, SPEED_LIMITS_CPS, Setpoint, constant_current_ma,
+};
 use motor_hub_client::request_text::of_group;
 use motor_hub_client::{Error, Session};
 use serde_json::{Map, Value};
@@ -41,10 +43,10 @@ const UNDOABLE: usize = 20;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MotorMemory {
     undo: Vec<KeptSettings>,
-    /// Dynamics and acceleration limit that the last identification proposes, until another motor is configured.
-    pub(crate) proposed: Option<(Dynamics, Option<Acceleration>)>,
-    /// Dynamics that were configured last. A change from PID back to the model configures them again.
-    known: Option<Dynamics>,
+    /// Settings that the last identification proposes, for a motor with the winding in these settings. `None` before an
+    /// identification. A set-up with a motor's name, an import, a load, a reset and a new connection delete the
+    /// proposal.
+    pub(crate) proposed: Option<Settings>,
 }
 
 impl MotorMemory {
@@ -57,14 +59,15 @@ impl MotorMemory {
     }
 }
 
-/// Executes orders.
+/// Executor of orders, with the state of each motor.
 #[derive(Debug, Default)]
 pub(crate) struct Executor {
     pub(crate) motors: [MotorMemory; CHANNELS],
 }
 
 impl Executor {
-    /// Executes an order. The relay executes orders about pages and identifications.
+    /// Executes an order about set-points, groups, settings, the record of faults, the LED or the simulated world. The
+    /// relay executes all other orders.
     pub(crate) fn execute(
         &mut self,
         session: &mut Session,
@@ -107,9 +110,13 @@ impl Executor {
             return Ok(());
         }
         let before = session.keep_settings(motor)?;
-        let of = self.of(motor)?;
-        of.known = before.settings.motor.dynamics.or(of.known);
-        let done = self.change_settings(session, motor, order, before.settings);
+        // These orders send a set-up of the same motor, with which the hub deletes the coefficients.
+        let keeps_pid =
+            matches!(order, PageRequest::SetUp { name: None, .. } | PageRequest::Configure { .. });
+        let mut done = self.change_settings(session, motor, order, before.settings);
+        if keeps_pid && done.is_ok() {
+            done = session.restore_coefficients(motor, &before).map_err(RequestError::from);
+        }
         let changed = match done {
             Ok(()) => true,
             // The hub may have accepted the first requests of a refused order.
@@ -122,7 +129,8 @@ impl Executor {
         done
     }
 
-    /// Executes an order that changes settings of a motor. `settings` are those in force.
+    /// Executes an order that changes settings of a motor. `settings` are the settings before the
+    /// order.
     fn change_settings(
         &mut self,
         session: &mut Session,
@@ -135,12 +143,8 @@ impl Executor {
                 let pidf = coefficients(pidf)?;
                 session.set_coefficients(motor, of, pidf)?;
             }
-            PageRequest::Regulator { kind: Kind::Model, .. } => {
-                let of = self.of(motor)?;
-                let proposed = of.proposed.map(|(dynamics, _)| dynamics);
-                settings.motor.dynamics = settings.motor.dynamics.or(proposed).or(of.known);
-                session.set_up(motor, &settings)?;
-            }
+            // The hub deletes the coefficients, so the model regulates the motor.
+            PageRequest::Regulator { kind: Kind::Model, .. } => session.set_up(motor, &settings)?,
             PageRequest::Regulator { kind: Kind::Pid, .. } => {
                 let pidf = session.coefficients(motor, Loop::Velocity)?;
                 session.set_coefficients(motor, Loop::Velocity, pidf)?;
@@ -148,10 +152,9 @@ impl Executor {
             PageRequest::SetUp { ref name, scheme, duty, .. } => {
                 let settings = set_up(settings, name.as_deref(), scheme, duty)?;
                 if name.is_some() {
-                    // The dynamics and the acceleration limit are those of another motor.
+                    // Dynamics and acceleration limit belong to the former motor, so they are not sent again.
                     session.set(motor, Group::SetUp, &settings)?;
-                    let of = self.of(motor)?;
-                    (of.proposed, of.known) = (None, None);
+                    self.of(motor)?.proposed = None;
                 } else {
                     session.set_up(motor, &settings)?;
                 }
@@ -167,37 +170,40 @@ impl Executor {
                     session.command(request)?;
                 }
             }
-            // Only this order remains of the orders that change settings.
+            // The order `Apply`. All other orders that change settings are handled above or by the caller.
             _ => {
-                let proposed = self.of(motor)?.proposed;
-                let (dynamics, acceleration) =
-                    proposed.ok_or("this motor was not identified yet: run Identify first")?;
-                (settings.motor.dynamics, settings.motor.acceleration) = (Some(dynamics), acceleration);
+                let of_this_winding = |proposed: &Settings| proposed.winding == settings.motor.winding;
+                let proposed = self.of(motor)?.proposed.filter(of_this_winding);
+                let Settings { dynamics, acceleration, .. } = proposed.ok_or(
+                    "with its present constants this motor was not identified yet: run Identify first",
+                )?;
+                (settings.motor.dynamics, settings.motor.acceleration) = (dynamics, acceleration);
                 session.set_up(motor, &settings)?;
             }
         }
         Ok(())
     }
 
-    /// The state that the server keeps of a motor.
+    /// Returns the state that the server keeps of a motor.
     pub(crate) fn of(&mut self, motor: u8) -> Result<&mut MotorMemory, RequestError> {
         of_motor(&mut self.motors, motor)
     }
 
-    /// Puts the settings of a file in force: all of them, or none if the hub refuses one. An undo restores the previous
-    /// settings of a motor.
+    /// Puts the settings of a file in force. If the hub refuses a setting, the former settings of the motors are
+    /// restored. A later undo restores the former settings of a motor except its mode. An undo does not restore the
+    /// drive base.
     fn import(&mut self, session: &mut Session, text: &str) -> Result<(), RequestError> {
         let document = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
         let file = settings_file::read(document)?;
         for (motor, kept) in session.apply_settings(file.motors, file.base)? {
             let of = self.of(motor)?;
             of.keep(kept);
-            (of.proposed, of.known) = (None, None);
+            of.proposed = None;
         }
         Ok(())
     }
 
-    /// Settings of a motor, as a message to pages.
+    /// Reads the settings of a motor from the hub, and returns these settings as JSON for pages.
     pub(crate) fn settings(&mut self, session: &mut Session, motor: u8) -> Result<Value, Error> {
         let settings = session.settings(motor)?;
         let [velocity, position] = [Loop::Velocity, Loop::Position].map(|of| session.coefficients(motor, of));
@@ -217,8 +223,8 @@ fn setpoint(mode: RunMode, value: f64, speed: Option<f64>, tolerance: u16) -> Re
         RunMode::Velocity => Setpoint::Velocity(cps(value)?),
         RunMode::Position => {
             let counts = within("a position", value, i32::MIN.into()..=i32::MAX.into(), "counts")?.round();
-            let speed_limit = cps(speed.unwrap_or(USUAL_SPEED))?;
-            Setpoint::Position { counts: counts as i32, tolerance, speed_limit }
+            let speed_limit = speed_limit(speed.unwrap_or(USUAL_SPEED))?;
+            Setpoint::Position { counts: counts as i32, tolerance, speed_limit: speed_limit as i16 }
         }
     })
 }
@@ -227,13 +233,17 @@ fn setpoint(mode: RunMode, value: f64, speed: Option<f64>, tolerance: u16) -> Re
 /// can then enable the motor.
 fn current(session: &mut Session, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), RequestError> {
     let ma = constant_current_ma(amperes).map_err(|error| error.to_string())?;
-    let [least, most] = [SPEED_LIMITS_CPS.start(), SPEED_LIMITS_CPS.end()].map(|cps| f64::from(*cps));
-    let limit = within("a speed limit", speed.unwrap_or(most), least..=most, "counts/s")?;
+    let speed_limit = speed_limit(speed.unwrap_or(NO_SPEED_LIMIT_CPS.into()))?;
     if session.report()?.is_none() {
         return Err(NO_CURRENT.into());
     }
-    let setpoint = Setpoint::Current { ma, speed_limit: limit.round() as u16 };
+    let setpoint = Setpoint::Current { ma, speed_limit };
     Ok(session.set_setpoint(motor, setpoint, ZeroPower::Brake)?)
+}
+
+fn speed_limit(value: f64) -> Result<u16, RequestError> {
+    let [least, most] = [SPEED_LIMITS_CPS.start(), SPEED_LIMITS_CPS.end()].map(|cps| f64::from(*cps));
+    Ok(within("a speed limit", value, least..=most, "counts/s")?.round() as u16)
 }
 
 fn cps(value: f64) -> Result<i16, RequestError> {
@@ -269,8 +279,9 @@ fn set_up(
     Ok(settings)
 }
 
-/// The requests that change settings of a motor by their names. A set-up deletes the settings of [`Group::Motion`],
-/// which are then sent again.
+/// Returns the requests that change settings of a motor, which `given` has by name. A set-up deletes the settings of
+/// [`Group::Motion`], so these settings are sent again. A set-up also deletes coefficients that a host has set. The
+/// caller restores these coefficients.
 fn configured(
     motor: u8,
     before: &MotorSettings,
@@ -289,15 +300,15 @@ fn configured(
                 None => field.get(before),
                 // `null` removes the value of an optional setting.
                 Some(Value::Null) if field.zero == Zero::NotConfigured => 0,
-                Some(Value::Null) => return Err(format!("{} is missing", field.name)),
+                Some(Value::Null) => return Err(format!("{} must have a value, not null", field.name)),
                 Some(value) => raw_of(field, value.as_str(), value.as_f64(), value)?,
             };
-            // A thermal limit needs time constants; for 0 the usual time constants are sent.
-            Ok::<i64, String>(match (field.name, raw) {
+            // A thermal limit needs time constants. A time constant that is not configured gets its usual value.
+            Ok::<_, String>(Some(match (field.name, raw) {
                 ("thermal.winding_s", 0) => ThermalLimit::USUAL_WINDING_S.into(),
                 ("thermal.case_s", 0) => ThermalLimit::USUAL_CASE_S.into(),
                 _ => raw,
-            })
+            }))
         })?;
         let after = values
             .apply_to(before)
@@ -342,7 +353,7 @@ fn begin_group(
     let first = *members.first().ok_or("a group needs at least one motor: enter a distance or a speed")?;
     let limit = acceleration_limit(acceleration)?;
     for &motor in &members {
-        // The motors brake with power 0 until the group moves.
+        // Each motor brakes with power 0 until the group moves, also a motor that turns already.
         session.brake(motor)?;
         session.enable(motor, true)?;
     }

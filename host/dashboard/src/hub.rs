@@ -123,9 +123,10 @@ impl From<&str> for RequestError {
 impl From<Error> for RequestError {
     fn from(error: Error) -> Self {
         match error {
-            Error::Refused { .. } | Error::TooOld { .. } | Error::Unexpected { .. } => {
-                Self::Refused(error.to_string())
-            }
+            Error::Refused { .. }
+            | Error::TooOld { .. }
+            | Error::Unexpected { .. }
+            | Error::Unconfirmed { .. } => Self::Refused(error.to_string()),
             error => Self::Hub(error),
         }
     }

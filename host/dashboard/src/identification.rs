@@ -3,6 +3,7 @@
 use crate::hub::{RequestError, or_refusal};
 use crate::proposal::{catalogue_motor, inertia_ratio, proposal};
 use motor_hub::extension::settings::MotorSettings;
+use motor_hub::motor::Settings;
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{self, Identified};
 use motor_hub::units::Acceleration;
@@ -34,9 +35,9 @@ pub(crate) enum Progress {
         percent: u8,
     },
     Found {
-        /// Proposed dynamics and acceleration limit, which the order `Apply` applies.
+        /// Proposed settings, of which the order `Apply` applies the dynamics and the acceleration limit.
         #[serde(skip)]
-        proposal: (Dynamics, Option<Acceleration>),
+        proposal: Settings,
         found: Value,
     },
     Refused {
@@ -76,10 +77,7 @@ impl Identification {
             identify::Identification::Found(found) => {
                 let (before, battery) = (session.settings(self.motor)?, session.battery()?);
                 let proposed = proposal(&before, &found.dynamics, battery);
-                Progress::Found {
-                    proposal: (found.dynamics, proposed.motor.acceleration),
-                    found: found_json(&found, &before, &proposed),
-                }
+                Progress::Found { proposal: proposed.motor, found: found_json(&found, &before, &proposed) }
             }
             identify::Identification::Refused(why) => Progress::Refused { why: why.to_string() },
             _ => Progress::Refused { why: "the identification was interrupted".to_owned() },

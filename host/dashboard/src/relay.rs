@@ -1,5 +1,6 @@
-//! The thread that owns the hub. It reads the motors' state 50 times per second, sends frames to all pages, and
-//! executes orders as they arrive. Motors run only while the page in control is open: see [`pages`](crate::pages).
+//! The relay owns the session with the hub. The relay reads the motors' state 50 times per second, sends frames to all
+//! pages, and executes orders as they arrive. The server runs the relay in a thread. Without a server the relay runs in
+//! the browser of its page. Motors run only while the page in control is open: see [`pages`](crate::pages).
 
 use crate::chain::Chain;
 use crate::devices::{Devices, analog, has, servos};
@@ -29,7 +30,7 @@ use std::time::Duration;
 /// Interval between frames.
 pub const INTERVAL: Duration = Duration::from_millis(20);
 
-/// Time-out of the hub's answers. It is short, so that a stop or the loss of a page is handled soon.
+/// Time-out of the hub's answers. The time-out is short, so that a stop or the loss of a page is handled soon.
 const REQUEST_TIMEOUT: Duration = Duration::from_millis(300);
 
 /// Interval between attempts to connect to a lost hub.
@@ -44,7 +45,7 @@ const SETPOINT_POLL_INTERVAL: Duration = Duration::from_millis(200);
 /// An event of a page, with the page's number.
 #[derive(Debug)]
 pub enum Event {
-    /// The page was opened; the outbox sends texts to it.
+    /// The page was opened. The outbox sends texts to the page.
     Joined(u32, Outbox),
     /// The page was closed.
     Left(u32),
@@ -61,7 +62,7 @@ struct Saving {
     asked: Instant,
 }
 
-/// Owns the session with the hub, and sends to all pages.
+/// Owns the session with the hub, executes orders, and sends messages to all pages.
 #[derive(Debug)]
 pub struct Relay {
     place: Place,
@@ -171,7 +172,7 @@ impl Relay {
             PageRequest::Stop => self.switch_off("stopped"),
             PageRequest::Take => {
                 if self.pages.take(id, now) {
-                    self.answer(id, &notice("the page in control is asked to release it".to_owned()));
+                    self.answer(id, &notice("the page in control is asked to release control".to_owned()));
                 }
                 self.send_control();
             }
@@ -200,7 +201,7 @@ impl Relay {
         Ok(())
     }
 
-    /// Answers an order that reads and changes nothing.
+    /// Answers an order that only reads.
     fn look_up(&mut self, order: &PageRequest) -> Result<Message, RequestError> {
         let session = self.session.as_mut().ok_or("the hub is not connected")?;
         Ok(match *order {
@@ -232,12 +233,15 @@ impl Relay {
             PageRequest::Import { .. } if self.frame.motors.iter().any(|motor| motor.enabled) => {
                 Err("a motor is enabled: disable all motors by STOP, then import the file again".into())
             }
+            PageRequest::Identify { .. } if let Some(Identification { motor, .. }) = self.identification => {
+                Err(format!("motor {motor} is being identified: wait for its end, or press STOP").into())
+            }
             PageRequest::Identify { motor, travel } => {
                 let begun = channel(motor).and_then(|motor| Identification::begin(session, motor, travel));
                 begun.map(|identification| self.identification = Some(identification))
             }
             PageRequest::Play if !self.chain.shows_the_first() => {
-                Err("the scenario is one of the first hub: show that hub".into())
+                Err("the scenario belongs to the first hub: show the first hub".into())
             }
             PageRequest::Play => match (&self.place.world, &self.place.script) {
                 (Some(world), Some(_)) => {
@@ -245,12 +249,12 @@ impl Relay {
                     self.playing = Some(Script::begin());
                     Ok(())
                 }
-                _ => Err("there is no scenario to play: start the dashboard with --scenario FILE, whose scenario has set-points and moves no motors in step".into()),
+                _ => Err("there is no scenario to play: start the dashboard with --scenario FILE. The scenario must have set-points, and must not move motors in step".into()),
             },
             PageRequest::Firmware { offset, ref hex } => self.collect(offset, hex),
             // The update restarts the hub. A silent hub that is not the first one counts as lost.
             PageRequest::Update { .. } if !self.chain.shows_the_first() => {
-                Err("a hub behind another one is updated by a dashboard that is started with its --address"
+                Err("only the first hub can be updated here: start the dashboard with --address of the other hub"
                     .into())
             }
             PageRequest::Update { ref version, ref seal } => {
@@ -301,7 +305,7 @@ impl Relay {
         let bytes = bytes_of(hex).ok_or("the part has other signs than pairs of hexadecimal digits")?;
         if offset != self.firmware.len() || offset + bytes.len() > LARGEST_IMAGE {
             return Err(format!(
-                "a part of the firmware begins at {offset}; expected is {}, and at most {LARGEST_IMAGE} bytes",
+                "a part of the firmware is for byte {offset}, but must be for byte {}; an image has at most {LARGEST_IMAGE} bytes",
                 self.firmware.len()
             )
             .into());
@@ -322,7 +326,7 @@ impl Relay {
             Ok(Some(progress)) => {
                 if progress.state != "running" {
                     self.update = None;
-                    // The new firmware has settings of its own.
+                    // The new firmware may have other settings than the former firmware.
                     self.send_all_settings();
                 }
                 self.send_to_all(&Message::Update(progress));
@@ -331,11 +335,14 @@ impl Relay {
         }
     }
 
-    /// Gives the hub another address, and says how long the hub keeps it.
+    /// Gives the hub another address. A notice to all pages says how long the hub keeps the address.
     fn set_address(&mut self, new: i64) -> Result<(), RequestError> {
         let Some(session) = &mut self.session else { return Ok(()) };
         let address = u8::try_from(new).ok().and_then(Address::new);
         let address = address.ok_or_else(|| format!("an address is {new}; allowed is 1 to 254"))?;
+        if self.chain.has_other(address.get()) {
+            return Err(format!("another hub of the chain has address {new}: choose another address").into());
+        }
         session.set_address(address)?;
         self.chain.rename(address.get());
         let kept = match session.stored_if_reported()? {
@@ -394,12 +401,13 @@ impl Relay {
         self.play();
     }
 
-    /// True if a motor of any hub is enabled.
+    /// True if a motor of any hub was enabled when the hub was last asked.
     fn motors_run(&self) -> bool {
         self.frame.motors.iter().any(|motor| motor.enabled) || self.chain.others_run()
     }
 
-    /// Continues a scan of an I2C bus, and asks another hub of the chain what it does.
+    /// Continues a scan of an I2C bus, and asks another hub of the chain which motors are enabled. Sends the results to
+    /// the pages.
     fn follow_chain(&mut self) -> Result<(), Error> {
         let Some(session) = &mut self.session else { return Ok(()) };
         let found = self.devices.go_on(session)?;
@@ -465,7 +473,7 @@ impl Relay {
         }
     }
 
-    /// Disables the motors if the page in control counts as gone. [`tick`](Self::tick) does so too.
+    /// Disables the motors if the page in control counts as gone. [`tick`](Self::tick) calls this function.
     pub fn watch(&mut self) {
         if let Some(gone) = self.pages.review(Instant::now()) {
             self.switch_off_if_any(&gone.to_string());
@@ -478,6 +486,14 @@ impl Relay {
         let Some(session) = &mut self.session else { return Ok(false) };
         let number = self.frame.number;
         if let Some(report) = session.report()? {
+            // The time of a report wraps after 49 days.
+            if report.at_ms.wrapping_sub(self.frame.tick_ms) > u32::MAX / 2 {
+                self.playing = None;
+                self.query_hub()?;
+                let text =
+                    "the hub was reset: its motors are disabled, and settings that were not stored are lost";
+                self.send_notice(text.to_owned(), true);
+            }
             self.frame = Frame { number, ..Frame::of(&report) };
             return Ok(true);
         }
@@ -504,7 +520,8 @@ impl Relay {
         }
     }
 
-    /// Asks the hub of the session what it can report and store, and sends the answer to the pages.
+    /// Asks the hub of the session what the hub can report and store. Deletes the state that the relay has kept of the
+    /// former hub: undo lists, proposals and pin levels. Sends the answers and the settings to the pages.
     fn query_hub(&mut self) -> Result<(), Error> {
         let Some(session) = &mut self.session else { return Ok(()) };
         let reports = session.report()?.is_some();
@@ -512,6 +529,7 @@ impl Relay {
         let has = session.equipment()?.map(has);
         self.looked_at = Instant::now();
         self.frame.motors.clear();
+        self.frame.tick_ms = 0;
         (self.executor, self.devices) = Default::default();
         self.settings.clear();
         self.send_line(Message::Line { connected: true, why: String::new(), reports, stores, has });
@@ -519,13 +537,14 @@ impl Relay {
         Ok(())
     }
 
-    /// Drops the session with a hub that no longer answers. The hub's keep-alive disables its motors.
+    /// Drops the session after an error. The hub's keep-alive disables its motors 2.5 s after the last packet. A new
+    /// session within this time restarts the keep-alive. The motors then stay enabled if a page is in control.
     fn drop_session(&mut self, why: &str) {
         self.session = None;
         (self.identification, self.playing) = (None, None);
         self.connect_at = Instant::now() + RECONNECT_INTERVAL;
         self.saving = None;
-        // A hub that restarts is silent for a while.
+        // An update continues while the hub restarts, because the hub is silent during the restart.
         if let Some(update) = self.update.take_if(|update| !update.restarts()) {
             self.send_to_all(&Message::Update(update.failed(why)));
         }
@@ -552,7 +571,7 @@ impl Relay {
         (self.identification, self.playing) = (None, None);
         let Some(session) = &mut self.session else {
             let text = format!(
-                "motors could not be disabled ({why}): the hub is not connected; it disables them itself 2.5 s after the last packet"
+                "motors could not be disabled ({why}): the hub is not connected. The hub disables its motors 2.5 s after the last packet"
             );
             return self.send_notice(text, true);
         };
@@ -563,7 +582,7 @@ impl Relay {
             }
             Err(error) => {
                 let text = format!(
-                    "motors could not be disabled ({why}): {error}; the hub disables them itself 2.5 s after the last packet"
+                    "not all motors could be disabled ({why}): {error}. A hub disables its motors 2.5 s after the last packet"
                 );
                 self.send_notice(text, true);
                 self.drop_session(&error.to_string());
@@ -590,8 +609,8 @@ impl Relay {
         disabled
     }
 
-    /// Asks about a running save, load or reset, and sends a notice when it has ended, or when the hub refuses to report
-    /// it.
+    /// Reads the state of a running save, load or reset. Sends a notice when the access has ended, or when the hub
+    /// refuses to report the state.
     fn follow_save(&mut self) -> Result<(), Error> {
         let (Some(saving), Some(session)) = (&mut self.saving, &mut self.session) else {
             return Ok(());
@@ -604,29 +623,35 @@ impl Relay {
         if matches!(result, Ok(None)) {
             return Ok(());
         }
-        let done = match saving.what {
-            HubFunction::Load => "the stored settings are in force",
-            HubFunction::Reset => "the firmware's settings are in force and stored",
-            _ => "settings are saved",
+        let (which, verb, done) = match saving.what {
+            HubFunction::Load => ("the stored settings", "loaded", "the stored settings are in force"),
+            HubFunction::Reset => {
+                ("the stored settings", "reset", "the firmware's settings are in force and stored")
+            }
+            _ => ("settings", "saved", "settings are saved"),
         };
-        let changed = !matches!(saving.what, HubFunction::Save);
+        let is_save = matches!(saving.what, HubFunction::Save);
         self.saving = None;
-        let text = match result.map(|report| report.as_ref().and_then(why_unsaved)) {
-            Ok(None) => done.to_owned(),
-            Ok(Some(why)) => format!("settings are not saved: {why}"),
-            Err(why) => format!("whether settings are saved is unknown: {why}"),
-        };
-        if changed {
-            self.executor.motors = Default::default();
+        let failure = result.map(|report| report.as_ref().and_then(why_unsaved));
+        if !is_save {
+            if failure == Ok(None) {
+                self.executor.motors = Default::default();
+            }
+            // A reset that has failed has changed the settings in force, but not the stored settings.
             self.send_all_settings();
         }
+        let text = match failure {
+            Ok(None) => done.to_owned(),
+            Ok(Some(why)) => format!("{which} are not {verb}: {why}"),
+            Err(why) => format!("whether {which} are {verb} is unknown: {why}"),
+        };
         self.send_notice(text, false);
         Ok(())
     }
 
     fn send_settings(&mut self, motor: u8) {
         let Some(session) = &mut self.session else { return };
-        // Another maker's hub does not report settings.
+        // Another maker's hub does not report settings. A lost line is found at the next frame.
         if let Ok(settings) = self.executor.settings(session, motor) {
             let text = Message::Settings(settings).text();
             self.send(&text);

@@ -190,13 +190,14 @@ fn values_of(motor: Table) -> Result<Vec<Values>, String> {
             continue;
         }
         let values = Values::collect(group, |field| match field.name {
-            "scheme" | "blend" => Ok(field.get(&settings)),
+            "scheme" | "blend" => Ok(Some(field.get(&settings))),
             _ => motor.take(field),
         })?;
         settings = values
             .apply_to(&settings)
             .map_err(|nack| format!("the values of the {}: {nack}", of_group(group)))?;
-        all.push(values);
+        // A setting that the file lacks has its default.
+        all.push(Values::of(group, &settings));
     }
     Ok(all)
 }
@@ -230,18 +231,22 @@ impl MotorKeys {
 
     /// Removes the value of a field and returns the raw value. A missing key has the raw value 0 if it is optional.
     /// Optional are settings outside of tables that need not be configured, and all settings of a missing table other
-    /// than `bridge`.
-    fn take(&mut self, field: &Field) -> Result<i64, String> {
+    /// than `bridge`. A missing key that a later version has added has no value, and so keeps its default.
+    fn take(&mut self, field: &Field) -> Result<Option<i64>, String> {
         let name = field.name;
         let Some(given) = self.values.remove(name) else {
             let optional = match name.split_once('.') {
                 Some((table, _)) => table != "bridge" && !self.tables.contains(table),
                 None => field.zero == Zero::NotConfigured,
             };
-            return if optional { Ok(0) } else { Err(format!("{name} is missing")) };
+            return match field.since {
+                _ if optional => Ok(Some(0)),
+                Some(_) => Ok(None),
+                None => Err(format!("{name} is missing")),
+            };
         };
         let number = given.as_float().or_else(|| given.as_integer().map(|whole| whole as f64));
-        raw_of(field, given.as_str(), number, &given)
+        raw_of(field, given.as_str(), number, &given).map(Some)
     }
 }
 

@@ -12,15 +12,18 @@ mod page;
 
 use dashboard::proposal::catalogue_motor;
 use dashboard::{Opened, Place};
-use hub_support::{Hub, Memory, responder_at};
+use hub_support::{Hub, Memory, Server, responder_at};
 use motor_hub::braking::Winding;
 use motor_hub::extension::settings::Group;
+use motor_hub::extension::state::StoreReport;
 use motor_hub::extension::{HubFunction, Request};
 use motor_hub::motor::Settings;
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, Terms, ToMotor};
 use motor_hub::protocol::{Address, CHANNELS, Nack, Packet, Reply};
+use motor_hub::regulator::Kind;
 use motor_hub::regulator::identify::{Identification, Identified};
-use motor_hub::units::{Coefficient, Millivolts};
+use motor_hub::store::Outcome;
+use motor_hub::units::{Coefficient, Micros, Millivolts};
 use motor_hub_client::Session;
 use page::Page;
 use serde_json::{Value, json};
@@ -43,11 +46,10 @@ fn without_settings(packet: &Packet) -> Option<Reply> {
     Group::ALL.iter().any(|group| group.get_id() == packet.id).then_some(Reply::Nack(Nack::UNSUPPORTED))
 }
 
-#[test]
-fn a_refusal_at_the_end_of_an_identification_ends_it_and_disables_the_motor() {
-    let mut hub = Hub { answer: without_settings, ..Hub::new() };
+/// Result of an identification of a NeveRest 60.
+fn identified() -> Identified {
     let (_, dynamics) = catalogue_motor(&Settings::new(Winding::NEVEREST_60)).unwrap();
-    let found = Identified {
+    Identified {
         dynamics,
         emf: Winding::NEVEREST_60.emf,
         emf_is_configured: false,
@@ -56,8 +58,13 @@ fn a_refusal_at_the_end_of_an_identification_ends_it_and_disables_the_motor() {
         emf_error: 1,
         friction_error: Millivolts::new(1),
         residual: 1,
-    };
-    hub.snapshot.motors[0].identification = Identification::Found(found);
+    }
+}
+
+#[test]
+fn a_refusal_at_the_end_of_an_identification_ends_it_and_disables_the_motor() {
+    let mut hub = Hub { answer: without_settings, ..Hub::new() };
+    hub.snapshot.motors[0].identification = Identification::Found(identified());
     let mut page = page_of(vec![hub]);
     page.order(&json!({ "identify": { "motor": 0 } }));
     assert_eq!(page.frame()["motors"][0]["enabled"], true);
@@ -65,6 +72,140 @@ fn a_refusal_at_the_end_of_an_identification_ends_it_and_disables_the_motor() {
     let why = ended["why"].as_str().unwrap();
     assert!(why.contains("the hub refuses to"), "{ended}");
     assert_eq!(page.frame()["motors"][0]["enabled"], false);
+}
+
+#[test]
+fn a_second_identification_is_refused_while_one_runs() {
+    let mut page = page_of(vec![Hub::new()]);
+    page.order(&json!({ "identify": { "motor": 1 } }));
+    page.order(&json!({ "identify": { "motor": 2 } }));
+    let refused = page.until("a refusal", |message| message["kind"] == "refused");
+    assert_eq!(refused["why"], "motor 1 is being identified: wait for its end, or press STOP");
+    let motors = &page.frame()["motors"];
+    assert_eq!((&motors[1]["enabled"], &motors[2]["enabled"]), (&json!(true), &json!(false)));
+}
+
+#[test]
+fn a_speed_limit_of_a_position_is_at_least_1() {
+    let mut page = page_of(vec![Hub::new()]);
+    page.frame();
+    for speed in [0.0, -300.0] {
+        page.order(&json!({ "drive": { "motor": 0, "mode": "position", "value": 100, "speed": speed } }));
+        let refused = page.until("a refusal", |message| message["kind"] == "refused");
+        let range = "is out of range; allowed is 1 to 32767 counts/s";
+        assert_eq!(refused["why"], format!("a speed limit of {speed} counts/s {range}"));
+    }
+}
+
+#[test]
+fn a_hub_that_was_reset_on_an_open_line_is_noticed_and_has_nothing_to_undo() {
+    let running_for = |ms: u64| {
+        let mut hub = Hub::new();
+        hub.snapshot.at = Micros::new(1_000 * ms);
+        hub
+    };
+    let server = Server::start(running_for(60_000));
+    let place = server.address.clone();
+    let open = move || dashboard::hub::open(&place, None).map_err(|error| error.to_string());
+    let mut page = Page::new(Place::real("a hub", open));
+    page.order(&json!({ "configure": { "motor": 0, "values": { "current_limit_ma": 2000 } } }));
+    page.until("an undo", |message| message["kind"] == "settings" && message["undoable"] == 1);
+    page.frame();
+    *server.hub() = running_for(20);
+    let settings =
+        page.until("new settings", |message| message["kind"] == "settings" && message["motor"] == 0);
+    assert_eq!(settings["undoable"], 0, "{settings}");
+    let notice = page.until("a notice", |message| message["kind"] == "notice");
+    assert!(notice["text"].as_str().unwrap().starts_with("the hub was reset"), "{notice}");
+}
+
+#[test]
+fn a_proposal_is_for_the_winding_that_was_identified_and_comes_into_force_by_apply_only() {
+    let mut hub = Hub::new();
+    let (found, gain) = (identified(), f64::from(identified().dynamics.gain.to_f32()));
+    hub.snapshot.motors[0].identification = Identification::Found(found);
+    let mut page = page_of(vec![hub]);
+    page.order(&json!({ "identify": { "motor": 0 } }));
+    page.until("a result", |message| message["state"] == "found");
+    let dynamics = |page: &mut Page, order: Value| {
+        page.order(&order);
+        let settings = page.until("settings", |of| of["kind"] == "settings" && of["motor"] == 0);
+        settings["dynamics"].clone()
+    };
+    page.frame();
+    assert_eq!(dynamics(&mut page, json!({ "regulator": { "motor": 0, "kind": "model" } })), Value::Null);
+    assert_eq!(dynamics(&mut page, json!({ "apply": { "motor": 0 } }))["gain"], gain);
+    assert_eq!(dynamics(&mut page, json!({ "regulator": { "motor": 0, "kind": "pid" } }))["gain"], gain);
+    assert_eq!(dynamics(&mut page, json!({ "regulator": { "motor": 0, "kind": "model" } }))["gain"], gain);
+    let other = json!({ "configure": { "motor": 0, "values": { "resistance_ohm": 1.5 } } });
+    dynamics(&mut page, other);
+    page.order(&json!({ "apply": { "motor": 0 } }));
+    let refused = page.until("a refusal", |message| message["kind"] == "refused");
+    assert!(refused["why"].as_str().unwrap().contains("not identified yet"), "{refused}");
+    dynamics(&mut page, json!({ "undo": { "motor": 0 } }));
+    assert_eq!(dynamics(&mut page, json!({ "apply": { "motor": 0 } }))["gain"], gain);
+}
+
+#[test]
+fn pid_keeps_its_coefficients_when_the_set_up_of_its_motor_changes() {
+    let mut hub = Hub::new();
+    hub.snapshot.motors[0].regulator = Kind::Pid;
+    let mut page = page_of(vec![hub]);
+    page.frame();
+    let pidf = json!([1.5, 0.25, 0.0, 2.0]);
+    for order in [
+        json!({ "coefficients": { "motor": 0, "of": "velocity", "pidf": pidf } }),
+        json!({ "set-up": { "motor": 0, "scheme": "D", "duty": "linear-duty" } }),
+        json!({ "configure": { "motor": 0, "values": { "resistance_ohm": 1.5 } } }),
+    ] {
+        page.order(&order);
+        let settings = page.until("settings", |of| of["kind"] == "settings" && of["motor"] == 0);
+        assert_eq!(settings["velocity"], pidf, "{order}");
+    }
+}
+
+/// Reports that the last access to the memory of stored settings has failed.
+fn with_failed_access(packet: &Packet) -> Option<Reply> {
+    let report = StoreReport { outcome: Outcome::Refused, ..StoreReport::default() };
+    match packet.id {
+        id if id == HubFunction::Stored.id() => Some(Reply::data(&report)),
+        id if [HubFunction::Save, HubFunction::Load, HubFunction::Reset].map(|of| of.id()).contains(&id) => {
+            Some(Reply::ACK)
+        }
+        _ => None,
+    }
+}
+
+#[test]
+fn a_failed_load_or_reset_is_named_and_keeps_the_undo_list() {
+    let mut page = page_of(vec![Hub { answer: with_failed_access, ..Hub::new() }]);
+    page.order(&json!({ "configure": { "motor": 0, "values": { "current_limit_ma": 2000 } } }));
+    page.until("an undo", |message| message["kind"] == "settings" && message["undoable"] == 1);
+    for (order, failure) in [
+        ("load", "the stored settings are not loaded: "),
+        ("reset", "the stored settings are not reset: "),
+        ("save", "settings are not saved: "),
+    ] {
+        page.order(&json!(order));
+        let notice = page.until("a notice", |message| {
+            message["text"].as_str().is_some_and(|text| text.contains("the hub's memory"))
+        });
+        assert!(notice["text"].as_str().unwrap().starts_with(failure), "{notice}");
+    }
+    page.order(&json!({ "undo": { "motor": 0 } }));
+    page.until("no undo", |message| message["kind"] == "settings" && message["undoable"] == 0);
+}
+
+#[test]
+fn an_address_of_another_hub_of_the_chain_is_refused() {
+    let hub = |address| Hub { responder: responder_at(address), ..Hub::new() };
+    let mut page = page_of(vec![hub(2), hub(3)]);
+    page.frame();
+    page.order(&json!({ "address": { "new": 3 } }));
+    let answer = page.until("an answer", |message| {
+        message["kind"] == "refused" || message["text"].as_str().is_some_and(|text| text.contains("address"))
+    });
+    assert_eq!(answer["why"], "another hub of the chain has address 3: choose another address");
 }
 
 #[test]

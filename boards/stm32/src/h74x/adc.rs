@@ -1,13 +1,13 @@
 //! Battery on ADC1 and VREFINT on ADC3: VREFINT is on ADC3 alone (RM0433 table 209). ADC3 also has the host's [analog
 //! inputs](super::analog).
 
-use super::analog;
+use super::analog::{self, connect};
 use crate::supply::{DIVIDER_OHMS, FactoryWord};
 use crate::two_converters::{self, ConverterHal, TwoConverters};
 use embassy_stm32::adc::AdcChannel;
 use embassy_stm32::pac::Interrupt;
 use embassy_stm32::pac::adc::Adc;
-use embassy_stm32::pac::adc::vals::{Boost, Pcsel, SampleTime};
+use embassy_stm32::pac::adc::vals::{Boost, SampleTime};
 use embassy_stm32::peripherals::{ADC1, ADC3};
 use embassy_stm32::{Peri, interrupt, pac, rcc};
 use motor_hub::units::RangeError;
@@ -62,13 +62,6 @@ impl ConverterHal for H7 {
     fn next_reference(_: Adc) {
         analog::next();
     }
-}
-
-/// Connects a channel to a converter, with this sampling time.
-pub(super) fn connect(converter: Adc, channel: u8, time: SampleTime) {
-    let (register, place) = (usize::from(channel) / 10, usize::from(channel) % 10);
-    converter.smpr(register).modify(|w| w.set_smp(place, time));
-    converter.pcsel().modify(|w| w.set_pcsel(channel.into(), Pcsel::PRESELECTED));
 }
 
 /// Creates the converters, which are not calibrated yet.

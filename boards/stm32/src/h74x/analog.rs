@@ -2,7 +2,6 @@
 //! of the battery starts one sequence of these readings. The FIFO of the data register has room for eight words (RM0433 25.4.27), so
 //! there is no DMA.
 
-use super::adc::connect;
 use crate::analog::{Factory, Newest, Sequence};
 use crate::supply::FactoryWord;
 use crate::two_converters::restart;
@@ -10,7 +9,7 @@ use embassy_stm32::adc::AnyAdcChannel;
 use embassy_stm32::gpio::Flex;
 use embassy_stm32::pac;
 use embassy_stm32::pac::adc::Adc;
-use embassy_stm32::pac::adc::vals::SampleTime;
+use embassy_stm32::pac::adc::vals::{Pcsel, SampleTime};
 use embassy_stm32::peripherals::ADC3;
 use motor_hub::board::{ANALOG_INPUTS, AnalogReadings};
 
@@ -61,6 +60,13 @@ impl Pins {
             }
         }
     }
+}
+
+/// Connects a channel to a converter, with this sampling time.
+pub(super) fn connect(converter: Adc, channel: u8, time: SampleTime) {
+    let (register, place) = (usize::from(channel) / 10, usize::from(channel) % 10);
+    converter.smpr(register).modify(|w| w.set_smp(place, time));
+    converter.pcsel().modify(|w| w.set_pcsel(channel.into(), Pcsel::PRESELECTED));
 }
 
 /// Collects the readings of a sequence that has ended.

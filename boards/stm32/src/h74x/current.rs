@@ -1,7 +1,8 @@
 //! The bridges' current-sense lines on ADC2. The FIFO of its data register holds eight words
 //! (RM0433 25.4.27), more than the four readings, so no DMA is needed. Meanwhile ADC1 watches the battery.
 
-use super::adc::{H7, connect};
+use super::adc::H7;
+use super::analog::connect;
 use crate::Calibrate;
 use crate::two_converters::{calibrate, power_up, restart};
 use embassy_stm32::adc::AnyAdcChannel;

@@ -41,14 +41,16 @@ pub(super) struct Options {
     json: bool,
 }
 
-/// A hub at a place.
+/// A hub that was found at a place.
 struct Found {
     address: u8,
     kind: &'static str,
-    /// Version text of the hub; empty for several hubs with one address.
+    /// Version text of the hub; empty for several hubs with one address, and if a request to the hub failed.
     version: String,
     /// Devices of the hub other than motors; `None` if the hub does not report them.
     equipment: Option<Equipment>,
+    /// Why a request to the hub failed; `None` if all requests succeeded.
+    failure: Option<String>,
 }
 
 /// Returns a text for the kind of a hub: parent, child, or several hubs with one address.
@@ -65,9 +67,28 @@ pub(super) const fn kind(hub: &motor_hub_client::session::Found) -> &'static str
 /// A place to scan.
 struct Place {
     name: String,
+    /// Network addresses or path to which the name resolves; empty if the name does not resolve.
+    resolved: Vec<PathBuf>,
     /// True if the place has a served hub with a host, false if the served hub has no host. `None` if no served hub is
     /// known at this place.
     served: Option<bool>,
+}
+
+impl Place {
+    fn new(name: String, served: Option<bool>) -> Self {
+        let resolved = if is_tcp(&name) {
+            let addresses = name.to_socket_addrs().into_iter().flatten();
+            addresses.map(|address| address.to_string().into()).collect()
+        } else {
+            std::fs::canonicalize(&name).into_iter().collect()
+        };
+        Self { name, resolved, served }
+    }
+
+    /// True for two names of one place. A place accepts one host at a time, so a place must not be scanned twice.
+    fn is_same(&self, other: &Self) -> bool {
+        self.name == other.name || self.resolved.iter().any(|place| other.resolved.contains(place))
+    }
 }
 
 /// Result of the scan of one place.
@@ -81,8 +102,8 @@ struct Scanned {
 }
 
 impl Options {
-    /// Scans the places of the options and of `named`, the served hubs of this user and, without `--only`, the serial
-    /// ports.
+    /// Scans the places in `named`, the places of the options, and the served hubs of this user. Without `--only` also
+    /// scans the serial ports.
     pub(super) fn execute(
         &self,
         named: impl Iterator<Item = String>,
@@ -90,18 +111,25 @@ impl Options {
     ) -> Result<(), Failure> {
         let ports = if self.only { Vec::new() } else { ports::all()? };
         let names = named.chain(self.places.iter().cloned()).chain(ports.into_iter().map(|port| port.path));
-        let mut places: Vec<Place> = names.map(|name| Place { name, served: None }).collect();
+        let mut places: Vec<Place> = Vec::new();
+        for name in names {
+            let place = Place::new(name, None);
+            if !places.iter().any(|other| other.is_same(&place)) {
+                places.push(place);
+            }
+        }
         let served = served_hubs::all().unwrap_or_else(|error| {
             print_error_line(&format!("note: served hubs of this machine cannot be listed: {error}"));
             Vec::new()
         });
         for ServedHub { place: name, has_host } in served {
-            match places.iter_mut().find(|place| is_same(&place.name, &name)) {
-                Some(place) => place.served = Some(has_host),
-                None => places.push(Place { name, served: Some(has_host) }),
+            let served = Place::new(name, Some(has_host));
+            match places.iter_mut().find(|place| place.is_same(&served)) {
+                Some(place) => place.served = served.served,
+                None => places.push(served),
             }
         }
-        // All places are asked at the same time, so that the scan takes no longer than the slowest place.
+        // All places are scanned at the same time, so that the scan takes no longer than the slowest place.
         let scanned: Vec<Scanned> = thread::scope(|scope| {
             let threads: Vec<_> =
                 places.iter().map(|place| scope.spawn(move || scan(place, timeout))).collect();
@@ -138,11 +166,12 @@ fn text(scanned: &[Scanned]) -> String {
         if let Some(reason) = reason {
             table.add_row([place, "", reason, ""]);
         }
-        for Found { address, kind, version, equipment } in hubs {
+        for Found { address, kind, version, equipment, failure } in hubs {
             // A child is connected to its parent, whose row is above.
             let branch = if *kind == "parent" { "" } else { "└ " };
             let version = if version.is_empty() { String::new() } else { format!(", {version}") };
-            let hub = format!("{branch}{kind}{version}");
+            let failure = failure.as_ref().map_or_else(String::new, |why| format!(": {why}"));
+            let hub = format!("{branch}{kind}{version}{failure}");
             let has = equipment.map(equipment_text).unwrap_or_default();
             table.add_row([place, &*address.to_string(), &hub, &has]);
         }
@@ -152,29 +181,15 @@ fn text(scanned: &[Scanned]) -> String {
 
 /// Returns a JSON document of a place and its hubs.
 fn document(Scanned { place, hubs, in_use, reason }: &Scanned) -> Value {
-    let hubs = hubs.iter().map(|Found { address, kind, version, equipment }| {
+    let hubs = hubs.iter().map(|Found { address, kind, version, equipment, failure }| {
         let has = equipment.map(equipment_json);
-        json!({ "address": address, "kind": kind, "version": version, "has": has })
+        json!({ "address": address, "kind": kind, "version": version, "has": has, "reason": failure })
     });
     json!({ "place": place, "hubs": hubs.collect::<Vec<_>>(), "in_use": in_use, "reason": reason })
 }
 
-/// Returns true for two names of one place. A place accepts one host at a time, so it must not be scanned twice.
-fn is_same(one: &str, other: &str) -> bool {
-    let (of_one, of_other) = (resolved_place(one), resolved_place(other));
-    one == other || of_one.is_some() && of_one == of_other
-}
-
-/// Returns the network address or the path to which a name resolves; `None` if the name does not resolve.
-fn resolved_place(name: &str) -> Option<PathBuf> {
-    if is_tcp(name) {
-        return name.to_socket_addrs().ok()?.next().map(|address| address.to_string().into());
-    }
-    std::fs::canonicalize(name).ok()
-}
-
 /// Scans a place. A served hub that has a host receives nothing.
-fn scan(Place { name, served }: &Place, timeout: Duration) -> Scanned {
+fn scan(Place { name, served, .. }: &Place, timeout: Duration) -> Scanned {
     let found = if *served == Some(true) { Err(OpenError::InUse) } else { hubs_at(name, timeout) };
     let in_use = match &found {
         // A served hub closes the connection only if it has another host.
@@ -189,12 +204,13 @@ fn scan(Place { name, served }: &Place, timeout: Duration) -> Scanned {
     Scanned { place: name.clone(), hubs: found.unwrap_or_default(), in_use, reason }
 }
 
-/// Returns a short text that says why a place has no hub in the table. Prints advice on standard error.
+/// Returns a short text that says why a place has no hub in the table. If the user has no permission to open the place,
+/// also prints advice on standard error.
 fn reason(place: &str, error: &OpenError) -> String {
     match error {
         OpenError::Hub(Error::NoHub) => "no answer".to_owned(),
         OpenError::Hub(error) if error.is_hung_up() => {
-            "closes the connection: check that no other host uses it".to_owned()
+            "the hub closes the connection: check that no other host uses the hub".to_owned()
         }
         error => {
             if matches!(error, OpenError::Denied) {
@@ -211,13 +227,29 @@ fn hubs_at(place: &str, timeout: Duration) -> Result<Vec<Found>, OpenError> {
     let mut found = Vec::new();
     for hub in session.discover()? {
         let Some(address) = Address::new(hub.address) else { continue };
-        let (mut version, mut equipment) = (String::new(), None);
+        let mut new = Found {
+            address: hub.address,
+            kind: kind(&hub),
+            version: String::new(),
+            equipment: None,
+            failure: None,
+        };
         if !hub.duplicate {
             session.select_hub(address);
-            disable_left_enabled(&mut session)?;
-            (version, equipment) = (session.version()?, session.equipment()?);
+            match stop_and_identify(&mut session) {
+                Ok(answers) => (new.version, new.equipment) = answers,
+                // No further hub of this line can answer.
+                Err(error) if error.is_hung_up() => return Err(error.into()),
+                Err(error) => new.failure = Some(error.to_string()),
+            }
         }
-        found.push(Found { address: hub.address, kind: kind(&hub), version, equipment });
+        found.push(new);
     }
     Ok(found)
+}
+
+/// Disables the enabled motors of a hub, and returns the version and the devices of the hub.
+fn stop_and_identify(session: &mut Session) -> Result<(String, Option<Equipment>), Error> {
+    disable_left_enabled(session)?;
+    Ok((session.version()?, session.equipment()?))
 }

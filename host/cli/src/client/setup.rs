@@ -2,6 +2,7 @@
 
 use super::hub::HubOptions;
 use super::identify;
+use super::setting_options::{SettingOption, SettingOptions};
 use crate::constants::Constants;
 use crate::output::{Failure, print, print_json};
 use crate::parse::{MotorName, motor, named};
@@ -9,15 +10,13 @@ use crate::scheme_options::SchemeOptions;
 use motor_hub::braking::Winding;
 use motor_hub::bridge::Timing;
 use motor_hub::extension::report::Condition;
-use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values};
+use motor_hub::extension::settings::{Field, Group, MotorSettings, Values};
 use motor_hub::model::catalogue::characterised;
 use motor_hub::motor::{SenseLine, Settings, ThermalLimit};
 use motor_hub_client::Session;
-use motor_hub_client::motor::LARGEST_CURRENT_A;
 use serde_json::json;
 use simulated::hardware::{thermal_limit, winding};
 use simulated::scheme::{SchemeWords, describe};
-use std::num::NonZeroU16;
 use studies::table;
 
 /// Shows or configures the connected motor and its control, on hubs of this project
@@ -36,39 +35,14 @@ pub(crate) struct Options {
     constants: Constants,
     #[command(flatten)]
     scheme: SchemeOptions,
-    /// Behaviour of the motor at a fault, and when its host is silent
-    #[arg(long, value_name = "WORD", ignore_case = true, value_parser = words("on_fault"))]
-    on_fault: Option<String>,
     /// Timing of the motor's bridge, which limits its duties
     #[arg(long, value_name = "WORD", ignore_case = true, value_parser = named(BRIDGES))]
     bridge: Option<Timing>,
-    /// Current that the winding tolerates continuously; 0 for no limit [default with --type: a third of the stall current]
-    #[arg(long = "continuous-current-a", alias = "continuous-current", value_name = "A")]
-    #[arg(value_parser = limit_ma("a continuous current"))]
-    continuous_current: Option<u16>,
-    /// Largest current of the motor, driving or braking; 0 for no limit
-    #[arg(long = "current-limit-a", alias = "current-limit", value_name = "A", value_parser = limit_ma("a current limit"))]
-    current_limit: Option<u16>,
+    #[command(flatten)]
+    settings: SettingOptions,
     /// JSON instead of a table
     #[arg(long)]
     json: bool,
-}
-
-/// Returns a parser of amperes that returns milliamperes. 0 is no limit. `what` names the limit ("a current limit").
-fn limit_ma(what: &'static str) -> impl Fn(&str) -> Result<u16, String> + Clone {
-    move |text| {
-        let sound = |amperes: &f64| *amperes == 0.0 || (0.001..=LARGEST_CURRENT_A).contains(amperes);
-        let amperes = text.parse().ok().filter(sound).map(|amperes| (1e3 * amperes).round() as u16);
-        amperes.ok_or_else(|| format!("{what} is 0.001 to {LARGEST_CURRENT_A} A, or 0 for no limit"))
-    }
-}
-
-/// Returns the allowed words of a setting, as values of an option.
-fn words(name: &str) -> Vec<&'static str> {
-    match Field::named(name).map(|field| field.form) {
-        Some(Form::Words(words)) => words.to_vec(),
-        _ => Vec::new(),
-    }
 }
 
 /// Timings of bridges with their descriptions.
@@ -93,7 +67,7 @@ fn write(
     wanted: &MotorSettings,
     set_up: bool,
 ) -> Result<(), Failure> {
-    for group in [Group::Protection, Group::CurrentLimit, Group::Timing, Group::SetUp] {
+    for group in Group::ALL.into_iter().filter(|group| group.loop_of().is_none()) {
         let differs = Values::of(group, wanted) != Values::of(group, before);
         if differs || group == Group::SetUp && set_up {
             session.set(motor, group, wanted)?;
@@ -136,16 +110,9 @@ impl Options {
     /// Returns the settings that the options request.
     fn changed(&self, before: &MotorSettings) -> Result<MotorSettings, Failure> {
         let mut settings = *before;
-        let Settings { winding: constants, scheme, duty, thermal, current_limit, bridge, .. } =
-            &mut settings.motor;
+        let Settings { winding: constants, scheme, duty, thermal, bridge, .. } = &mut settings.motor;
         if let Some(name) = &self.name {
             (*constants, *thermal) = of_type(name)?;
-        }
-        if let Some(ma) = self.continuous_current {
-            *thermal = ThermalLimit::new(ma, ThermalLimit::USUAL_WINDING_S, ThermalLimit::USUAL_CASE_S).ok();
-        }
-        if let Some(ma) = self.current_limit {
-            *current_limit = NonZeroU16::new(ma);
         }
         constants.emf = self.constants.emf()?.unwrap_or(constants.emf);
         constants.resistance = self.constants.resistance()?.unwrap_or(constants.resistance);
@@ -155,32 +122,19 @@ impl Options {
         if let Some(timing) = self.bridge {
             *bridge = bridge.with_timing(timing);
         }
-        if let Some(word) = &self.on_fault {
-            let values = Values::collect(Group::Protection, |field| match field.name {
-                "on_fault" => {
-                    field.raw_of_word(&word.to_lowercase()).ok_or_else(|| Failure::input("--on-fault"))
-                }
-                _ => Ok(field.get(&settings)),
-            })?;
-            settings = values.apply_to(&settings).map_err(Failure::input)?;
-        }
+        self.settings.apply_to(&mut settings)?;
         Ok(settings)
     }
 
     fn show(&self, settings: &MotorSettings, condition: Condition) -> Result<(), Failure> {
-        let field = |name: &str| Field::named(name).map(|field| (field, field.get(settings)));
-        let number = |name: &str| field(name).map_or(0.0, |(field, raw)| field.number_of(raw));
-        let word = |name: &str| field(name).and_then(|(field, raw)| field.word_of(raw)).unwrap_or_default();
-        let known = |name: &str| Some(number(name)).filter(|number| *number != 0.0);
+        let number = |name| Field::named(name).map_or(0.0, |field| field.number_of(field.get(settings)));
         let (emf, ohms) = (number("emf_mv_s_per_count"), number("resistance_ohm"));
-        let millihenries = known("inductance_mh");
-        let (duty, on_fault) = (word("duty"), word("on_fault"));
-        let amperes = known("thermal.continuous_current_ma").map(|ma| ma / 1e3);
-        let limit = known("current_limit_ma").map(|ma| ma / 1e3);
+        let millihenries = Some(number("inductance_mh")).filter(|mh| *mh != 0.0);
+        let duty = Field::named("duty").and_then(|duty| duty.word_of(duty.get(settings))).unwrap_or_default();
         let Settings { scheme, bridge, .. } = settings.motor;
         let bridge = BRIDGES.iter().find(|(.., timing)| *timing == bridge.timing);
         let bridge = bridge.map_or("other", |(name, ..)| *name);
-        let heat = amperes.map(|_| f64::from(condition.heat) / 10.0);
+        let heat = settings.motor.thermal.map(|_| f64::from(condition.heat) / 10.0);
         let state = match condition {
             Condition { bridge_fault: true, .. } => "off: the bridge switched itself off",
             Condition { overheated: true, .. } => "off: the winding is too hot",
@@ -189,7 +143,7 @@ impl Options {
         };
         if self.json {
             let words = json!(SchemeWords(scheme));
-            let document = json!({
+            let mut document = json!({
                 "motor": self.motor.number,
                 "emf_mv_s_per_count": emf,
                 "resistance_ohm": ohms,
@@ -198,17 +152,17 @@ impl Options {
                 "blend": words["blend"],
                 "duty": duty,
                 "bridge": bridge,
-                "on_fault": on_fault,
                 "heat_percent": heat,
                 "derated": condition.derated,
                 "overheated": condition.overheated,
                 "bridge_fault": condition.bridge_fault,
                 "measured_current_a": condition.measured_ma.map(|ma| f64::from(ma) / 1e3),
                 "current_line": line_word(condition.sense_line),
-                "continuous_current_a": amperes,
-                "current_limit_a": limit,
                 "motion": identify::motion_json(settings),
             });
+            for option in SettingOption::all() {
+                document[&option.key] = option.json(settings);
+            }
             return print_json(&document);
         }
         let inductance = millihenries.map_or_else(|| "not configured".to_owned(), |mh| format!("{mh:.3} mH"));
@@ -227,13 +181,10 @@ impl Options {
                     |heat| format!("{heat:.1} % of the thermal limit"),
                 ),
             ])
-            .add_row(["state", state])
-            .add_row(["at a fault", on_fault])
-            .add_row([
-                "continuous current",
-                &amperes.map_or_else(|| "no limit".to_owned(), |a| format!("{a:.3} A")),
-            ])
-            .add_row(["current limit", &limit.map_or_else(|| "none".to_owned(), |a| format!("{a:.3} A"))]);
+            .add_row(["state", state]);
+        for option in SettingOption::all() {
+            table.add_row([&option.label, &option.text(settings)]);
+        }
         for (name, value) in identify::rows(settings) {
             table.add_row([name, &value]);
         }

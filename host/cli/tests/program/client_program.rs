@@ -378,7 +378,7 @@ fn wrong_options_are_refused_before_anything_is_sent() {
         (&["setup", "0", "--blend", "0.5"], "give --scheme D"),
         (
             &["setup", "0", "--current-limit-a", "0.0001"],
-            "a current limit is 0.001 to 65.535 A, or 0 for no limit",
+            "'--current-limit-a <A>': allowed is 0.001 to 65.535 A, or 0 for none",
         ),
         (&["setup", "0", "--inductance-mh", "nan"], "0.001 to 65.535 mH"),
         (&["coefficients", "0", "position", "--f", "1"], "a position has no feed-forward"),

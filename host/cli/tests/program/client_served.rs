@@ -3,7 +3,8 @@
 use crate::common::{
     PROGRAM, client, err, fails, folder, json, made_folder, out, scan, signal, store, wait_for, words,
 };
-use crate::conformance::Hub;
+use crate::conformance::{Hub, packet};
+use crate::hub_support::{Hub as FakeHub, Server};
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
 use std::process::{Child, ChildStdout, Command, Stdio};
@@ -207,12 +208,56 @@ fn a_scan_draws_children_below_their_parent_and_reports_two_hubs_with_one_addres
     }
     let refused = client(&hub, &["together", "3:0=100", "4:0=100"]);
     fails(&refused, 2, "the motors belong to different hubs; a command is for motors of one hub");
-    out(&client(&hub, &["set-address", "3"]));
+    let refused = client(&hub, &["set-address", "3"]);
+    fails(&refused, 1, "another hub on the line has address 3: choose another address");
+    // Another program gives the parent the address of a child.
+    let mut other = hub.tcp();
+    other.say(&packet(2, 1, 0x7F06, &[3]));
+    assert!(!other.hear().is_empty());
+    drop(other);
+    std::thread::sleep(std::time::Duration::from_millis(100));
     let found = out(&client(&hub, &["discover"]));
     assert!(found.contains("several hubs with this address"), "{found}");
     out(&client(&hub, &["set-address", "9"]));
     let found = out(&client(&hub, &["discover"]));
     assert!(!found.contains("several hubs") && found.contains('9') && found.contains('3'), "{found}");
+}
+
+#[test]
+fn a_scan_lists_the_other_hubs_of_a_chain_although_children_fail() {
+    fn as_child(reply: &[u8], address: u8) -> Vec<u8> {
+        let mut child = reply.to_vec();
+        child.pop();
+        (child[5], child[10]) = (address, 0);
+        child.push(child.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte)));
+        child
+    }
+    // Children at the addresses 9 and 12 answer a discovery and nothing else.
+    let before = |reply: &[u8]| match reply[8..10] {
+        [0x0F, 0xFF] => [as_child(reply, 9), as_child(reply, 12)].concat(),
+        _ => Vec::new(),
+    };
+    let server = Server::start(FakeHub { before, ..FakeHub::new() });
+    let notes = folder("failing-children");
+    let found = words(&out(&scan(&notes, &[&server.address])));
+    for row in
+        ["3 ┆ parent, HW: 20", "9 ┆ └ child: hub 9 does not answer", "12 ┆ └ child: hub 12 does not answer"]
+    {
+        assert!(found.contains(row), "{row}: {found}");
+    }
+    let document = json(&scan(&notes, &[&server.address, "--json"]));
+    let hubs = &document["places"][0]["hubs"];
+    assert_eq!(hubs[0]["reason"], Value::Null, "{document}");
+    assert!(hubs[1]["reason"].as_str().unwrap().starts_with("hub 9 does not answer"), "{document}");
+}
+
+#[test]
+fn a_scan_opens_a_place_that_is_named_twice_once() {
+    let server = Server::start(FakeHub::new());
+    let localhost = server.address.replace("127.0.0.1", "localhost");
+    let found = out(&scan(&folder("named-twice"), &[&server.address, &localhost, &server.address]));
+    assert_eq!(found.matches("parent").count(), 1, "{found}");
+    assert!(!found.contains("localhost"), "{found}");
 }
 
 #[cfg(unix)]

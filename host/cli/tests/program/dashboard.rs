@@ -478,7 +478,8 @@ fn firmware_for_no_slot_is_refused_before_it_is_sent() {
     let refused = update(&mut Page::ready(&simulated), &image(RUNS));
     assert!(refused["why"].as_str().unwrap().contains("no bootloader"), "{refused}");
     assert!(
-        page.refused("firmware", json!({ "offset": 7, "hex": "00" })).contains("begins at 7; expected is")
+        page.refused("firmware", json!({ "offset": 7, "hex": "00" }))
+            .contains("is for byte 7, but must be for byte 0")
     );
 }
 

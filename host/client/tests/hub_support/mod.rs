@@ -1,10 +1,10 @@
-//! A hub for the tests of the client: the firmware's own responder with a made-up snapshot.
+//! A hub for tests of client, dashboard and command line: the firmware's responder, with a snapshot that the test sets.
 #![allow(dead_code, reason = "each test uses its own part")]
 
 use motor_hub::braking::Winding;
 use motor_hub::extension::{HubFunction, INTERFACE};
-use motor_hub::hub::Snapshot;
-use motor_hub::motor::Settings;
+use motor_hub::hub::{Command, Snapshot};
+use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::protocol::requests::{FIRST_FUNCTION, MOTOR_INTERFACE};
 use motor_hub::protocol::{Address, BROADCAST, Decoder, Packet, Reply, frame};
 use motor_hub::responder::Responder;
@@ -26,13 +26,15 @@ pub(crate) type LosesReply = Box<dyn FnMut(&Packet) -> bool + Send>;
 pub(crate) struct Hub {
     pub(crate) responder: Responder<4>,
     pub(crate) snapshot: Snapshot<4>,
+    /// Set-points that the motors have received, with the number of the motor, oldest first.
+    pub(crate) setpoints: Arc<Mutex<Vec<(usize, Setpoint)>>>,
     /// Motors that were enabled at least once.
     pub(crate) was_enabled: [bool; 4],
-    /// Bytes sent before each reply.
+    /// Returns the bytes that are sent before a reply. The argument is the frame of the reply.
     pub(crate) before: fn(&[u8]) -> Vec<u8>,
     /// Time until a reply arrives on a line in memory.
     pub(crate) delay: Duration,
-    /// Number of requests lost on the line.
+    /// Number of packets that the hub still loses. Each lost packet reduces this number by 1.
     pub(crate) deaf_for: u32,
     /// True for a request whose reply is lost on the line.
     pub(crate) loses_reply: LosesReply,
@@ -40,9 +42,9 @@ pub(crate) struct Hub {
     pub(crate) ends_accesses: bool,
     /// Packet type of the first motor function.
     pub(crate) first: u16,
-    /// Another host asks for fail-safe before each bulk read.
+    /// True if another host requests fail-safe before each bulk read.
     pub(crate) fail_safe_at_bulk: bool,
-    /// Changes requests before the hub reads them.
+    /// Changes a request before the hub reads the request.
     pub(crate) change: fn(&mut Packet),
     /// Returns an answer to a request in place of the hub's answer; `None` if the hub answers.
     pub(crate) answer: fn(&Packet) -> Option<Reply>,
@@ -57,11 +59,12 @@ pub(crate) struct Hub {
 }
 
 impl Hub {
-    /// A hub just after its reset, with 12.345 V.
+    /// Returns a hub just after its reset, with a battery of 12.345 V.
     pub(crate) fn new() -> Self {
         Self {
             responder: responder(),
             snapshot: Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL },
+            setpoints: Arc::default(),
             was_enabled: [false; 4],
             before: |_| Vec::new(),
             delay: Duration::ZERO,
@@ -80,7 +83,7 @@ impl Hub {
         }
     }
 
-    /// Takes bytes of the host and returns the bytes of the reply.
+    /// Executes the requests in the bytes of a host, and returns the bytes of all replies.
     fn exchange(&mut self, mut bytes: &[u8]) -> Vec<u8> {
         let now = Micros::new(self.since.elapsed().as_micros() as u64);
         let mut out = Vec::new();
@@ -127,7 +130,10 @@ impl Hub {
                 let found = Found { stored: Stored::Whole, version: VERSION, record };
                 self.responder.store_done(Some(found), store::Outcome::Done);
             }
-            while self.responder.pending().is_some() {
+            while let Some(command) = self.responder.pending() {
+                if let Command::Set { motor, setpoint } = command {
+                    self.setpoints.lock().unwrap().push((motor, setpoint));
+                }
                 self.snapshot.commands += 1;
                 self.responder.sent(self.snapshot.commands);
             }
@@ -144,7 +150,7 @@ impl Hub {
     }
 }
 
-/// Returns a [`Hub::loses_reply`] for the first `count` requests that are as `is` says.
+/// Returns a value for [`Hub::loses_reply`] that loses the first `count` replies to requests for which `is` is true.
 pub(crate) fn first(mut count: u32, is: impl Fn(&Packet) -> bool + Send + 'static) -> LosesReply {
     Box::new(move |packet| {
         let loses = count > 0 && is(packet);
@@ -173,14 +179,15 @@ pub(crate) const SIGNATURE: [u8; 64] = [7; 64];
 /// The signature of an image that is older than the hub's firmware.
 pub(crate) const SIGNATURE_OF_OLDER: [u8; 64] = [6; 64];
 
-/// Protocol code of a hub that was started in this way, with this slot.
+/// Returns the responder of a hub with this slot for new firmware. `booted` says how the firmware was started.
 pub(crate) fn started(slot: Slot, booted: Booted) -> Responder<4> {
     let mut responder = responder().with_slot(slot);
     responder.update_done(SlotReport::Booted(booted));
     responder
 }
 
-/// A fake flash that executes all requests; a restart starts the new firmware, which confirms itself.
+/// A fake flash that accepts an image without a signature or with [`SIGNATURE`]. A restart starts the new firmware,
+/// which confirms itself.
 pub(crate) fn good(responder: &mut Responder<4>, request: UpdateRequest) {
     carry_out(responder, request, Booted::Confirmed);
 }
@@ -210,7 +217,7 @@ pub(crate) struct Memory {
     /// Replies with the times at which they arrive.
     replies: Vec<(Instant, Vec<u8>)>,
     arrived: VecDeque<u8>,
-    /// Number of reads without a byte. Each of these reads costs a wait.
+    /// Number of reads without a byte. Each of these reads waits 200 µs.
     pub(crate) empty_reads: Arc<AtomicU32>,
 }
 
@@ -271,7 +278,7 @@ impl Server {
         let shared = Arc::clone(&hub);
         std::thread::spawn(move || {
             for stream in listener.incoming() {
-                // The host has closed the connection.
+                // An error means that the host has closed the connection.
                 let _ = serve(stream.unwrap(), &shared);
             }
         });
