@@ -288,8 +288,9 @@ impl Regulator {
         } else if let Some(correction) = self.observer.update(&self.plant, moved, self.speed_demanded)
             && let Some(estimate) = &mut self.gain_estimate
         {
-            let uncertain =
-                counts_due(self.requested) && reading.at.since(reading.edge_at) >= UNCERTAIN_EDGE_MICROS;
+            // A motor without a requested speed may be held at rest. At a requested speed a stop may block the motor.
+            let uncertain = self.requested == CountsPerSecond::ZERO
+                || counts_due(self.requested) && reading.at.since(reading.edge_at) >= UNCERTAIN_EDGE_MICROS;
             estimate.correct(&self.plant, &correction, moved, volts, uncertain || stalled);
         }
     }

@@ -129,7 +129,7 @@ pub(super) struct Correction {
     pub(super) load_gain: f32,
 }
 
-/// Sensitivity of the observer's state to ln b: the change of the state per unit of ln b.
+/// Sensitivity of the observer's state to b: the change of the state per relative change of b.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sensitivity {
     /// Sensitivity of the position, in counts.
