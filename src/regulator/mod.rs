@@ -576,6 +576,9 @@ impl Regulator {
             self.speed_demanded = false;
         }
         self.voltage = voltage;
+        let boundary = self.law.take_discontinuous_volts();
+        let emf = self.plant.kappa * self.observer.speed();
+        self.observer.set_discontinuous(self.volts().is_some_and(|volts| (volts - emf).abs() < boundary));
         self.observer.set_voltage(&self.plant, self.volts());
     }
 }
