@@ -68,6 +68,8 @@ pub(super) struct Plant {
     /// Least z. After the time at which z reaches this value, a longer time since the last correction makes no
     /// difference to z.
     least_z: f32,
+    /// Least z while no speed is demanded.
+    least_holding_z: f32,
 }
 
 impl Plant {
@@ -75,15 +77,26 @@ impl Plant {
     pub(super) fn new(b: f32, kappa: f32, q: f32, period: Period) -> Self {
         // Fastest poles in 1/s, and least z. At a long period the least z is lower. A load is then estimated sooner,
         // but a slow motion becomes less smooth.
-        let (fastest_poles, least_z) = match period.as_millis() {
-            0..=20 => (45.0, 0.35),
-            21..=50 => (42.0, 0.35),
-            _ => (42.0, 0.25),
+        // With a low least z the load changes so much at a count that a held position swings by two counts.
+        let (fastest_poles, least_z, least_holding_z) = match period.as_millis() {
+            0..=20 => (45.0, 0.35, 0.35),
+            21..=50 => (42.0, 0.35, 0.45),
+            _ => (42.0, 0.25, 0.45),
         };
         let drag = at_least(q - b * kappa, 0.0);
         let poles = at_most(fastest_poles, cbrtf(11.0 * 12.0 * b));
         let [driven, open] = [q, drag].map(SampleResponse::new);
-        Self { b, kappa, q, drag, driven, open, z_per_sample: expf(-poles * SAMPLE_S), least_z }
+        Self {
+            b,
+            kappa,
+            q,
+            drag,
+            driven,
+            open,
+            z_per_sample: expf(-poles * SAMPLE_S),
+            least_z,
+            least_holding_z,
+        }
     }
 
     /// Acceleration by this voltage at the speed `w`, in counts/s²; 0 with the bridge open.
@@ -206,6 +219,9 @@ impl Observer {
     /// if nothing is corrected. With `speed_demanded` a late count corrects nothing before the count comes, or is
     /// late by a whole count.
     pub(super) fn update(&mut self, plant: &Plant, moved: i32, speed_demanded: bool) -> Option<Correction> {
+        if !speed_demanded {
+            self.z = at_least(self.z, plant.least_holding_z);
+        }
         if moved == 0 {
             let late = if speed_demanded && !self.overdue { LATE_COUNTS } else { 0.0 };
             if (-late..=1.0 + late).contains(&self.x) {
