@@ -63,9 +63,9 @@ const LEAST_GAIN_SHARE: f32 = 0.7;
 
 /// Factor by which the acceleration per volt in use is raised after each half swing of a speed that swings: see
 /// `swings.rs`.
-const GAIN_STEP: f32 = 1.2;
+const GAIN_STEP: f32 = 1.4;
 /// Largest ratio of the acceleration per volt in use to the configured one.
-const LARGEST_GAIN_RATIO: f32 = 2.0;
+const LARGEST_GAIN_RATIO: f32 = 3.0;
 
 /// Error of the speed, as a back EMF in V, below which a motor has reached its requested speed.
 const AT_SPEED_VOLTS: f32 = 1.0;
