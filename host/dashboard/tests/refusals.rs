@@ -17,7 +17,7 @@ use motor_hub::braking::Winding;
 use motor_hub::extension::settings::Group;
 use motor_hub::extension::state::StoreReport;
 use motor_hub::extension::{HubFunction, Request};
-use motor_hub::motor::Settings;
+use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, Terms, ToMotor};
 use motor_hub::protocol::{Address, CHANNELS, Nack, Packet, Reply};
 use motor_hub::regulator::Kind;
@@ -302,6 +302,23 @@ fn a_hub_that_does_not_answer_is_not_asked_for_the_settings_of_the_next_motor() 
     });
     let _page = page_of(vec![Hub { loses_reply, ..Hub::new() }]);
     assert_eq!(requests.load(Ordering::Relaxed), TRANSMISSIONS);
+}
+
+#[test]
+fn motors_that_turn_together_get_another_speed_without_a_stop() {
+    let hub = Hub::new();
+    let setpoints = Arc::clone(&hub.setpoints);
+    let mut page = page_of(vec![hub]);
+    page.frame();
+    let turn = |cps: i32| json!({ "turn": { "at": [cps, -300, null, null], "acceleration": 2000 } });
+    let stops = || {
+        let setpoints = std::mem::take(&mut *setpoints.lock().unwrap());
+        setpoints.iter().filter(|(_, setpoint)| matches!(setpoint, Setpoint::ConstantPower(_))).count()
+    };
+    page.order(&turn(600));
+    assert!(stops() > 0, "the motors brake until they turn");
+    page.order(&turn(700));
+    assert_eq!(stops(), 0);
 }
 
 #[test]
