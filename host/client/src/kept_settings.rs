@@ -38,6 +38,8 @@ pub enum ImportError {
 impl Session {
     /// Reads all settings of a motor, for [`restore_settings`](Self::restore_settings).
     pub fn keep_settings(&mut self, motor: u8) -> Result<KeptSettings, Error> {
+        // The regulator in the report may be older than coefficients that a host has just set.
+        self.catch_up()?;
         let settings = self.settings(motor)?;
         let report = self.report()?;
         let of = report.as_ref().and_then(|report| report.motors.get(usize::from(motor)));

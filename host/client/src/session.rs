@@ -248,27 +248,32 @@ impl Session {
         all
     }
 
-    /// Sends one discovery without retransmissions, and returns the hubs that answer within the time-out. The wait ends
-    /// `chain` after the first answer.
+    /// Sends a discovery up to [`TRANSMISSIONS`] times until a hub answers, and returns the hubs that answer within the
+    /// time-out. The wait ends `chain` after the first answer.
     fn discover_for(&mut self, chain: Duration) -> Result<Vec<Found>, Error> {
         let end = Instant::now() + self.timeout;
         self.next_message_number();
-        self.transmit(&Standard::Discovery.into(), BROADCAST, DISCOVERY)?;
         let mut found: Vec<Found> = Vec::new();
-        let mut wait_until = end;
         let parent = |packet: &Packet| match Reply::read(packet, DISCOVERY) {
             Some(Reply::Data(payload)) => Some(bool::read(&mut Fields::new(&payload)) == Ok(true)),
             _ => None,
         };
-        while let Some((packet, parent)) = self.next(wait_until, parent)? {
-            if found.is_empty() {
-                wait_until = end.min(Instant::now() + chain);
+        for _ in 0..TRANSMISSIONS {
+            let mut wait_until = Instant::now() + self.timeout / TRANSMISSIONS;
+            self.transmit(&Standard::Discovery.into(), BROADCAST, DISCOVERY)?;
+            while let Some((packet, parent)) = self.next(wait_until, parent)? {
+                if found.is_empty() {
+                    wait_until = end.min(Instant::now() + chain);
+                }
+                if found.iter().all(|hub| hub.address != packet.source) {
+                    found.push(Found { address: packet.source, parent, duplicate: false });
+                }
             }
-            if found.iter().all(|hub| hub.address != packet.source) {
-                found.push(Found { address: packet.source, parent, duplicate: false });
+            if !found.is_empty() {
+                return Ok(found);
             }
         }
-        if found.is_empty() { Err(Error::NoHub) } else { Ok(found) }
+        Err(Error::NoHub)
     }
 
     /// Waits until the hub at `parent` has discovered the hubs behind it, for [`CHAIN_DISCOVERY_TIMEOUT`] at most, and

@@ -14,9 +14,10 @@ use motor_hub::protocol::payload::{Field, Fields, Payload, Text};
 use motor_hub::protocol::pins::{I2cAddress, I2cBus, ToPin};
 use motor_hub::protocol::{Address, Colour, Nack, Packet, frame};
 use motor_hub::record::Fault;
+use motor_hub::regulator::Kind;
 use motor_hub::store::{Found, Outcome};
 use motor_hub::supply::BusState;
-use motor_hub::units::{Coefficient, Control, CountsPerSecond, Milliamperes, Millivolts};
+use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond, Milliamperes, Millivolts};
 use motor_hub_client::motor::{NO_SPEED_LIMIT_CPS, Setpoint};
 use motor_hub_client::reasons::why_unsaved;
 use motor_hub_client::session;
@@ -78,6 +79,13 @@ fn discovery_finds_the_parent_among_all_hubs() {
     assert_eq!(session.address(), ADDRESS);
     let (child, parent) = (found(9, false), found(ADDRESS, true));
     assert_eq!(session.discover().unwrap(), [parent, child]);
+}
+
+#[test]
+fn a_discovery_that_is_lost_is_sent_again() {
+    let hub = Hub { deaf_for: 2, ..Hub::new() };
+    let session = Session::with_parent(Memory::new(hub), Duration::from_millis(150)).unwrap();
+    assert_eq!(session.address(), ADDRESS);
 }
 
 #[test]
@@ -311,6 +319,46 @@ fn a_save_whose_acknowledgement_is_lost_is_accepted() {
         let report = impatient(Memory::new(hub)).store(what).unwrap();
         assert_eq!((report.outcome, report.number, report.is_busy), (Outcome::Done, 1, false));
     }
+}
+
+#[test]
+fn a_load_puts_the_stored_settings_in_force() {
+    let mut hub = Hub::new();
+    hub.responder.restore(Found::default());
+    let mut session = session(Memory::new(hub));
+    let stored = session.settings(1).unwrap();
+    session.store(HubFunction::Save).unwrap();
+    let mut changed = stored;
+    changed.motor.acceleration = Some(Acceleration::new(2_000).unwrap());
+    session.set(1, Group::Motion, &changed).unwrap();
+    assert_eq!(session.settings(1).unwrap(), changed);
+    let report = session.store(HubFunction::Load).unwrap();
+    assert_eq!((report.outcome, report.is_busy), (Outcome::Done, false));
+    assert_eq!(session.settings(1).unwrap(), stored);
+}
+
+#[cfg(feature = "serial")]
+#[test]
+fn coefficients_that_were_set_since_the_last_control_tick_are_kept_too() {
+    let server = hub_support::Server::start(Hub::new());
+    let mut session = Session::open(&server.address).unwrap();
+    let [p, i, d, f] = [1, 2, 3, 4].map(Coefficient::from_bits);
+    let pidf = LoopCoefficients { p, i, d, f, terms: Terms::Pidf };
+    session.set_coefficients(0, Loop::Velocity, pidf).unwrap();
+    server.hub().snapshot.commands -= 1;
+    let kept = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            // The next control tick.
+            std::thread::sleep(Duration::from_millis(100));
+            let snapshot = &mut server.hub().snapshot;
+            snapshot.commands += 1;
+            snapshot.motors[0].regulator = Kind::Pid;
+        });
+        session.keep_settings(0).unwrap()
+    });
+    session.set_up(0, &kept.settings).unwrap();
+    session.restore_settings(0, &kept).unwrap();
+    assert_eq!(session.coefficients(0, Loop::Velocity).unwrap(), pidf);
 }
 
 #[test]

@@ -59,17 +59,19 @@ impl Chain {
         self.hubs.iter().any(|hub| !hub.shown && !hub.running.is_empty())
     }
 
-    /// Continues the session with the first hub, because the hub that is shown does not answer.
-    pub(crate) fn show_first_hub(&mut self, session: &mut Session) {
-        let Some(first) = self.hubs.first().and_then(|hub| Address::new(hub.address)) else { return };
-        session.select_hub(first);
-        for hub in &mut self.hubs {
-            if hub.shown {
-                (hub.shown, hub.lost) = (false, true);
-                hub.running.clear();
-            }
-            hub.shown = hub.address == first.get();
+    /// Notes that a hub does not answer. If the hub was shown, the session continues with the first hub. False if no
+    /// child has this address: without the first hub no other hub can be reached.
+    pub(crate) fn lose(&mut self, session: &mut Session, address: u8) -> bool {
+        let Some((first, children)) = self.hubs.split_first_mut() else { return false };
+        let child = children.iter_mut().find(|hub| hub.address == address);
+        let (Some(child), Some(parent)) = (child, Address::new(first.address)) else { return false };
+        if child.shown {
+            session.select_hub(parent);
+            first.shown = true;
         }
+        // The silent hub gets no more requests, so its keep-alive disables its motors.
+        *child = HubOfChain { address, shown: false, running: Vec::new(), fault: false, lost: true };
+        true
     }
 
     /// Continues the session with another hub of the chain.
@@ -111,7 +113,7 @@ impl Chain {
     /// In every fifth frame, asks one of the other hubs which motors are enabled and whether one of them has a fault.
     ///
     /// # Errors
-    /// The line fails.
+    /// The line fails, or the other hub does not answer.
     pub(crate) fn ask_another(&mut self, session: &mut Session, frame: u64) -> Result<(), Error> {
         let shown = Address::new(session.address());
         let mut others: Vec<_> = self.hubs.iter_mut().filter(|hub| !hub.shown && !hub.lost).collect();
@@ -125,27 +127,21 @@ impl Chain {
         session.select_hub(address);
         let asked = query_running(session);
         session.select_hub(shown);
-        match asked {
-            Ok((running, fault)) => (other.running, other.fault) = (running, fault),
-            // The silent hub gets no more requests, so its keep-alive disables its motors.
-            Err(Error::Silent { .. }) => (other.running, other.fault, other.lost) = (Vec::new(), false, true),
-            Err(error) => return Err(error),
-        }
+        (other.running, other.fault) = asked?;
         Ok(())
     }
 
     /// Disables the motors of all hubs that are not lost.
     ///
     /// # Errors
-    /// A hub does not confirm.
+    /// [`Error::Silent`] for the first hub that does not confirm, after all others were stopped.
     pub(crate) fn stop(&mut self, session: &mut Session) -> Result<(), Error> {
         if self.hubs.len() < 2 {
             return session.fail_safe();
         }
         let known: Vec<u8> = self.hubs.iter().filter(|hub| !hub.lost).map(|hub| hub.address).collect();
-        session.stop_hubs(&known)?;
         self.hubs.iter_mut().for_each(|hub| hub.running.clear());
-        Ok(())
+        session.stop_hubs(&known)
     }
 
     /// Returns the hubs; `None` if there are fewer than two.

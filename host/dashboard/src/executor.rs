@@ -353,9 +353,11 @@ fn begin_group(
     let first = *members.first().ok_or("a group needs at least one motor: enter a distance or a speed")?;
     let limit = acceleration_limit(acceleration)?;
     for &motor in &members {
-        // Each motor brakes with power 0 until the group moves, also a motor that turns already.
-        session.brake(motor)?;
-        session.enable(motor, true)?;
+        // A motor that turns already goes on until the group moves. Any other motor brakes with power 0.
+        if !session.enabled(motor)? {
+            session.brake(motor)?;
+            session.enable(motor, true)?;
+        }
     }
     Ok(session.move_together(first, GroupCommand::new(course, speed, limit))?)
 }

@@ -276,24 +276,28 @@ impl Relay {
             PageRequest::Reset => self.store(HubFunction::Reset),
             _ => self.executor.execute(session, self.place.world.as_ref(), order),
         };
-        if let Err(RequestError::Hub(error)) = &done {
-            self.drop_session(&error.to_string());
-        } else {
-            self.send_changes(order);
+        match &done {
+            Err(RequestError::Hub(error)) => self.handle_error(error),
+            _ => {
+                if let Err(error) = self.send_changes(order) {
+                    self.handle_error(&error);
+                }
+            }
         }
         done.map_err(|error| error.to_string())
     }
 
     /// Sends what an order has changed. Part of a refused order may have been executed too.
-    fn send_changes(&mut self, order: &PageRequest) {
+    fn send_changes(&mut self, order: &PageRequest) -> Result<(), Error> {
         match order {
             PageRequest::Import { .. } => self.send_all_settings(),
             PageRequest::World(_) | PageRequest::Play => {
                 if let Some(world) = self.place.world.as_ref().map(World::state) {
                     self.send_to_all(&Message::World(world));
                 }
+                Ok(())
             }
-            order => order.changed_motor().into_iter().for_each(|motor| self.send_settings(motor)),
+            order => order.changed_motor().map_or(Ok(()), |motor| self.send_settings(motor)),
         }
     }
 
@@ -315,24 +319,21 @@ impl Relay {
     }
 
     /// Continues a running update.
-    fn go_on_updating(&mut self) {
-        let Some(update) = &mut self.update else { return };
+    fn go_on_updating(&mut self) -> Result<(), Error> {
+        let Some(update) = &mut self.update else { return Ok(()) };
         let progress = match &mut self.session {
-            Some(session) => update.go_on(session),
-            None => Ok(update.late()),
+            Some(session) => update.go_on(session)?,
+            None => update.late(),
         };
-        match progress {
-            Ok(None) => (),
-            Ok(Some(progress)) => {
-                if progress.state != "running" {
-                    self.update = None;
-                    // The new firmware may have other settings than the former firmware.
-                    self.send_all_settings();
-                }
-                self.send_to_all(&Message::Update(progress));
-            }
-            Err(error) => self.drop_session(&error.to_string()),
+        let Some(progress) = progress else { return Ok(()) };
+        let ends = progress.state != "running";
+        self.send_to_all(&Message::Update(progress));
+        if ends {
+            self.update = None;
+            // The new firmware may have other settings than the former firmware.
+            self.send_all_settings()?;
         }
+        Ok(())
     }
 
     /// Gives the hub another address. A notice to all pages says how long the hub keeps the address.
@@ -375,14 +376,17 @@ impl Relay {
         if self.session.is_none() && Instant::now() >= self.connect_at {
             self.connect();
         }
-        self.go_on_updating();
-        match self.look() {
-            Ok(true) => (),
-            Ok(false) => return,
-            Err(error @ Error::Silent { .. }) if !self.chain.shows_the_first() => {
-                return self.show_first_hub(&error);
-            }
-            Err(error) => return self.drop_session(&error.to_string()),
+        if let Err(error) = self.step() {
+            self.handle_error(&error);
+        }
+    }
+
+    /// Reads the hub's state, sends a frame, and continues what runs: an update, an identification, a save, a scan, a
+    /// scenario.
+    fn step(&mut self) -> Result<(), Error> {
+        self.go_on_updating()?;
+        if !self.look()? {
+            return Ok(());
         }
         let now = Instant::now();
         self.frame.at_s = now.duration_since(self.since).as_secs_f64();
@@ -394,11 +398,10 @@ impl Relay {
         if self.pages.controller().is_none() && self.motors_run() {
             self.switch_off("motors ran, but no page was in control");
         }
-        let done = self.identify().and_then(|()| self.follow_save()).and_then(|()| self.follow_chain());
-        if let Err(error) = done {
-            self.drop_session(&error.to_string());
-        }
-        self.play();
+        self.identify()?;
+        self.follow_save()?;
+        self.follow_chain()?;
+        self.play()
     }
 
     /// True if a motor of any hub was enabled when the hub was last asked.
@@ -421,15 +424,21 @@ impl Relay {
         Ok(())
     }
 
-    /// Shows the first hub instead of a child that does not answer. The keep-alive of the silent hub disables its
-    /// motors.
-    fn show_first_hub(&mut self, silent: &Error) {
+    /// Handles an error of the exchange with a hub. A child of a chain that does not answer counts as lost, and the
+    /// session continues with the other hubs. Any other error drops the session.
+    fn handle_error(&mut self, error: &Error) {
         let Some(session) = &mut self.session else { return };
-        self.chain.show_first_hub(session);
-        (self.identification, self.playing, self.saving) = (None, None, None);
-        match self.query_hub() {
-            Ok(()) => self.send_notice(silent.to_string(), false),
-            Err(error) => self.drop_session(&error.to_string()),
+        let shown = session.address();
+        let lost = match *error {
+            Error::Silent { address } if self.chain.lose(session, address) => address,
+            _ => return self.drop_session(&error.to_string()),
+        };
+        self.send_notice(error.to_string(), false);
+        if lost == shown {
+            (self.identification, self.playing, self.saving) = (None, None, None);
+            if let Err(error) = self.query_hub() {
+                self.handle_error(&error);
+            }
         }
     }
 
@@ -445,32 +454,23 @@ impl Relay {
                 "an identification, a scenario, a save or an update is running: wait for its end".into()
             );
         }
-        let before = session.address();
         self.chain.show(session, address)?;
-        if let Err(error) = self.query_hub() {
-            let Some(session) = &mut self.session else { return Ok(()) };
-            self.chain.show(session, before)?;
-            return Err(match error {
-                Error::Silent { .. } => error.to_string().into(),
-                error => RequestError::Hub(error),
-            });
-        }
-        Ok(())
+        Ok(self.query_hub()?)
     }
 
     /// Sends the set-points of a played scenario that are due.
-    fn play(&mut self) {
+    fn play(&mut self) -> Result<(), Error> {
         let (Some(playing), Some(script), Some(session)) =
             (&mut self.playing, &self.place.script, &mut self.session)
         else {
-            return;
+            return Ok(());
         };
-        match script.go_on(playing, session) {
+        match or_refusal(script.go_on(playing, session))? {
             Ok(false) => (),
             Ok(true) => self.switch_off("the scenario is over"),
-            Err(RequestError::Refused(why)) => self.switch_off(&why),
-            Err(RequestError::Hub(error)) => self.drop_session(&error.to_string()),
+            Err(why) => self.switch_off(&why),
         }
+        Ok(())
     }
 
     /// Disables the motors if the page in control counts as gone. [`tick`](Self::tick) calls this function.
@@ -506,17 +506,21 @@ impl Relay {
         Ok(true)
     }
 
+    /// Opens a session. Motors of an earlier session may still run, and a stop in between may have reached no hub, so
+    /// all motors are disabled first.
     fn connect(&mut self) {
         self.connect_at = Instant::now() + RECONNECT_INTERVAL;
-        let met = (self.place.open)().and_then(|Opened { mut session, hubs }| {
-            session.limit_timeout(REQUEST_TIMEOUT);
-            self.chain = Chain::new(&hubs, session.address());
-            self.session = Some(session);
-            self.query_hub().map_err(|error| error.to_string())
-        });
-        if let Err(why) = met {
-            self.session = None;
-            self.send_line(gone(why));
+        match (self.place.open)() {
+            Ok(Opened { mut session, hubs }) => {
+                session.limit_timeout(REQUEST_TIMEOUT);
+                self.chain = Chain::new(&hubs, session.address());
+                self.session = Some(session);
+                self.switch_off_if_any("the hub is connected again");
+                if let Err(error) = self.query_hub() {
+                    self.handle_error(&error);
+                }
+            }
+            Err(why) => self.send_line(gone(why)),
         }
     }
 
@@ -533,12 +537,11 @@ impl Relay {
         (self.executor, self.devices) = Default::default();
         self.settings.clear();
         self.send_line(Message::Line { connected: true, why: String::new(), reports, stores, has });
-        self.send_all_settings();
-        Ok(())
+        self.send_all_settings()
     }
 
-    /// Drops the session after an error. The hub's keep-alive disables its motors 2.5 s after the last packet. A new
-    /// session within this time restarts the keep-alive. The motors then stay enabled if a page is in control.
+    /// Drops the session after an error. The hub's keep-alive disables its motors 2.5 s after the last packet, or the
+    /// next session disables them earlier.
     fn drop_session(&mut self, why: &str) {
         self.session = None;
         (self.identification, self.playing) = (None, None);
@@ -561,7 +564,7 @@ impl Relay {
         } else if let Some(session) = &mut self.session {
             self.devices.stopped();
             if let Err(error) = self.chain.stop(session) {
-                self.drop_session(&error.to_string());
+                self.handle_error(&error);
             }
         }
     }
@@ -571,7 +574,7 @@ impl Relay {
         (self.identification, self.playing) = (None, None);
         let Some(session) = &mut self.session else {
             let text = format!(
-                "motors could not be disabled ({why}): the hub is not connected. The hub disables its motors 2.5 s after the last packet"
+                "motors could not be disabled ({why}): the hub is not connected. The hub disables its motors 2.5 s after the last packet, or when it is connected again"
             );
             return self.send_notice(text, true);
         };
@@ -585,7 +588,7 @@ impl Relay {
                     "not all motors could be disabled ({why}): {error}. A hub disables its motors 2.5 s after the last packet"
                 );
                 self.send_notice(text, true);
-                self.drop_session(&error.to_string());
+                self.handle_error(&error);
             }
         }
     }
@@ -638,7 +641,7 @@ impl Relay {
                 self.executor.motors = Default::default();
             }
             // A reset that has failed has changed the settings in force, but not the stored settings.
-            self.send_all_settings();
+            self.send_all_settings()?;
         }
         let text = match failure {
             Ok(None) => done.to_owned(),
@@ -649,18 +652,19 @@ impl Relay {
         Ok(())
     }
 
-    fn send_settings(&mut self, motor: u8) {
-        let Some(session) = &mut self.session else { return };
-        // Another maker's hub does not report settings. A lost line is found at the next frame.
-        if let Ok(settings) = self.executor.settings(session, motor) {
+    fn send_settings(&mut self, motor: u8) -> Result<(), Error> {
+        let Some(session) = &mut self.session else { return Ok(()) };
+        // Another maker's hub refuses to report settings.
+        if let Ok(settings) = or_refusal(self.executor.settings(session, motor))? {
             let text = Message::Settings(settings).text();
             self.send(&text);
             self.settings.insert(motor, text);
         }
+        Ok(())
     }
 
-    fn send_all_settings(&mut self) {
-        (0..CHANNELS as u8).for_each(|motor| self.send_settings(motor));
+    fn send_all_settings(&mut self) -> Result<(), Error> {
+        (0..CHANNELS as u8).try_for_each(|motor| self.send_settings(motor))
     }
 
     fn send_control(&mut self) {

@@ -1,4 +1,4 @@
-//! Hubs that refuse requests, and other makers' hubs with two motors.
+//! Hubs that refuse requests or do not answer, and other makers' hubs with two motors.
 #![expect(
     clippy::unwrap_used,
     clippy::panic,
@@ -17,7 +17,7 @@ use motor_hub::braking::Winding;
 use motor_hub::extension::settings::Group;
 use motor_hub::extension::state::StoreReport;
 use motor_hub::extension::{HubFunction, Request};
-use motor_hub::motor::Settings;
+use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::protocol::motor::{Loop, LoopCoefficients, Terms, ToMotor};
 use motor_hub::protocol::{Address, CHANNELS, Nack, Packet, Reply};
 use motor_hub::regulator::Kind;
@@ -25,8 +25,11 @@ use motor_hub::regulator::identify::{Identification, Identified};
 use motor_hub::store::Outcome;
 use motor_hub::units::{Coefficient, Micros, Millivolts};
 use motor_hub_client::Session;
+use motor_hub_client::session::TRANSMISSIONS;
 use page::Page;
 use serde_json::{Value, json};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
 /// A page of hubs in memory. The relay can open the line once, so a dropped session is never opened again.
@@ -206,6 +209,116 @@ fn an_address_of_another_hub_of_the_chain_is_refused() {
         message["kind"] == "refused" || message["text"].as_str().is_some_and(|text| text.contains("address"))
     });
     assert_eq!(answer["why"], "another hub of the chain has address 3: choose another address");
+}
+
+/// Returns a hub whose replies are lost while `is_silent` is true.
+fn hub_that_falls_silent(address: u8, is_silent: &Arc<AtomicBool>) -> Hub {
+    let is_silent = Arc::clone(is_silent);
+    let loses_reply = Box::new(move |_: &Packet| is_silent.load(Ordering::Relaxed));
+    Hub { responder: responder_at(address), loses_reply, ..Hub::new() }
+}
+
+/// Enables motor 0 of the hub that is shown, with a power of 0.2.
+fn run_motor_0(page: &mut Page) {
+    page.order(&json!({ "drive": { "motor": 0, "mode": "power", "value": 0.2 } }));
+    page.order(&json!({ "enable": { "motor": 0, "on": true } }));
+    page.until("an enabled motor", |message| message["motors"][0]["enabled"] == true);
+}
+
+#[test]
+fn a_stop_disables_the_motors_of_all_hubs_although_a_child_does_not_answer() {
+    let [silent_child, child] = [Arc::new(AtomicBool::new(false)), Arc::default()];
+    let hubs = vec![
+        hub_that_falls_silent(2, &child),
+        hub_that_falls_silent(3, &silent_child),
+        hub_that_falls_silent(4, &child),
+    ];
+    let mut page = page_of(hubs);
+    run_motor_0(&mut page);
+    page.order(&json!({ "hub": { "address": 4 } }));
+    page.until("hub 4", |message| message["hubs"][2]["shown"] == true);
+    run_motor_0(&mut page);
+    silent_child.store(true, Ordering::Relaxed);
+    page.order(&json!("stop"));
+    let notice = page.until("a notice", |message| message["motors_disabled"] == true);
+    let text = notice["text"].as_str().unwrap();
+    assert!(text.starts_with("not all motors could be disabled (stopped): hub 3 does not answer"), "{text}");
+    let hubs = page.until("a lost hub", |message| message["hubs"][1]["lost"] == true);
+    assert_eq!((&hubs["hubs"][0]["running"], &hubs["hubs"][2]["running"]), (&json!([]), &json!([])));
+    page.order(&json!("stop"));
+    let notice = page.until("a notice", |message| message["motors_disabled"] == true);
+    assert_eq!(notice["text"], "all motors are disabled: stopped");
+}
+
+#[test]
+fn an_order_to_a_child_that_does_not_answer_shows_the_parent() {
+    for order in [
+        json!({ "led": { "colour": [0, 0, 255] } }),
+        json!({ "identify": { "motor": 0 } }),
+        json!("save"),
+        json!({ "configure": { "motor": 0, "values": { "current_limit_ma": 2000 } } }),
+    ] {
+        let is_silent = Arc::new(AtomicBool::new(false));
+        let mut page = page_of(vec![
+            Hub { responder: responder_at(2), ..Hub::new() },
+            hub_that_falls_silent(3, &is_silent),
+        ]);
+        page.order(&json!({ "hub": { "address": 3 } }));
+        page.until("hub 3", |message| message["hubs"][1]["shown"] == true);
+        is_silent.store(true, Ordering::Relaxed);
+        page.order(&order);
+        let hubs = page.until("hub 2", |message| message["hubs"][0]["shown"] == true);
+        assert_eq!(hubs["hubs"][1]["lost"], true, "{order}: {hubs}");
+    }
+}
+
+#[test]
+fn a_hub_that_was_lost_has_no_motor_enabled_and_its_page_stays_in_control() {
+    let server = Server::start(Hub::new());
+    let place = server.address.clone();
+    let open = move || dashboard::hub::open(&place, None).map_err(|error| error.to_string());
+    let mut page = Page::new(Place::real("a hub", open));
+    run_motor_0(&mut page);
+    // The hub loses all three transmissions of one request.
+    server.hub().deaf_for = 3;
+    page.until("a lost hub", |message| message["connected"] == false);
+    page.order(&json!("stop"));
+    let notice = page.until("a notice", |message| message["motors_disabled"] == true);
+    assert!(notice["text"].as_str().unwrap().starts_with("motors could not be disabled"), "{notice}");
+    page.until("a new session", |message| message["connected"] == true);
+    assert_eq!(server.hub().responder.enabled(), [false; 4]);
+    page.until("a disabled motor", |message| message["motors"][0]["enabled"] == false);
+    run_motor_0(&mut page);
+}
+
+#[test]
+fn a_hub_that_does_not_answer_is_not_asked_for_the_settings_of_the_next_motor() {
+    let requests = Arc::new(AtomicU32::new(0));
+    let counted = Arc::clone(&requests);
+    let loses_reply = Box::new(move |packet: &Packet| {
+        let is_of_settings = Group::ALL.iter().any(|group| group.get_id() == packet.id);
+        counted.fetch_add(is_of_settings.into(), Ordering::Relaxed);
+        is_of_settings
+    });
+    let _page = page_of(vec![Hub { loses_reply, ..Hub::new() }]);
+    assert_eq!(requests.load(Ordering::Relaxed), TRANSMISSIONS);
+}
+
+#[test]
+fn motors_that_turn_together_get_another_speed_without_a_stop() {
+    let hub = Hub::new();
+    let setpoints = Arc::clone(&hub.setpoints);
+    let mut page = page_of(vec![hub]);
+    page.frame();
+    let turn = |cps: i32| json!({ "turn": { "at": [cps, -300, null, null], "acceleration": 2000 } });
+    let stops = || {
+        let setpoints = std::mem::take(&mut *setpoints.lock().unwrap());
+        setpoints.iter().filter(|(_, setpoint)| matches!(setpoint, Setpoint::ConstantPower(_))).count()
+    };
+    page.order(&turn(600));
+    assert!(stops() > 0, "the motors brake until they turn");
+    page.order(&turn(700));
+    assert_eq!(stops(), 0);
 }
 
 #[test]

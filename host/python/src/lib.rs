@@ -9,13 +9,12 @@ mod reading;
 use motor_hub_client::base::Part;
 use motor_hub_client::hub::FASTEST_GROUP_CPS;
 use motor_hub_client::line::ports;
-use motor_hub_client::motor::{SPEED_LIMITS_CPS, constant_current_ma};
+use motor_hub_client::motor::{SPEED_LIMITS_CPS, Setpoint, constant_current_ma};
 use motor_hub_client::motor_hub::extension::HubFunction;
 use motor_hub_client::motor_hub::extension::group::{GroupCourse, GroupState};
 use motor_hub_client::motor_hub::group::{BaseSettings, DEFAULT_TOLERANCE, DriveBase, GroupCommand};
 use motor_hub_client::motor_hub::motor::ZeroPower;
 use motor_hub_client::motor_hub::protocol::CHANNELS;
-use motor_hub_client::motor_hub::protocol::motor::RunMode;
 use motor_hub_client::motor_hub::regulator::identify::Identification;
 use motor_hub_client::motor_hub::units::{Acceleration, Control, CountsPerSecond};
 use motor_hub_client::{Error, Session, reasons};
@@ -101,6 +100,11 @@ impl Link {
         Ok(py.detach(|| request(&mut self.lock())).map_err(Failure)?)
     }
 
+    /// Gives a motor a set-point. At power 0 and at velocity 0 the motor brakes.
+    fn set_setpoint(&self, py: Python<'_>, motor: u8, setpoint: Setpoint) -> PyResult<()> {
+        self.run(py, |session| session.set_setpoint(motor, setpoint, ZeroPower::Brake))
+    }
+
     /// Locks the session. The session stays usable after a panic of another thread, because each request begins with a
     /// new packet.
     fn lock(&self) -> MutexGuard<'_, Session> {
@@ -169,45 +173,29 @@ impl Link {
             return Err(outside("power", share, -1, 1, "of full power"));
         }
         let power = Control::saturating((share * f64::from(Control::MAX.get())).round() as i64);
-        self.run(py, |session| {
-            // In constant power the motor applies its last power immediately, so the power is set before the mode.
-            session.set_power(motor, power)?;
-            session.set_mode(motor, RunMode::Power, ZeroPower::Brake)
-        })
+        self.set_setpoint(py, motor, Setpoint::Power(power))
     }
 
     fn velocity(&self, py: Python<'_>, motor: i64, cps: i64) -> PyResult<()> {
         let motor = channel(motor)?;
         let cps = within("velocity", cps, i16::MIN.into(), i16::MAX.into(), "counts/s")?;
-        self.run(py, |session| {
-            session.set_velocity(motor, cps)?;
-            session.set_mode(motor, RunMode::Velocity, ZeroPower::Brake)
-        })
+        self.set_setpoint(py, motor, Setpoint::Velocity(cps))
     }
 
     fn position(&self, py: Python<'_>, motor: i64, counts: i64, speed: i64, tolerance: i64) -> PyResult<()> {
         let motor = channel(motor)?;
         let counts = within("position", counts, i32::MIN.into(), i32::MAX.into(), "counts")?;
-        let speed = speed_limit(speed)?;
+        let speed_limit = speed_limit(speed)?;
         let tolerance = within("tolerance", tolerance, 0, u16::MAX.into(), "counts")?;
-        self.run(py, |session| {
-            // In velocity mode this value is the target velocity, so the speed limit is set after the mode has changed.
-            let first = session.motor(motor)?.mode != RunMode::Velocity;
-            if first {
-                session.set_velocity(motor, speed)?;
-            }
-            session.set_position(motor, counts, tolerance)?;
-            session.set_mode(motor, RunMode::Position, ZeroPower::Brake)?;
-            if first { Ok(()) } else { session.set_velocity(motor, speed) }
-        })
+        self.set_setpoint(py, motor, Setpoint::Position { counts, tolerance, speed_limit })
     }
 
     /// Sets a constant current in amperes. The hub reduces the current at the speed `speed` in counts/s.
     fn current(&self, py: Python<'_>, motor: i64, amperes: f64, speed: i64) -> PyResult<()> {
         let motor = channel(motor)?;
         let ma = constant_current_ma(amperes).map_err(|error| PyValueError::new_err(error.to_string()))?;
-        let speed = speed_limit(speed)?;
-        self.run(py, |session| session.set_current(motor, ma, speed))
+        let speed_limit = speed_limit(speed)?;
+        self.set_setpoint(py, motor, Setpoint::Current { ma, speed_limit })
     }
 
     fn reset_encoder(&self, py: Python<'_>, motor: i64) -> PyResult<()> {

@@ -80,6 +80,19 @@ class Commands(WithHub):
             await asyncio.sleep(1.0)
             self.assertAlmostEqual((await self.hub[2].read()).velocity, 300, delta=30)
 
+    async def test_a_velocity_does_not_come_back_after_a_current(self) -> None:
+        with self.hub.enabled(2):
+            await self.hub[2].velocity(800)
+            await self.hub[2].current(0.5, speed=300)
+        # The task that sent the hub's keep-alive ends. Then nothing refers to the hub, and its connection is closed.
+        await asyncio.sleep(0.1)
+        del self.hub
+        gc.collect()
+        status = [PROGRAM, "client", "status", "--json", "--tcp", self.served.place]
+        motor = json.loads(subprocess.run(status, stdout=subprocess.PIPE, check=True).stdout)["motors"][2]
+        # A motor follows the target of its mode when its constant current ends.
+        self.assertEqual((motor["mode"], motor["power"]), ("power", 0))
+
     async def test_an_encoder_is_reset_to_zero(self) -> None:
         with self.hub.enabled(0):
             await self.hub[0].velocity(800)

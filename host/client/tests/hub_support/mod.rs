@@ -114,7 +114,7 @@ impl Hub {
             let reply = answer.or_else(|| self.responder.receive(&packet, now, &self.snapshot));
             let Some(mut reply) = reply else { continue };
             if packet.id == 0x7F07 && packet.payload.starts_with(MOTOR_INTERFACE) {
-                reply.payload[1] = (self.first >> 8) as u8;
+                reply.payload[..2].copy_from_slice(&self.first.to_le_bytes());
             } else if reply.id & 0x8000 != 0 && reply.id < 0xFF00 {
                 reply.id += self.first - FIRST_FUNCTION;
             }
@@ -124,11 +124,11 @@ impl Hub {
             // An access to the memory lasts until the host asks for the state of the stored settings.
             if self.ends_accesses
                 && packet.id == HubFunction::Stored.id()
-                && let Some(StoreRequest { record: Some(record), .. }) =
-                    self.responder.store_request(&self.snapshot)
+                && let Some(StoreRequest { record, .. }) = self.responder.store_request(&self.snapshot)
             {
-                let found = Found { stored: Stored::Whole, version: VERSION, record };
-                self.responder.store_done(Some(found), store::Outcome::Done);
+                // A load has no record to write, and leaves the contents of the memory unchanged.
+                let found = record.map(|record| Found { stored: Stored::Whole, version: VERSION, record });
+                self.responder.store_done(found, store::Outcome::Done);
             }
             while let Some(command) = self.responder.pending() {
                 if let Command::Set { motor, setpoint } = command {

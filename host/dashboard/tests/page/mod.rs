@@ -26,7 +26,7 @@ impl Page {
         self.relay.handle(Event::Ordered(1, order.to_string()));
     }
 
-    /// Returns the first message that `is` accepts. Fails if the relay drops its session.
+    /// Returns the first message that `is` accepts. Fails if the relay drops its session before that message.
     pub(crate) fn until(&mut self, what: &str, is: impl Fn(&Value) -> bool) -> Value {
         let end = Instant::now() + Duration::from_secs(10);
         while Instant::now() < end {
@@ -36,10 +36,10 @@ impl Page {
                 if message["kind"] == "frame" {
                     self.order(&json!({ "shown": { "number": message["number"] } }));
                 }
-                assert!(message["connected"] != false, "before {what}: {message}");
                 if is(&message) {
                     return message;
                 }
+                assert!(message["connected"] != false, "before {what}: {message}");
             }
             std::thread::sleep(INTERVAL);
         }
