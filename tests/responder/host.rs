@@ -179,7 +179,7 @@ impl TestHost {
 
     /// A control tick: the next snapshot includes all commands that were sent.
     pub(crate) fn tick(&mut self) {
-        self.snapshot.commands = self.commands;
+        self.snapshot.newest_command = self.commands;
     }
 
     /// Sets the battery voltage in mV and the stage of the draw that the hub has measured.

@@ -222,13 +222,13 @@ fn a_report_says_whether_it_includes_all_commands_also_where_the_numbers_wrap() 
         assert!(!host.report().is_up_to_date(), "not sent yet, {start}");
         assert_eq!(host.new_commands().len(), 2);
         assert!(!host.report().is_up_to_date(), "in no snapshot yet, {start}");
-        host.snapshot.commands = start.wrapping_add(1);
+        host.snapshot.newest_command = start.wrapping_add(1);
         assert!(!host.report().is_up_to_date(), "one of two, {start}");
         host.tick();
         let commands = Commands { included: start.wrapping_add(2), newest: start.wrapping_add(2) };
         assert_eq!(host.report().commands, Some(commands));
         // Commands of others do not concern this host.
-        host.snapshot.commands = start.wrapping_add(1_000);
+        host.snapshot.newest_command = start.wrapping_add(1_000);
         assert!(host.report().is_up_to_date(), "{start}");
     }
 }

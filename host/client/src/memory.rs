@@ -60,8 +60,8 @@ impl Write for MemoryHub {
                 self.replies.extend(&frame::encode(&reply));
             }
             while self.responder.pending().is_some() {
-                self.snapshot.commands = self.snapshot.commands.wrapping_add(1);
-                self.responder.sent(self.snapshot.commands);
+                self.snapshot.newest_command = self.snapshot.newest_command.wrapping_add(1);
+                self.responder.sent(self.snapshot.newest_command);
             }
         }
         Ok(count)

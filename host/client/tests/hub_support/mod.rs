@@ -134,8 +134,8 @@ impl Hub {
                 if let Command::Set { motor, setpoint } = command {
                     self.setpoints.lock().unwrap().push((motor, setpoint));
                 }
-                self.snapshot.commands += 1;
-                self.responder.sent(self.snapshot.commands);
+                self.snapshot.newest_command += 1;
+                self.responder.sent(self.snapshot.newest_command);
             }
             let now_enabled = self.responder.enabled();
             self.was_enabled.iter_mut().zip(now_enabled).for_each(|(was, is)| *was |= is);
