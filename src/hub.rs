@@ -83,7 +83,7 @@ pub struct Snapshot<const N: usize> {
     /// Battery voltage. `None` without a [fresh](Battery::is_fresh) state of the battery.
     pub battery: Option<Millivolts>,
     /// Stage of the limit on the current that motors draw from the supply. [`DrawStage::Cutoff`] without a fresh state
-    /// of the battery. Before the first tick the stage is [`DrawStage::Full`].
+    /// of the battery.
     pub draw_stage: DrawStage,
     /// Strength with which braking motors dissipate their energy, as a share of full strength. [`Share::NONE`] while
     /// the supply takes the energy, and without a fresh state of the battery.
@@ -115,7 +115,7 @@ impl<const N: usize> Snapshot<N> {
         missed_ticks: 0,
         newest_command: 0,
         battery: None,
-        draw_stage: DrawStage::Full,
+        draw_stage: DrawStage::Cutoff,
         dissipate: Share::NONE,
         returned: Microjoules::ZERO,
         dissipated: Microjoules::ZERO,
@@ -134,10 +134,9 @@ impl<const N: usize> Snapshot<N> {
         self.battery.filter(|_| self.draw_stage == DrawStage::Full)
     }
 
-    /// True if the battery voltage is known and the [stage](DrawStage) is not `Full`: the battery is low and has not
-    /// recovered, or the bus voltage is above [`Levels::max`](crate::supply::Levels::max).
+    /// True if the battery voltage is known, and the battery is low and has not recovered.
     pub fn battery_low(&self) -> bool {
-        self.battery.is_some() && self.draw_stage != DrawStage::Full
+        self.battery.is_some() && matches!(self.draw_stage, DrawStage::Derated | DrawStage::Cutoff)
     }
 
     /// True if every motor is disabled or in fail-safe, so that no motor is driven.

@@ -250,6 +250,7 @@ fn a_motor_is_not_enabled_on_a_low_or_unknown_battery() {
         (Some(7_000), DrawStage::Full, Answer::Ack(0)),
         (Some(7_200), DrawStage::Derated, Answer::Nack(52)),
         (Some(5_900), DrawStage::Cutoff, Answer::Nack(52)),
+        (Some(24_000), DrawStage::Overvoltage, Answer::Nack(52)),
         (None, DrawStage::Cutoff, Answer::Nack(52)),
     ] {
         let mut host = TestHost::settled();
