@@ -54,7 +54,8 @@ const LEAST_FORWARD_SHARE: f32 = 0.1;
 /// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF, at full dissipation.
 ///
 /// A back EMF constant that is configured too low by 23 % or more puts the forward pulse below the real back EMF, because
-/// 1.3 times 0.77 is 1. The pulse then draws nothing from the bus.
+/// 1.3 times 0.77 is 1. The pulse then draws nothing from the bus. A simulated NeveRest 60 at a back EMF of 8 V returned
+/// no energy on balance with 30 % too little, and 0.02 W with 40 % too little.
 const LARGEST_FORWARD_SHARE: f32 = 0.3;
 
 /// A kind of pulse.
