@@ -76,14 +76,14 @@ pub struct Snapshot<const N: usize> {
     /// Time of the tick.
     pub at: Micros,
     /// Number of ticks since boot that were skipped because the tick before them ended too late.
-    pub missed: u32,
+    pub missed_ticks: u32,
     /// Number of the newest command that the snapshot includes. 0 before the first command, which has number 1. Numbers
     /// wrap from 2^32 - 1 to 0.
-    pub commands: u32,
+    pub newest_command: u32,
     /// Battery voltage. `None` without a [fresh](Battery::is_fresh) state of the battery.
     pub battery: Option<Millivolts>,
     /// Stage of the limit on the current that motors draw from the supply. [`DrawStage::Cutoff`] without a fresh state
-    /// of the battery. Before the first tick the stage is [`DrawStage::Full`].
+    /// of the battery.
     pub draw_stage: DrawStage,
     /// Strength with which braking motors dissipate their energy, as a share of full strength. [`Share::NONE`] while
     /// the supply takes the energy, and without a fresh state of the battery.
@@ -112,10 +112,10 @@ impl<const N: usize> Snapshot<N> {
     pub const INITIAL: Self = Self {
         tick: 0,
         at: Micros::new(0),
-        missed: 0,
-        commands: 0,
+        missed_ticks: 0,
+        newest_command: 0,
         battery: None,
-        draw_stage: DrawStage::Full,
+        draw_stage: DrawStage::Cutoff,
         dissipate: Share::NONE,
         returned: Microjoules::ZERO,
         dissipated: Microjoules::ZERO,
@@ -125,7 +125,7 @@ impl<const N: usize> Snapshot<N> {
 
     /// True if the snapshot was made after the hub had applied the command with this number.
     pub const fn includes(&self, number: u32) -> bool {
-        is_included(number, self.commands)
+        is_included(number, self.newest_command)
     }
 
     /// Returns the battery voltage if motors may be enabled. `None` if the voltage is unknown, low, or above
@@ -134,10 +134,9 @@ impl<const N: usize> Snapshot<N> {
         self.battery.filter(|_| self.draw_stage == DrawStage::Full)
     }
 
-    /// True if the battery voltage is known and the [stage](DrawStage) is not `Full`: the battery is low and has not
-    /// recovered, or the bus voltage is above [`Levels::max`](crate::supply::Levels::max).
+    /// True if the battery voltage is known, and the battery is low and has not recovered.
     pub fn battery_low(&self) -> bool {
-        self.battery.is_some() && self.draw_stage != DrawStage::Full
+        self.battery.is_some() && matches!(self.draw_stage, DrawStage::Derated | DrawStage::Cutoff)
     }
 
     /// True if every motor is disabled or in fail-safe, so that no motor is driven.
@@ -167,9 +166,9 @@ pub struct Hub<const N: usize> {
     gyro: Option<GyroReading>,
     period: Period,
     tick: u32,
-    missed: u32,
+    missed_ticks: u32,
     /// Number of the newest command that was applied.
-    commands: u32,
+    newest_command: u32,
     /// Energy that braking motors have returned to the bus.
     returned: Microjoules,
     /// Energy that braking motors have dissipated.
@@ -193,8 +192,8 @@ impl<const N: usize> Hub<N> {
             gyro: None,
             period,
             tick: 0,
-            missed: 0,
-            commands: 0,
+            missed_ticks: 0,
+            newest_command: 0,
             returned: Microjoules::ZERO,
             dissipated: Microjoules::ZERO,
             energy_until: None,
@@ -213,16 +212,16 @@ impl<const N: usize> Hub<N> {
     ///
     /// # Errors
     /// [`RangeError::Motor`] if a motor of the command does not exist, if a group has no members, or if one motor would
-    /// drive both wheels of the drive base. [`Snapshot::commands`] also counts refused commands.
+    /// drive both wheels of the drive base. [`Snapshot::newest_command`] also counts refused commands.
     pub fn apply(&mut self, command: Command) -> Result<(), RangeError> {
-        self.commands = self.commands.wrapping_add(1);
+        self.newest_command = self.newest_command.wrapping_add(1);
         let Self { motors, groups, .. } = self;
         match command {
             Command::Set { motor, setpoint } => {
                 motors.get_mut(motor).ok_or(RangeError::Motor)?.set(setpoint);
-                let releases = matches!(setpoint, Setpoint::Disabled | Setpoint::FailSafe);
+                let disables_group = matches!(setpoint, Setpoint::Disabled | Setpoint::FailSafe);
                 let leaving = core::array::from_fn(|index| index == motor);
-                groups.leave(leaving, releases.then_some(Halt::Coast), motors);
+                groups.remove_members(leaving, disables_group.then_some(Halt::Coast), motors);
             }
             Command::Configure { motor, settings } => {
                 motors.get_mut(motor).ok_or(RangeError::Motor)?.configure(settings);
@@ -235,7 +234,7 @@ impl<const N: usize> Hub<N> {
                     return Err(RangeError::Motor);
                 }
                 let base = Base::new(settings);
-                groups.release(base.wheels(), motors);
+                groups.release_and_stop(base.wheels(), motors);
                 self.base = Some(base);
             }
         }
@@ -265,13 +264,13 @@ impl<const N: usize> Hub<N> {
     }
 
     /// Stores the newest reading of the gyro, of any age. `None` without a gyro that works.
-    pub const fn sense_gyro(&mut self, reading: Option<GyroReading>) {
+    pub const fn set_gyro_reading(&mut self, reading: Option<GyroReading>) {
         self.gyro = reading;
     }
 
-    /// Adds `ticks` to [`Snapshot::missed`].
-    pub const fn note_missed(&mut self, ticks: u32) {
-        self.missed = self.missed.saturating_add(ticks);
+    /// Adds `ticks` to [`Snapshot::missed_ticks`].
+    pub const fn add_missed_ticks(&mut self, ticks: u32) {
+        self.missed_ticks = self.missed_ticks.saturating_add(ticks);
     }
 
     /// Updates the estimates of motion with a sample of all encoders, between two ticks. The estimates are best with a
@@ -285,9 +284,9 @@ impl<const N: usize> Hub<N> {
     }
 
     /// Passes feedback of the bridges to the motors, between two ticks. Boards without feedback never call this.
-    pub fn sense(&mut self, sensed: &[BridgeFeedback; N]) {
-        for (motor, sensed) in self.motors.iter_mut().zip(sensed) {
-            motor.sense(*sensed);
+    pub fn set_bridge_feedback(&mut self, feedback: &[BridgeFeedback; N]) {
+        for (motor, feedback) in self.motors.iter_mut().zip(feedback) {
+            motor.sense(*feedback);
         }
     }
 
@@ -361,12 +360,12 @@ impl<const N: usize> Hub<N> {
             *report = motor.step(now, reading, battery);
         }
         self.groups.review(&mut motors, &mut self.motors, self.base.as_ref(), self.period);
-        let Self { tick, missed, commands, returned, dissipated, .. } = *self;
+        let Self { tick, missed_ticks, newest_command, returned, dissipated, .. } = *self;
         Snapshot {
             tick,
             at: now,
-            missed,
-            commands,
+            missed_ticks,
+            newest_command,
             battery: battery.map(|battery| battery.voltage),
             draw_stage: battery.map_or(DrawStage::Cutoff, |battery| battery.stage),
             dissipate: battery.map_or(Share::NONE, |battery| battery.dissipate),

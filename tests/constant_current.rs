@@ -12,8 +12,10 @@ use motor_hub::model::si::{Amps, RadPerSec, Seconds, Volts};
 use motor_hub::motion::{Pidf, Reading};
 use motor_hub::motor::{Report, Setpoint, Settings};
 use motor_hub::regulator::Coefficients;
-use motor_hub::supply::{Limits, Supply};
-use motor_hub::units::{Coefficient, Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period};
+use motor_hub::supply::{Battery, Limits, Supply};
+use motor_hub::units::{
+    Coefficient, Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period, Share,
+};
 use std::f64::consts::TAU;
 use std::num::NonZeroU16;
 
@@ -159,6 +161,47 @@ fn the_current_limit_holds_while_a_braking_motor_dissipates_its_energy() {
             charge += if ms > 1_000 { 1e-3 * amperes } else { 0.0 };
         }
         assert!(pulses > 100 && (charge + 0.4).abs() < 0.05, "{cps} counts/s: {pulses} pulses, {charge} A");
+    }
+}
+
+#[test]
+fn a_motor_that_must_stay_in_its_short_circuit_reports_the_current_of_the_short_circuit() {
+    let motor = neverest_60();
+    let short_amperes = -10.0 / BATTERY * stall_current(&motor);
+    for period_ms in [1, 10, 50] {
+        let mut hub = Hub::new([unknown(&motor)], Period::from_millis(period_ms).expect("in range"));
+        let braking = current(-0.6, 2.0 * free_cps(&motor));
+        hub.apply(Command::Set { motor: 0, setpoint: braking }).expect("a motor of the hub");
+        // The back EMF is always 10 V, and the supply cannot take the energy. In the second second the supply permits no
+        // driving.
+        let mut plant = plant(motor, inertia(HEAVY));
+        plant.set_state(Amps(0.0), RadPerSec(10.0 / motor.ke.0), 0.0);
+        let (mut drive, mut reported, mut charge) = (Drive::COAST, 0.0, 0.0);
+        for ms in 1..=2_000 {
+            let now = Micros::new(1_000 * ms);
+            let reading = Some(Reading { position: plant.counts() as i32, edge_at: now, at: now });
+            hub.sample(&[reading]);
+            let draw = if ms <= 1_000 { Share::ALL } else { Share::NONE };
+            let unlimited = Battery::unlimited(Millivolts::new(15_000), now);
+            let battery = Battery { draw, dissipate: Share::ALL, ..unlimited };
+            if ms.is_multiple_of(period_ms.into()) {
+                let [report] = hub.step(now, &[reading], Some(battery)).motors;
+                (drive, reported) = (report.drive, f64::from(report.current.to_amperes()));
+            } else if let Some([changed]) = hub.apply_limits(battery) {
+                drive = changed;
+            }
+            let influence = PlantInput::pwm(drive.mode, drive.duty.to_f64());
+            charge += plant.run(Seconds(1e-3), influence, Volts(15.0)).charge.0;
+            let expected = if ms <= 1_000 { -0.6 } else { short_amperes };
+            if ms % 1_000 == 500 {
+                charge = 0.0;
+            } else if ms % 1_000 == 0 {
+                let mean = charge / 0.5;
+                assert!((mean - expected).abs() < 0.05, "{period_ms} ms, {ms}: {mean} A");
+            } else if ms % 1_000 > 500 {
+                assert!((reported - expected).abs() < 0.05, "{period_ms} ms, {ms}: {reported} A reported");
+            }
+        }
     }
 }
 

@@ -53,7 +53,7 @@ impl Held {
         for _ in 0..ms {
             if self.0.ms.is_multiple_of(25) {
                 let current = shown_ma.map(Milliamperes::new);
-                self.0.hub.sense(&[BridgeFeedback { current, fault: false }]);
+                self.0.hub.set_bridge_feedback(&[BridgeFeedback { current, fault: false }]);
             }
             self.0.run_ms(1);
         }

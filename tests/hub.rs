@@ -324,26 +324,26 @@ fn settings_change_as_a_whole_at_the_next_step_while_running() {
 #[test]
 fn missed_ticks_are_counted() {
     let mut bench = Bench::turned(settings(), [0.0]);
-    bench.hub.note_missed(3);
-    assert_eq!(bench.tick().missed, 3);
-    bench.hub.note_missed(u32::MAX);
-    assert_eq!(bench.tick().missed, u32::MAX);
+    bench.hub.add_missed_ticks(3);
+    assert_eq!(bench.tick().missed_ticks, 3);
+    bench.hub.add_missed_ticks(u32::MAX);
+    assert_eq!(bench.tick().missed_ticks, u32::MAX);
 }
 
 #[test]
 fn a_snapshot_says_the_number_of_the_newest_command_that_it_includes() {
     let mut bench = Bench::turned(settings(), [0.0; 2]);
-    assert_eq!(bench.tick().commands, 0);
+    assert_eq!(bench.tick().newest_command, 0);
     bench.set(0, velocity(100));
     bench.set(1, velocity(100));
-    assert_eq!(bench.tick().commands, 2);
+    assert_eq!(bench.tick().newest_command, 2);
     let no_such_motor = Command::Set { motor: 2, setpoint: Setpoint::Disabled };
     assert_eq!(bench.hub.apply(no_such_motor), Err(RangeError::Motor));
     let snapshot = bench.tick();
     assert_eq!(snapshot.motors.map(|m| m.setpoint), [velocity(100); 2]);
-    assert_eq!(snapshot.commands, 3, "a refused command is counted, or its sender would wait for ever");
+    assert_eq!(snapshot.newest_command, 3, "a refused command is counted, or its sender would wait for ever");
     assert!(snapshot.includes(3) && snapshot.includes(1) && !snapshot.includes(4));
-    let wrapped = Snapshot { commands: 1, ..snapshot };
+    let wrapped = Snapshot { newest_command: 1, ..snapshot };
     assert!(wrapped.includes(u32::MAX) && !wrapped.includes(2));
 }
 

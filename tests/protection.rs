@@ -233,7 +233,10 @@ fn heat_is_of_the_measured_current_where_there_is_one() {
     bench.set(0, Setpoint::ConstantPower(Control::MAX));
     let mut heat = |measured: Option<i32>| {
         for _ in 0..40 {
-            bench.hub.sense(&[BridgeFeedback { current: measured.map(Milliamperes::new), fault: false }]);
+            bench.hub.set_bridge_feedback(&[BridgeFeedback {
+                current: measured.map(Milliamperes::new),
+                fault: false,
+            }]);
             bench.tick();
         }
         (bench.report().heat, bench.report().measured)
@@ -252,9 +255,9 @@ fn a_bridge_that_switches_itself_off_is_named_and_stays_off_until_the_motor_is_d
         let mut winch = winch(settings(on_fault), 0.0);
         winch.run_ms(500);
         assert!(!winch.report().faults.bridge);
-        winch.hub.sense(&fault);
+        winch.hub.set_bridge_feedback(&fault);
         // The bridge has recovered.
-        winch.hub.sense(&[BridgeFeedback::default()]);
+        winch.hub.set_bridge_feedback(&[BridgeFeedback::default()]);
         winch.run_ms(500);
         let report = winch.report();
         assert_eq!((report.drive, report.faults.bridge), (Drive::COAST, true), "{on_fault:?}");
@@ -265,9 +268,9 @@ fn a_bridge_that_switches_itself_off_is_named_and_stays_off_until_the_motor_is_d
         let report = winch.report();
         assert!(report.drive != Drive::COAST && !report.faults.any(), "{report:?}");
         // A bridge that is still at fault does not run again.
-        winch.hub.sense(&fault);
+        winch.hub.set_bridge_feedback(&fault);
         winch.set(0, Setpoint::Disabled);
-        winch.hub.sense(&fault);
+        winch.hub.set_bridge_feedback(&fault);
         winch.set(0, velocity(300));
         assert_eq!(winch.tick().motors[0].drive, Drive::COAST);
     }

@@ -196,7 +196,7 @@ fn motors_dissipate_above_the_dissipate_level_and_fully_from_halfway_to_the_ceil
 fn above_the_largest_operating_voltage_nothing_is_drawn_and_all_energy_is_dissipated() {
     for mv in [24_001, u16::MAX] {
         let Battery { voltage, stage, draw, dissipate, .. } = Sampled::new().hold(mv);
-        assert_eq!((stage, draw, dissipate), (DrawStage::Cutoff, Share::NONE, Share::ALL), "{mv} mV");
+        assert_eq!((stage, draw, dissipate), (DrawStage::Overvoltage, Share::NONE, Share::ALL), "{mv} mV");
         assert_eq!(voltage, Millivolts::new(24_000));
     }
 }

@@ -186,7 +186,7 @@ fn ticks_come_exactly_one_period_apart() {
             let snapshot = parts.snapshot();
             assert_eq!(u64::from(snapshot.tick), tick);
             assert_eq!(snapshot.at, Micros::new(tick * u64::from(period_ms) * 1000));
-            assert_eq!(snapshot.missed, 0);
+            assert_eq!(snapshot.missed_ticks, 0);
         }
     }
 }
@@ -203,7 +203,7 @@ fn a_tick_that_came_too_late_is_left_out_and_counted_not_caught_up() {
     assert_eq!((late.tick, late.at), (3, Micros::new(370_000)));
     board.run_ms(30);
     let next = parts.snapshot();
-    assert_eq!((next.tick, next.at, next.missed), (4, Micros::new(400_000), 4), "back on the grid");
+    assert_eq!((next.tick, next.at, next.missed_ticks), (4, Micros::new(400_000), 4), "back on the grid");
 }
 
 #[test]
@@ -393,7 +393,7 @@ fn a_slow_converter_delays_no_tick() {
     let mut board = parts.board();
     board.run_ms(1000);
     let snapshot = parts.snapshot();
-    assert_eq!((snapshot.tick, snapshot.missed), (20, 0));
+    assert_eq!((snapshot.tick, snapshot.missed_ticks), (20, 0));
     assert!(snapshot.battery.is_some());
 }
 

@@ -164,6 +164,11 @@ impl Group {
         Self::PositionLoop,
     ];
 
+    /// Iterates over the groups that have no coefficients of a control loop, in the order of [`ALL`](Self::ALL).
+    pub fn without_coefficients() -> impl Iterator<Item = Self> {
+        Self::ALL.into_iter().filter(|group| group.loop_of().is_none())
+    }
+
     /// Returns the packet type of the request that sets the group, on hubs of this project. An entry of a stored
     /// record has the same type.
     pub const fn set_id(self) -> u16 {

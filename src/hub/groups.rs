@@ -71,7 +71,7 @@ impl<const N: usize> Groups<N> {
                 return Ok(());
             }
         }
-        self.release(core::array::from_fn(is_new_member), motors);
+        self.release_and_stop(core::array::from_fn(is_new_member), motors);
         if let Some(free) = self.states.iter_mut().find(|state| state.is_none()) {
             *free = Some(ActiveGroup::Waiting(command));
         }
@@ -81,15 +81,15 @@ impl<const N: usize> Groups<N> {
     /// Removes these motors from their groups. The members that stay halt according to the setting of their group. A
     /// motor that has left a moving group gets the velocity 0 as its set-point. The setting `ZeroPower` says whether
     /// this motor then brakes or coasts.
-    pub(super) fn release(&mut self, leaving: [bool; N], motors: &mut [Motor; N]) {
-        let left = self.leave(leaving, None, motors);
+    pub(super) fn release_and_stop(&mut self, leaving: [bool; N], motors: &mut [Motor; N]) {
+        let left = self.remove_members(leaving, None, motors);
         members_of(&left, motors).for_each(|motor| motor.set(Setpoint::Velocity(CountsPerSecond::ZERO)));
     }
 
     /// Removes these motors from their groups. The members that stay in a moving group halt according to `halt`; `None`
     /// stands for the group's own setting. A waiting group is discarded. Returns the motors of `leaving` that were in a
     /// moving group.
-    pub(super) fn leave(
+    pub(super) fn remove_members(
         &mut self,
         leaving: [bool; N],
         halt: Option<Halt>,

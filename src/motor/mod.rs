@@ -208,10 +208,10 @@ impl Command {
         self.bridge.drive == Drive::COAST
     }
 
-    /// Current in A that a voltage drives through this resistance of winding and bridge, at the back EMF of the
+    /// Current in A that a voltage in V drives through this resistance of winding and bridge, at the back EMF of the
     /// command.
-    fn amperes(&self, voltage: Voltage, ohms: f32) -> f32 {
-        (voltage.to_volts() - self.request.at.emf_volts()) / ohms
+    fn amperes(&self, volts: f32, ohms: f32) -> f32 {
+        (volts - self.request.at.emf_volts()) / ohms
     }
 
     /// True if the limits change the request.
@@ -372,7 +372,7 @@ impl Motor {
     /// Takes the feedback of the bridge, on a board that can read the feedback.
     pub fn sense(&mut self, sensed: BridgeFeedback) {
         self.bridge_fault |= sensed.fault;
-        let mode = (!self.pulses.are_active()).then_some(self.drive().mode);
+        let mode = (!self.pulses.is_active()).then_some(self.drive().mode);
         let modelled = self.speed_known.then(|| self.modelled_current());
         self.line.step(sensed.current, mode, modelled);
     }
@@ -418,7 +418,7 @@ impl Motor {
         let command = self.modulate(request, now, battery, *may_end_short);
         *may_end_short &= was_forward || !self.pulses.is_forward();
         let changed = command.bridge.drive != before;
-        if changed || self.pulses.are_active() {
+        if changed || self.pulses.is_active() {
             self.command_bridge(command);
         } else {
             self.command = Some(command);
@@ -676,7 +676,7 @@ impl Motor {
         let (Some(command), Some(limit)) = (&self.command, self.settings.current_limit_amperes()) else {
             return false;
         };
-        let amperes = command.amperes(command.limited.voltage, self.settings.ohms());
+        let amperes = command.amperes(command.limited.voltage.to_volts(), self.settings.ohms());
         command.is_limited() && amperes.abs() > 0.98 * limit
     }
 
@@ -690,7 +690,7 @@ impl Motor {
         let emf = self.settings.winding.emf.emf(self.regulator.velocity()).to_volts();
         // Time in us for which the command stays. A burn pulse is chosen every millisecond, any other command every
         // control period.
-        let period_us = if self.pulses.are_active() { 1_000.0 } else { self.period.as_micros() as f32 };
+        let period_us = if self.pulses.is_active() { 1_000.0 } else { self.period.as_micros() as f32 };
         let left = (1.0 - f32::from(change_us) / period_us).max(0.0);
         Voltage::from_volts(emf + left * (voltage.to_volts() - emf))
     }
@@ -699,9 +699,12 @@ impl Motor {
     fn modelled_current(&self) -> Milliamperes {
         match &self.command {
             Some(command) if !command.is_open() => {
-                // The mean voltage of burn pulses is the limited voltage.
-                let mean = if self.pulses.are_active() { command.limited } else { command.bridge };
-                Milliamperes::from_amperes(command.amperes(mean.voltage, self.settings.ohms()))
+                let mean_volts = if self.pulses.is_active() {
+                    self.pulses.mean_volts()
+                } else {
+                    command.bridge.voltage.to_volts()
+                };
+                Milliamperes::from_amperes(command.amperes(mean_volts, self.settings.ohms()))
             }
             _ => Milliamperes::ZERO,
         }
@@ -718,7 +721,7 @@ impl Motor {
         let current = self.modelled_current();
         self.speed_known = moved.is_some() && self.encoder_fault.is_none();
         let measured = self.line.measured(drive.mode);
-        let heating = if self.pulses.are_active() {
+        let heating = if self.pulses.is_active() {
             Milliamperes::from_amperes(self.pulses.heating_volts() / self.settings.ohms())
         } else {
             current

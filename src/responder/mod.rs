@@ -264,7 +264,7 @@ impl<const N: usize> Responder<N> {
     pub fn tick(&mut self, now: Micros, snapshot: &Snapshot<N>) {
         self.keep_alive.battery(snapshot.battery_low());
         self.awaited.take_if(|number| snapshot.includes(*number));
-        self.channels.iter_mut().for_each(|channel| channel.note_snapshot(snapshot.commands));
+        self.channels.iter_mut().for_each(|channel| channel.note_snapshot(snapshot.newest_command));
         self.base_awaited.take_if(|number| snapshot.includes(*number));
         if self.keep_alive.ran_out(now) {
             self.channels.iter_mut().for_each(MotorChannel::fail_safe);
@@ -351,7 +351,7 @@ impl<const N: usize> Responder<N> {
     }
 
     /// Removes the command that [`pending`](Self::pending) returns, because it was sent. `number` is the number of the
-    /// command as in [`Snapshot::commands`].
+    /// command as in [`Snapshot::newest_command`].
     pub fn sent(&mut self, number: u32) {
         self.awaited = Some(number);
         if let Some(channel) = self.next_channel().and_then(|motor| self.channels.get_mut(motor)) {
@@ -375,7 +375,7 @@ impl<const N: usize> Responder<N> {
     /// Returns the number of the newest sent command. While a command is pending, returns this number plus 1, because
     /// no snapshot includes the pending command yet.
     fn newest_command(&self, snapshot: &Snapshot<N>) -> u32 {
-        let sent = self.awaited.unwrap_or(snapshot.commands);
+        let sent = self.awaited.unwrap_or(snapshot.newest_command);
         if self.pending().is_some() { sent.wrapping_add(1) } else { sent }
     }
 
@@ -638,7 +638,10 @@ impl<const N: usize> Responder<N> {
             bus: self.bus.as_of(now).state,
             dissipate: per_mille(snapshot.dissipate),
             motors: motors.collect(),
-            commands: Some(Commands { included: snapshot.commands, newest: self.newest_command(snapshot) }),
+            commands: Some(Commands {
+                included: snapshot.newest_command,
+                newest: self.newest_command(snapshot),
+            }),
         }
     }
 

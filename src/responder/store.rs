@@ -4,7 +4,8 @@
 //! * A *record* has entries. A save that a host requests writes an entry for the address, one for each configured
 //!   [`Group`] of each motor's settings, and one for a configured drive base. Entries that this firmware does not know
 //!   are kept. An entry has the type and the payload of the request that would set the same values. Of two entries for
-//!   the same values, the last one counts. The request *reset* writes a record without entries.
+//!   the same values, the last one counts. An entry for coefficients may have no values: it stands for coefficients
+//!   that are not configured, which no request can set. The request *reset* writes a record without entries.
 //! * An *access* writes a record to the memory, or reads the record from it.
 //!
 //! ```text
@@ -76,7 +77,7 @@ impl Memory {
 
     /// Returns why the contents of the memory prevent a save. `None` if a save is possible. The contents never prevent
     /// a reset.
-    const fn refusal(&self) -> Option<Nack> {
+    const fn save_refusal(&self) -> Option<Nack> {
         match self.found.stored {
             Stored::Later => Some(Nack::STORE_LATER),
             Stored::Damaged => Some(Nack::STORE_DAMAGED),
@@ -126,13 +127,13 @@ impl<const N: usize> Responder<N> {
         request: &HubFunction,
         snapshot: &Snapshot<N>,
     ) -> Result<Reply, Nack> {
-        let memory = self.memory.as_ref().ok_or(self.no_memory())?;
+        let memory = self.memory.as_ref().ok_or(self.refusal_without_memory())?;
         if memory.access != Access::Idle {
             return Err(Nack::STORE_BUSY);
         }
         let access = match request {
             HubFunction::Save => {
-                memory.refusal().map_or(Ok(()), Err)?;
+                memory.save_refusal().map_or(Ok(()), Err)?;
                 self.record_of_all(&memory.found.record).map_err(|_| Nack::STORE_FULL)?;
                 Access::SaveRequested
             }
@@ -156,7 +157,7 @@ impl<const N: usize> Responder<N> {
         self.address_due = match &self.memory {
             Some(memory) => {
                 let is_stored = self.boot_address(&memory.found.record) == self.address;
-                memory.refusal().is_none() && !(is_stored && memory.access == Access::Idle)
+                memory.save_refusal().is_none() && !(is_stored && memory.access == Access::Idle)
             }
             None => self.expects_store,
         };
@@ -226,7 +227,7 @@ impl<const N: usize> Responder<N> {
 
     /// Returns the refusal of requests that need a memory, on a hub without a memory or before the task has reported
     /// the contents.
-    const fn no_memory(&self) -> Nack {
+    const fn refusal_without_memory(&self) -> Nack {
         if self.expects_store { Nack::STORE_BUSY } else { Nack::UNSUPPORTED }
     }
 
@@ -247,7 +248,7 @@ impl<const N: usize> Responder<N> {
     /// Returns [`Nack::UNSUPPORTED`] if the hub has no memory, and [`Nack::STORE_BUSY`] before the task has reported
     /// the contents.
     pub(super) fn store_report(&self) -> Result<StoreReport, Nack> {
-        let memory = self.memory.as_ref().ok_or(self.no_memory())?;
+        let memory = self.memory.as_ref().ok_or(self.refusal_without_memory())?;
         let Memory { found: Found { stored, version, record }, outcome, .. } = memory;
         let (mut unknown, mut refused) = (0u8, 0u8);
         for entry in record.entries() {
@@ -264,7 +265,7 @@ impl<const N: usize> Responder<N> {
             number: record.number(),
             is_busy: memory.access != Access::Idle,
             outcome: *outcome,
-            differs: self.differs(record),
+            differs: self.differs_from_memory(record),
             unknown,
             refused,
             coefficients: byte(motors.map(|channel| channel.settings().motor.coefficients.is_some())),
@@ -272,7 +273,7 @@ impl<const N: usize> Responder<N> {
     }
 
     /// True if settings, address or drive base in force would change at a restart with this record.
-    fn differs(&self, record: &SettingsRecord) -> bool {
+    fn differs_from_memory(&self, record: &SettingsRecord) -> bool {
         let stored = |settings: &MotorSettings, group: Group| {
             group.is_configured(settings).then(|| Values::of(group, settings))
         };
@@ -280,7 +281,7 @@ impl<const N: usize> Responder<N> {
         self.boot_address(record) != self.address
             || self.base_differs(record)
             || motors.any(|((motor, channel), factory)| {
-                let restored = restored(motor, factory, record);
+                let restored = restored_settings(motor, factory, record);
                 let differs = |&group| stored(&restored, group) != stored(channel.settings(), group);
                 Group::ALL.iter().any(differs)
             })
@@ -298,11 +299,13 @@ impl<const N: usize> Responder<N> {
             let settings = channel.settings();
             // Without an entry, a setting that the firmware was built with would be in force after a restart.
             let factory = MotorSettings::new(*factory);
-            let is_stored = |group: &Group| {
-                group.is_configured(settings) || group.loop_of().is_none() && group.is_configured(&factory)
-            };
+            let is_stored = |group: &Group| group.is_configured(settings) || group.is_configured(&factory);
             for group in Group::ALL.into_iter().filter(is_stored) {
-                let fields = payload(motor, &Values::of(group, settings));
+                if group.loop_of().is_some() && !group.is_configured(settings) {
+                    record.push(group.set_id(), &name_of(group, motor))?;
+                    continue;
+                }
+                let fields = request_payload(motor, &Values::of(group, settings));
                 let older = entries_of(stored, motor, group).last().map(|entry| entry.payload);
                 record.push_over(group.set_id(), &fields, older.unwrap_or_default())?;
             }
@@ -360,7 +363,7 @@ impl<const N: usize> Responder<N> {
         }
         let motor = *entry.payload.first()?;
         let settings = self.channels.get(usize::from(motor))?.settings();
-        let group = Group::ALL.into_iter().find(|group| sets(entry, motor, *group))?;
+        let group = Group::ALL.into_iter().find(|group| value_bytes(entry, motor, *group).is_some())?;
         Some(values_of(entry, motor, group, settings).is_ok())
     }
 
@@ -368,7 +371,7 @@ impl<const N: usize> Responder<N> {
     /// drive base does not change, its odometry continues.
     fn restore_settings(&mut self, record: &SettingsRecord) {
         for ((motor, channel), factory) in (0..).zip(&mut self.channels).zip(self.factory) {
-            channel.restore(restored(motor, factory, record));
+            channel.restore(restored_settings(motor, factory, record));
         }
         if self.base_differs(record) {
             self.command_base(self.stored_base(record));
@@ -378,15 +381,19 @@ impl<const N: usize> Responder<N> {
 
 /// Returns the settings that a motor would have after a restart with this record: the firmware's settings, changed by
 /// the entries of the record. Unknown and refused entries have no effect.
-fn restored(motor: u8, factory: Settings, record: &SettingsRecord) -> MotorSettings {
+fn restored_settings(motor: u8, factory: Settings, record: &SettingsRecord) -> MotorSettings {
     let mut settings = MotorSettings::new(factory);
     for group in Group::ALL {
-        let entry = entries_of(record, motor, group).last();
-        let values = entry.and_then(|entry| values_of(&entry, motor, group, &settings).ok());
+        let Some(entry) = entries_of(record, motor, group).last() else { continue };
+        if group.loop_of().is_some() && value_bytes(&entry, motor, group) == Some(&[]) {
+            settings.motor.coefficients = None;
+            continue;
+        }
+        let Ok(values) = values_of(&entry, motor, group, &settings) else { continue };
         // Applying the group `SetUp` deletes dynamics, acceleration limit and coefficients. The firmware may have been
         // built with these settings, so a set-up whose values do not change is not applied.
-        let changes = |values: &Values| group != Group::SetUp || *values != Values::of(group, &settings);
-        if let Some(new) = values.filter(changes).and_then(|values| values.apply_to(&settings).ok()) {
+        let changes = group != Group::SetUp || values != Values::of(group, &settings);
+        if changes && let Ok(new) = values.apply_to(&settings) {
             settings = new;
         }
     }
@@ -399,23 +406,29 @@ fn next_record(stored: &SettingsRecord) -> SettingsRecord {
 }
 
 /// Returns the payload of the request that sets these values.
-fn payload(motor: u8, values: &Values) -> Payload {
-    let mut payload = Payload::new();
-    values.group().write_name(motor, &mut payload);
+fn request_payload(motor: u8, values: &Values) -> Payload {
+    let mut payload = name_of(values.group(), motor);
     values.write(&mut payload);
     payload
 }
 
-/// Iterates over the entries of a record that set this group of this motor's settings.
-fn entries_of(record: &SettingsRecord, motor: u8, group: Group) -> impl Iterator<Item = Entry<'_>> {
-    record.entries().filter(move |entry| sets(entry, motor, group))
-}
-
-/// True if the entry sets this group of this motor's settings.
-fn sets(entry: &Entry<'_>, motor: u8, group: Group) -> bool {
+/// Returns the first bytes of the payload of every request and entry that sets this group of this motor's settings. The
+/// values of the group follow them.
+fn name_of(group: Group, motor: u8) -> Payload {
     let mut name = Payload::new();
     group.write_name(motor, &mut name);
-    entry.id == group.set_id() && entry.payload.starts_with(&name)
+    name
+}
+
+/// Iterates over the entries of a record that set this group of this motor's settings.
+fn entries_of(record: &SettingsRecord, motor: u8, group: Group) -> impl Iterator<Item = Entry<'_>> {
+    record.entries().filter(move |entry| value_bytes(entry, motor, group).is_some())
+}
+
+/// Returns the values of an entry as bytes. `None` if the entry does not set this group of this motor's settings.
+fn value_bytes<'a>(entry: &Entry<'a>, motor: u8, group: Group) -> Option<&'a [u8]> {
+    let values = entry.payload.strip_prefix(name_of(group, motor).as_slice());
+    values.filter(|_| entry.id == group.set_id())
 }
 
 /// Reads the values of an entry. A field that is missing, because an earlier firmware stored the entry, is taken from
@@ -424,9 +437,8 @@ fn sets(entry: &Entry<'_>, motor: u8, group: Group) -> bool {
 /// # Errors
 /// Refuses values that are out of range, or that do not fit the other settings.
 fn values_of(entry: &Entry<'_>, motor: u8, group: Group, settings: &MotorSettings) -> Result<Values, Nack> {
-    let mut name = Payload::new();
-    group.write_name(motor, &mut name);
-    let values = Values::read_over(group, entry.payload.get(name.len()..).unwrap_or_default(), settings)?;
+    let bytes = value_bytes(entry, motor, group).unwrap_or_default();
+    let values = Values::read_over(group, bytes, settings)?;
     values.apply_to(settings).map(|_| values)
 }
 

@@ -4,7 +4,7 @@
 //! ```text
 //!         min       cutoff      derate    recover     dissipate     ceiling       max
 //!  --------+----------+-----------+----------+------------+------------+-----------+-----> bus voltage
-//!    not   |  Cutoff  |  Derated  |  Full or |    Full    |  Full, and braking motors | Cutoff, and braking
+//!    not   |  Cutoff  |  Derated  |  Full or |    Full    |  Full, and braking motors | Overvoltage
 //! plausible| draw 0   | draw 0..1 |  Derated | draw to 1  |  dissipate energy         | motors dissipate
 //! ```
 //!
@@ -78,7 +78,7 @@ pub struct Battery {
     pub newest: Millivolts,
     /// Time of the newest sample.
     pub at: Micros,
-    /// Stage of the draw. The stage is also `Cutoff` while the newest sample is above [`Levels::max`].
+    /// Stage of the draw.
     pub stage: DrawStage,
     /// Current that each motor may draw, as a share of its current at standstill and full duty.
     pub draw: Share,
@@ -230,7 +230,8 @@ impl Supply {
         self.filter = Some(filter);
         let dissipate = self.overvoltage.step(&self.limits, measured, now);
         let (stage, draw) = self.derating.step(&self.limits, filter.voltage(), passed_us);
-        let (stage, draw) = if measured > max { (DrawStage::Cutoff, Share::NONE) } else { (stage, draw) };
+        let (stage, draw) =
+            if measured > max { (DrawStage::Overvoltage, Share::NONE) } else { (stage, draw) };
         let battery = Battery { voltage: filter.voltage(), newest, at: now, stage, draw, dissipate };
         self.last_battery = Some(battery);
         battery

@@ -28,9 +28,12 @@ pub enum DrawStage {
     /// The battery is low. The draw is below 1 while the voltage is below [`Levels::derate`], and until the draw has
     /// risen to 1 again.
     Derated,
-    /// The voltage fell to [`Levels::cutoff`] and is not back at [`Levels::derate`], or the voltage is above
-    /// [`Levels::max`]. Motors may draw no current, and only brake or coast.
+    /// The voltage fell to [`Levels::cutoff`] and is not back at [`Levels::derate`]. Motors may draw no current, and only
+    /// brake or coast.
     Cutoff,
+    /// The newest sample is above [`Levels::max`]. Motors may draw no current, and only brake or coast. The battery is
+    /// not low.
+    Overvoltage,
 }
 
 /// Time in microseconds in which the draw rises from 0 to 1.
@@ -82,7 +85,7 @@ impl Derating {
         };
         let limit = match self.stage {
             DrawStage::Cutoff => 0.0,
-            DrawStage::Full | DrawStage::Derated => fraction_between(voltage, cutoff, derate),
+            _ => fraction_between(voltage, cutoff, derate),
         };
         self.draw = limit.min(self.draw + passed_us as f32 / FULL_RISE_MICROS);
         (self.stage, Share::from_f32(self.draw))

@@ -49,7 +49,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
                 }
             }
             if let Some(sensed) = wires.sensed.try_take() {
-                hub.sense(&sensed);
+                hub.set_bridge_feedback(&sensed);
             }
             if wires.battery.signaled() {
                 battery = wires.battery.try_take();
@@ -69,7 +69,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             battery = wires.battery.try_take();
         }
         wires.gyro_wanted.lock(|wanted| wanted.set(hub.uses_gyro()));
-        hub.sense_gyro(wires.gyro.lock(Cell::get));
+        hub.set_gyro_reading(wires.gyro.lock(Cell::get));
         let snapshot = hub.step(now, &readings, battery);
         wires.drives.signal(snapshot.drives());
         wires.record.lock(|record| {
@@ -85,7 +85,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
         due += period;
         if let Some(late) = Instant::now().checked_duration_since(due) {
             let missed = u32::try_from(late.as_ticks() / period.as_ticks() + 1).unwrap_or(u32::MAX);
-            hub.note_missed(missed);
+            hub.add_missed_ticks(missed);
             due += period * missed;
         }
         timer_is_registered = false;

@@ -48,12 +48,12 @@ impl Robot {
     fn run_ms(&mut self, ms: u64) {
         for _ in 0..ms {
             if !self.gyro_works {
-                self.bench.hub.sense_gyro(None);
+                self.bench.hub.set_gyro_reading(None);
             } else if self.bench.ms.is_multiple_of(10) {
                 let left_degrees = self.gyro_gain * self.heading() + self.pushed_degrees + 123.0;
                 let left_degrees = left_degrees.rem_euclid(360.0) as f32;
                 let at = Micros::new(1_000 * self.bench.ms);
-                self.bench.hub.sense_gyro(Some(GyroReading { left_degrees, at }));
+                self.bench.hub.set_gyro_reading(Some(GyroReading { left_degrees, at }));
             }
             self.bench.run_ms(1);
         }
@@ -132,7 +132,7 @@ fn a_correction_that_does_not_fit_in_32_bits_stays_at_its_last_value() {
         let now = Micros::new(50_000 * tick);
         // The wheels stand still while the base turns by 2 degrees a tick.
         let still = Some(Reading { position: 0, edge_at: Micros::new(0), at: now });
-        hub.sense_gyro(Some(GyroReading { left_degrees: 2.0 * tick as f32, at: now }));
+        hub.set_gyro_reading(Some(GyroReading { left_degrees: 2.0 * tick as f32, at: now }));
         let state = hub.step(now, &[still; 2], None).base.expect("configured");
         assert_eq!(state.gyro, GyroState::Good);
         let step = f64::from(state.correction[1]) - f64::from(last);

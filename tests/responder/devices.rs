@@ -4,7 +4,7 @@ use crate::host::{Answer, FULL, TestHost};
 use motor_hub::board::{AnalogReading, AnalogReadings, Equipment, ServoPulse};
 use motor_hub::devices::I2cTransfer;
 use motor_hub::extension::{HubFunction, Request};
-use motor_hub::protocol::answers::{I2cRead, I2cStatus};
+use motor_hub::protocol::answers::{I2cRead, I2cStatus, Status};
 use motor_hub::protocol::payload::Text;
 use motor_hub::supply::DrawStage;
 use motor_hub::units::Millivolts;
@@ -190,6 +190,21 @@ fn fail_safe_silence_and_a_low_battery_end_the_pulses_and_keep_the_values() {
         host.call(33, &[3, 1, 1]);
         assert_eq!(host.responder.outputs.new_servo_pulses(), None);
     }
+}
+
+#[test]
+fn a_bus_voltage_above_the_largest_operating_voltage_is_no_low_battery_and_ends_no_pulses() {
+    let mut host = TestHost::settled();
+    host.do_all(&[(33, &[3, 0xDC, 5]), (35, &[3, 1])]);
+    assert!(host.responder.outputs.new_servo_pulses().is_some());
+    host.set_battery(Some(24_000), DrawStage::Overvoltage);
+    host.responder.tick(host.now, &host.snapshot);
+    assert_eq!(host.responder.outputs.new_servo_pulses(), None, "the pulses continue");
+    let Answer::Data(status) = host.ask(0x7F03, &[0]) else { panic!("no status") };
+    assert_eq!(status[0] & Status::BATTERY_LOW, 0, "{status:?}");
+    // No further servo can be enabled.
+    host.do_all(&[(33, &[4, 0xDC, 5])]);
+    assert_eq!(host.call(35, &[4, 1]), Answer::Nack(31));
 }
 
 #[test]

@@ -80,7 +80,8 @@ pub(crate) struct TestHost {
 impl TestHost {
     /// Creates a host at a hub with all devices, just after the hub's reset. The battery has 12.345 V.
     pub(crate) fn new() -> Self {
-        let snapshot = Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL };
+        let battery = Some(Millivolts::new(12_345));
+        let snapshot = Snapshot { battery, draw_stage: DrawStage::Full, ..Snapshot::INITIAL };
         let mut responder = responder_with(settings());
         responder.outputs.equipment = FULL;
         Self {
@@ -179,7 +180,7 @@ impl TestHost {
 
     /// A control tick: the next snapshot includes all commands that were sent.
     pub(crate) fn tick(&mut self) {
-        self.snapshot.commands = self.commands;
+        self.snapshot.newest_command = self.commands;
     }
 
     /// Sets the battery voltage in mV and the stage of the draw that the hub has measured.

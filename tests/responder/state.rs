@@ -222,13 +222,13 @@ fn a_report_says_whether_it_includes_all_commands_also_where_the_numbers_wrap() 
         assert!(!host.report().is_up_to_date(), "not sent yet, {start}");
         assert_eq!(host.new_commands().len(), 2);
         assert!(!host.report().is_up_to_date(), "in no snapshot yet, {start}");
-        host.snapshot.commands = start.wrapping_add(1);
+        host.snapshot.newest_command = start.wrapping_add(1);
         assert!(!host.report().is_up_to_date(), "one of two, {start}");
         host.tick();
         let commands = Commands { included: start.wrapping_add(2), newest: start.wrapping_add(2) };
         assert_eq!(host.report().commands, Some(commands));
         // Commands of others do not concern this host.
-        host.snapshot.commands = start.wrapping_add(1_000);
+        host.snapshot.newest_command = start.wrapping_add(1_000);
         assert!(host.report().is_up_to_date(), "{start}");
     }
 }
@@ -250,6 +250,7 @@ fn a_motor_is_not_enabled_on_a_low_or_unknown_battery() {
         (Some(7_000), DrawStage::Full, Answer::Ack(0)),
         (Some(7_200), DrawStage::Derated, Answer::Nack(52)),
         (Some(5_900), DrawStage::Cutoff, Answer::Nack(52)),
+        (Some(24_000), DrawStage::Overvoltage, Answer::Nack(52)),
         (None, DrawStage::Cutoff, Answer::Nack(52)),
     ] {
         let mut host = TestHost::settled();

@@ -3,7 +3,7 @@
 use crate::host::{Answer, HUB, N, TestHost, bytes_of, largest, responder_with, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use motor_hub::bridge::Timing;
-use motor_hub::extension::settings::{Group, Values};
+use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::extension::state::StoreReport;
 use motor_hub::extension::{FIRST_FUNCTION, Request};
 use motor_hub::hub::Command;
@@ -271,6 +271,40 @@ fn a_host_can_remove_a_current_limit_that_the_firmware_was_built_with() {
     again.responder.restore(found(&record));
     assert_eq!(again.group(SET_LIMIT + 1, 1), [0, 0]);
     assert_eq!(again.group(SET_LIMIT + 1, 0), [0x20, 3]);
+}
+
+#[test]
+fn a_host_can_remove_coefficients_that_the_firmware_was_built_with() {
+    let velocity = Pidf { p: Coefficient::from_bits(10 << 16), ..Pidf::default() };
+    let coefficients = Some(Coefficients { velocity, position: Pidf::default() });
+    let started = |record: Found| {
+        let responder = responder_with(Settings { coefficients, ..settings() });
+        let mut host = TestHost { responder, ..TestHost::new() };
+        host.responder.restore(record);
+        host
+    };
+    let mut host = started(Found::without_record(Stored::Nothing, 0));
+    assert_eq!(report(&mut host).coefficients, 0b1111);
+    // The set-up of motor 1 deletes the coefficients, although none of its values changes.
+    let set_up = host.group(FIRST_FUNCTION + 1, 1);
+    assert!(matches!(host.ask(FIRST_FUNCTION, &[&[1], &set_up[..]].concat()), Answer::Ack(_)));
+    assert_eq!((report(&mut host).coefficients, report(&mut host).differs), (0b1101, true));
+    host.ask(SAVE, &[]);
+    let record = carried_out(&mut host);
+    let StoreReport { differs, unknown, refused, .. } = report(&mut host);
+    assert_eq!((differs, unknown, refused), (false, 0, 0));
+    let mut again = started(found(&record));
+    assert_eq!((report(&mut again).coefficients, all(&mut again)), (0b1101, all(&mut host)));
+    // A second save writes the same entries.
+    again.ask(SAVE, &[]);
+    assert!(carried_out(&mut again).entries().eq(record.entries()));
+    // Coefficients of a host replace the entries.
+    let values = Values::of(Group::VelocityLoop, &MotorSettings::new(settings()));
+    let set_velocity_loop = Request::Set(1, values);
+    assert!(matches!(again.ask(set_velocity_loop.id(), &set_velocity_loop.payload()), Answer::Ack(_)));
+    again.ask(SAVE, &[]);
+    let record = carried_out(&mut again);
+    assert_eq!(report(&mut started(found(&record))).coefficients, 0b1111);
 }
 
 #[test]

@@ -15,6 +15,7 @@ use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::protocol::{Colour, Nack};
 use motor_hub::responder::Responder;
 use motor_hub::store::{Found, Outcome, SettingsRecord, StoreResult, Stored};
+use motor_hub::supply::DrawStage;
 use motor_hub::tasks::{self, COMMANDS, Wires};
 use motor_hub::units::{CountsPerSecond, Millivolts};
 use std::cell::{Cell, RefCell};
@@ -132,10 +133,9 @@ impl World {
         let clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
         MockDriver::get().reset();
         let wires = Wires::new();
-        wires
-            .snapshot
-            .sender()
-            .send(Snapshot { battery: Some(Millivolts::new(12_000)), ..Snapshot::INITIAL });
+        let battery = Some(Millivolts::new(12_000));
+        let snapshot = Snapshot { battery, draw_stage: DrawStage::Full, ..Snapshot::INITIAL };
+        wires.snapshot.sender().send(snapshot);
         Self {
             to_hub: Pipe::new(),
             line: Line::default(),

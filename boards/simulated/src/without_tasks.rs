@@ -89,7 +89,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
             for (sensed, fault) in sensed.iter_mut().zip(board.faults()) {
                 sensed.fault = fault;
             }
-            hub.sense(&sensed);
+            hub.set_bridge_feedback(&sensed);
         }
         let alarm = supply.quiet().is_some_and(|quiet| board.has_left(&quiet));
         if alarm || ms >= look_ms {

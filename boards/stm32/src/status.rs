@@ -37,7 +37,7 @@ pub async fn run<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> ! {
 }
 
 fn log<const N: usize>(snapshot: &Snapshot<N>) {
-    info!("tick {=u32} missed {=u32} battery {}", snapshot.tick, snapshot.missed, snapshot.battery);
+    info!("tick {=u32} missed {=u32} battery {}", snapshot.tick, snapshot.missed_ticks, snapshot.battery);
     for (motor, report) in snapshot.motors.iter().enumerate() {
         let cps = report.velocity.round();
         info!("motor {=usize}: {=i32} counts/s, {}, {}", motor, cps, report.voltage, report.regime);

@@ -24,6 +24,7 @@ use motor_hub::hub::Snapshot;
 use motor_hub::motor::Settings;
 use motor_hub::protocol::{Address, Decoder, frame};
 use motor_hub::responder::Responder;
+use motor_hub::supply::DrawStage;
 use motor_hub::units::Micros;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Result, Write};
@@ -48,7 +49,9 @@ impl Default for MemoryHub {
         let (servos, analog) = (SERVOS as u8, ANALOG_INPUTS as u8);
         let equipment = Equipment { digital: u8::MAX, servos, analog, i2c: 0, rail: true, temperature: true };
         responder.outputs.equipment = equipment;
-        Self { snapshot: Snapshot::INITIAL, responder, decoder: Decoder::new(), replies: VecDeque::new() }
+        // Once a program has set a battery voltage, motors can be enabled.
+        let snapshot = Snapshot { draw_stage: DrawStage::Full, ..Snapshot::INITIAL };
+        Self { snapshot, responder, decoder: Decoder::new(), replies: VecDeque::new() }
     }
 }
 
@@ -60,8 +63,8 @@ impl Write for MemoryHub {
                 self.replies.extend(&frame::encode(&reply));
             }
             while self.responder.pending().is_some() {
-                self.snapshot.commands = self.snapshot.commands.wrapping_add(1);
-                self.responder.sent(self.snapshot.commands);
+                self.snapshot.newest_command = self.snapshot.newest_command.wrapping_add(1);
+                self.responder.sent(self.snapshot.newest_command);
             }
         }
         Ok(count)

@@ -275,7 +275,7 @@ impl Session {
     pub fn settings(&mut self, motor: u8) -> Result<MotorSettings, Error> {
         // The groups that the hub reports replace these initial values.
         let mut settings = MotorSettings::new(Settings::new(Winding::NEVEREST_60));
-        for group in Group::ALL.into_iter().filter(|group| group.loop_of().is_none()) {
+        for group in Group::without_coefficients() {
             match self.get(motor, group, &settings) {
                 // Older firmware lacks groups of settings that were added later.
                 Err(Error::TooOld { .. }) => (),

@@ -67,7 +67,7 @@ fn write(
     wanted: &MotorSettings,
     set_up: bool,
 ) -> Result<(), Failure> {
-    for group in Group::ALL.into_iter().filter(|group| group.loop_of().is_none()) {
+    for group in Group::without_coefficients() {
         let differs = Values::of(group, wanted) != Values::of(group, before);
         if differs || group == Group::SetUp && set_up {
             session.set(motor, group, wanted)?;

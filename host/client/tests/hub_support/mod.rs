@@ -9,6 +9,7 @@ use motor_hub::protocol::requests::{FIRST_FUNCTION, MOTOR_INTERFACE};
 use motor_hub::protocol::{Address, BROADCAST, Decoder, Packet, Reply, frame};
 use motor_hub::responder::Responder;
 use motor_hub::store::{self, Found, StoreRequest, Stored, VERSION};
+use motor_hub::supply::DrawStage;
 use motor_hub::units::{Micros, Millivolts};
 use motor_hub::update::{Booted, ImageSignature, Outcome, Slot, SlotReport, UpdateRequest};
 use std::collections::VecDeque;
@@ -63,7 +64,11 @@ impl Hub {
     pub(crate) fn new() -> Self {
         Self {
             responder: responder(),
-            snapshot: Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL },
+            snapshot: Snapshot {
+                battery: Some(Millivolts::new(12_345)),
+                draw_stage: DrawStage::Full,
+                ..Snapshot::INITIAL
+            },
             setpoints: Arc::default(),
             was_enabled: [false; 4],
             before: |_| Vec::new(),
@@ -134,8 +139,8 @@ impl Hub {
                 if let Command::Set { motor, setpoint } = command {
                     self.setpoints.lock().unwrap().push((motor, setpoint));
                 }
-                self.snapshot.commands += 1;
-                self.responder.sent(self.snapshot.commands);
+                self.snapshot.newest_command += 1;
+                self.responder.sent(self.snapshot.newest_command);
             }
             let now_enabled = self.responder.enabled();
             self.was_enabled.iter_mut().zip(now_enabled).for_each(|(was, is)| *was |= is);
