@@ -345,13 +345,13 @@ fn coefficients_that_were_set_since_the_last_control_tick_are_kept_too() {
     let [p, i, d, f] = [1, 2, 3, 4].map(Coefficient::from_bits);
     let pidf = LoopCoefficients { p, i, d, f, terms: Terms::Pidf };
     session.set_coefficients(0, Loop::Velocity, pidf).unwrap();
-    server.hub().snapshot.commands -= 1;
+    server.hub().snapshot.newest_command -= 1;
     let kept = std::thread::scope(|scope| {
         scope.spawn(|| {
             // The next control tick.
             std::thread::sleep(Duration::from_millis(100));
             let snapshot = &mut server.hub().snapshot;
-            snapshot.commands += 1;
+            snapshot.newest_command += 1;
             snapshot.motors[0].regulator = Kind::Pid;
         });
         session.keep_settings(0).unwrap()
