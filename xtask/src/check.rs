@@ -18,10 +18,11 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
         ["--workspace"].into_iter().chain(not_host.flat_map(|name| ["--exclude", name])).collect();
 
     cargo(&["fmt", "--all", "--check"])?;
-    cargo(&[&["clippy"], &host[..], &["--all-targets"], &DENY].concat())?;
-    // The command before checks without the feature `emulated`. This command checks with the feature.
-    let emulated = ["clippy", "--package", "motor-hub-cli", "--features", "emulated", "--all-targets"];
-    cargo(&[&emulated[..], &DENY].concat())?;
+    // The second command checks the program with its feature `emulated`. It names the same packages as the first, so that all other
+    // packages have the same features and are not checked again.
+    for features in [&[][..], &["--features", "motor-hub-cli/emulated"]] {
+        cargo(&[&["clippy"], &host[..], features, &["--all-targets"], &DENY].concat())?;
+    }
     run(command("rustup").args(["target", "add", try_page::TARGET]))?;
     let tab = ["clippy", "--package", try_page::PACKAGE, "--target", try_page::TARGET];
     cargo(&[&tab[..], &DENY].concat())?;
