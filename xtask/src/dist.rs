@@ -2,7 +2,7 @@
 
 use crate::board;
 use crate::python;
-use crate::tool::{Failed, cargo, cargo_command, command, none, output, root, run, target_folder};
+use crate::tool::{Failed, cargo_command, command, none, output, root, run, target_folder};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::fs;
@@ -21,8 +21,9 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
         fs::remove_dir_all(&dist).map_err(|error| Failed::at(&dist, error))?;
     }
     fs::create_dir_all(&dist).map_err(|error| Failed::at(&dist, error))?;
+    programs()?;
     for computer in COMPUTERS {
-        let program = program(computer)?;
+        let program = target_folder().join(computer).join("shipped/motor-hub");
         copy(&program, &dist.join(format!("motor-hub-{computer}")))?;
     }
     for board in &board::ALL {
@@ -53,22 +54,16 @@ fn copy(from: &Path, to: &Path) -> Result<(), Failed> {
     fs::copy(from, to).map(drop).map_err(|error| Failed::at(from, error))
 }
 
-/// Builds the program for a target, with the linker of the toolchain. Returns its file.
-fn program(computer: &str) -> Result<PathBuf, Failed> {
-    run(command("rustup").args(["target", "add", computer]))?;
-    let linker = format!("target.{computer}.linker=\"rust-lld\"");
-    cargo(&[
-        "build",
-        "--package",
-        "motor-hub-cli",
-        "--profile",
-        "shipped",
-        "--target",
-        computer,
-        "--config",
-        &linker,
-    ])?;
-    Ok(target_folder().join(computer).join("shipped/motor-hub"))
+/// Builds the program for all targets, with the linker of the toolchain. One command builds for all, so that a crate of one target is
+/// compiled while another target waits for its crates.
+fn programs() -> Result<(), Failed> {
+    run(command("rustup").args(["target", "add"]).args(COMPUTERS))?;
+    let mut build = cargo_command(&["build", "--package", "motor-hub-cli", "--profile", "shipped"]);
+    for computer in COMPUTERS {
+        let linker = format!("target.{computer}.linker=\"rust-lld\"");
+        build.args(["--target", computer, "--config", &linker]);
+    }
+    run(&mut build)
 }
 
 /// Returns the checksums of all files in a folder, as `sha256sum --check` reads them.
