@@ -14,7 +14,11 @@ const COMPUTERS: [&str; 2] = ["x86_64-unknown-linux-musl", "aarch64-unknown-linu
 /// Beginnings of the names of licence files, in capital letters.
 const LICENCE_FILES: [&str; 5] = ["LICENSE", "LICENCE", "COPYING", "UNLICENSE", "NOTICE"];
 
+/// With `--programs` the task only builds the programs, which takes most of its time.
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
+    if arguments == ["--programs"] {
+        return programs();
+    }
     none(arguments)?;
     let dist = root().join("target/dist");
     if dist.exists() {
