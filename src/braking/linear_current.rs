@@ -116,14 +116,10 @@ impl LinearCurrent {
         }
     }
 
-    /// The duty of a regime for a mean current, and the mean current of this duty. Both currents are given as the voltage
-    /// `w`, in V. They differ if no permitted duty gives the wanted current.
-    pub(super) fn duty(&self, regime: Regime, at: OperatingPoint, w: f32) -> (Duty, f32) {
-        let state = self.drive_state(regime, at);
-        let wanted = if w > 0.0 { state.duty(w, self.period) } else { 0.0 };
-        let duty = self.nearest(wanted);
-        let is_limited = duty != wanted || duty <= 0.0 || duty >= 1.0;
-        (to_duty(duty), if is_limited { state.current(duty, self.period) } else { w })
+    /// The duty of a regime for a mean current, given as the voltage `w`, in V.
+    pub(super) fn duty(&self, regime: Regime, at: OperatingPoint, w: f32) -> Duty {
+        let duty = if w > 0.0 { self.drive_state(regime, at).duty(w, self.period) } else { 0.0 };
+        to_duty(self.nearest(duty))
     }
 
     /// The nearest duty that the bridge's timing permits.

@@ -49,7 +49,7 @@ pub use scheme::{Blend, BlendFraction, Scheme};
 pub use winding::Winding;
 
 use crate::bridge::{BridgeConstants, Drive};
-use crate::units::{Control, Voltage};
+use crate::units::{Control, Duty, Voltage};
 
 /// A command of the bridge, and the voltage that the command applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,9 +102,9 @@ impl Modulator {
     /// the back EMF.
     pub fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
         let volts = clockwise_volts(at, voltage);
-        let (regime, w) = points::current(volts, at);
+        let (regime, _) = points::current(volts, at);
         let opens = matches!(self.scheme, Scheme::ForwardReverse) && regime == Regime::Braking && volts > 0.0;
-        self.for_current(at, regime, if opens { 0.0 } else { w })
+        if opens { self.in_regime(at, regime, Duty::ZERO) } else { self.limited(at, voltage) }
     }
 
     /// Returns the command that applies a voltage, with every scheme. The formulas are those of
@@ -114,20 +114,21 @@ impl Modulator {
     /// The voltage 0 brakes a turning motor fully, and opens the bridge if the back EMF is 0.
     pub fn limited(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
         let (regime, w) = points::current(clockwise_volts(at, voltage), at);
-        self.for_current(at, regime, w)
-    }
-
-    /// Returns the command with the mean current of the voltage `w` in a regime. With the current 0 the bridge opens.
-    fn for_current(&self, at: OperatingPoint, regime: Regime, w: f32) -> Modulation {
-        let (duty, w) = self.current.duty(regime, at, w);
-        Modulation { drive: at.drive(regime, duty), voltage: points::voltage(regime, w, at) }
+        self.in_regime(at, regime, self.current.duty(regime, at, w))
     }
 
     /// Computes the voltage that a command applies: the inverse of [`for_voltage`](Self::for_voltage).
     pub fn modulation(&self, at: OperatingPoint, drive: Drive) -> Modulation {
-        let regime = at.regime(drive);
-        let w = self.current.current(regime, at, drive.duty);
-        Modulation { drive, voltage: points::voltage(regime, w, at) }
+        self.in_regime(at, at.regime(drive), drive.duty)
+    }
+
+    /// Returns the command with this duty in a regime, and the voltage that the command applies.
+    fn in_regime(&self, at: OperatingPoint, regime: Regime, duty: Duty) -> Modulation {
+        let (emf, _) = at.volts();
+        let current = self.current.current(regime, at, duty);
+        let volts = if regime == Regime::Forward { emf + current } else { emf - current };
+        let voltage = Voltage::from_volts(if at.counter_clockwise() { -volts } else { volts });
+        Modulation { drive: at.drive(regime, duty), voltage }
     }
 
     /// Returns the command for a control value, by the scheme and the duty rule.
@@ -157,7 +158,7 @@ impl Modulator {
         let (regime, w) = points::current(clockwise_volts(at, voltage), at);
         let share = match self.rule {
             DutyRule::LinearCurrent => points::share(regime, w, at),
-            DutyRule::LinearDuty => self.current.duty(regime, at, w).0.to_f32(),
+            DutyRule::LinearDuty => self.current.duty(regime, at, w).to_f32(),
         };
         clockwise(at, points::control(&Points::new(self.scheme, at), regime, share))
     }
@@ -199,6 +200,5 @@ pub fn linear_current(
         Regime::Forward if at.is_overrun() => Location { regime: Regime::Braking, fraction: Fraction::ZERO },
         _ => location,
     };
-    let (duty, _) = current.duty(location.regime, at, location.current(at));
-    at.drive(location.regime, duty)
+    at.drive(location.regime, current.duty(location.regime, at, location.current(at)))
 }

@@ -30,7 +30,7 @@
 use crate::braking::scheme::{Blend, BlendFraction, Scheme};
 use crate::bridge::{Drive, Mode};
 use crate::units::single::at_most;
-use crate::units::{Control, Duty, Emf, Millivolts, Voltage};
+use crate::units::{Control, Duty, Emf, Millivolts};
 use fixed::types::{I56F8, U2F30};
 use libm::roundf;
 
@@ -398,14 +398,6 @@ pub(super) fn current(voltage: f32, at: OperatingPoint) -> (Regime, f32) {
     } else {
         (if voltage < 0.0 { Regime::Reverse } else { Regime::Braking }, e - voltage)
     }
-}
-
-/// The mean voltage at the motor's terminals for a regime and the current `w`: the inverse of [`current`], for CW and CCW
-/// motion.
-pub(super) const fn voltage(regime: Regime, w: f32, at: OperatingPoint) -> Voltage {
-    let (e, _) = at.volts();
-    let volts = if matches!(regime, Regime::Forward) { e + w } else { e - w };
-    Voltage::from_volts(if at.counter_clockwise() { -volts } else { volts })
 }
 
 /// The share of a regime that the current `w` requests: 0 at the regime's end with the least torque, 1 at the other
