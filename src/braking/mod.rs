@@ -102,9 +102,9 @@ impl Modulator {
     /// the back EMF.
     pub fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
         let volts = clockwise_volts(at, voltage);
-        let (regime, _) = points::current(volts, at);
+        let (regime, w) = points::current(volts, at);
         let opens = matches!(self.scheme, Scheme::ForwardReverse) && regime == Regime::Braking && volts > 0.0;
-        if opens { self.in_regime(at, regime, Duty::ZERO) } else { self.limited(at, voltage) }
+        self.for_current(at, regime, if opens { 0.0 } else { w })
     }
 
     /// Returns the command that applies a voltage, with every scheme. The formulas are those of
@@ -114,6 +114,11 @@ impl Modulator {
     /// The voltage 0 brakes a turning motor fully, and opens the bridge if the back EMF is 0.
     pub fn limited(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
         let (regime, w) = points::current(clockwise_volts(at, voltage), at);
+        self.for_current(at, regime, w)
+    }
+
+    /// Returns the command with the mean current of the voltage `w` in a regime. With the current 0 the bridge opens.
+    fn for_current(&self, at: OperatingPoint, regime: Regime, w: f32) -> Modulation {
         self.in_regime(at, regime, self.current.duty(regime, at, w))
     }
 
