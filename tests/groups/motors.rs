@@ -158,16 +158,19 @@ fn a_turn_by_90_degrees_takes_little_more_than_a_second() {
     for known in [true, false] {
         for period in PERIODS {
             let mut bench = set_up(period, two(), known, [WHEEL; 2]);
-            command_group(&mut bench, together(pair(BASE.turn(90.0).expect("short")), 380.0, 850.0));
+            let targets = BASE.turn(90.0).expect("short");
+            command_group(&mut bench, together(pair(targets), 380.0, 850.0));
             let ms = arrive(&mut bench, |_| ());
             bench.run_ms(500);
             let [left, right] = places(&bench);
             let (error, aside) = (heading([left, right]) - 90.0, left + right);
+            let off = [0, 1].map(|wheel| bench.snapshot.motors[wheel].position - targets[wheel]);
             println!(
-                "90 degrees, known {known}, {period} ms: {ms} ms, off by {error:.3}, aside by {aside:.1} counts"
+                "90 degrees, known {known}, {period} ms: {ms} ms, off by {error:.3}, wheels by {off:?} counts, aside by {aside:.1}"
             );
-            // A count of one wheel is 0.032 degrees; a held unknown motor is up to 2 counts off.
-            assert!(error.abs() <= if known { 0.1 } else { 0.15 }, "{error}");
+            // A count of one wheel is 0.032 degrees. A held unknown motor is up to 2 counts off.
+            assert!(!known || error.abs() <= 0.1, "{error}");
+            assert!(off.iter().all(|counts| counts.abs() <= if known { 1 } else { 2 }), "{off:?}");
             // The time includes the dwell of 50 ms at the end.
             assert!(!known || ms <= 1_150 + 50, "{ms}");
         }

@@ -241,7 +241,8 @@ fn a_weak_battery_is_derated_in_few_stages_and_stays_above_the_voltage_at_which_
     })
     .expect("it runs");
     assert_eq!(opened, 0, "no bridge opens on its own");
-    let draws_nothing = [DrawStage::Cutoff, DrawStage::Overvoltage].iter().any(|stage| stages.contains(stage));
+    let draws_nothing =
+        [DrawStage::Cutoff, DrawStage::Overvoltage].iter().any(|stage| stages.contains(stage));
     assert!(!draws_nothing && stages.len() <= 3, "{stages:?}");
     assert!(speed > 1_200.0, "slowly reached: {speed} counts/s");
 }
