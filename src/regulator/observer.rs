@@ -75,12 +75,12 @@ pub(super) struct Plant {
 impl Plant {
     /// Computes the constants of a motor from its gain b, its back EMF constant, its decay q and its control period.
     pub(super) fn new(b: f32, kappa: f32, q: f32, period: Period) -> Self {
-        // Fastest poles in 1/s, and least z. At a long period the least z is lower. A load is then estimated sooner,
-        // but a slow motion becomes less smooth.
-        // With a low least z the load changes so much at a count that a held position swings by two counts.
+        // Fastest poles in 1/s, least z, and least z while no speed is demanded. At a long period the least z is lower. A
+        // load is then estimated sooner, but a slow motion becomes less smooth. With a low least z the load changes so
+        // much at a count that a held position swings by two counts.
         let (fastest_poles, least_z, least_holding_z) = match period.as_millis() {
             0..=20 => (45.0, 0.35, 0.35),
-            21..=50 => (42.0, 0.35, 0.45),
+            21..=50 => (42.0, 0.35, 0.35),
             _ => (42.0, 0.25, 0.45),
         };
         let drag = at_least(q - b * kappa, 0.0);
