@@ -150,8 +150,8 @@ impl LinearCurrent {
     }
 
     /// Largest mean current in forward driving that is discontinuous, as the voltage `w`, in V.
-    pub(super) fn boundary(&self, regime: Regime, at: OperatingPoint) -> f32 {
-        self.period.map_or(0.0, |period| self.drive_state(regime, at).boundary(period))
+    pub(super) fn boundary(&self, at: OperatingPoint) -> f32 {
+        self.period.map_or(0.0, |period| self.drive_state(Regime::Forward, at).boundary(period))
     }
 
     /// Voltage in V that makes the current of a winding fall while the bridge is open: the bus voltage and the drops of

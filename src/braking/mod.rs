@@ -168,10 +168,10 @@ impl Modulator {
         clockwise(at, points::control(&Points::new(self.scheme, at), regime, share))
     }
 
-    /// Returns the largest mean current of a regime that is [discontinuous](mod@linear_current), as the difference of a
-    /// voltage from the back EMF, in V. The result is 0 if no current is discontinuous.
-    pub fn discontinuous_volts(&self, regime: Regime, at: OperatingPoint) -> f32 {
-        self.current.boundary(regime, at)
+    /// Returns the largest mean current in forward driving that is [discontinuous](mod@linear_current), as a voltage
+    /// beyond the back EMF, in V. The result is 0 if no current is discontinuous.
+    pub fn discontinuous_volts(&self, at: OperatingPoint) -> f32 {
+        self.current.boundary(at)
     }
 }
 

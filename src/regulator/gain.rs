@@ -213,9 +213,12 @@ impl GainEstimate {
         if excited && s.abs() > LEAST_GROWTH_SENSITIVITY && self.variance < GUESS_VARIANCE {
             self.variance = at_most(self.variance + VARIANCE_PER_SECOND * age_s, GUESS_VARIANCE);
         }
-        let explained =
-            LARGEST_GAIN_ERROR_SIGMAS * s.abs() * sqrtf(self.variance) + LARGEST_NOISE_SIGMAS * sqrtf(noise);
-        if innovation.abs() > explained {
+        let is_noise = innovation * innovation <= LARGEST_NOISE_SIGMAS * LARGEST_NOISE_SIGMAS * noise;
+        let is_explained = is_noise
+            || innovation.abs()
+                <= LARGEST_GAIN_ERROR_SIGMAS * s.abs() * sqrtf(self.variance)
+                    + LARGEST_NOISE_SIGMAS * sqrtf(noise);
+        if !is_explained {
             // With a sensitivity this small a wrong gain cannot be the cause, unless the gain has been wrong since before
             // the last pause.
             if s.abs() * guessed_gain(plant.kappa) < RELEVANT_SENSITIVITY * plant.b {

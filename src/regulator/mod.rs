@@ -63,9 +63,9 @@ const LEAST_GAIN_SHARE: f32 = 0.7;
 
 /// Factor by which the acceleration per volt in use is raised after each half swing of a speed that swings: see
 /// `swings.rs`.
-const GAIN_STEP: f32 = 1.4;
+const GAIN_STEP: f32 = 1.2;
 /// Largest ratio of the acceleration per volt in use to the configured one.
-const LARGEST_GAIN_RATIO: f32 = 3.0;
+const LARGEST_GAIN_RATIO: f32 = 2.0;
 
 /// Error of the speed, as a back EMF in V, below which a motor has reached its requested speed.
 const AT_SPEED_VOLTS: f32 = 1.0;
@@ -576,9 +576,6 @@ impl Regulator {
             self.speed_demanded = false;
         }
         self.voltage = voltage;
-        let boundary = self.law.take_discontinuous_volts();
-        let emf = self.plant.kappa * self.observer.speed();
-        self.observer.set_discontinuous(self.volts().is_some_and(|volts| (volts - emf).abs() < boundary));
         self.observer.set_voltage(&self.plant, self.volts());
     }
 }

@@ -13,7 +13,6 @@
 use super::observer::{Observer, Plant};
 use super::stream::Target;
 use super::{Context, Effort, Output, within};
-use crate::braking::Regime;
 use crate::units::single::{at_least, at_most};
 use crate::units::{Period, Voltage};
 use libm::{expf, expm1f, sqrtf};
@@ -33,10 +32,6 @@ const HELD_COUNTS: f32 = 0.5;
 /// Speed per distance beyond [`HELD_COUNTS`] with which a held motor is drawn back, in 1/s.
 const HOLDING_RATE: f32 = 2.0;
 
-/// Longest control period, in ms, within which every current is treated as continuous. Chosen: at a longer period light
-/// motors swing without the distinction. At 21 to 50 ms the program `survey` shows no gain by it.
-const CONTINUOUS_PERIOD_MS: u32 = 50;
-
 /// The law of one motor: constants for its plant and its control period, and a state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Law {
@@ -45,16 +40,11 @@ pub(super) struct Law {
     /// Mean voltage that changes the speed by 1 count/s within a tick: q / (b (1 - exp(-q T))). b and q are constants
     /// of the [`Plant`], and T is the control period.
     volts_per_cps: f32,
-    /// As `volts_per_cps`, for a discontinuous current: with the decay by drag alone in place of q.
-    discontinuous_volts_per_cps: f32,
     /// Direction of motion, -1 or 1, for which the estimated load includes the friction; 0 if the load includes no
     /// friction.
     friction_side: f32,
     /// True if the motor is at its target position, and holds this position.
     holding: bool,
-    /// Largest discontinuous current of the regime of the last request, as the difference of a voltage from the back
-    /// EMF, in V; 0 if the regulator has used the value.
-    discontinuous_volts: f32,
 }
 
 impl Law {
@@ -63,25 +53,15 @@ impl Law {
         let seconds = period.to_seconds();
         let remaining =
             if period.as_millis() > 20 { expf(-24.0 * seconds).max(0.3) } else { expf(-30.0 * seconds) };
-        let [volts_per_cps, discontinuous_volts_per_cps] = [plant.q, plant.drag].map(|decay| {
-            let x = decay * seconds;
-            let rate = if x > 1e-3 { decay / -expm1f(-x) } else { 1.0 / seconds };
-            rate / plant.b
-        });
-        Self {
-            remaining,
-            volts_per_cps,
-            discontinuous_volts_per_cps,
-            friction_side: 0.0,
-            holding: false,
-            discontinuous_volts: 0.0,
-        }
+        let x = plant.q * seconds;
+        let rate = if x > 1e-3 { plant.q / -expm1f(-x) } else { 1.0 / seconds };
+        Self { remaining, volts_per_cps: rate / plant.b, friction_side: 0.0, holding: false }
     }
 
     /// Replaces the constants. The state stays.
     pub(super) fn set_plant(&mut self, plant: &Plant, period: Period) {
-        let Self { friction_side, holding, discontinuous_volts, .. } = *self;
-        *self = Self { friction_side, holding, discontinuous_volts, ..Self::new(plant, period) };
+        let Self { friction_side, holding, .. } = *self;
+        *self = Self { friction_side, holding, ..Self::new(plant, period) };
     }
 
     /// Notes that the estimated load includes the friction of a motion at this speed, in counts/s. With the speed 0 the
@@ -177,7 +157,7 @@ impl Law {
             None => next,
         };
         self.reverse_friction(observer, plant, next, context);
-        let wanted = self.requested_volts(observer, plant, next, context);
+        let wanted = self.voltage_to(observer, plant, next);
         // In overrun the back EMF is above the battery voltage. At a motor voltage between battery voltage and back EMF
         // the motor brakes less than at the battery voltage.
         let most = at_least(context.at.battery_volts(), (plant.kappa * w).abs());
@@ -203,39 +183,7 @@ impl Law {
         }
     }
 
-    /// Mean voltage in V that brings the motor to the speed `next` by the tick's end, whether the current is
-    /// discontinuous or continuous. A discontinuous current hardly changes with the speed, so the back EMF does not brake
-    /// the motor within the tick. Beyond the boundary of discontinuous current, the voltage against this braking is
-    /// added. It grows from 0 at the boundary.
-    fn requested_volts(
-        &mut self,
-        observer: &Observer,
-        plant: &Plant,
-        next: f32,
-        context: &Context<'_>,
-    ) -> f32 {
-        let w = observer.speed();
-        let load_volts = -observer.external_acceleration(plant) / plant.b;
-        let beyond_emf = (next - w) * self.discontinuous_volts_per_cps + load_volts;
-        let regime = if beyond_emf * w > 0.0 { Regime::Forward } else { Regime::Braking };
-        let is_continuous = context.period.as_millis() <= CONTINUOUS_PERIOD_MS;
-        self.discontinuous_volts =
-            if is_continuous { 0.0 } else { context.modulator.discontinuous_volts(regime, context.at) };
-        if self.discontinuous_volts == 0.0 {
-            return self.voltage_to(observer, plant, next);
-        }
-        let braking = (next - w) * (self.volts_per_cps - self.discontinuous_volts_per_cps);
-        let beyond_boundary = at_least(beyond_emf.abs() - self.discontinuous_volts, 0.0);
-        plant.kappa * w + beyond_emf + within(braking, beyond_boundary)
-    }
-
-    /// Returns the largest discontinuous current of the last request, as the difference of a voltage from the back EMF,
-    /// in V; 0 if this function has been called since the request.
-    pub(super) fn take_discontinuous_volts(&mut self) -> f32 {
-        core::mem::take(&mut self.discontinuous_volts)
-    }
-
-    /// Mean voltage in V that brings the motor to the speed `next` by the tick's end, with a continuous current.
+    /// Mean voltage in V that brings the motor to the speed `next` by the tick's end.
     fn voltage_to(&self, observer: &Observer, plant: &Plant, next: f32) -> f32 {
         let w = observer.speed();
         plant.kappa * w + (next - w) * self.volts_per_cps - observer.external_acceleration(plant) / plant.b

@@ -9,8 +9,7 @@
 //! ```
 //!
 //! Here b is the acceleration per volt, q the decay of the speed by back EMF and drag, and drag the decay by drag
-//! alone. A prime marks a rate of change. A discontinuous current hardly changes with the speed. The acceleration of
-//! such a current decays by drag alone until the next voltage is set.
+//! alone. A prime marks a rate of change.
 //!
 //! A sample shows between which two positions the shaft is, whether or not a count came. The error is the distance
 //! from x to this interval, and x is corrected towards the nearer end. (A correction towards the middle would make
@@ -61,42 +60,29 @@ pub(super) struct Plant {
     pub(super) drag: f32,
     /// Response to an acceleration while the bridge drives the motor.
     driven: SampleResponse,
-    /// Response to an acceleration while the bridge is open or the current is discontinuous, where only drag brakes.
+    /// Response to an acceleration while the bridge is open, where only drag brakes.
     open: SampleResponse,
     /// Factor by which z falls in one sample: exp(-wo times [`SAMPLE_S`]).
     z_per_sample: f32,
     /// Least z. After the time at which z reaches this value, a longer time since the last correction makes no
     /// difference to z.
     least_z: f32,
-    /// Least z while no speed is demanded.
-    least_holding_z: f32,
 }
 
 impl Plant {
     /// Computes the constants of a motor from its gain b, its back EMF constant, its decay q and its control period.
     pub(super) fn new(b: f32, kappa: f32, q: f32, period: Period) -> Self {
-        // Fastest poles in 1/s, least z, and least z while no speed is demanded. At a long period the least z is lower. A
-        // load is then estimated sooner, but a slow motion becomes less smooth. With a low least z the load changes so
-        // much at a count that a held position swings by two counts.
-        let (fastest_poles, least_z, least_holding_z) = match period.as_millis() {
-            0..=20 => (45.0, 0.35, 0.35),
-            21..=50 => (42.0, 0.35, 0.35),
-            _ => (42.0, 0.25, 0.45),
+        // Fastest poles in 1/s, and least z. At a long period the least z is lower. A load is then estimated sooner,
+        // but a slow motion becomes less smooth.
+        let (fastest_poles, least_z) = match period.as_millis() {
+            0..=20 => (45.0, 0.35),
+            21..=50 => (42.0, 0.35),
+            _ => (42.0, 0.25),
         };
         let drag = at_least(q - b * kappa, 0.0);
         let poles = at_most(fastest_poles, cbrtf(11.0 * 12.0 * b));
         let [driven, open] = [q, drag].map(SampleResponse::new);
-        Self {
-            b,
-            kappa,
-            q,
-            drag,
-            driven,
-            open,
-            z_per_sample: expf(-poles * SAMPLE_S),
-            least_z,
-            least_holding_z,
-        }
+        Self { b, kappa, q, drag, driven, open, z_per_sample: expf(-poles * SAMPLE_S), least_z }
     }
 
     /// Acceleration by this voltage at the speed `w`, in counts/s²; 0 with the bridge open.
@@ -174,8 +160,6 @@ pub(super) struct Observer {
     acceleration: f32,
     /// True while the bridge is open, so that only drag and load act.
     coasting: bool,
-    /// True while the current is discontinuous.
-    discontinuous: bool,
     /// Time since the last correction, in s.
     age_s: f32,
     /// Memory of the filter: exp(-wo age), at least the least z.
@@ -188,29 +172,21 @@ impl Observer {
     /// Creates an observer in the middle of a count, at this speed in counts/s, without acceleration and with the
     /// bridge open.
     pub(super) fn new(w: f32) -> Self {
-        Self {
-            x: 0.5,
-            w,
-            d: 0.0,
-            acceleration: 0.0,
-            coasting: true,
-            discontinuous: false,
-            age_s: 0.0,
-            z: 1.0,
-            overdue: false,
-        }
+        Self { x: 0.5, w, d: 0.0, acceleration: 0.0, coasting: true, age_s: 0.0, z: 1.0, overdue: false }
     }
 
     /// Predicts the state one sample later.
     pub(super) fn predict(&mut self, plant: &Plant) {
-        if self.coasting {
+        let response = if self.coasting {
             self.acceleration = self.external_acceleration(plant);
-        }
-        let response = if self.coasting || self.discontinuous { plant.open } else { plant.driven };
+            plant.open
+        } else {
+            plant.driven
+        };
         self.x += self.w * SAMPLE_S + self.acceleration * response.position;
         let gained = self.acceleration * response.speed;
         self.w += gained;
-        self.acceleration -= self.decay(plant) * gained;
+        self.acceleration -= plant.q * gained;
         self.age_s += SAMPLE_S;
         self.z = at_least(self.z * plant.z_per_sample, plant.least_z);
     }
@@ -219,9 +195,6 @@ impl Observer {
     /// if nothing is corrected. With `speed_demanded` a late count corrects nothing before the count comes, or is
     /// late by a whole count.
     pub(super) fn update(&mut self, plant: &Plant, moved: i32, speed_demanded: bool) -> Option<Correction> {
-        if !speed_demanded {
-            self.z = at_least(self.z, plant.least_holding_z);
-        }
         if moved == 0 {
             let late = if speed_demanded && !self.overdue { LATE_COUNTS } else { 0.0 };
             if (-late..=1.0 + late).contains(&self.x) {
@@ -279,8 +252,7 @@ impl Observer {
         let largest_load = LARGEST_LOAD_VOLTS * plant.b;
         self.d = within(self.d + of_load, largest_load);
         let largest_acceleration = 2.0 * largest_load + plant.q * FASTEST_CPS;
-        self.acceleration =
-            within(self.acceleration + of_load - self.decay(plant) * of_speed, largest_acceleration);
+        self.acceleration = within(self.acceleration + of_load - plant.q * of_speed, largest_acceleration);
         self.age_s = 0.0;
         self.z = 1.0;
         correction
@@ -297,16 +269,6 @@ impl Observer {
     pub(super) fn set_voltage(&mut self, plant: &Plant, voltage: Option<f32>) {
         self.coasting = voltage.is_none();
         self.acceleration = plant.acceleration(voltage, self.w) + self.external_acceleration(plant);
-    }
-
-    /// Notes whether the current of the voltage that is set next is discontinuous.
-    pub(super) fn set_discontinuous(&mut self, discontinuous: bool) {
-        self.discontinuous = discontinuous;
-    }
-
-    /// Decay of an acceleration until the next voltage is set, in 1/s.
-    fn decay(&self, plant: &Plant) -> f32 {
-        if self.discontinuous { plant.drag } else { plant.q }
     }
 
     /// Acceleration by load and drag, in counts/s².
