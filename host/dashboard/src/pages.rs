@@ -2,15 +2,15 @@
 //! no clock: events and times are arguments.
 //!
 //! Frames are numbered, and a page returns the number of each frame that it has shown. The page in control counts as
-//! gone if, [`SILENCE`] after a frame was sent, it has shown neither that frame nor a newer one. A page that is hidden
-//! for more than [`HIDDEN`] counts as gone. A page that has crashed, and a page that shows old frames from a long queue,
-//! therefore count as gone. While a hub is lost, no frames are sent, and no page counts as gone for that reason.
+//! open while its newest shown frame was sent at most [`SILENCE`] ago. A page that is hidden for more than [`HIDDEN`]
+//! counts as gone. A page that has crashed, and a page that shows old frames from a long queue, therefore count as
+//! gone.
 
 use motor_hub_client::clock::Instant;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-/// Time after a frame was sent from which a page counts as gone if it has shown neither that frame nor a newer one.
+/// Age of the newest shown frame from which a page counts as gone.
 pub const SILENCE: Duration = Duration::from_secs(1);
 
 /// Time after which a hidden page counts as gone.
@@ -150,8 +150,7 @@ impl Pages {
         let id = self.controller?;
         let page = self.pages.get(&id)?;
         let passed = |since: Instant| now.saturating_duration_since(since);
-        let is_overdue = |sent: Instant| sent > page.fresh_at && passed(sent) > SILENCE;
-        let gone = if self.sent.iter().any(|(_, at)| is_overdue(*at)) {
+        let gone = if passed(page.fresh_at) > SILENCE {
             Some(Gone::Silent)
         } else if page.hidden_since.is_some_and(|since| passed(since) > HIDDEN) {
             Some(Gone::Hidden)
