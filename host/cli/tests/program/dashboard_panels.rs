@@ -109,13 +109,16 @@ fn faults_are_listed_with_their_explanation() {
 fn currents_are_shown_as_the_torque_of_the_shaft() {
     with_page(|tab| {
         drive(tab, 0, 800);
-        tab.ask("dashboard.link.order('world', { torque: { motor: 0, nm: -0.3 } })");
         tab.click("#curves-button");
         press(tab, "As torque, N m");
         tab.wait("[...document.querySelectorAll('.legend h3')].some((one) => one.textContent === 'Torque of the shaft, N m')");
-        // The load current is the current that balances the torque.
+        // The load current is the current that balances friction, drag and the torque.
         let load = "[...document.querySelectorAll('.legend span')].find((one) => one.textContent.startsWith('load')).querySelector('b').textContent";
-        tab.wait(&format!("Math.abs(Math.abs(Number({load}.replace('−', '-'))) - 0.3) < 0.1"));
+        let load = format!("Math.abs(Number({load}.replace('−', '-')))");
+        tab.wait(&format!("{load} > 0.05 && {load} < 0.25"));
+        tab.ask(&format!("window.before = {load}"));
+        tab.ask("dashboard.link.order('world', { torque: { motor: 0, nm: -0.3 } })");
+        tab.wait(&format!("Math.abs({load} - before - 0.3) < 0.05"));
     });
 }
 
