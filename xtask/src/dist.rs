@@ -2,7 +2,7 @@
 
 use crate::board;
 use crate::python;
-use crate::tool::{Failed, cargo_command, command, none, output, root, run, target_folder};
+use crate::tool::{Failed, cargo_command, command, output, root, run, target_folder};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::fs;
@@ -16,10 +16,14 @@ const LICENCE_FILES: [&str; 5] = ["LICENSE", "LICENCE", "COPYING", "UNLICENSE", 
 
 /// With `--programs` the task only builds the programs, which takes most of its time.
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
-    if arguments == ["--programs"] {
-        return programs();
+    match arguments {
+        [] => (),
+        [only] if only == "--programs" => return programs(),
+        _ => {
+            let given = arguments.join(" ");
+            return Err(Failed(format!("this task takes --programs or no argument; given: {given}")));
+        }
     }
-    none(arguments)?;
     let dist = root().join("target/dist");
     if dist.exists() {
         fs::remove_dir_all(&dist).map_err(|error| Failed::at(&dist, error))?;
