@@ -274,9 +274,11 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> S
         0 => (last_motion.silent_us() / 1_000).min(tick.period_ms() + EncoderCheck::QUIET_US / 1_000),
         _ => tick.period_ms(),
     };
-    // The regulator slows a faster motor down, so this motor may come to rest.
-    let run =
-        last_motion.steady(clockwise).filter(|run| run.speed_cps <= EncoderCheck::SPEED_RATIO * requested);
+    // The regulator slows a faster motor down, so this motor may come to rest. A motor that brakes is not steady either.
+    let run = last_motion.steady(clockwise).filter(|run| {
+        run.speed_cps <= EncoderCheck::SPEED_RATIO * requested
+            && run.resisting_volts(tick) >= -Expected::LARGEST_DRIVING_VOLTS
+    });
     let least_gain = tick.regulator.least_gain();
     let (mut expected, counts) = match run {
         Some(run) => (expected.keep_turning(ms, &run, drive_volts, tick), EncoderCheck::TURNING_COUNTS),

@@ -133,14 +133,15 @@ impl LastMotion {
 
     /// The steady run before the silence, with values that are positive in the direction of motion. `None` if the run
     /// was in the other direction, was too short or has been forgotten. `None` also if the estimated speed was not in
-    /// the direction of the run.
+    /// the direction of the run. The drive voltage is the larger one of the last two motions, because a motor with heavy
+    /// friction starts and stops.
     pub(super) fn steady(&self, clockwise: bool) -> Option<Run> {
         let run_us = self.moved_at.wrapping_sub(self.run_began_at);
         let side = if clockwise { 1.0 } else { -1.0 };
         let run = Run {
             speed_cps: side * self.run_before.speed_cps,
             disturbance_cps2: side * self.run_before.disturbance_cps2,
-            drive_volts: side * self.run.drive_volts,
+            drive_volts: (side * self.run.drive_volts).max(side * self.run_before.drive_volts),
         };
         let steady = self.clockwise == Some(clockwise) && run_us >= Self::STEADY_US && run.speed_cps > 0.0;
         steady.then_some(run)
