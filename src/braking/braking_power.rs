@@ -21,7 +21,7 @@ impl BrakingPower {
 impl Modulator {
     /// Computes the braking power of a command. `ohms` is the resistance of winding and bridge.
     pub fn braking_power(&self, at: OperatingPoint, command: Modulation, ohms: f32) -> BrakingPower {
-        let Modulation { drive, voltage } = command;
+        let Modulation { drive, voltage, .. } = command;
         let (e, v) = at.volts();
         let current = (e - clockwise_volts(at, voltage)).max(0.0) / ohms;
         let braked = e * current;

@@ -144,14 +144,15 @@ impl LinearCurrent {
         }
     }
 
-    /// Mean current of a duty as the voltage `w`, in V: the inverse of [`duty`](Self::duty).
-    pub(super) fn current(&self, regime: Regime, at: OperatingPoint, duty: Duty) -> f32 {
+    /// Mean current of a duty as the voltage `w`, in V: the inverse of [`duty`](Self::duty). Also returns true if this
+    /// current is discontinuous.
+    pub(super) fn current(&self, regime: Regime, at: OperatingPoint, duty: Duty) -> (f32, bool) {
         self.drive_state(regime, at).current(duty.to_f32(), self.period)
     }
 
-    /// Largest mean current in forward driving that is discontinuous, as the voltage `w`, in V.
-    pub(super) fn boundary(&self, at: OperatingPoint) -> f32 {
-        self.period.map_or(0.0, |period| self.drive_state(Regime::Forward, at).boundary(period))
+    /// Largest mean current of a regime that is discontinuous, as the voltage `w`, in V.
+    pub(super) fn boundary(&self, regime: Regime, at: OperatingPoint) -> f32 {
+        self.period.map_or(0.0, |period| self.drive_state(regime, at).boundary(period))
     }
 
     /// Voltage in V that makes the current of a winding fall while the bridge is open: the bus voltage and the drops of
@@ -239,12 +240,12 @@ impl DriveState {
         self.turn_on * (1.0 - self.a / (2.0 * (self.a + self.c))) - self.turn_off / 2.0
     }
 
-    /// The mean current of a duty, as the voltage `w` in V. If the back EMF exceeds the battery voltage (a <= 0), the
-    /// current is negative and proportional to the duty.
-    fn current(self, duty: f32, period: Option<PwmPeriod>) -> f32 {
+    /// The mean current of a duty, as the voltage `w` in V, and true if this current is discontinuous. If the back EMF
+    /// exceeds the battery voltage (a <= 0), the current is negative and proportional to the duty.
+    fn current(self, duty: f32, period: Option<PwmPeriod>) -> (f32, bool) {
         let Self { a, c, k, .. } = self;
         if a <= 0.0 {
-            return duty * a;
+            return (duty * a, false);
         }
         // A PWM line that does not switch has no edges.
         let switches = duty > 0.0 && duty < 1.0;
@@ -254,9 +255,10 @@ impl DriveState {
         match period {
             Some(period) if self.may_be_discontinuous(on, period) => {
                 let (q, _) = self.pulse(less(self.delay_discontinuous()) * period.length);
-                at_least(continuous, q * a / period.length)
+                let discontinuous = q * a / period.length;
+                (at_least(continuous, discontinuous), continuous < discontinuous)
             }
-            _ => continuous,
+            _ => (continuous, false),
         }
     }
 

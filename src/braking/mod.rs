@@ -58,11 +58,13 @@ pub struct Modulation {
     pub drive: Drive,
     /// Equivalent DC voltage that the command applies.
     pub voltage: Voltage,
+    /// True if the current is [discontinuous](mod@linear_current): 0 at the end of each PWM period.
+    pub is_discontinuous: bool,
 }
 
 impl Modulation {
     /// Full dynamic braking: the bridge shorts the winding all the time.
-    pub const BRAKE: Self = Self { drive: Drive::BRAKE, voltage: Voltage::ZERO };
+    pub const BRAKE: Self = Self { drive: Drive::BRAKE, voltage: Voltage::ZERO, is_discontinuous: false };
 }
 
 /// Map from a location within a regime to a duty.
@@ -130,10 +132,10 @@ impl Modulator {
     /// Returns the command with this duty in a regime, and the voltage that the command applies.
     fn in_regime(&self, at: OperatingPoint, regime: Regime, duty: Duty) -> Modulation {
         let (emf, _) = at.volts();
-        let current = self.current.current(regime, at, duty);
+        let (current, is_discontinuous) = self.current.current(regime, at, duty);
         let volts = if regime == Regime::Forward { emf + current } else { emf - current };
         let voltage = Voltage::from_volts(if at.counter_clockwise() { -volts } else { volts });
-        Modulation { drive: at.drive(regime, duty), voltage }
+        Modulation { drive: at.drive(regime, duty), voltage, is_discontinuous }
     }
 
     /// Returns the command for a control value, by the scheme and the duty rule.
@@ -168,10 +170,10 @@ impl Modulator {
         clockwise(at, points::control(&Points::new(self.scheme, at), regime, share))
     }
 
-    /// Returns the largest mean current in forward driving that is [discontinuous](mod@linear_current), as a voltage
-    /// beyond the back EMF, in V. The result is 0 if no current is discontinuous.
-    pub fn discontinuous_volts(&self, at: OperatingPoint) -> f32 {
-        self.current.boundary(at)
+    /// Returns the largest mean current of a regime that is [discontinuous](mod@linear_current), as the difference of a
+    /// voltage from the back EMF, in V. The result is 0 if no current is discontinuous.
+    pub fn discontinuous_volts(&self, regime: Regime, at: OperatingPoint) -> f32 {
+        self.current.boundary(regime, at)
     }
 }
 

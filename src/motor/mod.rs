@@ -616,7 +616,7 @@ impl Motor {
         if !open {
             command.bridge.voltage = self.after_change(command.bridge);
         }
-        self.regulator.drive((!open).then_some(command.bridge.voltage));
+        self.regulator.drive((!open).then_some(command.bridge));
         // While a limit opens the bridge, the applied voltage is the back EMF, and the identification continues with
         // this voltage.
         if let MotorState::Identifying(identifier) = &mut self.state {
@@ -682,7 +682,7 @@ impl Motor {
 
     /// The mean voltage that a new command applies. If the mode differs from the mode of the present command, the
     /// bridge is open for the time that the change takes.
-    fn after_change(&self, Modulation { drive, voltage }: Modulation) -> Voltage {
+    fn after_change(&self, Modulation { drive, voltage, .. }: Modulation) -> Voltage {
         let change_us = self.settings.bridge.timing.change_us;
         if drive.mode == self.drive().mode || change_us == 0 {
             return voltage;

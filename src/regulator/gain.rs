@@ -299,6 +299,7 @@ mod tests {
     ) -> f32 {
         let mut estimated = plant(gain);
         let mut observer = Observer::new(0.0);
+        observer.set_speed_demanded(true);
         let b = 1.0 / (tau * KAPPA);
         let (mut x, mut w, mut count) = (0.5f64, 0.0f32, 0i32);
         for ms in 0..500 * volts.len() as u32 {
@@ -308,7 +309,7 @@ mod tests {
                     estimated = plant(gain);
                     observer.shift(&shift);
                 }
-                observer.set_voltage(&estimated, Some(u));
+                observer.set_voltage(&estimated, Some(u), false);
             }
             for _ in 0..10 {
                 w += b * (u - KAPPA * w - load) * 1e-4;
@@ -318,7 +319,7 @@ mod tests {
             count += moved;
             estimate.predict(&estimated, observer.speed(), Some(u));
             observer.predict(&estimated);
-            if let Some(correction) = observer.update(&estimated, moved, true) {
+            if let Some(correction) = observer.update(&estimated, moved) {
                 estimate.correct(&estimated, &correction, moved, Some(u), false);
             }
         }
@@ -367,11 +368,12 @@ mod tests {
         let mut estimate = GainEstimate::new();
         let plant = plant(guessed_gain(KAPPA));
         let mut observer = Observer::new(0.0);
-        observer.set_voltage(&plant, Some(12.0));
+        observer.set_speed_demanded(true);
+        observer.set_voltage(&plant, Some(12.0), false);
         for _ in 0..2_000 {
             estimate.predict(&plant, observer.speed(), Some(12.0));
             observer.predict(&plant);
-            if let Some(correction) = observer.update(&plant, 0, true) {
+            if let Some(correction) = observer.update(&plant, 0) {
                 estimate.correct(&plant, &correction, 0, Some(12.0), true);
             }
             assert!(estimate.take_gain(&plant).is_none());

@@ -18,6 +18,7 @@
 
 use super::Context;
 use super::stream::Target;
+use crate::braking::Regime;
 use crate::units::Voltage;
 
 /// The detector of one motor.
@@ -72,7 +73,7 @@ impl Hunting {
         self.swings *= Self::REMAINING_SHARE;
         let level = match current {
             ..0.0 => 0,
-            _ if current < context.modulator.discontinuous_volts(context.at) => 1,
+            _ if current < context.modulator.discontinuous_volts(Regime::Forward, context.at) => 1,
             _ => 2,
         };
         if level == self.level {

@@ -30,7 +30,7 @@ mod swings;
 pub use crate::settings::{Coefficients, Dynamics, Mechanics};
 pub use interface::{Context, Demand, Effort, Kind, Output, Reference};
 
-use crate::braking::OperatingPoint;
+use crate::braking::{Modulation, OperatingPoint};
 use crate::motion::Reading;
 use crate::settings::Settings;
 use crate::units::single::{at_least, at_most};
@@ -131,11 +131,10 @@ pub struct Regulator {
     stalled_ms: u32,
     /// Speed that the last output should reach; 0 while the bridge is open.
     requested: CountsPerSecond,
-    /// True if the last demand was a speed. False for a position or a reference, for a motor that holds its position at
-    /// the demanded speed 0, and while the bridge is open.
-    speed_demanded: bool,
     /// Voltage across the motor; `None` while the bridge is open.
     voltage: Option<Voltage>,
+    /// True if the current of this voltage is treated as discontinuous.
+    is_discontinuous: bool,
 }
 
 impl Regulator {
@@ -157,8 +156,8 @@ impl Regulator {
             rest_position: None,
             stalled_ms: 0,
             requested: CountsPerSecond::ZERO,
-            speed_demanded: false,
             voltage: None,
+            is_discontinuous: false,
         }
     }
 
@@ -183,7 +182,7 @@ impl Regulator {
                     self.observer.keep_load_voltage(&old_plant, &self.plant);
                 }
             }
-            self.observer.set_voltage(&self.plant, self.volts());
+            self.pass_voltage();
             if new.dynamics.is_some() {
                 self.gain_estimate = None;
             } else if !keeps_gain {
@@ -224,6 +223,11 @@ impl Regulator {
     fn assume_steady(&mut self) {
         self.observer.assume_steady(&self.plant, self.volts());
         self.law.set_friction_speed(if self.voltage.is_some() { self.observer.speed() } else { 0.0 });
+    }
+
+    /// Passes the voltage across the motor to the observer. Must be called for a new voltage and for new constants.
+    fn pass_voltage(&mut self) {
+        self.observer.set_voltage(&self.plant, self.volts(), self.is_discontinuous);
     }
 
     /// Voltage across the motor in V; `None` while the bridge is open.
@@ -285,7 +289,7 @@ impl Regulator {
         let (volts, stalled) = (self.volts(), self.is_stalled());
         if gap > LONGEST_GAP_SAMPLES {
             self.restart(within(1_000.0 * moved as f32 / gap as f32, FASTEST_CPS));
-        } else if let Some(correction) = self.observer.update(&self.plant, moved, self.speed_demanded)
+        } else if let Some(correction) = self.observer.update(&self.plant, moved)
             && let Some(estimate) = &mut self.gain_estimate
         {
             // A motor without a requested speed may be held at rest. At a requested speed a stop may block the motor.
@@ -343,7 +347,7 @@ impl Regulator {
         {
             self.set_constants(settings, gain, period);
             self.observer.shift(&shift);
-            self.observer.set_voltage(&self.plant, self.volts());
+            self.pass_voltage();
         }
     }
 
@@ -357,7 +361,7 @@ impl Regulator {
         let gain = settings.dynamics.map_or(old.b, |dynamics| self.gain_ratio * dynamics.gain.to_f32());
         self.set_constants(settings, gain, period);
         self.observer.keep_acceleration(&old, &self.plant, self.volts());
-        self.observer.set_voltage(&self.plant, self.volts());
+        self.pass_voltage();
     }
 
     /// The estimate of the motion at this moment, corrected by a late count if there is one.
@@ -446,7 +450,7 @@ impl Regulator {
     #[inline(never)]
     pub fn step(&mut self, demand: Demand, moved: i32, context: &Context<'_>) -> Output {
         let demand = self.hold_at_standstill(demand, context.period);
-        self.speed_demanded = matches!(demand, Demand::Velocity(_));
+        self.observer.set_speed_demanded(matches!(demand, Demand::Velocity(_)));
         let output = match &context.settings.coefficients {
             None => self.by_model(demand, context),
             Some(coefficients) => {
@@ -568,15 +572,17 @@ impl Regulator {
         self.loops.excess_volts = volts;
     }
 
-    /// Sets the voltage that the bridge applies from now on; `None` if the bridge is open.
-    pub fn drive(&mut self, voltage: Option<Voltage>) {
-        if voltage.is_none() {
+    /// Sets the command that the bridge executes from now on, with its voltage; `None` if the bridge is open.
+    pub fn drive(&mut self, command: Option<Modulation>) {
+        if command.is_none() {
             self.transition(Transition::OpenBridge);
             self.requested = CountsPerSecond::ZERO;
-            self.speed_demanded = false;
+            self.observer.set_speed_demanded(false);
         }
-        self.voltage = voltage;
-        self.observer.set_voltage(&self.plant, self.volts());
+        self.voltage = command.map(|command| command.voltage);
+        self.is_discontinuous =
+            self.law.distinguishes_currents() && command.is_some_and(|command| command.is_discontinuous);
+        self.pass_voltage();
     }
 }
 

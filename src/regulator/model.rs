@@ -13,6 +13,7 @@
 use super::observer::{Observer, Plant};
 use super::stream::Target;
 use super::{Context, Effort, Output, within};
+use crate::braking::Regime;
 use crate::units::single::{at_least, at_most};
 use crate::units::{Period, Voltage};
 use libm::{expf, expm1f, sqrtf};
@@ -32,6 +33,10 @@ const HELD_COUNTS: f32 = 0.5;
 /// Speed per distance beyond [`HELD_COUNTS`] with which a held motor is drawn back, in 1/s.
 const HOLDING_RATE: f32 = 2.0;
 
+/// Longest control period, in ms, within which every current is treated as continuous. Chosen: at a longer period light
+/// motors swing without the distinction. At 21 to 50 ms the program `survey` shows no gain by it.
+const CONTINUOUS_PERIOD_MS: u32 = 50;
+
 /// The law of one motor: constants for its plant and its control period, and a state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Law {
@@ -40,6 +45,9 @@ pub(super) struct Law {
     /// Mean voltage that changes the speed by 1 count/s within a tick: q / (b (1 - exp(-q T))). b and q are constants
     /// of the [`Plant`], and T is the control period.
     volts_per_cps: f32,
+    /// As `volts_per_cps`, for a discontinuous current: with the decay by drag alone in place of q. `None` if every
+    /// current is treated as continuous.
+    discontinuous_volts_per_cps: Option<f32>,
     /// Direction of motion, -1 or 1, for which the estimated load includes the friction; 0 if the load includes no
     /// friction.
     friction_side: f32,
@@ -53,9 +61,19 @@ impl Law {
         let seconds = period.to_seconds();
         let remaining =
             if period.as_millis() > 20 { expf(-24.0 * seconds).max(0.3) } else { expf(-30.0 * seconds) };
-        let x = plant.q * seconds;
-        let rate = if x > 1e-3 { plant.q / -expm1f(-x) } else { 1.0 / seconds };
-        Self { remaining, volts_per_cps: rate / plant.b, friction_side: 0.0, holding: false }
+        let volts_per_cps = |decay: f32| {
+            let x = decay * seconds;
+            let rate = if x > 1e-3 { decay / -expm1f(-x) } else { 1.0 / seconds };
+            rate / plant.b
+        };
+        Self {
+            remaining,
+            volts_per_cps: volts_per_cps(plant.q),
+            discontinuous_volts_per_cps: (period.as_millis() > CONTINUOUS_PERIOD_MS)
+                .then(|| volts_per_cps(plant.drag)),
+            friction_side: 0.0,
+            holding: false,
+        }
     }
 
     /// Replaces the constants. The state stays.
@@ -157,7 +175,7 @@ impl Law {
             None => next,
         };
         self.reverse_friction(observer, plant, next, context);
-        let wanted = self.voltage_to(observer, plant, next);
+        let wanted = self.requested_volts(observer, plant, next, context);
         // In overrun the back EMF is above the battery voltage. At a motor voltage between battery voltage and back EMF
         // the motor brakes less than at the battery voltage.
         let most = at_least(context.at.battery_volts(), (plant.kappa * w).abs());
@@ -183,7 +201,31 @@ impl Law {
         }
     }
 
-    /// Mean voltage in V that brings the motor to the speed `next` by the tick's end.
+    /// Mean voltage in V that brings the motor to the speed `next` by the tick's end, whether the current is
+    /// discontinuous or continuous. A discontinuous current hardly changes with the speed, so the back EMF does not brake
+    /// the motor within the tick. Beyond the boundary of discontinuous current, the voltage against this braking is
+    /// added. It grows from 0 at the boundary.
+    fn requested_volts(&self, observer: &Observer, plant: &Plant, next: f32, context: &Context<'_>) -> f32 {
+        let continuous = self.voltage_to(observer, plant, next);
+        let Some(discontinuous_volts_per_cps) = self.discontinuous_volts_per_cps else { return continuous };
+        let w = observer.speed();
+        let load_volts = -observer.external_acceleration(plant) / plant.b;
+        let beyond_emf = (next - w) * discontinuous_volts_per_cps + load_volts;
+        let regime = if beyond_emf * w > 0.0 { Regime::Forward } else { Regime::Braking };
+        let boundary = context.modulator.discontinuous_volts(regime, context.at);
+        if boundary == 0.0 {
+            return continuous;
+        }
+        let braking = (next - w) * (self.volts_per_cps - discontinuous_volts_per_cps);
+        plant.kappa * w + beyond_emf + within(braking, at_least(beyond_emf.abs() - boundary, 0.0))
+    }
+
+    /// True if the law treats a discontinuous current otherwise than a continuous one.
+    pub(super) const fn distinguishes_currents(&self) -> bool {
+        self.discontinuous_volts_per_cps.is_some()
+    }
+
+    /// Mean voltage in V that brings the motor to the speed `next` by the tick's end with a continuous current.
     fn voltage_to(&self, observer: &Observer, plant: &Plant, next: f32) -> f32 {
         let w = observer.speed();
         plant.kappa * w + (next - w) * self.volts_per_cps - observer.external_acceleration(plant) / plant.b

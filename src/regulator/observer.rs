@@ -9,7 +9,8 @@
 //! ```
 //!
 //! Here b is the acceleration per volt, q the decay of the speed by back EMF and drag, and drag the decay by drag
-//! alone. A prime marks a rate of change.
+//! alone. A prime marks a rate of change. A discontinuous current hardly changes with the speed. At a long control
+//! period its acceleration is treated as decaying by drag alone until the next voltage is set.
 //!
 //! A sample shows between which two positions the shaft is, whether or not a count came. The error is the distance
 //! from x to this interval, and x is corrected towards the nearer end. (A correction towards the middle would make
@@ -58,31 +59,35 @@ pub(super) struct Plant {
     pub(super) q: f32,
     /// Decay of the speed by drag alone, q - b kappa, in 1/s. A negative value becomes 0.
     pub(super) drag: f32,
-    /// Response to an acceleration while the bridge drives the motor.
-    driven: SampleResponse,
-    /// Response to an acceleration while the bridge is open, where only drag brakes.
-    open: SampleResponse,
+    /// Response to an acceleration that decays by back EMF and drag.
+    by_emf: SampleResponse,
+    /// Response to an acceleration that decays by drag alone.
+    by_drag: SampleResponse,
     /// Factor by which z falls in one sample: exp(-wo times [`SAMPLE_S`]).
     z_per_sample: f32,
     /// Least z. After the time at which z reaches this value, a longer time since the last correction makes no
     /// difference to z.
     least_z: f32,
+    /// Least z while no speed is demanded.
+    least_holding_z: f32,
 }
 
 impl Plant {
     /// Computes the constants of a motor from its gain b, its back EMF constant, its decay q and its control period.
     pub(super) fn new(b: f32, kappa: f32, q: f32, period: Period) -> Self {
-        // Fastest poles in 1/s, and least z. At a long period the least z is lower. A load is then estimated sooner,
-        // but a slow motion becomes less smooth.
-        let (fastest_poles, least_z) = match period.as_millis() {
-            0..=20 => (45.0, 0.35),
-            21..=50 => (42.0, 0.35),
-            _ => (42.0, 0.25),
+        // Fastest poles in 1/s, least z, and least z while no speed is demanded. At a long period the least z is lower. A
+        // load is then estimated sooner, but a slow motion becomes less smooth. At a held position a count would change
+        // the load so much that the position swings by two counts.
+        let (fastest_poles, least_z, least_holding_z) = match period.as_millis() {
+            0..=20 => (45.0, 0.35, 0.35),
+            21..=50 => (42.0, 0.35, 0.35),
+            _ => (42.0, 0.25, 0.45),
         };
         let drag = at_least(q - b * kappa, 0.0);
         let poles = at_most(fastest_poles, cbrtf(11.0 * 12.0 * b));
-        let [driven, open] = [q, drag].map(SampleResponse::new);
-        Self { b, kappa, q, drag, driven, open, z_per_sample: expf(-poles * SAMPLE_S), least_z }
+        let [by_emf, by_drag] = [q, drag].map(SampleResponse::new);
+        let z_per_sample = expf(-poles * SAMPLE_S);
+        Self { b, kappa, q, drag, by_emf, by_drag, z_per_sample, least_z, least_holding_z }
     }
 
     /// Acceleration by this voltage at the speed `w`, in counts/s²; 0 with the bridge open.
@@ -160,6 +165,10 @@ pub(super) struct Observer {
     acceleration: f32,
     /// True while the bridge is open, so that only drag and load act.
     coasting: bool,
+    /// True while the acceleration decays by drag alone: the bridge is open, or the current is treated as discontinuous.
+    decays_by_drag: bool,
+    /// True while a speed is demanded.
+    speed_demanded: bool,
     /// Time since the last correction, in s.
     age_s: f32,
     /// Memory of the filter: exp(-wo age), at least the least z.
@@ -172,31 +181,42 @@ impl Observer {
     /// Creates an observer in the middle of a count, at this speed in counts/s, without acceleration and with the
     /// bridge open.
     pub(super) fn new(w: f32) -> Self {
-        Self { x: 0.5, w, d: 0.0, acceleration: 0.0, coasting: true, age_s: 0.0, z: 1.0, overdue: false }
+        Self {
+            x: 0.5,
+            w,
+            d: 0.0,
+            acceleration: 0.0,
+            coasting: true,
+            decays_by_drag: true,
+            speed_demanded: false,
+            age_s: 0.0,
+            z: 1.0,
+            overdue: false,
+        }
     }
 
     /// Predicts the state one sample later.
     pub(super) fn predict(&mut self, plant: &Plant) {
-        let response = if self.coasting {
+        if self.coasting {
             self.acceleration = self.external_acceleration(plant);
-            plant.open
-        } else {
-            plant.driven
-        };
+        }
+        let (response, decay) =
+            if self.decays_by_drag { (plant.by_drag, plant.drag) } else { (plant.by_emf, plant.q) };
         self.x += self.w * SAMPLE_S + self.acceleration * response.position;
         let gained = self.acceleration * response.speed;
         self.w += gained;
-        self.acceleration -= plant.q * gained;
+        self.acceleration -= decay * gained;
         self.age_s += SAMPLE_S;
-        self.z = at_least(self.z * plant.z_per_sample, plant.least_z);
+        let least_z = if self.speed_demanded { plant.least_z } else { plant.least_holding_z };
+        self.z = at_least(self.z * plant.z_per_sample, least_z);
     }
 
     /// Corrects the state by a sample with `moved` counts since the previous sample. Returns the correction; `None`
-    /// if nothing is corrected. With `speed_demanded` a late count corrects nothing before the count comes, or is
+    /// if nothing is corrected. While a speed is demanded, a late count corrects nothing before the count comes, or is
     /// late by a whole count.
-    pub(super) fn update(&mut self, plant: &Plant, moved: i32, speed_demanded: bool) -> Option<Correction> {
+    pub(super) fn update(&mut self, plant: &Plant, moved: i32) -> Option<Correction> {
         if moved == 0 {
-            let late = if speed_demanded && !self.overdue { LATE_COUNTS } else { 0.0 };
+            let late = if self.speed_demanded && !self.overdue { LATE_COUNTS } else { 0.0 };
             if (-late..=1.0 + late).contains(&self.x) {
                 return None;
             }
@@ -252,7 +272,8 @@ impl Observer {
         let largest_load = LARGEST_LOAD_VOLTS * plant.b;
         self.d = within(self.d + of_load, largest_load);
         let largest_acceleration = 2.0 * largest_load + plant.q * FASTEST_CPS;
-        self.acceleration = within(self.acceleration + of_load - plant.q * of_speed, largest_acceleration);
+        let decay = if self.decays_by_drag { plant.drag } else { plant.q };
+        self.acceleration = within(self.acceleration + of_load - decay * of_speed, largest_acceleration);
         self.age_s = 0.0;
         self.z = 1.0;
         correction
@@ -265,10 +286,18 @@ impl Observer {
         (self.w, self.d, self.acceleration) = (0.0, 0.0, 0.0);
     }
 
-    /// Sets the voltage in V that the bridge applies from now on; `None` if the bridge is open.
-    pub(super) fn set_voltage(&mut self, plant: &Plant, voltage: Option<f32>) {
+    /// Sets the voltage in V that the bridge applies from now on, and whether its current is treated as discontinuous.
+    /// The voltage is `None` if the bridge is open.
+    pub(super) fn set_voltage(&mut self, plant: &Plant, voltage: Option<f32>, is_discontinuous: bool) {
         self.coasting = voltage.is_none();
+        self.decays_by_drag = self.coasting || is_discontinuous;
         self.acceleration = plant.acceleration(voltage, self.w) + self.external_acceleration(plant);
+    }
+
+    /// Notes whether a speed is demanded from now on. False for a position or a reference, for a motor that holds its
+    /// position at the demanded speed 0, and while the bridge is open.
+    pub(super) const fn set_speed_demanded(&mut self, speed_demanded: bool) {
+        self.speed_demanded = speed_demanded;
     }
 
     /// Acceleration by load and drag, in counts/s².
@@ -340,14 +369,15 @@ mod tests {
     fn estimate(seconds: f32, voltage: f32, position: impl Fn(f64) -> f64) -> Observer {
         let plant = plant();
         let mut observer = Observer::new(0.0);
+        observer.set_speed_demanded(true);
         let mut last = position(0.0).floor() as i32;
         for sample in 1..=(seconds / SAMPLE_S) as u32 {
             if sample % 50 == 1 {
-                observer.set_voltage(&plant, Some(voltage));
+                observer.set_voltage(&plant, Some(voltage), false);
             }
             let now = position(f64::from(sample) * 1e-3).floor() as i32;
             observer.predict(&plant);
-            let _ = observer.update(&plant, now - last, true);
+            let _ = observer.update(&plant, now - last);
             last = now;
         }
         observer
