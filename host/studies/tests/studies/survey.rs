@@ -108,6 +108,17 @@ fn no_sound_encoder_is_doubted_and_no_watchdog_starves() {
 }
 
 #[test]
+fn an_unknown_motor_with_heavy_friction_that_brakes_or_starts_and_stops_has_a_sound_encoder() {
+    // Scenario 1113 of the sweep has an unknown motor that brakes from an estimated speed that it no longer has. In scenario
+    // 2345 the friction of unknown motors is nearly the torque at full voltage, so they start and stop. A sweep of every
+    // nth scenario contains scenario n.
+    for every in [1113, 2345] {
+        let soak = Soak::sweep(every, &mut |_, _| ()).expect("it runs");
+        assert!(soak.is_clean(), "{}", soak::text(&soak));
+    }
+}
+
+#[test]
 #[ignore = "long: cargo xtask long"]
 fn no_motor_s_sound_encoder_is_doubted_however_it_is_regulated() {
     // This is every seventh scenario of `motor-hub soak --sweep`.
