@@ -197,18 +197,20 @@ impl Observer {
 
     /// Predicts the state one sample later.
     pub(super) fn predict(&mut self, plant: &Plant) {
-        if self.coasting {
-            self.acceleration = self.external_acceleration(plant);
-        }
-        let (response, decay) =
-            if self.decays_by_drag { (plant.by_drag, plant.drag) } else { (plant.by_emf, plant.q) };
+        let (response, decay) = if self.decays_by_drag {
+            if self.coasting {
+                self.acceleration = self.external_acceleration(plant);
+            }
+            (plant.by_drag, plant.drag)
+        } else {
+            (plant.by_emf, plant.q)
+        };
         self.x += self.w * SAMPLE_S + self.acceleration * response.position;
         let gained = self.acceleration * response.speed;
         self.w += gained;
         self.acceleration -= decay * gained;
         self.age_s += SAMPLE_S;
-        let least_z = if self.speed_demanded { plant.least_z } else { plant.least_holding_z };
-        self.z = at_least(self.z * plant.z_per_sample, least_z);
+        self.z = at_least(self.z * plant.z_per_sample, plant.least_z);
     }
 
     /// Corrects the state by a sample with `moved` counts since the previous sample. Returns the correction; `None`
@@ -256,7 +258,8 @@ impl Observer {
 
     /// Corrects the state by an error of the predicted position, in counts.
     fn correct(&mut self, plant: &Plant, error: f32) -> Correction {
-        let (z, faded) = (self.z, 1.0 - self.z);
+        let z = if self.speed_demanded { self.z } else { at_least(self.z, plant.least_holding_z) };
+        let faded = 1.0 - z;
         let rate = 1.0 / at_least(self.age_s, SAMPLE_S);
         let square = faded * faded;
         let correction = Correction {
