@@ -170,9 +170,10 @@ impl Modulator {
         clockwise(at, points::control(&Points::new(self.scheme, at), regime, share))
     }
 
-    /// Returns the largest mean current of a regime that is [discontinuous](mod@linear_current), as the difference of a
-    /// voltage from the back EMF, in V. The result is 0 if no current is discontinuous.
-    pub fn discontinuous_volts(&self, regime: Regime, at: OperatingPoint) -> f32 {
+    /// Returns the largest mean current that is [discontinuous](mod@linear_current) in the regime of this voltage, as the
+    /// difference of a voltage from the back EMF, in V. The result is 0 if no current is discontinuous.
+    pub fn discontinuous_volts(&self, at: OperatingPoint, voltage: Voltage) -> f32 {
+        let (regime, _) = points::current(clockwise_volts(at, voltage), at);
         self.current.boundary(regime, at)
     }
 }

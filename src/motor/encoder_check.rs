@@ -274,7 +274,8 @@ fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> S
         0 => (last_motion.silent_us() / 1_000).min(tick.period_ms() + EncoderCheck::QUIET_US / 1_000),
         _ => tick.period_ms(),
     };
-    // The regulator slows a faster motor down, so this motor may come to rest. A motor that brakes is not steady either.
+    // The regulator slows a faster motor down, so this motor may come to rest. A load above the stall torque means that
+    // the estimate is wrong: the motor brakes, and may come to rest too.
     let run = last_motion.steady(clockwise).filter(|run| {
         run.speed_cps <= EncoderCheck::SPEED_RATIO * requested
             && run.resisting_volts(tick) >= -Expected::LARGEST_DRIVING_VOLTS

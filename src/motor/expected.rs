@@ -71,7 +71,7 @@ impl Expected {
     /// 12 V. To break away the motor needs a third more, which is 6.4 V. The limit is 0.2 V higher.
     pub(super) const FRICTION_VOLTS: f32 = 6.6;
     /// Largest torque of a load that drives a motor at a steady speed, in volts: the stall torque at 12 V. If the load of
-    /// a run seems to be larger, the motor is braking.
+    /// a run seems to be larger, less the uncertainty, the estimate is wrong and the motor is braking.
     pub(super) const LARGEST_DRIVING_VOLTS: f32 = 12.0;
     /// Largest change of a load, in volts: the stall torque at 12 V, and some 6 V for the heaviest friction.
     const CHANGE_VOLTS: f32 = 18.0;

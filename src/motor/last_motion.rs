@@ -9,7 +9,8 @@
 //! * *Silence*: the time since the last motion, or since the last call of [`LastMotion::forget`], whichever is later.
 //!
 //! The estimated speed follows the encoder, so it is wrong once the encoder is at fault. The fault may have begun
-//! before the last motion. The record therefore keeps the estimate of the motion before the last motion.
+//! before the last motion. The record therefore keeps the estimate of the motion before the last motion. Of the drive
+//! voltages of both motions it uses the larger one.
 
 use super::Command;
 use crate::motion::Reading;

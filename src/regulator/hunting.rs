@@ -18,7 +18,6 @@
 
 use super::Context;
 use super::stream::Target;
-use crate::braking::Regime;
 use crate::units::Voltage;
 
 /// The detector of one motor.
@@ -73,7 +72,7 @@ impl Hunting {
         self.swings *= Self::REMAINING_SHARE;
         let level = match current {
             ..0.0 => 0,
-            _ if current < context.modulator.discontinuous_volts(Regime::Forward, context.at) => 1,
+            _ if current < context.modulator.discontinuous_volts(context.at, requested) => 1,
             _ => 2,
         };
         if level == self.level {

@@ -13,7 +13,6 @@
 use super::observer::{Observer, Plant};
 use super::stream::Target;
 use super::{Context, Effort, Output, within};
-use crate::braking::Regime;
 use crate::units::single::{at_least, at_most};
 use crate::units::{Period, Voltage};
 use libm::{expf, expm1f, sqrtf};
@@ -33,8 +32,8 @@ const HELD_COUNTS: f32 = 0.5;
 /// Speed per distance beyond [`HELD_COUNTS`] with which a held motor is drawn back, in 1/s.
 const HOLDING_RATE: f32 = 2.0;
 
-/// Longest control period, in ms, within which every current is treated as continuous. Chosen: at a longer period light
-/// motors swing without the distinction. At 21 to 50 ms the program `survey` shows no gain by it.
+/// Longest control period, in ms, at which every current is treated as continuous. At a longer period light motors swing
+/// without the distinction. At a shorter period it gains nothing, and tests fail with it (decision 32).
 const CONTINUOUS_PERIOD_MS: u32 = 50;
 
 /// The law of one motor: constants for its plant and its control period, and a state.
@@ -201,23 +200,24 @@ impl Law {
         }
     }
 
-    /// Mean voltage in V that brings the motor to the speed `next` by the tick's end, whether the current is
-    /// discontinuous or continuous. A discontinuous current hardly changes with the speed, so the back EMF does not brake
-    /// the motor within the tick. Beyond the boundary of discontinuous current, the voltage against this braking is
-    /// added. It grows from 0 at the boundary.
+    /// Mean voltage in V that brings the motor to the speed `next` by the tick's end. With a continuous current the back
+    /// EMF opposes the change of speed within the tick, and the voltage offsets this. A discontinuous current hardly changes
+    /// with a small change of speed, so nothing is offset. From the boundary of discontinuous current on, the offset grows
+    /// from 0. It also grows with the change of the back EMF, because a large change makes the current continuous.
     fn requested_volts(&self, observer: &Observer, plant: &Plant, next: f32, context: &Context<'_>) -> f32 {
         let continuous = self.voltage_to(observer, plant, next);
         let Some(discontinuous_volts_per_cps) = self.discontinuous_volts_per_cps else { return continuous };
         let w = observer.speed();
         let load_volts = -observer.external_acceleration(plant) / plant.b;
         let beyond_emf = (next - w) * discontinuous_volts_per_cps + load_volts;
-        let regime = if beyond_emf * w > 0.0 { Regime::Forward } else { Regime::Braking };
-        let boundary = context.modulator.discontinuous_volts(regime, context.at);
+        let discontinuous = plant.kappa * w + beyond_emf;
+        let boundary = context.modulator.discontinuous_volts(context.at, Voltage::from_volts(discontinuous));
         if boundary == 0.0 {
             return continuous;
         }
-        let braking = (next - w) * (self.volts_per_cps - discontinuous_volts_per_cps);
-        plant.kappa * w + beyond_emf + within(braking, at_least(beyond_emf.abs() - boundary, 0.0))
+        let emf_change = plant.kappa * (next - w);
+        let beyond_boundary = at_least(at_least(beyond_emf.abs(), emf_change.abs()) - boundary, 0.0);
+        discontinuous + within(continuous - discontinuous, beyond_boundary)
     }
 
     /// True if the law treats a discontinuous current otherwise than a continuous one.

@@ -9,8 +9,8 @@
 //! ```
 //!
 //! Here b is the acceleration per volt, q the decay of the speed by back EMF and drag, and drag the decay by drag
-//! alone. A prime marks a rate of change. A discontinuous current hardly changes with the speed. At a long control
-//! period its acceleration is treated as decaying by drag alone until the next voltage is set.
+//! alone. A prime marks a rate of change. A discontinuous current hardly changes with the speed. At a control
+//! period above 50 ms its acceleration therefore decays by drag alone until the next voltage is set.
 //!
 //! A sample shows between which two positions the shaft is, whether or not a count came. The error is the distance
 //! from x to this interval, and x is corrected towards the nearer end. (A correction towards the middle would make
@@ -76,8 +76,8 @@ impl Plant {
     /// Computes the constants of a motor from its gain b, its back EMF constant, its decay q and its control period.
     pub(super) fn new(b: f32, kappa: f32, q: f32, period: Period) -> Self {
         // Fastest poles in 1/s, least z, and least z while no speed is demanded. At a long period the least z is lower. A
-        // load is then estimated sooner, but a slow motion becomes less smooth. At a held position a count would change
-        // the load so much that the position swings by two counts.
+        // load is then estimated sooner, but a slow motion becomes less smooth. At a held position so low a z would let a
+        // count change the load so much that the position swings by two counts.
         let (fastest_poles, least_z, least_holding_z) = match period.as_millis() {
             0..=20 => (45.0, 0.35, 0.35),
             21..=50 => (42.0, 0.35, 0.35),
