@@ -108,9 +108,14 @@ const SOME_COUNTS_LOST: [ExpectedEffect; 4] = [
     turns_on_average(1_050.0, 1_650.0),
     turns_on_average(315.0, 495.0),
 ];
-/// If one of seven slots of the encoder's wheel is missing, the motor turns at 7/6 of the requested speed.
-const ONE_OF_SEVEN_LOST: [ExpectedEffect; 4] =
-    [WORKS, turns(1_120.0, 1_210.0), turns(1_110.0, 1_220.0), turns(300.0, 400.0)];
+/// If one of seven slots of the encoder's wheel is missing, the motor turns at 7/6 of the requested speed on average. Within a turn
+/// its speed swings.
+const ONE_OF_SEVEN_LOST: [ExpectedEffect; 4] = [
+    WORKS,
+    turns_on_average(1_120.0, 1_210.0),
+    turns_on_average(1_110.0, 1_220.0),
+    turns_on_average(315.0, 385.0),
+];
 /// Without a battery voltage the bridge opens within the sum of 100 ms, a control period of 50 ms, and the time of a
 /// tick.
 const BLIND: [ExpectedEffect; 4] = [ExpectedEffect {
