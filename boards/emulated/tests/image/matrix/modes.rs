@@ -86,7 +86,8 @@ impl Mode {
     /// Returns the range of speeds of a motor that follows its command, counts/s.
     pub(crate) const fn speeds(self) -> RangeInclusive<f64> {
         match self {
-            Self::OpenLoop => 900.0..=1250.0,
+            // Some 908 counts/s. When other motors accelerate, the battery's voltage falls, and with it this speed.
+            Self::OpenLoop => 880.0..=1250.0,
             Self::Velocity => 960.0..=1040.0,
             Self::Position => 940.0..=1060.0,
             Self::Braking => 240.0..=360.0,

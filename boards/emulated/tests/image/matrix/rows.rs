@@ -101,12 +101,13 @@ const BACKWARDS: [ExpectedEffect; 4] =
 /// Some lost counts are not noticed: the motor seems to be slower, and is then driven faster. A loose wire has contact for 77 % of
 /// the time on average. In a fault of 1.1 s it has contact for 60 to 90 % of the time, in 999 of 1000 faults. The hub keeps the
 /// counted speed, so the motor turns at 1/0.9 to 1/0.6 times the requested speed. Its mean speed is less, because it must accelerate
-/// first.
+/// first. When the wire has contact again after a pause, the hub sees a motor that is too fast, and may brake it fully for 50 ms. Seen:
+/// a mean speed of 857 of 1000 counts/s.
 const SOME_COUNTS_LOST: [ExpectedEffect; 4] = [
     WORKS,
-    turns_on_average(1_050.0, 1_650.0),
-    turns_on_average(1_050.0, 1_650.0),
-    turns_on_average(315.0, 495.0),
+    turns_on_average(800.0, 1_650.0),
+    turns_on_average(800.0, 1_650.0),
+    turns_on_average(240.0, 495.0),
 ];
 /// If one of seven slots of the encoder's wheel is missing, the motor turns at 7/6 of the requested speed on average. Within a turn
 /// its speed swings.
