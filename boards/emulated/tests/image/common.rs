@@ -107,6 +107,15 @@ pub(crate) fn set_speeds(bench: &mut Bench, host: &mut HostLink) {
     (0..4).for_each(|motor| host.velocity(bench, motor, 1000));
 }
 
+/// Lets time pass. Returns the counts by which each motor has turned in this time.
+pub(crate) fn counts_in(bench: &mut Bench, time: Duration) -> [i64; 4] {
+    let counts = |bench: &mut Bench| std::array::from_fn(|motor| bench.look(motor).counts);
+    let before: [i64; 4] = counts(bench);
+    bench.run(time);
+    let after: [i64; 4] = counts(bench);
+    std::array::from_fn(|motor| after[motor] - before[motor])
+}
+
 /// Expects motors to turn at 1000 counts/s, within a tolerance in counts/s.
 #[track_caller]
 pub(crate) fn expect_speed(bench: &mut Bench, motors: impl IntoIterator<Item = usize>, tolerance: f64) {

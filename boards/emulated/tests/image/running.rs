@@ -1,6 +1,6 @@
 //! Regulated motors on the chip, started by the button, without a host.
 
-use crate::common::{booted, expect_speed, four_loads, log, ms, turning};
+use crate::common::{booted, counts_in, expect_speed, four_loads, log, ms, turning};
 use emulated::Lines;
 
 #[test]
@@ -17,10 +17,7 @@ pub(crate) fn four_motors_with_different_loads_reach_their_speed_and_stand_still
     let braked = |motor| transitions.iter().any(|t| t.at > released && t.motor == motor && brakes(t.lines));
     assert!((0..4).all(braked), "mode 5/0 slows every motor down");
     // The hub holds the motors at standstill. The encoder may still change by a few counts.
-    let before: Vec<i64> = (0..4).map(|motor| bench.look(motor).counts).collect();
-    bench.run(ms(150));
-    for (motor, before) in before.into_iter().enumerate() {
-        let moved = bench.look(motor).counts - before;
+    for (motor, moved) in counts_in(&mut bench, ms(150)).into_iter().enumerate() {
         assert!(moved.abs() <= 3, "motor {motor} moved {moved} counts");
     }
     bench.run(ms(350));

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use crate::common::{
-    am60, bits, booted, by_board, four_loads, log, ms, on, set_speeds, setup, time_to_safe, too_low, turning,
-    with_host,
+    am60, bits, booted, by_board, counts_in, four_loads, log, ms, on, set_speeds, setup, time_to_safe,
+    too_low, turning, with_host,
 };
 use emulated::{Bench, Board, Lines, Setup};
 use motor_hub::protocol::requests::{AdcChannel, BATTERY, ToHub};
@@ -163,13 +163,11 @@ fn runs_on_unread(bench: &mut Bench) {
         let (from, changes) = (bench.now(), bench.transitions().len());
         // After this time each motor has its speed again.
         bench.run(ms(300));
-        let counts: [i64; 4] = std::array::from_fn(|motor| bench.look(motor).counts);
-        bench.run(ms(700));
+        let turned = counts_in(bench, ms(700));
         assert_eq!(bench.resets(), [], "after {from:?}");
         let changes = bench.transitions().len() - changes;
         assert!(changes > 4, "{changes} changes of four PWMs in a second after {from:?}");
-        for (motor, before) in counts.into_iter().enumerate() {
-            let counts = bench.look(motor).counts - before;
+        for (motor, counts) in turned.into_iter().enumerate() {
             assert!(
                 (counts - 700).abs() < 21,
                 "motor {motor} turned {counts} counts from 0.3 s to 1 s after {from:?}"
