@@ -23,6 +23,11 @@
 //! Once x is late by a whole count, the motor may stand, so every further sample without a count corrects x. While no
 //! speed is demanded, every sample with a late count corrects x.
 //!
+//! The interval is nearly a whole count long if a sample has no count, or if every sample has one. A small error then
+//! says little: x is at an end of the interval, and the shaft may be anywhere in it. The next count may show that x is
+//! wrong by a whole count. The observer must not take this error for a sudden change of speed. So a correction by a
+//! small error has the gains of one sample, and does not count as a correction below.
+//!
 //! The gains follow from the time t since the last correction. They are the gains of a filter with three equal poles at
 //! `exp(-wo t)`. The poles wo and the least z depend on the control period, and a motor with a small gain b gets slower
 //! poles. So a motor at 5 counts/s is estimated as reliably as a motor at 5000 counts/s:
@@ -44,6 +49,10 @@ pub(super) const SAMPLE_S: f32 = 1e-3;
 const LARGEST_LOAD_VOLTS: f32 = 20.0 * 12.0;
 /// Distance in counts by which x may leave its count while a count is late.
 const LATE_COUNTS: f32 = 1.0;
+/// Error of x, in counts, below which x creeps along an end of its interval.
+const LARGEST_CREEP_COUNTS: f32 = 0.1;
+/// Length of the interval, in counts, above which a small error does not show where in the interval the shaft is.
+const LEAST_CREEP_INTERVAL_COUNTS: f32 = 0.5;
 /// Largest speed in counts/s. The limit is above the speed of any motor's encoder, and bounds the arithmetic in
 /// single precision.
 pub(super) const FASTEST_CPS: f32 = 1e6;
@@ -241,30 +250,51 @@ impl Observer {
     /// A copy of the estimate, corrected as if a late count came now.
     pub(super) fn with_late_count(&self, plant: &Plant) -> Self {
         let mut corrected = *self;
-        let _ = corrected.confine(plant, 0.0, 1.0);
+        if self.is_late() {
+            let _ = corrected.correct(plant, self.nearest() - self.x);
+        }
         corrected
+    }
+
+    /// The position in the present count that is nearest to x.
+    const fn nearest(&self) -> f32 {
+        at_most(at_least(self.x, 0.0), 1.0)
     }
 
     /// Corrects the state if x is outside of the interval from `least` to `most`.
     fn confine(&mut self, plant: &Plant, least: f32, most: f32) -> Option<Correction> {
-        if self.x < least {
-            Some(self.correct(plant, least - self.x))
-        } else if self.x > most {
-            Some(self.correct(plant, most - self.x))
-        } else {
+        let error = at_most(at_least(self.x, least), most) - self.x;
+        if error == 0.0 {
             None
+        } else if error.abs() < LARGEST_CREEP_COUNTS && most - least > LEAST_CREEP_INTERVAL_COUNTS {
+            Some(self.follow_edge(plant, error))
+        } else {
+            Some(self.correct(plant, error))
         }
     }
 
     /// Corrects the state by an error of the predicted position, in counts.
     fn correct(&mut self, plant: &Plant, error: f32) -> Correction {
-        let z = if self.speed_demanded { self.z } else { at_least(self.z, plant.least_holding_z) };
+        let (age_s, z) = (at_least(self.age_s, SAMPLE_S), self.z);
+        (self.age_s, self.z) = (0.0, 1.0);
+        self.correct_with(plant, error, age_s, z)
+    }
+
+    /// Corrects the state by a small error while x creeps along an end of its interval. The shaft may be anywhere in the
+    /// interval, so the gains are those of one sample, and the time since the last correction goes on.
+    fn follow_edge(&mut self, plant: &Plant, error: f32) -> Correction {
+        self.correct_with(plant, error, SAMPLE_S, plant.z_per_sample)
+    }
+
+    /// Corrects the state by an error that arose within `age_s` seconds, with the gains that follow from this time and z.
+    fn correct_with(&mut self, plant: &Plant, error: f32, age_s: f32, z: f32) -> Correction {
+        let z = if self.speed_demanded { z } else { at_least(z, plant.least_holding_z) };
         let faded = 1.0 - z;
-        let rate = 1.0 / at_least(self.age_s, SAMPLE_S);
+        let rate = 1.0 / age_s;
         let square = faded * faded;
         let correction = Correction {
             error,
-            age_s: self.age_s,
+            age_s,
             position_gain: 1.0 - z * z * z,
             speed_gain: 1.5 * square * (1.0 + z) * rate,
             load_gain: square * faded * rate * rate,
@@ -277,15 +307,13 @@ impl Observer {
         let largest_acceleration = 2.0 * largest_load + plant.q * FASTEST_CPS;
         let decay = if self.decays_by_drag { plant.drag } else { plant.q };
         self.acceleration = within(self.acceleration + of_load - decay * of_speed, largest_acceleration);
-        self.age_s = 0.0;
-        self.z = 1.0;
         correction
     }
 
     /// Sets speed and load of a motor at rest to 0. Otherwise the estimate would wander within its count.
     pub(super) const fn rest(&mut self) {
         // A late count no longer comes.
-        self.x = at_most(at_least(self.x, 0.0), 1.0);
+        self.x = self.nearest();
         (self.w, self.d, self.acceleration) = (0.0, 0.0, 0.0);
     }
 
@@ -428,6 +456,40 @@ mod tests {
         let (_, _, q) = PLANT;
         let load = estimate.load();
         assert!((load + 20.0 * q).abs() < 30.0, "{load} for {}", -20.0 * q);
+    }
+
+    /// Returns the largest speed of the estimate in the last second, in counts/s.
+    fn fastest(observer: &mut Observer, plant: &Plant, position: impl Fn(u32) -> f64) -> f32 {
+        let mut fastest = 0.0f32;
+        for sample in 1..=1_000 {
+            observer.predict(plant);
+            let moved = position(sample).floor() - position(sample - 1).floor();
+            let _ = observer.update(plant, moved as i32);
+            fastest = fastest.max(observer.speed().abs());
+        }
+        fastest
+    }
+
+    #[test]
+    fn a_count_after_x_has_crept_along_the_other_edge_is_no_sudden_motion() {
+        let plant = plant();
+        // The estimate goes slowly to one edge of its count. The shaft goes slowly to the other edge.
+        let mut observer = Observer::new(1.0);
+        let fastest = fastest(&mut observer, &plant, |sample| 0.7 - 1e-3 * f64::from(sample));
+        assert!(fastest < 12.0, "{fastest} of 1 count/s");
+    }
+
+    #[test]
+    fn at_one_count_per_sample_a_sample_with_two_counts_is_no_sudden_motion() {
+        let plant = plant();
+        let (_, kappa, _) = PLANT;
+        let mut observer = Observer::new(999.999);
+        observer.set_speed_demanded(true);
+        observer.set_voltage(&plant, Some(kappa * 999.999), false);
+        observer.add_load(0.7);
+        // The estimate begins at the lower end of the interval, and the shaft nearly at its upper end.
+        let fastest = fastest(&mut observer, &plant, |sample| 0.99 + 1.000_02 * f64::from(sample));
+        assert!(fastest < 1_006.0, "{fastest} of 1000 counts/s");
     }
 
     #[test]
