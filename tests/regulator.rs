@@ -2,7 +2,9 @@
 
 mod common;
 
-use common::{Bench, ScriptedMotor, configured, free_cps, motor, plant, position, velocity};
+use common::{
+    Bench, ScriptedMotor, configured, free_cps, inertia, motor, plant, position, unknown, velocity,
+};
 use motor_hub::braking::Winding;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::friction::Friction;
@@ -80,36 +82,107 @@ fn with_inertia(mut settings: Settings, factor: f64) -> Settings {
     settings
 }
 
-/// Returns the lowest and the highest distance in counts from the target, and the changes of the count in a second. A
-/// NeveRest 40 moves to the target and holds it against a torque of 0.3 N m. The measurement is from 5 s to 10 s after
-/// the command. The motor is configured with 0.7 times its inertia.
-fn held(period_ms: u32) -> (f64, f64, f64) {
+/// How a motor holds its position.
+#[derive(Debug)]
+struct Hold {
+    /// Largest distance of the count from its target.
+    counts: f64,
+    /// Largest speed, in counts/s.
+    fastest: f64,
+    /// Changes of the count in a second.
+    changes: f64,
+}
+
+/// A NeveRest 40 moves to a target and holds it against a torque in N m. The measurement is from 5 s to 10 s after the
+/// command. The motor is configured with 0.7 times its inertia.
+fn held(period_ms: u32, torque: f64) -> Hold {
     let motor = motor("AM 40 C");
     let settings = with_inertia(configured(&motor, &Load::NONE), 0.7);
     let mut bench = Bench::one(settings, plant(motor, Load::NONE), period_ms);
-    bench.axes[0].torque = -0.3;
+    bench.axes[0].torque = -torque;
     bench.set(0, position(500, 5, 1_000));
     bench.run_ms(5_000);
-    let (mut low, mut high, mut changes) = (f64::MAX, f64::MIN, 0u32);
+    let mut hold = Hold { counts: 0.0, fastest: 0.0, changes: 0.0 };
     let mut last = bench.counts(0).floor();
     for _ in 0..5_000 {
         bench.run_ms(1);
         let counts = bench.counts(0).floor();
-        changes += u32::from(counts != last);
+        hold.changes += if counts == last { 0.0 } else { 0.2 };
         last = counts;
-        (low, high) = (low.min(counts - 500.0), high.max(counts - 500.0));
+        hold.counts = hold.counts.max((counts - 500.0).abs());
+        hold.fastest = hold.fastest.max(bench.speed(0).abs());
     }
-    (low, high, f64::from(changes) / 5.0)
+    hold
 }
 
 #[test]
-fn a_held_position_stays_within_two_counts_also_with_too_little_inertia_configured() {
-    let rows = [1, 10, 20, 50, 100].map(|period_ms| (period_ms, held(period_ms)));
-    let good = |(low, high, changes): (f64, f64, f64)| low >= -2.0 && high <= 2.0 && changes <= 4.0;
-    // Without the law that draws a held motor back slowly, the motor swings by 3 counts either way, up to nine times a
-    // second.
-    let bad: Vec<_> = rows.iter().filter(|(_, row)| !good(*row)).collect();
-    assert!(bad.is_empty(), "period in ms, lowest and highest distance, changes in a second: {bad:?}");
+fn a_held_position_rests_also_with_too_little_inertia_configured() {
+    let mut within_one = 0;
+    let mut bad = Vec::new();
+    for period_ms in [1, 10, 20, 50, 100] {
+        for torque in [0.2, 0.23, 0.26, 0.29, 0.31, 0.34, 0.37, 0.4] {
+            let hold = held(period_ms, torque);
+            within_one += u32::from(hold.counts <= 1.0);
+            // Before small corrections left the time of the last count alone, a motor was thrown to and fro by 3 counts.
+            if hold.counts > 2.0 || hold.fastest > 15.0 || hold.changes > 4.0 {
+                bad.push(format!("{period_ms} ms, {torque} N m: {hold:?}"));
+            }
+        }
+    }
+    assert!(bad.is_empty(), "{} bad:\n{}", bad.len(), bad.join("\n"));
+    assert!(within_one >= 32, "{within_one} of 40 within one count");
+}
+
+#[test]
+fn a_motor_that_is_enabled_at_speed_0_while_it_comes_to_rest_is_not_thrown() {
+    let mut bad = Vec::new();
+    for name in ["AM 20 A", "AM 40 C", "AM 60 A"] {
+        for settings in [unknown, |motor: &Motor| configured(motor, &Load::NONE)] {
+            for wait_ms in (0..600).step_by(50) {
+                let motor = motor(name);
+                let mut bench = Bench::one(settings(&motor), plant(motor, Load::NONE), 50);
+                bench.set(0, velocity(900));
+                bench.run_ms(3_000 + wait_ms / 4);
+                bench.set(0, Setpoint::Disabled);
+                while bench.tick().motors[0].velocity.round() != 0 {}
+                bench.run_ms(wait_ms);
+                bench.set(0, velocity(0));
+                let mut fastest: f64 = 0.0;
+                for _ in 0..3_000 {
+                    bench.run_ms(1);
+                    fastest = fastest.max(bench.speed(0).abs());
+                }
+                if fastest > 15.0 {
+                    bad.push(format!("{name} after {wait_ms} ms: {fastest:.0} counts/s"));
+                }
+            }
+        }
+    }
+    assert!(bad.is_empty(), "{} bad:\n{}", bad.len(), bad.join("\n"));
+}
+
+#[test]
+fn at_one_count_per_sample_a_speed_has_no_dips() {
+    let mut bad = Vec::new();
+    for name in ["AM 20 A", "AM 20 B", "AM 20 C", "AM 40 C", "AM 60 A", "AM 60 B"] {
+        for settings in [|motor: &Motor, _: &Load| unknown(motor), configured] {
+            for (period_ms, kg_m2) in [(20, 0.0), (50, 0.0), (50, 0.002), (50, 0.006), (100, 0.0)] {
+                let (motor, load) = (motor(name), inertia(kg_m2));
+                let mut bench = Bench::one(settings(&motor, &load), plant(motor, load), period_ms);
+                bench.set(0, velocity(1_000));
+                bench.run_ms(2_500);
+                let mut worst: f64 = 0.0;
+                for _ in 0..8_000 {
+                    bench.run_ms(1);
+                    worst = worst.max((bench.speed(0) - 1_000.0).abs());
+                }
+                if worst > 20.0 {
+                    bad.push(format!("{name}, {period_ms} ms, {kg_m2} kg m²: {worst:.0} counts/s"));
+                }
+            }
+        }
+    }
+    assert!(bad.is_empty(), "{} bad:\n{}", bad.len(), bad.join("\n"));
 }
 
 /// A motor at rest whose friction takes 2 V, and is configured.

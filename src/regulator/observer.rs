@@ -51,8 +51,8 @@ const LARGEST_LOAD_VOLTS: f32 = 20.0 * 12.0;
 const LATE_COUNTS: f32 = 1.0;
 /// Error of x, in counts, below which x creeps along an end of its interval.
 const LARGEST_CREEP_COUNTS: f32 = 0.1;
-/// Length of the interval, in counts, above which a small error does not show where in the interval the shaft is.
-const LEAST_CREEP_INTERVAL_COUNTS: f32 = 0.5;
+/// Length of the interval, in counts, from which on a small error shows nothing: nearly a whole count.
+const LEAST_CREEP_INTERVAL_COUNTS: f32 = 0.9;
 /// Largest speed in counts/s. The limit is above the speed of any motor's encoder, and bounds the arithmetic in
 /// single precision.
 pub(super) const FASTEST_CPS: f32 = 1e6;
@@ -266,7 +266,7 @@ impl Observer {
         let error = at_most(at_least(self.x, least), most) - self.x;
         if error == 0.0 {
             None
-        } else if error.abs() < LARGEST_CREEP_COUNTS && most - least > LEAST_CREEP_INTERVAL_COUNTS {
+        } else if error.abs() < LARGEST_CREEP_COUNTS && most - least >= LEAST_CREEP_INTERVAL_COUNTS {
             Some(self.follow_edge(plant, error))
         } else {
             Some(self.correct(plant, error))
