@@ -200,7 +200,8 @@ impl GainEstimate {
         };
         self.trust_counts =
             self.trust_counts.saturating_add(counts_along_voltage).clamp(0, MOST_TRUST_COUNTS);
-        let Correction { error, age_s, position_gain, speed_gain, load_gain } = *correction;
+        let Correction { error, gains } = *correction;
+        let age_s = gains.age_s;
         let s = self.sensitivity.position;
         let innovation = error - s * self.theta;
         let drift = VOLTAGE_NOISE * plant.b * age_s * age_s / 2.0;
@@ -238,9 +239,9 @@ impl GainEstimate {
                 self.variance = at_least(self.variance - k * s * self.variance, 0.0);
             }
         }
-        self.sensitivity.position -= position_gain * s;
-        self.sensitivity.speed -= speed_gain * s;
-        self.sensitivity.load -= load_gain * s;
+        self.sensitivity.position -= gains.position * s;
+        self.sensitivity.speed -= gains.speed * s;
+        self.sensitivity.load -= gains.load * s;
     }
 
     /// Returns the new gain at a control tick, in counts/s² per V, and the change of the observer's state that

@@ -131,8 +131,8 @@ pub struct Regulator {
     stalled_ms: u32,
     /// Speed that the last output should reach; 0 while the bridge is open.
     requested: CountsPerSecond,
-    /// Voltage across the motor; `None` while the bridge is open.
-    voltage: Option<Voltage>,
+    /// Voltage across the motor in V; `None` while the bridge is open.
+    volts: Option<f32>,
     /// True if the current of this voltage is treated as discontinuous.
     is_discontinuous: bool,
 }
@@ -156,7 +156,7 @@ impl Regulator {
             rest_position: None,
             stalled_ms: 0,
             requested: CountsPerSecond::ZERO,
-            voltage: None,
+            volts: None,
             is_discontinuous: false,
         }
     }
@@ -195,7 +195,7 @@ impl Regulator {
             || old.coefficients != new.coefficients
             || old.scheme != new.scheme;
         let restarts = matches!(self.loops.start, Start::Running | Start::Resume);
-        if pid_changed && restarts && self.voltage.is_some() {
+        if pid_changed && restarts && self.volts.is_some() {
             self.loops.start = Start::Continue;
         }
     }
@@ -221,24 +221,19 @@ impl Regulator {
 
     /// Sets the load, with the friction, to the load that keeps the present speed at the present voltage.
     fn assume_steady(&mut self) {
-        self.observer.assume_steady(&self.plant, self.volts());
-        self.law.set_friction_speed(if self.voltage.is_some() { self.observer.speed() } else { 0.0 });
+        self.observer.assume_steady(&self.plant, self.volts);
+        self.law.set_friction_speed(if self.volts.is_some() { self.observer.speed() } else { 0.0 });
     }
 
     /// Passes the voltage across the motor to the observer. Must be called for a new voltage and for new constants.
     fn pass_voltage(&mut self) {
-        self.observer.set_voltage(&self.plant, self.volts(), self.is_discontinuous);
-    }
-
-    /// Voltage across the motor in V; `None` while the bridge is open.
-    fn volts(&self) -> Option<f32> {
-        self.voltage.map(Voltage::to_volts)
+        self.observer.set_voltage(&self.plant, self.volts, self.is_discontinuous);
     }
 
     /// True if the error of the speed, as a back EMF, is below [`AT_SPEED_VOLTS`]. Also true while the bridge is open.
     fn is_at_speed(&self) -> bool {
         let error = self.requested.to_f32() - self.velocity().to_f32();
-        self.voltage.is_none() || (self.plant.kappa * error).abs() < AT_SPEED_VOLTS
+        self.volts.is_none() || (self.plant.kappa * error).abs() < AT_SPEED_VOLTS
     }
 
     /// Pauses the gain estimate of an unknown motor until the observer has corrected a wrong state.
@@ -286,16 +281,16 @@ impl Regulator {
         let passed =
             if self.predicted_until == before { gap } else { samples(self.predicted_until, reading.at) };
         self.predict(passed, reading.at);
-        let (volts, stalled) = (self.volts(), self.is_stalled());
         if gap > LONGEST_GAP_SAMPLES {
             self.restart(within(1_000.0 * moved as f32 / gap as f32, FASTEST_CPS));
         } else if let Some(correction) = self.observer.update(&self.plant, moved)
             && let Some(estimate) = &mut self.gain_estimate
         {
             // A motor without a requested speed may be held at rest. At a requested speed a stop may block the motor.
-            let uncertain = self.requested == CountsPerSecond::ZERO
+            let uncertain = self.stalled_ms >= STALLED_MS
+                || self.requested == CountsPerSecond::ZERO
                 || counts_due(self.requested) && reading.at.since(reading.edge_at) >= UNCERTAIN_EDGE_MICROS;
-            estimate.correct(&self.plant, &correction, moved, volts, uncertain || stalled);
+            estimate.correct(&self.plant, &correction, moved, self.volts, uncertain);
         }
     }
 
@@ -314,10 +309,9 @@ impl Regulator {
             return;
         }
         self.predicted_until = now;
-        let volts = self.volts();
         for _ in 0..passed.min(LONGEST_GAP_SAMPLES) {
             if let Some(estimate) = &mut self.gain_estimate {
-                estimate.predict(&self.plant, self.observer.speed(), volts);
+                estimate.predict(&self.plant, self.observer.speed(), self.volts);
             }
             self.observer.predict(&self.plant);
         }
@@ -331,7 +325,7 @@ impl Regulator {
             self.restart(0.0);
         }
         let still = |last: &Reading| last.at.since(last.edge_at) >= REST_MICROS;
-        if self.voltage.is_none() && self.last.as_ref().is_some_and(still) {
+        if self.volts.is_none() && self.last.as_ref().is_some_and(still) {
             self.observer.rest();
             self.law.set_friction_speed(0.0);
             if let Some(estimate) = &mut self.gain_estimate {
@@ -360,7 +354,7 @@ impl Regulator {
         let old = self.plant;
         let gain = settings.dynamics.map_or(old.b, |dynamics| self.gain_ratio * dynamics.gain.to_f32());
         self.set_constants(settings, gain, period);
-        self.observer.keep_acceleration(&old, &self.plant, self.volts());
+        self.observer.keep_acceleration(&old, &self.plant, self.volts);
         self.pass_voltage();
     }
 
@@ -373,7 +367,7 @@ impl Regulator {
 
     /// The estimated speed.
     pub fn velocity(&self) -> CountsPerSecond {
-        speed(self.speed_cps())
+        CountsPerSecond::from_f32(self.speed_cps())
     }
 
     /// The estimated speed in counts/s.
@@ -531,10 +525,10 @@ impl Regulator {
     /// The voltage with which the velocity loop of PID begins; `None` while the loop continues.
     fn start_voltage(&self, velocity: CountsPerSecond) -> Option<Voltage> {
         let emf = self.plant.kappa * velocity.to_f32();
-        match (self.loops.start, self.voltage) {
+        match (self.loops.start, self.volts) {
             (Start::Running, _) => None,
             (Start::ZeroCurrent, _) => Some(Voltage::from_volts(emf)),
-            (Start::Continue, Some(voltage)) => Some(voltage),
+            (Start::Continue, Some(volts)) => Some(Voltage::from_volts(volts)),
             // The current of this voltage balances the estimated load.
             (Start::Continue | Start::Resume, _) => {
                 Some(Voltage::from_volts(emf - self.external_acceleration() / self.plant.b))
@@ -579,7 +573,7 @@ impl Regulator {
             self.requested = CountsPerSecond::ZERO;
             self.observer.set_speed_demanded(false);
         }
-        self.voltage = command.map(|command| command.voltage);
+        self.volts = command.map(|command| command.voltage.to_volts());
         self.is_discontinuous =
             self.law.distinguishes_currents() && command.is_some_and(|command| command.is_discontinuous);
         self.pass_voltage();

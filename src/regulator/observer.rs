@@ -49,6 +49,9 @@ pub(super) const SAMPLE_S: f32 = 1e-3;
 const LARGEST_LOAD_VOLTS: f32 = 20.0 * 12.0;
 /// Distance in counts by which x may leave its count while a count is late.
 const LATE_COUNTS: f32 = 1.0;
+/// Error of x, in counts, up to which nothing is corrected. At one count per sample x lies on an end of its interval for
+/// seconds, and without this limit nearly every sample would be corrected by a millionth of a count.
+const NEGLIGIBLE_COUNTS: f32 = 1e-3;
 /// Error of x, in counts, below which x creeps along an end of its interval.
 const LARGEST_CREEP_COUNTS: f32 = 0.1;
 /// Length of the interval, in counts, from which on a small error shows nothing: nearly a whole count.
@@ -74,6 +77,8 @@ pub(super) struct Plant {
     by_drag: SampleResponse,
     /// Factor by which z falls in one sample: exp(-wo times [`SAMPLE_S`]).
     z_per_sample: f32,
+    /// Gains for an error that arose within one sample.
+    gains_of_sample: Gains,
     /// Least z. After the time at which z reaches this value, a longer time since the last correction makes no
     /// difference to z.
     least_z: f32,
@@ -96,7 +101,8 @@ impl Plant {
         let poles = at_most(fastest_poles, cbrtf(11.0 * 12.0 * b));
         let [by_emf, by_drag] = [q, drag].map(SampleResponse::new);
         let z_per_sample = expf(-poles * SAMPLE_S);
-        Self { b, kappa, q, drag, by_emf, by_drag, z_per_sample, least_z, least_holding_z }
+        let gains_of_sample = Gains::new(SAMPLE_S, z_per_sample);
+        Self { b, kappa, q, drag, by_emf, by_drag, z_per_sample, gains_of_sample, least_z, least_holding_z }
     }
 
     /// Acceleration by this voltage at the speed `w`, in counts/s²; 0 with the bridge open.
@@ -128,19 +134,41 @@ impl SampleResponse {
     }
 }
 
+/// Gains of a correction.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gains {
+    /// Time within which the error arose, in s.
+    pub(super) age_s: f32,
+    /// Change of the position per error.
+    pub(super) position: f32,
+    /// Change of the speed per error, in 1/s.
+    pub(super) speed: f32,
+    /// Change of the load per error, in 1/s².
+    pub(super) load: f32,
+}
+
+impl Gains {
+    /// The gains for an error that arose within `age_s` seconds, in which z fell from 1 to `z`.
+    fn new(age_s: f32, z: f32) -> Self {
+        let faded = 1.0 - z;
+        let rate = 1.0 / age_s;
+        let square = faded * faded;
+        Self {
+            age_s,
+            position: 1.0 - z * z * z,
+            speed: 1.5 * square * (1.0 + z) * rate,
+            load: square * faded * rate * rate,
+        }
+    }
+}
+
 /// A correction of the state, and the gains that made it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Correction {
     /// True position less predicted position, in counts.
     pub(super) error: f32,
-    /// Time since the previous correction, in s.
-    pub(super) age_s: f32,
-    /// Change of the position per error.
-    pub(super) position_gain: f32,
-    /// Change of the speed per error, in 1/s.
-    pub(super) speed_gain: f32,
-    /// Change of the load per error, in 1/s².
-    pub(super) load_gain: f32,
+    /// Gains of the correction.
+    pub(super) gains: Gains,
 }
 
 /// Sensitivity of the observer's state to b: the change of the state per relative change of b.
@@ -251,7 +279,8 @@ impl Observer {
     pub(super) fn with_late_count(&self, plant: &Plant) -> Self {
         let mut corrected = *self;
         if self.is_late() {
-            let _ = corrected.correct(plant, self.nearest() - self.x);
+            let gains = corrected.take_gains(plant);
+            let _ = corrected.correct(plant, self.nearest() - self.x, gains);
         }
         corrected
     }
@@ -261,53 +290,40 @@ impl Observer {
         at_most(at_least(self.x, 0.0), 1.0)
     }
 
-    /// Corrects the state if x is outside of the interval from `least` to `most`.
+    /// Corrects the state if x is outside of the interval from `least` to `most`. An error that is small beside a long
+    /// interval changes the state as an error of one sample, and the time since the last correction goes on.
     fn confine(&mut self, plant: &Plant, least: f32, most: f32) -> Option<Correction> {
-        let error = at_most(at_least(self.x, least), most) - self.x;
-        if error == 0.0 {
-            None
-        } else if error.abs() < LARGEST_CREEP_COUNTS && most - least >= LEAST_CREEP_INTERVAL_COUNTS {
-            Some(self.follow_edge(plant, error))
+        let error = if self.x < least - NEGLIGIBLE_COUNTS {
+            least - self.x
+        } else if self.x > most + NEGLIGIBLE_COUNTS {
+            most - self.x
         } else {
-            Some(self.correct(plant, error))
-        }
+            return None;
+        };
+        let creeps = error.abs() < LARGEST_CREEP_COUNTS && most - least >= LEAST_CREEP_INTERVAL_COUNTS;
+        let gains = if creeps { plant.gains_of_sample } else { self.take_gains(plant) };
+        Some(self.correct(plant, error, gains))
+    }
+
+    /// The gains for the time since the last correction. The time begins again.
+    fn take_gains(&mut self, plant: &Plant) -> Gains {
+        let z = if self.speed_demanded { self.z } else { at_least(self.z, plant.least_holding_z) };
+        let gains = Gains::new(at_least(self.age_s, SAMPLE_S), z);
+        (self.age_s, self.z) = (0.0, 1.0);
+        gains
     }
 
     /// Corrects the state by an error of the predicted position, in counts.
-    fn correct(&mut self, plant: &Plant, error: f32) -> Correction {
-        let (age_s, z) = (at_least(self.age_s, SAMPLE_S), self.z);
-        (self.age_s, self.z) = (0.0, 1.0);
-        self.correct_with(plant, error, age_s, z)
-    }
-
-    /// Corrects the state by a small error while x creeps along an end of its interval. The shaft may be anywhere in the
-    /// interval, so the gains are those of one sample, and the time since the last correction goes on.
-    fn follow_edge(&mut self, plant: &Plant, error: f32) -> Correction {
-        self.correct_with(plant, error, SAMPLE_S, plant.z_per_sample)
-    }
-
-    /// Corrects the state by an error that arose within `age_s` seconds, with the gains that follow from this time and z.
-    fn correct_with(&mut self, plant: &Plant, error: f32, age_s: f32, z: f32) -> Correction {
-        let z = if self.speed_demanded { z } else { at_least(z, plant.least_holding_z) };
-        let faded = 1.0 - z;
-        let rate = 1.0 / age_s;
-        let square = faded * faded;
-        let correction = Correction {
-            error,
-            age_s,
-            position_gain: 1.0 - z * z * z,
-            speed_gain: 1.5 * square * (1.0 + z) * rate,
-            load_gain: square * faded * rate * rate,
-        };
-        let (of_speed, of_load) = (correction.speed_gain * error, correction.load_gain * error);
-        self.x += correction.position_gain * error;
+    fn correct(&mut self, plant: &Plant, error: f32, gains: Gains) -> Correction {
+        let (of_speed, of_load) = (gains.speed * error, gains.load * error);
+        self.x += gains.position * error;
         self.w = within(self.w + of_speed, FASTEST_CPS);
         let largest_load = LARGEST_LOAD_VOLTS * plant.b;
         self.d = within(self.d + of_load, largest_load);
         let largest_acceleration = 2.0 * largest_load + plant.q * FASTEST_CPS;
         let decay = if self.decays_by_drag { plant.drag } else { plant.q };
         self.acceleration = within(self.acceleration + of_load - decay * of_speed, largest_acceleration);
-        correction
+        Correction { error, gains }
     }
 
     /// Sets speed and load of a motor at rest to 0. Otherwise the estimate would wander within its count.
