@@ -170,10 +170,10 @@ impl BurnPulses {
         (self.requested_volts, self.emf_volts, self.pulse) = (requested_volts, emf_volts, Some(pulse));
     }
 
-    /// True if the surplus is at its upper limit. The motor then must stay in its short circuit, and the mean voltage of
-    /// the motor is no longer the requested voltage.
+    /// True if the surplus is nearly at its upper limit. The motor then must stay in its short circuit, and the mean
+    /// voltage of the motor is no longer the requested voltage. The limit may rise a little with the back EMF.
     fn stays_short(&self) -> bool {
-        let is_at_limit = self.surplus_volt_us >= largest_surplus_volt_us(self.emf_volts);
+        let is_at_limit = self.surplus_volt_us >= 0.95 * largest_surplus_volt_us(self.emf_volts);
         self.pulse == Some(Pulse::Short) && is_at_limit
     }
 
