@@ -23,10 +23,10 @@
 //! Once x is late by a whole count, the motor may stand, so every further sample without a count corrects x. While no
 //! speed is demanded, every sample with a late count corrects x.
 //!
-//! The interval is nearly a whole count long if a sample has no count, or if every sample has one. A small error then
-//! says little: x is at an end of the interval, and the shaft may be anywhere in it. The next count may show that x is
-//! wrong by a whole count. The observer must not take this error for a sudden change of speed. So a correction by a
-//! small error has the gains of one sample, and does not count as a correction below.
+//! Such a correction at standstill says little: x is at an edge of its count, and the shaft may be anywhere within the
+//! count. The next count may show that x is wrong by a whole count, and this is no sudden motion. So while no speed is
+//! demanded, the correction by a late count has the gains of one sample, and is no correction in the sense of the next
+//! paragraph.
 //!
 //! The gains follow from the time t since the last correction. They are the gains of a filter with three equal poles at
 //! `exp(-wo t)`. The poles wo and the least z depend on the control period, and a motor with a small gain b gets slower
@@ -49,13 +49,6 @@ pub(super) const SAMPLE_S: f32 = 1e-3;
 const LARGEST_LOAD_VOLTS: f32 = 20.0 * 12.0;
 /// Distance in counts by which x may leave its count while a count is late.
 const LATE_COUNTS: f32 = 1.0;
-/// Error of x, in counts, up to which nothing is corrected. At one count per sample x lies on an end of its interval for
-/// seconds, and without this limit nearly every sample would be corrected by a millionth of a count.
-const NEGLIGIBLE_COUNTS: f32 = 1e-3;
-/// Error of x, in counts, below which x creeps along an end of its interval.
-const LARGEST_CREEP_COUNTS: f32 = 0.1;
-/// Length of the interval, in counts, from which on a small error shows nothing: nearly a whole count.
-const LEAST_CREEP_INTERVAL_COUNTS: f32 = 0.9;
 /// Largest speed in counts/s. The limit is above the speed of any motor's encoder, and bounds the arithmetic in
 /// single precision.
 pub(super) const FASTEST_CPS: f32 = 1e6;
@@ -260,7 +253,8 @@ impl Observer {
                 return None;
             }
             self.overdue = true;
-            return self.confine(plant, 0.0, 1.0);
+            let gains = if self.speed_demanded { self.take_gains(plant) } else { plant.gains_of_sample };
+            return Some(self.correct(plant, self.nearest() - self.x, gains));
         }
         self.overdue = false;
         self.x -= moved as f32;
@@ -290,18 +284,16 @@ impl Observer {
         at_most(at_least(self.x, 0.0), 1.0)
     }
 
-    /// Corrects the state if x is outside of the interval from `least` to `most`. An error that is small beside a long
-    /// interval changes the state as an error of one sample, and the time since the last correction goes on.
+    /// Corrects the state if x is outside of the interval from `least` to `most`.
     fn confine(&mut self, plant: &Plant, least: f32, most: f32) -> Option<Correction> {
-        let error = if self.x < least - NEGLIGIBLE_COUNTS {
+        let error = if self.x < least {
             least - self.x
-        } else if self.x > most + NEGLIGIBLE_COUNTS {
+        } else if self.x > most {
             most - self.x
         } else {
             return None;
         };
-        let creeps = error.abs() < LARGEST_CREEP_COUNTS && most - least >= LEAST_CREEP_INTERVAL_COUNTS;
-        let gains = if creeps { plant.gains_of_sample } else { self.take_gains(plant) };
+        let gains = self.take_gains(plant);
         Some(self.correct(plant, error, gains))
     }
 
@@ -493,19 +485,6 @@ mod tests {
         let mut observer = Observer::new(1.0);
         let fastest = fastest(&mut observer, &plant, |sample| 0.7 - 1e-3 * f64::from(sample));
         assert!(fastest < 12.0, "{fastest} of 1 count/s");
-    }
-
-    #[test]
-    fn at_one_count_per_sample_a_sample_with_two_counts_is_no_sudden_motion() {
-        let plant = plant();
-        let (_, kappa, _) = PLANT;
-        let mut observer = Observer::new(999.999);
-        observer.set_speed_demanded(true);
-        observer.set_voltage(&plant, Some(kappa * 999.999), false);
-        observer.add_load(0.7);
-        // The estimate begins at the lower end of the interval, and the shaft nearly at its upper end.
-        let fastest = fastest(&mut observer, &plant, |sample| 0.99 + 1.000_02 * f64::from(sample));
-        assert!(fastest < 1_006.0, "{fastest} of 1000 counts/s");
     }
 
     #[test]
