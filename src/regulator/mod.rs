@@ -455,6 +455,7 @@ impl Regulator {
             }
         };
         self.requested = output.speed;
+        self.observer.set_should_stand(self.requested == CountsPerSecond::ZERO);
         self.stalled_ms = if counts_due(self.requested) && moved == 0 {
             self.stalled_ms.saturating_add(context.period.as_millis())
         } else {
@@ -572,6 +573,7 @@ impl Regulator {
             self.transition(Transition::OpenBridge);
             self.requested = CountsPerSecond::ZERO;
             self.observer.set_speed_demanded(false);
+            self.observer.set_should_stand(true);
         }
         self.volts = command.map(|command| command.voltage.to_volts());
         self.is_discontinuous =

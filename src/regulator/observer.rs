@@ -24,9 +24,9 @@
 //! speed is demanded, every sample with a late count corrects x.
 //!
 //! Such a correction at standstill says little: x is at an edge of its count, and the shaft may be anywhere within the
-//! count. The next count may show that x is wrong by a whole count, and this is no sudden motion. So while no speed is
-//! demanded, the correction by a late count has the gains of one sample, and is no correction in the sense of the next
-//! paragraph.
+//! count. The next count may show that x is wrong by a whole count, and this is no sudden motion. So while the motor
+//! should stand, the correction by a late count has the gains of one sample, and is no correction in the sense of the
+//! next paragraph.
 //!
 //! The gains follow from the time t since the last correction. They are the gains of a filter with three equal poles at
 //! `exp(-wo t)`. The poles wo and the least z depend on the control period, and a motor with a small gain b gets slower
@@ -199,6 +199,8 @@ pub(super) struct Observer {
     decays_by_drag: bool,
     /// True while a speed is demanded.
     speed_demanded: bool,
+    /// True while the motor should stand.
+    should_stand: bool,
     /// Time since the last correction, in s.
     age_s: f32,
     /// Memory of the filter: exp(-wo age), at least the least z.
@@ -219,6 +221,7 @@ impl Observer {
             coasting: true,
             decays_by_drag: true,
             speed_demanded: false,
+            should_stand: true,
             age_s: 0.0,
             z: 1.0,
             overdue: false,
@@ -253,7 +256,7 @@ impl Observer {
                 return None;
             }
             self.overdue = true;
-            let gains = if self.speed_demanded { self.take_gains(plant) } else { plant.gains_of_sample };
+            let gains = if self.should_stand { plant.gains_of_sample } else { self.take_gains(plant) };
             return Some(self.correct(plant, self.nearest() - self.x, gains));
         }
         self.overdue = false;
@@ -337,6 +340,11 @@ impl Observer {
     /// position at the demanded speed 0, and while the bridge is open.
     pub(super) const fn set_speed_demanded(&mut self, speed_demanded: bool) {
         self.speed_demanded = speed_demanded;
+    }
+
+    /// Notes whether the motor should stand from now on: it holds its position, or its bridge is open.
+    pub(super) const fn set_should_stand(&mut self, should_stand: bool) {
+        self.should_stand = should_stand;
     }
 
     /// Acceleration by load and drag, in counts/s².

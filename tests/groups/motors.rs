@@ -161,7 +161,7 @@ fn a_turn_by_90_degrees_takes_little_more_than_a_second() {
             let targets = BASE.turn(90.0).expect("short");
             command_group(&mut bench, together(pair(targets), 380.0, 850.0));
             let ms = arrive(&mut bench, |_| ());
-            bench.run_ms(500);
+            bench.run_ms(1_000);
             let [left, right] = places(&bench);
             let (error, aside) = (heading([left, right]) - 90.0, left + right);
             let off = [0, 1].map(|wheel| bench.snapshot.motors[wheel].position - targets[wheel]);
