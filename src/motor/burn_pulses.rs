@@ -46,6 +46,9 @@ const PULSE_MICROS: f32 = 1_500.0;
 /// back EMF falls. A motor must stay in its short circuit if another motor ends a short circuit first, if the draw of
 /// the supply is limited, or if the back EMF is near the battery voltage.
 const LARGEST_SURPLUS: f32 = 4.0;
+/// Share of the largest surplus from which on the surplus counts as at its limit. The limit may rise a little with the
+/// back EMF.
+const AT_LIMIT_SHARE: f32 = 0.95;
 
 /// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF, at the least dissipation. At the
 /// end of a short circuit the winding returns energy to the bus. A forward pulse with this share draws about the same
@@ -170,10 +173,10 @@ impl BurnPulses {
         (self.requested_volts, self.emf_volts, self.pulse) = (requested_volts, emf_volts, Some(pulse));
     }
 
-    /// True if the surplus is nearly at its upper limit. The motor then must stay in its short circuit, and the mean
-    /// voltage of the motor is no longer the requested voltage. The limit may rise a little with the back EMF.
+    /// True if the surplus is at its upper limit. The motor then must stay in its short circuit, and the mean voltage of
+    /// the motor is no longer the requested voltage.
     fn stays_short(&self) -> bool {
-        let is_at_limit = self.surplus_volt_us >= 0.95 * largest_surplus_volt_us(self.emf_volts);
+        let is_at_limit = self.surplus_volt_us >= AT_LIMIT_SHARE * largest_surplus_volt_us(self.emf_volts);
         self.pulse == Some(Pulse::Short) && is_at_limit
     }
 

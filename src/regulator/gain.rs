@@ -320,7 +320,7 @@ mod tests {
             count += moved;
             estimate.predict(&estimated, observer.speed(), Some(u));
             observer.predict(&estimated);
-            if let Some(correction) = observer.update(&estimated, moved) {
+            if let Some(correction) = observer.update(&estimated, moved, false) {
                 estimate.correct(&estimated, &correction, moved, Some(u), false);
             }
         }
@@ -374,7 +374,7 @@ mod tests {
         for _ in 0..2_000 {
             estimate.predict(&plant, observer.speed(), Some(12.0));
             observer.predict(&plant);
-            if let Some(correction) = observer.update(&plant, 0) {
+            if let Some(correction) = observer.update(&plant, 0, false) {
                 estimate.correct(&plant, &correction, 0, Some(12.0), true);
             }
             assert!(estimate.take_gain(&plant).is_none());

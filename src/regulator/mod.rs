@@ -267,28 +267,28 @@ impl Regulator {
 
     /// Takes a sample of the encoder. The estimates are best with a sample every millisecond and a jitter below 0.5 ms.
     pub fn sample(&mut self, reading: Reading) {
-        let Some(last) = &mut self.last else {
-            (self.last, self.predicted_until) = (Some(reading), reading.at);
+        let Some(last) = self.last.replace(reading) else {
+            self.predicted_until = reading.at;
             return;
         };
         let moved = reading.position.wrapping_sub(last.position);
         let before = last.at;
-        *last = reading;
         if reading.at == before {
             return;
         }
+        let should_stand = self.requested == CountsPerSecond::ZERO;
         let gap = samples(before, reading.at);
         let passed =
             if self.predicted_until == before { gap } else { samples(self.predicted_until, reading.at) };
         self.predict(passed, reading.at);
         if gap > LONGEST_GAP_SAMPLES {
             self.restart(within(1_000.0 * moved as f32 / gap as f32, FASTEST_CPS));
-        } else if let Some(correction) = self.observer.update(&self.plant, moved)
+        } else if let Some(correction) = self.observer.update(&self.plant, moved, should_stand)
             && let Some(estimate) = &mut self.gain_estimate
         {
             // A motor without a requested speed may be held at rest. At a requested speed a stop may block the motor.
             let uncertain = self.stalled_ms >= STALLED_MS
-                || self.requested == CountsPerSecond::ZERO
+                || should_stand
                 || counts_due(self.requested) && reading.at.since(reading.edge_at) >= UNCERTAIN_EDGE_MICROS;
             estimate.correct(&self.plant, &correction, moved, self.volts, uncertain);
         }
@@ -455,7 +455,6 @@ impl Regulator {
             }
         };
         self.requested = output.speed;
-        self.observer.set_should_stand(self.requested == CountsPerSecond::ZERO);
         self.stalled_ms = if counts_due(self.requested) && moved == 0 {
             self.stalled_ms.saturating_add(context.period.as_millis())
         } else {
@@ -573,7 +572,6 @@ impl Regulator {
             self.transition(Transition::OpenBridge);
             self.requested = CountsPerSecond::ZERO;
             self.observer.set_speed_demanded(false);
-            self.observer.set_should_stand(true);
         }
         self.volts = command.map(|command| command.voltage.to_volts());
         self.is_discontinuous =

@@ -199,8 +199,6 @@ pub(super) struct Observer {
     decays_by_drag: bool,
     /// True while a speed is demanded.
     speed_demanded: bool,
-    /// True while the motor should stand.
-    should_stand: bool,
     /// Time since the last correction, in s.
     age_s: f32,
     /// Memory of the filter: exp(-wo age), at least the least z.
@@ -221,7 +219,6 @@ impl Observer {
             coasting: true,
             decays_by_drag: true,
             speed_demanded: false,
-            should_stand: true,
             age_s: 0.0,
             z: 1.0,
             overdue: false,
@@ -248,15 +245,15 @@ impl Observer {
 
     /// Corrects the state by a sample with `moved` counts since the previous sample. Returns the correction; `None`
     /// if nothing is corrected. While a speed is demanded, a late count corrects nothing before the count comes, or is
-    /// late by a whole count.
-    pub(super) fn update(&mut self, plant: &Plant, moved: i32) -> Option<Correction> {
+    /// late by a whole count. `should_stand` is true if the requested speed is 0.
+    pub(super) fn update(&mut self, plant: &Plant, moved: i32, should_stand: bool) -> Option<Correction> {
         if moved == 0 {
             let late = if self.speed_demanded && !self.overdue { LATE_COUNTS } else { 0.0 };
             if (-late..=1.0 + late).contains(&self.x) {
                 return None;
             }
             self.overdue = true;
-            let gains = if self.should_stand { plant.gains_of_sample } else { self.take_gains(plant) };
+            let gains = if should_stand { plant.gains_of_sample } else { self.take_gains(plant) };
             return Some(self.correct(plant, self.nearest() - self.x, gains));
         }
         self.overdue = false;
@@ -275,10 +272,7 @@ impl Observer {
     /// A copy of the estimate, corrected as if a late count came now.
     pub(super) fn with_late_count(&self, plant: &Plant) -> Self {
         let mut corrected = *self;
-        if self.is_late() {
-            let gains = corrected.take_gains(plant);
-            let _ = corrected.correct(plant, self.nearest() - self.x, gains);
-        }
+        let _ = corrected.confine(plant, 0.0, 1.0);
         corrected
     }
 
@@ -340,11 +334,6 @@ impl Observer {
     /// position at the demanded speed 0, and while the bridge is open.
     pub(super) const fn set_speed_demanded(&mut self, speed_demanded: bool) {
         self.speed_demanded = speed_demanded;
-    }
-
-    /// Notes whether the motor should stand from now on: it holds its position, or its bridge is open.
-    pub(super) const fn set_should_stand(&mut self, should_stand: bool) {
-        self.should_stand = should_stand;
     }
 
     /// Acceleration by load and drag, in counts/s².
@@ -424,7 +413,7 @@ mod tests {
             }
             let now = position(f64::from(sample) * 1e-3).floor() as i32;
             observer.predict(&plant);
-            let _ = observer.update(&plant, now - last);
+            let _ = observer.update(&plant, now - last, false);
             last = now;
         }
         observer
@@ -474,13 +463,13 @@ mod tests {
         assert!((load + 20.0 * q).abs() < 30.0, "{load} for {}", -20.0 * q);
     }
 
-    /// Returns the largest speed of the estimate in the last second, in counts/s.
+    /// Returns the largest speed of the estimate within a second in which the motor should stand, in counts/s.
     fn fastest(observer: &mut Observer, plant: &Plant, position: impl Fn(u32) -> f64) -> f32 {
         let mut fastest = 0.0f32;
         for sample in 1..=1_000 {
             observer.predict(plant);
             let moved = position(sample).floor() - position(sample - 1).floor();
-            let _ = observer.update(plant, moved as i32);
+            let _ = observer.update(plant, moved as i32, true);
             fastest = fastest.max(observer.speed().abs());
         }
         fastest
