@@ -2,7 +2,10 @@
 
 mod common;
 
-use common::{Bench, ScriptedMotor, configured, free_cps, motor, plant, position, unknown, velocity};
+use common::{
+    Bench, ScriptedMotor, configured, free_cps, inertia, motor, neverest_60, plant, position, unknown,
+    velocity,
+};
 use motor_hub::braking::Winding;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::friction::Friction;
@@ -10,7 +13,7 @@ use motor_hub::model::load::Load;
 use motor_hub::model::si::NewtonMetres;
 use motor_hub::motor::{Report, Setpoint, Settings};
 use motor_hub::regulator::{Dynamics, Kind};
-use motor_hub::units::{AccelerationPerVolt, DecayRate, Micros, Millivolts, Period};
+use motor_hub::units::{AccelerationPerVolt, Control, DecayRate, Micros, Millivolts, Period};
 
 /// A NeveRest 60 with about its own inertia.
 fn known() -> Settings {
@@ -223,4 +226,38 @@ fn a_motor_with_three_times_its_inertia_configured_does_not_swing_about_its_spee
         }
     }
     assert!(bad.is_empty(), "{} bad:\n{}", bad.len(), bad.join("\n"));
+}
+
+/// Rms of a motor's true speed about its mean.
+fn swing(speeds: &[f64]) -> f64 {
+    let mean = speeds.iter().sum::<f64>() / speeds.len() as f64;
+    (speeds.iter().map(|cps| (cps - mean).powi(2)).sum::<f64>() / speeds.len() as f64).sqrt()
+}
+
+#[test]
+fn a_load_that_swings_moves_a_regulated_motor_soon_at_most_1_2_times_as_far_as_one_at_constant_power() {
+    let (motor, load) = (neverest_60(), inertia(0.05));
+    let mut too_far = Vec::new();
+    for period in [10, 50] {
+        for hz in [0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 7.0, 8.0, 10.0, 14.0, 20.0] {
+            let mut bench =
+                Bench::new([configured(&motor, &load); 2], [0, 1].map(|_| plant(motor, load)), period);
+            bench.set(0, velocity(1_360));
+            bench.set(1, Setpoint::ConstantPower(Control::new(14_828)));
+            let mut speeds = [const { Vec::new() }; 2];
+            for ms in 0..20_000 {
+                let torque = 0.4 * (std::f64::consts::TAU * hz * f64::from(ms) / 1e3).sin();
+                bench.axes.iter_mut().for_each(|axis| axis.torque = torque);
+                bench.run_ms(1);
+                if ms >= 10_000 {
+                    speeds.iter_mut().enumerate().for_each(|(i, speeds)| speeds.push(bench.speed(i)));
+                }
+            }
+            let [regulated, free] = speeds.map(|speeds| swing(&speeds));
+            if regulated > 1.2 * free {
+                too_far.push(format!("{hz} Hz, {period} ms: {:.2}", regulated / free));
+            }
+        }
+    }
+    assert!(too_far.is_empty(), "times as far: {too_far:?}");
 }

@@ -63,9 +63,9 @@ const LEAST_GAIN_SHARE: f32 = 0.7;
 
 /// Factor by which the acceleration per volt in use is raised after each half swing of a speed that swings: see
 /// `swings.rs`.
-const GAIN_STEP: f32 = 1.2;
+const GAIN_STEP: f32 = 1.4;
 /// Largest ratio of the acceleration per volt in use to the configured one.
-const LARGEST_GAIN_RATIO: f32 = 2.0;
+const LARGEST_GAIN_RATIO: f32 = 4.0;
 
 /// Error of the speed, as a back EMF in V, below which a motor has reached its requested speed.
 const AT_SPEED_VOLTS: f32 = 1.0;
@@ -354,6 +354,10 @@ impl Regulator {
         let old = self.plant;
         let gain = settings.dynamics.map_or(old.b, |dynamics| self.gain_ratio * dynamics.gain.to_f32());
         self.set_constants(settings, gain, period);
+        if self.plant.kappa != old.kappa {
+            // Another back EMF may end the swings.
+            self.swings = Swings::default();
+        }
         self.observer.keep_acceleration(&old, &self.plant, self.volts);
         self.pass_voltage();
     }
@@ -495,10 +499,6 @@ impl Regulator {
                     let correction_volts = self.law.correction_volts(&present, target.demanded);
                     let emf_volts = self.plant.kappa * present.speed();
                     output.hunts = self.hunting.step(&target, voltage, correction_volts, emf_volts, context);
-                    if output.hunts {
-                        // A lower back EMF may end the swings.
-                        self.swings = Swings::default();
-                    }
                 }
                 output
             }

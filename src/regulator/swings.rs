@@ -35,7 +35,7 @@ impl Swings {
     const LEAST_ERROR_SHARE: f32 = 0.008;
     /// Least error that counts as a swing, in counts/s.
     const LEAST_ERROR_CPS: f32 = 0.8;
-    /// Longest duration of a short half swing, in ms. At a long control period a half swing of up to three ticks is
+    /// Longest duration of a short half swing, in ms. At a long control period a half swing of up to four ticks is
     /// short too.
     const SHORT_HALF_SWING_MS: u32 = 150;
     /// Number of short half swings in a row after which each further one shows that the speed swings.
@@ -57,7 +57,7 @@ impl Swings {
         if error.abs() <= limit || side == self.side {
             return false;
         }
-        let short = self.side != 0 && self.age_ms <= Self::SHORT_HALF_SWING_MS.max(3 * period_ms);
+        let short = self.side != 0 && self.age_ms <= Self::SHORT_HALF_SWING_MS.max(4 * period_ms);
         self.half_swings = if short { self.half_swings.saturating_add(1) } else { 0 };
         (self.side, self.age_ms) = (side, 0);
         self.half_swings > Self::MOST_HALF_SWINGS
@@ -88,13 +88,13 @@ mod tests {
     #[test]
     fn a_speed_that_swings_for_some_half_swings_is_found() {
         assert_eq!(found(square(20.0, 1), |_| true), Some(4));
-        assert_eq!(found(square(20.0, 3), |_| true), Some(12));
+        assert_eq!(found(square(20.0, 4), |_| true), Some(16));
     }
 
     #[test]
     fn a_small_or_slow_or_ending_swing_and_a_constant_error_are_not_found() {
         assert_eq!(found(square(7.0, 1), |_| true), None);
-        assert_eq!(found(square(20.0, 4), |_| true), None);
+        assert_eq!(found(square(20.0, 5), |_| true), None);
         assert_eq!(found(|_| 20.0, |_| true), None);
         // Each half swing is half as large as the last one.
         assert_eq!(found(|tick| square(50.0, 1)(tick) / (1 << tick.min(20)) as f32, |_| true), None);
