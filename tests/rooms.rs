@@ -1,9 +1,11 @@
 //! Checks which modules (rooms) and packages may import which others. Two tables in CONTRIBUTING.md have the rules. The
-//! checks search the text of sources and manifests, without comments.
+//! checks search the text of sources, without comments. Of packages they ask cargo.
 
+use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// Each room or package, with the rooms or packages that it may import.
 type Rules = BTreeMap<String, BTreeSet<String>>;
@@ -135,21 +137,9 @@ fn every_module_and_package_has_a_rule_and_every_rule_is_of_one() {
         .collect();
     assert_eq!(rooms, modules, "left: rules of CONTRIBUTING.md, right: modules of src/lib.rs");
 
-    let packages: BTreeSet<String> = table(PACKAGES).into_keys().collect();
-    let manifest = read("Cargo.toml");
-    let members =
-        manifest.split_once("members = [").and_then(|(_, rest)| rest.split_once(']')).expect("members").0;
-    let boards = || {
-        let folders = fs::read_dir("boards").into_iter().flatten().flatten().map(|entry| entry.path());
-        folders.filter(|path| path.is_dir()).map(|path| path.display().to_string())
-    };
-    let members = members.split('"').skip(1).step_by(2).flat_map(|path| match path {
-        "." => vec!["src".to_owned()],
-        "boards/*" => boards().collect(),
-        path => vec![path.to_owned()],
-    });
-    let members: BTreeSet<String> = members.collect();
-    assert_eq!(packages, members, "left: rules of CONTRIBUTING.md, right: members of Cargo.toml");
+    let rules: BTreeSet<String> = table(PACKAGES).into_keys().collect();
+    let packages: BTreeSet<String> = packages().into_keys().collect();
+    assert_eq!(rules, packages, "left: rules of CONTRIBUTING.md, right: members of Cargo.toml");
 }
 
 #[test]
@@ -205,55 +195,30 @@ fn only_programs_print() {
     }));
 }
 
-/// A line of a manifest that names a dependency.
-struct Dependency {
-    line: usize,
-    name: String,
-    /// Everything after the name.
-    how: String,
-    /// True for a dependency of the tests only.
-    dev: bool,
-}
-
-fn dependencies(package: &str) -> Vec<Dependency> {
-    let text = manifest(package);
-    let (mut found, mut section) = (Vec::new(), String::new());
-    for (line, text) in (1..).zip(text.lines().map(str::trim)) {
-        if let Some(header) = text.strip_prefix('[') {
-            section = header.trim_end_matches(']').to_owned();
-        } else if section.ends_with("dependencies") && !section.starts_with("workspace") {
-            let end = text.find(['.', ' ', '=']).unwrap_or_default();
-            let (name, how) = text.split_at(end);
-            if !name.is_empty() && !name.starts_with('#') {
-                found.push(Dependency {
-                    line,
-                    name: name.into(),
-                    how: how.into(),
-                    dev: section.contains("dev-"),
-                });
-            }
-        }
-    }
-    found
-}
-
-fn manifest_path(package: &str) -> String {
-    if package == "src" { "Cargo.toml".to_owned() } else { format!("{package}/Cargo.toml") }
-}
-
-fn manifest(package: &str) -> String {
-    // Another test checks that every package exists.
-    fs::read_to_string(root().join(manifest_path(package))).unwrap_or_default()
-}
-
-/// The packages of the table by their names.
-fn by_name(packages: &Rules) -> BTreeMap<String, String> {
-    let name = |path: &String| {
-        let manifest = manifest(path);
-        let line = manifest.lines().find_map(|line| line.strip_prefix("name = "))?;
-        Some((line.trim_matches('"').to_owned(), path.clone()))
+/// The dependencies of each package of the workspace, as `cargo metadata` reports them, by the folder of the package.
+fn packages() -> BTreeMap<String, Vec<Value>> {
+    let mut cargo = Command::new(env!("CARGO"));
+    let metadata =
+        cargo.args(["metadata", "--no-deps", "--offline", "--format-version=1"]).current_dir(root());
+    let metadata = metadata.output().expect("cargo runs");
+    let metadata: Value = serde_json::from_slice(&metadata.stdout).expect("the packages of the workspace");
+    let each = |package: &Value| {
+        let manifest = package["manifest_path"].as_str()?.trim_end_matches("/Cargo.toml");
+        Some((folder(manifest), package["dependencies"].as_array()?.clone()))
     };
-    packages.keys().filter_map(name).collect()
+    metadata["packages"].as_array().into_iter().flatten().filter_map(each).collect()
+}
+
+/// Folder of a package in the repository. The folder of the library is `src`.
+fn folder(path: &str) -> String {
+    let folder =
+        Path::new(path).strip_prefix(root()).expect("a package of the workspace").display().to_string();
+    if folder.is_empty() { "src".to_owned() } else { folder }
+}
+
+/// True for a dependency of the tests only.
+fn is_dev(dependency: &Value) -> bool {
+    dependency["kind"] == "dev"
 }
 
 /// Returns the level of a package's wing, from the inside out: src, boards, host, and then tools.
@@ -264,42 +229,43 @@ fn wing(package: &str) -> usize {
 #[test]
 fn packages_depend_only_on_what_they_may_and_no_wing_on_one_outside_it() {
     let rules = table(PACKAGES);
-    let names = by_name(&rules);
-    for (package, allowed) in &rules {
-        for Dependency { line, name, dev, .. } in dependencies(package) {
-            let Some(other) = names.get(&name) else { continue };
-            let place = format!("{}:{line}", manifest_path(package));
-            assert!(wing(other) <= wing(package), "{place}: {package} is further inside than {other}");
-            assert!(dev || allowed.contains(other), "{place}: {package} may not depend on {other}");
+    for (package, dependencies) in packages() {
+        for dependency in dependencies {
+            let Some(other) = dependency["path"].as_str().map(folder) else { continue };
+            // The tests of the library use the library with more of its features.
+            if other == package {
+                continue;
+            }
+            assert!(wing(&other) <= wing(&package), "{package} is further inside than {other}");
+            assert!(
+                is_dev(&dependency) || rules[&package].contains(&other),
+                "{package} may not depend on {other}"
+            );
         }
     }
 }
 
 #[test]
 fn crates_of_others_stay_in_the_rooms_that_are_for_them() {
-    for package in table(PACKAGES).keys() {
-        for Dependency { line, name, dev, .. } in dependencies(package) {
-            let place = format!("{}:{line}", manifest_path(package));
-            assert!(package != "xtask", "{place}: xtask needs nothing, so that it is built at once");
-            assert!(package == "host/cli" || name != "clap", "{place}: only host/cli reads options");
-            let embassy = name.starts_with("embassy-") && !dev;
-            assert!(!embassy || wing(package) < 2, "{place}: packages of the host do not use embassy");
+    for (package, dependencies) in packages() {
+        assert!(
+            package != "xtask" || dependencies.is_empty(),
+            "xtask needs nothing, so that it is built at once"
+        );
+        for dependency in dependencies {
+            let name = dependency["name"].as_str().expect("a name");
+            assert!(package == "host/cli" || name != "clap", "{package}: only host/cli reads options");
+            let embassy = name.starts_with("embassy-") && !is_dev(&dependency);
+            assert!(!embassy || wing(&package) < 2, "{package}: packages of the host do not use embassy");
         }
     }
 }
 
 #[test]
 fn the_client_builds_without_the_tasks() {
-    let client = dependencies("host/client");
-    let core =
-        client.iter().find(|d| d.name == "motor-hub" && !d.dev).expect("the client is built on motor-hub");
-    let of_workspace = read("Cargo.toml");
-    let of_workspace = of_workspace.lines().find(|line| line.starts_with("motor-hub = ")).unwrap_or_default();
-    let inherited = core.how.contains("workspace = true") || core.how.contains(".workspace");
-    let how = format!("{} {}", core.how, if inherited { of_workspace } else { "" });
-    assert!(
-        how.contains("default-features = false") && !how.contains("\"tasks\""),
-        "host/client/Cargo.toml:{}: motor-hub must be without its feature tasks: {how}",
-        core.line
-    );
+    let client = &packages()["host/client"];
+    let core = client.iter().find(|one| one["name"] == "motor-hub" && !is_dev(one)).expect("the library");
+    let features = core["features"].as_array().expect("a list");
+    assert_eq!(core["uses_default_features"], false, "{core}");
+    assert!(!features.contains(&"tasks".into()), "{core}");
 }
