@@ -64,6 +64,16 @@ pub(crate) enum Code {
     Corrects,
 }
 
+/// What becomes of writes while the power is on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Wear {
+    None,
+    /// Writes and erasures fail.
+    Refuses,
+    /// Writes of these bytes succeed, but nothing is stored.
+    Drops(fn(&[u8]) -> bool),
+}
+
 /// Where and how the power fails.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cut {
@@ -78,6 +88,7 @@ pub(crate) struct Cut {
 pub(crate) struct Flash<const WORD: usize, const PAGE: usize> {
     pub(crate) bytes: Vec<u8>,
     pub(crate) code: Code,
+    pub(crate) wear: Wear,
     /// Words whose code does not fit.
     torn: Vec<bool>,
     /// Words that read as blank, but whose code has been written.
@@ -95,7 +106,8 @@ impl<const WORD: usize, const PAGE: usize> Flash<WORD, PAGE> {
     pub(crate) fn new(pages: usize, code: Code) -> Self {
         let words = vec![false; pages * PAGE / WORD];
         let bytes = vec![0xFF; pages * PAGE];
-        Self { bytes, code, torn: words.clone(), coded: words, steps: 0, erased: 0, cut: None }
+        let (wear, torn) = (Wear::None, words.clone());
+        Self { bytes, code, wear, torn, coded: words, steps: 0, erased: 0, cut: None }
     }
 
     /// The same content after the next power-on.
@@ -121,6 +133,10 @@ impl<const WORD: usize, const PAGE: usize> Flash<WORD, PAGE> {
         self.has_power()?;
         let step = self.steps;
         self.steps += 1;
+        if matches!(self.wear, Wear::Refuses) {
+            assert!(step < 1_000, "a refused write is repeated without a pause");
+            return Err(NoPower);
+        }
         Ok(self.cut.filter(|cut| cut.step == step).map(|cut| (cut.tear, Random(cut.seed))))
     }
 
@@ -134,6 +150,9 @@ impl<const WORD: usize, const PAGE: usize> Flash<WORD, PAGE> {
 
     pub(crate) fn write(&mut self, at: usize, bytes: &[u8]) -> Result<(), NoPower> {
         assert_eq!([at % WORD, bytes.len() % WORD], [0; 2], "whole words");
+        if matches!(self.wear, Wear::Drops(drops) if drops(bytes)) {
+            return Ok(());
+        }
         for (number, bytes) in (at / WORD..).zip(bytes.chunks(WORD)) {
             let cut = self.step()?;
             let word = &mut self.bytes[number * WORD..][..WORD];

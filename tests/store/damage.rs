@@ -1,8 +1,7 @@
 //! Damaged bits, memories that fail, and saves while motors run.
 
 use crate::flash::{block_on, keeper, read, write};
-use crate::torn_flash::{Code, Flash, NoPower};
-use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
+use crate::torn_flash::{Code, Flash, Wear};
 use motor_hub::store::{Found, Outcome, SettingsRecord, StoreRequest, Stored};
 use motor_hub::tasks::store::Keeper;
 use sequential_storage::cache::Cache;
@@ -119,61 +118,14 @@ fn a_later_version_is_reported_and_kept() {
     }
 }
 
-/// A flash that stores no settings. If `says_so` is true, each write fails with an error. Otherwise writes succeed, but
-/// only marks of pages are stored.
-struct Worn {
-    says_so: bool,
-    bytes: [u8; 2048],
-}
-
-impl Worn {
-    fn new(says_so: bool) -> Self {
-        Self { says_so, bytes: [0xFF; 2048] }
-    }
-}
-
-impl ErrorType for Worn {
-    type Error = NoPower;
-}
-
-impl ReadNorFlash for Worn {
-    const READ_SIZE: usize = 1;
-
-    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NoPower> {
-        bytes.copy_from_slice(&self.bytes[offset as usize..][..bytes.len()]);
-        Ok(())
-    }
-
-    fn capacity(&self) -> usize {
-        2048
-    }
-}
-
-impl NorFlash for Worn {
-    const WRITE_SIZE: usize = 4;
-    const ERASE_SIZE: usize = 1024;
-
-    async fn erase(&mut self, _: u32, _: u32) -> Result<(), NoPower> {
-        Ok(())
-    }
-
-    async fn write(&mut self, offset: u32, word: &[u8]) -> Result<(), NoPower> {
-        if self.says_so {
-            return Err(NoPower);
-        }
-        if word == [0; 4] {
-            self.bytes[offset as usize..][..4].fill(0);
-        }
-        Ok(())
-    }
-}
-
 #[test]
 fn a_memory_that_loses_writes_is_reported() {
-    for (says_so, outcome) in [(true, Outcome::Refused), (false, Outcome::Lost)] {
-        let mut keeper = Keeper::new(Worn::new(says_so), 0..2048).expect("two pages");
-        let order = StoreRequest { record: Some(record(1)), erase_first: false, may_erase: true };
-        let done = block_on(keeper.carry_out(&order));
+    // The second memory stores only the marks of pages, which are words of zeros.
+    let no_mark: fn(&[u8]) -> bool = |word| word != [0; 4];
+    for (wear, outcome) in [(Wear::Refuses, Outcome::Refused), (Wear::Drops(no_mark), Outcome::Lost)] {
+        let mut flash = Flash::<4, 1024>::new(2, Code::None);
+        flash.wear = wear;
+        let done = write(&mut flash, &record(1), true);
         assert_eq!(done.outcome, outcome);
         assert_eq!(done.found.map(|found| found.stored), Some(Stored::Nothing));
     }
@@ -182,7 +134,8 @@ fn a_memory_that_loses_writes_is_reported() {
 #[test]
 fn a_range_that_is_not_two_pages_is_refused() {
     for range in [0..1024, 0..3072, 512..2560, 0..0] {
-        assert!(Keeper::new(Worn::new(true), range.clone()).is_none(), "{range:?}");
+        let mut flash = Flash::<4, 1024>::new(2, Code::None);
+        assert!(Keeper::new(&mut flash, range.clone()).is_none(), "{range:?}");
     }
 }
 
