@@ -1,11 +1,4 @@
 //! The record of events survives a reset at any byte. Other contents of the memory are no record.
-#![expect(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::indexing_slicing,
-    reason = "a failed access is a failed test"
-)]
-
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::hub::Snapshot;
 use motor_hub::motor::EncoderFault;

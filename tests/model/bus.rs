@@ -1,24 +1,21 @@
 //! The bus of the model: energy is conserved, a source that cannot sink takes no current, and bridges switch themselves
 //! off.
 
+use crate::{BRIDGE, am60};
 use motor_hub::bridge::{Mode, State};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::bus::{Bus, Protection, Shutdown};
-use motor_hub::model::catalogue::characterised;
 use motor_hub::model::load::Load;
 use motor_hub::model::plant::{Flow, Plant, PlantInput};
 use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{Amps, Hertz, KgM2, Ohms, RadPerSec, Seconds, Volts};
-use motor_hub::model::switching::Bridge;
 
 const SOURCE: Battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
-const BRIDGE: Bridge = Bridge::lossy(Volts(0.7), Ohms(0.05));
 
 /// A NeveRest 60 that turns a flywheel at this share of the speed whose back EMF is 12 V, on 1000 uF.
 fn spinning(share: f64, bus: impl FnOnce(&mut Bus)) -> Rig {
-    let motor = characterised("AM 60 A").expect("known").with_measured_rotor_inertia();
-    let load = Load { inertia_after: KgM2(0.2), ..Load::NONE };
-    let mut plant = Plant::new(motor, load, BRIDGE, Hertz(20_000.0));
+    let motor = am60();
+    let mut plant = Plant::new(motor, Load::inertia(KgM2(0.2)), BRIDGE, Hertz(20_000.0));
     plant.set_state(Amps(0.0), RadPerSec(share * 12.0 / motor.ke.0), 0.0);
     let mut capacitor = Bus::new(SOURCE, 1e-3);
     bus(&mut capacitor);

@@ -1,18 +1,16 @@
 //! Dry friction and cogging of the plant, compared with an integration in small steps by another method, and with
 //! closed forms.
 
-#![cfg(feature = "model")]
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
-
-use motor_hub::bridge::{BridgeConstants, Mode, State};
-use motor_hub::model::catalogue::{Motor, characterised, motors};
+use crate::{BRIDGE, close, motor};
+use motor_hub::bridge::{Mode, State};
+use motor_hub::model::catalogue::{Motor, motors};
 use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::plant::{Flow, Plant, PlantInput};
 use motor_hub::model::si::{Amps, Drag, Hertz, KgM2, NewtonMetres, RadPerSec, Seconds, Volts};
 use motor_hub::model::switching::{Bridge, Circuit, Conditions};
 
-const BATTERY: Volts = Volts(12.0);
+const BATTERY: Volts = Volts(crate::BATTERY);
 const PWM: Hertz = Hertz(20e3);
 
 /// A motor with friction and cogging in percent of its stall torque at 12 V.
@@ -26,7 +24,7 @@ fn rough(motor: Motor, coulomb: f64, cogging: f64) -> Motor {
 }
 
 fn am60(coulomb: f64, cogging: f64) -> Motor {
-    rough(characterised("AM 60 A").unwrap(), coulomb, cogging)
+    rough(motor("AM 60 A"), coulomb, cogging)
 }
 
 fn bare(motor: Motor) -> Plant {
@@ -35,10 +33,6 @@ fn bare(motor: Motor) -> Plant {
 
 /// The battery voltage on the motor during the whole PWM period.
 const FULL: PlantInput = PlantInput::pwm(Mode::Cw98, 1.0);
-
-fn close(got: f64, want: f64, tolerance: f64, what: impl core::fmt::Debug) {
-    assert!((got - want).abs() <= tolerance, "{what:?}: {got} instead of {want}");
-}
 
 /// Motor and load by Moreau's time stepping. After the free motion of a small step friction takes an impulse of at most
 /// its torque times the step. Friction never turns the shaft back.
@@ -115,7 +109,7 @@ fn plant_with_friction_and_cogging_follows_an_integration_in_small_steps() {
     let (mut stops, mut turns) = (0, 0);
     for name in ["AM 60 A", "AM 3.7 B"] {
         for (coulomb, cogging) in cases {
-            let motor = rough(characterised(name).unwrap(), coulomb, cogging);
+            let motor = rough(motor(name), coulomb, cogging);
             let load = Load::inertia(KgM2(3e-6 * motor.gear_ratio * motor.gear_ratio));
             let shaft = Shaft::new(&motor, &load);
             let mut plant = Plant::new(motor, load, Bridge::IDEAL, PWM);
@@ -138,7 +132,7 @@ fn plant_with_friction_and_cogging_follows_an_integration_in_small_steps() {
                     turns += u32::from(before * plant.speed().0 < 0.0);
                     let misses = [
                         (plant.speed().0 - steps.speed).abs() * motor.ke.0 / BATTERY.0,
-                        (plant.angle() - steps.angle).abs() / core::f64::consts::TAU,
+                        (plant.angle() - steps.angle).abs() / std::f64::consts::TAU,
                         (flow.friction_heat.0 - steps.heat).abs() / flow.energy_from_battery.0,
                     ];
                     let what = format!("{name} {coulomb} % {cogging} %, part {n}: {misses:?}");
@@ -229,7 +223,7 @@ fn a_load_on_the_output_breaks_away_either_way() {
 fn coasting_down_ends_when_the_closed_form_says_and_where() {
     for name in ["AM 60 A", "AM 3.7 B", "CoreHex A"] {
         for coulomb in [0.5, 5.0, 20.0] {
-            let motor = rough(characterised(name).unwrap(), coulomb, 0.0);
+            let motor = rough(motor(name), coulomb, 0.0);
             let (inertia, drag, torque) = (motor.j.0, motor.b.0, motor.friction.coulomb.0);
             for start in [0.3, -0.7].map(|share| share * BATTERY.0 / motor.ke.0) {
                 // w(t) = (w0 + C/B) exp(-t B/J) - C/B.
@@ -265,7 +259,7 @@ fn pulled_by_a_slow_spring_the_shaft_sticks_and_slips() {
     let (coulomb, breakaway) = (motor.friction.coulomb.0, motor.friction.breakaway.0);
     // The free shaft oscillates on the spring at 20 Hz. The spring is pulled so slowly that a slip takes no time in
     // comparison.
-    let stiffness = motor.j.0 * (core::f64::consts::TAU * 20.0).powi(2);
+    let stiffness = motor.j.0 * (std::f64::consts::TAU * 20.0).powi(2);
     let pull = (breakaway - coulomb) / stiffness;
     let mut plant = bare(motor);
     let mut slips: Vec<f64> = Vec::new();
@@ -297,8 +291,8 @@ fn pulled_by_a_slow_spring_the_shaft_sticks_and_slips() {
 fn battery_energy_is_heat_friction_and_what_is_stored() {
     for (coulomb, cogging) in [(0.0, 0.0), (5.0, 0.0), (0.0, 5.0), (5.0, 3.0)] {
         for name in ["AM 60 A", "AM 20 B", "CoreHex A"] {
-            let motor = Motor { b: Drag(0.0), ..rough(characterised(name).unwrap(), coulomb, cogging) };
-            let mut plant = Plant::new(motor, Load::NONE, Bridge::new(BridgeConstants::IDEAL), PWM);
+            let motor = Motor { b: Drag(0.0), ..rough(motor(name), coulomb, cogging) };
+            let mut plant = Plant::new(motor, Load::NONE, BRIDGE, PWM);
             let mut flow = Flow::default();
             for (mode, duty) in
                 [(Mode::Cw98, 0.6), (Mode::Ccw62, 0.8), (Mode::Brake50, 0.5), (Mode::Cw98, 0.3)]
@@ -348,7 +342,7 @@ fn without_friction_the_way_through_it_changes_no_bit() {
 #[test]
 fn cogging_alone_takes_nothing_from_a_coasting_rotor() {
     let motor = Motor { b: Drag(0.0), ..am60(0.0, 5.0) };
-    let tooth = core::f64::consts::TAU / 10.0;
+    let tooth = std::f64::consts::TAU / 10.0;
     let energy =
         |plant: &Plant| 0.5 * motor.j.0 * plant.speed().0.powi(2) + motor.cogging.energy(plant.angle()).0;
     let peak = motor.cogging.energy(0.5 * tooth).0;
@@ -365,7 +359,7 @@ fn cogging_alone_takes_nothing_from_a_coasting_rotor() {
             slowest = plant.speed().0.min(slowest);
             fastest = plant.speed().0.max(fastest);
         }
-        assert!(plant.angle() > 5.0 * core::f64::consts::TAU, "{share}: {}", plant.angle());
+        assert!(plant.angle() > 5.0 * std::f64::consts::TAU, "{share}: {}", plant.angle());
         close(fastest / start, 1.0, 1e-6, share);
         close(slowest / start, (1.0 - 1.0 / share).sqrt(), 2e-3, share);
     }
@@ -383,7 +377,7 @@ fn a_rotor_swings_in_its_notch_as_a_pendulum_does() {
         for _ in 0..8 {
             (a, g) = (0.5 * (a + g), (a * g).sqrt());
         }
-        let period = core::f64::consts::TAU / own / a;
+        let period = std::f64::consts::TAU / own / a;
         let mut plant = bare(motor);
         plant.set_state(Amps(0.0), RadPerSec(0.0), swing / teeth);
         plant.run(Seconds(20.0 * period), PlantInput::COAST, BATTERY);

@@ -1,11 +1,9 @@
 //! The model compared with first principles: integration in small steps, and conservation laws.
 
-#![cfg(feature = "model")]
-#![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
-
-use motor_hub::bridge::{BridgeConstants, Mode, State};
+use crate::{BATTERY, BRIDGE, am60, close, motor, rk4};
+use motor_hub::bridge::{Mode, State};
 use motor_hub::model::battery::Battery;
-use motor_hub::model::catalogue::{Motor, find, motors};
+use motor_hub::model::catalogue::{Motor, motors};
 use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::paper::OpenLoop;
@@ -16,19 +14,9 @@ use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{
     Amps, Drag, Hertz, KgM2, Kilograms, Metres, NewtonMetres, Ohms, RadPerSec, Seconds, Volts,
 };
-use motor_hub::model::switching::{Bridge, Circuit, Conditions, Integrals, Pwm};
+use motor_hub::model::switching::{Circuit, Conditions, Integrals, Pwm};
 
-const BRIDGE: Bridge = Bridge::new(BridgeConstants::IDEAL);
-const BATTERY: f64 = 12.0;
 const MODES: [Mode; 3] = [Mode::Cw98, Mode::Ccw62, Mode::Brake50];
-
-fn motor(name: &str) -> Motor {
-    find(name).and_then(|entry| entry.motor).unwrap()
-}
-
-fn am60() -> Motor {
-    motor("AM 60 A").with_measured_rotor_inertia()
-}
 
 fn at(emf: f64) -> Conditions {
     Conditions { battery: Volts(BATTERY), emf: Volts(emf) }
@@ -69,16 +57,6 @@ fn direction(state: State, current: f64, emf: f64) -> f64 {
     }
 }
 
-/// One Runge-Kutta step of fourth order.
-fn rk4<const N: usize>(x: [f64; N], h: f64, slope: impl Fn([f64; N]) -> [f64; N]) -> [f64; N] {
-    let ahead = |k: [f64; N], h: f64| core::array::from_fn(|n| x[n] + h * k[n]);
-    let k1 = slope(x);
-    let k2 = slope(ahead(k1, 0.5 * h));
-    let k3 = slope(ahead(k2, 0.5 * h));
-    let k4 = slope(ahead(k3, h));
-    core::array::from_fn(|n| x[n] + h / 6.0 * (k1[n] + 2.0 * k2[n] + 2.0 * k3[n] + k4[n]))
-}
-
 /// Motor, load and bridge in small steps: current, speed, and the integral of the current.
 struct Reference {
     motor: Motor,
@@ -110,10 +88,6 @@ impl Reference {
             }
         }
     }
-}
-
-fn close(got: f64, want: f64, tolerance: f64, what: impl core::fmt::Debug) {
-    assert!((got - want).abs() <= tolerance, "{what:?}: {got} instead of {want}");
 }
 
 #[test]

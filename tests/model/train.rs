@@ -1,26 +1,17 @@
 //! Compares a plant behind a train, with backlash and a compliant shaft, with integration in small steps and with the
 //! conservation of energy.
 
-#![cfg(feature = "model")]
-#![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
-
-use motor_hub::bridge::{BridgeConstants, Mode};
-use motor_hub::model::catalogue::{Motor, find};
+use crate::{BATTERY, BRIDGE, am60, rk4};
+use motor_hub::bridge::Mode;
+use motor_hub::model::catalogue::Motor;
 use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::load::Load;
 use motor_hub::model::plant::{Flow, Plant, PlantInput};
-use motor_hub::model::si::{Drag, Hertz, KgM2, NewtonMetres, RadPerSec, Seconds, Volts};
-use motor_hub::model::switching::Bridge;
+use motor_hub::model::si::{Amps, Drag, Hertz, KgM2, NewtonMetres, RadPerSec, Seconds, Volts};
 use motor_hub::model::train::Train;
 
-const BRIDGE: Bridge = Bridge::new(BridgeConstants::IDEAL);
-const BATTERY: f64 = 12.0;
 const LOAD: Load =
     Load { inertia_after: KgM2(0.01), drag_after: Drag(0.01), torque_after: NewtonMetres(-0.3) };
-
-fn motor() -> Motor {
-    find("AM 60 A").and_then(|entry| entry.motor).unwrap().with_measured_rotor_inertia()
-}
 
 fn train(backlash_degrees: f64, stiffness_after: f64, damping_after: f64) -> Train {
     Train { backlash_after: backlash_degrees.to_radians(), stiffness_after, damping_after }
@@ -57,23 +48,16 @@ impl Reference {
         ]
     }
 
-    /// A Runge-Kutta step of fourth order.
     fn step(&mut self, volts: f64, h: f64) {
-        let x = self.state;
-        let ahead = |k: [f64; 5], h: f64| core::array::from_fn(|n| x[n] + h * k[n]);
-        let k1 = self.slope(volts, x);
-        let k2 = self.slope(volts, ahead(k1, 0.5 * h));
-        let k3 = self.slope(volts, ahead(k2, 0.5 * h));
-        let k4 = self.slope(volts, ahead(k3, h));
-        self.state = core::array::from_fn(|n| x[n] + h / 6.0 * (k1[n] + 2.0 * k2[n] + 2.0 * k3[n] + k4[n]));
+        self.state = rk4(self.state, h, |x| self.slope(volts, x));
     }
 }
 
 #[test]
 fn a_train_agrees_with_integration_in_small_steps_within_a_thousandth() {
     for train in [train(0.0, 30.0, 0.02), train(2.0, 300.0, 0.1), train(10.0, 60.0, 0.0)] {
-        let mut reference = Reference { motor: motor(), train, state: [0.0; 5] };
-        let mut plant = plant(motor(), LOAD, train);
+        let mut reference = Reference { motor: am60(), train, state: [0.0; 5] };
+        let mut plant = plant(am60(), LOAD, train);
         // The motor is driven up, and then against its motion. The teeth of the gear separate, and meet on their other
         // sides.
         for (mode, volts, ms) in [(Mode::Cw98, BATTERY, 60), (Mode::Ccw62, -BATTERY, 60)] {
@@ -81,8 +65,8 @@ fn a_train_agrees_with_integration_in_small_steps_within_a_thousandth() {
                 (0..1_000).for_each(|_| reference.step(volts, 1e-6));
                 plant.run(Seconds(1e-3), PlantInput::pwm(mode, 1.0), Volts(BATTERY));
                 let [_, wm, pm, wl, pl] = reference.state;
-                let n = motor().gear_ratio;
-                let free = BATTERY / motor().ke.0;
+                let n = am60().gear_ratio;
+                let free = BATTERY / am60().ke.0;
                 let misses = [
                     (plant.speed().0 - wm) / free,
                     (n * plant.speed_after().0 - wl) / free,
@@ -99,8 +83,8 @@ fn a_train_agrees_with_integration_in_small_steps_within_a_thousandth() {
 #[test]
 fn a_stiff_train_without_backlash_is_a_rigid_load() {
     let command = PlantInput::pwm(Mode::Cw98, 0.4);
-    let mut rigid = Plant::new(motor(), LOAD, BRIDGE, Hertz(20e3));
-    let mut stiff = plant(motor(), LOAD, train(0.0, 2e4, 5.0));
+    let mut rigid = Plant::new(am60(), LOAD, BRIDGE, Hertz(20e3));
+    let mut stiff = plant(am60(), LOAD, train(0.0, 2e4, 5.0));
     for _ in 0..100 {
         rigid.run(Seconds(1e-3), command, Volts(BATTERY));
         stiff.run(Seconds(1e-3), command, Volts(BATTERY));
@@ -110,7 +94,7 @@ fn a_stiff_train_without_backlash_is_a_rigid_load() {
 
 #[test]
 fn a_train_conserves_energy() {
-    let smooth = Motor { b: Drag(0.0), ..motor() };
+    let smooth = Motor { b: Drag(0.0), ..am60() };
     let coulomb = NewtonMetres(0.03 * smooth.stall_torque(Volts(BATTERY)).0);
     let rough = Motor {
         friction: Friction::with_coulomb(coulomb),
@@ -136,7 +120,7 @@ fn a_train_conserves_energy() {
 
 #[test]
 fn a_load_that_becomes_heavier_keeps_the_speed_and_its_energy_is_accounted_for() {
-    let smooth = Motor { b: Drag(0.0), ..motor() };
+    let smooth = Motor { b: Drag(0.0), ..am60() };
     let rigid = Plant::new(smooth, Load::inertia(KgM2(0.01)), BRIDGE, Hertz(20e3));
     for mut plant in [rigid.clone(), rigid.with_train(train(2.0, 300.0, 0.1))] {
         plant.run(Seconds(0.2), PlantInput::pwm(Mode::Cw98, 1.0), Volts(BATTERY));
@@ -153,11 +137,11 @@ fn a_load_that_becomes_heavier_keeps_the_speed_and_its_energy_is_accounted_for()
 
 #[test]
 fn the_output_shaft_turns_freely_by_the_backlash_and_no_farther() {
-    let mut plant = plant(motor(), LOAD, train(10.0, 500.0, 0.5));
+    let mut plant = plant(am60(), LOAD, train(10.0, 500.0, 0.5));
     plant.run(Seconds(0.5), PlantInput::pwm(Mode::Cw98, 0.6), Volts(BATTERY));
     // The motor pushes its load, so it leads by half of the backlash, and by the twist of the shaft.
-    let lead = plant.angle() / motor().gear_ratio - plant.angle_after();
+    let lead = plant.angle() / am60().gear_ratio - plant.angle_after();
     assert!((lead.to_degrees() - 5.0).abs() < 0.5, "{} degrees", lead.to_degrees());
-    plant.set_state(motor_hub::model::si::Amps(0.0), RadPerSec(0.0), 0.0);
+    plant.set_state(Amps(0.0), RadPerSec(0.0), 0.0);
     assert_eq!((plant.speed_after(), plant.angle_after()), (RadPerSec(0.0), 0.0));
 }
