@@ -6,7 +6,6 @@ use motor_hub::extension::base::OdometryReport;
 use motor_hub::extension::{HubFunction, Request};
 use motor_hub::group::{BaseSettings, DriveBase, GyroState};
 use motor_hub::hub::{BaseState, Command};
-use motor_hub::protocol::payload::{Field, Payload};
 
 const GEOMETRY: DriveBase =
     DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0, -1680.0] };
@@ -16,20 +15,18 @@ fn base(wheels: [u8; 2], use_gyro: bool) -> BaseSettings {
 }
 
 fn set(host: &mut TestHost, base: BaseSettings) -> Answer {
-    let request = Request::from(HubFunction::SetBase { base });
-    host.ask(request.id(), &request.payload())
+    host.request(HubFunction::SetBase { base })
 }
 
 fn odometry(host: &mut TestHost) -> Answer {
-    host.ask(Request::from(HubFunction::Odometry).id(), &[])
+    host.request(HubFunction::Odometry)
 }
 
 #[test]
 fn a_base_is_sent_to_control_once_and_its_odometry_is_reported_in_the_hosts_counts() {
     let mut host = TestHost::settled();
-    let configured = Request::from(HubFunction::Base).id();
-    for id in [configured, Request::from(HubFunction::Odometry).id()] {
-        assert_eq!(host.ask(id, &[]), Answer::Nack(82), "no base yet");
+    for question in [HubFunction::Base, HubFunction::Odometry] {
+        assert_eq!(host.request(question), Answer::Nack(82), "no base yet");
     }
     host.snapshot.motors[2].position = 70;
     host.do_all(&[(14, &[2])]);
@@ -37,8 +34,7 @@ fn a_base_is_sent_to_control_once_and_its_odometry_is_reported_in_the_hosts_coun
     let wanted = base([0, 2], true);
     assert_eq!(set(&mut host, wanted), Answer::Ack(0));
     assert_eq!(odometry(&mut host), Answer::Nack(81), "not sent yet");
-    let fields = Request::from(HubFunction::SetBase { base: wanted }).payload();
-    assert_eq!(host.ask(configured, &[]), Answer::Data(fields.to_vec()));
+    assert_eq!(host.read::<BaseSettings>(HubFunction::Base), wanted);
     assert_eq!(host.new_commands(), [Command::SetBase(Some(wanted))]);
     assert_eq!(host.new_commands(), []);
     assert_eq!(odometry(&mut host), Answer::Nack(81), "in no snapshot yet");
@@ -61,16 +57,14 @@ fn a_base_is_sent_to_control_once_and_its_odometry_is_reported_in_the_hosts_coun
         gyro,
         losses: 1,
     };
-    let mut payload = Payload::new();
-    report.write(&mut payload);
-    assert_eq!(odometry(&mut host), Answer::Data(payload.to_vec()));
+    assert_eq!(host.read::<OdometryReport>(HubFunction::Odometry), report);
 }
 
 #[test]
 fn a_base_is_refused_if_it_does_not_fit() {
     let mut host = TestHost::settled();
-    let mut payload = Request::from(HubFunction::SetBase { base: base([0, 1], true) }).payload();
-    let id = Request::from(HubFunction::SetBase { base: base([0, 1], true) }).id();
+    let request = Request::from(HubFunction::SetBase { base: base([0, 1], true) });
+    let (id, mut payload) = (request.id(), request.payload());
     assert_eq!(set(&mut host, base([N as u8, 1], true)), Answer::Nack(0));
     assert_eq!(set(&mut host, base([1, N as u8], true)), Answer::Nack(1));
     payload[1] = 0;

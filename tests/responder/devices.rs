@@ -3,7 +3,7 @@
 use crate::host::{Answer, FULL, TestHost};
 use motor_hub::board::{AnalogReading, AnalogReadings, Equipment, ServoPulse};
 use motor_hub::devices::I2cTransfer;
-use motor_hub::extension::{HubFunction, Request};
+use motor_hub::extension::HubFunction;
 use motor_hub::protocol::answers::{I2cRead, I2cStatus, Status};
 use motor_hub::protocol::payload::Text;
 use motor_hub::supply::DrawStage;
@@ -130,10 +130,9 @@ fn what_a_board_lacks_is_refused() {
 #[test]
 fn the_hub_says_what_its_board_has() {
     let mut host = TestHost::settled();
-    let equipment = Request::from(HubFunction::Equipment).id();
-    assert_eq!(host.ask(equipment, &[]), Answer::Data(vec![0xFF, 6, 4, 4, 1, 1]));
+    assert_eq!(host.request(HubFunction::Equipment), Answer::Data(vec![0xFF, 6, 4, 4, 1, 1]));
     host.responder.outputs.equipment = Equipment { servos: 0, rail: false, ..FULL };
-    assert_eq!(host.ask(equipment, &[]), Answer::Data(vec![0xFF, 0, 4, 4, 0, 1]));
+    assert_eq!(host.request(HubFunction::Equipment), Answer::Data(vec![0xFF, 0, 4, 4, 0, 1]));
 }
 
 #[test]
@@ -200,7 +199,7 @@ fn a_bus_voltage_above_the_largest_operating_voltage_is_no_low_battery_and_ends_
     host.set_battery(Some(24_000), DrawStage::Overvoltage);
     host.responder.tick(host.now, &host.snapshot);
     assert_eq!(host.responder.outputs.new_servo_pulses(), None, "the pulses continue");
-    let Answer::Data(status) = host.ask(0x7F03, &[0]) else { panic!("no status") };
+    let status = host.ask(0x7F03, &[0]).data();
     assert_eq!(status[0] & Status::BATTERY_LOW, 0, "{status:?}");
     // No further servo can be enabled.
     host.do_all(&[(33, &[4, 0xDC, 5])]);
@@ -217,8 +216,7 @@ fn an_analog_input_without_a_reading_is_refused_and_reads_0_in_bulk() {
         assert_eq!(host.call(7, &[channel, 0]), Answer::Nack(81), "{channel}");
     }
     assert_eq!(host.call(7, &[1, 0]), Answer::Data(vec![0xD2, 4]));
-    let Answer::Data(bulk) = host.call(0, &[]) else { panic!("bulk input") };
-    assert_eq!(bulk[26..34], [0, 0, 0xD2, 4, 0, 0, 0, 0]);
+    assert_eq!(host.call(0, &[]).data()[26..34], [0, 0, 0xD2, 4, 0, 0, 0, 0]);
 }
 
 /// Numbers of requests and their answer, in each row of the table of all requests in `docs/reference/rev-protocol.md`.

@@ -10,7 +10,6 @@ use motor_hub::regulator::Reference;
 use motor_hub::regulator::identify::{Identification, Refusal};
 use motor_hub::units::{Acceleration, Control, CountsPerSecond};
 
-const MOVE: u16 = 0x4D06;
 const STATE: u16 = 0x4D07;
 
 fn wanted(course: GroupCourse) -> GroupCommand<GroupCourse> {
@@ -38,7 +37,7 @@ fn command_group(left: i32, right: i32) -> Command {
 }
 
 fn ask(host: &mut TestHost, motor: u8, wanted: GroupCommand<GroupCourse>) -> Answer {
-    host.ask(MOVE, &MotorFunction::Move { wanted }.to(motor).payload())
+    host.request(MotorFunction::Move { wanted }.to(motor))
 }
 
 /// Creates a host at a hub whose motors are all enabled, at power 0.
@@ -104,10 +103,9 @@ fn a_later_command_to_a_member_alone_takes_it_out_of_the_group() {
     ] {
         let mut host = enabled();
         ask(&mut host, 1, pair(1, 2));
-        let request = function.to(3);
-        host.ask(request.id(), &request.payload());
+        host.request(function.to(3));
         let commands = host.new_commands();
-        assert!(matches!(commands[..], [Command::Set { motor: 3, .. }]), "{request:?}: {commands:?}");
+        assert!(matches!(commands[..], [Command::Set { motor: 3, .. }]), "{commands:?}");
     }
     // Requests that only read, and requests to other motors, do not take a member out.
     let mut host = enabled();

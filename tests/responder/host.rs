@@ -63,6 +63,19 @@ pub(crate) enum Answer {
     Data(Vec<u8>),
 }
 
+impl Answer {
+    /// The bytes of a data response.
+    pub(crate) fn data(self) -> Vec<u8> {
+        let Self::Data(bytes) = self else { panic!("{self:?}") };
+        bytes
+    }
+
+    /// Asserts that the request was acknowledged.
+    pub(crate) fn done(self) {
+        assert!(matches!(self, Self::Ack(_)), "{self:?}");
+    }
+}
+
 /// All devices that a board can have besides motors.
 pub(crate) const FULL: Equipment =
     Equipment { digital: 0xFF, servos: 6, analog: 4, i2c: 4, rail: true, temperature: true };
@@ -111,12 +124,9 @@ impl TestHost {
         replies
     }
 
+    /// Sends a request to the hub. Returns its answer.
     pub(crate) fn ask(&mut self, id: u16, payload: &[u8]) -> Answer {
-        self.ask_at(HUB, id, payload)
-    }
-
-    /// Asks the hub, which has this address.
-    pub(crate) fn ask_at(&mut self, address: u8, id: u16, payload: &[u8]) -> Answer {
+        let address = self.responder.address().get();
         self.number = self.number.wrapping_add(1);
         let replies = self.send(&frame_to(address, self.number, id, payload));
         let [reply] = replies.as_slice() else { panic!("{id:#06x} {payload:x?}: {replies:x?}") };
@@ -141,18 +151,25 @@ impl TestHost {
     /// group.
     pub(crate) fn group(&mut self, id: u16, motor: u8) -> Vec<u8> {
         let group = Group::ALL.into_iter().find(|group| group.get_id() == id).expect("a group");
-        let Answer::Data(mut bytes) = self.ask(id, &[motor]) else { panic!("no {group:?}") };
+        let mut bytes = self.ask(id, &[motor]).data();
         let first = group.fields().iter().filter(|field| field.since.is_none());
         bytes.truncate(first.map(|field| field.size).sum());
         bytes
     }
 
+    pub(crate) fn request(&mut self, request: impl Into<Request>) -> Answer {
+        let request = request.into();
+        self.ask(request.id(), &request.payload())
+    }
+
+    /// Sends a request. Returns the fields of its answer.
+    pub(crate) fn read<T: Field>(&mut self, request: impl Into<Request>) -> T {
+        T::read(&mut Fields::new(&self.request(request).data())).expect("an answer")
+    }
+
     /// The hub's own report.
     pub(crate) fn report(&mut self) -> HubReport {
-        let Answer::Data(payload) = self.ask(Request::from(HubFunction::Report).id(), &[]) else {
-            panic!("a report")
-        };
-        HubReport::read(&mut Fields::new(&payload)).expect("a report")
+        self.read(HubFunction::Report)
     }
 
     /// A motor's part of the hub's own report.
@@ -176,6 +193,15 @@ impl TestHost {
             Some(command)
         })
         .collect()
+    }
+
+    /// The settings of the motors since the last call, when the host has sent nothing else.
+    pub(crate) fn new_settings(&mut self) -> Vec<Settings> {
+        let settings = |command| match command {
+            Command::Configure { settings, .. } => settings,
+            other => panic!("{other:?}"),
+        };
+        self.new_commands().into_iter().map(settings).collect()
     }
 
     /// A control tick: the next snapshot includes all commands that were sent.

@@ -5,8 +5,9 @@ use motor_hub::braking::{Blend, BlendFraction, DutyRule, OperatingPoint, Points,
 use motor_hub::bridge::{BridgeConstants, Drive, Mode};
 use motor_hub::extension::FIRST_FUNCTION;
 use motor_hub::hub::Command;
-use motor_hub::motor::EncoderFault;
-use motor_hub::motor::{Faults, OnFault, Report, SenseLine, Setpoint, Settings, ThermalLimit, ZeroPower};
+use motor_hub::motor::{
+    EncoderFault, Faults, OnFault, Report, SenseLine, Setpoint, Settings, ThermalLimit, ZeroPower,
+};
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
 use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::supply::{BusReading, BusState, DrawStage};
@@ -90,14 +91,7 @@ fn choosing_linear_duty_forgets_neither_winding_nor_bridge() {
     set_up(&mut host, 0, &fields(ke, mohm, uh, 1, 0, 1));
 
     let emf = EmfConstant::from_bits(ke).expect("in range");
-    let settings: Vec<Settings> = host
-        .new_commands()
-        .into_iter()
-        .map(|command| match command {
-            Command::Configure { settings, .. } => settings,
-            other => panic!("{other:?}"),
-        })
-        .collect();
+    let settings = host.new_settings();
     let again = Settings { bridge, ..Settings::new(Winding { emf, ..started.winding }) };
     assert_eq!(settings.last(), Some(&again));
     assert!(settings.iter().all(|one| one.bridge == bridge), "{settings:?}");
@@ -220,21 +214,28 @@ fn an_old_identification_is_not_reported_as_the_new_one() {
 }
 
 #[test]
-fn a_protection_reads_back_and_outlasts_a_set_up() {
-    let mut host = TestHost::settled();
-    let none = [0; 6];
-    assert_eq!(host.group(FIRST_FUNCTION + 9, 1), [&[0], &none[..]].concat());
-    // 1.2 A, 20 s, 600 s.
-    let limit = [0xB0, 4, 20, 0, 0x58, 2];
-    assert_eq!(host.ask(FIRST_FUNCTION + 8, &[&[1, 1], &limit[..]].concat()), Answer::Ack(0));
-    let thermal = ThermalLimit::new(1_200, 20, 600).ok();
-    let braking = Settings { on_fault: OnFault::Brake, thermal, ..settings() };
-    assert_eq!(host.new_commands(), [Command::Configure { motor: 1, settings: braking }]);
-    set_up(&mut host, 1, &fields(KE, 4_200, 0, 1, 0, 1));
-    assert_eq!(host.group(FIRST_FUNCTION + 9, 1), [&[1], &limit[..]].concat());
-    assert_eq!(host.group(FIRST_FUNCTION + 9, 0), [&[0], &none[..]].concat());
+fn a_protection_and_a_bridge_timing_read_back_and_outlast_a_set_up() {
+    let protection =
+        Settings { on_fault: OnFault::Brake, thermal: ThermalLimit::new(1_200, 20, 600).ok(), ..settings() };
+    let timed = Settings { bridge: BridgeConstants::VNH5019, ..settings() };
+    // Brake, 1.2 A, 20 s, 600 s. Then 6 us, 2.4 us, 1.2 us, 1 us, 600 us.
+    let cases: [(u16, &[u8], Settings); 2] = [
+        (8, &[1, 0xB0, 4, 20, 0, 0x58, 2], protection),
+        (11, &[0x70, 0x17, 0x60, 9, 0xB0, 4, 0xE8, 3, 0x58, 2], timed),
+    ];
+    for (function, bytes, settings) in cases {
+        let mut host = TestHost::settled();
+        let (set, get) = (FIRST_FUNCTION + function, FIRST_FUNCTION + function + 1);
+        let none = vec![0; bytes.len()];
+        assert_eq!(host.group(get, 1), none);
+        assert_eq!(host.ask(set, &[&[1], bytes].concat()), Answer::Ack(0));
+        assert_eq!(host.new_commands(), [Command::Configure { motor: 1, settings }]);
+        set_up(&mut host, 1, &fields(KE, 4_200, 0, 1, 0, 1));
+        assert_eq!((host.group(get, 1), host.group(get, 0)), (bytes.to_vec(), none));
+    }
     // The hub refuses an action at a fault that is neither coast nor brake, and a limit without a time constant.
-    assert_eq!(host.ask(FIRST_FUNCTION + 8, &[&[1, 2], &none[..]].concat()), Answer::Nack(1));
+    let mut host = TestHost::settled();
+    assert_eq!(host.ask(FIRST_FUNCTION + 8, &[1, 2, 0, 0, 0, 0, 0, 0]), Answer::Nack(1));
     assert_eq!(host.ask(FIRST_FUNCTION + 8, &[1, 0, 0xB0, 4, 20, 0, 0, 0]), Answer::Nack(4));
 }
 
@@ -264,20 +265,16 @@ fn the_bus_is_reported_as_measured_last_until_the_measurement_is_too_old() {
     host.snapshot.returned = Microjoules::ZERO.plus(2_500_000);
     host.snapshot.dissipated = Microjoules::ZERO.plus(70_000_000);
     let at = host.now;
-    for (mv, state) in
-        [(19_000, BusState::TooHigh), (14_600, BusState::Dissipating), (4_500, BusState::TooLow)]
+    for (mv, state, code) in
+        [(19_000, BusState::TooHigh, 6), (14_600, BusState::Dissipating, 5), (4_500, BusState::TooLow, 1)]
     {
         host.responder.bus = BusReading { measured: Some(Millivolts::new(mv)), state, at };
-        let code = [(BusState::TooHigh, 6), (BusState::Dissipating, 5), (BusState::TooLow, 1)]
-            .into_iter()
-            .find_map(|(known, code)| (known == state).then_some(code));
         let energies = [0xC4, 9, 0, 0, 0x70, 0x11, 1, 0];
-        let answer = [&[code.expect("listed"), 1], &mv.to_le_bytes()[..], &[0xF4, 1], &energies].concat();
+        let answer = [&[code, 1], &mv.to_le_bytes()[..], &[0xF4, 1], &energies].concat();
         assert_eq!(ask(&mut host), Answer::Data(answer), "{state:?}");
     }
     host.now = Micros::new(at.get() + 100_001);
-    let Answer::Data(answer) = ask(&mut host) else { panic!("an answer") };
-    assert_eq!(answer[..4], [0; 4], "nothing new is measured");
+    assert_eq!(ask(&mut host).data()[..4], [0; 4], "nothing new is measured");
 }
 
 #[test]
@@ -302,7 +299,7 @@ fn all_motors_are_reported_in_one_answer() {
         faults: Faults { encoder_stale: true, encoder: Some(EncoderFault::Reversed), ..Faults::default() },
         ..Report::INITIAL
     };
-    let Answer::Data(answer) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
+    let answer = host.ask(FIRST_FUNCTION + 20, &[]).data();
     // Version 2, 4 motors with 36 bytes each, 50 ms, 12 V, bus not measured, nothing dissipated.
     assert_eq!(answer[..12], [2, 4, 36, 50, 0, 0, 0, 0xE0, 0x2E, 0, 0, 0]);
     // After the motors: the report includes command 0. The newest command has number 1 and waits to be sent.
@@ -332,27 +329,14 @@ fn all_motors_are_reported_in_one_answer() {
     host.snapshot.motors[1].setpoint =
         Setpoint::Position { target: 70_005, tolerance: 5, speed_limit: CountsPerSecond::new(100) };
     host.do_all(&[(14, &[1])]);
-    let Answer::Data(answer) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
+    let answer = host.ask(FIRST_FUNCTION + 20, &[]).data();
     assert_eq!(answer[12 + 36..][..9], [4, 5, 0, 0, 0, 0, 0, 0, 0]);
 
     host.snapshot.battery = None;
-    let Answer::Data(answer) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
+    let answer = host.ask(FIRST_FUNCTION + 20, &[]).data();
     assert_eq!(
         (&answer[7..9], &answer[12 + 36 + 28..][..8]),
         (&[0; 2][..], &[0; 8][..]),
         "nothing without a battery"
     );
-}
-
-#[test]
-fn a_bridge_timing_reads_back_and_outlasts_a_set_up() {
-    let mut host = TestHost::settled();
-    assert_eq!(host.group(FIRST_FUNCTION + 12, 1), [0; 10]);
-    // 6 us, 2.4 us, 1.2 us, 1 us, 600 us.
-    let timing = [0x70, 0x17, 0x60, 9, 0xB0, 4, 0xE8, 3, 0x58, 2];
-    assert_eq!(host.ask(FIRST_FUNCTION + 11, &[&[1], &timing[..]].concat()), Answer::Ack(0));
-    let timed = Settings { bridge: BridgeConstants::VNH5019, ..settings() };
-    assert_eq!(host.new_commands(), [Command::Configure { motor: 1, settings: timed }]);
-    set_up(&mut host, 1, &fields(KE, 4_200, 0, 1, 0, 1));
-    assert_eq!(host.group(FIRST_FUNCTION + 12, 1), timing);
 }

@@ -119,7 +119,7 @@ fn a_reset_encoder_reads_0_and_targets_are_in_its_counts() {
     for (moved, within) in [(6, 0), (7, 1), (13, 1), (14, 0)] {
         host.snapshot.motors[0].position = i32::MAX.wrapping_add(moved);
         assert_eq!(host.call(21, &[0]), Answer::Data(vec![within]));
-        let Answer::Data(bulk) = host.call(0, &[]) else { panic!() };
+        let bulk = host.call(0, &[]).data();
         assert_eq!((bulk[1..5].to_vec(), bulk[17]), (moved.to_le_bytes().to_vec(), within << 4));
     }
 }
@@ -189,8 +189,7 @@ fn a_disabled_motor_that_stands_on_its_target_is_neither_within_tolerance_nor_se
         host.do_all(calls);
         host.new_commands();
         assert_eq!(host.call(21, &[0]), no());
-        let Answer::Data(bulk) = host.call(0, &[]) else { panic!() };
-        assert_eq!(bulk[17], 0);
+        assert_eq!(host.call(0, &[]).data()[17], 0);
         assert!(!host.reported(0).settled);
     }
 }
@@ -239,9 +238,8 @@ fn bulk_velocities_saturate() {
     for (motor, cps) in [40_000, -40_000, 32_767, -5].into_iter().enumerate() {
         host.snapshot.motors[motor].velocity = CountsPerSecond::new(cps);
     }
-    let Answer::Data(bulk) = host.call(0, &[]) else { panic!() };
     let expected = [32_767i16, -32_768, 32_767, -5].map(i16::to_le_bytes).concat();
-    assert_eq!(bulk[18..26], expected);
+    assert_eq!(host.call(0, &[]).data()[18..26], expected);
 }
 
 #[test]
@@ -289,8 +287,7 @@ fn attention_is_set_until_the_status_is_read_and_cleared() {
     assert_eq!(keep_alive(&mut host), Answer::Ack(1), "after a reset");
     assert_eq!(host.ask(0x7F03, &[0]), Answer::Data(vec![2, 0]));
     assert_eq!(keep_alive(&mut host), Answer::Ack(1));
-    let Answer::Data(bulk) = host.call(0, &[]) else { panic!() };
-    assert_eq!(bulk[34], 1);
+    assert_eq!(host.call(0, &[]).data()[34], 1);
     assert_eq!(host.ask(0x7F03, &[1]), Answer::Data(vec![2, 0]), "cleared after the answer");
     assert_eq!(keep_alive(&mut host), Answer::Ack(0));
     assert_eq!(host.ask(0x7F05, &[]), Answer::Ack(1));
@@ -481,10 +478,7 @@ fn a_motor_set_to_brake_at_faults_brakes_when_its_host_is_silent() {
 #[test]
 fn a_current_above_its_alert_is_reported_measured_or_modelled() {
     let mut host = TestHost::settled();
-    let over = |host: &mut TestHost| match host.call(0, &[]) {
-        Answer::Data(bulk) => bulk[17] & 0x0F,
-        other => panic!("{other:?}"),
-    };
+    let over = |host: &mut TestHost| host.call(0, &[]).data()[17] & 0x0F;
     // Alert of motor 1 above 2 A.
     host.do_all(&[(12, &[1, 0xD0, 7])]);
     for (ma, alerts) in [(2_000, 0), (2_001, 2)] {

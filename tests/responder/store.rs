@@ -5,12 +5,10 @@ use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use motor_hub::bridge::Timing;
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::extension::state::StoreReport;
-use motor_hub::extension::{FIRST_FUNCTION, Request};
+use motor_hub::extension::{FIRST_FUNCTION, HubFunction, Request};
 use motor_hub::hub::Command;
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, Setpoint, Settings, ThermalLimit, ZeroPower};
-use motor_hub::protocol::payload::{Field, Fields};
-use motor_hub::protocol::{self, Packet};
 use motor_hub::regulator::{Coefficients, Dynamics};
 use motor_hub::store::{Found, Outcome, SettingsRecord, StoreRequest, Stored};
 use motor_hub::units::{
@@ -51,6 +49,10 @@ fn order(host: &mut TestHost) -> StoreRequest {
     host.responder.store_request(&host.snapshot).expect("an order")
 }
 
+fn writes_nothing(host: &mut TestHost) {
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
+}
+
 /// Carries out the hub's request to its store. Returns the record that is stored.
 fn carried_out(host: &mut TestHost) -> SettingsRecord {
     let record = order(host).record.expect("something to write");
@@ -59,22 +61,20 @@ fn carried_out(host: &mut TestHost) -> SettingsRecord {
 }
 
 fn report(host: &mut TestHost) -> StoreReport {
-    let Answer::Data(payload) = host.ask(STATE, &[]) else { panic!("no report") };
-    StoreReport::read(&mut Fields::new(&payload)).expect("a report")
+    host.read(HubFunction::Stored)
 }
 
 /// Returns all settings of all motors, as a host reads them.
 fn all(host: &mut TestHost) -> Vec<Answer> {
     let motors = (0..N as u8).flat_map(|motor| Group::ALL.map(|group| Request::Get(motor, group)));
-    motors.map(|request| host.ask(request.id(), &request.payload())).collect()
+    motors.map(|request| host.request(request)).collect()
 }
 
 /// Gives each setting of a motor its largest value, except that the mode is velocity.
 fn set_all(host: &mut TestHost, motor: u8) {
     for group in Group::ALL {
         let value = |field: &_| Ok::<_, ()>(Some(if group == Group::Mode { 1 } else { largest(field) }));
-        let request = Request::Set(motor, Values::collect(group, value).expect("values"));
-        assert!(matches!(host.ask(request.id(), &request.payload()), Answer::Ack(_)), "{group:?}");
+        host.request(Request::Set(motor, Values::collect(group, value).expect("values"))).done();
     }
 }
 
@@ -91,7 +91,7 @@ fn a_board_without_a_memory_refuses_and_accesses_nothing() {
     for function in [SAVE, LOAD, RESET, STATE] {
         assert_eq!(host.ask(function, &[]), Answer::Nack(253));
     }
-    assert_eq!(host.responder.store_request(&host.snapshot), None);
+    writes_nothing(&mut host);
 }
 
 #[test]
@@ -102,7 +102,7 @@ fn only_saved_settings_are_restored() {
     host.do_all(&[(17, &[2, 100, 0]), (10, &[2, 1])]);
     let (before, enabled) = (all(&mut host), host.responder.enabled());
     assert_eq!((enabled, report(&mut host).differs), ([false, false, true, false], true));
-    assert!(matches!(host.ask(SAVE, &[]), Answer::Ack(_)));
+    host.ask(SAVE, &[]).done();
     assert!(report(&mut host).is_busy);
     let record = carried_out(&mut host);
     let status = report(&mut host);
@@ -138,7 +138,7 @@ fn with_an_empty_memory_the_firmwares_settings_apply() {
     // Whatever a host does, nothing is written.
     set_everything(&mut host);
     host.do_all(&[(17, &[2, 100, 0]), (10, &[2, 1]), (10, &[2, 0])]);
-    assert_eq!(host.responder.store_request(&host.snapshot), None);
+    writes_nothing(&mut host);
 }
 
 #[test]
@@ -155,7 +155,7 @@ fn a_stored_set_up_that_changes_nothing_deletes_no_motion() {
     };
     let mut record = SettingsRecord::new(1);
     let mut host = TestHost { responder: responder_with(known), ..TestHost::new() };
-    let Answer::Data(setup) = host.ask(FIRST_FUNCTION + 1, &[1]) else { panic!("no set-up") };
+    let setup = host.ask(FIRST_FUNCTION + 1, &[1]).data();
     record.push(FIRST_FUNCTION, &[&[1], &setup[..]].concat()).expect("room");
     let before = all(&mut host);
     host.responder.restore(found(&record));
@@ -230,7 +230,7 @@ fn additional_bytes_of_an_entry_are_kept_or_the_save_is_refused() {
             assert!(saved.entries().any(|entry| entry.payload == longer), "{saved:?}");
         } else {
             assert_eq!(said, Answer::Nack(64));
-            assert_eq!(host.responder.store_request(&host.snapshot), None);
+            writes_nothing(&mut host);
         }
     }
 }
@@ -242,14 +242,14 @@ fn settings_that_leave_no_room_for_unknown_entries_are_not_saved() {
     record.push(0x4D56, &[7; 29]).expect("room");
     let mut host = powered_on(found(&record));
     assert_eq!(host.ask(SAVE, &[]), Answer::Nack(64));
-    assert_eq!(host.responder.store_request(&host.snapshot), None);
+    writes_nothing(&mut host);
 }
 
 #[test]
 fn all_motors_with_all_settings_fit() {
     let mut host = empty();
     (0..N as u8).for_each(|motor| set_all(&mut host, motor));
-    assert!(matches!(host.ask(SET_BASE, &BASE), Answer::Ack(_)));
+    host.ask(SET_BASE, &BASE).done();
     host.ask(SAVE, &[]);
     // The address, all settings, and the drive base.
     assert_eq!(carried_out(&mut host).entries().count(), 1 + N * Group::ALL.len() + 1);
@@ -287,7 +287,7 @@ fn a_host_can_remove_coefficients_that_the_firmware_was_built_with() {
     assert_eq!(report(&mut host).coefficients, 0b1111);
     // The set-up of motor 1 deletes the coefficients, although none of its values changes.
     let set_up = host.group(FIRST_FUNCTION + 1, 1);
-    assert!(matches!(host.ask(FIRST_FUNCTION, &[&[1], &set_up[..]].concat()), Answer::Ack(_)));
+    host.ask(FIRST_FUNCTION, &[&[1], &set_up[..]].concat()).done();
     assert_eq!((report(&mut host).coefficients, report(&mut host).differs), (0b1101, true));
     host.ask(SAVE, &[]);
     let record = carried_out(&mut host);
@@ -300,8 +300,7 @@ fn a_host_can_remove_coefficients_that_the_firmware_was_built_with() {
     assert!(carried_out(&mut again).entries().eq(record.entries()));
     // Coefficients of a host replace the entries.
     let values = Values::of(Group::VelocityLoop, &MotorSettings::new(settings()));
-    let set_velocity_loop = Request::Set(1, values);
-    assert!(matches!(again.ask(set_velocity_loop.id(), &set_velocity_loop.payload()), Answer::Ack(_)));
+    again.request(Request::Set(1, values)).done();
     again.ask(SAVE, &[]);
     let record = carried_out(&mut again);
     assert_eq!(report(&mut started(found(&record))).coefficients, 0b1111);
@@ -310,7 +309,7 @@ fn a_host_can_remove_coefficients_that_the_firmware_was_built_with() {
 #[test]
 fn a_drive_base_is_stored_and_restored_and_a_reset_removes_it() {
     let mut host = empty();
-    assert!(matches!(host.ask(SET_BASE, &BASE), Answer::Ack(_)));
+    host.ask(SET_BASE, &BASE).done();
     assert!(report(&mut host).differs);
     host.ask(SAVE, &[]);
     let record = carried_out(&mut host);
@@ -332,7 +331,7 @@ fn a_drive_base_is_stored_and_restored_and_a_reset_removes_it() {
     assert!(!commands.iter().any(|command| matches!(command, Command::SetBase(_))), "{commands:?}");
 
     again.tick();
-    assert!(matches!(again.ask(RESET, &[]), Answer::Ack(_)));
+    again.ask(RESET, &[]).done();
     let removed = |command: &Command| *command == Command::SetBase(None);
     assert!(again.new_commands().iter().any(removed));
     assert_eq!(again.ask(BASE_IN_FORCE, &[]), Answer::Nack(82));
@@ -366,14 +365,14 @@ fn while_a_motor_runs_settings_are_saved_without_erasing_and_not_read() {
     let mut host = empty();
     host.do_all(&[(15, &[1, 0, 0x10]), (10, &[1, 1])]);
     assert_eq!([LOAD, RESET].map(|function| host.ask(function, &[])), [Answer::Nack(60), Answer::Nack(60)]);
-    assert!(matches!(host.ask(SAVE, &[]), Answer::Ack(_)));
+    host.ask(SAVE, &[]).done();
     assert!(!order(&mut host).may_erase);
     assert_eq!(host.ask(SAVE, &[]), Answer::Nack(61));
     host.responder.store_done(None, Outcome::NeedsErase);
     let StoreReport { outcome, stored, .. } = report(&mut host);
     assert_eq!((outcome, stored), (Outcome::NeedsErase, Stored::Nothing));
     // The hub does not try again.
-    assert_eq!(host.responder.store_request(&host.snapshot), None);
+    writes_nothing(&mut host);
     // The motor is disabled, but its report still has a set-point, or the button has set one.
     host.do_all(&[(10, &[1, 0])]);
     for setpoint in [Setpoint::ConstantPower(Control::MAX), Setpoint::Velocity(CountsPerSecond::ZERO)] {
@@ -385,7 +384,7 @@ fn while_a_motor_runs_settings_are_saved_without_erasing_and_not_read() {
         host.ask(SAVE, &[]);
         assert!(order(&mut host).may_erase, "{setpoint:?}");
         host.responder.store_done(None, Outcome::NeedsErase);
-        assert!(matches!(host.ask(LOAD, &[]), Answer::Ack(_)), "{setpoint:?}");
+        host.ask(LOAD, &[]).done();
         order(&mut host);
         host.responder.store_done(None, Outcome::Done);
     }
@@ -401,14 +400,14 @@ fn load_restores_the_stored_settings_and_reset_the_firmwares() {
     assert!(report(&mut host).differs);
     host.new_commands();
 
-    assert!(matches!(host.ask(LOAD, &[]), Answer::Ack(_)));
+    host.ask(LOAD, &[]).done();
     assert_eq!(order(&mut host).record, None);
     assert_ne!(all(&mut host), saved);
     host.responder.store_done(Some(found(&record)), Outcome::Done);
     assert_eq!((all(&mut host), report(&mut host).differs), (saved, false));
     assert!(host.new_commands().iter().any(|command| matches!(command, Command::Configure { motor: 2, .. })));
 
-    assert!(matches!(host.ask(RESET, &[]), Answer::Ack(_)));
+    host.ask(RESET, &[]).done();
     assert_eq!(all(&mut host), all(&mut TestHost::new()));
     let commands = host.new_commands();
     assert!(commands.contains(&Command::Configure { motor: 2, settings: settings() }), "{commands:?}");
@@ -418,32 +417,24 @@ fn load_restores_the_stored_settings_and_reset_the_firmwares() {
 }
 
 #[test]
-fn a_later_firmwares_settings_are_refused_and_kept_until_they_are_reset() {
-    let mut host = powered_on(Found::without_record(Stored::Later, 3));
-    assert_eq!(all(&mut host), all(&mut TestHost::new()));
-    let StoreReport { stored, version, .. } = report(&mut host);
-    assert_eq!((stored, version), (Stored::Later, 3));
-    assert_eq!(host.ask(SAVE, &[]), Answer::Nack(62));
-    // The address is not stored either.
-    host.ask(0x7F06, &[9]);
-    assert_eq!(host.responder.store_request(&host.snapshot), None);
-    let mut host = powered_on(Found::without_record(Stored::Later, 3));
-    assert!(matches!(host.ask(RESET, &[]), Answer::Ack(_)));
-    assert_eq!(
-        order(&mut host),
-        StoreRequest { record: Some(SettingsRecord::new(1)), erase_first: false, may_erase: true }
-    );
-}
-
-#[test]
-fn a_damaged_memory_refuses_saves_until_a_reset() {
-    let mut host = powered_on(Found::without_record(Stored::Damaged, 0));
-    assert_eq!(host.ask(SAVE, &[]), Answer::Nack(63));
-    assert!(matches!(host.ask(RESET, &[]), Answer::Ack(_)));
-    assert_eq!(
-        order(&mut host),
-        StoreRequest { record: Some(SettingsRecord::new(1)), erase_first: true, may_erase: true }
-    );
+fn settings_of_a_later_firmware_and_damaged_ones_are_kept_until_they_are_reset() {
+    for (stored, version, refusal, erase_first) in
+        [(Stored::Later, 3, 62, false), (Stored::Damaged, 0, 63, true)]
+    {
+        let unread = || powered_on(Found::without_record(stored, version));
+        let mut host = unread();
+        assert_eq!(all(&mut host), all(&mut TestHost::new()));
+        let report = report(&mut host);
+        assert_eq!((report.stored, report.version), (stored, version));
+        assert_eq!(host.ask(SAVE, &[]), Answer::Nack(refusal));
+        // The address is not stored either.
+        host.ask(0x7F06, &[9]);
+        writes_nothing(&mut host);
+        let mut host = unread();
+        host.ask(RESET, &[]).done();
+        let record = Some(SettingsRecord::new(1));
+        assert_eq!(order(&mut host), StoreRequest { record, erase_first, may_erase: true });
+    }
 }
 
 #[test]
@@ -462,8 +453,10 @@ fn a_new_address_is_stored_alone() {
     };
     assert_eq!(others(&record), others(&before));
     assert_eq!(powered_on(found(&record)).responder.address().get(), 9);
-    // The address is stored only once.
-    assert_eq!(host.responder.store_request(&host.snapshot), None);
+    // The address is stored only once, also if a host sets the address in force.
+    writes_nothing(&mut host);
+    host.ask(0x7F06, &[9]);
+    writes_nothing(&mut host);
 }
 
 #[test]
@@ -471,10 +464,10 @@ fn an_address_that_is_set_back_while_it_is_written_is_the_address_after_a_restar
     let mut host = empty();
     host.ask(0x7F06, &[9]);
     let written = order(&mut host).record.expect("a record with the new address");
-    host.ask_at(9, 0x7F06, &[HUB]);
+    host.ask(0x7F06, &[HUB]);
     host.responder.store_done(Some(found(&written)), Outcome::Done);
     assert_eq!(powered_on(found(&carried_out(&mut host))).responder.address().get(), HUB);
-    assert_eq!(host.responder.store_request(&host.snapshot), None);
+    writes_nothing(&mut host);
 }
 
 #[test]
@@ -490,12 +483,11 @@ fn a_save_without_room_does_not_drop_an_address_that_waits() {
         }
     };
     host.ask(0x7F06, &[8]);
-    assert!(matches!(host.ask_at(8, SAVE, &[]), Answer::Ack(_)));
+    host.ask(SAVE, &[]).done();
     let coefficients: Vec<u8> =
         [0x13_5F, 0x1A, 0x01].iter().flat_map(|one: &i32| one.to_le_bytes()).collect();
-    let set = host.ask_at(8, protocol::requests::FIRST_FUNCTION + 23, &[&[0, 2][..], &coefficients].concat());
-    assert!(matches!(set, Answer::Ack(_)), "{set:?}");
-    assert_eq!(host.responder.store_request(&host.snapshot), None);
+    host.do_all(&[(23, &[&[0, 2][..], &coefficients].concat())]);
+    writes_nothing(&mut host);
     assert_eq!(powered_on(found(&carried_out(&mut host))).responder.address().get(), 8);
 }
 
@@ -519,7 +511,7 @@ fn no_motor_is_enabled_until_a_load_has_ended() {
     order(&mut host);
     assert_eq!(host.call(10, &[1, 1]), Answer::Nack(61));
     host.responder.store_done(None, Outcome::Refused);
-    assert!(matches!(host.call(10, &[1, 1]), Answer::Ack(_)));
+    host.call(10, &[1, 1]).done();
 }
 
 #[test]
@@ -530,12 +522,12 @@ fn an_address_that_was_set_before_the_memory_was_read_is_stored() {
     host.ask(0x7F06, &[9]);
     host.responder.store_done(Some(found(&stored)), Outcome::None);
     assert_eq!(powered_on(found(&carried_out(&mut host))).responder.address().get(), 9);
-    assert_eq!(host.responder.store_request(&host.snapshot), None);
+    writes_nothing(&mut host);
     // A packet alone does not replace the stored address by the address that the firmware was built with.
     let mut host = TestHost { responder: responder_with(settings()).expecting_store(), ..TestHost::new() };
     host.ask(STATE, &[]);
     host.responder.store_done(Some(found(&stored)), Outcome::None);
-    assert_eq!(host.responder.store_request(&host.snapshot), None);
+    writes_nothing(&mut host);
 }
 
 #[test]
@@ -545,12 +537,12 @@ fn an_address_that_has_no_room_waits_for_motors_to_be_off() {
     host.ask(0x7F06, &[HUB + 1]);
     assert!(!order(&mut host).may_erase);
     host.responder.store_done(None, Outcome::NeedsErase);
-    assert_eq!(host.responder.store_request(&host.snapshot), None);
+    writes_nothing(&mut host);
     host.responder.tick(motor_hub::units::Micros::new(60_000_000), &host.snapshot);
     assert!(order(&mut host).may_erase);
     // After an error of the memory the hub does not try again.
     host.responder.store_done(None, Outcome::Refused);
-    assert_eq!(host.responder.store_request(&host.snapshot), None);
+    writes_nothing(&mut host);
 }
 
 #[test]
@@ -560,16 +552,9 @@ fn an_address_that_has_no_room_beside_entries_of_other_firmware_is_given_up_once
     while record.push(0x4D55, &[]).is_ok() {}
     let mut host = powered_on(found(&record));
     host.ask(0x7F06, &[HUB + 1]);
-    assert_eq!(host.responder.store_request(&host.snapshot), None);
+    writes_nothing(&mut host);
     assert_eq!(host.responder.address().get(), HUB + 1);
-    assert_eq!(host.responder.store_request(&host.snapshot), None);
-}
-
-#[test]
-fn the_address_in_force_is_not_stored_again() {
-    let mut host = empty();
-    host.ask(0x7F06, &[HUB]);
-    assert_eq!(host.responder.store_request(&host.snapshot), None);
+    writes_nothing(&mut host);
 }
 
 fn entry() -> impl Strategy<Value = (u16, Vec<u8>)> {
@@ -596,24 +581,15 @@ proptest! {
         }
         let mut host = TestHost::new();
         host.responder.restore(found(&record));
-        let commands = host.new_commands();
-        prop_assert!(commands.iter().all(|command| matches!(command, Command::Configure { .. })), "{:?}", commands);
+        let before = host.new_settings();
         prop_assert_eq!(host.responder.enabled(), [false; N]);
-
-        let settings_in_force = |commands: &[Command]| -> Vec<Settings> {
-            commands.iter().filter_map(|c| match c { Command::Configure { settings, .. } => Some(*settings), _ => None }).collect()
-        };
-        let before = settings_in_force(&commands);
         prop_assert_eq!(before.len(), N);
         let address = host.responder.address();
-        // Not by `TestHost::ask`, because the record may have changed the address.
-        let save = motor_hub::extension::Request::from(motor_hub::extension::HubFunction::Save);
-        let packet = save.packet(address.get(), 1, save.id());
-        host.responder.receive(&packet, host.now, &host.snapshot);
+        host.ask(SAVE, &[]);
         if let Some(StoreRequest { record: Some(saved), .. }) = host.responder.store_request(&host.snapshot) {
             let mut again = TestHost::new();
             again.responder.restore(found(&saved));
-            prop_assert_eq!(settings_in_force(&again.new_commands()), before);
+            prop_assert_eq!(again.new_settings(), before);
             prop_assert_eq!(again.responder.address(), address);
         }
     }
@@ -666,8 +642,7 @@ fn settings_stored_by_firmware_0_1_0_are_restored_and_stored_again_as_the_same_b
     assert_eq!(address.get(), 9);
 
     let mut host = TestHost { responder, ..TestHost::new() };
-    let configured: Vec<Settings> =
-        host.new_commands().into_iter().map(|command| configured(&command)).collect();
+    let configured = host.new_settings();
     let pid = |[p, i, d, f]: [i32; 4]| {
         let [p, i, d, f] = [p, i, d, f].map(Coefficient::from_bits);
         Pidf { p, i, d, f }
@@ -716,19 +691,11 @@ fn settings_stored_by_firmware_0_1_0_are_restored_and_stored_again_as_the_same_b
     ];
     assert_eq!(configured, expected);
 
-    let packet = Packet { destination: 9, id: SAVE, ..Packet::default() };
-    host.responder.receive(&packet, host.now, &host.snapshot).expect("a reply");
+    host.ask(SAVE, &[]).done();
     let again = carried_out(&mut host);
     assert_eq!(again.entries().count(), stored.entries().count());
     for (again, stored) in again.entries().zip(stored.entries()) {
         let known = again.payload.get(..stored.payload.len());
         assert_eq!((again.id, known), (stored.id, Some(stored.payload)));
-    }
-}
-
-fn configured(command: &Command) -> Settings {
-    match *command {
-        Command::Configure { settings, .. } => settings,
-        other => panic!("{other:?}"),
     }
 }

@@ -2,31 +2,20 @@
 
 use crate::host::{Answer, SLOT, TestHost};
 use motor_hub::extension::HubFunction;
-use motor_hub::extension::Request;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::hub::Snapshot;
-use motor_hub::protocol::payload::{Field, Fields, Text};
+use motor_hub::protocol::payload::Text;
 use motor_hub::update::{Booted, CHUNK, ImageSignature, Outcome, Phase, Slot, SlotReport, UpdateRequest};
-
-fn say(host: &mut TestHost, request: HubFunction) -> Answer {
-    let request = Request::from(request);
-    host.ask(request.id(), &request.payload())
-}
 
 fn begin(host: &mut TestHost, length: u32) -> Answer {
     let version = Text::from_slice(b"mh9.9.9").expect("short");
-    say(host, HubFunction::BeginUpdate { length, crc: 7, version })
+    host.request(HubFunction::BeginUpdate { length, crc: 7, version })
 }
 
 fn chunk(host: &mut TestHost, offset: u32) -> Answer {
     let mut bytes = [0; CHUNK];
     bytes[..8].copy_from_slice(&[0, 0, 2, 0x20, 0x41, 0, 2, 8]);
-    say(host, HubFunction::Chunk { offset, bytes: Text::from_slice(&bytes).expect("short") })
-}
-
-fn report(host: &mut TestHost) -> UpdateReport {
-    let Answer::Data(payload) = say(host, HubFunction::Update) else { panic!("no report") };
-    UpdateReport::read(&mut Fields::new(&payload)).expect("a report")
+    host.request(HubFunction::Chunk { offset, bytes: Text::from_slice(&bytes).expect("short") })
 }
 
 /// A hub with a bootloader.
@@ -53,7 +42,7 @@ const ACK: Answer = Answer::Ack(0);
 fn a_hub_without_a_bootloader_has_no_updates() {
     let mut host = TestHost::settled();
     assert_eq!(
-        (begin(&mut host, 96), say(&mut host, HubFunction::Update)),
+        (begin(&mut host, 96), host.request(HubFunction::Update)),
         (Answer::Nack(253), Answer::Nack(253))
     );
 }
@@ -70,21 +59,21 @@ fn a_host_sends_an_image_and_has_it_started() {
         assert_eq!(chunk(&mut host, offset + 96), Answer::Nack(if offset == 0 { 70 } else { 1 }));
         host.responder.update_done(SlotReport::Result(Outcome::Done));
     }
-    assert_eq!(say(&mut host, HubFunction::Restart), Answer::Nack(77));
-    assert_eq!(say(&mut host, HubFunction::FinishUpdate), ACK);
+    assert_eq!(host.request(HubFunction::Restart), Answer::Nack(77));
+    assert_eq!(host.request(HubFunction::FinishUpdate), ACK);
     assert_eq!(
         host.responder.update_request(),
         Some(UpdateRequest::Arm { length: 192, crc: 7, signature: None })
     );
     host.responder.update_done(SlotReport::Result(Outcome::Done));
-    let progress = report(&mut host);
+    let progress: UpdateReport = host.read(HubFunction::Update);
     let version = Text::from_slice(b"mh9.9.9").expect("short");
     assert_eq!(
         (progress.phase, progress.received, progress.length, progress.version),
         (Phase::Armed, 192, 192, version)
     );
     assert_eq!((progress.origin, progress.capacity), (SLOT.origin, SLOT.length));
-    assert_eq!(say(&mut host, HubFunction::Restart), ACK);
+    assert_eq!(host.request(HubFunction::Restart), ACK);
     assert_eq!(host.responder.update_request(), Some(UpdateRequest::Restart));
 }
 
@@ -99,14 +88,15 @@ fn each_refusal_has_its_own_number() {
     assert_eq!(begin(&mut host, 96), ACK);
     assert_eq!(chunk(&mut host, 96), Answer::Nack(75));
     let blank = Text::from_slice(&[0xFF; CHUNK]).expect("short");
-    assert_eq!(say(&mut host, HubFunction::Chunk { offset: 0, bytes: blank }), Answer::Nack(76));
-    assert_eq!(say(&mut host, HubFunction::AbandonUpdate), ACK);
+    assert_eq!(host.request(HubFunction::Chunk { offset: 0, bytes: blank }), Answer::Nack(76));
+    assert_eq!(host.request(HubFunction::AbandonUpdate), ACK);
     assert_eq!(chunk(&mut host, 0), Answer::Nack(74));
 }
 
 #[test]
 fn signatures_are_required_with_a_key_and_refused_without_one() {
-    let sign = |host: &mut TestHost, key| say(host, HubFunction::Sign { key: [key; 32], signature: [9; 64] });
+    let sign =
+        |host: &mut TestHost, key| host.request(HubFunction::Sign { key: [key; 32], signature: [9; 64] });
     let mut host = hub();
     begin(&mut host, 96);
     assert_eq!(sign(&mut host, 5), Answer::Nack(80));
@@ -120,13 +110,13 @@ fn signatures_are_required_with_a_key_and_refused_without_one() {
     assert_eq!(chunk(&mut host, 0), ACK);
     host.responder.update_request().expect("a chunk to write");
     host.responder.update_done(SlotReport::Result(Outcome::Done));
-    assert_eq!(say(&mut host, HubFunction::FinishUpdate), ACK);
+    assert_eq!(host.request(HubFunction::FinishUpdate), ACK);
     let signature = Some(ImageSignature { key: [5; 32], bytes: [9; 64] });
     assert_eq!(host.responder.update_request(), Some(UpdateRequest::Arm { length: 96, crc: 7, signature }));
     host.responder.update_done(SlotReport::Result(Outcome::WrongSignature));
-    let progress = report(&mut host);
+    let progress: UpdateReport = host.read(HubFunction::Update);
     assert_eq!((progress.phase, progress.outcome), (Phase::Nothing, Outcome::WrongSignature));
-    assert_eq!(say(&mut host, HubFunction::Restart), Answer::Nack(77));
+    assert_eq!(host.request(HubFunction::Restart), Answer::Nack(77));
     // A signature is valid only for the image that was announced before it.
     assert_eq!(begin(&mut host, 96), ACK);
     assert_eq!(chunk(&mut host, 0), Answer::Nack(78));
