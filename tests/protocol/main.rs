@@ -3,4 +3,6 @@
 mod frame;
 #[path = "../responder/host.rs"]
 mod host;
+#[path = "../common/random.rs"]
+mod random;
 mod round_trip;

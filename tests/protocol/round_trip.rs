@@ -1,6 +1,7 @@
 //! What one end writes, the other reads: every request and every answer. Random values are read from random bytes.
 
 use crate::host::largest;
+use crate::random::{any_settings, bytes};
 use motor_hub::board::Equipment;
 use motor_hub::braking::Winding;
 use motor_hub::chain::ChainReport;
@@ -120,22 +121,6 @@ fn these_tests_leave_out_no_request() {
     assert_eq!(all, (0..37).filter(|number| *number != 19).collect());
 }
 
-/// Bytes of fields. Codes and small numbers are frequent.
-fn bytes(length: usize) -> impl Strategy<Value = Vec<u8>> {
-    let byte = |random: u32| {
-        let [kind, byte, ..] = random.to_le_bytes();
-        match kind % 9 {
-            0..2 => byte % 2,
-            2..4 => byte % 4,
-            4 => byte % 16,
-            5 => 0,
-            6 => u8::MAX,
-            _ => byte,
-        }
-    };
-    Just(()).prop_perturb(move |(), mut random| (0..length).map(|_| byte(random.next_u32())).collect())
-}
-
 /// A value, as read from random bytes.
 fn read_from_bytes<T: Field + std::fmt::Debug>(length: usize) -> impl Strategy<Value = T> {
     bytes(length).prop_filter_map("fields in range", |bytes| T::read(&mut Fields::new(&bytes)).ok())
@@ -173,21 +158,6 @@ fn request() -> impl Strategy<Value = Case> {
 
 fn address() -> impl Strategy<Value = Address> {
     (1u8..=254).prop_map(|address| Address::new(address).expect("in range"))
-}
-
-/// Any settings, as read from random bytes of each group.
-fn settings() -> impl Strategy<Value = MotorSettings> {
-    let default = MotorSettings::new(Settings::new(Winding::NEVEREST_60));
-    let groups = Group::ALL.map(|group| {
-        let values = move |bytes: Vec<u8>| Values::read(group, &mut Fields::new(&bytes)).ok();
-        let fits = move |values: &Values| values.apply_to(&default).is_ok();
-        let length = group.fields().iter().map(|field| field.size).sum();
-        bytes(length).prop_filter_map("values in range", move |bytes| values(bytes).filter(fits)).boxed()
-    });
-    groups.to_vec().prop_map(move |groups| {
-        let apply = |settings, values: Values| values.apply_to(&settings).expect("values that go together");
-        groups.into_iter().fold(default, apply)
-    })
 }
 
 /// A report of a motor. Some of its values may be unknown.
@@ -372,7 +342,7 @@ proptest! {
     }
 
     #[test]
-    fn settings_are_put_as_they_were_read(settings in settings()) {
+    fn settings_are_put_as_they_were_read(settings in any_settings()) {
         let mut put = MotorSettings::new(Settings::new(Winding::NEVEREST_60));
         for group in Group::ALL {
             let values = Values::of(group, &settings);

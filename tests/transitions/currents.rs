@@ -5,8 +5,8 @@
 //! from the demand.
 
 use crate::common::{BATTERY, NO_STOPS};
-use crate::events::{Demand, Event, Motion, State, enter, happen, scheme_name, under_way};
-use crate::flywheel::{Constants, Knowledge, Subject};
+use crate::events::{Demand, Event, Motion, State, enter, happen, under_way};
+use crate::flywheel::{Knowledge, Subject};
 use motor_hub::braking::Scheme;
 use motor_hub::units::Period;
 use std::sync::Mutex;
@@ -14,6 +14,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Least error of the speed, as a share of the free speed, at which a regulator may use the full voltage.
 const OFF: f64 = 0.01;
+
+/// Distance to a target in counts from which on a motor does not brake yet.
+const FAR: f64 = 5_000.0;
 
 /// A range of currents in A, from the least to the most.
 type Range = (f64, f64);
@@ -24,9 +27,9 @@ fn hull(currents: &[f64]) -> Range {
 
 /// The currents that a demand explains at the present speed.
 fn explained(subject: &Subject, demand: Demand) -> Range {
-    let Constants { kappa, ohms, free_speed, stall_acceleration, .. } = subject.constants;
+    let &Subject { ohms, free_speed, .. } = subject;
     let (speed, need) = (subject.speed(), subject.need());
-    let emf = kappa * speed;
+    let emf = speed / free_speed * BATTERY;
     let [least, most] = [(-BATTERY - emf) / ohms, (BATTERY - emf) / ohms];
     let (least, most) = (least.min(0.0), most.max(0.0));
     // The catch diodes conduct when the back EMF is above the battery.
@@ -47,8 +50,7 @@ fn explained(subject: &Subject, demand: Demand) -> Range {
         Demand::Position { target, limit } => {
             let distance = f64::from(target.wrapping_sub(subject.position()));
             let go = if distance.abs() < 4.0 { 0.0 } else { limit * distance.signum() };
-            // Distance to stop with half of the stall current, and a margin.
-            if distance.abs() > speed * speed / stall_acceleration + 300.0 {
+            if distance.abs() > FAR {
                 towards(go)
             } else {
                 let (going, stopping) = (towards(go), towards(0.0));
@@ -67,21 +69,21 @@ fn explained(subject: &Subject, demand: Demand) -> Range {
 fn broken(event: Event, state: State, entered: &Subject) -> Vec<(&'static str, f64)> {
     let mut subject = entered.clone();
     happen(event, state, &mut subject);
-    let Constants { stall_current, free_speed, .. } = subject.constants;
+    let Subject { stall_current, free_speed, .. } = subject;
     let (demand, ms) = (subject.demand, subject.period_ms());
     let (from, start) = (subject.speed(), subject.position());
     let stopped = subject.bench.axes[0].stops != NO_STOPS;
     let interrupted = matches!(event, Event::BatteryGap | Event::EncoderGap);
-    let before = if interrupted { 0.0 } else { entered.current() };
+    let before = if interrupted { 0.0 } else { entered.current };
     // The load is balanced: its torque can be estimated.
-    let balanced = (entered.current() - subject.need()).abs() < 0.05 * stall_current;
+    let balanced = (entered.current - subject.need()).abs() < 0.05 * stall_current;
     let settings = subject.bench.settings[0];
     let is_pid = settings.coefficients.is_some();
     // The regulator does not know the acceleration per volt, or does not use it.
     let guesses = is_pid || settings.dynamics.is_none() || event == Event::ConfigureDynamics;
     let kept = match demand {
         Demand::Speed(speed) => Some(speed),
-        Demand::Position { target, limit } if target.abs_diff(start) > 5_000 => {
+        Demand::Position { target, limit } if f64::from(target.abs_diff(start)) > FAR => {
             Some(limit * f64::from(target.wrapping_sub(start)).signum())
         }
         _ => None,
@@ -97,10 +99,9 @@ fn broken(event: Event, state: State, entered: &Subject) -> Vec<(&'static str, f
         let mut band = explained(&subject, demand);
         let mut current = 0.0;
         for _ in 0..block {
-            let tick = subject.tick();
-            current += tick.current / f64::from(block);
-            fastest = fastest.max(tick.report.velocity.to_f64().abs());
-            dip = dip.max(kept.map_or(0.0, |kept| (tick.speed - kept).abs()));
+            current += subject.tick() / f64::from(block);
+            fastest = fastest.max(subject.bench.report().velocity.to_f64().abs());
+            dip = dip.max(kept.map_or(0.0, |kept| (subject.speed() - kept).abs()));
             let (least, most) = explained(&subject, demand);
             band = hull(&[band.0, band.1, least, most, before]);
         }
@@ -176,11 +177,8 @@ fn column(motion: Motion, knowledge: Knowledge, scheme: Scheme, ms: u32) -> (usi
         for event in concerned {
             cells += 1;
             for (rule, value) in broken(event, state, &entered) {
-                let scheme = scheme_name(scheme);
-                failures.push(format!(
-                    "{rule}: {value:.3}, {knowledge:?} {state:?}/{motion:?} -> {}, {scheme}, {ms} ms",
-                    event.name()
-                ));
+                let from = format!("{knowledge:?} {state:?}/{motion:?}");
+                failures.push(format!("{rule}: {value:.3}, {from} -> {event:?}, {scheme:?}, {ms} ms"));
             }
         }
     }

@@ -1,13 +1,13 @@
 //! States of a motor, events, and the demands that follow from them.
 
-use crate::common::{BATTERY, Cable};
-use crate::flywheel::{Constants, Knowledge, Subject};
-use motor_hub::braking::{self, Blend, DutyRule, Scheme};
+use crate::common::{BATTERY, Cable, free_cps, neverest_60};
+use crate::flywheel::{Knowledge, Subject};
+use motor_hub::braking::{self, DutyRule, Scheme};
 use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::units::{Control, CountsPerSecond, Period};
 
 /// Motion and load of the motor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Motion {
     Rest,
     /// At rest under a load.
@@ -46,7 +46,7 @@ impl Motion {
 }
 
 /// State of the motor at the event.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum State {
     Disabled,
     Floating,
@@ -141,25 +141,6 @@ impl Event {
             _ => true,
         }
     }
-
-    /// A short name.
-    pub(crate) fn name(self) -> String {
-        match self {
-            Self::Scheme(scheme) => format!("Scheme {}", scheme_name(scheme)),
-            other => format!("{other:?}"),
-        }
-    }
-}
-
-pub(crate) fn scheme_name(scheme: Scheme) -> &'static str {
-    match scheme {
-        Scheme::A => "A",
-        Scheme::B => "B",
-        Scheme::C => "C",
-        Scheme::D(Blend::Automatic) => "D",
-        Scheme::D(Blend::Fixed(_)) => "D.5",
-        Scheme::ForwardReverse => "FR",
-    }
 }
 
 /// Demand of the motor in physical terms.
@@ -210,19 +191,19 @@ impl Subject {
     /// The power that keeps the speed, limited to the range of powers.
     fn steady_power(&self) -> Demand {
         let speed = self.speed();
-        let volts = self.constants.kappa * speed + self.constants.ohms * self.need();
-        Demand::Power(if speed.abs() < 20.0 { 0.3 } else { (volts / BATTERY).clamp(0.1, 1.0) })
+        let share = speed / self.free_speed + self.ohms * self.need() / BATTERY;
+        Demand::Power(if speed.abs() < 20.0 { 0.3 } else { share.clamp(0.1, 1.0) })
     }
 
     fn far(&self) -> Demand {
-        let limit = self.speed().abs().max(BRISK * self.constants.free_speed);
+        let limit = self.speed().abs().max(BRISK * self.free_speed);
         Demand::Position { target: self.position() + 20_000, limit }
     }
 }
 
 /// Returns a motor that its regulator has moved like this for a long time.
 pub(crate) fn under_way(motion: Motion, knowledge: Knowledge, scheme: Scheme, period: Period) -> Subject {
-    let speed = motion.speed() * Constants::new().free_speed;
+    let speed = motion.speed() * free_cps(&neverest_60());
     let mut subject = Subject::new(knowledge, scheme, period, speed, motion.load());
     subject.ask(if motion == Motion::Rest { Demand::Coast } else { Demand::Speed(speed) });
     subject.run(if motion == Motion::Rest { 100 } else { 1_000 });
@@ -249,7 +230,7 @@ pub(crate) fn enter(state: State, motion: Motion, under_way: &Subject) -> Option
         return None;
     }
     let mut subject = under_way.clone();
-    let brisk = BRISK * subject.constants.free_speed;
+    let brisk = BRISK * subject.free_speed;
     let standing = matches!(motion, Motion::Rest | Motion::Hanging);
     match state {
         State::Velocity => {}
@@ -276,15 +257,15 @@ pub(crate) fn enter(state: State, motion: Motion, under_way: &Subject) -> Option
             subject.run(1_000);
             let held = (0..30).any(|_| {
                 let before = subject.speed();
-                let tick = subject.run(100);
-                (before, tick.speed) == (0.0, 0.0) && tick.report.stalled
+                let stalled = subject.run(100).stalled;
+                (before, subject.speed()) == (0.0, 0.0) && stalled
             });
             assert!(held, "a motor is not held by its stop");
         }
         State::Faulted => {
             subject.bench.axes[0].cable = Cable::Unplugged;
             subject.ask(Demand::Speed(brisk));
-            let latched = (0..40).any(|_| subject.run(100).report.faults.encoder.is_some());
+            let latched = (0..40).any(|_| subject.run(100).faults.encoder.is_some());
             assert!(latched, "an encoder's fault goes unnoticed in 4 s");
             subject.bench.axes[0].cable = Cable::Plugged;
             subject.run(300);
@@ -298,10 +279,8 @@ pub(crate) fn enter(state: State, motion: Motion, under_way: &Subject) -> Option
 
 /// Lets the event happen. A set-point that it brings is the new demand.
 pub(crate) fn happen(event: Event, state: State, subject: &mut Subject) {
-    let (speed, brisk) = (subject.speed(), BRISK * subject.constants.free_speed);
+    let (speed, brisk) = (subject.speed(), BRISK * subject.free_speed);
     let brisk = if speed.abs() < 20.0 { brisk } else { speed };
-    let constants = subject.constants;
-    let period = subject.bench.hub.period();
     if state == State::Faulted {
         subject.bench.set(0, Setpoint::Disabled);
     }
@@ -319,17 +298,13 @@ pub(crate) fn happen(event: Event, state: State, subject: &mut Subject) {
             subject.ask(Demand::Position { target: subject.position() - 1_000, limit: brisk.abs() });
         }
         Event::Far => subject.ask(subject.far()),
-        Event::SetCoefficients => subject.configure(|settings| {
-            settings.coefficients = Some(constants.coefficients(settings.scheme, period));
-        }),
+        Event::SetCoefficients => subject.set_coefficients(),
         Event::ClearCoefficients => subject.configure(|settings| settings.coefficients = None),
-        Event::ConfigureDynamics => {
-            subject.configure(|settings| settings.dynamics = Some(constants.dynamics()));
-        }
+        Event::ConfigureDynamics => subject.configure_dynamics(),
         Event::ForgetDynamics => subject.configure(|settings| settings.dynamics = None),
         Event::Scheme(scheme) => subject.configure(|settings| settings.scheme = scheme),
         Event::LinearDuty => subject.configure(|settings| settings.duty = DutyRule::LinearDuty),
-        Event::BatteryGap => subject.lose_battery(2 * period.as_millis()),
+        Event::BatteryGap => subject.lose_battery(2 * subject.period_ms()),
         Event::EncoderBlink => subject.bench.axes[0].unread_ms = 5,
         Event::EncoderGap => subject.lose_encoder(),
     }

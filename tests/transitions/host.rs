@@ -15,7 +15,7 @@ fn coefficients(values: [f64; 4]) -> Coefficients {
 /// Mean current of this number of milliseconds in A.
 fn mean(subject: &mut Subject, ms: u32) -> f64 {
     let ticks = (ms / subject.period_ms()).max(1);
-    (0..ticks).map(|_| subject.tick().current).sum::<f64>() / f64::from(ticks)
+    (0..ticks).map(|_| subject.tick()).sum::<f64>() / f64::from(ticks)
 }
 
 #[test]
@@ -26,7 +26,7 @@ fn a_motor_that_is_given_other_coefficients_while_it_runs_goes_on_as_it_was() {
             for ms in [1, 10, 50, 100] {
                 let period = Period::from_millis(ms).expect("in range");
                 let mut subject = Subject::new(Knowledge::Configured, scheme, period, 0.0, 0.0);
-                let speed = subject.constants.free_speed / 2.0;
+                let speed = subject.free_speed / 2.0;
                 subject.configure(|settings| settings.duty = duty);
                 subject.bench.set(0, velocity(speed as i32));
                 mean(&mut subject, 3_000);
@@ -34,7 +34,7 @@ fn a_motor_that_is_given_other_coefficients_while_it_runs_goes_on_as_it_was() {
                     let before = mean(&mut subject, 200);
                     subject.configure(|settings| settings.coefficients = Some(coefficients(set)));
                     let after = mean(&mut subject, 20);
-                    let step = (after - before) / subject.constants.stall_current;
+                    let step = (after - before) / subject.stall_current;
                     assert!(
                         step.abs() < 0.1,
                         "{step} of the stall current: {scheme:?}, {duty:?}, {ms} ms, {set:?}"

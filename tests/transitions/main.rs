@@ -7,5 +7,5 @@ mod events;
 mod flywheel;
 mod host;
 mod properties;
-#[path = "../common/schemes.rs"]
-mod schemes;
+#[path = "../common/random.rs"]
+mod random;

@@ -2,62 +2,32 @@
 //! back, the estimate follows it again.
 
 use crate::common::ScriptedMotor;
-use crate::schemes::any_scheme;
-use motor_hub::braking::{DutyRule, Winding};
+use crate::random::any_settings;
+use motor_hub::braking::Winding;
 use motor_hub::bridge::{BridgeConstants, Drive};
-use motor_hub::motion::Pidf;
-use motor_hub::motor::{Report, Setpoint, Settings, ZeroPower};
-use motor_hub::regulator::{Coefficients, Dynamics};
-use motor_hub::units::{
-    Acceleration, AccelerationPerVolt, Coefficient, Control, CountsPerSecond, DecayRate, EmfConstant,
-    Inductance, Millivolts, Period, Resistance,
-};
+use motor_hub::extension::settings::MotorSettings;
+use motor_hub::motor::{Report, Setpoint, Settings};
+use motor_hub::regulator::Dynamics;
+use motor_hub::units::{AccelerationPerVolt, Control, CountsPerSecond, DecayRate, Millivolts, Period};
 use proptest::option;
 use proptest::prelude::*;
 
 /// Highest estimated speed in counts/s, beyond what an encoder's timer could count.
 const FASTEST: f64 = 1e6;
 
-fn pidf() -> impl Strategy<Value = Pidf> {
-    any::<[i32; 4]>().prop_map(|bits| {
-        let [p, i, d, f] = bits.map(Coefficient::from_bits);
-        Pidf { p, i, d, f }
-    })
-}
-
-/// Any dynamics in their ranges.
-fn dynamics() -> impl Strategy<Value = Dynamics> {
-    (1u32.., any::<u32>(), any::<u16>()).prop_map(|(gain, decay, friction)| Dynamics {
-        gain: AccelerationPerVolt::from_bits(gain).expect("not 0"),
-        decay: DecayRate::from_bits(decay),
-        friction: Millivolts::new(friction),
-    })
-}
-
-fn winding() -> impl Strategy<Value = Winding> {
-    (1..1 << 25, 1u16.., option::of(1u16..)).prop_map(|(emf, ohms, inductance)| Winding {
-        emf: EmfConstant::from_bits(emf).expect("in range"),
-        resistance: Resistance::from_milliohms(ohms).expect("not 0"),
-        inductance: inductance.map(|uh| Inductance::from_microhenries(uh).expect("not 0")),
-    })
-}
-
-/// Any settings in their ranges.
+/// Any settings in their ranges, on any bridge. Half of the motors lack each setting that a motor may lack.
 fn settings() -> impl Strategy<Value = Settings> {
     let bridge = (0u16..=2_000, 0u16..=4_095, 100u32..=200_000)
         .prop_map(|(mv, mohm, hz)| BridgeConstants::new(mv, mohm, hz).expect("in range"));
-    let coefficients = (pidf(), pidf()).prop_map(|(velocity, position)| Coefficients { velocity, position });
-    let acceleration = (1u32..).prop_map(|limit| Acceleration::new(limit).expect("not 0"));
-    let regulation = (option::of(dynamics()), option::of(coefficients), option::of(acceleration));
-    (winding(), bridge, any_scheme(1 << 16), any::<(bool, bool)>(), regulation).prop_map(
-        |(winding, bridge, scheme, (linear_duty, float), (dynamics, coefficients, acceleration))| Settings {
-            bridge,
-            duty: if linear_duty { DutyRule::LinearDuty } else { DutyRule::LinearCurrent },
-            zero_power: if float { ZeroPower::Float } else { ZeroPower::Brake },
-            dynamics,
-            coefficients,
-            acceleration,
-            ..Settings::for_scheme(winding, scheme)
+    (any_settings(), bridge, any::<[bool; 5]>()).prop_map(
+        |(MotorSettings { motor: any, .. }, bridge, has)| Settings {
+            bridge: bridge.with_timing(any.bridge.timing),
+            dynamics: any.dynamics.filter(|_| has[0]),
+            coefficients: any.coefficients.filter(|_| has[1]),
+            acceleration: any.acceleration.filter(|_| has[2]),
+            thermal: any.thermal.filter(|_| has[3]),
+            current_limit: any.current_limit.filter(|_| has[4]),
+            ..any
         },
     )
 }
@@ -120,19 +90,17 @@ fn period() -> impl Strategy<Value = Period> {
 
 /// A motor with realistic constants.
 fn plausible() -> impl Strategy<Value = Settings> {
-    (20.0..20_000.0f64, 1.0..2.0f64, 0..2_000u16, any_scheme(1 << 16)).prop_map(
-        |(b, drag, friction, scheme)| {
-            let winding = Winding::NEVEREST_60;
-            // The back EMF makes a decay of b times keFw. Drag raises the decay to up to twice this value.
-            let decay = drag * b * 3.98683e-3;
-            let dynamics = Dynamics {
-                gain: AccelerationPerVolt::from_f64(b).expect("in range"),
-                decay: DecayRate::from_f64(decay).expect("in range"),
-                friction: Millivolts::new(friction),
-            };
-            Settings { dynamics: Some(dynamics), ..Settings::for_scheme(winding, scheme) }
-        },
-    )
+    (20.0..20_000.0f64, 1.0..2.0f64, 0..2_000u16, any_settings()).prop_map(|(b, drag, friction, any)| {
+        // The back EMF makes a decay of b times keFw. Drag raises the decay to up to twice this value.
+        let decay = drag * b * 3.98683e-3;
+        let dynamics = Dynamics {
+            gain: AccelerationPerVolt::from_f64(b).expect("in range"),
+            decay: DecayRate::from_f64(decay).expect("in range"),
+            friction: Millivolts::new(friction),
+        };
+        let scheme = any.motor.scheme;
+        Settings { dynamics: Some(dynamics), ..Settings::for_scheme(Winding::NEVEREST_60, scheme) }
+    })
 }
 
 proptest! {
