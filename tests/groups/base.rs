@@ -5,7 +5,6 @@ use crate::{BASE, WHEEL};
 use motor_hub::group::{BaseSettings, Course, DriveBase, GroupCommand, GyroState};
 use motor_hub::hub::{BaseState, Command, GyroReading, Hub};
 use motor_hub::motion::Reading;
-use motor_hub::motor::Setpoint;
 use motor_hub::units::{Acceleration, CountsPerSecond, Micros, Period, RangeError};
 
 /// Part of each turn that the wheels lose.
@@ -59,13 +58,18 @@ impl Robot {
         }
     }
 
-    /// Turns by this angle from the present reference, and waits until the base has settled.
-    fn turn(&mut self, degrees: f64) {
+    /// Begins to turn by this angle from the present reference.
+    fn begin_turn(&mut self, degrees: f64) {
         let [left, right] = BASE.turn(degrees).expect("in range");
         let course = Course::distances(&[(0, left), (1, right)]).expect("motors of the hub");
         let acceleration = Acceleration::new(5_000).expect("above 0");
         let turn = GroupCommand::new(course, CountsPerSecond::new(1_500), acceleration);
         self.bench.hub.apply(Command::MoveGroup(turn)).expect("members");
+    }
+
+    /// Turns by this angle, and waits until the base has settled.
+    fn turn(&mut self, degrees: f64) {
+        self.begin_turn(degrees);
         self.run_ms(50);
         for _ in 0..50 {
             self.run_ms(100);
@@ -106,15 +110,10 @@ fn a_base_turns_by_the_angle_of_its_gyro_although_its_wheels_slip() {
 fn a_wheel_whose_other_wheel_leaves_the_group_stops_within_its_braking_distance() {
     let mut robot = Robot::new(true, 10);
     (0..4).for_each(|_| robot.turn(90.0));
-    let [left, right] = BASE.turn(90.0).expect("in range");
-    let course = Course::distances(&[(0, left), (1, right)]).expect("motors of the hub");
-    let acceleration = Acceleration::new(5_000).expect("above 0");
-    let turn = GroupCommand::new(course, CountsPerSecond::new(1_500), acceleration);
-    robot.bench.hub.apply(Command::MoveGroup(turn)).expect("members");
+    robot.begin_turn(90.0);
     robot.run_ms(400);
     let [position, velocity] = [robot.bench.counts(1), robot.bench.snapshot.motors[1].velocity.to_f64()];
-    let stop = Setpoint::Velocity(CountsPerSecond::ZERO);
-    robot.bench.hub.apply(Command::Set { motor: 0, setpoint: stop }).expect("motor");
+    robot.bench.set(0, common::velocity(0));
     robot.run_ms(1_000);
     let (travel, expected) = (robot.bench.counts(1) - position, velocity * velocity / (2.0 * 5_000.0));
     assert!((travel - expected).abs() < 50.0, "{travel} counts, expected {expected}");
@@ -254,5 +253,5 @@ fn wheels_of_a_new_base_leave_their_group() {
     // A wheel may move by some counts until it is held.
     assert!(state.heading_millidegrees.abs() < 500 && state.x_um.abs() < 1_000, "{state:?}");
     assert!(state.correction[0].abs() < 3, "{state:?}");
-    assert_eq!(robot.bench.snapshot.motors[0].setpoint, Setpoint::Velocity(CountsPerSecond::ZERO));
+    assert_eq!(robot.bench.snapshot.motors[0].setpoint, common::velocity(0));
 }

@@ -82,6 +82,11 @@ fn heading(places: [f64; 2]) -> f64 {
 
 const PERIODS: [u32; 4] = [1, 10, 20, 50];
 
+/// Configured and unknown motors at each period.
+fn cases() -> impl Iterator<Item = (bool, u32)> {
+    [true, false].into_iter().flat_map(|known| PERIODS.map(|period| (known, period)))
+}
+
 fn two() -> [Motor; 2] {
     [motor("AM 60 A"), motor("AM 60 B")]
 }
@@ -96,26 +101,19 @@ fn drag(share: f64) -> Drag {
 
 #[test]
 fn a_drive_base_goes_straight_with_equal_loads_and_with_unequal_ones() {
-    for known in [true, false] {
+    for (known, period) in cases() {
         for (dragged, limit) in [(0.0, 0.1), (0.18, 0.5)] {
-            for period in PERIODS {
-                let loads = [WHEEL, Load { drag_after: drag(dragged), ..WHEEL }];
-                let mut bench = set_up(period, two(), known, loads);
-                command_group(
-                    &mut bench,
-                    together(pair(BASE.straight(1000.0).expect("short")), 350.0, 700.0),
-                );
-                let mut worst = 0.0f64;
-                let ms = arrive(&mut bench, |bench| worst = worst.max(heading(places(bench)).abs()));
-                bench.run_ms(500);
-                let end = heading(places(&bench)).abs();
-                println!(
-                    "1 m, known {known}, drag {dragged}, {period} ms: {ms} ms, heading {worst:.3}, in the end {end:.3}"
-                );
-                assert!(end <= limit, "{end}");
-                // With unknown motors the heading may be wrong by 1 degree during the course.
-                assert!(worst <= if known { limit } else { 1.0 }, "{worst}");
-            }
+            let loads = [WHEEL, Load { drag_after: drag(dragged), ..WHEEL }];
+            let mut bench = set_up(period, two(), known, loads);
+            let metre = pair(BASE.straight(1000.0).expect("short"));
+            command_group(&mut bench, together(metre, 350.0, 700.0));
+            let mut worst = 0.0f64;
+            arrive(&mut bench, |bench| worst = worst.max(heading(places(bench)).abs()));
+            bench.run_ms(500);
+            let end = heading(places(&bench)).abs();
+            let what = format!("known {known}, drag {dragged}, {period} ms: {worst}, in the end {end}");
+            // With unknown motors the heading may be wrong by 1 degree during the course.
+            assert!(end <= limit && worst <= if known { limit } else { 1.0 }, "{what}");
         }
     }
 }
@@ -133,10 +131,8 @@ fn with_the_usual_lag_nobody_waits_for_a_member_that_follows_as_well_as_it_can()
                     let GroupCommand { course, speed, acceleration, .. } =
                         together(pair([1_000; 2]), mm_s, mm_s2);
                     let usual = GroupCommand::new(course, speed, acceleration);
-                    command_group(
-                        &mut bench,
-                        if endless { GroupCommand { lag: u16::MAX, ..usual } } else { usual },
-                    );
+                    let lag = if endless { u16::MAX } else { usual.lag };
+                    command_group(&mut bench, GroupCommand { lag, ..usual });
                     while !matches!(bench.snapshot.motors[0].setpoint,
                         Setpoint::Follow(reference) if reference.position == 1_000)
                     {
@@ -144,10 +140,8 @@ fn with_the_usual_lag_nobody_waits_for_a_member_that_follows_as_well_as_it_can()
                     }
                     bench.ms
                 });
-                println!(
-                    "known {known}, {period} ms, {mm_s} mm/s: {usual} ms, without a limit on the lag {endless} ms"
-                );
-                assert!(usual <= endless + u64::from(2 * period), "{usual} {endless}");
+                let what = format!("known {known}, {period} ms, {mm_s} mm/s");
+                assert!(usual <= endless + u64::from(2 * period), "{what}: {usual} ms, not {endless} ms");
             }
         }
     }
@@ -155,66 +149,55 @@ fn with_the_usual_lag_nobody_waits_for_a_member_that_follows_as_well_as_it_can()
 
 #[test]
 fn a_turn_by_90_degrees_takes_little_more_than_a_second() {
-    for known in [true, false] {
-        for period in PERIODS {
-            let mut bench = set_up(period, two(), known, [WHEEL; 2]);
-            let targets = BASE.turn(90.0).expect("short");
-            command_group(&mut bench, together(pair(targets), 380.0, 850.0));
-            let ms = arrive(&mut bench, |_| ());
-            bench.run_ms(1_000);
-            let [left, right] = places(&bench);
-            let (error, aside) = (heading([left, right]) - 90.0, left + right);
-            let off = [0, 1].map(|wheel| bench.snapshot.motors[wheel].position - targets[wheel]);
-            println!(
-                "90 degrees, known {known}, {period} ms: {ms} ms, off by {error:.3}, wheels by {off:?} counts, aside by {aside:.1}"
-            );
-            // A count of one wheel is 0.032 degrees. A held unknown motor is up to 2 counts off.
-            assert!(!known || error.abs() <= 0.1, "{error}");
-            assert!(off.iter().all(|counts| counts.abs() <= if known { 1 } else { 2 }), "{off:?}");
-            // The time includes the dwell of 50 ms at the end.
-            assert!(!known || ms <= 1_150 + 50, "{ms}");
-        }
+    for (known, period) in cases() {
+        let mut bench = set_up(period, two(), known, [WHEEL; 2]);
+        let targets = BASE.turn(90.0).expect("short");
+        command_group(&mut bench, together(pair(targets), 380.0, 850.0));
+        let ms = arrive(&mut bench, |_| ());
+        bench.run_ms(1_000);
+        let error = heading(places(&bench)) - 90.0;
+        let off = [0, 1].map(|wheel| bench.snapshot.motors[wheel].position - targets[wheel]);
+        let what = format!("known {known}, {period} ms: {ms} ms, off by {error}, wheels by {off:?} counts");
+        // A count of one wheel is 0.032 degrees. A held unknown motor is up to 2 counts off.
+        assert!(!known || error.abs() <= 0.1, "{what}");
+        assert!(off.iter().all(|counts| counts.abs() <= if known { 1 } else { 2 }), "{what}");
+        // The time includes the dwell of 50 ms at the end.
+        assert!(!known || ms <= 1_150 + 50, "{what}");
     }
 }
 
 #[test]
 fn a_wheel_that_is_blocked_stops_the_other_and_both_finish_when_it_is_free() {
-    for known in [true, false] {
-        for period in PERIODS {
-            let mut bench = set_up(period, two(), known, [WHEEL; 2]);
-            command_group(&mut bench, together(pair([5_000; 2]), 300.0, 700.0));
-            bench.axes[1].stops.1 = 2_000.0;
-            bench.run_ms(2_000);
-            let mut ahead = 0.0f64;
-            let mut moved = (f64::INFINITY, f64::NEG_INFINITY);
-            for ms in 0..2_000 {
-                bench.run_ms(1);
-                let [free, held] = places(&bench);
-                ahead = ahead.max(free - held);
-                if ms >= 1_000 {
-                    moved = (moved.0.min(free), moved.1.max(free));
-                }
+    for (known, period) in cases() {
+        let mut bench = set_up(period, two(), known, [WHEEL; 2]);
+        command_group(&mut bench, together(pair([5_000; 2]), 300.0, 700.0));
+        bench.axes[1].stops.1 = 2_000.0;
+        bench.run_ms(2_000);
+        let mut ahead = 0.0f64;
+        let mut moved = (f64::INFINITY, f64::NEG_INFINITY);
+        for ms in 0..2_000 {
+            bench.run_ms(1);
+            let [free, held] = places(&bench);
+            ahead = ahead.max(free - held);
+            if ms >= 1_000 {
+                moved = (moved.0.min(free), moved.1.max(free));
             }
-            let [free, held] = bench.snapshot.motors;
-            println!(
-                "blocked, known {known}, {period} ms: {ahead:.0} counts ahead, {:.1} counts of movement",
-                moved.1 - moved.0
-            );
-            assert!(held.stalled && !held.faults.any(), "{held:?}");
-            assert!(!free.faults.any() && !free.stalled, "{free:?}");
-            // An unknown motor overshoots the position at which it should stop.
-            let most = if known { 130.0 } else { 250.0 };
-            assert!(ahead <= most, "{ahead}");
-            // An unknown motor may swing by a few counts.
-            assert!(moved.1 - moved.0 < if known { 3.0 } else { 10.0 }, "{moved:?}");
-            bench.axes[1].stops = NO_STOPS;
-            let ms = arrive(&mut bench, |bench| {
-                let [free, held] = places(bench);
-                assert!((free - held).abs() <= most, "{free} {held}");
-            });
-            println!("  and then {ms} ms to the end");
-            assert!(places(&bench).iter().all(|place| (place - 5_000.0).abs() < 6.0), "{:?}", places(&bench));
         }
+        let [free, held] = bench.snapshot.motors;
+        assert!(held.stalled && !held.faults.any(), "{held:?}");
+        assert!(!free.faults.any() && !free.stalled, "{free:?}");
+        // An unknown motor overshoots the position at which it should stop.
+        let most = if known { 130.0 } else { 250.0 };
+        assert!(ahead <= most, "known {known}, {period} ms: {ahead} counts ahead");
+        // An unknown motor may swing by a few counts.
+        let swing = moved.1 - moved.0;
+        assert!(swing < if known { 3.0 } else { 10.0 }, "known {known}, {period} ms: {moved:?}");
+        bench.axes[1].stops = NO_STOPS;
+        arrive(&mut bench, |bench| {
+            let [free, held] = places(bench);
+            assert!((free - held).abs() <= most, "{free} {held}");
+        });
+        assert!(places(&bench).iter().all(|place| (place - 5_000.0).abs() < 6.0), "{:?}", places(&bench));
     }
 }
 
@@ -268,10 +251,8 @@ fn a_member_with_a_new_set_point_leaves_and_the_others_halt() {
                 // The limit of one count is the resolution of the encoder.
                 assert!(moved.abs() < 1.0, "{period} ms: {moved} {other:?}");
                 // The other members still form a group.
-                command_group(
-                    &mut bench,
-                    together(Course::distances(&[(0, 500)]).expect("a motor"), 300.0, 700.0),
-                );
+                let course = Course::distances(&[(0, 500)]).expect("a motor");
+                command_group(&mut bench, together(course, 300.0, 700.0));
                 let place = bench.counts(0);
                 arrive(&mut bench, |_| ());
                 assert!((bench.counts(0) - place - 500.0).abs() < 8.0);
@@ -313,21 +294,19 @@ fn another_course_in_mid_move_makes_no_step_of_current() {
         ("on backwards", on(-1_500, -1_500)),
         ("stop", on(0, 0)),
     ];
-    for known in [true, false] {
-        for period in PERIODS {
+    for (known, period) in cases() {
+        let mut bench = set_up(period, two(), known, [WHEEL; 2]);
+        let first = together(pair([4_000; 2]), 300.0, 700.0);
+        command_group(&mut bench, first);
+        let ordinary = largest_current_step(&mut bench, 800);
+        for (name, course) in courses {
             let mut bench = set_up(period, two(), known, [WHEEL; 2]);
-            let first = together(pair([4_000; 2]), 300.0, 700.0);
             command_group(&mut bench, first);
-            let ordinary = largest_current_step(&mut bench, 800);
-            for (name, course) in courses {
-                let mut bench = set_up(period, two(), known, [WHEEL; 2]);
-                command_group(&mut bench, first);
-                bench.run_ms(1_000);
-                command_group(&mut bench, together(course, 300.0, 700.0));
-                let step = largest_current_step(&mut bench, 800);
-                println!("{name}, known {known}, {period} ms: {step:.2} A, at the start {ordinary:.2} A");
-                assert!(step <= 1.2 * ordinary, "{step} {ordinary}");
-            }
+            bench.run_ms(1_000);
+            command_group(&mut bench, together(course, 300.0, 700.0));
+            let step = largest_current_step(&mut bench, 800);
+            let what = format!("{name}, known {known}, {period} ms");
+            assert!(step <= 1.2 * ordinary, "{what}: {step} A, at the start {ordinary} A");
         }
     }
 }
@@ -336,41 +315,36 @@ fn another_course_in_mid_move_makes_no_step_of_current() {
 fn a_gantry_of_four_different_motors_comes_level_and_goes_up() {
     let names = ["AM 60 A", "AM 60 B", "AM 40 A", "AM 40 C"];
     let motors = names.map(motor);
-    for known in [true, false] {
-        for period in PERIODS {
-            let mut bench = set_up(period, motors, known, [WHEEL; 4]);
-            for (axis, torque) in bench.axes.iter_mut().zip([-0.1, -0.3, -0.2, -0.1]) {
-                axis.torque = torque;
-            }
-            let level =
-                |counts| Course::positions(&[0, 1, 2, 3].map(|motor| (motor, counts))).expect("four motors");
-            command_group(&mut bench, together(level(100), 100.0, 700.0));
-            arrive(&mut bench, |_| ());
-            command_group(&mut bench, together(level(6_000), 150.0, 700.0));
-            arrive(&mut bench, |_| ());
-            let places = places(&bench);
-            let level = places.iter().all(|place| (place - 6_000.0).abs() < 6.0);
-            assert!(level, "known {known}, {period} ms: {places:?}");
+    for (known, period) in cases() {
+        let mut bench = set_up(period, motors, known, [WHEEL; 4]);
+        for (axis, torque) in bench.axes.iter_mut().zip([-0.1, -0.3, -0.2, -0.1]) {
+            axis.torque = torque;
         }
+        let level =
+            |counts| Course::positions(&[0, 1, 2, 3].map(|motor| (motor, counts))).expect("four motors");
+        command_group(&mut bench, together(level(100), 100.0, 700.0));
+        arrive(&mut bench, |_| ());
+        command_group(&mut bench, together(level(6_000), 150.0, 700.0));
+        arrive(&mut bench, |_| ());
+        let places = places(&bench);
+        let level = places.iter().all(|place| (place - 6_000.0).abs() < 6.0);
+        assert!(level, "known {known}, {period} ms: {places:?}");
     }
 }
 
 #[test]
 fn the_slowest_sets_the_pace() {
-    for known in [true, false] {
-        for period in PERIODS {
-            // The second of these motors reaches a third of the requested speed.
-            let motors = ["AM 60 A", "AM 40 B"].map(motor);
-            let mut bench = set_up(period, motors, known, [WHEEL; 2]);
-            bench.axes[1].torque = -0.1;
-            command_group(&mut bench, together(pair([2_000; 2]), 250.0, 700.0));
-            let mut apart = 0.0f64;
-            let ms = arrive(&mut bench, |bench| {
-                let [quick, slow] = places(bench);
-                apart = apart.max((quick - slow).abs());
-            });
-            println!("slow, known {known}, {period} ms: {ms} ms, {apart:.1} counts apart");
-            assert!(apart <= 130.0, "{apart}");
-        }
+    for (known, period) in cases() {
+        // The second of these motors reaches a third of the requested speed.
+        let motors = ["AM 60 A", "AM 40 B"].map(motor);
+        let mut bench = set_up(period, motors, known, [WHEEL; 2]);
+        bench.axes[1].torque = -0.1;
+        command_group(&mut bench, together(pair([2_000; 2]), 250.0, 700.0));
+        let mut apart = 0.0f64;
+        arrive(&mut bench, |bench| {
+            let [quick, slow] = places(bench);
+            apart = apart.max((quick - slow).abs());
+        });
+        assert!(apart <= 130.0, "known {known}, {period} ms: {apart} counts apart");
     }
 }
