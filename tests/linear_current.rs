@@ -1,42 +1,28 @@
 //! Compares the duty rules with the event-exact model of the switching bridge.
 
+mod common;
+
+use common::{neverest_60 as am60, winding};
 use motor_hub::braking::{
     Blend, BlendFraction, DutyRule, LinearCurrent, Modulator, OperatingPoint, Points, Regime, Scheme,
     Winding, linear_current, linear_duty,
 };
-use motor_hub::bridge::{BridgeConstants, Drive, Timing};
+use motor_hub::bridge::{BridgeConstants, Drive, Mode, Timing};
 use motor_hub::model::catalogue::{self, Motor};
+use motor_hub::model::periodic::Steady;
 use motor_hub::model::si::{Hertz, Volts};
 use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
 use motor_hub::units::{
-    Control, CountsPerSecond, Emf, EmfConstant, Inductance, Millivolts, RangeError, Resistance, Voltage,
+    Control, CountsPerSecond, Duty, Emf, EmfConstant, Inductance, Millivolts, RangeError, Resistance, Voltage,
 };
 
 const BRIDGE: Bridge = Bridge::new(BridgeConstants::IDEAL);
 const FREQUENCIES: [f64; 4] = [1_000.0, 8_000.0, 15_600.0, 20_000.0];
 const BATTERIES: [f64; 4] = [6.5, 9.0, 12.0, 14.5];
 
-fn schemes() -> [Scheme; 5] {
-    [
-        Scheme::A,
-        Scheme::B,
-        Scheme::C,
-        Scheme::D(Blend::Fixed(BlendFraction::from_bits(1 << 14).expect("at most 1"))),
-        Scheme::D(Blend::Automatic),
-    ]
-}
-
-fn am60() -> Motor {
-    catalogue::characterised("AM 60 A").expect("known")
-}
-
-/// The winding as a user would enter it.
-fn winding(motor: &Motor) -> Winding {
-    Winding {
-        emf: Winding::NEVEREST_60.emf,
-        resistance: Resistance::from_ohms(motor.r.0).expect("in range"),
-        inductance: Inductance::from_millihenries(1e3 * motor.l.0).ok(),
-    }
+/// The schemes that ask for a current.
+fn schemes() -> impl Iterator<Item = Scheme> {
+    Scheme::ALL.into_iter().filter(|scheme| *scheme != Scheme::ForwardReverse)
 }
 
 /// The constants of the usual bridge with this PWM frequency.
@@ -73,9 +59,13 @@ impl Point {
 
     /// Returns the mean current of a bridge for a bridge command, in A.
     fn current_on(&self, bridge: Bridge, motor: &Motor, frequency: f64, placement: Drive) -> f64 {
+        self.steady(bridge, motor, frequency, placement).mean.0
+    }
+
+    fn steady(&self, bridge: Bridge, motor: &Motor, frequency: f64, placement: Drive) -> Steady {
         let pwm = Pwm::new(placement.mode, placement.duty.to_f64(), Hertz(frequency));
         let conditions = Conditions { battery: Volts(self.battery), emf: Volts(self.emf) };
-        Circuit::new(motor, bridge).steady(pwm, conditions).mean.0
+        Circuit::new(motor, bridge).steady(pwm, conditions)
     }
 
     /// Returns the deviation of a current from the straight line of the scheme, as a share of Vbat/R.
@@ -101,7 +91,7 @@ impl Point {
             _ if c > 0.0 => c * (v - e),
             Scheme::B => c * (v + e),
             Scheme::C => c * scaled_pull(1.0, near_overrun),
-            Scheme::D(Blend::Fixed(_)) => c * scaled_pull(0.25, near_overrun),
+            Scheme::D(Blend::Fixed(_)) => c * scaled_pull(0.5, near_overrun),
             Scheme::D(Blend::Automatic) => c * scaled_pull(1.0, leaving(1.0)),
             Scheme::ForwardReverse => unreachable!("asks for no current"),
         };
@@ -129,7 +119,7 @@ fn worst(place: impl Fn(&LinearCurrent, Scheme, OperatingPoint, Control) -> Driv
     for (motor, frequency) in catalogue::motors().flat_map(|motor| FREQUENCIES.map(|hz| (motor, hz))) {
         let rule = rule(&motor, frequency);
         for point in points(&motor, &BATTERIES) {
-            for (scheme, control) in schemes().into_iter().flat_map(|s| controls().map(move |c| (s, c))) {
+            for (scheme, control) in schemes().flat_map(|s| controls().map(move |c| (s, c))) {
                 let placement = place(&rule, scheme, point.at, Control::new(control));
                 let current = point.current(&motor, frequency, placement);
                 worst = worst.max(point.deviation(&motor, scheme, control, current));
@@ -323,8 +313,7 @@ fn ends(rule: &LinearCurrent) {
 }
 
 #[test]
-fn windings_and_bridges_out_of_range_are_refused() {
-    assert_eq!(Resistance::from_milliohms(0), Err(RangeError::Resistance));
+fn bridges_out_of_range_are_refused() {
     for (diode_mv, switch_mohm, pwm_hz) in
         [(2_001, 50, 20_000), (700, 4_096, 20_000), (700, 50, 99), (700, 50, 200_001)]
     {
@@ -400,7 +389,7 @@ fn no_bridge_is_given_a_duty_that_it_must_be_spared() {
         [(20_000, 0.12, 0.048), (10_000, 0.06, 0.024), (1_000, 0.006, 0.0024), (200_000, 1.0, 1.0)]
     {
         let bridge = bridge(f64::from(hz)).with_timing(Timing::VNH5019);
-        let current = LinearCurrent::new(&self::winding(motor), &bridge);
+        let current = LinearCurrent::new(&common::winding(motor), &bridge);
         for rule in DutyRule::ALL {
             let modulator = Modulator::new(&winding, &bridge, Scheme::A, rule);
             for emf in [-11.0, -3.0, 0.0, 0.4, 6.0, 11.5, 13.0] {
@@ -445,6 +434,31 @@ fn the_current_that_a_duty_is_said_to_make_is_that_of_the_bridge() {
                 let said = f64::from(placement.voltage.to_volts()) - emf;
                 let error = (flows - said / (motor.r.0 + 0.1)) / (12.0 / motor.r.0);
                 assert!(error.abs() < 0.004, "{hz} Hz, {emf} V, {placement:?}: {error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn returned_and_dissipated_power_are_those_of_the_bridge() {
+    let (motor, ohms) = (&am60(), 3.4);
+    let modulator =
+        Modulator::new(&Winding::NEVEREST_60, &BridgeConstants::IDEAL, Scheme::A, DutyRule::LinearDuty);
+    // At 800, 1505 and 2500 counts/s.
+    for emf in [3.19, 6.0, 9.97] {
+        let point = Point::new(emf, 12.0);
+        for percent in [10, 30, 50, 70, 90, 100] {
+            let drive = Drive { mode: Mode::Brake50, duty: Duty::ratio(percent, 100) };
+            let computed = modulator.braking_power(point.at, modulator.modulation(point.at, drive), ohms);
+            let Steady { sums, period, .. } = point.steady(BRIDGE, motor, 20_000.0, drive);
+            let [returned, dissipated] = [12.0 * sums.to_battery, sums.heat].map(|joules| joules / period.0);
+            for (what, computed, truly) in [
+                ("returned", computed.returned_watts, returned),
+                ("dissipated", computed.dissipated_watts, dissipated),
+            ] {
+                let miss = (f64::from(computed) - truly).abs();
+                let most = 0.1 * (returned + dissipated) + 0.02;
+                assert!(miss < most, "{emf} V, {percent} %: {what} {computed} W, {truly} W");
             }
         }
     }

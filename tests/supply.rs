@@ -1,7 +1,9 @@
-//! Battery voltage from ADC readings.
+//! Battery voltage from ADC readings, and what the supply allows motors to do by this voltage.
 
-use motor_hub::supply::{Battery, Limits, Supply, VrefintCalibration, VrefintScale};
-use motor_hub::units::{Micros, Millivolts, RangeError};
+use motor_hub::supply::{
+    Battery, BusState, DrawStage, Levels, Limits, Supply, VrefintCalibration, VrefintScale,
+};
+use motor_hub::units::{Micros, Millivolts, RangeError, Share};
 
 const CALIBRATION: u16 = 1500;
 
@@ -21,22 +23,6 @@ struct Sample {
     vrefint: u16,
 }
 
-/// A converter and the filter behind it.
-struct Measured {
-    scale: VrefintScale,
-    supply: Supply,
-}
-
-impl Measured {
-    fn step(&mut self, sample: Sample, now: Micros) -> Option<Battery> {
-        self.supply.step(self.scale.battery(sample.battery, sample.vrefint), now)
-    }
-}
-
-fn supply() -> Measured {
-    Measured { scale: scale(), supply: Supply::new(Limits::default()) }
-}
-
 /// What the converter reads at this battery voltage when its own supply is `rail_mv`.
 fn sample(battery_mv: f64, rail_mv: f64) -> Sample {
     let pin_mv = battery_mv * 10.0 / 57.0;
@@ -48,7 +34,8 @@ fn sample(battery_mv: f64, rail_mv: f64) -> Sample {
 }
 
 fn first(sample: Sample) -> Option<Battery> {
-    supply().step(sample, Micros::new(7))
+    let measured = scale().battery(sample.battery, sample.vrefint);
+    Supply::new(Limits::default()).step(measured, Micros::new(7))
 }
 
 #[test]
@@ -108,9 +95,8 @@ fn absurd_scales_do_not_overflow() {
         let calibration = VrefintCalibration { reading, rail: Millivolts::new(rail), bits };
         for (top, bottom) in [(u32::MAX, 1), (1, u32::MAX), (u32::MAX, u32::MAX)] {
             let scale = VrefintScale::new(top, bottom, calibration).expect("above 0");
-            let mut supply = Measured { scale, supply: supply().supply };
             for reading in [0, 1, 4095, u16::MAX] {
-                let _ = supply.step(Sample { battery: reading, vrefint: reading }, Micros::new(0));
+                let _ = scale.battery(reading, reading);
             }
         }
     }
@@ -118,15 +104,14 @@ fn absurd_scales_do_not_overflow() {
 
 #[test]
 fn noise_is_filtered_with_a_time_constant_of_30_ms_and_a_sample() {
-    let mut supply = supply();
-    supply.step(sample(12_000.0, 3300.0), Micros::new(0));
-    let voltages: Vec<f64> = (0..20)
-        .filter_map(|n| supply.step(sample(10_000.0, 3300.0), Micros::new(10_000 * (n + 1))))
-        .map(|battery| f64::from(battery.voltage.get()))
-        .collect();
-    assert!((voltages[0] - 11_500.0).abs() < 10.0, "a quarter of the way: {voltages:?}");
-    assert!((voltages[3] - 10_632.0).abs() < 15.0, "{voltages:?}");
-    assert!((voltages[19] - 10_000.0).abs() < 20.0, "{voltages:?}");
+    let mut supply = Supply::new(Limits::default());
+    let mut step = |n: u64, mv| supply.step(Some(Millivolts::new(mv)), Micros::new(10_000 * n));
+    step(0, 12_000);
+    let voltages: Vec<f64> =
+        (1..=20).filter_map(|n| step(n, 10_000)).map(|battery| f64::from(battery.voltage.get())).collect();
+    assert!((voltages[0] - 11_500.0).abs() < 2.0, "a quarter of the way: {voltages:?}");
+    assert!((voltages[3] - 10_632.0).abs() < 4.0, "{voltages:?}");
+    assert!((voltages[19] - 10_000.0).abs() < 10.0, "{voltages:?}");
 }
 
 #[test]
@@ -148,5 +133,249 @@ fn a_reference_calibrated_at_another_rail_and_resolution_gives_the_same_voltage(
         let voltage =
             scale.expect("sound").battery(convert(12_000.0 / 5.7), convert(1_210.0)).expect("a rail").get();
         assert!((11_985..=12_015).contains(&voltage), "{bits} bits at {rail:?}: {voltage}");
+    }
+}
+
+/// A supply that is sampled every millisecond.
+struct Sampled {
+    supply: Supply,
+    ms: u64,
+}
+
+impl Sampled {
+    fn new() -> Self {
+        Self { supply: Supply::new(Limits::default()), ms: 0 }
+    }
+
+    fn sample(&mut self, mv: u16) -> Battery {
+        self.ms += 1;
+        self.supply.step(Some(Millivolts::new(mv)), Micros::new(1000 * self.ms)).expect("plausible")
+    }
+
+    /// Holds a voltage for 2 s, until the filter and the draw have settled.
+    fn hold(&mut self, mv: u16) -> Battery {
+        (0..2_000).map(|_| self.sample(mv)).last().expect("2 000 samples")
+    }
+}
+
+#[test]
+fn the_filter_settles_about_equally_fast_at_every_sampling_interval() {
+    for interval in [1_000, 2_000, 10_000] {
+        let mut supply = Supply::new(Limits::default());
+        supply.step(Some(Millivolts::new(12_000)), Micros::new(0));
+        let last = (1..=60_000 / interval)
+            .filter_map(|n| supply.step(Some(Millivolts::new(10_000)), Micros::new(n * interval)))
+            .last()
+            .expect("plausible");
+        let left = f64::from(last.voltage.get() - 10_000) / 2_000.0;
+        // The time is two time constants of 30 ms. With a longer sampling interval the filter is a little slower.
+        assert!((0.1..0.2).contains(&left), "{interval} us: {left}");
+    }
+}
+
+#[test]
+fn the_filter_restarts_after_a_missing_and_an_implausible_reading_and_after_a_gap() {
+    // Times in us, and readings in mV. No reading is reported missing in the gap: the task was delayed.
+    for readings in [
+        &[(0, Some(16_000)), (1, None), (2, Some(8_000))][..],
+        &[(0, Some(16_000)), (1, Some(0)), (2, Some(8_000))],
+        &[(0, Some(12_600)), (10_000_000, Some(9_000))],
+    ] {
+        let mut supply = Supply::new(Limits::default());
+        for (us, mv) in readings {
+            let battery = supply.step(mv.map(Millivolts::new), Micros::new(*us));
+            let voltage = battery.map(|battery| battery.voltage.get());
+            assert_eq!(voltage, mv.filter(|mv| *mv > 0), "at {us} us of {readings:?}");
+        }
+    }
+}
+
+#[test]
+fn below_derate_the_draw_falls_to_zero_at_cut() {
+    let levels = [
+        (12_000, DrawStage::Full, 1.0),
+        (7_000, DrawStage::Full, 1.0),
+        (6_500, DrawStage::Derated, 0.5),
+        (6_000, DrawStage::Cutoff, 0.0),
+    ];
+    for (mv, stage, share) in levels {
+        let battery = Sampled::new().hold(mv);
+        assert_eq!(battery.stage, stage, "{mv} mV");
+        assert!((battery.draw.to_f32() - share).abs() < 1e-3, "{mv} mV: {:?}", battery.draw);
+    }
+}
+
+#[test]
+fn a_low_battery_stays_low_until_it_has_recovered() {
+    use DrawStage::{Derated, Full};
+    let mut supply = Sampled::new();
+    let stages = [7_050, 6_950, 7_050, 7_450, 7_500, 7_050].map(|mv| supply.hold(mv).stage);
+    assert_eq!(stages, [Full, Derated, Derated, Derated, Full, Full]);
+}
+
+#[test]
+fn after_a_cut_the_draw_rises_slowly_from_the_derate_level() {
+    let mut supply = Sampled::new();
+    supply.hold(5_900);
+    assert_eq!(supply.hold(6_950).stage, DrawStage::Cutoff, "the stage stays Cutoff below the derate level");
+    let shares: Vec<f32> = (0..1_200).map(|_| supply.sample(7_400).draw.to_f32()).collect();
+    let first = shares.iter().position(|&share| share > 0.0).expect("the draw rises again");
+    assert!((0.45..0.55).contains(&shares[first + 500]), "half of it after half a second");
+    assert!(shares.windows(2).all(|pair| pair[1] >= pair[0] && pair[1] - pair[0] < 2e-3), "without a step");
+}
+
+#[test]
+fn the_draw_from_a_weak_battery_converges_without_a_cut() {
+    // A battery of 8 V. At the full draw of the motors the voltage falls by 3 V.
+    let (mut supply, mut share) = (Sampled::new(), 1.0);
+    supply.hold(8_000);
+    let mut late = Vec::new();
+    for ms in 0..8_000 {
+        let battery = supply.sample((8_000.0 - 3_000.0 * share) as u16);
+        assert_ne!(battery.stage, DrawStage::Cutoff, "at {ms} ms");
+        share = f64::from(battery.draw.to_f32());
+        if ms > 4_000 {
+            late.push(share);
+        }
+    }
+    let (low, high) = late.iter().fold((f64::MAX, 0.0_f64), |(low, high), &s| (s.min(low), s.max(high)));
+    assert!(low > 0.4 && high - low < 0.05, "{low} to {high}");
+}
+
+#[test]
+fn a_collapsed_bus_gives_a_draw_of_zero_until_the_last_state_is_stale() {
+    let mut supply = Supply::new(Limits::default());
+    let mut sample = |ms: u64, mv| supply.step(Some(Millivolts::new(mv)), Micros::new(1000 * ms));
+    let before = sample(10, 7_600).expect("plausible");
+    assert_eq!(sample(11, 4_700), None, "one may be a bad reading");
+    let down = sample(12, 4_700).expect("known");
+    assert_eq!(down, Battery { stage: DrawStage::Derated, draw: Share::NONE, ..before });
+    assert!(!down.is_fresh(Micros::new(111_000)));
+    // Without a load the voltage is back.
+    let back = sample(13, 7_400).expect("plausible");
+    assert_eq!((back.voltage, back.stage), (Millivolts::new(7_400), DrawStage::Derated));
+    assert!(back.draw < Share::from_f32(0.01), "{:?}", back.draw);
+    supply.step(None, Micros::new(14_000));
+    let [first, second] =
+        [15_000, 16_000].map(|us| supply.step(Some(Millivolts::new(4_700)), Micros::new(us)));
+    assert_eq!(first, None, "after a failed conversion, one low voltage is no collapse");
+    assert_eq!(second, Some(Battery { stage: DrawStage::Derated, draw: Share::NONE, ..back }));
+}
+
+#[test]
+fn the_bus_is_quiet_only_while_motors_are_not_limited() {
+    let quiet = |mv: &[u16]| {
+        let mut supply = Sampled::new();
+        for mv in mv {
+            supply.hold(*mv);
+        }
+        supply.supply.quiet().is_some()
+    };
+    for (mv, expected) in [
+        (&[12_000][..], true),
+        (&[7_100], true),
+        (&[13_900], true),
+        (&[14_100], false),
+        (&[14_100, 13_900], true),
+        (&[6_900], false),
+        (&[6_900, 7_100], false),
+        (&[6_900, 7_600], true),
+    ] {
+        assert_eq!(quiet(mv), expected, "{mv:?}");
+    }
+    assert_eq!(Supply::new(Limits::default()).quiet(), None);
+}
+
+#[test]
+fn after_an_overvoltage_motors_dissipate_for_50_ms_and_the_bus_is_then_quiet() {
+    for mv in [13_900, 12_000] {
+        let mut supply = Sampled::new();
+        supply.sample(14_100);
+        for ms in 1..=60 {
+            let dissipate = supply.sample(mv).dissipate;
+            assert_eq!(dissipate > Share::NONE, ms < 50, "{mv} mV, {ms} ms later");
+            assert_eq!(supply.supply.quiet().is_some(), dissipate == Share::NONE, "{mv} mV, {ms} ms later");
+        }
+    }
+}
+
+#[test]
+fn the_first_sample_outside_the_quiet_range_counts_for_one_millisecond() {
+    let mut supply = Supply::new(Limits::default());
+    supply.step(Some(Millivolts::new(7_600)), Micros::new(0));
+    let battery = supply.step(Some(Millivolts::new(5_000)), Micros::new(9_000)).expect("plausible");
+    assert!(
+        battery.voltage > Millivolts::new(7_500),
+        "the sample has the weight of 1 ms in a filter of 30 ms: {:?}",
+        battery.voltage
+    );
+}
+
+#[test]
+fn motors_dissipate_above_the_dissipate_level_and_fully_from_halfway_to_the_ceiling() {
+    for (mv, some, all) in
+        [(12_600, false, false), (14_000, false, false), (14_100, true, false), (15_000, true, true)]
+    {
+        let dissipate = Sampled::new().hold(mv).dissipate;
+        assert_eq!((dissipate > Share::NONE, dissipate == Share::ALL), (some, all), "{mv} mV");
+    }
+    // The voltage rises by 200 mV per millisecond, so the hub uses the voltage that it expects.
+    let mut supply = Sampled::new();
+    supply.sample(13_700);
+    assert!(supply.sample(13_900).dissipate > Share::NONE);
+}
+
+#[test]
+fn above_the_largest_operating_voltage_nothing_is_drawn_and_all_energy_is_dissipated() {
+    for mv in [24_001, u16::MAX] {
+        let Battery { voltage, stage, draw, dissipate, .. } = Sampled::new().hold(mv);
+        assert_eq!((stage, draw, dissipate), (DrawStage::Overvoltage, Share::NONE, Share::ALL), "{mv} mV");
+        assert_eq!(voltage, Millivolts::new(24_000));
+    }
+}
+
+#[test]
+fn levels_that_do_not_ascend_are_refused() {
+    let good = Limits::default().levels();
+    assert!(Limits::new(good).is_ok());
+    let v = Millivolts::new;
+    let wrong = [
+        Levels { min: v(6_001), ..good },
+        Levels { cutoff: v(7_000), ..good },
+        Levels { derate: v(7_501), ..good },
+        Levels { recover: v(14_000), ..good },
+        Levels { dissipate: v(15_500), ..good },
+        Levels { ceiling: v(24_001), ..good },
+        Levels { max: v(15_499), ..good },
+    ];
+    for levels in wrong {
+        assert_eq!(Limits::new(levels), Err(RangeError::SupplyLevels), "{levels:?}");
+    }
+    assert!(RangeError::SupplyLevels.to_string().contains("min <= cutoff < derate"));
+}
+
+#[test]
+fn every_voltage_is_reported_in_its_range() {
+    for (mv, state) in [
+        (4_500, BusState::TooLow),
+        (5_900, BusState::Cutoff),
+        (6_500, BusState::Derated),
+        (12_000, BusState::Quiet),
+        (14_600, BusState::Dissipating),
+        (15_600, BusState::TooHigh),
+        (30_000, BusState::TooHigh),
+    ] {
+        let mut supply = Supply::new(Limits::default());
+        for ms in 0..100 {
+            supply.step(Some(Millivolts::new(mv)), Micros::new(1_000 * ms));
+        }
+        let seen = supply.last_reading();
+        assert_eq!((seen.state, seen.measured), (state, Some(Millivolts::new(mv))), "{mv} mV");
+        assert_eq!(seen.as_of(Micros::new(199_001)).state, BusState::NoReading, "{mv} mV, long ago");
+        supply.step(None, Micros::new(100_000));
+        assert_eq!(
+            (supply.last_reading().state, supply.last_reading().measured),
+            (BusState::NoReading, None)
+        );
     }
 }
