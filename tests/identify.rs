@@ -3,17 +3,17 @@
 mod common;
 
 use common::{BATTERY, Bench, Cable, motor, velocity};
-use motor_hub::braking::{Scheme, Winding};
+use motor_hub::braking::Scheme;
 use motor_hub::bridge::Drive;
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{Motor, motors};
 use motor_hub::model::friction::Friction;
-use motor_hub::model::load::{Load, Shaft};
+use motor_hub::model::load::Load;
 use motor_hub::model::si::{KgM2, NewtonMetres, Ohms, Volts};
 use motor_hub::motor::{EncoderFault, OnFault, Setpoint, Settings};
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
-use motor_hub::units::{Control, EmfConstant, Millivolts, Resistance};
+use motor_hub::units::{Control, EmfConstant, Millivolts};
 use std::f64::consts::TAU;
 
 /// Friction and loads are shares of the stall torque at this voltage.
@@ -70,23 +70,20 @@ impl Setup {
     }
 
     fn settings(&self) -> Settings {
-        let (r, ke) = self.configured;
-        let Winding { inductance, .. } = common::winding(&self.motor);
-        let winding = Winding {
-            emf: EmfConstant::from_ke(self.motor.ke.0 * ke, self.motor.counts_per_rev_motor)
-                .expect("in range"),
-            resistance: Resistance::from_ohms(self.motor.r.0 * r).expect("in range"),
-            inductance,
-        };
-        Settings::for_scheme(winding, self.scheme)
+        let (mut motor, (r, ke)) = (self.motor, self.configured);
+        motor.r.0 *= r;
+        motor.ke.0 *= ke;
+        Settings::for_scheme(common::winding(&motor), self.scheme)
     }
 
-    /// The true b in counts/s² per volt, and c in volts.
-    fn truth(&self) -> (f64, f64) {
-        let ohms = self.motor.r.0 + 0.1;
-        let per_volt = self.motor.kt.0 * self.motor.counts_per_rev_motor / (TAU * ohms);
-        let friction = self.friction * self.stall() * ohms / self.motor.kt.0;
-        (per_volt / Shaft::new(&self.motor, &self.load()).inertia.0, friction)
+    /// The true dynamics, without friction.
+    fn truth(&self) -> Dynamics {
+        common::dynamics(&self.motor, &self.load())
+    }
+
+    /// The true c in volts.
+    fn friction_volts(&self) -> f64 {
+        self.friction * self.stall() * (self.motor.r.0 + 0.1) / self.motor.kt.0
     }
 
     fn bench(&self) -> Bench<1> {
@@ -129,9 +126,8 @@ impl Setup {
 
     /// Errors of the found dynamics: b as a share of its true value, c in volts.
     fn errors(&self, found: &Identified) -> (f64, f64) {
-        let (b, c) = self.truth();
-        let gain = f64::from(found.dynamics.gain.to_f32());
-        (gain / b - 1.0, f64::from(found.dynamics.friction.get()) / 1e3 - c)
+        let [gain, truth] = [found.dynamics, self.truth()].map(|dynamics| f64::from(dynamics.gain.to_f32()));
+        (gain / truth - 1.0, f64::from(found.dynamics.friction.get()) / 1e3 - self.friction_volts())
     }
 }
 
@@ -192,13 +188,13 @@ fn every_motor_of_the_catalogue_is_known_within_10_percent() {
 /// Times in s that a motor with these configured dynamics needs from rest to 0.5 of its free speed, and on to 0.15 of
 /// it, each to within 2 %. The first set-point comes `at_ms` after the start.
 fn settling(setup: &Setup, configured: Dynamics, at_ms: u64) -> [f64; 2] {
-    let truth = common::dynamics(&setup.motor, &setup.load());
+    let truth = setup.truth();
     let mut bench = setup.bench();
     bench.configure(0, |settings| settings.dynamics = Some(configured));
     bench.set(0, velocity(0));
     bench.run_ms(at_ms);
     let (gain, decay) = (f64::from(truth.gain.to_f32()), f64::from(truth.decay.to_f32()));
-    let free_cps = gain / decay * (BATTERY - setup.truth().1);
+    let free_cps = gain / decay * (BATTERY - setup.friction_volts());
     let mut before = 0.0;
     [0.5, 0.15].map(|share| {
         let cps: f64 = share * free_cps;
@@ -225,8 +221,8 @@ fn an_identified_motor_settles_within_10_percent_of_the_time_of_an_exactly_confi
     for motor in motors().map(Motor::with_measured_rotor_inertia) {
         for inertia in [0.0, 3.0] {
             let setup = Setup { inertia, ..Setup::of(motor) };
-            let friction = Millivolts::new((1e3 * setup.truth().1) as u16);
-            let exact = Dynamics { friction, ..common::dynamics(&setup.motor, &setup.load()) };
+            let friction = Millivolts::new((1e3 * setup.friction_volts()) as u16);
+            let exact = Dynamics { friction, ..setup.truth() };
             // With a load, the Core Hex motors take minutes. A time to settle depends on the phase of the tick.
             let phases: &[u64] = match exact.decay.to_f32() {
                 1.0.. => &[5, 25, 45],
@@ -360,11 +356,8 @@ fn a_stop_on_the_way_is_refused() {
     for at in [20.0, 100.0, 300.0, 1_000.0] {
         let stop = |counts: f64, _| if counts > at { -0.3 * (counts - at) } else { 0.0 };
         let outcome = Setup::new("AM 60 A").loaded(stop);
-        refused(
-            outcome,
-            &[Refusal::NoCounts, Refusal::PoorFit, Refusal::Load, Refusal::Spring],
-            &format!("{at}"),
-        );
+        let reasons = [Refusal::NoCounts, Refusal::PoorFit, Refusal::Load, Refusal::Spring];
+        refused(outcome, &reasons, &format!("{at}"));
     }
 }
 
@@ -431,11 +424,8 @@ fn with_one_broken_wire_a_motor_turns_no_further_than_announced() {
 fn a_weak_battery_is_refused() {
     for (emf, ohms) in [(5.5, 0.0), (12.6, 3.0)] {
         let battery = Battery { emf: Volts(emf), resistance: Ohms(ohms) };
-        refused(
-            Setup { battery, ..Setup::new("AM 60 A") }.run(),
-            &[Refusal::Battery],
-            &format!("{battery:?}"),
-        );
+        let outcome = Setup { battery, ..Setup::new("AM 60 A") }.run();
+        refused(outcome, &[Refusal::Battery], &format!("{battery:?}"));
     }
 }
 

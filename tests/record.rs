@@ -234,19 +234,20 @@ const RING: Range<usize> = 40..40 + 32 * (TICKS + 1);
 
 /// A record with two entries, the record after the tick that writes a third entry, and the contents of both.
 fn before_and_after() -> (Memory, Memory, Vec<(Head, Vec<Tick>)>) {
-    let mut memory = [0; SIZE];
-    run(&mut Record::open(&mut memory, Fault::PowerOn).0, 90);
-    run(&mut Record::open(&mut memory, Fault::ResetPin).0, 70);
-    run(&mut Record::open(&mut memory, Fault::Watchdog).0, 80);
-    let before = memory;
-    let mut memory = [0; SIZE];
-    run(&mut Record::open(&mut memory, Fault::PowerOn).0, 90);
-    run(&mut Record::open(&mut memory, Fault::ResetPin).0, 70);
-    let (mut record, _) = Record::open(&mut memory, Fault::Watchdog);
-    run(&mut record, 80);
-    record.tick(&with_fault(turning(81), 2, STUCK));
-    let all = record.heads().map(|head| (head, record.ticks(head.number).unwrap().collect())).collect();
-    (before, memory, all)
+    let written = |third_entry: bool| {
+        let mut memory = [0; SIZE];
+        run(&mut Record::open(&mut memory, Fault::PowerOn).0, 90);
+        run(&mut Record::open(&mut memory, Fault::ResetPin).0, 70);
+        let (mut record, _) = Record::open(&mut memory, Fault::Watchdog);
+        run(&mut record, 80);
+        if third_entry {
+            record.tick(&with_fault(turning(81), 2, STUCK));
+        }
+        let all = record.heads().map(|head| (head, record.ticks(head.number).unwrap().collect())).collect();
+        (memory, all)
+    };
+    let ((before, _), (after, all)) = (written(false), written(true));
+    (before, after, all)
 }
 
 #[test]

@@ -372,19 +372,17 @@ fn the_led_shows_the_states_of_host_and_battery() {
     assert_eq!(host.responder.led(host.now), Colour::GREEN, "talking");
     host.wait_ms(TIMEOUT_MS);
     host.responder.tick(host.now, &host.snapshot);
-    let mut seen = [0; 6].map(|_| {
-        let colour = host.responder.led(host.now);
-        host.wait_ms(500);
-        colour
-    });
-    assert_eq!(seen, [Colour::BLUE, Colour::OFF].repeat(3)[..], "lost");
+    let three_seconds = |host: &mut TestHost| {
+        [0; 6].map(|_| {
+            let colour = host.responder.led(host.now);
+            host.wait_ms(500);
+            colour
+        })
+    };
+    assert_eq!(three_seconds(&mut host), [Colour::BLUE, Colour::OFF].repeat(3)[..], "lost");
     host.set_battery(Some(6_500), DrawStage::Derated);
     keep_alive(&mut host);
-    seen = [0; 6].map(|_| {
-        let colour = host.responder.led(host.now);
-        host.wait_ms(500);
-        colour
-    });
+    let mut seen = three_seconds(&mut host);
     seen.sort_by_key(|colour| colour.red);
     assert_eq!(seen[2..4], [Colour::OFF, Colour::ORANGE], "low");
 }

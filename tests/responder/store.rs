@@ -60,6 +60,21 @@ fn carried_out(host: &mut TestHost) -> SettingsRecord {
     record
 }
 
+/// Saves the settings. Returns the record that is stored.
+fn save(host: &mut TestHost) -> SettingsRecord {
+    host.ask(SAVE, &[]).done();
+    carried_out(host)
+}
+
+/// A record with these entries.
+fn record(entries: &[(u16, &[u8])]) -> SettingsRecord {
+    let mut record = SettingsRecord::new(1);
+    for (id, payload) in entries {
+        record.push(*id, payload).expect("room");
+    }
+    record
+}
+
 fn report(host: &mut TestHost) -> StoreReport {
     host.read(HubFunction::Stored)
 }
@@ -123,8 +138,7 @@ fn only_saved_settings_are_restored() {
     let commands = again.new_commands();
     assert!(commands.len() == N && commands.iter().all(configured), "{commands:?}");
     // A second save of the same settings differs in its number only.
-    again.ask(SAVE, &[]);
-    let second = carried_out(&mut again);
+    let second = save(&mut again);
     assert_eq!(second.number(), 2);
     assert!(second.entries().eq(record.entries()));
 }
@@ -153,12 +167,10 @@ fn a_stored_set_up_that_changes_nothing_deletes_no_motion() {
         });
         Settings { coefficients: None, ..commands.next_back().expect("configured") }
     };
-    let mut record = SettingsRecord::new(1);
     let mut host = TestHost { responder: responder_with(known), ..TestHost::new() };
     let setup = host.ask(FIRST_FUNCTION + 1, &[1]).data();
-    record.push(FIRST_FUNCTION, &[&[1], &setup[..]].concat()).expect("room");
     let before = all(&mut host);
-    host.responder.restore(found(&record));
+    host.responder.restore(found(&record(&[(FIRST_FUNCTION, &[&[1], &setup[..]].concat())])));
     assert_eq!(all(&mut host), before);
 }
 
@@ -166,8 +178,7 @@ fn a_stored_set_up_that_changes_nothing_deletes_no_motion() {
 fn missing_entries_and_fields_are_the_firmwares() {
     let mut host = empty();
     set_everything(&mut host);
-    host.ask(SAVE, &[]);
-    let whole = carried_out(&mut host);
+    let whole = save(&mut host);
     // A record of older firmware, which had no inductance, scheme and duty, and no protection.
     let mut older = SettingsRecord::new(1);
     for entry in whole.entries().filter(|entry| entry.id != FIRST_FUNCTION + 8) {
@@ -187,28 +198,23 @@ fn missing_entries_and_fields_are_the_firmwares() {
 
 #[test]
 fn unknown_entries_are_kept_and_refused_entries_change_nothing() {
-    let mut record = SettingsRecord::new(6);
     let unknown: [(u16, &[u8]); 4] =
         [(0x4D55, &[1, 2, 3]), (FIRST_FUNCTION + 8, &[9, 1]), (0x100A, &[0, 1]), (0x7F05, &[])];
-    for (id, payload) in unknown {
-        record.push(id, payload).expect("room");
-    }
     // The entry has fields of a later firmware after the fields of this firmware.
     let longer = [2, 1, 0, 0, 0, 0, 0, 0, 77, 78];
-    record.push(FIRST_FUNCTION + 8, &longer).expect("room");
     // An unknown action at a fault, and a set-up that is out of range.
-    record.push(FIRST_FUNCTION + 8, &[0, 7, 0, 0, 0, 0, 0, 0]).expect("room");
-    record.push(FIRST_FUNCTION, &[3, 0, 0, 0, 0]).expect("room");
-    let mut host = powered_on(found(&record));
+    let refused: [(u16, &[u8]); 2] =
+        [(FIRST_FUNCTION + 8, &[0, 7, 0, 0, 0, 0, 0, 0]), (FIRST_FUNCTION, &[3, 0, 0, 0, 0])];
+    let entries = [&unknown[..], &[(FIRST_FUNCTION + 8, &longer)], &refused].concat();
+    let mut host = powered_on(found(&record(&entries)));
     let mut fresh = TestHost::new();
     fresh.ask(FIRST_FUNCTION + 8, &longer);
     assert_eq!(all(&mut host), all(&mut fresh));
     assert_eq!(host.responder.enabled(), [false; N]);
     let StoreReport { unknown: kept, refused, .. } = report(&mut host);
     assert_eq!((kept, refused), (4, 2));
-    host.ask(SAVE, &[]);
-    let saved = carried_out(&mut host);
-    assert_eq!(saved.number(), 7);
+    let saved = save(&mut host);
+    assert_eq!(saved.number(), 2);
     for (id, payload) in unknown.into_iter().chain([(FIRST_FUNCTION + 8, &longer[..])]) {
         assert!(saved.entries().any(|entry| (entry.id, entry.payload) == (id, payload)), "{id:#x}");
     }
@@ -220,9 +226,7 @@ fn additional_bytes_of_an_entry_are_kept_or_the_save_is_refused() {
     for (length, fits) in [(161, true), (255, false)] {
         let mut longer = vec![2, 1, 0, 0, 0, 0, 0, 0];
         longer.resize(length, 77);
-        let mut record = SettingsRecord::new(6);
-        record.push(0x4D55, &[7; 29]).expect("room");
-        record.push(FIRST_FUNCTION + 8, &longer).expect("room");
+        let record = record(&[(0x4D55, &[7; 29]), (FIRST_FUNCTION + 8, &longer)]);
         let mut host = powered_on(found(&record));
         let said = host.ask(SAVE, &[]);
         if fits {
@@ -237,10 +241,7 @@ fn additional_bytes_of_an_entry_are_kept_or_the_save_is_refused() {
 
 #[test]
 fn settings_that_leave_no_room_for_unknown_entries_are_not_saved() {
-    let mut record = SettingsRecord::new(1);
-    record.push(0x4D55, &[7; 240]).expect("room");
-    record.push(0x4D56, &[7; 29]).expect("room");
-    let mut host = powered_on(found(&record));
+    let mut host = powered_on(found(&record(&[(0x4D55, &[7; 240]), (0x4D56, &[7; 29])])));
     assert_eq!(host.ask(SAVE, &[]), Answer::Nack(64));
     writes_nothing(&mut host);
 }
@@ -264,8 +265,7 @@ fn a_host_can_remove_a_current_limit_that_the_firmware_was_built_with() {
     host.responder.restore(Found::without_record(Stored::Nothing, 0));
     assert_eq!(host.group(SET_LIMIT + 1, 1), [0x20, 3]);
     host.ask(SET_LIMIT, &[1, 0, 0]);
-    host.ask(SAVE, &[]);
-    let record = carried_out(&mut host);
+    let record = save(&mut host);
     assert!(!report(&mut host).differs);
     let mut again = started();
     again.responder.restore(found(&record));
@@ -289,20 +289,17 @@ fn a_host_can_remove_coefficients_that_the_firmware_was_built_with() {
     let set_up = host.group(FIRST_FUNCTION + 1, 1);
     host.ask(FIRST_FUNCTION, &[&[1], &set_up[..]].concat()).done();
     assert_eq!((report(&mut host).coefficients, report(&mut host).differs), (0b1101, true));
-    host.ask(SAVE, &[]);
-    let record = carried_out(&mut host);
+    let record = save(&mut host);
     let StoreReport { differs, unknown, refused, .. } = report(&mut host);
     assert_eq!((differs, unknown, refused), (false, 0, 0));
     let mut again = started(found(&record));
     assert_eq!((report(&mut again).coefficients, all(&mut again)), (0b1101, all(&mut host)));
     // A second save writes the same entries.
-    again.ask(SAVE, &[]);
-    assert!(carried_out(&mut again).entries().eq(record.entries()));
+    assert!(save(&mut again).entries().eq(record.entries()));
     // Coefficients of a host replace the entries.
     let values = Values::of(Group::VelocityLoop, &MotorSettings::new(settings()));
     again.request(Request::Set(1, values)).done();
-    again.ask(SAVE, &[]);
-    let record = carried_out(&mut again);
+    let record = save(&mut again);
     assert_eq!(report(&mut started(found(&record))).coefficients, 0b1111);
 }
 
@@ -311,8 +308,7 @@ fn a_drive_base_is_stored_and_restored_and_a_reset_removes_it() {
     let mut host = empty();
     host.ask(SET_BASE, &BASE).done();
     assert!(report(&mut host).differs);
-    host.ask(SAVE, &[]);
-    let record = carried_out(&mut host);
+    let record = save(&mut host);
     assert!(!report(&mut host).differs);
 
     let mut again = TestHost::new();
@@ -343,20 +339,15 @@ fn a_stored_base_that_the_hub_cannot_have_is_refused_and_reported() {
     wheel[1] = N as u8;
     track[6..10].fill(0);
     for base in [&wheel[..], &track, &BASE[..18]] {
-        let mut record = SettingsRecord::new(1);
-        record.push(SET_BASE, base).expect("room");
-        let mut host = powered_on(found(&record));
+        let mut host = powered_on(found(&record(&[(SET_BASE, base)])));
         assert_eq!(host.ask(BASE_IN_FORCE, &[]), Answer::Nack(82));
         let StoreReport { unknown, refused, .. } = report(&mut host);
         assert_eq!((unknown, refused), (0, 1), "{base:?}");
     }
     // Fields of a later firmware are kept.
     let longer = [&BASE[..], &[7, 8]].concat();
-    let mut record = SettingsRecord::new(1);
-    record.push(SET_BASE, &longer).expect("room");
-    let mut host = powered_on(found(&record));
-    host.ask(SAVE, &[]);
-    let saved = carried_out(&mut host);
+    let mut host = powered_on(found(&record(&[(SET_BASE, &longer)])));
+    let saved = save(&mut host);
     assert!(saved.entries().any(|entry| (entry.id, entry.payload) == (SET_BASE, &longer[..])), "{saved:?}");
 }
 
@@ -394,8 +385,7 @@ fn while_a_motor_runs_settings_are_saved_without_erasing_and_not_read() {
 fn load_restores_the_stored_settings_and_reset_the_firmwares() {
     let mut host = empty();
     set_everything(&mut host);
-    host.ask(SAVE, &[]);
-    let (record, saved) = (carried_out(&mut host), all(&mut host));
+    let (record, saved) = (save(&mut host), all(&mut host));
     host.do_all(&[(8, &[2, 0, 0])]);
     assert!(report(&mut host).differs);
     host.new_commands();
@@ -441,8 +431,7 @@ fn settings_of_a_later_firmware_and_damaged_ones_are_kept_until_they_are_reset()
 fn a_new_address_is_stored_alone() {
     let mut host = empty();
     set_everything(&mut host);
-    host.ask(SAVE, &[]);
-    let before = carried_out(&mut host);
+    let before = save(&mut host);
     host.do_all(&[(8, &[1, 2, 1])]);
     host.ask(0x7F06, &[9]);
     let record = carried_out(&mut host);
@@ -516,8 +505,7 @@ fn no_motor_is_enabled_until_a_load_has_ended() {
 
 #[test]
 fn an_address_that_was_set_before_the_memory_was_read_is_stored() {
-    let mut stored = SettingsRecord::new(1);
-    stored.push(0x7F06, &[3]).expect("room");
+    let stored = record(&[(0x7F06, &[3])]);
     let mut host = TestHost { responder: responder_with(settings()).expecting_store(), ..TestHost::new() };
     host.ask(0x7F06, &[9]);
     host.responder.store_done(Some(found(&stored)), Outcome::None);
@@ -632,10 +620,8 @@ const BY_FIRMWARE_0_1_0: [(u16, &str); 29] = [
 #[test]
 fn settings_stored_by_firmware_0_1_0_are_restored_and_stored_again_as_the_same_bytes() {
     // Fields that a later version has added to a group follow the bytes of 0.1.0.
-    let mut stored = SettingsRecord::new(1);
-    for (id, payload) in BY_FIRMWARE_0_1_0 {
-        stored.push(id, &bytes_of(payload)).expect("room");
-    }
+    let entries = BY_FIRMWARE_0_1_0.map(|(id, payload)| (id, bytes_of(payload)));
+    let stored = record(&entries.each_ref().map(|(id, payload)| (*id, &payload[..])));
     let mut responder = TestHost::new().responder;
     responder.restore(found(&stored));
     let address = responder.address();
@@ -691,8 +677,7 @@ fn settings_stored_by_firmware_0_1_0_are_restored_and_stored_again_as_the_same_b
     ];
     assert_eq!(configured, expected);
 
-    host.ask(SAVE, &[]).done();
-    let again = carried_out(&mut host);
+    let again = save(&mut host);
     assert_eq!(again.entries().count(), stored.entries().count());
     for (again, stored) in again.entries().zip(stored.entries()) {
         let known = again.payload.get(..stored.payload.len());
