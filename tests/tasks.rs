@@ -90,18 +90,15 @@ type TaskFuture<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
 
 /// The tasks of a board. Each can be stopped.
 struct Board<'a> {
-    capture: Option<TaskFuture<'a>>,
-    supply: Option<TaskFuture<'a>>,
-    control: Option<TaskFuture<'a>>,
-    output: Option<TaskFuture<'a>>,
-    health: Option<TaskFuture<'a>>,
+    tasks: Vec<(Task, TaskFuture<'a>)>,
+    health: TaskFuture<'a>,
     woken: Arc<Woken>,
 }
 
-fn never<'a>(future: impl Future<Output = impl Sized> + 'a) -> Option<TaskFuture<'a>> {
-    Some(Box::pin(async move {
+fn never<'a>(future: impl Future<Output = impl Sized> + 'a) -> TaskFuture<'a> {
+    Box::pin(async move {
         future.await;
-    }))
+    })
 }
 
 struct Parts {
@@ -127,14 +124,13 @@ impl Parts {
         let supply = Supply::new(Limits::default());
         let settings = Settings::new(Winding::NEVEREST_60);
         let mut hub = Hub::new([settings; N], *period);
-        Board {
-            capture: never(tasks::capture::run(world, wires, health)),
-            supply: never(tasks::supply::run(world, supply, wires, health)),
-            control: never(async move { tasks::control::run(&mut hub, wires, health).await }),
-            output: never(tasks::output::run(world, *period, wires, health)),
-            health: never(tasks::health::run(world, health)),
-            woken: Arc::default(),
-        }
+        let tasks = vec![
+            (Task::Capture, never(tasks::capture::run(world, wires, health))),
+            (Task::Supply, never(tasks::supply::run(world, supply, wires, health))),
+            (Task::Control, never(async move { tasks::control::run(&mut hub, wires, health).await })),
+            (Task::Output, never(tasks::output::run(world, *period, wires, health))),
+        ];
+        Board { tasks, health: never(tasks::health::run(world, health)), woken: Arc::default() }
     }
 
     fn send(&self, motor: usize, setpoint: Setpoint) {
@@ -153,15 +149,17 @@ impl Board<'_> {
         let mut context = Context::from_waker(&waker);
         loop {
             self.woken.0.store(false, Ordering::Relaxed);
-            let tasks =
-                [&mut self.capture, &mut self.supply, &mut self.control, &mut self.output, &mut self.health];
-            for task in tasks.into_iter().flatten() {
+            for task in self.tasks.iter_mut().map(|(_, task)| task).chain([&mut self.health]) {
                 assert!(task.as_mut().poll(&mut context).is_pending(), "tasks run for ever");
             }
             if !self.woken.0.load(Ordering::Relaxed) {
                 return;
             }
         }
+    }
+
+    fn stop(&mut self, stopped: Task) {
+        self.tasks.retain(|(task, _)| *task != stopped);
     }
 
     fn run_ms(&mut self, ms: u64) {
@@ -232,11 +230,8 @@ fn constant_power_and_coasting_wait_for_no_tick_and_regulation_does() {
     // No further command is applied.
     let applied = parts.world.applied.borrow().len();
     board.run_ms(200);
-    assert!(
-        parts.world.applied.borrow()[applied..]
-            .iter()
-            .all(|(_, drives)| *drives == parts.world.last_drives())
-    );
+    let last = parts.world.last_drives();
+    assert!(parts.world.applied.borrow()[applied..].iter().all(|(_, drives)| *drives == last));
 }
 
 #[test]
@@ -314,7 +309,7 @@ fn when_control_stops_the_bridges_coast_after_three_periods() {
         parts.send(0, HALF);
         board.run_ms(200);
         assert_ne!(parts.world.last_drives(), [Drive::COAST; N]);
-        board.control = None;
+        board.stop(Task::Control);
         board.run_ms(u64::from(period_ms) * 3 - 1);
         assert_ne!(parts.world.last_drives(), [Drive::COAST; N], "the output task waits three periods");
         board.run_ms(1);
@@ -324,23 +319,16 @@ fn when_control_stops_the_bridges_coast_after_three_periods() {
 
 #[test]
 fn the_watchdog_starves_when_any_task_stops() {
-    type Stop = fn(&mut Board<'_>);
-    let stops: [(&str, Stop); 4] = [
-        ("capture", |b| b.capture = None),
-        ("supply", |b| b.supply = None),
-        ("control", |b| b.control = None),
-        ("output", |b| b.output = None),
-    ];
-    for (name, stop) in stops {
+    for task in [Task::Capture, Task::Supply, Task::Control, Task::Output] {
         let parts = Parts::new(50);
         let mut board = parts.board();
         board.run_ms(1000);
         assert!(parts.world.fed.borrow().len() >= 19, "fed once a tick while all are well");
-        stop(&mut board);
+        board.stop(task);
         board.run_ms(100);
         parts.world.fed.borrow_mut().clear();
         board.run_ms(2000);
-        assert_eq!(parts.world.fed.borrow().len(), 0, "{name}");
+        assert_eq!(parts.world.fed.borrow().len(), 0, "{task:?}");
     }
 }
 
@@ -405,7 +393,7 @@ fn when_capture_stops_regulated_motors_coast_and_constant_power_goes_on() {
     parts.send(1, Setpoint::Velocity(CountsPerSecond::new(1000)));
     board.run_ms(200);
     assert!(parts.snapshot().motors[..2].iter().all(|m| m.regime.is_some()));
-    board.capture = None;
+    board.stop(Task::Capture);
     board.run_ms(100);
     let motors = parts.snapshot().motors;
     assert!(motors[0].regime.is_some() && motors[0].faults.encoder_stale);

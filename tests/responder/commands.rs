@@ -316,15 +316,9 @@ fn fail_safe_releases_outputs_until_they_are_set_again() {
     assert_eq!([host.call(4, &[1]), host.call(4, &[2])], [Answer::Data(vec![1]), Answer::Data(vec![0])]);
     host.do_all(&[(1, &[0, 1])]);
     assert_eq!((host.responder.outputs.driven, host.responder.outputs.levels), (1, 1));
-}
-
-#[test]
-fn an_output_that_fail_safe_has_released_is_low_when_it_is_made_an_output_again() {
-    let mut host = TestHost::settled();
-    host.do_all(&[(3, &[1, 1]), (1, &[1, 1])]);
-    host.ask(0x7F05, &[]);
+    // A pin that becomes an output again is low.
     host.do_all(&[(3, &[1, 1])]);
-    assert_eq!((host.responder.outputs.driven, host.responder.outputs.levels), (2, 0));
+    assert_eq!((host.responder.outputs.driven, host.responder.outputs.levels), (3, 1));
 }
 
 #[test]

@@ -113,7 +113,6 @@ fn history<const WORD: usize, const PAGE: usize>(
         }
         old = new;
     }
-    println!("words of {WORD} bytes, pages of {PAGE}: {tally:?}");
     tally
 }
 
@@ -141,14 +140,9 @@ fn a_hundred_saves_on_either_board_leave_the_old_value_or_the_new() {
 
 #[test]
 #[ignore = "long: cargo xtask long"]
-fn a_thousand_saves_on_the_f429_leave_the_old_value_or_the_new() {
+fn a_thousand_saves_on_either_board_leave_the_old_value_or_the_new() {
     let tally = history::<{ F429.0 }, { F429.1 }>(1_000, 300, Code::None, some);
     assert!(tally.erasures >= 20 && tally.cuts > 5_000 && tally.second_cuts > 2_000, "{tally:?}");
-}
-
-#[test]
-#[ignore = "long: cargo xtask long"]
-fn a_thousand_saves_on_the_h743_leave_the_old_value_or_the_new() {
     let tally = history::<{ H743.0 }, { H743.1 }>(1_000, 500, Code::Detects, some);
     assert!(tally.erasures >= 3 && tally.cuts > 2_000 && tally.second_cuts > 100, "{tally:?}");
 }
