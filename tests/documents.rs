@@ -1,31 +1,9 @@
 //! Checks that the files exist that documents link to, and that the code in the guide to boards is compiled.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+#[path = "common/repository.rs"]
+mod repository;
 
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
-
-fn read(path: &Path) -> String {
-    fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
-}
-
-/// All Markdown of the repository.
-fn documents() -> Vec<PathBuf> {
-    let (mut found, mut folders) = (Vec::new(), vec![root().to_owned()]);
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-            let (path, name) = (entry.path(), entry.file_name());
-            if path.is_dir() && name != "target" && name != ".git" {
-                folders.push(path);
-            } else if path.extension().is_some_and(|extension| extension == "md") {
-                found.push(path);
-            }
-        }
-    }
-    found
-}
+use repository::{files, read};
 
 /// Returns the anchor by which a link names a heading.
 fn anchor(heading: &str) -> String {
@@ -36,7 +14,7 @@ fn anchor(heading: &str) -> String {
 #[test]
 fn links_lead_to_files_and_headings_that_are_there() {
     let mut broken = Vec::new();
-    for document in documents() {
+    for document in files(".", "md") {
         let text = read(&document);
         for link in text.split("](").skip(1).filter_map(|rest| rest.split_once(')')).map(|(link, _)| link) {
             if link.contains("://") {
@@ -59,8 +37,8 @@ fn links_lead_to_files_and_headings_that_are_there() {
 
 #[test]
 fn the_code_of_the_guide_to_boards_is_that_of_the_example_which_is_compiled() {
-    let guide = read(&root().join("docs/guides/port-a-board.md"));
-    let example = read(&root().join("examples/two_motors.rs"));
+    let guide = read("docs/guides/port-a-board.md");
+    let example = read("examples/two_motors.rs");
     let blocks: Vec<&str> = guide
         .split("```rust\n")
         .skip(1)

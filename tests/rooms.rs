@@ -1,9 +1,12 @@
 //! Checks which modules (rooms) and packages may import which others. Two tables in CONTRIBUTING.md have the rules. The
 //! checks search the text of sources, without comments. Of packages they ask cargo.
 
+#[path = "common/repository.rs"]
+mod repository;
+
+use repository::{files, read, root};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -12,15 +15,6 @@ type Rules = BTreeMap<String, BTreeSet<String>>;
 
 const ROOMS: &str = "| room of the library | may import of it |";
 const PACKAGES: &str = "| package | may depend on, of these |";
-
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
-
-fn read(path: impl AsRef<Path>) -> String {
-    let path = root().join(path);
-    fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
-}
 
 /// Reads the table of CONTRIBUTING.md under a heading. Returns the names between back-ticks of each row, by the names
 /// in its first column.
@@ -40,19 +34,7 @@ fn table(heading: &str) -> Rules {
 /// All Rust sources of a module (`src/hub` is src/hub.rs, or all of the folder src/hub) or folder.
 fn sources(module: &str) -> Vec<PathBuf> {
     let file = root().join(format!("{module}.rs"));
-    let mut found: Vec<PathBuf> = file.exists().then_some(file).into_iter().collect();
-    let mut folders = vec![root().join(module)];
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-            let path = entry.path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|extension| extension == "rs") {
-                found.push(path);
-            }
-        }
-    }
-    found
+    file.exists().then_some(file).into_iter().chain(files(module, "rs")).collect()
 }
 
 /// The lines of a source with their numbers, without comments.

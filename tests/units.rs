@@ -98,7 +98,13 @@ fn speeds_round_and_saturate() {
     assert_eq!(CountsPerSecond::new(i32::MIN).round(), -8_388_608);
     assert_eq!(CountsPerSecond::saturating_from_bits(383).round(), 1);
     assert_eq!(CountsPerSecond::saturating_from_bits(384).round(), 2);
+}
+
+#[test]
+fn times_reach_to_the_end_of_the_clock_and_none_is_before_its_begin() {
     assert_eq!(Micros::new(3).since(Micros::new(5)), 0);
+    assert_eq!(Micros::new(u64::MAX).since(Micros::new(0)), u64::MAX);
+    assert_eq!(Micros::new(u64::MAX).get(), u64::MAX);
 }
 
 #[test]
@@ -188,10 +194,4 @@ fn speeds_come_from_rpm() {
     ] {
         assert_eq!(CountsPerSecond::from_rpm(rpm, counts), Err(RangeError::Speed), "{rpm} {counts}");
     }
-}
-
-#[test]
-fn times_reach_to_the_end_of_the_clock() {
-    assert_eq!(Micros::new(u64::MAX).since(Micros::new(0)), u64::MAX);
-    assert_eq!(Micros::new(u64::MAX).get(), u64::MAX);
 }

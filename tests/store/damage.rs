@@ -13,9 +13,8 @@ fn record(number: u32) -> SettingsRecord {
     record
 }
 
-/// Makes two saves with the numbers 1 and 2. Returns the flash, and the offsets at which each save begins and the last
-/// save ends.
-fn two_saves<const WORD: usize, const PAGE: usize>() -> (Flash<WORD, PAGE>, [usize; 3]) {
+/// Makes two saves with the numbers 1 and 2. Returns the flash, and the offsets at which each save ends.
+fn two_saves<const WORD: usize, const PAGE: usize>() -> (Flash<WORD, PAGE>, [usize; 2]) {
     let mut flash = Flash::new(2, Code::None);
     let end = |flash: &Flash<WORD, PAGE>| {
         flash.bytes[..PAGE].iter().rposition(|byte| *byte != 0xFF).expect("written").next_multiple_of(WORD)
@@ -24,11 +23,11 @@ fn two_saves<const WORD: usize, const PAGE: usize>() -> (Flash<WORD, PAGE>, [usi
     let first = end(&flash);
     write(&mut flash, &record(2), true);
     let second = end(&flash);
-    (flash, [WORD, first, second])
+    (flash, [first, second])
 }
 
 fn each_bit_turned<const WORD: usize, const PAGE: usize>() {
-    let (whole, [_, first, second]) = two_saves::<WORD, PAGE>();
+    let (whole, [first, second]) = two_saves::<WORD, PAGE>();
     assert_eq!(read(&mut whole.clone()).stored, Stored::Whole);
     let mut reported = 0;
     for bit in 8 * first..8 * second {
@@ -56,7 +55,7 @@ fn each_flipped_bit_is_reported_and_loses_nothing() {
 
 #[test]
 fn a_record_whose_both_copies_are_damaged_falls_back_on_the_one_before() {
-    let (mut flash, [_, first, second]) = two_saves::<4, 1024>();
+    let (mut flash, [first, second]) = two_saves::<4, 1024>();
     let half = (first + second) / 2;
     flash.bytes[first + 20] ^= 4;
     flash.bytes[half + 20] ^= 4;

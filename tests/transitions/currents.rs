@@ -5,7 +5,7 @@
 //! from the demand.
 
 use crate::common::{BATTERY, NO_STOPS};
-use crate::events::{Demand, Event, Motion, State, enter, happen, under_way};
+use crate::events::{Demand, Event, Motion, STATES, State, enter, happen, under_way};
 use crate::flywheel::{Knowledge, Subject};
 use motor_hub::braking::Scheme;
 use motor_hub::units::Period;
@@ -168,8 +168,8 @@ fn column(motion: Motion, knowledge: Knowledge, scheme: Scheme, ms: u32) -> (usi
     }
     let moved = under_way(motion, knowledge, scheme, Period::from_millis(ms).expect("in range"));
     let (mut cells, mut failures) = (0, vec![]);
-    for entered in State::ALL.into_iter().filter_map(|state| Some((state, enter(state, motion, &moved)?))) {
-        let (state, entered) = entered;
+    for (state, _) in STATES.into_iter().filter(|(_, motions)| motions.contains(&motion)) {
+        let entered = enter(state, motion, &moved);
         let concerned = Event::all().into_iter().filter(|event| match event {
             Event::Scheme(other) => *other != scheme && !rough(*other),
             event => event.concerns(knowledge),

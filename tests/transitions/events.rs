@@ -67,27 +67,25 @@ pub(crate) enum State {
     EncoderLost,
 }
 
-impl State {
-    pub(crate) const ALL: [Self; 13] = [
-        Self::Disabled,
-        Self::Floating,
-        Self::Braked,
-        Self::Power,
-        Self::Velocity,
-        Self::Zero,
-        Self::Moving,
-        Self::Holding,
-        Self::Stalled,
-        Self::Pressing,
-        Self::Faulted,
-        Self::BatteryLost,
-        Self::EncoderLost,
-    ];
-
-    pub(crate) const fn against_a_stop(self) -> bool {
-        matches!(self, Self::Stalled | Self::Pressing)
-    }
-}
+/// Each state, with the motions in which a motor can be in this state.
+pub(crate) const STATES: [(State, &[Motion]); 13] = {
+    use Motion::{Hanging, Lowering, Overrun, Rest, Turning};
+    [
+        (State::Disabled, &[Rest, Turning, Lowering, Overrun]),
+        (State::Floating, &[Rest, Turning, Lowering, Overrun]),
+        (State::Braked, &[Rest, Turning, Lowering, Overrun]),
+        (State::Power, &[Turning, Overrun]),
+        (State::Velocity, &[Turning, Lowering, Overrun]),
+        (State::Zero, &Motion::ALL),
+        (State::Moving, &[Turning, Lowering, Overrun]),
+        (State::Holding, &[Rest, Hanging]),
+        (State::Stalled, &[Rest]),
+        (State::Pressing, &[Rest]),
+        (State::Faulted, &[Rest, Turning]),
+        (State::BatteryLost, &Motion::ALL),
+        (State::EncoderLost, &Motion::ALL),
+    ]
+};
 
 /// Event that happens to the motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -210,25 +208,8 @@ pub(crate) fn under_way(motion: Motion, knowledge: Knowledge, scheme: Scheme, pe
     subject
 }
 
-/// True if a motor that moves like this can be in a state.
-fn has(state: State, motion: Motion) -> bool {
-    let standing = matches!(motion, Motion::Rest | Motion::Hanging);
-    match state {
-        State::Disabled | State::Floating | State::Braked => motion != Motion::Hanging,
-        State::Power => !standing && motion != Motion::Lowering,
-        State::Velocity | State::Moving => !standing,
-        State::Holding => standing,
-        State::Stalled | State::Pressing => motion == Motion::Rest,
-        State::Faulted => matches!(motion, Motion::Rest | Motion::Turning),
-        State::Zero | State::BatteryLost | State::EncoderLost => true,
-    }
-}
-
-/// Brings the motor into a state; `None` if the state is impossible with this motion.
-pub(crate) fn enter(state: State, motion: Motion, under_way: &Subject) -> Option<Subject> {
-    if !has(state, motion) {
-        return None;
-    }
+/// Brings the motor into a state.
+pub(crate) fn enter(state: State, motion: Motion, under_way: &Subject) -> Subject {
     let mut subject = under_way.clone();
     let brisk = BRISK * subject.free_speed;
     let standing = matches!(motion, Motion::Rest | Motion::Hanging);
@@ -274,7 +255,7 @@ pub(crate) fn enter(state: State, motion: Motion, under_way: &Subject) -> Option
         State::BatteryLost => subject.lose_battery(60),
         State::EncoderLost => subject.lose_encoder(),
     }
-    Some(subject)
+    subject
 }
 
 /// Lets the event happen. A set-point that it brings is the new demand.
@@ -292,7 +273,9 @@ pub(crate) fn happen(event: Event, state: State, subject: &mut Subject) {
         Event::Velocity => subject.ask(Demand::Speed(brisk)),
         Event::Zero => subject.ask(Demand::Speed(0.0)),
         // The motor leaves a stop slowly.
-        Event::Back => subject.ask(Demand::Speed(if state.against_a_stop() { -0.1 } else { -1.0 } * brisk)),
+        Event::Back => subject.ask(Demand::Speed(
+            if matches!(state, State::Stalled | State::Pressing) { -0.1 } else { -1.0 } * brisk,
+        )),
         Event::Here => subject.ask(Demand::Position { target: subject.position(), limit: brisk.abs() }),
         Event::Behind => {
             subject.ask(Demand::Position { target: subject.position() - 1_000, limit: brisk.abs() });
