@@ -103,6 +103,13 @@ pub(crate) fn slots(chip: &RefCell<Chip>) -> Slots<Part<'_>, Part<'_>, Part<'_>>
     Slots::new(Part(chip, ACTIVE), Part(chip, DOWNLOAD), Part(chip, STATE)).expect("words that fit")
 }
 
+/// Writes an image in chunks, until a write fails.
+pub(crate) fn send(slots: &mut Slots<Part<'_>, Part<'_>, Part<'_>>, image: &[u8]) -> Outcome {
+    let chunks = (0..).step_by(CHUNK).zip(image.chunks(CHUNK));
+    let mut outcomes = chunks.map(|(at, bytes)| block_on(slots.write(at, bytes)));
+    outcomes.find(|outcome| *outcome != Outcome::Done).unwrap_or(Outcome::Done)
+}
+
 /// Runs from power-on until the hub runs confirmed firmware. Good firmware confirms itself. Otherwise the firmware
 /// before runs again.
 fn live(chip: &RefCell<Chip>, good: bool) -> Result<(), NoPower> {
@@ -126,9 +133,7 @@ fn live(chip: &RefCell<Chip>, good: bool) -> Result<(), NoPower> {
             _ => {
                 tried = true;
                 let new = image(2);
-                for (at, bytes) in (0..).step_by(CHUNK).zip(new.chunks(CHUNK)) {
-                    done(block_on(slots.write(at, bytes)))?;
-                }
+                done(send(&mut slots, &new))?;
                 let mut arm = |crc| block_on(slots.arm(LENGTH as u32, crc, None, ready(())));
                 assert_eq!(arm(!CRC.checksum(&new)), Outcome::Mismatch);
                 done(arm(CRC.checksum(&new)))?;

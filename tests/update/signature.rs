@@ -1,10 +1,10 @@
 //! Signed images are armed if the signature is valid. Signatures are made by OpenSSL and by our own code.
 
-use crate::power::{ACTIVE, Chip, DOWNLOAD, Part, STATE, WORD, new_chip, slots};
+use crate::power::{ACTIVE, Chip, DOWNLOAD, Part, STATE, WORD, new_chip, send, slots};
 use crate::torn_flash::Code;
 use embassy_futures::block_on;
 use motor_hub::tasks::update::{StateFlash, discard_refused_swap};
-use motor_hub::update::{Booted, CHUNK, CRC, ImageSignature, Outcome, ROLLBACK_VERSION_AT, public_key};
+use motor_hub::update::{Booted, CRC, ImageSignature, Outcome, ROLLBACK_VERSION_AT, public_key};
 use proptest::prelude::*;
 use salty::{Keypair, Sha512};
 use std::cell::{Cell, RefCell};
@@ -31,9 +31,7 @@ fn chip(version: u32) -> RefCell<Chip> {
 /// Sends an image with a seal. Returns the outcome, and what the bootloader would start.
 fn sent_to(chip: &RefCell<Chip>, image: &[u8], seal: Option<ImageSignature>) -> (Outcome, Booted) {
     let mut slots = slots(chip);
-    for (at, bytes) in (0..).step_by(CHUNK).zip(image.chunks(CHUNK)) {
-        assert_eq!(block_on(slots.write(at, bytes)), Outcome::Done);
-    }
+    assert_eq!(send(&mut slots, image), Outcome::Done);
     let outcome = block_on(slots.arm(image.len() as u32, CRC.checksum(image), seal, ready(())));
     // An armed image is on trial after a reset.
     (outcome, block_on(slots.booted()))
@@ -89,9 +87,7 @@ fn another_key_signs_nothing() {
 fn nothing_is_armed_before_it_is_calm() {
     let chip = chip(0);
     let mut slots = slots(&chip);
-    for (at, bytes) in (0..).step_by(CHUNK).zip(image().chunks(CHUNK)) {
-        assert_eq!(block_on(slots.write(at, bytes)), Outcome::Done);
-    }
+    assert_eq!(send(&mut slots, &image()), Outcome::Done);
     let (seal, calm) = (Some(seal(*SIGNATURE)), Cell::new(false));
     let until_calm = poll_fn(|_| if calm.get() { Poll::Ready(()) } else { Poll::Pending });
     {

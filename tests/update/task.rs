@@ -1,6 +1,6 @@
 //! Tests of the slots, and of the task that owns the slots. The task runs under virtual time.
 
-use crate::power::{STATE, new_chip, slots};
+use crate::power::{STATE, new_chip, send, slots};
 use crate::torn_flash::{Code, Wear};
 use embassy_futures::block_on;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
@@ -22,7 +22,7 @@ fn an_image_is_not_armed_if_the_flash_has_dropped_the_swap_mark() {
     chip.borrow_mut().wear = Wear::Drops(|word| word.first() == Some(&SWAPPED));
     let mut slots = slots(&chip);
     let image = [1; CHUNK];
-    assert_eq!(block_on(slots.write(0, &image)), Outcome::Done);
+    assert_eq!(send(&mut slots, &image), Outcome::Done);
     let armed = block_on(slots.arm(CHUNK as u32, CRC.checksum(&image), None, ready(())));
     assert_eq!(armed, Outcome::Refused);
     assert_eq!(block_on(slots.booted()), Booted::Confirmed);
