@@ -11,7 +11,8 @@ use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::protocol::requests::FIRST_FUNCTION;
 use motor_hub::protocol::{Address, Decoder, Packet, frame};
-use motor_hub::responder::Responder;
+use motor_hub::record::Record;
+use motor_hub::responder::{Line, Responder};
 use motor_hub::supply::DrawStage;
 use motor_hub::units::{Micros, Millivolts};
 use motor_hub::update::{Booted, Slot, SlotReport};
@@ -88,6 +89,7 @@ pub(crate) struct TestHost {
     pub(crate) number: u8,
     /// Number of the newest command.
     pub(crate) commands: u32,
+    pub(crate) record: Option<Record<'static>>,
 }
 
 impl TestHost {
@@ -104,6 +106,7 @@ impl TestHost {
             snapshot,
             number: 0,
             commands: 0,
+            record: None,
         }
     }
 
@@ -118,7 +121,8 @@ impl TestHost {
     pub(crate) fn send(&mut self, mut bytes: &[u8]) -> Vec<Vec<u8>> {
         let mut replies = Vec::new();
         while let Some(packet) = self.decoder.next(&mut bytes, self.now) {
-            let reply = self.responder.receive(&packet, self.now, &self.snapshot);
+            let record = self.record.as_mut();
+            let reply = self.responder.receive_with(&packet, Line::Host, self.now, &self.snapshot, record);
             replies.extend(reply.map(|reply| frame::encode(&reply).to_vec()));
         }
         replies

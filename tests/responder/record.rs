@@ -1,15 +1,13 @@
 //! Answers with the record of faults.
 
 use crate::host::{Answer, TestHost};
+use motor_hub::bridge::Drive;
 use motor_hub::extension::HubFunction;
-use motor_hub::extension::Request;
 use motor_hub::extension::record::{Entries, Ticks};
 use motor_hub::hub::Snapshot;
 use motor_hub::motor::{Report, Setpoint};
-use motor_hub::protocol::payload::{Field, Fields};
-use motor_hub::protocol::{Nack, Packet};
+use motor_hub::protocol::Nack;
 use motor_hub::record::{Fault, Head, Record, SIZE, Tick};
-use motor_hub::responder::Line;
 use motor_hub::units::{Control, Voltage};
 
 #[test]
@@ -24,41 +22,30 @@ fn ticks_with_control_values_as_in_firmware_0_1_0_are_refused_as_an_unknown_func
     assert_eq!(TestHost::settled().ask(0x4D13, &[1, 0, 0]), Answer::Nack(Nack::UNKNOWN.0));
 }
 
-fn ask<A: Field>(host: &mut TestHost, record: &mut Record<'_>, request: HubFunction) -> A {
-    let request = Request::from(request);
-    let packet: Packet = request.packet(crate::host::HUB, 1, request.id());
-    let reply = host
-        .responder
-        .receive_with(&packet, Line::Host, host.now, &host.snapshot, Some(record))
-        .expect("a reply");
-    assert_eq!(reply.id, request.id() | 0x8000, "{reply:?}");
-    A::read(&mut Fields::new(&reply.payload)).expect("an answer")
-}
-
-/// A record with this number of resets.
-fn resets(memory: &mut [u8; SIZE], count: i16) {
-    for run in 0..count {
+/// A host at a hub that has been reset this number of times, and then once more by its watchdog.
+fn reset(times: i16) -> TestHost {
+    let memory = Box::leak(Box::new([0; SIZE]));
+    for run in 0..times {
         let (mut record, _) = Record::open(memory, Fault::ResetPin);
         for tick in 0..70 {
             let millivolts = 100 * run + tick;
             let voltage = Voltage::from_volts((f32::from(millivolts) + 0.5) / 1e3);
-            let drive = motor_hub::bridge::Drive::BRAKE;
+            let drive = Drive::BRAKE;
             let setpoint = Setpoint::ConstantPower(Control::MAX);
             let report = Report { setpoint, voltage, drive, ..Report::INITIAL };
             record.tick(&Snapshot { motors: [report; 4], ..Snapshot::INITIAL });
         }
     }
+    let (record, _) = Record::open(memory, Fault::Watchdog);
+    TestHost { record: Some(record), ..TestHost::settled() }
 }
 
 #[test]
 fn entries_come_three_at_a_time_and_ticks_eight() {
-    let mut memory = [0; SIZE];
-    resets(&mut memory, 5);
-    let (mut record, _) = Record::open(&mut memory, Fault::Watchdog);
-    let mut host = TestHost::settled();
+    let mut host = reset(5);
     let mut heads: Vec<Head> = Vec::new();
     for (from, expected) in [(0, 3), (3, 2), (5, 0)] {
-        let some: Entries = ask(&mut host, &mut record, HubFunction::Entries { from, clear: false });
+        let some: Entries = host.read(HubFunction::Entries { from, clear: false });
         assert_eq!((some.run, some.count, some.heads.len()), (6, 5, expected));
         heads.extend(some.heads);
     }
@@ -67,7 +54,7 @@ fn entries_come_three_at_a_time_and_ticks_eight() {
     assert_eq!(heads[0].fault, Fault::Watchdog);
     let mut ticks: Vec<Tick> = Vec::new();
     for from in (0..64).step_by(8) {
-        let some: Ticks = ask(&mut host, &mut record, HubFunction::Ticks { number: 5, from });
+        let some: Ticks = host.read(HubFunction::Ticks { number: 5, from });
         assert_eq!((some.count, some.ticks.len()), (64, 8));
         ticks.extend(some.ticks);
     }
@@ -77,12 +64,9 @@ fn entries_come_three_at_a_time_and_ticks_eight() {
 
 #[test]
 fn a_cleared_record_is_reported_once_more_and_then_empty() {
-    let mut memory = [0; SIZE];
-    resets(&mut memory, 2);
-    let (mut record, _) = Record::open(&mut memory, Fault::Watchdog);
-    let mut host = TestHost::settled();
-    let entries: Entries = ask(&mut host, &mut record, HubFunction::Entries { from: 0, clear: true });
+    let mut host = reset(2);
+    let entries: Entries = host.read(HubFunction::Entries { from: 0, clear: true });
     assert_eq!(entries.count, 2);
-    let entries: Entries = ask(&mut host, &mut record, HubFunction::Entries { from: 0, clear: false });
+    let entries: Entries = host.read(HubFunction::Entries { from: 0, clear: false });
     assert_eq!((entries.run, entries.count), (3, 0));
 }

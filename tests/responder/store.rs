@@ -49,6 +49,7 @@ fn order(host: &mut TestHost) -> StoreRequest {
     host.responder.store_request(&host.snapshot).expect("an order")
 }
 
+/// Asserts that the hub requests no access to its store.
 fn writes_nothing(host: &mut TestHost) {
     assert_eq!(host.responder.store_request(&host.snapshot), None);
 }
