@@ -170,11 +170,8 @@ fn column(motion: Motion, knowledge: Knowledge, scheme: Scheme, ms: u32) -> (usi
     let (mut cells, mut failures) = (0, vec![]);
     for (state, _) in STATES.into_iter().filter(|(_, motions)| motions.contains(&motion)) {
         let entered = enter(state, motion, &moved);
-        let concerned = Event::all().into_iter().filter(|event| match event {
-            Event::Scheme(other) => *other != scheme && !rough(*other),
-            event => event.concerns(knowledge),
-        });
-        for event in concerned {
+        let is_left_out = |event| matches!(event, Event::Scheme(other) if other == scheme || rough(other));
+        for event in Event::all(knowledge).into_iter().filter(|event| !is_left_out(*event)) {
             cells += 1;
             for (rule, value) in broken(event, state, &entered) {
                 let from = format!("{knowledge:?} {state:?}/{motion:?}");

@@ -120,24 +120,18 @@ pub(crate) enum Event {
 }
 
 impl Event {
-    pub(crate) fn all() -> Vec<Self> {
+    /// The events that are tried with a motor of this knowledge.
+    pub(crate) fn all(knowledge: Knowledge) -> Vec<Self> {
         use Event::*;
         let mut all = vec![Disable, Float, Brake, Power, Velocity, Zero, Back, Here, Far, Behind];
-        all.extend([SetCoefficients, ClearCoefficients, ConfigureDynamics, ForgetDynamics]);
+        all.extend(match knowledge {
+            Knowledge::Configured => vec![SetCoefficients, ForgetDynamics],
+            Knowledge::Unknown => vec![SetCoefficients, ConfigureDynamics],
+            Knowledge::Coefficients => vec![ClearCoefficients],
+        });
         all.extend(braking::Scheme::ALL.map(Scheme));
         all.extend([LinearDuty, BatteryGap, EncoderBlink, EncoderGap]);
         all
-    }
-
-    /// True if the event is tried with a motor of this knowledge.
-    pub(crate) const fn concerns(self, knowledge: Knowledge) -> bool {
-        match self {
-            Self::ClearCoefficients => matches!(knowledge, Knowledge::Coefficients),
-            Self::ConfigureDynamics => matches!(knowledge, Knowledge::Unknown),
-            Self::ForgetDynamics => matches!(knowledge, Knowledge::Configured),
-            Self::SetCoefficients => !matches!(knowledge, Knowledge::Coefficients),
-            _ => true,
-        }
     }
 }
 
