@@ -1,8 +1,6 @@
 //! The motor of the transitions: a NeveRest 60 with a flywheel on the common bench.
 
-use crate::common::{
-    self, BATTERY, BRIDGE, Bench, configured, dynamics, free_cps, inertia, neverest_60, unknown,
-};
+use crate::common::{self, BATTERY, BRIDGE, Bench, dynamics, free_cps, inertia, neverest_60, unknown};
 use crate::events::Demand;
 use motor_hub::braking::Scheme;
 use motor_hub::model::catalogue::Motor;
@@ -60,18 +58,16 @@ impl Subject {
         let shaft = Shaft::new(&motor, &self::load());
         let ohms = motor.r.0 + 2e-3 * f64::from(BRIDGE.switch_mohm());
         let stall_current = BATTERY / ohms;
-        let known = configured(&motor, &self::load());
-        let settings = match knowledge {
-            Knowledge::Unknown => unknown(&motor),
-            Knowledge::Configured | Knowledge::Coefficients => known,
-        };
         let plant = common::plant(motor, self::load());
-        let mut bench = Bench::one(Settings { scheme, ..settings }, plant, period.as_millis());
+        let mut bench = Bench::one(Settings { scheme, ..unknown(&motor) }, plant, period.as_millis());
         bench.place(0, 0.5, speed);
         bench.axes[0].torque = load * motor.kt.0 * stall_current / shaft.torque_ratio;
         let (free_speed, demand) = (free_cps(&motor), Demand::Coast);
         let mut subject =
             Self { bench, motor, shaft, ohms, free_speed, stall_current, demand, load, current: 0.0 };
+        if knowledge != Knowledge::Unknown {
+            subject.configure_dynamics();
+        }
         if knowledge == Knowledge::Coefficients {
             subject.set_coefficients();
         }
